@@ -1,0 +1,38 @@
+"""Fast solvers for dense symmetric positive definite Toeplitz systems, as SciPy operators."""
+
+from toeplitz_mg import contact, halfspace
+from toeplitz_mg.multigrid import Multigrid, galerkin, multigrid, rediscretised
+from toeplitz_mg.operators import (
+    MaskedOperator,
+    ProductCount,
+    ToeplitzOperator,
+    count_products,
+)
+from toeplitz_mg.preconditioners import (
+    chan_preconditioner,
+    fft_preconditioner,
+    fft_rsm_preconditioner,
+    fft_sd_preconditioner,
+    strang_preconditioner,
+)
+from toeplitz_mg.solvers import richardson
+
+__all__ = [
+    "MaskedOperator",
+    "Multigrid",
+    "ProductCount",
+    "ToeplitzOperator",
+    "chan_preconditioner",
+    "contact",
+    "count_products",
+    "fft_preconditioner",
+    "fft_rsm_preconditioner",
+    "fft_sd_preconditioner",
+    "galerkin",
+    "halfspace",
+    "multigrid",
+    "rediscretised",
+    "richardson",
+    "strang_preconditioner",
+]
+__version__ = "0.1.0"

@@ -1,0 +1,397 @@
+"""Influence coefficients of the elastic half-space: pure functions, arrays out.
+
+Displacement differences of two bodies at the points (x, y) of the surface, by a unit traction on
+the rectangular element of size h₁ × h₂ that is centred on the origin, after Boussinesq (normal)
+and Cerruti (tangential). With ρ the distance to the loaded point (paper, §2.3; Johnson, Contact
+Mechanics, §3.2 and §3.6; Kalker, Three-Dimensional Elastic Bodies in Rolling Contact, §1.6):
+
+    A_zz = 1/(πG) ∬ (1-ν)/ρ                    A_xx = 1/(πG) ∬ [(1-ν)/ρ + ν x²/ρ³]
+    A_xy = 1/(πG) ∬ ν x y/ρ³                   A_yy = 1/(πG) ∬ [(1-ν)/ρ + ν y²/ρ³]
+
+Lengths are in mm and moduli in N/mm², or in any other consistent units.
+"""
+
+from operator import index
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[Any]
+Pair = tuple[Array, Array]
+
+# An integral over the element is taken by Gauss's rule in the direction in which the point is at
+# least so many element sizes away, with so many nodes: the integrand is analytic in an ellipse
+# whose axes sum to ϱ = 2 t + √(4 t² - 1) half-sizes, and the rule errs by ϱ^(-2 nodes).
+GAUSS = ((2.0, 10), (16.0, 5))
+
+
+class Material(NamedTuple):
+    """Elastic constants: of a body, or combined of two.
+
+    Attributes
+    ----------
+    G : float
+        Shear modulus, N/mm².
+    nu : float
+        Poisson's ratio.
+    """
+
+    G: float
+    nu: float
+
+
+def combined_material(first: Material, second: Material) -> Material:
+    """Combine the constants of two bodies in contact: 1/G and ν/G are averaged.
+
+    Parameters
+    ----------
+    first, second : Material or (G, nu)
+
+    Returns
+    -------
+    Material
+        1/G = ½ (1/G₁ + 1/G₂), ν/G = ½ (ν₁/G₁ + ν₂/G₂). Where the materials are equal, theirs.
+
+    Raises
+    ------
+    ValueError
+        For a shear modulus that is not positive or a Poisson's ratio outside (-1, 0.5].
+
+    Notes
+    -----
+    Normal and tangential problems of different materials are coupled besides; that coupling is
+    not in the coefficients of this module.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> halfspace.combined_material((82000.0, 0.28), (82000.0, 0.28))
+    Material(G=82000.0, nu=0.28)
+    """
+    G1, nu1 = _material(*first)
+    G2, nu2 = _material(*second)
+    G = 2.0 / (1.0 / G1 + 1.0 / G2)
+    return Material(G, G / 2.0 * (nu1 / G1 + nu2 / G2))
+
+
+def lags(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
+    """Return the points of the first column of a matrix that is symmetric in both levels.
+
+    Parameters
+    ----------
+    grid_shape : (int, int)
+        n₁ × n₂ elements.
+    element : (float, float)
+        Size h₁ × h₂ of an element.
+
+    Returns
+    -------
+    x, y : ndarray of shape (n₁, 1) and (1, n₂)
+        The centres i h₁ and j h₂, i = 0 … n₁ - 1, j = 0 … n₂ - 1.
+
+    Raises
+    ------
+    ValueError
+        For a grid without elements, or an element whose size is not positive.
+
+    Examples
+    --------
+    >>> import toeplitz_mg as tmg
+    >>> x, y = tmg.halfspace.lags((32, 16), (0.25, 0.5))
+    >>> A = tmg.ToeplitzOperator(
+    ...     tmg.halfspace.influence_zz(x, y, (0.25, 0.5), G=82000.0, nu=0.28)
+    ... )
+    >>> A.grid_shape
+    (32, 16)
+    """
+    h1, h2 = _element(element)
+    n1, n2 = _grid(grid_shape)
+    return h1 * np.arange(n1)[:, None], h2 * np.arange(n2)[None, :]
+
+
+def all_lags(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
+    """Return the points of all coefficients, negative lags too, for `ToeplitzOperator.from_lags`.
+
+    Parameters and errors as for `lags`; x has shape (2 n₁ - 1, 1), y has shape (1, 2 n₂ - 1).
+
+    Examples
+    --------
+    >>> import toeplitz_mg as tmg
+    >>> x, y = tmg.halfspace.all_lags((3, 2), (1.0, 1.0))
+    >>> a_xy = tmg.halfspace.influence_xy(x, y, (1.0, 1.0), G=1.0, nu=0.3)
+    >>> tmg.ToeplitzOperator.from_lags(a_xy).shape
+    (6, 6)
+    """
+    h1, h2 = _element(element)
+    n1, n2 = _grid(grid_shape)
+    return h1 * np.arange(1 - n1, n1)[:, None], h2 * np.arange(1 - n2, n2)[None, :]
+
+
+def influence_zz(
+    x: ArrayLike, y: ArrayLike, element: tuple[float, float], *, G: float, nu: float
+) -> Array:
+    """Return the normal displacement by a unit pressure on an element (Boussinesq).
+
+    Parameters
+    ----------
+    x, y : array_like
+        Points on the surface, relative to the element's centre, mm; broadcast.
+    element : (float, float)
+        Its size h₁ × h₂, mm; any ratio.
+    G, nu : float
+        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
+
+    Returns
+    -------
+    ndarray of float64
+        mm per N/mm², for both bodies together, to a relative error of some 1e-14.
+
+    Raises
+    ------
+    ValueError
+        For a modulus or an element that is not positive, a Poisson's ratio outside (-1, 0.5], or
+        points that are not finite.
+    TypeError
+        For points that are not real numbers.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> float(halfspace.influence_zz(0.0, 0.0, (1.0, 1.0), G=1.0, nu=0.0).round(6))
+    1.1222
+    """
+    G, nu = _material(G, nu)
+    one, _, _ = _integrals(x, y, element)
+    return (1.0 - nu) * one / (np.pi * G)
+
+
+def influence_xx(
+    x: ArrayLike, y: ArrayLike, element: tuple[float, float], *, G: float, nu: float
+) -> Array:
+    """Return the displacement along x by a unit traction along x on an element (Cerruti).
+
+    Parameters, result and errors as for `influence_zz`. It is the kernel of the paper, whose
+    elements are 8/n × 100 mm.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> float(halfspace.influence_xx(0.0, 0.0, (1.0, 1.0), G=1.0, nu=0.3).round(6))
+    0.95387
+    """
+    G, nu = _material(G, nu)
+    one, xx, _ = _integrals(x, y, element)
+    return ((1.0 - nu) * one + nu * xx) / (np.pi * G)
+
+
+def influence_yy(
+    x: ArrayLike, y: ArrayLike, element: tuple[float, float], *, G: float, nu: float
+) -> Array:
+    """Return the displacement along y by a unit traction along y on an element (Cerruti).
+
+    Parameters, result and errors as for `influence_zz`.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> float(halfspace.influence_yy(0.0, 0.0, (1.0, 1.0), G=1.0, nu=0.3).round(6))
+    0.95387
+    """
+    G, nu = _material(G, nu)
+    one, _, yy = _integrals(x, y, element)
+    return ((1.0 - nu) * one + nu * yy) / (np.pi * G)
+
+
+def influence_xy(
+    x: ArrayLike, y: ArrayLike, element: tuple[float, float], *, G: float, nu: float
+) -> Array:
+    """Return the displacement along x by a unit traction along y, or the other way round.
+
+    Parameters, result and errors as for `influence_zz`. It is odd in x and in y: build the
+    operator from `all_lags`.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> float(halfspace.influence_xy(1.0, 1.0, (1.0, 1.0), G=1.0, nu=0.3).round(6))
+    0.03188
+    """
+    G, nu = _material(G, nu)
+    x, y = _points("x", x), _points("y", y)
+    X1, X2, Y1, Y2 = _corners(x, y, element)
+    h1, h2 = element
+    # -[[ρ]] over the corners, each difference by (a - b) = (a² - b²)/(a + b): exact everywhere.
+    r11, r12, r21, r22 = np.hypot(X1, Y1), np.hypot(X1, Y2), np.hypot(X2, Y1), np.hypot(X2, Y2)
+    by_y = 1.0 / (r11 + r12) + 1.0 / (r21 + r22)
+    xy = 4.0 * x * h1 * y * h2 * by_y / ((r11 + r21) * (r12 + r22))
+    return np.asarray(nu * xy / (np.pi * G))
+
+
+def line_contact_coefficients(
+    n: int, h: float, *, G: float, nu: float, reference: float
+) -> Array:
+    """Return the plane-strain coefficients of n strips of width h, of infinite length.
+
+    Normal or tangential: u(x) = 2(1-ν)/(πG) ∫ p(ξ) ln(d/|x-ξ|) dξ, for two bodies.
+
+    Parameters
+    ----------
+    n : int
+        Number of strips.
+    h : float
+        Width of a strip, mm.
+    G, nu : float
+        As for `influence_zz`.
+    reference : float
+        The distance d at which a line load moves nothing, mm; the constant that plane strain
+        leaves open.
+
+    Returns
+    -------
+    ndarray of shape (n,)
+        First column of the matrix, mm per N/mm².
+
+    Raises
+    ------
+    ValueError
+        Where `reference` is at most the logarithmic capacity n h/4 of the contact area: no
+        traction of that total force moves it the right way, and the matrix is, or for small n is
+        about to be, indefinite. Also as for `influence_zz`.
+
+    Notes
+    -----
+    A constant displacement u has the traction Q/(π√(a²-x²)), a = n h/2, with the force per length
+    Q = u πG/(2(1-ν) ln(2d/a)) (Johnson, §2.8).
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> halfspace.line_contact_coefficients(2, 1.0, G=1.0, nu=0.5, reference=1.0).round(6)
+    array([0.538945, 0.014397])
+    """
+    G, nu = _material(G, nu)
+    n, h = _count("n", n), _positive("h", h)
+    d = _positive("reference", reference)
+    if d <= n * h / 4.0:
+        raise ValueError(
+            f"reference is {d:g}, but must exceed the logarithmic capacity n h/4 = {n * h / 4:g} "
+            "of the contact area for the matrix to be positive definite"
+        )
+    k = np.arange(n, dtype=np.float64)
+    # In units of h: ∫ ln|s| ds from k - ½ to k + ½.
+    right, left = k + 0.5, k - 0.5
+    logs = right * np.log(right) - left * np.log(np.abs(left)) - 1.0
+    for t, nodes in GAUSS:
+        far = k >= t
+        s, weights = _gauss(nodes)
+        logs[far] = sum(w * np.log(k[far] + u) for u, w in zip(s, weights, strict=True))
+    return np.asarray(2.0 * (1.0 - nu) / (np.pi * G) * h * (np.log(d / h) - logs))
+
+
+def _integrals(x: ArrayLike, y: ArrayLike, element: tuple[float, float]) -> tuple[Array, ...]:
+    """∬ 1/ρ, ∬ x²/ρ³, ∬ y²/ρ³ over the element, at the points (x, y) from its centre."""
+    x, y = np.broadcast_arrays(_points("x", x), _points("y", y))
+    shape, x, y = x.shape, np.atleast_1d(x), np.atleast_1d(y)
+    X1, X2, Y1, Y2 = _corners(x, y, element)
+    h1, h2 = element
+    # The closed forms are differences over the corners, which lose digits as (distance/size)^2.
+    # [[Y asinh(X/|Y|)]] + [[X asinh(Y/|X|)]]
+    xx = _corner_term(Y2, X2) - _corner_term(Y2, X1) - _corner_term(Y1, X2) + _corner_term(Y1, X1)
+    yy = _corner_term(X2, Y2) - _corner_term(X2, Y1) - _corner_term(X1, Y2) + _corner_term(X1, Y1)
+    one = xx + yy
+    # Far away the direction in which the element is smaller for its distance is integrated by
+    # Gauss's rule, the other one exactly.
+    tx, ty = np.abs(x) / h1, np.abs(y) / h2
+    for t, nodes in GAUSS:
+        for far, along_x in (((tx >= t) & (tx >= ty), True), ((ty >= t) & (ty > tx), False)):
+            if not far.any():
+                continue
+            x_far, y_far = x[far], y[far]
+            if along_x:
+                one[far], xx[far], yy[far] = _gauss_in_x(x_far, y_far, h1, h2, nodes)
+            else:
+                one[far], yy[far], xx[far] = _gauss_in_x(y_far, x_far, h2, h1, nodes)
+    return one.reshape(shape), xx.reshape(shape), yy.reshape(shape)
+
+
+def _corner_term(a: Array, b: Array) -> Array:
+    """A asinh(b/|a|), which is 0 where a is."""
+    safe = np.where(a == 0.0, 1.0, np.abs(a))
+    return np.asarray(a * np.arcsinh(b / safe))
+
+
+def _gauss_in_x(x: Array, y: Array, h1: float, h2: float, nodes: int) -> tuple[Array, ...]:
+    """The integrals by Gauss's rule over x and exactly over y, for |x| well above h1."""
+    y = np.abs(y)
+    low, high = y - h2 / 2.0, y + h2 / 2.0
+    one, xx = np.zeros_like(x), np.zeros_like(x)
+    for s, w in zip(*_gauss(nodes), strict=True):
+        X = x + s * h1
+        r1, r2 = np.hypot(X, low), np.hypot(X, high)
+        # ∫ dy/ρ = asinh(high/|X|) - asinh(low/|X|), and ∫ x²/ρ³ dy = high/r2 - low/r1, without
+        # the cancellation where both have one sign.
+        beside = low > 0.0
+        lift = h2 * (1.0 + 2.0 * y / (r1 + r2))  # high - low + r2 - r1
+        sum_ = np.where(beside, low, 1.0) + r1
+        apart = np.log1p(lift / sum_)
+        across = np.arcsinh(high / np.abs(X)) - np.arcsinh(low / np.abs(X))
+        one += w * h1 * np.where(beside, apart, across)
+        cross = high * r1 + np.where(beside, low, 1.0) * r2
+        slopes = X**2 * 2.0 * y * h2 / (cross * r1 * r2)
+        xx += w * h1 * np.where(beside, slopes, high / r2 - low / r1)
+    return one, xx, one - xx
+
+
+def _gauss(nodes: int) -> Pair:
+    """Gauss-Legendre nodes and weights on [-½, ½]."""
+    s, w = np.polynomial.legendre.leggauss(nodes)
+    return s / 2.0, w / 2.0
+
+
+def _corners(x: Array, y: Array, element: tuple[float, float]) -> tuple[Array, ...]:
+    h1, h2 = _element(element)
+    return x - h1 / 2.0, x + h1 / 2.0, y - h2 / 2.0, y + h2 / 2.0
+
+
+def _points(name: str, values: ArrayLike) -> Array:
+    array = np.asarray(values)
+    if array.dtype.kind not in "buif":
+        raise TypeError(f"{name} has dtype {array.dtype}, but coordinates are real numbers")
+    array = array.astype(np.float64)
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} has coordinates that are not finite")
+    return array
+
+
+def _positive(name: str, value: float) -> float:
+    if not 0.0 < value < np.inf:
+        raise ValueError(f"{name} is {value}, but must be positive and finite")
+    return float(value)
+
+
+def _count(name: str, value: int) -> int:
+    if index(value) < 1:
+        raise ValueError(f"{name} is {value}, but must be at least 1")
+    return index(value)
+
+
+def _element(element: tuple[float, float]) -> tuple[float, float]:
+    if len(element) != 2:
+        raise ValueError(f"element is {element}, but an element has the two sizes h1 and h2")
+    return _positive("element[0]", element[0]), _positive("element[1]", element[1])
+
+
+def _grid(grid_shape: tuple[int, int]) -> tuple[int, int]:
+    if len(grid_shape) != 2:
+        raise ValueError(f"grid_shape is {grid_shape}, but the surface has the two axes x and y")
+    return _count("grid_shape[0]", grid_shape[0]), _count("grid_shape[1]", grid_shape[1])
+
+
+def _material(G: float, nu: float) -> Material:
+    _positive("G", G)
+    if not -1.0 < nu <= 0.5:
+        raise ValueError(f"nu is {nu}, but Poisson's ratio lies in (-1, 0.5]")
+    return Material(float(G), float(nu))
+
+

@@ -1,0 +1,7 @@
+"""Multigrid: transfer of vectors and matrices between grids, the levels, the cycle."""
+
+from toeplitz_mg.multigrid.cycle import Multigrid, multigrid
+from toeplitz_mg.multigrid.hierarchy import Level
+from toeplitz_mg.multigrid.transfer import galerkin, rediscretised
+
+__all__ = ["Level", "Multigrid", "galerkin", "multigrid", "rediscretised"]

@@ -1,0 +1,68 @@
+"""Fine unknowns that no coarse element covers, solved for together with the coarse grid."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toeplitz_mg.multigrid.hierarchy import Level
+from toeplitz_mg.operators import apply_to_rows
+
+Array = NDArray[Any]
+
+# Each takes a product, a coarse solution at set-up and two vectors; where a fragmented mask leaves
+# over more, they are left to the smoother.
+MOST_LEFTOVER = 16
+
+
+@dataclass(frozen=True)
+class Border:
+    """The Galerkin correction on the coarse elements *and* the leftover unknowns.
+
+    On the last element of an odd grid a coarse correction that leaves it out is of the wrong
+    sign, and no smoother mends that soon. So the coarse space is enlarged by the unit vectors
+    e_j of the leftover unknowns. The matrix of the enlarged space, with V_j = R A e_j,
+
+        [ A_H    V ]
+        [ s Vᵀ   C ],     C_ij = e_iᵀ A e_j,     Pᵀ = s R,
+
+    has a Toeplitz block again and a border of few rows, which is eliminated: with B ≈ A_H⁻¹ the
+    coarse cycle and W = B V kept, a correction costs one coarse cycle and O(n) operations. Where
+    B is symmetric positive definite and below A_H⁻¹, so is the whole.
+
+    Attributes
+    ----------
+    leftover : ndarray of int, of p unknowns
+    V, W : ndarray of shape (p, n_H), in rows
+    S_inverse : ndarray of shape (p, p), the inverse of C - s Vᵀ W
+    s : int, the number of fine elements in a coarse one
+    """
+
+    leftover: Array
+    V: Array
+    W: Array
+    S_inverse: Array
+    s: int
+
+    @classmethod
+    def of(cls, level: Level, solve_coarse: Callable[[Array], Array]) -> "Border | None":
+        """Return the border of a level, or None where it has none or too long a one."""
+        transfer = level.transfer
+        if transfer is None or not 0 < len(transfer.leftover) <= MOST_LEFTOVER:
+            return None
+        leftover = transfer.leftover
+        unit = np.zeros((len(leftover), level.A.shape[0]), dtype=level.A.dtype)
+        unit[np.arange(len(leftover)), leftover] = 1
+        columns = apply_to_rows(level.A, unit)
+        V = transfer.restrict(columns)
+        W = solve_coarse(V)
+        s = transfer.elements_per_coarse
+        S = columns[:, leftover].T - s * V @ W.T
+        return cls(leftover, V, W, np.linalg.inv(S), s)
+
+    def correct(self, e: Array, r: Array) -> tuple[Array, Array]:
+        """Eliminate the border: from e = B R r, return the coarse and the leftover correction."""
+        left = (r[..., self.leftover] - self.s * e @ self.V.T) @ self.S_inverse.T
+        return e - left @ self.W, left

@@ -1,0 +1,226 @@
+"""The multigrid cycle, written once, as a linear operator."""
+
+from operator import index
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg.multigrid.border import Border
+from toeplitz_mg.multigrid.hierarchy import Level, Smoother, build_levels
+from toeplitz_mg.multigrid.transfer import Coarsening, galerkin
+from toeplitz_mg.operators import apply_to_rows, as_rows
+from toeplitz_mg.preconditioners import fft_rsm_preconditioner
+
+Array = NDArray[Any]
+
+
+class Multigrid(LinearOperator):
+    """One multigrid cycle from a zero guess, an approximate inverse of ``levels[0].A``.
+
+    Made by `multigrid`, which has the documentation; or from levels of one's own.
+
+    Attributes
+    ----------
+    levels : tuple of Level
+        From the finest to the coarsest.
+    pre, post : int
+        Smoothing steps before and after the coarse-grid correction.
+    gamma : int
+        Coarse cycles in a cycle: 1 = V, 2 = W.
+    """
+
+    def __init__(self, levels: tuple[Level, ...], pre: int, post: int, gamma: int) -> None:
+        super().__init__(levels[0].A.dtype, levels[0].A.shape)
+        self.levels = levels
+        self.pre = pre
+        self.post = post
+        self.gamma = gamma
+        # From the coarsest up: the border of a level needs the cycle of the next coarser one.
+        borders: list[Border | None] = [None] * len(levels)
+        self._borders = borders
+        for k in reversed(range(len(levels) - 1)):
+            borders[k] = Border.of(levels[k], lambda V, k=k: self._solve_coarse(k, V))
+        self._borders = tuple(borders)
+
+    def _matvec(self, b: Array) -> Array:
+        b = as_rows(b, self.shape[1])
+        return self._cycle(0, b.astype(np.result_type(b, self.dtype), copy=False))
+
+    def _matmat(self, B: Array) -> Array:
+        return self._matvec(B.T).T
+
+    def _cycle(self, k: int, b: Array) -> Array:
+        """One cycle on level k from a zero guess: smooth, correct on the coarse grid, smooth."""
+        level = self.levels[k]
+        A, S = level.A, level.smoother
+        if level.transfer is None:
+            return apply_to_rows(S, b)
+        if self.pre:
+            x = apply_to_rows(S, b)
+            for _ in range(self.pre - 1):
+                x = x + apply_to_rows(S, b - apply_to_rows(A, x))
+            x = x + self._coarse_correction(k, b - apply_to_rows(A, x))
+        else:
+            x = self._coarse_correction(k, b)
+        for _ in range(self.post):
+            x = x + apply_to_rows(S, b - apply_to_rows(A, x))
+        return x
+
+    def _coarse_correction(self, k: int, r: Array) -> Array:
+        transfer, border = self.levels[k].transfer, self._borders[k]
+        assert transfer is not None
+        e = self._solve_coarse(k, transfer.restrict(r))
+        if border is None:
+            return transfer.interpolate(e)
+        e, left = border.correct(e, r)
+        correction = transfer.interpolate(e)
+        correction[..., border.leftover] = left
+        return correction
+
+    def _solve_coarse(self, k: int, r: Array) -> Array:
+        """Solve on level k + 1 by gamma cycles."""
+        e = self._cycle(k + 1, r)
+        if self.levels[k + 1].transfer is not None:  # the coarsest is solved exactly at once
+            for _ in range(self.gamma - 1):
+                e = e + self._cycle(k + 1, r - apply_to_rows(self.levels[k + 1].A, e))
+        return e
+
+    def _adjoint(self) -> "Multigrid":
+        smoothers = [level.smoother.H for level in self.levels]
+        symmetric = all(
+            H is level.smoother for H, level in zip(smoothers, self.levels, strict=True)
+        )
+        if symmetric and self.pre == self.post:
+            return self
+        # The adjoint smooths in the reverse order with the adjoint smoother.
+        levels = tuple(
+            Level(level.A, H, level.transfer)
+            for H, level in zip(smoothers, self.levels, strict=True)
+        )
+        return Multigrid(levels, self.post, self.pre, self.gamma)
+
+    def _transpose(self) -> "Multigrid":
+        return self._adjoint()
+
+    @property
+    def work_units(self) -> float:
+        """The work of one cycle in products on the finest grid, if a smoothing step is one.
+
+        A step of `richardson` and an iteration of `cg` each make one product more.
+        """
+        n = self.levels[0].A.shape[0]
+        # On each level: every smoothing step and, but for the first from a zero guess, its
+        # residual; the residual for the coarse grid, unless the guess still is zero.
+        steps = 2 * (self.pre + self.post)
+        units, cycles = 0.0, 1
+        for k, level in enumerate(self.levels[:-1]):
+            again = cycles - cycles // self.gamma if k else 0  # residuals between the cycles of a W
+            units += (cycles * steps + again) * level.A.shape[0] / n
+            cycles *= self.gamma
+        return units
+
+    def __repr__(self) -> str:
+        kind = {1: "V", 2: "W"}.get(self.gamma, f"{self.gamma}-fold ")
+        sizes = [str(level.A.shape[0]) for level in self.levels]
+        if len(sizes) > 4:
+            sizes = [*sizes[:3], "...", sizes[-1]]
+        smoother = type(self.levels[0].smoother).__name__
+        return (
+            f"<Multigrid {kind}({self.pre},{self.post}) {smoother}  "
+            f"{' > '.join(sizes)} (dense)  {self.work_units:.1f} work units>"
+        )
+
+
+def multigrid(
+    A: LinearOperator,
+    *,
+    smoother: Smoother = fft_rsm_preconditioner,
+    pre: int = 1,
+    post: int = 1,
+    gamma: int = 1,
+    coarsest: int = 256,
+    coarsen: Coarsening = galerkin,
+) -> Multigrid:
+    """Return one multigrid cycle as an approximate inverse of a Toeplitz operator (paper, §3.3).
+
+    Parameters
+    ----------
+    A : ToeplitzOperator or MaskedOperator of one
+        Symmetric positive definite, of any number of levels, of any size.
+    smoother : callable
+        Maps the matrix of a level to an approximate inverse S, a LinearOperator; a smoothing step
+        is x ← x + S (b - A x). Any preconditioner of this package, or a function of one's own.
+    pre, post : int
+        Smoothing steps before and after the coarse-grid correction, not both 0.
+    gamma : int
+        Coarse cycles in a cycle: 1 for V(pre, post), 2 for W(pre, post).
+    coarsest : int
+        A grid with at most this number of unknowns is solved by a dense Cholesky factorisation;
+        2 in the paper.
+    coarsen : callable
+        Maps the matrix of a level to that of the next coarser grid: `galerkin`, or
+        ``rediscretised(operator_of_grid_shape)`` as in the paper.
+
+    Returns
+    -------
+    Multigrid
+        One cycle from a zero guess, of the shape and dtype of `A`; its ``repr`` shows the levels
+        and the cost.
+
+    Raises
+    ------
+    ValueError
+        For a cycle with no smoothing at all, or a parameter below its least value; for a matrix
+        that is not symmetric.
+    TypeError
+        For a parameter of the wrong type.
+    numpy.linalg.LinAlgError
+        Where the smoother refuses the matrix of a level, or the coarsest one is not positive
+        definite.
+
+    Notes
+    -----
+    **V(1,1)**, and any cycle with ``pre == post``, is symmetric if its smoother is, and positive
+    definite if the smoother also converges on every level, ρ(I - S A) < 1, as
+    `fft_rsm_preconditioner` does on the matrices of the paper. It may precondition
+    `scipy.sparse.linalg.cg`.
+
+    **V(1,0) and V(0,1)** are not symmetric, not even in the inner product of A. `cg` assumes a
+    symmetric preconditioner; with these it may stagnate or, having converged by luck, need more
+    iterations than it should. They are meant for `richardson`, where V(0,1) is the cheapest cycle
+    of all: from a zero guess its first residual is `b` itself. With a symmetric smoother V(1,0)
+    is the adjoint of V(0,1), and both converge equally fast in the end.
+
+    Restriction averages two elements of each level (paper, Eq. 13), interpolation copies
+    (Eq. 14). The last element of an odd grid, and up to 16 elements in contact that no coarse
+    element covers, are corrected together with the coarse grid, so that the number of cycles
+    hardly depends on n being even. A coarse element belongs to a mask where all its fine elements
+    do. On a mask of many fragments little is left on the coarse grid, and the cycle is no better
+    than its smoother.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.sparse.linalg import cg
+    >>> import toeplitz_mg as tmg
+    >>> problem = tmg.contact.problems.test1(4096)
+    >>> M = tmg.multigrid(problem.A)
+    >>> M
+    <Multigrid V(1,1) RowSumModified  4096 > 2048 > 1024 > ... > 256 (dense)  7.5 work units>
+    >>> x, info = cg(problem.A, problem.b, M=M, rtol=1e-8, maxiter=4)
+    >>> info
+    0
+    """
+    for name, value, least in (
+        ("pre", pre, 0),
+        ("post", post, 0),
+        ("gamma", gamma, 1),
+        ("coarsest", coarsest, 1),
+    ):
+        if index(value) < least:
+            raise ValueError(f"{name} is {value}, but must be at least {least}")
+    if pre + post == 0:
+        raise ValueError("pre and post are both 0, but a cycle must smooth at least once")
+    return Multigrid(build_levels(A, smoother, coarsest, coarsen), pre, post, gamma)

@@ -1,0 +1,16 @@
+"""What is multiplied: Toeplitz matrices of one or several levels, and their restrictions."""
+
+from toeplitz_mg.operators.convolution import Convolution, ProductCount, count_products
+from toeplitz_mg.operators.masked import MaskedOperator
+from toeplitz_mg.operators.rows import apply_to_rows, as_rows
+from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+
+__all__ = [
+    "Convolution",
+    "MaskedOperator",
+    "ProductCount",
+    "ToeplitzOperator",
+    "apply_to_rows",
+    "as_rows",
+    "count_products",
+]

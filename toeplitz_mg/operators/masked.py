@@ -1,0 +1,119 @@
+"""Rows and columns of an operator on a part of its grid: extend, multiply, restrict."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg.operators.rows import as_rows
+from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+
+Array = NDArray[Any]
+
+
+class MaskedOperator(LinearOperator):
+    """The rows and columns of an operator where a mask is true (paper, §5.4).
+
+    The Toeplitz structure is lost, the fast product is not: extend the vector by zeros, multiply
+    on the whole grid, restrict.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator
+        An operator on a grid. Any LinearOperator with the attribute ``grid_shape`` will do.
+    mask : array_like of bool, of shape ``A.grid_shape``
+        True where there is contact.
+
+    Attributes
+    ----------
+    full : LinearOperator
+        `A`, on the whole grid.
+    mask : ndarray of bool
+    grid_shape : tuple of int
+
+    Raises
+    ------
+    TypeError
+        Where the mask is not of booleans, or `A` has no grid.
+    ValueError
+        Where the mask has another shape than the grid, or is nowhere true.
+
+    Notes
+    -----
+    It acts on the vector of the ``mask.sum()`` unknowns, in C order: ``grid[mask]``. To get back,
+    ``grid = np.zeros(A.grid_shape); grid[mask] = x``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from toeplitz_mg import MaskedOperator, ToeplitzOperator
+    >>> A = MaskedOperator(ToeplitzOperator([3.0, 2.0, 1.0]), [True, False, True])
+    >>> (A @ np.array([1.0, 1.0])).round(12)
+    array([4., 4.])
+    """
+
+    def __init__(self, A: LinearOperator, mask: ArrayLike) -> None:
+        grid_shape = getattr(A, "grid_shape", None)
+        if grid_shape is None or isinstance(A, MaskedOperator):
+            raise TypeError(
+                f"A is a {type(A).__name__}, but a mask needs an operator on a whole grid, "
+                "such as a ToeplitzOperator"
+            )
+        mask = np.asarray(mask)
+        if mask.dtype != np.bool_:
+            raise TypeError(f"mask has dtype {mask.dtype}, but must be of booleans")
+        if mask.shape != grid_shape:
+            raise ValueError(f"mask has shape {mask.shape}, but A lives on the grid {grid_shape}")
+        if not mask.any():
+            raise ValueError(f"mask of shape {mask.shape} is nowhere true: there are no unknowns")
+        self.full = A
+        self.mask = mask.copy()
+        self.mask.flags.writeable = False
+        self.grid_shape: tuple[int, ...] = grid_shape
+        self._index = np.flatnonzero(mask)
+        super().__init__(A.dtype, (len(self._index), len(self._index)))
+
+    def toarray(self) -> Array:
+        """Return the dense matrix, shape (N, N), N = ``mask.sum()``, without any transform."""
+        return np.asarray(self.full.toarray()[np.ix_(self._index, self._index)])
+
+    def _matvec(self, x: Array) -> Array:
+        x = as_rows(x, self.shape[1])
+        grid = np.zeros((*x.shape[:-1], self.full.shape[1]), np.result_type(x, np.float32))
+        grid[..., self._index] = x
+        return np.asarray(self.full._matvec(grid)[..., self._index])
+
+    def _matmat(self, X: Array) -> Array:
+        return self._matvec(X.T).T
+
+    def _adjoint(self) -> "MaskedOperator":
+        full = self.full.H
+        return self if full is self.full else MaskedOperator(full, self.mask)
+
+    def _transpose(self) -> "MaskedOperator":
+        return self._adjoint()
+
+    def __repr__(self) -> str:
+        return f"<MaskedOperator {self.shape[0]} of {self.mask.size} points of {self.full!r}>"
+
+
+def toeplitz_and_mask(A: LinearOperator) -> tuple[ToeplitzOperator, Array | None]:
+    """Return the Toeplitz matrix on the whole grid and the mask, or None where there is none.
+
+    Raises
+    ------
+    TypeError
+        Where `A` is neither a `ToeplitzOperator` nor a `MaskedOperator` of one.
+    ValueError
+        Where it is not symmetric.
+    """
+    full, mask = (A.full, A.mask) if isinstance(A, MaskedOperator) else (A, None)
+    if not isinstance(full, ToeplitzOperator):
+        raise TypeError(
+            f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a MaskedOperator "
+            "of one"
+        )
+    if not full.is_symmetric:
+        raise ValueError(f"A is {full!r}, but must be symmetric")
+    return full, mask

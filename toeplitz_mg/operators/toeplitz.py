@@ -1,0 +1,219 @@
+"""Toeplitz matrices of any number of levels, as linear operators."""
+
+from math import prod
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import fft
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg.operators.convolution import Convolution
+from toeplitz_mg.operators.rows import as_rows
+
+Array = NDArray[Any]
+
+
+class ToeplitzOperator(LinearOperator):
+    """A real Toeplitz matrix, of one level or several, that multiplies by FFT.
+
+    With two levels this is a block Toeplitz matrix with Toeplitz blocks (BTTB): its entry for
+    the grid points i and j depends on i - j only.
+
+    Parameters
+    ----------
+    c : array_like of shape (n,) or (n1, n2, ...)
+        First column. With one dimension as in `scipy.linalg.toeplitz`; with d dimensions the
+        first column of a d-level matrix that is symmetric in every level.
+    r : array_like of shape (n,), optional
+        First row of a matrix that is not symmetric; its first entry is ignored, as in
+        `scipy.linalg.toeplitz`. For several levels use `from_lags`.
+
+    Attributes
+    ----------
+    grid_shape : tuple of int
+        (n,) or (n1, n2, ...); vectors are grids flattened in C order.
+    lags : ndarray of shape (2 n1 - 1, 2 n2 - 1, ...)
+        The coefficients a[i - j], lag zero in the centre.
+    is_symmetric : bool
+    is_even : bool
+        Symmetric in every level, and so given by its first column `c` alone.
+    dtype : dtype
+        float32 for float32 coefficients, float64 otherwise. A float32 vector times a float32
+        operator is float32; otherwise the product is as NumPy would promote it.
+
+    Raises
+    ------
+    TypeError
+        For coefficients that are not real numbers.
+    ValueError
+        For coefficients that are empty or not finite, and for `r` of another length than `c`.
+
+    Notes
+    -----
+    A product is exact up to rounding: any embedding in a circulant of size at least 2 n - 1
+    multiplies correctly; a fast transform length is taken. It costs O(N log N), and is the work
+    unit of the paper (§5.2).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from toeplitz_mg import ToeplitzOperator
+    >>> A = ToeplitzOperator([2.0, -1.0, 0.0])
+    >>> A.toarray()
+    array([[ 2., -1.,  0.],
+           [-1.,  2., -1.],
+           [ 0., -1.,  2.]])
+    >>> (A @ np.array([1.0, 2.0, 3.0])).round(12) + 0.0
+    array([0., 0., 4.])
+    """
+
+    def __init__(self, c: ArrayLike, r: ArrayLike | None = None) -> None:
+        column = _coefficients(c, "c")
+        if r is None:
+            lags = _mirrored(column)
+        else:
+            row = _coefficients(r, "r")
+            if column.ndim > 1 or row.ndim > 1:
+                raise ValueError(
+                    f"c and r have shapes {column.shape} and {row.shape}, but a first row is for "
+                    "one level; for several levels use ToeplitzOperator.from_lags"
+                )
+            if len(row) != len(column):
+                raise ValueError(
+                    f"c has {len(column)} entries and r has {len(row)}, but the matrix is square"
+                )
+            lags = np.concatenate([row[:0:-1], column])
+        self._build(lags, None)
+
+    @classmethod
+    def from_lags(cls, lags: ArrayLike) -> Self:
+        """Build a matrix from all its coefficients.
+
+        Parameters
+        ----------
+        lags : array_like of shape (2 n1 - 1, 2 n2 - 1, ...)
+            a[i - j], lag zero in the centre; any real coefficients, symmetric or not.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As the class; also where a length is even, so that there is no centre.
+
+        Examples
+        --------
+        >>> from toeplitz_mg import ToeplitzOperator
+        >>> ToeplitzOperator.from_lags([1.0, 2.0, 3.0]).toarray()
+        array([[2., 1.],
+               [3., 2.]])
+        """
+        array = _coefficients(lags, "lags")
+        if not all(n % 2 for n in array.shape):
+            raise ValueError(
+                f"lags has shape {array.shape}, but each length must be 2 n - 1, which is odd"
+            )
+        return cls._with(array, None)
+
+    @classmethod
+    def _with(cls, lags: Array, convolution: Convolution | None) -> Self:
+        """Build without the checks; with a convolution at hand, without a transform either."""
+        operator = cls.__new__(cls)
+        operator._build(lags, convolution)
+        return operator
+
+    def _build(self, lags: Array, convolution: Convolution | None) -> None:
+        self.grid_shape = tuple((length + 1) // 2 for length in lags.shape)
+        size = prod(self.grid_shape)
+        super().__init__(lags.dtype, (size, size))
+        # A matrix that is symmetric in every level keeps its first column only.
+        self.is_even = all(np.array_equal(lags, np.flip(lags, k)) for k in range(lags.ndim))
+        self.is_symmetric = self.is_even or np.array_equal(lags, np.flip(lags))
+        self._coefficients = lags[_centre_on(self.grid_shape)].copy() if self.is_even else lags
+        self._convolution = convolution or Convolution.from_first_column(
+            self.circulant(tuple(fft.next_fast_len(n, real=True) for n in lags.shape)),
+            self.grid_shape,
+            self.dtype,
+            symmetric=self.is_symmetric,
+        )
+
+    @property
+    def lags(self) -> Array:
+        """The coefficients a[i - j], shape (2 n1 - 1, ...), lag zero in the centre."""
+        return _mirrored(self._coefficients) if self.is_even else self._coefficients
+
+    @property
+    def c(self) -> Array:
+        """The first column on the grid, shape `grid_shape`."""
+        return self.lags[_centre_on(self.grid_shape)]
+
+    def circulant(self, shape: tuple[int, ...]) -> Array:
+        """Return the first column of a circulant in which this matrix is the leading block.
+
+        Parameters
+        ----------
+        shape : tuple of int
+            Its size in each level, at least 2 n - 1. Lags that the matrix has not are zero.
+        """
+        lags = self.lags.astype(np.float64, copy=False)
+        column = np.zeros(shape)
+        column[tuple(slice(n) for n in lags.shape)] = lags
+        levels = tuple(range(lags.ndim))
+        return np.roll(column, [1 - n for n in self.grid_shape], levels)
+
+    def toarray(self) -> Array:
+        """Return the matrix as a dense array of shape (N, N), without any transform."""
+        lags = self.lags
+        for level, n in enumerate(self.grid_shape):
+            # Replaces the axis of lags by two axes (i, j), kept next to each other.
+            index = np.subtract.outer(np.arange(n), np.arange(n)) + n - 1
+            lags = np.take(lags, index, axis=2 * level)
+        levels = lags.ndim // 2
+        order = [2 * k for k in range(levels)] + [2 * k + 1 for k in range(levels)]
+        return np.ascontiguousarray(lags.transpose(order).reshape(self.shape))
+
+    def _matvec(self, x: Array) -> Array:
+        return self._convolution(as_rows(x, self.shape[1]))
+
+    def _matmat(self, X: Array) -> Array:
+        return self._convolution(X.T).T
+
+    def _adjoint(self) -> "ToeplitzOperator":
+        if self.is_symmetric:
+            return self
+        return self._with(np.flip(self.lags), self._convolution.adjoint())
+
+    def _transpose(self) -> "ToeplitzOperator":
+        return self._adjoint()
+
+    def __repr__(self) -> str:
+        grid = " x ".join(map(str, self.grid_shape))
+        kind = "symmetric" if self.is_symmetric else "general"
+        return f"<ToeplitzOperator {grid}, {kind}, {self.dtype}>"
+
+
+def _coefficients(values: ArrayLike, name: str) -> Array:
+    """Return `values` as a float array, or say what is wrong with them."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "buif":
+        raise TypeError(f"{name} has dtype {array.dtype}, but coefficients are real numbers")
+    if array.dtype not in (np.float32, np.float64):
+        array = array.astype(np.float64)
+    if array.ndim == 0 or array.size == 0:
+        raise ValueError(f"{name} has shape {array.shape}, but needs at least one coefficient")
+    if not np.isfinite(array).all():
+        where = np.argwhere(~np.isfinite(array))[0]
+        at = tuple(int(k) for k in where)
+        raise ValueError(f"{name} has the coefficient {array[at]} at {at}, but all must be finite")
+    return array
+
+
+def _mirrored(column: Array) -> Array:
+    """Return all lags of the matrix that is symmetric in every level."""
+    for level, n in enumerate(column.shape):
+        column = np.take(column, np.abs(np.arange(1 - n, n)), axis=level)
+    return column
+
+
+def _centre_on(grid_shape: tuple[int, ...]) -> tuple[slice, ...]:
+    """The lags 0 ... n - 1 of every level."""
+    return tuple(slice(n - 1, None) for n in grid_shape)

@@ -1,0 +1,14 @@
+"""What approximates A⁻¹: one idea a file, one public function each."""
+
+from toeplitz_mg.preconditioners.circulant import chan_preconditioner, strang_preconditioner
+from toeplitz_mg.preconditioners.deflation import fft_sd_preconditioner
+from toeplitz_mg.preconditioners.fft import fft_preconditioner
+from toeplitz_mg.preconditioners.row_sum import fft_rsm_preconditioner
+
+__all__ = [
+    "chan_preconditioner",
+    "fft_preconditioner",
+    "fft_rsm_preconditioner",
+    "fft_sd_preconditioner",
+    "strang_preconditioner",
+]

@@ -1,0 +1,147 @@
+"""Circulant preconditioners by Strang and by T. Chan: the baselines to beat."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg.operators import Convolution, MaskedOperator, as_rows
+from toeplitz_mg.operators.masked import toeplitz_and_mask
+
+Array = NDArray[Any]
+
+
+class CirculantInverse(LinearOperator):
+    """The inverse of a symmetric circulant (block circulant with circulant blocks: BCCB).
+
+    Attributes
+    ----------
+    grid_shape : tuple of int
+    name : str
+        Whose circulant it is.
+    """
+
+    def __init__(self, inverse_spectrum: Array, grid_shape: tuple[int, ...], name: str) -> None:
+        size = int(np.prod(grid_shape))
+        super().__init__(inverse_spectrum.dtype, (size, size))
+        self.grid_shape = grid_shape
+        self.name = name
+        self._convolution = Convolution(inverse_spectrum, grid_shape, grid_shape, self.dtype)
+
+    def _matvec(self, x: Array) -> Array:
+        return self._convolution(as_rows(x, self.shape[1]))
+
+    def _matmat(self, X: Array) -> Array:
+        return self._convolution(X.T).T
+
+    def _adjoint(self) -> "CirculantInverse":
+        return self
+
+    def _transpose(self) -> "CirculantInverse":
+        return self
+
+    def __repr__(self) -> str:
+        grid = " x ".join(map(str, self.grid_shape))
+        return f"<CirculantInverse {grid}, {self.name}, {self.dtype}>"
+
+
+def strang_preconditioner(A: LinearOperator) -> LinearOperator:
+    """Return the inverse of Strang's circulant, which copies the central coefficients of `A`.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator or MaskedOperator of one
+        Symmetric, of any number of levels.
+
+    Returns
+    -------
+    CirculantInverse or MaskedOperator
+        Of the shape and dtype of `A`, symmetric positive definite. One product costs half a work
+        unit in one level (1/2^d in d levels).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where the circulant is not positive definite, as happens for a positive definite `A`.
+    TypeError, ValueError
+        Where `A` is no Toeplitz operator, or not symmetric.
+
+    References
+    ----------
+    G. Strang, A proposal for Toeplitz matrix calculations, Stud. Appl. Math. 74 (1986).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import toeplitz_mg as tmg
+    >>> C = tmg.strang_preconditioner(tmg.ToeplitzOperator([2.0, 0.5, 0.1]))
+    >>> (C @ np.array([3.0, 3.0, 3.0])).round(12)
+    array([1., 1., 1.])
+    """
+    full, mask = toeplitz_and_mask(A)
+    column = full.lags
+    for level, n in enumerate(full.grid_shape):
+        # Lags 0 ... n // 2, then -(n - 1) // 2 ... -1.
+        index = np.concatenate([np.arange(n // 2 + 1), np.arange(-((n - 1) // 2), 0)])
+        column = np.take(column, index + n - 1, axis=level)
+    return _inverse(column, "Strang", full.dtype, mask)
+
+
+def chan_preconditioner(A: LinearOperator) -> LinearOperator:
+    """Return the inverse of T. Chan's circulant, the nearest to `A` in the Frobenius norm.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator or MaskedOperator of one
+        Symmetric, of any number of levels.
+
+    Returns
+    -------
+    CirculantInverse or MaskedOperator
+        Of the shape and dtype of `A`, symmetric positive definite whenever `A` on the whole grid
+        is. One product costs half a work unit in one level (1/2^d in d levels).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where the circulant is not positive definite, and so `A` is not either.
+    TypeError, ValueError
+        Where `A` is no Toeplitz operator, or not symmetric.
+
+    References
+    ----------
+    T. F. Chan, An optimal circulant preconditioner for Toeplitz systems, SIAM J. Sci. Stat.
+    Comput. 9 (1988); in several levels T. F. Chan, J. A. Olkin, Numer. Algorithms 6 (1994).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import toeplitz_mg as tmg
+    >>> C = tmg.chan_preconditioner(tmg.ToeplitzOperator([2.0, 0.5, 0.5]))
+    >>> (C @ np.array([3.0, 3.0, 3.0])).round(12)
+    array([1., 1., 1.])
+    """
+    full, mask = toeplitz_and_mask(A)
+    column = full.lags
+    for level, n in enumerate(full.grid_shape):
+        k = np.arange(n).reshape((n,) + (1,) * (column.ndim - 1 - level))
+        positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=level)  # lags 0 ... n - 1
+        negative = np.take(column, np.arange(n) - 1, axis=level)  # lags k - n; k = 0 counts 0
+        column = ((n - k) * positive + k * negative) / n
+    return _inverse(column, "T. Chan", full.dtype, mask)
+
+
+def _inverse(column: Array, name: str, dtype: np.dtype[Any], mask: Array | None) -> LinearOperator:
+    """Invert the circulant with the first column `column`."""
+    spectrum = fft.rfftn(column.astype(np.float64, copy=False)).real
+    smallest, rounding = spectrum.min(), np.finfo(dtype).eps * abs(spectrum).max()
+    if smallest <= rounding:
+        other = "chan_preconditioner or fft_preconditioner" if name == "Strang" else "cg without M"
+        raise np.linalg.LinAlgError(
+            f"{name}'s circulant has the eigenvalue {smallest:.3g}, but needs all above "
+            f"{rounding:.2g}: use {other}"
+        )
+    C = CirculantInverse((1.0 / spectrum).astype(dtype), column.shape, name)
+    return C if mask is None else MaskedOperator(C, mask)

@@ -1,0 +1,110 @@
+"""Subdomain deflation of the FFT preconditioner: P M (paper, §4.1)."""
+
+from operator import index
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg.operators import as_rows
+from toeplitz_mg.preconditioners.fft import fft_preconditioner
+
+Array = NDArray[Any]
+
+
+class SubdomainDeflated(LinearOperator):
+    """P M with P = I - M A Z E⁻¹ Zᵀ and E = Zᵀ M A Z (paper, Eq. 15-17).
+
+    Attributes
+    ----------
+    M : LinearOperator
+    starts : ndarray of int
+        The first unknown of each subdomain: column j of Z is 1 from starts[j] to starts[j + 1].
+    """
+
+    def __init__(self, A: LinearOperator, M: LinearOperator, n_subdomains: int) -> None:
+        super().__init__(M.dtype, M.shape)
+        self.M = M
+        n = M.shape[0]
+        parts = np.array_split(np.arange(n), n_subdomains)
+        self.starts = np.array([part[0] for part in parts])
+        self._sizes = np.array([len(part) for part in parts])
+        # Rows hold columns: M A Z is kept, as m rows of n.
+        Z = np.repeat(np.eye(n_subdomains, dtype=self.dtype), self._sizes, axis=1)
+        self._MAZ = M._matmat(A._matmat(Z.T)).T
+        E = self._sum(self._MAZ).T.astype(np.float64)
+        self._E_inverse = np.linalg.inv(E).astype(self.dtype)
+
+    def _sum(self, y: Array) -> Array:
+        """Zᵀ y for each row y."""
+        return np.asarray(np.add.reduceat(y, self.starts, axis=-1))
+
+    def _matvec(self, x: Array) -> Array:
+        y = self.M._matvec(as_rows(x, self.shape[1]))
+        return np.asarray(y - self._sum(y) @ self._E_inverse.T @ self._MAZ)
+
+    def _matmat(self, X: Array) -> Array:
+        return self._matvec(X.T).T
+
+    def _rmatvec(self, x: Array) -> Array:
+        # (P M)ᵀ = M (I - Z E⁻ᵀ (M A Z)ᵀ), M being symmetric.
+        x = as_rows(x, self.shape[0])
+        coefficients = x @ self._MAZ.T @ self._E_inverse
+        return np.asarray(self.M._matvec(x - np.repeat(coefficients, self._sizes, axis=-1)))
+
+    def _rmatmat(self, X: Array) -> Array:
+        return self._rmatvec(X.T).T
+
+    def __repr__(self) -> str:
+        return f"<SubdomainDeflated, {len(self.starts)} subdomains, of {self.M!r}>"
+
+
+def fft_sd_preconditioner(A: LinearOperator, n_subdomains: int = 2) -> SubdomainDeflated:
+    """Return P M, the FFT preconditioner deflated by the constants on subdomains.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator or MaskedOperator of one
+        Symmetric positive definite, of any number of levels.
+    n_subdomains : int, default 2
+        Consecutive parts of the unknowns, as equal as they can be; 2 in the paper.
+
+    Returns
+    -------
+    SubdomainDeflated
+        P M, of the shape and dtype of `A`. One product costs one work unit; `n_subdomains`
+        vectors are kept. It is **not symmetric**, and singular (Zᵀ P M = 0): a smoother, whose
+        coarse grid has to supply what was deflated. It is no preconditioner for
+        `scipy.sparse.linalg.cg`.
+
+    Raises
+    ------
+    TypeError
+        Where `n_subdomains` is not an integer, or `A` no Toeplitz operator.
+    ValueError
+        Where there are fewer unknowns than subdomains.
+    numpy.linalg.LinAlgError
+        Where `fft_preconditioner` refuses.
+
+    Notes
+    -----
+    The action is y - M A Z E⁻¹ Zᵀ y with y = M r. In multigrid V(1,0) and V(0,1) converge, V(1,1)
+    does not (paper, §5.1).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import toeplitz_mg as tmg
+    >>> PM = tmg.fft_sd_preconditioner(tmg.ToeplitzOperator(0.9 ** np.arange(6)))
+    >>> y = PM @ np.arange(6.0)
+    >>> bool(np.allclose([y[:3].sum(), y[3:].sum()], 0.0))
+    True
+    """
+    n_subdomains = index(n_subdomains)
+    if not 1 <= n_subdomains <= A.shape[0]:
+        raise ValueError(
+            f"n_subdomains is {n_subdomains}, but must lie between 1 and the number of unknowns, "
+            f"{A.shape[0]}"
+        )
+    return SubdomainDeflated(A, fft_preconditioner(A), n_subdomains)

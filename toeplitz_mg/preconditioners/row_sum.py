@@ -1,0 +1,157 @@
+"""Row-sum modification of the FFT preconditioner: M̄ and M̄_imp (paper, §4.2 and §5.4)."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigvalsh_tridiagonal
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator, as_rows
+from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.preconditioners.fft import fft_preconditioner
+
+Array = NDArray[Any]
+
+
+class RowSumModified(LinearOperator):
+    """M minus a diagonal, such that every row sum is γ (paper, Eq. 19 and 22).
+
+    Attributes
+    ----------
+    M : ToeplitzOperator or MaskedOperator
+    diagonal : ndarray of shape (N,)
+        sum(M) - γ, the row sums of M less γ.
+    gamma : float
+        Every row sum of this operator.
+    """
+
+    def __init__(self, M: LinearOperator, diagonal: Array, gamma: float) -> None:
+        super().__init__(M.dtype, M.shape)
+        self.M = M
+        self.diagonal = diagonal
+        self.gamma = gamma
+
+    def _matvec(self, x: Array) -> Array:
+        x = as_rows(x, self.shape[1])
+        y = self.M._matvec(x)
+        y -= self.diagonal * x
+        return np.asarray(y)
+
+    def _matmat(self, X: Array) -> Array:
+        return self._matvec(X.T).T
+
+    def _adjoint(self) -> "RowSumModified":
+        return self
+
+    def _transpose(self) -> "RowSumModified":
+        return self
+
+    def __repr__(self) -> str:
+        return f"<RowSumModified, row sums {self.gamma:.4g}, of {self.M!r}>"
+
+
+def fft_rsm_preconditioner(A: LinearOperator, gamma: float | None = None) -> RowSumModified:
+    """Return M̄, the FFT preconditioner with constant row sums; on a mask M̄_imp.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator or MaskedOperator of one
+        Symmetric positive definite, of any number of levels.
+    gamma : float, optional
+        The row sum γ. By default the smallest row sum of M on the whole grid (paper, Eq. 20).
+
+    Returns
+    -------
+    RowSumModified
+        M̄ = M - diag(sum(M) - γ) ≈ A⁻¹ (paper, Eq. 19), of the shape and dtype of `A`, symmetric
+        positive definite. One product costs one work unit. On a mask M_r takes the place of M
+        (Eq. 22).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where γ is not positive, where M̄ is found not to be positive definite, and where
+        `fft_preconditioner` refuses.
+    TypeError, ValueError
+        Where `A` is no Toeplitz operator, or not symmetric.
+
+    Notes
+    -----
+    M assumes traction beyond the contact area, which is not there, so that its row sums are too
+    large at the ends. Lowering the diagonal to make them constant brings all eigenvalues of
+    I - M̄ A into (-1, 1): a smoother for multigrid and, by `richardson`, a solver.
+
+    M̄ is γ I plus a graph Laplacian whose weights are the negated off-diagonal coefficients of M,
+    hence positive definite where those coefficients are at most 0. So it is where the Laplacian of
+    the positive ones is surely below γ, as in the paper's problems; elsewhere 20 steps of Lanczos's
+    method look for a negative eigenvalue of M̄ A.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import toeplitz_mg as tmg
+    >>> A = tmg.ToeplitzOperator(1.0 / np.arange(1.0, 7.0))
+    >>> M_bar = tmg.fft_rsm_preconditioner(A)
+    >>> bool(np.allclose(M_bar @ np.ones(6), M_bar.gamma))
+    True
+    """
+    full, mask = toeplitz_and_mask(A)
+    M = fft_preconditioner(full)
+    # Row sums by one product with the ones. Eq. 20: γ over the whole grid, also on a mask.
+    row_sums = M @ np.ones(full.shape[0], dtype=full.dtype)
+    if gamma is None:
+        gamma = float(row_sums.min())
+    if not 0.0 < gamma < np.inf:
+        raise np.linalg.LinAlgError(
+            f"the row sum gamma is {gamma:.3g}, but must be positive and finite: use "
+            "fft_preconditioner(A), or give a positive gamma"
+        )
+    certain = _positive_laplacian(M) < gamma
+    if mask is not None:
+        M = MaskedOperator(M, mask)
+        row_sums = M @ np.ones(M.shape[0], dtype=full.dtype)
+    M_bar = RowSumModified(M, row_sums - full.dtype.type(gamma), gamma)
+    if not certain and (smallest := _smallest_ritz_value(A, M_bar)) <= 0.0:
+        raise np.linalg.LinAlgError(
+            f"M with the row sums gamma = {gamma:.3g} is not positive definite (M A has an "
+            f"eigenvalue of at most {smallest:.3g}): use fft_preconditioner(A)"
+        )
+    return M_bar
+
+
+def _positive_laplacian(M: ToeplitzOperator) -> float:
+    """Bound the norm of the graph Laplacian of the positive coefficients off the diagonal of M.
+
+    The pairs at one lag form paths, whose Laplacian has eigenvalues below 4, or, where the lag is
+    half the grid or more, single edges, whose Laplacian has the eigenvalue 2.
+    """
+    positive = np.maximum(M.lags, 0.0)
+    positive[tuple(n - 1 for n in M.grid_shape)] = 0.0
+    paths = positive[tuple(slice(n // 2, 2 * n - 1 - n // 2) for n in M.grid_shape)]
+    # Each pair stands in M twice, as lag k and as lag -k.
+    return float(positive.sum() + paths.sum())
+
+
+def _smallest_ritz_value(A: LinearOperator, M_bar: LinearOperator, steps: int = 20) -> float:
+    """Estimate the smallest eigenvalue of M̄ A, by Lanczos's method in the inner product of A.
+
+    All but a few eigenvalues lie near 1, so that a negative one is soon found; it shows that M̄
+    is indefinite.
+    """
+    rng = np.random.default_rng(0)
+    q, q_old = rng.standard_normal(A.shape[0]).astype(A.dtype), 0.0
+    diagonal: list[float] = []
+    off_diagonal: list[float] = []
+    for _ in range(min(steps, A.shape[0])):
+        p = A @ q
+        norm = np.sqrt(max(q @ p, 0.0))
+        if diagonal:
+            if norm <= np.finfo(A.dtype).eps * abs(diagonal[0]):
+                break
+            off_diagonal.append(norm)
+        q, p = q / norm, p / norm
+        w = M_bar @ p
+        diagonal.append(float(w @ p))
+        q, q_old = w - diagonal[-1] * q - (norm * q_old if off_diagonal else 0.0), q
+    return float(eigvalsh_tridiagonal(np.array(diagonal), np.array(off_diagonal))[0])

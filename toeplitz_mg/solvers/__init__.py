@@ -1,0 +1,5 @@
+"""What finds x."""
+
+from toeplitz_mg.solvers.richardson import richardson
+
+__all__ = ["richardson"]

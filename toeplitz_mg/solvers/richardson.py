@@ -1,0 +1,137 @@
+"""Richardson iteration with a preconditioner: the paper's solver, with SciPy's signature."""
+
+from collections.abc import Callable
+from operator import index
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse.linalg import LinearOperator, aslinearoperator
+
+from toeplitz_mg.operators import apply_to_rows
+
+Array = NDArray[Any]
+
+
+def richardson(
+    A: Any,
+    b: ArrayLike,
+    x0: ArrayLike | None = None,
+    *,
+    rtol: float = 1e-5,
+    atol: float = 0.0,
+    maxiter: int | None = None,
+    M: Any = None,
+    callback: Callable[[Array], object] | None = None,
+) -> tuple[Array, int]:
+    """Solve A x = b by x ← x + M (b - A x) (paper, Eq. 11).
+
+    With ``M=fft_rsm_preconditioner(A)`` it is the paper's FFT+RSM solver (§5.3), with
+    ``M=multigrid(A)`` the multigrid solver (§5.2).
+
+    Parameters
+    ----------
+    A : array_like, sparse matrix or LinearOperator, of shape (n, n)
+    b : array_like of shape (n,) or (n, 1)
+    x0 : array_like of shape (n,) or (n, 1), optional
+        First guess, zero by default. It is not changed.
+    rtol, atol : float
+        It has converged where ‖b - A x‖₂ ≤ max(rtol ‖b‖₂, atol).
+    maxiter : int, optional
+        Most iterations, 10 n by default.
+    M : array_like, sparse matrix or LinearOperator, optional
+        Approximate inverse of `A`. The iteration converges where ρ(I - M A) < 1; it need not be
+        symmetric.
+    callback : callable, optional
+        Called as ``callback(xk)`` with the iterate after each iteration. The array is used again:
+        copy what is to be kept.
+
+    Returns
+    -------
+    x : ndarray of shape (n,)
+    info : int
+        0 where it has converged; otherwise the iterations done, where they are used up or where
+        the iteration diverges (a residual that is not finite, or has grown by 1/eps).
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not match, numbers that are not finite, negative tolerances, or
+        `maxiter` below 1.
+    TypeError
+        For `b` or `x0` that are not of numbers, or a `maxiter` that is no integer.
+
+    Notes
+    -----
+    The residual is the true one in every iteration, and serves the stopping test as well as the
+    next correction: one product with `A` and one with `M` an iteration. From a zero guess the
+    first residual is `b` and costs none.
+
+    Examples
+    --------
+    >>> import toeplitz_mg as tmg
+    >>> problem = tmg.contact.problems.test1(1024)
+    >>> M = tmg.multigrid(problem.A, pre=0, post=1)
+    >>> x, info = tmg.richardson(problem.A, problem.b, M=M, rtol=1e-8)
+    >>> info
+    0
+    """
+    A = aslinearoperator(A)
+    n = A.shape[0]
+    if A.shape != (n, n):
+        raise ValueError(f"A has shape {A.shape}, but must be square")
+    M = None if M is None else aslinearoperator(M)
+    if M is not None and M.shape != A.shape:
+        raise ValueError(f"M has shape {M.shape}, but A has {A.shape}")
+    for name, tolerance in (("rtol", rtol), ("atol", atol)):
+        if not 0.0 <= tolerance < np.inf:
+            raise ValueError(f"{name} is {tolerance}, but must be finite and not negative")
+    if maxiter is None:
+        maxiter = 10 * n
+    elif index(maxiter) < 1:
+        raise ValueError(f"maxiter is {maxiter}, but must be at least 1")
+    b = _vector(b, "b", n)
+    dtype = np.result_type(A.dtype, b.dtype)
+    if x0 is None:
+        x, r = np.zeros(n, dtype=dtype), b.astype(dtype)
+    else:
+        x = _vector(x0, "x0", n)
+        x = x.astype(np.result_type(dtype, x.dtype))  # a copy
+        r = b - apply_to_rows(A, x)
+
+    size = _norm(b)
+    if size == 0.0:
+        return np.zeros_like(x), 0
+    goal = max(rtol * size, atol)
+    residual = _norm(r)
+    limit = max(residual, size) / np.finfo(r.dtype).eps  # far below any overflow
+    iterations = 0
+    while not residual <= goal:
+        if iterations == maxiter or not residual <= limit:
+            return x, max(iterations, 1)
+        x += r if M is None else apply_to_rows(M, r)
+        r = b - apply_to_rows(A, x)
+        residual = _norm(r)
+        iterations += 1
+        if callback is not None:
+            callback(x)
+    return x, 0
+
+
+def _vector(values: ArrayLike, name: str, n: int) -> Array:
+    array = np.asarray(values)
+    if array.dtype.kind not in "buifc":
+        raise TypeError(f"{name} has dtype {array.dtype}, but must be of numbers")
+    if array.shape not in ((n,), (n, 1)):
+        raise ValueError(f"{name} has shape {array.shape}, but A has {(n, n)}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} has entries that are not finite")
+    if array.dtype.kind in "bui":
+        array = array.astype(np.float64)
+    return array.reshape(n)
+
+
+def _norm(r: Array) -> float:
+    # A diverging iterate is reported, not warned of.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.linalg.norm(r))
