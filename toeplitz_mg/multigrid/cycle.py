@@ -158,7 +158,8 @@ def multigrid(
         Coarse cycles in a cycle: 1 for V(pre, post), 2 for W(pre, post).
     coarsest : int
         A grid with at most this number of unknowns is solved by a dense Cholesky factorisation;
-        2 in the paper.
+        2 in the paper. So is a coarse grid of up to 2048 that the smoother refuses, and the last
+        one of a mask in fragments.
     coarsen : callable
         Maps the matrix of a level to that of the next coarser grid: `galerkin`, or
         ``rediscretised(operator_of_grid_shape)`` as in the paper.
@@ -173,7 +174,8 @@ def multigrid(
     ------
     ValueError
         For a cycle with no smoothing at all, or a parameter below its least value; for a matrix
-        that is not symmetric.
+        that is not symmetric; for a mask of more than 2048 unknowns in fragments so small that it
+        has no coarse grid.
     TypeError
         For a parameter of the wrong type.
     numpy.linalg.LinAlgError

@@ -15,6 +15,9 @@ from toeplitz_mg.operators import as_rows
 Array = NDArray[Any]
 Smoother = Callable[[LinearOperator], LinearOperator]
 
+# The largest matrix factorised where no coarser grid can be had: 32 MB, a tenth of a second.
+LARGEST_DENSE = 2048
+
 
 @dataclass(frozen=True)
 class Level:
@@ -73,10 +76,33 @@ class DenseInverse(LinearOperator):
 def build_levels(
     A: LinearOperator, smoother: Smoother, coarsest: int, coarsen: Coarsening
 ) -> tuple[Level, ...]:
-    """Coarsen `A` until at most `coarsest` unknowns are left, which are solved directly."""
-    levels = []
+    """Coarsen `A` until at most `coarsest` unknowns are left, which are solved directly.
+
+    A small coarse grid that the smoother refuses is solved directly too: on a handful of elements
+    the embedding of a Galerkin matrix says little of its inverse. So is the last grid of a mask
+    on which no coarse element is in contact as a whole.
+
+    Raises
+    ------
+    ValueError
+        Where that last grid is too large to be solved directly.
+    """
+    levels: list[Level] = []
     while A.shape[0] > coarsest and (transfer := Transfer.of(A)) is not None:
-        levels.append(Level(A, smoother(A), transfer))
+        try:
+            S = smoother(A)
+        except np.linalg.LinAlgError as error:
+            if levels and A.shape[0] <= LARGEST_DENSE:
+                break
+            error.add_note(f"This was the matrix of level {len(levels)} of multigrid, {A!r}.")
+            raise
+        levels.append(Level(A, S, transfer))
         A = coarsen(A)
+    if A.shape[0] > max(coarsest, LARGEST_DENSE):
+        raise ValueError(
+            f"the mask of {A!r} is in such fragments that no coarse element is in contact as a "
+            f"whole, and too large to be solved directly (at most {LARGEST_DENSE} unknowns, or "
+            "coarsest): use fft_preconditioner or fft_rsm_preconditioner with cg"
+        )
     levels.append(Level(A, DenseInverse(A), None))
     return tuple(levels)

@@ -76,7 +76,7 @@ class MaskedOperator(LinearOperator):
 
     def toarray(self) -> Array:
         """Return the dense matrix, shape (N, N), N = ``mask.sum()``, without any transform."""
-        return np.asarray(self.full.toarray()[np.ix_(self._index, self._index)])
+        return np.asarray(self.full.block(self._index))
 
     def _matvec(self, x: Array) -> Array:
         x = as_rows(x, self.shape[1])

@@ -14,7 +14,7 @@ def as_rows(x: Array, n: int) -> Array:
 
     SciPy before 1.18 hands a column of shape (n, 1) to ``_matvec`` as it is.
     """
-    return x.reshape(n) if x.shape == (n, 1) else x
+    return x.reshape(n) if x.shape == (n, 1) != (1, 1) else x
 
 
 def apply_to_rows(A: LinearOperator, X: Array) -> Array:

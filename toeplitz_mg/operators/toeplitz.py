@@ -162,14 +162,25 @@ class ToeplitzOperator(LinearOperator):
 
     def toarray(self) -> Array:
         """Return the matrix as a dense array of shape (N, N), without any transform."""
-        lags = self.lags
-        for level, n in enumerate(self.grid_shape):
-            # Replaces the axis of lags by two axes (i, j), kept next to each other.
-            index = np.subtract.outer(np.arange(n), np.arange(n)) + n - 1
-            lags = np.take(lags, index, axis=2 * level)
-        levels = lags.ndim // 2
-        order = [2 * k for k in range(levels)] + [2 * k + 1 for k in range(levels)]
-        return np.ascontiguousarray(lags.transpose(order).reshape(self.shape))
+        return self.block(np.arange(self.shape[0]))
+
+    def block(self, index: Array) -> Array:
+        """Return some rows and the same columns as a dense array.
+
+        Parameters
+        ----------
+        index : ndarray of int, of shape (k,)
+            Unknowns, as positions in the flattened grid.
+
+        Returns
+        -------
+        ndarray of shape (k, k)
+        """
+        points = np.unravel_index(index, self.grid_shape)
+        lag = (
+            np.subtract.outer(i, i) + n - 1 for i, n in zip(points, self.grid_shape, strict=True)
+        )
+        return np.asarray(self.lags[tuple(lag)])
 
     def _matvec(self, x: Array) -> Array:
         return self._convolution(as_rows(x, self.shape[1]))
