@@ -1,0 +1,1 @@
+"""One script a table, figure or benchmark: ``python -m comparisons.NAME --help``."""

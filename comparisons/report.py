@@ -1,0 +1,46 @@
+"""What every comparison shares: its options, its folder, its tables."""
+
+import argparse
+import csv
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tabulate import tabulate
+
+Row = dict[str, Any]
+
+
+def options(name: str, description: str) -> argparse.Namespace:
+    """Parse ``--quick`` and ``--output``, make the output folder and name it."""
+    parser = argparse.ArgumentParser(prog=f"python -m comparisons.{name}", description=description)
+    parser.add_argument("--quick", action="store_true", help="small sizes only, within a minute")
+    parser.add_argument(
+        "--output",
+        type=Path,
+        default=Path("results") / name,
+        metavar="FOLDER",
+        help="folder for CSV and PNG (default: %(default)s)",
+    )
+    arguments = parser.parse_args()
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    print(f"Writing to {arguments.output.resolve()}")
+    return arguments
+
+
+def show(title: str, rows: Sequence[Row]) -> None:
+    """Print rows as a table under a title."""
+    print(f"\n{title}\n")
+    print(tabulate(list(rows), headers="keys", missingval="", disable_numparse=True))
+
+
+def write_csv(path: Path, rows: Sequence[Row]) -> None:
+    """Write rows with their keys as the header; the file is whole or not there."""
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    part = path.with_name(path.name + ".part")
+    with part.open("w", newline="") as file:
+        writer = csv.DictWriter(file, columns)
+        writer.writeheader()
+        writer.writerows(rows)
+    os.replace(part, path)

@@ -1,0 +1,331 @@
+"""Pairs of an operator and its dense matrix, the latter by definition and free of FFTs."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from scipy.sparse.linalg import LinearOperator
+
+import toeplitz_mg as tmg
+from toeplitz_mg import halfspace
+
+
+@dataclass(frozen=True)
+class Case:
+    name: str
+    operator: Callable[[type], LinearOperator]  # of a dtype
+    dense: Callable[[], np.ndarray]
+    symmetric: bool = True
+    positive: bool = True
+
+    def __str__(self):
+        return self.name
+
+
+# Coefficients -------------------------------------------------------------------------------
+
+
+def contact(*grid_shape):
+    """Half-space coefficients, square elements in two levels, thin ones in one."""
+    if len(grid_shape) == 1:
+        (n,) = grid_shape
+        x, y = halfspace.lags((n, 1), (8.0 / n, 100.0))
+        return halfspace.influence_xx(x, y, (8.0 / n, 100.0), G=1.0, nu=0.28)[:, 0]
+    x, y = halfspace.lags(grid_shape, (0.5, 0.5))
+    return halfspace.influence_zz(x, y, (0.5, 0.5), G=1.0, nu=0.28)
+
+
+def exponential(*grid_shape):
+    """A covariance of any number of levels."""
+    k = np.indices(grid_shape)
+    return np.exp(-k.sum(axis=0) / 2.0)
+
+
+def random_lags(*grid_shape):
+    rng = np.random.default_rng(sum(grid_shape))
+    return rng.standard_normal([2 * n - 1 for n in grid_shape])
+
+
+def checkered(*grid_shape):
+    """A mask with single elements and runs."""
+    mask = np.indices(grid_shape).sum(axis=0) % 5 != 1
+    mask.flat[0] = True
+    return mask
+
+
+# Dense definitions --------------------------------------------------------------------------
+
+
+def dense_of_lags(lags):
+    """The matrix a[i - j], entry by entry."""
+    shape = tuple((n + 1) // 2 for n in lags.shape)
+    points = list(np.ndindex(shape))
+    return np.array(
+        [
+            [lags[tuple(a - b + n - 1 for a, b, n in zip(i, j, shape, strict=True))] for j in points]
+            for i in points
+        ]
+    )
+
+
+def dense_of_column(c):
+    """The matrix that is symmetric in every level: c[|i - j|]."""
+    points = list(np.ndindex(c.shape))
+    return np.array(
+        [[c[tuple(abs(a - b) for a, b in zip(i, j, strict=True))] for j in points] for i in points]
+    )
+
+
+def periodic(column):
+    """The circulant matrix of any number of levels with this first column."""
+    points = list(np.ndindex(column.shape))
+    return np.array(
+        [
+            [
+                column[tuple((a - b) % n for a, b, n in zip(i, j, column.shape, strict=True))]
+                for j in points
+            ]
+            for i in points
+        ]
+    )
+
+
+def embedded(c):
+    """First column of the circulant of size 2 n - 1 in each level."""
+    for level, n in enumerate(c.shape):
+        c = np.take(c, [*range(n), *range(n - 1, 0, -1)], axis=level)
+    return c
+
+
+def dense_M(c):
+    """The leading block of the inverse of the embedding (paper, §3.1)."""
+    column = embedded(c)
+    leading = np.zeros(column.shape, dtype=bool)
+    leading[tuple(slice(n) for n in c.shape)] = True
+    inverse = np.linalg.inv(periodic(column))
+    m = inverse[:, 0].reshape(column.shape)[tuple(slice(n) for n in c.shape)]
+    assert np.allclose(inverse[np.ix_(leading.ravel(), leading.ravel())], dense_of_column(m))
+    return dense_of_column(m)
+
+
+def dense_rsm(M, gamma):
+    return M - np.diag(M.sum(axis=1) - gamma)
+
+
+def dense_sd(A, M, m):
+    Z = np.zeros((len(A), m))
+    for j, part in enumerate(np.array_split(np.arange(len(A)), m)):
+        Z[part, j] = 1.0
+    E = Z.T @ M @ A @ Z
+    return (np.eye(len(A)) - M @ A @ Z @ np.linalg.inv(E) @ Z.T) @ M
+
+
+def strang_column(c):
+    for level, n in enumerate(c.shape):
+        c = np.take(c, [min(k, n - k) for k in range(n)], axis=level)
+    return c
+
+
+def chan_column(c):
+    """The mean of each wrapped diagonal, level by level."""
+    for level, n in enumerate(c.shape):
+        c = np.stack(
+            [
+                ((n - k) * np.take(c, k, level) + k * np.take(c, (n - k) % n, level)) / n
+                for k in range(n)
+            ],
+            axis=level,
+        )
+    return c
+
+
+def aggregate(n):
+    """Piecewise constant interpolation from n // 2 elements to n, in one level."""
+    P = np.zeros((n, max(n // 2, 1)))
+    for j in range(P.shape[1]):
+        P[2 * j : 2 * j + 2, j] = 1.0
+    return P
+
+
+def dense_cycle(c, smoother, pre, post, gamma, coarsest):
+    """The cycle from explicit matrices, by its error propagation; grids of a power of two."""
+    A = dense_of_column(c)
+    if len(A) <= coarsest:
+        return np.linalg.inv(A)
+    P = np.eye(1)
+    for n in c.shape:
+        P = np.kron(P, aggregate(n))
+    R = P.T / P.sum(axis=0).max()
+    A_H = R @ A @ P
+    half = tuple(max(n // 2, 1) for n in c.shape)
+    B_H = dense_cycle(A_H[0].reshape(half), smoother, pre, post, gamma, coarsest)
+    eye = np.eye(len(A))
+    E_H = np.linalg.matrix_power(np.eye(len(A_H)) - B_H @ A_H, gamma)
+    coarse = P @ (np.eye(len(A_H)) - E_H) @ np.linalg.inv(A_H) @ R
+    smooth = eye - smoother(A, c) @ A
+    power = np.linalg.matrix_power
+    E = power(smooth, post) @ (eye - coarse @ A) @ power(smooth, pre)
+    return (eye - E) @ np.linalg.inv(A)
+
+
+def smooth_rsm(A, c):
+    M = dense_M(c)
+    return dense_rsm(M, M.sum(axis=1).min())
+
+
+def smooth_sd(A, c):
+    return dense_sd(A, dense_M(c), 2)
+
+
+# The pairs ----------------------------------------------------------------------------------
+
+
+def submatrix(A, mask):
+    return A[np.ix_(mask.ravel(), mask.ravel())]
+
+
+def toeplitz(c):
+    return lambda dtype: tmg.ToeplitzOperator(c.astype(dtype))
+
+
+def masked(c):
+    return lambda dtype: tmg.MaskedOperator(toeplitz(c)(dtype), checkered(*c.shape))
+
+
+def applied(function, build, **arguments):
+    return lambda dtype: function(build(dtype), **arguments)
+
+
+COLUMNS = {
+    "1": contact(1),
+    "2": contact(2),
+    "7": contact(7),
+    "16": contact(16),
+    "31": exponential(31),
+    "4x1": contact(4, 1),
+    "5x8": contact(5, 8),
+    "3x2x4": exponential(3, 2, 4),
+}
+
+
+def _operators():
+    for name, c in COLUMNS.items():
+        mask = checkered(*c.shape)
+        yield Case(f"A {name}", toeplitz(c), lambda c=c: dense_of_column(c))
+        yield Case(
+            f"A masked {name}", masked(c), lambda c=c, m=mask: submatrix(dense_of_column(c), m)
+        )
+    for shape in ((1,), (6,), (13,), (3, 4), (2, 1, 3)):
+        lags = random_lags(*shape)
+        yield Case(
+            f"A general {shape}",
+            lambda dtype, lags=lags: tmg.ToeplitzOperator.from_lags(lags.astype(dtype)),
+            lambda lags=lags: dense_of_lags(lags),
+            symmetric=False,
+            positive=False,
+        )
+        mask = checkered(*shape)
+        yield Case(
+            f"A general masked {shape}",
+            lambda dtype, lags=lags, m=mask: tmg.MaskedOperator(
+                tmg.ToeplitzOperator.from_lags(lags.astype(dtype)), m
+            ),
+            lambda lags=lags, m=mask: submatrix(dense_of_lags(lags), m),
+            symmetric=False,
+            positive=False,
+        )
+    c, r = random_lags(4), random_lags(4)[::-1]
+    yield Case(
+        "A with r",
+        lambda dtype: tmg.ToeplitzOperator(c.astype(dtype), r.astype(dtype)),
+        lambda: scipy.linalg.toeplitz(c, r),
+        symmetric=False,
+        positive=False,
+    )
+    lags = dense_of_lags(random_lags(2, 3))  # any array will do: made symmetric, but not even
+    lags = lags[:5, :5] + lags[:5, :5][::-1, ::-1]
+    yield Case(
+        "A symmetric, not even",
+        lambda dtype: tmg.ToeplitzOperator.from_lags(lags.astype(dtype)),
+        lambda: dense_of_lags(lags),
+        positive=False,
+    )
+
+
+def _preconditioners():
+    for name, c in COLUMNS.items():
+        mask = checkered(*c.shape)
+        A = dense_of_column(c)
+        M = dense_M(c)
+        gamma = M.sum(axis=1).min()
+        A_r, M_r = submatrix(A, mask), submatrix(M, mask)
+        f = tmg.fft_preconditioner
+        yield Case(f"M {name}", applied(f, toeplitz(c)), lambda M=M: M)
+        yield Case(f"M masked {name}", applied(f, masked(c)), lambda M_r=M_r: M_r)
+        for label, build, matrix in (("", toeplitz(c), M), (" masked", masked(c), M_r)):
+            for g in (None, 2.0 * abs(gamma)):
+                M_bar = dense_rsm(matrix, g or gamma)
+                if np.linalg.eigvalsh(M_bar).min() > 0.0:  # otherwise it is refused, and tested so
+                    yield Case(
+                        f"M_bar{label} {name}, gamma {g}",
+                        applied(tmg.fft_rsm_preconditioner, build, gamma=g),
+                        lambda M_bar=M_bar: M_bar,
+                    )
+        for label, build, a, matrix in (("", toeplitz(c), A, M), (" masked", masked(c), A_r, M_r)):
+            for m in (1, 2, 3):
+                if m < len(a):  # as many subdomains as unknowns leave nothing
+                    yield Case(
+                        f"P M{label} {name}, {m}",
+                        applied(tmg.fft_sd_preconditioner, build, n_subdomains=m),
+                        lambda a=a, matrix=matrix, m=m: dense_sd(a, matrix, m),
+                        symmetric=False,
+                        positive=False,
+                    )
+        for f, column in (
+            (tmg.strang_preconditioner, strang_column),
+            (tmg.chan_preconditioner, chan_column),
+        ):
+            inverse = np.linalg.inv(periodic(column(c)))
+            for label, build, matrix in (
+                ("", toeplitz(c), inverse),
+                (" masked", masked(c), submatrix(inverse, mask)),
+            ):
+                yield Case(
+                    f"{f.__name__}{label} {name}", applied(f, build), lambda matrix=matrix: matrix
+                )
+
+
+def _cycles():
+    for name, c in {"16": contact(16), "32": exponential(32) + 0.1, "8x8": contact(8, 8)}.items():
+        for pre, post, gamma in ((1, 1, 1), (1, 0, 1), (0, 1, 1), (2, 1, 1), (1, 1, 2), (0, 2, 2)):
+            yield Case(
+                f"{'VW'[gamma - 1]}({pre},{post}) {name}",
+                applied(
+                    tmg.multigrid, toeplitz(c), pre=pre, post=post, gamma=gamma, coarsest=4
+                ),
+                lambda c=c, p=(pre, post, gamma): dense_cycle(c, smooth_rsm, *p, 4),
+                symmetric=pre == post,
+                positive=pre == post,
+            )
+    yield Case(
+        "V(0,1) with SD 16",
+        applied(
+            tmg.multigrid,
+            toeplitz(contact(16)),
+            pre=0,
+            smoother=tmg.fft_sd_preconditioner,
+            coarsest=4,
+        ),
+        lambda: dense_cycle(contact(16), smooth_sd, 0, 1, 1, 4),
+        symmetric=False,
+        positive=False,
+    )
+    yield Case(
+        "multigrid of the coarsest grid alone",
+        applied(tmg.multigrid, toeplitz(contact(5))),
+        lambda: np.linalg.inv(dense_of_column(contact(5))),
+    )
+
+
+CASES = [*_operators(), *_preconditioners(), *_cycles()]
