@@ -1,0 +1,288 @@
+"""Figures 3, 6, 7 and 9 to 13 of the paper: where the FFT smoother fails, and its two remedies."""
+
+from collections.abc import Callable, Mapping
+from itertools import zip_longest
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+from scipy import fft
+from scipy.sparse.linalg import LinearOperator
+from tqdm import tqdm
+
+import toeplitz_mg as tmg
+from comparisons.report import Row, options, show, write_csv
+
+Array = NDArray[Any]
+Drawing = tuple[Figure, list[Row]]  # a figure and what is plotted in it
+
+N = 32  # elements, in all figures but the third
+ELEMENT = np.arange(1, N + 1)
+DOTS: dict[str, Any] = {"color": "red", "marker": ".", "markersize": 7, "linewidth": 0.5}
+CIRCLES: dict[str, Any] = {
+    "color": "blue",
+    "marker": "o",
+    "markersize": 6,
+    "markerfacecolor": "none",
+    "linewidth": 0.5,
+}
+
+
+def unit_matrix(n: int) -> tmg.ToeplitzOperator:
+    """Return the matrix of test 1 for G = 1, as the paper has it; I - M A does not depend on G."""
+    problem = tmg.contact.problems.test1(n)
+    return tmg.ToeplitzOperator(problem.material.G * problem.A.c)
+
+
+def iteration_matrix(A: tmg.ToeplitzOperator, M: LinearOperator) -> Array:
+    """Return I - M A, dense."""
+    return np.eye(A.shape[0]) - np.asarray(M @ A.toarray())
+
+
+def eigenpairs(R: Array) -> tuple[Array, Array]:
+    """Return eigenvalues, ascending, and eigenvectors (columns) of an iteration matrix.
+
+    Every R here commutes with the reversal of the elements, so that each eigenvector is even or
+    odd, and its first half an eigenvector of a matrix half as large. This also tells apart the
+    two eigenvectors of a double eigenvalue: the even one comes first.
+    """
+    half = len(R) // 2
+    values, vectors = [], []
+    for parity in (1, -1):
+        # All are real but for rounding.
+        w, V = map(np.real, np.linalg.eig(R[:half, :half] + parity * R[:half, : half - 1 : -1]))
+        V /= np.sqrt(2.0) * np.linalg.norm(V, axis=0)
+        V *= np.sign(V[abs(V).argmax(axis=0), np.arange(half)])  # the largest entry is positive
+        values.append(w)
+        vectors.append(np.vstack([V, parity * V[::-1]]))
+    w, V = np.concatenate(values), np.hstack(vectors)
+    order = np.argsort(w.round(10), kind="stable")
+    return w[order], V[:, order]
+
+
+def spectral_radii(A: tmg.ToeplitzOperator, gammas: Array) -> Array:
+    """Return the spectral radius of I - M̄ A for each γ; only a multiple of I in M̄ depends on γ."""
+    M_bar = tmg.fft_rsm_preconditioner(A)
+    shifts = (gammas - M_bar.gamma)[:, np.newaxis, np.newaxis]
+    R = iteration_matrix(A, M_bar) - shifts * A.toarray()
+    return np.asarray(abs(np.linalg.eigvals(R)).max(axis=1))
+
+
+def row_sums(A: tmg.ToeplitzOperator) -> tuple[Array, Array]:
+    """Return the row sums of A⁻¹ and of M."""
+    M = tmg.fft_preconditioner(A)
+    return np.linalg.inv(A.toarray()).sum(axis=1), M.toarray().sum(axis=1)
+
+
+def table(columns: Mapping[str, ArrayLike]) -> list[Row]:
+    """Return named columns as rows; a shorter column ends in empty cells."""
+    arrays = [np.asarray(column).tolist() for column in columns.values()]
+    return [dict(zip(columns, row, strict=True)) for row in zip_longest(*arrays)]
+
+
+def subplots(columns: int, xlabel: str, ylabel: str, rows: int = 1) -> tuple[Figure, list[Axes]]:
+    """Return a figure and its panels."""
+    figure = Figure(figsize=(1.0 + 4.5 * columns, 0.4 + 3.6 * rows), layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False).flat)
+    for panel in axes:
+        panel.set(xlabel=xlabel, ylabel=ylabel)
+        panel.grid(alpha=0.3)
+    return figure, axes
+
+
+def plot_eigenvalues(axes: Axes, values: Array, label: str, style: dict[str, Any]) -> None:
+    """Plot eigenvalues in their order."""
+    axes.plot(ELEMENT, values, label=label, **style | {"linestyle": "none"})
+    axes.set(xlabel="index", ylabel="eigenvalue")
+
+
+def plot_application(axes: Axes, R: Array, v: Array, R_name: str, v_name: str) -> None:
+    """Plot a vector in red dots, and what R makes of it in blue circles."""
+    axes.plot(ELEMENT, v, label=f"${v_name}$", **DOTS)
+    axes.plot(ELEMENT, R @ v, label=f"${R_name}\\,{v_name}$", **CIRCLES)
+    axes.margins(y=0.18)
+    axes.legend(loc="upper center", ncols=2)
+
+
+def figure_03() -> Drawing:
+    """Draw columns of A⁻¹, and what the algorithm of the paper's Figure 4 makes of them."""
+    n = 16
+    A = unit_matrix(n)
+    inverse = np.linalg.inv(A.toarray())
+    figure, (left, right) = subplots(2, "element", "traction, for G = 1")
+    columns: dict[str, ArrayLike] = {"element": np.arange(1, 2 * n)}
+    for K, style in {1: "rD-", 3: "bo-", 8: "g^-", 12: "ks-"}.items():
+        u = np.concatenate([np.zeros(n - 1), np.eye(n)[K - 1]])
+        c, m = inverse[:, K - 1], fft.ifft(fft.fft(u) / fft.fft(A.lags)).real
+        for panel, y in ((left, c), (right, m)):
+            (line,) = panel.plot(np.arange(1, len(y) + 1), y, style, label=f"K = {K}")
+            line.set(markersize=5, markerfacecolor="none", linewidth=0.5)
+        columns |= {f"c^{K}": c, f"m^{K}": m}
+    right.axvline(n + 0.5, color="grey", linestyle="--", label="contact ends")
+    left.set_title("(a) columns $c^K$ of $A^{-1}$")
+    right.set_title("(b) coefficients $m^K$ by FFT")
+    for panel in (left, right):
+        panel.legend()
+    return figure, table(columns)
+
+
+def figure_06() -> Drawing:
+    """Draw the eigenvalues of I - M A, and the eigenvectors of the two below -1."""
+    A = unit_matrix(N)
+    values, vectors = eigenpairs(iteration_matrix(A, tmg.fft_preconditioner(A)))
+    figure, (left, right) = subplots(2, "element", "eigenvector")
+    plot_eigenvalues(left, values, "$R_F$", DOTS)
+    for k, style in enumerate((DOTS, CIRCLES)):
+        right.plot(ELEMENT, vectors[:, k], label=f"λ = {values[k]:.3f}", **style)
+    right.legend()
+    left.set_title("(a) eigenvalues of $R_F = I - MA$")
+    right.set_title("(b) the two problematic eigenvectors")
+    v_1, v_2 = vectors[:, :2].T
+    columns = {"element": ELEMENT, "eigenvalue": values, "v (λ₁)": v_1, "v (λ₂)": v_2}
+    return figure, table(columns)
+
+
+def figure_07() -> Drawing:
+    """Draw two Fourier modes before and after one application of I - M A."""
+    A = unit_matrix(N)
+    R = iteration_matrix(A, tmg.fft_preconditioner(A))
+    figure, axes = subplots(2, "element", "mode")
+    columns: dict[str, ArrayLike] = {"element": ELEMENT}
+    for panel, k, title in zip(axes, (2, 30), ("(a) smooth", "(b) oscillatory"), strict=True):
+        v = np.sin(k * np.pi * (ELEMENT - 0.5) / N)  # x from the left end; L is the whole width
+        plot_application(panel, R, v, "R_F", f"v_{{{k}}}")
+        panel.set_title(f"{title} mode $v_{{{k}}}$")
+        columns |= {f"v_{k}": v, f"R_F v_{k}": R @ v}
+    return figure, table(columns)
+
+
+def figure_09() -> Drawing:
+    """Draw the eigenvalues with the FFT and with the FFT+SD smoother."""
+    A = unit_matrix(N)
+    plain, _ = eigenpairs(iteration_matrix(A, tmg.fft_preconditioner(A)))
+    deflated, _ = eigenpairs(iteration_matrix(A, tmg.fft_sd_preconditioner(A)))
+    figure, (axes,) = subplots(1, "index", "eigenvalue")
+    plot_eigenvalues(axes, plain, "$R_F = I - MA$", DOTS)
+    plot_eigenvalues(axes, deflated, "$R_D = I - PMA$", CIRCLES)
+    axes.set_title("Eigenvalues with the FFT and FFT+SD smoothers")
+    axes.legend()
+    return figure, table({"index": ELEMENT, "R_F": plain, "R_D": deflated})
+
+
+def figure_10() -> Drawing:
+    """Draw the four leading eigenvectors with FFT+SD; the last two are the deflated constants."""
+    A = unit_matrix(N)
+    R = iteration_matrix(A, tmg.fft_sd_preconditioner(A))
+    values, vectors = eigenpairs(R)
+    figure, axes = subplots(2, "element", "eigenvector", rows=2)
+    columns: dict[str, ArrayLike] = {"element": ELEMENT}
+    for panel, letter, k in zip(axes, "abcd", (1, 0, -2, -1), strict=True):
+        v = vectors[:, k]
+        plot_application(panel, R, v, "R_D", "v")
+        panel.set(title=f"({letter}) λ = {values[k]:.4f}", ylim=(-0.85, 0.95))
+        columns |= {f"v ({letter})": v, f"R_D v ({letter})": R @ v}
+    return figure, table(columns)
+
+
+def figure_11() -> Drawing:
+    """Draw the row sums of A⁻¹ and of M."""
+    exact, approximate = row_sums(unit_matrix(N))
+    figure, (axes,) = subplots(1, "row", "row sum, for G = 1")
+    axes.plot(ELEMENT, exact, label="sum($A^{-1}$)", **DOTS)
+    axes.plot(ELEMENT, approximate, label="sum($M$)", **CIRCLES)
+    axes.set_title("Row sums of $A^{-1}$ and of $M$")
+    axes.legend()
+    return figure, table({"row": ELEMENT, "sum(A^-1)": exact, "sum(M)": approximate})
+
+
+def figure_12() -> Drawing:
+    """Draw the spectral radius of I - M̄ A over γ, and a closer look where it is smallest."""
+    A = unit_matrix(N)
+    gamma = tmg.fft_rsm_preconditioner(A).gamma
+    figure, axes = subplots(2, "γ", "spectral radius of $R_R$")
+    rows: list[Row] = []
+    for panel, letter, (low, high) in zip(axes, "ab", ((0.0, 0.15), (0.07, 0.1)), strict=True):
+        gammas = np.linspace(low, high, 151)
+        radii = spectral_radii(A, gammas)
+        panel.plot(gammas, radii, "b-")
+        panel.axvline(gamma, color="red", linestyle="--", label=f"Eq. 20: {gamma:.4f}")
+        panel.set_title(f"({letter}) γ in [{low:g}, {high:g}]")
+        panel.legend(loc="upper left")
+        rows += table({"panel": [letter] * len(gammas), "gamma": gammas, "spectral radius": radii})
+    return figure, rows
+
+
+def figure_13() -> Drawing:
+    """Draw the eigenvalues with FFT+RSM, and the eigenvectors of the lowest and the highest."""
+    A = unit_matrix(N)
+    R = iteration_matrix(A, tmg.fft_rsm_preconditioner(A))
+    values, vectors = eigenpairs(R)
+    figure, (left, *axes) = subplots(3, "element", "eigenvector")
+    plot_eigenvalues(left, values, "$R_R$", DOTS)
+    left.set_title("(a) eigenvalues of $R_R = I - \\bar{M}A$")
+    columns: dict[str, ArrayLike] = {"element": ELEMENT, "eigenvalue": values}
+    for panel, letter, k in zip(axes, "bc", (0, -1), strict=True):
+        v = vectors[:, k]
+        plot_application(panel, R, v, "R_R", "v")
+        panel.set_title(f"({letter}) λ = {values[k]:.4f}")
+        columns |= {f"v ({letter})": v, f"R_R v ({letter})": R @ v}
+    return figure, table(columns)
+
+
+def numbers() -> list[Row]:
+    """Return what can be compared: by the paper, by our first prototype, by this package."""
+    A = unit_matrix(N)
+    gamma = tmg.fft_rsm_preconditioner(A).gamma
+    gammas = np.linspace(0.08, 0.09, 1001)
+    radii = spectral_radii(A, gammas)
+    best = np.argmin(radii)
+    eigenvalues, _ = eigenpairs(iteration_matrix(A, tmg.fft_preconditioner(A)))
+    exact, approximate = row_sums(A)
+    measured = [
+        ("γ = min sum(M)", "0.0837", "0.08367", gamma),
+        ("ρ(I - M̄ A) at this γ", "", "0.4448", spectral_radii(A, np.array([gamma]))[0]),
+        ("best γ", "0.087", "0.087", gammas[best]),
+        ("ρ(I - M̄ A) at the best γ", "", "0.4416", radii[best]),
+        ("λ₁ of I - M A", "", "-3.819", eigenvalues[0]),
+        ("λ₂ of I - M A", "", "-1.062", eigenvalues[1]),
+        ("λ₃ of I - M A", "", "-0.0366", eigenvalues[2]),
+        ("sum(A⁻¹), edge", "", "0.2194", exact[0]),
+        ("sum(A⁻¹), centre", "", "0.0407", exact[N // 2]),
+        ("sum(M), edge", "", "2.181", approximate[0]),
+        ("sum(M), centre", "", "0.08367", approximate[N // 2]),
+    ]
+    return [
+        {"quantity": name, "paper": paper, "prototype": prototype, "here": f"{value:.4g}"}
+        for name, paper, prototype, value in measured
+    ]
+
+
+FIGURES: dict[int, Callable[[], Drawing]] = {
+    3: figure_03,
+    6: figure_06,
+    7: figure_07,
+    9: figure_09,
+    10: figure_10,
+    11: figure_11,
+    12: figure_12,
+    13: figure_13,
+}
+
+
+def main() -> None:
+    """Draw all figures, write their data and show the numbers."""
+    arguments = options(
+        "paper_figures",
+        f"{__doc__} Everything is {N} x 1 or smaller and takes seconds: --quick changes nothing.",
+    )
+    for number, draw in tqdm(FIGURES.items(), desc="figures"):
+        figure, rows = draw()
+        figure.savefig(arguments.output / f"figure_{number:02}.png", dpi=150)
+        write_csv(arguments.output / f"figure_{number:02}.csv", rows)
+    show(f"Test 1, {N} x 1, G = 1", numbers())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,175 @@
+"""Theorems of M, M̄, P M and the circulants, and what they refuse."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.sparse.linalg import cg
+
+import toeplitz_mg as tmg
+from tests.cases import checkered, contact, exponential
+from toeplitz_mg.contact.problems import test1, test2, test3
+
+ALL = [
+    tmg.fft_preconditioner,
+    tmg.fft_rsm_preconditioner,
+    tmg.fft_sd_preconditioner,
+    tmg.strang_preconditioner,
+    tmg.chan_preconditioner,
+]
+each = pytest.mark.parametrize("preconditioner", ALL, ids=lambda f: f.__name__)
+GRIDS = [(1,), (2,), (33,), (257,), (1000,), (12, 12), (7, 20), (64, 64)]
+
+
+@pytest.mark.parametrize("shape", GRIDS, ids=str)
+@pytest.mark.parametrize("with_mask", [False, True])
+def test_rsm_row_sums_are_constant(shape, with_mask):
+    A = tmg.ToeplitzOperator(contact(*shape))
+    if with_mask:
+        A = tmg.MaskedOperator(A, checkered(*shape))
+    M_bar = tmg.fft_rsm_preconditioner(A)
+    assert_allclose(M_bar @ np.ones(A.shape[0]), M_bar.gamma, rtol=1e-9)
+
+
+def test_gamma_is_that_of_the_whole_grid():
+    full = tmg.ToeplitzOperator(contact(100))
+    masked = tmg.MaskedOperator(full, np.arange(100) % 10 < 5)
+    gamma = tmg.fft_rsm_preconditioner(full).gamma
+    assert tmg.fft_rsm_preconditioner(masked).gamma == gamma
+    assert_allclose(gamma, (tmg.fft_preconditioner(full) @ np.ones(100)).min())
+
+
+@pytest.mark.parametrize("shape", GRIDS[:-1], ids=str)
+def test_deflated_subspace_is_lost_and_the_rest_kept(shape):
+    A = tmg.ToeplitzOperator(contact(*shape))
+    n = A.shape[0]
+    m = min(3, n)
+    PM = tmg.fft_sd_preconditioner(A, n_subdomains=m)
+    Z = np.zeros((n, m))
+    for j, part in enumerate(np.array_split(np.arange(n), m)):
+        Z[part, j] = 1.0
+    x = np.random.default_rng(0).standard_normal(n)
+    scale = abs(tmg.fft_preconditioner(A) @ x).max()
+    assert_allclose(Z.T @ (PM @ x) / scale, 0.0, atol=1e-9)
+    # I - P M A leaves Z as it is: eigenvalue 1 (paper, Figure 9).
+    assert_allclose(PM @ (A @ Z), 0.0, atol=1e-9)
+
+
+@each
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("n", [1009, 2**12])
+def test_symmetric_positive_definite_at_larger_sizes(preconditioner, n, dtype):
+    A = tmg.ToeplitzOperator(contact(n).astype(dtype))
+    M = preconditioner(A)
+    X = np.random.default_rng(0).standard_normal((n, 8)).astype(dtype)
+    G = X.T @ (M @ X)
+    if preconditioner is not tmg.fft_sd_preconditioner:
+        assert_allclose(G, G.T, rtol=1e-4 if dtype == np.float32 else 1e-10)
+        assert (np.diag(G) > 0).all()
+    assert G.dtype == dtype
+
+
+@pytest.mark.parametrize("problem", [test1(2048), test2(2048), test3(2048)], ids=lambda p: p.name)
+@pytest.mark.parametrize(
+    ("preconditioner", "most"),
+    [
+        (tmg.fft_preconditioner, {"test 1": 6, "test 2": 6, "test 3": 12}),
+        (tmg.fft_rsm_preconditioner, {"test 1": 10, "test 2": 10, "test 3": 12}),
+        (tmg.chan_preconditioner, {"test 1": 8, "test 2": 9, "test 3": 16}),
+        (tmg.strang_preconditioner, {"test 1": 9, "test 2": 9, "test 3": 16}),
+    ],
+    ids=lambda f: getattr(f, "__name__", ""),
+)
+def test_iterations_of_cg(problem, preconditioner, most):
+    iterates = []
+    x, info = cg(
+        problem.A, problem.b, M=preconditioner(problem.A), rtol=1e-8, callback=iterates.append
+    )
+    assert info == 0
+    assert np.linalg.norm(problem.b - problem.A @ x) <= 1.1e-8 * np.linalg.norm(problem.b)
+    assert len(iterates) <= most[problem.name]
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(1, 200), st.floats(0.05, 5.0), st.floats(0.0, 1.0), st.integers(0, 9))
+def test_whatever_is_built_is_positive_definite_or_refused(n, length, weight, seed):
+    """Random mixtures of covariances: no preconditioner for CG is silently indefinite."""
+    k = np.arange(n)
+    c = weight * np.exp(-k / length) + (1 - weight) / (1 + k) ** 1.5
+    c += 0.3 * np.random.default_rng(seed).standard_normal(n) / (1 + k)
+    A = tmg.ToeplitzOperator(c)
+    for preconditioner in ALL:
+        if preconditioner is tmg.fft_sd_preconditioner:
+            continue
+        try:
+            M = preconditioner(A) @ np.eye(n)
+        except np.linalg.LinAlgError as error:
+            assert "use " in str(error)
+        else:
+            eigenvalues = np.linalg.eigvalsh((M + M.T) / 2)
+            positive = eigenvalues.min() > 0
+            # M̄ may also be found indefinite by the eye of an indefinite A only.
+            assert positive or np.linalg.eigvalsh(A.toarray()).min() <= 0
+
+
+def test_chan_is_positive_definite_where_the_embeddings_are_not():
+    theta_squared = np.array([np.pi**2 / 3, *(2.0 * (-1.0) ** k / k**2 for k in range(1, 64))])
+    A = tmg.ToeplitzOperator(theta_squared)
+    with pytest.raises(np.linalg.LinAlgError, match=r"eigenvalue -.*use chan_preconditioner"):
+        tmg.fft_preconditioner(A)
+    for preconditioner in (tmg.fft_rsm_preconditioner, tmg.fft_sd_preconditioner):
+        with pytest.raises(np.linalg.LinAlgError, match="use chan_preconditioner"):
+            preconditioner(A)
+    assert np.linalg.eigvalsh(tmg.chan_preconditioner(A) @ np.eye(64)).min() > 0
+
+
+def test_circulants_refuse_what_is_not_positive():
+    with pytest.raises(np.linalg.LinAlgError, match=r"Strang's circulant has the eigenvalue -"):
+        tmg.strang_preconditioner(tmg.ToeplitzOperator([1.0, 0.7, 0.1, 0.0]))
+    with pytest.raises(np.linalg.LinAlgError, match=r"T. Chan's circulant .* use cg without M"):
+        tmg.chan_preconditioner(tmg.ToeplitzOperator([1.0, 2.0, 3.0]))
+
+
+@pytest.mark.parametrize("gamma", [0.0, -1.0, np.inf, np.nan])
+def test_rsm_refuses_gamma(gamma):
+    with pytest.raises(np.linalg.LinAlgError, match=f"gamma is {gamma:.3g}, but must be positive"):
+        tmg.fft_rsm_preconditioner(tmg.ToeplitzOperator(contact(8)), gamma=gamma)
+
+
+def test_rsm_refuses_row_sums_that_are_not_positive():
+    with pytest.raises(np.linalg.LinAlgError, match="gamma is -78.3"):
+        tmg.fft_rsm_preconditioner(tmg.ToeplitzOperator(np.exp(-np.arange(1024) / 1000)))
+
+
+def test_rsm_refuses_a_positive_gamma_that_leaves_it_indefinite():
+    theta = 2 * np.pi * np.arange(4096) / 4096
+    c = np.fft.ifft(np.minimum(theta, 2 * np.pi - theta) ** 3 + 0.01).real[:300]
+    with pytest.raises(np.linalg.LinAlgError, match="is not positive definite"):
+        tmg.fft_rsm_preconditioner(tmg.ToeplitzOperator(c))
+
+
+@pytest.mark.parametrize(("m", "error"), [(0, ValueError), (9, ValueError), (2.0, TypeError)])
+def test_deflation_refuses_numbers_of_subdomains(m, error):
+    with pytest.raises(error):
+        tmg.fft_sd_preconditioner(tmg.ToeplitzOperator(contact(8)), n_subdomains=m)
+
+
+@each
+def test_refuse_what_is_no_toeplitz_operator(preconditioner):
+    A = tmg.ToeplitzOperator(exponential(4))
+    for wrong in (np.eye(4), A @ A, A.toarray()):
+        with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
+            preconditioner(wrong)
+    with pytest.raises(ValueError, match="must be symmetric"):
+        preconditioner(tmg.ToeplitzOperator([4.0, 1.0], [4.0, 2.0]))
+
+
+@each
+def test_one_product_costs_one_work_unit_or_half(preconditioner):
+    A = tmg.ToeplitzOperator(contact(64))
+    M = preconditioner(A)
+    with tmg.count_products() as work:
+        M @ np.ones(64)
+    circulant = preconditioner in (tmg.strang_preconditioner, tmg.chan_preconditioner)
+    assert work.units(64) == (0.5 if circulant else 1.0)

@@ -1,0 +1,161 @@
+"""Toeplitz and masked operators: construction and what they refuse."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+from numpy.testing import assert_allclose
+
+import toeplitz_mg as tmg
+from tests.cases import checkered, dense_of_column, dense_of_lags, random_lags
+from toeplitz_mg.operators.masked import toeplitz_and_mask
+
+
+def test_is_scipys_toeplitz():
+    c, r = [3.0, 1.0, 2.0], [9.0, 4.0, 5.0]
+    assert np.array_equal(tmg.ToeplitzOperator(c).toarray(), scipy.linalg.toeplitz(c))
+    assert np.array_equal(tmg.ToeplitzOperator(c, r).toarray(), scipy.linalg.toeplitz(c, r))
+
+
+@pytest.mark.parametrize("shape", [(1,), (2,), (9,), (3, 4), (1, 5), (2, 3, 2)], ids=str)
+def test_toarray_is_the_definition(shape):
+    lags = random_lags(*shape)
+    A = tmg.ToeplitzOperator.from_lags(lags)
+    assert A.grid_shape == shape
+    assert np.array_equal(A.toarray(), dense_of_lags(lags))
+    assert np.array_equal(A.lags, lags)
+    c = np.abs(random_lags(*shape))[tuple(slice(n) for n in shape)]
+    A = tmg.ToeplitzOperator(c)
+    assert A.is_even
+    assert np.array_equal(A.c, c)
+    assert np.array_equal(A.toarray(), dense_of_column(c))
+    mask = checkered(*shape)
+    expected = dense_of_column(c)[np.ix_(mask.ravel(), mask.ravel())]
+    assert np.array_equal(tmg.MaskedOperator(A, mask).toarray(), expected)
+
+
+def test_knows_its_symmetry():
+    assert tmg.ToeplitzOperator([2.0, 1.0]).is_symmetric
+    assert tmg.ToeplitzOperator([2.0, 1.0], [2.0, 1.0]).is_even
+    assert not tmg.ToeplitzOperator([2.0, 1.0], [2.0, 0.0]).is_symmetric
+    lags = np.zeros((3, 3))
+    lags[0, 0] = lags[2, 2] = 1.0
+    A = tmg.ToeplitzOperator.from_lags(lags)
+    assert A.is_symmetric
+    assert not A.is_even
+
+
+@pytest.mark.parametrize("n", [4099, 2**14, 2**15 - 1, 2**17])
+def test_large_products(n):
+    """Against the definition, entry by entry, at a few rows."""
+    rng = np.random.default_rng(n)
+    lags, x = rng.standard_normal(2 * n - 1), rng.standard_normal(n)
+    y = tmg.ToeplitzOperator.from_lags(lags) @ x
+    for i in (0, 1, n // 3, n - 1):
+        expected = lags[i : i + n][::-1] @ x
+        assert abs(y[i] - expected) <= 1e-14 * np.log2(n) * np.linalg.norm(lags) * (x**2).sum() ** 0.5
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    arrays(
+        st.sampled_from([np.float64, np.float32, np.int64]),
+        array_shapes(max_dims=3, max_side=6),
+        elements=st.integers(-1000, 1000),
+    ),
+    st.integers(1, 3),
+)
+def test_any_coefficients(c, columns):
+    A = tmg.ToeplitzOperator(c)
+    X = np.random.default_rng(0).standard_normal((c.size, columns))
+    dense = dense_of_column(c.astype(float))
+    scale = max(abs(c).max(), 1) * c.size
+    assert_allclose(A @ X, dense @ X, atol=scale * (1e-13 if A.dtype == np.float64 else 1e-5))
+
+
+def test_keeps_a_copy_of_what_it_is_given():
+    c, mask = np.array([2.0, 1.0, 0.5]), np.array([True, False, True])
+    A = tmg.ToeplitzOperator(c)
+    B = tmg.MaskedOperator(A, mask)
+    c[:], mask[:] = 7.0, True
+    assert np.array_equal(A.c, [2.0, 1.0, 0.5])
+    assert B.shape == (2, 2)
+    with pytest.raises(ValueError, match="read-only"):
+        B.mask[0] = False
+
+
+@pytest.mark.parametrize(
+    ("values", "error", "match"),
+    [
+        ([], ValueError, r"shape \(0,\)"),
+        (3.0, ValueError, r"shape \(\)"),
+        (np.ones((3, 0)), ValueError, r"shape \(3, 0\)"),
+        ([1.0, np.nan], ValueError, r"coefficient nan at \(1,\)"),
+        ([[1.0, 2.0], [np.inf, 0.0]], ValueError, r"coefficient inf at \(1, 0\)"),
+        ([1.0, 1j], TypeError, "complex128"),
+        (["a"], TypeError, "dtype <U1"),
+        ([None], TypeError, "object"),
+    ],
+)
+def test_refuses_bad_coefficients(values, error, match):
+    with pytest.raises(error, match=f"c has .*{match}"):
+        tmg.ToeplitzOperator(values)
+    with pytest.raises(error, match=f"lags has .*{match}"):
+        tmg.ToeplitzOperator.from_lags(values)
+    with pytest.raises(error, match=f"r has .*{match}"):
+        tmg.ToeplitzOperator([1.0, 2.0], values)
+
+
+def test_refuses_lengths_that_do_not_match():
+    with pytest.raises(ValueError, match="c has 3 entries and r has 2"):
+        tmg.ToeplitzOperator([1.0, 2.0, 3.0], [1.0, 2.0])
+    with pytest.raises(ValueError, match="use ToeplitzOperator.from_lags"):
+        tmg.ToeplitzOperator(np.ones((2, 2)), np.ones((2, 2)))
+    with pytest.raises(ValueError, match="which is odd"):
+        tmg.ToeplitzOperator.from_lags(np.ones((3, 4)))
+
+
+@pytest.mark.parametrize(
+    ("mask", "error", "match"),
+    [
+        (np.ones(4, dtype=bool), ValueError, r"shape \(4,\), but A lives on the grid \(3,\)"),
+        (np.ones((3, 1), dtype=bool), ValueError, r"shape \(3, 1\)"),
+        (np.ones(3), TypeError, "dtype float64, but must be of booleans"),
+        ([0, 1, 2], TypeError, "dtype int64"),
+        ([False] * 3, ValueError, "nowhere true"),
+    ],
+)
+def test_refuses_bad_masks(mask, error, match):
+    with pytest.raises(error, match=match):
+        tmg.MaskedOperator(tmg.ToeplitzOperator([2.0, 1.0, 0.0]), mask)
+
+
+def test_a_mask_needs_an_operator_on_a_grid():
+    A = tmg.ToeplitzOperator([2.0, 1.0])
+    mask = [True, True]
+    for wrong in (np.eye(2), tmg.MaskedOperator(A, mask), 2 * A):
+        with pytest.raises(TypeError, match="needs an operator on a whole grid"):
+            tmg.MaskedOperator(wrong, mask)
+
+
+def test_preconditioners_need_a_symmetric_toeplitz_operator():
+    with pytest.raises(TypeError, match="A is a ndarray"):
+        toeplitz_and_mask(np.eye(2))
+    with pytest.raises(ValueError, match="must be symmetric"):
+        toeplitz_and_mask(tmg.ToeplitzOperator([2.0, 1.0], [2.0, 0.0]))
+
+
+def test_products_are_counted():
+    A = tmg.ToeplitzOperator(np.ones((4, 6)))
+    C = tmg.chan_preconditioner(tmg.ToeplitzOperator(0.5 ** np.arange(24)))
+    with tmg.count_products() as outer:
+        A @ np.ones(24)
+        with tmg.count_products() as inner:
+            A @ np.ones((24, 5))
+            A @ (1j * np.ones(24))
+        C @ np.ones(24)
+    A @ np.ones(24)
+    assert (inner.products, inner.units(24)) == (7, 7.0)
+    assert (outer.products, outer.units(24)) == (9, 8.5)
