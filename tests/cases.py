@@ -63,7 +63,10 @@ def dense_of_lags(lags):
     points = list(np.ndindex(shape))
     return np.array(
         [
-            [lags[tuple(a - b + n - 1 for a, b, n in zip(i, j, shape, strict=True))] for j in points]
+            [
+                lags[tuple(a - b + n - 1 for a, b, n in zip(i, j, shape, strict=True))]
+                for j in points
+            ]
             for i in points
         ]
     )
@@ -301,9 +304,7 @@ def _cycles():
         for pre, post, gamma in ((1, 1, 1), (1, 0, 1), (0, 1, 1), (2, 1, 1), (1, 1, 2), (0, 2, 2)):
             yield Case(
                 f"{'VW'[gamma - 1]}({pre},{post}) {name}",
-                applied(
-                    tmg.multigrid, toeplitz(c), pre=pre, post=post, gamma=gamma, coarsest=4
-                ),
+                applied(tmg.multigrid, toeplitz(c), pre=pre, post=post, gamma=gamma, coarsest=4),
                 lambda c=c, p=(pre, post, gamma): dense_cycle(c, smooth_rsm, *p, 4),
                 symmetric=pre == post,
                 positive=pre == post,

@@ -162,9 +162,7 @@ def test_the_bonded_flat_punch_converges_at_first_order():
     errors = []
     for n in (128, 512, 2048, 8192):
         h = 2 * a / n
-        A = tmg.ToeplitzOperator(
-            halfspace.line_contact_coefficients(n, h, G=G, nu=nu, reference=d)
-        )
+        A = tmg.ToeplitzOperator(halfspace.line_contact_coefficients(n, h, G=G, nu=nu, reference=d))
         p, info = tmg.richardson(A, np.full(n, u), M=tmg.multigrid(A, pre=0), rtol=1e-12)
         assert info == 0
         x = -a + h * (np.arange(n) + 0.5)

@@ -61,8 +61,10 @@ def test_symmetric_operators_are_their_own_adjoint(case):
         assert_near(dense, dense.T)
     else:
         dense = case.dense()
-        assert A.shape == (1, 1) or case.name.startswith(("P M", "A general masked")) or (
-            abs(dense - dense.T).max() > 1e-6 * abs(dense).max()
+        assert (
+            A.shape == (1, 1)
+            or case.name.startswith(("P M", "A general masked"))
+            or (abs(dense - dense.T).max() > 1e-6 * abs(dense).max())
         )
 
 

@@ -104,13 +104,11 @@ def test_whatever_is_built_is_positive_definite_or_refused(n, length, weight, se
             continue
         try:
             M = preconditioner(A) @ np.eye(n)
-        except np.linalg.LinAlgError as error:
-            assert "use " in str(error)
-        else:
-            eigenvalues = np.linalg.eigvalsh((M + M.T) / 2)
-            positive = eigenvalues.min() > 0
-            # M̄ may also be found indefinite by the eye of an indefinite A only.
-            assert positive or np.linalg.eigvalsh(A.toarray()).min() <= 0
+        except np.linalg.LinAlgError:
+            continue
+        positive = np.linalg.eigvalsh((M + M.T) / 2).min() > 0
+        # Lanczos's method in the inner product of A can only see where A has one.
+        assert positive or np.linalg.eigvalsh(A.toarray()).min() <= 0
 
 
 def test_chan_is_positive_definite_where_the_embeddings_are_not():
@@ -138,7 +136,7 @@ def test_rsm_refuses_gamma(gamma):
 
 
 def test_rsm_refuses_row_sums_that_are_not_positive():
-    with pytest.raises(np.linalg.LinAlgError, match="gamma is -78.3"):
+    with pytest.raises(np.linalg.LinAlgError, match=r"gamma is -78\.3"):
         tmg.fft_rsm_preconditioner(tmg.ToeplitzOperator(np.exp(-np.arange(1024) / 1000)))
 
 

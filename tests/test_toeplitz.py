@@ -55,7 +55,9 @@ def test_large_products(n):
     y = tmg.ToeplitzOperator.from_lags(lags) @ x
     for i in (0, 1, n // 3, n - 1):
         expected = lags[i : i + n][::-1] @ x
-        assert abs(y[i] - expected) <= 1e-14 * np.log2(n) * np.linalg.norm(lags) * (x**2).sum() ** 0.5
+        assert (
+            abs(y[i] - expected) <= 1e-14 * np.log2(n) * np.linalg.norm(lags) * (x**2).sum() ** 0.5
+        )
 
 
 @settings(deadline=None, max_examples=60)
@@ -111,7 +113,7 @@ def test_refuses_bad_coefficients(values, error, match):
 def test_refuses_lengths_that_do_not_match():
     with pytest.raises(ValueError, match="c has 3 entries and r has 2"):
         tmg.ToeplitzOperator([1.0, 2.0, 3.0], [1.0, 2.0])
-    with pytest.raises(ValueError, match="use ToeplitzOperator.from_lags"):
+    with pytest.raises(ValueError, match=r"use ToeplitzOperator\.from_lags"):
         tmg.ToeplitzOperator(np.ones((2, 2)), np.ones((2, 2)))
     with pytest.raises(ValueError, match="which is odd"):
         tmg.ToeplitzOperator.from_lags(np.ones((3, 4)))

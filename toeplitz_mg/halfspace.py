@@ -228,9 +228,7 @@ def influence_xy(
     return np.asarray(nu * xy / (np.pi * G))
 
 
-def line_contact_coefficients(
-    n: int, h: float, *, G: float, nu: float, reference: float
-) -> Array:
+def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, reference: float) -> Array:
     """Return the plane-strain coefficients of n strips of width h, of infinite length.
 
     Normal or tangential: u(x) = 2(1-ν)/(πG) ∫ p(ξ) ln(d/|x-ξ|) dξ, for two bodies.
@@ -393,5 +391,3 @@ def _material(G: float, nu: float) -> Material:
     if not -1.0 < nu <= 0.5:
         raise ValueError(f"nu is {nu}, but Poisson's ratio lies in (-1, 0.5]")
     return Material(float(G), float(nu))
-
-

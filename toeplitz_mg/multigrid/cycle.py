@@ -1,5 +1,6 @@
 """The multigrid cycle, written once, as a linear operator."""
 
+from functools import partial
 from operator import index
 from typing import Any
 
@@ -11,6 +12,7 @@ from toeplitz_mg.multigrid.border import Border
 from toeplitz_mg.multigrid.hierarchy import Level, Smoother, build_levels
 from toeplitz_mg.multigrid.transfer import Coarsening, galerkin
 from toeplitz_mg.operators import apply_to_rows, as_rows
+from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.preconditioners import fft_rsm_preconditioner
 
 Array = NDArray[Any]
@@ -38,11 +40,9 @@ class Multigrid(LinearOperator):
         self.post = post
         self.gamma = gamma
         # From the coarsest up: the border of a level needs the cycle of the next coarser one.
-        borders: list[Border | None] = [None] * len(levels)
-        self._borders = borders
+        self._borders: list[Border | None] = [None] * len(levels)
         for k in reversed(range(len(levels) - 1)):
-            borders[k] = Border.of(levels[k], lambda V, k=k: self._solve_coarse(k, V))
-        self._borders = tuple(borders)
+            self._borders[k] = Border.of(levels[k], partial(self._solve_coarse, k))
 
     def _matvec(self, b: Array) -> Array:
         b = as_rows(b, self.shape[1])
@@ -225,4 +225,5 @@ def multigrid(
             raise ValueError(f"{name} is {value}, but must be at least {least}")
     if pre + post == 0:
         raise ValueError("pre and post are both 0, but a cycle must smooth at least once")
+    toeplitz_and_mask(A)  # or it says what is wrong
     return Multigrid(build_levels(A, smoother, coarsest, coarsen), pre, post, gamma)

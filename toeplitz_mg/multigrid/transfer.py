@@ -52,8 +52,9 @@ def galerkin(A: LinearOperator) -> LinearOperator:
     """
     full, mask = toeplitz_and_mask(A)
     lags = full.lags
-    for level, (n, m) in enumerate(zip(full.grid_shape, coarse_shape(full.grid_shape), strict=True)):
+    for level, n in enumerate(full.grid_shape):
         if n > 1:
+            m = n // 2
             # The window of coarse lag k is 2k-1, 2k, 2k+1; the first is at k = -(m - 1).
             first = np.arange(2 * m - 1) * 2 + n - 2 * m
             left, centre, right = (np.take(lags, first + j, axis=level) for j in range(3))
@@ -158,9 +159,9 @@ def _on_grid(x: Array, mask: Array | None, shape: tuple[int, ...]) -> Array:
 def _pairs(grid: Array, rows: int = 0) -> Array:
     """Split each level of the grid of each row into (pair, element of the pair)."""
     shape = grid.shape[rows:]
-    cut = tuple(slice(n - n % 2 if n > 1 else 1) for n in shape)
+    cut: Any = (..., *(slice(n - n % 2 if n > 1 else 1) for n in shape))
     split = [k for n in shape for k in (max(n // 2, 1), min(n, 2))]
-    return grid[(..., *cut)].reshape(*grid.shape[:rows], *split)
+    return np.asarray(grid[cut]).reshape(*grid.shape[:rows], *split)
 
 
 def _pair_axes(shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -170,16 +171,12 @@ def _pair_axes(shape: tuple[int, ...]) -> tuple[int, ...]:
 def _spread(coarse: Array, shape: tuple[int, ...]) -> Array:
     """Copy the coarse grid of each row to the fine grid of `shape`; zero where none covers."""
     rows = coarse.ndim - len(shape)
+    for level, n in enumerate(shape):
+        if n > 1:
+            coarse = np.repeat(coarse, 2, axis=rows + level)
+    if coarse.shape[rows:] == shape:
+        return coarse
     fine = np.zeros(coarse.shape[:rows] + shape, dtype=coarse.dtype)
-    pairs = _pairs(fine, rows)  # a view where the grid is even, and where it has one level
-    expand = coarse.reshape(
-        *coarse.shape[:rows], *(k for m in coarse.shape[rows:] for k in (m, 1))
-    )
-    if np.shares_memory(pairs, fine):
-        pairs[...] = expand
-        return fine
-    cut = tuple(slice(n - n % 2 if n > 1 else 1) for n in shape)
-    fine[(..., *cut)] = np.broadcast_to(expand, pairs.shape).reshape(
-        *coarse.shape[:rows], *(s.stop for s in cut)
-    )
+    covered: Any = (..., *(slice(n) for n in coarse.shape[rows:]))
+    fine[covered] = coarse
     return fine

@@ -1,0 +1,236 @@
+"""The methods of the benchmark: each sets itself up for a problem and returns its solve.
+
+P M (SD) is singular and not symmetric: no Krylov method with it alone can reach the solution,
+and CG may not use it at all. So it stands here as the paper uses it, as the smoother of V(0,1),
+which is not symmetric either (and V(1,1) with it diverges): there is no "CG + SD".
+
+Names without CG are stationary: M and M̄ by Richardson iteration, V(0,1) likewise, pyamg by its
+own. Where pyamg preconditions CG, the matrix of CG is the full one, with the fast product; its
+hierarchy is built from the dense matrix or from a copy with 16 off-diagonals on each side.
+pyamg starts some estimates at random: its iterations vary a little from run to run.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pyamg
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, cholesky_banded, solve_toeplitz, toeplitz
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.linalg import LinearOperator, cg
+
+import toeplitz_mg as tmg
+from toeplitz_mg.contact.problems import Problem
+
+Array = NDArray[Any]
+Solve = Callable[[], tuple[Array, int | None]]  # x and the iterations, None for a direct method
+Method = Callable[[Problem], Solve]
+Preconditioner = Callable[[LinearOperator], LinearOperator | None]
+Explanation = Callable[[Problem], str]
+
+TOLERANCE = 1e-8
+MAXITER = 3000
+MAXCYCLES = 300  # of algebraic multigrid alone, where one costs several dense products
+DENSE_BYTES = 4e9  # a matrix larger than this is not even begun
+BANDWIDTH = 16  # off-diagonals on each side that the banded copy keeps
+
+
+def no_reason(problem: Problem) -> str:
+    """Leave it at the numbers."""
+    return ""
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A method with its name in tables.
+
+    Attributes
+    ----------
+    name : str
+    method : callable
+        Maps a problem to its solve; the call is the set-up.
+    ours : bool
+        Whether it is of this package, other than as a baseline.
+    counted : bool
+        Whether its work is products with Toeplitz matrices and circulants, so that the products
+        counted are all of it.
+    explain : callable
+        Maps a problem on which the method did not converge to the reason, or to nothing.
+    """
+
+    name: str
+    method: Method
+    ours: bool = False
+    counted: bool = True
+    explain: Explanation = no_reason
+
+
+def column_and_mask(A: LinearOperator) -> tuple[Array, Array]:
+    """Return the first column of the Toeplitz matrix and the mask of the unknowns."""
+    if isinstance(A, tmg.MaskedOperator):
+        return A.full.c, A.mask
+    return A.c, np.ones(A.shape[0], dtype=bool)
+
+
+def dense(A: LinearOperator) -> Array:
+    """Return the dense matrix, unless it is too large."""
+    column, mask = column_and_mask(A)
+    refuse_above_limit(8.0 * len(column) ** 2)
+    matrix = toeplitz(column)
+    return np.asarray(matrix if mask.all() else matrix[np.ix_(mask, mask)])
+
+
+def dense_csr(A: LinearOperator) -> csr_array:
+    """Return the dense matrix in sparse format, unless it is too large."""
+    refuse_above_limit(12.0 * A.shape[0] ** 2)
+    return csr_array(dense(A))
+
+
+def banded_csr(A: LinearOperator) -> csr_array:
+    """Return the matrix without the coefficients beyond the lag `BANDWIDTH`."""
+    column, mask = column_and_mask(A)
+    lags = np.arange(-BANDWIDTH, BANDWIDTH + 1)
+    band = diags_array(column[abs(lags)], offsets=lags, shape=(len(column), len(column)))
+    matrix = band.tocsr()
+    return matrix if mask.all() else matrix[mask][:, mask]
+
+
+def refuse_above_limit(size: float) -> None:
+    """Raise where a matrix of `size` bytes is more than `DENSE_BYTES`."""
+    if size > DENSE_BYTES:
+        raise MemoryError(f"the matrix takes {size / 1e9:.3g} GB, the limit is {DENSE_BYTES / 1e9}")
+
+
+def cholesky(problem: Problem) -> Solve:
+    """Factorise the dense matrix."""
+    # The transpose is in Fortran order, in which LAPACK overwrites it instead of a copy.
+    factor = cho_factor(dense(problem.A).T, overwrite_a=True, check_finite=False)
+    return lambda: (cho_solve(factor, problem.b, check_finite=False), None)
+
+
+def levinson(problem: Problem) -> Solve:
+    """Solve by SciPy's Levinson recursion, which has nothing to set up."""
+    column, mask = column_and_mask(problem.A)
+    if not mask.all():
+        raise TypeError("a Toeplitz matrix on a mask is not a Toeplitz matrix")
+    return lambda: (solve_toeplitz(column, problem.b, check_finite=False), None)
+
+
+def iterate(solver: Any, preconditioner: Preconditioner, problem: Problem) -> Solve:
+    """Iterate by `cg` or `richardson` on the fast product, with a preconditioner of A."""
+    M = preconditioner(problem.A)
+
+    def solve() -> tuple[Array, int]:
+        steps: list[None] = []
+        x, _ = solver(
+            problem.A,
+            problem.b,
+            M=M,
+            rtol=TOLERANCE,
+            maxiter=MAXITER,
+            callback=lambda xk: steps.append(None),
+        )
+        return x, len(steps)
+
+    return solve
+
+
+def paper_sd(problem: Problem) -> Solve:
+    """Iterate by V(0,1) with P M as smoother, on the paper's coarse grids down to 2 elements.
+
+    With a coarsest grid of 256 elements it diverges in test 2 from n = 2¹⁶ on, with `galerkin`
+    besides in test 1 from 2¹⁸ on.
+    """
+
+    def cycle(A: LinearOperator) -> LinearOperator:
+        coarsen = tmg.rediscretised(problem.operator_of_grid_shape)
+        smoother = tmg.fft_sd_preconditioner
+        return tmg.multigrid(A, smoother=smoother, pre=0, post=1, coarsest=2, coarsen=coarsen)
+
+    return iterate(tmg.richardson, cycle, problem)
+
+
+def algebraic(build: Any, problem: Problem) -> Solve:
+    """Solve by algebraic multigrid alone, on the dense matrix in sparse format."""
+    hierarchy = build(dense_csr(problem.A))
+
+    def solve() -> tuple[Array, int]:
+        residuals: list[float] = []
+        x = hierarchy.solve(problem.b, tol=TOLERANCE, maxiter=MAXCYCLES, residuals=residuals)
+        return x, len(residuals) - 1
+
+    return solve
+
+
+def nothing(A: LinearOperator) -> None:
+    """Precondition by nothing."""
+
+
+def algebraic_cycle(build: Any, sparse_copy: Any, A: LinearOperator) -> LinearOperator:
+    """Precondition by a cycle of algebraic multigrid for a sparse copy of the matrix."""
+    return build(sparse_copy(A)).aspreconditioner()
+
+
+def why_m_diverges(problem: Problem) -> str:
+    """Say what the paper's §3.2 says."""
+    return "I - M A has eigenvalues below -1"
+
+
+def why_sd_diverges(problem: Problem) -> str:
+    """Say where the paper has no SD."""
+    masked = isinstance(problem.A, tmg.MaskedOperator)
+    return "the paper has SD on a whole grid only" if masked else ""
+
+
+def why_band_fails(problem: Problem) -> str:
+    """Say whether the banded copy is positive definite, as CG needs it."""
+    column, _ = column_and_mask(problem.A)
+    width = min(BANDWIDTH + 1, len(column))
+    try:
+        cholesky_banded(np.tile(column[:width, np.newaxis], len(column)), lower=True)
+    except np.linalg.LinAlgError:
+        return "the banded copy is not positive definite"
+    return "the banded copy is positive definite, but far from A"
+
+
+aggregation, classical = pyamg.smoothed_aggregation_solver, pyamg.ruge_stuben_solver
+v01 = partial(tmg.multigrid, pre=0, post=1)
+v11 = partial(tmg.multigrid, pre=1, post=1)
+
+
+def cg_algebraic(
+    name: str, build: Any, sparse_copy: Any, explain: Explanation = no_reason
+) -> Contender:
+    """Return CG on the full matrix with algebraic multigrid for a sparse copy of it."""
+    method = partial(iterate, cg, partial(algebraic_cycle, build, sparse_copy))
+    return Contender(name, method, counted=False, explain=explain)
+
+
+CONTENDERS = (
+    Contender("dense Cholesky", cholesky, counted=False),
+    Contender("solve_toeplitz", levinson, counted=False),
+    Contender("CG", partial(iterate, cg, nothing)),
+    Contender("CG + Strang", partial(iterate, cg, tmg.strang_preconditioner)),
+    Contender("CG + T. Chan", partial(iterate, cg, tmg.chan_preconditioner)),
+    Contender("pyamg SA", partial(algebraic, aggregation), counted=False),
+    Contender("pyamg RS", partial(algebraic, classical), counted=False),
+    cg_algebraic("CG + pyamg SA", aggregation, dense_csr),
+    cg_algebraic("CG + pyamg RS", classical, dense_csr),
+    cg_algebraic("CG + pyamg SA, banded", aggregation, banded_csr, why_band_fails),
+    cg_algebraic("CG + pyamg RS, banded", classical, banded_csr, why_band_fails),
+    Contender(
+        "M",
+        partial(iterate, tmg.richardson, tmg.fft_preconditioner),
+        ours=True,
+        explain=why_m_diverges,
+    ),
+    Contender("CG + M", partial(iterate, cg, tmg.fft_preconditioner), ours=True),
+    Contender("M̄", partial(iterate, tmg.richardson, tmg.fft_rsm_preconditioner), ours=True),
+    Contender("CG + M̄", partial(iterate, cg, tmg.fft_rsm_preconditioner), ours=True),
+    Contender("V(0,1), SD", paper_sd, ours=True, explain=why_sd_diverges),
+    Contender("V(0,1)", partial(iterate, tmg.richardson, v01), ours=True),
+    Contender("CG + V(1,1)", partial(iterate, cg, v11), ours=True),
+)

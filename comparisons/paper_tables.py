@@ -1,0 +1,197 @@
+"""Tables I-IX of the paper: ours beside its legible cells, work units counted."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator
+from tqdm import tqdm
+
+import toeplitz_mg as tmg
+from comparisons.report import Row, options, show, write_csv
+from toeplitz_mg.contact import problems, published
+
+TESTS = {1: problems.test1, 2: problems.test2, 3: problems.test3}
+CYCLES = {"V(1,1)": (1, 1), "V(1,0)": (1, 0), "V(0,1)": (0, 1)}
+Smoother = Callable[[LinearOperator], LinearOperator]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One cell of a table."""
+
+    test: int
+    method: str
+    log_n: int
+    iterations: int
+    factor: float
+    work_units: float
+    converged: bool
+    paper: published.Published | None
+
+    def row(self) -> Row:
+        """The cell as a row of the CSV file."""
+        return {
+            "test": self.test,
+            "method": self.method,
+            "n": 2**self.log_n,
+            "iterations": self.iterations,
+            "factor": f"{self.factor:.4f}",
+            "work_units": f"{self.work_units:.1f}",
+            "converged": self.converged,
+            "paper_iterations": self.paper.iterations if self.paper else "",
+            "paper_factor": self.paper.factor if self.paper else "",
+        }
+
+
+def papers_cycle(problem: problems.Problem, cycle: str, smoother: Smoother) -> LinearOperator:
+    """The cycle as in the paper: coarse grids discretised anew, down to 2 x 1."""
+    pre, post = CYCLES[cycle]
+    return tmg.multigrid(
+        problem.A,
+        smoother=smoother,
+        pre=pre,
+        post=post,
+        coarsest=2,
+        coarsen=tmg.rediscretised(problem.operator_of_grid_shape),
+    )
+
+
+def measure(
+    test: int,
+    method: str,
+    log_n: int,
+    build: Callable[[problems.Problem], LinearOperator],
+    paper: published.Published | None,
+) -> Run:
+    """Solve as in §5: random guess, ‖r‖/‖u‖ ≤ 1e-8; factor (‖r_k‖/‖r_0‖)^(1/k)."""
+    problem = TESTS[test](2**log_n)
+    M = build(problem)
+    guess = np.random.default_rng(0).random(len(problem.b))
+    first = np.linalg.norm(problem.b - problem.A @ guess)
+    steps: list[Any] = []
+    with tmg.count_products() as work:
+        x, info = tmg.richardson(
+            problem.A, problem.b, guess, M=M, rtol=1e-8, maxiter=200, callback=steps.append
+        )
+    last = np.linalg.norm(problem.b - problem.A @ x)
+    factor = float((last / first) ** (1 / len(steps)))
+    units = work.units(2**log_n)
+    return Run(test, method, log_n, len(steps), factor, units, info == 0, paper)
+
+
+def spectral_radii(cycle: str) -> Iterator[tuple[int, float]]:
+    """Table I: ρ(I - B A) of the cycle B with the plain FFT smoother."""
+    for n in published.SPECTRAL_RADII[cycle]:
+        problem = problems.test1(n)
+        B = papers_cycle(problem, cycle, tmg.fft_preconditioner)
+        iteration = np.eye(n) - B @ problem.A.toarray()
+        yield n, float(np.abs(np.linalg.eigvals(iteration)).max())
+
+
+def table_of(runs: list[Run]) -> list[Row]:
+    """Two rows a method, ours and the paper's: iterations (convergence factor)."""
+    rows = []
+    for test, method in dict.fromkeys((run.test, run.method) for run in runs):
+        ours: Row = {"": f"test {test} {method}, ours"}
+        theirs: Row = {"": "the paper"}
+        for run in runs:
+            if (run.test, run.method) == (test, method):
+                column = f"2^{run.log_n}"
+                ours[column] = (
+                    f"{run.iterations} ({run.factor:.4f})" if run.converged else "diverges"
+                )
+                theirs[column] = (
+                    f"{run.paper.iterations} ({run.paper.factor:.4f})" if run.paper else ""
+                )
+        rows += [ours, theirs]
+    return rows
+
+
+def work_table(runs: list[Run]) -> list[Row]:
+    """Table VI and the work of the solver: ours counted, the paper's for n = 2^20."""
+    rows: list[Row] = []
+    for run in runs:
+        key = (run.test, "solver" if run.method == "solver" else run.method)
+        rows.append(
+            {
+                "test": run.test,
+                "method": run.method,
+                "n": f"2^{run.log_n}",
+                "iterations": run.iterations,
+                "work units, counted": f"{run.work_units:.1f}",
+                "the paper": published.WORK_UNITS[key] if run.log_n == 20 else "",
+            }
+        )
+    return rows
+
+
+def main() -> None:
+    """Run all tables."""
+    arguments = options("paper_tables", __doc__ or "")
+    sizes = range(10, 14) if arguments.quick else range(15, 21)
+
+    rows: list[Row] = []
+    for cycle, paper in published.SPECTRAL_RADII.items():
+        radii = dict(spectral_radii(cycle))
+        rows.append({"": f"{cycle}, ours"} | {f"n = {n}": f"{r:.3g}" for n, r in radii.items()})
+        rows.append({"": "the paper"} | {f"n = {n}": f"{r:.3g}" for n, r in paper.items()})
+    show("Table I. Spectral radii with the FFT smoother", rows)
+    write_csv(arguments.output / "table_1.csv", rows)
+
+    rsm, sd = tmg.fft_rsm_preconditioner, tmg.fft_sd_preconditioner
+    # Table: title, smoother, published cells, tests, cycles.
+    cycles: dict[str, tuple[str, Smoother, dict[tuple[int, str], published.Column], int]] = {
+        "2": ("Table II. FFT+SD smoother, test 1", sd, published.DEFLATION, 1),
+        "3": ("Table III. FFT+SD smoother, test 2", sd, published.DEFLATION, 2),
+        "4": ("Table IV. FFT+RSM smoother, test 1", rsm, published.ROW_SUM, 1),
+        "5": ("Table V. FFT+RSM smoother, test 2", rsm, published.ROW_SUM, 2),
+        "8": ("Table VIII. FFT+RSM smoother, test 3", rsm, published.ROW_SUM, 3),
+    }
+    tables: dict[str, tuple[str, list[Run]]] = {}
+    with tqdm(total=(len(cycles) * len(CYCLES) + len(TESTS)) * len(sizes), unit="run") as bar:
+        for number, (title, smoother, cells, test) in cycles.items():
+            tables[number] = (title, [])
+            for cycle in CYCLES:
+                for log_n in sizes:
+                    paper_cell = cells.get((test, cycle), {}).get(log_n)
+                    tables[number][1].append(
+                        measure(
+                            test,
+                            cycle,
+                            log_n,
+                            partial(papers_cycle, cycle=cycle, smoother=smoother),
+                            paper_cell,
+                        )
+                    )
+                    bar.update()
+        for number, title, tests in (
+            ("7", "Table VII. FFT+RSM as a solver", (1, 2)),
+            ("9", "Table IX. FFT+RSM as a solver, test 3", (3,)),
+        ):
+            tables[number] = (title, [])
+            for test in tests:
+                for log_n in sizes:
+                    paper_cell = published.SOLVER[test].get(log_n)
+                    tables[number][1].append(
+                        measure(test, "solver", log_n, lambda p: rsm(p.A), paper_cell)
+                    )
+                    bar.update()
+    for number, (title, runs) in sorted(tables.items()):
+        show(f"{title}: iterations (convergence factor)", table_of(runs))
+        write_csv(arguments.output / f"table_{number}.csv", [run.row() for run in runs])
+    largest = [
+        run
+        for number in ("4", "5", "8", "7", "9")
+        for run in tables[number][1]
+        if run.log_n == sizes[-1]
+    ]
+    work = work_table(largest)
+    show("Table VI, and the work of §5.3 and §5.4. Work units", work)
+    write_csv(arguments.output / "table_6.csv", work)
+
+
+if __name__ == "__main__":
+    main()

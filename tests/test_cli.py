@@ -1,0 +1,250 @@
+"""The command line: what it prints, writes and refuses."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import toeplitz_mg as tmg
+from tests.cases import contact
+from toeplitz_mg import output
+from toeplitz_mg.cli import main
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A system of 300 unknowns in files."""
+    np.save(tmp_path / "c.npy", contact(300))
+    np.save(tmp_path / "b.npy", np.linspace(-1.0, 2.0, 300))
+    np.save(tmp_path / "mask.npy", np.arange(300) % 50 < 40)
+    return tmp_path
+
+
+def solve(files, *options, column="c.npy", rhs="b.npy", x="x.npy"):
+    names = [str(files / name) for name in (column, rhs)]
+    return main(["solve", *names, "-o", str(files / x), *options])
+
+
+def figures(printed):
+    """Iterations, factor and work units of a line `this run` or `the paper`."""
+    lines = {line[:12].strip(): line[12:].split() for line in printed.splitlines()}
+    return lines["this run"], lines.get("the paper")
+
+
+def test_the_papers_problem_and_its_convergence(capsys):
+    assert main(["-n", "65536"]) == 0
+    printed = capsys.readouterr().out
+    assert "<Multigrid V(0,1) RowSumModified  65536 > 32768" in printed
+    ours, papers = figures(printed)
+    assert int(ours[0]) <= 5
+    assert papers == ["5", "0.0231"]
+    shown = [float(line.split()[1]) for line in printed.splitlines() if line[:10].strip().isdigit()]
+    assert shown == sorted(shown, reverse=True)
+    assert shown[-1] <= 1e-8
+    # The products of the display are not counted: at most 5 work units a cycle.
+    assert 4.9 * int(ours[0]) <= float(ours[2]) <= 5 * int(ours[0])
+
+
+def test_the_main_job_of_a_million_unknowns(capsys):
+    assert main([]) == 0
+    ours, papers = figures(capsys.readouterr().out)
+    assert int(ours[0]) <= 4
+    assert float(ours[2]) <= 20.0
+    assert papers[:3] == ["4", "29", "20"]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--test", "2"],
+        ["--test", "3", "--solver", "richardson"],
+        ["--solver", "cg"],
+        ["--solver", "cg", "--preconditioner", "fft"],
+        ["--solver", "cg", "--preconditioner", "fft-rsm", "--rtol", "1e-10"],
+        ["--solver", "cg", "--preconditioner", "strang", "--test", "3"],
+        ["--solver", "cg", "--preconditioner", "chan"],
+        ["--solver", "cg", "--preconditioner", "none", "--maxiter", "2000"],
+        ["--cycle", "W(1,1)", "--seed", "3"],
+        ["--cycle", "V(1, 0)", "--smoother", "fft-sd"],
+        ["--solver", "richardson", "--preconditioner", "multigrid"],
+    ],
+    ids=" ".join,
+)
+def test_options(options, capsys):
+    assert main(["-n", "500", *options]) == 0
+    assert "converged: residual" in capsys.readouterr().out
+
+
+def test_not_converged_is_status_one(capsys, files):
+    assert main(["-n", "500", "--maxiter", "1"]) == 1
+    assert "NOT CONVERGED" in capsys.readouterr().out
+    assert solve(files, "--solver", "richardson", "--preconditioner", "fft") == 1
+    assert not (files / "x.npy").exists()
+
+
+def test_solves_a_system_of_ones_own(files):
+    A = tmg.ToeplitzOperator(contact(300))
+    b = np.linspace(-1.0, 2.0, 300)
+    assert solve(files, "--rtol", "1e-10") == 0
+    assert_allclose(A @ np.load(files / "x.npy"), b, atol=1e-8)
+    assert sorted(p.name for p in files.iterdir()) == ["b.npy", "c.npy", "mask.npy", "x.npy"]
+
+
+def test_solves_on_a_mask(files):
+    mask = np.load(files / "mask.npy")
+    A = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(300)), mask)
+    b = np.linspace(-1.0, 2.0, 300)
+    options = ["--mask", str(files / "mask.npy"), "--solver", "cg"]
+    assert solve(files, *options) == 0
+    x = np.load(files / "x.npy")
+    assert x.shape == (300,)
+    assert not x[~mask].any()
+    assert_allclose(A @ x[mask], b[mask], atol=1e-7)
+    np.save(files / "short.npy", b[mask])
+    assert solve(files, *options, rhs="short.npy", x="y.npy") == 0
+    assert np.array_equal(np.load(files / "y.npy"), x[mask])
+
+
+def test_solves_on_a_grid_of_two_levels(files):
+    np.save(files / "c2.npy", contact(20, 30))
+    np.save(files / "b2.npy", np.ones((20, 30)))
+    assert solve(files, column="c2.npy", rhs="b2.npy") == 0
+    A = tmg.ToeplitzOperator(contact(20, 30))
+    assert_allclose(A @ np.load(files / "x.npy"), 1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_tiny_problems(n):
+    assert main(["-n", str(n)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["-n", "0"], "n is 0, but must be at least 1"),
+        (["--rtol", "0"], "--rtol is 0.0"),
+        (["--rtol", "nan"], "--rtol is nan"),
+        (["--maxiter", "0"], "--maxiter is 0"),
+        (["--cycle", "X"], "--cycle is X, but must be like V(0,1)"),
+        (["--cycle", "V(0,0)"], "must smooth at least once"),
+        (["--solver", "cg", "--cycle", "V(0,1)"], "cg needs a symmetric preconditioner"),
+        (["--solver", "cg", "--preconditioner", "fft-sd"], "cg needs a symmetric"),
+        (["--preconditioner", "fft"], "--preconditioner is for --solver richardson and cg"),
+        (["--plot", "/nowhere/x.png"], "/nowhere is no folder"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_refusals_are_one_line_and_status_two(options, message, capsys):
+    assert main(["-n", "300", *options]) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert captured.err.count("\n") == 1
+    assert "iteration" not in captured.out
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("c.npy", None, "No such file"),
+        ("c.npy", b"", "is not a NumPy file of numbers"),
+        ("c.npy", b"1.0, 2.0\n", "is not a NumPy file of numbers"),
+        ("c.npy", np.array([1.0, np.nan]), "coefficient nan at (1,)"),
+        ("c.npy", np.array([1.0, 2j]), "complex128"),
+        ("c.npy", np.array([object()]), "is not a NumPy file of numbers"),
+        ("c.npy", np.array([1.0] + 299 * [2.0]), "is not positive definite"),
+        ("b.npy", np.ones(299), "has shape (299,), but the unknowns are 240"),
+        ("b.npy", np.ones((3, 100)), "has shape (3, 100)"),
+        ("b.npy", np.full(300, np.inf), "not finite"),
+        ("b.npy", np.zeros(300), "nothing to solve"),
+        ("b.npy", np.full(300, "text"), "has dtype <U4, but must be of real numbers"),
+        ("mask.npy", np.ones(300), "must be of booleans"),
+        ("mask.npy", np.zeros(300, dtype=bool), "nowhere true"),
+        ("mask.npy", np.ones(7, dtype=bool), "has shape (7,)"),
+    ],
+)
+def test_bad_files_are_one_line_and_status_two(files, name, content, message, capsys):
+    path = files / name
+    path.unlink()
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    elif content is not None:
+        np.save(path, content, allow_pickle=True)
+    assert solve(files, "--mask", str(files / "mask.npy")) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert captured.err.count("\n") == 1
+    assert not (files / "x.npy").exists()
+
+
+def test_an_archive_is_no_column(files, capsys):
+    np.savez(files / "c.npz", c=np.ones(3))
+    assert solve(files, column="c.npz") == 2
+    assert "holds several arrays" in capsys.readouterr().err
+
+
+def test_a_failing_write_leaves_the_old_file(files, monkeypatch, capsys):
+    (files / "x.npy").write_bytes(b"precious")
+
+    def fail(file, array):
+        file.write(b"half")
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(output.np, "save", fail)
+    assert solve(files) == 2
+    assert "the disk is full" in capsys.readouterr().err
+    assert (files / "x.npy").read_bytes() == b"precious"
+    assert len(list(files.iterdir())) == 4
+
+
+def test_the_output_is_checked_before_the_work(files, capsys):
+    assert solve(files, x="nowhere/x.npy") == 2
+    assert "is no folder" in capsys.readouterr().err
+    assert main(["solve", str(files / "c.npy"), str(files / "b.npy"), "-o", str(files)]) == 2
+    assert "is a folder" in capsys.readouterr().err
+
+
+def test_plots_need_matplotlib_and_say_so_before_the_work(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(output, "find_spec", lambda name: None)
+    assert main(["-n", "300", "--plot", str(tmp_path / "x.png")]) == 2
+    captured = capsys.readouterr()
+    assert "pip install 'toeplitz-mg[plot]'" in captured.err
+    assert "iteration" not in captured.out
+
+
+@pytest.mark.parametrize("options", [[], ["--test", "3"]], ids=str)
+def test_plots(options, tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    assert main(["-n", "300", "--plot", str(tmp_path / "x.png"), *options]) == 0
+    assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
+    assert [p.name for p in tmp_path.iterdir()] == ["x.png"]
+
+
+def test_plots_of_two_levels(files):
+    pytest.importorskip("matplotlib")
+    np.save(files / "c2.npy", contact(20, 30))
+    np.save(files / "b2.npy", np.ones((20, 30)))
+    options = ["--plot", str(files / "x.svg")]
+    assert solve(files, *options, column="c2.npy", rhs="b2.npy") == 0
+    assert b"<svg" in (files / "x.svg").read_bytes()
+
+
+def test_interruption_writes_nothing(files, monkeypatch, capsys):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("toeplitz_mg.cli.tmg.richardson", interrupt)
+    assert solve(files) == 130
+    assert "interrupted" in capsys.readouterr().err
+    assert not (files / "x.npy").exists()
+
+
+def test_runs_as_a_module():
+    command = [sys.executable, "-m", "toeplitz_mg", "-n", "300"]
+    result = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "converged" in result.stdout
+    version = subprocess.run(
+        [*command[:3], "--version"], capture_output=True, text=True, check=True
+    )
+    assert version.stdout == f"toeplitz-mg {tmg.__version__}\n"

@@ -1,0 +1,320 @@
+"""Transfers, hierarchy and cycles; cycles do not depend on n."""
+
+import pickle
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.sparse.linalg import LinearOperator, aslinearoperator, cg
+
+import toeplitz_mg as tmg
+from tests.cases import aggregate, checkered, contact, exponential
+from toeplitz_mg.contact.problems import test1, test2, test3
+from toeplitz_mg.multigrid.border import MOST_LEFTOVER
+from toeplitz_mg.multigrid.hierarchy import DenseInverse, build_levels
+from toeplitz_mg.multigrid.transfer import Transfer
+
+TESTS = [test1, test2, test3]
+SHAPES = [(2,), (3,), (8,), (31,), (1, 6), (5, 8), (7, 7), (3, 2, 4)]
+
+
+def operators():
+    for shape in SHAPES:
+        A = tmg.ToeplitzOperator(contact(*shape) if len(shape) < 3 else exponential(*shape))
+        yield A
+        mask = checkered(*shape)
+        if Transfer.of(B := tmg.MaskedOperator(A, mask)) is not None:
+            yield B
+
+
+OPERATORS = list(operators())
+
+
+def matrices(transfer, n, n_coarse):
+    return transfer.restrict(np.eye(n)).T, transfer.interpolate(np.eye(n_coarse)).T
+
+
+def iterations(solve, problem, M, **options):
+    iterates = []
+    x, info = solve(
+        problem.A, problem.b, M=M, rtol=1e-8, maxiter=100, callback=iterates.append, **options
+    )
+    assert info == 0
+    assert np.linalg.norm(problem.b - problem.A @ x) <= 1.1e-8 * np.linalg.norm(problem.b)
+    return len(iterates)
+
+
+# Transfer -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [2, 3, 8, 9])
+def test_transfer_in_one_level_is_averaging_and_copying(n):
+    A = tmg.ToeplitzOperator(contact(n))
+    R, P = matrices(Transfer.of(A), n, n // 2)
+    assert np.array_equal(P, aggregate(n))
+    assert np.array_equal(R, aggregate(n).T / 2)
+
+
+@pytest.mark.parametrize("A", OPERATORS, ids=repr)
+def test_restriction_is_the_transpose_of_interpolation(A):
+    transfer, H = Transfer.of(A), tmg.galerkin(A)
+    R, P = matrices(transfer, A.shape[0], H.shape[0])
+    assert_allclose(P.T, transfer.elements_per_coarse * R)
+    assert_allclose(R @ P, np.eye(H.shape[0]))  # average of copies
+    covered = np.flatnonzero(P.any(axis=1))
+    assert np.array_equal(np.setdiff1d(np.arange(A.shape[0]), covered), transfer.leftover)
+
+
+@pytest.mark.parametrize("A", OPERATORS, ids=repr)
+def test_galerkin_is_r_a_p(A):
+    H = tmg.galerkin(A)
+    R, P = matrices(Transfer.of(A), A.shape[0], H.shape[0])
+    assert type(H) is type(A)
+    assert_allclose(H.toarray(), R @ A.toarray() @ P, atol=1e-13 * abs(A.toarray()).max())
+
+
+def test_galerkin_of_a_matrix_that_is_symmetric_only():
+    rng = np.random.default_rng(0)
+    lags = rng.standard_normal((7, 11))
+    A = tmg.ToeplitzOperator.from_lags(lags + np.flip(lags))
+    R, P = matrices(Transfer.of(A), 24, 6)
+    assert_allclose(tmg.galerkin(A).toarray(), R @ A.toarray() @ P, atol=1e-13)
+
+
+def test_rediscretised_keeps_the_mask():
+    problem = test3(64)
+    H = tmg.rediscretised(problem.operator_of_grid_shape)(problem.A)
+    assert_allclose(H.toarray(), test3(32).A.toarray(), rtol=1e-14)
+
+
+# Cycle --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("A", OPERATORS, ids=repr)
+@pytest.mark.parametrize("pre_post", [(1, 1), (0, 1), (1, 0)])
+def test_two_grids_correct_the_coarse_and_the_leftover_unknowns_exactly(A, pre_post):
+    """The error propagates by S^post (I - Q (QᵀAQ)⁻¹ QᵀA) S^pre, Q = [P, the leftover e_j]."""
+    n, H = A.shape[0], tmg.galerkin(A)
+    transfer = Transfer.of(A)
+    smoother = tmg.chan_preconditioner(A)
+    _, P = matrices(transfer, n, H.shape[0])
+    extra = np.eye(n)[:, transfer.leftover]
+    Q = np.hstack([P, extra[:, : 0 if extra.shape[1] > MOST_LEFTOVER else None]])
+    dense = A.toarray()
+    coarse = np.eye(n) - Q @ np.linalg.solve(Q.T @ dense @ Q, Q.T @ dense)
+    smooth = np.eye(n) - smoother @ dense
+    pre, post = (np.linalg.matrix_power(smooth, k) for k in pre_post)
+    M = tmg.multigrid(
+        A,
+        pre=pre_post[0],
+        post=pre_post[1],
+        smoother=lambda A: tmg.chan_preconditioner(A),
+        coarsest=H.shape[0],
+    )
+    assert len(M.levels) == 2 or n <= H.shape[0]
+    assert_allclose(np.eye(n) - M @ dense, post @ coarse @ pre, atol=1e-10)
+
+
+@pytest.mark.parametrize("n", [37, 64, 101, 255, 256, 257])
+@pytest.mark.parametrize("gamma", [1, 2])
+@pytest.mark.parametrize("test", TESTS)
+def test_equal_smoothing_is_symmetric_positive_definite(n, gamma, test):
+    A = test(n).A
+    M = tmg.multigrid(A, coarsest=8, gamma=gamma)
+    assert len(M.levels) > 2
+    assert M.H is M
+    dense = M @ np.eye(A.shape[0])
+    assert_allclose(dense, dense.T, atol=1e-12 * abs(dense).max())
+    # Below A⁻¹ as well: the cycle never over-corrects.
+    spectrum = np.linalg.eigvals(dense @ A.toarray()).real
+    assert spectrum.min() > 0
+    assert spectrum.max() < 1 + 1e-9
+
+
+@pytest.mark.parametrize("n", [64, 101])
+@pytest.mark.parametrize("gamma", [1, 2])
+@pytest.mark.parametrize("smoother", [tmg.fft_rsm_preconditioner, tmg.fft_sd_preconditioner])
+def test_the_adjoint_smooths_on_the_other_side(n, gamma, smoother):
+    A = test3(n).A
+    arguments = {"coarsest": 8, "gamma": gamma, "smoother": smoother}
+    before = tmg.multigrid(A, pre=1, post=0, **arguments)
+    after = tmg.multigrid(A, pre=0, post=1, **arguments)
+    eye = np.eye(A.shape[0])
+    scale = abs(before @ eye).max()
+    assert_allclose((before.H @ eye) / scale, (before @ eye).T / scale, atol=1e-10)
+    if smoother is tmg.fft_rsm_preconditioner:
+        assert_allclose((before.H @ eye) / scale, (after @ eye) / scale, atol=1e-10)
+
+
+@pytest.mark.parametrize("test", TESTS)
+def test_cg_takes_at_most_four_iterations_on_every_grid(test):
+    sizes = [*range(2**8, 2**8 + 24), 509, 512, 997, 1000, 1024, 4093, 4096, 10007, 2**14, 2**16]
+    counts = {n: iterations(cg, test(n), tmg.multigrid(test(n).A)) for n in sizes}
+    assert max(counts.values()) <= 4
+    # Odd and prime n: at most one more than at the power of two beside.
+    for n, near in ((509, 512), (997, 1024), (4093, 4096), (10007, 2**14)):
+        assert counts[n] <= counts[near] + 1
+
+
+@pytest.mark.parametrize("test", TESTS)
+@pytest.mark.parametrize("cycle", [{"pre": 0}, {"post": 0}, {}], ids=str)
+def test_the_stationary_cycle_does_not_depend_on_n(test, cycle):
+    def count(n):
+        problem = test(n)
+        return iterations(tmg.richardson, problem, tmg.multigrid(problem.A, **cycle))
+
+    powers = [count(2**k) for k in range(10, 18, 2)]
+    odd = [count(n) for n in (1023, 4093, 5003, 65537)]
+    assert max(powers) - min(powers) <= 2
+    assert max(odd) <= max(powers) + 1
+
+
+@pytest.mark.parametrize("n", range(1, 18))
+@pytest.mark.parametrize("coarsest", [1, 2, 256])
+def test_every_small_n(n, coarsest):
+    for test in TESTS:
+        if n == 1 and test is test3:
+            continue
+        problem = test(n)
+        M = tmg.multigrid(problem.A, coarsest=coarsest)
+        assert iterations(tmg.richardson, problem, M) <= 12
+
+
+@pytest.mark.parametrize("shape", [(32, 32), (33, 32), (20, 50), (64, 1), (31, 31)], ids=str)
+def test_two_levels_of_toeplitz_structure(shape):
+    A = tmg.ToeplitzOperator(contact(*shape))
+    for B in (A, tmg.MaskedOperator(A, np.hypot(*np.indices(shape)) < 0.8 * max(shape))):
+        iterates = []
+        _x, info = cg(
+            B,
+            np.ones(B.shape[0]),
+            M=tmg.multigrid(B, coarsest=16),
+            rtol=1e-8,
+            callback=iterates.append,
+        )
+        assert info == 0
+        assert len(iterates) <= 11
+
+
+@pytest.mark.parametrize("islands", [20, 200])
+def test_masks_in_many_islands(islands):
+    n = 4096
+    mask = np.resize(np.repeat(np.random.default_rng(0).random(islands) < 0.6, n // islands), n)
+    A = tmg.MaskedOperator(test1(n).A, mask)
+    b = np.ones(A.shape[0])
+    few = []
+    _x, info = cg(A, b, M=tmg.multigrid(A), rtol=1e-8, callback=few.append)
+    assert info == 0
+    many = []
+    cg(A, b, M=tmg.fft_rsm_preconditioner(A), rtol=1e-8, callback=many.append)
+    assert len(few) < len(many)
+
+
+def test_float32_cycle():
+    problem = test1(4096)
+    A = tmg.ToeplitzOperator(problem.A.c.astype(np.float32))
+    M = tmg.multigrid(A, pre=0)
+    b = problem.b.astype(np.float32)
+    x, info = tmg.richardson(A, b, M=M, rtol=1e-5)
+    assert info == 0
+    assert x.dtype == np.float32
+
+
+def test_a_smoother_of_ones_own():
+    A = test1(300).A
+
+    def damped_jacobi(A):
+        n = A.shape[0]
+        d = 0.05 / A.block(np.array([0]))[0, 0]
+        return LinearOperator(
+            (n, n), matvec=lambda r: d * r, rmatvec=lambda r: d * r, dtype=A.dtype
+        )
+
+    M = tmg.multigrid(A, smoother=damped_jacobi, coarsest=16)
+    dense = M @ np.eye(300)
+    columns = np.stack([M @ e for e in np.eye(300)], axis=1)
+    assert_allclose(dense, columns, rtol=1e-10, atol=1e-10 * abs(columns).max())
+    assert abs(np.linalg.eigvals(np.eye(300) - dense @ A.toarray())).max() < 1
+    assert_allclose(M.H @ np.eye(300), dense.T, atol=1e-10 * abs(dense).max())
+    # A dense matrix will do as well.
+    inverse = tmg.multigrid(A, smoother=lambda A: aslinearoperator(np.linalg.inv(A.toarray())))
+    assert_allclose(inverse @ (A @ np.ones(300)), 1.0, rtol=1e-7)
+
+
+def test_work_units_are_those_counted():
+    problem = test1(2**12)
+    b = problem.b
+    for arguments in (
+        {"pre": 0},
+        {"post": 0},
+        {},
+        {"pre": 2, "post": 1},
+        {"gamma": 2, "coarsest": 64},
+        {"gamma": 3, "pre": 0, "coarsest": 64},
+    ):
+        M = tmg.multigrid(problem.A, **arguments)
+        with tmg.count_products() as work:
+            M @ b
+        assert work.units(2**12) == M.work_units
+
+
+def test_repr_is_a_diagnosis():
+    M = tmg.multigrid(test1(4096).A, pre=0)
+    assert repr(M) == (
+        "<Multigrid V(0,1) RowSumModified  4096 > 2048 > 1024 > ... > 256 (dense)  3.8 work units>"
+    )
+    assert "W(1,1)" in repr(tmg.multigrid(test1(600).A, gamma=2))
+
+
+def test_pickles_with_borders():
+    A = test3(1001).A
+    M = tmg.multigrid(A)
+    x = np.random.default_rng(0).standard_normal(A.shape[0])
+    assert np.array_equal(pickle.loads(pickle.dumps(M)) @ x, M @ x)
+
+
+# What is refused ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "match"),
+    [
+        ({"pre": 0, "post": 0}, ValueError, "must smooth at least once"),
+        ({"pre": -1}, ValueError, "pre is -1, but must be at least 0"),
+        ({"post": 0.5}, TypeError, "float"),
+        ({"gamma": 0}, ValueError, "gamma is 0, but must be at least 1"),
+        ({"coarsest": 0}, ValueError, "coarsest is 0, but must be at least 1"),
+    ],
+)
+def test_refuses_bad_parameters(arguments, error, match):
+    with pytest.raises(error, match=match):
+        tmg.multigrid(tmg.ToeplitzOperator(contact(8)), **arguments)
+
+
+def test_refuses_what_is_no_toeplitz_operator():
+    with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
+        tmg.multigrid(np.eye(300))
+    with pytest.raises(ValueError, match="must be symmetric"):
+        tmg.multigrid(tmg.ToeplitzOperator([4.0, 1.0], [4.0, 2.0]))
+
+
+def test_says_on_which_level_the_smoother_refused():
+    c = np.exp(-np.arange(3000) / 1000)
+    with pytest.raises(np.linalg.LinAlgError, match="gamma") as caught:
+        tmg.multigrid(tmg.ToeplitzOperator(c))
+    assert any("level 0" in note for note in caught.value.__notes__)
+
+
+def test_an_indefinite_coarsest_matrix():
+    with pytest.raises(np.linalg.LinAlgError, match=r"coarsest grid, .*not positive definite"):
+        tmg.multigrid(tmg.ToeplitzOperator([1.0, 2.0]))
+
+
+def test_a_mask_without_a_coarse_grid():
+    few = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(64)), np.arange(64) % 2 == 0)
+    levels = build_levels(few, tmg.fft_rsm_preconditioner, 2, tmg.galerkin)
+    assert len(levels) == 1
+    assert isinstance(levels[0].smoother, DenseInverse)
+    many = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(8192)), np.arange(8192) % 2 == 0)
+    with pytest.raises(ValueError, match="fragments"):
+        tmg.multigrid(many)

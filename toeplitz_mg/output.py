@@ -1,0 +1,117 @@
+"""Files of the command line: read with a clear error, written whole or not at all."""
+
+import os
+import tempfile
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+def load(path: Path) -> Array:
+    """Read an array from a ``.npy`` file.
+
+    Raises
+    ------
+    OSError
+        Where there is no such file.
+    ValueError
+        Where it is not one of NumPy's, or holds Python objects.
+    """
+    try:
+        array = np.load(path, allow_pickle=False)
+    except (ValueError, EOFError) as error:
+        raise ValueError(f"{path} is not a NumPy file of numbers (.npy): {error}") from None
+    if not isinstance(array, np.ndarray):
+        raise ValueError(f"{path} holds several arrays (.npz), but one is needed (.npy)")
+    return array
+
+
+def check_writable(path: Path) -> None:
+    """Raise OSError where `path` could not be written."""
+    if path.is_dir():
+        raise IsADirectoryError(f"{path} is a folder, but a file is to be written")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path.parent} is no folder, so {path.name} cannot be written")
+    if not os.access(path.parent, os.W_OK):
+        raise PermissionError(f"{path.parent} is not writable")
+
+
+def check_plotting() -> None:
+    """Raise ValueError where matplotlib is not installed."""
+    if find_spec("matplotlib") is None:
+        raise ValueError("--plot needs matplotlib: pip install 'toeplitz-mg[plot]'")
+
+
+def save(path: Path, array: Array) -> None:
+    """Write an array to a ``.npy`` file, whole or not at all."""
+    _write(path, lambda part: _save_npy(part, array))
+
+
+def _save_npy(part: Path, array: Array) -> None:
+    with part.open("wb") as file:  # np.save would append .npy to a name
+        np.save(file, array)
+
+
+def plot(
+    path: Path,
+    title: str,
+    solution: Array,
+    x: Array | None,
+    mask: Array | None,
+    residuals: Sequence[float],
+) -> None:
+    """Draw the solution, and the relative residuals, from that of the first guess."""
+    import matplotlib.figure  # an extra, and slow to import
+
+    figure = matplotlib.figure.Figure(figsize=(10, 4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    figure.suptitle(title)
+    grid = solution
+    if mask is not None:
+        grid = np.full(mask.shape, np.nan)
+        grid[mask] = solution
+        if x is not None:
+            at = np.full(mask.shape, np.nan)
+            at[mask] = x
+            x = at
+    if grid.ndim == 2 and min(grid.shape) > 1:
+        image = left.imshow(grid.T, origin="lower")
+        figure.colorbar(image, ax=left)
+    else:
+        left.plot(np.arange(grid.size) if x is None else x, grid.ravel())
+        # The traction is singular at the ends: show its shape, not its largest value.
+        low, high = np.nanquantile(grid, [0.002, 0.998])
+        left.set_ylim(min(low, 0.0) * 1.1, max(high, 0.0) * 1.1)
+        left.set_xlabel("unknown" if x is None else "x (mm)")
+        left.set_ylabel("solution" if x is None else "traction (N/mm²)")
+    right.semilogy(range(len(residuals)), residuals, "o-")
+    right.xaxis.get_major_locator().set_params(integer=True)
+    right.set_xlabel("iteration")
+    right.set_ylabel("residual / right-hand side")
+    right.grid(alpha=0.3)
+    _write(path, figure.savefig)
+
+
+def _write(path: Path, write: Callable[[Path], object]) -> None:
+    """Write beside `path` and move there, so that a file is never half-written."""
+    handle, name = tempfile.mkstemp(prefix=".", suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    part = Path(name)
+    try:
+        write(part)
+        part.chmod(0o666 & ~_umask())
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
