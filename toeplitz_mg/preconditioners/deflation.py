@@ -89,8 +89,11 @@ def fft_sd_preconditioner(A: LinearOperator, n_subdomains: int = 2) -> Subdomain
 
     Notes
     -----
-    The action is y - M A Z E⁻¹ Zᵀ y with y = M r. In multigrid V(1,0) and V(0,1) converge, V(1,1)
-    does not (paper, §5.1).
+    The action is y - M A Z E⁻¹ Zᵀ y with y = M r. As a smoother it is delicate. With the paper's
+    coarse grids (``coarsest=2`` and `rediscretised`) V(1,0) and V(0,1) converge on the paper's
+    tests 1 and 2, in 5 to 14 cycles, and V(1,1) does not (paper, §5.1). With the defaults of
+    `multigrid`, and on masks, they may diverge, which `richardson` reports.
+    `fft_rsm_preconditioner` is the better smoother throughout.
 
     Examples
     --------

@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigvalsh_tridiagonal
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator, as_rows
+from toeplitz_mg.operators import MaskedOperator, as_rows
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
+from toeplitz_mg.preconditioners.positivity import smallest_ritz_value, surely_positive
 
 Array = NDArray[Any]
 
@@ -83,9 +83,9 @@ def fft_rsm_preconditioner(A: LinearOperator, gamma: float | None = None) -> Row
     I - M̄ A into (-1, 1): a smoother for multigrid and, by `richardson`, a solver.
 
     M̄ is γ I plus a graph Laplacian whose weights are the negated off-diagonal coefficients of M,
-    hence positive definite where those coefficients are at most 0. So it is where the Laplacian of
-    the positive ones is surely below γ, as in the paper's problems; elsewhere 20 steps of Lanczos's
-    method look for a negative eigenvalue of M̄ A.
+    hence positive definite where those coefficients are at most 0, and where the others are
+    outweighed, as in the paper's problems on every grid of multigrid. Elsewhere 20 steps of
+    Lanczos's method look for a negative eigenvalue of M̄ A, at 40 work units.
 
     Examples
     --------
@@ -107,51 +107,14 @@ def fft_rsm_preconditioner(A: LinearOperator, gamma: float | None = None) -> Row
             f"the row sum gamma is {gamma:.3g}, but must be positive and finite: use "
             "fft_preconditioner(A), or give a positive gamma"
         )
-    certain = _positive_laplacian(M) < gamma
+    certain = surely_positive(M, mask, gamma)
     if mask is not None:
         M = MaskedOperator(M, mask)
         row_sums = M @ np.ones(M.shape[0], dtype=full.dtype)
     M_bar = RowSumModified(M, row_sums - full.dtype.type(gamma), gamma)
-    if not certain and (smallest := _smallest_ritz_value(A, M_bar)) <= 0.0:
+    if not certain and (smallest := smallest_ritz_value(A, M_bar)) <= 0.0:
         raise np.linalg.LinAlgError(
             f"M with the row sums gamma = {gamma:.3g} is not positive definite (M A has an "
             f"eigenvalue of at most {smallest:.3g}): use fft_preconditioner(A)"
         )
     return M_bar
-
-
-def _positive_laplacian(M: ToeplitzOperator) -> float:
-    """Bound the norm of the graph Laplacian of the positive coefficients off the diagonal of M.
-
-    The pairs at one lag form paths, whose Laplacian has eigenvalues below 4, or, where the lag is
-    half the grid or more, single edges, whose Laplacian has the eigenvalue 2.
-    """
-    positive = np.maximum(M.lags, 0.0)
-    positive[tuple(n - 1 for n in M.grid_shape)] = 0.0
-    paths = positive[tuple(slice(n // 2, 2 * n - 1 - n // 2) for n in M.grid_shape)]
-    # Each pair stands in M twice, as lag k and as lag -k.
-    return float(positive.sum() + paths.sum())
-
-
-def _smallest_ritz_value(A: LinearOperator, M_bar: LinearOperator, steps: int = 20) -> float:
-    """Estimate the smallest eigenvalue of M̄ A, by Lanczos's method in the inner product of A.
-
-    All but a few eigenvalues lie near 1, so that a negative one is soon found; it shows that M̄
-    is indefinite.
-    """
-    rng = np.random.default_rng(0)
-    q, q_old = rng.standard_normal(A.shape[0]).astype(A.dtype), 0.0
-    diagonal: list[float] = []
-    off_diagonal: list[float] = []
-    for _ in range(min(steps, A.shape[0])):
-        p = A @ q
-        norm = np.sqrt(max(q @ p, 0.0))
-        if diagonal:
-            if norm <= np.finfo(A.dtype).eps * abs(diagonal[0]):
-                break
-            off_diagonal.append(norm)
-        q, p = q / norm, p / norm
-        w = M_bar @ p
-        diagonal.append(float(w @ p))
-        q, q_old = w - diagonal[-1] * q - (norm * q_old if off_diagonal else 0.0), q
-    return float(eigvalsh_tridiagonal(np.array(diagonal), np.array(off_diagonal))[0])

@@ -1,0 +1,113 @@
+"""Is M̄ positive definite? A certificate that costs nothing, and a search where it fails."""
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigvalsh_tridiagonal
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg.operators import ToeplitzOperator
+
+Array = NDArray[Any]
+Lag = tuple[int, ...]
+
+REACH = 5  # unit steps from an element to one that is called near
+
+
+def surely_positive(M: ToeplitzOperator, mask: Array | None, gamma: float) -> bool:
+    """Whether M with its row sums changed to γ is certainly positive definite.
+
+    It is γ I plus the Laplacian of a graph that joins the elements i and i + k with the weight
+    -m_k. So it is positive definite
+
+    - where no m_k is positive off the diagonal;
+    - where the Laplacian of the positive m_k is below γ I;
+    - and also for a positive m_k of a near element, if the weights of unit steps outweigh it:
+      (x_i - x_{i+k})² ≤ |k| Σ (differences along a path of unit steps)², and each step lies on
+      k_a such paths, a being its axis. The path must be in contact where its ends are.
+    """
+    lags = M.lags.copy()
+    centre = tuple(n - 1 for n in M.grid_shape)
+    steps = np.identity(lags.ndim, dtype=int)
+    weights = np.array(
+        [0.0 if n == 1 else -lags[_at(centre, e)] for e, n in zip(steps, M.grid_shape, strict=True)]
+    )
+    lags[centre] = 0.0
+    for k in _near(M.grid_shape):
+        m = lags[_at(centre, k)]
+        if m > 0.0 and (mask is None or _path_in_contact(mask, k)):
+            weights -= m * np.abs(k).sum() * np.abs(k)
+            lags[_at(centre, k)] = lags[_at(centre, tuple(-j for j in k))] = 0.0
+    return bool((weights >= 0.0).all()) and _laplacian_of_positive(lags, M.grid_shape) < gamma
+
+
+def _at(centre: Lag, k: Any) -> Lag:
+    return tuple(c + int(j) for c, j in zip(centre, k, strict=True))
+
+
+def _near(grid_shape: tuple[int, ...]) -> list[Lag]:
+    """One of each pair of near lags k and -k; unit steps are not among them."""
+    reach = [min(REACH, n - 1) for n in grid_shape]
+    lags = product(*(range(-r, r + 1) for r in reach))
+    return [k for k in lags if k > (0,) * len(k) and 2 <= sum(map(abs, k)) <= REACH]
+
+
+def _path_in_contact(mask: Array, k: Lag) -> bool:
+    """Whether, of any two elements in contact at the lag k, those on the path between are too.
+
+    The path goes along the first axis, then along the next.
+    """
+
+    def shifted(p: Lag) -> Array:
+        window = [
+            slice(max(0, -j) + q, n - max(0, j) + q)
+            for j, q, n in zip(k, p, mask.shape, strict=True)
+        ]
+        return np.asarray(mask[tuple(window)])
+
+    ends = shifted((0,) * len(k)) & shifted(k)
+    point = [0] * len(k)
+    for axis, steps in enumerate(k):
+        for _ in range(abs(steps)):
+            point[axis] += 1 if steps > 0 else -1
+            if (ends & ~shifted(tuple(point))).any():
+                return False
+    return True
+
+
+def _laplacian_of_positive(lags: Array, grid_shape: tuple[int, ...]) -> float:
+    """Bound the norm of the graph Laplacian of the positive coefficients.
+
+    The pairs at one lag form paths, whose Laplacian has eigenvalues below 4, or, where the lag is
+    half the grid or more, single edges, whose Laplacian has the eigenvalue 2.
+    """
+    positive = np.maximum(lags, 0.0)
+    paths = positive[tuple(slice(n // 2, 2 * n - 1 - n // 2) for n in grid_shape)]
+    # Each pair stands in M twice, as lag k and as lag -k.
+    return float(positive.sum() + paths.sum())
+
+
+def smallest_ritz_value(A: LinearOperator, M_bar: LinearOperator, steps: int = 20) -> float:
+    """Estimate the smallest eigenvalue of M̄ A, by Lanczos's method in the inner product of A.
+
+    All but a few eigenvalues lie near 1, so that a negative one is soon found; it shows that M̄
+    is indefinite.
+    """
+    rng = np.random.default_rng(0)
+    q, q_old = rng.standard_normal(A.shape[0]).astype(A.dtype), np.zeros(A.shape[0], A.dtype)
+    diagonal: list[float] = []
+    off_diagonal: list[float] = []
+    for _ in range(min(steps, A.shape[0])):
+        p = A @ q
+        norm = float(np.sqrt(max(q @ p, 0.0)))
+        if diagonal:
+            if norm <= np.finfo(A.dtype).eps * abs(diagonal[0]):
+                break  # the Krylov space is exhausted
+            off_diagonal.append(norm)
+        q, p = q / norm, p / norm
+        w = M_bar @ p
+        diagonal.append(float(w @ p))
+        q, q_old = w - diagonal[-1] * q - (norm if off_diagonal else 0.0) * q_old, q
+    return float(eigvalsh_tridiagonal(np.array(diagonal), np.array(off_diagonal))[0])
