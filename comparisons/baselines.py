@@ -141,7 +141,7 @@ def main() -> None:
     # One thread for all, as the transforms have one; read where the server imports BLAS.
     os.environ["OMP_NUM_THREADS"] = "1"
     # What every measured process imports, imported once.
-    set_forkserver_preload(["comparisons.baselines"])
+    set_forkserver_preload(["__main__", "comparisons.measuring"])
     arguments = report.options("baselines", "Compare every method on the same systems.")
     sizes = QUICK_SIZES if arguments.quick else SIZES
     rows = run(sizes, arguments.output / "baselines.csv")

@@ -215,14 +215,12 @@ def test_plots_need_matplotlib_and_say_so_before_the_work(monkeypatch, capsys, t
 
 @pytest.mark.parametrize("options", [[], ["--test", "3"]], ids=str)
 def test_plots(options, tmp_path, capsys):
-    pytest.importorskip("matplotlib")
     assert main(["-n", "300", "--plot", str(tmp_path / "x.png"), *options]) == 0
     assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
     assert [p.name for p in tmp_path.iterdir()] == ["x.png"]
 
 
 def test_plots_of_two_levels(files):
-    pytest.importorskip("matplotlib")
     np.save(files / "c2.npy", contact(20, 30))
     np.save(files / "b2.npy", np.ones((20, 30)))
     options = ["--plot", str(files / "x.svg")]

@@ -1,0 +1,59 @@
+"""The comparisons run, and write what they name."""
+
+import csv
+import sys
+
+import pytest
+
+from comparisons import baselines, paper_figures, paper_tables
+
+
+def run(comparison, folder, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["comparison", "--quick", "--output", str(folder)])
+    comparison.main()
+    printed = capsys.readouterr().out
+    assert str(folder) in printed
+    return printed
+
+
+def rows_of(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_paper_tables(tmp_path, monkeypatch, capsys):
+    printed = run(paper_tables, tmp_path, monkeypatch, capsys)
+    assert sorted(p.name for p in tmp_path.iterdir()) == [f"table_{k}.csv" for k in range(1, 10)]
+    for number in ("I", "II", "III", "IV", "V", "VI", "VII", "VIII", "IX"):
+        assert f"Table {number}" in printed
+    assert all(row["converged"] == "True" for row in rows_of(tmp_path / "table_5.csv"))
+
+
+def test_paper_figures(tmp_path, monkeypatch, capsys):
+    run(paper_figures, tmp_path, monkeypatch, capsys)
+    names = [f"figure_{k:02d}" for k in (3, 6, 7, 9, 10, 11, 12, 13)]
+    assert sorted(p.stem for p in tmp_path.glob("*.png")) == names
+    assert sorted(p.stem for p in tmp_path.glob("figure*.csv")) == names
+
+
+def test_baselines(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(baselines, "QUICK_SIZES", (64,))
+    monkeypatch.setattr(baselines, "SHOWN_SIZES", (64,))
+    run(baselines, tmp_path, monkeypatch, capsys)
+    assert (tmp_path / "baselines.png").read_bytes().startswith(b"\x89PNG")
+    rows = rows_of(tmp_path / "baselines.csv")
+    assert {row["system"] for row in rows} == {"test 1", "test 2", "test 3", "random"}
+    for row in rows:
+        if row["method"] in ("dense Cholesky", "CG + M", "M̄", "V(0,1)", "CG + V(1,1)"):
+            assert float(row["residual"]) <= 1.01e-8
+        # What is missing has its reason.
+        assert row["converged"] == "True" or row["note"]
+
+
+@pytest.mark.parametrize("comparison", [paper_tables, paper_figures, baselines])
+def test_help(comparison, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["comparison", "--help"])
+    with pytest.raises(SystemExit) as caught:
+        comparison.main()
+    assert caught.value.code == 0
+    assert "--quick" in capsys.readouterr().out
