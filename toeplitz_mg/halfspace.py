@@ -17,13 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from toeplitz_mg import rectangle
+
 Array = NDArray[Any]
 Pair = tuple[Array, Array]
-
-# An integral over the element is taken by Gauss's rule in the direction in which the point is at
-# least so many element sizes away, with so many nodes: the integrand is analytic in an ellipse
-# whose axes sum to ϱ = 2 t + √(4 t² - 1) half-sizes, and the rule errs by ϱ^(-2 nodes).
-GAUSS = ((2.0, 10), (16.0, 5))
 
 
 class Material(NamedTuple):
@@ -162,8 +159,8 @@ def influence_zz(
     1.1222
     """
     G, nu = _material(G, nu)
-    one, _, _ = _integrals(x, y, element)
-    return (1.0 - nu) * one / (np.pi * G)
+    one, _, _ = rectangle.integrals(*_at(x, y, element))
+    return np.asarray((1.0 - nu) * one / (np.pi * G))
 
 
 def influence_xx(
@@ -181,8 +178,8 @@ def influence_xx(
     0.95387
     """
     G, nu = _material(G, nu)
-    one, xx, _ = _integrals(x, y, element)
-    return ((1.0 - nu) * one + nu * xx) / (np.pi * G)
+    one, xx, _ = rectangle.integrals(*_at(x, y, element))
+    return np.asarray(((1.0 - nu) * one + nu * xx) / (np.pi * G))
 
 
 def influence_yy(
@@ -199,8 +196,8 @@ def influence_yy(
     0.95387
     """
     G, nu = _material(G, nu)
-    one, _, yy = _integrals(x, y, element)
-    return ((1.0 - nu) * one + nu * yy) / (np.pi * G)
+    one, _, yy = rectangle.integrals(*_at(x, y, element))
+    return np.asarray(((1.0 - nu) * one + nu * yy) / (np.pi * G))
 
 
 def influence_xy(
@@ -218,14 +215,7 @@ def influence_xy(
     0.03188
     """
     G, nu = _material(G, nu)
-    x, y = _points("x", x), _points("y", y)
-    X1, X2, Y1, Y2 = _corners(x, y, element)
-    h1, h2 = element
-    # -[[ρ]] over the corners, each difference by (a - b) = (a² - b²)/(a + b): exact everywhere.
-    r11, r12, r21, r22 = np.hypot(X1, Y1), np.hypot(X1, Y2), np.hypot(X2, Y1), np.hypot(X2, Y2)
-    by_y = 1.0 / (r11 + r12) + 1.0 / (r21 + r22)
-    xy = 4.0 * x * h1 * y * h2 * by_y / ((r11 + r21) * (r12 + r22))
-    return np.asarray(nu * xy / (np.pi * G))
+    return np.asarray(nu * rectangle.integral_xy(*_at(x, y, element)) / (np.pi * G))
 
 
 def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, reference: float) -> Array:
@@ -276,80 +266,16 @@ def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, referenc
             f"reference is {d:g}, but must exceed the logarithmic capacity n h/4 = {n * h / 4:g} "
             "of the contact area for the matrix to be positive definite"
         )
-    k = np.arange(n, dtype=np.float64)
-    # In units of h: ∫ ln|s| ds from k - ½ to k + ½.
-    right, left = k + 0.5, k - 0.5
-    logs = right * np.log(right) - left * np.log(np.abs(left)) - 1.0
-    for t, nodes in GAUSS:
-        far = k >= t
-        s, weights = _gauss(nodes)
-        logs[far] = sum(w * np.log(k[far] + u) for u, w in zip(s, weights, strict=True))
-    return np.asarray(2.0 * (1.0 - nu) / (np.pi * G) * h * (np.log(d / h) - logs))
+    logarithm = np.log(d / h) - rectangle.integral_log(np.arange(n, dtype=np.float64))
+    return np.asarray(2.0 * (1.0 - nu) / (np.pi * G) * h * logarithm)
 
 
-def _integrals(x: ArrayLike, y: ArrayLike, element: tuple[float, float]) -> tuple[Array, ...]:
-    """∬ 1/ρ, ∬ x²/ρ³, ∬ y²/ρ³ over the element, at the points (x, y) from its centre."""
+def _at(
+    x: ArrayLike, y: ArrayLike, element: tuple[float, float]
+) -> tuple[Array, Array, float, float]:
+    """The arguments of the integrals: points, broadcast, and the sizes of the element."""
     x, y = np.broadcast_arrays(_points("x", x), _points("y", y))
-    shape, x, y = x.shape, np.atleast_1d(x), np.atleast_1d(y)
-    X1, X2, Y1, Y2 = _corners(x, y, element)
-    h1, h2 = element
-    # The closed forms are differences over the corners, which lose digits as (distance/size)^2.
-    # [[Y asinh(X/|Y|)]] + [[X asinh(Y/|X|)]]
-    xx = _corner_term(Y2, X2) - _corner_term(Y2, X1) - _corner_term(Y1, X2) + _corner_term(Y1, X1)
-    yy = _corner_term(X2, Y2) - _corner_term(X2, Y1) - _corner_term(X1, Y2) + _corner_term(X1, Y1)
-    one = xx + yy
-    # Far away the direction in which the element is smaller for its distance is integrated by
-    # Gauss's rule, the other one exactly.
-    tx, ty = np.abs(x) / h1, np.abs(y) / h2
-    for t, nodes in GAUSS:
-        for far, along_x in (((tx >= t) & (tx >= ty), True), ((ty >= t) & (ty > tx), False)):
-            if not far.any():
-                continue
-            x_far, y_far = x[far], y[far]
-            if along_x:
-                one[far], xx[far], yy[far] = _gauss_in_x(x_far, y_far, h1, h2, nodes)
-            else:
-                one[far], yy[far], xx[far] = _gauss_in_x(y_far, x_far, h2, h1, nodes)
-    return one.reshape(shape), xx.reshape(shape), yy.reshape(shape)
-
-
-def _corner_term(a: Array, b: Array) -> Array:
-    """A asinh(b/|a|), which is 0 where a is."""
-    safe = np.where(a == 0.0, 1.0, np.abs(a))
-    return np.asarray(a * np.arcsinh(b / safe))
-
-
-def _gauss_in_x(x: Array, y: Array, h1: float, h2: float, nodes: int) -> tuple[Array, ...]:
-    """The integrals by Gauss's rule over x and exactly over y, for |x| well above h1."""
-    y = np.abs(y)
-    low, high = y - h2 / 2.0, y + h2 / 2.0
-    one, xx = np.zeros_like(x), np.zeros_like(x)
-    for s, w in zip(*_gauss(nodes), strict=True):
-        X = x + s * h1
-        r1, r2 = np.hypot(X, low), np.hypot(X, high)
-        # ∫ dy/ρ = asinh(high/|X|) - asinh(low/|X|), and ∫ x²/ρ³ dy = high/r2 - low/r1, without
-        # the cancellation where both have one sign.
-        beside = low > 0.0
-        lift = h2 * (1.0 + 2.0 * y / (r1 + r2))  # high - low + r2 - r1
-        sum_ = np.where(beside, low, 1.0) + r1
-        apart = np.log1p(lift / sum_)
-        across = np.arcsinh(high / np.abs(X)) - np.arcsinh(low / np.abs(X))
-        one += w * h1 * np.where(beside, apart, across)
-        cross = high * r1 + np.where(beside, low, 1.0) * r2
-        slopes = X**2 * 2.0 * y * h2 / (cross * r1 * r2)
-        xx += w * h1 * np.where(beside, slopes, high / r2 - low / r1)
-    return one, xx, one - xx
-
-
-def _gauss(nodes: int) -> Pair:
-    """Gauss-Legendre nodes and weights on [-½, ½]."""
-    s, w = np.polynomial.legendre.leggauss(nodes)
-    return s / 2.0, w / 2.0
-
-
-def _corners(x: Array, y: Array, element: tuple[float, float]) -> tuple[Array, ...]:
-    h1, h2 = _element(element)
-    return x - h1 / 2.0, x + h1 / 2.0, y - h2 / 2.0, y + h2 / 2.0
+    return x, y, *_element(element)
 
 
 def _points(name: str, values: ArrayLike) -> Array:
