@@ -101,6 +101,16 @@ def test_complex_integer_and_strided_vectors(case):
 
 
 @each_case
+def test_batches(case):
+    """Rows of vectors, and stacks of matrices, as SciPy hands them on since 1.18."""
+    A, dense = case.operator(np.float64), case.dense()
+    rows = random(2, 3, A.shape[1])
+    assert_near(A._matvec(rows), rows @ dense.T)
+    assert_near(A._matmat(rows.mT), dense @ rows.mT)
+    assert_near(A.H._matvec(rows), rows @ dense)
+
+
+@each_case
 def test_leaves_its_argument_alone_and_returns_what_may_be_changed(case):
     A = case.operator(np.float64)
     x = random(A.shape[1])

@@ -73,6 +73,26 @@ def test_divergence_is_reported_without_a_warning(M):
     assert np.isfinite(x).all()
 
 
+@pytest.mark.parametrize("scale", [1e-200, 1e-30, 1e30, 1e200])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_tiny_and_huge_right_hand_sides(scale, dtype):
+    """Their squares under- and overflow; the answer must not depend on it."""
+    if dtype == np.float32 and not 1e-37 < scale < 1e37:
+        return
+    A = tmg.ToeplitzOperator((0.5 ** np.arange(50)).astype(dtype))
+    b = (scale * np.linspace(1, 2, 50)).astype(dtype)
+    x, info = tmg.richardson(A, b, M=tmg.fft_rsm_preconditioner(A), rtol=1e-5)
+    assert info == 0
+    assert_allclose(A @ x / dtype(scale), b / dtype(scale), rtol=1e-4)
+
+
+@pytest.mark.parametrize("factor", [1e150, np.inf])
+def test_a_preconditioner_that_overflows(factor):
+    A, M = 1e200 * np.eye(3), np.diag([factor, 1.0, 1.0])
+    _, info = tmg.richardson(A, np.ones(3), M=M)
+    assert info == 1
+
+
 def test_divergence_in_float32():
     A = tmg.ToeplitzOperator(PROBLEM.A.c.astype(np.float32))
     x, info = tmg.richardson(A, PROBLEM.b.astype(np.float32), M=1e10 * tmg.fft_preconditioner(A))
@@ -109,6 +129,9 @@ def test_takes_what_scipy_takes():
             x, info = tmg.richardson(A, rhs, M=np.diag([0.5, 0.3, 0.2]), rtol=1e-12)
             assert info == 0
             assert_allclose(x, [0.5, 2 / 3, 0.75])
+    z, info = tmg.richardson(np.eye(2), [1.0, 2.0], M=np.diag([1.0 + 0j, 1.0]))
+    assert info == 0
+    assert_allclose(z, [1.0, 2.0])
     z, info = tmg.richardson(np.diag([1.0, 1j]), [1j, 1.0], M=np.diag([1.0, -1j]))
     assert info == 0
     assert_allclose(z, [1j, -1j])

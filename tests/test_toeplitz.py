@@ -81,7 +81,10 @@ def test_keeps_a_copy_of_what_it_is_given():
     c, mask = np.array([2.0, 1.0, 0.5]), np.array([True, False, True])
     A = tmg.ToeplitzOperator(c)
     B = tmg.MaskedOperator(A, mask)
-    c[:], mask[:] = 7.0, True
+    lags = np.array([1.0, 2.0, 3.0])
+    C = tmg.ToeplitzOperator.from_lags(lags)
+    c[:], mask[:], lags[:] = 7.0, True, 7.0
+    assert np.array_equal(C.lags, [1.0, 2.0, 3.0])
     assert np.array_equal(A.c, [2.0, 1.0, 0.5])
     assert B.shape == (2, 2)
     with pytest.raises(ValueError, match="read-only"):

@@ -46,10 +46,12 @@ class Multigrid(LinearOperator):
 
     def _matvec(self, b: Array) -> Array:
         b = as_rows(b, self.shape[1])
-        return self._cycle(0, b.astype(np.result_type(b, self.dtype), copy=False))
+        rows = b if b.ndim == 1 else b.reshape(-1, self.shape[1])
+        x = self._cycle(0, rows.astype(np.result_type(b, self.dtype), copy=False))
+        return x.reshape(b.shape)
 
     def _matmat(self, B: Array) -> Array:
-        return self._matvec(B.T).T
+        return self._matvec(B.mT).mT
 
     def _cycle(self, k: int, b: Array) -> Array:
         """One cycle on level k from a zero guess: smooth, correct on the coarse grid, smooth."""

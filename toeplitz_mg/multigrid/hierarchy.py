@@ -57,11 +57,13 @@ class DenseInverse(LinearOperator):
             ) from None
 
     def _matvec(self, x: Array) -> Array:
-        x = as_rows(x, self.shape[1])
-        return np.asarray(cho_solve(self._factor, x.T, check_finite=False)).T
+        rows = as_rows(x, self.shape[1])
+        columns = rows.reshape(-1, self.shape[1]).T.astype(np.result_type(x, self.dtype))
+        solution = cho_solve(self._factor, columns, overwrite_b=True, check_finite=False)
+        return np.asarray(solution).T.reshape(rows.shape)
 
     def _matmat(self, X: Array) -> Array:
-        return self._matvec(X.T).T
+        return self._matvec(X.mT).mT
 
     def _adjoint(self) -> "DenseInverse":
         return self

@@ -85,7 +85,7 @@ class MaskedOperator(LinearOperator):
         return np.asarray(self.full._matvec(grid)[..., self._index])
 
     def _matmat(self, X: Array) -> Array:
-        return self._matvec(X.T).T
+        return self._matvec(X.mT).mT
 
     def _adjoint(self) -> "MaskedOperator":
         full = self.full.H

@@ -112,7 +112,7 @@ class ToeplitzOperator(LinearOperator):
             raise ValueError(
                 f"lags has shape {array.shape}, but each length must be 2 n - 1, which is odd"
             )
-        return cls._with(array, None)
+        return cls._with(array.copy(), None)
 
     @classmethod
     def _with(cls, lags: Array, convolution: Convolution | None) -> Self:
@@ -186,7 +186,7 @@ class ToeplitzOperator(LinearOperator):
         return self._convolution(as_rows(x, self.shape[1]))
 
     def _matmat(self, X: Array) -> Array:
-        return self._convolution(X.T).T
+        return self._convolution(X.mT).mT
 
     def _adjoint(self) -> "ToeplitzOperator":
         if self.is_symmetric:

@@ -34,7 +34,7 @@ class CirculantInverse(LinearOperator):
         return self._convolution(as_rows(x, self.shape[1]))
 
     def _matmat(self, X: Array) -> Array:
-        return self._convolution(X.T).T
+        return self._convolution(X.mT).mT
 
     def _adjoint(self) -> "CirculantInverse":
         return self

@@ -45,7 +45,7 @@ class SubdomainDeflated(LinearOperator):
         return np.asarray(y - self._sum(y) @ self._E_inverse.T @ self._MAZ)
 
     def _matmat(self, X: Array) -> Array:
-        return self._matvec(X.T).T
+        return self._matvec(X.mT).mT
 
     def _rmatvec(self, x: Array) -> Array:
         # (P M)ᵀ = M (I - Z E⁻ᵀ (M A Z)ᵀ), M being symmetric.
@@ -54,7 +54,7 @@ class SubdomainDeflated(LinearOperator):
         return np.asarray(self.M._matvec(x - np.repeat(coefficients, self._sizes, axis=-1)))
 
     def _rmatmat(self, X: Array) -> Array:
-        return self._rmatvec(X.T).T
+        return self._rmatvec(X.mT).mT
 
     def __repr__(self) -> str:
         return f"<SubdomainDeflated, {len(self.starts)} subdomains, of {self.M!r}>"

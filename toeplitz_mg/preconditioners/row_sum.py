@@ -39,7 +39,7 @@ class RowSumModified(LinearOperator):
         return np.asarray(y)
 
     def _matmat(self, X: Array) -> Array:
-        return self._matvec(X.T).T
+        return self._matvec(X.mT).mT
 
     def _adjoint(self) -> "RowSumModified":
         return self

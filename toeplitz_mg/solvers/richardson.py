@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import norm
 from scipy.sparse.linalg import aslinearoperator
 
 from toeplitz_mg.operators import apply_to_rows
@@ -91,12 +92,13 @@ def richardson(
     elif index(maxiter) < 1:
         raise ValueError(f"maxiter is {maxiter}, but must be at least 1")
     b = _vector(b, "b", n)
-    dtype = np.result_type(A.dtype, b.dtype)
-    if x0 is None:
-        x, r = np.zeros(n, dtype=dtype), b.astype(dtype)
+    guess = None if x0 is None else _vector(x0, "x0", n)
+    parts = [b, *(part for part in (A, M, guess) if part is not None)]
+    dtype = np.result_type(*(part.dtype for part in parts))
+    if guess is None:
+        x, r = np.zeros(n, dtype), b.astype(dtype)
     else:
-        x = _vector(x0, "x0", n)
-        x = x.astype(np.result_type(dtype, x.dtype))  # a copy
+        x = guess.astype(dtype)  # a copy
         r = b - apply_to_rows(A, x)
 
     size = _norm(b)
@@ -104,14 +106,16 @@ def richardson(
         return np.zeros_like(x), 0
     goal = max(rtol * size, atol)
     residual = _norm(r)
-    limit = max(residual, size) / np.finfo(r.dtype).eps  # far below any overflow
+    limit = max(residual, size) / np.finfo(dtype).eps
     iterations = 0
     while not residual <= goal:
         if iterations == maxiter or not residual <= limit:
             return x, max(iterations, 1)
-        x += r if M is None else apply_to_rows(M, r)
-        r = b - apply_to_rows(A, x)
-        residual = _norm(r)
+        # A diverging iterate is reported, not warned of.
+        with np.errstate(over="ignore", invalid="ignore"):
+            x += r if M is None else apply_to_rows(M, r)
+            r = b - apply_to_rows(A, x)
+            residual = _norm(r)
         iterations += 1
         if callback is not None:
             callback(x)
@@ -132,6 +136,5 @@ def _vector(values: ArrayLike, name: str, n: int) -> Array:
 
 
 def _norm(r: Array) -> float:
-    # A diverging iterate is reported, not warned of.
-    with np.errstate(over="ignore", invalid="ignore"):
-        return float(np.linalg.norm(r))
+    # By BLAS, which scales: neither overflow nor underflow decides about convergence.
+    return float(norm(r, check_finite=False))
