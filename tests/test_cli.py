@@ -133,6 +133,9 @@ def test_tiny_problems(n):
         (["--solver", "cg", "--preconditioner", "fft-sd"], "cg needs a symmetric"),
         (["--preconditioner", "fft"], "--preconditioner is for --solver richardson and cg"),
         (["--plot", "/nowhere/x.png"], "/nowhere is no folder"),
+        (["--plot", "picture"], "picture does not end in one of"),
+        (["--plot", "picture.foo"], "picture.foo does not end in one of"),
+        (["--seed", "-1"], "--seed is -1"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
@@ -150,6 +153,9 @@ def test_refusals_are_one_line_and_status_two(options, message, capsys):
         ("c.npy", None, "No such file"),
         ("c.npy", b"", "is not a NumPy file of numbers"),
         ("c.npy", b"1.0, 2.0\n", "is not a NumPy file of numbers"),
+        ("c.npy", b"PK\x03\x04 and no more", "is not a NumPy file of numbers"),
+        ("b.npy", b"PK\x03\x04 and no more", "is not a NumPy file of numbers"),
+        ("mask.npy", b"PK\x03\x04 and no more", "is not a NumPy file of numbers"),
         ("c.npy", np.array([1.0, np.nan]), "coefficient nan at (1,)"),
         ("c.npy", np.array([1.0, 2j]), "complex128"),
         ("c.npy", np.array([object()]), "is not a NumPy file of numbers"),
@@ -176,6 +182,42 @@ def test_bad_files_are_one_line_and_status_two(files, name, content, message, ca
     assert message in captured.err
     assert captured.err.count("\n") == 1
     assert not (files / "x.npy").exists()
+
+
+@pytest.mark.parametrize("value", [np.float16(3000), np.float64(1e200), np.float64(1e-200), 7])
+def test_right_hand_sides_whose_squares_over_or_underflow(files, value):
+    np.save(files / "b.npy", np.full(300, value))
+    assert solve(files) == 0
+    x = np.load(files / "x.npy") / float(value)
+    assert_allclose(tmg.ToeplitzOperator(contact(300)) @ x, 1.0, rtol=1e-6)
+
+
+def test_options_count_on_both_sides_of_the_command(files, capsys):
+    names = [str(files / name) for name in ("c.npy", "b.npy")]
+    command = ["solve", *names, "-o", str(files / "x.npy")]
+    assert main(["--solver", "cg", "--rtol", "1e-3", *command]) == 0
+    assert "CG with" in capsys.readouterr().out
+    assert main(["--maxiter", "1", *command, "--rtol", "1e-12", "--solver", "cg"]) in (0, 1)
+    assert main(["--test", "3", *command]) == 2
+    assert "choose a problem of the paper" in capsys.readouterr().err
+
+
+def test_the_solution_is_kept_where_drawing_fails(files, monkeypatch, capsys):
+    def fail(*_):
+        raise OSError("no ink")
+
+    monkeypatch.setattr(output, "plot", fail)
+    assert solve(files, "--plot", str(files / "x.png")) == 2
+    assert "no ink" in capsys.readouterr().err
+    assert (files / "x.npy").exists()
+
+
+def test_a_link_stays_a_link(files):
+    (files / "target.npy").write_bytes(b"")
+    (files / "x.npy").symlink_to(files / "target.npy")
+    assert solve(files) == 0
+    assert (files / "x.npy").is_symlink()
+    assert np.load(files / "target.npy").shape == (300,)
 
 
 def test_an_archive_is_no_column(files, capsys):

@@ -4,6 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.optimize
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
@@ -149,10 +150,30 @@ def test_line_contact_is_definite_above_the_capacity_and_refused_below(n):
     c = halfspace.line_contact_coefficients(n, h, **args, reference=2.0 * (1 + 1e-9))
     assert np.linalg.eigvalsh(scipy.linalg.toeplitz(c)).min() > 0
     with pytest.raises(ValueError, match="logarithmic capacity"):
-        halfspace.line_contact_coefficients(n, h, **args, reference=2.0)
+        halfspace.line_contact_coefficients(n, h, **args, reference=2.0 * (1.0 - 2.0 / n))
     # A little below the refusal is right: the matrix is indefinite.
     shift = 2 * 0.7 / np.pi * h * np.log(1.0 - 2.0 / n)
     assert np.linalg.eigvalsh(scipy.linalg.toeplitz(c + shift)).min() < 0
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 10])
+def test_few_strips_are_refused_where_they_are_indefinite(n):
+    """Their threshold lies below the capacity, n / 4 strips: it is met to 1e-6."""
+
+    def smallest(reference):
+        log = lambda s: mpmath.log(reference / abs(s))  # noqa: E731
+        c = [2 * mpmath.quad(log, [0, 0.5])] + [
+            mpmath.quad(log, [k - 0.5, k + 0.5]) for k in range(1, n)
+        ]
+        c = [float(value) for value in c]
+        return np.linalg.eigvalsh(scipy.linalg.toeplitz(c)).min()
+
+    threshold = scipy.optimize.brentq(smallest, 0.1 * n / 4, n, xtol=1e-9)
+    assert threshold < n / 4
+    args = {"G": 1.0, "nu": 0.3}
+    halfspace.line_contact_coefficients(n, 1.0, **args, reference=threshold * (1 + 1e-6))
+    with pytest.raises(ValueError, match="positive definite"):
+        halfspace.line_contact_coefficients(n, 1.0, **args, reference=threshold * (1 - 1e-6))
 
 
 def test_the_bonded_flat_punch_converges_at_first_order():

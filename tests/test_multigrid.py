@@ -298,6 +298,30 @@ def test_refuses_what_is_no_toeplitz_operator():
         tmg.multigrid(tmg.ToeplitzOperator([4.0, 1.0], [4.0, 2.0]))
 
 
+def test_refuses_coarse_matrices_and_smoothers_that_do_not_fit():
+    A = tmg.ToeplitzOperator(contact(600))
+    masked = tmg.MaskedOperator(A, np.arange(600) < 500)
+    with pytest.raises(ValueError, match=r"the grid \(600,\), but it must be \(300,\)"):
+        tmg.multigrid(A, coarsen=lambda A: A)
+    with pytest.raises(ValueError, match="another mask"):
+        tmg.multigrid(masked, coarsen=lambda A: tmg.galerkin(A.full))
+    with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
+        tmg.multigrid(A, coarsen=lambda A: np.eye(300))
+    with pytest.raises(ValueError, match=r"the smoother has shape \(2, 2\)"):
+        tmg.multigrid(A, smoother=lambda A: np.eye(2))
+    with pytest.raises(TypeError):
+        tmg.multigrid(A, smoother=lambda A: None)
+    with pytest.raises(TypeError, match="must be called"):
+        tmg.rediscretised(3)
+
+
+def test_a_dense_smoother_and_no_columns():
+    A = tmg.ToeplitzOperator(contact(300))
+    M = tmg.multigrid(A, smoother=lambda A: np.linalg.inv(A.toarray()))
+    assert_allclose(M @ (A @ np.ones(300)), 1.0, rtol=1e-7)
+    assert (M @ np.zeros((300, 0))).shape == (300, 0)
+
+
 def test_says_on_which_level_the_smoother_refused():
     c = np.exp(-np.arange(3000) / 1000)
     with pytest.raises(np.linalg.LinAlgError, match="gamma") as caught:

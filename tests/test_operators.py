@@ -61,11 +61,9 @@ def test_symmetric_operators_are_their_own_adjoint(case):
         assert_near(dense, dense.T)
     else:
         dense = case.dense()
-        assert (
-            A.shape == (1, 1)
-            or case.name.startswith(("P M", "A general masked"))
-            or (abs(dense - dense.T).max() > 1e-6 * abs(dense).max())
-        )
+        lopsided = abs(dense - dense.T).max() > 1e-6 * abs(dense).max()
+        # P M may be symmetric by chance, where there are few unknowns or one subdomain.
+        assert lopsided or A.shape == (1, 1) or case.name.startswith("P M")
 
 
 @each_case

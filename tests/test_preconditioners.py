@@ -58,16 +58,20 @@ def test_deflated_subspace_is_lost_and_the_rest_kept(shape):
 
 @each
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-@pytest.mark.parametrize("n", [1009, 2**12])
+@pytest.mark.parametrize("n", [509, 2**10])
 def test_symmetric_positive_definite_at_larger_sizes(preconditioner, n, dtype):
     A = tmg.ToeplitzOperator(contact(n).astype(dtype))
     M = preconditioner(A)
-    X = np.random.default_rng(0).standard_normal((n, 8)).astype(dtype)
-    G = X.T @ (M @ X)
-    if preconditioner is not tmg.fft_sd_preconditioner:
-        assert_allclose(G, G.T, rtol=1e-4 if dtype == np.float32 else 1e-10)
-        assert (np.diag(G) > 0).all()
-    assert G.dtype == dtype
+    dense = M @ np.eye(n, dtype=dtype)
+    assert dense.dtype == dtype
+    dense = dense.astype(np.float64)
+    scale = abs(dense).max() * (1e-4 if dtype == np.float32 else 1e-10)
+    if preconditioner is tmg.fft_sd_preconditioner:
+        PM = preconditioner(tmg.ToeplitzOperator(contact(n))) @ np.eye(n)
+        assert_allclose(dense, PM, atol=100 * scale)
+    else:
+        assert_allclose(dense, dense.T, atol=scale)
+        assert np.linalg.eigvalsh((dense + dense.T) / 2).min() > 0
 
 
 @pytest.mark.parametrize("problem", [test1(2048), test2(2048), test3(2048)], ids=lambda p: p.name)
@@ -138,6 +142,34 @@ def test_rsm_refuses_gamma(gamma):
 def test_rsm_refuses_row_sums_that_are_not_positive():
     with pytest.raises(np.linalg.LinAlgError, match=r"gamma is -78\.3"):
         tmg.fft_rsm_preconditioner(tmg.ToeplitzOperator(np.exp(-np.arange(1024) / 1000)))
+
+
+INDEFINITE = [
+    (np.cos(2.7 * np.arange(202)) * np.exp(-np.arange(202) / 22.8), 0.04, (1, 6, 4), None),
+    (np.exp(-((np.arange(420) / 7.473) ** 2) / 2), 1.2472e-6, (0, 10, 2), 1e-3),
+]
+
+
+@pytest.mark.parametrize(("c", "nugget", "pattern", "gamma"), INDEFINITE)
+def test_rsm_refuses_what_is_indefinite_by_a_little(c, nugget, pattern, gamma):
+    """Found by review: a few steps of Lanczos's method do not see these."""
+    k = np.arange(len(c))
+    squared, period, least = pattern
+    mask = k**2 % period < least if squared else k % period >= least
+    A = tmg.MaskedOperator(tmg.ToeplitzOperator(c + nugget * (k == 0)), mask)
+    with pytest.raises(np.linalg.LinAlgError):
+        tmg.fft_rsm_preconditioner(A, gamma=gamma)
+
+
+def test_rsm_says_what_is_certified():
+    """Incompressible, the tangential kernel has coefficients that nothing certain outweighs."""
+    for n, certified in ((20, True), (40, False)):  # 400 unknowns are few enough to make sure
+        x, y = tmg.halfspace.lags((n, n), (1.0, 1.0))
+        A = tmg.ToeplitzOperator(tmg.halfspace.influence_xx(x, y, (1.0, 1.0), G=1.0, nu=0.5))
+        M_bar = tmg.fft_rsm_preconditioner(A)
+        assert M_bar.certified == certified
+        assert np.linalg.eigvalsh(M_bar.toarray()).min() > 0
+    assert tmg.fft_rsm_preconditioner(tmg.ToeplitzOperator(contact(4096))).certified
 
 
 def test_rsm_refuses_a_positive_gamma_that_leaves_it_indefinite():

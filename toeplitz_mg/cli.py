@@ -3,35 +3,22 @@
 import argparse
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import norm
 from scipy.sparse.linalg import LinearOperator, cg
 
 import toeplitz_mg as tmg
 from toeplitz_mg import output
-from toeplitz_mg.contact import problems, published
+from toeplitz_mg.arguments import PRECONDITIONERS, TESTS, UsageError, checked, parser
+from toeplitz_mg.contact import published
 
 Array = NDArray[Any]
-Preconditioner = Callable[[LinearOperator], LinearOperator]
-
-TESTS = {1: problems.test1, 2: problems.test2, 3: problems.test3}
-PRECONDITIONERS: dict[str, Preconditioner] = {
-    "fft": tmg.fft_preconditioner,
-    "fft-rsm": tmg.fft_rsm_preconditioner,
-    "fft-sd": tmg.fft_sd_preconditioner,
-    "strang": tmg.strang_preconditioner,
-    "chan": tmg.chan_preconditioner,
-}
-
-
-class UsageError(Exception):
-    """What the user asked for cannot be done; the message says why."""
 
 
 @dataclass
@@ -61,7 +48,7 @@ class Progress:
         start = perf_counter()
         with tmg.count_products() as work:
             residual = self.system.b - self.system.A @ x
-        self.residuals.append(float(np.linalg.norm(residual) / np.linalg.norm(self.system.b)))
+        self.residuals.append(float(norm(residual) / norm(self.system.b)))
         print(f"{len(self.residuals):10d}   {self.residuals[-1]:.3e}", flush=True)
         self.products.points += work.points
         self.seconds += perf_counter() - start
@@ -80,12 +67,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         0 where it has converged, 1 where it has not, 2 for what cannot be done.
     """
-    options = _parser().parse_args(arguments)
+    given = parser().parse_args(arguments)
     try:
-        if options.plot is not None:
-            output.check_plotting()
-        for path in filter(None, (options.plot, getattr(options, "output", None))):
-            output.check_writable(path)
+        options = checked(given)
         system = _users_system(options) if options.command == "solve" else _papers_system(options)
         return _solve(system, options)
     except (UsageError, ValueError, TypeError, np.linalg.LinAlgError, OSError) as error:
@@ -96,76 +80,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("toeplitz-mg: interrupted, nothing was written", file=sys.stderr)
         return 130
     return 2
-
-
-def _parser() -> argparse.ArgumentParser:
-    common = argparse.ArgumentParser(add_help=False)
-    group = common.add_argument_group("method")
-    group.add_argument(
-        "--solver",
-        choices=("multigrid", "richardson", "cg"),
-        default="multigrid",
-        help="multigrid cycles, Richardson with a preconditioner, or conjugate gradients "
-        "(default: %(default)s)",
-    )
-    group.add_argument(
-        "--preconditioner",
-        choices=("none", *PRECONDITIONERS, "multigrid"),
-        help="for richardson (default: fft-rsm) and cg (default: multigrid)",
-    )
-    group.add_argument(
-        "--cycle",
-        help="V(pre,post) or W(pre,post) (default: V(0,1), and V(1,1) for cg)",
-    )
-    group.add_argument(
-        "--smoother",
-        choices=tuple(PRECONDITIONERS),
-        default="fft-rsm",
-        help="of the multigrid cycle (default: %(default)s)",
-    )
-    group.add_argument(
-        "--rtol", type=float, default=1e-8, help="relative residual (default: %(default)s)"
-    )
-    group.add_argument(
-        "--maxiter", type=int, default=200, help="most iterations (default: %(default)s)"
-    )
-    group.add_argument(
-        "--seed", type=int, help="start from a random guess, as the paper does, not from zero"
-    )
-    common.add_argument("--plot", type=Path, metavar="FILE", help="draw solution and convergence")
-
-    parser = argparse.ArgumentParser(
-        prog="toeplitz-mg",
-        parents=[common],
-        description="Solve a contact problem of Zhao, Vollebregt and Oosterlee (2014): by default "
-        "test 1 with 2^20 unknowns, by the V(0,1) cycle with the FFT+RSM smoother. "
-        "The command solve takes a system of your own.",
-        epilog="Exit status: 0 converged, 1 not converged, 2 not possible.",
-    )
-    parser.add_argument("--version", action="version", version=f"toeplitz-mg {tmg.__version__}")
-    parser.add_argument(
-        "--test", type=int, choices=tuple(TESTS), default=1, help="problem (default: %(default)s)"
-    )
-    parser.add_argument(
-        "-n", type=int, default=2**20, help="number of elements (default: %(default)s)"
-    )
-    commands = parser.add_subparsers(dest="command", metavar="{solve}")
-    solve = commands.add_parser(
-        "solve",
-        parents=[common],
-        help="solve a system of your own",
-        description="Solve A x = b, A symmetric positive definite Toeplitz.",
-        epilog="X is written whole or not at all, and only where the solver has converged.",
-    )
-    solve.add_argument(
-        "column", type=Path, metavar="COLUMN.npy", help="first column, of one or several levels"
-    )
-    solve.add_argument(
-        "rhs", type=Path, metavar="RHS.npy", help="b, on the grid or flat; with a mask also (N,)"
-    )
-    solve.add_argument("-o", "--output", type=Path, required=True, metavar="X.npy", help="solution")
-    solve.add_argument("--mask", type=Path, metavar="MASK.npy", help="where A is restricted")
-    return parser
 
 
 def _papers_system(options: argparse.Namespace) -> System:
@@ -184,6 +98,9 @@ def _users_system(options: argparse.Namespace) -> System:
     b = output.load(options.rhs)
     if b.dtype.kind not in "buif":
         raise UsageError(f"{options.rhs} has dtype {b.dtype}, but must be of real numbers")
+    if not np.isfinite(b).all():
+        raise UsageError(f"{options.rhs} has entries that are not finite")
+    b = b.astype(np.float32 if b.dtype == np.float32 else np.float64)
     on_grid = mask is not None and b.shape == A.grid_shape
     if on_grid:
         b = b[mask]
@@ -230,12 +147,8 @@ def _method(system: System, options: argparse.Namespace) -> tuple[LinearOperator
 
 
 def _solve(system: System, options: argparse.Namespace) -> int:
-    if not 0.0 < options.rtol < 1.0:
-        raise UsageError(f"--rtol is {options.rtol}, but must lie between 0 and 1")
-    if options.maxiter < 1:
-        raise UsageError(f"--maxiter is {options.maxiter}, but must be at least 1")
-    if not np.linalg.norm(system.b) > 0.0:
-        raise UsageError("the right-hand side is zero or not finite: there is nothing to solve")
+    if not system.b.any():
+        raise UsageError("the right-hand side is zero: there is nothing to solve")
     start = perf_counter()
     M, label = _method(system, options)
     setup = perf_counter() - start
@@ -262,12 +175,12 @@ def _solve(system: System, options: argparse.Namespace) -> int:
     seconds = perf_counter() - start - progress.seconds
     n = system.A.shape[0] if system.mask is None else system.mask.size
     work.points -= progress.products.points
-    size = float(np.linalg.norm(system.b))
-    residual = float(np.linalg.norm(system.b - system.A @ x)) / size
+    size = float(norm(system.b))
+    residual = float(norm(system.b - system.A @ x)) / size
     # The recurrence of cg may have drifted from the true residual: the latter decides.
     converged = info == 0 and residual <= 1.01 * options.rtol
     count = len(progress.residuals)
-    before = float(np.linalg.norm(first)) / size
+    before = float(norm(first)) / size
     factor = (residual / before) ** (1.0 / max(count, 1))
     print(
         f"\n{'converged' if converged else 'NOT CONVERGED'}: residual {residual:.2e}\n"
@@ -277,19 +190,19 @@ def _solve(system: System, options: argparse.Namespace) -> int:
     )
     if system.test is not None and (line := _papers_line(system.test, label, options)):
         print(line)
+    if converged and options.output is not None:
+        if system.on_grid and system.mask is not None:
+            grid = np.zeros(system.mask.shape, x.dtype)
+            grid[system.mask] = x
+            output.save(options.output, grid)
+        else:
+            output.save(options.output, x)
+        print(f"written to {options.output}")
     if options.plot is not None:
         residuals = [before, *progress.residuals]
         output.plot(options.plot, system.title, x, system.x, system.mask, residuals)
         print(f"drawn in {options.plot}")
-    if not converged:
-        return 1
-    if options.command == "solve":
-        if system.on_grid and system.mask is not None:
-            x, inside = np.zeros(system.mask.shape, x.dtype), x
-            x[system.mask] = inside
-        output.save(options.output, x)
-        print(f"written to {options.output}")
-    return 0
+    return 0 if converged else 1
 
 
 def _papers_line(test: int, label: str, options: argparse.Namespace) -> str:

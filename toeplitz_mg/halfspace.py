@@ -16,11 +16,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import toeplitz
 
 from toeplitz_mg import rectangle
 
 Array = NDArray[Any]
 Pair = tuple[Array, Array]
+
+FEW = 200  # strips of a line contact, whose eigenvalues are computed where in doubt
 
 
 class Material(NamedTuple):
@@ -91,6 +94,8 @@ def lags(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
     ------
     ValueError
         For a grid without elements, or an element whose size is not positive.
+    TypeError
+        For numbers of elements that are not integers.
 
     Examples
     --------
@@ -110,7 +115,24 @@ def lags(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
 def all_lags(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
     """Return the points of all coefficients, negative lags too, for `ToeplitzOperator.from_lags`.
 
-    Parameters and errors as for `lags`; x has shape (2 n₁ - 1, 1), y has shape (1, 2 n₂ - 1).
+    Parameters
+    ----------
+    grid_shape : (int, int)
+        n₁ × n₂ elements.
+    element : (float, float)
+        Size h₁ × h₂ of an element.
+
+    Returns
+    -------
+    x, y : ndarray of shape (2 n₁ - 1, 1) and (1, 2 n₂ - 1)
+        i h₁ and j h₂, i = -(n₁ - 1) … n₁ - 1, j = -(n₂ - 1) … n₂ - 1.
+
+    Raises
+    ------
+    ValueError
+        For a grid without elements, or an element whose size is not positive.
+    TypeError
+        For numbers of elements that are not integers.
 
     Examples
     --------
@@ -168,8 +190,28 @@ def influence_xx(
 ) -> Array:
     """Return the displacement along x by a unit traction along x on an element (Cerruti).
 
-    Parameters, result and errors as for `influence_zz`. It is the kernel of the paper, whose
-    elements are 8/n × 100 mm.
+    Parameters
+    ----------
+    x, y : array_like
+        Points on the surface, relative to the element's centre, mm; broadcast.
+    element : (float, float)
+        Its size h₁ × h₂, mm; any ratio.
+    G, nu : float
+        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
+
+    Returns
+    -------
+    ndarray of float64
+        mm per N/mm², for both bodies together, to a relative error of some 1e-14.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `influence_zz`.
+
+    Notes
+    -----
+    This is the kernel of the paper, whose elements are 8/n × 100 mm.
 
     Examples
     --------
@@ -187,7 +229,24 @@ def influence_yy(
 ) -> Array:
     """Return the displacement along y by a unit traction along y on an element (Cerruti).
 
-    Parameters, result and errors as for `influence_zz`.
+    Parameters
+    ----------
+    x, y : array_like
+        Points on the surface, relative to the element's centre, mm; broadcast.
+    element : (float, float)
+        Its size h₁ × h₂, mm; any ratio.
+    G, nu : float
+        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
+
+    Returns
+    -------
+    ndarray of float64
+        mm per N/mm², for both bodies together, to a relative error of some 1e-14.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `influence_zz`.
 
     Examples
     --------
@@ -205,8 +264,28 @@ def influence_xy(
 ) -> Array:
     """Return the displacement along x by a unit traction along y, or the other way round.
 
-    Parameters, result and errors as for `influence_zz`. It is odd in x and in y: build the
-    operator from `all_lags`.
+    Parameters
+    ----------
+    x, y : array_like
+        Points on the surface, relative to the element's centre, mm; broadcast.
+    element : (float, float)
+        Its size h₁ × h₂, mm; any ratio.
+    G, nu : float
+        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
+
+    Returns
+    -------
+    ndarray of float64
+        mm per N/mm², for both bodies together, to a relative error of some 1e-14.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `influence_zz`.
+
+    Notes
+    -----
+    It is odd in x and in y: build the operator from `all_lags`, by `ToeplitzOperator.from_lags`.
 
     Examples
     --------
@@ -243,9 +322,12 @@ def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, referenc
     Raises
     ------
     ValueError
-        Where `reference` is at most the logarithmic capacity n h/4 of the contact area: no
-        traction of that total force moves it the right way, and the matrix is, or for small n is
-        about to be, indefinite. Also as for `influence_zz`.
+        Where `reference` is so small that the matrix is indefinite: at most the logarithmic
+        capacity n h/4 of the contact area, or, for up to 200 strips, at most the value a little
+        below it at which an eigenvalue is zero. Where n, h, G or the reference is not positive,
+        or nu outside (-1, 0.5].
+    TypeError
+        Where n is not an integer.
 
     Notes
     -----
@@ -261,12 +343,13 @@ def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, referenc
     G, nu = _material(G, nu)
     n, h = _count("n", n), _positive("h", h)
     d = _positive("reference", reference)
-    if d <= n * h / 4.0:
+    logarithm = np.log(d / h) - rectangle.integral_log(np.arange(n, dtype=np.float64))
+    # Below the capacity only a few strips may still be positive definite.
+    if d <= n * h / 4.0 and (n > FEW or np.linalg.eigvalsh(toeplitz(logarithm))[0] <= 0.0):
         raise ValueError(
             f"reference is {d:g}, but must exceed the logarithmic capacity n h/4 = {n * h / 4:g} "
             "of the contact area for the matrix to be positive definite"
         )
-    logarithm = np.log(d / h) - rectangle.integral_log(np.arange(n, dtype=np.float64))
     return np.asarray(2.0 * (1.0 - nu) / (np.pi * G) * h * logarithm)
 
 

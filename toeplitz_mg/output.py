@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,9 @@ def load(path: Path) -> Array:
         Where it is not one of NumPy's, or holds Python objects.
     """
     try:
-        array = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError) as error:
+        with path.open("rb") as file:
+            array = np.load(file, allow_pickle=False)
+    except (ValueError, EOFError, BadZipFile) as error:
         raise ValueError(f"{path} is not a NumPy file of numbers (.npy): {error}") from None
     if not isinstance(array, np.ndarray):
         raise ValueError(f"{path} holds several arrays (.npz), but one is needed (.npy)")
@@ -42,10 +44,15 @@ def check_writable(path: Path) -> None:
         raise PermissionError(f"{path.parent} is not writable")
 
 
-def check_plotting() -> None:
-    """Raise ValueError where matplotlib is not installed."""
+def check_plotting(path: Path) -> None:
+    """Raise ValueError where matplotlib is not installed, or cannot draw such a file."""
     if find_spec("matplotlib") is None:
         raise ValueError("--plot needs matplotlib: pip install 'toeplitz-mg[plot]'")
+    from matplotlib.backend_bases import FigureCanvasBase  # an extra, and slow to import
+
+    kinds = FigureCanvasBase.get_supported_filetypes()
+    if path.suffix.lower().removeprefix(".") not in kinds:
+        raise ValueError(f"{path} does not end in one of .{', .'.join(sorted(kinds))}")
 
 
 def save(path: Path, array: Array) -> None:
@@ -67,7 +74,7 @@ def plot(
     residuals: Sequence[float],
 ) -> None:
     """Draw the solution, and the relative residuals, from that of the first guess."""
-    import matplotlib.figure  # an extra, and slow to import
+    import matplotlib.figure
 
     figure = matplotlib.figure.Figure(figsize=(10, 4), layout="constrained")
     left, right = figure.subplots(1, 2)
@@ -100,6 +107,7 @@ def plot(
 
 def _write(path: Path, write: Callable[[Path], object]) -> None:
     """Write beside `path` and move there, so that a file is never half-written."""
+    path = path.resolve()  # a link stays a link
     handle, name = tempfile.mkstemp(prefix=".", suffix=path.suffix, dir=path.parent)
     os.close(handle)
     part = Path(name)

@@ -91,7 +91,21 @@ def test1(n: int) -> Problem:
 def test2(n: int) -> Problem:
     """Return test 2: rubber, a shift of x, by spin (paper, §5).
 
-    Parameters, result and errors as for `test1`.
+    Parameters
+    ----------
+    n : int
+        Number of elements, each 8/n × 100 mm.
+
+    Returns
+    -------
+    Problem
+
+    Raises
+    ------
+    ValueError
+        Where `n` is below 1.
+    TypeError
+        Where `n` is not an integer.
 
     Examples
     --------
@@ -106,8 +120,22 @@ def test2(n: int) -> Problem:
 def test3(n: int) -> Problem:
     """Return test 3: test 1 on two strips, a wavy surface (paper, §5.4).
 
-    Parameters, result and errors as for `test1`. In contact are the elements with their centre in
-    (-4, -2) or (0, 4).
+    Parameters
+    ----------
+    n : int
+        Number of elements, each 8/n × 100 mm.
+
+    Returns
+    -------
+    Problem
+        In contact are the elements with their centre in (-4, -2) or (0, 4).
+
+    Raises
+    ------
+    ValueError
+        Where `n` is below 2, so that no element is in contact.
+    TypeError
+        Where `n` is not an integer.
 
     Examples
     --------

@@ -21,9 +21,9 @@ Array = NDArray[Any]
 class Multigrid(LinearOperator):
     """One multigrid cycle from a zero guess, an approximate inverse of ``levels[0].A``.
 
-    Made by `multigrid`, which has the documentation; or from levels of one's own.
+    Made by `multigrid`, which has the documentation and an example; or from levels of one's own.
 
-    Attributes
+    Parameters
     ----------
     levels : tuple of Level
         From the finest to the coarsest.
@@ -31,6 +31,11 @@ class Multigrid(LinearOperator):
         Smoothing steps before and after the coarse-grid correction.
     gamma : int
         Coarse cycles in a cycle: 1 = V, 2 = W.
+
+    Attributes
+    ----------
+    levels, pre, post, gamma
+        As given.
     """
 
     def __init__(self, levels: tuple[Level, ...], pre: int, post: int, gamma: int) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.sparse.linalg import LinearOperator
+from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg.multigrid.transfer import Coarsening, Transfer
 from toeplitz_mg.operators import as_rows
@@ -58,7 +58,11 @@ class DenseInverse(LinearOperator):
 
     def _matvec(self, x: Array) -> Array:
         rows = as_rows(x, self.shape[1])
-        columns = rows.reshape(-1, self.shape[1]).T.astype(np.result_type(x, self.dtype))
+        # In the nearest precision that LAPACK has.
+        dtype = np.result_type(x, self.dtype)
+        if dtype.char not in "fdFD":
+            dtype = np.dtype(np.complex128 if dtype.kind == "c" else np.float64)
+        columns = rows.reshape(-1, self.shape[1]).T.astype(dtype)
         solution = cho_solve(self._factor, columns, overwrite_b=True, check_finite=False)
         return np.asarray(solution).T.reshape(rows.shape)
 
@@ -87,19 +91,25 @@ def build_levels(
     Raises
     ------
     ValueError
-        Where that last grid is too large to be solved directly.
+        Where that last grid is too large to be solved directly, and where a smoother or a coarse
+        matrix has not the shape that it must have.
+    TypeError
+        Where a smoother is no linear operator, or a coarse matrix no Toeplitz operator.
     """
     levels: list[Level] = []
     while A.shape[0] > coarsest and (transfer := Transfer.of(A)) is not None:
         try:
-            S = smoother(A)
+            S = aslinearoperator(smoother(A))
         except np.linalg.LinAlgError as error:
             if levels and A.shape[0] <= LARGEST_DENSE:
                 break
             error.add_note(f"This was the matrix of level {len(levels)} of multigrid, {A!r}.")
             raise
+        if S.shape != A.shape:
+            raise ValueError(f"the smoother has shape {S.shape}, but its matrix has {A.shape}")
         levels.append(Level(A, S, transfer))
         A = coarsen(A)
+        transfer.check_coarse(A)
     if A.shape[0] > max(coarsest, LARGEST_DENSE):
         raise ValueError(
             f"the mask of {A!r} is in such fragments that no coarse element is in contact as a "

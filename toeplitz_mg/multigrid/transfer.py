@@ -39,6 +39,12 @@ def galerkin(A: LinearOperator) -> LinearOperator:
         On half the elements in each level. On a mask the coarse elements are those all of whose
         fine elements are in contact; the matrix is exactly R A P there too.
 
+    Raises
+    ------
+    TypeError, ValueError
+        Where `A` is no Toeplitz operator, or not symmetric; where no coarse element of a mask is
+        in contact as a whole.
+
     Notes
     -----
     In each level a_H[k] = ½ (a[2k-1] + 2 a[2k] + a[2k+1]).
@@ -78,6 +84,11 @@ def rediscretised(
     callable
         For the argument `coarsen` of `multigrid`.
 
+    Raises
+    ------
+    TypeError
+        Where the argument cannot be called.
+
     Examples
     --------
     >>> import toeplitz_mg as tmg
@@ -86,6 +97,8 @@ def rediscretised(
     >>> coarsen(problem.A).grid_shape
     (32,)
     """
+    if not callable(operator_of_grid_shape):
+        raise TypeError(f"operator_of_grid_shape is {operator_of_grid_shape!r}, but must be called")
 
     def coarsen(A: LinearOperator) -> LinearOperator:
         full, mask = toeplitz_and_mask(A)
@@ -124,6 +137,16 @@ class Transfer:
         leftover = np.flatnonzero(~covered[whole])
         return cls(full.grid_shape, mask, None if mask is None else coarse, leftover)
 
+    def check_coarse(self, H: LinearOperator) -> None:
+        """Raise ValueError or TypeError where `H` does not live on the coarse grid."""
+        full, mask = toeplitz_and_mask(H)
+        if full.grid_shape != (shape := coarse_shape(self.fine_shape)):
+            raise ValueError(f"coarsen gave the grid {full.grid_shape}, but it must be {shape}")
+        if (mask is None) != (self.coarse_mask is None) or not np.array_equal(
+            mask, self.coarse_mask
+        ):
+            raise ValueError(f"coarsen gave {H!r} with another mask than the coarse one")
+
     @property
     def elements_per_coarse(self) -> int:
         """The number s of fine elements in a coarse one: Pᵀ = s R."""
@@ -137,7 +160,7 @@ class Transfer:
         coarse = _pairs(grid, rows).mean(axis=axes, dtype=r.dtype)
         if self.coarse_mask is not None:
             return np.asarray(coarse[..., self.coarse_mask])
-        return np.asarray(coarse.reshape(*r.shape[:-1], -1))
+        return np.asarray(coarse.reshape(*r.shape[:-1], prod(coarse_shape(self.fine_shape))))
 
     def interpolate(self, e: Array) -> Array:
         """Copy each coarse value to its fine elements, and zero to those left over (Eq. 14)."""
@@ -145,7 +168,7 @@ class Transfer:
         fine = _spread(grid, self.fine_shape)
         if self.fine_mask is not None:
             return np.asarray(fine[..., self.fine_mask])
-        return fine.reshape(*e.shape[:-1], -1)
+        return fine.reshape(*e.shape[:-1], prod(self.fine_shape))
 
 
 def _on_grid(x: Array, mask: Array | None, shape: tuple[int, ...]) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators.rows import as_rows
+from toeplitz_mg.operators.rows import apply_to_rows, as_rows
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
 Array = NDArray[Any]
@@ -75,14 +75,21 @@ class MaskedOperator(LinearOperator):
         super().__init__(A.dtype, (len(self._index), len(self._index)))
 
     def toarray(self) -> Array:
-        """Return the dense matrix, shape (N, N), N = ``mask.sum()``, without any transform."""
-        return np.asarray(self.full.block(self._index))
+        """Return the dense matrix, shape (N, N), N = ``mask.sum()``.
+
+        Of a Toeplitz matrix its entries, without any transform; of any other operator the product
+        with the unit matrix.
+        """
+        if isinstance(self.full, ToeplitzOperator):
+            return self.full.block(self._index)
+        return self._matmat(np.eye(self.shape[0], dtype=self.dtype))
 
     def _matvec(self, x: Array) -> Array:
         x = as_rows(x, self.shape[1])
         grid = np.zeros((*x.shape[:-1], self.full.shape[1]), np.result_type(x, np.float32))
         grid[..., self._index] = x
-        return np.asarray(self.full._matvec(grid)[..., self._index])
+        rows = grid if grid.ndim == 1 else grid.reshape(-1, grid.shape[-1])
+        return apply_to_rows(self.full, rows)[..., self._index].reshape(x.shape)
 
     def _matmat(self, X: Array) -> Array:
         return self._matvec(X.mT).mT

@@ -129,6 +129,7 @@ class ToeplitzOperator(LinearOperator):
         self.is_even = all(np.array_equal(lags, np.flip(lags, k)) for k in range(lags.ndim))
         self.is_symmetric = self.is_even or np.array_equal(lags, np.flip(lags))
         self._coefficients = lags[_centre_on(self.grid_shape)].copy() if self.is_even else lags
+        self._coefficients.flags.writeable = False
         self._convolution = convolution or Convolution.from_first_column(
             self.circulant(tuple(fft.next_fast_len(n, real=True) for n in lags.shape)),
             self.grid_shape,

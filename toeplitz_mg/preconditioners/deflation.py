@@ -105,9 +105,10 @@ def fft_sd_preconditioner(A: LinearOperator, n_subdomains: int = 2) -> Subdomain
     True
     """
     n_subdomains = index(n_subdomains)
+    M = fft_preconditioner(A)
     if not 1 <= n_subdomains <= A.shape[0]:
         raise ValueError(
             f"n_subdomains is {n_subdomains}, but must lie between 1 and the number of unknowns, "
             f"{A.shape[0]}"
         )
-    return SubdomainDeflated(A, fft_preconditioner(A), n_subdomains)
+    return SubdomainDeflated(A, M, n_subdomains)

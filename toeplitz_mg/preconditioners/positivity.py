@@ -14,6 +14,7 @@ Array = NDArray[Any]
 Lag = tuple[int, ...]
 
 REACH = 5  # unit steps from an element to one that is called near
+DENSE = 1024  # unknowns of which all eigenvalues are computed, in some tenths of a second
 
 
 def surely_positive(M: ToeplitzOperator, mask: Array | None, gamma: float) -> bool:
@@ -89,11 +90,21 @@ def _laplacian_of_positive(lags: Array, grid_shape: tuple[int, ...]) -> float:
     return float(positive.sum() + paths.sum())
 
 
-def smallest_ritz_value(A: LinearOperator, M_bar: LinearOperator, steps: int = 20) -> float:
+def smallest_eigenvalue(A: LinearOperator, M_bar: LinearOperator) -> float:
+    """Return the smallest eigenvalue of M̄, or, of a large one, an estimate of that of M̄ A.
+
+    The estimate is too large, and may be positive where M̄ is indefinite.
+    """
+    if M_bar.shape[0] <= DENSE:
+        return float(np.linalg.eigvalsh(M_bar.toarray()).min())
+    return smallest_ritz_value(A, M_bar)
+
+
+def smallest_ritz_value(A: LinearOperator, M_bar: LinearOperator, steps: int = 40) -> float:
     """Estimate the smallest eigenvalue of M̄ A, by Lanczos's method in the inner product of A.
 
-    All but a few eigenvalues lie near 1, so that a negative one is soon found; it shows that M̄
-    is indefinite.
+    All but a few eigenvalues lie near 1, so that a negative one far from there is soon found; it
+    shows that M̄ is indefinite.
     """
     rng = np.random.default_rng(0)
     q, q_old = rng.standard_normal(A.shape[0]).astype(A.dtype), np.zeros(A.shape[0], A.dtype)

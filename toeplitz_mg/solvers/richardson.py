@@ -13,6 +13,8 @@ from toeplitz_mg.operators import apply_to_rows
 
 Array = NDArray[Any]
 
+PATIENCE = 100  # iterations without a smaller residual
+
 
 def richardson(
     A: Any,
@@ -51,8 +53,9 @@ def richardson(
     -------
     x : ndarray of shape (n,)
     info : int
-        0 where it has converged; otherwise the iterations done, where they are used up or where
-        the iteration diverges (a residual that is not finite, or has grown by 1/eps).
+        0 where it has converged. Otherwise the iterations done (at least 1): they are used up, or
+        the iteration diverges (the residual is not finite or has grown by 1/eps), or it stagnates
+        (no smaller residual in 100 iterations). `x` is then the last iterate.
 
     Raises
     ------
@@ -107,9 +110,10 @@ def richardson(
     goal = max(rtol * size, atol)
     residual = _norm(r)
     limit = max(residual, size) / np.finfo(dtype).eps
-    iterations = 0
+    iterations, best, best_at = 0, residual, 0
     while not residual <= goal:
-        if iterations == maxiter or not residual <= limit:
+        stagnates = iterations - best_at >= PATIENCE
+        if iterations == maxiter or stagnates or not residual <= limit:
             return x, max(iterations, 1)
         # A diverging iterate is reported, not warned of.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -117,6 +121,8 @@ def richardson(
             r = b - apply_to_rows(A, x)
             residual = _norm(r)
         iterations += 1
+        if residual < best:
+            best, best_at = residual, iterations
         if callback is not None:
             callback(x)
     return x, 0
@@ -130,7 +136,7 @@ def _vector(values: ArrayLike, name: str, n: int) -> Array:
         raise ValueError(f"{name} has shape {array.shape}, but A has {(n, n)}")
     if not np.isfinite(array).all():
         raise ValueError(f"{name} has entries that are not finite")
-    if array.dtype.kind in "bui":
+    if array.dtype.kind in "bui" or array.dtype == np.float16:
         array = array.astype(np.float64)
     return array.reshape(n)
 

@@ -1,0 +1,125 @@
+"""The arguments of the command line, and what cannot be meant by them."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from scipy.sparse.linalg import LinearOperator
+
+import toeplitz_mg as tmg
+from toeplitz_mg import output
+from toeplitz_mg.contact import problems
+
+Preconditioner = Callable[[LinearOperator], LinearOperator]
+
+TESTS = {1: problems.test1, 2: problems.test2, 3: problems.test3}
+PRECONDITIONERS: dict[str, Preconditioner] = {
+    "fft": tmg.fft_preconditioner,
+    "fft-rsm": tmg.fft_rsm_preconditioner,
+    "fft-sd": tmg.fft_sd_preconditioner,
+    "strang": tmg.strang_preconditioner,
+    "chan": tmg.chan_preconditioner,
+}
+
+
+class UsageError(Exception):
+    """What the user asked for cannot be done; the message says why."""
+
+
+def _method_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("method")
+    group.add_argument(
+        "--solver",
+        choices=("multigrid", "richardson", "cg"),
+        help="multigrid cycles, Richardson with a preconditioner, or conjugate gradients "
+        "(default: multigrid)",
+    )
+    group.add_argument(
+        "--preconditioner",
+        choices=("none", *PRECONDITIONERS, "multigrid"),
+        help="for richardson (default: fft-rsm) and cg (default: multigrid)",
+    )
+    group.add_argument(
+        "--cycle",
+        help="V(pre,post) or W(pre,post) (default: V(0,1), and V(1,1) for cg)",
+    )
+    group.add_argument(
+        "--smoother",
+        choices=tuple(PRECONDITIONERS),
+        help="of the multigrid cycle (default: fft-rsm)",
+    )
+    group.add_argument("--rtol", type=float, help="relative residual (default: 1e-8)")
+    group.add_argument("--maxiter", type=int, help="most iterations (default: 200)")
+    group.add_argument(
+        "--seed", type=int, help="start from a random guess, as the paper does, not from zero"
+    )
+    group.add_argument("--plot", type=Path, metavar="FILE", help="draw solution and convergence")
+
+
+DEFAULTS: dict[str, Any] = {
+    "test": 1,
+    "n": 2**20,
+    "solver": "multigrid",
+    "preconditioner": None,
+    "cycle": None,
+    "smoother": "fft-rsm",
+    "rtol": 1e-8,
+    "maxiter": 200,
+    "seed": None,
+    "plot": None,
+}
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    # Without defaults, so that an option counts wherever it stands, and a stray one is seen.
+    bare: Any = {"argument_default": argparse.SUPPRESS}
+    main = argparse.ArgumentParser(
+        prog="toeplitz-mg",
+        description="Solve a contact problem of Zhao, Vollebregt and Oosterlee (2014): by default "
+        "test 1 with 2^20 unknowns, by the V(0,1) cycle with the FFT+RSM smoother. "
+        "The command solve takes a system of your own.",
+        epilog="Exit status: 0 converged, 1 not converged, 2 not possible.",
+        **bare,
+    )
+    main.add_argument("--version", action="version", version=f"toeplitz-mg {tmg.__version__}")
+    main.add_argument("--test", type=int, choices=tuple(TESTS), help="problem (default: 1)")
+    main.add_argument("-n", type=int, help="number of elements (default: 2^20)")
+    _method_options(main)
+    commands = main.add_subparsers(dest="command", metavar="{solve}")
+    solve = commands.add_parser(
+        "solve",
+        help="solve a system of your own",
+        description="Solve A x = b, A symmetric positive definite Toeplitz.",
+        epilog="X is written whole or not at all, and only where the solver has converged.",
+        **bare,
+    )
+    solve.add_argument(
+        "column", type=Path, metavar="COLUMN.npy", help="first column, of one or several levels"
+    )
+    solve.add_argument(
+        "rhs", type=Path, metavar="RHS.npy", help="b, on the grid or flat; with a mask also (N,)"
+    )
+    solve.add_argument("-o", "--output", type=Path, required=True, metavar="X.npy", help="solution")
+    solve.add_argument("--mask", type=Path, metavar="MASK.npy", help="where A is restricted")
+    _method_options(solve)
+    return main
+
+
+def checked(given: argparse.Namespace) -> argparse.Namespace:
+    """Fill in the defaults, and refuse what cannot be meant."""
+    if given.command == "solve" and (hasattr(given, "test") or hasattr(given, "n")):
+        raise UsageError("--test and -n choose a problem of the paper, which solve does not solve")
+    options = argparse.Namespace(**(DEFAULTS | {"output": None, "mask": None} | vars(given)))
+    if not 0.0 < options.rtol < 1.0:
+        raise UsageError(f"--rtol is {options.rtol}, but must lie between 0 and 1")
+    if options.maxiter < 1:
+        raise UsageError(f"--maxiter is {options.maxiter}, but must be at least 1")
+    if options.seed is not None and options.seed < 0:
+        raise UsageError(f"--seed is {options.seed}, but must not be negative")
+    if options.plot is not None:
+        output.check_plotting(options.plot)
+    for path in filter(None, (options.plot, options.output)):
+        output.check_writable(path)
+    return options
