@@ -96,8 +96,9 @@ def richardson(
         raise ValueError(f"maxiter is {maxiter}, but must be at least 1")
     b = _vector(b, "b", n)
     guess = None if x0 is None else _vector(x0, "x0", n)
-    parts = [b, *(part for part in (A, M, guess) if part is not None)]
-    dtype = np.result_type(*(part.dtype for part in parts))
+    dtype = np.result_type(A.dtype, b.dtype, b.dtype if guess is None else guess.dtype)
+    if M is not None and M.dtype.kind == "c":
+        dtype = np.result_type(dtype, np.complex64)
     if guess is None:
         x, r = np.zeros(n, dtype), b.astype(dtype)
     else:
