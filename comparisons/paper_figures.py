@@ -38,7 +38,7 @@ def unit_matrix(n: int) -> tmg.ToeplitzOperator:
 
 def iteration_matrix(A: tmg.ToeplitzOperator, M: LinearOperator) -> Array:
     """Return I - M A, dense."""
-    return np.eye(A.shape[0]) - np.asarray(M @ A.toarray())
+    return np.asarray(np.eye(A.shape[0]) - M @ A.toarray())
 
 
 def eigenpairs(R: Array) -> tuple[Array, Array]:

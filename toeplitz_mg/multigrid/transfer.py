@@ -142,9 +142,11 @@ class Transfer:
         full, mask = toeplitz_and_mask(H)
         if full.grid_shape != (shape := coarse_shape(self.fine_shape)):
             raise ValueError(f"coarsen gave the grid {full.grid_shape}, but it must be {shape}")
-        if (mask is None) != (self.coarse_mask is None) or not np.array_equal(
-            mask, self.coarse_mask
-        ):
+        if mask is None or self.coarse_mask is None:
+            same = mask is self.coarse_mask
+        else:
+            same = np.array_equal(mask, self.coarse_mask)
+        if not same:
             raise ValueError(f"coarsen gave {H!r} with another mask than the coarse one")
 
     @property
