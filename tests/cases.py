@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.fft
 import scipy.linalg
 from scipy.sparse.linalg import LinearOperator
 
@@ -181,6 +182,59 @@ def smooth_sd(A, c):
     return dense_sd(A, dense_M(c), 2)
 
 
+def continued(c):
+    """Every level with the lags up to a fast length, by the parabola that is flat there."""
+    for level, n in enumerate(c.shape):
+        fast = scipy.fft.next_fast_len(n, real=True)
+        ahead = fast - n + 1
+        last = np.take(c, n - 1, level)
+        slope = last - np.take(c, n - 2, level) if n > 1 else None
+        more = [
+            np.zeros_like(last) if n == 1 else last + slope * (t - t**2 / (2 * ahead))
+            for t in range(1, ahead + 1)
+        ]
+        c = np.concatenate([c, np.stack(more, axis=level)], axis=level)
+    return c
+
+
+def dense_trigonometric(c, wave, first):
+    """Q diag(1/f) Qᵀ cut to the grid, f the symbol at θ = πk/n and Q the DCT-II or DST-II."""
+    full = continued(c)
+    Q, samples, kept = np.eye(1), full, np.ones(1, dtype=bool)
+    for level, n in enumerate(c.shape):
+        fast = full.shape[level] - 1
+        k = np.arange(first, first + fast)
+        weights = np.where(np.arange(fast + 1) % fast == 0, 1.0, 2.0)  # lags 0 and fast count once
+        cosines = weights * np.cos(np.pi * np.outer(k, np.arange(fast + 1)) / fast)
+        samples = np.moveaxis(np.tensordot(cosines, samples, (1, level)), 0, level)
+        basis = wave(np.pi * np.outer(np.arange(fast) + 0.5, k) / fast)
+        Q = np.kron(Q, basis / np.linalg.norm(basis, axis=0))
+        kept = np.kron(kept, np.arange(fast) < n).astype(bool)
+    dense = Q @ np.diag(1.0 / samples.ravel()) @ Q.T
+    return dense[np.ix_(kept, kept)]
+
+
+def dense_spectral(c):
+    """The Gohberg-Semencul formula in triangular matrices, for the spectral factor's column."""
+    n = len(c)
+    length = 2 * n - 1
+    k = np.arange(length)
+    cosines = np.cos(2 * np.pi * np.outer(k, k) / length)
+    cepstrum = cosines @ np.log(cosines @ embedded(c)) / length
+    causal = np.where(k == 0, 0.5, 1.0) * (k < n) * cepstrum
+    waves = np.exp(-2j * np.pi * np.outer(k, k) / length)
+    q = (waves.conj() @ np.exp(-waves @ causal) / length).real[:n]
+    return dense_inverse_of_column(q[0] * q)
+
+
+def dense_inverse_of_column(x):
+    """(L Lᵀ - U Uᵀ)/x₀, both lower triangular, with the columns x and (0, x reversed)."""
+    zero = np.zeros(len(x))
+    lower = scipy.linalg.toeplitz(x, zero)
+    other = scipy.linalg.toeplitz(np.r_[0.0, x[:0:-1]], zero)
+    return (lower @ lower.T - other @ other.T) / x[0]
+
+
 # The pairs ----------------------------------------------------------------------------------
 
 
@@ -285,6 +339,29 @@ def _preconditioners():
                         symmetric=False,
                         positive=False,
                     )
+        for f, wave, first in (
+            (tmg.cosine_preconditioner, np.cos, 0),
+            (tmg.sine_preconditioner, np.sin, 1),
+        ):
+            trigonometric = dense_trigonometric(c, wave, first)
+            for label, build, matrix in (
+                ("", toeplitz(c), trigonometric),
+                (" masked", masked(c), submatrix(trigonometric, mask)),
+            ):
+                yield Case(
+                    f"{f.__name__}{label} {name}", applied(f, build), lambda matrix=matrix: matrix
+                )
+        if c.ndim == 1:
+            yield Case(
+                f"spectral {name}",
+                applied(tmg.spectral_preconditioner, toeplitz(c)),
+                lambda c=c: dense_spectral(c),
+            )
+            yield Case(
+                f"inverse {name}",
+                applied(tmg.toeplitz_inverse, toeplitz(c), rtol=1e-2),
+                lambda A=A: np.linalg.inv(A),
+            )
         for f, column in (
             (tmg.strang_preconditioner, strang_column),
             (tmg.chan_preconditioner, chan_column),

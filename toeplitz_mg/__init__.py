@@ -10,20 +10,25 @@ from toeplitz_mg.operators import (
 )
 from toeplitz_mg.preconditioners import (
     chan_preconditioner,
+    cosine_preconditioner,
     fft_preconditioner,
     fft_rsm_preconditioner,
     fft_sd_preconditioner,
+    sine_preconditioner,
+    spectral_preconditioner,
     strang_preconditioner,
 )
-from toeplitz_mg.solvers import richardson
+from toeplitz_mg.solvers import ToeplitzInverse, richardson, toeplitz_inverse
 
 __all__ = [
     "MaskedOperator",
     "Multigrid",
     "ProductCount",
+    "ToeplitzInverse",
     "ToeplitzOperator",
     "chan_preconditioner",
     "contact",
+    "cosine_preconditioner",
     "count_products",
     "fft_preconditioner",
     "fft_rsm_preconditioner",
@@ -33,6 +38,9 @@ __all__ = [
     "multigrid",
     "rediscretised",
     "richardson",
+    "sine_preconditioner",
+    "spectral_preconditioner",
     "strang_preconditioner",
+    "toeplitz_inverse",
 ]
 __version__ = "0.1.0"

@@ -20,6 +20,9 @@ PRECONDITIONERS: dict[str, Preconditioner] = {
     "fft-sd": tmg.fft_sd_preconditioner,
     "strang": tmg.strang_preconditioner,
     "chan": tmg.chan_preconditioner,
+    "cosine": tmg.cosine_preconditioner,
+    "sine": tmg.sine_preconditioner,
+    "spectral": tmg.spectral_preconditioner,
 }
 
 

@@ -1,10 +1,11 @@
 """The FFT engine behind every product, and the meter that counts its work."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import partial
 from math import prod
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -66,18 +67,40 @@ def count_products() -> Iterator[ProductCount]:
         _active_counts.reset(token)
 
 
+def _count(products: int, points: float) -> None:
+    for count in _active_counts.get():
+        count.points += products * points
+        count.products += products
+
+
+class Transforms(NamedTuple):
+    """A transform that diagonalises an algebra of matrices, and its inverse."""
+
+    forward: Callable[..., Array]
+    backward: Callable[..., Array]
+
+
+FOURIER = Transforms(fft.rfftn, fft.irfftn)  # circulants
+COSINE = Transforms(partial(fft.dctn, norm="ortho"), partial(fft.idctn, norm="ortho"))  # DCT-II
+SINE = Transforms(partial(fft.dstn, norm="ortho"), partial(fft.idstn, norm="ortho"))  # DST-II
+
+
 class Convolution:
-    """Multiplication by a circulant, of vectors on a grid that is extended by zeros to its size.
+    """Multiplication by a matrix that a fast transform diagonalises, such as a circulant.
+
+    The vectors live on a grid, are extended by zeros to the size of the matrix, and cut again.
 
     Parameters
     ----------
     spectrum : ndarray
-        The ``rfftn`` of the circulant's first column. Real where the circulant is symmetric.
+        The eigenvalues; of a circulant the ``rfftn`` of its first column, real where it is
+        symmetric.
     fft_shape : tuple of int
-        The circulant's size in each level.
+        The size of the matrix in each level.
     grid_shape : tuple of int
-        The size of the vectors, at most `fft_shape` in each level; the result is cut to it.
+        The size of the vectors, at most `fft_shape` in each level.
     dtype : float32 or float64
+    transforms : Transforms
     """
 
     def __init__(
@@ -86,7 +109,9 @@ class Convolution:
         fft_shape: tuple[int, ...],
         grid_shape: tuple[int, ...],
         dtype: DTypeLike = np.float64,
+        transforms: Transforms = FOURIER,
     ) -> None:
+        self.transforms = transforms
         self.dtype = np.dtype(dtype)
         # float32 -> complex64 or float32: the spectrum in the precision of the products.
         precision = np.result_type(self.dtype, np.complex64)
@@ -96,9 +121,10 @@ class Convolution:
         self.fft_shape = fft_shape
         self.grid_shape = grid_shape
         self._axes = tuple(range(-len(grid_shape), 0))
-        self._cut = (..., *(slice(n) for n in grid_shape))
-        # The share of a product on this grid: a circulant transforms no padding.
-        self._points = prod(grid_shape) / (1 if fft_shape != grid_shape else 2 ** len(grid_shape))
+        self._cut: Any = (..., *(slice(n) for n in grid_shape))
+        # The share of a product on this grid, whose transforms are twice as long in each level.
+        embedded = transforms is FOURIER and fft_shape != grid_shape
+        self._points = prod(grid_shape) / (1 if embedded else 2 ** len(grid_shape))
 
     @classmethod
     def from_first_column(
@@ -115,19 +141,52 @@ class Convolution:
 
     def adjoint(self) -> Self:
         """Return the multiplication by the transpose; no transform is made."""
-        return type(self)(self.spectrum.conj(), self.fft_shape, self.grid_shape, self.dtype)
+        conjugate = self.spectrum.conj()
+        return type(self)(conjugate, self.fft_shape, self.grid_shape, self.dtype, self.transforms)
 
     def __call__(self, X: Array) -> Array:
         """Multiply the rows of `X`, shape (..., N), N the number of grid points."""
         if np.iscomplexobj(X):
             return np.asarray(self(X.real) + 1j * self(X.imag))
         rows = X.shape[:-1]
-        for count in _active_counts.get():
-            count.points += prod(rows) * self._points
-            count.products += prod(rows)
+        _count(prod(rows), self._points)
         dtype = np.result_type(X.dtype, self.dtype)
         grid = X.reshape(rows + self.grid_shape).astype(dtype, copy=False)
-        hat = fft.rfftn(grid, self.fft_shape, axes=self._axes)
+        forward, backward = self.transforms
+        hat = forward(grid, s=self.fft_shape, axes=self._axes)
         hat *= self.spectrum
-        Y = fft.irfftn(hat, self.fft_shape, axes=self._axes, overwrite_x=True)[self._cut]
+        Y = backward(hat, s=self.fft_shape, axes=self._axes, overwrite_x=True)[self._cut]
         return np.asarray(Y).reshape(X.shape)
+
+
+class CirculantTimesSkew:
+    """Multiplication by C Sᵀ, C the circulant and S the skew-circulant with one first column.
+
+    Both are of the size n of the column; the vectors are complex. Four transforms of length n, as
+    much work as two products with a Toeplitz matrix of that size.
+
+    Parameters
+    ----------
+    column : ndarray of shape (n,), real
+    dtype : float32 or float64
+    """
+
+    def __init__(self, column: Array, dtype: DTypeLike = np.float64) -> None:
+        precision = np.result_type(dtype, np.complex64)
+        n = len(column)
+        # A skew-circulant is a circulant between multiplications by w = exp(iπk/n).
+        w = np.exp(1j * np.pi / n * np.arange(n))
+        self._w = w.astype(precision)
+        self._circulant = fft.fft(column).astype(precision)
+        self._skew = fft.fft(column * w).conj().astype(precision)
+
+    def __call__(self, Z: Array) -> Array:
+        """Multiply the rows of `Z`, shape (..., n), complex."""
+        _count(prod(Z.shape[:-1]), 2.0 * Z.shape[-1])
+        Y = fft.fft(Z * self._w)
+        Y *= self._skew
+        Y = fft.ifft(Y, overwrite_x=True)
+        Y *= self._w.conj()
+        Y = fft.fft(Y, overwrite_x=True)
+        Y *= self._circulant
+        return np.asarray(fft.ifft(Y, overwrite_x=True))

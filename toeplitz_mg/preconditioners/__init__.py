@@ -4,11 +4,19 @@ from toeplitz_mg.preconditioners.circulant import chan_preconditioner, strang_pr
 from toeplitz_mg.preconditioners.deflation import fft_sd_preconditioner
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.preconditioners.row_sum import fft_rsm_preconditioner
+from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
+from toeplitz_mg.preconditioners.trigonometric import (
+    cosine_preconditioner,
+    sine_preconditioner,
+)
 
 __all__ = [
     "chan_preconditioner",
+    "cosine_preconditioner",
     "fft_preconditioner",
     "fft_rsm_preconditioner",
     "fft_sd_preconditioner",
+    "sine_preconditioner",
+    "spectral_preconditioner",
     "strang_preconditioner",
 ]

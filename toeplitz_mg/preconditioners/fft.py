@@ -26,8 +26,9 @@ def fft_preconditioner(A: LinearOperator) -> LinearOperator:
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where an eigenvalue of the embedding in a circulant is not positive. `chan_preconditioner`
-        is positive definite for every positive definite `A`.
+        Where an eigenvalue of the embedding in a circulant is not positive, as for a symbol with
+        a zero. `sine_preconditioner` is made for those, and `chan_preconditioner` is positive
+        definite for every positive definite `A`.
     TypeError, ValueError
         Where `A` is no Toeplitz operator, or not symmetric.
 
@@ -64,8 +65,8 @@ def fft_preconditioner(A: LinearOperator) -> LinearOperator:
     if smallest <= rounding:
         raise np.linalg.LinAlgError(
             f"the embedding of A in a circulant has the eigenvalue {smallest:.3g}, and M needs "
-            f"all above {rounding:.2g}: use chan_preconditioner(A), which is positive definite "
-            "whenever A is"
+            f"all above {rounding:.2g}: use sine_preconditioner(A), or chan_preconditioner(A), "
+            "which is positive definite whenever A is"
         )
     inverse = fft.irfftn(1.0 / spectrum, full.lags.shape).astype(full.dtype)
     if full.is_even:

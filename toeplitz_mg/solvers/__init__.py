@@ -1,5 +1,6 @@
 """What finds x."""
 
+from toeplitz_mg.solvers.inverse import ToeplitzInverse, toeplitz_inverse
 from toeplitz_mg.solvers.richardson import richardson
 
-__all__ = ["richardson"]
+__all__ = ["ToeplitzInverse", "richardson", "toeplitz_inverse"]

@@ -1,0 +1,90 @@
+"""A⁻¹ as an operator: what it achieves is what it says."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import toeplitz_mg as tmg
+from tests.cases import contact
+from tests.symbols import symbol
+from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
+
+WELL = ["theta^4 + 1", "(1+k)^-1.1", "cos k/(k+1)", "0.9^k", "fGn", "|theta|", "contact"]
+
+
+@pytest.mark.parametrize("n", [3, 64, 211, 1000])
+@pytest.mark.parametrize("name", [*WELL, "Gaussian", "theta^2", "2 - 2 cos", "2 + 2 cos"])
+def test_is_the_inverse(name, n):
+    A = tmg.ToeplitzOperator(symbol(name, n))
+    A_inverse = tmg.toeplitz_inverse(A)
+    assert A_inverse.residual <= 1e-10
+    dense = np.linalg.inv(A.toarray())
+    condition = np.linalg.cond(A.toarray())
+    assert_allclose(A_inverse @ np.eye(n), dense, atol=1e-14 * condition * abs(dense).max())
+    B = np.random.default_rng(7).standard_normal((n, 5))
+    assert np.linalg.norm(B - A @ (A_inverse @ B)) <= 1e-9 * np.linalg.norm(B)
+
+
+@pytest.mark.parametrize("name", ["contact", "fGn"])
+def test_a_product_costs_two_work_units_and_the_set_up_some_thirty(name):
+    n = 2**16
+    A = tmg.ToeplitzOperator(symbol(name, n))
+    with tmg.count_products() as work:
+        A_inverse = tmg.toeplitz_inverse(A, rtol=1e-11)
+    assert work.units(n) <= 40
+    with tmg.count_products() as work:
+        A_inverse @ np.ones(n)
+    assert work.units(n) == 2.0
+    assert A_inverse.residual <= 1e-11
+
+
+def test_refinement_improves_an_inverse_from_a_poor_column():
+    n = 500
+    A = tmg.ToeplitzOperator(contact(n))
+    x = np.linalg.inv(A.toarray())[:, 0]
+    noisy = x * (1 + 1e-7 * np.random.default_rng(0).standard_normal(n))
+    poor = tmg.ToeplitzInverse(A, GohbergSemencul(noisy), 0)
+    assert 1e-12 < poor.residual < 1e-3
+    assert poor.refined.residual < 1e-3 * poor.residual
+    dense = poor.refined @ np.eye(n)
+    assert_allclose(dense, dense.T, atol=1e-9 * abs(dense).max())
+    assert poor.refined.H @ np.ones(n) == pytest.approx(poor.refined @ np.ones(n))
+
+
+def test_says_what_it_cannot_meet():
+    A = tmg.ToeplitzOperator(symbol("(2 - 2 cos)^2", 4096))
+    with pytest.raises(np.linalg.LinAlgError, match=r"achieved is .*1.0e-10 was asked"):
+        tmg.toeplitz_inverse(A)
+
+
+@pytest.mark.parametrize("c", [[1.0, 2.0], [1.0, 2.0, 3.0, 4.0], [-1.0], [0.0, 0.0]])
+def test_refuses_what_is_not_positive_definite(c):
+    with pytest.raises(np.linalg.LinAlgError):
+        tmg.toeplitz_inverse(tmg.ToeplitzOperator(c))
+
+
+def test_float32_has_a_goal_of_its_own():
+    A = tmg.ToeplitzOperator(symbol("fGn", 300).astype(np.float32))
+    A_inverse = tmg.toeplitz_inverse(A)
+    assert A_inverse.residual <= 1e-3
+    assert (A_inverse @ np.ones(300, np.float32)).dtype == np.float32
+
+
+def test_refuses_bad_arguments():
+    A = tmg.ToeplitzOperator([2.0, 1.0])
+    with pytest.raises(TypeError, match="MaskedOperator"):
+        tmg.toeplitz_inverse(tmg.MaskedOperator(A, [True, False]))
+    with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
+        tmg.toeplitz_inverse(np.eye(2))
+    with pytest.raises(ValueError, match="must have one level"):
+        tmg.toeplitz_inverse(tmg.ToeplitzOperator(np.eye(2)))
+    for rtol in (0.0, -1.0, np.nan):
+        with pytest.raises(ValueError, match="rtol is"):
+            tmg.toeplitz_inverse(A, rtol=rtol)
+    with pytest.raises(np.linalg.LinAlgError, match="first entry of the inverse is -1"):
+        GohbergSemencul(np.array([-1.0, 0.0]))
+
+
+def test_repr():
+    text = repr(tmg.toeplitz_inverse(tmg.ToeplitzOperator([2.0, 1.0])))
+    assert text.startswith("<ToeplitzInverse 2, residual ")

@@ -1,0 +1,129 @@
+"""Iterations of CG for general symbols: the numbers measured when the methods were designed."""
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import cg
+
+import toeplitz_mg as tmg
+from tests.symbols import symbol
+
+N = 2**14
+# Most iterations to 1e-8 for a random right-hand side at n = 2^14.
+SPECTRAL = {
+    "theta^4 + 1": 1,
+    "|theta|^3 + 0.01": 2,
+    "|theta|": 5,
+    "0.9^k": 1,
+    "(1+k)^-1.1": 2,
+    "cos k/(k+1)": 3,
+    "fGn": 5,
+    "Gaussian": 1,
+    "exp(-k/1000)": 2,
+    "Matern": 2,
+    "contact": 5,
+}
+FFT = {
+    "theta^4 + 1": 5,
+    "|theta|^3 + 0.01": 5,
+    "|theta|": 8,
+    "0.9^k": 2,
+    "(1+k)^-1.1": 5,
+    "cos k/(k+1)": 5,
+    "fGn": 8,
+    "Gaussian": 9,
+    "exp(-k/1000)": 3,
+    "Matern": 5,
+    "contact": 8,
+}
+SINE = {"theta^2": 9, "2 - 2 cos": 3, "(2 - 2 cos)^2": 13}
+COSINE = {"|theta|": 10, "fGn": 10, "Gaussian": 9, "Matern": 3, "contact": 10}
+
+
+def iterations(A, M, solved=1e-7):
+    b = np.random.default_rng(0).standard_normal(A.shape[0])
+    steps = []
+    x, info = cg(A, b, M=M, rtol=1e-8, maxiter=200, callback=steps.append)
+    assert info == 0
+    assert np.linalg.norm(b - A @ x) <= solved * np.linalg.norm(b)
+    return len(steps)
+
+
+@pytest.mark.parametrize(
+    ("preconditioner", "table"),
+    [
+        (tmg.spectral_preconditioner, SPECTRAL),
+        (tmg.fft_preconditioner, FFT),
+        (tmg.sine_preconditioner, SINE),
+        (tmg.cosine_preconditioner, COSINE),
+    ],
+    ids=lambda f: getattr(f, "__name__", ""),
+)
+def test_iterations(preconditioner, table):
+    counts = {}
+    for name in table:
+        A = tmg.ToeplitzOperator(symbol(name, N))
+        # The condition number of (2 - 2 cos)^2 is 1e17 here: no residual in float64 is small.
+        solved = 1e-2 if name == "(2 - 2 cos)^2" else 1e-7
+        counts[name] = iterations(A, preconditioner(A), solved)
+    assert all(counts[name] <= most for name, most in table.items()), counts
+
+
+@pytest.mark.parametrize("n", [64, 500, 1024])
+@pytest.mark.parametrize("name", ["exp(-k/1000)", "Matern", "Gaussian", "1/(1+k^2/100)"])
+def test_spectral_is_never_worse_than_m_where_the_symbol_is_not_resolved(name, n):
+    A = tmg.ToeplitzOperator(symbol(name, n))
+    try:
+        M = tmg.fft_preconditioner(A)
+    except np.linalg.LinAlgError:
+        with pytest.raises(np.linalg.LinAlgError, match="use sine_preconditioner"):
+            tmg.spectral_preconditioner(A)
+        return
+    spectral = tmg.spectral_preconditioner(A)
+    assert iterations(A, spectral) <= iterations(A, M) + 1
+    dense = spectral @ np.eye(n)
+    assert np.linalg.eigvalsh((dense + dense.T) / 2).min() > 0
+
+
+@pytest.mark.parametrize("n", [127, 1009, 4093])
+@pytest.mark.parametrize("preconditioner", [tmg.cosine_preconditioner, tmg.sine_preconditioner])
+def test_trigonometric_at_a_prime_length_is_cut_from_a_fast_one(preconditioner, n):
+    A = tmg.ToeplitzOperator(symbol("contact", n))
+    near = tmg.ToeplitzOperator(symbol("contact", n + 1))
+    M = preconditioner(A)
+    assert M._convolution.fft_shape[0] >= n
+    assert max(p for p in range(2, 12) if M._convolution.fft_shape[0] % p == 0) <= 11
+    assert iterations(A, M) <= iterations(near, preconditioner(near)) + 2
+
+
+def test_a_zero_of_the_symbol_is_refused_by_the_one_and_not_by_the_other():
+    smooth, rough = (tmg.ToeplitzOperator(symbol(s, 100)) for s in ("2 - 2 cos", "2 + 2 cos"))
+    with pytest.raises(np.linalg.LinAlgError, match=r"cosine .*use sine_preconditioner"):
+        tmg.cosine_preconditioner(smooth)
+    with pytest.raises(np.linalg.LinAlgError, match=r"sine .*use cosine_preconditioner"):
+        tmg.sine_preconditioner(rough)
+    assert iterations(smooth, tmg.sine_preconditioner(smooth)) <= 4
+    assert iterations(rough, tmg.cosine_preconditioner(rough)) <= 4
+
+
+@pytest.mark.parametrize("shape", [(24, 24), (13, 31), (6, 5, 7)], ids=str)
+def test_trigonometric_in_several_levels(shape):
+    A = tmg.ToeplitzOperator(np.exp(-np.indices(shape).sum(axis=0) / 0.8))
+    for preconditioner in (tmg.cosine_preconditioner, tmg.sine_preconditioner):
+        M = preconditioner(A)
+        with tmg.count_products() as work:
+            M @ np.ones(A.shape[0])
+        assert work.units(A.shape[0]) == 0.5 ** len(shape)
+        assert iterations(A, M) <= 14
+
+
+def test_trigonometric_of_a_matrix_that_is_symmetric_only():
+    k = np.indices((15, 15)) - 7
+    A = tmg.ToeplitzOperator.from_lags(np.exp(-(k[0] ** 2 + k[0] * k[1] + k[1] ** 2) / 1.5))
+    assert not A.is_even
+    M = tmg.cosine_preconditioner(A)
+    assert np.linalg.eigvalsh(M @ np.eye(64)).min() > 0
+
+
+def test_spectral_needs_one_level():
+    with pytest.raises(ValueError, match="must have one level"):
+        tmg.spectral_preconditioner(tmg.ToeplitzOperator(np.eye(2)))
