@@ -161,7 +161,9 @@ def test_few_strips_are_refused_where_they_are_indefinite(n):
     """Their threshold lies below the capacity, n / 4 strips: it is met to 1e-6."""
 
     def smallest(reference):
-        log = lambda s: mpmath.log(reference / abs(s))  # noqa: E731
+        def log(s):
+            return mpmath.log(reference / abs(s))
+
         c = [2 * mpmath.quad(log, [0, 0.5])] + [
             mpmath.quad(log, [k - 0.5, k + 0.5]) for k in range(1, n)
         ]

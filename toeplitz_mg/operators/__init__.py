@@ -1,12 +1,14 @@
 """What is multiplied: Toeplitz matrices of one or several levels, and their restrictions."""
 
 from toeplitz_mg.operators.convolution import Convolution, ProductCount, count_products
+from toeplitz_mg.operators.diagonalised import DiagonalisedOperator
 from toeplitz_mg.operators.masked import MaskedOperator
 from toeplitz_mg.operators.rows import apply_to_rows, as_rows
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
 __all__ = [
     "Convolution",
+    "DiagonalisedOperator",
     "MaskedOperator",
     "ProductCount",
     "ToeplitzOperator",

@@ -21,7 +21,8 @@ class MaskedOperator(LinearOperator):
     Parameters
     ----------
     A : ToeplitzOperator
-        An operator on a grid. Any LinearOperator with the attribute ``grid_shape`` will do.
+        An operator on a grid. Any LinearOperator with the attribute ``grid_shape`` will do, such
+        as a DiagonalisedOperator.
     mask : array_like of bool, of shape ``A.grid_shape``
         True where there is contact.
 

@@ -7,44 +7,11 @@ from numpy.typing import NDArray
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import Convolution, MaskedOperator, as_rows
+from toeplitz_mg.operators import Convolution, DiagonalisedOperator, MaskedOperator
 from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.preconditioners.positivity import require_positive
 
 Array = NDArray[Any]
-
-
-class CirculantInverse(LinearOperator):
-    """The inverse of a symmetric circulant (block circulant with circulant blocks: BCCB).
-
-    Attributes
-    ----------
-    grid_shape : tuple of int
-    name : str
-        Whose circulant it is.
-    """
-
-    def __init__(self, inverse_spectrum: Array, grid_shape: tuple[int, ...], name: str) -> None:
-        size = int(np.prod(grid_shape))
-        super().__init__(inverse_spectrum.dtype, (size, size))
-        self.grid_shape = grid_shape
-        self.name = name
-        self._convolution = Convolution(inverse_spectrum, grid_shape, grid_shape, self.dtype)
-
-    def _matvec(self, x: Array) -> Array:
-        return self._convolution(as_rows(x, self.shape[1]))
-
-    def _matmat(self, X: Array) -> Array:
-        return self._convolution(X.mT).mT
-
-    def _adjoint(self) -> "CirculantInverse":
-        return self
-
-    def _transpose(self) -> "CirculantInverse":
-        return self
-
-    def __repr__(self) -> str:
-        grid = " x ".join(map(str, self.grid_shape))
-        return f"<CirculantInverse {grid}, {self.name}, {self.dtype}>"
 
 
 def strang_preconditioner(A: LinearOperator) -> LinearOperator:
@@ -57,7 +24,7 @@ def strang_preconditioner(A: LinearOperator) -> LinearOperator:
 
     Returns
     -------
-    CirculantInverse or MaskedOperator
+    DiagonalisedOperator or MaskedOperator
         Of the shape and dtype of `A`, symmetric positive definite. One product costs half a work
         unit in one level (1/2^d in d levels).
 
@@ -99,7 +66,7 @@ def chan_preconditioner(A: LinearOperator) -> LinearOperator:
 
     Returns
     -------
-    CirculantInverse or MaskedOperator
+    DiagonalisedOperator or MaskedOperator
         Of the shape and dtype of `A`, symmetric positive definite whenever `A` on the whole grid
         is. One product costs half a work unit in one level (1/2^d in d levels).
 
@@ -136,12 +103,8 @@ def chan_preconditioner(A: LinearOperator) -> LinearOperator:
 def _inverse(column: Array, name: str, dtype: np.dtype[Any], mask: Array | None) -> LinearOperator:
     """Invert the circulant with the first column `column`."""
     spectrum = fft.rfftn(column.astype(np.float64, copy=False)).real
-    smallest, rounding = spectrum.min(), np.finfo(dtype).eps * abs(spectrum).max()
-    if smallest <= rounding:
-        other = "chan_preconditioner or fft_preconditioner" if name == "Strang" else "cg without M"
-        raise np.linalg.LinAlgError(
-            f"{name}'s circulant has the eigenvalue {smallest:.3g}, but needs all above "
-            f"{rounding:.2g}: use {other}"
-        )
-    C = CirculantInverse((1.0 / spectrum).astype(dtype), column.shape, name)
+    other = "chan_preconditioner or fft_preconditioner" if name == "Strang" else "cg without M"
+    require_positive(spectrum, dtype, f"{name}'s circulant has the eigenvalue", other)
+    product = Convolution(1.0 / spectrum, column.shape, column.shape, dtype)
+    C = DiagonalisedOperator(product, f"inverse of {name}'s circulant")
     return C if mask is None else MaskedOperator(C, mask)

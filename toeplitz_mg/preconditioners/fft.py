@@ -6,6 +6,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.preconditioners.positivity import require_positive
 
 
 def fft_preconditioner(A: LinearOperator) -> LinearOperator:
@@ -60,14 +61,13 @@ def fft_preconditioner(A: LinearOperator) -> LinearOperator:
     """
     full, mask = toeplitz_and_mask(A)
     spectrum = fft.rfftn(full.circulant(full.lags.shape)).real
-    # Below the rounding of the largest eigenvalue a sign means nothing.
-    smallest, rounding = spectrum.min(), np.finfo(full.dtype).eps * abs(spectrum).max()
-    if smallest <= rounding:
-        raise np.linalg.LinAlgError(
-            f"the embedding of A in a circulant has the eigenvalue {smallest:.3g}, and M needs "
-            f"all above {rounding:.2g}: use sine_preconditioner(A), or chan_preconditioner(A), "
-            "which is positive definite whenever A is"
-        )
+    require_positive(
+        spectrum,
+        full.dtype,
+        "the embedding of A in a circulant, which M inverts, has the eigenvalue",
+        "sine_preconditioner(A), or chan_preconditioner(A), which is positive definite whenever "
+        "A is",
+    )
     inverse = fft.irfftn(1.0 / spectrum, full.lags.shape).astype(full.dtype)
     if full.is_even:
         M = ToeplitzOperator(inverse[tuple(slice(n) for n in full.grid_shape)])

@@ -1,4 +1,7 @@
-"""Is M̄ positive definite? A certificate that costs nothing, and a search where it fails."""
+"""What makes a preconditioner positive definite, and the refusal where it is not.
+
+Of eigenvalues the sign; of M̄ a certificate that costs nothing, and a search where that fails.
+"""
 
 from itertools import product
 from typing import Any
@@ -15,6 +18,18 @@ Lag = tuple[int, ...]
 
 REACH = 5  # unit steps from an element to one that is called near
 DENSE = 1024  # unknowns of which all eigenvalues are computed, in some tenths of a second
+
+
+def require_positive(spectrum: Array, dtype: Any, subject: str, advice: str) -> None:
+    """Raise LinAlgError where an eigenvalue is not positive, beyond the rounding of the largest.
+
+    The message: "`subject` -0.1, but needs all above 1e-15: use `advice`".
+    """
+    smallest, rounding = float(spectrum.min()), float(np.finfo(dtype).eps * np.abs(spectrum).max())
+    if not smallest > rounding:
+        raise np.linalg.LinAlgError(
+            f"{subject} {smallest:.3g}, but needs all above {rounding:.2g}: use {advice}"
+        )
 
 
 def surely_positive(M: ToeplitzOperator, mask: Array | None, gamma: float) -> bool:

@@ -12,6 +12,7 @@ from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
+from toeplitz_mg.preconditioners.positivity import require_positive
 
 Array = NDArray[Any]
 
@@ -22,13 +23,12 @@ def first_column_of_inverse(A: ToeplitzOperator) -> Array:
     """Approximate A⁻¹ e₁ by the spectral factor of the symbol: see `spectral_preconditioner`."""
     (n,) = A.grid_shape
     spectrum = fft.rfft(A.circulant((2 * n - 1,))).real
-    smallest, rounding = spectrum.min(), np.finfo(A.dtype).eps * abs(spectrum).max()
-    if smallest <= rounding:
-        raise np.linalg.LinAlgError(
-            f"the embedding of A in a circulant has the eigenvalue {smallest:.3g}, and its "
-            f"logarithm needs all above {rounding:.2g}: use sine_preconditioner(A) or "
-            "chan_preconditioner(A)"
-        )
+    require_positive(
+        spectrum,
+        A.dtype,
+        "the embedding of A in a circulant, whose logarithm is taken, has the eigenvalue",
+        "sine_preconditioner(A) or chan_preconditioner(A)",
+    )
     cepstrum = fft.irfft(np.log(spectrum), 2 * n - 1)
     cepstrum[0] /= 2.0  # the causal half of log f, and so of f = |g|²
     cepstrum[n:] = 0.0

@@ -7,47 +7,17 @@ from numpy.typing import NDArray
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import Convolution, MaskedOperator, ToeplitzOperator, as_rows
+from toeplitz_mg.operators import (
+    Convolution,
+    DiagonalisedOperator,
+    MaskedOperator,
+    ToeplitzOperator,
+)
 from toeplitz_mg.operators.convolution import COSINE, SINE, Transforms
 from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.preconditioners.positivity import require_positive
 
 Array = NDArray[Any]
-
-
-class TrigonometricInverse(LinearOperator):
-    """The inverse of a matrix of the DCT-II or DST-II algebra, of any number of levels.
-
-    Attributes
-    ----------
-    grid_shape : tuple of int
-    """
-
-    def __init__(
-        self, inverse_spectrum: Array, grid_shape: tuple[int, ...], transforms: Transforms
-    ) -> None:
-        size = int(np.prod(grid_shape))
-        super().__init__(inverse_spectrum.dtype, (size, size))
-        self.grid_shape = grid_shape
-        self._convolution = Convolution(
-            inverse_spectrum, inverse_spectrum.shape, grid_shape, self.dtype, transforms
-        )
-
-    def _matvec(self, x: Array) -> Array:
-        return self._convolution(as_rows(x, self.shape[1]))
-
-    def _matmat(self, X: Array) -> Array:
-        return self._convolution(X.mT).mT
-
-    def _adjoint(self) -> "TrigonometricInverse":
-        return self
-
-    def _transpose(self) -> "TrigonometricInverse":
-        return self
-
-    def __repr__(self) -> str:
-        grid = " x ".join(map(str, self.grid_shape))
-        kind = "DCT-II" if self._convolution.transforms is COSINE else "DST-II"
-        return f"<TrigonometricInverse {grid}, {kind}, {self.dtype}>"
 
 
 def cosine_preconditioner(A: LinearOperator) -> LinearOperator:
@@ -60,7 +30,7 @@ def cosine_preconditioner(A: LinearOperator) -> LinearOperator:
 
     Returns
     -------
-    TrigonometricInverse or MaskedOperator
+    DiagonalisedOperator or MaskedOperator
         Of the shape and dtype of `A`, symmetric positive definite. One product costs half a work
         unit in one level (1/2^d in d levels).
 
@@ -93,7 +63,7 @@ def cosine_preconditioner(A: LinearOperator) -> LinearOperator:
     >>> info
     0
     """
-    return _inverse(A, COSINE, 0, "the cosine preconditioner", "sine_preconditioner(A)")
+    return _inverse(A, COSINE, 0, "cosine", "sine_preconditioner(A)")
 
 
 def sine_preconditioner(A: LinearOperator) -> LinearOperator:
@@ -106,7 +76,7 @@ def sine_preconditioner(A: LinearOperator) -> LinearOperator:
 
     Returns
     -------
-    TrigonometricInverse or MaskedOperator
+    DiagonalisedOperator or MaskedOperator
         Of the shape and dtype of `A`, symmetric positive definite. One product costs half a work
         unit in one level (1/2^d in d levels).
 
@@ -133,7 +103,7 @@ def sine_preconditioner(A: LinearOperator) -> LinearOperator:
     >>> info
     0
     """
-    return _inverse(A, SINE, 1, "the sine preconditioner", "cosine_preconditioner(A)")
+    return _inverse(A, SINE, 1, "sine", "cosine_preconditioner(A)")
 
 
 def _inverse(
@@ -142,18 +112,19 @@ def _inverse(
     full, mask = toeplitz_and_mask(A)
     shape = tuple(fft.next_fast_len(n, real=True) for n in full.grid_shape)
     samples = _symbol(full, shape)[tuple(slice(first, first + n) for n in shape)]
-    smallest, rounding = samples.min(), np.finfo(full.dtype).eps * np.abs(samples).max()
+    rounding = np.finfo(full.dtype).eps * np.abs(samples).max()
     # A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
     # the lowest are as good as that rounding.
-    if smallest > -rounding and np.count_nonzero(samples < 100.0 * rounding) > 1:
-        samples = np.maximum(samples, rounding)
-    elif smallest <= rounding:
-        raise np.linalg.LinAlgError(
-            f"the symbol of A has the value {smallest:.3g}, and {name} needs all above "
-            f"{rounding:.2g}: use {other}, or chan_preconditioner(A), which is positive definite "
-            "whenever A is"
-        )
-    M = TrigonometricInverse((1.0 / samples).astype(full.dtype), full.grid_shape, transforms)
+    if samples.min() > -rounding and np.count_nonzero(samples < 100.0 * rounding) > 1:
+        samples = np.maximum(samples, 1.01 * rounding)
+    require_positive(
+        samples,
+        full.dtype,
+        f"the symbol of A, which the {name} preconditioner samples, has the value",
+        f"{other}, or chan_preconditioner(A), which is positive definite whenever A is",
+    )
+    product = Convolution(1.0 / samples, shape, full.grid_shape, full.dtype, transforms)
+    M = DiagonalisedOperator(product, f"{name} transform")
     return M if mask is None else MaskedOperator(M, mask)
 
 
