@@ -2,8 +2,8 @@
 
 The systems are tests 1 to 3 of the paper and test 1 with a random right-hand side, each to a
 relative residual of 1e-8 from a zero guess. A method that needs more than 30 s at some n is not
-run at a larger one. The methods, and why there is no "CG + SD", are in `contenders`; how a run
-is measured is in `measuring`. Grids of up to 256 elements multigrid solves directly.
+run at a larger one. The methods are in `contenders`; how a run is measured is in `measuring`.
+Grids of up to 256 elements multigrid solves directly.
 """
 
 import os
@@ -127,7 +127,7 @@ def styles(contenders: Sequence[Contender]) -> list[Row]:
     bright = iter(colormaps["tab10"](np.arange(10)))
     # Of each of its five hues the dark ones.
     muted = iter(colormaps["tab20b"]([0, 1, 4, 5, 8, 9, 12, 13, 16, 17, 18]))
-    full, thin = iter("osD^vP*"), iter("x+1234|<>_.")
+    full, thin = iter("osD^vP*Xp"), iter("x+1234|<>_.")
     return [
         {"color": next(bright), "marker": next(full), "linestyle": "-", "linewidth": 2.0}
         if contender.ours
@@ -141,7 +141,8 @@ def main() -> None:
     # One thread for all, as the transforms have one; read where the server imports BLAS.
     os.environ["OMP_NUM_THREADS"] = "1"
     # What every measured process imports, imported once.
-    set_forkserver_preload(["__main__", "comparisons.measuring"])
+    # What every measured process imports, imported once; this module is run anew in each.
+    set_forkserver_preload(["comparisons.measuring", "comparisons.report", "matplotlib.figure"])
     arguments = report.options("baselines", "Compare every method on the same systems.")
     sizes = QUICK_SIZES if arguments.quick else SIZES
     rows = run(sizes, arguments.output / "baselines.csv")

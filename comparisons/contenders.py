@@ -1,10 +1,9 @@
 """The methods of the benchmark: each sets itself up for a problem and returns its solve.
 
-P M (SD) is singular and not symmetric: no Krylov method with it alone can reach the solution,
-and CG may not use it at all. So it stands here as the paper uses it, as the smoother of V(0,1),
-which is not symmetric either (and V(1,1) with it diverges): there is no "CG + SD".
+P M (SD) is singular and not symmetric: neither Richardson iteration nor CG with it alone can reach
+the solution, as "SD" and "CG + SD" show. The paper uses it as the smoother of V(0,1), "V(0,1), SD".
 
-Names without CG are stationary: M and M̄ by Richardson iteration, V(0,1) likewise, pyamg by its
+Names without CG are stationary: M, M̄ and SD by Richardson iteration, V(0,1) likewise, pyamg by its
 own. Where pyamg preconditions CG, the matrix of CG is the full one, with the fast product; its
 hierarchy is built from the dense matrix or from a copy with 16 off-diagonals on each side.
 pyamg starts some estimates at random: its iterations vary a little from run to run.
@@ -179,6 +178,11 @@ def why_m_diverges(problem: Problem) -> str:
     return "I - M A has eigenvalues below -1"
 
 
+def why_sd_alone_fails(problem: Problem) -> str:
+    """Say what deflation takes away."""
+    return "P M is singular and not symmetric"
+
+
 def why_sd_diverges(problem: Problem) -> str:
     """Say where the paper has no SD."""
     masked = isinstance(problem.A, tmg.MaskedOperator)
@@ -230,6 +234,18 @@ CONTENDERS = (
     Contender("CG + M", partial(iterate, cg, tmg.fft_preconditioner), ours=True),
     Contender("M̄", partial(iterate, tmg.richardson, tmg.fft_rsm_preconditioner), ours=True),
     Contender("CG + M̄", partial(iterate, cg, tmg.fft_rsm_preconditioner), ours=True),
+    Contender(
+        "SD",
+        partial(iterate, tmg.richardson, tmg.fft_sd_preconditioner),
+        ours=True,
+        explain=why_sd_alone_fails,
+    ),
+    Contender(
+        "CG + SD",
+        partial(iterate, cg, tmg.fft_sd_preconditioner),
+        ours=True,
+        explain=why_sd_alone_fails,
+    ),
     Contender("V(0,1), SD", paper_sd, ours=True, explain=why_sd_diverges),
     Contender("V(0,1)", partial(iterate, tmg.richardson, v01), ours=True),
     Contender("CG + V(1,1)", partial(iterate, cg, v11), ours=True),

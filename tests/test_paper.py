@@ -6,28 +6,15 @@ from numpy.testing import assert_allclose
 from scipy.sparse.linalg import cg
 
 import toeplitz_mg as tmg
+from comparisons.paper_tables import CYCLES, TESTS, papers_cycle
 from toeplitz_mg.contact import published
-from toeplitz_mg.contact.problems import test1, test2, test3
+from toeplitz_mg.contact.problems import test1, test2
 
-TESTS = {1: test1, 2: test2, 3: test3}
-CYCLES = {"V(1,1)": (1, 1), "V(1,0)": (1, 0), "V(0,1)": (0, 1)}
 FFT, SD, RSM = tmg.fft_preconditioner, tmg.fft_sd_preconditioner, tmg.fft_rsm_preconditioner
 
 # The G = 1 matrix of 32 x 1 elements, with which the paper draws its figures.
 A32 = tmg.ToeplitzOperator(82000.0 * test1(32).A.c)
 DENSE32 = A32.toarray()
-
-
-def papers_cycle(problem, cycle, smoother):
-    pre, post = CYCLES[cycle]
-    return tmg.multigrid(
-        problem.A,
-        smoother=smoother,
-        pre=pre,
-        post=post,
-        coarsest=2,
-        coarsen=tmg.rediscretised(problem.operator_of_grid_shape),
-    )
 
 
 def iterations(problem, M, maxiter=100):

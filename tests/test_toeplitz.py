@@ -36,6 +36,13 @@ def test_toarray_is_the_definition(shape):
     assert np.array_equal(tmg.MaskedOperator(A, mask).toarray(), expected)
 
 
+def test_another_precision_and_the_same():
+    A = tmg.ToeplitzOperator([2.0, 1.0, 0.5])
+    assert A.astype(np.float64) is A
+    assert A.astype(np.float32).dtype == np.float32
+    assert np.array_equal(A.astype(np.float32).toarray(), A.toarray())
+
+
 def test_knows_its_symmetry():
     assert tmg.ToeplitzOperator([2.0, 1.0]).is_symmetric
     assert tmg.ToeplitzOperator([2.0, 1.0], [2.0, 1.0]).is_even

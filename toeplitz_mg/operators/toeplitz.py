@@ -4,7 +4,7 @@ from math import prod
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
@@ -160,6 +160,10 @@ class ToeplitzOperator(LinearOperator):
         column[tuple(slice(n) for n in lags.shape)] = lags
         levels = tuple(range(lags.ndim))
         return np.roll(column, [1 - n for n in self.grid_shape], levels)
+
+    def astype(self, dtype: DTypeLike) -> "ToeplitzOperator":
+        """Return the matrix in another precision, or itself where it has that already."""
+        return self if self.dtype == dtype else self.from_lags(self.lags.astype(dtype))
 
     def toarray(self) -> Array:
         """Return the matrix as a dense array of shape (N, N), without any transform."""

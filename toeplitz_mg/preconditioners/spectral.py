@@ -92,7 +92,7 @@ def spectral_preconditioner(A: LinearOperator) -> LinearOperator:
 
 def _resolved(A: ToeplitzOperator) -> LinearOperator:
     """The inverse from the spectral factor, or from a better column where that is not resolved."""
-    double = ToeplitzOperator.from_lags(A.lags.astype(np.float64))
+    double = A.astype(np.float64)
     unit = np.zeros(A.shape[0])
     unit[0] = 1.0
     x = first_column_of_inverse(double)

@@ -137,8 +137,8 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
         rtol = 1e-10 if full.dtype == np.float64 else 1e-3
     if not 0.0 < rtol < np.inf:
         raise ValueError(f"rtol is {rtol}, but must be positive and finite")
-    double = ToeplitzOperator.from_lags(full.lags.astype(np.float64))
-    inverse = ToeplitzInverse(full, GohbergSemencul(_first_column(double).astype(full.dtype)), 0)
+    x = _first_column(full.astype(np.float64))
+    inverse = ToeplitzInverse(full, GohbergSemencul(x.astype(full.dtype)), 0)
     if not inverse.residual <= rtol:
         inverse = inverse.refined
     if not inverse.residual <= rtol:
