@@ -217,11 +217,13 @@ def dense_trigonometric(c, wave, first):
 def dense_spectral(c):
     """The Gohberg-Semencul formula in triangular matrices, for the spectral factor's column."""
     n = len(c)
-    length = 2 * n - 1
-    k = np.arange(length)
+    c = continued(c)
+    m = len(c) - 1
+    k, length = np.arange(2 * m), 2 * m
     cosines = np.cos(2 * np.pi * np.outer(k, k) / length)
-    cepstrum = cosines @ np.log(cosines @ embedded(c)) / length
-    causal = np.where(k == 0, 0.5, 1.0) * (k < n) * cepstrum
+    embedding = np.concatenate([c, c[-2:0:-1]])
+    cepstrum = cosines @ np.log(cosines @ embedding) / length
+    causal = np.where(k % m == 0, 0.5, 1.0) * (k <= m) * cepstrum
     waves = np.exp(-2j * np.pi * np.outer(k, k) / length)
     q = (waves.conj() @ np.exp(-waves @ causal) / length).real[:n]
     return dense_inverse_of_column(q[0] * q)

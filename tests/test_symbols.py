@@ -5,7 +5,7 @@ import pytest
 from scipy.sparse.linalg import cg
 
 import toeplitz_mg as tmg
-from tests.symbols import symbol
+from tests.symbols import ALL_SYMBOLS, symbol
 
 N = 2**14
 # Most iterations to 1e-8 for a random right-hand side at n = 2^14.
@@ -68,20 +68,20 @@ def test_iterations(preconditioner, table):
     assert all(counts[name] <= most for name, most in table.items()), counts
 
 
-@pytest.mark.parametrize("n", [64, 500, 1024])
-@pytest.mark.parametrize("name", ["exp(-k/1000)", "Matern", "Gaussian", "1/(1+k^2/100)"])
-def test_spectral_is_never_worse_than_m_where_the_symbol_is_not_resolved(name, n):
+@pytest.mark.parametrize("n", [64, 211, 500])
+@pytest.mark.parametrize("name", ALL_SYMBOLS)
+def test_spectral_is_never_worse_than_m(name, n):
     A = tmg.ToeplitzOperator(symbol(name, n))
+    spectral = tmg.spectral_preconditioner(A)
+    dense = spectral @ np.eye(n)
+    if np.linalg.cond(A.toarray()) < 1e10:
+        assert np.linalg.eigvalsh((dense + dense.T) / 2).min() > 0
+        assert iterations(A, spectral) <= 8
     try:
         M = tmg.fft_preconditioner(A)
     except np.linalg.LinAlgError:
-        with pytest.raises(np.linalg.LinAlgError, match="use sine_preconditioner"):
-            tmg.spectral_preconditioner(A)
         return
-    spectral = tmg.spectral_preconditioner(A)
-    assert iterations(A, spectral) <= iterations(A, M) + 1
-    dense = spectral @ np.eye(n)
-    assert np.linalg.eigvalsh((dense + dense.T) / 2).min() > 0
+    assert iterations(A, spectral) <= iterations(A, M)
 
 
 @pytest.mark.parametrize("n", [127, 1009, 4093])

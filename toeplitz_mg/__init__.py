@@ -18,12 +18,19 @@ from toeplitz_mg.preconditioners import (
     spectral_preconditioner,
     strang_preconditioner,
 )
-from toeplitz_mg.solvers import ToeplitzInverse, richardson, toeplitz_inverse
+from toeplitz_mg.solvers import (
+    SolveInfo,
+    ToeplitzInverse,
+    richardson,
+    solve_toeplitz,
+    toeplitz_inverse,
+)
 
 __all__ = [
     "MaskedOperator",
     "Multigrid",
     "ProductCount",
+    "SolveInfo",
     "ToeplitzInverse",
     "ToeplitzOperator",
     "chan_preconditioner",
@@ -39,6 +46,7 @@ __all__ = [
     "rediscretised",
     "richardson",
     "sine_preconditioner",
+    "solve_toeplitz",
     "spectral_preconditioner",
     "strang_preconditioner",
     "toeplitz_inverse",

@@ -73,6 +73,11 @@ def _count(products: int, points: float) -> None:
         count.products += products
 
 
+def count_transforms(number: int, length: int) -> None:
+    """Count real transforms that are no product: those of a product are two of length 2 n."""
+    _count(1, number * length / 4)
+
+
 class Transforms(NamedTuple):
     """A transform that diagonalises an algebra of matrices, and its inverse."""
 

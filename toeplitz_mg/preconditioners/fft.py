@@ -6,7 +6,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.operators.masked import toeplitz_and_mask
-from toeplitz_mg.preconditioners.positivity import require_positive
+from toeplitz_mg.preconditioners.positivity import require_positive, robust
 
 
 def fft_preconditioner(A: LinearOperator) -> LinearOperator:
@@ -28,8 +28,8 @@ def fft_preconditioner(A: LinearOperator) -> LinearOperator:
     ------
     numpy.linalg.LinAlgError
         Where an eigenvalue of the embedding in a circulant is not positive, as for a symbol with
-        a zero. `sine_preconditioner` is made for those, and `chan_preconditioner` is positive
-        definite for every positive definite `A`.
+        a zero. `spectral_preconditioner` in one level, and `chan_preconditioner` in any number,
+        are positive definite for every positive definite `A`.
     TypeError, ValueError
         Where `A` is no Toeplitz operator, or not symmetric.
 
@@ -65,8 +65,7 @@ def fft_preconditioner(A: LinearOperator) -> LinearOperator:
         spectrum,
         full.dtype,
         "the embedding of A in a circulant, which M inverts, has the eigenvalue",
-        "sine_preconditioner(A), or chan_preconditioner(A), which is positive definite whenever "
-        "A is",
+        robust(len(full.grid_shape)),
     )
     inverse = fft.irfftn(1.0 / spectrum, full.lags.shape).astype(full.dtype)
     if full.is_even:

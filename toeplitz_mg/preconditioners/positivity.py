@@ -20,16 +20,32 @@ REACH = 5  # unit steps from an element to one that is called near
 DENSE = 1024  # unknowns of which all eigenvalues are computed, in some tenths of a second
 
 
+def is_positive(spectrum: Array, dtype: Any) -> bool:
+    """Whether all eigenvalues are positive, beyond the rounding of the largest."""
+    return float(spectrum.min()) > _rounding(spectrum, dtype)
+
+
+def _rounding(spectrum: Array, dtype: Any) -> float:
+    return float(np.finfo(dtype).eps * np.abs(spectrum).max())
+
+
 def require_positive(spectrum: Array, dtype: Any, subject: str, advice: str) -> None:
     """Raise LinAlgError where an eigenvalue is not positive, beyond the rounding of the largest.
 
     The message: "`subject` -0.1, but needs all above 1e-15: use `advice`".
     """
-    smallest, rounding = float(spectrum.min()), float(np.finfo(dtype).eps * np.abs(spectrum).max())
-    if not smallest > rounding:
+    if not is_positive(spectrum, dtype):
         raise np.linalg.LinAlgError(
-            f"{subject} {smallest:.3g}, but needs all above {rounding:.2g}: use {advice}"
+            f"{subject} {spectrum.min():.3g}, but needs all above "
+            f"{_rounding(spectrum, dtype):.2g}: use {advice}"
         )
+
+
+def robust(levels: int) -> str:
+    """Name what is positive definite whenever A is, for the advice of an error."""
+    if levels == 1:
+        return "spectral_preconditioner(A), which is positive definite whenever A is"
+    return "chan_preconditioner(A), which is positive definite whenever A is"
 
 
 def surely_positive(M: ToeplitzOperator, mask: Array | None, gamma: float) -> bool:

@@ -1,9 +1,6 @@
 """Preconditioners that a cosine or sine transform diagonalises, sampled from the symbol of A."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
@@ -11,13 +8,11 @@ from toeplitz_mg.operators import (
     Convolution,
     DiagonalisedOperator,
     MaskedOperator,
-    ToeplitzOperator,
 )
 from toeplitz_mg.operators.convolution import COSINE, SINE, Transforms
 from toeplitz_mg.operators.masked import toeplitz_and_mask
-from toeplitz_mg.preconditioners.positivity import require_positive
-
-Array = NDArray[Any]
+from toeplitz_mg.preconditioners.positivity import require_positive, robust
+from toeplitz_mg.preconditioners.symbol import sampled_symbol
 
 
 def cosine_preconditioner(A: LinearOperator) -> LinearOperator:
@@ -111,7 +106,7 @@ def _inverse(
 ) -> LinearOperator:
     full, mask = toeplitz_and_mask(A)
     shape = tuple(fft.next_fast_len(n, real=True) for n in full.grid_shape)
-    samples = _symbol(full, shape)[tuple(slice(first, first + n) for n in shape)]
+    samples = sampled_symbol(full, shape)[tuple(slice(first, first + n) for n in shape)]
     rounding = np.finfo(full.dtype).eps * np.abs(samples).max()
     # A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
     # the lowest are as good as that rounding.
@@ -121,42 +116,8 @@ def _inverse(
         samples,
         full.dtype,
         f"the symbol of A, which the {name} preconditioner samples, has the value",
-        f"{other}, or chan_preconditioner(A), which is positive definite whenever A is",
+        f"{other}, or {robust(len(shape))}",
     )
     product = Convolution(1.0 / samples, shape, full.grid_shape, full.dtype, transforms)
     M = DiagonalisedOperator(product, f"{name} transform")
     return M if mask is None else MaskedOperator(M, mask)
-
-
-def _symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
-    """The symbol at θ = πk/n, k = 0 … n in each level, n of `shape`."""
-    column = A.c.astype(np.float64)
-    if not A.is_even:  # its even part, as the transforms have no other
-        flips = _flips(A.lags.astype(np.float64))
-        column = np.mean(flips, axis=0)[tuple(slice(n - 1, None) for n in A.grid_shape)]
-    for level, n in enumerate(shape):
-        column = _continued(column, level, n)
-    # Σ over all lags of a_k cos kθ, by symmetry a cosine transform of the first column.
-    return np.asarray(fft.dctn(column, type=1))
-
-
-def _flips(lags: Array) -> list[Array]:
-    arrays = [lags]
-    for level in range(lags.ndim):
-        arrays += [np.flip(array, level) for array in arrays]
-    return arrays
-
-
-def _continued(column: Array, level: int, n: int) -> Array:
-    """Continue a level to the lags 0 … n: a coefficient that is not there is not zero.
-
-    By the parabola that goes on with the slope of the last two and is flat at lag n.
-    """
-    known = column.shape[level]
-    last = np.take(column, [-1], axis=level)
-    if known == 1:  # one element: it has no other lags
-        return np.concatenate([column, np.zeros_like(last)], axis=level)
-    slope = last - np.take(column, [-2], axis=level)
-    ahead = n - known + 1  # steps from the last coefficient to lag n
-    t = np.arange(1.0, ahead + 1).reshape([-1 if k == level else 1 for k in range(column.ndim)])
-    return np.concatenate([column, last + slope * t * (1.0 - t / (2.0 * ahead))], axis=level)

@@ -2,5 +2,6 @@
 
 from toeplitz_mg.solvers.inverse import ToeplitzInverse, toeplitz_inverse
 from toeplitz_mg.solvers.richardson import richardson
+from toeplitz_mg.solvers.solve import SolveInfo, solve_toeplitz
 
-__all__ = ["ToeplitzInverse", "richardson", "toeplitz_inverse"]
+__all__ = ["SolveInfo", "ToeplitzInverse", "richardson", "solve_toeplitz", "toeplitz_inverse"]

@@ -1,0 +1,71 @@
+"""The superfast generalised Schur algorithm: A⁻¹ e₁ of any positive definite Toeplitz matrix."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.linalg import toeplitz
+
+import toeplitz_mg as tmg
+from tests.symbols import ALL_SYMBOLS, symbol
+from toeplitz_mg.operators.schur import schur_column
+
+
+def levinson(c):
+    """Levinson's recursion as in any textbook: the predictor and the Schur parameters."""
+    a, error, gamma = np.ones(1), c[0], []
+    for m in range(len(c) - 1):
+        gamma.append(-(a @ c[m + 1 : 0 : -1]) / error)
+        a = np.append(a, 0.0) + gamma[-1] * np.append(0.0, a[::-1])
+        error *= 1.0 - gamma[-1] ** 2
+    return a / error, np.array(gamma)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 33, 64, 65, 211, 600, 1009])
+@pytest.mark.parametrize("name", ALL_SYMBOLS)
+def test_is_levinsons_recursion(name, n):
+    c = np.array([2.0, 0.5])[:n] if n < 3 else symbol(name, n)
+    x, gamma = schur_column(c)
+    x_levinson, gamma_levinson = levinson(c)
+    condition = np.linalg.cond(toeplitz(c))
+    assert_allclose(x, x_levinson, atol=1e-14 * condition * abs(x_levinson).max(), rtol=1e-13)
+    assert_allclose(gamma, gamma_levinson, atol=max(1e-13, 1e-15 * condition))
+    unit = np.eye(1, n)[0]
+    scale = abs(c).sum() * np.linalg.norm(x)
+    assert np.linalg.norm(toeplitz(c) @ x - unit) <= 1e-13 * scale
+
+
+def test_the_schur_parameters_give_the_determinant():
+    c = symbol("contact", 700)
+    _, gamma = schur_column(c)
+    k = np.arange(1, 700)
+    log_determinant = 700 * np.log(c[0]) + np.sum((700 - k) * np.log1p(-(gamma**2)))
+    assert log_determinant == pytest.approx(np.linalg.slogdet(toeplitz(c))[1], rel=1e-12)
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(1, 300), st.integers(0, 1000), st.floats(0.05, 1.5))
+def test_refuses_what_is_not_positive_definite(n, seed, weight):
+    """Some of these matrices are positive definite, some are not; it knows which."""
+    c = weight * np.random.default_rng(seed).standard_normal(n) / (1 + np.arange(n))
+    c[0] = 1.0
+    smallest = np.linalg.eigvalsh(toeplitz(c)).min()
+    if smallest > 1e-12:
+        schur_column(c)
+    elif smallest < -1e-12:
+        with pytest.raises(np.linalg.LinAlgError, match="is not positive definite"):
+            schur_column(c)
+
+
+@pytest.mark.parametrize("c", [[0.0], [-1.0, 0.5], [1.0, 1.0], [1.0, 2.0, 3.0, 4.0], [1.0, -2.0]])
+def test_refuses_small_ones(c):
+    with pytest.raises(np.linalg.LinAlgError, match="positive"):
+        schur_column(np.array(c))
+
+
+def test_takes_the_work_of_some_thirty_products():
+    n = 2**18
+    with tmg.count_products() as work:
+        schur_column(symbol("2 - 2 cos", n))
+    assert work.units(n) <= 26.0

@@ -1,0 +1,256 @@
+"""solve_toeplitz: what SciPy takes, what SciPy returns, and no wrong answer without an error."""
+
+import warnings
+
+import numpy as np
+import pytest
+import scipy.linalg
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+import toeplitz_mg as tmg
+from tests.symbols import ALL_SYMBOLS, fourier, symbol
+from toeplitz_mg.solvers.choice import methods
+
+RNG = np.random.default_rng(3)
+
+
+def random(*shape):
+    return RNG.standard_normal(shape)
+
+
+KERNEL = 1 / (1.0 + np.arange(3000))
+FORMS = {
+    "list": ([4.0, 2.0, 1.0], [1.0, 2.0, 3.0]),
+    "integers": ([4, 2, 1], [1, 2, 3]),
+    "one": ([4.0], [2.0]),
+    "float32": (np.float32([4, 2, 1]), np.float32([1, 2, 3])),
+    "column": ([4.0, 2.0, 1.0], [[1.0], [2.0], [3.0]]),
+    "columns": ([4.0, 2.0, 1.0], random(3, 5)),
+    "no columns": ([4.0, 2.0, 1.0], np.zeros((3, 0))),
+    "pair": (([4.0, 2.0, 1.0], [9.0, 2.0, 1.0]), [1.0, 2.0, 3.0]),
+    "not symmetric": (([4.0, 2.0, 1.0], [9.0, 3.0, 0.5]), [1.0, 2.0, 3.0]),
+    "Hermitian": ([4.0, 2.0j, 1.0], [1.0, 2.0, 3.0]),
+    "complex": (([4.0j, 2.0, 1.0], [0.0, 1.0j, 0.5]), [1.0, 2.0j, 3.0]),
+    "complex b": ([4.0, 2.0, 1.0], [1.0, 2.0j, 3.0]),
+    "batch of c": ([[4.0, 2.0, 1.0], [3.0, 1.0, 0.0]], random(3, 5)),
+    "batch of b": ([4.0, 2.0, 1.0], random(2, 3, 5)),
+    "batch of both": (random(2, 1, 3) + 5 * np.eye(1, 3), random(4, 3, 2)),
+    "large": (KERNEL, random(3000)),
+    "large, float32": (np.float32(KERNEL), np.float32(random(3000))),
+    "large, columns": (KERNEL, random(3000, 3)),
+    "large, complex b": (KERNEL, random(3000) + 1j * random(3000)),
+    "large, column": (KERNEL, random(3000, 1)),
+    "large, not symmetric": ((KERNEL, KERNEL**2), random(3000)),
+    "large, Hermitian": (np.where(np.arange(1500) > 0, 1j, 1.0) * KERNEL[:1500], random(1500)),
+    "zero": (KERNEL, np.zeros(3000)),
+    "a zero column": (KERNEL, random(3000, 3) * [1.0, 0.0, 1.0]),
+    "huge and tiny": (1e-250 * KERNEL, 1e-200 * random(3000)),
+    "columns huge and tiny": (KERNEL[:40], random(40, 3) * [1e-200, 1.0, 1e200]),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_takes_and_returns_what_scipy_does(form):
+    c_or_cr, b = FORMS[form]
+    expected = scipy.linalg.solve_toeplitz(c_or_cr, b)
+    x = tmg.solve_toeplitz(c_or_cr, b)
+    assert x.shape == expected.shape
+    assert x.dtype == expected.dtype
+    # Each column is as large as it is.
+    scale = abs(expected).max(axis=-1 if x.ndim == 1 else -2, keepdims=True, initial=0.0)
+    assert (abs(x - expected) <= 1e-9 * scale).all()
+    y, info = tmg.solve_toeplitz(c_or_cr, b, True, full_output=True)
+    assert_allclose(y, x, rtol=1e-9)
+    assert info.residual <= 1e-12
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3, 40])
+@pytest.mark.parametrize("n", [1, 2, 150, 700, 2500])
+@pytest.mark.parametrize("name", ALL_SYMBOLS)
+def test_the_backward_error_is_that_of_a_direct_method(name, n, columns):
+    c = np.array([2.0, 0.5])[:n] if n < 3 else symbol(name, n)
+    A = scipy.linalg.toeplitz(c)
+    b = A @ random(n, columns)
+    x, info = tmg.solve_toeplitz(c, b, full_output=True)
+    residual = np.linalg.norm(b - A @ x, axis=0)
+    scale = np.linalg.norm(A) * np.linalg.norm(x, axis=0)
+    assert (residual <= 1e-13 * scale).all()
+    assert info.residual == pytest.approx((residual / np.linalg.norm(b, axis=0)).max(), abs=1e-13)
+    assert info.iterations <= 20
+
+
+# Most iterations to 1e-8 for a random right-hand side, wherever the condition number is < 1e12.
+@pytest.mark.parametrize("n", [1200, 2048, 4099, 2**14, 2**16])
+@pytest.mark.parametrize("name", ALL_SYMBOLS)
+def test_the_choice_needs_few_iterations(name, n):
+    order = {"|theta|^3": 3, "theta^4": 4, "(2 - 2 cos)^2": 4}.get(name, 0)
+    if n**order > 1e12:
+        return
+    c = symbol(name, n)
+    A = tmg.ToeplitzOperator(c)
+    b = random(1, n)
+    method = next(methods(c, c, 1))
+    assert method.name.startswith("cg") or method.name == "toeplitz_inverse"
+    with tmg.count_products() as work:
+        x, iterations = method.solve(b, 1e-8)
+    assert iterations <= {"1/(1+k^2/100)": 20}.get(name, 12)  # hardly resolved at n = 2048
+    assert work.units(n) <= 40
+    unreachable = np.finfo(float).eps * abs(c).sum() * np.linalg.norm(x)
+    assert np.linalg.norm(b[0] - A @ x[0]) <= 2e-8 * np.linalg.norm(b) + 20 * unreachable
+
+
+def test_the_choice_is_visible():
+    def method(c, b):
+        return tmg.solve_toeplitz(c, b, full_output=True)[1].method
+
+    n = 3000
+    b = random(n)
+    assert method(symbol("contact", 100), b[:100]) == "scipy.linalg.solve_toeplitz"
+    assert method(symbol("contact", n), b) == "cg, spectral_preconditioner"
+    assert method(symbol("contact", n), random(n, 3)) == "toeplitz_inverse"
+    assert method(symbol("exp(-k/1000)", n), b) == "cg, fft_preconditioner"
+    assert method(symbol("theta^2", n), b) == "cg, sine_preconditioner"
+    with pytest.warns(scipy.linalg.LinAlgWarning):
+        assert method(symbol("|theta|^3", n), b) == "toeplitz_inverse"
+    assert method((KERNEL, KERNEL**2), b) == "scipy.linalg.solve_toeplitz"
+    assert method([0.0, 1.0], [1.0, 2.0]) == "scipy.linalg.lu_solve"
+
+
+def test_an_indefinite_system_is_solved_by_scipy_while_that_takes_seconds():
+    n = 4000
+    c = symbol("contact", n) * (-1.0) ** np.arange(n)
+    c[0] *= 0.75
+    b = random(n)
+    assert np.linalg.eigvalsh(scipy.linalg.toeplitz(c[:400])).min() < 0
+    x, info = tmg.solve_toeplitz(c, b, full_output=True)
+    assert info.method == "scipy.linalg.solve_toeplitz"
+    assert np.linalg.norm(tmg.ToeplitzOperator(c) @ x - b) <= 1e-10 * np.linalg.norm(b)
+    c = symbol("contact", 2**17) * (-1.0) ** np.arange(2**17)
+    c[0] *= 0.75
+    with pytest.raises(np.linalg.LinAlgError, match="too large and not positive definite"):
+        tmg.solve_toeplitz(c, np.ones(2**17))
+
+
+@pytest.mark.parametrize("n", [4, 300, 3000, 40000])
+def test_a_singular_system_is_an_error(n):
+    for c in (np.zeros(n), np.ones(n), np.exp(-((np.arange(n) / (0.1 * n)) ** 2) / 2)):
+        if n == 4 and 0 < c[1] < 1:
+            continue  # not so singular
+        with pytest.raises(np.linalg.LinAlgError, match="A is singular"):
+            tmg.solve_toeplitz(c, random(n))
+
+
+def test_an_ill_conditioned_system_is_solved_with_a_warning():
+    """By any direct method in float64 the residual is 1e-4 ... 1e-2 for θ⁴ and n = 4096."""
+    c = symbol("theta^4", 4096)
+    with pytest.warns(scipy.linalg.LinAlgWarning, match="A is ill-conditioned"):
+        _, info = tmg.solve_toeplitz(c, random(4096), full_output=True)
+    assert info.residual <= 1e-2
+    assert info.backward_error <= 1e-14
+
+
+def test_refuses_bad_arguments():
+    solve = tmg.solve_toeplitz
+    for c, b in (
+        ([1.0, 0.0], [1.0, 2.0, 3.0]),
+        (([1.0, 0.0], [1.0]), [1.0, 2.0]),
+        (1.0, [1.0]),
+        ([1.0], 1.0),
+    ):
+        with pytest.raises(ValueError, match=r"shape|dimension|array"):
+            solve(c, b)
+    for n in (2, 3000):
+        for bad in (np.nan, np.inf):
+            c, b = np.zeros(n), np.ones(n)
+            c[0], c[1] = 1.0, bad
+            with pytest.raises(ValueError, match=r"finite|infs or NaNs"):
+                solve(c, b)
+            with pytest.raises(ValueError, match=r"finite|infs or NaNs"):
+                solve(b, c)
+            with pytest.raises((np.linalg.LinAlgError, ValueError)):
+                solve(c, b, check_finite=False)
+    with pytest.raises(TypeError, match="b has dtype"):
+        solve([1.0], None)
+    with pytest.raises(TypeError, match="c has dtype"):
+        solve(["a"], [1.0])
+    with pytest.raises(ValueError, match="batch has shape"):
+        solve([1.0], np.zeros((0, 1, 1)))
+    for rtol in (0.0, -1.0, np.inf, np.nan):
+        with pytest.raises(ValueError, match="rtol is"):
+            solve([1.0], [1.0], rtol=rtol)
+
+
+def rational(n, p, q):
+    """Symbol |p(z)|²/|q(z)|² with poles and zeros at given radii."""
+    theta = 2 * np.pi * np.arange(16 * n) / (16 * n)
+    f = np.ones(16 * n)
+    for radius, angle in p:
+        f *= abs(1 - radius * np.exp(1j * (theta - angle))) ** 2
+        f *= abs(1 - radius * np.exp(1j * (theta + angle))) ** 2
+    for radius, angle in q:
+        f /= abs(1 - radius * np.exp(1j * (theta - angle))) ** 2
+        f /= abs(1 - radius * np.exp(1j * (theta + angle))) ** 2
+    return np.fft.ifft(f).real[:n]
+
+
+def fisher_hartwig(n, at_zero, at_pi):
+    """Symbol |1 - z|^2α |1 + z|^2β, with zeros or (integrable) poles."""
+    return fourier(
+        lambda t: (
+            np.maximum(2 * np.sin(t / 2), 0.05 / n) ** at_zero
+            * np.maximum(2 * np.cos(t / 2), 0.05 / n) ** at_pi
+        ),
+        n,
+    )
+
+
+def covariance(n, length, power, nugget):
+    k = np.arange(n)
+    return np.exp(-((k / length) ** power)) + nugget * (k == 0)
+
+
+radii_and_angles = st.lists(
+    st.tuples(st.floats(0.0, 0.98), st.floats(0.0, np.pi)), min_size=0, max_size=3
+)
+families = st.integers(1, 2000).flatmap(
+    lambda n: st.one_of(
+        st.builds(rational, st.just(n), radii_and_angles, radii_and_angles),
+        st.builds(fisher_hartwig, st.just(n), st.floats(-0.9, 3.0), st.floats(-0.9, 3.0)),
+        st.builds(
+            covariance,
+            st.just(n),
+            st.floats(0.1, 500.0),
+            st.floats(0.3, 2.0),
+            st.floats(0.0, 1.0).map(lambda t: t**8),
+        ),
+    )
+)
+
+
+@settings(deadline=None, max_examples=100)
+@given(families, st.sampled_from([1, 2, 5]), st.booleans(), st.integers(0, 99))
+def test_against_cholesky(c, columns, rough, seed):
+    """Forward error within the condition number, or an error, or (ill-conditioned) a warning."""
+    n = len(c)
+    A = scipy.linalg.toeplitz(c)
+    try:
+        factor = scipy.linalg.cho_factor(A, lower=True)
+        reciprocal, _ = scipy.linalg.lapack.dpocon(factor[0], np.linalg.norm(A, 1), uplo="L")
+        condition = 1 / max(reciprocal, 1e-300)
+    except np.linalg.LinAlgError:
+        factor, condition = None, np.inf
+    b = np.random.default_rng(seed).standard_normal((n, columns)) if rough else np.ones((n, 1))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)
+            x = tmg.solve_toeplitz(c, b)
+    except np.linalg.LinAlgError:
+        assert condition > 1e13
+        return
+    if condition < 1e13:
+        expected = scipy.linalg.cho_solve(factor, b)
+        error = np.linalg.norm(x - expected, axis=0) / np.linalg.norm(expected, axis=0)
+        # Of the two parts one is that of CG, which stops at the relative residual of 1e-12.
+        assert error.max() <= 1e-12 * condition**0.5 + 1e-14 * condition

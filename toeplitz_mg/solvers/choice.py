@@ -1,0 +1,127 @@
+"""Which method solves a Toeplitz system, and why: the choice that `solve_toeplitz` makes."""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import count
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator, cg
+
+from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
+from toeplitz_mg.preconditioners import (
+    cosine_preconditioner,
+    fft_preconditioner,
+    sine_preconditioner,
+)
+from toeplitz_mg.preconditioners.spectral import resolved_column
+from toeplitz_mg.solvers.inverse import first_column
+
+Array = NDArray[Any]
+Rows = NDArray[Any]  # right-hand sides or solutions, of shape (columns, n)
+
+MOST_ITERATIONS = 30  # of CG: the inverse costs no more than that
+FEW = 2  # columns, for which the inverse is not worth its set-up
+SECONDS = 5e6  # in microseconds
+LARGEST_DENSE = 2048  # unknowns, a third of a second
+
+
+class Method(NamedTuple):
+    """What may solve a system: ``solve(B, rtol)`` returns solutions and iterations."""
+
+    name: str
+    solve: Callable[[Rows, float], tuple[Rows, int]]
+
+
+def methods(c: Array, r: Array, columns: int) -> Iterator[Method]:
+    """Yield what may solve a system with so many right-hand sides, the best choice first.
+
+    The next one is asked for only where one has failed.
+    """
+    n = len(c)
+    levinson = Method("scipy.linalg.solve_toeplitz", partial(_levinson, c, r))
+    lu = Method("scipy.linalg.lu_solve", partial(_lu, c, r))
+    if not levinson_is_faster(n, columns) and is_symmetric(c, r):
+        A = ToeplitzOperator(c)
+        if columns <= FEW:
+            yield from _cg_method(A)
+        # Whatever the symbol, if only A is positive definite.
+        yield from _inverse_method(A)
+        if _time_of_levinson(n, columns) <= SECONDS:
+            yield levinson  # A is indefinite, or singular
+    else:
+        yield levinson
+    if n <= LARGEST_DENSE:
+        yield lu  # Levinson's recursion fails where a leading block is singular, or nearly so
+
+
+def levinson_is_faster(n: int, columns: int) -> bool:
+    """Whether Levinson's recursion is faster than any method of this package."""
+    by_cg = 800.0 + columns * n
+    by_the_inverse = 2000.0 + n * (3.0 + 0.03 * columns)  # at worst, if `schur_column` has to
+    return _time_of_levinson(n, columns) <= (by_cg if columns <= FEW else by_the_inverse)
+
+
+def _time_of_levinson(n: int, columns: int) -> float:
+    """In microseconds, as measured on one core; Python's overhead rules where n is small."""
+    return 16.0 + columns * (4.0 + 1.4e-3 * n**2)
+
+
+def is_symmetric(c: Array, r: Array) -> bool:
+    """Whether the matrix with this first column and first row is real and symmetric."""
+    return c.dtype == np.float64 and np.array_equal(c[1:], r[1:])
+
+
+def _cg_method(A: ToeplitzOperator) -> Iterator[Method]:
+    """Yield CG with the preconditioner that the symbol allows, if it allows one."""
+    # The symbol is positive and resolved by n lags: 1 to 8 iterations to 1e-8.
+    x = resolved_column(A)
+    if x is not None:
+        yield Method("cg, spectral_preconditioner", partial(_cg, A, GohbergSemencul(x)))
+        return
+    for preconditioner in (
+        fft_preconditioner,  # The symbol is positive, but not so well resolved.
+        sine_preconditioner,  # It has a zero at θ = 0, which this does not see,
+        cosine_preconditioner,  # or at θ = π.
+    ):
+        try:
+            M = preconditioner(A)
+        except np.linalg.LinAlgError:
+            continue
+        yield Method(f"cg, {preconditioner.__name__}", partial(_cg, A, M))
+        return
+
+
+def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
+    try:
+        G = GohbergSemencul(first_column(A))
+    except np.linalg.LinAlgError:  # A is not positive definite
+        return
+    yield Method("toeplitz_inverse", lambda B, rtol: (G._matvec(B), 1))
+
+
+def _cg(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -> tuple[Rows, int]:
+    X = np.empty_like(B)
+    counts = []
+    for x, b in zip(X, B, strict=True):
+        steps = count()
+        x[:], info = cg(
+            A, b, M=M, rtol=rtol, maxiter=MOST_ITERATIONS, callback=lambda _, s=steps: next(s)
+        )
+        if info != 0:
+            raise np.linalg.LinAlgError(f"cg has not converged in {MOST_ITERATIONS} iterations")
+        counts.append(next(steps))
+    return X, max(counts)
+
+
+def _levinson(c: Array, r: Array, B: Rows, rtol: float) -> tuple[Rows, int]:
+    b = B[0] if len(B) == 1 else B.T
+    return scipy.linalg.solve_toeplitz((c, r), b, check_finite=False).T.reshape(B.shape), 1
+
+
+def _lu(c: Array, r: Array, B: Rows, rtol: float) -> tuple[Rows, int]:
+    A = scipy.linalg.toeplitz(c, r)
+    return np.asarray(np.linalg.solve(A, B.T)).T, 1
