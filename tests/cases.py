@@ -353,6 +353,12 @@ def _preconditioners():
                 yield Case(
                     f"{f.__name__}{label} {name}", applied(f, build), lambda matrix=matrix: matrix
                 )
+        for label, build, matrix in (("", toeplitz(c), A), (" masked", masked(c), A_r)):
+            yield Case(
+                f"jacobi{label} {name}",
+                applied(tmg.jacobi_preconditioner, build, omega=0.7),
+                lambda matrix=matrix: 0.7 / matrix[0, 0] * np.eye(len(matrix)),
+            )
         if c.ndim == 1:
             yield Case(
                 f"spectral {name}",

@@ -1,6 +1,7 @@
 """Transfers, hierarchy and cycles; cycles do not depend on n."""
 
 import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from scipy.sparse.linalg import LinearOperator, aslinearoperator, cg
 
 import toeplitz_mg as tmg
 from tests.cases import aggregate, checkered, contact, exponential
+from tests.symbols import symbol
 from toeplitz_mg.contact.problems import test1, test2, test3
 from toeplitz_mg.multigrid.border import MOST_LEFTOVER
 from toeplitz_mg.multigrid.hierarchy import DenseInverse, build_levels
@@ -18,13 +20,23 @@ TESTS = [test1, test2, test3]
 SHAPES = [(2,), (3,), (8,), (31,), (1, 6), (5, 8), (7, 7), (3, 2, 4)]
 
 
+INTERPOLATIONS = [
+    tmg.piecewise_constant,
+    tmg.linear_interpolation,
+    tmg.modulated_interpolation,
+    tmg.Interpolation((0.1, 0.5, 0.7, 0.2)),
+]
+
+
 def operators():
     for shape in SHAPES:
         A = tmg.ToeplitzOperator(contact(*shape) if len(shape) < 3 else exponential(*shape))
-        yield A
         mask = checkered(*shape)
-        if Transfer.of(B := tmg.MaskedOperator(A, mask)) is not None:
-            yield B
+        wide = np.arange(A.shape[0]).reshape(shape) % 7 > 0
+        for B in (A, tmg.MaskedOperator(A, mask), tmg.MaskedOperator(A, wide | mask)):
+            for interpolation in INTERPOLATIONS:
+                if Transfer.of(B, interpolation) is not None:
+                    yield pytest.param(B, interpolation, id=f"{B} {interpolation.weights}")
 
 
 OPERATORS = list(operators())
@@ -55,20 +67,21 @@ def test_transfer_in_one_level_is_averaging_and_copying(n):
     assert np.array_equal(R, aggregate(n).T / 2)
 
 
-@pytest.mark.parametrize("A", OPERATORS, ids=repr)
-def test_restriction_is_the_transpose_of_interpolation(A):
-    transfer, H = Transfer.of(A), tmg.galerkin(A)
+@pytest.mark.parametrize(("A", "interpolation"), OPERATORS)
+def test_restriction_is_the_transpose_of_interpolation(A, interpolation):
+    transfer, H = Transfer.of(A, interpolation), tmg.galerkin(A, interpolation)
     R, P = matrices(transfer, A.shape[0], H.shape[0])
-    assert_allclose(P.T, transfer.elements_per_coarse * R)
-    assert_allclose(R @ P, np.eye(H.shape[0]))  # average of copies
+    assert_allclose(P.T, transfer.scale * R)
+    if interpolation is tmg.piecewise_constant:
+        assert_allclose(R @ P, np.eye(H.shape[0]))  # average of copies
     covered = np.flatnonzero(P.any(axis=1))
     assert np.array_equal(np.setdiff1d(np.arange(A.shape[0]), covered), transfer.leftover)
 
 
-@pytest.mark.parametrize("A", OPERATORS, ids=repr)
-def test_galerkin_is_r_a_p(A):
-    H = tmg.galerkin(A)
-    R, P = matrices(Transfer.of(A), A.shape[0], H.shape[0])
+@pytest.mark.parametrize(("A", "interpolation"), OPERATORS)
+def test_galerkin_is_r_a_p(A, interpolation):
+    H = tmg.galerkin(A, interpolation)
+    R, P = matrices(Transfer.of(A, interpolation), A.shape[0], H.shape[0])
     assert type(H) is type(A)
     assert_allclose(H.toarray(), R @ A.toarray() @ P, atol=1e-13 * abs(A.toarray()).max())
 
@@ -90,15 +103,20 @@ def test_rediscretised_keeps_the_mask():
 # Cycle --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("A", OPERATORS, ids=repr)
+@pytest.mark.parametrize(("A", "interpolation"), OPERATORS)
 @pytest.mark.parametrize("pre_post", [(1, 1), (0, 1), (1, 0)])
-def test_two_grids_correct_the_coarse_and_the_leftover_unknowns_exactly(A, pre_post):
-    """The error propagates by S^post (I - Q (QᵀAQ)⁻¹ QᵀA) S^pre, Q = [P, the leftover e_j]."""
-    n, H = A.shape[0], tmg.galerkin(A)
-    transfer = Transfer.of(A)
+def test_two_grids_correct_the_coarse_and_the_leftover_unknowns_exactly(A, interpolation, pre_post):
+    """The error propagates by S^post (I - Q (QᵀAQ)⁻¹ QᵀA) S^pre, Q = [P, the border's vectors]."""
+    n, H = A.shape[0], tmg.galerkin(A, interpolation)
+    transfer = Transfer.of(A, interpolation)
     smoother = tmg.chan_preconditioner(A)
     _, P = matrices(transfer, n, H.shape[0])
     extra = np.eye(n)[:, transfer.leftover]
+    if isinstance(A, tmg.ToeplitzOperator) and len(A.grid_shape) == 1 and extra.size:
+        # At the end of the grid one vector: what there is room for of the next coarse element.
+        beyond = np.zeros((n + 3, 1))
+        beyond[2 * H.shape[0] :][: len(interpolation.weights), 0] = interpolation.weights
+        extra = beyond[:n]
     Q = np.hstack([P, extra[:, : 0 if extra.shape[1] > MOST_LEFTOVER else None]])
     dense = A.toarray()
     coarse = np.eye(n) - Q @ np.linalg.solve(Q.T @ dense @ Q, Q.T @ dense)
@@ -110,9 +128,90 @@ def test_two_grids_correct_the_coarse_and_the_leftover_unknowns_exactly(A, pre_p
         post=pre_post[1],
         smoother=lambda A: tmg.chan_preconditioner(A),
         coarsest=H.shape[0],
+        transfer=interpolation,
     )
     assert len(M.levels) == 2 or n <= H.shape[0]
     assert_allclose(np.eye(n) - M @ dense, post @ coarse @ pre, atol=1e-10)
+
+
+ZEROS = {
+    "2 - 2 cos": (tmg.linear_interpolation, 12),
+    "theta^2": (tmg.linear_interpolation, 22),
+    "2 + 2 cos": (tmg.modulated_interpolation, 13),
+    "|theta|": (tmg.linear_interpolation, 9),
+    "|theta|^1.5": (tmg.linear_interpolation, 15),
+}
+
+
+@pytest.mark.parametrize("name", ZEROS)
+def test_symbols_with_a_zero_take_a_number_of_cycles_independent_of_n(name):
+    interpolation, most = ZEROS[name]
+    counts = []
+    for n in (300, 511, 512, 1009, 4096, 20000, 2**15 + 1, 2**17):
+        A = tmg.ToeplitzOperator(symbol(name, n))
+        M = tmg.multigrid(
+            A, smoother=tmg.jacobi_preconditioner, transfer=interpolation, coarsest=16
+        )
+        assert M.H is M
+        b = np.random.default_rng(1).standard_normal(n)
+        problem = SimpleNamespace(A=A, b=b)
+        counts.append(iterations(tmg.richardson, problem, M))
+        assert iterations(cg, problem, M) <= 11
+    assert max(counts) <= most
+    assert max(counts) - min(counts) <= 2
+
+
+def test_a_zero_in_two_levels():
+    counts = []
+    for shape in ((31, 31), (63, 127), (255, 255)):
+        c = np.zeros(shape)
+        c[0, 0], c[0, 1], c[1, 0] = 4.0, -1.0, -1.0
+        A = tmg.ToeplitzOperator(c)
+        M = tmg.multigrid(
+            A, smoother=tmg.jacobi_preconditioner, transfer=tmg.linear_interpolation, coarsest=9
+        )
+        b = np.random.default_rng(1).standard_normal(A.shape[0])
+        counts.append(iterations(cg, SimpleNamespace(A=A, b=b), M))
+    assert max(counts) <= 10
+    assert max(counts) - min(counts) <= 1
+
+
+def test_the_modulated_transfer_moves_the_zero_to_the_other_end():
+    A = tmg.ToeplitzOperator(symbol("2 + 2 cos", 255))
+    M = tmg.multigrid(
+        A,
+        smoother=tmg.jacobi_preconditioner,
+        transfer=tmg.modulated_interpolation,
+        coarsest=16,
+    )
+    assert [level.transfer.interpolation for level in M.levels[:-1]] == [
+        tmg.modulated_interpolation,
+        *[tmg.linear_interpolation] * (len(M.levels) - 2),
+    ]
+    assert_allclose(M.levels[1].A.c[:3], [0.5, -0.25, 0.0], atol=1e-15)  # proportional to 2 - 2 cos
+
+
+def test_jacobi():
+    A = tmg.ToeplitzOperator([4.0, -1.0, 0.5])
+    assert_allclose(tmg.jacobi_preconditioner(A, omega=0.5) @ np.eye(3), 0.125 * np.eye(3))
+    S = tmg.jacobi_preconditioner(A)
+    assert 1.0 < np.linalg.eigvalsh(A.toarray()).max() * S.factor <= 4 / 3
+    assert S.T is S
+    assert S.H is S
+    assert repr(S) == f"<ScaledIdentity 3, {S.factor:.3g}>"
+    single = tmg.jacobi_preconditioner(A.astype(np.float32))
+    assert (single @ np.ones(3, np.float32)).dtype == np.float32
+    for omega in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(np.linalg.LinAlgError, match="omega is"):
+            tmg.jacobi_preconditioner(A, omega=omega)
+    with pytest.raises(np.linalg.LinAlgError, match="diagonal of A is -1"):
+        tmg.jacobi_preconditioner(tmg.ToeplitzOperator([-1.0, 0.0]))
+
+
+def test_interpolation_refuses_bad_weights():
+    for weights in ((1.0,), (1.0, np.nan)):
+        with pytest.raises(ValueError, match="weights are"):
+            tmg.Interpolation(weights)
 
 
 @pytest.mark.parametrize("n", [37, 64, 101, 255, 256, 257])
@@ -336,7 +435,7 @@ def test_an_indefinite_coarsest_matrix():
 
 def test_a_mask_without_a_coarse_grid():
     few = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(64)), np.arange(64) % 2 == 0)
-    levels = build_levels(few, tmg.fft_rsm_preconditioner, 2, tmg.galerkin)
+    levels = build_levels(few, tmg.fft_rsm_preconditioner, 2, tmg.piecewise_constant, None)
     assert len(levels) == 1
     assert isinstance(levels[0].smoother, DenseInverse)
     many = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(8192)), np.arange(8192) % 2 == 0)

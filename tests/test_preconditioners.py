@@ -106,7 +106,7 @@ def test_whatever_is_built_is_positive_definite_or_refused(n, length, weight, se
     c = weight * np.exp(-k / length) + (1 - weight) / (1 + k) ** 1.5
     c += 0.3 * np.random.default_rng(seed).standard_normal(n) / (1 + k)
     A = tmg.ToeplitzOperator(c)
-    for preconditioner in ALL:
+    for preconditioner in (*ALL, tmg.spectral_preconditioner, tmg.jacobi_preconditioner):
         if preconditioner is tmg.fft_sd_preconditioner:
             continue
         try:

@@ -1,7 +1,16 @@
 """Fast solvers for dense symmetric positive definite Toeplitz systems, as SciPy operators."""
 
 from toeplitz_mg import contact, halfspace
-from toeplitz_mg.multigrid import Multigrid, galerkin, multigrid, rediscretised
+from toeplitz_mg.multigrid import (
+    Interpolation,
+    Multigrid,
+    galerkin,
+    linear_interpolation,
+    modulated_interpolation,
+    multigrid,
+    piecewise_constant,
+    rediscretised,
+)
 from toeplitz_mg.operators import (
     MaskedOperator,
     ProductCount,
@@ -14,6 +23,7 @@ from toeplitz_mg.preconditioners import (
     fft_preconditioner,
     fft_rsm_preconditioner,
     fft_sd_preconditioner,
+    jacobi_preconditioner,
     sine_preconditioner,
     spectral_preconditioner,
     strang_preconditioner,
@@ -27,6 +37,7 @@ from toeplitz_mg.solvers import (
 )
 
 __all__ = [
+    "Interpolation",
     "MaskedOperator",
     "Multigrid",
     "ProductCount",
@@ -42,7 +53,11 @@ __all__ = [
     "fft_sd_preconditioner",
     "galerkin",
     "halfspace",
+    "jacobi_preconditioner",
+    "linear_interpolation",
+    "modulated_interpolation",
     "multigrid",
+    "piecewise_constant",
     "rediscretised",
     "richardson",
     "sine_preconditioner",

@@ -2,6 +2,23 @@
 
 from toeplitz_mg.multigrid.cycle import Multigrid, multigrid
 from toeplitz_mg.multigrid.hierarchy import Level
-from toeplitz_mg.multigrid.transfer import galerkin, rediscretised
+from toeplitz_mg.multigrid.transfer import (
+    Interpolation,
+    galerkin,
+    linear_interpolation,
+    modulated_interpolation,
+    piecewise_constant,
+    rediscretised,
+)
 
-__all__ = ["Level", "Multigrid", "galerkin", "multigrid", "rediscretised"]
+__all__ = [
+    "Interpolation",
+    "Level",
+    "Multigrid",
+    "galerkin",
+    "linear_interpolation",
+    "modulated_interpolation",
+    "multigrid",
+    "piecewise_constant",
+    "rediscretised",
+]

@@ -22,11 +22,12 @@ class Border:
     """The Galerkin correction on the coarse elements *and* the leftover unknowns.
 
     On the last element of an odd grid a coarse correction that leaves it out is of the wrong
-    sign, and no smoother mends that soon. So the coarse space is enlarged by the unit vectors
-    e_j of the leftover unknowns. The matrix of the enlarged space, with V_j = R A e_j,
+    sign, and no smoother mends that soon. So the coarse space is enlarged by vectors u_j, such as
+    the unit vectors of the leftover unknowns. The matrix of the enlarged space, with
+    V_j = R A u_j,
 
         [ A_H    V ]
-        [ s Vᵀ   C ],     C_ij = e_iᵀ A e_j,     Pᵀ = s R,
+        [ s Vᵀ   C ],     C_ij = u_iᵀ A u_j,     Pᵀ = s R,
 
     has a Toeplitz block again and a border of few rows, which is eliminated: with B ≈ A_H⁻¹ the
     coarse cycle and W = B V kept, a correction costs one coarse cycle and O(n) operations. Where
@@ -34,13 +35,16 @@ class Border:
 
     Attributes
     ----------
-    leftover : ndarray of int, of p unknowns
+    unknowns : ndarray of int, of shape (p, q)
+    weights : ndarray of shape (q,)
+        u_j has the entries `weights` at ``unknowns[j]``.
     V, W : ndarray of shape (p, n_H), in rows
     S_inverse : ndarray of shape (p, p), the inverse of C - s Vᵀ W
-    s : int, the number of fine elements in a coarse one
+    s : int
     """
 
-    leftover: Array
+    unknowns: Array
+    weights: Array
     V: Array
     W: Array
     S_inverse: Array
@@ -52,17 +56,23 @@ class Border:
         transfer = level.transfer
         if transfer is None or not 0 < len(transfer.leftover) <= MOST_LEFTOVER:
             return None
-        leftover = transfer.leftover
-        unit = np.zeros((len(leftover), level.A.shape[0]), dtype=level.A.dtype)
-        unit[np.arange(len(leftover)), leftover] = 1
-        columns = apply_to_rows(level.A, unit)
+        unknowns, weights = transfer.border
+        weights = weights.astype(level.A.dtype)
+        U = np.zeros((len(unknowns), level.A.shape[0]), dtype=level.A.dtype)
+        U[np.arange(len(unknowns))[:, np.newaxis], unknowns] = weights
+        columns = apply_to_rows(level.A, U)
         V = transfer.restrict(columns)
         W = solve_coarse(V)
-        s = transfer.elements_per_coarse
-        S = columns[:, leftover].T - s * V @ W.T
-        return cls(leftover, V, W, np.linalg.inv(S), s)
+        s = transfer.scale
+        S = columns[:, unknowns] @ weights - s * V @ W.T
+        return cls(unknowns, weights, V, W, np.linalg.inv(S), s)
 
     def correct(self, e: Array, r: Array) -> tuple[Array, Array]:
-        """Eliminate the border: from e = B R r, return the coarse and the leftover correction."""
-        left = (r[..., self.leftover] - self.s * e @ self.V.T) @ self.S_inverse.T
+        """Eliminate the border: from e = B R r, return the coarse correction and that of u."""
+        left = (r[..., self.unknowns] @ self.weights - self.s * e @ self.V.T) @ self.S_inverse.T
         return e - left @ self.W, left
+
+    def add(self, left: Array, correction: Array) -> None:
+        """Add the vectors u with the factors `left` to a correction."""
+        for factor, unknowns in zip(np.moveaxis(left, -1, 0), self.unknowns, strict=True):
+            correction[..., unknowns] += factor[..., np.newaxis] * self.weights

@@ -10,7 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.multigrid.border import Border
 from toeplitz_mg.multigrid.hierarchy import Level, Smoother, build_levels
-from toeplitz_mg.multigrid.transfer import Coarsening, galerkin
+from toeplitz_mg.multigrid.transfer import Coarsening, Interpolation, piecewise_constant
 from toeplitz_mg.operators import apply_to_rows, as_rows
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.preconditioners import fft_rsm_preconditioner
@@ -83,7 +83,7 @@ class Multigrid(LinearOperator):
             return transfer.interpolate(e)
         e, left = border.correct(e, r)
         correction = transfer.interpolate(e)
-        correction[..., border.leftover] = left
+        border.add(left, correction)
         return correction
 
     def _solve_coarse(self, k: int, r: Array) -> Array:
@@ -148,7 +148,8 @@ def multigrid(
     post: int = 1,
     gamma: int = 1,
     coarsest: int = 256,
-    coarsen: Coarsening = galerkin,
+    transfer: Interpolation = piecewise_constant,
+    coarsen: Coarsening | None = None,
 ) -> Multigrid:
     """Return one multigrid cycle as an approximate inverse of a Toeplitz operator (paper, §3.3).
 
@@ -167,9 +168,13 @@ def multigrid(
         A grid with at most this number of unknowns is solved by a dense Cholesky factorisation;
         2 in the paper. So is a coarse grid of up to 2048 that the smoother refuses, and the last
         one of a mask in fragments.
-    coarsen : callable
-        Maps the matrix of a level to that of the next coarser grid: `galerkin`, or
-        ``rediscretised(operator_of_grid_shape)`` as in the paper.
+    transfer : Interpolation
+        `piecewise_constant`, as in the paper, for a positive symbol; `linear_interpolation` for
+        one with a zero of order 2 at θ = 0, `modulated_interpolation` for a zero at π. For a
+        symbol with a zero take `jacobi_preconditioner` as the smoother.
+    coarsen : callable, optional
+        Maps the matrix of a level to that of the next coarser grid. By default it is `galerkin`;
+        ``rediscretised(operator_of_grid_shape)`` in the paper.
 
     Returns
     -------
@@ -202,9 +207,9 @@ def multigrid(
     of all: from a zero guess its first residual is `b` itself. With a symmetric smoother V(1,0)
     is the adjoint of V(0,1), and both converge equally fast in the end.
 
-    Restriction averages two elements of each level (paper, Eq. 13), interpolation copies
-    (Eq. 14). The last element of an odd grid, and up to 16 elements in contact that no coarse
-    element covers, are corrected together with the coarse grid, so that the number of cycles
+    By default restriction averages two elements of each level (paper, Eq. 13), and interpolation
+    copies (Eq. 14). The last element of an odd grid, and up to 16 elements in contact that no
+    coarse element covers, are corrected together with the coarse grid, so that the number of cycles
     hardly depends on n being even. A coarse element belongs to a mask where all its fine elements
     do. On a mask of many fragments little is left on the coarse grid, and the cycle is no better
     than its smoother.
@@ -233,4 +238,4 @@ def multigrid(
     if pre + post == 0:
         raise ValueError("pre and post are both 0, but a cycle must smooth at least once")
     toeplitz_and_mask(A)  # or it says what is wrong
-    return Multigrid(build_levels(A, smoother, coarsest, coarsen), pre, post, gamma)
+    return Multigrid(build_levels(A, smoother, coarsest, transfer, coarsen), pre, post, gamma)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
-from toeplitz_mg.multigrid.transfer import Coarsening, Transfer
+from toeplitz_mg.multigrid.transfer import Coarsening, Interpolation, Transfer, galerkin
 from toeplitz_mg.operators import as_rows
 
 Array = NDArray[Any]
@@ -80,7 +80,11 @@ class DenseInverse(LinearOperator):
 
 
 def build_levels(
-    A: LinearOperator, smoother: Smoother, coarsest: int, coarsen: Coarsening
+    A: LinearOperator,
+    smoother: Smoother,
+    coarsest: int,
+    interpolation: Interpolation,
+    coarsen: Coarsening | None,
 ) -> tuple[Level, ...]:
     """Coarsen `A` until at most `coarsest` unknowns are left, which are solved directly.
 
@@ -97,7 +101,7 @@ def build_levels(
         Where a smoother is no linear operator, or a coarse matrix no Toeplitz operator.
     """
     levels: list[Level] = []
-    while A.shape[0] > coarsest and (transfer := Transfer.of(A)) is not None:
+    while A.shape[0] > coarsest and (between := Transfer.of(A, interpolation)) is not None:
         try:
             S = aslinearoperator(smoother(A))
         except np.linalg.LinAlgError as error:
@@ -107,9 +111,10 @@ def build_levels(
             raise
         if S.shape != A.shape:
             raise ValueError(f"the smoother has shape {S.shape}, but its matrix has {A.shape}")
-        levels.append(Level(A, S, transfer))
-        A = coarsen(A)
-        transfer.check_coarse(A)
+        levels.append(Level(A, S, between))
+        A = galerkin(A, interpolation) if coarsen is None else coarsen(A)
+        between.check_coarse(A)
+        interpolation = interpolation.coarser or interpolation
     if A.shape[0] > max(coarsest, LARGEST_DENSE):
         raise ValueError(
             f"the mask of {A!r} is in such fragments that no coarse element is in contact as a "

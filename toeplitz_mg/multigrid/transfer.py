@@ -1,7 +1,8 @@
 """Restriction (paper, Eq. 13), interpolation (Eq. 14) and the coarse matrices that go with them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import reduce
 from math import prod
 from typing import Any
 
@@ -16,22 +17,83 @@ Array = NDArray[Any]
 Coarsening = Callable[[LinearOperator], LinearOperator]
 
 
-def coarse_shape(grid_shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Halve every level of a grid; the last element of an odd one is left over."""
-    return tuple(max(n // 2, 1) for n in grid_shape)
+@dataclass(frozen=True)
+class Interpolation:
+    """How a value of the coarse grid is spread over the fine one, in each level of the matrix.
+
+    Parameters
+    ----------
+    weights : tuple of float
+        Of a coarse value in the fine elements that it covers; the next one begins 2 elements
+        further on. The restriction is the transpose, halved.
+    coarser : Interpolation, optional
+        For the coarser grids, if another.
+
+    See Also
+    --------
+    piecewise_constant, linear_interpolation, modulated_interpolation
+
+    Examples
+    --------
+    >>> from toeplitz_mg import Interpolation
+    >>> Interpolation((0.5, 1.0, 0.5)).coarse_length(7)
+    3
+    """
+
+    weights: tuple[float, ...]
+    coarser: "Interpolation | None" = None
+
+    def __post_init__(self) -> None:
+        if len(self.weights) < 2 or not np.isfinite(self.weights).all():
+            raise ValueError(f"weights are {self.weights}, but must be 2 finite numbers or more")
+
+    def coarse_length(self, n: int) -> int:
+        """Return the coarse elements of n fine ones; too few are left as they are."""
+        covered = len(self.weights)
+        return n if n < covered else (n - covered) // 2 + 1
+
+    def slices(self, n: int) -> Iterator[tuple[float, slice]]:
+        """Yield each weight, and the fine elements where it stands."""
+        m = self.coarse_length(n)
+        for i, weight in enumerate(self.weights):
+            yield weight, slice(i, i + 2 * m - 1, 2)
 
 
-def coarse_mask(mask: Array) -> Array:
+piecewise_constant = Interpolation((1.0, 1.0))
+"""Copies (paper, Eq. 14), and averages (Eq. 13): for a positive symbol."""
+
+linear_interpolation = Interpolation((0.5, 1.0, 0.5))
+"""For a symbol with a zero of order 2 at θ = 0, such as 2 - 2 cos θ."""
+
+modulated_interpolation = Interpolation((-0.5, 1.0, -0.5), linear_interpolation)
+"""For a symbol with a zero of order 2 at θ = π, such as 2 + 2 cos θ.
+
+The coarser grids, where the zero is at θ = 0, have linear interpolation.
+"""
+
+
+def coarse_shape(
+    grid_shape: tuple[int, ...], transfer: Interpolation = piecewise_constant
+) -> tuple[int, ...]:
+    """Halve every level of a grid; elements at its end may be left over."""
+    return tuple(transfer.coarse_length(n) for n in grid_shape)
+
+
+def coarse_mask(mask: Array, transfer: Interpolation = piecewise_constant) -> Array:
     """Return the coarse elements all of whose fine elements are in contact."""
-    return np.asarray(_pairs(mask).all(axis=_pair_axes(mask.shape)))
+    for level, n in enumerate(mask.shape):
+        if transfer.coarse_length(n) < n:
+            mask = np.all([mask[_at(level, s)] for _, s in transfer.slices(n)], axis=0)
+    return mask
 
 
-def galerkin(A: LinearOperator) -> LinearOperator:
+def galerkin(A: LinearOperator, transfer: Interpolation = piecewise_constant) -> LinearOperator:
     """Return R A P, the Galerkin coarse matrix, which is again Toeplitz.
 
     Parameters
     ----------
     A : ToeplitzOperator or MaskedOperator of one
+    transfer : Interpolation
 
     Returns
     -------
@@ -47,7 +109,8 @@ def galerkin(A: LinearOperator) -> LinearOperator:
 
     Notes
     -----
-    In each level a_H[k] = ½ (a[2k-1] + 2 a[2k] + a[2k+1]).
+    In each level a_H[k] = ½ (a[2k-1] + 2 a[2k] + a[2k+1]), or, where the weights are w, the mean
+    of the a[2k+j] with half of w convolved with itself.
 
     Examples
     --------
@@ -58,19 +121,27 @@ def galerkin(A: LinearOperator) -> LinearOperator:
     """
     full, mask = toeplitz_and_mask(A)
     lags = full.lags
+    reach = len(transfer.weights) - 1
+    weights = (np.convolve(transfer.weights, transfer.weights[::-1]) / 2.0).tolist()
     for level, n in enumerate(full.grid_shape):
-        if n > 1:
-            m = n // 2
-            # The window of coarse lag k is 2k-1, 2k, 2k+1; the first is at k = -(m - 1).
-            first = np.arange(2 * m - 1) * 2 + n - 2 * m
-            left, centre, right = (np.take(lags, first + j, axis=level) for j in range(3))
-            lags = centre + (left + right) / 2
+        m = transfer.coarse_length(n)
+        if m < n:
+            # Lag k takes from 2k - reach ... 2k + reach; the first is at k = -(m - 1).
+            first = n - 1 - 2 * (m - 1)
+            windows = [
+                lags[_at(level, slice(first + j, first + j + 4 * m - 3, 2))]
+                for j in range(-reach, reach + 1)
+            ]
+            lags = weights[reach] * windows[reach]
+            for j in range(reach):  # in pairs, symmetric to the last bit
+                lags = lags + weights[j] * (windows[j] + windows[-1 - j])
     H = ToeplitzOperator.from_lags(lags)
-    return H if mask is None else MaskedOperator(H, coarse_mask(mask))
+    return H if mask is None else MaskedOperator(H, coarse_mask(mask, transfer))
 
 
 def rediscretised(
     operator_of_grid_shape: Callable[[tuple[int, ...]], ToeplitzOperator],
+    transfer: Interpolation = piecewise_constant,
 ) -> Coarsening:
     """Return a coarsening that discretises the problem anew on the coarse grid (the paper's).
 
@@ -78,6 +149,8 @@ def rediscretised(
     ----------
     operator_of_grid_shape : callable
         Maps a grid's shape to the Toeplitz operator of the same problem on that grid.
+    transfer : Interpolation
+        Which decides about the shape.
 
     Returns
     -------
@@ -102,8 +175,8 @@ def rediscretised(
 
     def coarsen(A: LinearOperator) -> LinearOperator:
         full, mask = toeplitz_and_mask(A)
-        H = operator_of_grid_shape(coarse_shape(full.grid_shape))
-        return H if mask is None else MaskedOperator(H, coarse_mask(mask))
+        H = operator_of_grid_shape(coarse_shape(full.grid_shape, transfer))
+        return H if mask is None else MaskedOperator(H, coarse_mask(mask, transfer))
 
     return coarsen
 
@@ -114,33 +187,45 @@ class Transfer:
 
     Attributes
     ----------
+    interpolation : Interpolation
     fine_shape : tuple of int
     fine_mask, coarse_mask : ndarray of bool, or None where the whole grid is unknown
     leftover : ndarray of int
-        The fine unknowns that belong to no coarse one: the last of an odd number, and the
-        elements in contact beside one that is not.
+        The fine unknowns that belong to no coarse one: at the end of the grid, and the elements
+        in contact beside one that is not.
     """
 
+    interpolation: Interpolation
     fine_shape: tuple[int, ...]
     fine_mask: Array | None
     coarse_mask: Array | None
     leftover: Array
 
     @classmethod
-    def of(cls, A: LinearOperator) -> "Transfer | None":
+    def of(
+        cls, A: LinearOperator, interpolation: Interpolation = piecewise_constant
+    ) -> "Transfer | None":
         """Return the transfer from `A` to its coarse matrix, or None where it has no unknowns."""
         full, mask = toeplitz_and_mask(A)
         whole = np.ones(full.grid_shape, dtype=bool) if mask is None else mask
-        if full.shape[0] == 1 or not (coarse := coarse_mask(whole)).any():
+        coarse = coarse_mask(whole, interpolation)
+        if coarse.shape == full.grid_shape or not coarse.any():
             return None
-        covered = _spread(coarse, full.grid_shape)
+        covers = Interpolation((1.0,) * len(interpolation.weights))
+        covered = _spread(coarse.astype(float), full.grid_shape, covers) > 0.0
         leftover = np.flatnonzero(~covered[whole])
-        return cls(full.grid_shape, mask, None if mask is None else coarse, leftover)
+        of_mask = None if mask is None else coarse
+        return cls(interpolation, full.grid_shape, mask, of_mask, leftover)
+
+    @property
+    def coarse_shape(self) -> tuple[int, ...]:
+        """The shape of the coarse grid."""
+        return coarse_shape(self.fine_shape, self.interpolation)
 
     def check_coarse(self, H: LinearOperator) -> None:
         """Raise ValueError or TypeError where `H` does not live on the coarse grid."""
         full, mask = toeplitz_and_mask(H)
-        if full.grid_shape != (shape := coarse_shape(self.fine_shape)):
+        if full.grid_shape != (shape := self.coarse_shape):
             raise ValueError(f"coarsen gave the grid {full.grid_shape}, but it must be {shape}")
         if mask is None or self.coarse_mask is None:
             same = mask is self.coarse_mask
@@ -150,27 +235,50 @@ class Transfer:
             raise ValueError(f"coarsen gave {H!r} with another mask than the coarse one")
 
     @property
-    def elements_per_coarse(self) -> int:
-        """The number s of fine elements in a coarse one: Pᵀ = s R."""
-        return prod(min(n, 2) for n in self.fine_shape)
+    def scale(self) -> int:
+        """The number s for which Pᵀ = s R: 2 for each level that is coarsened."""
+        pairs = zip(self.fine_shape, self.coarse_shape, strict=True)
+        return int(2 ** sum(m < n for n, m in pairs))
+
+    @property
+    def border(self) -> tuple[Array, Array]:
+        """Unknowns, shape (p, q), and weights (q,) of p vectors that enlarge the coarse space.
+
+        At the end of a grid it is one, what there is room for of the next coarse element;
+        elsewhere they are the unit vectors of the unknowns left over.
+        """
+        weights = np.array(self.interpolation.weights)
+        if len(self.leftover) and len(self.fine_shape) == 1 and self.fine_mask is None:
+            last = np.arange(2 * self.coarse_shape[0], self.fine_shape[0])
+            return last[np.newaxis], weights[: len(last)]
+        return self.leftover[:, np.newaxis], np.ones(1)
 
     def restrict(self, r: Array) -> Array:
-        """Average each pair of rows' elements; in d levels each 2^d (Eq. 13)."""
+        """Average over the fine elements of each coarse one; in d levels each 2^d (Eq. 13)."""
         grid = _on_grid(r, self.fine_mask, self.fine_shape)
         rows = r.ndim - 1
-        axes = tuple(rows + axis for axis in _pair_axes(self.fine_shape))
-        coarse = _pairs(grid, rows).mean(axis=axes, dtype=r.dtype)
+        for level, (n, m) in enumerate(zip(self.fine_shape, self.coarse_shape, strict=True)):
+            if m < n:
+                halves = (
+                    grid.dtype.type(weight / 2) * grid[_at(rows + level, s)]
+                    for weight, s in self.interpolation.slices(n)
+                )
+                grid = reduce(np.add, halves)
         if self.coarse_mask is not None:
-            return np.asarray(coarse[..., self.coarse_mask])
-        return np.asarray(coarse.reshape(*r.shape[:-1], prod(coarse_shape(self.fine_shape))))
+            return np.asarray(grid[..., self.coarse_mask])
+        return grid.reshape(*r.shape[:-1], prod(self.coarse_shape))
 
     def interpolate(self, e: Array) -> Array:
         """Copy each coarse value to its fine elements, and zero to those left over (Eq. 14)."""
-        grid = _on_grid(e, self.coarse_mask, coarse_shape(self.fine_shape))
-        fine = _spread(grid, self.fine_shape)
+        grid = _on_grid(e, self.coarse_mask, self.coarse_shape)
+        fine = _spread(grid, self.fine_shape, self.interpolation)
         if self.fine_mask is not None:
             return np.asarray(fine[..., self.fine_mask])
         return fine.reshape(*e.shape[:-1], prod(self.fine_shape))
+
+
+def _at(axis: int, part: slice) -> tuple[slice, ...]:
+    return (slice(None),) * axis + (part,)
 
 
 def _on_grid(x: Array, mask: Array | None, shape: tuple[int, ...]) -> Array:
@@ -181,27 +289,14 @@ def _on_grid(x: Array, mask: Array | None, shape: tuple[int, ...]) -> Array:
     return grid
 
 
-def _pairs(grid: Array, rows: int = 0) -> Array:
-    """Split each level of the grid of each row into (pair, element of the pair)."""
-    shape = grid.shape[rows:]
-    cut: Any = (..., *(slice(n - n % 2 if n > 1 else 1) for n in shape))
-    split = [k for n in shape for k in (max(n // 2, 1), min(n, 2))]
-    return np.asarray(grid[cut]).reshape(*grid.shape[:rows], *split)
-
-
-def _pair_axes(shape: tuple[int, ...]) -> tuple[int, ...]:
-    return tuple(range(1, 2 * len(shape), 2))
-
-
-def _spread(coarse: Array, shape: tuple[int, ...]) -> Array:
-    """Copy the coarse grid of each row to the fine grid of `shape`; zero where none covers."""
+def _spread(coarse: Array, shape: tuple[int, ...], interpolation: Interpolation) -> Array:
+    """Interpolate the coarse grid of each row to the fine grid of `shape`."""
     rows = coarse.ndim - len(shape)
     for level, n in enumerate(shape):
-        if n > 1:
-            coarse = np.repeat(coarse, 2, axis=rows + level)
-    if coarse.shape[rows:] == shape:
-        return coarse
-    fine = np.zeros(coarse.shape[:rows] + shape, dtype=coarse.dtype)
-    covered: Any = (..., *(slice(n) for n in coarse.shape[rows:]))
-    fine[covered] = coarse
-    return fine
+        axis = rows + level
+        if coarse.shape[axis] < n:
+            fine = np.zeros((*coarse.shape[:axis], n, *coarse.shape[axis + 1 :]), coarse.dtype)
+            for weight, s in interpolation.slices(n):
+                fine[_at(axis, s)] += coarse.dtype.type(weight) * coarse
+            coarse = fine
+    return coarse

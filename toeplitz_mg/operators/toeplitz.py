@@ -147,6 +147,11 @@ class ToeplitzOperator(LinearOperator):
         """The first column on the grid, shape `grid_shape`."""
         return self.lags[_centre_on(self.grid_shape)]
 
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: that of the circulant in which the products embed the matrix."""
+        return float(np.abs(self._convolution.spectrum).max())
+
     def circulant(self, shape: tuple[int, ...]) -> Array:
         """Return the first column of a circulant in which this matrix is the leading block.
 

@@ -3,6 +3,7 @@
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner, strang_preconditioner
 from toeplitz_mg.preconditioners.deflation import fft_sd_preconditioner
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
+from toeplitz_mg.preconditioners.jacobi import jacobi_preconditioner
 from toeplitz_mg.preconditioners.row_sum import fft_rsm_preconditioner
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
 from toeplitz_mg.preconditioners.trigonometric import (
@@ -16,6 +17,7 @@ __all__ = [
     "fft_preconditioner",
     "fft_rsm_preconditioner",
     "fft_sd_preconditioner",
+    "jacobi_preconditioner",
     "sine_preconditioner",
     "spectral_preconditioner",
     "strang_preconditioner",

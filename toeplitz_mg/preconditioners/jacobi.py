@@ -1,0 +1,91 @@
+"""The damped Jacobi iteration: a multiple of the unit matrix, as the diagonal is constant."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg.operators.masked import toeplitz_and_mask
+
+Array = NDArray[Any]
+
+
+class ScaledIdentity(LinearOperator):
+    """The unit matrix times a positive number."""
+
+    def __init__(self, n: int, factor: float, dtype: DTypeLike) -> None:
+        super().__init__(dtype, (n, n))
+        self.factor = self.dtype.type(factor)
+
+    def _matvec(self, x: Array) -> Array:
+        return np.asarray(self.factor * x)
+
+    def _matmat(self, X: Array) -> Array:
+        return self._matvec(X)
+
+    def _adjoint(self) -> "ScaledIdentity":
+        return self
+
+    def _transpose(self) -> "ScaledIdentity":
+        return self
+
+    def __repr__(self) -> str:
+        return f"<ScaledIdentity {self.shape[0]}, {self.factor:.3g}>"
+
+
+def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> LinearOperator:
+    """Return ω/a₀ times the unit matrix: a damped Jacobi, or Richardson, smoother.
+
+    As a preconditioner it does nothing. As a smoother it is the one for symbols with a zero, on
+    whose high frequencies they are of one size: together with `linear_interpolation` or
+    `modulated_interpolation`.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator or MaskedOperator of one
+        Symmetric positive definite, of any number of levels.
+    omega : float, optional
+        By default ω/a₀ = 4/(3 ‖C‖₂), C the circulant in which `A` is embedded for its
+        products: 2/3 for 2 - 2 cos θ.
+
+    Returns
+    -------
+    ScaledIdentity
+        Of the shape and dtype of `A`. A product costs no work unit.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where the diagonal or `omega` is not positive.
+    TypeError, ValueError
+        Where `A` is no Toeplitz operator, or not symmetric.
+
+    References
+    ----------
+    G. Fiorentino, S. Serra, Multigrid methods for Toeplitz matrices, Calcolo 28 (1991);
+    R. Chan, Q. Chang, H. Sun, Multigrid method for ill-conditioned symmetric Toeplitz systems,
+    SIAM J. Sci. Comput. 19 (1998).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import toeplitz_mg as tmg
+    >>> A = tmg.ToeplitzOperator(np.r_[2.0, -1.0, np.zeros(998)])
+    >>> M = tmg.multigrid(
+    ...     A, smoother=tmg.jacobi_preconditioner, transfer=tmg.linear_interpolation
+    ... )
+    >>> x, info = tmg.richardson(A, np.ones(1000), M=M, rtol=1e-8, maxiter=12)
+    >>> info
+    0
+    """
+    full, _ = toeplitz_and_mask(A)
+    a0 = float(full.c.flat[0])
+    if not a0 > 0.0:
+        raise np.linalg.LinAlgError(
+            f"the diagonal of A is {a0:.3g}, but of a positive definite matrix it is positive"
+        )
+    factor = 4.0 / (3.0 * full.norm_bound) if omega is None else omega / a0
+    if not 0.0 < factor < np.inf:
+        raise np.linalg.LinAlgError(f"omega is {omega}, but must be positive and finite")
+    return ScaledIdentity(A.shape[0], factor, A.dtype)
