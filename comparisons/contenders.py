@@ -12,7 +12,7 @@ pyamg starts some estimates at random: its iterations vary a little from run to 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pyamg
@@ -25,10 +25,28 @@ import toeplitz_mg as tmg
 from toeplitz_mg.contact.problems import Problem
 
 Array = NDArray[Any]
+
+
+class System(Protocol):
+    """A x = b, with a name in tables."""
+
+    @property
+    def name(self) -> str:
+        """The same for all sizes."""
+
+    @property
+    def A(self) -> LinearOperator:
+        """A ToeplitzOperator, or a MaskedOperator of one."""
+
+    @property
+    def b(self) -> Array:
+        """Of shape (N,)."""
+
+
 Solve = Callable[[], tuple[Array, int | None]]  # x and the iterations, None for a direct method
-Method = Callable[[Problem], Solve]
+Method = Callable[[Any], Solve]  # of a System
 Preconditioner = Callable[[LinearOperator], LinearOperator | None]
-Explanation = Callable[[Problem], str]
+Explanation = Callable[[Any], str]  # of a System
 
 TOLERANCE = 1e-8
 MAXITER = 3000
@@ -37,7 +55,7 @@ DENSE_BYTES = 4e9  # a matrix larger than this is not even begun
 BANDWIDTH = 16  # off-diagonals on each side that the banded copy keeps
 
 
-def no_reason(problem: Problem) -> str:
+def no_reason(problem: System) -> str:
     """Leave it at the numbers."""
     return ""
 
@@ -103,14 +121,14 @@ def refuse_above_limit(size: float) -> None:
         raise MemoryError(f"the matrix takes {size / 1e9:.3g} GB, the limit is {DENSE_BYTES / 1e9}")
 
 
-def cholesky(problem: Problem) -> Solve:
+def cholesky(problem: System) -> Solve:
     """Factorise the dense matrix."""
     # The transpose is in Fortran order, in which LAPACK overwrites it instead of a copy.
     factor = cho_factor(dense(problem.A).T, overwrite_a=True, check_finite=False)
     return lambda: (cho_solve(factor, problem.b, check_finite=False), None)
 
 
-def levinson(problem: Problem) -> Solve:
+def levinson(problem: System) -> Solve:
     """Solve by SciPy's Levinson recursion, which has nothing to set up."""
     column, mask = column_and_mask(problem.A)
     if not mask.all():
@@ -118,7 +136,9 @@ def levinson(problem: Problem) -> Solve:
     return lambda: (solve_toeplitz(column, problem.b, check_finite=False), None)
 
 
-def iterate(solver: Any, preconditioner: Preconditioner, problem: Problem) -> Solve:
+def iterate(
+    solver: Any, preconditioner: Preconditioner, problem: System, maxiter: int = MAXITER
+) -> Solve:
     """Iterate by `cg` or `richardson` on the fast product, with a preconditioner of A."""
     M = preconditioner(problem.A)
 
@@ -129,7 +149,7 @@ def iterate(solver: Any, preconditioner: Preconditioner, problem: Problem) -> So
             problem.b,
             M=M,
             rtol=TOLERANCE,
-            maxiter=MAXITER,
+            maxiter=maxiter,
             callback=lambda xk: steps.append(None),
         )
         return x, len(steps)
@@ -152,7 +172,7 @@ def paper_sd(problem: Problem) -> Solve:
     return iterate(tmg.richardson, cycle, problem)
 
 
-def algebraic(build: Any, problem: Problem) -> Solve:
+def algebraic(build: Any, problem: System) -> Solve:
     """Solve by algebraic multigrid alone, on the dense matrix in sparse format."""
     hierarchy = build(dense_csr(problem.A))
 
@@ -173,23 +193,23 @@ def algebraic_cycle(build: Any, sparse_copy: Any, A: LinearOperator) -> LinearOp
     return build(sparse_copy(A)).aspreconditioner()
 
 
-def why_m_diverges(problem: Problem) -> str:
+def why_m_diverges(problem: System) -> str:
     """Say what the paper's §3.2 says."""
     return "I - M A has eigenvalues below -1"
 
 
-def why_sd_alone_fails(problem: Problem) -> str:
+def why_sd_alone_fails(problem: System) -> str:
     """Say what deflation takes away."""
     return "P M is singular and not symmetric"
 
 
-def why_sd_diverges(problem: Problem) -> str:
+def why_sd_diverges(problem: System) -> str:
     """Say where the paper has no SD."""
     masked = isinstance(problem.A, tmg.MaskedOperator)
     return "the paper has SD on a whole grid only" if masked else ""
 
 
-def why_band_fails(problem: Problem) -> str:
+def why_band_fails(problem: System) -> str:
     """Say whether the banded copy is positive definite, as CG needs it."""
     column, _ = column_and_mask(problem.A)
     width = min(BANDWIDTH + 1, len(column))

@@ -19,8 +19,8 @@ from scipy.linalg import matmul_toeplitz
 
 import toeplitz_mg as tmg
 from comparisons import contenders
-from comparisons.contenders import Contender, column_and_mask
-from toeplitz_mg.contact.problems import Problem, test1
+from comparisons.contenders import Contender, System, column_and_mask
+from toeplitz_mg.contact.problems import test1
 
 Array = NDArray[Any]
 
@@ -65,12 +65,12 @@ class Measurement:
     note: str = ""
 
 
-def measure(contender: Contender, problem: Problem) -> Measurement:
+def measure(contender: Contender, problem: System) -> Measurement:
     """Run a contender in a process of its own, and kill it where it takes too long."""
     # The problem is sent, not built there: the temporary arrays of building it would be the peak.
     context = get_context("forkserver")
     receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=_job, args=(contender.name, problem, sender), daemon=True)
+    process = context.Process(target=_job, args=(contender, problem, sender), daemon=True)
     process.start()
     sender.close()
     try:
@@ -85,7 +85,7 @@ def measure(contender: Contender, problem: Problem) -> Measurement:
         process.join()
 
 
-def true_residual(problem: Problem, x: Array) -> float:
+def true_residual(problem: System, x: Array) -> float:
     """Return ‖b - A x‖ / ‖b‖, by a product that is not the one under test."""
     column, mask = column_and_mask(problem.A)
     extended = np.zeros(len(column))
@@ -95,9 +95,8 @@ def true_residual(problem: Problem, x: Array) -> float:
         return float(np.linalg.norm(r) / np.linalg.norm(problem.b))
 
 
-def _job(name: str, problem: Problem, sender: Connection) -> None:
+def _job(contender: Contender, problem: System, sender: Connection) -> None:
     """Send what a contender did, or the error it met."""
-    (contender,) = (c for c in contenders.CONTENDERS if c.name == name)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, resource.RLIM_INFINITY))
     warnings.simplefilter("ignore")  # what matters of them is seen in the residual
     try:
@@ -107,7 +106,7 @@ def _job(name: str, problem: Problem, sender: Connection) -> None:
         sender.send(Measurement(note=f"{type(error).__name__}: {reason}"))
 
 
-def _measure_here(contender: Contender, problem: Problem) -> Measurement:
+def _measure_here(contender: Contender, problem: System) -> Measurement:
     """Measure in this process, which is to be a fresh one."""
     # The first call loads code, a few MB of it, which is neither its time nor its memory.
     with suppress(Exception):
@@ -139,7 +138,7 @@ def _measure_here(contender: Contender, problem: Problem) -> Measurement:
 
 
 def _repeated(
-    contender: Contender, problem: Problem, setup_s: float, solve_s: float
+    contender: Contender, problem: System, setup_s: float, solve_s: float
 ) -> tuple[float, float]:
     """Return the medians with a few more runs, where they are short and easily disturbed."""
     setups, solves = [setup_s], [solve_s]

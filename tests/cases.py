@@ -10,6 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from toeplitz_mg import halfspace
+from toeplitz_mg.operators.convolution import near_fast_length
 
 
 @dataclass(frozen=True)
@@ -183,18 +184,45 @@ def smooth_sd(A, c):
 
 
 def continued(c):
-    """Every level with the lags up to a fast length, by the parabola that is flat there."""
+    """Every level with the lags up to a fast length, that is half the period of the symbol."""
+    if c.ndim == 1 and has_simple_tail(c):
+        return periodised(c)
     for level, n in enumerate(c.shape):
-        fast = scipy.fft.next_fast_len(n, real=True)
+        fast = near_fast_length(n)
         ahead = fast - n + 1
         last = np.take(c, n - 1, level)
         slope = last - np.take(c, n - 2, level) if n > 1 else None
-        more = [
+        more = [  # by the parabola that is flat at the last one
             np.zeros_like(last) if n == 1 else last + slope * (t - t**2 / (2 * ahead))
             for t in range(1, ahead + 1)
         ]
         c = np.concatenate([c, np.stack(more, axis=level)], axis=level)
     return c
+
+
+def has_simple_tail(c):
+    """Whether the last coefficients decrease as k^-1.5 does, or faster."""
+    if len(c) < 4 or not c[-3] > c[-2] > c[-1] > 1e-9 * c[0]:
+        return False
+    slope, curvature = (np.log(c[-1]) - np.log(c[-3])) / 2, np.diff(np.log(c[-3:]), 2)[0]
+    return slope**2 >= 1.5 * curvature
+
+
+def periodised(c):
+    """The sums over all lags k + 2 n j of the coefficients, continued by exp(αt + βt²)."""
+    n = near_fast_length(len(c))
+    slope, curvature = (np.log(c[-1]) - np.log(c[-3])) / 2, np.diff(np.log(c[-3:]), 2)[0]
+    assert curvature <= 0.01 * slope**2  # not by a power of the lag
+    lags = np.arange(64 * n)
+    t = lags - (len(c) - 2)
+    a = c[-2] * np.exp(slope * t + min(curvature, 0.0) * t**2 / 2)
+    a[: len(c)] = c
+    ends = [m for m in range(2 * n, len(a), 2 * n) if a[m] <= 1e-9 * c[0]]
+    a[ends[0] :] = 0.0
+    both = {k: a[k] for k in lags} | {-k: a[k] for k in lags}
+    return np.array(
+        [sum(v for lag, v in both.items() if (lag - k) % (2 * n) == 0) for k in range(n + 1)]
+    )
 
 
 def dense_trigonometric(c, wave, first):

@@ -5,17 +5,17 @@ import pytest
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
+from comparisons.symbols import column
 from tests.cases import contact
-from tests.symbols import symbol
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 
-WELL = ["theta^4 + 1", "(1+k)^-1.1", "cos k/(k+1)", "0.9^k", "fGn", "|theta|", "contact"]
+WELL = ["θ⁴ + 1", "(1+k)^-1.1", "cos k/(k+1)", "0.9^k", "fGn, H = 0.9", "|θ|", "contact"]
 
 
 @pytest.mark.parametrize("n", [3, 64, 211, 1000])
-@pytest.mark.parametrize("name", [*WELL, "Gaussian", "theta^2", "2 - 2 cos", "2 + 2 cos"])
+@pytest.mark.parametrize("name", [*WELL, "Gaussian", "θ²", "2 - 2 cos θ", "2 + 2 cos θ"])
 def test_is_the_inverse(name, n):
-    A = tmg.ToeplitzOperator(symbol(name, n))
+    A = tmg.ToeplitzOperator(column(name, n))
     A_inverse = tmg.toeplitz_inverse(A)
     assert A_inverse.residual <= 1e-10
     dense = np.linalg.inv(A.toarray())
@@ -25,10 +25,10 @@ def test_is_the_inverse(name, n):
     assert np.linalg.norm(B - A @ (A_inverse @ B)) <= 1e-9 * np.linalg.norm(B)
 
 
-@pytest.mark.parametrize("name", ["contact", "fGn"])
+@pytest.mark.parametrize("name", ["contact", "fGn, H = 0.9"])
 def test_a_product_costs_two_work_units_and_the_set_up_some_thirty(name):
     n = 2**16
-    A = tmg.ToeplitzOperator(symbol(name, n))
+    A = tmg.ToeplitzOperator(column(name, n))
     with tmg.count_products() as work:
         A_inverse = tmg.toeplitz_inverse(A, rtol=1e-11)
     assert work.units(n) <= 40
@@ -52,7 +52,7 @@ def test_refinement_improves_an_inverse_from_a_poor_column():
 
 
 def test_says_what_it_cannot_meet():
-    A = tmg.ToeplitzOperator(symbol("(2 - 2 cos)^2", 4096))
+    A = tmg.ToeplitzOperator(column("(2 - 2 cos θ)²", 4096))
     with pytest.raises(np.linalg.LinAlgError, match=r"achieved is .*1.0e-10 was asked"):
         tmg.toeplitz_inverse(A)
 
@@ -64,7 +64,7 @@ def test_refuses_what_is_not_positive_definite(c):
 
 
 def test_float32_has_a_goal_of_its_own():
-    A = tmg.ToeplitzOperator(symbol("fGn", 300).astype(np.float32))
+    A = tmg.ToeplitzOperator(column("fGn, H = 0.9", 300).astype(np.float32))
     A_inverse = tmg.toeplitz_inverse(A)
     assert A_inverse.residual <= 1e-3
     assert (A_inverse @ np.ones(300, np.float32)).dtype == np.float32

@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose
 from scipy.sparse.linalg import LinearOperator, aslinearoperator, cg
 
 import toeplitz_mg as tmg
+from comparisons.symbols import column
 from tests.cases import aggregate, checkered, contact, exponential
-from tests.symbols import symbol
 from toeplitz_mg.contact.problems import test1, test2, test3
 from toeplitz_mg.multigrid.border import MOST_LEFTOVER
 from toeplitz_mg.multigrid.hierarchy import DenseInverse, build_levels
@@ -135,11 +135,11 @@ def test_two_grids_correct_the_coarse_and_the_leftover_unknowns_exactly(A, inter
 
 
 ZEROS = {
-    "2 - 2 cos": (tmg.linear_interpolation, 12),
-    "theta^2": (tmg.linear_interpolation, 22),
-    "2 + 2 cos": (tmg.modulated_interpolation, 13),
-    "|theta|": (tmg.linear_interpolation, 9),
-    "|theta|^1.5": (tmg.linear_interpolation, 15),
+    "2 - 2 cos θ": (tmg.linear_interpolation, 12),
+    "θ²": (tmg.linear_interpolation, 22),
+    "2 + 2 cos θ": (tmg.modulated_interpolation, 13),
+    "|θ|": (tmg.linear_interpolation, 9),
+    "|θ|^1.5": (tmg.linear_interpolation, 15),
 }
 
 
@@ -148,7 +148,7 @@ def test_symbols_with_a_zero_take_a_number_of_cycles_independent_of_n(name):
     interpolation, most = ZEROS[name]
     counts = []
     for n in (300, 511, 512, 1009, 4096, 20000, 2**15 + 1, 2**17):
-        A = tmg.ToeplitzOperator(symbol(name, n))
+        A = tmg.ToeplitzOperator(column(name, n))
         M = tmg.multigrid(
             A, smoother=tmg.jacobi_preconditioner, transfer=interpolation, coarsest=16
         )
@@ -177,7 +177,7 @@ def test_a_zero_in_two_levels():
 
 
 def test_the_modulated_transfer_moves_the_zero_to_the_other_end():
-    A = tmg.ToeplitzOperator(symbol("2 + 2 cos", 255))
+    A = tmg.ToeplitzOperator(column("2 + 2 cos θ", 255))
     M = tmg.multigrid(
         A,
         smoother=tmg.jacobi_preconditioner,

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import toeplitz
 
 import toeplitz_mg as tmg
-from tests.symbols import ALL_SYMBOLS, symbol
+from comparisons.symbols import COLUMNS, column
 from toeplitz_mg.operators.schur import schur_column
 
 
@@ -23,9 +23,9 @@ def levinson(c):
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 33, 64, 65, 211, 600, 1009])
-@pytest.mark.parametrize("name", ALL_SYMBOLS)
+@pytest.mark.parametrize("name", COLUMNS)
 def test_is_levinsons_recursion(name, n):
-    c = np.array([2.0, 0.5])[:n] if n < 3 else symbol(name, n)
+    c = np.array([2.0, 0.5])[:n] if n < 3 else column(name, n)
     x, gamma = schur_column(c)
     x_levinson, gamma_levinson = levinson(c)
     condition = np.linalg.cond(toeplitz(c))
@@ -37,7 +37,7 @@ def test_is_levinsons_recursion(name, n):
 
 
 def test_the_schur_parameters_give_the_determinant():
-    c = symbol("contact", 700)
+    c = column("contact", 700)
     _, gamma = schur_column(c)
     k = np.arange(1, 700)
     log_determinant = 700 * np.log(c[0]) + np.sum((700 - k) * np.log1p(-(gamma**2)))
@@ -67,5 +67,5 @@ def test_refuses_small_ones(c):
 def test_takes_the_work_of_some_thirty_products():
     n = 2**18
     with tmg.count_products() as work:
-        schur_column(symbol("2 - 2 cos", n))
+        schur_column(column("2 - 2 cos θ", n))
     assert work.units(n) <= 26.0

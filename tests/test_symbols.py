@@ -2,41 +2,44 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.sparse.linalg import cg
 
 import toeplitz_mg as tmg
-from tests.symbols import ALL_SYMBOLS, symbol
+from comparisons.symbols import COLUMNS, column
+from toeplitz_mg.operators.convolution import near_fast_length
+from toeplitz_mg.preconditioners.symbol import sampled_symbol
 
 N = 2**14
 # Most iterations to 1e-8 for a random right-hand side at n = 2^14.
 SPECTRAL = {
-    "theta^4 + 1": 1,
-    "|theta|^3 + 0.01": 2,
-    "|theta|": 5,
+    "θ⁴ + 1": 1,
+    "|θ|³ + 0.01": 2,
+    "|θ|": 5,
     "0.9^k": 1,
     "(1+k)^-1.1": 2,
     "cos k/(k+1)": 3,
-    "fGn": 5,
+    "fGn, H = 0.9": 5,
     "Gaussian": 1,
     "exp(-k/1000)": 2,
-    "Matern": 2,
+    "Matérn 3/2": 2,
     "contact": 5,
 }
 FFT = {
-    "theta^4 + 1": 5,
-    "|theta|^3 + 0.01": 5,
-    "|theta|": 8,
+    "θ⁴ + 1": 5,
+    "|θ|³ + 0.01": 5,
+    "|θ|": 8,
     "0.9^k": 2,
     "(1+k)^-1.1": 5,
     "cos k/(k+1)": 5,
-    "fGn": 8,
+    "fGn, H = 0.9": 8,
     "Gaussian": 9,
     "exp(-k/1000)": 3,
-    "Matern": 5,
+    "Matérn 3/2": 5,
     "contact": 8,
 }
-SINE = {"theta^2": 9, "2 - 2 cos": 3, "(2 - 2 cos)^2": 13}
-COSINE = {"|theta|": 10, "fGn": 10, "Gaussian": 9, "Matern": 3, "contact": 10}
+SINE = {"θ²": 9, "2 - 2 cos θ": 3, "(2 - 2 cos θ)²": 13}
+COSINE = {"|θ|": 10, "fGn, H = 0.9": 10, "Gaussian": 9, "Matérn 3/2": 3, "contact": 10}
 
 
 def iterations(A, M, solved=1e-7):
@@ -61,17 +64,17 @@ def iterations(A, M, solved=1e-7):
 def test_iterations(preconditioner, table):
     counts = {}
     for name in table:
-        A = tmg.ToeplitzOperator(symbol(name, N))
+        A = tmg.ToeplitzOperator(column(name, N))
         # The condition number of (2 - 2 cos)^2 is 1e17 here: no residual in float64 is small.
-        solved = 1e-2 if name == "(2 - 2 cos)^2" else 1e-7
+        solved = 1e-2 if name == "(2 - 2 cos θ)²" else 1e-7
         counts[name] = iterations(A, preconditioner(A), solved)
     assert all(counts[name] <= most for name, most in table.items()), counts
 
 
 @pytest.mark.parametrize("n", [64, 211, 500])
-@pytest.mark.parametrize("name", ALL_SYMBOLS)
+@pytest.mark.parametrize("name", COLUMNS)
 def test_spectral_is_never_worse_than_m(name, n):
-    A = tmg.ToeplitzOperator(symbol(name, n))
+    A = tmg.ToeplitzOperator(column(name, n))
     spectral = tmg.spectral_preconditioner(A)
     dense = spectral @ np.eye(n)
     if np.linalg.cond(A.toarray()) < 1e10:
@@ -87,16 +90,16 @@ def test_spectral_is_never_worse_than_m(name, n):
 @pytest.mark.parametrize("n", [127, 1009, 4093])
 @pytest.mark.parametrize("preconditioner", [tmg.cosine_preconditioner, tmg.sine_preconditioner])
 def test_trigonometric_at_a_prime_length_is_cut_from_a_fast_one(preconditioner, n):
-    A = tmg.ToeplitzOperator(symbol("contact", n))
-    near = tmg.ToeplitzOperator(symbol("contact", n + 1))
+    A = tmg.ToeplitzOperator(column("contact", n))
+    near = tmg.ToeplitzOperator(column("contact", n + 1))
     M = preconditioner(A)
     assert M._convolution.fft_shape[0] >= n
-    assert max(p for p in range(2, 12) if M._convolution.fft_shape[0] % p == 0) <= 11
+    assert M._convolution.fft_shape[0] == near_fast_length(n) <= 1.01 * n
     assert iterations(A, M) <= iterations(near, preconditioner(near)) + 2
 
 
 def test_a_zero_of_the_symbol_is_refused_by_the_one_and_not_by_the_other():
-    smooth, rough = (tmg.ToeplitzOperator(symbol(s, 100)) for s in ("2 - 2 cos", "2 + 2 cos"))
+    smooth, rough = (tmg.ToeplitzOperator(column(s, 100)) for s in ("2 - 2 cos θ", "2 + 2 cos θ"))
     with pytest.raises(np.linalg.LinAlgError, match=r"cosine .*use sine_preconditioner"):
         tmg.cosine_preconditioner(smooth)
     with pytest.raises(np.linalg.LinAlgError, match=r"sine .*use cosine_preconditioner"):
@@ -127,3 +130,16 @@ def test_trigonometric_of_a_matrix_that_is_symmetric_only():
 def test_spectral_needs_one_level():
     with pytest.raises(ValueError, match="must have one level"):
         tmg.spectral_preconditioner(tmg.ToeplitzOperator(np.eye(2)))
+
+
+@pytest.mark.parametrize("n", [100, 101, 1024])
+def test_a_wide_covariance_has_the_samples_of_all_its_lags(n):
+    theta = np.pi * np.arange(n + 1) / n
+    rho = np.exp(-4 / n)
+    samples = sampled_symbol(tmg.ToeplitzOperator(rho ** np.arange(n)), (n,))
+    assert_allclose(samples, (1 - rho**2) / (1 - 2 * rho * np.cos(theta) + rho**2), rtol=1e-3)
+    for covariance in (lambda k: (1 + 9 * k / n) ** -3.0, lambda k: np.exp(-((2 * k / n) ** 2))):
+        k = np.arange(1.0, 400.0 * n)
+        sums = [1.0 + 2.0 * covariance(k) @ np.cos(t * k) for t in theta[:5]]
+        A = tmg.ToeplitzOperator(covariance(np.arange(n)))
+        assert_allclose(sampled_symbol(A, (n,))[:5], sums, rtol=1e-3)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
+from itertools import count
 from math import prod
 from typing import Any, NamedTuple, Self
 
@@ -59,23 +60,38 @@ def count_products() -> Iterator[ProductCount]:
     >>> work.units(4)
     2.0
     """
-    count = ProductCount()
-    token = _active_counts.set((*_active_counts.get(), count))
+    product_count = ProductCount()
+    token = _active_counts.set((*_active_counts.get(), product_count))
     try:
-        yield count
+        yield product_count
     finally:
         _active_counts.reset(token)
 
 
 def _count(products: int, points: float) -> None:
-    for count in _active_counts.get():
-        count.points += products * points
-        count.products += products
+    for active in _active_counts.get():
+        active.points += products * points
+        active.products += products
 
 
-def count_transforms(number: int, length: int) -> None:
-    """Count real transforms that are no product: those of a product are two of length 2 n."""
-    _count(1, number * length / 4)
+def count_transforms(number: float, *shape: int) -> None:
+    """Count real transforms that are no product: those of a product are two of 2 n in a level."""
+    _count(1, number * prod(shape) / 2 ** (len(shape) + 1))
+
+
+def near_fast_length(n: int) -> int:
+    """Return the next length whose transform is not slow, but not always among the fastest.
+
+    No prime factor is above 61. The next length without one above 5 may be some percent longer.
+    """
+    return next(m for m in count(n) if _is_fast(m))
+
+
+def _is_fast(m: int) -> bool:
+    for p in (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61):
+        while m % p == 0:
+            m //= p
+    return m == 1
 
 
 class Transforms(NamedTuple):
@@ -141,6 +157,7 @@ class Convolution:
         symmetric: bool,
     ) -> Self:
         """Build the convolution whose circulant has the first column `column`."""
+        count_transforms(1, *column.shape)
         spectrum = fft.rfftn(column)
         return cls(spectrum.real if symmetric else spectrum, column.shape, grid_shape, dtype)
 

@@ -8,6 +8,7 @@ from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import Convolution, DiagonalisedOperator, MaskedOperator
+from toeplitz_mg.operators.convolution import count_transforms
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.preconditioners.positivity import require_positive
 
@@ -102,6 +103,7 @@ def chan_preconditioner(A: LinearOperator) -> LinearOperator:
 
 def _inverse(column: Array, name: str, dtype: np.dtype[Any], mask: Array | None) -> LinearOperator:
     """Invert the circulant with the first column `column`."""
+    count_transforms(1, *column.shape)
     spectrum = fft.rfftn(column.astype(np.float64, copy=False)).real
     other = "chan_preconditioner or fft_preconditioner" if name == "Strang" else "cg without M"
     require_positive(spectrum, dtype, f"{name}'s circulant has the eigenvalue", other)

@@ -5,6 +5,7 @@ from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
+from toeplitz_mg.operators.convolution import count_transforms
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.preconditioners.positivity import require_positive, robust
 
@@ -60,6 +61,7 @@ def fft_preconditioner(A: LinearOperator) -> LinearOperator:
     (0, True)
     """
     full, mask = toeplitz_and_mask(A)
+    count_transforms(2, *full.lags.shape)
     spectrum = fft.rfftn(full.circulant(full.lags.shape)).real
     require_positive(
         spectrum,

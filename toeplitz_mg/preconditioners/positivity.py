@@ -22,11 +22,12 @@ DENSE = 1024  # unknowns of which all eigenvalues are computed, in some tenths o
 
 def is_positive(spectrum: Array, dtype: Any) -> bool:
     """Whether all eigenvalues are positive, beyond the rounding of the largest."""
-    return float(spectrum.min()) > _rounding(spectrum, dtype)
+    return float(spectrum.min()) > rounding(spectrum, dtype)
 
 
-def _rounding(spectrum: Array, dtype: Any) -> float:
-    return float(np.finfo(dtype).eps * np.abs(spectrum).max())
+def rounding(spectrum: Array, dtype: Any) -> float:
+    """Return the error that eigenvalues may have from the transform that gave them."""
+    return float(4.0 * np.finfo(dtype).eps * np.abs(spectrum).max())
 
 
 def require_positive(spectrum: Array, dtype: Any, subject: str, advice: str) -> None:
@@ -37,7 +38,7 @@ def require_positive(spectrum: Array, dtype: Any, subject: str, advice: str) -> 
     if not is_positive(spectrum, dtype):
         raise np.linalg.LinAlgError(
             f"{subject} {spectrum.min():.3g}, but needs all above "
-            f"{_rounding(spectrum, dtype):.2g}: use {advice}"
+            f"{rounding(spectrum, dtype):.2g}: use {advice}"
         )
 
 

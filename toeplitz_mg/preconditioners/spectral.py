@@ -1,6 +1,6 @@
 """The spectral (Wiener-Hopf) factor of the symbol, as a preconditioner that sees both ends."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from scipy.linalg import norm
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
-from toeplitz_mg.operators.convolution import count_transforms
+from toeplitz_mg.operators.convolution import count_transforms, near_fast_length
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.schur import schur_column
@@ -76,17 +76,23 @@ def spectral_preconditioner(A: LinearOperator) -> LinearOperator:
     if len(full.grid_shape) != 1:
         raise ValueError(f"A lives on the grid {full.grid_shape}, but must have one level")
     double = full.astype(np.float64)
-    x = resolved_column(double)
-    if x is None:
-        x, _ = schur_column(double.c)
+    factor = factor_column(double)
+    x = factor.x if factor and factor.residual <= RESOLVED else schur_column(double.c)[0]
     M = GohbergSemencul(x.astype(full.dtype))
     return M if mask is None else MaskedOperator(M, mask)
 
 
-def resolved_column(A: ToeplitzOperator) -> Array | None:
-    """Approximate A⁻¹ e₁ by the spectral factor, or return None where that is not resolved."""
+class Factor(NamedTuple):
+    """An approximation x of A⁻¹ e₁, and ‖A x - e₁‖."""
+
+    x: Array
+    residual: float
+
+
+def factor_column(A: ToeplitzOperator) -> Factor | None:
+    """Approximate A⁻¹ e₁ by the spectral factor, or return None where the symbol has none."""
     (n,) = A.grid_shape
-    m = fft.next_fast_len(n, real=True)
+    m = near_fast_length(n)
     spectrum = sampled_symbol(A, (m,))  # of the circulant of length 2 m
     if not is_positive(spectrum, A.dtype):
         return None
@@ -99,4 +105,4 @@ def resolved_column(A: ToeplitzOperator) -> Array | None:
     x = np.asarray(q[0] * q)
     r = A @ x
     r[0] -= 1.0
-    return x if norm(r) <= RESOLVED else None
+    return Factor(x, float(norm(r)))

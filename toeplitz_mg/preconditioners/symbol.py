@@ -7,8 +7,14 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators.convolution import count_transforms
 
 Array = NDArray[Any]
+
+NEGLIGIBLE = 1e-9  # a coefficient, relative to that of lag 0
+SUMMABLE = 1.5  # exponent of lags that decay fast enough for a sum over some periods
+PERIODS = 16  # of 2n lags over which a tail is summed at most,
+FEW_LAGS = 2**15  # unless they are as few as that
 
 
 def sampled_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
@@ -17,9 +23,13 @@ def sampled_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
     if not A.is_even:  # its even part, as the transforms have no other
         flips = _flips(A.lags.astype(np.float64))
         column = np.mean(flips, axis=0)[tuple(slice(n - 1, None) for n in A.grid_shape)]
-    for level, n in enumerate(shape):
-        column = _continued(column, level, n)
+    if column.ndim == 1 and (tail := _Tail.of(column)) is not None:
+        column = tail.periodised(column, *shape)
+    else:
+        for level, n in enumerate(shape):
+            column = _continued(column, level, n)
     # Σ over all lags of a_k cos kθ, by symmetry a cosine transform of the first column.
+    count_transforms(1, *shape)  # half as long as those of a product, as a cosine transform is
     return np.asarray(fft.dctn(column, type=1))
 
 
@@ -28,6 +38,52 @@ def _flips(lags: Array) -> list[Array]:
     for level in range(lags.ndim):
         arrays += [np.flip(array, level) for array in arrays]
     return arrays
+
+
+class _Tail:
+    """Coefficients beyond the last known lag, that decay as the last three of them do.
+
+    From the value, the slope and the curvature of their logarithm at the last but one, as a
+    power of a linear function of the lag, or where they decay faster, as the exponential of a
+    quadratic one: exact for the covariances exp(-k/ℓ), exp(-k²/ℓ²) and 1/(1 + k/ℓ)².
+    """
+
+    def __init__(self, value: float, decay: float, curvature: float) -> None:
+        self.value, self.decay, self.curvature = value, decay, curvature
+
+    @classmethod
+    def of(cls, column: Array) -> "_Tail | None":
+        """Fit the tail, or return None where there is none, or one too slow to be summed."""
+        if len(column) < 4 or not column[-3] > column[-2] > column[-1] > NEGLIGIBLE * column[0]:
+            return None
+        a, b, c = np.log(column[-3:]).tolist()
+        decay, curvature = (a - c) / 2, a - 2 * b + c
+        return None if curvature * SUMMABLE > decay**2 else cls(column[-2], decay, curvature)
+
+    def __call__(self, t: Array) -> Array:
+        """The coefficients `t` lags beyond the last but one."""
+        if self.curvature * 100 < self.decay**2:  # exponent above 100: an exponential
+            log = (min(self.curvature, 0.0) * t / 2 - self.decay) * t
+            return np.asarray(self.value * np.exp(log))
+        exponent = self.decay**2 / self.curvature
+        return np.asarray(self.value * (1 + self.decay / exponent * t) ** -exponent)
+
+    def periodised(self, column: Array, n: int) -> Array:
+        """Sum the coefficients of all lags ±k + 2nj, for k = 0 … n."""
+        known = len(column)
+        sums = np.zeros(2 * n)
+        sums[:known] = column
+        t = np.arange(2.0, 2 * n - known + 2)
+        sums[known:] = self(t)
+        for period in range(1, max(PERIODS, FEW_LAGS // (2 * n))):
+            block = self(np.arange(2.0 * n) + (2 * n * period - known + 2))
+            if not block[0] > NEGLIGIBLE * column[0]:
+                break
+            sums += block
+        folded = sums[: n + 1].copy()
+        folded[1:] += sums[: -n - 1 : -1]
+        folded[0] += sums[0] - column[0]
+        return folded
 
 
 def _continued(column: Array, level: int, n: int) -> Array:

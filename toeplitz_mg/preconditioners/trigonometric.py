@@ -1,7 +1,6 @@
 """Preconditioners that a cosine or sine transform diagonalises, sampled from the symbol of A."""
 
 import numpy as np
-from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import (
@@ -9,9 +8,9 @@ from toeplitz_mg.operators import (
     DiagonalisedOperator,
     MaskedOperator,
 )
-from toeplitz_mg.operators.convolution import COSINE, SINE, Transforms
+from toeplitz_mg.operators.convolution import COSINE, SINE, Transforms, near_fast_length
 from toeplitz_mg.operators.masked import toeplitz_and_mask
-from toeplitz_mg.preconditioners.positivity import require_positive, robust
+from toeplitz_mg.preconditioners.positivity import require_positive, robust, rounding
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 
 
@@ -105,13 +104,13 @@ def _inverse(
     A: LinearOperator, transforms: Transforms, first: int, name: str, other: str
 ) -> LinearOperator:
     full, mask = toeplitz_and_mask(A)
-    shape = tuple(fft.next_fast_len(n, real=True) for n in full.grid_shape)
+    shape = tuple(near_fast_length(n) for n in full.grid_shape)
     samples = sampled_symbol(full, shape)[tuple(slice(first, first + n) for n in shape)]
-    rounding = np.finfo(full.dtype).eps * np.abs(samples).max()
+    error = rounding(samples, full.dtype)
     # A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
     # the lowest are as good as that rounding.
-    if samples.min() > -rounding and np.count_nonzero(samples < 100.0 * rounding) > 1:
-        samples = np.maximum(samples, 1.01 * rounding)
+    if samples.min() > -error and np.count_nonzero(samples < 25.0 * error) > 1:
+        samples = np.maximum(samples, 1.01 * error)
     require_positive(
         samples,
         full.dtype,

@@ -1,6 +1,7 @@
 """Which method solves a Toeplitz system, and why: the choice that `solve_toeplitz` makes."""
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
 from itertools import count
 from typing import Any, NamedTuple
@@ -11,19 +12,22 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
 from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators.convolution import near_fast_length
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.preconditioners import (
     cosine_preconditioner,
-    fft_preconditioner,
     sine_preconditioner,
 )
-from toeplitz_mg.preconditioners.spectral import resolved_column
+from toeplitz_mg.preconditioners.spectral import RESOLVED, factor_column
+from toeplitz_mg.preconditioners.symbol import sampled_symbol
 from toeplitz_mg.solvers.inverse import first_column
 
 Array = NDArray[Any]
+Preconditioner = Callable[[LinearOperator], LinearOperator]
 Rows = NDArray[Any]  # right-hand sides or solutions, of shape (columns, n)
 
-MOST_ITERATIONS = 30  # of CG: the inverse costs no more than that
+MOST_ITERATIONS = 16  # of CG: the inverse costs no more than twice that
+HARDLY_RESOLVED = 100.0  # ‖A x - e₁‖ up to which the symbol is worth something
 FEW = 2  # columns, for which the inverse is not worth its set-up
 SECONDS = 5e6  # in microseconds
 LARGEST_DENSE = 2048  # unknowns, a third of a second
@@ -77,22 +81,26 @@ def is_symmetric(c: Array, r: Array) -> bool:
 
 def _cg_method(A: ToeplitzOperator) -> Iterator[Method]:
     """Yield CG with the preconditioner that the symbol allows, if it allows one."""
-    # The symbol is positive and resolved by n lags: 1 to 8 iterations to 1e-8.
-    x = resolved_column(A)
-    if x is not None:
-        yield Method("cg, spectral_preconditioner", partial(_cg, A, GohbergSemencul(x)))
-        return
-    for preconditioner in (
-        fft_preconditioner,  # The symbol is positive, but not so well resolved.
-        sine_preconditioner,  # It has a zero at θ = 0, which this does not see,
-        cosine_preconditioner,  # or at θ = π.
-    ):
-        try:
-            M = preconditioner(A)
-        except np.linalg.LinAlgError:
-            continue
+    samples = sampled_symbol(A, (near_fast_length(len(A.c)),))  # at θ = 0 … π
+    if samples[0] < samples[1] / 2:
+        # A zero at θ = 0, which this preconditioner does not see: 3 to 10 iterations to 1e-8.
+        yield from _cg_with(sine_preconditioner, A)
+    elif samples[-1] < samples[-2] / 2:
+        yield from _cg_with(cosine_preconditioner, A)  # the same at θ = π
+    elif (factor := factor_column(A)) is not None:
+        if factor.residual <= RESOLVED:
+            # A positive symbol, resolved by n lags: 1 to 6 iterations.
+            M = GohbergSemencul(factor.x)
+            yield Method("cg, spectral_preconditioner", partial(_cg, A, M))
+        elif factor.residual <= HARDLY_RESOLVED:
+            # A covariance as wide as the matrix, with a simple tail: 2 to 6 iterations.
+            yield from _cg_with(cosine_preconditioner, A)
+
+
+def _cg_with(preconditioner: Preconditioner, A: ToeplitzOperator) -> Iterator[Method]:
+    with suppress(np.linalg.LinAlgError):  # its eigenvalues are not positive
+        M = preconditioner(A)
         yield Method(f"cg, {preconditioner.__name__}", partial(_cg, A, M))
-        return
 
 
 def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:

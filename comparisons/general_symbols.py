@@ -1,0 +1,195 @@
+"""Every preconditioner of CG on many symbols: iterations, work units and time to 1e-8.
+
+The matrices are in `symbols`, with a constant and a random right-hand side. The last method is
+`solve_toeplitz` itself, with ``rtol=1e-8``: the preconditioner that it picks, or another method;
+its work includes the check of the residual. A method that did not converge in 200 iterations is
+not run at a larger n. How a run is measured is in `measuring`.
+"""
+
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from multiprocessing import set_forkserver_preload
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator, cg
+from tqdm import tqdm
+
+import toeplitz_mg as tmg
+from comparisons import report
+from comparisons.contenders import TOLERANCE, Contender, Solve, System, iterate, nothing
+from comparisons.measuring import Measurement, measure
+from comparisons.report import Row
+from comparisons.symbols import COLUMNS, column
+
+Array = NDArray[Any]
+
+SIZES = tuple(2**k for k in (8, 11, 14, 17, 20))
+QUICK_SIZES = SIZES[:2]
+MAXITER = 200
+# Interpolation for the zero of a symbol; a positive one can do with copies.
+TRANSFERS = {
+    "|θ|": tmg.linear_interpolation,
+    "|θ|^1.5": tmg.linear_interpolation,
+    "θ²": tmg.linear_interpolation,
+    "2 - 2 cos θ": tmg.linear_interpolation,
+    "2 + 2 cos θ": tmg.modulated_interpolation,
+    "|θ|³": tmg.Interpolation((0.125, 0.5, 0.75, 0.5, 0.125)),
+    "θ⁴": tmg.Interpolation((0.125, 0.5, 0.75, 0.5, 0.125)),
+}
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A system to be measured."""
+
+    name: str
+    A: LinearOperator
+    b: Array
+
+
+def samples(name: str, n: int) -> dict[str, Sample]:
+    """Return a symbol's systems, by the name of the right-hand side."""
+    A = tmg.ToeplitzOperator(column(name, n))
+    rhs = {"constant": np.ones(n), "random": np.random.default_rng(0).standard_normal(n)}
+    return {kind: Sample(name, A, b) for kind, b in rhs.items()}
+
+
+def v11(system: System) -> Solve:
+    """Precondition by V(1,1): with M̄ where that exists, else with damped Jacobi."""
+    transfer = TRANSFERS.get(system.name, tmg.piecewise_constant)
+    cycle = partial(tmg.multigrid, pre=1, post=1, transfer=transfer)
+    try:
+        return iterate(cg, cycle, system, MAXITER)
+    except np.linalg.LinAlgError:
+        cycle = partial(cycle, smoother=tmg.jacobi_preconditioner)
+        return iterate(cg, cycle, system, MAXITER)
+
+
+def drop_in(system: System) -> Solve:
+    """Solve by what `solve_toeplitz` takes; it has no set-up of its own."""
+
+    def solve() -> tuple[Array, int]:
+        x, info = tmg.solve_toeplitz(system.A.c, system.b, rtol=TOLERANCE, full_output=True)
+        return x, info.iterations
+
+    return solve
+
+
+def by_cg(name: str, preconditioner: Any, ours: bool = True) -> Contender:
+    """Return CG with a preconditioner."""
+    return Contender(name, partial(iterate, cg, preconditioner, maxiter=MAXITER), ours=ours)
+
+
+CONTENDERS = (
+    by_cg("none", nothing, ours=False),
+    by_cg("Strang", tmg.strang_preconditioner, ours=False),
+    by_cg("T. Chan", tmg.chan_preconditioner, ours=False),
+    by_cg("M", tmg.fft_preconditioner),
+    by_cg("cosine", tmg.cosine_preconditioner),
+    by_cg("sine", tmg.sine_preconditioner),
+    by_cg("spectral", tmg.spectral_preconditioner),
+    Contender("V(1,1)", v11, ours=True),
+    Contender("solve_toeplitz", drop_in, ours=True),
+)
+
+
+def run(sizes: Sequence[int], path: Path) -> list[Row]:
+    """Measure every method on every system, and keep the table on disk up to date."""
+    rows: list[Row] = []
+    with tqdm(total=len(COLUMNS) * len(sizes) * 2 * len(CONTENDERS), unit="run") as progress:
+        for name in COLUMNS:
+            too_many: set[tuple[str, str]] = set()
+            for n in sizes:
+                for kind, system in samples(name, n).items():
+                    for contender in CONTENDERS:
+                        progress.set_postfix_str(f"{name}, n = {n}, {contender.name}")
+                        key = kind, contender.name
+                        if key in too_many:
+                            measurement = Measurement(note=f"over {MAXITER} iterations before")
+                        else:
+                            measurement = measure(contender, system)
+                            if measurement.iterations == MAXITER:
+                                too_many.add(key)
+                        measured = {"symbol": name, "n": n, "rhs": kind, "method": contender.name}
+                        rows.append({**measured, **asdict(measurement)})
+                        progress.update()
+            report.write_csv(path, rows)
+    return rows
+
+
+def cell(row: Row) -> str:
+    """Return iterations, work units and seconds, or why there are none."""
+    if row["iterations"] is None:
+        return ">" if "iterations" in row["note"] else "-"
+    if row["iterations"] == MAXITER:
+        return ">"
+    iterations = "direct" if row["solve_units"] == 0.0 else str(row["iterations"])
+    units = row["setup_units"] + row["solve_units"]
+    rounding = "" if row["converged"] else f" ({row['residual']:.0e})"
+    return f"{iterations} / {units:.0f} / {row['total_s']:.2g}{rounding}"
+
+
+def show(rows: Sequence[Row]) -> None:
+    """Print a table for each size and right-hand side, methods across."""
+    for n in dict.fromkeys(row["n"] for row in rows):
+        for kind in ("constant", "random"):
+            table: dict[str, Row] = {}
+            for row in rows:
+                if (row["n"], row["rhs"]) == (n, kind):
+                    table.setdefault(row["symbol"], {"symbol": row["symbol"]})
+                    table[row["symbol"]][row["method"]] = cell(row)
+            report.show(f"n = {n}, {kind} right-hand side", list(table.values()))
+    print(
+        "\nIterations / work units / seconds, set-up included; (true residual) where rounding ends"
+        f" above {TOLERANCE:g};\n> : over {MAXITER} iterations; - : refused, no positive "
+        "eigenvalues; direct: Levinson's recursion."
+    )
+
+
+def show_the_choice(rows: Sequence[Row]) -> None:
+    """Print how the work of `solve_toeplitz` compares to the best of the preconditioners."""
+    table = []
+    for name in dict.fromkeys(row["symbol"] for row in rows):
+        own: list[Row] = [row for row in rows if row["symbol"] == name and row["solve_units"]]
+        ratios = []
+        for pick in (row for row in own if row["method"] == "solve_toeplitz"):
+            others = [
+                row["setup_units"] + row["solve_units"]
+                for row in own
+                if (row["n"], row["rhs"]) == (pick["n"], pick["rhs"])
+                and row["method"] != "solve_toeplitz"
+                and row["residual"] <= 2 * max(pick["residual"], TOLERANCE)
+            ]
+            if others:
+                ratios.append((pick["setup_units"] + pick["solve_units"]) / min(others))
+        iterations = [row["iterations"] for row in own if row["method"] == "solve_toeplitz"]
+        if ratios:
+            table.append(
+                {
+                    "symbol": name,
+                    "most iterations": max(iterations),
+                    "work / best, most": f"{max(ratios):.2f}",
+                    "least": f"{min(ratios):.2f}",
+                }
+            )
+    report.show("The choice of solve_toeplitz, over all n and both right-hand sides", table)
+
+
+def main() -> None:
+    """Run the comparison."""
+    # One thread for all, as the transforms have one; read where the server imports BLAS.
+    os.environ["OMP_NUM_THREADS"] = "1"
+    set_forkserver_preload(["comparisons.measuring", "comparisons.general_symbols"])
+    arguments = report.options("general_symbols", "Compare preconditioners on many symbols.")
+    rows = run(QUICK_SIZES if arguments.quick else SIZES, arguments.output / "general_symbols.csv")
+    show(rows)
+    show_the_choice(rows)
+
+
+if __name__ == "__main__":
+    main()
