@@ -76,7 +76,7 @@ def spectral_preconditioner(A: LinearOperator) -> LinearOperator:
     if len(full.grid_shape) != 1:
         raise ValueError(f"A lives on the grid {full.grid_shape}, but must have one level")
     double = full.astype(np.float64)
-    factor = factor_column(double)
+    factor = factor_column(double, sampled_symbol(double, (near_fast_length(len(double.c)),)))
     x = factor.x if factor and factor.residual <= RESOLVED else schur_column(double.c)[0]
     M = GohbergSemencul(x.astype(full.dtype))
     return M if mask is None else MaskedOperator(M, mask)
@@ -89,15 +89,17 @@ class Factor(NamedTuple):
     residual: float
 
 
-def factor_column(A: ToeplitzOperator) -> Factor | None:
-    """Approximate A⁻¹ e₁ by the spectral factor, or return None where the symbol has none."""
+def factor_column(A: ToeplitzOperator, samples: Array) -> Factor | None:
+    """Approximate A⁻¹ e₁ by the spectral factor, or return None where the symbol has none.
+
+    The samples are those at θ = πk/m, k = 0 … m, the eigenvalues of a circulant of size 2m.
+    """
     (n,) = A.grid_shape
-    m = near_fast_length(n)
-    spectrum = sampled_symbol(A, (m,))  # of the circulant of length 2 m
-    if not is_positive(spectrum, A.dtype):
+    m = len(samples) - 1
+    if not is_positive(samples, A.dtype):
         return None
     count_transforms(4, 2 * m)
-    cepstrum = fft.irfft(np.log(spectrum), 2 * m)
+    cepstrum = fft.irfft(np.log(samples), 2 * m)
     cepstrum[0] /= 2.0  # the causal half of log f, and so of f = |g|²
     cepstrum[m] /= 2.0
     cepstrum[m + 1 :] = 0.0

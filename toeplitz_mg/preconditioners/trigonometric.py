@@ -1,6 +1,9 @@
 """Preconditioners that a cosine or sine transform diagonalises, sampled from the symbol of A."""
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import (
@@ -12,6 +15,8 @@ from toeplitz_mg.operators.convolution import COSINE, SINE, Transforms, near_fas
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.preconditioners.positivity import require_positive, robust, rounding
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
+
+Array = NDArray[Any]
 
 
 def cosine_preconditioner(A: LinearOperator) -> LinearOperator:
@@ -49,7 +54,10 @@ def cosine_preconditioner(A: LinearOperator) -> LinearOperator:
 
     Examples
     --------
-    >>> import numpy as np
+    >>> from typing import Any
+
+    import numpy as np
+    from numpy.typing import NDArray
     >>> from scipy.sparse.linalg import cg
     >>> import toeplitz_mg as tmg
     >>> A = tmg.ToeplitzOperator(1.0 / (1.0 + np.arange(1000)))
@@ -57,7 +65,7 @@ def cosine_preconditioner(A: LinearOperator) -> LinearOperator:
     >>> info
     0
     """
-    return _inverse(A, COSINE, 0, "cosine", "sine_preconditioner(A)")
+    return cosine_inverse(A, _samples(A))
 
 
 def sine_preconditioner(A: LinearOperator) -> LinearOperator:
@@ -89,7 +97,10 @@ def sine_preconditioner(A: LinearOperator) -> LinearOperator:
 
     Examples
     --------
-    >>> import numpy as np
+    >>> from typing import Any
+
+    import numpy as np
+    from numpy.typing import NDArray
     >>> from scipy.sparse.linalg import cg
     >>> import toeplitz_mg as tmg
     >>> A = tmg.ToeplitzOperator(np.r_[2.0, -1.0, np.zeros(998)])
@@ -97,15 +108,30 @@ def sine_preconditioner(A: LinearOperator) -> LinearOperator:
     >>> info
     0
     """
-    return _inverse(A, SINE, 1, "sine", "cosine_preconditioner(A)")
+    return sine_inverse(A, _samples(A))
+
+
+def cosine_inverse(A: LinearOperator, samples: Array) -> LinearOperator:
+    """Return `cosine_preconditioner` for samples of the symbol at θ = πk/n, k = 0 … n."""
+    return _inverse(A, samples, COSINE, 0, "cosine", "sine_preconditioner(A)")
+
+
+def sine_inverse(A: LinearOperator, samples: Array) -> LinearOperator:
+    """Return `sine_preconditioner` for samples of the symbol at θ = πk/n, k = 0 … n."""
+    return _inverse(A, samples, SINE, 1, "sine", "cosine_preconditioner(A)")
+
+
+def _samples(A: LinearOperator) -> Array:
+    full, _ = toeplitz_and_mask(A)
+    return sampled_symbol(full, tuple(near_fast_length(n) for n in full.grid_shape))
 
 
 def _inverse(
-    A: LinearOperator, transforms: Transforms, first: int, name: str, other: str
+    A: LinearOperator, samples: Array, transforms: Transforms, first: int, name: str, other: str
 ) -> LinearOperator:
     full, mask = toeplitz_and_mask(A)
-    shape = tuple(near_fast_length(n) for n in full.grid_shape)
-    samples = sampled_symbol(full, shape)[tuple(slice(first, first + n) for n in shape)]
+    shape = tuple(m - 1 for m in samples.shape)
+    samples = samples[tuple(slice(first, first + n) for n in shape)]
     error = rounding(samples, full.dtype)
     # A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
     # the lowest are as good as that rounding.

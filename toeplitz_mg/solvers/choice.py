@@ -14,16 +14,12 @@ from scipy.sparse.linalg import LinearOperator, cg
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.convolution import near_fast_length
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
-from toeplitz_mg.preconditioners import (
-    cosine_preconditioner,
-    sine_preconditioner,
-)
 from toeplitz_mg.preconditioners.spectral import RESOLVED, factor_column
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
+from toeplitz_mg.preconditioners.trigonometric import cosine_inverse, sine_inverse
 from toeplitz_mg.solvers.inverse import first_column
 
 Array = NDArray[Any]
-Preconditioner = Callable[[LinearOperator], LinearOperator]
 Rows = NDArray[Any]  # right-hand sides or solutions, of shape (columns, n)
 
 MOST_ITERATIONS = 16  # of CG: the inverse costs no more than twice that
@@ -40,16 +36,18 @@ class Method(NamedTuple):
     solve: Callable[[Rows, float], tuple[Rows, int]]
 
 
-def methods(c: Array, r: Array, columns: int) -> Iterator[Method]:
+def methods(
+    c: Array, r: Array, columns: int, A: ToeplitzOperator | None = None
+) -> Iterator[Method]:
     """Yield what may solve a system with so many right-hand sides, the best choice first.
 
-    The next one is asked for only where one has failed.
+    The next one is asked for only where one has failed. `A` is the operator, if there is one.
     """
     n = len(c)
     levinson = Method("scipy.linalg.solve_toeplitz", partial(_levinson, c, r))
     lu = Method("scipy.linalg.lu_solve", partial(_lu, c, r))
     if not levinson_is_faster(n, columns) and is_symmetric(c, r):
-        A = ToeplitzOperator(c)
+        A = A or ToeplitzOperator(c)
         if columns <= FEW:
             yield from _cg_method(A)
         # Whatever the symbol, if only A is positive definite.
@@ -84,23 +82,28 @@ def _cg_method(A: ToeplitzOperator) -> Iterator[Method]:
     samples = sampled_symbol(A, (near_fast_length(len(A.c)),))  # at θ = 0 … π
     if samples[0] < samples[1] / 2:
         # A zero at θ = 0, which this preconditioner does not see: 3 to 10 iterations to 1e-8.
-        yield from _cg_with(sine_preconditioner, A)
+        yield from _cg_with(sine_inverse, "sine_preconditioner", A, samples)
     elif samples[-1] < samples[-2] / 2:
-        yield from _cg_with(cosine_preconditioner, A)  # the same at θ = π
-    elif (factor := factor_column(A)) is not None:
+        # The same at θ = π.
+        yield from _cg_with(cosine_inverse, "cosine_preconditioner", A, samples)
+    elif (factor := factor_column(A, samples)) is not None:
         if factor.residual <= RESOLVED:
             # A positive symbol, resolved by n lags: 1 to 6 iterations.
             M = GohbergSemencul(factor.x)
             yield Method("cg, spectral_preconditioner", partial(_cg, A, M))
         elif factor.residual <= HARDLY_RESOLVED:
             # A covariance as wide as the matrix, with a simple tail: 2 to 6 iterations.
-            yield from _cg_with(cosine_preconditioner, A)
+            yield from _cg_with(cosine_inverse, "cosine_preconditioner", A, samples)
 
 
-def _cg_with(preconditioner: Preconditioner, A: ToeplitzOperator) -> Iterator[Method]:
+def _cg_with(
+    inverse: Callable[[LinearOperator, Array], LinearOperator],
+    name: str,
+    A: LinearOperator,
+    samples: Array,
+) -> Iterator[Method]:
     with suppress(np.linalg.LinAlgError):  # its eigenvalues are not positive
-        M = preconditioner(A)
-        yield Method(f"cg, {preconditioner.__name__}", partial(_cg, A, M))
+        yield Method(f"cg, {name}", partial(_cg, A, inverse(A, samples)))
 
 
 def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
