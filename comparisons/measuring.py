@@ -114,9 +114,9 @@ def _measure_here(contender: Contender, problem: System) -> Measurement:
     n = problem.A.grid_shape[0]
     before = _peak_bytes()
     with tmg.count_products() as setup_work:
-        solve, setup_s = _timed(lambda: contender.method(problem))
+        solve, setup_s = timed(lambda: contender.method(problem))
     with tmg.count_products() as solve_work:
-        (x, iterations), solve_s = _timed(solve)
+        (x, iterations), solve_s = timed(solve)
     peak = _peak_bytes() - before
     residual = true_residual(problem, x)
     converged = residual <= CONVERGED
@@ -143,13 +143,13 @@ def _repeated(
     """Return the medians with a few more runs, where they are short and easily disturbed."""
     setups, solves = [setup_s], [solve_s]
     while len(setups) < 5 and sum(setups) + sum(solves) < 0.5:
-        solve, seconds = _timed(lambda: contender.method(problem))
+        solve, seconds = timed(lambda: contender.method(problem))
         setups.append(seconds)
-        solves.append(_timed(solve)[1])
+        solves.append(timed(solve)[1])
     return median(setups), median(solves)
 
 
-def _timed(function: Callable[[], Any]) -> tuple[Any, float]:
+def timed(function: Callable[[], Any]) -> tuple[Any, float]:
     """Return what a function returns and the seconds it took."""
     start = perf_counter()
     result = function()

@@ -5,7 +5,8 @@ import sys
 
 import pytest
 
-from comparisons import baselines, paper_figures, paper_tables
+from comparisons import baselines, drop_in, general_symbols, paper_figures, paper_tables
+from comparisons.symbols import COLUMNS
 
 
 def run(comparison, folder, monkeypatch, capsys):
@@ -50,7 +51,34 @@ def test_baselines(tmp_path, monkeypatch, capsys):
         assert row["converged"] == "True" or row["note"]
 
 
-@pytest.mark.parametrize("comparison", [paper_tables, paper_figures, baselines])
+def test_general_symbols(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(general_symbols, "QUICK_SIZES", (32, 1200))
+    monkeypatch.setattr(general_symbols, "COLUMNS", {k: COLUMNS[k] for k in ("contact", "θ²")})
+    printed = run(general_symbols, tmp_path, monkeypatch, capsys)
+    assert "The choice of solve_toeplitz" in printed
+    rows = rows_of(tmp_path / "general_symbols.csv")
+    assert len(rows) == 2 * 2 * 2 * len(general_symbols.CONTENDERS)
+    for row in rows:
+        if row["method"] in ("sine", "spectral", "V(1,1)", "solve_toeplitz"):
+            assert float(row["residual"]) <= 1.01e-8
+        # What is missing has its reason.
+        assert row["converged"] == "True" or row["note"]
+
+
+def test_drop_in(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(drop_in, "QUICK_SIZES", (1, 5, 300))
+    printed = run(drop_in, tmp_path, monkeypatch, capsys)
+    assert "Crossover" in printed
+    assert (tmp_path / "drop_in.png").read_bytes().startswith(b"\x89PNG")
+    rows = rows_of(tmp_path / "drop_in.csv")
+    assert {row["method"] for row in rows} == {"scipy.linalg.solve_toeplitz", "toeplitz_inverse"}
+    assert all(float(row["residual"]) <= 1e-10 for row in rows)
+
+
+ALL = [paper_tables, paper_figures, baselines, general_symbols, drop_in]
+
+
+@pytest.mark.parametrize("comparison", ALL)
 def test_help(comparison, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["comparison", "--help"])
     with pytest.raises(SystemExit) as caught:
