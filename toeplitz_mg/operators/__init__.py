@@ -1,10 +1,11 @@
 """What is multiplied: Toeplitz matrices of one or several levels, and their restrictions."""
 
-from toeplitz_mg.operators.convolution import Convolution, ProductCount, count_products
+from toeplitz_mg.operators.convolution import Convolution
 from toeplitz_mg.operators.diagonalised import DiagonalisedOperator
 from toeplitz_mg.operators.masked import MaskedOperator
 from toeplitz_mg.operators.rows import apply_to_rows, as_rows
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+from toeplitz_mg.operators.work import ProductCount, count_products
 
 __all__ = [
     "Convolution",

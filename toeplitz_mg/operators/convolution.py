@@ -1,9 +1,7 @@
-"""The FFT engine behind every product, and the meter that counts its work."""
+"""The FFT engine behind every product: matrices that fast transforms diagonalise, or embed."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
-from functools import partial
+from collections.abc import Callable
+from functools import cached_property, lru_cache, partial
 from itertools import count
 from math import prod
 from typing import Any, NamedTuple, Self
@@ -12,71 +10,15 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy import fft
 
+from toeplitz_mg.operators.fourstep import FourStep, four_step
+from toeplitz_mg.operators.work import count_transforms, count_work
+from toeplitz_mg.operators.workspace import workspace
+
 Array = NDArray[Any]
 
-
-class ProductCount:
-    """Work done by the products of a block of code, in grid points.
-
-    Attributes
-    ----------
-    points : float
-        A product with a Toeplitz matrix counts the unknowns of its grid. A circulant, whose
-        transforms are not padded, counts 1/2^d of them (d levels).
-    products : int
-        The number of products, of any size.
-    """
-
-    def __init__(self) -> None:
-        self.points = 0.0
-        self.products = 0
-
-    def units(self, n: int) -> float:
-        """Return the work units: the work in products on a grid of `n` points (paper, §5.2)."""
-        return self.points / n
-
-
-_active_counts: ContextVar[tuple[ProductCount, ...]] = ContextVar("_active_counts", default=())
-
-
-@contextmanager
-def count_products() -> Iterator[ProductCount]:
-    """Count the products made inside a ``with`` block, by every operator of this package.
-
-    Yields
-    ------
-    ProductCount
-        It goes on counting until the block ends; blocks may be nested. Products of other
-        threads are not counted.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import toeplitz_mg as tmg
-    >>> A = tmg.ToeplitzOperator([2.0, -1.0, 0.0, 0.0])
-    >>> with tmg.count_products() as work:
-    ...     y = A @ np.ones(4)
-    ...     z = A @ y
-    >>> work.units(4)
-    2.0
-    """
-    product_count = ProductCount()
-    token = _active_counts.set((*_active_counts.get(), product_count))
-    try:
-        yield product_count
-    finally:
-        _active_counts.reset(token)
-
-
-def _count(products: int, points: float) -> None:
-    for active in _active_counts.get():
-        active.points += products * points
-        active.products += products
-
-
-def count_transforms(number: float, *shape: int) -> None:
-    """Count real transforms that are no product: those of a product are two of 2 n in a level."""
-    _count(1, number * prod(shape) / 2 ** (len(shape) + 1))
+DENSE = 160  # unknowns up to which a dense product is faster than any transform
+LONG = 2**15  # length from which a transform in four steps is faster than one
+BATCH = 2**15  # numbers of a batch of short vectors that stays in the cache
 
 
 def near_fast_length(n: int) -> int:
@@ -94,6 +36,115 @@ def _is_fast(m: int) -> bool:
     return m == 1
 
 
+class Product:
+    """Multiplication of rows by a real matrix: what the kinds of products have in common.
+
+    Parameters
+    ----------
+    grid_shape : tuple of int
+    dtype : float32 or float64
+        The precision of the products, whatever that of the vectors.
+    points : float
+        The work of a product, in grid points.
+    """
+
+    def __init__(self, grid_shape: tuple[int, ...], dtype: DTypeLike, points: float) -> None:
+        self.grid_shape = grid_shape
+        self.dtype = np.dtype(dtype)
+        self._points = points
+
+    def __call__(self, X: Array, out: Array | None = None) -> Array:
+        """Multiply the rows of `X`, shape (..., N), into `out`, of the same shape, or a new array.
+
+        The result has the dtype that NumPy gives to the product of a matrix and a vector of these
+        dtypes. `out` may be `X`.
+        """
+        if np.iscomplexobj(X):
+            Y = np.empty(X.shape, np.result_type(X, self.dtype))
+            Y.real, Y.imag = self(X.real), self(X.imag)
+            return Y
+        if out is None:
+            out = np.empty(X.shape, np.result_type(X, self.dtype))
+        n = prod(self.grid_shape)
+        rows = X.reshape(-1, n)
+        count_work(len(rows), self._points)
+        self._multiply(rows, out.reshape(-1, n))
+        return out
+
+    def _multiply(self, X: Array, out: Array) -> None:
+        raise NotImplementedError
+
+
+class ToeplitzProduct(Product):
+    """Multiplication by a real Toeplitz matrix of one level.
+
+    Up to some size by the matrix itself. Beyond it is embedded in a matrix of size L ≥ n that is
+    circulant but for a factor i on what goes around: with the lags a,
+
+        Re of the matrix with the first column a_k + i a_(k-L)    (k = 0 … L - 1)
+
+    has the Toeplitz matrix as its leading block, as what goes around is imaginary. The transform
+    at the frequencies k + 1/4 diagonalises it: one complex transform each way, of length n in the
+    place of real ones of length 2 n that are half zeros. Of a symmetric matrix the eigenvalues are
+    real, Σ a_k cos kθ.
+
+    References
+    ----------
+    R. Crandall, B. Fagin, Discrete weighted transforms and large-integer arithmetic, Math. Comp.
+    62 (1994): "right-angle convolution".
+    """
+
+    def __init__(self, lags: Array, dtype: DTypeLike, *, symmetric: bool) -> None:
+        n = (len(lags) + 1) // 2
+        super().__init__((n,), dtype, n)
+        self._lags = lags
+        self._symmetric = symmetric
+        if n > DENSE:
+            _ = self.spectrum  # made now, not with the first product
+
+    def adjoint(self) -> "ToeplitzProduct":
+        """Return the multiplication by the transpose."""
+        adjoint = ToeplitzProduct.__new__(ToeplitzProduct)
+        Product.__init__(adjoint, self.grid_shape, self.dtype, self._points)
+        adjoint._lags, adjoint._symmetric = self._lags[::-1], self._symmetric
+        if "spectrum" in self.__dict__:
+            adjoint.__dict__["spectrum"] = self.spectrum.conj()  # no transform is made
+        return adjoint
+
+    @cached_property
+    def spectrum(self) -> Array:
+        """The eigenvalues, as the transform needs them."""
+        (n,) = self.grid_shape
+        a = self._lags.astype(np.float64, copy=False)
+        lines = _lines(n, np.float64)
+        count_transforms(1, 2 * lines.length)
+        column = np.zeros(lines.length, np.complex128)
+        column[:n] = a[n - 1 :]
+        column.imag[lines.length - n + 1 :] = a[: n - 1]
+        Z = lines.spectrum(column, 0.25)
+        return _lines(n, self.dtype).eigenvalues(Z.real if self._symmetric else Z)
+
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: that of the matrix of size L."""
+        (n,) = self.grid_shape
+        return float(np.abs(self.spectrum).max() * _lines(n, np.float64).length)
+
+    @cached_property
+    def _matrix(self) -> Array:
+        """The transpose of the matrix."""
+        (n,) = self.grid_shape
+        windows = np.lib.stride_tricks.sliding_window_view(self._lags, n)
+        return np.ascontiguousarray(windows[::-1].astype(self.dtype, copy=False))
+
+    def _multiply(self, X: Array, out: Array) -> None:
+        (n,) = self.grid_shape
+        if n <= DENSE:
+            out[...] = X.astype(self.dtype, copy=False) @ self._matrix
+        else:
+            _lines(n, self.dtype).multiply_real(X, self.spectrum, out)
+
+
 class Transforms(NamedTuple):
     """A transform that diagonalises an algebra of matrices, and its inverse."""
 
@@ -106,7 +157,7 @@ COSINE = Transforms(partial(fft.dctn, norm="ortho"), partial(fft.idctn, norm="or
 SINE = Transforms(partial(fft.dstn, norm="ortho"), partial(fft.idstn, norm="ortho"))  # DST-II
 
 
-class Convolution:
+class Convolution(Product):
     """Multiplication by a matrix that a fast transform diagonalises, such as a circulant.
 
     The vectors live on a grid, are extended by zeros to the size of the matrix, and cut again.
@@ -132,20 +183,19 @@ class Convolution:
         dtype: DTypeLike = np.float64,
         transforms: Transforms = FOURIER,
     ) -> None:
+        # The share of a product on this grid, whose transforms are twice as long in each level.
+        embedded = transforms is FOURIER and fft_shape != grid_shape
+        points = prod(grid_shape) / (1 if embedded else 2 ** len(grid_shape))
+        super().__init__(grid_shape, dtype, points)
         self.transforms = transforms
-        self.dtype = np.dtype(dtype)
         # float32 -> complex64 or float32: the spectrum in the precision of the products.
         precision = np.result_type(self.dtype, np.complex64)
         if not np.iscomplexobj(spectrum):
             precision = self.dtype
         self.spectrum = spectrum.astype(precision, copy=False)
         self.fft_shape = fft_shape
-        self.grid_shape = grid_shape
         self._axes = tuple(range(-len(grid_shape), 0))
         self._cut: Any = (..., *(slice(n) for n in grid_shape))
-        # The share of a product on this grid, whose transforms are twice as long in each level.
-        embedded = transforms is FOURIER and fft_shape != grid_shape
-        self._points = prod(grid_shape) / (1 if embedded else 2 ** len(grid_shape))
 
     @classmethod
     def from_first_column(
@@ -161,54 +211,195 @@ class Convolution:
         spectrum = fft.rfftn(column)
         return cls(spectrum.real if symmetric else spectrum, column.shape, grid_shape, dtype)
 
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: that of the matrix that is diagonalised."""
+        return float(np.abs(self.spectrum).max())
+
     def adjoint(self) -> Self:
         """Return the multiplication by the transpose; no transform is made."""
         conjugate = self.spectrum.conj()
         return type(self)(conjugate, self.fft_shape, self.grid_shape, self.dtype, self.transforms)
 
-    def __call__(self, X: Array) -> Array:
-        """Multiply the rows of `X`, shape (..., N), N the number of grid points."""
-        if np.iscomplexobj(X):
-            return np.asarray(self(X.real) + 1j * self(X.imag))
-        rows = X.shape[:-1]
-        _count(prod(rows), self._points)
-        dtype = np.result_type(X.dtype, self.dtype)
-        grid = X.reshape(rows + self.grid_shape).astype(dtype, copy=False)
+    def _multiply(self, X: Array, out: Array) -> None:
+        grid = X.reshape(-1, *self.grid_shape).astype(self.dtype, copy=False)
         forward, backward = self.transforms
         hat = forward(grid, s=self.fft_shape, axes=self._axes)
         hat *= self.spectrum
         Y = backward(hat, s=self.fft_shape, axes=self._axes, overwrite_x=True)[self._cut]
-        return np.asarray(Y).reshape(X.shape)
+        out[...] = Y.reshape(X.shape)
 
 
-class CirculantTimesSkew:
-    """Multiplication by C Sᵀ, C the circulant and S the skew-circulant with one first column.
+class GohbergSemenculProduct(Product):
+    """Multiplication by Re z + J Im z, z = C Sᵀ (v + i J v), for a vector v and its reversal J v.
 
-    Both are of the size n of the column; the vectors are complex. Four transforms of length n, as
-    much work as two products with a Toeplitz matrix of that size.
+    C and S are the circulant and the skew-circulant with one first column, both of its size n.
+    Four transforms of length n, as much work as two products with a Toeplitz matrix of that size.
 
     Parameters
     ----------
-    column : ndarray of shape (n,), real
+    column : ndarray of shape (n,), float64
     dtype : float32 or float64
     """
 
-    def __init__(self, column: Array, dtype: DTypeLike = np.float64) -> None:
-        precision = np.result_type(dtype, np.complex64)
+    def __init__(self, column: Array, dtype: DTypeLike) -> None:
         n = len(column)
-        # A skew-circulant is a circulant between multiplications by w = exp(iπk/n).
-        w = np.exp(1j * np.pi / n * np.arange(n))
-        self._w = w.astype(precision)
-        self._circulant = fft.fft(column).astype(precision)
-        self._skew = fft.fft(column * w).conj().astype(precision)
+        super().__init__((n,), dtype, 2.0 * n)
+        lines = _lines(n, np.float64, exact=True)
+        count_transforms(2, 2 * n)
+        eigenvalues = _lines(n, dtype, exact=True).eigenvalues
+        column = column.astype(np.complex128)
+        # At the frequencies k - 1/2 of the skew-circulant, conjugated for its transpose.
+        self._factors = [
+            (0.5, eigenvalues(lines.spectrum(column, 0.5).conj())),
+            (0.0, eigenvalues(lines.spectrum(column, 0.0))),
+        ]
 
-    def __call__(self, Z: Array) -> Array:
-        """Multiply the rows of `Z`, shape (..., n), complex."""
-        _count(prod(Z.shape[:-1]), 2.0 * Z.shape[-1])
-        Y = fft.fft(Z * self._w)
-        Y *= self._skew
-        Y = fft.ifft(Y, overwrite_x=True)
-        Y *= self._w.conj()
-        Y = fft.fft(Y, overwrite_x=True)
-        Y *= self._circulant
-        return np.asarray(fft.ifft(Y, overwrite_x=True))
+    def _multiply(self, X: Array, out: Array) -> None:
+        lines = _lines(len(X.T), self.dtype, exact=True)
+        lines.multiply_folded(X, self._factors, out)
+
+
+class OneStep:
+    """Transforms of a length at once: many short vectors, or those of no near, fast factors."""
+
+    def __init__(self, length: int, dtype: DTypeLike) -> None:
+        self.length = length
+        self.dtype = np.dtype(dtype)
+
+    def weights(self, shift: float) -> Array:
+        """The factors exp(-2πi j s/L) of a shift, shape (L,)."""
+        return _weights(self.length, shift, self.dtype)
+
+    def spectrum(self, column: Array, shift: float) -> Array:
+        """Transform a vector at the frequencies k + s."""
+        return np.asarray(fft.fft(column * self.weights(shift)))
+
+    def eigenvalues(self, spectrum: Array) -> Array:
+        """Prepare a spectrum for the products."""
+        spectrum = spectrum / self.length
+        if np.iscomplexobj(spectrum):
+            return spectrum.astype(self.dtype)
+        # Twice, for the real and the imaginary part.
+        return np.repeat(spectrum, 2).astype(self.dtype.char.lower())
+
+    def multiply_real(self, X: Array, eigenvalues: Array, out: Array) -> None:
+        """Multiply rows; of the result the real part, for the shift 1/4."""
+        n = X.shape[1]
+        w, w_conj = self.weights(0.25)[:n], self.weights(-0.25)[:n]
+        batch = max(1, BATCH // self.length)
+        for start in range(0, len(X), batch):
+            part = slice(start, start + batch)
+            Z = workspace("one step", (len(X[part]), self.length), self.dtype)
+            np.multiply(X[part], w, out=Z[:, :n], casting="same_kind")
+            Z[:, n:] = 0.0
+            Z = fft.fft(Z, overwrite_x=True)
+            pairs = Z.view(eigenvalues.dtype)
+            pairs *= eigenvalues
+            # The inverse transform, but for its factor 1/L, which the eigenvalues have.
+            Z = fft.ifft(Z, overwrite_x=True, norm="forward")[:, :n]
+            Z *= w_conj
+            out[part] = Z.real
+
+    def multiply_folded(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
+        """As `GohbergSemenculProduct`."""
+        batch = max(1, BATCH // self.length)
+        for start in range(0, len(X), batch):
+            part = slice(start, start + batch)
+            Z = workspace("one step", (len(X[part]), self.length), self.dtype)
+            Z.real, Z.imag = X[part], X[part, ::-1]
+            for shift, eigenvalues in factors:
+                if shift:
+                    Z *= self.weights(shift)
+                Z = fft.fft(Z, overwrite_x=True)
+                Z *= eigenvalues
+                Z = fft.ifft(Z, overwrite_x=True, norm="forward")
+                if shift:
+                    Z *= self.weights(shift).conj()
+            np.add(Z.real, Z.imag[:, ::-1], out=out[part])
+
+
+@lru_cache(maxsize=64)
+def _weights(length: int, shift: float, dtype: np.dtype[Any]) -> Array:
+    return np.exp(-2j * np.pi * shift / length * np.arange(length)).astype(dtype)
+
+
+class Panels:
+    """The same by `FourStep`, a row after the other."""
+
+    def __init__(self, plan: FourStep) -> None:
+        self.plan = plan
+        self.length = plan.length
+
+    def spectrum(self, column: Array, shift: float) -> Array:
+        """Transform a vector at the frequencies k + s, in the order of the plan."""
+        matrix = column.reshape(self.plan.shape)
+        u = self.plan.weights(shift)
+
+        def load(columns: slice, P: Array) -> None:
+            np.multiply(matrix[:, columns], u, out=P)
+
+        return self.plan.spectrum(load, shift)
+
+    def eigenvalues(self, spectrum: Array) -> Array:
+        """Prepare a spectrum for the products."""
+        return self.plan.eigenvalues(spectrum)
+
+    def multiply_real(self, X: Array, eigenvalues: Array, out: Array) -> None:
+        """Multiply rows; of the result the real part, for the shift 1/4."""
+        plan = self.plan
+        columns_of, n = plan.shape[1], X.shape[1]
+        whole, rest = divmod(n, columns_of)  # rows of the matrix, and what is left of the vector
+        u = plan.weights(0.25)
+        for x, y in zip(X, out, strict=True):
+            x_matrix = x[: n - rest].reshape(whole, columns_of)
+            y_matrix = y[: n - rest].reshape(whole, columns_of)
+
+            def load(columns: slice, P: Array, x: Array = x, matrix: Array = x_matrix) -> None:
+                P[:whole] = matrix[:, columns]
+                P[:whole] *= u[:whole]
+                if whole < len(P):
+                    P[whole:] = 0.0
+                    tail = x[n - rest :][columns]
+                    P[whole, : len(tail)] = tail * u[whole, 0]
+
+            def store(columns: slice, Q: Array, y: Array = y, matrix: Array = y_matrix) -> None:
+                Q *= u
+                matrix[:, columns] = Q.real[:whole]
+                if rest:
+                    tail = y[n - rest :][columns]
+                    tail[...] = Q.real[whole, : len(tail)]
+
+            plan.multiply(load, [(0.25, eigenvalues)], store)
+
+    def multiply_folded(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
+        """As `GohbergSemenculProduct`; the length is that of the rows."""
+        plan = self.plan
+        u = plan.weights(factors[0][0])
+        z = workspace("four-step result", plan.shape, plan.dtype)
+        for x, y in zip(X, out, strict=True):
+            matrix = x.reshape(plan.shape)
+
+            def load(columns: slice, P: Array, matrix: Array = matrix) -> None:
+                P.real, P.imag = matrix[:, columns], matrix[::-1, ::-1][:, columns]
+                P *= u
+
+            def store(columns: slice, Q: Array) -> None:
+                z[:, columns] = Q  # the last shift is 0, and u is 1
+
+            plan.multiply(load, factors, store)
+            Y = y.reshape(plan.shape)
+            np.subtract(z.real, z.imag[::-1, ::-1], out=Y)
+
+
+@lru_cache(maxsize=64)
+def _plan(n: int, precision: str, exact: bool) -> "OneStep | Panels":
+    if n < LONG:
+        return OneStep(n if exact else fft.next_fast_len(n), precision)
+    plan = four_step(n, precision)
+    return OneStep(n, precision) if exact and plan.length != n else Panels(plan)
+
+
+def _lines(n: int, dtype: DTypeLike, *, exact: bool = False) -> "OneStep | Panels":
+    """Return the transforms for vectors of length n: of that length, or of a fast one above it."""
+    return _plan(n, np.result_type(dtype, np.complex64).char, exact)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators.convolution import CirculantTimesSkew
+from toeplitz_mg.operators.convolution import GohbergSemenculProduct
 from toeplitz_mg.operators.rows import as_rows
 
 Array = NDArray[Any]
@@ -47,17 +47,12 @@ class GohbergSemencul(LinearOperator):
         self.x = x.copy()
         self.x.flags.writeable = False
         # In the precision of float64 at first: 2 x₀ may over- or underflow a float32.
-        self._product = CirculantTimesSkew(
+        self._product = GohbergSemenculProduct(
             x.astype(np.float64) / np.sqrt(2.0 * float(x[0])), self.dtype
         )
 
     def _matvec(self, v: Array) -> Array:
-        v = as_rows(v, self.shape[1])
-        if np.iscomplexobj(v):
-            return np.asarray(self._matvec(v.real) + 1j * self._matvec(v.imag))
-        v = v.astype(np.result_type(v, self.dtype), copy=False)
-        z = self._product(v + 1j * v[..., ::-1])
-        return np.asarray(z.real + z.imag[..., ::-1])
+        return self._product(as_rows(v, self.shape[1]))
 
     def _matmat(self, V: Array) -> Array:
         return self._matvec(V.mT).mT

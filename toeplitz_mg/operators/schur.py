@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import fft
 from scipy.linalg import solve_toeplitz, solve_triangular, toeplitz
 
-from toeplitz_mg.operators.convolution import count_transforms
+from toeplitz_mg.operators.work import count_transforms
 
 Array = NDArray[Any]
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators.convolution import Convolution
+from toeplitz_mg.operators.convolution import Convolution, ToeplitzProduct
 from toeplitz_mg.operators.rows import as_rows
 
 Array = NDArray[Any]
@@ -115,13 +115,13 @@ class ToeplitzOperator(LinearOperator):
         return cls._with(array.copy(), None)
 
     @classmethod
-    def _with(cls, lags: Array, convolution: Convolution | None) -> Self:
+    def _with(cls, lags: Array, convolution: ToeplitzProduct | Convolution | None) -> Self:
         """Build without the checks; with a convolution at hand, without a transform either."""
         operator = cls.__new__(cls)
         operator._build(lags, convolution)
         return operator
 
-    def _build(self, lags: Array, convolution: Convolution | None) -> None:
+    def _build(self, lags: Array, convolution: ToeplitzProduct | Convolution | None) -> None:
         self.grid_shape = tuple((length + 1) // 2 for length in lags.shape)
         size = prod(self.grid_shape)
         super().__init__(lags.dtype, (size, size))
@@ -130,11 +130,14 @@ class ToeplitzOperator(LinearOperator):
         self.is_symmetric = self.is_even or np.array_equal(lags, np.flip(lags))
         self._coefficients = lags[_centre_on(self.grid_shape)].copy() if self.is_even else lags
         self._coefficients.flags.writeable = False
-        self._convolution = convolution or Convolution.from_first_column(
-            self.circulant(tuple(fft.next_fast_len(n, real=True) for n in lags.shape)),
-            self.grid_shape,
-            self.dtype,
-            symmetric=self.is_symmetric,
+        self._convolution = convolution or self._product()
+
+    def _product(self) -> ToeplitzProduct | Convolution:
+        if len(self.grid_shape) == 1:
+            return ToeplitzProduct(self.lags, self.dtype, symmetric=self.is_symmetric)
+        shape = tuple(fft.next_fast_len(2 * n - 1, real=True) for n in self.grid_shape)
+        return Convolution.from_first_column(
+            self.circulant(shape), self.grid_shape, self.dtype, symmetric=self.is_symmetric
         )
 
     @property
@@ -149,8 +152,8 @@ class ToeplitzOperator(LinearOperator):
 
     @property
     def norm_bound(self) -> float:
-        """A bound of the 2-norm: that of the circulant in which the products embed the matrix."""
-        return float(np.abs(self._convolution.spectrum).max())
+        """A bound of the 2-norm: that of the matrix in which the products embed this one."""
+        return self._convolution.norm_bound
 
     def circulant(self, shape: tuple[int, ...]) -> Array:
         """Return the first column of a circulant in which this matrix is the leading block.

@@ -8,8 +8,8 @@ from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import Convolution, DiagonalisedOperator, MaskedOperator
-from toeplitz_mg.operators.convolution import count_transforms
 from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.work import count_transforms
 from toeplitz_mg.preconditioners.positivity import require_positive
 
 Array = NDArray[Any]

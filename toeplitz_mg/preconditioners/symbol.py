@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.convolution import count_transforms
+from toeplitz_mg.operators.work import count_transforms
 
 Array = NDArray[Any]
 

@@ -1,0 +1,71 @@
+"""The meter of work: products and transforms, in the paper's work units."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from math import prod
+
+
+class ProductCount:
+    """Work done by the products of a block of code, in grid points.
+
+    Attributes
+    ----------
+    points : float
+        A product with a Toeplitz matrix counts the unknowns of its grid. A circulant, whose
+        transforms are not padded, counts 1/2^d of them (d levels).
+    products : int
+        The number of products, of any size.
+    """
+
+    def __init__(self) -> None:
+        self.points = 0.0
+        self.products = 0
+
+    def units(self, n: int) -> float:
+        """Return the work units: the work in products on a grid of `n` points (paper, §5.2)."""
+        return self.points / n
+
+
+_active_counts: ContextVar[tuple[ProductCount, ...]] = ContextVar("_active_counts", default=())
+
+
+@contextmanager
+def count_products() -> Iterator[ProductCount]:
+    """Count the products made inside a ``with`` block, by every operator of this package.
+
+    Yields
+    ------
+    ProductCount
+        It goes on counting until the block ends; blocks may be nested. Products of other
+        threads are not counted.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import toeplitz_mg as tmg
+    >>> A = tmg.ToeplitzOperator([2.0, -1.0, 0.0, 0.0])
+    >>> with tmg.count_products() as work:
+    ...     y = A @ np.ones(4)
+    ...     z = A @ y
+    >>> work.units(4)
+    2.0
+    """
+    count = ProductCount()
+    token = _active_counts.set((*_active_counts.get(), count))
+    try:
+        yield count
+    finally:
+        _active_counts.reset(token)
+
+
+def count_work(products: int, points: float) -> None:
+    """Count so many products of so many grid points each."""
+    for count in _active_counts.get():
+        count.points += products * points
+        count.products += products
+
+
+def count_transforms(number: float, *shape: int) -> None:
+    """Count real transforms that are no product: those of a product are two of 2 n in a level."""
+    count_work(1, number * prod(shape) / 2 ** (len(shape) + 1))
