@@ -1,0 +1,173 @@
+"""The engine: every product equals its definition, at every length, in any thread."""
+
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import scipy.fft
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.linalg import matmul_toeplitz, toeplitz
+
+import toeplitz_mg as tmg
+from toeplitz_mg.operators import fourstep
+from toeplitz_mg.operators.convolution import DENSE, LONG, ToeplitzProduct
+from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
+
+# On both sides of every change of method, primes, squares, powers of 2.
+LENGTHS = [1, 2, 3, DENSE, DENSE + 1, 1021, 4096, LONG - 1, LONG, LONG + 3, 40000, 2**16]
+
+
+def random(*shape, seed=0):
+    return np.random.default_rng(seed).standard_normal(shape)
+
+
+def lags_of(n, symmetric):
+    a = random(2 * n - 1)
+    return a + a[::-1] if symmetric else a
+
+
+def definition(lags, X):
+    n = (len(lags) + 1) // 2
+    return matmul_toeplitz((lags[n - 1 :], lags[n - 1 :: -1]), X.T).T
+
+
+@pytest.mark.parametrize("symmetric", [True, False])
+@pytest.mark.parametrize("n", LENGTHS)
+def test_products_equal_their_definition_to_rounding(n, symmetric):
+    lags, X = lags_of(n, symmetric), random(3, n, seed=1)
+    product = ToeplitzProduct(lags, np.float64, symmetric=symmetric)
+    exact = definition(lags, X)
+    assert np.abs(product(X) - exact).max() <= 1e-14 * np.abs(exact).max()
+    single = ToeplitzProduct(lags, np.float32, symmetric=symmetric)(X.astype(np.float32))
+    assert single.dtype == np.float32
+    assert np.abs(single - exact).max() <= 4e-6 * np.abs(exact).max()
+    transposed = product.adjoint()
+    exact = definition(lags[::-1], X)
+    assert np.abs(transposed(X) - exact).max() <= 1e-14 * np.abs(exact).max()
+    assert_allclose(transposed.adjoint()(X), product(X), rtol=0, atol=1e-14 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("n", [DENSE, 1000, 40000])
+def test_the_result_may_replace_the_vector(n):
+    product = ToeplitzProduct(lags_of(n, True), np.float64, symmetric=True)
+    X = random(2, n)
+    expected = product(X)
+    out = np.empty_like(X)
+    assert product(X, out) is out
+    assert_allclose(out, expected, rtol=1e-14)
+    product(X, X)
+    assert_allclose(X, expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize("n", [DENSE, 1000, 40000])
+def test_precision_is_that_of_the_matrix_and_dtype_that_of_numpy(n):
+    x = random(n)
+    for matrix, vector, result in (
+        (np.float32, np.float64, np.float64),
+        (np.float64, np.float32, np.float64),
+        (np.float32, np.complex64, np.complex64),
+    ):
+        A = ToeplitzProduct(lags_of(n, True), matrix, symmetric=True)
+        y = A(x.astype(vector))
+        assert y.dtype == result
+        assert_allclose(y, definition(lags_of(n, True), x), atol=1e-6 * np.abs(y).max() * n**0.5)
+
+
+@settings(deadline=None)
+@given(st.integers(1, 30), st.integers(1, 30), st.sampled_from([0.0, 0.25, 0.5]))
+def test_four_steps_are_one_transform(rows, columns, shift):
+    plan = fourstep.FourStep(rows, columns, np.complex128)
+    plan.width, plan.height = 8, 3  # several panels and blocks, the last one partial
+    L = plan.length
+    x = random(L) + 1j * random(L, seed=1)
+    u = plan.weights(shift)
+
+    def load(part, P):
+        np.multiply(x.reshape(rows, columns)[:, part], u, out=P)
+
+    spectrum = plan.spectrum(load, shift)
+    j = np.arange(L)
+    exact = np.exp(-2j * np.pi * np.outer(j + shift, j) / L) @ x  # row k is the frequency k + s
+    assert_allclose(spectrum.T.ravel(), exact, atol=1e-13 * L)
+    y = np.empty((rows, columns), complex)
+
+    def store(part, Q):
+        y[:, part] = (u * Q).conj()
+
+    twice = [(shift, plan.eigenvalues(np.full(plan.shape, 2.0)))] * 2
+    plan.multiply(load, twice, store)
+    assert_allclose(y.ravel(), 4 * x, atol=1e-13 * L)
+
+
+@pytest.mark.parametrize("n", [100, LONG, LONG + 1, 2**16, 49000])
+def test_gohberg_semencul_of_long_vectors(n):
+    rho = 0.9  # the inverse of rho^|i-j| is tridiagonal
+    x = np.zeros(n)
+    x[:2] = np.array([1.0, -rho]) / (1 - rho**2)
+    V = random(2, n)
+    expected = (1 + rho**2) * V
+    expected[:, [0, -1]] = V[:, [0, -1]]
+    expected[:, 1:] -= rho * V[:, :-1]
+    expected[:, :-1] -= rho * V[:, 1:]
+    assert_allclose(GohbergSemencul(x)._matvec(V), expected / (1 - rho**2), atol=1e-12)
+    single = GohbergSemencul(x.astype(np.float32))._matvec(V.astype(np.float32))
+    assert_allclose(single, expected / (1 - rho**2), atol=1e-3)
+
+
+@pytest.mark.parametrize("n", [700, 40000])
+def test_one_operator_in_many_threads(n):
+    A = tmg.ToeplitzOperator(1.0 / (1.0 + np.arange(n)))
+    M = tmg.spectral_preconditioner(A)
+    X = random(8, n)
+    expected = [M @ (A @ x) for x in X]
+    with ThreadPoolExecutor(4) as pool:
+        for _ in range(3):
+            results = list(pool.map(lambda x: M @ (A @ x), X))
+            assert all(np.array_equal(a, b) for a, b in zip(results, expected, strict=True))
+
+
+@pytest.mark.parametrize("n", [700, 2**16, 70001])
+def test_a_product_by_several_threads(n):
+    A = tmg.ToeplitzOperator(1.0 / (1.0 + np.arange(n)))
+    M = tmg.spectral_preconditioner(A)
+    x = random(n)
+    y, z = A @ x, M @ x
+    with scipy.fft.set_workers(3):
+        assert_allclose(A @ x, y, rtol=0, atol=1e-13 * np.abs(y).max())
+        assert_allclose(M @ x, z, rtol=0, atol=1e-13 * np.abs(z).max())
+
+
+def test_operators_pickle():
+    for n in (5, 1000, 40000):
+        A = tmg.ToeplitzOperator(1.0 / (1.0 + np.arange(n)))
+        x = random(n)
+        assert np.array_equal(pickle.loads(pickle.dumps(A)) @ x, A @ x)
+
+
+def test_a_product_maps_no_new_memory():
+    resource = pytest.importorskip("resource")
+    n = 2**18
+    product = ToeplitzProduct(lags_of(n, True), np.float64, symmetric=True)
+    x, out = random(n), np.empty(n)
+    product(x, out)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(4):
+        product(x, out)
+    pages = resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+    assert pages <= 100  # of 4 kB; the vectors have 512 each
+
+
+@pytest.mark.parametrize("n", [LONG, 2**20, 10**6 + 3, 2**24])
+def test_the_tables_are_small(n):
+    plan = fourstep.four_step(n, np.complex128)
+    assert n <= plan.length <= 1.02 * n
+    tables = fourstep._twiddles(*plan.shape, plan.height, 0.25, plan.dtype)
+    assert sum(t.nbytes for t in tables) + plan.weights(0.25).nbytes <= 2**20
+
+
+def test_a_dense_matrix_is_the_matrix():
+    c = random(7)
+    assert_allclose(tmg.ToeplitzOperator(c) @ np.eye(7), toeplitz(c), rtol=1e-15)
