@@ -260,6 +260,28 @@ class GohbergSemenculProduct(Product):
         lines.multiply_folded(X, self._factors, out)
 
 
+class TriangularProducts(Product):
+    """The same from products with triangular Toeplitz matrices, L Lᵀ - U Uᵀ, twice the work.
+
+    Their transforms may be longer than n, where those of length n are slow.
+    """
+
+    def __init__(self, column: Array, dtype: DTypeLike) -> None:
+        n = len(column)
+        super().__init__((n,), dtype, 0.0)  # they count themselves
+        zeros = np.zeros(n - 1)
+        columns = column * np.sqrt(2.0), np.append(0.0, column[:0:-1] * np.sqrt(2.0))
+        factors = [
+            ToeplitzProduct(np.concatenate([zeros, x]), dtype, symmetric=False) for x in columns
+        ]
+        self._factors = [(factor, factor.adjoint()) for factor in factors]
+
+    def _multiply(self, X: Array, out: Array) -> None:
+        (L, L_T), (U, U_T) = self._factors
+        Y = U(U_T(X))
+        np.subtract(L(L_T(X)), Y, out=out)
+
+
 class OneStep:
     """Transforms of a length at once: many short vectors, or those of no near, fast factors."""
 

@@ -6,7 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators.convolution import GohbergSemenculProduct
+from toeplitz_mg.operators.convolution import (
+    GohbergSemenculProduct,
+    Product,
+    TriangularProducts,
+    near_fast_length,
+)
 from toeplitz_mg.operators.rows import as_rows
 
 Array = NDArray[Any]
@@ -17,7 +22,8 @@ class GohbergSemencul(LinearOperator):
 
     With J the reversal, A⁻¹ v = (Re z + J Im z)/(2 x₀) where z = C Sᵀ (v + i J v), C and S the
     circulant and the skew-circulant with the first column x. A product costs four complex
-    transforms of length n, two work units.
+    transforms of length n, two work units; four where n has a large prime factor, and so slow
+    transforms.
 
     Parameters
     ----------
@@ -47,9 +53,10 @@ class GohbergSemencul(LinearOperator):
         self.x = x.copy()
         self.x.flags.writeable = False
         # In the precision of float64 at first: 2 x₀ may over- or underflow a float32.
-        self._product = GohbergSemenculProduct(
-            x.astype(np.float64) / np.sqrt(2.0 * float(x[0])), self.dtype
-        )
+        column = x.astype(np.float64) / np.sqrt(2.0 * float(x[0]))
+        is_fast = near_fast_length(len(x)) == len(x)
+        product = GohbergSemenculProduct if is_fast else TriangularProducts
+        self._product: Product = product(column, self.dtype)
 
     def _matvec(self, v: Array) -> Array:
         return self._product(as_rows(v, self.shape[1]))
