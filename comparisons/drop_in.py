@@ -129,6 +129,27 @@ def show(rows: Sequence[Row]) -> None:
     report.show("Crossover", crossovers)
 
 
+def show_inverses(n: int) -> None:
+    """Print what `toeplitz_inverse` costs and achieves."""
+    table = []
+    for name in SYMBOLS:
+        A = tmg.ToeplitzOperator(column(name, n))
+        with tmg.count_products() as setup:
+            inverse, seconds = timed(partial(tmg.toeplitz_inverse, A, rtol=0.1))
+        with tmg.count_products() as product:
+            _ = inverse @ np.ones(n)
+        table.append(
+            {
+                "symbol": name,
+                "set-up, work units": f"{setup.units(n):.1f}",
+                "seconds": f"{seconds:.2g}",
+                "a column, work units": f"{product.units(n):.1f}",
+                "residual": f"{inverse.residual:.1e}",
+            }
+        )
+    report.show(f"toeplitz_inverse, n = {n}", table)
+
+
 def plot(rows: Sequence[Row], path: Path) -> None:
     """Draw time over n, a panel for each number of right-hand sides."""
     figure = Figure(figsize=(11, 5), layout="constrained")
@@ -154,6 +175,7 @@ def main() -> None:
     arguments = report.options("drop_in", "Compare solve_toeplitz with SciPy's.")
     rows = run(QUICK_SIZES if arguments.quick else SIZES, arguments.output / "drop_in.csv")
     show(rows)
+    show_inverses(2**14 if arguments.quick else 2**20)
     plot(rows, arguments.output / "drop_in.png")
 
 

@@ -200,29 +200,37 @@ def continued(c):
     return c
 
 
+def log_slope_and_curvature(c):
+    """Of the last coefficients, at the last but `step`."""
+    step = max(1, len(c) // 64)
+    first, middle, last = np.log(c[-2 * step - 1 :: step])
+    return step, (last - first) / (2 * step), (last - 2 * middle + first) / step**2
+
+
 def has_simple_tail(c):
     """Whether the last coefficients decrease as k^-1.5 does, or faster."""
-    if len(c) < 4 or not c[-3] > c[-2] > c[-1] > 1e-9 * c[0]:
+    last = c[-2 * max(1, len(c) // 64) - 1 :]
+    if len(c) < 4 or last[-1] <= 1e-9 * c[0] or np.any(np.diff(last) >= 0):
         return False
-    slope, curvature = (np.log(c[-1]) - np.log(c[-3])) / 2, np.diff(np.log(c[-3:]), 2)[0]
+    _, slope, curvature = log_slope_and_curvature(c)
     return slope**2 >= 1.5 * curvature
 
 
 def periodised(c):
     """The sums over all lags k + 2 n j of the coefficients, continued by exp(αt + βt²)."""
     n = near_fast_length(len(c))
-    slope, curvature = (np.log(c[-1]) - np.log(c[-3])) / 2, np.diff(np.log(c[-3:]), 2)[0]
+    step, slope, curvature = log_slope_and_curvature(c)
     assert curvature <= 0.01 * slope**2  # not by a power of the lag
     lags = np.arange(64 * n)
-    t = lags - (len(c) - 2)
-    a = c[-2] * np.exp(slope * t + min(curvature, 0.0) * t**2 / 2)
+    t = lags - (len(c) - 1.0)
+    curvature = min(curvature, 0.0)
+    a = c[-1] * np.exp((slope + curvature * step) * t + curvature * t**2 / 2)
     a[: len(c)] = c
     ends = [m for m in range(2 * n, len(a), 2 * n) if a[m] <= 1e-9 * c[0]]
     a[ends[0] :] = 0.0
-    both = {k: a[k] for k in lags} | {-k: a[k] for k in lags}
-    return np.array(
-        [sum(v for lag, v in both.items() if (lag - k) % (2 * n) == 0) for k in range(n + 1)]
-    )
+    signed = np.concatenate([-lags[:0:-1], lags])
+    even = np.concatenate([a[:0:-1], a])
+    return np.array([even[(signed - k) % (2 * n) == 0].sum() for k in range(n + 1)])
 
 
 def dense_trigonometric(c, wave, first):

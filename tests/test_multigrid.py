@@ -43,7 +43,9 @@ OPERATORS = list(operators())
 
 
 def matrices(transfer, n, n_coarse):
-    return transfer.restrict(np.eye(n)).T, transfer.interpolate(np.eye(n_coarse)).T
+    P = np.empty((n_coarse, n))
+    transfer.interpolate(np.eye(n_coarse), P)
+    return transfer.restrict(np.eye(n), "test").copy().T, P.T
 
 
 def iterations(solve, problem, M, **options):

@@ -31,6 +31,7 @@ from toeplitz_mg.preconditioners import (
 from toeplitz_mg.solvers import (
     SolveInfo,
     ToeplitzInverse,
+    cg,
     richardson,
     solve_toeplitz,
     toeplitz_inverse,
@@ -44,6 +45,7 @@ __all__ = [
     "SolveInfo",
     "ToeplitzInverse",
     "ToeplitzOperator",
+    "cg",
     "chan_preconditioner",
     "contact",
     "cosine_preconditioner",

@@ -61,8 +61,8 @@ class Border:
         U = np.zeros((len(unknowns), level.A.shape[0]), dtype=level.A.dtype)
         U[np.arange(len(unknowns))[:, np.newaxis], unknowns] = weights
         columns = apply_to_rows(level.A, U)
-        V = transfer.restrict(columns)
-        W = solve_coarse(V)
+        V = transfer.restrict(columns, "border").copy()
+        W = solve_coarse(V).copy()
         s = transfer.scale
         S = columns[:, unknowns] @ weights - s * V @ W.T
         return cls(unknowns, weights, V, W, np.linalg.inv(S), s)

@@ -13,6 +13,7 @@ from toeplitz_mg.multigrid.hierarchy import Level, Smoother, build_levels
 from toeplitz_mg.multigrid.transfer import Coarsening, Interpolation, piecewise_constant
 from toeplitz_mg.operators import apply_to_rows, as_rows
 from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.workspace import workspace
 from toeplitz_mg.preconditioners import fft_rsm_preconditioner
 
 Array = NDArray[Any]
@@ -51,47 +52,64 @@ class Multigrid(LinearOperator):
 
     def _matvec(self, b: Array) -> Array:
         b = as_rows(b, self.shape[1])
-        rows = b if b.ndim == 1 else b.reshape(-1, self.shape[1])
-        x = self._cycle(0, rows.astype(np.result_type(b, self.dtype), copy=False))
-        return x.reshape(b.shape)
+        return self._apply(b)
 
     def _matmat(self, B: Array) -> Array:
-        return self._matvec(B.mT).mT
+        return self._apply(B.mT).mT
 
-    def _cycle(self, k: int, b: Array) -> Array:
+    def _apply(self, B: Array, out: Array | None = None) -> Array:
+        dtype = np.result_type(B, self.dtype)
+        X = np.empty(B.shape, dtype) if out is None else out
+        shape = B.shape if B.ndim == 1 else (-1, B.shape[-1])
+        rows = B.reshape(shape).astype(dtype, copy=X is B)
+        self._cycle(0, rows, X.reshape(shape))
+        return X
+
+    def _cycle(self, k: int, b: Array, x: Array) -> None:
         """One cycle on level k from a zero guess: smooth, correct on the coarse grid, smooth."""
         level = self.levels[k]
         A, S = level.A, level.smoother
         if level.transfer is None:
-            return apply_to_rows(S, b)
+            apply_to_rows(S, b, x)
+            return
+        r = workspace(f"residual {k}", b.shape, b.dtype)
         if self.pre:
-            x = apply_to_rows(S, b)
+            apply_to_rows(S, b, x)
             for _ in range(self.pre - 1):
-                x = x + apply_to_rows(S, b - apply_to_rows(A, x))
-            x = x + self._coarse_correction(k, b - apply_to_rows(A, x))
+                _residual(A, x, b, r)
+                x += apply_to_rows(S, r, r)
+            _residual(A, x, b, r)
+            self._coarse_correction(k, r, r)
+            x += r
         else:
-            x = self._coarse_correction(k, b)
+            self._coarse_correction(k, b, x)
         for _ in range(self.post):
-            x = x + apply_to_rows(S, b - apply_to_rows(A, x))
-        return x
+            _residual(A, x, b, r)
+            x += apply_to_rows(S, r, r)
 
-    def _coarse_correction(self, k: int, r: Array) -> Array:
+    def _coarse_correction(self, k: int, r: Array, x: Array) -> None:
+        """Write to x, which may be r, the correction of the coarse grid for the residual r."""
         transfer, border = self.levels[k].transfer, self._borders[k]
         assert transfer is not None
-        e = self._solve_coarse(k, transfer.restrict(r))
-        if border is None:
-            return transfer.interpolate(e)
-        e, left = border.correct(e, r)
-        correction = transfer.interpolate(e)
-        border.add(left, correction)
-        return correction
+        e = self._solve_coarse(k, transfer.restrict(r, f"restricted {k}"))
+        left = None
+        if border is not None:
+            e, left = border.correct(e, r)
+        transfer.interpolate(e, x)
+        if border is not None and left is not None:
+            border.add(left, x)
 
     def _solve_coarse(self, k: int, r: Array) -> Array:
         """Solve on level k + 1 by gamma cycles."""
-        e = self._cycle(k + 1, r)
+        e = workspace(f"solution {k}", r.shape, r.dtype)
+        self._cycle(k + 1, r, e)
         if self.levels[k + 1].transfer is not None:  # the coarsest is solved exactly at once
             for _ in range(self.gamma - 1):
-                e = e + self._cycle(k + 1, r - apply_to_rows(self.levels[k + 1].A, e))
+                again = workspace(f"again {k}", r.shape, r.dtype)
+                correction = workspace(f"correction {k}", r.shape, r.dtype)
+                _residual(self.levels[k + 1].A, e, r, again)
+                self._cycle(k + 1, again, correction)
+                e += correction
         return e
 
     def _adjoint(self) -> "Multigrid":
@@ -138,6 +156,12 @@ class Multigrid(LinearOperator):
             f"<Multigrid {kind}({self.pre},{self.post}) {smoother}  "
             f"{' > '.join(sizes)} (dense)  {self.work_units:.1f} work units>"
         )
+
+
+def _residual(A: LinearOperator, x: Array, b: Array, r: Array) -> None:
+    """Write b - A x to r."""
+    apply_to_rows(A, x, r)
+    np.subtract(b, r, out=r)
 
 
 def multigrid(

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import reduce
 from math import prod
 from typing import Any
 
@@ -12,6 +11,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.workspace import workspace
 
 Array = NDArray[Any]
 Coarsening = Callable[[LinearOperator], LinearOperator]
@@ -212,8 +212,9 @@ class Transfer:
         if coarse.shape == full.grid_shape or not coarse.any():
             return None
         covers = Interpolation((1.0,) * len(interpolation.weights))
-        covered = _spread(coarse.astype(float), full.grid_shape, covers) > 0.0
-        leftover = np.flatnonzero(~covered[whole])
+        covered = np.empty(full.grid_shape)
+        _spread(coarse.astype(float), covered, covers)
+        leftover = np.flatnonzero(covered[whole] == 0.0)
         of_mask = None if mask is None else coarse
         return cls(interpolation, full.grid_shape, mask, of_mask, leftover)
 
@@ -253,28 +254,37 @@ class Transfer:
             return last[np.newaxis], weights[: len(last)]
         return self.leftover[:, np.newaxis], np.ones(1)
 
-    def restrict(self, r: Array) -> Array:
-        """Average over the fine elements of each coarse one; in d levels each 2^d (Eq. 13)."""
+    def restrict(self, r: Array, purpose: str) -> Array:
+        """Average over the fine elements of each coarse one; in d levels each 2^d (Eq. 13).
+
+        The result is in the `workspace` of that purpose.
+        """
         grid = _on_grid(r, self.fine_mask, self.fine_shape)
         rows = r.ndim - 1
         for level, (n, m) in enumerate(zip(self.fine_shape, self.coarse_shape, strict=True)):
             if m < n:
-                halves = (
-                    grid.dtype.type(weight / 2) * grid[_at(rows + level, s)]
-                    for weight, s in self.interpolation.slices(n)
-                )
-                grid = reduce(np.add, halves)
+                shape = (*grid.shape[: rows + level], m, *grid.shape[rows + level + 1 :])
+                coarse = workspace(f"{purpose}, {level}", shape, grid.dtype)
+                part = workspace("part", shape, grid.dtype)
+                for k, (weight, s) in enumerate(self.interpolation.slices(n)):
+                    to = part if k else coarse
+                    np.multiply(grid[_at(rows + level, s)], grid.dtype.type(weight / 2), out=to)
+                    if k:
+                        coarse += part
+                grid = coarse
         if self.coarse_mask is not None:
             return np.asarray(grid[..., self.coarse_mask])
         return grid.reshape(*r.shape[:-1], prod(self.coarse_shape))
 
-    def interpolate(self, e: Array) -> Array:
+    def interpolate(self, e: Array, out: Array) -> None:
         """Copy each coarse value to its fine elements, and zero to those left over (Eq. 14)."""
         grid = _on_grid(e, self.coarse_mask, self.coarse_shape)
-        fine = _spread(grid, self.fine_shape, self.interpolation)
         if self.fine_mask is not None:
-            return np.asarray(fine[..., self.fine_mask])
-        return fine.reshape(*e.shape[:-1], prod(self.fine_shape))
+            fine = workspace("fine grid", (*e.shape[:-1], *self.fine_shape), e.dtype)
+            _spread(grid, fine, self.interpolation)
+            out[...] = fine[..., self.fine_mask]
+        else:
+            _spread(grid, out.reshape(*e.shape[:-1], *self.fine_shape), self.interpolation)
 
 
 def _at(axis: int, part: slice) -> tuple[slice, ...]:
@@ -284,19 +294,26 @@ def _at(axis: int, part: slice) -> tuple[slice, ...]:
 def _on_grid(x: Array, mask: Array | None, shape: tuple[int, ...]) -> Array:
     if mask is None:
         return x.reshape(x.shape[:-1] + shape)
-    grid = np.zeros(x.shape[:-1] + shape, dtype=x.dtype)
+    grid = workspace("on grid", x.shape[:-1] + shape, x.dtype)
+    grid[...] = 0.0
     grid[..., mask] = x
     return grid
 
 
-def _spread(coarse: Array, shape: tuple[int, ...], interpolation: Interpolation) -> Array:
-    """Interpolate the coarse grid of each row to the fine grid of `shape`."""
-    rows = coarse.ndim - len(shape)
-    for level, n in enumerate(shape):
-        axis = rows + level
-        if coarse.shape[axis] < n:
-            fine = np.zeros((*coarse.shape[:axis], n, *coarse.shape[axis + 1 :]), coarse.dtype)
-            for weight, s in interpolation.slices(n):
-                fine[_at(axis, s)] += coarse.dtype.type(weight) * coarse
-            coarse = fine
-    return coarse
+def _spread(coarse: Array, fine: Array, interpolation: Interpolation) -> None:
+    """Interpolate the coarse grid of each row to the fine grid, a level after the other."""
+    for axis in range(coarse.ndim):
+        n, m = fine.shape[axis], coarse.shape[axis]
+        if m == n:
+            continue
+        last = all(coarse.shape[k] == fine.shape[k] for k in range(axis + 1, coarse.ndim))
+        shape = (*fine.shape[: axis + 1], *coarse.shape[axis + 1 :])
+        to = fine if last else np.empty(shape, coarse.dtype)
+        part = workspace("part", coarse.shape, coarse.dtype)
+        to[...] = 0.0
+        for weight, s in interpolation.slices(n):
+            np.multiply(coarse, coarse.dtype.type(weight), out=part)
+            to[_at(axis, s)] += part
+        coarse = to
+    if coarse is not fine:
+        fine[...] = coarse

@@ -36,6 +36,24 @@ def _is_fast(m: int) -> bool:
     return m == 1
 
 
+def cosine_sums(column: Array) -> Array:
+    """Return f_k = Σ a_j cos(πjk/n) over all lags |j| ≤ n, for k = 0 … n, a of period 2 n.
+
+    A DCT-I; of several levels if there are. It is its own inverse but for the factor 2 n a level.
+
+    Parameters
+    ----------
+    column : ndarray of shape (n + 1, ...), float64
+    """
+    shape = tuple(m - 1 for m in column.shape)
+    count_transforms(1, *shape)  # half as long as those of a product
+    if len(shape) == 1 and shape[0] % 2 == 0:
+        lines = _lines(shape[0], np.float64, exact=True)
+        if isinstance(lines, Panels):
+            return lines.cosine_sums(column)
+    return np.asarray(fft.dctn(column, type=1))
+
+
 class Product:
     """Multiplication of rows by a real matrix: what the kinds of products have in common.
 
@@ -60,9 +78,10 @@ class Product:
         dtypes. `out` may be `X`.
         """
         if np.iscomplexobj(X):
-            Y = np.empty(X.shape, np.result_type(X, self.dtype))
-            Y.real, Y.imag = self(X.real), self(X.imag)
-            return Y
+            real, imag = self(X.real), self(X.imag)
+            out = np.empty(X.shape, np.result_type(X, self.dtype)) if out is None else out
+            out.real, out.imag = real, imag
+            return out
         if out is None:
             out = np.empty(X.shape, np.result_type(X, self.dtype))
         n = prod(self.grid_shape)
@@ -366,6 +385,32 @@ class Panels:
     def eigenvalues(self, spectrum: Array) -> Array:
         """Prepare a spectrum for the products."""
         return self.plan.eigenvalues(spectrum)
+
+    def cosine_sums(self, a: Array) -> Array:
+        """As the function of that name, for a of shape (L + 1,), L even.
+
+        Those of even k are the transform of e_j = a_j + a_(L-j); those of odd k are that of
+        o_j = a_j - a_(L-j), at the frequencies k + 1/2. Both are real: one transform has both.
+        """
+        L = self.length
+        ahead, back = (x.reshape(self.plan.shape) for x in (a[:-1], a[:0:-1]))
+        rows, columns_of = self.plan.shape
+        u = 1j * np.exp(-1j * np.pi / rows * np.arange(rows))[:, np.newaxis]
+        v = np.exp(-1j * np.pi / L * np.arange(columns_of))
+
+        def load(columns: slice, P: Array) -> None:
+            x, y = ahead[:, columns], back[:, columns]
+            np.multiply(x - y, u, out=P)
+            P *= v[columns]
+            real = P.real
+            real += x
+            real += y
+
+        Z = self.plan.spectrum(load, 0.0)[:, : columns_of // 2 + 1]
+        f = np.empty(L + 1)
+        f[::2] = Z.real.T.ravel()[: L // 2 + 1]
+        f[1::2] = Z.imag.T.ravel()[: L // 2]
+        return f
 
     def multiply_real(self, X: Array, eigenvalues: Array, out: Array) -> None:
         """Multiply rows; of the result the real part, for the shift 1/4."""

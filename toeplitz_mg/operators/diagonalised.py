@@ -36,11 +36,14 @@ class DiagonalisedOperator(LinearOperator):
         self.name = name
         self._convolution = convolution
 
+    def _apply(self, X: Array, out: Array | None = None) -> Array:
+        return self._convolution(X, out)
+
     def _matvec(self, x: Array) -> Array:
-        return self._convolution(as_rows(x, self.shape[1]))
+        return self._apply(as_rows(x, self.shape[1]))
 
     def _matmat(self, X: Array) -> Array:
-        return np.asarray(self._convolution(X.mT).mT)
+        return np.asarray(self._apply(X.mT).mT)
 
     def _adjoint(self) -> "DiagonalisedOperator":
         return self

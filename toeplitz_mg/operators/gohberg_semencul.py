@@ -58,11 +58,14 @@ class GohbergSemencul(LinearOperator):
         product = GohbergSemenculProduct if is_fast else TriangularProducts
         self._product: Product = product(column, self.dtype)
 
+    def _apply(self, V: Array, out: Array | None = None) -> Array:
+        return self._product(V, out)
+
     def _matvec(self, v: Array) -> Array:
-        return self._product(as_rows(v, self.shape[1]))
+        return self._apply(as_rows(v, self.shape[1]))
 
     def _matmat(self, V: Array) -> Array:
-        return self._matvec(V.mT).mT
+        return self._apply(V.mT).mT
 
     def _adjoint(self) -> "GohbergSemencul":
         return self

@@ -8,6 +8,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators.rows import apply_to_rows, as_rows
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+from toeplitz_mg.operators.workspace import workspace
 
 Array = NDArray[Any]
 
@@ -85,15 +86,22 @@ class MaskedOperator(LinearOperator):
             return self.full.block(self._index)
         return self._matmat(np.eye(self.shape[0], dtype=self.dtype))
 
+    def _apply(self, X: Array, out: Array | None = None) -> Array:
+        if out is None:
+            out = np.empty(X.shape, np.result_type(X, self.dtype))
+        rows = X.reshape(-1, X.shape[-1])
+        grid = workspace("grid", (len(rows), self.full.shape[1]), out.dtype)
+        grid[...] = 0.0
+        grid[:, self._index] = rows
+        apply_to_rows(self.full, grid, grid)
+        out[...] = grid[:, self._index].reshape(X.shape)
+        return out
+
     def _matvec(self, x: Array) -> Array:
-        x = as_rows(x, self.shape[1])
-        grid = np.zeros((*x.shape[:-1], self.full.shape[1]), np.result_type(x, np.float32))
-        grid[..., self._index] = x
-        rows = grid if grid.ndim == 1 else grid.reshape(-1, grid.shape[-1])
-        return apply_to_rows(self.full, rows)[..., self._index].reshape(x.shape)
+        return self._apply(as_rows(x, self.shape[1]))
 
     def _matmat(self, X: Array) -> Array:
-        return self._matvec(X.mT).mT
+        return self._apply(X.mT).mT
 
     def _adjoint(self) -> "MaskedOperator":
         full = self.full.H

@@ -17,7 +17,7 @@ def as_rows(x: Array, n: int) -> Array:
     return x.reshape(n) if x.shape == (n, 1) != (1, 1) else x
 
 
-def apply_to_rows(A: LinearOperator, X: Array) -> Array:
+def apply_to_rows(A: LinearOperator, X: Array, out: Array | None = None) -> Array:
     """Return `A` times each row of `X`, without the checks of ``A @ x``.
 
     Parameters
@@ -25,10 +25,17 @@ def apply_to_rows(A: LinearOperator, X: Array) -> Array:
     A : LinearOperator of shape (n, n)
         Any operator, of this package or not.
     X : ndarray of shape (n,) or (k, n)
+    out : ndarray of the shape of `X`, optional
+        Where the result is written. It may be `X`.
 
     Returns
     -------
     ndarray of the shape of `X`
+
+    Notes
+    -----
+    An operator of this package has the method ``_apply(X, out=None)``, which is `_matvec` for
+    rows that writes where it is told to, so that nothing large is allocated.
 
     Examples
     --------
@@ -39,7 +46,11 @@ def apply_to_rows(A: LinearOperator, X: Array) -> Array:
     array([[1., 3.],
            [2., 4.]])
     """
+    if (apply := getattr(A, "_apply", None)) is not None:
+        return np.asarray(apply(X, out))
     # An operator that the user made from functions may return (n, 1) or an np.matrix.
-    if X.ndim == 1:
-        return np.asarray(A._matvec(X)).reshape(X.shape)
-    return np.asarray(A._matmat(X.T)).T
+    Y = np.asarray(A._matvec(X) if X.ndim == 1 else A._matmat(X.T).T).reshape(X.shape)
+    if out is None:
+        return Y
+    out[...] = Y
+    return out

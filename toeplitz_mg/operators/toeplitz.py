@@ -195,11 +195,14 @@ class ToeplitzOperator(LinearOperator):
         )
         return np.asarray(self.lags[tuple(lag)])
 
+    def _apply(self, X: Array, out: Array | None = None) -> Array:
+        return self._convolution(X, out)
+
     def _matvec(self, x: Array) -> Array:
-        return self._convolution(as_rows(x, self.shape[1]))
+        return self._apply(as_rows(x, self.shape[1]))
 
     def _matmat(self, X: Array) -> Array:
-        return self._convolution(X.mT).mT
+        return self._apply(X.mT).mT
 
     def _adjoint(self) -> "ToeplitzOperator":
         if self.is_symmetric:

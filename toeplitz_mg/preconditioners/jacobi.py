@@ -18,11 +18,14 @@ class ScaledIdentity(LinearOperator):
         super().__init__(dtype, (n, n))
         self.factor = self.dtype.type(factor)
 
+    def _apply(self, X: Array, out: Array | None = None) -> Array:
+        return np.asarray(np.multiply(X, self.factor, out=out))
+
     def _matvec(self, x: Array) -> Array:
-        return np.asarray(self.factor * x)
+        return self._apply(x)
 
     def _matmat(self, X: Array) -> Array:
-        return self._matvec(X)
+        return self._apply(X)
 
     def _adjoint(self) -> "ScaledIdentity":
         return self

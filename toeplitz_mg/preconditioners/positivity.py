@@ -7,7 +7,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 from scipy.linalg import eigvalsh_tridiagonal
 from scipy.sparse.linalg import LinearOperator
 
@@ -18,6 +18,14 @@ Lag = tuple[int, ...]
 
 REACH = 5  # unit steps from an element to one that is called near
 DENSE = 1024  # unknowns of which all eigenvalues are computed, in some tenths of a second
+
+
+def precision(A: LinearOperator, dtype: DTypeLike | None) -> np.dtype[Any]:
+    """Return the precision of a preconditioner of A: `dtype`, or that of A."""
+    result: np.dtype[Any] = np.dtype(A.dtype if dtype is None else dtype)
+    if result not in (np.float32, np.float64):
+        raise TypeError(f"dtype is {result}, but must be float32 or float64")
+    return result
 
 
 def is_positive(spectrum: Array, dtype: Any) -> bool:

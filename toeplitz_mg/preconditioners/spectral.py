@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 from scipy import fft
 from scipy.linalg import norm
 from scipy.sparse.linalg import LinearOperator
@@ -14,7 +14,7 @@ from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.schur import schur_column
 from toeplitz_mg.operators.work import count_transforms
-from toeplitz_mg.preconditioners.positivity import is_positive
+from toeplitz_mg.preconditioners.positivity import is_positive, precision
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 
 Array = NDArray[Any]
@@ -22,18 +22,21 @@ Array = NDArray[Any]
 RESOLVED = 0.25  # ‖A x - e₁‖ up to which the inverse from x is as good as a better one
 
 
-def spectral_preconditioner(A: LinearOperator) -> LinearOperator:
+def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of a Toeplitz matrix from the spectral factor of the symbol of A.
 
     Parameters
     ----------
     A : ToeplitzOperator of one level, or MaskedOperator of one
         Symmetric positive definite. That is enough: there is no other condition.
+    dtype : float32 or float64, optional
+        The precision in which it is kept and applied, that of `A` by default. In float32 it takes
+        half the memory and less time, inside an iteration in float64 too.
 
     Returns
     -------
     GohbergSemencul or MaskedOperator
-        Of the shape and dtype of `A`, symmetric. One product costs two work units.
+        Of the shape of `A`, symmetric. One product costs two work units.
 
     Raises
     ------
@@ -79,7 +82,7 @@ def spectral_preconditioner(A: LinearOperator) -> LinearOperator:
     double = full.astype(np.float64)
     factor = factor_column(double, sampled_symbol(double, (near_fast_length(len(double.c)),)))
     x = factor.x if factor and factor.residual <= RESOLVED else schur_column(double.c)[0]
-    M = GohbergSemencul(x.astype(full.dtype))
+    M = GohbergSemencul(x.astype(precision(full, dtype)))
     return M if mask is None else MaskedOperator(M, mask)
 
 

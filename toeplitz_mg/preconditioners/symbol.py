@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.work import count_transforms
+from toeplitz_mg.operators.convolution import cosine_sums
 
 Array = NDArray[Any]
 
+STEP = 64  # of the known lags in the distance at which a tail is fitted
 NEGLIGIBLE = 1e-9  # a coefficient, relative to that of lag 0
 SUMMABLE = 1.5  # exponent of lags that decay fast enough for a sum over some periods
 PERIODS = 16  # of 2n lags over which a tail is summed at most,
@@ -27,10 +27,9 @@ def sampled_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
         column = tail.periodised(column, *shape)
     else:
         for level, n in enumerate(shape):
-            column = _continued(column, level, n)
+            column = continued(column, level, n)
     # Σ over all lags of a_k cos kθ, by symmetry a cosine transform of the first column.
-    count_transforms(1, *shape)  # half as long as those of a product, as a cosine transform is
-    return np.asarray(fft.dctn(column, type=1))
+    return cosine_sums(column)
 
 
 def _flips(lags: Array) -> list[Array]:
@@ -41,11 +40,11 @@ def _flips(lags: Array) -> list[Array]:
 
 
 class _Tail:
-    """Coefficients beyond the last known lag, that decay as the last three of them do.
+    """Coefficients beyond the last known lag, that decay as the last of them do.
 
-    From the value, the slope and the curvature of their logarithm at the last but one, as a
-    power of a linear function of the lag, or where they decay faster, as the exponential of a
-    quadratic one: exact for the covariances exp(-k/ℓ), exp(-k²/ℓ²) and 1/(1 + k/ℓ)².
+    From the value, the slope and the curvature of their logarithm at a lag, as a power of a
+    linear function of the lag, or where they decay faster, as the exponential of a quadratic one:
+    for the covariances exp(-k/ℓ), exp(-k²/ℓ²) and (1 + k/ℓ)^-p.
     """
 
     def __init__(self, value: float, decay: float, curvature: float) -> None:
@@ -54,14 +53,24 @@ class _Tail:
     @classmethod
     def of(cls, column: Array) -> "_Tail | None":
         """Fit the tail, or return None where there is none, or one too slow to be summed."""
-        if len(column) < 4 or not column[-3] > column[-2] > column[-1] > NEGLIGIBLE * column[0]:
+        step = max(1, len(column) // STEP)
+        last = column[-2 * step - 1 :]
+        if (
+            len(column) < 4
+            or not last[-1] > NEGLIGIBLE * column[0]
+            or not np.all(np.diff(last) < 0)
+        ):
             return None
-        a, b, c = np.log(column[-3:]).tolist()
-        decay, curvature = (a - c) / 2, a - 2 * b + c
-        return None if curvature * SUMMABLE > decay**2 else cls(column[-2], decay, curvature)
+        a, b, c = np.log(last[::step]).tolist()
+        decay, curvature = (a - c) / (2 * step), (a - 2 * b + c) / step**2
+        if curvature * SUMMABLE > decay**2:
+            return None
+        tail = cls(1.0, decay, curvature)
+        tail.value = last[-1] / float(tail(np.array(step)))
+        return tail
 
     def __call__(self, t: Array) -> Array:
-        """The coefficients `t` lags beyond the last but one."""
+        """The coefficients `t` lags beyond the one where the tail was fitted."""
         if self.curvature * 100 < self.decay**2:  # exponent above 100: an exponential
             log = (min(self.curvature, 0.0) * t / 2 - self.decay) * t
             return np.asarray(self.value * np.exp(log))
@@ -71,12 +80,13 @@ class _Tail:
     def periodised(self, column: Array, n: int) -> Array:
         """Sum the coefficients of all lags ±k + 2nj, for k = 0 … n."""
         known = len(column)
+        beyond = max(1, known // STEP) + 1  # from the lag of the fit to the first unknown one
         sums = np.zeros(2 * n)
         sums[:known] = column
-        t = np.arange(2.0, 2 * n - known + 2)
+        t = np.arange(2.0 * n - known) + beyond
         sums[known:] = self(t)
         for period in range(1, max(PERIODS, FEW_LAGS // (2 * n))):
-            block = self(np.arange(2.0 * n) + (2 * n * period - known + 2))
+            block = self(np.arange(2.0 * n) + (2 * n * period - known + beyond))
             if not block[0] > NEGLIGIBLE * column[0]:
                 break
             sums += block
@@ -86,7 +96,7 @@ class _Tail:
         return folded
 
 
-def _continued(column: Array, level: int, n: int) -> Array:
+def continued(column: Array, level: int, n: int) -> Array:
     """Continue a level to the lags 0 … n: a coefficient that is not there is not zero.
 
     By the parabola that goes on with the slope of the last two and is flat at lag n.

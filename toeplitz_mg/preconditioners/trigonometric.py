@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import (
@@ -13,24 +13,27 @@ from toeplitz_mg.operators import (
 )
 from toeplitz_mg.operators.convolution import COSINE, SINE, Transforms, near_fast_length
 from toeplitz_mg.operators.masked import toeplitz_and_mask
-from toeplitz_mg.preconditioners.positivity import require_positive, robust, rounding
+from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust, rounding
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 
 Array = NDArray[Any]
 
 
-def cosine_preconditioner(A: LinearOperator) -> LinearOperator:
+def cosine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of the DCT-II matrix whose eigenvalues are samples of the symbol of A.
 
     Parameters
     ----------
     A : ToeplitzOperator or MaskedOperator of one
         Symmetric positive definite, of any number of levels.
+    dtype : float32 or float64, optional
+        The precision in which it is kept and applied, that of `A` by default. In float32 it takes
+        half the memory and less time, inside an iteration in float64 too.
 
     Returns
     -------
     DiagonalisedOperator or MaskedOperator
-        Of the shape and dtype of `A`, symmetric positive definite. One product costs half a work
+        Of the shape of `A`, symmetric positive definite. One product costs half a work
         unit in one level (1/2^d in d levels).
 
     Raises
@@ -54,10 +57,7 @@ def cosine_preconditioner(A: LinearOperator) -> LinearOperator:
 
     Examples
     --------
-    >>> from typing import Any
-
-    import numpy as np
-    from numpy.typing import NDArray
+    >>> import numpy as np
     >>> from scipy.sparse.linalg import cg
     >>> import toeplitz_mg as tmg
     >>> A = tmg.ToeplitzOperator(1.0 / (1.0 + np.arange(1000)))
@@ -65,21 +65,24 @@ def cosine_preconditioner(A: LinearOperator) -> LinearOperator:
     >>> info
     0
     """
-    return cosine_inverse(A, _samples(A))
+    return cosine_inverse(A, _samples(A), dtype)
 
 
-def sine_preconditioner(A: LinearOperator) -> LinearOperator:
+def sine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of the DST-II matrix whose eigenvalues are samples of the symbol of A.
 
     Parameters
     ----------
     A : ToeplitzOperator or MaskedOperator of one
         Symmetric positive definite, of any number of levels.
+    dtype : float32 or float64, optional
+        The precision in which it is kept and applied, that of `A` by default. In float32 it takes
+        half the memory and less time, inside an iteration in float64 too.
 
     Returns
     -------
     DiagonalisedOperator or MaskedOperator
-        Of the shape and dtype of `A`, symmetric positive definite. One product costs half a work
+        Of the shape of `A`, symmetric positive definite. One product costs half a work
         unit in one level (1/2^d in d levels).
 
     Raises
@@ -97,10 +100,7 @@ def sine_preconditioner(A: LinearOperator) -> LinearOperator:
 
     Examples
     --------
-    >>> from typing import Any
-
-    import numpy as np
-    from numpy.typing import NDArray
+    >>> import numpy as np
     >>> from scipy.sparse.linalg import cg
     >>> import toeplitz_mg as tmg
     >>> A = tmg.ToeplitzOperator(np.r_[2.0, -1.0, np.zeros(998)])
@@ -108,17 +108,21 @@ def sine_preconditioner(A: LinearOperator) -> LinearOperator:
     >>> info
     0
     """
-    return sine_inverse(A, _samples(A))
+    return sine_inverse(A, _samples(A), dtype)
 
 
-def cosine_inverse(A: LinearOperator, samples: Array) -> LinearOperator:
+def cosine_inverse(
+    A: LinearOperator, samples: Array, dtype: DTypeLike | None = None
+) -> LinearOperator:
     """Return `cosine_preconditioner` for samples of the symbol at θ = πk/n, k = 0 … n."""
-    return _inverse(A, samples, COSINE, 0, "cosine", "sine_preconditioner(A)")
+    return _inverse(A, samples, COSINE, 0, dtype)
 
 
-def sine_inverse(A: LinearOperator, samples: Array) -> LinearOperator:
+def sine_inverse(
+    A: LinearOperator, samples: Array, dtype: DTypeLike | None = None
+) -> LinearOperator:
     """Return `sine_preconditioner` for samples of the symbol at θ = πk/n, k = 0 … n."""
-    return _inverse(A, samples, SINE, 1, "sine", "cosine_preconditioner(A)")
+    return _inverse(A, samples, SINE, 1, dtype)
 
 
 def _samples(A: LinearOperator) -> Array:
@@ -127,22 +131,28 @@ def _samples(A: LinearOperator) -> Array:
 
 
 def _inverse(
-    A: LinearOperator, samples: Array, transforms: Transforms, first: int, name: str, other: str
+    A: LinearOperator,
+    samples: Array,
+    transforms: Transforms,
+    first: int,
+    dtype: DTypeLike | None,
 ) -> LinearOperator:
     full, mask = toeplitz_and_mask(A)
+    dtype = precision(full, dtype)
+    name, other = ("cosine", "sine") if transforms is COSINE else ("sine", "cosine")
     shape = tuple(m - 1 for m in samples.shape)
     samples = samples[tuple(slice(first, first + n) for n in shape)]
-    error = rounding(samples, full.dtype)
+    error = rounding(samples, dtype)
     # A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
     # the lowest are as good as that rounding.
     if samples.min() > -error and np.count_nonzero(samples < 25.0 * error) > 1:
         samples = np.maximum(samples, 1.01 * error)
     require_positive(
         samples,
-        full.dtype,
+        dtype,
         f"the symbol of A, which the {name} preconditioner samples, has the value",
-        f"{other}, or {robust(len(shape))}",
+        f"{other}_preconditioner(A), or {robust(len(shape))}",
     )
-    product = Convolution(1.0 / samples, shape, full.grid_shape, full.dtype, transforms)
+    product = Convolution(1.0 / samples, shape, full.grid_shape, dtype, transforms)
     M = DiagonalisedOperator(product, f"{name} transform")
     return M if mask is None else MaskedOperator(M, mask)

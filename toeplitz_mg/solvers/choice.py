@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
-from scipy.sparse.linalg import LinearOperator, cg
+from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.convolution import near_fast_length
@@ -17,6 +17,7 @@ from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.preconditioners.spectral import RESOLVED, factor_column
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_inverse, sine_inverse
+from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.inverse import first_column
 
 Array = NDArray[Any]
@@ -26,7 +27,7 @@ MOST_ITERATIONS = 16  # of CG: the inverse costs no more than twice that
 HARDLY_RESOLVED = 100.0  # ‖A x - e₁‖ up to which the symbol is worth something
 FEW = 2  # columns, for which the inverse is not worth its set-up
 SECONDS = 5e6  # in microseconds
-LARGEST_DENSE = 2048  # unknowns, a third of a second
+LARGEST_DENSE = 4096  # unknowns, two seconds
 
 
 class Method(NamedTuple):
@@ -119,9 +120,11 @@ def _cg(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -> tuple[Row
     counts = []
     for x, b in zip(X, B, strict=True):
         steps = count()
-        x[:], info = cg(
-            A, b, M=M, rtol=rtol, maxiter=MOST_ITERATIONS, callback=lambda _, s=steps: next(s)
-        )
+
+        def step(_: Array, steps: Iterator[int] = steps) -> None:
+            next(steps)
+
+        x[:], info = cg(A, b, M=M, rtol=rtol, maxiter=MOST_ITERATIONS, callback=step)
         if info != 0:
             raise np.linalg.LinAlgError(f"cg has not converged in {MOST_ITERATIONS} iterations")
         counts.append(next(steps))

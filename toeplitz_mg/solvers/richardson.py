@@ -10,6 +10,7 @@ from scipy.linalg import norm
 from scipy.sparse.linalg import aslinearoperator
 
 from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.solvers.checks import checked_vector, require_tolerances
 
 Array = NDArray[Any]
 
@@ -87,15 +88,13 @@ def richardson(
     M = None if M is None else aslinearoperator(M)
     if M is not None and M.shape != A.shape:
         raise ValueError(f"M has shape {M.shape}, but A has {A.shape}")
-    for name, tolerance in (("rtol", rtol), ("atol", atol)):
-        if not 0.0 <= tolerance < np.inf:
-            raise ValueError(f"{name} is {tolerance}, but must be finite and not negative")
+    require_tolerances(rtol, atol)
     if maxiter is None:
         maxiter = 10 * n
     elif index(maxiter) < 1:
         raise ValueError(f"maxiter is {maxiter}, but must be at least 1")
-    b = _vector(b, "b", n)
-    guess = None if x0 is None else _vector(x0, "x0", n)
+    b = checked_vector(b, "b", n)
+    guess = None if x0 is None else checked_vector(x0, "x0", n)
     dtype = np.result_type(A.dtype, b.dtype, b.dtype if guess is None else guess.dtype)
     if M is not None and M.dtype.kind == "c":
         dtype = np.result_type(dtype, np.complex64)
@@ -118,8 +117,9 @@ def richardson(
             return x, max(iterations, 1)
         # A diverging iterate is reported, not warned of.
         with np.errstate(over="ignore", invalid="ignore"):
-            x += r if M is None else apply_to_rows(M, r)
-            r = b - apply_to_rows(A, x)
+            x += r if M is None else apply_to_rows(M, r, r)
+            apply_to_rows(A, x, r)
+            np.subtract(b, r, out=r)
             residual = _norm(r)
         iterations += 1
         if residual < best:
@@ -127,19 +127,6 @@ def richardson(
         if callback is not None:
             callback(x)
     return x, 0
-
-
-def _vector(values: ArrayLike, name: str, n: int) -> Array:
-    array = np.asarray(values)
-    if array.dtype.kind not in "buifc":
-        raise TypeError(f"{name} has dtype {array.dtype}, but must be of numbers")
-    if array.shape not in ((n,), (n, 1)):
-        raise ValueError(f"{name} has shape {array.shape}, but A has {(n, n)}")
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name} has entries that are not finite")
-    if array.dtype.kind in "bui" or array.dtype == np.float16:
-        array = array.astype(np.float64)
-    return array.reshape(n)
 
 
 def _norm(r: Array) -> float:

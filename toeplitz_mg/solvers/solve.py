@@ -21,6 +21,7 @@ ACCEPTED = 1e4 * EPS  # backward error up to which an answer is given
 CORRECTION = 1e-2  # relative residual to which a correction is solved for
 ILL_CONDITIONED = 1e-8  # relative residual above which the user is told
 SINGULAR = 0.1  # relative residual above which there is no answer in float64
+GOOD = 64 * EPS  # backward error at which no other method is tried
 SHORT = 1024  # unknowns up to which a product by its definition is as fast as by FFT
 
 
@@ -31,6 +32,9 @@ class SolveInfo(NamedTuple):
     iterations: int  # of CG, most of all columns; and corrections by a direct method
     residual: float  # ‖b - A x‖/‖b‖, the largest of all columns
     backward_error: float  # ‖b - A x‖/(‖A‖₁ ‖x‖ + ‖b‖), the largest of all columns
+
+
+SOLVED = SolveInfo("scipy.linalg.solve_toeplitz", 1, 0.0, 0.0)  # checked, but not reported
 
 
 @overload
@@ -71,7 +75,7 @@ def solve_toeplitz(
         symmetric where r equals c but for that entry. Leading dimensions are a batch, as in SciPy.
     b : array_like of shape (n,) or (..., n, k)
     check_finite : bool
-        Whether to look for numbers that are not finite.
+        Whether to look for numbers that are not finite; the solution for them is not a number.
     rtol : float
         Where ‖b - A x‖ ≤ rtol ‖b‖ the system is solved; where rounding does not allow that, the
         backward error is to be that of a direct method.
@@ -94,13 +98,13 @@ def solve_toeplitz(
         For what is not numbers.
     ValueError
         For shapes that do not match, for numbers that are not finite, or an `rtol` that is not
-        positive and finite.
+        between 0 and 1.
 
     Warns
     -----
     scipy.linalg.LinAlgWarning
-        Where the residual ‖b - A x‖ is above 1e-8 ‖b‖: A is so ill-conditioned that no solution
-        in float64 does better, and x may have few correct digits.
+        Where the residual ‖b - A x‖ is above 1e-8 ‖b‖ and `rtol`: A is so ill-conditioned that
+        no solution in float64 does better, and x may have few correct digits.
 
     Notes
     -----
@@ -118,8 +122,8 @@ def solve_toeplitz(
     >>> info.method, info.residual <= 1e-12
     ('cg, spectral_preconditioner', True)
     """
-    if not 0.0 < rtol < np.inf:
-        raise ValueError(f"rtol is {rtol}, but must be positive and finite")
+    if not 0.0 < rtol < 1.0:
+        raise ValueError(f"rtol is {rtol}, but must be between 0 and 1")
     c, r = c_or_cr if isinstance(c_or_cr, tuple) else (c_or_cr, None)
     c, b = _numbers(c, "c"), _numbers(b, "b")
     r = c.conj() if r is None else _numbers(r, "r")
@@ -129,10 +133,10 @@ def solve_toeplitz(
         if x is not None:
             return x
     if c.ndim > 1 or r.ndim > 1 or b.ndim > 2:
-        x, info = _batch(c, r, b, check_finite, rtol)
+        x, info = _batch(c, r, b, check_finite, rtol, full_output)
     else:
         x, info = _solve(c, r, b, check_finite, rtol)
-    if info.residual > ILL_CONDITIONED:
+    if info.residual > max(ILL_CONDITIONED, rtol):
         warnings.warn(
             f"‖b - A x‖/‖b‖ is {info.residual:.1e} although x is the solution of a system that "
             f"differs from this one by {info.backward_error:.1e}: A is ill-conditioned, and x may "
@@ -165,7 +169,8 @@ def _short(c: Array, r: Array, b: Array, check_finite: bool, rtol: float) -> Arr
     with np.errstate(over="ignore", invalid="ignore"):
         error, sizes = norm(b_w - np.convolve(lags, x_w, "valid")), norm(b, axis=0)
         rounding = ROUNDING * np.abs(lags).sum() * norm(x_w)
-    smallest, largest = float(np.min(sizes)), float(np.max(sizes))
+    largest = float(np.max(sizes))
+    smallest = float(np.min(sizes, where=sizes > 0.0, initial=np.inf)) if largest else 1.0
     if not (smallest > 1e-140 and largest < 1e140):  # squares over- or underflow
         return None
     solved = error <= rtol * smallest or error <= min(rounding, ILL_CONDITIONED * smallest)
@@ -173,7 +178,7 @@ def _short(c: Array, r: Array, b: Array, check_finite: bool, rtol: float) -> Arr
 
 
 def _batch(
-    c: Array, r: Array, b: Array, check_finite: bool, rtol: float
+    c: Array, r: Array, b: Array, check_finite: bool, rtol: float, full_output: bool
 ) -> tuple[Array, SolveInfo]:
     """Solve each system of a batch, whose shapes are broadcast."""
     core = min(b.ndim, 2)
@@ -183,7 +188,13 @@ def _batch(
     c, r, b = (
         np.broadcast_to(a, batch + a.shape[a.ndim - k :]) for a, k in ((c, 1), (r, 1), (b, core))
     )
-    solutions = [_solve(c[k], r[k], b[k], check_finite, rtol) for k in np.ndindex(batch)]
+    columns = 1 if core < 2 else b.shape[-1]
+    quick = not full_output and c.shape[-1] <= SHORT and levinson_is_faster(c.shape[-1], columns)
+    solutions: list[tuple[Array, SolveInfo]] = []
+    for k in np.ndindex(batch):
+        x = _short(c[k], r[k], b[k], check_finite, rtol) if quick else None
+        found = _solve(c[k], r[k], b[k], check_finite, rtol) if x is None else (x, SOLVED)
+        solutions.append(found)
     x = np.stack([x for x, _ in solutions]).reshape(b.shape)
     return x, max((info for _, info in solutions), key=lambda info: info.residual)
 
@@ -209,12 +220,17 @@ def _solve(
     B = np.ascontiguousarray(B, dtype)
     if B.size == 0:
         X, info = B, SolveInfo("none", 0, 0.0, 0.0)
+    elif not (np.isfinite(c).all() and np.isfinite(r[1:]).all() and np.isfinite(B).all()):
+        X, info = np.full_like(B, np.nan), SolveInfo("none", 0, np.nan, np.nan)
     else:
-        # Scaled without rounding, so that no norm and no transform over- or underflows.
+        # Scaled without rounding, so that no norm and no transform over- or underflows; the
+        # negative of a negative definite matrix is positive definite.
         of_A, of_B = _exponents(np.concatenate([c, r[1:]])), _exponents(B)
-        scale = np.ldexp(1.0, -of_A)
+        scale = np.copysign(np.ldexp(1.0, -of_A), c[0].real)
         X, info = _checked(c * scale, r * scale, B * np.ldexp(1.0, -of_B), rtol)
-        X *= np.ldexp(1.0, of_B - of_A)
+        power = of_B - of_A
+        X *= np.copysign(np.ldexp(1.0, power // 2), c[0].real)
+        X *= np.ldexp(1.0, power - power // 2)
     if is_complex and not complex_matrix:
         half = len(X) // 2
         X = X[:half] + 1j * X[half:]
@@ -227,20 +243,25 @@ def _checked(c: Array, r: Array, B: Rows, rtol: float) -> tuple[Rows, SolveInfo]
     multiply = A._matvec if A else _product(c, r)
     size_of_A = float(np.abs(c).sum() + np.abs(r[1:]).sum())  # ≥ ‖A‖₁
     sizes = _norms(B)
-    best = ""
+    best: tuple[Rows, SolveInfo] | None = None
+    tried = ""
     for name, solve in methods(c, r, len(B), A):
         try:
             X, info = _corrected(name, solve, multiply, B, sizes, size_of_A, rtol)
         except np.linalg.LinAlgError:
             continue
-        if info.residual <= rtol or (info.backward_error <= ACCEPTED and info.residual <= SINGULAR):
+        if best is None or info.backward_error < best[1].backward_error:
+            best = X, info
+        if info.residual <= rtol or (info.backward_error <= GOOD and info.residual <= SINGULAR):
             return X, info
-        best += (
+        tried += (
             f"; by {name} ‖b - A x‖ is {info.residual:.1e} ‖b‖ and the backward error "
             f"{info.backward_error:.1e}"
         )
+    if best and best[1].backward_error <= ACCEPTED and best[1].residual <= SINGULAR:
+        return best
     raise np.linalg.LinAlgError(
-        "A is singular, exactly or numerically, or too large and not positive definite" + best
+        "A is singular, exactly or numerically, or too large and not positive definite" + tried
     )
 
 

@@ -1,0 +1,100 @@
+"""cg: SciPy's iterates, its signature and its answers, without its allocations."""
+
+import numpy as np
+import pytest
+import scipy.sparse.linalg
+from numpy.testing import assert_allclose
+
+import toeplitz_mg as tmg
+from comparisons.symbols import column
+
+
+def system(n=900):
+    A = tmg.ToeplitzOperator(column("contact", n))
+    return A, np.random.default_rng(0).standard_normal(n)
+
+
+@pytest.mark.parametrize("preconditioner", [None, tmg.fft_preconditioner, tmg.chan_preconditioner])
+@pytest.mark.parametrize("with_guess", [False, True])
+def test_the_iterates_are_those_of_scipy(preconditioner, with_guess):
+    A, b = system()
+    M = preconditioner and preconditioner(A)
+    x0 = np.arange(900.0) if with_guess else None
+    ours, theirs = [], []
+    for cg, iterates in ((tmg.cg, ours), (scipy.sparse.linalg.cg, theirs)):
+        x, info = cg(
+            A, b, x0, M=M, rtol=1e-10, maxiter=8, callback=lambda x, i=iterates: i.append(x.copy())
+        )
+        iterates.append(x)
+        assert info == (8 if M is None or with_guess else info)
+    assert_allclose(ours, theirs, atol=1e-7 * np.abs(theirs[-1]).max())
+
+
+def test_plain_arrays_and_sparse_matrices():
+    A = np.diag(np.arange(1.0, 6.0))
+    x, info = tmg.cg(A, np.ones((5, 1)), M=np.eye(5), rtol=1e-12)
+    assert info == 0
+    assert_allclose(x, 1 / np.arange(1.0, 6.0))
+    x, info = tmg.cg(scipy.sparse.csr_array(A), [1, 1, 1, 1, 1], rtol=1e-12)
+    assert info == 0
+    assert_allclose(x, 1 / np.arange(1.0, 6.0))
+
+
+@pytest.mark.parametrize(
+    "preconditioner",
+    [
+        tmg.strang_preconditioner,
+        tmg.chan_preconditioner,
+        tmg.fft_preconditioner,
+        tmg.fft_rsm_preconditioner,
+        tmg.cosine_preconditioner,
+        tmg.sine_preconditioner,
+        tmg.spectral_preconditioner,
+    ],
+)
+@pytest.mark.parametrize("n", [900, 40000])
+def test_a_preconditioner_in_float32_costs_few_iterations(preconditioner, n):
+    A, b = system(n)
+    counts = []
+    for dtype in (np.float64, np.float32):
+        steps = []
+        M = preconditioner(A, dtype=dtype)
+        assert M.dtype == dtype
+        x, info = tmg.cg(A, b, M=M, rtol=1e-10, callback=lambda x, s=steps: s.append(1))
+        assert info == 0
+        assert np.linalg.norm(b - A @ x) <= 2e-10 * np.linalg.norm(b)
+        counts.append(len(steps))
+    assert counts[1] <= counts[0] + 3
+    with pytest.raises(TypeError, match="dtype is int64"):
+        preconditioner(A, dtype=int)
+
+
+def test_what_is_not_positive_definite_is_reported():
+    A, b = system(50)
+    x, info = tmg.cg(-A, b)
+    assert info == 1
+    assert not x.any()
+    x, info = tmg.cg(A, b, M=-np.eye(50))
+    assert info == 1
+    assert not x.any()
+    x, info = tmg.cg(A, np.zeros(50))
+    assert info == 0
+    assert not x.any()
+
+
+def test_refuses_bad_arguments():
+    A, b = system(50)
+    for arguments, error, match in (
+        ({"b": b[:40]}, ValueError, "b has shape"),
+        ({"b": b * np.nan}, ValueError, "b has entries"),
+        ({"b": b * 1j}, TypeError, "real numbers"),
+        ({"b": b, "x0": b[:40]}, ValueError, "x0 has shape"),
+        ({"b": b, "M": np.eye(40)}, ValueError, "M has shape"),
+        ({"b": b, "rtol": -1.0}, ValueError, "rtol is -1"),
+        ({"b": b, "maxiter": 0}, ValueError, "maxiter is 0"),
+        ({"b": b, "maxiter": 1.5}, TypeError, "float"),
+    ):
+        with pytest.raises(error, match=match):
+            tmg.cg(A, **arguments)
+    with pytest.raises(ValueError, match="must be square"):
+        tmg.cg(np.ones((2, 3)), b)
