@@ -362,7 +362,7 @@ class OneStep:
 
 @lru_cache(maxsize=64)
 def _weights(length: int, shift: float, dtype: np.dtype[Any]) -> Array:
-    return np.exp(-2j * np.pi * shift / length * np.arange(length)).astype(dtype)
+    return np.asarray(np.exp(-2j * np.pi * shift / length * np.arange(length)), dtype)
 
 
 class Panels:

@@ -206,7 +206,7 @@ def _near_square(length: int) -> tuple[int, int]:
 
 @lru_cache(maxsize=16)
 def _weights(rows: int, shift: float, dtype: np.dtype[Any]) -> Array:
-    return np.exp(-2j * np.pi * shift / rows * np.arange(rows))[:, np.newaxis].astype(dtype)
+    return np.asarray(np.exp(-2j * np.pi * shift / rows * np.arange(rows))[:, np.newaxis], dtype)
 
 
 @lru_cache(maxsize=8)
@@ -221,7 +221,8 @@ def _twiddles(
 
 def _row_of_twiddles(k1: int, columns: int, L: int) -> Array:
     """exp(-2πi j₂ k₁/L) for all j₂, from an argument that is reduced."""
-    return np.exp(-2j * np.pi * (np.arange(columns, dtype=np.int64) * k1 % L / L))
+    turns = np.arange(columns, dtype=np.int64) * k1 % L / L
+    return np.asarray(np.exp(-2j * np.pi * turns))
 
 
 def _share(work: Callable[[range], None], count: int) -> None:
