@@ -10,7 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from toeplitz_mg import halfspace
-from toeplitz_mg.operators.convolution import near_fast_length
+from toeplitz_mg.operators.transforms import near_fast_length
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,9 @@ from scipy.linalg import matmul_toeplitz, toeplitz
 
 import toeplitz_mg as tmg
 from toeplitz_mg.operators import fourstep
-from toeplitz_mg.operators.convolution import DENSE, LONG, ToeplitzProduct
+from toeplitz_mg.operators.convolution import DENSE, ToeplitzProduct
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
+from toeplitz_mg.operators.transforms import LONG
 
 # On both sides of every change of method, primes, squares, powers of 2.
 LENGTHS = [1, 2, 3, DENSE, DENSE + 1, 1021, 4096, LONG - 1, LONG, LONG + 3, 40000, 2**16]

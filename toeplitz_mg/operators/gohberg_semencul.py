@@ -6,13 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators.convolution import (
-    GohbergSemenculProduct,
-    Product,
-    TriangularProducts,
-    near_fast_length,
-)
+from toeplitz_mg.operators.convolution import GohbergSemenculProduct, Product, TriangularProducts
 from toeplitz_mg.operators.rows import as_rows
+from toeplitz_mg.operators.transforms import near_fast_length
 
 Array = NDArray[Any]
 

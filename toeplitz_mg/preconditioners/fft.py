@@ -8,8 +8,8 @@ from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
-from toeplitz_mg.operators.convolution import LONG, cosine_sums, near_fast_length
 from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.transforms import LONG, cosine_sums, near_fast_length
 from toeplitz_mg.operators.work import count_transforms
 from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust
 from toeplitz_mg.preconditioners.symbol import continued

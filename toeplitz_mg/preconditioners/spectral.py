@@ -9,10 +9,10 @@ from scipy.linalg import norm
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
-from toeplitz_mg.operators.convolution import near_fast_length
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.schur import schur_column
+from toeplitz_mg.operators.transforms import near_fast_length
 from toeplitz_mg.operators.work import count_transforms
 from toeplitz_mg.preconditioners.positivity import is_positive, precision
 from toeplitz_mg.preconditioners.symbol import sampled_symbol

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.convolution import cosine_sums
+from toeplitz_mg.operators.transforms import cosine_sums
 
 Array = NDArray[Any]
 

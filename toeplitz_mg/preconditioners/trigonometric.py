@@ -11,8 +11,9 @@ from toeplitz_mg.operators import (
     DiagonalisedOperator,
     MaskedOperator,
 )
-from toeplitz_mg.operators.convolution import COSINE, SINE, Transforms, near_fast_length
+from toeplitz_mg.operators.convolution import COSINE, SINE, Transforms
 from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.transforms import near_fast_length
 from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust, rounding
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 

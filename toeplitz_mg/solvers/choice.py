@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.convolution import near_fast_length
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
+from toeplitz_mg.operators.transforms import near_fast_length
 from toeplitz_mg.preconditioners.spectral import RESOLVED, factor_column
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_inverse, sine_inverse
