@@ -1,0 +1,94 @@
+"""The backend ducc0 gives what SciPy gives; all that is tested elsewhere holds with it."""
+
+import numpy as np
+import pytest
+import scipy.fft
+from numpy.testing import assert_allclose
+
+import toeplitz_mg as tmg
+from comparisons.symbols import column
+
+ducc0_backend = pytest.importorskip("toeplitz_mg.ducc0_backend", exc_type=ImportError)
+
+X = np.random.default_rng(0).standard_normal((3, 5, 8))
+Z = X + 1j * X[::-1]
+CALLS = [
+    (name, array, {"n": n, "axis": axis, "norm": norm})
+    for name, array in (("fft", X), ("fft", Z), ("ifft", Z), ("rfft", X), ("irfft", Z))
+    for n in (None, 4, 9)
+    for axis in (-1, 1)
+    for norm in (None, "ortho", "forward")
+] + [
+    (name, array, {"s": s, "axes": axes, "norm": norm})
+    for name, array in (
+        ("rfftn", X),
+        ("irfftn", Z),
+        ("dctn", X),
+        ("idctn", X),
+        ("dstn", X),
+        ("idstn", X),
+    )
+    for s, axes in ((None, None), ((4, 9), None), ((9, 4), (-1, -2)), ((6, 7), (1, 2)))
+    for norm in (None, "ortho", "forward")
+]
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize(("name", "array", "arguments"), CALLS)
+def test_transforms(name, array, arguments, dtype):
+    array = array.astype(np.result_type(dtype, np.complex64) if np.iscomplexobj(array) else dtype)
+    function = getattr(scipy.fft, name)
+    kept = array.copy()
+    expected = function(array, **arguments)
+    with scipy.fft.set_backend(ducc0_backend, only=True):
+        result = function(array, **arguments)
+        overwriting = function(array.copy(), overwrite_x=True, **arguments)
+    tolerance = 100 * np.finfo(dtype).eps * np.abs(expected).max()
+    assert result.dtype == expected.dtype
+    assert_allclose(result, expected, rtol=0, atol=tolerance)
+    assert_allclose(overwriting, expected, rtol=0, atol=tolerance)
+    assert np.array_equal(array, kept)
+
+
+def test_what_it_has_not_scipy_does():
+    with scipy.fft.set_backend(ducc0_backend):
+        assert_allclose(scipy.fft.dct(X), scipy.fft.dctn(X, axes=-1))
+        assert_allclose(scipy.fft.hfft(Z), scipy.fft.hfft(Z))
+
+
+@pytest.mark.parametrize("n", [100, 1000, 4099, 40000, 2**16])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_products_are_the_same(n, dtype):
+    A = tmg.ToeplitzOperator(column("contact", n).astype(dtype))
+    x = np.random.default_rng(0).standard_normal(n).astype(dtype)
+    functions = (
+        tmg.fft_preconditioner,
+        tmg.fft_rsm_preconditioner,
+        tmg.chan_preconditioner,
+        tmg.cosine_preconditioner,
+        tmg.sine_preconditioner,
+        tmg.multigrid,
+    )
+    operators = [A, *(f(A) for f in functions)]
+    expected = [B @ x for B in operators]
+    with scipy.fft.set_backend(ducc0_backend):
+        results = [B @ x for B in operators]
+        y = tmg.ToeplitzOperator(A.c) @ x
+    results.append(y)
+    expected.append(expected[0])
+    for result, exact in zip(results, expected, strict=True):
+        tolerance = (1e-14 if dtype == np.float64 else 1e-5) * np.abs(exact).max()
+        assert_allclose(result, exact, rtol=0, atol=10 * tolerance)
+
+
+def test_iterations_are_the_same():
+    A = tmg.ToeplitzOperator(column("contact", 2**15))
+    b = np.random.default_rng(0).standard_normal(2**15)
+    counts = []
+    for backend in ("scipy", ducc0_backend):
+        with scipy.fft.set_backend(backend):
+            steps = []
+            tmg.cg(A, b, M=tmg.fft_preconditioner(A), rtol=1e-8, callback=steps.append)
+            _, info = tmg.solve_toeplitz(A.c, b, full_output=True)
+            counts.append((len(steps), info.iterations, info.method))
+    assert counts[0] == counts[1]
