@@ -119,10 +119,19 @@ class Panels:
         return self.plan.eigenvalues(spectrum)
 
     def cosine_sums(self, a: Array) -> Array:
-        """As the function of that name, for a of shape (L + 1,), L even.
+        """As the function of that name, for a of shape (L + 1,), L even."""
+        return self._sums(a, 1.0)
 
-        Those of even k are the transform of e_j = a_j + a_(L-j); those of odd k are that of
-        o_j = a_j - a_(L-j), at the frequencies k + 1/2. Both are real: one transform has both.
+    def sine_sums(self, a: Array) -> Array:
+        """As the function of that name, for a of shape (L + 1,), L even, with zeros at its ends."""
+        return self._sums(a, -1.0)
+
+    def _sums(self, a: Array, sign: float) -> Array:
+        """Transform an even or odd sequence of period 2 L.
+
+        Those of even k are the transform of e_j = a_j ± a_(L-j); those of odd k are that of
+        o_j = a_j ∓ a_(L-j), at the frequencies k + 1/2. Of an even sequence both are real, of an
+        odd one imaginary: one transform, of e + i o w, has both.
         """
         L = self.length
         ahead, back = (x.reshape(self.plan.shape) for x in (a[:-1], a[:0:-1]))
@@ -131,7 +140,7 @@ class Panels:
         v = np.exp(-1j * np.pi / L * np.arange(columns_of))
 
         def load(columns: slice, P: Array) -> None:
-            x, y = ahead[:, columns], back[:, columns]
+            x, y = ahead[:, columns], back[:, columns] * sign
             np.multiply(x - y, u, out=P)
             P *= v[columns]
             real = P.real
@@ -140,8 +149,9 @@ class Panels:
 
         Z = self.plan.spectrum(load, 0.0)[:, : columns_of // 2 + 1]
         f = np.empty(L + 1)
-        f[::2] = Z.real.T.ravel()[: L // 2 + 1]
-        f[1::2] = Z.imag.T.ravel()[: L // 2]
+        even, odd = (Z.real, Z.imag) if sign > 0.0 else (-Z.imag, Z.real)
+        f[::2] = even.T.ravel()[: L // 2 + 1]
+        f[1::2] = odd.T.ravel()[: L // 2]
         return f
 
     def multiply_real(self, X: Array, eigenvalues: Array, out: Array) -> None:
@@ -215,8 +225,31 @@ def cosine_sums(column: Array) -> Array:
     """
     shape = tuple(m - 1 for m in column.shape)
     count_transforms(1, *shape)  # half as long as those of a product
-    if len(shape) == 1 and shape[0] % 2 == 0:
-        plan = plan_of(shape[0], np.float64, exact=True)
-        if isinstance(plan, Panels):
-            return plan.cosine_sums(column)
+    if (panels := _panels_for_sums(column)) is not None:
+        return panels.cosine_sums(column)
     return np.asarray(fft.dctn(column, type=1))
+
+
+def sine_sums(column: Array) -> Array:
+    """Return f_k = 2 Σ a_j sin(πjk/n) over 0 < j < n, for k = 0 … n; a DST-I.
+
+    Parameters
+    ----------
+    column : ndarray of shape (n + 1,), float64
+        Its first and its last entry do not matter.
+    """
+    count_transforms(1, len(column) - 1)
+    a = np.zeros_like(column)
+    a[1:-1] = column[1:-1]
+    if (panels := _panels_for_sums(a)) is not None:
+        return panels.sine_sums(a)
+    if len(a) > 2:
+        a[1:-1] = fft.dst(a[1:-1], type=1)
+    return a
+
+
+def _panels_for_sums(column: Array) -> Panels | None:
+    if column.ndim > 1 or len(column) % 2 == 0:
+        return None
+    plan = plan_of(len(column) - 1, np.float64, exact=True)
+    return plan if isinstance(plan, Panels) else None

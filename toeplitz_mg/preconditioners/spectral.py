@@ -4,7 +4,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
-from scipy import fft
 from scipy.linalg import norm
 from scipy.sparse.linalg import LinearOperator
 
@@ -12,8 +11,7 @@ from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.schur import schur_column
-from toeplitz_mg.operators.transforms import near_fast_length
-from toeplitz_mg.operators.work import count_transforms
+from toeplitz_mg.operators.transforms import cosine_sums, near_fast_length, sine_sums
 from toeplitz_mg.preconditioners.positivity import is_positive, precision
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 
@@ -52,7 +50,7 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     The symbol is f = |g|² with g causal: the causal half of the cepstrum, the Fourier
     coefficients of log f, is that of log g. With the coefficients q of 1/g, q₀ q is the first
     column of the inverse of the half-infinite matrix; the Gohberg-Semencul formula makes of its
-    first n entries an approximate inverse with two ends. It costs two work units to be made, and
+    first n entries an approximate inverse with two ends. It costs one work unit to be made, and
     one to be checked.
 
     The symbol is sampled by embedding A in a circulant. That has eigenvalues that are not
@@ -102,12 +100,11 @@ def factor_column(A: ToeplitzOperator, samples: Array) -> Factor | None:
     m = len(samples) - 1
     if not is_positive(samples, A.dtype):
         return None
-    count_transforms(4, 2 * m)
-    cepstrum = fft.irfft(np.log(samples), 2 * m)
-    cepstrum[0] /= 2.0  # the causal half of log f, and so of f = |g|²
-    cepstrum[m] /= 2.0
-    cepstrum[m + 1 :] = 0.0
-    q = fft.irfft(np.exp(-fft.rfft(cepstrum)), 2 * m)[:n]  # of 1/g
+    # With the causal half of the cepstrum log g has the real part ½ log f; -φ is its imaginary
+    # part, and 1/g = f^(-1/2) (cos φ + i sin φ).
+    phi = sine_sums(cosine_sums(np.log(samples)) / (4 * m))
+    size = 1.0 / np.sqrt(samples)
+    q = (cosine_sums(size * np.cos(phi)) - sine_sums(size * np.sin(phi)))[:n] / (2 * m)
     x = np.asarray(q[0] * q)
     r = A @ x
     r[0] -= 1.0
