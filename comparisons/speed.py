@@ -38,10 +38,10 @@ from comparisons.symbols import column
 
 Array = NDArray[Any]
 Action = Callable[[], Any]
-Contender = Callable[[str, int], Action]  # the symbol and n; the call is the set-up
+Contender = Callable[[Array, Array], Action]  # the column and the vector; the call is the set-up
 
 TOLERANCE = 1e-8
-PRODUCT_SIZES = tuple(2**k for k in range(4, 25))
+PRODUCT_SIZES = tuple(2**k for k in range(4, 25, 2))
 SOLVE_SIZES = tuple(2**k for k in range(6, 23, 2))
 QUICK_PRODUCTS, QUICK_SOLVES = (2**6, 2**10, 2**14), (2**6, 2**10)
 TURN_SECONDS = 1.0  # of one contender's runs of one size
@@ -93,61 +93,55 @@ def strang_column(c: Array) -> Array:
     return np.asarray(c[np.minimum(k, n - k)])
 
 
-def rhs(n: int) -> Array:
-    """Return the right-hand side of all."""
-    return np.random.default_rng(0).standard_normal(n)
-
-
-def plain_product(name: str, n: int) -> Action:
+def plain_product(c: Array, b: Array) -> Action:
     """Multiply by hand."""
-    return partial(Plain(column(name, n)), rhs(n))
+    return partial(Plain(c), b)
 
 
-def our_product(name: str, n: int) -> Action:
+def our_product(c: Array, b: Array) -> Action:
     """Multiply by the engine."""
-    return partial(tmg.ToeplitzOperator(column(name, n))._apply, rhs(n), np.empty(n))
+    return partial(tmg.ToeplitzOperator(c)._apply, b, np.empty_like(b))
 
 
-def operator_product(name: str, n: int) -> Action:
+def operator_product(c: Array, b: Array) -> Action:
     """Multiply by the LinearOperator, with SciPy's checks."""
-    A, x = tmg.ToeplitzOperator(column(name, n)), rhs(n)
-    return lambda: A @ x
+    A = tmg.ToeplitzOperator(c)
+    return lambda: A @ b
 
 
-def matmul_toeplitz(name: str, n: int) -> Action:
+def matmul_toeplitz(c: Array, b: Array) -> Action:
     """Multiply by SciPy's function."""
-    return partial(scipy.linalg.matmul_toeplitz, column(name, n), rhs(n), check_finite=False)
+    return partial(scipy.linalg.matmul_toeplitz, c, b, check_finite=False)
 
 
-def fftconvolve(name: str, n: int) -> Action:
+def fftconvolve(c: Array, b: Array) -> Action:
     """Multiply by SciPy's convolution."""
-    c, x = column(name, n), rhs(n)
     lags = np.concatenate([c[:0:-1], c])
-    return lambda: scipy.signal.fftconvolve(lags, x, "valid")
+    return lambda: scipy.signal.fftconvolve(lags, b, "valid")
 
 
-def bare_transforms(name: str, n: int) -> Action:
+def bare_transforms(c: Array, b: Array) -> Action:
     """Transform only, in real numbers, there and back."""
-    x, length = rhs(n), scipy.fft.next_fast_len(2 * n - 1, real=True)
-    return lambda: scipy.fft.irfft(scipy.fft.rfft(x, length), length)
+    length = scipy.fft.next_fast_len(2 * len(c) - 1, real=True)
+    return lambda: scipy.fft.irfft(scipy.fft.rfft(b, length), length)
 
 
-def by_ducc0(contender: Contender, name: str, n: int) -> Action:
+def by_ducc0(contender: Contender, c: Array, b: Array) -> Action:
     """Do the same with the transforms of ducc0."""
     from toeplitz_mg import ducc0_backend
 
     scipy.fft.set_global_backend(ducc0_backend)
-    return contender(name, n)
+    return contender(c, b)
 
 
-def plain_cg(preconditioner: Callable[[Array], Any] | None, name: str, n: int) -> Action:
+def plain_cg(preconditioner: Callable[[Array], Any] | None, c: Array, b: Array) -> Action:
     """Solve by SciPy's cg with all written by hand, set-up included."""
-    c, b = column(name, n), rhs(n)
 
     def solve() -> Array:
-        A = LinearOperator((n, n), Plain(c), dtype=float)
+        shape = (len(c), len(c))
+        A = LinearOperator(shape, Plain(c), dtype=float)
         inverse = preconditioner and PlainCirculant(preconditioner(c))
-        M = None if inverse is None else LinearOperator((n, n), inverse, dtype=float)
+        M = None if inverse is None else LinearOperator(shape, inverse, dtype=float)
         x, info = cg(A, b, M=M, rtol=TOLERANCE, maxiter=2000)
         if info:
             raise ArithmeticError("not converged")
@@ -156,9 +150,8 @@ def plain_cg(preconditioner: Callable[[Array], Any] | None, name: str, n: int) -
     return solve
 
 
-def our_cg(preconditioner: Any, name: str, n: int) -> Action:
+def our_cg(preconditioner: Any, c: Array, b: Array) -> Action:
     """Solve by our cg, set-up included."""
-    c, b = column(name, n), rhs(n)
 
     def solve() -> Array:
         A = tmg.ToeplitzOperator(c)
@@ -170,9 +163,8 @@ def our_cg(preconditioner: Any, name: str, n: int) -> Action:
     return solve
 
 
-def our_multigrid(name: str, n: int) -> Action:
+def our_multigrid(c: Array, b: Array) -> Action:
     """Solve by V(0,1) cycles, set-up included."""
-    c, b = column(name, n), rhs(n)
 
     def solve() -> Array:
         A = tmg.ToeplitzOperator(c)
@@ -184,28 +176,27 @@ def our_multigrid(name: str, n: int) -> Action:
     return solve
 
 
-def drop_in(name: str, n: int) -> Action:
+def drop_in(c: Array, b: Array) -> Action:
     """Solve by `solve_toeplitz`."""
-    return partial(tmg.solve_toeplitz, column(name, n), rhs(n), rtol=TOLERANCE)
+    return partial(tmg.solve_toeplitz, c, b, rtol=TOLERANCE)
 
 
-def levinson(name: str, n: int) -> Action:
+def levinson(c: Array, b: Array) -> Action:
     """Solve by SciPy's Levinson recursion."""
-    return partial(scipy.linalg.solve_toeplitz, column(name, n), rhs(n), check_finite=False)
+    return partial(scipy.linalg.solve_toeplitz, c, b, check_finite=False)
 
 
-def cholesky(name: str, n: int) -> Action:
+def cholesky(c: Array, b: Array) -> Action:
     """Solve by a dense factorisation."""
-    if n > 2**14:
+    if len(c) > 2**14:
         raise MemoryError("too large for a dense matrix")
-    c, b = column(name, n), rhs(n)
     return lambda: scipy.linalg.solve(scipy.linalg.toeplitz(c), b, assume_a="pos")
 
 
-def inverse(columns: int, name: str, n: int) -> Action:
+def inverse(columns: int, c: Array, b: Array) -> Action:
     """Solve for further right-hand sides; the set-up is not timed."""
-    G = tmg.toeplitz_inverse(tmg.ToeplitzOperator(column(name, n)))
-    B = np.random.default_rng(0).standard_normal((columns, n))
+    G = tmg.toeplitz_inverse(tmg.ToeplitzOperator(c))
+    B = np.random.default_rng(0).standard_normal((columns, len(c)))
     out = np.empty_like(B)
     return lambda: G.G._apply(B, out)
 
@@ -253,18 +244,18 @@ class Times:
     note: str = ""
 
 
-def _serve(contender: Contender, name: str, n: int, pipe: Connection) -> None:
+def _serve(contender: Contender, c: Array, b: Array, pipe: Connection) -> None:
     """Set a contender up, then run it whenever asked, and send the times."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     try:
-        action = contender(name, n)
+        action = contender(c, b)
         action()
         while pipe.recv():
             wall, cpu = perf_counter(), process_time()
             action()
             cpu, wall = process_time() - cpu, perf_counter() - wall
             peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-            pipe.send((cpu, wall, peak * RUSAGE_BYTES / (8 * n)))
+            pipe.send((cpu, wall, peak * RUSAGE_BYTES / (8 * len(c))))
     except Exception as error:
         with suppress(OSError):
             pipe.send(f"{type(error).__name__}: {error}".partition("\n")[0])
@@ -276,10 +267,12 @@ def take_turns(contenders: dict[str, Contender], name: str, n: int) -> dict[str,
     pipes: dict[str, Connection] = {}
     processes = []
     results: dict[str, Times] = {}
+    # Sent, not built there: the temporary arrays of building them would be the peak.
+    c, b = column(name, n), np.random.default_rng(0).standard_normal(n)
     runs: dict[str, list[tuple[float, float, float]]] = {key: [] for key in contenders}
     for key, contender in contenders.items():
         ours, theirs = context.Pipe()
-        process = context.Process(target=_serve, args=(contender, name, n, theirs), daemon=True)
+        process = context.Process(target=_serve, args=(contender, c, b, theirs), daemon=True)
         process.start()
         theirs.close()
         processes.append(process)
@@ -339,7 +332,7 @@ def compare(
 
 def machine() -> tuple[float, float]:
     """Return R, flops a second of transforms in the cache, and B, bytes a second of a triad."""
-    z = rhs(4096).astype(np.complex128)
+    z = np.ones(4096, np.complex128)
     a, b, c = (np.ones(2**24) for _ in range(3))
 
     def triad() -> None:

@@ -5,7 +5,14 @@ import sys
 
 import pytest
 
-from comparisons import baselines, drop_in, general_symbols, paper_figures, paper_tables
+from comparisons import (
+    baselines,
+    drop_in,
+    general_symbols,
+    paper_figures,
+    paper_tables,
+    speed,
+)
 from comparisons.symbols import COLUMNS
 
 
@@ -75,7 +82,22 @@ def test_drop_in(tmp_path, monkeypatch, capsys):
     assert all(float(row["residual"]) <= 1e-10 for row in rows)
 
 
-ALL = [paper_tables, paper_figures, baselines, general_symbols, drop_in]
+def test_speed(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(speed, "QUICK_PRODUCTS", (64,))
+    monkeypatch.setattr(speed, "QUICK_SOLVES", (64,))
+    monkeypatch.setattr(speed, "TURN_SECONDS", 0.001)
+    printed = run(speed, tmp_path, monkeypatch, capsys)
+    for title in ("One product", "physical limit", "peak memory", "Further right-hand sides"):
+        assert title in printed
+    names = ["further.csv", "products.csv", "solves.csv"]
+    assert sorted(p.name for p in tmp_path.glob("*.csv")) == names
+    assert len(list(tmp_path.glob("*.png"))) == 3
+    for name in names:
+        for row in rows_of(tmp_path / name):
+            assert float(row["cpu_s"]) > 0.0 or row["note"]
+
+
+ALL = [paper_tables, paper_figures, baselines, general_symbols, drop_in, speed]
 
 
 @pytest.mark.parametrize("comparison", ALL)

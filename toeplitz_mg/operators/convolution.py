@@ -8,9 +8,11 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy import fft
+from scipy.linalg import toeplitz
 
 from toeplitz_mg.operators.transforms import plan_of
 from toeplitz_mg.operators.work import count_transforms, count_work
+from toeplitz_mg.operators.workspace import workspace
 
 Array = NDArray[Any]
 
@@ -76,48 +78,47 @@ class ToeplitzProduct(Product):
     62 (1994): "right-angle convolution".
     """
 
-    def __init__(self, lags: Array, dtype: DTypeLike, *, symmetric: bool) -> None:
-        n = (len(lags) + 1) // 2
+    def __init__(self, column: Array, row: Array, dtype: DTypeLike) -> None:
+        n = len(column)
         super().__init__((n,), dtype, n)
-        self._lags = lags
-        self._symmetric = symmetric
+        self._column, self._row = column, row
         if n > DENSE:
-            _ = self.spectrum  # made now, not with the first product
+            self.spectrum = self._spectrum()
+            self._column = self._row = column[:0]  # of no more use
 
     def adjoint(self) -> "ToeplitzProduct":
         """Return the multiplication by the transpose."""
         adjoint = ToeplitzProduct.__new__(ToeplitzProduct)
         Product.__init__(adjoint, self.grid_shape, self.dtype, self._points)
-        adjoint._lags, adjoint._symmetric = self._lags[::-1], self._symmetric
-        if "spectrum" in self.__dict__:
-            adjoint.__dict__["spectrum"] = self.spectrum.conj()  # no transform is made
+        adjoint._column, adjoint._row = self._row, self._column
+        if self.grid_shape[0] > DENSE:
+            adjoint.spectrum = self.spectrum.conj()  # no transform is made
         return adjoint
 
-    @cached_property
-    def spectrum(self) -> Array:
+    def _spectrum(self) -> Array:
         """The eigenvalues, as the transform needs them."""
         (n,) = self.grid_shape
-        a = self._lags.astype(np.float64, copy=False)
         plan = plan_of(n, np.float64)
         count_transforms(1, 2 * plan.length)
-        column = np.zeros(plan.length, np.complex128)
-        column[:n] = a[n - 1 :]
-        column.imag[plan.length - n + 1 :] = a[: n - 1]
+        column = workspace("first column", (plan.length,), np.complex128)
+        column[...] = 0.0
+        column[:n] = self._column
+        column.imag[plan.length - n + 1 :] = self._row[:0:-1]
         Z = plan.spectrum(column, 0.25)
-        return plan_of(n, self.dtype).eigenvalues(Z.real if self._symmetric else Z)
+        symmetric = self._row is self._column
+        return plan_of(n, self.dtype).eigenvalues(Z.real if symmetric else Z)
 
     @property
     def norm_bound(self) -> float:
         """A bound of the 2-norm: that of the matrix of size L."""
         (n,) = self.grid_shape
-        return float(np.abs(self.spectrum).max() * plan_of(n, np.float64).length)
+        spectrum = self.spectrum if n > DENSE else self._spectrum()
+        return float(np.abs(spectrum).max() * plan_of(n, np.float64).length)
 
     @cached_property
     def _matrix(self) -> Array:
         """The transpose of the matrix."""
-        (n,) = self.grid_shape
-        windows = np.lib.stride_tricks.sliding_window_view(self._lags, n)
-        return np.ascontiguousarray(windows[::-1].astype(self.dtype, copy=False))
+        return np.ascontiguousarray(toeplitz(self._row, self._column), self.dtype)
 
     def _multiply(self, X: Array, out: Array) -> None:
         (n,) = self.grid_shape
@@ -253,9 +254,7 @@ class TriangularProducts(Product):
         super().__init__((n,), dtype, 0.0)  # they count themselves
         zeros = np.zeros(n - 1)
         columns = column * np.sqrt(2.0), np.append(0.0, column[:0:-1] * np.sqrt(2.0))
-        factors = [
-            ToeplitzProduct(np.concatenate([zeros, x]), dtype, symmetric=False) for x in columns
-        ]
+        factors = [ToeplitzProduct(x, np.append(x[0], zeros), dtype) for x in columns]
         self._factors = [(factor, factor.adjoint()) for factor in factors]
 
     def _multiply(self, X: Array, out: Array) -> None:

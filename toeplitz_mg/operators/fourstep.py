@@ -69,17 +69,23 @@ class FourStep:
         return _weights(self.shape[0], shift, self.dtype)
 
     def spectrum(self, load: Load, shift: float) -> Array:
-        """Transform a vector, and return all of it, in the order [k₁, k₂]."""
+        """Transform a vector, and return all of it, in the order [k₁, k₂].
+
+        The result is in the `workspace` of the products: copy what is to be kept.
+        """
         W = workspace("four-step", self.shape, self.dtype)
         self._columns_in(W, load)
-        Z = np.empty(self.shape, self.dtype)
 
         def work(blocks: range) -> None:
             for rows, twiddles in self._blocks(blocks, shift):
-                Z[rows] = fft.fft(W[rows] * twiddles, axis=1)
+                R = W[rows]
+                R *= twiddles
+                R = fft.fft(R, axis=1, overwrite_x=True)
+                if not np.may_share_memory(R, W):
+                    W[rows] = R
 
         _share(work, self._count(0))
-        return Z
+        return W
 
     def multiply(self, load: Load, factors: Sequence[Factor], store: Store) -> None:
         """Multiply by matrices that shifted transforms diagonalise, the first one first.
@@ -104,12 +110,13 @@ class FourStep:
 
     def eigenvalues(self, spectrum: Array) -> Array:
         """Prepare a spectrum, in the order [k₁, k₂], for `multiply`."""
-        spectrum = spectrum / self.length
         if np.iscomplexobj(spectrum):
-            return spectrum.astype(self.dtype)
+            return (spectrum / self.length).astype(self.dtype, copy=False)
         # Twice, for the real and the imaginary part, which is conjugated with it.
-        pairs = np.stack([spectrum, -spectrum], axis=-1).reshape(self.shape[0], -1)
-        return pairs.astype(self.dtype.char.lower())
+        pairs = np.empty((*self.shape, 2), self.dtype.char.lower())
+        np.divide(spectrum, self.length, out=pairs[..., 0], casting="same_kind")
+        np.negative(pairs[..., 0], out=pairs[..., 1])
+        return pairs.reshape(self.shape[0], -1)
 
     def _columns_in(self, W: Array, load: Load) -> None:
         def work(panels: range) -> None:

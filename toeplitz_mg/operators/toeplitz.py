@@ -71,7 +71,7 @@ class ToeplitzOperator(LinearOperator):
     def __init__(self, c: ArrayLike, r: ArrayLike | None = None) -> None:
         column = _coefficients(c, "c")
         if r is None:
-            lags = _mirrored(column)
+            self._build(column, None)
         else:
             row = _coefficients(r, "r")
             if column.ndim > 1 or row.ndim > 1:
@@ -83,8 +83,7 @@ class ToeplitzOperator(LinearOperator):
                 raise ValueError(
                     f"c has {len(column)} entries and r has {len(row)}, but the matrix is square"
                 )
-            lags = np.concatenate([row[:0:-1], column])
-        self._build(lags, None)
+            self._build(None, np.concatenate([row[:0:-1], column]))
 
     @classmethod
     def from_lags(cls, lags: ArrayLike) -> Self:
@@ -112,29 +111,44 @@ class ToeplitzOperator(LinearOperator):
             raise ValueError(
                 f"lags has shape {array.shape}, but each length must be 2 n - 1, which is odd"
             )
-        return cls._with(array.copy(), None)
-
-    @classmethod
-    def _with(cls, lags: Array, convolution: ToeplitzProduct | Convolution | None) -> Self:
-        """Build without the checks; with a convolution at hand, without a transform either."""
         operator = cls.__new__(cls)
-        operator._build(lags, convolution)
+        operator._build(None, array)
         return operator
 
-    def _build(self, lags: Array, convolution: ToeplitzProduct | Convolution | None) -> None:
-        self.grid_shape = tuple((length + 1) // 2 for length in lags.shape)
-        size = prod(self.grid_shape)
-        super().__init__(lags.dtype, (size, size))
+    def _build(
+        self,
+        column: Array | None,
+        lags: Array | None,
+        convolution: ToeplitzProduct | Convolution | None = None,
+    ) -> None:
+        """Take the coefficients: the first column where they are even, or else all lags.
+
+        With a convolution at hand no transform is made.
+        """
+        if column is None:
+            assert lags is not None
+            shape = tuple((length + 1) // 2 for length in lags.shape)
+            if all(np.array_equal(lags, np.flip(lags, k)) for k in range(lags.ndim)):
+                column = lags[_centre_on(shape)]
+        else:
+            shape = column.shape
         # A matrix that is symmetric in every level keeps its first column only.
-        self.is_even = all(np.array_equal(lags, np.flip(lags, k)) for k in range(lags.ndim))
-        self.is_symmetric = self.is_even or np.array_equal(lags, np.flip(lags))
-        self._coefficients = lags[_centre_on(self.grid_shape)].copy() if self.is_even else lags
+        coefficients = lags if column is None else column
+        assert coefficients is not None
+        super().__init__(coefficients.dtype, (prod(shape), prod(shape)))
+        self.grid_shape = shape
+        self.is_even = column is not None
+        self.is_symmetric = self.is_even or np.array_equal(coefficients, np.flip(coefficients))
+        self._coefficients = coefficients.copy()
         self._coefficients.flags.writeable = False
         self._convolution = convolution or self._product()
 
     def _product(self) -> ToeplitzProduct | Convolution:
         if len(self.grid_shape) == 1:
-            return ToeplitzProduct(self.lags, self.dtype, symmetric=self.is_symmetric)
+            a = self._coefficients
+            n = len(a) if self.is_even else self.grid_shape[0]
+            column, row = (a, a) if self.is_even else (a[n - 1 :], a[n - 1 :: -1])
+            return ToeplitzProduct(column, row, self.dtype)
         shape = tuple(fft.next_fast_len(2 * n - 1, real=True) for n in self.grid_shape)
         return Convolution.from_first_column(
             self.circulant(shape), self.grid_shape, self.dtype, symmetric=self.is_symmetric
@@ -148,7 +162,8 @@ class ToeplitzOperator(LinearOperator):
     @property
     def c(self) -> Array:
         """The first column on the grid, shape `grid_shape`."""
-        return self.lags[_centre_on(self.grid_shape)]
+        a = self._coefficients
+        return a if self.is_even else a[_centre_on(self.grid_shape)]
 
     @property
     def norm_bound(self) -> float:
@@ -207,7 +222,9 @@ class ToeplitzOperator(LinearOperator):
     def _adjoint(self) -> "ToeplitzOperator":
         if self.is_symmetric:
             return self
-        return self._with(np.flip(self.lags), self._convolution.adjoint())
+        adjoint = type(self).__new__(type(self))
+        adjoint._build(None, np.flip(self.lags), self._convolution.adjoint())
+        return adjoint
 
     def _transpose(self) -> "ToeplitzOperator":
         return self._adjoint()

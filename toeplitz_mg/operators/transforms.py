@@ -147,12 +147,15 @@ class Panels:
             real += x
             real += y
 
-        Z = self.plan.spectrum(load, 0.0)[:, : columns_of // 2 + 1]
-        f = np.empty(L + 1)
-        even, odd = (Z.real, Z.imag) if sign > 0.0 else (-Z.imag, Z.real)
-        f[::2] = even.T.ravel()[: L // 2 + 1]
-        f[1::2] = odd.T.ravel()[: L // 2]
-        return f
+        Z = self.plan.spectrum(load, 0.0)
+        even, odd = (Z.real, Z.imag) if sign > 0.0 else (Z.imag, Z.real)
+        # At 2 m and 2 m + 1, m = k₁ + N₁ k₂; the second half is that of the first.
+        f = np.empty(L + 2 * rows)
+        half = -(-columns_of // 2) + 1
+        pairs = f[: 2 * rows * half].reshape(half, rows, 2)
+        np.multiply(even[:, :half].T, sign, out=pairs[..., 0])
+        pairs[..., 1] = odd[:, :half].T
+        return f[: L + 1]
 
     def multiply_real(self, X: Array, eigenvalues: Array, out: Array) -> None:
         """Multiply rows; of the result the real part, for the shift 1/4."""
