@@ -205,9 +205,13 @@ class Convolution(Product):
         return type(self)(conjugate, self.fft_shape, self.grid_shape, self.dtype, self.transforms)
 
     def _multiply(self, X: Array, out: Array) -> None:
-        grid = X.reshape(-1, *self.grid_shape).astype(self.dtype, copy=False)
+        # Extended by zeros; the transforms of real to real numbers stay in this memory.
+        grid = workspace("extended grid", (len(X), *self.fft_shape), self.dtype)
+        if self.fft_shape != self.grid_shape:
+            grid[...] = 0.0
+        grid[self._cut] = X.reshape(-1, *self.grid_shape)
         forward, backward = self.transforms
-        hat = forward(grid, s=self.fft_shape, axes=self._axes)
+        hat = forward(grid, axes=self._axes, overwrite_x=True)
         hat *= self.spectrum
         Y = backward(hat, s=self.fft_shape, axes=self._axes, overwrite_x=True)[self._cut]
         out[...] = Y.reshape(X.shape)
