@@ -23,7 +23,7 @@ from typing import Any
 import ducc0.fft
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import get_workers
+from scipy.fft import get_workers, set_backend
 
 Array = NDArray[Any]
 
@@ -40,7 +40,11 @@ _NORMS = {  # of ducc0, forward and backward: 0 none, 1 by √N, 2 by N
 def __ua_function__(method: Any, args: Any, kwargs: Any) -> Any:
     """Call the function of this module that has the name of one of `scipy.fft`."""
     function = _FUNCTIONS.get(method.__name__)
-    return NotImplemented if function is None else function(*args, **kwargs)
+    result = NotImplemented if function is None else function(*args, **kwargs)
+    if result is NotImplemented:  # a global backend has no other behind it
+        with set_backend("scipy", only=True):
+            return method(*args, **kwargs)
+    return result
 
 
 def _complex(forward: bool) -> Any:

@@ -10,13 +10,13 @@ from numpy.typing import DTypeLike, NDArray
 from scipy import fft
 from scipy.linalg import toeplitz
 
-from toeplitz_mg.operators.transforms import plan_of
+from toeplitz_mg.operators.transforms import OneStep, Panels, plan_of
 from toeplitz_mg.operators.work import count_transforms, count_work
 from toeplitz_mg.operators.workspace import workspace
 
 Array = NDArray[Any]
 
-DENSE = 160  # unknowns up to which a dense product is faster than any transform
+DENSE = 256  # unknowns up to which a dense product is faster than any transform
 
 
 class Product:
@@ -116,6 +116,10 @@ class ToeplitzProduct(Product):
         return float(np.abs(spectrum).max() * plan_of(n, np.float64).length)
 
     @cached_property
+    def _plan(self) -> OneStep | Panels:
+        return plan_of(self.grid_shape[0], self.dtype)
+
+    @cached_property
     def _matrix(self) -> Array:
         """The transpose of the matrix."""
         return np.ascontiguousarray(toeplitz(self._row, self._column), self.dtype)
@@ -125,7 +129,7 @@ class ToeplitzProduct(Product):
         if n <= DENSE:
             out[...] = X.astype(self.dtype, copy=False) @ self._matrix
         else:
-            plan_of(n, self.dtype).multiply_real(X, self.spectrum, out)
+            self._plan.multiply_real(X, self.spectrum, out)
 
 
 class Transforms(NamedTuple):

@@ -1,6 +1,6 @@
 """Transforms of rows: short ones at once, long ones in four steps, and what is done with them."""
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import count
 from typing import Any
 
@@ -40,6 +40,10 @@ class OneStep:
         self.length = length
         self.dtype = np.dtype(dtype)
 
+    @cached_property
+    def _quarter(self) -> tuple[Array, Array]:
+        return self.weights(0.25), self.weights(-0.25)
+
     def weights(self, shift: float) -> Array:
         """The factors exp(-2πi j s/L) of a shift, shape (L,)."""
         return _weights(self.length, shift, self.dtype)
@@ -59,20 +63,28 @@ class OneStep:
     def multiply_real(self, X: Array, eigenvalues: Array, out: Array) -> None:
         """Multiply rows; of the result the real part, for the shift 1/4."""
         n = X.shape[1]
-        w, w_conj = self.weights(0.25)[:n], self.weights(-0.25)[:n]
+        w, w_conj = self._quarter
+        if n < self.length:
+            w, w_conj = w[:n], w_conj[:n]
         batch = max(1, BATCH // self.length)
         for start in range(0, len(X), batch):
-            part = slice(start, start + batch)
-            Z = workspace("one step", (len(X[part]), self.length), self.dtype)
-            np.multiply(X[part], w, out=Z[:, :n], casting="same_kind")
-            Z[:, n:] = 0.0
+            x = X[start : start + batch]
+            Z = workspace("one step", (len(x), self.length), self.dtype)
+            cut = Z if n == self.length else Z[:, :n]
+            if x.dtype == out.dtype:
+                np.multiply(x, w, out=cut)
+            else:
+                np.multiply(x, w, out=cut, casting="same_kind")
+            if n < self.length:
+                Z[:, n:] = 0.0
             Z = fft.fft(Z, overwrite_x=True)
             pairs = Z.view(eigenvalues.dtype)
             pairs *= eigenvalues
             # The inverse transform, but for its factor 1/L, which the eigenvalues have.
-            Z = fft.ifft(Z, overwrite_x=True, norm="forward")[:, :n]
-            Z *= w_conj
-            out[part] = Z.real
+            Z = fft.ifft(Z, overwrite_x=True, norm="forward")
+            cut = Z if n == self.length else Z[:, :n]
+            cut *= w_conj
+            out[start : start + batch] = cut.real
 
     def multiply_folded(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
         """As `GohbergSemenculProduct`."""
