@@ -54,6 +54,7 @@ class FourStep:
 
     def __init__(self, rows: int, columns: int, dtype: DTypeLike) -> None:
         self.dtype = np.dtype(dtype)
+        self._real = self.dtype.char.lower()
         self.shape = rows, columns
         panel, block = (size // self.dtype.itemsize for size in (PANEL_BYTES, BLOCK_BYTES))
         self.width = min(columns, max(8, panel // rows // 8 * 8))  # of a panel of columns
@@ -110,13 +111,10 @@ class FourStep:
 
     def eigenvalues(self, spectrum: Array) -> Array:
         """Prepare a spectrum, in the order [k₁, k₂], for `multiply`."""
-        if np.iscomplexobj(spectrum):
-            return (spectrum / self.length).astype(self.dtype, copy=False)
-        # Twice, for the real and the imaginary part, which is conjugated with it.
-        pairs = np.empty((*self.shape, 2), self.dtype.char.lower())
-        np.divide(spectrum, self.length, out=pairs[..., 0], casting="same_kind")
-        np.negative(pairs[..., 0], out=pairs[..., 1])
-        return pairs.reshape(self.shape[0], -1)
+        is_complex = np.iscomplexobj(spectrum)
+        eigenvalues = np.empty(self.shape, self.dtype.char if is_complex else self._real)
+        np.divide(spectrum, self.length, out=eigenvalues, casting="same_kind")
+        return eigenvalues
 
     def _columns_in(self, W: Array, load: Load) -> None:
         def work(panels: range) -> None:
@@ -134,12 +132,8 @@ class FourStep:
                 R = W[rows]
                 R *= twiddles
                 R = fft.fft(R, axis=1, overwrite_x=True)
-                if np.iscomplexobj(eigenvalues):
-                    R *= eigenvalues[rows]
-                    np.conjugate(R, out=R)
-                else:
-                    pairs = R.view(eigenvalues.dtype)
-                    pairs *= eigenvalues[rows]
+                R *= eigenvalues[rows]
+                np.conjugate(R, out=R)
                 R = fft.fft(R, axis=1, overwrite_x=True)
                 np.multiply(R, twiddles, out=W[rows])
 
