@@ -1,16 +1,14 @@
 """Preconditioned conjugate gradients that allocate nothing in an iteration."""
 
 from collections.abc import Callable
-from operator import index
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import get_blas_funcs
-from scipy.sparse.linalg import aslinearoperator
 
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.solvers.checks import checked_vector, require_tolerances
+from toeplitz_mg.solvers.checks import checked_system
 
 Array = NDArray[Any]
 
@@ -73,20 +71,8 @@ def cg(
     >>> info
     0
     """
-    A = aslinearoperator(A)
-    n = A.shape[0]
-    if A.shape != (n, n):
-        raise ValueError(f"A has shape {A.shape}, but must be square")
-    M = None if M is None else aslinearoperator(M)
-    if M is not None and M.shape != A.shape:
-        raise ValueError(f"M has shape {M.shape}, but A has {A.shape}")
-    require_tolerances(rtol, atol)
-    if maxiter is None:
-        maxiter = 10 * n
-    elif index(maxiter) < 1:
-        raise ValueError(f"maxiter is {maxiter}, but must be at least 1")
-    b = checked_vector(b, "b", n)
-    guess = None if x0 is None else checked_vector(x0, "x0", n)
+    A, M, b, guess, maxiter = checked_system(A, b, x0, M, rtol, atol, maxiter)
+    n = len(b)
     dtype = np.result_type(A.dtype, b.dtype, b.dtype if guess is None else guess.dtype)
     if dtype.char not in "fd":
         raise TypeError(f"A and b give the dtype {dtype}, but the iteration is for real numbers")

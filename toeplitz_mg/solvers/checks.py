@@ -1,15 +1,63 @@
 """What the iterations ask of their input."""
 
-from typing import Any
+from operator import index
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 Array = NDArray[Any]
 
 
-def checked_vector(values: ArrayLike, name: str, n: int) -> Array:
-    """Return a vector of shape (n,) of finite numbers, or say what is wrong with it."""
+class System(NamedTuple):
+    """A x = b for an iteration, as it asked for it."""
+
+    A: LinearOperator
+    M: LinearOperator | None
+    b: Array
+    x0: Array | None
+    maxiter: int
+
+
+def checked_system(
+    A: Any,
+    b: ArrayLike,
+    x0: ArrayLike | None,
+    M: Any,
+    rtol: float,
+    atol: float,
+    maxiter: int | None,
+) -> System:
+    """Return a system with vectors of shape (n,), or say what is wrong with it.
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not match, numbers that are not finite, negative tolerances, or
+        `maxiter` below 1.
+    TypeError
+        For vectors that are not of numbers, or a `maxiter` that is no integer.
+    """
+    A = aslinearoperator(A)
+    n = A.shape[0]
+    if A.shape != (n, n):
+        raise ValueError(f"A has shape {A.shape}, but must be square")
+    M = None if M is None else aslinearoperator(M)
+    if M is not None and M.shape != A.shape:
+        raise ValueError(f"M has shape {M.shape}, but A has {A.shape}")
+    for name, tolerance in (("rtol", rtol), ("atol", atol)):
+        if not 0.0 <= tolerance < np.inf:
+            raise ValueError(f"{name} is {tolerance}, but must be finite and not negative")
+    if maxiter is None:
+        maxiter = 10 * n
+    elif index(maxiter) < 1:
+        raise ValueError(f"maxiter is {maxiter}, but must be at least 1")
+    guess = None if x0 is None else _vector(x0, "x0", n)
+    return System(A, M, _vector(b, "b", n), guess, maxiter)
+
+
+def _vector(values: ArrayLike, name: str, n: int) -> Array:
     array = np.asarray(values)
     if array.dtype.kind not in "buifc":
         raise TypeError(f"{name} has dtype {array.dtype}, but must be of numbers")
@@ -20,10 +68,3 @@ def checked_vector(values: ArrayLike, name: str, n: int) -> Array:
     if array.dtype.kind in "bui" or array.dtype == np.float16:
         array = array.astype(np.float64)
     return array.reshape(n)
-
-
-def require_tolerances(rtol: float, atol: float) -> None:
-    """Raise ValueError where a tolerance makes no sense."""
-    for name, tolerance in (("rtol", rtol), ("atol", atol)):
-        if not 0.0 <= tolerance < np.inf:
-            raise ValueError(f"{name} is {tolerance}, but must be finite and not negative")
