@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import cached_property, partial
 from math import prod
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -19,47 +19,41 @@ Array = NDArray[Any]
 DENSE = 256  # unknowns up to which a dense product is faster than any transform
 
 
-class Product:
-    """Multiplication of rows by a real matrix: what the kinds of products have in common.
+class Product(Protocol):
+    """Multiplication of rows by a real matrix: what the kinds of products here have in common."""
 
-    Parameters
-    ----------
-    grid_shape : tuple of int
-    dtype : float32 or float64
-        The precision of the products, whatever that of the vectors.
-    points : float
-        The work of a product, in grid points.
-    """
+    grid_shape: tuple[int, ...]
+    dtype: np.dtype[Any]  # the precision of the products, whatever that of the vectors
+    points: float  # the work of a product, in grid points
 
-    def __init__(self, grid_shape: tuple[int, ...], dtype: DTypeLike, points: float) -> None:
-        self.grid_shape = grid_shape
-        self.dtype = np.dtype(dtype)
-        self._points = points
+    def multiply(self, X: Array, out: Array) -> None:
+        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
 
     def __call__(self, X: Array, out: Array | None = None) -> Array:
-        """Multiply the rows of `X`, shape (..., N), into `out`, of the same shape, or a new array.
+        """As `multiply_rows`."""
 
-        The result has the dtype that NumPy gives to the product of a matrix and a vector of these
-        dtypes. `out` may be `X`.
-        """
-        if np.iscomplexobj(X):
-            real, imag = self(X.real), self(X.imag)
-            out = np.empty(X.shape, np.result_type(X, self.dtype)) if out is None else out
-            out.real, out.imag = real, imag
-            return out
-        if out is None:
-            out = np.empty(X.shape, np.result_type(X, self.dtype))
-        n = prod(self.grid_shape)
-        rows = X.reshape(-1, n)
-        count_work(len(rows), self._points)
-        self._multiply(rows, out.reshape(-1, n))
+
+def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array:
+    """Multiply the rows of `X`, shape (..., N), into `out`, of the same shape, or a new array.
+
+    The result has the dtype that NumPy gives to the product of a matrix and a vector of these
+    dtypes. `out` may be `X`.
+    """
+    if np.iscomplexobj(X):
+        real, imag = product(X.real), product(X.imag)
+        out = np.empty(X.shape, np.result_type(X, product.dtype)) if out is None else out
+        out.real, out.imag = real, imag
         return out
+    if out is None:
+        out = np.empty(X.shape, np.result_type(X, product.dtype))
+    n = prod(product.grid_shape)
+    rows = X.reshape(-1, n)
+    count_work(len(rows), product.points)
+    product.multiply(rows, out.reshape(-1, n))
+    return out
 
-    def _multiply(self, X: Array, out: Array) -> None:
-        raise NotImplementedError
 
-
-class ToeplitzProduct(Product):
+class ToeplitzProduct:
     """Multiplication by a real Toeplitz matrix of one level.
 
     Up to some size by the matrix itself. Beyond it is embedded in a matrix of size L ≥ n that is
@@ -78,9 +72,11 @@ class ToeplitzProduct(Product):
     62 (1994): "right-angle convolution".
     """
 
+    grid_shape: tuple[int, ...]
+
     def __init__(self, column: Array, row: Array, dtype: DTypeLike) -> None:
         n = len(column)
-        super().__init__((n,), dtype, n)
+        self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), float(n)
         self._column, self._row = column, row
         if n > DENSE:
             self.spectrum = self._spectrum()
@@ -89,7 +85,7 @@ class ToeplitzProduct(Product):
     def adjoint(self) -> "ToeplitzProduct":
         """Return the multiplication by the transpose."""
         adjoint = ToeplitzProduct.__new__(ToeplitzProduct)
-        Product.__init__(adjoint, self.grid_shape, self.dtype, self._points)
+        adjoint.grid_shape, adjoint.dtype, adjoint.points = self.grid_shape, self.dtype, self.points
         adjoint._column, adjoint._row = self._row, self._column
         if self.grid_shape[0] > DENSE:
             adjoint.spectrum = self.spectrum.conj()  # no transform is made
@@ -124,7 +120,12 @@ class ToeplitzProduct(Product):
         """The transpose of the matrix."""
         return np.ascontiguousarray(toeplitz(self._row, self._column), self.dtype)
 
-    def _multiply(self, X: Array, out: Array) -> None:
+    def __call__(self, X: Array, out: Array | None = None) -> Array:
+        """As `multiply_rows`."""
+        return multiply_rows(self, X, out)
+
+    def multiply(self, X: Array, out: Array) -> None:
+        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
         (n,) = self.grid_shape
         if n <= DENSE:
             out[...] = X.astype(self.dtype, copy=False) @ self._matrix
@@ -144,7 +145,7 @@ COSINE = Transforms(partial(fft.dctn, norm="ortho"), partial(fft.idctn, norm="or
 SINE = Transforms(partial(fft.dstn, norm="ortho"), partial(fft.idstn, norm="ortho"))  # DST-II
 
 
-class Convolution(Product):
+class Convolution:
     """Multiplication by a matrix that a fast transform diagonalises, such as a circulant.
 
     The vectors live on a grid, are extended by zeros to the size of the matrix, and cut again.
@@ -162,6 +163,8 @@ class Convolution(Product):
     transforms : Transforms
     """
 
+    grid_shape: tuple[int, ...]
+
     def __init__(
         self,
         spectrum: Array,
@@ -173,7 +176,7 @@ class Convolution(Product):
         # The share of a product on this grid, whose transforms are twice as long in each level.
         embedded = transforms is FOURIER and fft_shape != grid_shape
         points = prod(grid_shape) / (1 if embedded else 2 ** len(grid_shape))
-        super().__init__(grid_shape, dtype, points)
+        self.grid_shape, self.dtype, self.points = grid_shape, np.dtype(dtype), points
         self.transforms = transforms
         # float32 -> complex64 or float32: the spectrum in the precision of the products.
         precision = np.result_type(self.dtype, np.complex64)
@@ -208,7 +211,12 @@ class Convolution(Product):
         conjugate = self.spectrum.conj()
         return type(self)(conjugate, self.fft_shape, self.grid_shape, self.dtype, self.transforms)
 
-    def _multiply(self, X: Array, out: Array) -> None:
+    def __call__(self, X: Array, out: Array | None = None) -> Array:
+        """As `multiply_rows`."""
+        return multiply_rows(self, X, out)
+
+    def multiply(self, X: Array, out: Array) -> None:
+        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
         # Extended by zeros; the transforms of real to real numbers stay in this memory.
         grid = workspace("extended grid", (len(X), *self.fft_shape), self.dtype)
         if self.fft_shape != self.grid_shape:
@@ -221,7 +229,7 @@ class Convolution(Product):
         out[...] = Y.reshape(X.shape)
 
 
-class GohbergSemenculProduct(Product):
+class GohbergSemenculProduct:
     """Multiplication by Re z + J Im z, z = C Sᵀ (v + i J v), for a vector v and its reversal J v.
 
     C and S are the circulant and the skew-circulant with one first column, both of its size n.
@@ -233,9 +241,11 @@ class GohbergSemenculProduct(Product):
     dtype : float32 or float64
     """
 
+    grid_shape: tuple[int, ...]
+
     def __init__(self, column: Array, dtype: DTypeLike) -> None:
         n = len(column)
-        super().__init__((n,), dtype, 2.0 * n)
+        self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), 2.0 * n
         plan = plan_of(n, np.float64, exact=True)
         count_transforms(2, 2 * n)
         eigenvalues = plan_of(n, dtype, exact=True).eigenvalues
@@ -246,26 +256,39 @@ class GohbergSemenculProduct(Product):
             (0.0, eigenvalues(plan.spectrum(column, 0.0))),
         ]
 
-    def _multiply(self, X: Array, out: Array) -> None:
+    def __call__(self, X: Array, out: Array | None = None) -> Array:
+        """As `multiply_rows`."""
+        return multiply_rows(self, X, out)
+
+    def multiply(self, X: Array, out: Array) -> None:
+        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
         plan = plan_of(len(X.T), self.dtype, exact=True)
         plan.multiply_folded(X, self._factors, out)
 
 
-class TriangularProducts(Product):
+class TriangularProducts:
     """The same from products with triangular Toeplitz matrices, L Lᵀ - U Uᵀ, twice the work.
 
     Their transforms may be longer than n, where those of length n are slow.
     """
 
+    grid_shape: tuple[int, ...]
+
     def __init__(self, column: Array, dtype: DTypeLike) -> None:
         n = len(column)
-        super().__init__((n,), dtype, 0.0)  # they count themselves
+        # They count themselves.
+        self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), 0.0
         zeros = np.zeros(n - 1)
         columns = column * np.sqrt(2.0), np.append(0.0, column[:0:-1] * np.sqrt(2.0))
         factors = [ToeplitzProduct(x, np.append(x[0], zeros), dtype) for x in columns]
         self._factors = [(factor, factor.adjoint()) for factor in factors]
 
-    def _multiply(self, X: Array, out: Array) -> None:
+    def __call__(self, X: Array, out: Array | None = None) -> Array:
+        """As `multiply_rows`."""
+        return multiply_rows(self, X, out)
+
+    def multiply(self, X: Array, out: Array) -> None:
+        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
         (L, L_T), (U, U_T) = self._factors
         Y = U(U_T(X))
         np.subtract(L(L_T(X)), Y, out=out)
