@@ -124,6 +124,18 @@ def test_gohberg_semencul_of_long_vectors(n):
     assert_allclose(single, expected / (1 - rho**2), atol=1e-3)
 
 
+@pytest.mark.parametrize("n", [67, 534, 785, 1601])  # 1, 5, 7 and 9 short of a fast length
+def test_gohberg_semencul_at_slow_lengths(n):
+    c = (1.0 + np.arange(n)) ** -1.1
+    inverse = np.linalg.inv(toeplitz(c))
+    V = random(3, n)
+    G = GohbergSemencul(inverse[0])
+    assert_allclose(G._matvec(V), V @ inverse, atol=1e-12)
+    with tmg.count_products() as work:
+        G._matvec(V[0])
+    assert work.units(n) <= 2.05
+
+
 @pytest.mark.parametrize("n", [700, 40000])
 def test_one_operator_in_many_threads(n):
     A = tmg.ToeplitzOperator(1.0 / (1.0 + np.arange(n)))

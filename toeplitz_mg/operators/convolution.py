@@ -10,7 +10,7 @@ from numpy.typing import DTypeLike, NDArray
 from scipy import fft
 from scipy.linalg import toeplitz
 
-from toeplitz_mg.operators.transforms import OneStep, Panels, plan_of
+from toeplitz_mg.operators.transforms import OneStep, Panels, near_fast_length, plan_of
 from toeplitz_mg.operators.work import count_transforms, count_work
 from toeplitz_mg.operators.workspace import workspace
 
@@ -230,10 +230,17 @@ class Convolution:
 
 
 class GohbergSemenculProduct:
-    """Multiplication by Re z + J Im z, z = C Sᵀ (v + i J v), for a vector v and its reversal J v.
+    """Multiplication by the inverse of a Toeplitz matrix, given its first column times (2 x₀)^-1/2.
 
-    C and S are the circulant and the skew-circulant with one first column, both of its size n.
-    Four transforms of length n, as much work as two products with a Toeplitz matrix of that size.
+    Re z + J Im z, z = C Sᵀ (v + i J v), for a vector v and its reversal J v, where C and S are the
+    circulant and the skew-circulant with that column: four transforms of length n, as much work
+    as two products with a Toeplitz matrix of that size.
+
+    Where these are slow, p zeros are appended to the column and to the vectors. That is the
+    formula for a matrix of size n + p that has the one of size n as its leading block (and
+    reflection coefficients that are zero from there on). By the block elimination of its last p
+    unknowns the inverse of the block is that of the matrix without 2 Σ (Zˢ u) (Zˢ u)ᵀ, s < p,
+    where u is the column reversed, [0 x_(n-1) … x₁], and Z shifts down by one.
 
     Parameters
     ----------
@@ -245,11 +252,15 @@ class GohbergSemenculProduct:
 
     def __init__(self, column: Array, dtype: DTypeLike) -> None:
         n = len(column)
-        self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), 2.0 * n
-        plan = plan_of(n, np.float64, exact=True)
-        count_transforms(2, 2 * n)
-        eigenvalues = plan_of(n, dtype, exact=True).eigenvalues
-        column = column.astype(np.complex128)
+        m = near_fast_length(n)
+        self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), 2.0 * m
+        self._length = m
+        # Its windows of length n are Zˢ u, s = p - 1 … 0.
+        self._u = np.concatenate((np.zeros(m - n), column[:0:-1])).astype(dtype)
+        plan = plan_of(m, np.float64, exact=True)
+        count_transforms(2, 2 * m)
+        eigenvalues = plan_of(m, dtype, exact=True).eigenvalues
+        column = np.concatenate((column, np.zeros(m - n))).astype(np.complex128)
         # At the frequencies k - 1/2 of the skew-circulant, conjugated for its transpose.
         self._factors = [
             (0.5, eigenvalues(plan.spectrum(column, 0.5).conj())),
@@ -262,33 +273,15 @@ class GohbergSemenculProduct:
 
     def multiply(self, X: Array, out: Array) -> None:
         """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
-        plan = plan_of(len(X.T), self.dtype, exact=True)
-        plan.multiply_folded(X, self._factors, out)
-
-
-class TriangularProducts:
-    """The same from products with triangular Toeplitz matrices, L Lᵀ - U Uᵀ, twice the work.
-
-    Their transforms may be longer than n, where those of length n are slow.
-    """
-
-    grid_shape: tuple[int, ...]
-
-    def __init__(self, column: Array, dtype: DTypeLike) -> None:
-        n = len(column)
-        # They count themselves.
-        self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), 0.0
-        zeros = np.zeros(n - 1)
-        columns = column * np.sqrt(2.0), np.append(0.0, column[:0:-1] * np.sqrt(2.0))
-        factors = [ToeplitzProduct(x, np.append(x[0], zeros), dtype) for x in columns]
-        self._factors = [(factor, factor.adjoint()) for factor in factors]
-
-    def __call__(self, X: Array, out: Array | None = None) -> Array:
-        """As `multiply_rows`."""
-        return multiply_rows(self, X, out)
-
-    def multiply(self, X: Array, out: Array) -> None:
-        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
-        (L, L_T), (U, U_T) = self._factors
-        Y = U(U_T(X))
-        np.subtract(L(L_T(X)), Y, out=out)
+        n, m = X.shape[1], self._length
+        plan = plan_of(m, self.dtype, exact=True)
+        if m == n:
+            plan.multiply_folded(X, self._factors, out)
+            return
+        Z = workspace("extended rows", (len(X), m), self.dtype)
+        Z[:, :n] = X
+        Z[:, n:] = 0.0
+        parts = [np.correlate(self._u, z, "valid") for z in Z[:, :n]]
+        plan.multiply_folded(Z, self._factors, Z)
+        for z, part, y in zip(Z, parts, out, strict=True):
+            np.subtract(z[:n], 2.0 * np.correlate(self._u, part, "valid"), out=y)

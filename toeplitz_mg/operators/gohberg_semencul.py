@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators.convolution import GohbergSemenculProduct, Product, TriangularProducts
+from toeplitz_mg.operators.convolution import GohbergSemenculProduct, Product
 from toeplitz_mg.operators.rows import as_rows
-from toeplitz_mg.operators.transforms import near_fast_length
 
 Array = NDArray[Any]
 
@@ -18,8 +17,8 @@ class GohbergSemencul(LinearOperator):
 
     With J the reversal, A⁻¹ v = (Re z + J Im z)/(2 x₀) where z = C Sᵀ (v + i J v), C and S the
     circulant and the skew-circulant with the first column x. A product costs four complex
-    transforms of length n, two work units; four where n has a large prime factor, and so slow
-    transforms.
+    transforms of length n, two work units; of a slightly longer one where n has a large prime
+    factor, and so slow transforms.
 
     Parameters
     ----------
@@ -50,9 +49,7 @@ class GohbergSemencul(LinearOperator):
         self.x.flags.writeable = False
         # In the precision of float64 at first: 2 x₀ may over- or underflow a float32.
         column = x.astype(np.float64) / np.sqrt(2.0 * float(x[0]))
-        is_fast = near_fast_length(len(x)) == len(x)
-        product = GohbergSemenculProduct if is_fast else TriangularProducts
-        self._product: Product = product(column, self.dtype)
+        self._product: Product = GohbergSemenculProduct(column, self.dtype)
 
     def _apply(self, V: Array, out: Array | None = None) -> Array:
         return self._product(V, out)

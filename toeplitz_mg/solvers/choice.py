@@ -15,7 +15,7 @@ from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.transforms import near_fast_length
 from toeplitz_mg.preconditioners.spectral import RESOLVED, factor_column
-from toeplitz_mg.preconditioners.symbol import sampled_symbol
+from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE, sampled_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_inverse, sine_inverse
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.inverse import first_column
@@ -25,6 +25,7 @@ Rows = NDArray[Any]  # right-hand sides or solutions, of shape (columns, n)
 
 MOST_ITERATIONS = 16  # of CG: the inverse costs no more than twice that
 HARDLY_RESOLVED = 100.0  # ‖A x - e₁‖ up to which the symbol is worth something
+EXPONENTIAL = 0.01  # deviation of c_(i-s) c_(i+s) from c_i², relative
 FEW = 2  # columns, for which the inverse is not worth its set-up
 SECONDS = 5e6  # in microseconds
 LARGEST_DENSE = 4096  # unknowns, two seconds
@@ -87,6 +88,9 @@ def _cg_method(A: ToeplitzOperator) -> Iterator[Method]:
     elif samples[-1] < samples[-2] / 2:
         # The same at θ = π.
         yield from _cg_with(cosine_inverse, "cosine_preconditioner", A, samples)
+    elif decays_exponentially(A.c):
+        # An exponential covariance as wide as the matrix, more or less: 2 to 5 iterations.
+        yield from _cg_with(cosine_inverse, "cosine_preconditioner", A, samples)
     elif (factor := factor_column(A, samples)) is not None:
         if factor.residual <= RESOLVED:
             # A positive symbol, resolved by n lags: 1 to 6 iterations.
@@ -95,6 +99,15 @@ def _cg_method(A: ToeplitzOperator) -> Iterator[Method]:
         elif factor.residual <= HARDLY_RESOLVED:
             # A covariance as wide as the matrix, with a simple tail: 2 to 6 iterations.
             yield from _cg_with(cosine_inverse, "cosine_preconditioner", A, samples)
+
+
+def decays_exponentially(c: Array) -> bool:
+    """Whether the last coefficients are positive, and an exponential function of the lag."""
+    step = len(c) // 4
+    first, second, last = c[-1 - 2 * step], c[-1 - step], c[-1]
+    return bool(
+        last > NEGLIGIBLE * c[0] and abs(first * last - second**2) <= EXPONENTIAL * second**2
+    )
 
 
 def _cg_with(

@@ -2,10 +2,10 @@
 
 import warnings
 from collections.abc import Callable
+from math import sqrt
 from typing import Any, Literal, NamedTuple, overload
 
 import numpy as np
-import scipy.fft
 import scipy.linalg
 from numpy.linalg import norm
 from numpy.typing import ArrayLike, NDArray
@@ -167,30 +167,24 @@ def _short(c: Array, r: Array, b: Array, check_finite: bool, rtol: float) -> Arr
     with np.errstate(over="ignore", invalid="ignore"):
         if b.ndim == 1:
             b_w, x_w = b, x
-            smallest = largest = float(norm(b))
+            smallest = largest = _size(b)
         else:
             # The sum of the columns with weights is checked: theirs are no larger, but by accident.
             weights = np.sqrt(np.arange(1.0, b.shape[1] + 1.0))
             b_w, x_w = b @ weights, x @ weights
-            sizes: Array = np.asarray(norm(b, axis=0))
-            smallest, largest = float(sizes.min()), float(sizes.max())
-            if smallest == 0.0 < largest:
-                smallest = float(sizes[sizes > 0.0].min())
-        error = norm(b_w - _convolution(lags, x_w))
-        rounding = ROUNDING * np.abs(lags).sum() * norm(x_w)
+            sizes = np.sqrt(np.square(np.abs(b)).sum(axis=0)).tolist()
+            smallest, largest = min((s for s in sizes if s > 0.0), default=0.0), max(sizes)
+        error = _size(b_w - np.convolve(lags, x_w, "valid"))
+        rounding = ROUNDING * np.abs(lags).sum() * _size(x_w)
     if not (smallest > 1e-140 and largest < 1e140) and largest:  # squares over- or underflow
         return None
     solved = error <= rtol * smallest or error <= min(rounding, ILL_CONDITIONED * smallest)
     return np.asarray(x) if solved and np.isfinite(rounding) else None
 
 
-def _convolution(lags: Array, x: Array) -> Array:
-    """Return the product of a Toeplitz matrix, given its lags, with a vector."""
-    if (lags.dtype.kind != "c" and x.dtype.kind != "c") or len(x) < 64:
-        return np.convolve(lags, x, "valid")
-    length = scipy.fft.next_fast_len(len(lags))  # what goes around does not reach the result
-    y = scipy.fft.ifft(scipy.fft.fft(lags, length) * scipy.fft.fft(x, length))
-    return np.asarray(y[len(x) - 1 : len(lags)])
+def _size(x: Array) -> float:
+    """Return ‖x‖, sooner than by a function that prevents overflow."""
+    return sqrt(np.vdot(x, x).real)
 
 
 def _batch(
