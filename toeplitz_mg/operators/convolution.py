@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import cached_property, partial
 from math import prod
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -145,16 +145,15 @@ COSINE = Transforms(partial(fft.dctn, norm="ortho"), partial(fft.idctn, norm="or
 SINE = Transforms(partial(fft.dstn, norm="ortho"), partial(fft.idstn, norm="ortho"))  # DST-II
 
 
-class Convolution:
-    """Multiplication by a matrix that a fast transform diagonalises, such as a circulant.
+class DiagonalisedProduct:
+    """Multiplication by a symmetric matrix that a fast transform diagonalises, as a circulant.
 
     The vectors live on a grid, are extended by zeros to the size of the matrix, and cut again.
 
     Parameters
     ----------
-    spectrum : ndarray
-        The eigenvalues; of a circulant the ``rfftn`` of its first column, real where it is
-        symmetric.
+    spectrum : ndarray, real
+        The eigenvalues; of a circulant the ``rfftn`` of its first column.
     fft_shape : tuple of int
         The size of the matrix in each level.
     grid_shape : tuple of int
@@ -174,42 +173,13 @@ class Convolution:
         transforms: Transforms = FOURIER,
     ) -> None:
         # The share of a product on this grid, whose transforms are twice as long in each level.
-        embedded = transforms is FOURIER and fft_shape != grid_shape
-        points = prod(grid_shape) / (1 if embedded else 2 ** len(grid_shape))
+        points = prod(grid_shape) / 2 ** len(grid_shape)
         self.grid_shape, self.dtype, self.points = grid_shape, np.dtype(dtype), points
         self.transforms = transforms
-        # float32 -> complex64 or float32: the spectrum in the precision of the products.
-        precision = np.result_type(self.dtype, np.complex64)
-        if not np.iscomplexobj(spectrum):
-            precision = self.dtype
-        self.spectrum = spectrum.astype(precision, copy=False)
+        self.spectrum = spectrum.astype(self.dtype, copy=False)
         self.fft_shape = fft_shape
         self._axes = tuple(range(-len(grid_shape), 0))
         self._cut: Any = (..., *(slice(n) for n in grid_shape))
-
-    @classmethod
-    def from_first_column(
-        cls,
-        column: Array,
-        grid_shape: tuple[int, ...],
-        dtype: DTypeLike = np.float64,
-        *,
-        symmetric: bool,
-    ) -> Self:
-        """Build the convolution whose circulant has the first column `column`."""
-        count_transforms(1, *column.shape)
-        spectrum = fft.rfftn(column)
-        return cls(spectrum.real if symmetric else spectrum, column.shape, grid_shape, dtype)
-
-    @property
-    def norm_bound(self) -> float:
-        """A bound of the 2-norm: that of the matrix that is diagonalised."""
-        return float(np.abs(self.spectrum).max())
-
-    def adjoint(self) -> Self:
-        """Return the multiplication by the transpose; no transform is made."""
-        conjugate = self.spectrum.conj()
-        return type(self)(conjugate, self.fft_shape, self.grid_shape, self.dtype, self.transforms)
 
     def __call__(self, X: Array, out: Array | None = None) -> Array:
         """As `multiply_rows`."""

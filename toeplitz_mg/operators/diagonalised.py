@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators.convolution import Convolution
+from toeplitz_mg.operators.convolution import DiagonalisedProduct
 from toeplitz_mg.operators.rows import as_rows
 
 Array = NDArray[Any]
@@ -18,7 +18,7 @@ class DiagonalisedOperator(LinearOperator):
 
     Parameters
     ----------
-    convolution : Convolution
+    product : DiagonalisedProduct
         The transform and the eigenvalues; cut to the grid where the matrix is the larger.
     name : str
         Of the matrix, for its repr.
@@ -29,15 +29,15 @@ class DiagonalisedOperator(LinearOperator):
     name : str
     """
 
-    def __init__(self, convolution: Convolution, name: str) -> None:
-        size = prod(convolution.grid_shape)
-        super().__init__(convolution.dtype, (size, size))
-        self.grid_shape = convolution.grid_shape
+    def __init__(self, product: DiagonalisedProduct, name: str) -> None:
+        size = prod(product.grid_shape)
+        super().__init__(product.dtype, (size, size))
+        self.grid_shape = product.grid_shape
         self.name = name
-        self._convolution = convolution
+        self._product = product
 
     def _apply(self, X: Array, out: Array | None = None) -> Array:
-        return self._convolution(X, out)
+        return self._product(X, out)
 
     def _matvec(self, x: Array) -> Array:
         return self._apply(as_rows(x, self.shape[1]))

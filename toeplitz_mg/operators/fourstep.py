@@ -20,9 +20,7 @@ References
 D. H. Bailey, FFTs in external or hierarchical memory, J. Supercomput. 4 (1990).
 """
 
-import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from math import isqrt
 from typing import Any
@@ -31,6 +29,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy import fft
 
+from toeplitz_mg.operators.threads import share
 from toeplitz_mg.operators.workspace import workspace
 
 Array = NDArray[Any]
@@ -40,7 +39,6 @@ Store = Callable[[slice, Array], None]  # columns j₂, and the panel, which may
 
 PANEL_BYTES = 2**20  # of columns: with 1024 rows each piece of a row has a kilobyte
 BLOCK_BYTES = 2**18  # of rows, and of the twiddle factors
-WORTH_THREADS = 2**17  # numbers of a transform that threads make faster
 ANCHOR = 32  # blocks whose twiddle factors are made from each other before they are made anew
 
 
@@ -87,7 +85,7 @@ class FourStep:
                 if not np.may_share_memory(R, W):
                     W[rows] = R
 
-        _share(work, self._count(0), self.length)
+        share(work, self._count(0), self.length)
         return W
 
     def multiply(self, load: Load, factors: Sequence[Factor], store: Store) -> None:
@@ -124,7 +122,7 @@ class FourStep:
                 load(columns, P)
                 W[:, columns] = fft.fft(P, axis=0, overwrite_x=True)
 
-        _share(work, self._count(1), self.length)
+        share(work, self._count(1), self.length)
 
     def _rows(self, W: Array, shift: float, eigenvalues: Array) -> None:
         """Transform the rows, multiply, and transform back, to the conjugate."""
@@ -139,7 +137,7 @@ class FourStep:
                 R = fft.fft(R, axis=1, overwrite_x=True)
                 np.multiply(R, twiddles, out=W[rows])
 
-        _share(work, self._count(0), self.length)
+        share(work, self._count(0), self.length)
 
     def _columns_through(self, W: Array, shift: float, next_shift: float) -> None:
         """Finish the one inverse transform, and begin the next transform."""
@@ -153,7 +151,7 @@ class FourStep:
                 P *= turn
                 W[:, columns] = fft.fft(P, axis=0, overwrite_x=True)
 
-        _share(work, self._count(1), self.length)
+        share(work, self._count(1), self.length)
 
     def _columns_out(self, W: Array, store: Store) -> None:
         def work(panels: range) -> None:
@@ -161,7 +159,7 @@ class FourStep:
                 P[...] = W[:, columns]
                 store(columns, fft.fft(P, axis=0, overwrite_x=True))
 
-        _share(work, self._count(1), self.length)
+        share(work, self._count(1), self.length)
 
     def _count(self, axis: int) -> int:
         """The number of blocks of rows, or of panels of columns."""
@@ -226,23 +224,3 @@ def _row_of_twiddles(k1: int, columns: int, L: int) -> Array:
     """exp(-2πi j₂ k₁/L) for all j₂, from an argument that is reduced."""
     turns = np.arange(columns, dtype=np.int64) * k1 % L / L
     return np.asarray(np.exp(-2j * np.pi * turns))
-
-
-def _share(work: Callable[[range], None], count: int, points: int) -> None:
-    """Do all parts, by as many threads as ``scipy.fft.set_workers`` says."""
-    workers = min(fft.get_workers(), count)
-    if workers == 1 or points < WORTH_THREADS:
-        work(range(count))
-        return
-    bounds = [count * k // workers for k in range(workers + 1)]
-    parts = list(map(range, bounds[:-1], bounds[1:]))
-    others = [_threads(workers - 1, os.getpid()).submit(work, part) for part in parts[1:]]
-    work(parts[0])
-    for other in others:
-        other.result()
-
-
-@lru_cache(maxsize=4)
-def _threads(number: int, process: int) -> ThreadPoolExecutor:
-    """Return threads that keep their workspaces; those of a parent process are not ours."""
-    return ThreadPoolExecutor(number, thread_name_prefix=f"toeplitz_mg {process}")

@@ -5,10 +5,10 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
-from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators.convolution import Convolution, ToeplitzProduct
+from toeplitz_mg.operators.convolution import ToeplitzProduct
+from toeplitz_mg.operators.multilevel import MultilevelProduct, dense_block
 from toeplitz_mg.operators.rows import as_rows
 
 Array = NDArray[Any]
@@ -119,11 +119,11 @@ class ToeplitzOperator(LinearOperator):
         self,
         column: Array | None,
         lags: Array | None,
-        convolution: ToeplitzProduct | Convolution | None = None,
+        product: ToeplitzProduct | MultilevelProduct | None = None,
     ) -> None:
         """Take the coefficients: the first column where they are even, or else all lags.
 
-        With a convolution at hand no transform is made.
+        With a product at hand no transform is made.
         """
         if column is None:
             assert lags is not None
@@ -141,18 +141,16 @@ class ToeplitzOperator(LinearOperator):
         self.is_symmetric = self.is_even or np.array_equal(coefficients, np.flip(coefficients))
         self._coefficients = coefficients.copy()
         self._coefficients.flags.writeable = False
-        self._convolution = convolution or self._product()
+        self._multiply = product or self._product()
 
-    def _product(self) -> ToeplitzProduct | Convolution:
-        if len(self.grid_shape) == 1:
-            a = self._coefficients
-            n = len(a) if self.is_even else self.grid_shape[0]
-            column, row = (a, a) if self.is_even else (a[n - 1 :], a[n - 1 :: -1])
-            return ToeplitzProduct(column, row, self.dtype)
-        shape = tuple(fft.next_fast_len(2 * n - 1, real=True) for n in self.grid_shape)
-        return Convolution.from_first_column(
-            self.circulant(shape), self.grid_shape, self.dtype, symmetric=self.is_symmetric
-        )
+    def _product(self) -> ToeplitzProduct | MultilevelProduct:
+        levels = [n for n in self.grid_shape if n > 1]  # of the others no transform is made
+        if len(levels) > 1:
+            return MultilevelProduct([[self.lags.reshape([2 * n - 1 for n in levels])]], self.dtype)
+        a = self._coefficients.ravel()
+        n = self.shape[0]
+        column, row = (a, a) if self.is_even else (a[n - 1 :], a[n - 1 :: -1])
+        return ToeplitzProduct(column, row, self.dtype)
 
     @property
     def lags(self) -> Array:
@@ -168,7 +166,7 @@ class ToeplitzOperator(LinearOperator):
     @property
     def norm_bound(self) -> float:
         """A bound of the 2-norm: that of the matrix in which the products embed this one."""
-        return self._convolution.norm_bound
+        return self._multiply.norm_bound
 
     def circulant(self, shape: tuple[int, ...]) -> Array:
         """Return the first column of a circulant in which this matrix is the leading block.
@@ -205,13 +203,10 @@ class ToeplitzOperator(LinearOperator):
         ndarray of shape (k, k)
         """
         points = np.unravel_index(index, self.grid_shape)
-        lag = (
-            np.subtract.outer(i, i) + n - 1 for i, n in zip(points, self.grid_shape, strict=True)
-        )
-        return np.asarray(self.lags[tuple(lag)])
+        return dense_block(self.lags, points)
 
     def _apply(self, X: Array, out: Array | None = None) -> Array:
-        return self._convolution(X, out)
+        return self._multiply(X, out)
 
     def _matvec(self, x: Array) -> Array:
         return self._apply(as_rows(x, self.shape[1]))
@@ -223,7 +218,7 @@ class ToeplitzOperator(LinearOperator):
         if self.is_symmetric:
             return self
         adjoint = type(self).__new__(type(self))
-        adjoint._build(None, np.flip(self.lags), self._convolution.adjoint())
+        adjoint._build(None, np.flip(self.lags), self._multiply.adjoint())
         return adjoint
 
     def _transpose(self) -> "ToeplitzOperator":

@@ -46,7 +46,7 @@ class OneStep:
 
     def weights(self, shift: float) -> Array:
         """The factors exp(-2πi j s/L) of a shift, shape (L,)."""
-        return _weights(self.length, shift, self.dtype)
+        return phase_factors(self.length, shift, self.dtype)
 
     def spectrum(self, column: Array, shift: float) -> Array:
         """Transform a vector at the frequencies k + s."""
@@ -105,7 +105,8 @@ class OneStep:
 
 
 @lru_cache(maxsize=64)
-def _weights(length: int, shift: float, dtype: np.dtype[Any]) -> Array:
+def phase_factors(length: int, shift: float, dtype: np.dtype[Any]) -> Array:
+    """The factors exp(-2πi j s/L) of a shift, shape (L,), of a complex dtype."""
     return np.asarray(np.exp(-2j * np.pi * shift / length * np.arange(length)), dtype)
 
 

@@ -7,7 +7,7 @@ from numpy.typing import DTypeLike, NDArray
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import Convolution, DiagonalisedOperator, MaskedOperator
+from toeplitz_mg.operators import DiagonalisedOperator, DiagonalisedProduct, MaskedOperator
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.work import count_transforms
 from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust
@@ -113,6 +113,6 @@ def _inverse(column: Array, name: str, dtype: np.dtype[Any], mask: Array | None)
     spectrum = fft.rfftn(column.astype(np.float64, copy=False)).real
     other = robust(len(column.shape)) if name == "Strang" else "cg without M"
     require_positive(spectrum, dtype, f"{name}'s circulant has the eigenvalue", other)
-    product = Convolution(1.0 / spectrum, column.shape, column.shape, dtype)
+    product = DiagonalisedProduct(1.0 / spectrum, column.shape, column.shape, dtype)
     C = DiagonalisedOperator(product, f"inverse of {name}'s circulant")
     return C if mask is None else MaskedOperator(C, mask)

@@ -7,8 +7,8 @@ from numpy.typing import DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import (
-    Convolution,
     DiagonalisedOperator,
+    DiagonalisedProduct,
     MaskedOperator,
 )
 from toeplitz_mg.operators.convolution import COSINE, SINE, Transforms
@@ -154,6 +154,6 @@ def _inverse(
         f"the symbol of A, which the {name} preconditioner samples, has the value",
         f"{other}_preconditioner(A), or {robust(len(shape))}",
     )
-    product = Convolution(1.0 / samples, shape, full.grid_shape, dtype, transforms)
+    product = DiagonalisedProduct(1.0 / samples, shape, full.grid_shape, dtype, transforms)
     M = DiagonalisedOperator(product, f"{name} transform")
     return M if mask is None else MaskedOperator(M, mask)

@@ -1,0 +1,90 @@
+"""Products of several levels, and of several components, against their dense definition."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import scipy.fft
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+import toeplitz_mg as tmg
+from tests.cases import contact, dense_of_lags
+from toeplitz_mg.operators.multilevel import MultilevelProduct
+
+shapes = st.lists(st.integers(1, 12), min_size=1, max_size=4)
+
+
+def random(seed, *shape):
+    return np.random.default_rng(seed).standard_normal(shape)
+
+
+@settings(max_examples=40, deadline=None)
+@given(shapes, st.integers(1, 3), st.sampled_from([np.float32, np.float64]), st.integers(0, 99))
+def test_is_the_dense_matrix(shape, components, dtype, seed):
+    rng = np.random.default_rng(seed)
+    kernel = [
+        [rng.standard_normal([2 * n - 1 for n in shape]) for _ in range(components)]
+        for _ in range(components)
+    ]
+    kernel[-1][0] = kernel[0][-1] = None if components > 1 else kernel[0][0]
+    if np.prod(shape) > 400:
+        return
+    zero = np.zeros((np.prod(shape),) * 2)
+    dense = np.block(
+        [[zero if lags is None else dense_of_lags(lags) for lags in row] for row in kernel]
+    )
+    product = MultilevelProduct(kernel, dtype)
+    X = rng.standard_normal((3, len(dense))).astype(dtype)
+    tolerance = {"atol": 2000 * np.finfo(dtype).eps}
+    assert_allclose(product(X), X @ dense.T, **tolerance)
+    assert product(X).dtype == dtype
+    adjoint = product.adjoint()
+    assert_allclose(adjoint(X), X @ dense, **tolerance)
+    assert np.linalg.norm(dense, 2) <= (1 + 1e-6) * product.norm_bound
+    assert product.norm_bound == pytest.approx(adjoint.norm_bound)
+    expected = product(X)
+    assert np.array_equal(product(X, X), expected)  # in place
+    assert np.array_equal(X, expected)
+
+
+@pytest.mark.parametrize("shape", [(700, 1), (1, 700), (1, 700, 1)])
+def test_levels_of_one_element_are_none(shape):
+    c = contact(700)
+    A, line = tmg.ToeplitzOperator(c.reshape(shape)), tmg.ToeplitzOperator(c)
+    x = random(0, 700)
+    assert np.array_equal(A @ x, line @ x)
+    lags = random(1, 1399)
+    general = tmg.ToeplitzOperator.from_lags(lags.reshape([2 * n - 1 for n in shape]))
+    line = tmg.ToeplitzOperator.from_lags(lags)
+    assert np.array_equal(general @ x, line @ x)
+    assert np.array_equal(general.H @ x, line.H @ x)
+
+
+@pytest.mark.parametrize("shape", [(300, 700), (4, 30011), (30011, 4), (40, 50, 60)])
+def test_large_grids_as_the_plain_transform(shape):
+    c = np.exp(-np.sqrt(np.indices(shape).sum(axis=0)))
+    A = tmg.ToeplitzOperator(c)
+    X = random(2, 2, c.size)
+    lengths = [scipy.fft.next_fast_len(2 * n - 1, real=True) for n in shape]
+    spectrum = scipy.fft.rfftn(A.circulant(tuple(lengths)))
+    cut = tuple(slice(n) for n in shape)
+    for x, y in zip(X, A._matvec(X), strict=True):
+        hat = spectrum * scipy.fft.rfftn(x.reshape(shape), lengths)
+        expected = scipy.fft.irfftn(hat, lengths)[cut].ravel()
+        assert_allclose(y, expected, atol=1e-14 * np.abs(expected).max() * np.log2(c.size))
+    single = A.astype(np.float32)
+    assert_allclose(single @ X[0].astype(np.float32), A @ X[0], atol=1e-4 * abs(A @ X[0]).max())
+
+
+def test_several_threads():
+    c = np.exp(-np.sqrt(np.indices((500, 300)).sum(axis=0)))
+    A = tmg.ToeplitzOperator(c)
+    X = random(3, 6, c.size)
+    expected = [A @ x for x in X]
+    with scipy.fft.set_workers(2):
+        assert all(np.array_equal(A @ x, y) for x, y in zip(X, expected, strict=True))
+    with ThreadPoolExecutor(4) as pool:
+        for y, z in zip(pool.map(A.dot, X), expected, strict=True):
+            assert np.array_equal(y, z)
