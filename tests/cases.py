@@ -420,6 +420,94 @@ def _preconditioners():
                 )
 
 
+def coupled_kernel(components, *grid_shape):
+    """Lags of each pair of components: even in themselves, odd or of any kind between them."""
+    k = np.stack(np.meshgrid(*(np.arange(1 - n, n) for n in grid_shape), indexing="ij"))
+    size = np.exp(-np.abs(k).sum(axis=0))
+    kernel = [[None] * components for _ in range(components)]
+    for i in range(components):
+        kernel[i][i] = size * (1.0 + i)
+    kernel[1][0] = 0.2 * size * np.prod(np.sign(k), axis=0)  # as A_xy
+    kernel[0][1] = np.flip(kernel[1][0])
+    if components == 3:
+        kernel[2][1] = 0.3 * size * np.sign(k[0])  # as A_yz
+        kernel[1][2] = np.flip(kernel[2][1])
+    return kernel
+
+
+def dense_of_kernel(kernel, dense=dense_of_lags):
+    like = np.zeros_like(dense(kernel[0][0]))
+    return np.block([[like if lags is None else dense(lags) for lags in row] for row in kernel])
+
+
+def dense_coupled_M(kernel):
+    """The leading block of the inverse of the block circulant, all of size 2 n - 1."""
+
+    def wrapped(lags):
+        return periodic(np.roll(lags, [-(m // 2) for m in lags.shape], range(lags.ndim)))
+
+    inverse = np.linalg.inv(dense_of_kernel(kernel, wrapped))
+    leading = np.zeros((len(kernel), *kernel[0][0].shape), dtype=bool)
+    leading[(slice(None), *(slice((m + 1) // 2) for m in kernel[0][0].shape))] = True
+    return inverse[np.ix_(leading.ravel(), leading.ravel())]
+
+
+def coupled(kernel):
+    def build(dtype):
+        return tmg.CoupledOperator(
+            [
+                [
+                    None if lags is None else tmg.ToeplitzOperator.from_lags(lags.astype(dtype))
+                    for lags in row
+                ]
+                for row in kernel
+            ]
+        )
+
+    return build
+
+
+def _coupled():
+    for components, shape in ((2, (3, 4)), (2, (7,)), (3, (2, 5)), (3, (5, 1)), (2, (2, 3, 2))):
+        kernel = coupled_kernel(components, *shape)
+        dense = dense_of_kernel(kernel)
+        M = dense_coupled_M(kernel)
+        mask = np.stack([checkered(*shape)] * components)
+        mask[-1] &= np.arange(mask[0].size).reshape(shape) % 2 == 0
+        c = [kernel[i][i][tuple(slice(n - 1, None) for n in shape)] for i in range(components)]
+        cosines = [dense_trigonometric(x, np.cos, 0) for x in c]
+        chans = [np.linalg.inv(periodic(chan_column(x))) for x in c]
+        for label, build, cut in (
+            ("", coupled(kernel), np.ones_like(mask)),
+            (
+                " masked",
+                lambda dtype, k=kernel, m=mask: tmg.MaskedOperator(coupled(k)(dtype), m),
+                mask,
+            ),
+        ):
+            name = f"coupled{label} {components} {shape}"
+            for f, matrix in (
+                (lambda A: A, dense),
+                (tmg.fft_preconditioner, M),
+                (tmg.cosine_preconditioner, scipy.linalg.block_diag(*cosines)),
+                (tmg.componentwise(tmg.chan_preconditioner), scipy.linalg.block_diag(*chans)),
+            ):
+                yield Case(
+                    f"{getattr(f, '__name__', 'A')} {name}",
+                    applied(f, build),
+                    lambda matrix=matrix, cut=cut: submatrix(matrix, cut),
+                )
+        general = [list(row) for row in kernel]
+        general[1][0] = kernel[1][0] + 0.3 * kernel[0][0]
+        yield Case(
+            f"A coupled, general {components} {shape}",
+            coupled(general),
+            lambda general=general: dense_of_kernel(general),
+            symmetric=False,
+            positive=False,
+        )
+
+
 def _cycles():
     for name, c in {"16": contact(16), "32": exponential(32) + 0.1, "8x8": contact(8, 8)}.items():
         for pre, post, gamma in ((1, 1, 1), (1, 0, 1), (0, 1, 1), (2, 1, 1), (1, 1, 2), (0, 2, 2)):
@@ -450,4 +538,4 @@ def _cycles():
     )
 
 
-CASES = [*_operators(), *_preconditioners(), *_cycles()]
+CASES = [*_operators(), *_preconditioners(), *_coupled(), *_cycles()]

@@ -12,6 +12,7 @@ from toeplitz_mg.multigrid import (
     rediscretised,
 )
 from toeplitz_mg.operators import (
+    CoupledOperator,
     MaskedOperator,
     ProductCount,
     ToeplitzOperator,
@@ -19,6 +20,7 @@ from toeplitz_mg.operators import (
 )
 from toeplitz_mg.preconditioners import (
     chan_preconditioner,
+    componentwise,
     cosine_preconditioner,
     fft_preconditioner,
     fft_rsm_preconditioner,
@@ -38,6 +40,7 @@ from toeplitz_mg.solvers import (
 )
 
 __all__ = [
+    "CoupledOperator",
     "Interpolation",
     "MaskedOperator",
     "Multigrid",
@@ -47,6 +50,7 @@ __all__ = [
     "ToeplitzOperator",
     "cg",
     "chan_preconditioner",
+    "componentwise",
     "contact",
     "cosine_preconditioner",
     "count_products",

@@ -1,6 +1,7 @@
 """What is multiplied: Toeplitz matrices of one or several levels, and their restrictions."""
 
 from toeplitz_mg.operators.convolution import DiagonalisedProduct
+from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.diagonalised import DiagonalisedOperator
 from toeplitz_mg.operators.masked import MaskedOperator
 from toeplitz_mg.operators.rows import apply_to_rows, as_rows
@@ -9,6 +10,7 @@ from toeplitz_mg.operators.work import ProductCount, count_products
 
 __all__ = [
     "Convolution",
+    "CoupledOperator",
     "DiagonalisedOperator",
     "DiagonalisedProduct",
     "MaskedOperator",

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.rows import apply_to_rows, as_rows
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 from toeplitz_mg.operators.workspace import workspace
@@ -65,6 +66,8 @@ class MaskedOperator(LinearOperator):
         mask = np.asarray(mask)
         if mask.dtype != np.bool_:
             raise TypeError(f"mask has dtype {mask.dtype}, but must be of booleans")
+        if isinstance(A, CoupledOperator) and mask.shape == grid_shape[1:]:
+            mask = np.broadcast_to(mask, grid_shape)
         if mask.shape != grid_shape:
             raise ValueError(f"mask has shape {mask.shape}, but A lives on the grid {grid_shape}")
         if not mask.any():
@@ -82,7 +85,7 @@ class MaskedOperator(LinearOperator):
         Of a Toeplitz matrix its entries, without any transform; of any other operator the product
         with the unit matrix.
         """
-        if isinstance(self.full, ToeplitzOperator):
+        if isinstance(self.full, ToeplitzOperator | CoupledOperator):
             return self.full.block(self._index)
         return self._matmat(np.eye(self.shape[0], dtype=self.dtype))
 

@@ -113,7 +113,7 @@ class MultilevelProduct:
         points = np.indices(self._grid).reshape(len(self._grid), -1)
         zero = np.zeros((points.shape[1],) * 2)
         blocks = [
-            [zero if lags is None else dense_block(lags, points) for lags in row]
+            [zero if lags is None else entries(lags, points, points) for lags in row]
             for row in self._kernel
         ]
         return np.ascontiguousarray(np.block(blocks).T, self.dtype)
@@ -199,9 +199,11 @@ class MultilevelProduct:
         P[...] = Q
 
 
-def dense_block(lags: Array, points: Sequence[Array] | Array) -> Array:
-    """Return the entries a[i - j] for all pairs of points, given by their index in each level."""
-    lag = (np.subtract.outer(i, i) + m // 2 for i, m in zip(points, lags.shape, strict=True))
+def entries(lags: Array, rows: Sequence[Array] | Array, columns: Sequence[Array] | Array) -> Array:
+    """Return the a[i - j] of all pairs of points, which are given by their index in each level."""
+    lag = (
+        np.subtract.outer(i, j) + m // 2 for i, j, m in zip(rows, columns, lags.shape, strict=True)
+    )
     return np.asarray(lags[tuple(lag)])
 
 

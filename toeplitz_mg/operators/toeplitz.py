@@ -1,5 +1,6 @@
 """Toeplitz matrices of any number of levels, as linear operators."""
 
+from functools import cached_property
 from math import prod
 from typing import Any, Self
 
@@ -8,7 +9,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators.convolution import ToeplitzProduct
-from toeplitz_mg.operators.multilevel import MultilevelProduct, dense_block
+from toeplitz_mg.operators.multilevel import MultilevelProduct, entries
 from toeplitz_mg.operators.rows import as_rows
 
 Array = NDArray[Any]
@@ -141,9 +142,12 @@ class ToeplitzOperator(LinearOperator):
         self.is_symmetric = self.is_even or np.array_equal(coefficients, np.flip(coefficients))
         self._coefficients = coefficients.copy()
         self._coefficients.flags.writeable = False
-        self._multiply = product or self._product()
+        if product is not None:
+            self._product = product
 
+    @cached_property
     def _product(self) -> ToeplitzProduct | MultilevelProduct:
+        """The multiplication, whose set-up is a transform: not made for what is not multiplied."""
         levels = [n for n in self.grid_shape if n > 1]  # of the others no transform is made
         if len(levels) > 1:
             return MultilevelProduct([[self.lags.reshape([2 * n - 1 for n in levels])]], self.dtype)
@@ -166,7 +170,7 @@ class ToeplitzOperator(LinearOperator):
     @property
     def norm_bound(self) -> float:
         """A bound of the 2-norm: that of the matrix in which the products embed this one."""
-        return self._multiply.norm_bound
+        return self._product.norm_bound
 
     def circulant(self, shape: tuple[int, ...]) -> Array:
         """Return the first column of a circulant in which this matrix is the leading block.
@@ -202,11 +206,15 @@ class ToeplitzOperator(LinearOperator):
         -------
         ndarray of shape (k, k)
         """
-        points = np.unravel_index(index, self.grid_shape)
-        return dense_block(self.lags, points)
+        return self.entries(index, index)
+
+    def entries(self, rows: Array, columns: Array) -> Array:
+        """Return the entries in some rows and columns, positions in the flattened grid."""
+        points = (np.unravel_index(index, self.grid_shape) for index in (rows, columns))
+        return entries(self.lags, *points)
 
     def _apply(self, X: Array, out: Array | None = None) -> Array:
-        return self._multiply(X, out)
+        return self._product(X, out)
 
     def _matvec(self, x: Array) -> Array:
         return self._apply(as_rows(x, self.shape[1]))
@@ -218,7 +226,7 @@ class ToeplitzOperator(LinearOperator):
         if self.is_symmetric:
             return self
         adjoint = type(self).__new__(type(self))
-        adjoint._build(None, np.flip(self.lags), self._multiply.adjoint())
+        adjoint._build(None, np.flip(self.lags), self._product.adjoint())
         return adjoint
 
     def _transpose(self) -> "ToeplitzOperator":

@@ -1,6 +1,7 @@
 """What approximates A⁻¹: one idea a file, one public function each."""
 
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner, strang_preconditioner
+from toeplitz_mg.preconditioners.componentwise import componentwise
 from toeplitz_mg.preconditioners.deflation import fft_sd_preconditioner
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.preconditioners.jacobi import jacobi_preconditioner
@@ -13,6 +14,7 @@ from toeplitz_mg.preconditioners.trigonometric import (
 
 __all__ = [
     "chan_preconditioner",
+    "componentwise",
     "cosine_preconditioner",
     "fft_preconditioner",
     "fft_rsm_preconditioner",

@@ -10,17 +10,19 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg.operators import DiagonalisedOperator, DiagonalisedProduct, MaskedOperator
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.work import count_transforms
+from toeplitz_mg.preconditioners.componentwise import componentwise
 from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust
 
 Array = NDArray[Any]
 
 
+@componentwise
 def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of Strang's circulant, which copies the central coefficients of `A`.
 
     Parameters
     ----------
-    A : ToeplitzOperator or MaskedOperator of one
+    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
         Symmetric, of any number of levels.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. In float32 it takes
@@ -60,12 +62,13 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     return _inverse(column, "Strang", precision(full, dtype), mask)
 
 
+@componentwise
 def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of T. Chan's circulant, the nearest to `A` in the Frobenius norm.
 
     Parameters
     ----------
-    A : ToeplitzOperator or MaskedOperator of one
+    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
         Symmetric, of any number of levels.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. In float32 it takes

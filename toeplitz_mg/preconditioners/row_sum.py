@@ -9,6 +9,7 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg.operators import MaskedOperator, apply_to_rows, as_rows
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.workspace import workspace
+from toeplitz_mg.preconditioners.componentwise import componentwise
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.preconditioners.positivity import (
     DENSE,
@@ -68,6 +69,7 @@ class RowSumModified(LinearOperator):
         return f"<RowSumModified, row sums {self.gamma:.4g}, of {self.M!r}>"
 
 
+@componentwise
 def fft_rsm_preconditioner(
     A: LinearOperator, gamma: float | None = None, *, dtype: DTypeLike | None = None
 ) -> RowSumModified:
@@ -75,7 +77,7 @@ def fft_rsm_preconditioner(
 
     Parameters
     ----------
-    A : ToeplitzOperator or MaskedOperator of one
+    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of any number of levels.
     gamma : float, optional
         The row sum γ, positive. By default the smallest row sum of M on the whole grid (paper,

@@ -12,6 +12,7 @@ from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.schur import schur_column
 from toeplitz_mg.operators.transforms import cosine_sums, near_fast_length, sine_sums
+from toeplitz_mg.preconditioners.componentwise import componentwise
 from toeplitz_mg.preconditioners.positivity import is_positive, precision
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 
@@ -20,6 +21,7 @@ Array = NDArray[Any]
 RESOLVED = 0.25  # ‖A x - e₁‖ up to which the inverse from x is as good as a better one
 
 
+@componentwise
 def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of a Toeplitz matrix from the spectral factor of the symbol of A.
 

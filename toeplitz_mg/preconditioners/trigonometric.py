@@ -14,18 +14,20 @@ from toeplitz_mg.operators import (
 from toeplitz_mg.operators.convolution import COSINE, SINE, Transforms
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.transforms import near_fast_length
+from toeplitz_mg.preconditioners.componentwise import componentwise
 from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust, rounding
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 
 Array = NDArray[Any]
 
 
+@componentwise
 def cosine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of the DCT-II matrix whose eigenvalues are samples of the symbol of A.
 
     Parameters
     ----------
-    A : ToeplitzOperator or MaskedOperator of one
+    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of any number of levels.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. In float32 it takes
@@ -69,12 +71,13 @@ def cosine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     return cosine_inverse(A, _samples(A), dtype)
 
 
+@componentwise
 def sine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of the DST-II matrix whose eigenvalues are samples of the symbol of A.
 
     Parameters
     ----------
-    A : ToeplitzOperator or MaskedOperator of one
+    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of any number of levels.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. In float32 it takes

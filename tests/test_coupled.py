@@ -1,0 +1,112 @@
+"""Coupled components: what is special about them; that they are their dense matrix is in cases."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import toeplitz_mg as tmg
+from tests.cases import coupled, coupled_kernel
+from toeplitz_mg import halfspace
+
+
+def tangential(n, nu=0.28):
+    """The coupled tangential problem on [-1, 1]², n x n elements."""
+    element = (2.0 / n, 2.0 / n)
+    even, odd = halfspace.lags((n, n), element), halfspace.all_lags((n, n), element)
+    xx, yy = (
+        tmg.ToeplitzOperator(a(*even, element, G=1.0, nu=nu))
+        for a in (halfspace.influence_xx, halfspace.influence_yy)
+    )
+    xy = tmg.ToeplitzOperator.from_lags(halfspace.influence_xy(*odd, element, G=1.0, nu=nu))
+    return tmg.CoupledOperator([[xx, xy], [xy, yy]])
+
+
+def iterations(A, M, b):
+    steps = []
+    x, info = tmg.cg(A, b, M=M, rtol=1e-8, callback=steps.append)
+    assert info == 0
+    assert np.linalg.norm(b - A @ x) <= 1.1e-8 * np.linalg.norm(b)
+    return len(steps)
+
+
+# Most iterations, constant and random right-hand side.
+@pytest.mark.parametrize(
+    ("preconditioner", "constant", "random"),
+    [
+        (tmg.fft_preconditioner, 11, 14),
+        (tmg.componentwise(tmg.fft_preconditioner), 13, 16),
+        (tmg.cosine_preconditioner, 12, 14),
+    ],
+)
+@pytest.mark.parametrize("n", [64, 129, 256])
+def test_iterations(preconditioner, constant, random, n):
+    A = tangential(n)
+    M = preconditioner(A)
+    assert iterations(A, M, np.ones(A.shape[0])) <= constant
+    assert iterations(A, M, np.random.default_rng(0).standard_normal(A.shape[0])) <= random
+
+
+def test_a_product_transforms_each_component_once():
+    A = tangential(32)
+    x = np.ones(A.shape[0])
+    with tmg.count_products() as work:
+        A @ x
+    assert work.units(A.shape[0]) == 1.0
+    assert work.products == 1
+
+
+def test_a_mask_is_that_of_each_component():
+    A = tangential(8)
+    mask = np.indices((8, 8)).sum(axis=0) > 5
+    one = tmg.MaskedOperator(A, mask)
+    two = tmg.MaskedOperator(A, np.stack([mask, mask]))
+    assert one.shape == two.shape == (2 * mask.sum(),) * 2
+    assert_allclose(one.toarray(), two.toarray())
+    assert_allclose(one @ np.eye(len(one.toarray())), one.toarray(), atol=1e-12)
+
+
+def test_a_component_without_unknowns_has_no_block():
+    A = tangential(6)
+    mask = np.zeros((2, 6, 6), dtype=bool)
+    mask[1, 2:4] = True
+    B = tmg.MaskedOperator(A, mask)
+    M = tmg.cosine_preconditioner(B)
+    expected = tmg.cosine_preconditioner(tmg.MaskedOperator(A.component(1), mask[1]))
+    b = np.random.default_rng(1).standard_normal(12)
+    assert np.array_equal(M @ b, expected @ b)
+
+
+def test_without_coupling_it_is_the_components():
+    xx = tmg.ToeplitzOperator(np.exp(-np.indices((20, 17)).sum(axis=0) / 2.0))
+    A = tmg.CoupledOperator([[xx, None], [None, xx]])
+    x = np.random.default_rng(2).standard_normal(2 * 340)
+    assert_allclose(A @ x, np.concatenate([xx @ x[:340], xx @ x[340:]]), atol=1e-12)
+    M = tmg.fft_preconditioner(A)
+    one = tmg.fft_preconditioner(xx)
+    assert M.blocks[0][1] is None
+    assert_allclose(M @ x, np.concatenate([one @ x[:340], one @ x[340:]]), atol=1e-12)
+
+
+def test_what_is_refused():
+    a, b = tmg.ToeplitzOperator([[2.0, 1.0]]), tmg.ToeplitzOperator([[2.0, 1.0, 0.5]])
+    with pytest.raises(ValueError, match=r"rows of lengths \[2, 1\], but must be a square"):
+        tmg.CoupledOperator([[a, a], [a]])
+    with pytest.raises(ValueError, match=r"blocks\[1\]\[1\] lives on the grid \(1, 3\)"):
+        tmg.CoupledOperator([[a, None], [None, b]])
+    with pytest.raises(TypeError, match=r"blocks\[0\]\[1\] is a ndarray, but must be a Toeplitz"):
+        tmg.CoupledOperator([[a, np.eye(2)], [None, a]])
+    with pytest.raises(ValueError, match="row 1 of the blocks is zero"):
+        tmg.CoupledOperator([[a, None], [None, None]])
+    with pytest.raises(ValueError, match="the block of component 0 on itself is zero"):
+        tmg.CoupledOperator([[None, a], [a, None]]).component(0)
+    strong = coupled_kernel(2, 4, 4)
+    strong[0][1], strong[1][0] = (40.0 * lags for lags in (strong[0][1], strong[1][0]))
+    with pytest.raises(np.linalg.LinAlgError, match="which M inverts, has the pivot -"):
+        tmg.fft_preconditioner(coupled(strong)(np.float64))
+    kernel = coupled_kernel(2, 4, 4)
+    kernel[1][0] = 2.0 * kernel[1][0]
+    for preconditioner in (tmg.fft_preconditioner, tmg.cosine_preconditioner):
+        with pytest.raises(ValueError, match=r"2 components, 4 x 4, general.*must be symmetric"):
+            preconditioner(coupled(kernel)(np.float64))
+    with pytest.raises(TypeError, match="is a CoupledOperator, but must be a ToeplitzOperator"):
+        tmg.multigrid(tangential(8), coarsest=4)

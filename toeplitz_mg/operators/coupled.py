@@ -1,0 +1,195 @@
+"""Toeplitz matrices between the components of a field on one grid: a matrix-valued kernel."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg.operators.multilevel import MultilevelProduct
+from toeplitz_mg.operators.rows import as_rows
+from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+
+Array = NDArray[Any]
+
+
+class CoupledOperator(LinearOperator):
+    """A square array of Toeplitz matrices, between the components of a field on one grid.
+
+    The vectors hold one component after the other, each flattened in C order: they are fields of
+    shape (components, n1, ..., nd), flattened.
+
+    Parameters
+    ----------
+    blocks : sequence of sequences of ToeplitzOperator or None
+        ``blocks[i][j]`` takes component j of the vector to component i of the result; None is
+        zero. All live on one grid.
+
+    Attributes
+    ----------
+    grid_shape : tuple of int
+        (components, n1, ..., nd).
+    blocks : tuple of tuples of ToeplitzOperator or None
+    is_symmetric : bool
+
+    Raises
+    ------
+    TypeError
+        Where a block is no ToeplitzOperator.
+    ValueError
+        Where the array is not square, the grids differ, or a row has nothing but zeros.
+
+    Notes
+    -----
+    One product transforms each component once, each way: the work of one product for each
+    component. Of the blocks that are symmetric, as all are of the tangential problem, the symbol
+    is real.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import toeplitz_mg as tmg
+    >>> from toeplitz_mg import halfspace
+    >>> element = (0.25, 0.25)
+    >>> x, y = halfspace.all_lags((8, 8), element)
+    >>> xx, xy, yy = (
+    ...     tmg.ToeplitzOperator.from_lags(a(x, y, element, G=1.0, nu=0.28))
+    ...     for a in (halfspace.influence_xx, halfspace.influence_xy, halfspace.influence_yy)
+    ... )
+    >>> A = tmg.CoupledOperator([[xx, xy], [xy, yy]])
+    >>> A
+    <CoupledOperator of 2 components, 8 x 8, symmetric, float64>
+    >>> u = (A @ np.ones(2 * 8 * 8)).reshape(2, 8, 8)
+    """
+
+    def __init__(self, blocks: Sequence[Sequence[ToeplitzOperator | None]]) -> None:
+        self._build(tuple(map(tuple, blocks)))
+
+    def _build(
+        self,
+        blocks: tuple[tuple[ToeplitzOperator | None, ...], ...],
+        product: MultilevelProduct | None = None,
+    ) -> None:
+        _check(blocks)
+        given = [block for row in blocks for block in row if block is not None]
+        grid_shape = (len(blocks), *given[0].grid_shape)
+        size = int(np.prod(grid_shape))
+        super().__init__(np.result_type(*(block.dtype for block in given)), (size, size))
+        self.blocks = blocks
+        self.grid_shape = grid_shape
+        self.is_symmetric = all(
+            _same(blocks[i][j], blocks[j][i]) for i in range(len(blocks)) for j in range(i + 1)
+        )
+        self._product = product or MultilevelProduct(
+            [[None if block is None else block.lags for block in row] for row in blocks], self.dtype
+        )
+
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: that of the matrix in which the products embed this one."""
+        return self._product.norm_bound
+
+    def component(self, i: int) -> ToeplitzOperator:
+        """Return the block of component i on itself.
+
+        Raises
+        ------
+        ValueError
+            Where that is zero.
+        """
+        block = self.blocks[i][i]
+        if block is None:
+            raise ValueError(f"the block of component {i} on itself is zero")
+        return block
+
+    def astype(self, dtype: Any) -> "CoupledOperator":
+        """Return the matrix in another precision, or itself where it has that already."""
+        if self.dtype == dtype:
+            return self
+        return CoupledOperator(
+            [
+                [None if block is None else block.astype(dtype) for block in row]
+                for row in self.blocks
+            ]
+        )
+
+    def toarray(self) -> Array:
+        """Return the matrix as a dense array of shape (N, N), without any transform."""
+        return self.block(np.arange(self.shape[0]))
+
+    def block(self, index: Array) -> Array:
+        """Return some rows and the same columns, by their positions in the flattened field."""
+        size = self.shape[0] // len(self.blocks)
+        component, point = np.divmod(np.asarray(index), size)
+        result = np.zeros((len(point), len(point)), self.dtype)
+        for i, row in enumerate(self.blocks):
+            for j, block in enumerate(row):
+                if block is not None:
+                    rows, columns = np.ix_(component == i, component == j)
+                    result[rows, columns] = block.entries(
+                        point[component == i], point[component == j]
+                    )
+        return result
+
+    def _apply(self, X: Array, out: Array | None = None) -> Array:
+        return self._product(X, out)
+
+    def _matvec(self, x: Array) -> Array:
+        return self._apply(as_rows(x, self.shape[1]))
+
+    def _matmat(self, X: Array) -> Array:
+        return np.asarray(self._apply(X.mT).mT)
+
+    def _adjoint(self) -> "CoupledOperator":
+        if self.is_symmetric:
+            return self
+        blocks = tuple(
+            tuple(None if block is None else block.T for block in column)
+            for column in zip(*self.blocks, strict=True)
+        )
+        adjoint = CoupledOperator.__new__(CoupledOperator)
+        adjoint._build(blocks, self._product.adjoint())
+        return adjoint
+
+    def _transpose(self) -> "CoupledOperator":
+        return self._adjoint()
+
+    def __repr__(self) -> str:
+        components, *grid = self.grid_shape
+        kind = "symmetric" if self.is_symmetric else "general"
+        size = " x ".join(map(str, grid))
+        return f"<CoupledOperator of {components} components, {size}, {kind}, {self.dtype}>"
+
+
+def _check(blocks: tuple[tuple[ToeplitzOperator | None, ...], ...]) -> None:
+    if not blocks or any(len(row) != len(blocks) for row in blocks):
+        lengths = [len(row) for row in blocks]
+        raise ValueError(f"blocks has rows of lengths {lengths}, but must be a square array")
+    first = None
+    for i, row in enumerate(blocks):
+        if all(block is None for block in row):
+            raise ValueError(f"row {i} of the blocks is zero, but the matrix must not be singular")
+        for j, block in enumerate(row):
+            if block is None:
+                continue
+            if not isinstance(block, ToeplitzOperator):
+                raise TypeError(
+                    f"blocks[{i}][{j}] is a {type(block).__name__}, but must be a ToeplitzOperator "
+                    "or None"
+                )
+            first = first or block
+            if block.grid_shape != first.grid_shape:
+                raise ValueError(
+                    f"blocks[{i}][{j}] lives on the grid {block.grid_shape}, but another on "
+                    f"{first.grid_shape}"
+                )
+
+
+def _same(block: ToeplitzOperator | None, other: ToeplitzOperator | None) -> bool:
+    """Whether a block is the transpose of the other."""
+    if block is None or other is None:
+        return block is other
+    if block is other:
+        return block.is_symmetric
+    return np.array_equal(block.lags, np.flip(other.lags))
