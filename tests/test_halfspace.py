@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.optimize
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 import toeplitz_mg as tmg
 from toeplitz_mg import halfspace
@@ -16,17 +16,29 @@ KERNELS = {
     "yy": lambda x, y, r, nu: (1 - nu) / r + nu * y**2 / r**3,
     "xy": lambda x, y, r, nu: nu * x * y / r**3,
 }
+COUPLINGS = {
+    "xz": lambda x, y, r, K: -K * x / r**2,
+    "yz": lambda x, y, r, K: -K * y / r**2,
+}
 INFLUENCE = {
     "zz": halfspace.influence_zz,
     "xx": halfspace.influence_xx,
     "yy": halfspace.influence_yy,
     "xy": halfspace.influence_xy,
 }
+COUPLING = {"xz": halfspace.influence_xz, "yz": halfspace.influence_yz}
+
+
+def influence(kernel, x, y, element, constant):
+    """At G = 1, with the other constant of the kernel: ν, or K of a coupling."""
+    if kernel in COUPLING:
+        return COUPLING[kernel](x, y, element, G=1.0, K=constant)
+    return INFLUENCE[kernel](x, y, element, G=1.0, nu=constant)
 
 
 def quadrature(kernel, x, y, element, nu):
     """∬ f over the element, f homogeneous of degree -1, as ∮ f (r·n) ds, adaptively."""
-    f = KERNELS[kernel]
+    f = (KERNELS | COUPLINGS)[kernel]
     with mpmath.workdps(40):
         x, y, h1, h2, nu = (mpmath.mpf(float(v)) for v in (x, y, *element, nu))
 
@@ -52,17 +64,18 @@ def quadrature(kernel, x, y, element, nu):
 # In element sizes: self, neighbours, off centre inside and out, the border, middling, far.
 POINTS = [(0, 0), (1, 0), (0, 1), (1, 1), (0.3, -0.2), (0.5, 0.1), (2, 0.4), (-7, 3), (0.2, 17)]
 POINTS += [(1000.5, 0.25), (3e4, 2e4)]
+ELEMENTS = [(1, 1), (1, 2.5), (1, 100), (3e3, 1), (8e-6, 100), (10, 1e-6)]
 
 
-@pytest.mark.parametrize("element", [(1, 1), (1, 30), (3e3, 1), (8e-6, 100), (10, 1e-6)], ids=str)
-@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("element", ELEMENTS, ids=str)
+@pytest.mark.parametrize("kernel", KERNELS | COUPLINGS)
 def test_against_adaptive_quadrature(kernel, element):
     nu = 0.28
     for tx, ty in POINTS:
         x, y = tx * element[0], ty * element[1]
-        value = float(INFLUENCE[kernel](x, y, element, G=1.0, nu=nu))
-        if kernel == "xy" and 0 in (tx, ty):
-            assert value == 0.0  # odd in x and in y
+        value = float(influence(kernel, x, y, element, nu))
+        if (tx == 0 and kernel in ("xy", "xz")) or (ty == 0 and kernel in ("xy", "yz")):
+            assert value == 0.0  # odd in x, in y
             continue
         expected = quadrature(kernel, x, y, element, nu)
         assert_allclose(value, expected, rtol=1e-12, atol=0, err_msg=f"at {tx, ty} elements")
@@ -104,18 +117,77 @@ def test_matrices_are_positive_definite_and_symmetric_under_exchange(nu, element
     assert_allclose(total, (2 - nu) / (1 - nu) * zz, rtol=1e-14)
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("kernel", KERNELS | COUPLINGS)
 def test_elements_add_up(kernel):
     """An element of 4 x 3 is twelve of 1 x 1."""
     rng = np.random.default_rng(0)
     x, y = rng.uniform(-9, 9, (2, 50))
     parts = sum(
-        INFLUENCE[kernel](x - i, y - j, (1.0, 1.0), G=1.0, nu=0.3)
+        influence(kernel, x - i, y - j, (1.0, 1.0), 0.3)
         for i in (-1.5, -0.5, 0.5, 1.5)
         for j in (-1, 0, 1)
     )
-    whole = INFLUENCE[kernel](x, y, (4.0, 3.0), G=1.0, nu=0.3)
+    whole = influence(kernel, x, y, (4.0, 3.0), 0.3)
     assert_allclose(parts, whole, rtol=1e-12, atol=1e-14)
+
+
+def test_the_coupling_is_exact_at_any_point():
+    """To rounding, against its closed form in many digits: shapes, distances, edges, the axis."""
+
+    def closed_form(x, y, h1, h2):
+        with mpmath.workdps(80):
+            x, y, h1, h2 = (mpmath.mpf(v) for v in (x, y, h1, h2))
+            total = mpmath.mpf(0)
+            for i in (-1, 1):
+                for j in (-1, 1):
+                    X, Y = x + i * h1 / 2, y + j * h2 / 2
+                    if X or Y:
+                        total += i * j * Y * mpmath.log(X**2 + Y**2) / 2
+                    if X:
+                        total += i * j * X * mpmath.atan(Y / X)
+            return float(-total / mpmath.pi)
+
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        h2 = 10 ** rng.uniform(-8, 8)
+        sign = rng.choice([-1.0, 1.0], 2)
+        for tx, ty in (
+            sign * 10 ** rng.uniform(-10, 5, 2),
+            rng.uniform(-3, 3, 2),
+            sign * (0.5 + rng.choice([-0.5, 0.0, 1.0], 2) * 10 ** rng.uniform(-16, 0, 2)),
+        ):
+            x, y = float(tx), float(ty * h2)
+            value = float(halfspace.influence_xz(x, y, (1.0, h2), G=1.0, K=1.0))
+            assert_allclose(value, closed_form(x, y, 1.0, h2), rtol=1e-14, atol=0)
+
+
+@pytest.mark.parametrize("element", [(1.0, 1.0), (1.0, 2.5), (100.0, 1.0)])
+def test_the_coupling_is_odd_in_its_direction_and_even_in_the_other(element):
+    points = halfspace.all_lags((40, 30), element)
+    xz = halfspace.influence_xz(*points, element, G=1.0, K=0.1)
+    yz = halfspace.influence_yz(*points, element, G=1.0, K=0.1)
+    for a in (xz, yz.T):
+        assert (a[39 if a is xz else 29] == 0.0).all()
+        assert_array_equal(a, -a[::-1])
+        assert_array_equal(a, a[:, ::-1])
+    assert (xz[:39] > 0).all()  # towards the load
+    assert (xz[40:] < 0).all()
+    swapped = halfspace.influence_xz(*points[::-1], element[::-1], G=1.0, K=0.1)
+    assert_array_equal(yz, swapped)
+    assert_array_equal(halfspace.influence_xz(*points, element, G=1.0, K=0.0), 0.0)
+
+
+@pytest.mark.parametrize("element", [(1.0, 1.0), (1.0, 2.5), (1.0, 100.0)])
+def test_from_afar_the_coupling_is_that_of_a_point_load(element):
+    """Johnson, §3.2: u_x = -(1-2ν)/(4πG) P x/ρ² for each body; what is left falls as 1/ρ²."""
+    G, K, P = 2.0, 0.2, element[0] * element[1]
+    for angle in np.linspace(0.1, 6.1, 7):
+        for distance in (1e3, 1e5):
+            x, y = distance * max(element) * np.array([np.cos(angle), np.sin(angle)])
+            for kernel, s in (("xz", x), ("yz", y)):
+                value = COUPLING[kernel](x, y, element, G=G, K=K)
+                expected = -K / (np.pi * G) * P * s / (x**2 + y**2)
+                assert_allclose(value, expected, rtol=3 / distance**2 + 1e-14)
 
 
 def test_combined_materials():
@@ -129,6 +201,81 @@ def test_combined_materials():
     for influence in INFLUENCE.values():
         each = [influence(*args, G=m.G, nu=m.nu) for m in (steel, rubber)]
         assert_allclose(influence(*args, G=G, nu=nu), np.mean(each))
+
+
+STEEL, RUBBER, ALUMINIUM = (82000.0, 0.28), (0.3, 0.49), (26000.0, 0.33)
+PAIRS = [(STEEL, RUBBER), (ALUMINIUM, STEEL), ((1.0, -0.2), (3.0, 0.5))]
+
+
+@pytest.mark.parametrize(("first", "second"), PAIRS, ids=str)
+def test_displacement_differences_of_unequal_materials(first, second):
+    """Against each body by itself: Johnson, §3.2 and §3.6, with z into that body."""
+    element = (1, 2.5)
+    G, nu = halfspace.combined_material(first, second)
+    K = halfspace.difference_parameter(first, second)
+    for tx, ty in ((0.5, 0.25), (1e4, -2e4)):
+        x, y = tx * element[0], ty * element[1]
+        for kernel in KERNELS | COUPLINGS:
+            bodies = [
+                quadrature(kernel, x, y, element, 1 - 2 * v if kernel in COUPLINGS else v) / g
+                for g, v in (first, second)
+            ]
+            # The second body is loaded the other way; its z axis points away from the first.
+            if kernel in COUPLINGS:
+                expected = bodies[0] / 4 - bodies[1] / 4
+                value = COUPLING[kernel](x, y, element, G=G, K=K)
+            else:
+                expected = bodies[0] / 2 + bodies[1] / 2
+                value = INFLUENCE[kernel](x, y, element, G=G, nu=nu)
+            assert_allclose(value, expected, rtol=1e-12, atol=0)
+
+
+def test_the_difference_parameter():
+    for first, second in PAIRS:
+        K = halfspace.difference_parameter(first, second)
+        assert K == -halfspace.difference_parameter(second, first) != 0.0
+        assert halfspace.difference_parameter(first, first) == 0.0
+    # On a rigid body; of an incompressible and a rigid one.
+    assert_allclose(halfspace.difference_parameter((1.0, 0.3), (1e20, 0.3)), (1 - 2 * 0.3) / 2)
+    assert halfspace.difference_parameter((1.0, 0.5), (1e20, 0.5)) == 0.0
+    with pytest.raises(ValueError, match=r"G is 0\.0"):
+        halfspace.difference_parameter((1.0, 0.3), (0.0, 0.3))
+    with pytest.raises(ValueError, match=r"nu is 0\.6"):
+        halfspace.difference_parameter((1.0, 0.6), (1.0, 0.3))
+
+
+@pytest.mark.parametrize(("first", "second"), PAIRS[:2], ids=str)
+def test_three_directions_are_symmetric_and_positive_definite(first, second):
+    """By reciprocity, and as the energy is."""
+    G, nu = halfspace.combined_material(first, second)
+    K = halfspace.difference_parameter(first, second)
+    element = (0.5, 1.0)
+    points = halfspace.all_lags((6, 5), element)
+    a = {k: f(*points, element, G=G, nu=nu) for k, f in INFLUENCE.items()}
+    a |= {k: f(*points, element, G=G, K=K) for k, f in COUPLING.items()}
+    m = {k: tmg.ToeplitzOperator.from_lags(lags).toarray() for k, lags in a.items()}
+    zx, zy = (tmg.ToeplitzOperator.from_lags(-a[k]).toarray() for k in ("xz", "yz"))
+    matrix = np.block([[m["xx"], m["xy"], m["xz"]], [m["xy"], m["yy"], m["yz"]], [zx, zy, m["zz"]]])
+    assert_allclose(matrix, matrix.T, atol=1e-15 * abs(matrix).max())
+    assert np.linalg.eigvalsh(matrix).min() > 0
+
+
+def test_a_circle_under_pressure_draws_in():
+    """Johnson, §3.4: u_r = -(1-2ν) p r/(4G) inside, -(1-2ν) p a²/(4G r) outside, of one body."""
+    G, nu = 2.0, 0.2
+    h = 1 / 64
+    s = h * np.arange(-64, 65)
+    inside = s[:, None] ** 2 + s**2 < 1
+    X, Y = (grid[inside] for grid in np.meshgrid(s, s, indexing="ij"))
+    rigid = (1e30, 0.3)
+    combined = halfspace.combined_material((G, nu), rigid)
+    K = halfspace.difference_parameter((G, nu), rigid)
+    for x, y in ((0.25, 0.5), (-0.5, 0.0), (1.0, 1.0), (3.0, -2.0)):
+        r2 = x**2 + y**2
+        for kernel, t in (("xz", x), ("yz", y)):
+            u = COUPLING[kernel](x - X, y - Y, (h, h), G=combined.G, K=K).sum()
+            expected = -(1 - 2 * nu) / (4 * G) * t * min(1.0, 1 / r2)
+            assert_allclose(u, expected, rtol=5e-3, atol=1e-14)
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 40])
@@ -215,6 +362,23 @@ def test_refuses_bad_arguments(kernel, change, error, match):
     arguments = {"x": 0.0, "y": 0.0, "element": (1.0, 1.0), "G": 1.0, "nu": 0.3} | change
     with pytest.raises(error, match=match):
         INFLUENCE[kernel](**arguments)
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        ({"G": -1.0}, "G is -1.0, but must be positive"),
+        ({"K": 1.5}, r"K is 1.5, but a difference parameter lies in \(-1.5, 1.5\)"),
+        ({"K": np.nan}, "K is nan"),
+        ({"element": (0.0, 1.0)}, r"element\[0\] is 0.0"),
+        ({"y": np.nan}, "y has coordinates that are not finite"),
+    ],
+)
+@pytest.mark.parametrize("kernel", COUPLING)
+def test_refuses_bad_arguments_of_the_coupling(kernel, change, match):
+    arguments = {"x": 0.0, "y": 0.0, "element": (1.0, 1.0), "G": 1.0, "K": 0.1} | change
+    with pytest.raises(ValueError, match=match):
+        COUPLING[kernel](**arguments)
 
 
 def test_refuses_bad_grids():

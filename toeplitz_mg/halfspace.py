@@ -8,6 +8,13 @@ Mechanics, §3.2 and §3.6; Kalker, Three-Dimensional Elastic Bodies in Rolling 
     A_zz = 1/(πG) ∬ (1-ν)/ρ                    A_xx = 1/(πG) ∬ [(1-ν)/ρ + ν x²/ρ³]
     A_xy = 1/(πG) ∬ ν x y/ρ³                   A_yy = 1/(πG) ∬ [(1-ν)/ρ + ν y²/ρ³]
 
+The normal and the tangential directions are coupled where the materials differ, by K of
+`difference_parameter`; here the sign counts, and x and y go from the loaded point to the other:
+
+    A_xz = -A_zx = -K/(πG) ∬ x/ρ²              A_yz = -A_zy = -K/(πG) ∬ y/ρ²
+
+Differences are of the first body less the second, z points into the first.
+
 Lengths are in mm and moduli in N/mm², or in any other consistent units.
 """
 
@@ -60,8 +67,8 @@ def combined_material(first: Material, second: Material) -> Material:
 
     Notes
     -----
-    Normal and tangential problems of different materials are coupled besides; that coupling is
-    not in the coefficients of this module.
+    Normal and tangential problems of different materials are coupled besides, in proportion to
+    their `difference_parameter`, by `influence_xz` and `influence_yz`.
 
     Examples
     --------
@@ -73,6 +80,38 @@ def combined_material(first: Material, second: Material) -> Material:
     G2, nu2 = _material(*second)
     G = 2.0 / (1.0 / G1 + 1.0 / G2)
     return Material(G, G / 2.0 * (nu1 / G1 + nu2 / G2))
+
+
+def difference_parameter(first: Material, second: Material) -> float:
+    """Return the parameter of the coupling between normal and tangential problems.
+
+    Parameters
+    ----------
+    first, second : Material or (G, nu)
+
+    Returns
+    -------
+    float
+        K = ¼ G ((1-2ν₁)/G₁ - (1-2ν₂)/G₂), with the G of `combined_material`. Zero where the
+        materials are equal, or both incompressible; of the other sign where they change places.
+
+    Raises
+    ------
+    ValueError
+        For a shear modulus that is not positive or a Poisson's ratio outside (-1, 0.5].
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> halfspace.difference_parameter((82000.0, 0.28), (82000.0, 0.28))
+    0.0
+    >>> round(halfspace.difference_parameter((1.0, 0.25), (82000.0, 0.28)), 6)
+    0.249994
+    """
+    G1, nu1 = _material(*first)
+    G2, nu2 = _material(*second)
+    G = combined_material(first, second).G
+    return G / 4.0 * ((1.0 - 2.0 * nu1) / G1 - (1.0 - 2.0 * nu2) / G2)
 
 
 def lags(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
@@ -297,6 +336,97 @@ def influence_xy(
     return np.asarray(nu * rectangle.integral_xy(*_at(x, y, element)) / (np.pi * G))
 
 
+def influence_xz(
+    x: ArrayLike, y: ArrayLike, element: tuple[float, float], *, G: float, K: float
+) -> Array:
+    """Return the displacement along x by a unit pressure on an element, of unequal materials.
+
+    Parameters
+    ----------
+    x, y : array_like
+        Points on the surface, relative to the element's centre, mm; broadcast.
+    element : (float, float)
+        Its size h₁ × h₂, mm; any ratio.
+    G : float
+        Shear modulus of `combined_material`, N/mm².
+    K : float
+        The `difference_parameter` of the two materials.
+
+    Returns
+    -------
+    ndarray of float64
+        mm per N/mm², of the first body less that of the second, to a relative error of some 1e-14.
+
+    Raises
+    ------
+    ValueError
+        For a modulus or an element that is not positive, a difference parameter outside
+        (-1.5, 1.5), or points that are not finite.
+    TypeError
+        For points that are not real numbers.
+
+    Notes
+    -----
+    The surface of a compressible body moves towards the load, so a coefficient has the sign of
+    -K x. It is odd in x and even in y: build the operator from `all_lags`, by
+    `ToeplitzOperator.from_lags`. By reciprocity a unit traction along x displaces in the normal
+    direction by A_zx = -A_xz, which is the operator's transpose: the matrix of all three
+    directions is symmetric.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> float(halfspace.influence_xz(1.0, 0.0, (1.0, 1.0), G=1.0, K=0.1).round(6))
+    -0.03134
+    """
+    G, K = _positive("G", G), _difference(K)
+    return np.asarray(-K * rectangle.integral_x(*_at(x, y, element)) / (np.pi * G))
+
+
+def influence_yz(
+    x: ArrayLike, y: ArrayLike, element: tuple[float, float], *, G: float, K: float
+) -> Array:
+    """Return the displacement along y by a unit pressure on an element, of unequal materials.
+
+    Parameters
+    ----------
+    x, y : array_like
+        Points on the surface, relative to the element's centre, mm; broadcast.
+    element : (float, float)
+        Its size h₁ × h₂, mm; any ratio.
+    G : float
+        Shear modulus of `combined_material`, N/mm².
+    K : float
+        The `difference_parameter` of the two materials.
+
+    Returns
+    -------
+    ndarray of float64
+        mm per N/mm², of the first body less that of the second, to a relative error of some 1e-14.
+
+    Raises
+    ------
+    ValueError
+        For a modulus or an element that is not positive, a difference parameter outside
+        (-1.5, 1.5), or points that are not finite.
+    TypeError
+        For points that are not real numbers.
+
+    Notes
+    -----
+    As `influence_xz`, with x and y exchanged: odd in y, even in x, and A_zy = -A_yz.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> float(halfspace.influence_yz(0.0, 1.0, (1.0, 1.0), G=1.0, K=0.1).round(6))
+    -0.03134
+    """
+    G, K = _positive("G", G), _difference(K)
+    x, y, h1, h2 = _at(x, y, element)
+    return np.asarray(-K * rectangle.integral_x(y, x, h2, h1) / (np.pi * G))
+
+
 def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, reference: float) -> Array:
     """Return the plane-strain coefficients of n strips of width h, of infinite length.
 
@@ -400,3 +530,10 @@ def _material(G: float, nu: float) -> Material:
     if not -1.0 < nu <= 0.5:
         raise ValueError(f"nu is {nu}, but Poisson's ratio lies in (-1, 0.5]")
     return Material(float(G), float(nu))
+
+
+def _difference(K: float) -> float:
+    # The most, ½ (1-2ν), is that of a body on a rigid one.
+    if not -1.5 < K < 1.5:
+        raise ValueError(f"K is {K}, but a difference parameter lies in (-1.5, 1.5)")
+    return float(K)

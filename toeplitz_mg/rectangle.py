@@ -25,8 +25,8 @@ def integrals(x: Array, y: Array, h1: float, h2: float) -> tuple[Array, Array, A
     ρ, and x and y in the integrands, go from the point to the element of area; `x` and `y` are
     arrays of one shape, the results have that shape.
     """
-    shape, x, y = x.shape, x.ravel(), y.ravel()
-    t1, t2 = np.abs(x) / h1, np.abs(y) / h2
+    shape, x, y = x.shape, np.abs(x.ravel()), np.abs(y.ravel())  # even, to the last bit
+    t1, t2 = x / h1, y / h2
     one, xx, yy = (np.empty_like(x) for _ in range(3))
     near = np.maximum(t1, t2) < GAUSS[0][0]
     one[near], xx[near], yy[near] = _over_corners(x[near], y[near], h1, h2)
@@ -46,6 +46,32 @@ def integral_xy(x: Array, y: Array, h1: float, h2: float) -> Array:
     r11, r12, r21, r22 = np.hypot(X1, Y1), np.hypot(X1, Y2), np.hypot(X2, Y1), np.hypot(X2, Y2)
     sums = 1.0 / (r11 + r12) + 1.0 / (r21 + r22)
     return np.asarray(4.0 * x * h1 * y * h2 * sums / ((r11 + r21) * (r12 + r22)))
+
+
+def integral_x(x: Array, y: Array, h1: float, h2: float) -> Array:
+    """Return ∬ x/ρ² over the rectangle h1 × h2 about the origin, at the points (x, y).
+
+    ρ, and x in the integrand, go from the element of area to the point.
+    """
+    shape, sign, x, y = x.shape, np.sign(x.ravel()), np.abs(x.ravel()), np.abs(y.ravel())
+    # What the rectangle has behind a point inside cancels as much of it ahead, and is left out.
+    # The rest has one sign: so wide, with its middle at such a distance.
+    width, middle = np.minimum(2.0 * x, h1), np.maximum(x, h1 / 2.0)
+    # By products: the width is zero on the axis, where the integral is.
+    in_x = middle * h2 >= y * width
+    size, distance = np.where(in_x, width, h2), np.where(in_x, middle, y)
+    passed = np.sum([distance >= t * size for t, _ in GAUSS], axis=0)
+    integral = np.empty_like(x)
+    near = passed == 0
+    integral[near] = _x_over_corners(x[near], y[near], h1, h2)
+    for k, (_, nodes) in enumerate(GAUSS, start=1):
+        far = (passed == k) & in_x
+        X, h, Y = middle[far], width[far], y[far]
+        integral[far] = h * sum(w * _x_along_y(X + s * h, Y, h2) for s, w in _gauss(nodes))
+        far = (passed == k) & ~in_x
+        X, Y = x[far], y[far]
+        integral[far] = h2 * sum(w * _x_along_x(X, Y + s * h2, h1) for s, w in _gauss(nodes))
+    return np.asarray(sign * integral).reshape(shape)
 
 
 def integral_log(k: Array) -> Array:
@@ -99,6 +125,29 @@ def _beside(X: Array, low: Array, high: Array, h: float) -> tuple[Array, Array]:
     rise = h * (low + high)  # r2² - r1²
     one = np.log1p((h + rise / (r1 + r2)) / (low + r1))
     return one, X**2 * rise / ((high * r1 + low * r2) * r1 * r2)
+
+
+def _x_over_corners(x: Array, y: Array, h1: float, h2: float) -> Array:
+    """[[½ Y ln(X² + Y²) + X arctan(Y/X)]] for x, y ≥ 0, by the two integrals below."""
+    X1, X2 = np.abs(x - h1 / 2.0), x + h1 / 2.0  # of the part that has one sign
+    Y1, Y2 = _sides(y, h2)
+    # So near, what is subtracted is not large beside the integral, whatever the shape.
+    in_y = Y2 * _x_along_x(x, Y2, h1) - Y1 * _x_along_x(x, Y1, h1)
+    in_x = X2 * _x_along_y(X2, y, h2) - X1 * _x_along_y(X1, y, h2)
+    return np.asarray(in_y + in_x)
+
+
+def _x_along_x(x: Array, Y: Array, h: float) -> Array:
+    """∫ X/ρ² dX over the length h about x ≥ 0: ½ ln of a quotient that exceeds 1 by this."""
+    r2 = (x - h / 2.0) ** 2 + Y**2
+    return np.asarray(0.5 * np.log1p(2.0 * x * h / np.where(r2 == 0.0, 1.0, r2)))
+
+
+def _x_along_y(X: Array, y: Array, h: float) -> Array:
+    """∫ X/ρ² dY over the length h about y at the distance X ≥ 0: the angle in which it is seen."""
+    low, high = _sides(y, h)
+    # Where the sum cancels, it is small beside h X: the angle is close to a right one.
+    return np.asarray(np.arctan2(h * X, X**2 + low * high))
 
 
 def _sides(x: Array, h: float) -> tuple[Array, Array]:
