@@ -92,8 +92,24 @@ def test_galerkin_of_a_matrix_that_is_symmetric_only():
     rng = np.random.default_rng(0)
     lags = rng.standard_normal((7, 11))
     A = tmg.ToeplitzOperator.from_lags(lags + np.flip(lags))
-    R, P = matrices(Transfer.of(A), 24, 6)
-    assert_allclose(tmg.galerkin(A).toarray(), R @ A.toarray() @ P, atol=1e-13)
+    H = tmg.galerkin(A)
+    R, P = matrices(Transfer.of(A), 24, H.shape[0])
+    assert_allclose(H.toarray(), R @ A.toarray() @ P, atol=1e-13)
+
+
+def test_a_level_of_weak_coupling_is_not_coarsened():
+    def shapes(element):
+        x, y = tmg.halfspace.lags((32, 32), element)
+        A = tmg.ToeplitzOperator(tmg.halfspace.influence_zz(x, y, element, G=1.0, nu=0.28))
+        M = tmg.multigrid(A, coarsest=16)
+        cycles = iterations(tmg.cg, SimpleNamespace(A=A, b=np.ones(1024)), M)
+        assert cycles <= 6
+        return [level.A.grid_shape for level in M.levels]
+
+    assert shapes((1.0, 1.0)) == [(32, 32), (16, 16), (8, 8), (4, 4)]
+    # Until the elements are as wide as long, or nearly.
+    assert shapes((1.0, 4.0)) == [(32, 32), (16, 32), (8, 16), (4, 8), (2, 4)]
+    assert shapes((20.0, 1.0)) == [(32, 32), (32, 16), (32, 8), (32, 4), (32, 2), (16, 1)]
 
 
 def test_rediscretised_keeps_the_mask():

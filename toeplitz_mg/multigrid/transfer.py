@@ -16,6 +16,8 @@ from toeplitz_mg.operators.workspace import workspace
 Array = NDArray[Any]
 Coarsening = Callable[[LinearOperator], LinearOperator]
 
+WEAK = 0.5  # coupling of neighbours in a level, relative to the strongest, that is not coarsened
+
 
 @dataclass(frozen=True)
 class Interpolation:
@@ -72,18 +74,35 @@ The coarser grids, where the zero is at θ = 0, have linear interpolation.
 """
 
 
-def coarse_shape(
-    grid_shape: tuple[int, ...], transfer: Interpolation = piecewise_constant
-) -> tuple[int, ...]:
-    """Halve every level of a grid; elements at its end may be left over."""
-    return tuple(transfer.coarse_length(n) for n in grid_shape)
+Directions = tuple[Interpolation | None, ...]
 
 
-def coarse_mask(mask: Array, transfer: Interpolation = piecewise_constant) -> Array:
-    """Return the coarse elements all of whose fine elements are in contact."""
-    for level, n in enumerate(mask.shape):
+def directions(A: ToeplitzOperator, transfer: Interpolation = piecewise_constant) -> Directions:
+    """Return the interpolation of each level of `A`, or None where that is not coarsened.
+
+    Those are coarsened in which neighbours are coupled most. Where the elements are stretched,
+    the smoother leaves errors that vary along the long side from element to element, which a
+    grid that is coarser in that direction cannot represent.
+    """
+    strengths = [0.0] * len(A.grid_shape)
+    for level, n in enumerate(A.grid_shape):
         if transfer.coarse_length(n) < n:
-            mask = np.all([mask[_at(level, s)] for _, s in transfer.slices(n)], axis=0)
+            neighbour = tuple(int(k == level) for k in range(len(strengths)))
+            strengths[level] = abs(float(A.c[neighbour]))
+    least = max(WEAK * max(strengths), np.finfo(np.float64).tiny)
+    return tuple(transfer if strength >= least else None for strength in strengths)
+
+
+def _coarse_shape(grid_shape: tuple[int, ...], by: Directions) -> tuple[int, ...]:
+    """Halve some levels of a grid; elements at its end may be left over."""
+    return tuple(t.coarse_length(n) if t else n for n, t in zip(grid_shape, by, strict=True))
+
+
+def _coarse_mask(mask: Array, by: Directions) -> Array:
+    """Return the coarse elements all of whose fine elements are in contact."""
+    for level, (n, t) in enumerate(zip(mask.shape, by, strict=True)):
+        if t:
+            mask = np.all([mask[_at(level, s)] for _, s in t.slices(n)], axis=0)
     return mask
 
 
@@ -123,8 +142,10 @@ def galerkin(A: LinearOperator, transfer: Interpolation = piecewise_constant) ->
     lags = full.lags
     reach = len(transfer.weights) - 1
     weights = (np.convolve(transfer.weights, transfer.weights[::-1]) / 2.0).tolist()
-    for level, n in enumerate(full.grid_shape):
-        m = transfer.coarse_length(n)
+    by = directions(full, transfer)
+    for level, (n, m) in enumerate(
+        zip(full.grid_shape, _coarse_shape(full.grid_shape, by), strict=True)
+    ):
         if m < n:
             # Lag k takes from 2k - reach ... 2k + reach; the first is at k = -(m - 1).
             first = n - 1 - 2 * (m - 1)
@@ -136,7 +157,7 @@ def galerkin(A: LinearOperator, transfer: Interpolation = piecewise_constant) ->
             for j in range(reach):  # in pairs, symmetric to the last bit
                 lags = lags + weights[j] * (windows[j] + windows[-1 - j])
     H = ToeplitzOperator.from_lags(lags)
-    return H if mask is None else MaskedOperator(H, coarse_mask(mask, transfer))
+    return H if mask is None else MaskedOperator(H, _coarse_mask(mask, by))
 
 
 def rediscretised(
@@ -175,8 +196,9 @@ def rediscretised(
 
     def coarsen(A: LinearOperator) -> LinearOperator:
         full, mask = toeplitz_and_mask(A)
-        H = operator_of_grid_shape(coarse_shape(full.grid_shape, transfer))
-        return H if mask is None else MaskedOperator(H, coarse_mask(mask, transfer))
+        by = directions(full, transfer)
+        H = operator_of_grid_shape(_coarse_shape(full.grid_shape, by))
+        return H if mask is None else MaskedOperator(H, _coarse_mask(mask, by))
 
     return coarsen
 
@@ -188,6 +210,8 @@ class Transfer:
     Attributes
     ----------
     interpolation : Interpolation
+    by : tuple of Interpolation or None
+        That of each level, None where it is not coarsened.
     fine_shape : tuple of int
     fine_mask, coarse_mask : ndarray of bool, or None where the whole grid is unknown
     leftover : ndarray of int
@@ -196,6 +220,7 @@ class Transfer:
     """
 
     interpolation: Interpolation
+    by: Directions
     fine_shape: tuple[int, ...]
     fine_mask: Array | None
     coarse_mask: Array | None
@@ -208,20 +233,21 @@ class Transfer:
         """Return the transfer from `A` to its coarse matrix, or None where it has no unknowns."""
         full, mask = toeplitz_and_mask(A)
         whole = np.ones(full.grid_shape, dtype=bool) if mask is None else mask
-        coarse = coarse_mask(whole, interpolation)
+        by = directions(full, interpolation)
+        coarse = _coarse_mask(whole, by)
         if coarse.shape == full.grid_shape or not coarse.any():
             return None
-        covers = Interpolation((1.0,) * len(interpolation.weights))
+        ones = Interpolation((1.0,) * len(interpolation.weights))
         covered = np.empty(full.grid_shape)
-        _spread(coarse.astype(float), covered, covers)
+        _spread(coarse.astype(float), covered, tuple(ones if t else None for t in by))
         leftover = np.flatnonzero(covered[whole] == 0.0)
         of_mask = None if mask is None else coarse
-        return cls(interpolation, full.grid_shape, mask, of_mask, leftover)
+        return cls(interpolation, by, full.grid_shape, mask, of_mask, leftover)
 
     @property
     def coarse_shape(self) -> tuple[int, ...]:
         """The shape of the coarse grid."""
-        return coarse_shape(self.fine_shape, self.interpolation)
+        return _coarse_shape(self.fine_shape, self.by)
 
     def check_coarse(self, H: LinearOperator) -> None:
         """Raise ValueError or TypeError where `H` does not live on the coarse grid."""
@@ -281,10 +307,10 @@ class Transfer:
         grid = _on_grid(e, self.coarse_mask, self.coarse_shape)
         if self.fine_mask is not None:
             fine = workspace("fine grid", (*e.shape[:-1], *self.fine_shape), e.dtype)
-            _spread(grid, fine, self.interpolation)
+            _spread(grid, fine, self.by)
             out[...] = fine[..., self.fine_mask]
         else:
-            _spread(grid, out.reshape(*e.shape[:-1], *self.fine_shape), self.interpolation)
+            _spread(grid, out.reshape(*e.shape[:-1], *self.fine_shape), self.by)
 
 
 def _at(axis: int, part: slice) -> tuple[slice, ...]:
@@ -300,18 +326,18 @@ def _on_grid(x: Array, mask: Array | None, shape: tuple[int, ...]) -> Array:
     return grid
 
 
-def _spread(coarse: Array, fine: Array, interpolation: Interpolation) -> None:
+def _spread(coarse: Array, fine: Array, by: Directions) -> None:
     """Interpolate the coarse grid of each row to the fine grid, a level after the other."""
-    for axis in range(coarse.ndim):
-        n, m = fine.shape[axis], coarse.shape[axis]
-        if m == n:
+    rows = coarse.ndim - len(by)
+    for axis, interpolation in enumerate(by, start=rows):
+        if interpolation is None:
             continue
         last = all(coarse.shape[k] == fine.shape[k] for k in range(axis + 1, coarse.ndim))
         shape = (*fine.shape[: axis + 1], *coarse.shape[axis + 1 :])
         to = fine if last else np.empty(shape, coarse.dtype)
         part = workspace("part", coarse.shape, coarse.dtype)
         to[...] = 0.0
-        for weight, s in interpolation.slices(n):
+        for weight, s in interpolation.slices(fine.shape[axis]):
             np.multiply(coarse, coarse.dtype.type(weight), out=part)
             to[_at(axis, s)] += part
         coarse = to

@@ -82,7 +82,9 @@ class CoupledOperator(LinearOperator):
             _same(blocks[i][j], blocks[j][i]) for i in range(len(blocks)) for j in range(i + 1)
         )
         self._product = product or MultilevelProduct(
-            [[None if block is None else block.lags for block in row] for row in blocks], self.dtype
+            [[None if block is None else block.lags for block in row] for row in blocks],
+            self.dtype,
+            [[block and block.symbol for block in row] for row in blocks],
         )
 
     @property

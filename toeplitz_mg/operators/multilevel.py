@@ -40,9 +40,11 @@ class MultilevelProduct:
         component j of the vector to component i of the result. The vectors have the components
         one after the other.
     dtype : float32 or float64
+    known : the same of the eigenvalues, optional
+        That other products have for these lags. None has to be computed.
     """
 
-    def __init__(self, kernel: Kernel, dtype: DTypeLike) -> None:
+    def __init__(self, kernel: Kernel, dtype: DTypeLike, known: Kernel | None = None) -> None:
         first = next(lags for row in kernel for lags in row if lags is not None)
         self._grid = tuple((m + 1) // 2 for m in first.shape)
         self._components = len(kernel)
@@ -50,7 +52,11 @@ class MultilevelProduct:
         self.dtype, self.points = np.dtype(dtype), float(prod(self.grid_shape))
         self._kernel = kernel
         if prod(self.grid_shape) > DENSE:
-            self.symbol = [[self._symbol(lags) for lags in row] for row in kernel]
+            known = known or [[None] * len(row) for row in kernel]
+            self.symbol = [
+                [self._symbol(a) if s is None else self._cast(s) for a, s in zip(*row, strict=True)]
+                for row in zip(kernel, known, strict=True)
+            ]
             self._kernel = []  # of no more use
 
     @cached_property
@@ -104,6 +110,9 @@ class MultilevelProduct:
         symbol = fft.fftn(column, overwrite_x=True)
         if np.array_equal(lags, np.flip(lags)):
             symbol = symbol.real
+        return self._cast(symbol)
+
+    def _cast(self, symbol: Array) -> Array:
         precision = self.dtype.char.upper() if np.iscomplexobj(symbol) else self.dtype
         return np.ascontiguousarray(symbol, precision)
 

@@ -1,6 +1,5 @@
 """Toeplitz matrices of any number of levels, as linear operators."""
 
-from functools import cached_property
 from math import prod
 from typing import Any, Self
 
@@ -142,12 +141,9 @@ class ToeplitzOperator(LinearOperator):
         self.is_symmetric = self.is_even or np.array_equal(coefficients, np.flip(coefficients))
         self._coefficients = coefficients.copy()
         self._coefficients.flags.writeable = False
-        if product is not None:
-            self._product = product
+        self._product = product or self._multiplication()
 
-    @cached_property
-    def _product(self) -> ToeplitzProduct | MultilevelProduct:
-        """The multiplication, whose set-up is a transform: not made for what is not multiplied."""
+    def _multiplication(self) -> ToeplitzProduct | MultilevelProduct:
         levels = [n for n in self.grid_shape if n > 1]  # of the others no transform is made
         if len(levels) > 1:
             return MultilevelProduct([[self.lags.reshape([2 * n - 1 for n in levels])]], self.dtype)
@@ -171,6 +167,11 @@ class ToeplitzOperator(LinearOperator):
     def norm_bound(self) -> float:
         """A bound of the 2-norm: that of the matrix in which the products embed this one."""
         return self._product.norm_bound
+
+    @property
+    def symbol(self) -> Array | None:
+        """The eigenvalues that a `MultilevelProduct` of this matrix needs, if at hand."""
+        return self._product.symbol[0][0] if hasattr(self._product, "symbol") else None
 
     def circulant(self, shape: tuple[int, ...]) -> Array:
         """Return the first column of a circulant in which this matrix is the leading block.
