@@ -98,3 +98,70 @@ def test_refuses_bad_arguments():
             tmg.cg(A, **arguments)
     with pytest.raises(ValueError, match="must be square"):
         tmg.cg(np.ones((2, 3)), b)
+
+
+@pytest.mark.parametrize("preconditioner", [tmg.fft_preconditioner, tmg.cosine_preconditioner])
+@pytest.mark.parametrize("size", [1.0, 1e-25, 1e25])
+@pytest.mark.parametrize("with_guess", [False, True])
+@pytest.mark.parametrize(("rtol", "more"), [(1e-8, 2), (1e-11, 5)])
+def test_an_iteration_in_float32_reaches_the_same_residual(
+    preconditioner, size, with_guess, rtol, more
+):
+    A, b = system()
+    b = size * b
+    M = preconditioner(A, dtype=np.float32)
+    guess = size * np.ones(900) if with_guess else None
+    counts = []
+    for inner in (None, A.astype(np.float32)):
+        iterates = []
+        x, info = tmg.cg(
+            A,
+            b,
+            guess,
+            M=M,
+            rtol=rtol,
+            inner=inner,
+            maxiter=40,
+            callback=lambda x, i=iterates: i.append(x.copy()),
+        )
+        assert info == 0
+        assert x.dtype == np.float64
+        assert np.linalg.norm(b - A @ x) <= 1.01 * rtol * np.linalg.norm(b)
+        assert_allclose(iterates[-1], x, rtol=1e-6)
+        counts.append(len(iterates))
+    assert counts[1] <= counts[0] + more
+
+
+@pytest.mark.parametrize("shape", [(300,), (900,), (40000,), (9, 8), (60, 70)])
+def test_less_precision_is_that_of_the_coefficients(shape):
+    c = np.exp(-np.sqrt(np.indices(shape).sum(axis=0)))
+    A = tmg.ToeplitzOperator(c)
+    x = np.random.default_rng(0).standard_normal(c.size).astype(np.float32)
+    anew = tmg.ToeplitzOperator(c.astype(np.float32))
+    mask = np.arange(c.size).reshape(shape) % 3 > 0
+    for one, other in (
+        (A, anew),
+        (tmg.CoupledOperator([[A]]), tmg.CoupledOperator([[anew]])),
+    ):
+        less = one.astype(np.float32)
+        assert less.dtype == np.float32
+        assert_allclose(less @ x, other @ x, atol=1e-6 * np.abs(c).sum())
+        assert less.astype(np.float32) is less
+        more = less.astype(np.float64)  # it has the digits of float32, and their products
+        assert_allclose(more @ x, other.astype(np.float64) @ x, atol=1e-13 * np.abs(c).sum())
+    small = tmg.MaskedOperator(A, mask).astype(np.float32)
+    assert_allclose(
+        small @ x[mask.ravel()], tmg.MaskedOperator(anew, mask) @ x[mask.ravel()], atol=1e-5
+    )
+
+
+def test_what_is_refused_as_inner():
+    A, b = system()
+    with pytest.raises(ValueError, match=r"inner has shape \(3, 3\), but A has \(900, 900\)"):
+        tmg.cg(A, b, inner=np.eye(3))
+    with pytest.raises(TypeError, match="inner has dtype complex128"):
+        tmg.cg(A, b, inner=np.eye(900) + 0j)
+    # Too coarse an approximation of A is not a solution, and not an endless loop.
+    x, info = tmg.cg(A, b, inner=tmg.ToeplitzOperator(1.5 * A.c), rtol=1e-8, maxiter=30)
+    assert info == 30
+    assert np.isfinite(x).all()

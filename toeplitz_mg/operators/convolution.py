@@ -91,6 +91,17 @@ class ToeplitzProduct:
             adjoint.spectrum = self.spectrum.conj()  # no transform is made
         return adjoint
 
+    def astype(self, dtype: DTypeLike) -> "ToeplitzProduct":
+        """Return the multiplication in another precision; no transform is made."""
+        other = ToeplitzProduct.__new__(ToeplitzProduct)
+        other.grid_shape, other.dtype, other.points = self.grid_shape, np.dtype(dtype), self.points
+        other._column, other._row = self._column, self._row
+        if self.grid_shape[0] > DENSE:
+            is_complex = np.iscomplexobj(self.spectrum)
+            precision = np.result_type(dtype, np.complex64) if is_complex else other.dtype
+            other.spectrum = self.spectrum.astype(precision)
+        return other
+
     def _spectrum(self) -> Array:
         """The eigenvalues, as the transform needs them."""
         (n,) = self.grid_shape

@@ -109,12 +109,11 @@ class CoupledOperator(LinearOperator):
         """Return the matrix in another precision, or itself where it has that already."""
         if self.dtype == dtype:
             return self
-        return CoupledOperator(
-            [
-                [None if block is None else block.astype(dtype) for block in row]
-                for row in self.blocks
-            ]
-        )
+        blocks = tuple(tuple(block and block.astype(dtype) for block in row) for row in self.blocks)
+        is_less = np.dtype(dtype).itemsize < self.dtype.itemsize
+        other = CoupledOperator.__new__(CoupledOperator)
+        other._build(blocks, self._product.astype(dtype) if is_less else None)
+        return other
 
     def toarray(self) -> Array:
         """Return the matrix as a dense array of shape (N, N), without any transform."""

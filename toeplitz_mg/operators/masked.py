@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators.coupled import CoupledOperator
@@ -88,6 +88,10 @@ class MaskedOperator(LinearOperator):
         if isinstance(self.full, ToeplitzOperator | CoupledOperator):
             return self.full.block(self._index)
         return self._matmat(np.eye(self.shape[0], dtype=self.dtype))
+
+    def astype(self, dtype: DTypeLike) -> "MaskedOperator":
+        """Return the matrix in another precision, or itself where it has that already."""
+        return self if self.dtype == dtype else MaskedOperator(self.full.astype(dtype), self.mask)
 
     def _apply(self, X: Array, out: Array | None = None) -> Array:
         if out is None:

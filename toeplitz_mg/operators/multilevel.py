@@ -81,6 +81,18 @@ class MultilevelProduct:
             ]
         return adjoint
 
+    def astype(self, dtype: DTypeLike) -> "MultilevelProduct":
+        """Return the multiplication in another precision; no transform is made."""
+        other = MultilevelProduct.__new__(MultilevelProduct)
+        other._grid, other._components = self._grid, self._components
+        other.grid_shape, other.dtype, other.points = self.grid_shape, np.dtype(dtype), self.points
+        other._kernel = self._kernel
+        if prod(self.grid_shape) > DENSE:
+            other.symbol = [
+                [None if s is None else other._cast(s) for s in row] for row in self.symbol
+            ]
+        return other
+
     @property
     def norm_bound(self) -> float:
         """A bound of the 2-norm: of the symbol, by its rows."""

@@ -189,7 +189,14 @@ class ToeplitzOperator(LinearOperator):
 
     def astype(self, dtype: DTypeLike) -> "ToeplitzOperator":
         """Return the matrix in another precision, or itself where it has that already."""
-        return self if self.dtype == dtype else self.from_lags(self.lags.astype(dtype))
+        if self.dtype == dtype:
+            return self
+        coefficients = _coefficients(self._coefficients.astype(dtype), "lags")
+        column, lags = (coefficients, None) if self.is_even else (None, coefficients)
+        other = type(self).__new__(type(self))
+        is_less = np.dtype(dtype).itemsize < self.dtype.itemsize
+        other._build(column, lags, self._product.astype(dtype) if is_less else None)
+        return other
 
     def toarray(self) -> Array:
         """Return the matrix as a dense array of shape (N, N), without any transform."""
