@@ -7,11 +7,12 @@ import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from statistics import median
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from comparisons.contenders import Contender, System, column_and_mask
 from toeplitz_mg.contact.problems import test1
 
 Array = NDArray[Any]
+T = TypeVar("T")
 
 KILL_AFTER = 60.0  # seconds
 MEMORY_LIMIT = 8 << 30  # bytes of address space: beyond it a method meets a MemoryError
@@ -68,21 +70,42 @@ class Measurement:
 def measure(contender: Contender, problem: System) -> Measurement:
     """Run a contender in a process of its own, and kill it where it takes too long."""
     # The problem is sent, not built there: the temporary arrays of building it would be the peak.
+    try:
+        return in_a_fresh_process(partial(_measure_here, contender, problem), KILL_AFTER)
+    except TimeoutError:
+        return Measurement(total_s=math.inf, note=f"over {KILL_AFTER:.0f} s")
+    except ArithmeticError as error:
+        return Measurement(note=str(error))
+
+
+def in_a_fresh_process(job: Callable[[], T], seconds: float) -> T:
+    """Return what a function returns in a process of its own.
+
+    Raises
+    ------
+    TimeoutError
+        Where it takes longer than that; it is killed.
+    ArithmeticError
+        Where it raises an error, which is the message, or the process dies.
+    """
     context = get_context("forkserver")
     receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=_job, args=(contender, problem, sender), daemon=True)
+    process = context.Process(target=_send, args=(job, sender), daemon=True)
     process.start()
     sender.close()
     try:
-        if receiver.poll(KILL_AFTER):
-            measurement: Measurement = receiver.recv()
-            return measurement
-        return Measurement(total_s=math.inf, note=f"over {KILL_AFTER:.0f} s")
+        if not receiver.poll(seconds):
+            raise TimeoutError
+        succeeded, result = receiver.recv()
     except EOFError:
-        return Measurement(note="the process died, as it does where memory ends")
+        raise ArithmeticError("the process died, as it does where memory ends") from None
     finally:
         process.kill()
         process.join()
+    if not succeeded:
+        raise ArithmeticError(result)
+    answer: T = result
+    return answer
 
 
 def true_residual(problem: System, x: Array) -> float:
@@ -95,15 +118,15 @@ def true_residual(problem: System, x: Array) -> float:
         return float(np.linalg.norm(r) / np.linalg.norm(problem.b))
 
 
-def _job(contender: Contender, problem: System, sender: Connection) -> None:
-    """Send what a contender did, or the error it met."""
+def _send(job: Callable[[], Any], sender: Connection) -> None:
+    """Send what a function returns, or the error it met."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, resource.RLIM_INFINITY))
     warnings.simplefilter("ignore")  # what matters of them is seen in the residual
     try:
-        sender.send(_measure_here(contender, problem))
+        sender.send((True, job()))
     except Exception as error:
         reason = str(error).partition("\n")[0]
-        sender.send(Measurement(note=f"{type(error).__name__}: {reason}"))
+        sender.send((False, f"{type(error).__name__}: {reason}"))
 
 
 def _measure_here(contender: Contender, problem: System) -> Measurement:

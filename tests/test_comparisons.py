@@ -6,11 +6,15 @@ import sys
 import pytest
 
 from comparisons import (
+    area_figures,
+    areas,
     baselines,
     drop_in,
     general_symbols,
     paper_figures,
     paper_tables,
+    peers,
+    punch3d,
     speed,
 )
 from comparisons.symbols import COLUMNS
@@ -97,7 +101,69 @@ def test_speed(tmp_path, monkeypatch, capsys):
             assert float(row["cpu_s"]) > 0.0 or row["note"]
 
 
-ALL = [paper_tables, paper_figures, baselines, general_symbols, drop_in, speed]
+def test_punch3d(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(punch3d, "QUICK_SIZES", (8, 16))
+    monkeypatch.setattr(punch3d, "AREAS", {"4:1": areas.four_to_one, "circle": areas.circle})
+    monkeypatch.setattr(peers, "PEERS", {})  # whether they are installed or not
+    printed = run(punch3d, tmp_path, monkeypatch, capsys)
+    assert "coupled, circle, N = 16" in printed
+    rows = rows_of(tmp_path / "punch3d.csv")
+    assert len(rows) == 3 * 2 * 2 * len(punch3d.METHODS)
+    assert all(float(row["residual"]) <= 1.1e-8 for row in rows)
+    # Every method finds the same force.
+    for key in {(row["problem"], row["area"], row["N"]) for row in rows}:
+        own = [float(r["force"]) for r in rows if (r["problem"], r["area"], r["N"]) == key]
+        assert max(own) - min(own) <= 1e-6 * max(own)
+
+
+def test_the_force_of_a_square_punch_is_known():
+    forces = [punch3d.solve("CG + cosine", punch3d.Punch("square", "normal", 64))["force"]]
+    assert forces[0] == pytest.approx(2.29235, abs=5e-6)
+    limit, order = punch3d.limit_and_order([1.0 + 0.4, 1.0 + 0.2, 1.0 + 0.1])
+    assert limit == pytest.approx(1.0)
+    assert order == pytest.approx(1.0)
+
+
+# The limits for N to infinity that are known, with one half-space, G = 1 and ν = 0.28.
+@pytest.mark.parametrize(
+    ("area", "kind", "limit", "near"),
+    [
+        ("square", "normal", 2.30460, 1e-4),
+        ("2:1", "normal", 3.34214, 2e-4),
+        ("square", "tangential", 5.36112, 1e-4),
+        ("square", "coupled", 5.36517, 1e-4),
+        ("circle", "normal", 2.0, 3e-3),
+        ("circle", "coupled", 8.0 / (2.0 - 0.28), 3e-3),
+    ],
+)
+def test_forces_tend_to_the_known_limits(area, kind, limit, near):
+    forces = [
+        punch3d.solve("CG + cosine", punch3d.Punch(area, kind, N))["force"] for N in (32, 64, 128)
+    ]
+    if area == "circle":  # its staircase has no order
+        assert forces[-1] == pytest.approx(limit, rel=near)
+    else:
+        assert punch3d.limit_and_order(forces)[0] == pytest.approx(limit, rel=near)
+
+
+def test_area_figures(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(area_figures, "QUICK_N", 16)
+    run(area_figures, tmp_path, monkeypatch, capsys)
+    assert sorted(p.stem for p in tmp_path.glob("*.png")) == ["convergence", "spectrum", "traction"]
+    for row in rows_of(tmp_path / "spectrum.csv"):
+        assert float(row["smallest"]) > 0.0
+
+
+ALL = [
+    area_figures,
+    punch3d,
+    paper_tables,
+    paper_figures,
+    baselines,
+    general_symbols,
+    drop_in,
+    speed,
+]
 
 
 @pytest.mark.parametrize("comparison", ALL)

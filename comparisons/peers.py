@@ -1,0 +1,105 @@
+"""Other packages that solve contact problems on a half-space, as they are meant to be called.
+
+Each is given a punch and returns its tractions, iterations, products with the influence matrix, and
+the CPU seconds of set-up and solve. They are optional: `aspher` (BSD) and `tamaas` (AGPL) on PyPI.
+"""
+
+from collections.abc import Callable
+from time import process_time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+Solution = tuple[Array, int, float, float]
+
+TOLERANCE = 1e-8
+FAR = 1e3  # gap of what does not touch
+STICK = 1e12  # friction bound of what does not slip
+G, NU = 1.0, 0.28
+E_STAR = 2.0 * G / (1.0 - NU)
+
+
+def aspher(punch: Any) -> Solution:
+    """Solve by its FFT operator and its |q| preconditioner by FFT."""
+    import aspher as package
+
+    mask = punch.mask
+    N = _square(mask)
+    gap = np.where(mask, 0.0, FAR).ravel()
+    if punch.kind == "normal":
+        start = process_time()
+        solver = package.ContactSolver(grid_size=N, backend="fft", domain_size=2.0, E_star=E_STAR)
+        result = solver.solve(gap, p_nominal=1.0, tol=TOLERANCE, precond="fourier-fft")
+        seconds = process_time() - start
+        p = np.asarray(result.pressure).ravel()
+        mean = solver.matvec(p).ravel()[mask.ravel()].mean()
+        return p[mask.ravel()] / mean, result.iterations, result.matvec_count, seconds
+    if punch.kind == "tangential":
+        raise NotImplementedError("it has no tangential problem without coupling")
+    solver = package.FrictionSolver(
+        grid_size=N,
+        domain_size=2.0,
+        E_star=E_STAR,
+        nu=NU,
+        model=package.TrescaFriction(STICK),
+    )
+    solver.set_gap(gap.reshape(N, N).T)  # its x is along the rows
+    solver.step(p_bar=1.0)
+    start = process_time()
+    result = solver.step(delta_t=(1.0, 0.0), tol_tangential=TOLERANCE)
+    seconds = process_time() - start
+    fields = (np.asarray(q).reshape(N, N).T[mask] for q in (result.qx, result.qy))
+    return np.concatenate(list(fields)), result.tangential_iters, float("nan"), seconds
+
+
+def tamaas(punch: Any) -> Solution:
+    """Solve the normal problem by Polonsky and Keer's method, which has no preconditioner.
+
+    The error that it stops by is infinite where the face is flat, so that it would never stop. The
+    number of iterations is the smallest that gives the residual asked for.
+    """
+    import tamaas as package
+
+    if punch.kind != "normal":
+        raise NotImplementedError("it has no bonded contact")
+    mask = punch.mask
+    N = _square(mask)
+    package.set_log_level(package.LogLevel.error)
+    package.initialize(1)
+    surface = np.where(mask, 0.0, -FAR)
+
+    def solution(iterations: int) -> tuple[Array, float, float]:
+        start = process_time()
+        model = package.ModelFactory.createModel(package.model_type.basic_2d, [2.0, 2.0], [N, N])
+        # Before the operator is made, or it is that of another material.
+        model.E, model.nu = E_STAR * (1.0 - NU**2), NU
+        package.ModelFactory.registerNonPeriodic(model, "dcfft")
+        solver = package.PolonskyKeerRey(model, surface, TOLERANCE)
+        solver.setIntegralOperator("dcfft")
+        solver.max_iter = iterations
+        solver.solve(1.0)
+        seconds = process_time() - start
+        model.operators["dcfft"](model.traction, model.displacement)
+        u = np.asarray(model.displacement)[mask]
+        error = np.linalg.norm(u - u.mean()) / np.linalg.norm(u)
+        return np.asarray(model.traction)[mask] / u.mean(), float(error), seconds
+
+    few, enough = 0, 8
+    while solution(enough)[1] > TOLERANCE:
+        few, enough = enough, 2 * enough
+    while enough - few > 1:
+        middle = (few + enough) // 2
+        few, enough = (few, middle) if solution(middle)[1] <= TOLERANCE else (middle, enough)
+    x, _, seconds = solution(enough)
+    return x, enough, float("nan"), seconds
+
+
+def _square(mask: Array) -> int:
+    if mask.shape[0] != mask.shape[1]:
+        raise NotImplementedError("its grids are square")
+    return int(mask.shape[0])
+
+
+PEERS: dict[str, Callable[[Any], Solution]] = {"aspher": aspher, "tamaas": tamaas}
