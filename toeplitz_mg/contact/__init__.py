@@ -1,5 +1,18 @@
 """What the solvers are for: contact of elastic half-spaces."""
 
-from toeplitz_mg.contact import problems
+from toeplitz_mg.contact import problems, surfaces
+from toeplitz_mg.contact.friction import friction
+from toeplitz_mg.contact.normal import normal_contact
+from toeplitz_mg.contact.result import ContactError, ContactResult
+from toeplitz_mg.contact.rolling import rolling, rolling_steps
 
-__all__ = ["problems"]
+__all__ = [
+    "ContactError",
+    "ContactResult",
+    "friction",
+    "normal_contact",
+    "problems",
+    "rolling",
+    "rolling_steps",
+    "surfaces",
+]

@@ -1,0 +1,350 @@
+"""Friction: Cattaneo and Mindlin, Coulomb's law for any load, bonded bodies, histories."""
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.optimize
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from toeplitz_mg import halfspace
+from toeplitz_mg.contact import surfaces
+from toeplitz_mg.contact.coulomb import balanced, bounded
+from toeplitz_mg.contact.friction import friction
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.normal import normal_contact
+from toeplitz_mg.contact.problems import test1, test2, test3
+from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.projected import descend
+from toeplitz_mg.contact.result import ContactError
+
+mpl.use("Agg")
+
+MU, A = 0.3, 0.6
+
+
+def semi_ellipse(r, a):
+    return np.sqrt(np.maximum(0.0, 1 - (r / a) ** 2))
+
+
+def line(n, **arguments):
+    """A Hertzian line contact on [-1, 1], R = 1, G/(1-ν) = 1: its bound g, and friction."""
+    (x,) = surfaces.centres(n, 2.0 / n)
+    g = MU * A / 2 * semi_ellipse(x, A)
+    return x, g, friction(g, 2.0 / n, material=(0.7, 0.3), **arguments)
+
+
+def circle(n, nu, **arguments):
+    """A Hertzian circular contact on [-1, 1]², R = 1, G = 1 - ν."""
+    x, y = surfaces.centres((n, n), (2.0 / n, 2.0 / n))
+    r = np.hypot(x, y)
+    g = MU * 2 * A / np.pi * semi_ellipse(r, A)
+    return r, g, friction(g, (2.0 / n, 2.0 / n), material=(1.0 - nu, nu), **arguments)
+
+
+def assert_coulomb(result, tolerance=1e-8, least=0.0):
+    """Equations 2 and 3."""
+    m = 1 if result.contact.ndim == 1 else 2
+    q, s, u = (
+        a.reshape(m, *result.contact.shape)
+        for a in (result.traction, result.slip, result.displacement)
+    )
+    size = np.sqrt((q**2).sum(axis=0))
+    scale = max(np.abs(u - s)[:, result.contact].max(initial=0.0), least) * 1.01 * np.sqrt(m)
+    assert np.isfinite(q).all()
+    assert np.isfinite(s).all()
+    assert (size <= result.bound).all()
+    assert not (result.stick & result.sliding).any()
+    assert np.array_equal(result.stick | result.sliding, result.contact)
+    assert np.abs(s[:, result.stick]).max(initial=0.0) <= tolerance * scale
+    n = q[:, result.sliding] / size[result.sliding]
+    assert_allclose(size[result.sliding], result.bound[result.sliding], rtol=1e-12)
+    against = (s[:, result.sliding] * n).sum(axis=0)
+    assert against.max(initial=0.0) <= tolerance * scale
+    assert np.abs(s[:, result.sliding] - against * n).max(initial=0.0) <= tolerance * scale
+    assert result.residual <= tolerance
+
+
+# Theory -------------------------------------------------------------------------------------
+
+
+def test_cattaneo_in_line_contact():
+    part = 0.6
+    c = A * np.sqrt(1 - part)
+    errors = []
+    for n in (64, 256, 1024):
+        x, g, result = line(n, force=part * MU * np.pi * A**2 / 4)
+        assert_coulomb(result)
+        assert_allclose(result.force, part * MU * np.pi * A**2 / 4, rtol=1e-9)
+        assert abs(result.stick.sum() * 2.0 / n - 2 * c) <= 4.0 / n
+        theory = MU * A / 2 * (semi_ellipse(x, A) - c / A * semi_ellipse(x, c))
+        errors.append(np.sqrt(np.mean((result.traction - theory) ** 2)) / g.max())
+    assert errors[0] < 0.01
+    assert errors[2] < errors[1] / 2 < errors[0] / 4
+
+
+def test_cattaneo_and_mindlin_in_a_circle():
+    c = 0.4
+    theory_of = {0.0: 1e-3, 0.28: 1.3e-2}  # Mindlin's traction is exact for ν = 0 alone
+    for nu, error in theory_of.items():
+        force = MU * 4 / 3 * A**3 * (1 - (c / A) ** 3)
+        r, g, result = circle(128, nu, force=(force, 0.0))
+        assert_coulomb(result)
+        assert_allclose(result.force, [force, 0.0], rtol=1e-9, atol=1e-9 * force)
+        assert abs(np.sqrt(result.stick.sum() * (2 / 128) ** 2 / np.pi) - c) < 2 / 128
+        theory = MU * 2 * A / np.pi * (semi_ellipse(r, A) - c / A * semi_ellipse(r, c))
+        assert np.sqrt(np.mean((result.traction[0] - theory) ** 2)) < max(error, 4e-3) * g.max()
+        # δ = μ (a² - c²)/R · (2 - ν)/(2 (1 - ν)), with E* = 1
+        assert_allclose(result.rigid[0], MU * (A**2 - c**2) * (2 - nu) / (2 * (1 - nu)), rtol=2e-3)
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.28])
+def test_without_coupling_the_traction_follows_the_shift(nu):
+    _, g, result = circle(64, nu, shift=(0.04, 0.03))
+    angle = result.traction[1] * 4 - result.traction[0] * 3
+    assert_coulomb(result)
+    assert (np.abs(angle).max() < 1e-8 * g.max()) == (nu == 0.0)
+
+
+@pytest.mark.parametrize(
+    ("nu", "n", "most"), [(0.0, 128, 21), (0.0, 256, 26), (0.28, 128, 35), (0.28, 256, 33)]
+)
+def test_products_in_a_circle(nu, n, most):
+    shift = MU * (A**2 - 0.4**2) * (2 - nu) / (2 * (1 - nu))
+    _, _, result = circle(n, nu, shift=(shift, 0.0))
+    assert result.products <= most
+    assert result.products < result.work < 1.5 * result.products
+
+
+@pytest.mark.parametrize(("n", "most"), [(512, 22), (2048, 29), (8192, 38)])
+def test_products_in_line_contact(n, most):
+    _, _, by_force = line(n, force=0.6 * MU * np.pi * A**2 / 4)
+    _, _, by_shift = line(n, shift=by_force.rigid)
+    assert max(by_force.products, by_shift.products) <= most
+    assert_allclose(by_shift.force, by_force.force, rtol=1e-5)
+
+
+# The paper ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("problem", [test1(300), test2(300), test3(300)], ids=lambda p: p.name)
+def test_bonded_bodies_are_the_papers_problem(problem):
+    A = problem.A
+    mask = getattr(A, "mask", np.ones(300, bool))
+    shift = np.zeros(300)
+    shift[mask] = problem.b
+    bound = np.where(mask, np.inf, 0.0)
+    result = friction(bound, (problem.h, 100.0), material=problem.material, shift=shift)
+    assert_allclose(result.traction[mask], np.linalg.solve(A.toarray(), problem.b), rtol=1e-5)
+    assert not result.traction[~mask].any()
+    assert np.array_equal(result.stick, mask)
+    column = friction(  # in three dimensions, one element across
+        bound[:, None], (problem.h, 100.0), material=problem.material,
+        shift=np.stack([shift[:, None], np.zeros((300, 1))]),
+    )  # fmt: skip
+    assert_allclose(column.traction[0, :, 0], result.traction, rtol=1e-4, atol=1e-6)
+    assert not column.traction[1].any()
+
+
+def test_bonded_bodies_with_a_force():
+    bound = np.full((20, 12), np.inf)
+    result = friction(bound, (1.0, 2.0), material=(1.0, 0.3), force=(3.0, -1.0))
+    assert_coulomb(result)
+    assert_allclose(result.force, [3.0, -1.0], rtol=1e-10)
+
+
+# Any problem --------------------------------------------------------------------------------
+
+
+def test_the_solution_in_one_component_is_that_of_bounded_least_squares():
+    rng = np.random.default_rng(5)
+    g, shift = rng.random(40), rng.standard_normal(40)
+    result = friction(g, 0.1, material=(1.0, 0.2), shift=shift, tolerance=1e-12)
+    L = np.linalg.cholesky(Grid.of((40,), 0.1, (1.0, 0.2), None).tangential().toarray())
+    b = scipy.linalg.solve_triangular(L, shift, lower=True)
+    expected = scipy.optimize.lsq_linear(L.T, b, (-g, g), method="bvls", tol=1e-14).x
+    assert_allclose(result.traction, expected, atol=1e-8)
+
+
+def test_the_solution_in_two_components_has_the_least_energy():
+    rng = np.random.default_rng(6)
+    g = rng.random((8, 8))
+    result = friction(g, (0.3, 0.2), material=(1.0, 0.4), shift=(0.3, -0.2), tolerance=1e-11)
+    product = Products(Grid.of(g.shape, (0.3, 0.2), (1.0, 0.4), None).tangential(), 10**6)
+    b = np.broadcast_to(np.reshape([0.3, -0.2], (2, 1, 1)), (2, 8, 8))
+    q, _ = descend(product, b, 0.0 * b, lambda x: bounded(x, g), product.A.norm_bound, 3000)
+    assert_allclose(result.traction, q, atol=1e-6)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.one_of(
+        st.tuples(st.integers(1, 90)), st.tuples(st.integers(1, 36), st.integers(1, 36))
+    ),
+    nu=st.floats(-0.9, 0.5),
+    mu=st.floats(1e-3, 3.0),
+    load=st.floats(1e-4, 3.0),
+    part=st.just(0.0) | st.floats(1e-9, 0.999),
+    is_force=st.booleans(),
+)
+@settings(max_examples=60, deadline=None)
+def test_coulombs_law_for_any_load_and_history(seed, shape, nu, mu, load, part, is_force):
+    rng = np.random.default_rng(seed)
+    G, h = 10.0 ** rng.uniform(-1, 5), 10.0 ** rng.uniform(-3, 1)
+    element = (h, h * 10 ** rng.uniform(-1, 1))
+    gap = h * rng.random(shape)
+    contact = normal_contact(gap, element, material=(G, nu), approach=h * rng.uniform(0.2, 2.0))
+    g = mu * contact.traction
+    if not g.any():
+        return
+    angle = rng.uniform(0, 2 * np.pi)
+    direction = np.array([np.cos(angle), np.sin(angle)])[: len(shape)]
+    if is_force:
+        force = direction * part * g.sum() * np.prod(element)
+        result = friction(g, element, material=(G, nu), force=force)
+        assert_allclose(result.force, force, rtol=1e-8, atol=1e-8 * np.abs(force).max())
+    else:
+        result = friction(g, element, material=(G, nu), shift=direction * load * h)
+    assert_coulomb(result)
+    least = np.abs(result.displacement).max()
+    g = g * rng.uniform(0.5, 1.5)  # another pressure, and back
+    after = friction(
+        g, element, material=(G, nu), shift=-rng.uniform(0, 2) * direction * load * h,
+        previous=result,
+    )  # fmt: skip
+    assert_coulomb(after, least=least)
+
+
+# Histories ----------------------------------------------------------------------------------
+
+
+def test_unloading_is_loading_backwards_with_twice_the_bound():
+    # Mindlin and Deresiewicz (1953): exact for the discrete problem in one component too.
+    full = MU * np.pi * A**2 / 4
+    _, g, loaded = line(200, force=0.7 * full, tolerance=1e-11)
+    h = 2.0 / 200
+    unloaded = friction(
+        g, h, material=(0.7, 0.3), force=0.1 * full, previous=loaded, tolerance=1e-11
+    )
+    reverse = friction(2 * g, h, material=(0.7, 0.3), force=0.6 * full, tolerance=1e-11)
+    assert_allclose(unloaded.traction, loaded.traction - reverse.traction, atol=1e-7 * g.max())
+
+
+def test_nothing_moves_without_a_load():
+    _, g, loaded = circle(24, 0.3, shift=(0.05, 0.02))
+    again = friction(g, loaded.element, material=(0.7, 0.3), shift=(0.0, 0.0), previous=loaded)
+    assert_allclose(again.traction, loaded.traction, atol=1e-6 * g.max())
+    still = friction(g, loaded.element, material=(0.7, 0.3), shift=(0.0, 0.0))
+    assert not still.traction.any()
+    assert still.stick.sum() == (g > 0).sum()
+
+
+def test_tiny_bounds_do_no_harm():
+    g = np.random.default_rng(0).random((12, 9))
+    g[::3] = 1e-20
+    result = friction(g, (1.0, 1.0), material=(1.0, 0.3), shift=(0.3, 0.1))
+    assert_coulomb(result)
+    assert result.sliding[::3].all()
+
+
+def test_frictionless_bodies_slide():
+    result = friction(np.zeros(5), 1.0, material=(1.0, 0.3), shift=1.0)
+    assert not result.traction.any()
+    assert not result.contact.any()
+
+
+# Failures -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"bound": [-1.0, 1.0]}, "bound has the value -1"),
+        ({"bound": [np.nan, 1.0]}, "bound is not a number"),
+        ({"shift": None}, "one of the two"),
+        ({"force": 1.0}, "one of the two"),
+        ({"shift": (1.0, 2.0, 3.0)}, "shift has shape"),
+        ({"shift": np.inf}, "shift has values that are not finite"),
+        ({"shift": None, "force": 2.0}, "must be less than the traction bound carries: 2"),
+        ({"shift": None, "force": (1.0, 1.0)}, "force is .*a number"),
+        ({"bound": np.ones((2, 2)), "element": (1.0, 1.0)}, "shift has shape"),
+        ({"bound": np.ones((2, 2)), "element": (1.0, 1.0), "shift": None, "force": 0.1}, "Fx, Fy"),
+        ({"tolerance": 2.0}, "tolerance is 2"),
+    ],
+)
+def test_refuses_what_makes_no_sense(change, message):
+    arguments = {
+        "bound": np.ones(2), "element": 1.0, "material": (1.0, 0.3), "shift": 1.0
+    } | change  # fmt: skip
+    with pytest.raises(ValueError, match=message):
+        friction(arguments.pop("bound"), arguments.pop("element"), **arguments)
+
+
+def test_refuses_another_history():
+    contact = normal_contact(np.zeros(3), 1.0, material=(1.0, 0.3), force=1.0)
+    with pytest.raises(ValueError, match="previous is a normal contact"):
+        friction(np.ones(3), 1.0, material=(1.0, 0.3), shift=1.0, previous=contact)
+    other = friction(np.ones(4), 1.0, material=(1.0, 0.3), shift=1.0)
+    with pytest.raises(ValueError, match=r"previous has \(4,\) elements"):
+        friction(np.ones(3), 1.0, material=(1.0, 0.3), shift=1.0, previous=other)
+
+
+def test_failure_is_an_error_that_says_what_is_violated():
+    with pytest.raises(ContactError, match="products Coulomb's law is violated by") as error:
+        circle(64, 0.3, shift=(0.05, 0.0), max_products=4, nested=False)
+    result = error.value.result
+    assert (result.magnitude <= result.bound).all()
+
+
+# Parts --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("m", [1, 2])
+def test_balanced_tractions(m):
+    rng = np.random.default_rng(m)
+    g = rng.random((5, 6))
+    q = bounded(rng.standard_normal((m, 5, 6)), g)
+    movable = rng.random((5, 6)) < 0.7
+    total = np.full(m, 0.3)
+    p = balanced(q, g, total, movable)
+    assert_allclose(p.reshape(m, -1).sum(axis=1), total, atol=1e-12)
+    assert (np.sqrt((p**2).sum(axis=0)) <= g).all()
+    assert np.array_equal(p[:, ~movable], q[:, ~movable])
+    assert balanced(q, g, np.full(m, 100.0), movable) is None
+    assert balanced(q, g, total, np.zeros((5, 6), bool)) is None
+
+
+def test_operators_are_those_of_the_half_space():
+    grid = Grid.of((4, 3), (0.5, 0.8), (2.0, 0.3), None)
+    x, y = surfaces.centres((4, 3), (0.5, 0.8))
+    dx, dy = (np.subtract.outer(c.ravel(), c.ravel()) for c in (x, y))
+    influence = [
+        f(dx, dy, (0.5, 0.8), G=2.0, nu=0.3)
+        for f in (
+            halfspace.influence_xx,
+            halfspace.influence_xy,
+            halfspace.influence_yy,
+        )
+    ]
+    xx, xy, yy = influence
+    assert_allclose(grid.tangential() @ np.eye(24), np.block([[xx, xy], [xy, yy]]), atol=1e-14)
+    assert_allclose(
+        grid.upstream() @ np.eye(24)[:, :12],
+        np.concatenate(
+            [
+                halfspace.influence_xx(dx + 0.5, dy, (0.5, 0.8), G=2.0, nu=0.3),
+                halfspace.influence_xy(dx + 0.5, dy, (0.5, 0.8), G=2.0, nu=0.3),
+            ]
+        ),
+        atol=1e-14,
+    )
+
+
+@pytest.mark.parametrize("is_line", [True, False])
+def test_plot(is_line):
+    result = line(40, shift=0.05)[2] if is_line else circle(20, 0.3, shift=(0.05, 0.0))[2]
+    axes = result.plot()
+    assert axes.get_xlabel() == "x [mm]"
+    mpl.pyplot.close(axes.figure)

@@ -1,0 +1,219 @@
+"""Steady rolling: Carter, Kalker's coefficients, Coulomb's law, and the limit of many steps."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from tests.test_friction import assert_coulomb, semi_ellipse
+from toeplitz_mg.contact import steady, surfaces
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.result import ContactError
+from toeplitz_mg.contact.rolling import rolling, rolling_steps
+
+MU, A = 0.3, 0.6
+
+
+def carter(n, part=0.6, **arguments):
+    """n elements in a contact [-a, a], R = 1, G/(1-ν) = 1, that sticks in part of its length."""
+    h = 2 * A / n
+    (x,) = surfaces.centres(n + n // 2, h)
+    g = MU * A / 2 * semi_ellipse(x, A)
+    result = rolling(g, h, material=(0.7, 0.3), longitudinal=-MU * (A - part * A), **arguments)
+    return x, g, result
+
+
+def circle(n, creepages, nu=0.25, bound=None, **arguments):
+    h = 2.0 / n
+    x, y = surfaces.centres((n, n), (h, h))
+    r = np.hypot(x, y)
+    g = MU * 2 * A / np.pi * semi_ellipse(r, A) if bound is None else np.where(r < A, bound, 0.0)
+    names = ("longitudinal", "lateral", "spin")
+    creepages = dict(zip(names, creepages, strict=True))
+    return g, rolling(g, (h, h), material=(1.0, nu), **creepages, **arguments)
+
+
+def assert_rolls(result, creepages, tolerance=1e-8):
+    """Coulomb's law, with the slip over the distance rolled."""
+    largest = np.abs(np.atleast_1d(creepages)).max()
+    assert (result.magnitude <= result.bound).all()
+    assert np.isfinite(result.traction).all()
+    assert np.isfinite(result.slip).all()
+    slip = result.slip.reshape(-1, *result.contact.shape)
+    assert np.abs(slip[:, result.stick]).max(initial=0.0) <= 2 * tolerance * largest
+    q = result.traction.reshape(slip.shape)
+    power = (slip * q).sum(axis=0)
+    assert power[result.sliding].max(initial=0.0) <= 2 * tolerance * largest * result.bound.max()
+
+
+def test_carter():
+    errors = []
+    for n in (50, 200, 800):
+        x, g, result = carter(n)
+        assert_rolls(result, result.rigid)
+        errors.append(abs(result.force / (MU * np.pi * A**2 / 4) - 0.64))
+        ahead = A - 2 * 0.6 * A  # it sticks from the leading edge to here
+        assert_allclose(x[result.stick].min(), ahead, atol=2 * 2 * A / n)
+        assert_allclose(x[result.stick].max(), A, atol=2 * A / n)
+        theory = MU * A / 2 * (semi_ellipse(x, A) - 0.6 * semi_ellipse(x - 0.4 * A, 0.6 * A))
+        assert np.sqrt(np.mean((result.traction - theory) ** 2)) < 0.1 * g.max() / np.sqrt(n / 50)
+    assert errors[0] < 0.02 * 0.64
+    assert errors[2] < 0.3 * errors[0]
+
+
+@pytest.mark.parametrize("part", [0.2, 0.9])
+def test_force_of_carter(part):
+    _, _, result = carter(400, part)
+    assert_allclose(result.force / (MU * np.pi * A**2 / 4), 1 - part**2, atol=0.005)
+
+
+def test_kalkers_coefficients():
+    # Kalker, Three-Dimensional Elastic Bodies in Rolling Contact (1990), circle, ν = 1/4:
+    # F_x = -G a² C11 ξ, F_y = -G a² (C22 η + a C23 φ).
+    coefficients = []
+    for k in range(3):
+        creepages = 1e-3 * np.eye(3)[k]
+        _, result = circle(96, creepages, bound=np.inf)
+        assert_rolls(result, creepages)
+        coefficients.append(-result.force / (1e-3 * A**2))
+    (C11, zero), (nothing, C22), (none, C23) = coefficients
+    assert_allclose([C11, C22, C23 / A], [4.12, 3.67, 1.47], rtol=0.03)
+    assert_allclose([zero, nothing, none], 0.0, atol=1e-6)
+
+
+def test_small_creepage_is_without_slip_but_at_the_trailing_edge():
+    _, bonded = circle(48, (3e-3, 0.0, 0.0), bound=np.inf)
+    _, result = circle(48, (3e-3, 0.0, 0.0))
+    assert 0 < result.sliding.sum() < 0.05 * result.contact.sum()
+    x, _ = surfaces.centres((48, 48), (1 / 24, 1 / 24))
+    assert x[result.sliding].max() < 0.0
+    assert_allclose(result.force[0], bonded.force[0], rtol=0.01)
+
+
+def test_large_creepage_slides_everywhere():
+    g, result = circle(32, (3.0, 4.0, 0.0))
+    assert not result.stick.any()
+    total = g.sum() * result.element[0] ** 2
+    assert_allclose(result.force, [-0.6 * total, -0.8 * total], rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("creepages", "most"),
+    [((0.1, 0.0, 0.0), 58), ((0.0, 0.1, 0.0), 58), ((0.0, 0.0, 0.3), 58), ((0.06, 0.04, 0.2), 58)],
+)
+def test_products_in_a_circle(creepages, most):
+    _, result = circle(128, creepages)
+    assert_rolls(result, creepages)
+    assert result.products <= most
+    assert result.work < 3 * most
+
+
+def test_products_in_line_contact():
+    assert carter(1229)[2].products <= 65
+
+
+def test_nested_grids_change_the_work_only():
+    results = [circle(48, (0.05, 0.02, 0.1), nested=n, tolerance=1e-10)[1] for n in (True, False)]
+    assert_allclose(results[0].traction, results[1].traction, atol=1e-7)
+
+
+def test_the_steady_state_is_the_limit_of_many_steps():
+    g, result = circle(16, (0.05, 0.03, 0.1))
+    x = {"longitudinal": 0.05, "lateral": 0.03, "spin": 0.1}
+    steps = list(rolling_steps(g, result.element, material=(1.0, 0.25), steps=80, **x))
+    away = [np.abs(step.traction - result.traction).max() for step in steps]
+    assert away[-1] < 1e-6 * g.max()
+    assert away[0] > 0.1 * g.max()
+    assert_allclose(steps[-1].slip, result.slip, atol=1e-6)
+    assert_allclose(steps[-1].displacement, result.displacement, atol=1e-6)
+    # The steady state stays.
+    (after,) = rolling_steps(g, result.element, material=(1.0, 0.25), steps=1, previous=result, **x)
+    assert_allclose(after.traction, result.traction, atol=1e-6 * g.max())
+
+
+def test_a_step_obeys_coulombs_law_in_time():
+    x, g, _ = carter(40)
+    h = x[1] - x[0]
+    grid = Grid.of(g.shape, h, (0.7, 0.3), None)
+    steps = rolling_steps(g, h, material=(0.7, 0.3), longitudinal=-0.1, steps=3)
+    before = np.zeros_like(g)
+    for step in steps:
+        # Equation 8, at the points that move with the material
+        slip = -0.1 * h + step.displacement - grid.upstream() @ before
+        u = grid.tangential() @ step.traction
+        assert_allclose(step.slip[g > 0], slip[g > 0] / h, atol=1e-12)
+        assert_allclose(step.displacement[g > 0], u[g > 0], atol=1e-9)
+        assert_rolls(step, -0.1)
+        before = step.traction
+
+
+def test_marching_where_the_sets_do_not_settle(monkeypatch):
+    monkeypatch.setattr(steady, "PATIENCE", 1)
+    monkeypatch.setattr(steady, "MOST", 1)  # GMRES alone would not settle
+    creepages = (0.05, 0.03, 0.1)
+    _, result = circle(12, creepages, nested=False)
+    assert_rolls(result, creepages)
+    monkeypatch.undo()
+    assert_allclose(result.traction, circle(12, creepages)[1].traction, atol=1e-7)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.one_of(
+        st.tuples(st.integers(1, 80)), st.tuples(st.integers(1, 30), st.integers(1, 30))
+    ),
+    nu=st.floats(-0.9, 0.5),
+    creepages=st.tuples(*[st.floats(1e-6, 0.1) | st.floats(-0.1, -1e-6) | st.just(0.0)] * 3),
+)
+@settings(max_examples=40, deadline=None)
+def test_coulombs_law_for_any_creepage(seed, shape, nu, creepages):
+    rng = np.random.default_rng(seed)
+    h = 10.0 ** rng.uniform(-2, 1)
+    g = np.maximum(0.0, rng.random(shape) - 0.3) * 10.0 ** rng.uniform(-3, 1)
+    creepages = creepages[0] if len(shape) == 1 else np.array(creepages) / [1, 1, h * max(shape)]
+    names = ("longitudinal", "lateral", "spin")
+    given = dict(zip(names, np.atleast_1d(creepages).tolist(), strict=False))
+    result = rolling(g, (h, 2 * h), material=(1.0, nu), **given)
+    centres = surfaces.centres(shape, (h, 2 * h))
+    rigid = [abs(given["longitudinal"])]
+    if len(shape) == 2:
+        x, y = centres
+        rigid = np.hypot(
+            given["longitudinal"] - given["spin"] * y, given["lateral"] + given["spin"] * x
+        )
+        rigid = rigid[g > 0]
+    assert_rolls(result, np.max(rigid, initial=0.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"longitudinal": np.nan}, "longitudinal is nan"),
+        ({"lateral": 0.1}, "lateral is 0.1, but line contact"),
+        ({"spin": 0.1}, "spin is 0.1, but line contact"),
+        ({"longitudinal": 1e-300}, "longitudinal is of size 1e-300"),
+        ({"tolerance": 0.0}, "tolerance is 0"),
+    ],
+)
+def test_refuses_what_makes_no_sense(change, message):
+    with pytest.raises(ValueError, match=message):
+        rolling(np.ones(4), 1.0, material=(1.0, 0.3), **change)
+
+
+def test_refuses_bad_steps():
+    with pytest.raises(ValueError, match="steps is 0"):
+        rolling_steps(np.ones(4), 1.0, material=(1.0, 0.3), steps=0)
+    with pytest.raises(TypeError):
+        rolling_steps(np.ones(4), 1.0, material=(1.0, 0.3), steps=1.5)
+
+
+def test_failure_is_an_error_that_says_what_is_violated():
+    with pytest.raises(ContactError, match="products Coulomb's law is violated by"):
+        circle(32, (0.1, 0.0, 0.0), max_products=5, nested=False)
+
+
+def test_line_contact_obeys_coulombs_law():
+    _, _, result = carter(100)
+    assert result.displacement.shape == result.traction.shape
+    assert_coulomb(result, tolerance=1.0)  # the bound, and the areas

@@ -1,0 +1,99 @@
+"""What the contact problems ask of their input."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from toeplitz_mg.contact.grid import Grid, in_range
+from toeplitz_mg.contact.result import ContactResult
+
+Array = NDArray[Any]
+
+
+def field(name: str, values: ArrayLike) -> Array:
+    """Return an array of real numbers in double precision, or say what is wrong with it."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "buif":
+        raise TypeError(f"{name} has dtype {array.dtype}, but must be of real numbers")
+    if np.isnan(array).any():
+        raise ValueError(f"{name} is not a number somewhere")
+    array = array.astype(np.float64)
+    in_range(name, float(np.max(np.abs(array), where=np.isfinite(array), initial=0.0)))
+    return array
+
+
+def normal_load(z: Array, approach: float | None, force: float | None) -> float | None:
+    """Check what the problem is about."""
+    if not np.isfinite(z).all():
+        raise ValueError("gap has values that are not finite")
+    if (approach is None) == (force is None):
+        raise ValueError(
+            f"approach is {approach} and force is {force}, but one of the two must be given"
+        )
+    if approach is not None and not np.isfinite(approach):
+        raise ValueError(f"approach is {approach}, but must be finite")
+    if force is not None:
+        if not 0.0 < force < np.inf:
+            raise ValueError(f"force is {force}, but must be positive and finite")
+        in_range("force", force)
+    return force
+
+
+def traction_bound(bound: ArrayLike) -> Array:
+    """Check a traction bound."""
+    g = field("bound", bound)
+    if (g < 0.0).any():
+        raise ValueError(f"bound has the value {g.min():g}, but a traction bound is at least zero")
+    return g
+
+
+def rigid_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return a shift as a field of components, or what broadcasts to one."""
+    array = field("shift", shift)
+    if not np.isfinite(array).all():
+        raise ValueError("shift has values that are not finite")
+    m, *grid = shape
+    if array.shape == (m,):
+        return array.reshape(-1, *(1,) * len(grid))
+    if m == 1 and array.shape in ((), tuple(grid)):
+        return array[None]
+    if array.shape == shape:
+        return array
+    allowed = f"(2,) or {shape}" if m == 2 else f"() or {tuple(grid)}"
+    raise ValueError(f"shift has shape {array.shape}, but must have {allowed}")
+
+
+def tangential_load(force: Any, g: Array, grid: Grid) -> Array:
+    """Return the sum of the tractions that a force needs, by components."""
+    m, area = grid.components, grid.area
+    total = np.atleast_1d(field("force", force)) / area
+    if total.shape != (m,) or not np.isfinite(total).all():
+        wanted = "(Fx, Fy)" if m == 2 else "a number"
+        raise ValueError(f"force is {force}, but must be {wanted}, and finite")
+    most = float(g.sum())
+    if not np.linalg.norm(total) < most:
+        raise ValueError(
+            f"force is {force}, but must be less than the traction bound carries: {most * area:g}"
+        )
+    return total
+
+
+def tractions_before(previous: ContactResult, grid: Grid) -> Array:
+    """Return the tractions of a tangential contact on the same grid, of shape (components, ...)."""
+    if previous.stick is None:
+        raise ValueError("previous is a normal contact, but must be one with friction")
+    if previous.contact.shape != grid.shape or previous.element != grid.element:
+        raise ValueError(
+            f"previous has {previous.contact.shape} elements of {previous.element}, but the grid "
+            f"has {grid.shape} of {grid.element}"
+        )
+    return previous.traction.reshape(grid.components, *grid.shape)
+
+
+def check_iteration(tolerance: float, max_products: int) -> None:
+    """Check what is asked of the iterations."""
+    if not 0.0 < tolerance < 1.0:
+        raise ValueError(f"tolerance is {tolerance}, but must be in (0, 1)")
+    if max_products < 1:
+        raise ValueError(f"max_products is {max_products}, but must be at least 1")

@@ -1,0 +1,199 @@
+"""The potential contact area: a grid of elements on the half-space, and its matrices."""
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toeplitz_mg import halfspace
+from toeplitz_mg.halfspace import Material
+from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
+
+Array = NDArray[Any]
+Element = float | tuple[float, float]
+
+SMALL, LARGE = 1e-40, 1e40  # of what is given, in its units
+COARSEST = 32  # elements of an axis, below which nested iteration coarsens no further
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Elements on a surface, and the material below.
+
+    Attributes
+    ----------
+    shape : (int,) or (int, int)
+        One level is line contact: strips across the direction of x.
+    element : tuple of float
+        (h1, h2), the size of an element; of strips (h, b), their width and length, or (h,) where
+        they are of infinite length, which is plane strain.
+    material : Material
+        For two materials, that of `halfspace.combined_material`.
+    reference : float
+        In plane strain, the distance at which a line load moves nothing.
+    """
+
+    shape: tuple[int, ...]
+    element: tuple[float, ...]
+    material: Material
+    reference: float
+
+    @classmethod
+    def of(
+        cls, shape: tuple[int, ...], element: Element, material: Any, reference: float | None
+    ) -> Self:
+        """Return a grid of what the user gave, or say what is wrong with it."""
+        if len(shape) not in (1, 2) or 0 in shape:
+            raise ValueError(
+                f"the grid has shape {shape}, but must be (n1, n2), or (n,) for line contact"
+            )
+        sizes = tuple(float(h) for h in np.atleast_1d(np.asarray(element, dtype=np.float64)))
+        if len(sizes) not in (1, 2) or len(sizes) < len(shape):
+            raise ValueError(
+                f"element is {element}, but the grid {shape} needs two sizes (h1, h2); line "
+                "contact also takes one, the width of strips of infinite length"
+            )
+        if not all(0.0 < h < np.inf for h in sizes):
+            raise ValueError(f"element is {element}, but its sizes must be positive and finite")
+        material = halfspace.combined_material(material, material)  # which checks it
+        for name, value in (("element", min(sizes)), ("element", max(sizes)), ("G", material.G)):
+            in_range(name, value)
+        if reference is None:
+            reference = sizes[0] * shape[0]
+        elif len(sizes) == 2:
+            raise ValueError(
+                f"reference is {reference}, but only plane strain (an element of one size) "
+                "leaves a constant displacement open"
+            )
+        return cls(shape, sizes, material, float(reference))
+
+    @property
+    def area(self) -> float:
+        """The area of an element; in plane strain per unit of length, its width."""
+        return float(np.prod(self.element))
+
+    @property
+    def components(self) -> int:
+        """Of a tangential traction: one in line contact, two on a surface."""
+        return len(self.shape)
+
+    def centres(self) -> tuple[Array, ...]:
+        """The centres of the elements along each axis, zero in the middle of the grid."""
+        return tuple(
+            h * (np.arange(n) - (n - 1) / 2.0)
+            for n, h in zip(self.shape, self.element, strict=False)
+        )
+
+    def coarser(self) -> "Grid | None":
+        """The grid of elements twice the size, or None where that would be too coarse."""
+        if max(self.shape) <= COARSEST:
+            return None
+        halved = [n > 1 for n in self.shape] + [False] * (len(self.element) - len(self.shape))
+        shape = tuple(-(-n // 2) for n in self.shape)
+        element = tuple(2.0 * h if two else h for h, two in zip(self.element, halved, strict=True))
+        return Grid(shape, element, self.material, self.reference)
+
+    def normal(self) -> ToeplitzOperator:
+        """The normal displacements by the pressures of the elements (Eq. 6-7)."""
+        if len(self.element) == 1:
+            return ToeplitzOperator(self._plane_strain(self.shape[0]))
+        return ToeplitzOperator(self._quadrant(halfspace.influence_zz, self.shape))
+
+    def tangential(self) -> ToeplitzOperator | CoupledOperator:
+        """The tangential displacements by the tangential tractions (Eq. 6-7)."""
+        if len(self.element) == 1:
+            return ToeplitzOperator(self._plane_strain(self.shape[0]))
+        xx = ToeplitzOperator(self._quadrant(halfspace.influence_xx, self.shape))
+        if len(self.shape) == 1:
+            return xx
+        yy = ToeplitzOperator(self._quadrant(halfspace.influence_yy, self.shape))
+        xy = self._quadrant(halfspace.influence_xy, self.shape)
+        if not xy.any():  # as for a Poisson's ratio of zero
+            return CoupledOperator([[xx, None], [None, yy]])
+        cross = ToeplitzOperator.from_lags(_all_lags(xy, -1.0))
+        return CoupledOperator([[xx, cross], [cross, yy]])
+
+    def upstream(self) -> ToeplitzOperator | CoupledOperator:
+        """The tangential displacements of the points one element ahead, at x + h1.
+
+        There was, one step before, what is here now, when the contact rolls towards positive x.
+        """
+        n, *others = self.shape
+
+        def ahead(quadrant: Array, sign: float) -> ToeplitzOperator:
+            lags = _all_lags(quadrant, sign)
+            return ToeplitzOperator.from_lags(lags[2:])  # a(d + 1), d = 1 - n ... n - 1
+
+        shape = (n + 1, *others)
+        if len(self.element) == 1:
+            return ahead(self._plane_strain(n + 1), 1.0)
+        xx = ahead(self._quadrant(halfspace.influence_xx, shape), 1.0)
+        if not others:
+            return xx
+        yy = ahead(self._quadrant(halfspace.influence_yy, shape), 1.0)
+        xy = self._quadrant(halfspace.influence_xy, shape)
+        cross = ahead(xy, -1.0) if xy.any() else None
+        return CoupledOperator([[xx, cross], [cross, yy]])
+
+    def _plane_strain(self, n: int) -> Array:
+        G, nu = self.material
+        return halfspace.line_contact_coefficients(
+            n, self.element[0], G=G, nu=nu, reference=self.reference
+        )
+
+    def _quadrant(self, influence: Any, shape: tuple[int, ...]) -> Array:
+        """The coefficients of the lags that are not negative."""
+        h1, h2 = self.element
+        x, y = halfspace.lags((shape[0], shape[1] if len(shape) == 2 else 1), (h1, h2))
+        G, nu = self.material
+        return np.asarray(influence(x, y, (h1, h2), G=G, nu=nu)).reshape(shape)
+
+
+def in_range(name: str, size: float) -> None:
+    """Refuse a size whose powers could not be represented."""
+    if size != 0.0 and not SMALL <= size <= LARGE:
+        raise ValueError(f"{name} is of size {size:g}, but must be zero or {SMALL:g} to {LARGE:g}")
+
+
+def _all_lags(quadrant: Array, sign: float) -> Array:
+    """The coefficients of all lags, of a kernel that is even (sign 1) or odd in each level."""
+    for level in range(quadrant.ndim):
+        negative = sign * np.flip(quadrant, level)
+        inside = tuple(slice(-1) if k == level else slice(None) for k in range(quadrant.ndim))
+        quadrant = np.concatenate([negative[inside], quadrant], axis=level)
+    return quadrant
+
+
+def coarsened(x: Array, levels: int = 2) -> Array:
+    """Average 2 elements along each of the last levels; a last one alone counts twice."""
+    for level in range(-levels, 0):
+        n = x.shape[level]
+        if n == 1:
+            continue
+        if n % 2:
+            x = np.concatenate([x, np.take(x, [-1], level)], axis=level)
+        even = tuple(
+            slice(0, None, 2) if k == level % x.ndim else slice(None) for k in range(x.ndim)
+        )
+        odd = tuple(
+            slice(1, None, 2) if k == level % x.ndim else slice(None) for k in range(x.ndim)
+        )
+        x = 0.5 * (x[even] + x[odd])
+    return x
+
+
+def refined(x: Array, shape: tuple[int, ...]) -> Array:
+    """Interpolate along the last levels, to a grid of this shape: 3/4 of the nearest, 1/4 next."""
+    for level, n in zip(range(-len(shape), 0), shape, strict=True):
+        if n == 1:
+            continue
+        before = np.concatenate([np.take(x, [0], level), np.delete(x, -1, level)], axis=level)
+        after = np.concatenate([np.delete(x, 0, level), np.take(x, [-1], level)], axis=level)
+        pair = np.stack(
+            [0.75 * x + 0.25 * before, 0.75 * x + 0.25 * after], axis=level % x.ndim + 1
+        )
+        fine = [*x.shape]
+        fine[level] *= 2
+        x = np.take(pair.reshape(fine), np.arange(n), axis=level)
+    return x

@@ -1,0 +1,222 @@
+"""Surfaces to press on a flat: the gap between the bodies before they touch, on a grid."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toeplitz_mg.contact.grid import Element, Grid
+from toeplitz_mg.halfspace import Material
+
+Array = NDArray[Any]
+
+
+def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]:
+    """Return the coordinates of the centres of the elements, zero in the middle of the grid.
+
+    Parameters
+    ----------
+    shape : int or (int,) or (int, int)
+        Elements along x, or along x and y.
+    element : float or (float, float)
+        Their size, mm.
+
+    Returns
+    -------
+    tuple of ndarray
+        x of shape (n,); or x and y of shape (n1, n2).
+
+    Examples
+    --------
+    >>> from toeplitz_mg.contact import surfaces
+    >>> (x,) = surfaces.centres(4, 0.5)
+    >>> x
+    array([-0.75, -0.25,  0.25,  0.75])
+    """
+    grid_shape = (shape,) if isinstance(shape, int) else tuple(shape)
+    grid = Grid.of(grid_shape, element, Material(1.0, 0.0), None)
+    return tuple(np.meshgrid(*grid.centres(), indexing="ij"))
+
+
+def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: float) -> Array:
+    """Return the gap between a sphere and a flat, a paraboloid as in Hertz's theory.
+
+    Parameters
+    ----------
+    shape : (int, int)
+    element : (float, float)
+        Size of an element, mm.
+    radius : float
+        mm. Of two spheres: 1/(1/R₁ + 1/R₂).
+
+    Returns
+    -------
+    ndarray of the shape given
+        mm, r²/(2R).
+
+    Examples
+    --------
+    >>> from toeplitz_mg.contact import surfaces
+    >>> surfaces.sphere((2, 1), (2.0, 2.0), radius=50.0)
+    array([[0.01],
+           [0.01]])
+    """
+    return ellipsoid(shape, element, radii=(radius, radius))
+
+
+def ellipsoid(
+    shape: tuple[int, int], element: tuple[float, float], *, radii: tuple[float, float]
+) -> Array:
+    """Return the gap between an ellipsoid and a flat, to second order.
+
+    Parameters
+    ----------
+    shape : (int, int)
+    element : (float, float)
+        Size of an element, mm.
+    radii : (float, float)
+        Radii of curvature in the planes of x and of y, mm.
+
+    Returns
+    -------
+    ndarray of the shape given
+        mm, x²/(2R₁) + y²/(2R₂).
+
+    Examples
+    --------
+    >>> from toeplitz_mg.contact import surfaces
+    >>> surfaces.ellipsoid((2, 1), (2.0, 2.0), radii=(50.0, 500.0)).ravel()
+    array([0.01, 0.01])
+    """
+    x, y = centres(shape, element)
+    R1, R2 = (_positive("radii", radius) for radius in radii)
+    return np.asarray(x**2 / (2.0 * R1) + y**2 / (2.0 * R2))
+
+
+def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -> Array:
+    """Return the gap between a cylinder along y and a flat.
+
+    Parameters
+    ----------
+    shape : int or (int,) or (int, int)
+    element : float or (float, float)
+        Size of an element, mm.
+    radius : float
+        mm. Of two cylinders: 1/(1/R₁ + 1/R₂).
+
+    Returns
+    -------
+    ndarray of the shape given
+        mm, x²/(2R).
+
+    Examples
+    --------
+    >>> from toeplitz_mg.contact import surfaces
+    >>> surfaces.cylinder(2, 2.0, radius=50.0)
+    array([0.01, 0.01])
+    """
+    return np.asarray(centres(shape, element)[0] ** 2 / (2.0 * _positive("radius", radius)))
+
+
+def wavy(
+    shape: int | tuple[int, ...],
+    element: Element,
+    *,
+    amplitude: float,
+    wavelength: float,
+) -> Array:
+    """Return the gap between a sinusoidal surface and a flat.
+
+    Parameters
+    ----------
+    shape : int or (int,) or (int, int)
+    element : float or (float, float)
+        Size of an element, mm.
+    amplitude : float
+        From the mean to a crest, mm.
+    wavelength : float
+        mm, along each axis.
+
+    Returns
+    -------
+    ndarray of the shape given
+        mm, with a crest, where the gap is zero, in the middle of the grid.
+
+    Examples
+    --------
+    >>> from toeplitz_mg.contact import surfaces
+    >>> surfaces.wavy(3, 1.0, amplitude=0.5, wavelength=2.0)
+    array([1., 0., 1.])
+    """
+    k = 2.0 * np.pi / _positive("wavelength", wavelength)
+    crests = np.prod([np.cos(k * x) for x in centres(shape, element)], axis=0)
+    return np.asarray(_positive("amplitude", amplitude) * (1.0 - crests))
+
+
+def rough(
+    shape: int | tuple[int, ...],
+    element: Element,
+    *,
+    rms: float,
+    hurst: float = 0.8,
+    longest: float | None = None,
+    shortest: float | None = None,
+    seed: int | np.random.Generator = 0,
+) -> Array:
+    """Return the gap between a random self-affine surface and a flat.
+
+    Parameters
+    ----------
+    shape : int or (int,) or (int, int)
+    element : float or (float, float)
+        Size of an element, mm.
+    rms : float
+        Root mean square of the heights, mm.
+    hurst : float
+        Hurst's exponent, in (0, 1].
+    longest, shortest : float, optional
+        Wavelengths between which the spectral density falls as k^(-2(1 + H)) (k^(-1 - 2H) in line
+        contact), mm, and outside which it is zero. By default a quarter of the longer side of the
+        grid and four elements.
+    seed : int or numpy.random.Generator
+
+    Returns
+    -------
+    ndarray of the shape given
+        mm, zero at the highest point. The heights are periodic.
+
+    Examples
+    --------
+    >>> from toeplitz_mg.contact import surfaces
+    >>> gap = surfaces.rough((64, 64), (0.1, 0.1), rms=0.002, seed=1)
+    >>> gap.min(), gap.std().round(6)
+    (np.float64(0.0), np.float64(0.002))
+    """
+    grid = Grid.of(
+        (shape,) if isinstance(shape, int) else tuple(shape), element, Material(1.0, 0.0), None
+    )
+    if not 0.0 < hurst <= 1.0:
+        raise ValueError(f"hurst is {hurst}, but must be in (0, 1]")
+    sizes = grid.element[: len(grid.shape)]
+    sides = [n * h for n, h in zip(grid.shape, sizes, strict=True)]
+    longest = max(sides) / 4.0 if longest is None else _positive("longest", longest)
+    shortest = 4.0 * max(sizes) if shortest is None else _positive("shortest", shortest)
+    frequencies = [np.fft.fftfreq(n, h) for n, h in zip(grid.shape, sizes, strict=True)]
+    k = np.sqrt(sum(f**2 for f in np.meshgrid(*frequencies, indexing="ij")))
+    inside = (k > 0.0) & (k * longest >= 1.0 - 1e-12) & (k * shortest <= 1.0 + 1e-12)
+    if not inside.any():
+        raise ValueError(
+            f"the grid has no wavelength between shortest = {shortest:g} and longest = {longest:g}"
+        )
+    falloff = np.zeros(grid.shape)
+    falloff[inside] = k[inside] ** (-hurst - len(grid.shape) / 2.0)
+    noise = np.random.default_rng(seed).standard_normal(grid.shape)
+    heights: Array = np.fft.ifftn(np.fft.fftn(noise) * falloff).real
+    heights *= _positive("rms", rms) / heights.std()
+    return np.asarray(heights.max() - heights)
+
+
+def _positive(name: str, value: float) -> float:
+    if not 0.0 < value < np.inf:
+        raise ValueError(f"{name} is {value}, but must be positive and finite")
+    return float(value)
