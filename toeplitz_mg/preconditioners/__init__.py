@@ -4,6 +4,7 @@ from toeplitz_mg.preconditioners.circulant import chan_preconditioner, strang_pr
 from toeplitz_mg.preconditioners.componentwise import componentwise
 from toeplitz_mg.preconditioners.deflation import fft_sd_preconditioner
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
+from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
 from toeplitz_mg.preconditioners.jacobi import jacobi_preconditioner
 from toeplitz_mg.preconditioners.row_sum import fft_rsm_preconditioner
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
@@ -19,6 +20,7 @@ __all__ = [
     "fft_preconditioner",
     "fft_rsm_preconditioner",
     "fft_sd_preconditioner",
+    "fsai_preconditioner",
     "jacobi_preconditioner",
     "sine_preconditioner",
     "spectral_preconditioner",
