@@ -12,7 +12,7 @@ from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from comparisons import report
-from comparisons.areas import AREAS, rough
+from comparisons.masks import AREAS, rough
 from comparisons.punch3d import METHODS, Punch
 from comparisons.report import Row
 

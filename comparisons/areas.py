@@ -1,61 +1,176 @@
-"""Contact areas, as masks on a grid: of rectangles the grid is the area."""
+"""Every preconditioner on contact areas of every kind: what `default_preconditioner` rests on.
 
-from collections.abc import Callable
+The normal problem on an N x N grid of square elements, and one level: the paper's kernel on islands
+of a line. CG from a zero guess to a relative residual of 1e-8. The seconds are of CPU, the median
+of three set-ups and solves in a process of its own.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from functools import partial
+from math import nan
+from multiprocessing import set_forkserver_preload
+from pathlib import Path
+from statistics import median
+from time import process_time
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator
+from tqdm import tqdm
+
+import toeplitz_mg as tmg
+from comparisons import masks, report
+from comparisons.measuring import in_a_fresh_process, peak_bytes
+from comparisons.report import Row
+from toeplitz_mg import halfspace
+from toeplitz_mg.contact.problems import test1
 
 Array = NDArray[Any]
 
+TOLERANCE = 1e-8
+MAXITER = 150
+SECONDS = 200.0  # after which a run is given up
+REPEATS = 3
+SIZES = (128, 256, 512, 1024, 2048)
+LINES = (2**14, 2**17, 2**20)
+QUICK_SIZES, QUICK_LINES = (32, 64), (2048,)
+SHOWN = 512  # the grid whose tractions are drawn
 
-def square(N: int) -> Array:
-    """N x N elements."""
-    return np.ones((N, N), dtype=bool)
-
-
-def two_to_one(N: int) -> Array:
-    """A rectangle of 2:1, N elements long."""
-    return np.ones((N, N // 2), dtype=bool)
-
-
-def four_to_one(N: int) -> Array:
-    """A rectangle of 4:1, N elements long."""
-    return np.ones((N, N // 4), dtype=bool)
-
-
-def _radius(N: int) -> Array:
-    """The distance of the element's centres from the middle, in half sides."""
-    x = (2.0 * np.arange(N) + 1.0) / N - 1.0
-    return np.hypot(x[:, None], x[None, :])
-
-
-def circle(N: int) -> Array:
-    """The elements whose centre is in a circle across the grid."""
-    return np.asarray(_radius(N) < 1.0)
-
-
-def annulus(N: int) -> Array:
-    """That circle, without one of half its radius."""
-    r = _radius(N)
-    return np.asarray((r > 0.5) & (r < 1.0))
-
-
-def rough(fraction: float, N: int, seed: int = 0) -> Array:
-    """The highest part of a self-affine surface of Hurst exponent 0.8, in many islands."""
-    q = np.hypot(np.fft.fftfreq(N)[:, None], np.fft.rfftfreq(N)[None, :]) * N
-    # The same surface for all N, but for what is shorter than an element; rolled off below 4 waves.
-    size = np.where(q > 0.0, np.maximum(q, 4.0), np.inf) ** -1.8
-    rng = np.random.default_rng(seed)
-    height = np.fft.irfft2(size * np.fft.rfft2(rng.standard_normal((N, N))), (N, N))
-    return np.asarray(height > np.quantile(height, 1.0 - fraction))
-
-
-AREAS: dict[str, Callable[[int], Array]] = {
-    "square": square,
-    "2:1": two_to_one,
-    "4:1": four_to_one,
-    "circle": circle,
-    "annulus": annulus,
-    "rough, 30 %": lambda N: rough(0.3, N),
+METHODS: dict[str, Callable[[Any], LinearOperator | None]] = {
+    "none": lambda A: None,
+    "T. Chan": tmg.chan_preconditioner,
+    "cosine": tmg.cosine_preconditioner,
+    "sine": tmg.sine_preconditioner,
+    "M": tmg.fft_preconditioner,
+    "M̄": tmg.fft_rsm_preconditioner,
+    "V(1,1)": tmg.multigrid,
+    "FSAI": tmg.fsai_preconditioner,
+    "default": tmg.default_preconditioner,
 }
+ON_A_LINE: dict[str, Callable[[int], Array]] = {
+    "paper's test 3": lambda n: np.asarray((np.arange(n) // (n // 8)) % 8 != 3),
+    "100 islands": partial(masks.islands, 100),
+    "n/100 islands": lambda n: masks.islands(n // 100, n),
+    "random, 50 %": lambda n: np.asarray(np.random.default_rng(1).random(n) < 0.5),
+}
+
+
+def operator(area: str, n: int) -> LinearOperator:
+    """The matrix of an area, in two levels or one."""
+    if area in masks.FRAGMENTED:
+        mask = masks.FRAGMENTED[area](n)
+        element = (2.0 / n, 2.0 / n)
+        x, y = halfspace.lags((n, n), element)
+        full = tmg.ToeplitzOperator(halfspace.influence_zz(x, y, element, G=1.0, nu=0.28))
+    else:
+        mask = ON_A_LINE[area](n)
+        full = test1(n).A
+    return full if mask.all() else tmg.MaskedOperator(full, mask)
+
+
+def solve(method: str, area: str, n: int) -> Row:
+    """Set up and solve; in a process of its own."""
+    A = operator(area, n)
+    full = getattr(A, "full", A)
+    small = operator(area, 64 if len(full.grid_shape) == 2 else 2048)
+    _measured(method, small, np.ones(small.shape[0]))
+    before = peak_bytes()
+    row: Row = {}
+    for name, b in (
+        ("constant", np.ones(A.shape[0])),
+        ("random", np.random.default_rng(0).standard_normal(A.shape[0])),
+    ):
+        runs = [_measured(method, A, b) for _ in range(REPEATS)]
+        iterations, units, residual = runs[0][2:]
+        row |= {
+            f"{name}": iterations if residual <= 1.1 * TOLERANCE else f"> {iterations}",
+            f"{name}_units": units,
+            f"{name}_s": median(run[0] + run[1] for run in runs),
+            "setup_s": median(run[0] for run in runs),
+        }
+    return row | {"vectors": (peak_bytes() - before) / (8 * full.shape[0]), "note": ""}
+
+
+def _measured(method: str, A: LinearOperator, b: Array) -> tuple[float, float, int, float, float]:
+    """Seconds of set-up and solve, iterations, work units, residual."""
+    steps: list[int] = []
+    with tmg.count_products() as work:
+        start = process_time()
+        M = METHODS[method](A)
+        setup = process_time() - start
+        x, _ = tmg.cg(
+            A, b, M=M, rtol=TOLERANCE, maxiter=MAXITER, callback=lambda _: steps.append(1)
+        )
+        seconds = process_time() - start - setup
+    residual = float(np.linalg.norm(b - A @ x)) / float(np.linalg.norm(b))
+    units = work.units(getattr(A, "full", A).shape[0])
+    return setup, seconds, len(steps), units, residual
+
+
+def run(sizes: Sequence[int], lines: Sequence[int]) -> list[Row]:
+    """Measure every preconditioner on every area."""
+    jobs = [(area, n) for area in masks.FRAGMENTED for n in sizes]
+    jobs += [(area, n) for area in ON_A_LINE for n in lines]
+    rows: list[Row] = []
+    with tqdm(total=len(jobs) * len(METHODS), unit="run") as progress:
+        for area, n in jobs:
+            for method in METHODS:
+                progress.set_postfix_str(f"{area}, {n}, {method}")
+                row: Row = {"area": area, "n": n, "method": method}
+                try:
+                    row |= in_a_fresh_process(partial(solve, method, area, n), SECONDS)
+                except TimeoutError:
+                    row |= {"random_s": nan, "note": f"over {SECONDS:.0f} s"}
+                except ArithmeticError as error:
+                    row |= {"random_s": nan, "note": str(error)[:70]}
+                rows.append(row)
+                progress.update()
+    return rows
+
+
+def readable(row: Row) -> Row:
+    """Return a row as it is printed."""
+    formats = {"constant_units": ".1f", "constant_s": ".3g", "random_units": ".1f"}
+    formats |= {"random_s": ".3g", "setup_s": ".2g", "vectors": ".0f"}
+    cells = {k: format(row[k], spec) if k in row else "" for k, spec in formats.items()}
+    counts = {k: row.get(k, "") for k in ("constant", "random")}
+    return {"method": row["method"], **counts, **cells, "note": row["note"]}
+
+
+def draw(n: int, path: Path) -> None:
+    """Draw the tractions under a rigid displacement of each area."""
+    figure = Figure(figsize=(15, 9), layout="constrained")
+    axes = figure.subplots(3, 5).ravel()
+    for ax, (area, mask_of) in zip(axes, masks.FRAGMENTED.items(), strict=False):
+        A = operator(area, n)
+        p, info = tmg.cg(A, np.ones(A.shape[0]), M=tmg.default_preconditioner(A), rtol=1e-6)
+        if info:
+            raise ArithmeticError("not converged")
+        field = np.full((n, n), np.nan)
+        field[mask_of(n)] = p
+        ax.imshow(field.T, origin="lower", vmin=0.0, vmax=float(np.quantile(p, 0.98)))
+        ax.set(title=area, xticks=[], yticks=[])
+    for ax in axes[len(masks.FRAGMENTED) :]:
+        ax.set_axis_off()
+    figure.savefig(path, dpi=130)
+
+
+def main() -> None:
+    """Run the comparison."""
+    os.environ["OMP_NUM_THREADS"] = "1"  # read where a process imports BLAS
+    set_forkserver_preload(["comparisons.areas"])
+    arguments = report.options("areas", "Every preconditioner on areas of every kind.")
+    quick = arguments.quick
+    rows = run(QUICK_SIZES if quick else SIZES, QUICK_LINES if quick else LINES)
+    report.write_csv(arguments.output / "areas.csv", rows)
+    for key in dict.fromkeys((row["area"], row["n"]) for row in rows):
+        table = [readable(r) for r in rows if (r["area"], r["n"]) == key]
+        report.show(f"{key[0]}, n = {key[1]}", table)
+    draw(min(SHOWN, QUICK_SIZES[-1]) if quick else SHOWN, arguments.output / "areas.png")
+
+
+if __name__ == "__main__":
+    main()

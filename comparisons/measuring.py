@@ -135,12 +135,12 @@ def _measure_here(contender: Contender, problem: System) -> Measurement:
     with suppress(Exception):
         contender.method(test1(WARM_UP_SIZE))()
     n = problem.A.grid_shape[0]
-    before = _peak_bytes()
+    before = peak_bytes()
     with tmg.count_products() as setup_work:
         solve, setup_s = timed(lambda: contender.method(problem))
     with tmg.count_products() as solve_work:
         (x, iterations), solve_s = timed(solve)
-    peak = _peak_bytes() - before
+    peak = peak_bytes() - before
     residual = true_residual(problem, x)
     converged = residual <= CONVERGED
     setup_s, solve_s = _repeated(contender, problem, setup_s, solve_s)
@@ -179,6 +179,6 @@ def timed(function: Callable[[], Any]) -> tuple[Any, float]:
     return result, perf_counter() - start
 
 
-def _peak_bytes() -> int:
+def peak_bytes() -> int:
     """Return the largest resident memory that this process had."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * RUSAGE_BYTES

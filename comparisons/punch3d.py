@@ -29,7 +29,7 @@ from tqdm import tqdm
 
 import toeplitz_mg as tmg
 from comparisons import peers, report
-from comparisons.areas import AREAS
+from comparisons.masks import AREAS
 from comparisons.measuring import in_a_fresh_process
 from comparisons.report import Row
 from toeplitz_mg import halfspace
@@ -142,6 +142,7 @@ METHODS: dict[str, Preconditioner] = {
     "CG + cosine": tmg.cosine_preconditioner,
     "CG + cosine, float32": partial(tmg.cosine_preconditioner, dtype=single),
     "CG + sine": tmg.sine_preconditioner,
+    "CG + FSAI": tmg.fsai_preconditioner,
     "CG + M": tmg.fft_preconditioner,
     "CG + M by component": tmg.componentwise(tmg.fft_preconditioner),
     "CG + M̄": tmg.fft_rsm_preconditioner,

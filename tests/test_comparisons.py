@@ -11,6 +11,7 @@ from comparisons import (
     baselines,
     drop_in,
     general_symbols,
+    masks,
     paper_figures,
     paper_tables,
     peers,
@@ -103,7 +104,7 @@ def test_speed(tmp_path, monkeypatch, capsys):
 
 def test_punch3d(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(punch3d, "QUICK_SIZES", (8, 16))
-    monkeypatch.setattr(punch3d, "AREAS", {"4:1": areas.four_to_one, "circle": areas.circle})
+    monkeypatch.setattr(punch3d, "AREAS", {"4:1": masks.four_to_one, "circle": masks.circle})
     monkeypatch.setattr(peers, "PEERS", {})  # whether they are installed or not
     printed = run(punch3d, tmp_path, monkeypatch, capsys)
     assert "coupled, circle, N = 16" in printed
@@ -144,6 +145,21 @@ def test_forces_tend_to_the_known_limits(area, kind, limit, near):
         assert forces[-1] == pytest.approx(limit, rel=near)
     else:
         assert punch3d.limit_and_order(forces)[0] == pytest.approx(limit, rel=near)
+
+
+def test_areas(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(areas, "QUICK_SIZES", (24,))
+    monkeypatch.setattr(areas, "QUICK_LINES", (600,))
+    names = ("full", "rough, 30 %", "checkerboard")
+    monkeypatch.setattr(masks, "FRAGMENTED", {name: masks.FRAGMENTED[name] for name in names})
+    printed = run(areas, tmp_path, monkeypatch, capsys)
+    assert "checkerboard, n = 24" in printed
+    rows = rows_of(tmp_path / "areas.csv")
+    assert len(rows) == (len(names) + len(areas.ON_A_LINE)) * len(areas.METHODS)
+    for row in rows:
+        if row["method"] in ("FSAI", "default"):
+            assert int(row["random"]) <= 14
+    assert (tmp_path / "areas.png").exists()
 
 
 def test_area_figures(tmp_path, monkeypatch, capsys):

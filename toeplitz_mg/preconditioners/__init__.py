@@ -2,6 +2,7 @@
 
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner, strang_preconditioner
 from toeplitz_mg.preconditioners.componentwise import componentwise
+from toeplitz_mg.preconditioners.default import default_preconditioner
 from toeplitz_mg.preconditioners.deflation import fft_sd_preconditioner
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
@@ -17,6 +18,7 @@ __all__ = [
     "chan_preconditioner",
     "componentwise",
     "cosine_preconditioner",
+    "default_preconditioner",
     "fft_preconditioner",
     "fft_rsm_preconditioner",
     "fft_sd_preconditioner",

@@ -1,0 +1,97 @@
+"""default_preconditioner: which it takes, and that CG needs few iterations with what it takes."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import toeplitz_mg as tmg
+from comparisons import masks
+from comparisons.symbols import column
+from tests.cases import contact, coupled, coupled_kernel, exponential
+from toeplitz_mg.contact.problems import test3
+from toeplitz_mg.preconditioners.default import COMPACT, fragmentation
+
+
+def taken(A, **options):
+    return repr(tmg.default_preconditioner(A, **options))
+
+
+def iterations(A, **options):
+    steps = []
+    b = np.random.default_rng(0).standard_normal(A.shape[0])
+    M = tmg.default_preconditioner(A, **options)
+    _, info = tmg.cg(A, b, M=M, rtol=1e-8, maxiter=40, callback=steps.append)
+    assert info == 0
+    return len(steps)
+
+
+def test_one_level():
+    assert "Gohberg" in taken(tmg.ToeplitzOperator(column("contact", 900)))
+    assert "sine transform" in taken(tmg.ToeplitzOperator(column("2 - 2 cos θ", 900)))
+    assert "cosine transform" in taken(tmg.ToeplitzOperator(column("2 + 2 cos θ", 900)))
+    assert "SparseInverse" in taken(test3(1024).A)
+    for A in (tmg.ToeplitzOperator(column("θ²", 900)), test3(2048).A):
+        assert iterations(A) <= 12
+
+
+@pytest.mark.parametrize("area", masks.FRAGMENTED)
+def test_two_levels(area):
+    mask = masks.FRAGMENTED[area](96)
+    A = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(96, 96)), mask)
+    if area == "full":
+        assert "cosine" in taken(A)
+        assert "cosine" in taken(A.full)
+    elif area == "circle":
+        assert fragmentation(mask) < COMPACT
+        assert "sine transform" in taken(A)
+        assert "SparseInverse" in taken(A, solves=10)
+    else:
+        assert fragmentation(mask) > COMPACT
+        assert "SparseInverse" in taken(A)
+    assert iterations(A) <= 14
+    assert iterations(A, dtype=np.float32) <= 14
+
+
+def test_what_is_refused_is_followed_by_the_next():
+    smooth = np.exp(-(np.indices((48, 48)) ** 2).sum(axis=0) / 50.0)
+    smooth[0, 0] += 1e-3
+    A = tmg.MaskedOperator(tmg.ToeplitzOperator(smooth), masks.checkerboard(48))
+    with pytest.raises(np.linalg.LinAlgError):
+        tmg.fsai_preconditioner(A)
+    assert "sine" in taken(A)
+
+
+def test_three_levels_and_coupled_components():
+    A = tmg.ToeplitzOperator(exponential(12, 9, 10))
+    assert "cosine" in taken(A)
+    mask = np.indices((12, 9, 10)).sum(axis=0) % 3 > 0
+    assert "sine" in taken(tmg.MaskedOperator(A, mask))
+    B = coupled(coupled_kernel(2, 12, 12))(np.float64)
+    assert taken(B).count("cosine") == 2
+    half = np.arange(144).reshape(12, 12) % 2 == 0
+    assert taken(tmg.MaskedOperator(B, half)).count("SparseInverse") == 2
+    assert iterations(B) <= 14
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(1, 40), st.integers(1, 40), st.floats(0.0, 1.0), st.integers(0, 99))
+def test_any_mask(n1, n2, density, seed):
+    rng = np.random.default_rng(seed)
+    mask = rng.random((n1, n2)) < density
+    mask.flat[rng.integers(mask.size)] = True
+    A = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(n1, n2)), mask)
+    assert iterations(A) <= 16
+    if A.shape[0] <= 200:
+        M = tmg.default_preconditioner(A) @ np.eye(A.shape[0])
+        assert np.linalg.eigvalsh((M + M.T) / 2).min() > 0.0
+
+
+def test_what_it_refuses():
+    A = tmg.ToeplitzOperator([2.0, 1.0])
+    with pytest.raises(ValueError, match="solves is 0, but must be at least 1"):
+        tmg.default_preconditioner(A, solves=0)
+    with pytest.raises(np.linalg.LinAlgError, match="use cg without M"):
+        tmg.default_preconditioner(tmg.ToeplitzOperator([[1.0, 2.0], [2.0, 3.0]]))
+    with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
+        tmg.default_preconditioner(tmg.cosine_preconditioner(A))
