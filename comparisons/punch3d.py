@@ -243,7 +243,7 @@ def readable(row: Row) -> Row:
 def main() -> None:
     """Run the comparison."""
     os.environ["OMP_NUM_THREADS"] = "1"  # read where a process imports BLAS, or a peer
-    set_forkserver_preload(["comparisons.punch3d"])
+    set_forkserver_preload(["comparisons.peers", "comparisons.measuring", "comparisons.masks"])
     arguments = report.options("punch3d", "Flat punches: every method, and the peers.")
     sizes = QUICK_SIZES if arguments.quick else SIZES
     rows = run(sizes, tuple(AREAS), ("normal", "tangential", "coupled"))

@@ -104,6 +104,8 @@ def test_speed(tmp_path, monkeypatch, capsys):
 
 def test_punch3d(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(punch3d, "QUICK_SIZES", (8, 16))
+    few = ("CG", "CG + |q| circulant", "CG + cosine", "CG + V(1,1)")
+    monkeypatch.setattr(punch3d, "METHODS", {name: punch3d.METHODS[name] for name in few})
     monkeypatch.setattr(punch3d, "AREAS", {"4:1": masks.four_to_one, "circle": masks.circle})
     monkeypatch.setattr(peers, "PEERS", {})  # whether they are installed or not
     printed = run(punch3d, tmp_path, monkeypatch, capsys)
@@ -150,6 +152,8 @@ def test_forces_tend_to_the_known_limits(area, kind, limit, near):
 def test_areas(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(areas, "QUICK_SIZES", (24,))
     monkeypatch.setattr(areas, "QUICK_LINES", (600,))
+    few = ("none", "FSAI", "default")
+    monkeypatch.setattr(areas, "METHODS", {name: areas.METHODS[name] for name in few})
     names = ("full", "rough, 30 %", "checkerboard")
     monkeypatch.setattr(masks, "FRAGMENTED", {name: masks.FRAGMENTED[name] for name in names})
     printed = run(areas, tmp_path, monkeypatch, capsys)

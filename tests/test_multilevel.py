@@ -88,3 +88,36 @@ def test_several_threads():
     with ThreadPoolExecutor(4) as pool:
         for y, z in zip(pool.map(A.dot, X), expected, strict=True):
             assert np.array_equal(y, z)
+
+
+@pytest.mark.parametrize("shape", [(90, 1), (1, 90), (1, 90, 1)])
+@pytest.mark.parametrize(
+    "preconditioner",
+    [
+        tmg.fft_preconditioner,
+        tmg.fft_rsm_preconditioner,
+        tmg.fft_sd_preconditioner,
+        tmg.cosine_preconditioner,
+        tmg.sine_preconditioner,
+        tmg.strang_preconditioner,
+        tmg.chan_preconditioner,
+        tmg.multigrid,
+    ],
+)
+@pytest.mark.parametrize("masked", [False, True])
+def test_preconditioners_do_not_see_levels_of_one_element(preconditioner, shape, masked):
+    for c in (contact(90), np.exp(-np.arange(90) / 30.0) + 0.1 * (np.arange(90) == 0)):
+        A, line = tmg.ToeplitzOperator(c.reshape(shape)), tmg.ToeplitzOperator(c)
+        if masked:
+            mask = np.arange(90) % 30 > 1
+            A, line = tmg.MaskedOperator(A, mask.reshape(shape)), tmg.MaskedOperator(line, mask)
+        x = random(4, A.shape[0])
+        try:
+            expected = preconditioner(line) @ x
+        except np.linalg.LinAlgError:
+            with pytest.raises(np.linalg.LinAlgError):
+                preconditioner(A)
+            continue
+        assert_allclose(
+            preconditioner(A) @ x, expected, rtol=1e-9, atol=1e-11 * abs(expected).max()
+        )

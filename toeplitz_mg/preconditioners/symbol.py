@@ -23,11 +23,14 @@ def sampled_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
     if not A.is_even:  # its even part, as the transforms have no other
         flips = _flips(A.lags.astype(np.float64))
         column = np.mean(flips, axis=0)[tuple(slice(n - 1, None) for n in A.grid_shape)]
-    if column.ndim == 1 and (tail := _Tail.of(column)) is not None:
-        column = tail.periodised(column, *shape)
-    else:
-        for level, n in enumerate(shape):
-            column = continued(column, level, n)
+    alone = [level for level, n in enumerate(column.shape) if n > 1]
+    if len(alone) == 1 and (tail := _Tail.of(column.ravel())) is not None:
+        samples = cosine_sums(tail.periodised(column.ravel(), shape[alone[0]]))
+        # A level of one element has no other lags: its samples are the same.
+        whole = samples.reshape([-1 if level in alone else 1 for level in range(column.ndim)])
+        return np.broadcast_to(whole, tuple(n + 1 for n in shape)).copy()
+    for level, n in enumerate(shape):
+        column = continued(column, level, n)
     # Σ over all lags of a_k cos kθ, by symmetry a cosine transform of the first column.
     return cosine_sums(column)
 

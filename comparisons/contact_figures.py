@@ -1,0 +1,85 @@
+"""Figures of contact problems: tractions beside the analytic curves, and convergence."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from comparisons.report import Row
+from toeplitz_mg.contact import ContactResult, surfaces
+
+Array = NDArray[Any]
+
+
+def picture(
+    results: Sequence[ContactResult], theory: Array | None, title: str, path: Path
+) -> None:
+    """Draw the tractions and the areas, and what theory says."""
+    is_line = results[0].contact.ndim == 1
+    profile = theory is not None and not is_line
+    count = 2 if profile else len(results)
+    figure = Figure(figsize=(5.5 * count, 4.5), layout="constrained")
+    figure.suptitle(title)
+    axes = figure.subplots(1, count, squeeze=False)[0]
+    for ax, result in zip(axes, results, strict=False):
+        result.plot(ax)
+    if theory is not None and is_line:
+        (x,) = surfaces.centres(theory.shape, results[0].element[0])
+        axes[0].plot(x, theory, "k--", label="theory")
+        axes[0].legend()
+    elif theory is not None:
+        _profile(axes[1], results[0], theory)
+    figure.savefig(path, dpi=110)
+
+
+def _profile(ax: Any, result: ContactResult, theory: Array) -> None:
+    """The traction along x through the middle."""
+    h1, h2 = result.element
+    x = surfaces.centres(theory.shape, (h1, h2))[0][:, 0]
+    row = theory.shape[1] // 2
+    traction = result.traction if result.stick is None else result.traction[0]
+    ax.plot(x, traction[:, row], label="this solver")
+    ax.plot(x, theory[:, row], "k--", label="theory")
+    if result.stick is not None and result.bound is not None:
+        ax.plot(x, result.bound[:, row], "k:", label="traction bound")
+        ax.fill_between(
+            x, 0.0, traction[:, row], where=result.stick[:, row], alpha=0.3, label="stick"
+        )
+    ax.set(xlabel="x [mm], at y = 0", ylabel="traction [N/mm²]")
+    ax.legend()
+
+
+def rough_picture(results: Sequence[ContactResult], N: int, path: Path) -> None:
+    """Draw the pressures on a rough surface at several loads."""
+    figure = Figure(figsize=(4.0 * len(results), 3.8), layout="constrained")
+    for ax, result in zip(figure.subplots(1, len(results)), results, strict=True):
+        p = np.where(result.contact, result.traction, np.nan)
+        top = float(np.quantile(result.traction[result.contact], 0.99))
+        ax.imshow(p.T, origin="lower", extent=(-1, 1, -1, 1), vmin=0.0, vmax=top)
+        ax.set(title=f"{result.contact.mean():.1%} in contact, F = {result.force:.3g}")
+    figure.suptitle(f"Pressures on a rough surface, {N} x {N}")
+    figure.savefig(path, dpi=110)
+
+
+def convergence(errors: Sequence[Row], path: Path) -> None:
+    """Draw the errors against theory over N."""
+    cases = list(dict.fromkeys(row["case"] for row in errors))
+    columns = 4
+    figure = Figure(figsize=(16, 4.0 * -(-len(cases) // columns)), layout="constrained")
+    axes = figure.subplots(-(-len(cases) // columns), columns, squeeze=False).ravel()
+    for ax, case in zip(axes, cases, strict=False):
+        own = [row for row in errors if row["case"] == case]
+        for quantity in dict.fromkeys(row["quantity"] for row in own):
+            points = [(r["N"], abs(r["error"])) for r in own if r["quantity"] == quantity]
+            ax.loglog(*zip(*points, strict=True), "o-", label=quantity)
+        sizes = np.array(sorted({row["N"] for row in own}))
+        ax.loglog(sizes, 2.0 / sizes, "k:", label="2/N")
+        ax.set(title=case, xlabel="N", ylabel="relative error")
+        ax.grid(alpha=0.3)
+        ax.legend(fontsize="small")
+    for ax in axes[len(cases) :]:
+        ax.set_axis_off()
+    figure.savefig(path, dpi=110)
