@@ -15,7 +15,6 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg.contact.coulomb import Areas, admissible, along, bounded, size
 from toeplitz_mg.contact.gmres import gmres
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.shifted import shifted_inverse
 from toeplitz_mg.contact.stick_slip import (
     COARSE_PRODUCTS,
     Linearised,
@@ -27,6 +26,7 @@ from toeplitz_mg.contact.stick_slip import (
     solve,
 )
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator, apply_to_rows
+from toeplitz_mg.preconditioners.shifted import shifted_inverse
 
 Array = NDArray[Any]
 
