@@ -34,7 +34,7 @@ import toeplitz_mg as tmg
 from comparisons import report
 from comparisons.measuring import RUSAGE_BYTES
 from comparisons.report import Row
-from comparisons.symbols import column
+from comparisons.symbols import COLUMNS
 
 Array = NDArray[Any]
 Action = Callable[[], Any]
@@ -43,6 +43,7 @@ Contender = Callable[[Array, Array], Action]  # the column and the vector; the c
 TOLERANCE = 1e-8
 PRODUCT_SIZES = tuple(2**k for k in range(4, 25, 2))
 SOLVE_SIZES = tuple(2**k for k in range(6, 23, 2))
+LEVEL_SIZES = {"two levels": tuple(4**k for k in range(5, 12)), "three levels": (8**5, 8**7)}
 QUICK_PRODUCTS, QUICK_SOLVES = (2**6, 2**10, 2**14), (2**6, 2**10)
 TURN_SECONDS = 1.0  # of one contender's runs of one size
 MOST_TURNS = 200
@@ -50,21 +51,22 @@ SLOW = 4.0  # seconds of one run, after which larger sizes are left out
 
 
 class Plain:
-    """The product that one writes by hand: the spectrum of a fast length, kept."""
+    """The product that one writes by hand: the spectrum of fast lengths, kept."""
 
     def __init__(self, c: Array) -> None:
-        n = len(c)
-        self.n, self.length = n, scipy.fft.next_fast_len(2 * n - 1, real=True)
-        embedded = np.zeros(self.length)
-        embedded[:n] = c
-        if n > 1:
-            embedded[1 - n :] = c[:0:-1]
-        self.spectrum = scipy.fft.rfft(embedded).real
+        self.shape = c.shape
+        self.cut = tuple(slice(n) for n in c.shape)
+        self.lengths = tuple(scipy.fft.next_fast_len(2 * n - 1, real=True) for n in c.shape)
+        for level, (n, length) in enumerate(zip(c.shape, self.lengths, strict=True)):
+            gap = [(0, length - 2 * n + 1 if k == level else 0) for k in range(c.ndim)]
+            mirrored = np.flip(np.take(c, np.arange(1, n), axis=level), level)
+            c = np.concatenate([np.pad(c, gap), mirrored], axis=level)
+        self.spectrum = scipy.fft.rfftn(c).real
 
     def __call__(self, x: Array) -> Array:
         """Multiply a vector."""
-        hat = self.spectrum * scipy.fft.rfft(x, self.length)
-        return np.asarray(scipy.fft.irfft(hat, self.length)[: self.n])
+        hat = self.spectrum * scipy.fft.rfftn(x.reshape(self.shape), self.lengths)
+        return np.asarray(scipy.fft.irfftn(hat, self.lengths)[self.cut].ravel())
 
 
 class PlainCirculant:
@@ -77,6 +79,12 @@ class PlainCirculant:
     def __call__(self, x: Array) -> Array:
         """Multiply a vector."""
         return np.asarray(scipy.fft.irfft(self.spectrum * scipy.fft.rfft(x), self.n))
+
+
+def covariance(levels: int, n: int) -> Array:
+    """Return coefficients on a grid of so many levels and n elements in all."""
+    k = np.indices((round(n ** (1 / levels)),) * levels)
+    return np.asarray(np.exp(-np.sqrt((k**2).sum(axis=0))))
 
 
 def chan_column(c: Array) -> Array:
@@ -211,6 +219,11 @@ PRODUCTS: dict[str, Contender] = {
     "matmul_toeplitz": matmul_toeplitz,
     "fftconvolve": fftconvolve,
 }
+LEVELS: dict[str, Contender] = {key: PRODUCTS[key] for key in ("plain", "ours", "ours, ducc0")}
+SYSTEMS: dict[str, Callable[[int], Array]] = COLUMNS | {
+    "two levels": partial(covariance, 2),
+    "three levels": partial(covariance, 3),
+}
 SOLVES: dict[str, Contender] = {
     "plain CG + T. Chan": partial(plain_cg, chan_column),
     "plain CG + Strang": partial(plain_cg, strang_column),
@@ -255,7 +268,7 @@ def _serve(contender: Contender, c: Array, b: Array, pipe: Connection) -> None:
             action()
             cpu, wall = process_time() - cpu, perf_counter() - wall
             peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-            pipe.send((cpu, wall, peak * RUSAGE_BYTES / (8 * len(c))))
+            pipe.send((cpu, wall, peak * RUSAGE_BYTES / (8 * c.size)))
     except Exception as error:
         with suppress(OSError):
             pipe.send(f"{type(error).__name__}: {error}".partition("\n")[0])
@@ -268,7 +281,8 @@ def take_turns(contenders: dict[str, Contender], name: str, n: int) -> dict[str,
     processes = []
     results: dict[str, Times] = {}
     # Sent, not built there: the temporary arrays of building them would be the peak.
-    c, b = column(name, n), np.random.default_rng(0).standard_normal(n)
+    c = SYSTEMS[name](n)
+    b = np.random.default_rng(0).standard_normal(c.size)
     runs: dict[str, list[tuple[float, float, float]]] = {key: [] for key in contenders}
     for key, contender in contenders.items():
         ours, theirs = context.Pipe()
@@ -415,6 +429,13 @@ def main() -> None:
     show("One product: CPU time, µs", [r | {"us": r["cpu_s"] * 1e6} for r in products], "us", ".4g")
     show("One product: fraction of the physical limit", products, "limit", ".2f")
     plot(products, "One product", folder / "products.png")
+
+    levels: list[Row] = []
+    for name, sizes in LEVEL_SIZES.items():
+        rows = compare(LEVELS, name, sizes[:1] if quick else sizes, "plain")
+        levels += rows
+        show(f"One product in {name}: CPU time against the plain one", rows, "ratio", ".2f")
+    report.write_csv(folder / "levels.csv", levels)
 
     solves: list[Row] = []
     for name in ("contact", "fGn, H = 0.9"):

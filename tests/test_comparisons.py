@@ -94,7 +94,7 @@ def test_speed(tmp_path, monkeypatch, capsys):
     printed = run(speed, tmp_path, monkeypatch, capsys)
     for title in ("One product", "physical limit", "peak memory", "Further right-hand sides"):
         assert title in printed
-    names = ["further.csv", "products.csv", "solves.csv"]
+    names = ["further.csv", "levels.csv", "products.csv", "solves.csv"]
     assert sorted(p.name for p in tmp_path.glob("*.csv")) == names
     assert len(list(tmp_path.glob("*.png"))) == 3
     for name in names:
