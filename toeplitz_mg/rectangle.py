@@ -7,6 +7,7 @@ direction in which the rectangle is the smaller for its distance, where it is as
 over integrals in the other direction that are written without a cancellation.
 """
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ Array = NDArray[Any]
 
 # At least so many sizes away, so many nodes: the integrand is analytic in an ellipse whose half
 # axes add up to ϱ = 2 t + √(4 t² - 1) half sizes, and the rule errs by ϱ^(-2 nodes).
-GAUSS = ((2.0, 10), (16.0, 5))
+GAUSS = ((2.0, 10), (16.0, 5), (100.0, 3))
 
 
 def integrals(x: Array, y: Array, h1: float, h2: float) -> tuple[Array, Array, Array]:
@@ -154,6 +155,7 @@ def _sides(x: Array, h: float) -> tuple[Array, Array]:
     return x - h / 2.0, x + h / 2.0
 
 
+@cache
 def _gauss(nodes: int) -> list[tuple[float, float]]:
     """Gauss-Legendre nodes and weights on [-½, ½]."""
     s, w = np.polynomial.legendre.leggauss(nodes) / np.array(2.0)
