@@ -14,9 +14,7 @@ from toeplitz_mg.contact import ContactResult, surfaces
 Array = NDArray[Any]
 
 
-def picture(
-    results: Sequence[ContactResult], theory: Array | None, title: str, path: Path
-) -> None:
+def picture(results: Sequence[ContactResult], theory: Array | None, title: str, path: Path) -> None:
     """Draw the tractions and the areas, and what theory says."""
     is_line = results[0].contact.ndim == 1
     profile = theory is not None and not is_line
@@ -78,6 +76,8 @@ def convergence(errors: Sequence[Row], path: Path) -> None:
         sizes = np.array(sorted({row["N"] for row in own}))
         ax.loglog(sizes, 2.0 / sizes, "k:", label="2/N")
         ax.set(title=case, xlabel="N", ylabel="relative error")
+        ax.set_xticks(sizes[-1::-2], [str(n) for n in sizes[-1::-2]])
+        ax.set_xticks([], minor=True)
         ax.grid(alpha=0.3)
         ax.legend(fontsize="small")
     for ax in axes[len(cases) :]:

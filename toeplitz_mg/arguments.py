@@ -8,7 +8,7 @@ from typing import Any
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
-from toeplitz_mg import output
+from toeplitz_mg import contact_arguments, output
 from toeplitz_mg.contact import problems
 
 Preconditioner = Callable[[LinearOperator], LinearOperator]
@@ -82,7 +82,8 @@ def parser() -> argparse.ArgumentParser:
         prog="toeplitz-mg",
         description="Solve a contact problem of Zhao, Vollebregt and Oosterlee (2014): by default "
         "test 1 with 2^20 unknowns, by the V(0,1) cycle with the FFT+RSM smoother. "
-        "The command solve takes a system of your own.",
+        "The command solve takes a system of your own, the command contact solves a contact "
+        "problem.",
         epilog="Exit status: 0 converged, 1 not converged, 2 not possible.",
         **bare,
     )
@@ -90,7 +91,7 @@ def parser() -> argparse.ArgumentParser:
     main.add_argument("--test", type=int, choices=tuple(TESTS), help="problem (default: 1)")
     main.add_argument("-n", type=int, help="number of elements (default: 2^20)")
     _method_options(main)
-    commands = main.add_subparsers(dest="command", metavar="{solve}")
+    commands = main.add_subparsers(dest="command", metavar="{solve,contact}")
     solve = commands.add_parser(
         "solve",
         help="solve a system of your own",
@@ -107,6 +108,7 @@ def parser() -> argparse.ArgumentParser:
     solve.add_argument("-o", "--output", type=Path, required=True, metavar="X.npy", help="solution")
     solve.add_argument("--mask", type=Path, metavar="MASK.npy", help="where A is restricted")
     _method_options(solve)
+    contact_arguments.add_parser(commands, **bare)
     return main
 
 

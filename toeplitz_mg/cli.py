@@ -1,4 +1,4 @@
-"""The command line: the paper's problems, or a system of the user's own."""
+"""The command line: the paper's problems, a system of the user's own, or a contact problem."""
 
 import argparse
 import re
@@ -14,7 +14,7 @@ from scipy.linalg import norm
 from scipy.sparse.linalg import LinearOperator, cg
 
 import toeplitz_mg as tmg
-from toeplitz_mg import output
+from toeplitz_mg import contact_cli, output
 from toeplitz_mg.arguments import PRECONDITIONERS, TESTS, UsageError, checked, parser
 from toeplitz_mg.contact import published
 
@@ -69,6 +69,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = parser().parse_args(arguments)
     try:
+        if given.command == "contact":
+            return contact_cli.run(given)
         options = checked(given)
         system = _users_system(options) if options.command == "solve" else _papers_system(options)
         return _solve(system, options)

@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,8 @@ from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
+
+from toeplitz_mg.contact import ContactResult
 
 Array = NDArray[Any]
 
@@ -63,6 +65,29 @@ def save(path: Path, array: Array) -> None:
 def _save_npy(part: Path, array: Array) -> None:
     with part.open("wb") as file:  # np.save would append .npy to a name
         np.save(file, array)
+
+
+def save_fields(path: Path, fields: Mapping[str, Any]) -> None:
+    """Write arrays by their names to a ``.npz`` file, whole or not at all."""
+    _write(path, lambda part: _save_npz(part, fields))
+
+
+def _save_npz(part: Path, fields: Mapping[str, Any]) -> None:
+    with part.open("wb") as file:
+        np.savez(file, **fields)
+
+
+def plot_contact(path: Path, title: str, results: Mapping[str, ContactResult]) -> None:
+    """Draw the tractions of contact problems beside each other, by their titles."""
+    import matplotlib.figure
+
+    figure = matplotlib.figure.Figure(figsize=(5.5 * len(results), 4.5), layout="constrained")
+    axes = figure.subplots(1, len(results), squeeze=False)[0]
+    figure.suptitle(title)
+    for ax, (name, result) in zip(axes, results.items(), strict=True):
+        result.plot(ax)
+        ax.set_title(name)
+    _write(path, figure.savefig)
 
 
 def plot(

@@ -1,0 +1,210 @@
+"""One contact problem, and how this package, `aspher` and `tamaas` are called to solve it."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from time import process_time
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from comparisons.contact_theory import MU, A
+from toeplitz_mg.contact import friction, normal_contact, surfaces
+from toeplitz_mg.contact.coulomb import bounded
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.stick_slip import diagonal
+from toeplitz_mg.operators import apply_to_rows
+
+Array = NDArray[Any]
+
+
+def rough_gap(N: int) -> Array:
+    """A rough surface on [-1, 1]², with wavelengths from 0.5 to 1/32, or to four elements."""
+    h = 2.0 / N
+    shortest = max(2.0 / 64, 4.0 * h)
+    return surfaces.rough((N, N), (h, h), rms=0.01, longest=0.5, shortest=shortest, seed=1)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A contact on [-1, 1]² with E* = 1; a sphere of radius 1 unless it is rough.
+
+    Attributes
+    ----------
+    name : str
+    N : int
+    force : float
+    is_rough : bool
+    nu : float
+    shift : float
+        Along x, with friction; zero where it is pressed only.
+    """
+
+    name: str
+    N: int
+    force: float = 4.0 / 3.0 * A**3
+    is_rough: bool = False
+    nu: float = 0.0
+    shift: float = 0.0
+
+    @property
+    def h(self) -> float:
+        """The side of an element."""
+        return 2.0 / self.N
+
+    @property
+    def material(self) -> tuple[float, float]:
+        """G and nu."""
+        return 1.0 - self.nu, self.nu
+
+    @cached_property
+    def gap(self) -> Array:
+        """Between the bodies before they touch."""
+        h = self.h
+        return (
+            rough_gap(self.N)
+            if self.is_rough
+            else surfaces.sphere((self.N, self.N), (h, h), radius=1.0)
+        )
+
+    @cached_property
+    def matrix(self) -> Any:
+        """The displacements by the tractions."""
+        grid = Grid.of((self.N, self.N), (self.h, self.h), self.material, None)
+        return grid.tangential() if self.shift else grid.normal()
+
+    def violation(self, q: Array, bound: Array | None) -> float:
+        """Of the conditions of contact, by tractions and by the bound on them in friction."""
+        u = np.asarray(apply_to_rows(self.matrix, q.reshape(-1))).reshape(q.shape)
+        a0 = diagonal(self.matrix)
+        if bound is not None:
+            slip = u - np.reshape([self.shift, 0.0], (2, 1, 1))
+            return float(a0 * np.abs(q - bounded(q - slip / a0, bound)).max() / self.shift)
+        w = u + self.gap
+        approach = float((q * w).sum() / q.sum())
+        scale = approach - float(self.gap.min())
+        return float(np.abs(np.minimum(w - approach, a0 * q)).max()) / scale
+
+
+class Answer(NamedTuple):
+    """Tractions, and the bound on them in friction, and what they cost."""
+
+    traction: Array
+    bound: Array | None
+    iterations: int
+    products: float
+    seconds: float
+
+
+def ours(problem: Problem, tolerance: float) -> Answer:
+    """By this package."""
+    element = (problem.h, problem.h)
+    arguments: Any = {"material": problem.material, "tolerance": tolerance}
+    start = process_time()
+    pressed = normal_contact(problem.gap, element, force=problem.force, **arguments)
+    result, bound = pressed, None
+    if problem.shift:
+        bound = MU * pressed.traction
+        start = process_time()
+        result = friction(bound, element, shift=(problem.shift, 0.0), **arguments)
+    seconds = process_time() - start
+    return Answer(result.traction, bound, sum(result.iterations), result.products, seconds)
+
+
+def aspher(precond: str, problem: Problem, tolerance: float) -> Answer:
+    """Its solver by FFT, of one grid."""
+    import aspher as package
+
+    if problem.shift:
+        raise NotImplementedError("see the other")
+    N = problem.N
+    start = process_time()
+    solver = package.ContactSolver(grid_size=N, backend="fft", domain_size=2.0, E_star=1.0)
+    result = solver.solve(problem.gap.ravel(), problem.force / 4.0, tol=tolerance, precond=precond)
+    seconds = process_time() - start
+    p = np.asarray(result.pressure).reshape(N, N)
+    return Answer(p, None, result.iterations, result.matvec_count, seconds)
+
+
+def aspher_nested(problem: Problem, tolerance: float) -> Answer:
+    """Its fastest, with the first guess from coarser grids."""
+    import aspher as package
+
+    if problem.shift:
+        raise NotImplementedError("see the other")
+    N = problem.N
+    coarsest = N // 2 ** max(0, int(math.log2(N / 64)))
+    start = process_time()
+    result = package.solve_nested(
+        N,
+        problem.gap.ravel(),
+        problem.force / 4.0,
+        domain_size=2.0,
+        E_star=1.0,
+        coarsest=coarsest,
+        tol=tolerance,
+        backend="fft",
+    )
+    seconds = process_time() - start
+    p = np.asarray(result.pressure).reshape(N, N)
+    return Answer(p, None, result.iterations, result.matvec_count, seconds)
+
+
+def aspher_friction(problem: Problem, tolerance: float) -> Answer:
+    """Its solver of friction; it does not say how many products it made."""
+    import aspher as package
+
+    if not problem.shift:
+        raise NotImplementedError("see the others")
+    N = problem.N
+    solver = package.FrictionSolver(
+        grid_size=N,
+        domain_size=2.0,
+        E_star=1.0,
+        nu=problem.nu,
+        model=package.CoulombFriction(MU),
+    )
+    solver.set_gap(problem.gap.T)  # its x is along the rows
+    solver.step(p_bar=problem.force / 4.0, tol_normal=1e-10)
+    start = process_time()
+    result = solver.step(delta_t=(problem.shift, 0.0), tol_tangential=tolerance)
+    seconds = process_time() - start
+    if not result.converged:
+        raise ArithmeticError(f"{result.status_reason}, in {result.tangential_iters} iterations")
+    q = np.stack([np.asarray(field).reshape(N, N).T for field in (result.qx, result.qy)])
+    bound = MU * np.asarray(solver.pressure).reshape(N, N).T
+    return Answer(q, bound, result.tangential_iters, math.nan, seconds)
+
+
+def tamaas(problem: Problem, iterations: int) -> Answer:
+    """Polonsky and Keer's method, which has no preconditioner: two products in an iteration."""
+    import tamaas as package
+
+    if problem.shift:
+        raise NotImplementedError("its friction couples slip with the normal gap")
+    package.set_log_level(package.LogLevel.error)
+    package.initialize(1)
+    start = process_time()
+    N = problem.N
+    model = package.ModelFactory.createModel(package.model_type.basic_2d, [2.0, 2.0], [N, N])
+    # Before the operator is made, or it is that of another material.
+    model.E, model.nu = 1.0, 0.0
+    package.ModelFactory.registerNonPeriodic(model, "dcfft")
+    solver = package.PolonskyKeerRey(model, -problem.gap, 1e-16)
+    solver.setIntegralOperator("dcfft")
+    solver.max_iter = iterations
+    solver.solve(problem.force / 4.0)
+    seconds = process_time() - start
+    return Answer(np.array(model.traction), None, iterations, 2.0 * iterations, seconds)
+
+
+METHODS: dict[str, tuple[str, Callable[..., Answer]]] = {
+    "toeplitz-mg": ("toeplitz_mg", ours),
+    "aspher, |q| by FFT": ("aspher", partial(aspher, "fourier-fft")),
+    "aspher, |q| by stencil": ("aspher", partial(aspher, "fourier")),
+    "aspher, nested": ("aspher", aspher_nested),
+    "aspher, friction": ("aspher", aspher_friction),
+    "tamaas": ("tamaas", tamaas),
+}

@@ -1,0 +1,173 @@
+"""Contact problems with a known answer, and how far a solution is from it.
+
+All are those of a sphere or cylinder of radius 1 and of E* = 1, of half width 0.6, on [-1, 1].
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ellipe, ellipk
+
+from toeplitz_mg.contact import ContactResult, friction, normal_contact, rolling, surfaces
+
+Array = NDArray[Any]
+
+A, C, MU = 0.6, 0.4, 0.3  # half width of contact, of stick, and friction
+UNIT = (0.7, 0.3)  # E* = G/(1-ν) = 1
+KALKER = {"C11": 4.12, "C22": 3.67, "C23": 1.47}  # circle, ν = 1/4; Kalker (1990)
+CREEPAGE = 1e-3
+
+
+@dataclass
+class Solved:
+    """A problem that was solved.
+
+    Attributes
+    ----------
+    results : list of ContactResult
+        One, or for Kalker's coefficients three.
+    errors : dict
+        Relative ones, against theory, by quantity.
+    theory : ndarray or None
+        The traction, along x where it is tangential.
+    """
+
+    results: list[ContactResult]
+    errors: dict[str, float]
+    theory: Array | None = None
+
+
+def semi_ellipse(r: Array, a: float) -> Array:
+    """√(1 - r²/a²), zero outside."""
+    return np.sqrt(np.maximum(0.0, 1.0 - (r / a) ** 2))
+
+
+def rms(result: ContactResult, theory: Array) -> float:
+    """The root mean square of the error of the traction, relative to that of the traction."""
+    q = result.traction[0] if result.traction.ndim > result.contact.ndim else result.traction
+    return float(np.linalg.norm(q - theory) / np.linalg.norm(theory))
+
+
+def hertz_line(N: int) -> Solved:
+    """A cylinder in plane strain, by its force."""
+    h, force, reference = 2.0 / N, np.pi * A**2 / 4.0, 4.0
+    gap = surfaces.cylinder(N, h, radius=1.0)
+    result = normal_contact(gap, h, material=UNIT, force=force, reference=reference)
+    approach = 2.0 * force / np.pi * (np.log(2.0 * reference / A) + 0.5)
+    theory = A / 2.0 * semi_ellipse(surfaces.centres(N, h)[0], A)
+    errors = {
+        "a": result.area / (2.0 * A) - 1.0,
+        "p₀": 2.0 * result.traction.max() / A - 1.0,
+        "δ": result.rigid / approach - 1.0,
+        "traction": rms(result, theory),
+    }
+    return Solved([result], errors, theory)
+
+
+def hertz_sphere(N: int) -> Solved:
+    """A sphere, by its force."""
+    h = 2.0 / N
+    gap = surfaces.sphere((N, N), (h, h), radius=1.0)
+    result = normal_contact(gap, (h, h), material=UNIT, force=4.0 / 3.0 * A**3)
+    theory = 2.0 * A / np.pi * semi_ellipse(np.hypot(*surfaces.centres((N, N), (h, h))), A)
+    errors = {
+        "a": np.sqrt(result.area / np.pi) / A - 1.0,
+        "p₀": result.traction.max() * np.pi / (2.0 * A) - 1.0,
+        "δ": result.rigid / A**2 - 1.0,
+        "traction": rms(result, theory),
+    }
+    return Solved([result], errors, theory)
+
+
+def hertz_ellipse(N: int) -> Solved:
+    """An ellipsoid, by its approach (Johnson, Contact Mechanics, §4.2)."""
+    a, b, p0, h = A, A / 2.0, 0.2, 2.0 / N
+    e2 = 1.0 - (b / a) ** 2
+    K, E = ellipk(e2), ellipe(e2)
+    common = 2.0 * p0 * b / (e2 * a**2)
+    radii = 1.0 / (common * (K - E)), 1.0 / (common * ((a / b) ** 2 * E - K))
+    shape = (N, N // 2)
+    gap = surfaces.ellipsoid(shape, (h, h), radii=radii)
+    result = normal_contact(gap, (h, h), material=UNIT, approach=p0 * b * K)
+    x, y = surfaces.centres(shape, (h, h))
+    theory = p0 * semi_ellipse(np.hypot(x / a, y / b), 1.0)
+    errors = {
+        "area": result.area / (np.pi * a * b) - 1.0,
+        "p₀": result.traction.max() / p0 - 1.0,
+        "F": result.force / (2.0 / 3.0 * np.pi * a * b * p0) - 1.0,
+        "traction": rms(result, theory),
+    }
+    return Solved([result], errors, theory)
+
+
+def cattaneo_line(N: int) -> Solved:
+    """A shift of a line contact, by its force."""
+    h = 2.0 / N
+    (x,) = surfaces.centres(N, h)
+    g = MU * A / 2.0 * semi_ellipse(x, A)
+    force = (1.0 - (C / A) ** 2) * MU * np.pi * A**2 / 4.0
+    result = friction(g, h, material=UNIT, force=force)
+    theory = g - MU * C / 2.0 * semi_ellipse(x, C)
+    assert result.stick is not None
+    errors = {
+        "c": result.stick.sum() * h / (2.0 * C) - 1.0,
+        "traction": rms(result, theory),
+    }
+    return Solved([result], errors, theory)
+
+
+def cattaneo_sphere(N: int, nu: float = 0.0) -> Solved:
+    """A shift of a sphere, by its displacement (Mindlin's traction is exact for ν = 0 alone)."""
+    h = 2.0 / N
+    r = np.hypot(*surfaces.centres((N, N), (h, h)))
+    g = MU * 2.0 * A / np.pi * semi_ellipse(r, A)
+    shift = MU * (A**2 - C**2) * (2.0 - nu) / (2.0 * (1.0 - nu))
+    result = friction(g, (h, h), material=(1.0 - nu, nu), shift=(shift, 0.0))
+    theory = g - MU * 2.0 * C / np.pi * semi_ellipse(r, C)
+    assert result.stick is not None
+    errors = {
+        "c": np.sqrt(result.stick.sum() * h**2 / np.pi) / C - 1.0,
+        "F": result.force[0] / (MU * 4.0 / 3.0 * (A**3 - C**3)) - 1.0,
+        "traction": rms(result, theory),
+    }
+    return Solved([result], errors, theory)
+
+
+def mindlin_sphere(N: int) -> Solved:
+    """The same with the two directions coupled."""
+    return cattaneo_sphere(N, 0.28)
+
+
+def carter(N: int) -> Solved:
+    """A cylinder that drives, and sticks in 0.6 of its contact."""
+    h, part = 2.0 / N, 0.6
+    (x,) = surfaces.centres(N, h)
+    g = MU * A / 2.0 * semi_ellipse(x, A)
+    result = rolling(g, h, material=UNIT, longitudinal=-MU * A * (1.0 - part))
+    theory = g - MU * A / 2.0 * part * semi_ellipse(x - (1.0 - part) * A, part * A)
+    assert result.stick is not None
+    errors = {
+        "a′": result.stick.sum() * h / (2.0 * part * A) - 1.0,
+        "F": result.force / ((1.0 - part**2) * MU * np.pi * A**2 / 4.0) - 1.0,
+        "traction": rms(result, theory),
+    }
+    return Solved([result], errors, theory)
+
+
+def kalker(N: int) -> Solved:
+    """The linear creepage coefficients of a circle, ν = 1/4, from bonded rolling."""
+    h = 2.0 / N
+    r = np.hypot(*surfaces.centres((N, N), (h, h)))
+    g = np.where(r < A, np.inf, 0.0)
+    names = ("longitudinal", "lateral", "spin")
+    creepages: list[dict[str, Any]] = [{name: CREEPAGE} for name in names]
+    results = [rolling(g, (h, h), material=(1.0, 0.25), **creepage) for creepage in creepages]
+    # F_x = -G a² C11 ξ, F_y = -G a² (C22 η + a C23 φ)
+    forces = results[0].force[0], results[1].force[1], results[2].force[1] / A
+    errors = {
+        name: -force / (CREEPAGE * A**2) / exact - 1.0
+        for (name, exact), force in zip(KALKER.items(), forces, strict=True)
+    }
+    return Solved(results, errors)

@@ -1,0 +1,289 @@
+"""The command contact: what it prints, writes and refuses."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.special import ellipe, ellipk
+
+from toeplitz_mg import contact_cli, output
+from toeplitz_mg.cli import main
+from toeplitz_mg.contact import ContactError, friction, normal_contact, rolling, surfaces
+from toeplitz_mg.hertz import Hertz
+
+STEEL = (82000.0, 0.28)
+
+
+def run(*options):
+    return main(["contact", *options])
+
+
+def figures(printed):
+    """The lines of the last table, by their names."""
+    lines = printed[printed.index("this run") :].splitlines()[1:]
+    return {line[:26].strip(): [float(x) for x in line[26:].split()] for line in lines if line[26:]}
+
+
+# What it does ---------------------------------------------------------------------------------
+
+
+def test_hertz_is_that_of_theory(capsys):
+    assert run("hertz") == 0
+    printed = capsys.readouterr().out
+    assert "sphere of 10 mm, 256 x 256 elements" in printed
+    found = figures(printed)
+    for name in ("force [N]", "approach [mm]", "largest pressure [N/mm²]"):
+        ours, theory = found[name]
+        assert_allclose(ours, theory, rtol=1e-4)
+    violations = [
+        float(line.split()[1]) for line in printed.splitlines() if line[:10].strip().isdigit()
+    ]
+    assert violations == sorted(violations, reverse=True)
+    assert violations[-1] <= 1e-8
+
+
+@pytest.mark.parametrize(
+    ("options", "name", "rtol"),
+    [
+        (["hertz", "--radius", "10", "40", "--approach", "0.003"], "force [N]", 1e-3),
+        (["hertz", "--radius", "7", "3"], "approach [mm]", 1e-3),
+        (["hertz", "--line"], "largest pressure [N/mm²]", 1e-3),
+        (["shift", "--nu", "0"], "part that sticks", 0.02),
+        (["shift", "--line", "--tangential", "-20"], "part that sticks", 0.05),
+        (["shift", "--shift", "1e-4", "2e-4"], "part that sticks", 0.05),
+        (["rolling", "--line", "--longitudinal", "0.001"], "that over friction's", 0.02),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_options(options, name, rtol, capsys):
+    assert run(*options, "-n", "80") == 0
+    ours, theory = figures(capsys.readouterr().out)[name]
+    assert_allclose(ours, theory, rtol=rtol)
+
+
+def test_rolling_with_all_creepages(capsys):
+    creepages = ["--longitudinal=-1e-3", "--lateral", "0.0005", "--spin", "0.002"]
+    assert run("rolling", "-n", "40", *creepages) == 0
+    found = figures(capsys.readouterr().out)
+    assert found["creepages"] == [-1e-3, 5e-4, 2e-3]
+    Fx, Fy = found["tangential force"]
+    assert Fx > 0.0 > Fy
+
+
+@pytest.mark.parametrize("is_line", [True, False])
+def test_writes_the_fields(is_line, tmp_path, capsys):
+    line = ["--line"] if is_line else []
+    path, picture = tmp_path / "x.npz", tmp_path / "x.png"
+    command = ["shift", "-n", "40", *line, "--force", "50", "-o", str(path), "--plot", str(picture)]
+    assert run(*command) == 0
+    assert f"written to {path}\ndrawn in {picture}\n" in capsys.readouterr().out
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["x.npz", "x.png"]
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    fields = np.load(path)
+    shape, element = fields["contact"].shape, tuple(fields["element"])
+    assert shape == ((40,) if is_line else (40, 40))
+    if is_line:
+        gap = surfaces.cylinder(shape, element, radius=10.0)
+    else:
+        gap = surfaces.sphere(shape, element, radius=10.0)
+    pressed = normal_contact(gap, element, material=STEEL, force=50.0)
+    assert_allclose(fields["pressure"], pressed.traction)
+    assert_allclose(fields["approach"], pressed.rigid)
+    force = 7.5 if is_line else (7.5, 0.0)
+    shifted = friction(0.3 * pressed.traction, element, material=STEEL, force=force)
+    assert_allclose(fields["traction"], shifted.traction)
+    assert np.array_equal(fields["stick"], shifted.stick)
+    assert_allclose(fields["tangential_force"], force, atol=1e-9)
+    assert_allclose(fields["x"], surfaces.centres(shape, element)[0])
+
+
+def test_rolling_writes_its_fields(tmp_path):
+    path = tmp_path / "x.npz"
+    assert run("rolling", "-n", "30", "--friction", "0.2", "--output", str(path)) == 0
+    fields = np.load(path)
+    rolled = rolling(
+        0.2 * fields["pressure"], tuple(fields["element"]), material=STEEL, longitudinal=-0.002
+    )
+    assert_allclose(fields["traction"], rolled.traction)
+    assert_allclose(fields["rigid"], [-0.002, 0.0, 0.0])
+
+
+# Files of options -----------------------------------------------------------------------------
+
+TOML = """
+case = "rolling"
+radius = 500  # a wheel
+line = true
+force = 1000
+friction = 0.3
+longitudinal = -1e-3
+n = 60
+output = "{}"
+"""
+
+
+def test_a_file_of_options(tmp_path, capsys):
+    file, path = tmp_path / "case.toml", tmp_path / "x.npz"
+    file.write_text(TOML.format(path))
+    assert run("--file", str(file)) == 0
+    assert "rolling: cylinder of 500 mm, 60 elements" in capsys.readouterr().out
+    assert np.load(path)["force"] == pytest.approx(1000.0)
+    assert run("rolling", "--file", str(file), "--force", "2000") == 0
+    assert np.load(path)["force"] == pytest.approx(2000.0)
+    file.write_text('case = "shift"\nradius = [10, 20]\nshift = [1e-4, 1e-4]\nline = false\nn = 30')
+    assert run("--file", str(file)) == 0
+    assert "ellipsoid of 10 and 20 mm, 19 x 30" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("case = ", "is not TOML"),
+        ("\xff", "is not TOML"),
+        ("n = 20", "contact needs a case: hertz, shift, rolling"),
+        ('case = "roll"', "case is 'roll', but must be one of hertz"),
+        ('case = "hertz"\nradios = 1.0', "has the key radios, but only these are known: case, rad"),
+        ('case = "hertz"\nradius = "10"', "radius is '10', but must be a number"),
+        ('case = "hertz"\nradius = [1, 2, 3]', "--radius has 3 values, but takes 1 to 2"),
+        ('case = "hertz"\nradius = []', "--radius has 0 values"),
+        ('case = "hertz"\nforce = true', "force is True, but must be a number"),
+        ('case = "hertz"\nforce = nan', "--force is nan, but must be finite"),
+        ('case = "hertz"\nforce = 1' + 400 * "0", "force is an integer too large"),
+        ('case = "hertz"\nn = 20.5', "n is 20.5, but must be an integer"),
+        ('case = "hertz"\nn = true', "n is True, but must be an integer"),
+        ('case = "hertz"\nline = 1', "line is 1, but must be true or false"),
+        ('case = "hertz"\noutput = 1', "output is 1, but must be a file name"),
+        ('case = "hertz"\nspin = 1.0', "--spin is for rolling, not hertz"),
+        ('case = "hertz"\n[force]\nx = 1', "force is {'x': 1}, but must be a number"),
+    ],
+)
+def test_bad_files_are_one_line_and_status_two(content, message, tmp_path, capsys):
+    file = tmp_path / "case.toml"
+    file.write_text(content, encoding="latin-1")
+    assert run("--file", str(file)) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert captured.err.count("\n") == 1
+    assert not captured.out
+
+
+# Refusals -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ([], "contact needs a case"),
+        (["--file", "/nowhere.toml"], "No such file"),
+        (["hertz", "--force", "-1"], "--force is -1.0, but must be positive"),
+        (["hertz", "--force", "inf"], "--force is inf, but must be finite"),
+        (["hertz", "--force", "1e99"], "--force is of size 1e+99, but must be"),
+        (["hertz", "--radius", "0"], "--radius is 0.0, but must be positive"),
+        (["hertz", "--radius", "1", "2", "3"], "--radius has 3 values"),
+        (["hertz", "--radius", "1", "1e9"], "one may be 10000 times the other at most"),
+        (["hertz", "--nu", "0.6"], "--nu is 0.6, but must be above -1 and at most 0.5"),
+        (["hertz", "--G", "0"], "--G is 0.0"),
+        (["hertz", "-n", "7"], "-n is 7, but must be 8 to"),
+        (["hertz", "-n", "1" + 30 * "0"], "but must be 8 to"),
+        (["hertz", "--size", "0.1"], "--size is 0.1, but the contact is 0.3749 mm long"),
+        (["hertz", "--tolerance", "1"], "--tolerance is 1.0, but must be below 1"),
+        (["hertz", "--force", "1", "--approach", "1"], "--force and --approach are both given"),
+        (["hertz", "--line", "--approach", "1"], "--approach is not for --line"),
+        (["hertz", "--line", "--radius", "1", "2"], "--radius has two values, but --line takes"),
+        (["hertz", "--friction", "0.3"], "--friction is for shift and rolling, not hertz"),
+        (["shift", "--friction", "0"], "--friction is 0.0, but must be positive"),
+        (["shift", "--tangential", "3", "--shift", "1"], "--tangential and --shift are both"),
+        (["shift", "--tangential", "18", "24"], "--tangential is 30, but friction carries less"),
+        (["shift", "--spin", "1"], "--spin is for rolling, not shift"),
+        (["rolling", "--line", "--lateral", "1"], "--lateral is not for --line"),
+        (["hertz", "-o", "x.npy"], "--output is x.npy, but must end in .npz"),
+        (["hertz", "-o", "/nowhere/x.npz"], "/nowhere is no folder"),
+        (["hertz", "--plot", "x.foo"], "x.foo does not end in one of"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_refusals_are_one_line_and_status_two(options, message, capsys):
+    assert run(*options) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert captured.err.count("\n") == 1
+    assert not captured.out
+
+
+def test_options_of_linear_systems_are_refused(capsys):
+    assert main(["--solver", "cg", "contact", "hertz"]) == 2
+    assert "--solver is for linear systems, not for contact" in capsys.readouterr().err
+    assert main(["-n", "16", "contact", "hertz"]) == 0
+
+
+def test_not_converged_is_status_one_and_writes_nothing(tmp_path, monkeypatch, capsys):
+    pressed = normal_contact(np.zeros((2, 2)), (1.0, 1.0), material=STEEL, force=1.0)
+
+    def fail(*_, **__):
+        raise ContactError("after 3 products Coulomb's law is violated", pressed)
+
+    monkeypatch.setattr(contact_cli, "friction", fail)
+    assert run("shift", "-n", "16", "-o", str(tmp_path / "x.npz")) == 1
+    assert "NOT CONVERGED: after 3 products" in capsys.readouterr().out
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_failing_write_leaves_the_old_file(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "x.npz"
+    path.write_bytes(b"precious")
+
+    def fail(file, **_):
+        file.write(b"half")
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(output.np, "savez", fail)
+    assert run("hertz", "-n", "16", "-o", str(path)) == 2
+    assert "the disk is full" in capsys.readouterr().err
+    assert path.read_bytes() == b"precious"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_interruption_writes_nothing(tmp_path, monkeypatch, capsys):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(contact_cli, "normal_contact", interrupt)
+    assert run("hertz", "-o", str(tmp_path / "x.npz")) == 130
+    assert "interrupted" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_help_has_units_and_defaults(capsys):
+    with pytest.raises(SystemExit) as caught:
+        run("--help")
+    assert caught.value.code == 0
+    printed = capsys.readouterr().out
+    for text in ("hertz,shift,rolling", "N/mm²", "(default: 82000)", "CASE.toml"):
+        assert text in printed
+
+
+# Hertz's theory -------------------------------------------------------------------------------
+
+
+def test_hertz_of_an_ellipse():
+    a, b, p0, modulus = 0.6, 0.3, 0.2, 1.7
+    e2 = 1 - (b / a) ** 2
+    K, E = ellipk(e2), ellipe(e2)
+    common = 2 * p0 * b / (e2 * a**2 * modulus)
+    radii = 1 / (common * (K - E)), 1 / (common * ((a / b) ** 2 * E - K))
+    force, approach = 2 / 3 * np.pi * a * b * p0, p0 * b * K / modulus
+    for given in ((force, None), (None, approach)):
+        theory = Hertz.ellipse(radii, modulus, *given)
+        assert_allclose(theory.half_axes, (a, b))
+        assert_allclose([theory.force, theory.approach, theory.largest], [force, approach, p0])
+        turned = Hertz.ellipse(radii[::-1], modulus, *given)
+        assert_allclose(turned.half_axes, (b, a))
+
+
+def test_hertz_of_a_circle_and_a_line():
+    circle = Hertz.ellipse((2.0, 2.0), 3.0, 5.0, None)
+    a = (3 * 5.0 * 2.0 / (4 * 3.0)) ** (1 / 3)
+    assert_allclose([*circle.half_axes, circle.approach], [a, a, a**2 / 2.0])
+    assert_allclose(Hertz.ellipse((2.0, 2.0001), 3.0, 5.0, None).half_axes, a, rtol=1e-4)
+    line = Hertz.line(500.0, 82000.0 / 0.72, np.pi * 16 * 82000.0 / (4 * 500.0 * 0.72))
+    assert_allclose(line.half_axes[0], 4.0)
+    assert_allclose(line.area, 8.0)

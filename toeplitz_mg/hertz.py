@@ -1,0 +1,86 @@
+"""Hertz's theory: what a cylinder or an ellipsoid does to a flat."""
+
+import math
+from dataclasses import dataclass
+
+from scipy.optimize import brentq
+from scipy.special import elliprd, elliprf
+
+FLATTEST = 1e4  # ratio of two radii, beyond which one is a cylinder
+
+
+@dataclass(frozen=True)
+class Hertz:
+    """The contact of an ellipsoid or a cylinder with a flat.
+
+    Attributes
+    ----------
+    half_axes : (float, float)
+        Of the contact along x and y, mm; in line contact the second is 0.
+    force : float
+        N; in line contact N/mm.
+    largest : float
+        Pressure, N/mm².
+    approach : float or None
+        mm; in line contact it is open by a constant.
+    """
+
+    half_axes: tuple[float, float]
+    force: float
+    largest: float
+    approach: float | None
+
+    @property
+    def area(self) -> float:
+        """Of contact, mm²; in line contact its width, mm."""
+        a, b = self.half_axes
+        return math.pi * a * b if b else 2.0 * a
+
+    @classmethod
+    def line(cls, radius: float, modulus: float, force: float) -> "Hertz":
+        """A cylinder, with the modulus E* (N/mm²)."""
+        a = math.sqrt(4.0 * force * radius / (math.pi * modulus))
+        return cls((a, 0.0), force, 2.0 * force / (math.pi * a), None)
+
+    @classmethod
+    def ellipse(
+        cls,
+        radii: tuple[float, float],
+        modulus: float,
+        force: float | None,
+        approach: float | None,
+    ) -> "Hertz":
+        """An ellipsoid with the modulus E* (N/mm²), by its force or its approach."""
+        R1, R2 = max(radii), min(radii)
+        if R1 > FLATTEST * R2:
+            raise ValueError(
+                f"--radius is {radii[0]:g} {radii[1]:g}, but one may be {FLATTEST:g} times the "
+                "other at most; --line is for cylinders"
+            )
+        # Johnson, Contact Mechanics, §4.2, in Carlson's integrals, that are exact for circles too.
+        ratio = 1.0
+        if R1 > R2:
+            ratio = brentq(lambda k: _radii(k) - R1 / R2, 1.0 / FLATTEST, 1.0, xtol=1e-15)
+        K, D = _integrals(ratio)
+        if force is not None:
+            a = (3.0 * force * R1 * D / (math.pi * modulus)) ** (1.0 / 3.0)
+            largest = 3.0 * force / (2.0 * math.pi * ratio * a**2)
+            approach = largest * ratio * a * K / modulus
+        else:
+            assert approach is not None
+            a = math.sqrt(2.0 * approach * R1 * D / K)
+            largest = approach * modulus / (ratio * a * K)
+            force = 2.0 / 3.0 * math.pi * ratio * a**2 * largest
+        axes = (a, ratio * a) if radii[0] >= radii[1] else (ratio * a, a)
+        return cls(axes, force, largest, approach)
+
+
+def _integrals(ratio: float) -> tuple[float, float]:
+    """K and D = (K - E)/e² of the elliptic integrals, by the ratio of the half axes."""
+    return float(elliprf(0.0, ratio**2, 1.0)), float(elliprd(0.0, ratio**2, 1.0)) / 3.0
+
+
+def _radii(ratio: float) -> float:
+    """The ratio of the radii of curvature."""
+    K, D = _integrals(ratio)
+    return (K - D) / (ratio**2 * D)
