@@ -15,6 +15,8 @@ Preconditioner = Callable[[LinearOperator], LinearOperator]
 
 TESTS = {1: problems.test1, 2: problems.test2, 3: problems.test3}
 PRECONDITIONERS: dict[str, Preconditioner] = {
+    "default": tmg.default_preconditioner,
+    "fsai": tmg.fsai_preconditioner,
     "fft": tmg.fft_preconditioner,
     "fft-rsm": tmg.fft_rsm_preconditioner,
     "fft-sd": tmg.fft_sd_preconditioner,
@@ -41,7 +43,8 @@ def _method_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--preconditioner",
         choices=("none", *PRECONDITIONERS, "multigrid"),
-        help="for richardson (default: fft-rsm) and cg (default: multigrid)",
+        help="for richardson (default: fft-rsm) and cg (default: default, which depends on the "
+        "matrix and the mask)",
     )
     group.add_argument(
         "--cycle",
@@ -117,6 +120,10 @@ def checked(given: argparse.Namespace) -> argparse.Namespace:
     if given.command == "solve" and (hasattr(given, "test") or hasattr(given, "n")):
         raise UsageError("--test and -n choose a problem of the paper, which solve does not solve")
     options = argparse.Namespace(**(DEFAULTS | {"output": None, "mask": None} | vars(given)))
+    of_cycles = hasattr(given, "cycle") or hasattr(given, "smoother")
+    if options.preconditioner is None and options.solver != "multigrid":
+        by_default = "fft-rsm" if options.solver == "richardson" else "default"
+        options.preconditioner = "multigrid" if of_cycles else by_default
     if not 0.0 < options.rtol < 1.0:
         raise UsageError(f"--rtol is {options.rtol}, but must lie between 0 and 1")
     if options.maxiter < 1:

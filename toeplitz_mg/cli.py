@@ -123,8 +123,6 @@ def _method(system: System, options: argparse.Namespace) -> tuple[LinearOperator
         if name not in (None, "multigrid"):
             raise UsageError("--preconditioner is for --solver richardson and cg; see --smoother")
         name = "multigrid"
-    elif name is None:
-        name = "fft-rsm" if options.solver == "richardson" else "multigrid"
     cycle = options.cycle or ("V(1,1)" if options.solver == "cg" else "V(0,1)")
     match = re.fullmatch(r"([VW])\((\d+),(\d+)\)", cycle.replace(" ", ""))
     if match is None:
