@@ -56,7 +56,7 @@ ON_A_LINE: dict[str, Callable[[int], Array]] = {
     "paper's test 3": lambda n: np.asarray((np.arange(n) // (n // 8)) % 8 != 3),
     "100 islands": partial(masks.islands, 100),
     "n/100 islands": lambda n: masks.islands(n // 100, n),
-    "random, 50 %": lambda n: np.asarray(np.random.default_rng(1).random(n) < 0.5),
+    "random line, 50 %": lambda n: np.asarray(np.random.default_rng(1).random(n) < 0.5),
 }
 
 
