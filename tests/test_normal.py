@@ -213,6 +213,26 @@ def test_a_large_distance_does_no_harm():
     assert_allclose(far.traction, near.traction, rtol=1e-5)
 
 
+@pytest.mark.parametrize(("G", "length"), [(1e-40, 1.0), (1e35, 1.0), (1e-30, 1e30), (1e30, 1e-30)])
+def test_units_beyond_single_precision(G, length):
+    def pressed(G, length):
+        element = (0.05 * length, 0.05 * length)
+        gap = surfaces.sphere((40, 40), element, radius=length)
+        return normal_contact(gap, element, material=(G, 0.3), approach=0.3 * length)
+
+    contact, expected = pressed(G, length), pressed(1.0, 1.0)
+    assert contact.products == expected.products
+    assert_allclose(contact.traction / G, expected.traction, rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [1e-8, 1e4, 1e8])
+def test_long_elements(ratio):
+    gap = 0.01 * np.random.default_rng(0).random((40, 30))
+    contact = normal_contact(gap, (0.03, 0.03 * ratio), material=UNIT, approach=0.005)
+    assert_complementary(contact)
+    assert contact.products < 200
+
+
 def test_one_element():
     contact = normal_contact([[0.0]], (1.0, 1.0), material=UNIT, force=2.0)
     assert_allclose(contact.traction, 2.0)

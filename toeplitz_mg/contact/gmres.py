@@ -30,21 +30,24 @@ def gmres(
         Iterations at most.
     """
     beta = float(np.linalg.norm(b))
-    basis: list[Array] = [b / beta]
-    directions: list[Array] = []
+    # In one array each, for few large products: many small ones keep the threads of BLAS waiting.
+    basis, directions = np.empty((most + 1, b.size)), np.empty((most, b.size))
+    basis[0] = b.reshape(-1) / beta
     H, rhs = np.zeros((most + 1, most)), np.zeros(most + 1)
     rhs[0] = beta
-    while True:
-        k = len(directions)
-        directions.append(M(basis[k]))
-        w = A(directions[k])
-        for j, q in enumerate(basis):
-            H[j, k] = np.vdot(q, w)
-            w = w - H[j, k] * q
+    for k in range(most):
+        direction = M(basis[k].reshape(b.shape))
+        directions[k] = direction.reshape(-1)
+        w = A(direction).reshape(-1)
+        for _ in range(2):  # once does not make it orthogonal to rounding
+            h = basis[: k + 1] @ w
+            w = w - h @ basis[: k + 1]
+            H[: k + 1, k] += h
         H[k + 1, k] = np.linalg.norm(w)
         y, *_ = np.linalg.lstsq(H[: k + 2, : k + 1], rhs[: k + 2])
         left = float(np.linalg.norm(rhs[: k + 2] - H[: k + 2, : k + 1] @ y))
-        x = sum(c * d for c, d in zip(y, directions, strict=True))
-        if left <= goal(np.asarray(x)) or k + 1 == most or H[k + 1, k] <= 1e-14 * beta:
-            return np.asarray(x), k + 1
-        basis.append(w / H[k + 1, k])
+        x = (y @ directions[: k + 1]).reshape(b.shape)
+        if left <= goal(x) or H[k + 1, k] <= 1e-14 * beta:
+            break
+        basis[k + 1] = w / H[k + 1, k]
+    return x, k + 1
