@@ -185,8 +185,11 @@ def smooth_sd(A, c):
 
 def continued(c):
     """Every level with the lags up to a fast length, that is half the period of the symbol."""
-    if c.ndim == 1 and has_simple_tail(c):
-        return periodised(c)
+    if sum(n > 1 for n in c.shape) == 1 and has_simple_tail(c.ravel()):
+        line = periodised(c.ravel())
+        full = np.zeros([len(line) if n > 1 else 2 for n in c.shape])  # one element has no lags
+        full[tuple(slice(None) if n > 1 else 0 for n in c.shape)] = line
+        return full
     for level, n in enumerate(c.shape):
         fast = near_fast_length(n)
         ahead = fast - n + 1
