@@ -209,7 +209,7 @@ def fsai_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
         raise ValueError(f"A is {full!r}, but must be symmetric in every level")
     if mask is None:
         mask = np.ones(full.grid_shape, dtype=bool)
-    stencil = Stencil(np.atleast_2d(full.c.astype(np.float64)))
+    stencil = Stencil(np.atleast_2d(full.c.astype(np.float64, copy=False)))
     cells = Cells.of_mask(stencil, np.atleast_2d(mask))
     dtype = precision(full, dtype)
     return MultilevelSparseInverse(stencil, build(stencil, cells, dtype), mask, dtype)

@@ -1,17 +1,20 @@
 """The levels of a multilevel sparse approximate inverse on a mask, new or changed from others."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array, csr_array
 
 from toeplitz_mg.preconditioners.fsai_table import (
+    AGGREGATE,
     Stencil,
     block_loads,
-    chunks,
+    check,
     refused,
     rows_of_G,
 )
@@ -19,6 +22,7 @@ from toeplitz_mg.preconditioners.fsai_table import (
 Array = NDArray[Any]
 
 DENSE = 600  # unknowns that are solved for directly
+CHUNK = 2048  # cells or blocks that are treated together, in the cache
 
 
 @dataclass(frozen=True)
@@ -92,9 +96,9 @@ class Level:
     ----------
     cells : Cells
     rows : ndarray of shape (K, any)
-        Columns of rows of G, in float64: by pattern on the finest level, else by cell.
+        Columns of rows of G, in float64: by pattern on the finest level, else by unknown.
     G, W : csr_array
-        Their rows are the unknowns, block by block.
+        Their rows are the unknowns, in the order of the grid.
     coarse : Level or Direct
     """
 
@@ -114,12 +118,17 @@ class Level:
         """Multiplications of one application."""
         return 2 * int(self.G.nnz + self.W.nnz) + self.coarse.multiplications
 
+    @cached_property
+    def transposed(self) -> tuple[csc_array, csc_array]:
+        """Views of G and W, which would take their time in each application."""
+        return self.G.T, self.W.T
+
     def __call__(self, x: Array) -> Array:
         """Apply it to a vector, or to the columns of x."""
         y = self.G @ x
-        a = self.W.T @ y
+        a = self.transposed[1] @ y
         y += self.W @ (self.coarse(a) - a)
-        return np.asarray(self.G.T @ y)
+        return np.asarray(self.transposed[0] @ y)
 
 
 def build(
@@ -136,46 +145,60 @@ def build(
     old : Level or Direct, optional
         The same for another mask: only what differs from there is computed.
     """
-    contact = cells.smooth != 0.0
-    if np.count_nonzero(contact) <= DENSE:
-        return _direct(stencil, cells, np.flatnonzero(contact), dtype)
-    changed = None
-    if isinstance(old, Level):
+    contact = cells.smooth.astype(bool, copy=False)
+    at = np.flatnonzero(contact)
+    if len(at) <= DENSE:
+        return _direct(stencil, cells, at, dtype)
+    old = old if isinstance(old, Level) else None
+    new = contact  # where the rows of G are not known yet
+    if old is not None:
         changed = cells.changed_from(old.cells)
         if not changed.any():
             return old
-    else:
-        old = None
-    blocks, at, block_of = _block_by_block(stencil, contact)
+        new = _seeing(stencil, changed)
+    number = _numbered(at, len(contact))
     if cells.finest:
-        place = _patterns(stencil, contact)
-        rows = _rows_by_pattern(stencil, place[at], old)
+        place, rows = _patterns(stencil, contact), stencil.table
+        pattern = place[at]
+        G = _on_cells(stencil, stencil.sparse_table[pattern], at, number)
+        v = rows.sum(axis=0)[pattern]
     else:
-        place = np.arange(len(contact))
-        rows = _rows_by_cell(stencil, cells, at, old, changed)
-    G = _matrix(stencil, contact, at, rows, place)
+        place, rows = number, _rows_by_cell(stencil, cells, at, old, new)
+        G = _on_cells(stencil, stencil.sparse(rows), at, number)
+        v = G @ cells.smooth[at]
 
-    v = G @ cells.smooth[contact].astype(np.float64)
-    norm = np.sqrt(np.bincount(block_of, v * v))
-    if not norm.min() > 0.0:
-        raise refused("the norm of a vector of W is", float(norm.min()), stencil)
-    v /= norm[block_of]
-    W = csr_array((v, block_of, np.arange(len(v) + 1, dtype=np.int32)), (len(v), len(blocks)))
+    block_of = stencil.block_of[at].astype(np.intp)
+    smooth = np.sqrt(np.bincount(block_of, v * v, len(stencil.origins)))
+    norm = smooth[block_of]
+    check("the norm of a vector of W is", norm.min(), stencil)
+    v /= norm
+    has_contact = smooth > 0.0
+    blocks = np.flatnonzero(has_contact)
+    column = _numbered(blocks, len(smooth))[block_of]
+    W = csr_array((v, column, np.arange(len(at) + 1, dtype=np.int32)), (len(at), len(blocks)))
 
-    w = np.zeros(len(contact))
-    w[at] = v
     coarser = stencil.coarser
-    smooth = np.zeros(stencil.blocks)
-    smooth.flat[blocks] = norm
-    c, d = np.zeros(smooth.shape), np.ones(smooth.shape)
-    if old is not None and changed is not None:
-        kept = smooth > 0.0
-        c[kept] = coarser.without_margin(old.coarse.cells.c)[kept]
-        d[kept] = coarser.without_margin(old.coarse.cells.d)[kept]
-        blocks = blocks[changed[stencil.origins[blocks, None] + stencil.window].any(axis=1)]
+    c, d = np.zeros(len(smooth)), np.ones(len(smooth))
+    todo = has_contact
+    if old is not None:
+        todo = np.zeros_like(has_contact)
+        todo[stencil.block_of[new]] = True
+        todo &= has_contact
+        kept = has_contact & ~todo
+        c[kept] = coarser.without_margin(old.coarse.cells.c).ravel()[kept]
+        d[kept] = coarser.without_margin(old.coarse.cells.d).ravel()[kept]
+    if cells.finest:  # what is exact there need not be computed
+        in_full_contact = pattern == rows.shape[1] - 1
+        full = np.bincount(block_of[in_full_contact], minlength=len(c)) == AGGREGATE
+        c[full], d[full] = 1.0, coarser.T[0, 0]
+        todo = todo & ~full
+    blocks = np.flatnonzero(todo)
+    w = np.append(v, 0.0)  # where the number is -1
     for part in chunks(len(blocks)):
         J = blocks[part]
-        c.flat[J], d.flat[J] = _aggregated(stencil, cells, rows, place, w, J)
+        slots = stencil.slots[:, None] + stencil.origins[J]
+        loads = block_loads(stencil, rows, place[slots], w[number[slots]])
+        c[J], d[J] = _aggregated(stencil, cells, J, loads)
     on_coarse = Cells(coarser.place(c, 0.0), coarser.place(d, 1.0), coarser.place(smooth, 0.0))
     coarse = build(coarser, on_coarse, dtype, None if old is None else old.coarse)
     return Level(cells, rows, G.astype(dtype, copy=False), W.astype(dtype, copy=False), coarse)
@@ -196,85 +219,68 @@ def _direct(stencil: Stencil, cells: Cells, at: Array, dtype: np.dtype[Any]) -> 
     return Direct(cells, factor.astype(dtype))
 
 
-def _block_by_block(stencil: Stencil, contact: Array) -> tuple[Array, Array, Array]:
-    """Return the blocks with contact, the cells in contact in their order, the block of each."""
-    (m1, m2), (h1, h2), (p1, p2) = stencil.blocks, stencil.block, stencil.reach
-    grid = contact.reshape(stencil.padded)[p1:, p2 : p2 + m2 * h2]
-    blocks = np.flatnonzero(grid.reshape(m1, h1, m2, h2).any(axis=(1, 3)))
-    slots = stencil.origins[blocks, None] + stencil.slots
-    inside = contact[slots]
-    number = np.arange(len(blocks), dtype=np.int32)
-    return blocks, slots[inside], np.repeat(number, np.count_nonzero(inside, axis=1))
+def chunks(m: int, size: int = CHUNK) -> Iterator[slice]:
+    """Cut range(m) into slices."""
+    return (slice(k, min(k + size, m)) for k in range(0, m, size))
+
+
+def _numbered(at: Array, size: int) -> Array:
+    """Return the numbers of the places `at`, and -1 in others."""
+    number = np.full(size, -1, np.int32)
+    number[at] = np.arange(len(at), dtype=np.int32)
+    return number
 
 
 def _patterns(stencil: Stencil, contact: Array) -> Array:
-    """Return for each cell a number whose bit k - 1 says if neighbour k is in contact."""
+    """Return for each cell its place in `Stencil.table`."""
     neighbour = contact.astype(np.int16)
     pattern = np.zeros(len(contact), np.int16)
-    for bit, step in enumerate(stencil.steps[1:]):
-        pattern[-step:] |= neighbour[:step] << bit
+    for step in stencil.steps[1:]:
+        pattern[-step:] |= neighbour[:step]
+        neighbour += neighbour
     return pattern
 
 
-def _rows_by_pattern(stencil: Stencil, patterns: Array, old: Level | None) -> Array:
-    """Return the rows of these patterns, and of those that are known; zero of others."""
-    K = len(stencil.offsets)
-    rows = np.zeros((K, 2 ** (K - 1))) if old is None else old.rows
-    occurs = np.bincount(patterns, minlength=rows.shape[1]) > 0
-    new = np.flatnonzero(occurs & (rows[0] == 0.0))
-    if len(new):
-        rows = rows.copy()
-        rows[:, new] = stencil.rows_in_contact(new)
-    return rows
+def _seeing(stencil: Stencil, changed: Array) -> Array:
+    """Return the cells of which one of the cells in their rows of G has changed."""
+    seeing = changed.copy()
+    for step in stencil.steps[1:]:
+        seeing[-step:] |= changed[:step]
+    return seeing
 
 
 def _rows_by_cell(
-    stencil: Stencil, cells: Cells, at: Array, old: Level | None, changed: Array | None
+    stencil: Stencil, cells: Cells, at: Array, old: Level | None, new: Array
 ) -> Array:
-    near = at[:, None] + stencil.steps
-    rows = np.zeros((len(stencil.offsets), len(cells.c)))
-    if old is not None and changed is not None:
-        rows[:, at] = old.rows[:, at]
-        new = changed[near].any(axis=1)
-        near, at = near[new], at[new]
-    rows[:, at] = rows_of_G(stencil, cells.c[near], cells.d[near]).T
+    if old is None:
+        rows = np.empty((len(stencil.steps), len(at)))
+    else:  # of a cell that was not in contact any
+        rows = old.rows.take(_numbered(np.flatnonzero(old.cells.smooth), len(new))[at], axis=1)
+    todo = np.flatnonzero(new[at])
+    for part in chunks(len(todo)):
+        near = stencil.steps[:, None] + at[todo[part]]
+        rows[:, todo[part]] = rows_of_G(stencil, cells.c.take(near), cells.d.take(near))
     return rows
 
 
-def _matrix(stencil: Stencil, contact: Array, at: Array, rows: Array, place: Array) -> csr_array:
-    """Return G from the rows of the cells `at`; its columns are in the order of the grid."""
-    number = np.cumsum(contact, dtype=np.int32)
-    number *= contact
-    number -= 1  # so that it is -1 where there is no contact
-    by_place = np.ascontiguousarray(rows.T)
-    starts = np.zeros(len(at) + 1, np.int32)
-    # Memory that is never written to is never mapped.
-    entries, columns = np.empty(len(at) * len(rows)), np.empty(len(at) * len(rows), np.int32)
-    end = 0
-    for part in chunks(len(at)):
-        near = number.take(at[part, None] + stencil.steps)
-        known = near >= 0
-        where = np.flatnonzero(known)
-        begin, end = end, end + len(where)
-        entries[begin:end] = by_place.take(place[at[part]], axis=0).take(where)
-        columns[begin:end] = near.take(where)
-        starts[1:][part] = np.count_nonzero(known, axis=1)
-    np.cumsum(starts, out=starts)
-    return csr_array((entries[:end], columns[:end], starts), (len(at),) * 2)
+def _on_cells(stencil: Stencil, rows: csr_array, at: Array, number: Array) -> csr_array:
+    """Return G from the rows of the cells `at`, as of `Stencil.sparse`, which are overwritten."""
+    first = (at + stencil.steps.min()).astype(np.int32)
+    for part in chunks(len(at), 4 * CHUNK):
+        starts = rows.indptr[part.start : part.stop + 1]
+        columns = rows.indices[starts[0] : starts[-1]]
+        columns += np.repeat(first[part], np.diff(starts))
+        number.take(columns, out=columns, mode="clip")
+    return csr_array((rows.data, rows.indices, rows.indptr), (len(at), len(at)))
 
 
-def _aggregated(
-    stencil: Stencil, cells: Cells, rows: Array, place: Array, w: Array, blocks: Array
-) -> tuple[Array, Array]:
-    """Return the loads c and the diagonal d of E for these blocks, exactly."""
-    origins = stencil.origins[blocks, None]
-    slots = origins + stencil.slots
-    loads = block_loads(stencil, rows, place[slots], w[slots])
+def _aggregated(stencil: Stencil, cells: Cells, blocks: Array, loads: Array) -> tuple[Array, Array]:
+    """Return c and the diagonal d of E for these blocks, exactly, from their loads Gᵀ w."""
     own: Any = 0.0
     if not cells.finest:
-        window = origins + stencil.window
+        window = stencil.window[:, None] + stencil.origins[blocks]
         c = cells.c[window]
-        own = (loads**2 * (cells.d[window] - stencil.T[0, 0] * c**2)).sum(axis=1)
-        loads *= c
-    own = own + ((loads @ stencil.own) * loads).sum(axis=1)
-    return loads.sum(axis=1) / stencil.full_load.sum(), own
+        own = (loads**2 * (cells.d[window] - stencil.T[0, 0] * c**2)).sum(axis=0)
+        loads = loads * c
+    own = own + ((stencil.own @ loads) * loads).sum(axis=0)
+    return loads.sum(axis=0) / stencil.full_load.sum(), own

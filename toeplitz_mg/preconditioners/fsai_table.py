@@ -1,6 +1,5 @@
 """What a multilevel sparse approximate inverse takes from the kernel alone, for every mask."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -8,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from toeplitz_mg.preconditioners.positivity import robust
 
@@ -17,7 +17,6 @@ Pair = tuple[int, int]
 NEIGHBOURS = 12  # cells before a cell that its row of G sees: half of a 5 x 5 neighbourhood
 AGGREGATE = 16  # cells of a block: 4 x 4 where they are square
 EXACT = 3  # blocks: from this lag on the loads of two blocks are taken as uniform
-CHUNK = 1024  # cells or blocks that are treated together, in the cache
 
 
 @dataclass(frozen=True)
@@ -38,9 +37,10 @@ class Stencil:
     @cached_property
     def offsets(self) -> Array:
         """The cell itself and those before it where the kernel is largest, shape (K, 2)."""
-        n1, n2 = (min(n, NEIGHBOURS + 1) for n in self.T.shape)
+        near = np.abs(self.T[: NEIGHBOURS + 1, : NEIGHBOURS + 1]).tolist()
+        n1, n2 = len(near), len(near[0])
         before = [(-i, -j) for i in range(n1) for j in range(1 - n2, n2) if (i, j) > (0, 0)]
-        before.sort(key=lambda k: (-abs(self.T[abs(k[0]), abs(k[1])]), abs(k[0]) + abs(k[1])))
+        before.sort(key=lambda k: (-near[-k[0]][abs(k[1])], abs(k[0]) + abs(k[1])))
         return np.array([(0, 0), *before[:NEIGHBOURS]])
 
     @cached_property
@@ -74,18 +74,23 @@ class Stencil:
 
     def place(self, grid: Array, margin: float) -> Array:
         """Return the grid with a margin of this value, flattened."""
-        padded = np.full(self.padded, margin, grid.dtype)
-        padded[self._inner] = grid
+        padded: Array = np.full(self.padded, margin, grid.dtype)
+        self.without_margin(padded)[...] = grid.reshape(self.T.shape)
         return padded.ravel()
 
-    def without_margin(self, padded: Array) -> Array:
-        """Return the grid, the converse of `place`."""
-        return padded.reshape(self.padded)[self._inner]
+    @cached_property
+    def block_of(self) -> Array:
+        """The block of every cell; in the margin any near."""
+        i, j = (
+            ((np.arange(n) - p) // h).clip(0, m - 1)
+            for n, p, h, m in zip(self.padded, self.reach, self.block, self.blocks, strict=True)
+        )
+        return np.asarray(np.add.outer(i * self.blocks[1], j).astype(np.int32).ravel())
 
-    @property
-    def _inner(self) -> tuple[slice, slice]:
+    def without_margin(self, padded: Array) -> Array:
+        """Return the grid, the converse of `place`; a view."""
         (n1, n2), (p1, p2) = self.T.shape, self.reach
-        return slice(p1, p1 + n1), slice(p2, p2 + n2)
+        return np.asarray(padded.reshape(self.padded)[p1 : p1 + n1, p2 : p2 + n2])
 
     @cached_property
     def steps(self) -> Array:
@@ -138,51 +143,78 @@ class Stencil:
         """A less τ, among a cell and its neighbours, shape (K, K)."""
         return self.at(self.offsets[:, None] - self.offsets) - self.far
 
-    def coupling(self, k1: int, k2: int) -> Array:
-        """A between the windows of two blocks."""
-        cells = self.window_cells
-        return self.at(np.array([k1, k2]) * self.block + cells[:, None] - cells)
-
     @cached_property
     def own(self) -> Array:
         """A among the cells of one window."""
-        return self.coupling(0, 0)
+        return self.at(self.window_cells[:, None] - self.window_cells)
 
-    def rows_in_contact(self, patterns: Array) -> Array:
-        """Return columns of rows of G, where bit k - 1 says if neighbour k is in contact.
+    @cached_property
+    def table(self) -> Array:
+        """Rows of G for A itself by pattern, whose bit k - 1 says if neighbour k is in contact.
 
-        Parameters
-        ----------
-        patterns : ndarray of int, shape (m,)
-
-        Returns
-        -------
-        ndarray of shape (K, m)
+        Columns of shape (K,), zero where there is no contact. The farthest neighbours are
+        eliminated first, from all patterns that have the same ones among them together.
         """
-        bits = patterns[:, None] >> np.arange(len(self.offsets) - 1) & 1
-        contact = np.c_[np.ones(len(bits), int), bits]
-        return np.asarray(rows_of_G(self, contact, np.where(contact, self.T[0, 0], 1.0)).T)
+        S = self.local[:, :, None]
+        eliminated = []
+        for k in range(len(S) - 1, 0, -1):
+            check("a pivot is", S[k, k].min(), self)
+            factors = S[k, :k] / S[k, k]
+            without, S = S[:k, :k], S[:k, :k] - factors[:, None] * S[k, :k]
+            S = np.stack([without, S], axis=-1).reshape(k, k, -1)
+            eliminated.append(np.stack([np.zeros(factors.shape), factors], axis=-1))
+        check("a pivot is", S.min(), self)
+        rows = np.empty((len(self.local), S.size))
+        rows[0] = 1.0 / np.sqrt(S[0, 0])
+        for k, factors in enumerate(reversed(eliminated), 1):
+            factors = factors.reshape(k, -1)
+            known = rows[:k].reshape(k, factors.shape[1], -1)
+            rows[k] = -np.einsum("js,jsr->sr", factors, known).ravel()
+        return rows
+
+    @cached_property
+    def sparse_table(self) -> csr_array:
+        """The same as of `sparse`."""
+        return self.sparse(self.table)
+
+    def sparse(self, rows: Array) -> csr_array:
+        """Return a matrix of rows of G, without their zeros; its columns are `steps`, from 0 on."""
+        by_cell = np.ascontiguousarray(rows.T)
+        known = by_cell != 0.0
+        starts = np.cumsum(np.append(0, np.count_nonzero(known, axis=1)), dtype=np.int32)
+        steps = (self.steps - self.steps.min()).astype(np.int32)
+        where = np.flatnonzero(known)
+        entries, columns = by_cell.take(where), np.tile(steps, len(known)).take(where)
+        return csr_array((entries, columns, starts), (len(known), int(steps.max()) + 1))
 
     @cached_property
     def full_load(self) -> Array:
         """The load Gᵀ w of an aggregate in full contact, on its window."""
-        row = self.rows_in_contact(np.array([2 ** (len(self.offsets) - 1) - 1]))
-        w = np.full((1, AGGREGATE), AGGREGATE**-0.5)
-        return block_loads(self, row, np.zeros((1, AGGREGATE), int), w).ravel()
+        check("an eigenvalue of a neighbourhood is", np.linalg.eigvalsh(self.local)[0], self)
+        row = np.linalg.inv(self.local)[:, :1]
+        row /= np.sqrt(row[0])
+        w = np.full((AGGREGATE, 1), AGGREGATE**-0.5)
+        return block_loads(self, row, np.zeros((AGGREGATE, 1), int), w).ravel()
 
     @cached_property
     def coarser(self) -> "Stencil":
         """The same for E, whose coefficients are those of aggregates in full contact."""
         load = self.full_load
         total = float(load.sum())
-        if not total > 0.0:
-            raise refused("the load of an aggregate is", total, self)
+        check("the load of an aggregate is", total, self)
         T = self.T
         for axis, (m, h) in enumerate(zip(self.blocks, self.block, strict=True)):
             T = _averaged(T, axis, m, h)
         T = total**2 * T
+        # The load's products by the lag between their cells.
+        first, second = np.array(self.window_shape) - 1
+        lags = np.indices((2 * first + 1, 2 * second + 1)).reshape(2, -1).T - (first, second)
+        cell = self.window_cells @ (2 * second + 1, 1)
+        between = cell[:, None] - cell + len(lags) // 2
+        products = np.bincount(between.ravel(), np.outer(load, load).ravel(), len(lags))
         for k in product(*(range(min(m, EXACT)) for m in self.blocks)):
-            T[k] = np.mean([load @ self.coupling(k[0], j) @ load for j in (k[1], -k[1])])
+            shifts = np.array(self.block) * (k, (k[0], -k[1]))
+            T[k] = np.mean(self.at(shifts[:, None] + lags) @ products)
         return Stencil(T)
 
 
@@ -192,71 +224,70 @@ def rows_of_G(stencil: Stencil, c: Array, d: Array) -> Array:
     Parameters
     ----------
     stencil : Stencil
-    c, d : ndarray of shape (m, K)
+    c, d : ndarray of shape (K, m)
         Of a cell and its neighbours; 0 and 1 where they are not in contact.
 
     Returns
     -------
-    ndarray of shape (m, K)
+    ndarray of shape (K, m)
         S⁻¹ e / √(eᵀ S⁻¹ e), S the matrix of these cells and e the first; zero where there is no
         contact.
     """
-    m, K = c.shape
-    rows = np.empty((m, K))
-    for part in chunks(m):
-        # All systems together, entry by entry: half the time of LAPACK, one by one.
-        weights = np.ascontiguousarray(c[part].T)
-        S = stencil.local[:, :, None] * weights[:, None]
-        S *= weights
-        S[range(K), range(K)] += d[part].T - stencil.T[0, 0] * weights**2
-        for k in range(K - 1, -1, -1):  # e, the first, is eliminated last
-            pivot = S[k, k]
-            if not (pivot > 0.0).all():
-                raise refused("a pivot is", float(pivot.min()), stencil)
-            factors = S[k, :k] / pivot
-            S[:k, :k] -= factors[:, None] * S[k, :k]
-            S[k, :k] = factors
-        row = np.empty(weights.shape)
-        row[0] = 1.0 / np.sqrt(S[0, 0])
-        for k in range(1, K):
-            row[k] = -np.einsum("jm,jm->m", S[k, :k], row[:k])
-        rows[part] = row.T
+    # All systems together, entry by entry: much faster than LAPACK, one by one.
+    K = len(c)
+    S = np.empty((K, *c.shape))  # on and below the diagonal S, above it the factors
+    added = d - stencil.T[0, 0] * c**2
+    for k in range(K - 1, -1, -1):  # e, the first, is eliminated last
+        row = np.multiply(stencil.local[k, : k + 1, None], c[: k + 1], out=S[k, : k + 1])
+        row *= c[k]
+        row[k] += added[k]
+        if k < K - 1:
+            row -= np.einsum("jm,jim->im", S[k, k + 1 :], S[k + 1 :, : k + 1])
+        check("a pivot is", row[k].min(), stencil)
+        np.divide(row[:k], row[k], out=S[:k, k])
+    rows = np.empty(c.shape)
+    rows[0] = 1.0 / np.sqrt(S[0, 0])
+    for k in range(1, K):
+        rows[k] = -np.einsum("jm,jm->m", S[:k, k], rows[:k])
     return rows
 
 
 def block_loads(stencil: Stencil, rows: Array, index: Array, w: Array) -> Array:
-    """Return Gᵀ w on the windows of blocks, shape (m, window).
+    """Return Gᵀ w on the windows of blocks, shape (window, m).
 
     Parameters
     ----------
     stencil : Stencil
     rows : ndarray of shape (K, any)
         Columns of rows of G.
-    index : ndarray of int, shape (m, h1 h2)
+    index : ndarray of int, shape (h1 h2, m)
         For each cell of the blocks the place of its row.
-    w : ndarray of shape (m, h1 h2)
+    w : ndarray of shape (h1 h2, m)
         Zero in cells that are not in contact.
     """
     (h1, h2), (p1, p2) = stencil.block, stencil.reach
-    loads = np.zeros((len(w), *stencil.window_shape))
+    loads = np.zeros((*stencil.window_shape, w.shape[1]))
+    index = index.astype(np.intp, copy=False)
     for g, (a, b) in zip(rows, stencil.offsets, strict=True):
-        part = loads[:, p1 + a : p1 + a + h1, p2 + b : p2 + b + h2]
-        part += (g.take(index) * w).reshape(-1, h1, h2)
-    return loads.reshape(len(w), -1)
+        part = loads[p1 + a : p1 + a + h1, p2 + b : p2 + b + h2]
+        part += (g.take(index) * w).reshape(h1, h2, -1)
+    return loads.reshape(-1, w.shape[1])
 
 
 def _averaged(T: Array, axis: int, m: int, h: int) -> Array:
     """Return the means of T over pairs of blocks of h cells in one axis, for m lags of blocks."""
-    k = np.arange(1 - h, m * h)
-    T = np.moveaxis(np.take(T, np.minimum(np.abs(k), T.shape[axis] - 1), axis), axis, 0)
-    pairs = h - np.abs(k[: 2 * h - 1])  # of cells, one in either block, with each lag
-    means = sum(p / h**2 * T[j : j + (m - 1) * h + 1 : h] for j, p in enumerate(pairs))
-    return np.moveaxis(np.asarray(means), 0, axis)
+    lags = h * np.arange(m)
+    means: Any = 0.0
+    for k in range(1 - h, h):
+        pairs = h - abs(k)  # of cells, one in either block, with each lag
+        means += T.take(np.minimum(np.abs(lags + k), T.shape[axis] - 1), axis) * (pairs / h**2)
+    return np.asarray(means)
 
 
-def chunks(m: int) -> Iterator[slice]:
-    """Cut range(m) into slices, the work of which stays in the cache."""
-    return (slice(k, min(k + CHUNK, m)) for k in range(0, m, CHUNK))
+def check(subject: str, value: float, stencil: Stencil) -> None:
+    """Refuse a kernel for which a number that must be positive is not."""
+    if not value > 0.0:
+        raise refused(subject, value, stencil)
 
 
 def refused(subject: str, value: float, stencil: Stencil) -> np.linalg.LinAlgError:
