@@ -19,7 +19,7 @@ from comparisons.report import Row
 Array = NDArray[Any]
 
 N, QUICK_N = 256, 32
-DENSE_N = 32  # grid whose spectrum is computed
+DENSE_N = 48  # grid whose spectrum is computed
 
 
 def irregular(n: int) -> Array:
@@ -59,6 +59,7 @@ def spectrum(n: int, path: Path) -> list[Row]:
             ("M̄", tmg.fft_rsm_preconditioner),
             ("cosine", tmg.cosine_preconditioner),
             ("sine", tmg.sine_preconditioner),
+            ("FSAI", tmg.fsai_preconditioner),
         ):
             P = preconditioner(A) @ np.eye(A.shape[0])
             values = np.sort(_eigenvalues(P, A.toarray()))
@@ -88,7 +89,7 @@ def convergence(n: int, path: Path) -> list[Row]:
     for column, area in enumerate(("square", "circle", "rough, 30 %")):
         punch = Punch(area, "coupled", n)
         A, b = punch.operator(), punch.displacement()
-        for name in ("CG", "CG + |q| circulant", "CG + cosine", "CG + sine", "CG + M"):
+        for name in ("CG", "CG + |q| circulant", "CG + cosine", "CG + sine", "CG + FSAI", "CG + M"):
             history, units = residuals(A, b, METHODS[name])
             axes[0, column].semilogy(history, label=name)
             axes[1, column].semilogy(np.arange(len(history)) * units, history)
