@@ -78,7 +78,8 @@ def test_writes_the_fields(is_line, tmp_path, capsys):
     assert f"written to {path}\ndrawn in {picture}\n" in capsys.readouterr().out
     assert sorted(p.name for p in tmp_path.iterdir()) == ["x.npz", "x.png"]
     assert picture.read_bytes().startswith(b"\x89PNG")
-    fields = np.load(path)
+    with np.load(path) as file:
+        fields = dict(file)
     shape, element = fields["contact"].shape, tuple(fields["element"])
     assert shape == ((40,) if is_line else (40, 40))
     if is_line:
