@@ -13,6 +13,11 @@ from toeplitz_mg.hertz import Hertz
 STEEL = (82000.0, 0.28)
 
 
+def read(path):
+    with np.load(path) as file:
+        return dict(file)
+
+
 def run(*options):
     return main(["contact", *options])
 
@@ -78,8 +83,7 @@ def test_writes_the_fields(is_line, tmp_path, capsys):
     assert f"written to {path}\ndrawn in {picture}\n" in capsys.readouterr().out
     assert sorted(p.name for p in tmp_path.iterdir()) == ["x.npz", "x.png"]
     assert picture.read_bytes().startswith(b"\x89PNG")
-    with np.load(path) as file:
-        fields = dict(file)
+    fields = read(path)
     shape, element = fields["contact"].shape, tuple(fields["element"])
     assert shape == ((40,) if is_line else (40, 40))
     if is_line:
@@ -100,7 +104,7 @@ def test_writes_the_fields(is_line, tmp_path, capsys):
 def test_rolling_writes_its_fields(tmp_path):
     path = tmp_path / "x.npz"
     assert run("rolling", "-n", "30", "--friction", "0.2", "--output", str(path)) == 0
-    fields = np.load(path)
+    fields = read(path)
     rolled = rolling(
         0.2 * fields["pressure"], tuple(fields["element"]), material=STEEL, longitudinal=-0.002
     )
@@ -127,9 +131,9 @@ def test_a_file_of_options(tmp_path, capsys):
     file.write_text(TOML.format(path))
     assert run("--file", str(file)) == 0
     assert "rolling: cylinder of 500 mm, 60 elements" in capsys.readouterr().out
-    assert np.load(path)["force"] == pytest.approx(1000.0)
+    assert read(path)["force"] == pytest.approx(1000.0)
     assert run("rolling", "--file", str(file), "--force", "2000") == 0
-    assert np.load(path)["force"] == pytest.approx(2000.0)
+    assert read(path)["force"] == pytest.approx(2000.0)
     file.write_text('case = "shift"\nradius = [10, 20]\nshift = [1e-4, 1e-4]\nline = false\nn = 30')
     assert run("--file", str(file)) == 0
     assert "ellipsoid of 10 and 20 mm, 19 x 30" in capsys.readouterr().out
