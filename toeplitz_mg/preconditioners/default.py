@@ -20,6 +20,7 @@ from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner, sin
 
 Array = NDArray[Any]
 
+FEW = 100_000  # unknowns of one blob that sine transforms solve for before FSAI is set up
 COMPACT = 5.0  # `fragmentation` of one blob: 4.0 of a square, 4.5 of a circle, 7.8 of an annulus
 
 
@@ -61,8 +62,8 @@ def default_preconditioner(
                              the symbol has a zero
     one, a mask              FSAI                              5 to 9, sine 13 to over 150
     two, all of it           cosine                            9 to 13
-    two, one blob            sine, for many solves FSAI        10 to 16, FSAI 8 to 9
-    two, fragmented          FSAI                              7 to 10, sine 15 to 67
+    two, one small blob      sine, for more solves FSAI        10 to 14, FSAI 8
+    two, any other mask      FSAI                              7 to 10, sine 12 to 67
     three or more            cosine; on a mask sine            9 to 20
     ======================== ================================= ==============================
 
@@ -105,10 +106,10 @@ def _candidates(
         yield cosine_preconditioner
     elif mask is None or mask.all():
         yield cosine_preconditioner
-    elif (len(full.grid_shape) <= 2 and full.is_even) and (
-        levels == 1 or fragmentation(mask) > COMPACT or solves > 1
-    ):
-        yield fsai_preconditioner
+    elif len(full.grid_shape) <= 2 and full.is_even:
+        is_small_blob = fragmentation(mask) <= COMPACT and np.count_nonzero(mask) < FEW
+        if levels == 1 or solves > 1 or not is_small_blob:
+            yield fsai_preconditioner
     yield sine_preconditioner
     yield cosine_preconditioner
 
