@@ -8,7 +8,7 @@ from scipy.special import ellipe, ellipk
 from toeplitz_mg import contact_cli, output
 from toeplitz_mg.cli import main
 from toeplitz_mg.contact import ContactError, friction, normal_contact, rolling, surfaces
-from toeplitz_mg.hertz import Hertz
+from toeplitz_mg.contact.hertz import Hertz
 
 STEEL = (82000.0, 0.28)
 

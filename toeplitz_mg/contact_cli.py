@@ -19,8 +19,8 @@ from toeplitz_mg.contact import (
     surfaces,
 )
 from toeplitz_mg.contact.grid import Element
+from toeplitz_mg.contact.hertz import Hertz
 from toeplitz_mg.contact_arguments import checked
-from toeplitz_mg.hertz import Hertz
 
 MARGIN = 1.3  # of the grid, around the contact of theory
 CREEPAGE = -0.002  # where none is given
