@@ -17,6 +17,7 @@ from comparisons import (
     peers,
     punch3d,
     speed,
+    turns,
 )
 from comparisons.symbols import COLUMNS
 
@@ -90,11 +91,12 @@ def test_drop_in(tmp_path, monkeypatch, capsys):
 def test_speed(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(speed, "QUICK_PRODUCTS", (64,))
     monkeypatch.setattr(speed, "QUICK_SOLVES", (64,))
-    monkeypatch.setattr(speed, "TURN_SECONDS", 0.001)
+    monkeypatch.setattr(speed, "QUICK_THREADED", (64,))
+    monkeypatch.setattr(turns, "TURN_SECONDS", 0.001)
     printed = run(speed, tmp_path, monkeypatch, capsys)
     for title in ("One product", "physical limit", "peak memory", "Further right-hand sides"):
         assert title in printed
-    names = ["further.csv", "levels.csv", "products.csv", "solves.csv"]
+    names = ["further.csv", "levels.csv", "products.csv", "solves.csv", "two_threads.csv"]
     assert sorted(p.name for p in tmp_path.glob("*.csv")) == names
     assert len(list(tmp_path.glob("*.png"))) == 3
     for name in names:
