@@ -59,11 +59,14 @@ class Punch:
         Normal, tangential or coupled.
     N : int
         Elements across the longer side.
+    nu : float
+        Poisson's ratio.
     """
 
     area: str
     kind: str
     N: int
+    nu: float = NU
 
     @property
     def mask(self) -> Array:
@@ -80,7 +83,7 @@ class Punch:
         mask, element = self.mask, (self.h, self.h)
         even, odd = halfspace.lags(mask.shape, element), halfspace.all_lags(mask.shape, element)
         # The coefficients are those of two half-spaces: one of G has as much as two of 2 G.
-        material = {"G": 2.0 * G, "nu": NU}
+        material = {"G": 2.0 * G, "nu": self.nu}
         full: LinearOperator
         if self.kind == "normal":
             full = tmg.ToeplitzOperator(halfspace.influence_zz(*even, element, **material))
@@ -104,7 +107,7 @@ class Punch:
     def force(self, tractions: Array) -> float:
         """F/(E* b δ), or F/(G b δ) if it is tangential, b the shorter half side."""
         first = tractions[: int(self.mask.sum())]
-        modulus = 2.0 * G / (1.0 - NU) if self.kind == "normal" else G
+        modulus = 2.0 * G / (1.0 - self.nu) if self.kind == "normal" else G
         return float(first.sum()) * self.h**2 / modulus
 
     def residual(self, tractions: Array) -> float:

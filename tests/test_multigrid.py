@@ -9,15 +9,17 @@ from numpy.testing import assert_allclose
 from scipy.sparse.linalg import LinearOperator, aslinearoperator, cg
 
 import toeplitz_mg as tmg
+from comparisons.punch3d import Punch
 from comparisons.symbols import column
 from tests.cases import aggregate, checkered, contact, exponential
 from toeplitz_mg.contact.problems import test1, test2, test3
 from toeplitz_mg.multigrid.border import MOST_LEFTOVER
 from toeplitz_mg.multigrid.hierarchy import DenseInverse, build_levels
+from toeplitz_mg.multigrid.interpolation import AreaWeighted
 from toeplitz_mg.multigrid.transfer import Transfer
 
 TESTS = [test1, test2, test3]
-SHAPES = [(2,), (3,), (8,), (31,), (1, 6), (5, 8), (7, 7), (3, 2, 4)]
+SHAPES = [(2,), (3,), (8,), (31,), (1, 6), (6, 8), (5, 8), (7, 7), (2, 2, 4), (3, 2, 4)]
 
 
 INTERPOLATIONS = [
@@ -40,6 +42,14 @@ def operators():
 
 
 OPERATORS = list(operators())
+
+
+def by_area(A, interpolation):
+    return any(isinstance(t, AreaWeighted) for t in Transfer.of(A, interpolation).by)
+
+
+NESTED = [case for case in OPERATORS if not by_area(*case.values)]
+BY_AREA = [case for case in OPERATORS if by_area(*case.values)]
 
 
 def matrices(transfer, n, n_coarse):
@@ -74,18 +84,68 @@ def test_restriction_is_the_transpose_of_interpolation(A, interpolation):
     transfer, H = Transfer.of(A, interpolation), tmg.galerkin(A, interpolation)
     R, P = matrices(transfer, A.shape[0], H.shape[0])
     assert_allclose(P.T, transfer.scale * R)
-    if interpolation is tmg.piecewise_constant:
+    if by_area(A, interpolation):
+        if isinstance(A, tmg.ToeplitzOperator):
+            assert_allclose(P.sum(axis=1), 1.0)  # of ones it makes ones
+            assert_allclose(R.sum(axis=1), 1.0)
+    elif interpolation is tmg.piecewise_constant:
         assert_allclose(R @ P, np.eye(H.shape[0]))  # average of copies
     covered = np.flatnonzero(P.any(axis=1))
     assert np.array_equal(np.setdiff1d(np.arange(A.shape[0]), covered), transfer.leftover)
 
 
-@pytest.mark.parametrize(("A", "interpolation"), OPERATORS)
+@pytest.mark.parametrize(("A", "interpolation"), NESTED)
 def test_galerkin_is_r_a_p(A, interpolation):
     H = tmg.galerkin(A, interpolation)
     R, P = matrices(Transfer.of(A, interpolation), A.shape[0], H.shape[0])
     assert type(H) is type(A)
     assert_allclose(H.toarray(), R @ A.toarray() @ P, atol=1e-13 * abs(A.toarray()).max())
+
+
+@pytest.mark.parametrize(("A", "interpolation"), BY_AREA)
+def test_by_area_the_coarse_matrix_is_positive_definite_and_hardly_below_r_a_p(A, interpolation):
+    H = tmg.galerkin(A, interpolation).toarray()
+    R, P = matrices(Transfer.of(A, interpolation), A.shape[0], len(H))
+    assert np.linalg.eigvalsh(H).min() > 0
+    assert np.linalg.eigvals(np.linalg.solve(H, R @ A.toarray() @ P)).real.max() < 1.1
+
+
+@pytest.mark.parametrize("n", [3, 5, 9, 21])
+def test_area_weighted_copies(n):
+    """P has the overlap of fine and coarse elements, both of which cover the same length."""
+    m = (n + 1) // 2
+    fine, coarse = np.arange(n)[:, None], np.arange(m) * n / m
+    overlap = np.minimum(fine + 1, coarse + n / m) - np.maximum(fine, coarse)
+    A = tmg.ToeplitzOperator(contact(n, 2))
+    _, P = matrices(Transfer.of(A), 2 * n, m)
+    assert_allclose(P, np.kron(np.maximum(overlap, 0.0), [[1.0], [1.0]]), atol=1e-14)
+
+
+@pytest.mark.parametrize("n", [3, 5, 9, 21])
+def test_coarse_lags_by_area_are_those_of_the_mean_over_all_aggregations(n):
+    """Each fine element goes to the coarse one in which its point at x is, for all x."""
+    a = np.random.default_rng(n).standard_normal(n)
+    a = np.concatenate([a[:0:-1], a])
+    m = (n + 1) // 2
+    index = np.arange(n)
+    A = a[n - 1 + index[:, None] - index]
+    mean = np.zeros((m, m))
+    for x in (np.arange(m) + 0.5) / m:  # nothing changes in between
+        P = np.floor((index[:, None] + x) * m / n) == np.arange(m)
+        mean += P.T @ A @ P / n  # s m = n
+    coarse = AreaWeighted().coarse_lags(a, 0)
+    for k in range(m):
+        assert_allclose(np.diag(mean, k), mean[0, k])  # it is Toeplitz
+        hat = 2 - 1 / n if k == 0 else 2 - 2 / n
+        assert coarse[m - 1 + k] == pytest.approx(mean[0, k] * n / m / hat)
+        assert coarse[m - 1 + k] == coarse[m - 1 - k]
+
+
+def test_a_mask_by_area_has_the_coarse_elements_that_are_in_contact_by_more_than_half():
+    mask = np.array([1, 0, 1, 1, 1, 0, 1, 0, 0, 1, 1], dtype=bool)
+    # The elements 1, 5 and 7 are in two coarse ones each, by 5/6, 3/6 and 2/6 in the first.
+    expected = [False, True, True, True, False, True]
+    assert AreaWeighted().coarse_mask(mask, 0).tolist() == expected
 
 
 def test_galerkin_of_a_matrix_that_is_symmetric_only():
@@ -95,6 +155,10 @@ def test_galerkin_of_a_matrix_that_is_symmetric_only():
     H = tmg.galerkin(A)
     R, P = matrices(Transfer.of(A), 24, H.shape[0])
     assert_allclose(H.toarray(), R @ A.toarray() @ P, atol=1e-13)
+    lags = rng.standard_normal((9, 13))
+    odd = tmg.galerkin(tmg.ToeplitzOperator.from_lags(lags + np.flip(lags)))
+    assert odd.grid_shape == (3, 4)
+    assert odd.is_symmetric
 
 
 def test_a_level_of_weak_coupling_is_not_coarsened():
@@ -124,7 +188,10 @@ def test_rediscretised_keeps_the_mask():
 @pytest.mark.parametrize(("A", "interpolation"), OPERATORS)
 @pytest.mark.parametrize("pre_post", [(1, 1), (0, 1), (1, 0)])
 def test_two_grids_correct_the_coarse_and_the_leftover_unknowns_exactly(A, interpolation, pre_post):
-    """The error propagates by S^post (I - Q (QᵀAQ)⁻¹ QᵀA) S^pre, Q = [P, the border's vectors]."""
+    """The error propagates by S^post (I - Q (QᵀAQ)⁻¹ QᵀA) S^pre, Q = [P, the border's vectors].
+
+    By area the coarse matrix stands for PᵀAP.
+    """
     n, H = A.shape[0], tmg.galerkin(A, interpolation)
     transfer = Transfer.of(A, interpolation)
     smoother = tmg.chan_preconditioner(A)
@@ -137,7 +204,10 @@ def test_two_grids_correct_the_coarse_and_the_leftover_unknowns_exactly(A, inter
         extra = beyond[:n]
     Q = np.hstack([P, extra[:, : 0 if extra.shape[1] > MOST_LEFTOVER else None]])
     dense = A.toarray()
-    coarse = np.eye(n) - Q @ np.linalg.solve(Q.T @ dense @ Q, Q.T @ dense)
+    galerkin = Q.T @ dense @ Q
+    if by_area(A, interpolation):
+        galerkin[: H.shape[0], : H.shape[0]] = transfer.scale * H.toarray()
+    coarse = np.eye(n) - Q @ np.linalg.solve(galerkin, Q.T @ dense)
     smooth = np.eye(n) - smoother @ dense
     pre, post = (np.linalg.matrix_power(smooth, k) for k in pre_post)
     M = tmg.multigrid(
@@ -248,6 +318,21 @@ def test_equal_smoothing_is_symmetric_positive_definite(n, gamma, test):
     assert spectrum.max() < 1 + 1e-9
 
 
+@pytest.mark.parametrize("shape", [(15, 15), (17, 33), (21, 9), (16, 25), (5, 61)], ids=str)
+def test_so_it_is_on_odd_grids_of_two_levels(shape):
+    A = tmg.ToeplitzOperator(contact(*shape))
+    disc = sum(((i + 0.5) / n - 0.5) ** 2 for i, n in zip(np.indices(shape), shape, strict=True))
+    for B in (A, tmg.MaskedOperator(A, disc < 0.25)):
+        M = tmg.multigrid(B, coarsest=8)
+        assert len(M.levels) > 2
+        assert M.H is M
+        dense = M @ np.eye(B.shape[0])
+        assert_allclose(dense, dense.T, atol=1e-12 * abs(dense).max())
+        spectrum = np.linalg.eigvals(dense @ B.toarray()).real
+        assert spectrum.min() > 0.5
+        assert spectrum.max() < 1.001
+
+
 @pytest.mark.parametrize("n", [64, 101])
 @pytest.mark.parametrize("gamma", [1, 2])
 @pytest.mark.parametrize("smoother", [tmg.fft_rsm_preconditioner, tmg.fft_sd_preconditioner])
@@ -310,7 +395,73 @@ def test_two_levels_of_toeplitz_structure(shape):
             callback=iterates.append,
         )
         assert info == 0
-        assert len(iterates) <= 11
+        assert len(iterates) <= 8
+
+
+def half_space(kind, shape, element=None):
+    element = element or tuple(2.0 / n for n in shape)
+    influence = {"normal": tmg.halfspace.influence_zz, "tangential": tmg.halfspace.influence_xx}
+    lags = tmg.halfspace.lags(shape, element)
+    return tmg.ToeplitzOperator(influence[kind](*lags, element, G=1.0, nu=0.28))
+
+
+def cg_iterations(A, **options):
+    return iterations(
+        tmg.cg, SimpleNamespace(A=A, b=np.ones(A.shape[0])), tmg.multigrid(A, **options)
+    )
+
+
+@pytest.mark.parametrize("kind", ["normal", "tangential"])
+@pytest.mark.parametrize("area", ["square", "circle"])
+def test_cg_takes_at_most_seven_iterations_on_even_and_odd_squares(kind, area):
+    sizes = (64, 65, 85, 100, 101, 127, 128, 129, 200, 255, 256)
+    counts = [cg_iterations(Punch(area, kind, n).operator()) for n in sizes]
+    assert max(counts) <= 7
+    assert max(counts) - min(counts) <= 1
+
+
+@pytest.mark.parametrize(
+    ("even", "odd", "element"),
+    [
+        ((128, 64), (127, 65), (1.0, 1.0)),
+        ((32, 500), (31, 501), (1.0, 1.0)),
+        ((4, 300), (3, 301), (1.0, 1.0)),
+        ((64, 64), (63, 65), (1.0, 4.0)),
+        ((64, 64), (65, 63), (1.0, 1.6)),
+        ((64, 64), (63, 63), (20.0, 1.0)),
+    ],
+)
+def test_odd_grids_take_no_more_iterations_than_even_ones(even, odd, element):
+    for kind in ("normal", "tangential"):
+        beside = cg_iterations(half_space(kind, even, element))
+        assert cg_iterations(half_space(kind, odd, element)) <= min(beside + 1, 6)
+
+
+def test_odd_grids_rediscretised():
+    for n in (64, 65, 100, 101, 127):
+        A = half_space("normal", (n, n))
+        coarsen = tmg.rediscretised(lambda shape: half_space("normal", shape))
+        assert cg_iterations(A, coarsen=coarsen) <= 6
+        problem = SimpleNamespace(A=A, b=np.ones(n * n))
+        M = tmg.multigrid(A, pre=0, coarsen=coarsen)
+        assert iterations(tmg.richardson, problem, M) <= 19
+
+
+def test_odd_grids_of_three_levels():
+    counts = []
+    for n in (15, 16, 17, 31, 32):
+        A = tmg.ToeplitzOperator(np.exp(-1.5 * np.linalg.norm(np.indices((n, n, n)), axis=0)))
+        counts.append(cg_iterations(A))
+    assert max(counts) <= 7
+    assert max(counts) - min(counts) <= 1
+
+
+def test_odd_grids_of_coupled_components():
+    punches = [Punch("square", "coupled", n) for n in (64, 65, 100, 101)]
+    for punch in punches:
+        A = punch.operator()
+        problem = SimpleNamespace(A=A, b=punch.displacement())
+        assert iterations(tmg.cg, problem, tmg.componentwise(tmg.multigrid)(A)) <= 8
 
 
 @pytest.mark.parametrize("islands", [20, 200])
@@ -335,6 +486,9 @@ def test_float32_cycle():
     x, info = tmg.richardson(A, b, M=M, rtol=1e-5)
     assert info == 0
     assert x.dtype == np.float32
+    M = tmg.multigrid(half_space("normal", (33, 35)).astype(np.float32))
+    assert {level.A.dtype for level in M.levels} == {np.dtype(np.float32)}
+    assert (M @ np.ones(33 * 35, np.float32)).dtype == np.float32
 
 
 def test_a_smoother_of_ones_own():

@@ -2,14 +2,13 @@
 
 from toeplitz_mg.multigrid.cycle import Multigrid, multigrid
 from toeplitz_mg.multigrid.hierarchy import Level
-from toeplitz_mg.multigrid.transfer import (
+from toeplitz_mg.multigrid.interpolation import (
     Interpolation,
-    galerkin,
     linear_interpolation,
     modulated_interpolation,
     piecewise_constant,
-    rediscretised,
 )
+from toeplitz_mg.multigrid.transfer import galerkin, rediscretised
 
 __all__ = [
     "Interpolation",

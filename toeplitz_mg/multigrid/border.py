@@ -21,7 +21,7 @@ MOST_LEFTOVER = 16
 class Border:
     """The Galerkin correction on the coarse elements *and* the leftover unknowns.
 
-    On the last element of an odd grid a coarse correction that leaves it out is of the wrong
+    On the last element of an odd line a coarse correction that leaves it out is of the wrong
     sign, and no smoother mends that soon. So the coarse space is enlarged by vectors u_j, such as
     the unit vectors of the leftover unknowns. The matrix of the enlarged space, with
     V_j = R A u_j,
@@ -40,7 +40,7 @@ class Border:
         u_j has the entries `weights` at ``unknowns[j]``.
     V, W : ndarray of shape (p, n_H), in rows
     S_inverse : ndarray of shape (p, p), the inverse of C - s Vᵀ W
-    s : int
+    s : float
     """
 
     unknowns: Array
@@ -48,7 +48,7 @@ class Border:
     V: Array
     W: Array
     S_inverse: Array
-    s: int
+    s: float
 
     @classmethod
     def of(cls, level: Level, solve_coarse: Callable[[Array], Array]) -> "Border | None":

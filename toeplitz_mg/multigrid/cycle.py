@@ -10,7 +10,8 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.multigrid.border import Border
 from toeplitz_mg.multigrid.hierarchy import Level, Smoother, build_levels
-from toeplitz_mg.multigrid.transfer import Coarsening, Interpolation, piecewise_constant
+from toeplitz_mg.multigrid.interpolation import Interpolation, piecewise_constant
+from toeplitz_mg.multigrid.transfer import Coarsening
 from toeplitz_mg.operators import apply_to_rows, as_rows
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.workspace import workspace
@@ -232,11 +233,13 @@ def multigrid(
     is the adjoint of V(0,1), and both converge equally fast in the end.
 
     By default restriction averages two elements of each level (paper, Eq. 13), and interpolation
-    copies (Eq. 14). The last element of an odd grid, and up to 16 elements in contact that no
-    coarse element covers, are corrected together with the coarse grid, so that the number of cycles
-    hardly depends on n being even. A coarse element belongs to a mask where all its fine elements
-    do. On a mask of many fragments little is left on the coarse grid, and the cycle is no better
-    than its smoother.
+    copies (Eq. 14). The number of cycles does not depend on n being even: on an odd grid of one
+    level the last element, as up to 16 elements in contact that no coarse element covers, is
+    corrected together with the coarse grid; in several levels the coarse elements of an odd n are
+    (n + 1)/2, and fine ones that lie in two of them are weighed by area. A coarse element belongs
+    to a mask where all its fine elements do, or those that lie in it by more than half. On a mask
+    of many fragments little is left on the coarse grid, and the cycle is no better than its
+    smoother.
 
     Examples
     --------

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
-from toeplitz_mg.multigrid.transfer import Coarsening, Interpolation, Transfer, galerkin
+from toeplitz_mg.multigrid.interpolation import Interpolation
+from toeplitz_mg.multigrid.transfer import Coarsening, Transfer, galerkin
 from toeplitz_mg.operators import as_rows
 
 Array = NDArray[Any]

@@ -1,6 +1,6 @@
 """Restriction (paper, Eq. 13), interpolation (Eq. 14) and the coarse matrices that go with them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import prod
 from typing import Any
@@ -9,6 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg.multigrid.interpolation import (
+    AreaWeighted,
+    Interpolation,
+    along,
+    at,
+    piecewise_constant,
+)
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.workspace import workspace
@@ -18,63 +25,7 @@ Coarsening = Callable[[LinearOperator], LinearOperator]
 
 WEAK = 0.5  # coupling of neighbours in a level, relative to the strongest, that is not coarsened
 
-
-@dataclass(frozen=True)
-class Interpolation:
-    """How a value of the coarse grid is spread over the fine one, in each level of the matrix.
-
-    Parameters
-    ----------
-    weights : tuple of float
-        Of a coarse value in the fine elements that it covers; the next one begins 2 elements
-        further on. The restriction is the transpose, halved.
-    coarser : Interpolation, optional
-        For the coarser grids, if another.
-
-    See Also
-    --------
-    piecewise_constant, linear_interpolation, modulated_interpolation
-
-    Examples
-    --------
-    >>> from toeplitz_mg import Interpolation
-    >>> Interpolation((0.5, 1.0, 0.5)).coarse_length(7)
-    3
-    """
-
-    weights: tuple[float, ...]
-    coarser: "Interpolation | None" = None
-
-    def __post_init__(self) -> None:
-        if len(self.weights) < 2 or not np.isfinite(self.weights).all():
-            raise ValueError(f"weights are {self.weights}, but must be 2 finite numbers or more")
-
-    def coarse_length(self, n: int) -> int:
-        """Return the coarse elements of n fine ones; too few are left as they are."""
-        covered = len(self.weights)
-        return n if n < covered else (n - covered) // 2 + 1
-
-    def slices(self, n: int) -> Iterator[tuple[float, slice]]:
-        """Yield each weight, and the fine elements where it stands."""
-        m = self.coarse_length(n)
-        for i, weight in enumerate(self.weights):
-            yield weight, slice(i, i + 2 * m - 1, 2)
-
-
-piecewise_constant = Interpolation((1.0, 1.0))
-"""Copies (paper, Eq. 14), and averages (Eq. 13): for a positive symbol."""
-
-linear_interpolation = Interpolation((0.5, 1.0, 0.5))
-"""For a symbol with a zero of order 2 at θ = 0, such as 2 - 2 cos θ."""
-
-modulated_interpolation = Interpolation((-0.5, 1.0, -0.5), linear_interpolation)
-"""For a symbol with a zero of order 2 at θ = π, such as 2 + 2 cos θ.
-
-The coarser grids, where the zero is at θ = 0, have linear interpolation.
-"""
-
-
-Directions = tuple[Interpolation | None, ...]
+Directions = tuple[Interpolation | AreaWeighted | None, ...]
 
 
 def directions(A: ToeplitzOperator, transfer: Interpolation = piecewise_constant) -> Directions:
@@ -83,6 +34,9 @@ def directions(A: ToeplitzOperator, transfer: Interpolation = piecewise_constant
     Those are coarsened in which neighbours are coupled most. Where the elements are stretched,
     the smoother leaves errors that vary along the long side from element to element, which a
     grid that is coarser in that direction cannot represent.
+
+    Copies to an odd number of elements are `AreaWeighted`. Not in one level: there R A P is
+    Toeplitz for the elements that have a partner, and the last one is cheap as a `Border`.
     """
     strengths = [0.0] * len(A.grid_shape)
     for level, n in enumerate(A.grid_shape):
@@ -90,24 +44,29 @@ def directions(A: ToeplitzOperator, transfer: Interpolation = piecewise_constant
             neighbour = tuple(int(k == level) for k in range(len(strengths)))
             strengths[level] = abs(float(A.c[neighbour]))
     least = max(WEAK * max(strengths), np.finfo(np.float64).tiny)
-    return tuple(transfer if strength >= least else None for strength in strengths)
+    several = sum(n > 1 for n in A.grid_shape) > 1
+    odd = AreaWeighted() if several and transfer == piecewise_constant else transfer
+    return tuple(
+        (odd if n % 2 else transfer) if strength >= least else None
+        for n, strength in zip(A.grid_shape, strengths, strict=True)
+    )
 
 
 def _coarse_shape(grid_shape: tuple[int, ...], by: Directions) -> tuple[int, ...]:
-    """Halve some levels of a grid; elements at its end may be left over."""
+    """Return the shape of the coarse grid."""
     return tuple(t.coarse_length(n) if t else n for n, t in zip(grid_shape, by, strict=True))
 
 
 def _coarse_mask(mask: Array, by: Directions) -> Array:
-    """Return the coarse elements all of whose fine elements are in contact."""
-    for level, (n, t) in enumerate(zip(mask.shape, by, strict=True)):
+    """Return the coarse elements of a mask, level by level."""
+    for level, t in enumerate(by):
         if t:
-            mask = np.all([mask[_at(level, s)] for _, s in t.slices(n)], axis=0)
+            mask = t.coarse_mask(mask, level)
     return mask
 
 
 def galerkin(A: LinearOperator, transfer: Interpolation = piecewise_constant) -> LinearOperator:
-    """Return R A P, the Galerkin coarse matrix, which is again Toeplitz.
+    """Return R A P, the Galerkin coarse matrix, which is again Toeplitz, or one near it that is.
 
     Parameters
     ----------
@@ -118,7 +77,10 @@ def galerkin(A: LinearOperator, transfer: Interpolation = piecewise_constant) ->
     -------
     ToeplitzOperator or MaskedOperator
         On half the elements in each level. On a mask the coarse elements are those all of whose
-        fine elements are in contact; the matrix is exactly R A P there too.
+        fine elements are in contact; the matrix is exactly R A P there too. Only where copies go
+        to an odd number n of elements, in several levels, does this differ: the coarse elements
+        are then (n + 1)/2, each slightly shorter than 2 fine ones, R A P is not Toeplitz, and
+        this matrix is near it.
 
     Raises
     ------
@@ -129,7 +91,9 @@ def galerkin(A: LinearOperator, transfer: Interpolation = piecewise_constant) ->
     Notes
     -----
     In each level a_H[k] = ½ (a[2k-1] + 2 a[2k] + a[2k+1]), or, where the weights are w, the mean
-    of the a[2k+j] with half of w convolved with itself.
+    of the a[2k+j] with half of w convolved with itself. For copies to an odd n in several levels,
+    with m = (n + 1)/2, the mean is over the a[j] by a hat about k n/m that is n/m wide on each
+    side, as it is, with n/m = 2, where n is even.
 
     Examples
     --------
@@ -140,22 +104,10 @@ def galerkin(A: LinearOperator, transfer: Interpolation = piecewise_constant) ->
     """
     full, mask = toeplitz_and_mask(A)
     lags = full.lags
-    reach = len(transfer.weights) - 1
-    weights = (np.convolve(transfer.weights, transfer.weights[::-1]) / 2.0).tolist()
     by = directions(full, transfer)
-    for level, (n, m) in enumerate(
-        zip(full.grid_shape, _coarse_shape(full.grid_shape, by), strict=True)
-    ):
-        if m < n:
-            # Lag k takes from 2k - reach ... 2k + reach; the first is at k = -(m - 1).
-            first = n - 1 - 2 * (m - 1)
-            windows = [
-                lags[_at(level, slice(first + j, first + j + 4 * m - 3, 2))]
-                for j in range(-reach, reach + 1)
-            ]
-            lags = weights[reach] * windows[reach]
-            for j in range(reach):  # in pairs, symmetric to the last bit
-                lags = lags + weights[j] * (windows[j] + windows[-1 - j])
+    for level, t in enumerate(by):
+        if t:
+            lags = t.coarse_lags(lags, level)
     H = ToeplitzOperator.from_lags(lags)
     return H if mask is None else MaskedOperator(H, _coarse_mask(mask, by))
 
@@ -215,8 +167,8 @@ class Transfer:
     fine_shape : tuple of int
     fine_mask, coarse_mask : ndarray of bool, or None where the whole grid is unknown
     leftover : ndarray of int
-        The fine unknowns that belong to no coarse one: at the end of the grid, and the elements
-        in contact beside one that is not.
+        The fine unknowns that belong to no coarse one: at the end of a grid of one level, and the
+        elements in contact beside one that is not.
     """
 
     interpolation: Interpolation
@@ -237,12 +189,16 @@ class Transfer:
         coarse = _coarse_mask(whole, by)
         if coarse.shape == full.grid_shape or not coarse.any():
             return None
-        ones = Interpolation((1.0,) * len(interpolation.weights))
-        covered = np.empty(full.grid_shape)
-        _spread(coarse.astype(float), covered, tuple(ones if t else None for t in by))
-        leftover = np.flatnonzero(covered[whole] == 0.0)
-        of_mask = None if mask is None else coarse
-        return cls(interpolation, by, full.grid_shape, mask, of_mask, leftover)
+        covered = coarse
+        for level, (n, t) in enumerate(zip(full.grid_shape, by, strict=True)):
+            if t:
+                fine = np.zeros((*covered.shape[:level], n, *covered.shape[level + 1 :]), bool)
+                for _, to, of in t.pieces(n):
+                    fine[at(level, to)] |= covered[at(level, of)]
+                covered = fine
+        leftover = np.flatnonzero(~covered[whole])
+        coarse_mask = None if mask is None else coarse
+        return cls(interpolation, by, full.grid_shape, mask, coarse_mask, leftover)
 
     @property
     def coarse_shape(self) -> tuple[int, ...]:
@@ -262,10 +218,9 @@ class Transfer:
             raise ValueError(f"coarsen gave {H!r} with another mask than the coarse one")
 
     @property
-    def scale(self) -> int:
-        """The number s for which Pᵀ = s R: 2 for each level that is coarsened."""
-        pairs = zip(self.fine_shape, self.coarse_shape, strict=True)
-        return int(2 ** sum(m < n for n, m in pairs))
+    def scale(self) -> float:
+        """The number s for which Pᵀ = s R, the product of those of the levels."""
+        return prod(t.ratio(n) for n, t in zip(self.fine_shape, self.by, strict=True) if t)
 
     @property
     def border(self) -> tuple[Array, Array]:
@@ -274,30 +229,32 @@ class Transfer:
         At the end of a grid it is one, what there is room for of the next coarse element;
         elsewhere they are the unit vectors of the unknowns left over.
         """
-        weights = np.array(self.interpolation.weights)
         if len(self.leftover) and len(self.fine_shape) == 1 and self.fine_mask is None:
             last = np.arange(2 * self.coarse_shape[0], self.fine_shape[0])
-            return last[np.newaxis], weights[: len(last)]
+            return last[np.newaxis], np.array(self.interpolation.weights[: len(last)])
         return self.leftover[:, np.newaxis], np.ones(1)
 
     def restrict(self, r: Array, purpose: str) -> Array:
-        """Average over the fine elements of each coarse one; in d levels each 2^d (Eq. 13).
+        """Average over the fine elements of each coarse one, level by level (Eq. 13).
 
         The result is in the `workspace` of that purpose.
         """
         grid = _on_grid(r, self.fine_mask, self.fine_shape)
         rows = r.ndim - 1
-        for level, (n, m) in enumerate(zip(self.fine_shape, self.coarse_shape, strict=True)):
-            if m < n:
-                shape = (*grid.shape[: rows + level], m, *grid.shape[rows + level + 1 :])
-                coarse = workspace(f"{purpose}, {level}", shape, grid.dtype)
-                part = workspace("part", shape, grid.dtype)
-                for k, (weight, s) in enumerate(self.interpolation.slices(n)):
-                    to = part if k else coarse
-                    np.multiply(grid[_at(rows + level, s)], grid.dtype.type(weight / 2), out=to)
-                    if k:
-                        coarse += part
-                grid = coarse
+        for axis, (n, t) in enumerate(zip(self.fine_shape, self.by, strict=True), start=rows):
+            if t is None:
+                continue
+            m = t.coarse_length(n)
+            shape = (*grid.shape[:axis], m, *grid.shape[axis + 1 :])
+            coarse = workspace(f"{purpose}, {axis - rows}", shape, grid.dtype)
+            for k, (weight, fine, to) in enumerate(t.pieces(n)):
+                target = coarse[at(axis, to)]
+                part = workspace("part", target.shape, grid.dtype) if k else target
+                scaled = along((weight / t.ratio(n)).astype(grid.dtype), axis, grid.ndim)
+                np.multiply(grid[at(axis, fine)], scaled, out=part)
+                if k:  # the first piece is of all coarse elements
+                    target += part
+            grid = coarse
         if self.coarse_mask is not None:
             return np.asarray(grid[..., self.coarse_mask])
         return grid.reshape(*r.shape[:-1], prod(self.coarse_shape))
@@ -313,10 +270,6 @@ class Transfer:
             _spread(grid, out.reshape(*e.shape[:-1], *self.fine_shape), self.by)
 
 
-def _at(axis: int, part: slice) -> tuple[slice, ...]:
-    return (slice(None),) * axis + (part,)
-
-
 def _on_grid(x: Array, mask: Array | None, shape: tuple[int, ...]) -> Array:
     if mask is None:
         return x.reshape(x.shape[:-1] + shape)
@@ -329,17 +282,18 @@ def _on_grid(x: Array, mask: Array | None, shape: tuple[int, ...]) -> Array:
 def _spread(coarse: Array, fine: Array, by: Directions) -> None:
     """Interpolate the coarse grid of each row to the fine grid, a level after the other."""
     rows = coarse.ndim - len(by)
-    for axis, interpolation in enumerate(by, start=rows):
-        if interpolation is None:
+    for axis, t in enumerate(by, start=rows):
+        if t is None:
             continue
         last = all(coarse.shape[k] == fine.shape[k] for k in range(axis + 1, coarse.ndim))
         shape = (*fine.shape[: axis + 1], *coarse.shape[axis + 1 :])
         to = fine if last else np.empty(shape, coarse.dtype)
-        part = workspace("part", coarse.shape, coarse.dtype)
         to[...] = 0.0
-        for weight, s in interpolation.slices(fine.shape[axis]):
-            np.multiply(coarse, coarse.dtype.type(weight), out=part)
-            to[_at(axis, s)] += part
+        for weight, at_fine, of in t.pieces(fine.shape[axis]):
+            values = coarse[at(axis, of)]
+            part = workspace("part", values.shape, coarse.dtype)
+            scaled = along(weight.astype(coarse.dtype), axis, coarse.ndim)
+            to[at(axis, at_fine)] += np.multiply(values, scaled, out=part)
         coarse = to
     if coarse is not fine:
         fine[...] = coarse
