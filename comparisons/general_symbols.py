@@ -94,6 +94,7 @@ CONTENDERS = (
     by_cg("cosine", tmg.cosine_preconditioner),
     by_cg("sine", tmg.sine_preconditioner),
     by_cg("spectral", tmg.spectral_preconditioner),
+    by_cg("FSAI", tmg.fsai_preconditioner),
     Contender("V(1,1)", v11, ours=True),
     Contender("solve_toeplitz", drop_in, ours=True),
 )

@@ -28,6 +28,8 @@ def iterations(A, **options):
 
 def test_one_level():
     assert "Gohberg" in taken(tmg.ToeplitzOperator(column("contact", 900)))
+    assert "SparseInverse" in taken(tmg.ToeplitzOperator(column("contact", 2**14)))
+    assert "Gohberg" in taken(tmg.ToeplitzOperator(column("0.9^k", 2**14)))
     assert "sine transform" in taken(tmg.ToeplitzOperator(column("2 - 2 cos θ", 900)))
     assert "cosine transform" in taken(tmg.ToeplitzOperator(column("2 + 2 cos θ", 900)))
     assert "SparseInverse" in taken(test3(1024).A)

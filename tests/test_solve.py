@@ -127,6 +127,7 @@ def test_the_choice_is_visible():
     b = random(n)
     assert method(column("contact", 100), b[:100]) == "scipy.linalg.solve_toeplitz"
     assert method(column("contact", n), b) == "cg, spectral_preconditioner"
+    assert method(column("contact", 2**14), random(2**14)) == "cg, fsai_preconditioner"
     assert method(column("contact", n), random(n, 3)) == "toeplitz_inverse"
     assert method(column("exp(-k/1000)", n), b) == "cg, cosine_preconditioner"
     assert method(column("θ²", n), b) == "cg, sine_preconditioner"

@@ -14,6 +14,7 @@ from toeplitz_mg.operators.transforms import near_fast_length
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.componentwise import componentwise
 from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
+from toeplitz_mg.preconditioners.fsai_line import LONG, decays_slowly
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner, sine_preconditioner
@@ -58,8 +59,10 @@ def default_preconditioner(
     ======================== ================================= ==============================
     levels, area             preconditioner                    iterations to 1e-8
     ======================== ================================= ==============================
-    one, all of it           spectral; sine or cosine where    1 to 6; 3 to 10
-                             the symbol has a zero
+    one, all of it           FSAI where 2¹⁴ coefficients or    4 to 8; 1 to 6; 3 to 10
+                             more decay slowly; spectral;
+                             sine or cosine where the symbol
+                             has a zero
     one, a mask              FSAI                              5 to 9, sine 13 to over 150
     two, all of it           cosine                            9 to 13
     two, one small blob      sine, for more solves FSAI        10 to 14, FSAI 8
@@ -97,6 +100,8 @@ def _candidates(
     levels = sum(n > 1 for n in full.grid_shape)
     if levels <= 1 and (mask is None or mask.all()):
         if len(full.grid_shape) == 1:
+            if len(full.c) >= LONG and decays_slowly(full.c):
+                yield fsai_preconditioner
             samples = sampled_symbol(full, (near_fast_length(full.shape[0]),))
             if samples[0] < samples[1] / 2:  # a zero at θ = 0, which a sine does not see
                 yield sine_preconditioner

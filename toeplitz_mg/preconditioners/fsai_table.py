@@ -82,15 +82,20 @@ class Stencil:
     def block_of(self) -> Array:
         """The block of every cell; in the margin any near."""
         i, j = (
-            ((np.arange(n) - p) // h).clip(0, m - 1)
+            ((np.arange(n, dtype=np.int32) - p) // h).clip(0, m - 1)
             for n, p, h, m in zip(self.padded, self.reach, self.block, self.blocks, strict=True)
         )
-        return np.asarray(np.add.outer(i * self.blocks[1], j).astype(np.int32).ravel())
+        return np.asarray(np.add.outer(i * self.blocks[1], j).ravel())
 
     def without_margin(self, padded: Array) -> Array:
         """Return the grid, the converse of `place`; a view."""
         (n1, n2), (p1, p2) = self.T.shape, self.reach
         return np.asarray(padded.reshape(self.padded)[p1 : p1 + n1, p2 : p2 + n2])
+
+    @cached_property
+    def inside(self) -> Array:
+        """The places of the cells of the grid."""
+        return self._every(self.T.shape, (1, 1))
 
     @cached_property
     def steps(self) -> Array:
@@ -100,7 +105,12 @@ class Stencil:
     @cached_property
     def origins(self) -> Array:
         """The first cell of every block."""
-        return self._flat(np.indices(self.blocks).reshape(2, -1).T * self.block + self.reach)
+        return self._every(self.blocks, self.block)
+
+    @cached_property
+    def band(self) -> int:
+        """From the first cell of a row of blocks to that of the next; in one level, of a block."""
+        return self.block[1] if self.T.shape[0] == 1 else self.block[0] * self.padded[1]
 
     @cached_property
     def slots(self) -> Array:
@@ -121,6 +131,11 @@ class Stencil:
     def window(self) -> Array:
         """The same, shape (window,)."""
         return self._flat(self.window_cells)
+
+    def _every(self, shape: Pair, step: Pair) -> Array:
+        """The places of cells these steps apart, from the first of the grid on."""
+        i, j = (p + h * np.arange(m) for p, h, m in zip(self.reach, step, shape, strict=True))
+        return np.asarray(np.add.outer(i * self.padded[1], j).ravel())
 
     def _flat(self, cells: Array) -> Array:
         return np.asarray(cells @ np.array([self.padded[1], 1]))
@@ -173,19 +188,24 @@ class Stencil:
         return rows
 
     @cached_property
+    def table_sums(self) -> Array:
+        """Products of the rows in the table with the vector of ones."""
+        return np.asarray(self.table.sum(axis=0))
+
+    @cached_property
     def sparse_table(self) -> csr_array:
         """The same as of `sparse`."""
-        return self.sparse(self.table)
+        return self.sparse(np.ascontiguousarray(self.table.T))
 
     def sparse(self, rows: Array) -> csr_array:
         """Return a matrix of rows of G, without their zeros; its columns are `steps`, from 0 on."""
-        by_cell = np.ascontiguousarray(rows.T)
-        known = by_cell != 0.0
-        starts = np.cumsum(np.append(0, np.count_nonzero(known, axis=1)), dtype=np.int32)
+        known = rows != 0.0
+        K = rows.shape[1]
+        starts = np.append(np.int32(0), np.cumsum(known, dtype=np.int32)[K - 1 :: K])
         steps = (self.steps - self.steps.min()).astype(np.int32)
         where = np.flatnonzero(known)
-        entries, columns = by_cell.take(where), np.tile(steps, len(known)).take(where)
-        return csr_array((entries, columns, starts), (len(known), int(steps.max()) + 1))
+        entries, columns = rows.take(where), np.tile(steps, len(rows)).take(where)
+        return csr_array((entries, columns, starts), (len(rows), int(steps.max()) + 1))
 
     @cached_property
     def full_load(self) -> Array:
@@ -218,40 +238,6 @@ class Stencil:
         return Stencil(T)
 
 
-def rows_of_G(stencil: Stencil, c: Array, d: Array) -> Array:
-    """Return rows of G for the matrix c_i T(i-j) c_j with the diagonal d.
-
-    Parameters
-    ----------
-    stencil : Stencil
-    c, d : ndarray of shape (K, m)
-        Of a cell and its neighbours; 0 and 1 where they are not in contact.
-
-    Returns
-    -------
-    ndarray of shape (K, m)
-        S⁻¹ e / √(eᵀ S⁻¹ e), S the matrix of these cells and e the first; zero where there is no
-        contact.
-    """
-    # All systems together, entry by entry: much faster than LAPACK, one by one.
-    K = len(c)
-    S = np.empty((K, *c.shape))  # on and below the diagonal S, above it the factors
-    added = d - stencil.T[0, 0] * c**2
-    for k in range(K - 1, -1, -1):  # e, the first, is eliminated last
-        row = np.multiply(stencil.local[k, : k + 1, None], c[: k + 1], out=S[k, : k + 1])
-        row *= c[k]
-        row[k] += added[k]
-        if k < K - 1:
-            row -= np.einsum("jm,jim->im", S[k, k + 1 :], S[k + 1 :, : k + 1])
-        check("a pivot is", row[k].min(), stencil)
-        np.divide(row[:k], row[k], out=S[:k, k])
-    rows = np.empty(c.shape)
-    rows[0] = 1.0 / np.sqrt(S[0, 0])
-    for k in range(1, K):
-        rows[k] = -np.einsum("jm,jm->m", S[:k, k], rows[:k])
-    return rows
-
-
 def block_loads(stencil: Stencil, rows: Array, index: Array, w: Array) -> Array:
     """Return Gᵀ w on the windows of blocks, shape (window, m).
 
@@ -270,8 +256,8 @@ def block_loads(stencil: Stencil, rows: Array, index: Array, w: Array) -> Array:
     index = index.astype(np.intp, copy=False)
     for g, (a, b) in zip(rows, stencil.offsets, strict=True):
         part = loads[p1 + a : p1 + a + h1, p2 + b : p2 + b + h2]
-        part += (g.take(index) * w).reshape(h1, h2, -1)
-    return loads.reshape(-1, w.shape[1])
+        part += (g.take(index) * w).reshape(part.shape)
+    return loads.reshape(len(stencil.window), w.shape[1])
 
 
 def _averaged(T: Array, axis: int, m: int, h: int) -> Array:

@@ -14,6 +14,8 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.transforms import near_fast_length
+from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
+from toeplitz_mg.preconditioners.fsai_line import LONG, decays_slowly
 from toeplitz_mg.preconditioners.spectral import RESOLVED, factor_column
 from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE, sampled_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_inverse, sine_inverse
@@ -81,6 +83,10 @@ def is_symmetric(c: Array, r: Array) -> bool:
 
 def _cg_method(A: ToeplitzOperator) -> Iterator[Method]:
     """Yield CG with the preconditioner that the symbol allows, if it allows one."""
+    if len(A.c) >= LONG and decays_slowly(A.c):
+        # Contact, long memory: 4 to 12 iterations, but next to no set-up, and cheap ones.
+        with suppress(np.linalg.LinAlgError):
+            yield Method("cg, fsai_preconditioner", partial(_cg, A, fsai_preconditioner(A)))
     samples = sampled_symbol(A, (near_fast_length(len(A.c)),))  # at θ = 0 … π
     if samples[0] < samples[1] / 2:
         # A zero at θ = 0, which this preconditioner does not see: 3 to 10 iterations to 1e-8.

@@ -1,5 +1,6 @@
 """The inverse of a Toeplitz matrix as an operator: one solve, then as cheap as two products."""
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg.operators import ToeplitzOperator, as_rows
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.masked import toeplitz_and_mask
-from toeplitz_mg.preconditioners import spectral_preconditioner
+from toeplitz_mg.preconditioners import fsai_preconditioner, spectral_preconditioner
+from toeplitz_mg.preconditioners.fsai_line import decays_slowly
 from toeplitz_mg.solvers.cg import cg
 
 Array = NDArray[Any]
@@ -97,8 +99,9 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
 
     Notes
     -----
-    The first column x = A⁻¹ e₁ is solved for by CG with `spectral_preconditioner`, to 1e-6, and
-    then corrected by the inverse that it gives until its residual is 1e-12, or decreases no more.
+    The first column x = A⁻¹ e₁ is solved for by CG to 1e-6, with `spectral_preconditioner`, or
+    with `fsai_preconditioner` where the coefficients decay slowly, and then corrected by the
+    inverse that it gives until its residual is 1e-12, or decreases no more.
     Where the formula alone does not meet `rtol` and one step of refinement does, the refined
     operator is returned.
 
@@ -141,8 +144,7 @@ def first_column(A: ToeplitzOperator) -> Array:
     """Solve A x = e₁ as well as float64 allows."""
     unit = np.zeros(A.shape[0])
     unit[0] = 1.0
-    M = spectral_preconditioner(A)
-    x, _ = cg(A, unit, M=M, rtol=1e-6, maxiter=50)
+    x, _ = cg(A, unit, M=_preconditioner(A), rtol=1e-6, maxiter=50)
     best, residual, r = x, np.inf, unit - A @ x
     # The column gives an inverse, and that corrects the column, at 3 work units a step.
     G = GohbergSemencul(x)
@@ -153,3 +155,10 @@ def first_column(A: ToeplitzOperator) -> Array:
         x = x + G @ r
         r = unit - A @ x
     return np.asarray(best)
+
+
+def _preconditioner(A: ToeplitzOperator) -> LinearOperator:
+    if decays_slowly(A.c):
+        with suppress(np.linalg.LinAlgError):
+            return fsai_preconditioner(A)
+    return spectral_preconditioner(A)
