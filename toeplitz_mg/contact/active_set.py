@@ -3,6 +3,8 @@
 On a set the system A p = δ - z is solved only to the accuracy at which the set is known to be
 wrong: the iteration stops as soon as its residual is below the violation of the two inequalities
 of `normal`.
+
+Pressures are in units of the displacement that an element gives itself: the diagonal of A is 1.
 """
 
 from collections.abc import Callable
@@ -12,20 +14,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.contact.grid import Grid, coarsened
-from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.grid import Grid, coarsened, refined
+from toeplitz_mg.contact.inner import Area, Look, conjugate_gradients
+from toeplitz_mg.contact.inverse import Inverse
+from toeplitz_mg.contact.products import Products, dot
 from toeplitz_mg.contact.projected import descend
-from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.operators.transforms import near_fast_length
-from toeplitz_mg.preconditioners.symbol import sampled_symbol
-from toeplitz_mg.preconditioners.trigonometric import cosine_inverse
+from toeplitz_mg.operators import ToeplitzOperator
 
 Array = NDArray[Any]
 
-COARSE = 3e-3  # tolerance of the first guess, on a coarser grid
-LONG = 20  # iterations, after which the product is made anew
+COARSE = 1.5e-3, 1e-2  # tolerance of the first guess, on a coarser grid: from, to, and between
+ROUGH = 0.2  # of the detail that the coarser grid does not have
+DAMPING = 0.5  # of the step by which the pressures follow the detail of a finer grid
 RESCUE = 40  # products of projected gradients, where the sets cycle
 
 
@@ -35,51 +36,8 @@ class State(NamedTuple):
     p: Array
     u: Array
     approach: float
-    residual: float
-    iterations: tuple[int, ...]
-
-
-class _Set:
-    """Elements in contact, with a mask to multiply by: that is faster than to index by them."""
-
-    def __init__(self, C: Array) -> None:
-        self.mask = C.astype(np.float64)
-        self.size = int(np.count_nonzero(C))
-
-    def mean(self, x: Array) -> float:
-        """The mean of a field in contact."""
-        return float(np.vdot(x, self.mask)) / self.size
-
-
-class _Look(NamedTuple):
-    """What is wrong with some pressures and a set of elements in contact."""
-
-    gap: Array  # this and r until the next look only
-    r: Array  # minus the gap, in contact
-    approach: float
-    misfit: float  # the largest gap in contact
-    tension: float  # the largest negative pressure, as a displacement
-    violation: float  # of the set: that, and penetration elsewhere
-    scale: float  # the largest interference
-    touching: float  # the approach at which nothing penetrates, to the last bit
-    residual: float
-
-
-class _Matrix(NamedTuple):
-    """The products, a preconditioner, and the diagonal."""
-
-    A: Products
-    M: LinearOperator  # of A / a0, as single precision ends at 1e38
-    a0: float
-
-    @classmethod
-    def of(cls, A: Products) -> "_Matrix":
-        a0 = float(A.A.c.flat[0])
-        symbol = sampled_symbol(A.A, tuple(near_fast_length(n) for n in A.A.grid_shape)) / a0
-        try:
-            return cls(A, cosine_inverse(A.A, symbol, np.float32), a0)
-        except np.linalg.LinAlgError:  # very long elements: the symbol sinks into the rounding
-            return cls(A, cosine_inverse(A.A, symbol), a0)
+    residual: float = 0.0
+    iterations: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -93,23 +51,44 @@ class Search:
     tolerance: float
     progress: Callable[[int, float], object] | None = None
 
+    @cached_property
+    def _coefficients(self) -> Array:
+        return self.grid.normal_coefficients()
+
+    @property
+    def unit(self) -> float:
+        """The displacement of an element by a unit pressure on it."""
+        return float(self._coefficients.flat[0])
+
+    @cached_property
+    def matrix(self) -> ToeplitzOperator:
+        """The matrix whose diagonal is 1."""
+        return ToeplitzOperator(self._coefficients / self.unit)
+
     @property
     def total(self) -> float:
         """The sum of the pressures, where the force is given."""
         assert self.force is not None
-        return self.force / self.grid.area
-
-    @cached_property
-    def fields(self) -> tuple[Array, ...]:
-        """Fields to write on: to touch new memory takes as long as the arithmetic."""
-        return tuple(np.empty(self.z.shape) for _ in range(3))
+        return self.force / self.grid.area * self.unit
 
     @cached_property
     def lowest(self) -> float:
         """The gap where the bodies are nearest."""
         return float(self.z.min())
 
-    def coarser(self) -> "Search | None":
+    def first_guess(self, *, nested: bool) -> tuple[Array, Array]:
+        """Pressures and elements in contact: from a coarser grid, or a superset of the contact."""
+        coarse = self._coarser() if nested else None
+        if coarse is not None:
+            state = coarse.run(Products(coarse.matrix, 200), coarse.first_guess(nested=True))
+            p = self._refined(state, self.unit / coarse.unit)
+            if p.any():
+                return p, p > 0.0
+        if self.approach is not None:
+            return np.zeros(self.z.shape), self.z < self.approach
+        return np.full(self.z.shape, self.total / self.z.size), np.ones(self.z.shape, bool)
+
+    def _coarser(self) -> "Search | None":
         """The problem on a coarser grid, or None where that says nothing."""
         grid = self.grid.coarser()
         if grid is None:
@@ -117,37 +96,61 @@ class Search:
         z = coarsened(self.z, len(grid.shape))
         if self.approach is not None and not (z < self.approach).any():
             return None  # the averages touch nowhere
-        return Search(grid, z, self.approach, self.force, COARSE)
+        detail = np.abs(self.z - refined(z, self.z.shape)).max() / (np.ptp(self.z) or 1.0)
+        tolerance = float(np.clip(ROUGH * detail, *COARSE))
+        return Search(grid, z, self.approach, self.force, tolerance)
+
+    def _refined(self, coarse: State, ratio: float) -> Array:
+        """Interpolate from a coarser grid, and follow the detail that it does not have.
+
+        A step of Jacobi's iteration, without a product, as displacements are smooth.
+        """
+        p, u = (refined(x, self.z.shape) for x in (coarse.p, coarse.u))
+        p = np.maximum(ratio * p - DAMPING * (u + self.z - coarse.approach), 0.0)
+        if self.force is not None and p.any():
+            p *= self.total / p.sum()
+        return p
 
     def run(self, A: Products, guess: tuple[Array, Array]) -> State:
         """Find the pressures and the area of contact, from some pressures and elements."""
-        matrix = _Matrix.of(A)
+        M = Inverse(self.matrix)
+        balanced = self.force is not None
         p, C = guess
         u = A(p) if p.any() else np.zeros_like(p)
-        eta, strikes, lowest = 1.0, 0, np.inf
+        is_exact = True  # u, to double precision
+        eta, strikes, lowest = 0.5, 0, np.inf
         iterations: list[int] = []
         while True:
-            area = _Set(C)
-            now = self._look(p, u, area, matrix.a0)
-            is_admissible = now.tension == 0.0
-            if is_admissible and (now.residual <= self.tolerance or A.exhausted):
-                return State(p, u, now.touching, now.residual, tuple(iterations))
-            if self.progress is not None:
-                self.progress(A.count, now.residual)
-            now, count = self._iterate(p, u, area, now, matrix, eta)
-            iterations.append(count)
-            if now.tension == 0.0 and now.residual <= self.tolerance:
-                if count > LONG:  # never trust a long recurrence
-                    u = A(p)
+            w = u + self.z - (self.approach or 0.0)
+            now = Look.at(p, w, Area(C, np.float64), balanced=balanced)
+            approach = now.mean if self.approach is None else self.approach
+            scale = approach - self.lowest
+            residual = now.error / scale
+            if now.tension == 0.0 and (residual <= self.tolerance or A.exhausted):
+                if is_exact or A.exhausted:
+                    touching = approach + (now.lowest if balanced else 0.0)
+                    return State(p, u, touching, residual, tuple(iterations))
+                u, is_exact = A(p), True
                 continue
-            C = (C & ((p > 0.0) | ((p == 0.0) & (now.gap < 0.0)))) | (~C & (now.gap < 0.0))
-            if now.tension > 0.0:
+            if self.progress is not None:
+                self.progress(A.count, residual)
+            M.fit(C)
+            change = conjugate_gradients(
+                A, M, C, p, now, eta=eta, tolerance=self.tolerance * scale, balanced=balanced
+            )
+            iterations.append(change.iterations)
+            p, u, is_exact = p + change.p, u + change.u, False
+            if not (change.is_solved or A.exhausted):  # an answer, or all that single precision can
+                u, is_exact = A(p), True
+                continue
+            C = (C & ((p > 0.0) | ((p == 0.0) & change.below))) | (~C & change.below)
+            if p.min() < 0.0:
                 p = self._clipped(p)
-                u = A(p)
+                u, is_exact = A(p), True
             if not C.any():  # where it would touch first
                 C = self.z == self.lowest
-            b = (now.approach if self.force is None else 0.0) - self.z
-            energy = float(np.vdot(p, 0.5 * u - b))
+            b = (0.0 if balanced else approach) - self.z
+            energy = dot(p, 0.5 * u - b)
             # Each change should lower the energy. Where it does not, first solve more exactly.
             if energy < lowest:
                 strikes = 0
@@ -155,57 +158,8 @@ class Search:
                 strikes, eta = strikes + 1, eta / 10.0
             if strikes == 3:
                 p, u = descend(A, b, p, self._nearest, A.A.norm_bound, RESCUE)
-                C, strikes, energy = p > 0.0, 0, float(np.vdot(p, 0.5 * u - b))
+                C, strikes, energy = p > 0.0, 0, dot(p, 0.5 * u - b)
             lowest = min(lowest, energy)
-
-    def _look(self, p: Array, u: Array, area: _Set, a0: float) -> _Look:
-        w, r, outside = self.fields
-        np.add(u, self.z, out=w)
-        approach = area.mean(w) if self.approach is None else self.approach
-        w -= approach
-        np.multiply(w, area.mask, out=r)
-        np.subtract(w, r, out=outside)
-        low, high, least = float(r.min()), float(r.max()), float(outside.min())
-        np.negative(r, out=r)
-        tension = a0 * max(0.0, -float(p.min()))
-        violation, misfit = max(tension, -least), max(high, -low)
-        scale = approach - self.lowest
-        touching, error = approach, max(misfit, violation)
-        if self.approach is None:  # it is free: no gap is to be negative
-            lowest = min(low, least)
-            touching, error = approach + lowest, max(high - lowest, tension)
-        return _Look(w, r, approach, misfit, tension, violation, scale, touching, error / scale)
-
-    def _iterate(
-        self, p: Array, u: Array, area: _Set, now: _Look, matrix: _Matrix, eta: float
-    ) -> tuple[_Look, int]:
-        """Conjugate gradients on a set, on the plane of the given force, as far as it is worth.
-
-        They change p and u in place, from where `now` looked at them.
-        """
-        A, M, a0 = matrix
-        d, y, rho, count = np.zeros_like(p), np.empty_like(p), 0.0, 0
-        unit = now.misfit or 1.0  # of the residuals, for single precision
-        while not A.exhausted:
-            if now.misfit <= max(eta * now.violation, 0.1 * self.tolerance * now.scale):
-                break
-            if now.tension == 0.0 and now.residual <= self.tolerance:
-                break
-            np.multiply(now.r, 1.0 / unit, out=y)
-            apply_to_rows(M, y.reshape(-1), out=y.reshape(-1))
-            y *= area.mask
-            if self.force is not None:
-                y -= np.multiply(area.mask, area.mean(y), out=self.fields[2])
-            rho, before = float(np.vdot(now.r, y)), rho
-            d *= rho / before if count else 0.0
-            d += y
-            Ad = A(d)
-            step = rho / float(np.vdot(d, Ad))
-            p += np.multiply(d, step, out=y)
-            u += np.multiply(Ad, step, out=y)
-            count += 1
-            now = self._look(p, u, area, a0)
-        return now, count
 
     def _clipped(self, p: Array) -> Array:
         """Without tension, and of the given sum: near the pressures, if not the nearest."""

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from toeplitz_mg.contact.products import combined, dots
+
 Array = NDArray[Any]
 
 ROUNDING = 4.0 * np.finfo(np.float64).eps
@@ -82,8 +84,8 @@ class Tangent:
             units = np.zeros((len(q), *q.shape))
             for k in range(len(q)):
                 units[k, k] = 1.0
-            self._units = np.stack([self._project(e) for e in units]).reshape(len(q), -1)
-            self._normals = np.linalg.pinv(self._units @ self._units.T)
+            self._units = np.stack([self._project(e) for e in units])
+            self._normals = np.linalg.pinv([dots(self._units, e) for e in self._units])
 
     def _project(self, v: Array) -> Array:
         """To the tangent space, of any sum."""
@@ -93,13 +95,13 @@ class Tangent:
     def multiplier(self, s: Array) -> Array:
         """The uniform field nearest to `s` in these directions, as a vector of components."""
         assert self._normals is not None
-        return np.asarray(self._normals @ (self._units @ s.ravel()))
+        return np.asarray(self._normals @ dots(self._units, s))
 
     def __call__(self, v: Array) -> Array:
         """Project a field orthogonally."""
         v = self._project(v)
         if self._normals is not None:
-            v -= (self.multiplier(v) @ self._units).reshape(v.shape)
+            v -= combined(self.multiplier(v), self._units)
         return v
 
 

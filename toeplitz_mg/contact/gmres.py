@@ -4,9 +4,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
+
+from toeplitz_mg.contact.products import combined, dot, dots
 
 Array = NDArray[Any]
+
+TWICE = 0.5  # of the size is lost, and with it digits: what is left is made orthogonal again
 
 
 def gmres(
@@ -15,6 +19,7 @@ def gmres(
     b: Array,
     goal: Callable[[Array], float],
     most: int,
+    dtype: DTypeLike,
 ) -> tuple[Array, int]:
     """Solve A x = b, and return x and the number of iterations.
 
@@ -28,26 +33,28 @@ def gmres(
         What of ‖b - A x‖₂ may be left for the iterate x.
     most : int
         Iterations at most.
+    dtype : float32 or float64
+        Of the fields that A and M are given, all of which are kept.
     """
-    beta = float(np.linalg.norm(b))
-    # In one array each, for few large products: many small ones keep the threads of BLAS waiting.
-    basis, directions = np.empty((most + 1, b.size)), np.empty((most, b.size))
-    basis[0] = b.reshape(-1) / beta
+    beta = np.sqrt(dot(b, b))
+    basis, directions = np.empty((most + 1, *b.shape), dtype), np.empty((most, *b.shape), dtype)
+    basis[0] = b / beta
     H, rhs = np.zeros((most + 1, most)), np.zeros(most + 1)
-    rhs[0] = beta
+    rhs[0] = 1.0
     for k in range(most):
-        direction = M(basis[k].reshape(b.shape))
-        directions[k] = direction.reshape(-1)
-        w = A(direction).reshape(-1)
-        for _ in range(2):  # once does not make it orthogonal to rounding
-            h = basis[: k + 1] @ w
-            w = w - h @ basis[: k + 1]
+        directions[k] = M(basis[k])
+        w = A(directions[k]).astype(dtype, copy=False)
+        size, before = np.sqrt(dot(w, w)), np.inf
+        while size < TWICE * before:
+            h = dots(basis[: k + 1], w)
+            w -= combined(h, basis[: k + 1])
             H[: k + 1, k] += h
-        H[k + 1, k] = np.linalg.norm(w)
+            size, before = np.sqrt(dot(w, w)), size
+        H[k + 1, k] = size
         y, *_ = np.linalg.lstsq(H[: k + 2, : k + 1], rhs[: k + 2])
         left = float(np.linalg.norm(rhs[: k + 2] - H[: k + 2, : k + 1] @ y))
-        x = (y @ directions[: k + 1]).reshape(b.shape)
-        if left <= goal(x) or H[k + 1, k] <= 1e-14 * beta:
+        x = beta * combined(y, directions[: k + 1]).astype(np.float64)
+        if left * beta <= goal(x) or size <= 1e-14:
             break
-        basis[k + 1] = w / H[k + 1, k]
+        basis[k + 1] = w / size
     return x, k + 1

@@ -96,18 +96,35 @@ class Grid:
 
     def normal(self) -> ToeplitzOperator:
         """The normal displacements by the pressures of the elements (Eq. 6-7)."""
+        return ToeplitzOperator(self.normal_coefficients())
+
+    def normal_coefficients(self) -> Array:
+        """The first column of that matrix."""
         if len(self.element) == 1:
-            return ToeplitzOperator(self._plane_strain(self.shape[0]))
-        return ToeplitzOperator(self._quadrant(halfspace.influence_zz, self.shape))
+            return self._plane_strain(self.shape[0])
+        h, other = self.element
+        if len(self.shape) == 1 or h != other:
+            return self._quadrant(halfspace.influence_zz, self.shape)
+        # On square elements the coefficient of the lag (j, i) is that of (i, j).
+        n, m = max(self.shape), min(self.shape)
+        i, j = np.tril_indices(n, m=m)
+        c = np.empty((n, n))
+        G, nu = self.material
+        c[i, j] = c[j, i] = halfspace.influence_zz(h * i, h * j, (h, h), G=G, nu=nu)
+        return c[tuple(slice(k) for k in self.shape)]
 
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
         """The tangential displacements by the tangential tractions (Eq. 6-7)."""
         if len(self.element) == 1:
             return ToeplitzOperator(self._plane_strain(self.shape[0]))
-        xx = ToeplitzOperator(self._quadrant(halfspace.influence_xx, self.shape))
+        along_x = self._quadrant(halfspace.influence_xx, self.shape)
+        xx = ToeplitzOperator(along_x)
         if len(self.shape) == 1:
             return xx
-        yy = ToeplitzOperator(self._quadrant(halfspace.influence_yy, self.shape))
+        is_square = self.shape[0] == self.shape[1] and self.element[0] == self.element[1]
+        yy = ToeplitzOperator(
+            along_x.T if is_square else self._quadrant(halfspace.influence_yy, self.shape)
+        )
         xy = self._quadrant(halfspace.influence_xy, self.shape)
         if not xy.any():  # as for a Poisson's ratio of zero
             return CoupledOperator([[xx, None], [None, yy]])

@@ -4,7 +4,7 @@ The pressures p and the gap w = A p + z - δ (Eq. 6-7) are complementary:
 
     in contact  w = 0, p ≥ 0;        elsewhere  w ≥ 0, p = 0.
 
-The elements in contact are found by `active_set`, here from a first guess on coarser grids.
+The elements in contact are found by `active_set`, from a first guess on coarser grids.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from toeplitz_mg.contact.active_set import Search, State
 from toeplitz_mg.contact.checks import check_iteration, field, normal_load
-from toeplitz_mg.contact.grid import Element, Grid, in_range, refined
+from toeplitz_mg.contact.grid import Element, Grid, in_range
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import ContactResult, converged
 from toeplitz_mg.operators import count_products
@@ -102,32 +102,15 @@ def normal_contact(
         approach = float(approach) - distance
         if approach <= 0.0:
             nothing = np.zeros(z.shape)
-            return _result(grid, z, State(nothing, nothing, approach, 0.0, ()), 0, 0.0, distance)
+            return _result(grid, z, State(nothing, nothing, approach), 0, 0.0, distance)
         in_range("the interference", approach)
     with count_products() as work:
-        products = Products(grid.normal(), max_products)
         search = Search(grid, z, approach, load, tolerance, progress)
-        state = search.run(products, _first_guess(search, nested))
+        products = Products(search.matrix, max_products)
+        state = search.run(products, search.first_guess(nested=nested))
+        state = state._replace(p=state.p / search.unit)
     result = _result(grid, z, state, products.count, work.units(z.size), distance)
     return converged(result, tolerance)
-
-
-def _first_guess(search: Search, nested: bool) -> tuple[Array, Array]:
-    """Pressures and elements in contact: from a coarser grid, or a superset of the contact."""
-    z, grid = search.z, search.grid
-    coarse = search.coarser() if nested else None
-    if coarse is not None:
-        A = Products(coarse.grid.normal(), 200)
-        p = refined(coarse.run(A, _first_guess(coarse, nested)).p, grid.shape)
-        if search.approach is not None:
-            p[z >= search.approach] = 0.0
-        if p.any():
-            if search.force is not None:
-                p *= search.total / p.sum()
-            return p, p > 0.0
-    if search.approach is not None:
-        return np.zeros(grid.shape), z < search.approach
-    return np.full(grid.shape, search.total / z.size), np.ones(grid.shape, bool)
 
 
 def _result(

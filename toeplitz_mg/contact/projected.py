@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from toeplitz_mg.contact.products import dot
+
 Array = NDArray[Any]
 
 
@@ -49,7 +51,7 @@ def descend(
     for _ in range(products):
         new = project(y + (b - Ay) / norm)
         new_u = A(new)
-        if np.vdot(y - new, new - x) > 0.0:  # uphill: forget the momentum
+        if dot(y - new, new - x) > 0.0:  # uphill: forget the momentum
             t = 1.0
         following = (1.0 + np.sqrt(1.0 + 4.0 * t * t)) / 2.0
         momentum = (t - 1.0) / following
@@ -62,4 +64,4 @@ def descend(
 
 
 def _energy(x: Array, u: Array, b: Array) -> float:
-    return float(np.vdot(x, 0.5 * u - b))
+    return dot(x, 0.5 * u - b)

@@ -14,7 +14,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.contact.coulomb import Areas, admissible, along, bounded, size
 from toeplitz_mg.contact.gmres import gmres
-from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.products import Products, dot
 from toeplitz_mg.contact.stick_slip import (
     COARSE_PRODUCTS,
     Linearised,
@@ -31,6 +31,8 @@ from toeplitz_mg.preconditioners.shifted import shifted_inverse
 Array = NDArray[Any]
 
 REDUCTION = 0.01  # of the residual, by one solution with GMRES, where that is not exact
+SINGLE = 1e-5  # of it, as single precision is good for no more,
+RANGE = 1e-12, 1e12  # and for such units
 MOST = 60  # iterations of one
 PATIENCE = 30  # changes of the areas without any progress
 
@@ -61,6 +63,8 @@ def steady(problem: Problem, K: Products, *, nested: bool) -> State:
     g, b = problem.g, problem.b
     q, areas = _first_guess(problem, nested=nested)
     u = K(q) if q.any() else np.zeros_like(q)
+    k0 = diagonal(K.A)
+    dtype = np.float32 if RANGE[0] < k0 < RANGE[1] else np.float64
     M, shift = None, 0.0
     best, patience = np.inf, PATIENCE
     iterations: list[int] = []
@@ -71,7 +75,7 @@ def steady(problem: Problem, K: Products, *, nested: bool) -> State:
         if problem.progress is not None:
             problem.progress(K.count, law.residual)
         if shift != (shift := _shift(areas)) or M is None:
-            M = shifted_inverse(K.A, shift)
+            M = shifted_inverse(K.A, shift).astype(dtype)
         v, count = _newton_step(problem, law, areas, q, K, M)
         iterations.append(count)
         q = q + v
@@ -95,10 +99,10 @@ def _newton_step(
     T, lam, r = law.T, law.stiffness, law.r
     contact, k0 = problem.g > 0.0, diagonal(K.A)
     weight = np.where(areas.slide, 1.0 / np.sqrt(1.0 + lam / k0), 1.0)
-    norm = float(np.linalg.norm(r))
+    norm = float(np.sqrt(dot(r, r)))
     if norm == 0.0:
         return np.zeros_like(r), 0
-    exact = 0.3 * problem.tolerance * law.scale
+    exact = max(0.3 * problem.tolerance * law.scale, SINGLE * norm)
     if len(r) > 1 and areas.slide.any():  # the circle |q| = g is linearised
         exact = max(exact, REDUCTION * norm)
 
@@ -112,6 +116,7 @@ def _newton_step(
         r,
         goal,
         min(MOST, max(1, K.limit - K.count)),
+        M.dtype,
     )
 
 

@@ -11,6 +11,8 @@ the accuracy at which the set, or the linearisation, is known to be wrong. (With
 converges for ν = 0 alone.)
 """
 
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,8 +30,9 @@ from toeplitz_mg.contact.coulomb import (
     size,
 )
 from toeplitz_mg.contact.grid import Grid, coarsened, refined
+from toeplitz_mg.contact.inverse import LocalInverse, is_local_better
 from toeplitz_mg.contact.normal import Progress
-from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.products import Products, dot
 from toeplitz_mg.contact.projected import descend
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.preconditioners import cosine_preconditioner
@@ -38,6 +41,7 @@ Array = NDArray[Any]
 
 COARSE = 3e-3  # tolerance of the first guess, on a coarser grid
 COARSE_PRODUCTS = 200
+LOCAL = 0.5  # of the inverse of the diagonal is added to that of A, where elements slide
 RESCUE = 40  # products of projected gradients, where the sets cycle
 
 
@@ -160,7 +164,7 @@ def solve(problem: Problem, A: Products, guess: Array | None, *, nested: bool) -
     g, b, total = problem.g, problem.b, problem.total
     q, areas = _first_guess(problem, guess, nested=nested)
     u = A(q) if q.any() else np.zeros_like(q)
-    M = cosine_preconditioner(A.A)
+    M = _inverse(A.A, g > 0.0)
     a0 = diagonal(A.A)
     eta, strikes, lowest = 1.0, 0, np.inf
     iterations: list[int] = []
@@ -180,7 +184,7 @@ def solve(problem: Problem, A: Products, guess: Array | None, *, nested: bool) -
         if out.any() or (len(q) > 1 and on_circle.any()):
             q, areas = admissible(q, g, areas, on_circle, total)
             u = A(q)
-        energy = float(np.vdot(q, 0.5 * u - b))
+        energy = dot(q, 0.5 * u - b)
         # Each change should lower the energy. Where it does not, first solve more exactly.
         if energy < lowest:
             strikes = 0
@@ -189,7 +193,7 @@ def solve(problem: Problem, A: Products, guess: Array | None, *, nested: bool) -
         if strikes == 3:
             q, u = descend(A, b, q, lambda x: nearest(x, g, total), A.A.norm_bound, RESCUE)
             areas, strikes = Areas.of(q, g), 0
-            energy = float(np.vdot(q, 0.5 * u - b))
+            energy = dot(q, 0.5 * u - b)
         lowest = min(lowest, energy)
 
 
@@ -199,7 +203,7 @@ def _newton_step(
     areas: Areas,
     q: Array,
     A: Products,
-    M: LinearOperator,
+    M: Callable[[Array], Array],
     a0: float,
     eta: float,
 ) -> tuple[Array, Array, int]:
@@ -207,6 +211,9 @@ def _newton_step(
     T, lam, r = law.T, law.stiffness, law.r
     contact = problem.g > 0.0
     v, Av = np.zeros_like(q), np.zeros_like(q)
+    # Where elements slide, λ adds to A. There M, so scaled, is too small for what is smooth.
+    weight = np.where(areas.slide, 1.0 / np.sqrt(1.0 + lam / a0), 1.0)
+    local = np.where(areas.slide, LOCAL / a0, 0.0)
     d, rho, count = v, 0.0, 0
     while not A.exhausted:
         # Three things may be wrong with the set, and with the linearisation: |q| > g where it
@@ -216,18 +223,27 @@ def _newton_step(
         wrong = max(excess, -float(along_n.min()))
         if np.abs(r).max() <= max(0.3 * problem.tolerance * law.scale, eta * wrong):
             break
-        y = apply_to_rows(M, np.where(areas.stick, r, 0.0).reshape(-1)).reshape(r.shape)
-        y = T(np.where(areas.stick, y, r / (a0 + lam)))
-        rho, before = float(np.vdot(r, y)), rho
+        y = weight * r
+        y = T(weight * (M(y) + local * y))
+        rho, before = dot(r, y), rho
         d = y + (rho / before) * d if count else y
         Ad = A(d)
         Hd = T(Ad + lam * d)
-        step = rho / float(np.vdot(d, Hd))
+        step = rho / dot(d, Hd)
         v += step * d
         Av += step * Ad
         r = r - step * Hd
         count += 1
     return v, Av, count
+
+
+def _inverse(A: Any, contact: Array) -> Callable[[Array], Array]:
+    """An approximate inverse of A on the elements in contact."""
+    if is_local_better(A, contact):
+        with suppress(np.linalg.LinAlgError):
+            return LocalInverse(A, np.broadcast_to(contact, A.grid_shape))
+    M = cosine_preconditioner(A)
+    return lambda r: apply_to_rows(M, r.reshape(-1)).reshape(r.shape)
 
 
 def _slip_reversed(problem: Problem, T: Tangent, s: Array) -> Array:

@@ -1,0 +1,98 @@
+"""Approximate inverses on areas of contact: by a cosine transform, on fragmented ones by FSAI."""
+
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator, apply_to_rows
+from toeplitz_mg.operators.transforms import near_fast_length
+from toeplitz_mg.preconditioners import fsai_preconditioner
+from toeplitz_mg.preconditioners.default import COMPACT, fragmentation
+from toeplitz_mg.preconditioners.symbol import sampled_symbol
+from toeplitz_mg.preconditioners.trigonometric import cosine_inverse
+
+Array = NDArray[Any]
+
+LARGE = 2**16  # unknowns of a grid, from which FSAI is worth its set-up
+SETTLED = 0.05  # of a set are others than before, when it is set up
+FAR = 0.5  # of a set are others than those of FSAI, when it is given up
+
+
+class LocalInverse:
+    """FSAI on some elements, and the identity on others.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator or CoupledOperator
+    C : ndarray of bool, of the shape of a field
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        As `fsai_preconditioner`.
+    """
+
+    def __init__(self, A: ToeplitzOperator | CoupledOperator, C: Array) -> None:
+        self.C = C
+        self._P = fsai_preconditioner(MaskedOperator(A, C))
+        self._elements = np.flatnonzero(C)
+
+    def __call__(self, r: Array) -> Array:
+        """Apply it to a field."""
+        y = r.flatten()
+        y[self._elements] = apply_to_rows(self._P, y[self._elements])
+        return y.reshape(r.shape)
+
+
+def is_local_better(A: ToeplitzOperator | CoupledOperator, C: Array) -> bool:
+    """Whether an area is so fragmented, and a product so long, that FSAI is worth its set-up."""
+    return A.shape[0] >= LARGE and fragmentation(C) > COMPACT
+
+
+class Inverse:
+    """An approximate inverse for sets that change.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator
+        Its diagonal is 1.
+
+    Attributes
+    ----------
+    dtype : dtype
+        Single precision, unless A is too ill-conditioned for that, as it is of very long elements.
+    """
+
+    def __init__(self, A: ToeplitzOperator) -> None:
+        self._A = A
+        self._before = np.zeros(A.grid_shape, bool)
+        self._local: LocalInverse | None = None
+        symbol = sampled_symbol(A, tuple(near_fast_length(n) for n in A.grid_shape))
+        try:
+            self._cosine = cosine_inverse(A, symbol, np.float32)
+        except np.linalg.LinAlgError:  # the symbol sinks into the rounding
+            self._cosine = cosine_inverse(A, symbol)
+        self.dtype = self._cosine.dtype
+
+    def fit(self, C: Array) -> None:
+        """Choose for a set. Of FSAI that of a similar one is as good."""
+        before, self._before = self._before, C
+        if self._local is not None and _others(C, self._local.C) <= FAR:
+            return
+        self._local = None
+        if _others(C, before) <= SETTLED and is_local_better(self._A, C):
+            with suppress(np.linalg.LinAlgError):
+                self._local = LocalInverse(self._A, C)
+
+    def __call__(self, r: Array) -> Array:
+        """Apply it to a field that is zero outside of the set; the result is not."""
+        if self._local is not None:
+            return self._local(r)
+        return apply_to_rows(self._cosine, r.reshape(-1)).reshape(r.shape)
+
+
+def _others(C: Array, before: Array) -> float:
+    """What part of a set is not as before."""
+    return int(np.count_nonzero(C ^ before)) / int(np.count_nonzero(C))
