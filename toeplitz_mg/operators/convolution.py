@@ -107,8 +107,7 @@ class ToeplitzProduct:
         (n,) = self.grid_shape
         plan = plan_of(n, np.float64)
         count_transforms(1, 2 * plan.length)
-        column = workspace("first column", (plan.length,), np.complex128)
-        column[...] = 0.0
+        column = np.zeros(plan.length, np.complex128)  # given back, for it is large
         column[:n] = self._column
         column.imag[plan.length - n + 1 :] = self._row[:0:-1]
         Z = plan.spectrum(column, 0.25)
