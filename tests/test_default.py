@@ -37,6 +37,26 @@ def test_one_level():
         assert iterations(A) <= 12
 
 
+def test_two_levels_of_slow_lengths():
+    A = tmg.ToeplitzOperator(contact(131, 131))
+    assert "SparseInverse" in taken(A)
+    assert iterations(A) <= 9
+    assert "cosine" in taken(tmg.ToeplitzOperator(contact(132, 132)))
+    assert "cosine" in taken(tmg.ToeplitzOperator(contact(67, 67)))  # it is small
+    assert "cosine" in taken(tmg.ToeplitzOperator(exponential(131, 131)))  # smooth
+
+
+def test_blobs():
+    mask = masks.circle(64)
+    x, y = tmg.halfspace.lags((64, 64), (1.0, 20.0))
+    stretched = tmg.halfspace.influence_zz(x, y, (1.0, 20.0), G=1.0, nu=0.28)
+    A = tmg.MaskedOperator(tmg.ToeplitzOperator(stretched), mask)
+    assert "SparseInverse" in taken(A)
+    assert iterations(A) <= 10
+    two = tmg.MaskedOperator(coupled(coupled_kernel(2, 64, 64))(np.float64), mask)
+    assert taken(two).count("SparseInverse") == 2
+
+
 @pytest.mark.parametrize("area", masks.FRAGMENTED)
 def test_two_levels(area):
     mask = masks.FRAGMENTED[area](96)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.transforms import near_fast_length
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner
@@ -22,10 +22,10 @@ from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner, sin
 Array = NDArray[Any]
 
 FEW = 100_000  # unknowns of one blob that sine transforms solve for before FSAI is set up
+ALIKE = 0.5  # coupling of neighbours in one axis, of that in the other; 0.36 of elements 1:4
 COMPACT = 5.0  # `fragmentation` of one blob: 4.0 of a square, 4.5 of a circle, 7.8 of an annulus
 
 
-@componentwise
 def default_preconditioner(
     A: LinearOperator, *, solves: int = 1, dtype: DTypeLike | None = None
 ) -> LinearOperator:
@@ -64,8 +64,12 @@ def default_preconditioner(
                              sine or cosine where the symbol
                              has a zero
     one, a mask              FSAI                              5 to 9, sine 13 to over 150
-    two, all of it           cosine                            9 to 13
-    two, one small blob      sine, for more solves FSAI        10 to 14, FSAI 8
+    two, all of it           cosine; FSAI where a length has   9 to 13, FSAI 7 to 9
+                             a prime factor above 61, and the
+                             coefficients decay slowly
+    two, one small blob      sine; FSAI for more solves, and   10 to 14, FSAI 8 to 10
+                             for coupled components, and for
+                             stretched elements
     two, any other mask      FSAI                              7 to 10, sine 12 to 67
     three or more            cosine; on a mask sine            9 to 20
     ======================== ================================= ==============================
@@ -86,15 +90,22 @@ def default_preconditioner(
     """
     if not solves >= 1:
         raise ValueError(f"solves is {solves}, but must be at least 1")
+    full = A.full if isinstance(A, MaskedOperator) else A
+    # A product of several components costs more, and so few iterations are worth more.
+    return _default(A, solves > 1 or isinstance(full, CoupledOperator), dtype)
+
+
+@componentwise
+def _default(A: LinearOperator, is_worth_set_up: bool, dtype: DTypeLike | None) -> LinearOperator:
     full, mask = toeplitz_and_mask(A)
-    for preconditioner in _candidates(full, mask, solves):
+    for preconditioner in _candidates(full, mask, is_worth_set_up):
         with suppress(np.linalg.LinAlgError):
             return preconditioner(A, dtype=dtype)
     return chan_preconditioner(A, dtype=dtype)
 
 
 def _candidates(
-    full: ToeplitzOperator, mask: Array | None, solves: int
+    full: ToeplitzOperator, mask: Array | None, is_worth_set_up: bool
 ) -> Iterator[Callable[..., LinearOperator]]:
     """Yield what may be taken, the fastest first."""
     levels = sum(n > 1 for n in full.grid_shape)
@@ -110,13 +121,37 @@ def _candidates(
             yield spectral_preconditioner
         yield cosine_preconditioner
     elif mask is None or mask.all():
+        if _is_of_slow_lengths(full):
+            yield fsai_preconditioner
         yield cosine_preconditioner
     elif len(full.grid_shape) <= 2 and full.is_even:
         is_small_blob = fragmentation(mask) <= COMPACT and np.count_nonzero(mask) < FEW
-        if levels == 1 or solves > 1 or not is_small_blob:
+        if levels == 1 or is_worth_set_up or not is_small_blob or _is_stretched(full):
             yield fsai_preconditioner
     yield sine_preconditioner
     yield cosine_preconditioner
+
+
+def _is_of_slow_lengths(full: ToeplitzOperator) -> bool:
+    """Whether FSAI is faster on the whole of a grid in two levels.
+
+    Where a length is slow for transforms the cosine takes twice the iterations. FSAI needs
+    coefficients that decay slowly along both axes, as those of a half-space.
+    """
+    return (
+        full.c.ndim == 2
+        and full.c.size >= LONG
+        and full.is_even
+        and any(near_fast_length(n) != n for n in full.grid_shape)
+        and decays_slowly(full.c[0])
+        and decays_slowly(full.c[:, 0])
+    )
+
+
+def _is_stretched(full: ToeplitzOperator) -> bool:
+    """Whether neighbours in one axis are coupled much less than in the other."""
+    first, second = abs(full.c[1, 0]), abs(full.c[0, 1])
+    return bool(min(first, second) < ALIKE * max(first, second))
 
 
 def fragmentation(mask: Array) -> float:
