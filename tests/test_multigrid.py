@@ -613,3 +613,14 @@ def test_a_mask_without_a_coarse_grid():
     many = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(8192)), np.arange(8192) % 2 == 0)
     with pytest.raises(ValueError, match="fragments"):
         tmg.multigrid(many)
+
+
+def test_a_smoother_that_diverges_is_refused():
+    A = tmg.ToeplitzOperator(np.exp(-np.indices((12, 12, 12)).sum(axis=0) / 2.0))
+    S = tmg.fft_rsm_preconditioner(A)
+    assert not S.certified
+    _, info = tmg.richardson(A, np.ones(A.shape[0]), M=S, maxiter=100)
+    assert info == 100
+    with pytest.raises(np.linalg.LinAlgError, match="needs all below 2") as error:
+        tmg.multigrid(A)
+    assert "level 0" in error.value.__notes__[0]

@@ -216,8 +216,8 @@ def multigrid(
     TypeError
         For a parameter of the wrong type.
     numpy.linalg.LinAlgError
-        Where the smoother refuses the matrix of a level, or the coarsest one is not positive
-        definite.
+        Where the smoother refuses the matrix of a level, or M̄ is found to diverge on it, or the
+        coarsest one is not positive definite.
 
     Notes
     -----

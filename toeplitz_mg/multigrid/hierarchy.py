@@ -18,6 +18,7 @@ Smoother = Callable[[LinearOperator], LinearOperator]
 
 # The largest matrix factorised where no coarser grid can be had: 32 MB, a tenth of a second.
 LARGEST_DENSE = 2048
+POWERS = 12  # of the product of a smoother and its matrix, to find an eigenvalue above 2
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,8 @@ def build_levels(
     while A.shape[0] > coarsest and (between := Transfer.of(A, interpolation)) is not None:
         try:
             S = aslinearoperator(smoother(A))
+            if not getattr(S, "certified", True):
+                _require_convergence(A, S)
         except np.linalg.LinAlgError as error:
             if levels and A.shape[0] <= LARGEST_DENSE:
                 break
@@ -124,3 +127,24 @@ def build_levels(
         )
     levels.append(Level(A, DenseInverse(A), None))
     return tuple(levels)
+
+
+def _require_convergence(A: LinearOperator, S: LinearOperator) -> None:
+    """Raise LinAlgError where I - S A is found to have an eigenvalue below -1.
+
+    By power iteration in the inner product of A, in which S A is self-adjoint: its largest
+    eigenvalue is at least the quotient.
+    """
+    if S.shape != A.shape:
+        return
+    x = np.random.default_rng(0).standard_normal(A.shape[0]).astype(A.dtype)
+    for _ in range(POWERS):
+        u = A @ x
+        x, before = S @ u, x
+        quotient = float(u @ x) / float(before @ u)
+        x /= np.linalg.norm(x)
+        if not quotient < 2.0:
+            raise np.linalg.LinAlgError(
+                f"as a smoother {S!r} diverges: its product with the matrix has the eigenvalue "
+                f"{quotient:.3g}, but needs all below 2: use cosine_preconditioner(A) with cg"
+            )
