@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
+from comparisons import masks
 from tests.cases import contact
 from toeplitz_mg import output
 from toeplitz_mg.cli import main
@@ -195,6 +196,16 @@ def test_right_hand_sides_whose_squares_over_or_underflow(files, value):
     assert_allclose(tmg.ToeplitzOperator(contact(300)) @ x, 1.0, rtol=1e-6)
 
 
+def test_a_mask_in_fragments_is_solved_by_default(files):
+    """By cg with default_preconditioner: the V(0,1) cycle would not converge."""
+    c = contact(64, 64)
+    mask = masks.rough(0.3, 64)
+    np.save(files / "c.npy", c)
+    np.save(files / "b.npy", np.ones(np.count_nonzero(mask)))
+    np.save(files / "mask.npy", mask)
+    assert solve(files, "--mask", str(files / "mask.npy"), "--maxiter", "12") == 0
+
+
 def test_options_count_on_both_sides_of_the_command(files, capsys):
     names = [str(files / name) for name in ("c.npy", "b.npy")]
     command = ["solve", *names, "-o", str(files / "x.npy")]
@@ -277,7 +288,7 @@ def test_interruption_writes_nothing(files, monkeypatch, capsys):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("toeplitz_mg.cli.tmg.richardson", interrupt)
+    monkeypatch.setattr("toeplitz_mg.cli.tmg.cg", interrupt)
     assert solve(files) == 130
     assert "interrupted" in capsys.readouterr().err
     assert not (files / "x.npy").exists()

@@ -38,7 +38,7 @@ def _method_options(parser: argparse.ArgumentParser) -> None:
         "--solver",
         choices=("multigrid", "richardson", "cg"),
         help="multigrid cycles, Richardson with a preconditioner, or conjugate gradients "
-        "(default: multigrid)",
+        "(default: multigrid; of solve: cg, unless a cycle is given)",
     )
     group.add_argument(
         "--preconditioner",
@@ -121,6 +121,8 @@ def checked(given: argparse.Namespace) -> argparse.Namespace:
         raise UsageError("--test and -n choose a problem of the paper, which solve does not solve")
     options = argparse.Namespace(**(DEFAULTS | {"output": None, "mask": None} | vars(given)))
     of_cycles = hasattr(given, "cycle") or hasattr(given, "smoother")
+    if given.command == "solve" and not hasattr(given, "solver") and not of_cycles:
+        options.solver = "cg"
     if options.preconditioner is None and options.solver != "multigrid":
         by_default = "fft-rsm" if options.solver == "richardson" else "default"
         options.preconditioner = "multigrid" if of_cycles else by_default

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import norm
-from scipy.sparse.linalg import LinearOperator, cg
+from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from toeplitz_mg import contact_cli, output
@@ -152,14 +152,18 @@ def _solve(system: System, options: argparse.Namespace) -> int:
     start = perf_counter()
     M, label = _method(system, options)
     setup = perf_counter() - start
-    solver = cg if options.solver == "cg" else tmg.richardson
-    print(f"{system.title}\n{'CG with ' if solver is cg else ''}{M if M is not None else label}\n")
+    solver = tmg.cg if options.solver == "cg" else tmg.richardson
+    method = M if M is not None else label
+    print(f"{system.title}\n{'CG with ' if options.solver == 'cg' else ''}{method}\n")
     print(" iteration   residual / right-hand side", flush=True)
 
     progress = Progress(system)
-    guess = None
+    guess, scale = None, 1.0
     if options.seed is not None:
         guess = np.random.default_rng(options.seed).random(len(system.b))
+    else:  # so that no inner product over- or underflows
+        scale = 2.0 ** (float(np.frexp(np.abs(system.b).max())[1]) - 1.0)
+        system.b = system.b / scale
     first = system.b if guess is None else system.b - system.A @ guess
     start = perf_counter()
     with tmg.count_products() as work:
@@ -177,6 +181,7 @@ def _solve(system: System, options: argparse.Namespace) -> int:
     work.points -= progress.products.points
     size = float(norm(system.b))
     residual = float(norm(system.b - system.A @ x)) / size
+    x = x * scale
     # The recurrence of cg may have drifted from the true residual: the latter decides.
     converged = info == 0 and residual <= 1.01 * options.rtol
     count = len(progress.residuals)

@@ -98,33 +98,40 @@ def default_preconditioner(
 @componentwise
 def _default(A: LinearOperator, is_worth_set_up: bool, dtype: DTypeLike | None) -> LinearOperator:
     full, mask = toeplitz_and_mask(A)
+    full = full.squeezed
+    shape = full.grid_shape
+    mask = np.ones(shape, dtype=bool) if mask is None else mask.reshape(shape)
     for preconditioner in _candidates(full, mask, is_worth_set_up):
         with suppress(np.linalg.LinAlgError):
             return preconditioner(A, dtype=dtype)
-    return chan_preconditioner(A, dtype=dtype)
+    try:
+        return chan_preconditioner(A, dtype=dtype)
+    except np.linalg.LinAlgError as error:
+        raise np.linalg.LinAlgError(
+            f"A is not positive definite, or nearly singular: {error}"
+        ) from None
 
 
 def _candidates(
-    full: ToeplitzOperator, mask: Array | None, is_worth_set_up: bool
+    full: ToeplitzOperator, mask: Array, is_worth_set_up: bool
 ) -> Iterator[Callable[..., LinearOperator]]:
     """Yield what may be taken, the fastest first."""
-    levels = sum(n > 1 for n in full.grid_shape)
-    if levels <= 1 and (mask is None or mask.all()):
-        if len(full.grid_shape) == 1:
-            if len(full.c) >= LONG and decays_slowly(full.c):
-                yield fsai_preconditioner
-            samples = sampled_symbol(full, (near_fast_length(full.shape[0]),))
-            if samples[0] < samples[1] / 2:  # a zero at θ = 0, which a sine does not see
-                yield sine_preconditioner
-            elif samples[-1] < samples[-2] / 2:  # the same at π
-                yield cosine_preconditioner
-            yield spectral_preconditioner
+    levels = len(full.grid_shape)
+    if levels == 1 and mask.all():
+        if len(full.c) >= LONG and decays_slowly(full.c):
+            yield fsai_preconditioner
+        samples = sampled_symbol(full, (near_fast_length(full.shape[0]),))
+        if samples[0] < samples[1] / 2:  # a zero at θ = 0, which a sine does not see
+            yield sine_preconditioner
+        elif samples[-1] < samples[-2] / 2:  # the same at π
+            yield cosine_preconditioner
+        yield spectral_preconditioner
         yield cosine_preconditioner
-    elif mask is None or mask.all():
+    elif mask.all():
         if _is_of_slow_lengths(full):
             yield fsai_preconditioner
         yield cosine_preconditioner
-    elif len(full.grid_shape) <= 2 and full.is_even:
+    elif levels <= 2 and full.is_even:
         is_small_blob = fragmentation(mask) <= COMPACT and np.count_nonzero(mask) < FEW
         if levels == 1 or is_worth_set_up or not is_small_blob or _is_stretched(full):
             yield fsai_preconditioner
