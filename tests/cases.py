@@ -59,41 +59,27 @@ def checkered(*grid_shape):
 # Dense definitions --------------------------------------------------------------------------
 
 
+def differences(grid_shape):
+    """i - j of every pair of points, in each level."""
+    points = np.indices(grid_shape).reshape(len(grid_shape), -1)
+    return [np.subtract.outer(k, k) for k in points]
+
+
 def dense_of_lags(lags):
-    """The matrix a[i - j], entry by entry."""
+    """The matrix a[i - j]."""
     shape = tuple((n + 1) // 2 for n in lags.shape)
-    points = list(np.ndindex(shape))
-    return np.array(
-        [
-            [
-                lags[tuple(a - b + n - 1 for a, b, n in zip(i, j, shape, strict=True))]
-                for j in points
-            ]
-            for i in points
-        ]
-    )
+    return lags[tuple(k + n - 1 for k, n in zip(differences(shape), shape, strict=True))]
 
 
 def dense_of_column(c):
     """The matrix that is symmetric in every level: c[|i - j|]."""
-    points = list(np.ndindex(c.shape))
-    return np.array(
-        [[c[tuple(abs(a - b) for a, b in zip(i, j, strict=True))] for j in points] for i in points]
-    )
+    return c[tuple(abs(k) for k in differences(c.shape))]
 
 
 def periodic(column):
     """The circulant matrix of any number of levels with this first column."""
-    points = list(np.ndindex(column.shape))
-    return np.array(
-        [
-            [
-                column[tuple((a - b) % n for a, b, n in zip(i, j, column.shape, strict=True))]
-                for j in points
-            ]
-            for i in points
-        ]
-    )
+    shape = column.shape
+    return column[tuple(k % n for k, n in zip(differences(shape), shape, strict=True))]
 
 
 def embedded(c):
@@ -302,8 +288,13 @@ COLUMNS = {
     "16": contact(16),
     "31": exponential(31),
     "4x1": contact(4, 1),
+    "6x1": contact(6, 1),
+    "1x6": contact(1, 6),
+    "5x7": contact(5, 7),
     "5x8": contact(5, 8),
+    "8x8": contact(8, 8),
     "3x2x4": exponential(3, 2, 4),
+    "3x4x5": exponential(3, 4, 5),
 }
 
 
@@ -351,76 +342,73 @@ def _operators():
     )
 
 
+def componentwise(c, M, mask):
+    """Preconditioners that take coupled components one by one, and their matrices on a mask."""
+    yield tmg.fft_rsm_preconditioner, dense_rsm(submatrix(M, mask), M.sum(axis=1).min())
+    yield tmg.cosine_preconditioner, submatrix(dense_trigonometric(c, np.cos, 0), mask)
+    yield tmg.sine_preconditioner, submatrix(dense_trigonometric(c, np.sin, 1), mask)
+    yield tmg.strang_preconditioner, submatrix(np.linalg.inv(periodic(strang_column(c))), mask)
+    yield tmg.chan_preconditioner, submatrix(np.linalg.inv(periodic(chan_column(c))), mask)
+    if sum(n > 1 for n in c.shape) <= 2:  # few unknowns are solved for directly
+        A = submatrix(dense_of_column(c), mask)
+        yield tmg.fsai_preconditioner, np.linalg.inv(A)
+
+
+def is_refused(f, matrix):
+    """Whether this is an M_bar that is indefinite; that it is refused is tested elsewhere."""
+    return f is tmg.fft_rsm_preconditioner and np.linalg.eigvalsh(matrix)[0] <= 0.0
+
+
 def _preconditioners():
     for name, c in COLUMNS.items():
-        mask = checkered(*c.shape)
-        A = dense_of_column(c)
-        M = dense_M(c)
-        gamma = M.sum(axis=1).min()
-        A_r, M_r = submatrix(A, mask), submatrix(M, mask)
-        f = tmg.fft_preconditioner
-        yield Case(f"M {name}", applied(f, toeplitz(c)), lambda M=M: M)
-        yield Case(f"M masked {name}", applied(f, masked(c)), lambda M_r=M_r: M_r)
-        for label, build, matrix in (("", toeplitz(c), M), (" masked", masked(c), M_r)):
-            for g in (None, 2.0 * abs(gamma)):
-                M_bar = dense_rsm(matrix, g or gamma)
-                if np.linalg.eigvalsh(M_bar).min() > 0.0:  # otherwise it is refused, and tested so
+        M_full = dense_M(c)
+        for label, build, mask in (
+            ("", toeplitz(c), np.ones(c.shape, bool)),
+            (" masked", masked(c), checkered(*c.shape)),
+        ):
+            name_of = f"{label} {name}"
+            A, M = submatrix(dense_of_column(c), mask), submatrix(M_full, mask)
+            yield Case(f"M{name_of}", applied(tmg.fft_preconditioner, build), lambda M=M: M)
+            for f, matrix in componentwise(c, M_full, mask):
+                if not is_refused(f, matrix):
                     yield Case(
-                        f"M_bar{label} {name}, gamma {g}",
-                        applied(tmg.fft_rsm_preconditioner, build, gamma=g),
-                        lambda M_bar=M_bar: M_bar,
+                        f"{f.__name__}{name_of}", applied(f, build), lambda matrix=matrix: matrix
                     )
-        for label, build, a, matrix in (("", toeplitz(c), A, M), (" masked", masked(c), A_r, M_r)):
+            gamma = 2.0 * abs(M_full.sum(axis=1).min())
+            M_bar = dense_rsm(M, gamma)
+            if not is_refused(tmg.fft_rsm_preconditioner, M_bar):
+                yield Case(
+                    f"M_bar{name_of}, gamma {gamma}",
+                    applied(tmg.fft_rsm_preconditioner, build, gamma=gamma),
+                    lambda M_bar=M_bar: M_bar,
+                )
             for m in (1, 2, 3):
-                if m < len(a):  # as many subdomains as unknowns leave nothing
+                if m < len(A):  # as many subdomains as unknowns leave nothing
                     yield Case(
-                        f"P M{label} {name}, {m}",
+                        f"P M{name_of}, {m}",
                         applied(tmg.fft_sd_preconditioner, build, n_subdomains=m),
-                        lambda a=a, matrix=matrix, m=m: dense_sd(a, matrix, m),
+                        lambda A=A, M=M, m=m: dense_sd(A, M, m),
                         symmetric=False,
                         positive=False,
                     )
-        for f, wave, first in (
-            (tmg.cosine_preconditioner, np.cos, 0),
-            (tmg.sine_preconditioner, np.sin, 1),
-        ):
-            trigonometric = dense_trigonometric(c, wave, first)
-            for label, build, matrix in (
-                ("", toeplitz(c), trigonometric),
-                (" masked", masked(c), submatrix(trigonometric, mask)),
-            ):
-                yield Case(
-                    f"{f.__name__}{label} {name}", applied(f, build), lambda matrix=matrix: matrix
-                )
-        for label, build, matrix in (("", toeplitz(c), A), (" masked", masked(c), A_r)):
             yield Case(
-                f"jacobi{label} {name}",
+                f"jacobi{name_of}",
                 applied(tmg.jacobi_preconditioner, build, omega=0.7),
-                lambda matrix=matrix: 0.7 / matrix[0, 0] * np.eye(len(matrix)),
+                lambda A=A: 0.7 / A[0, 0] * np.eye(len(A)),
             )
-        if c.ndim == 1:
-            yield Case(
-                f"spectral {name}",
-                applied(tmg.spectral_preconditioner, toeplitz(c)),
-                lambda c=c: dense_spectral(c),
-            )
+            if max(c.shape) == c.size:
+                spectral = submatrix(dense_spectral(c.ravel()), mask)
+                yield Case(
+                    f"spectral{name_of}",
+                    applied(tmg.spectral_preconditioner, build),
+                    lambda spectral=spectral: spectral,
+                )
+        if max(c.shape) == c.size:
             yield Case(
                 f"inverse {name}",
                 applied(tmg.toeplitz_inverse, toeplitz(c), rtol=1e-2),
-                lambda A=A: np.linalg.inv(A),
+                lambda c=c: np.linalg.inv(dense_of_column(c)),
             )
-        for f, column in (
-            (tmg.strang_preconditioner, strang_column),
-            (tmg.chan_preconditioner, chan_column),
-        ):
-            inverse = np.linalg.inv(periodic(column(c)))
-            for label, build, matrix in (
-                ("", toeplitz(c), inverse),
-                (" masked", masked(c), submatrix(inverse, mask)),
-            ):
-                yield Case(
-                    f"{f.__name__}{label} {name}", applied(f, build), lambda matrix=matrix: matrix
-                )
 
 
 def coupled_kernel(components, *grid_shape):
@@ -470,16 +458,44 @@ def coupled(kernel):
     return build
 
 
+def half_space_kernel(components, *grid_shape):
+    """The tangential components of equal materials; of unequal ones the normal one too."""
+    element = (0.5, 0.5)
+    x, y = halfspace.all_lags(grid_shape, element)
+    xx, xy, yy, zz = (
+        influence(x, y, element, G=1.0, nu=0.28)
+        for influence in (
+            halfspace.influence_xx,
+            halfspace.influence_xy,
+            halfspace.influence_yy,
+            halfspace.influence_zz,
+        )
+    )
+    if components == 2:
+        return [[xx, xy], [xy, yy]]
+    xz, yz = (
+        influence(x, y, element, G=1.0, K=0.2)
+        for influence in (halfspace.influence_xz, halfspace.influence_yz)
+    )
+    return [[xx, xy, xz], [xy, yy, yz], [-xz, -yz, zz]]
+
+
 def _coupled():
-    for components, shape in ((2, (3, 4)), (2, (7,)), (3, (2, 5)), (3, (5, 1)), (2, (2, 3, 2))):
-        kernel = coupled_kernel(components, *shape)
+    kernels = [
+        (f"{components} {shape}", coupled_kernel(components, *shape))
+        for components, shape in ((2, (3, 4)), (2, (7,)), (3, (2, 5)), (3, (5, 1)), (2, (2, 3, 2)))
+    ] + [
+        (f"half-space {components} {shape}", half_space_kernel(components, *shape))
+        for components, shape in ((2, (5, 7)), (2, (8, 8)), (2, (1, 6)), (3, (5, 4)), (3, (6, 1)))
+    ]
+    for name, kernel in kernels:
+        components, shape = len(kernel), tuple((m + 1) // 2 for m in kernel[0][0].shape)
         dense = dense_of_kernel(kernel)
         M = dense_coupled_M(kernel)
         mask = np.stack([checkered(*shape)] * components)
         mask[-1] &= np.arange(mask[0].size).reshape(shape) % 2 == 0
         c = [kernel[i][i][tuple(slice(n - 1, None) for n in shape)] for i in range(components)]
-        cosines = [dense_trigonometric(x, np.cos, 0) for x in c]
-        chans = [np.linalg.inv(periodic(chan_column(x))) for x in c]
+        M_each = [dense_M(x) for x in c]
         for label, build, cut in (
             ("", coupled(kernel), np.ones_like(mask)),
             (
@@ -488,22 +504,33 @@ def _coupled():
                 mask,
             ),
         ):
-            name = f"coupled{label} {components} {shape}"
+            A, M_r = submatrix(dense, cut), submatrix(M, cut)
+            each = zip(*map(componentwise, c, M_each, cut), strict=True)
             for f, matrix in (
-                (lambda A: A, dense),
-                (tmg.fft_preconditioner, M),
-                (tmg.cosine_preconditioner, scipy.linalg.block_diag(*cosines)),
-                (tmg.componentwise(tmg.chan_preconditioner), scipy.linalg.block_diag(*chans)),
+                (lambda A: A, A),
+                (tmg.fft_preconditioner, M_r),
+                *(
+                    (of_one[0][0], scipy.linalg.block_diag(*(x for _, x in of_one)))
+                    for of_one in each
+                ),
             ):
-                yield Case(
-                    f"{getattr(f, '__name__', 'A')} {name}",
-                    applied(f, build),
-                    lambda matrix=matrix, cut=cut: submatrix(matrix, cut),
-                )
+                if not is_refused(f, matrix):
+                    yield Case(
+                        f"{f.__name__} coupled{label} {name}",
+                        applied(f, build),
+                        lambda matrix=matrix: matrix,
+                    )
+            yield Case(
+                f"P M coupled{label} {name}",
+                applied(tmg.fft_sd_preconditioner, build),
+                lambda A=A, M_r=M_r: dense_sd(A, M_r, 2),
+                symmetric=False,
+                positive=False,
+            )
         general = [list(row) for row in kernel]
         general[1][0] = kernel[1][0] + 0.3 * kernel[0][0]
         yield Case(
-            f"A coupled, general {components} {shape}",
+            f"A coupled, general {name}",
             coupled(general),
             lambda general=general: dense_of_kernel(general),
             symmetric=False,
@@ -521,6 +548,14 @@ def _cycles():
                 symmetric=pre == post,
                 positive=pre == post,
             )
+    kernel = half_space_kernel(2, 8, 8)
+    yield Case(
+        "V(1,1) of coupled components",
+        applied(tmg.componentwise(tmg.multigrid), coupled(kernel), coarsest=4),
+        lambda: scipy.linalg.block_diag(
+            *(dense_cycle(kernel[i][i][7:, 7:], smooth_rsm, 1, 1, 1, 4) for i in (0, 1))
+        ),
+    )
     yield Case(
         "V(0,1) with SD 16",
         applied(

@@ -159,6 +159,8 @@ def test_what_is_refused_as_inner():
     A, b = system()
     with pytest.raises(ValueError, match=r"inner has shape \(3, 3\), but A has \(900, 900\)"):
         tmg.cg(A, b, inner=np.eye(3))
+    with pytest.raises(TypeError, match="inner is True, but must be A in less precision"):
+        tmg.cg(A, b, inner=True)
     with pytest.raises(TypeError, match="inner has dtype complex128"):
         tmg.cg(A, b, inner=np.eye(900) + 0j)
     # Too coarse an approximation of A is not a solution, and not an endless loop.

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
-from tests.cases import coupled, coupled_kernel
+from tests.cases import checkered, coupled, coupled_kernel, half_space_kernel
 from toeplitz_mg import halfspace
 
 
@@ -87,6 +87,17 @@ def test_without_coupling_it_is_the_components():
     assert_allclose(M @ x, np.concatenate([one @ x[:340], one @ x[340:]]), atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("components", "shape"), [(2, (5, 7)), (2, (8, 8)), (2, (1, 6)), (3, (5, 4)), (3, (6, 1))]
+)
+def test_a_cycle_of_each_component_is_symmetric_positive_definite(components, shape):
+    A = coupled(half_space_kernel(components, *shape))(np.float64)
+    for B in (A, tmg.MaskedOperator(A, checkered(*shape))):
+        dense = tmg.componentwise(tmg.multigrid)(B, coarsest=4) @ np.eye(B.shape[0])
+        assert_allclose(dense, dense.T, atol=1e-13 * abs(dense).max())
+        assert np.linalg.eigvalsh(dense).min() > 0
+
+
 def test_what_is_refused():
     a, b = tmg.ToeplitzOperator([[2.0, 1.0]]), tmg.ToeplitzOperator([[2.0, 1.0, 0.5]])
     with pytest.raises(ValueError, match=r"rows of lengths \[2, 1\], but must be a square"):
@@ -95,10 +106,23 @@ def test_what_is_refused():
         tmg.CoupledOperator([[a, None], [None, b]])
     with pytest.raises(TypeError, match=r"blocks\[0\]\[1\] is a ndarray, but must be a Toeplitz"):
         tmg.CoupledOperator([[a, np.eye(2)], [None, a]])
+    with pytest.raises(TypeError, match=r"blocks is \[<Toeplitz.*>\], but must have rows, as \[\["):
+        tmg.CoupledOperator([a, a])
+    with pytest.raises(TypeError, match=r"blocks is <Toeplitz.*>, but must have rows"):
+        tmg.CoupledOperator(a)
     with pytest.raises(ValueError, match="row 1 of the blocks is zero"):
         tmg.CoupledOperator([[a, None], [None, None]])
+    with pytest.raises(ValueError, match="column 0 of the blocks is zero"):
+        tmg.CoupledOperator([[None, a], [None, a]])
+    for i in (-1, 2):
+        with pytest.raises(IndexError, match=rf"i is {i}, but must be one of the .* 0 \.\.\. 1"):
+            tmg.CoupledOperator([[a, None], [None, a]]).component(i)
     with pytest.raises(ValueError, match="the block of component 0 on itself is zero"):
         tmg.CoupledOperator([[None, a], [a, None]]).component(0)
+    without = tmg.CoupledOperator([[None, a], [a, None]])
+    for preconditioner in (tmg.fft_preconditioner, tmg.cosine_preconditioner):
+        with pytest.raises(ValueError, match="the block of component 0 on itself is zero"):
+            preconditioner(without)
     strong = coupled_kernel(2, 4, 4)
     strong[0][1], strong[1][0] = (40.0 * lags for lags in (strong[0][1], strong[1][0]))
     with pytest.raises(np.linalg.LinAlgError, match="which M inverts, has the pivot -"):
@@ -108,5 +132,8 @@ def test_what_is_refused():
     for preconditioner in (tmg.fft_preconditioner, tmg.cosine_preconditioner):
         with pytest.raises(ValueError, match=r"2 components, 4 x 4, general.*must be symmetric"):
             preconditioner(coupled(kernel)(np.float64))
-    with pytest.raises(TypeError, match="is a CoupledOperator, but must be a ToeplitzOperator"):
-        tmg.multigrid(tangential(8), coarsest=4)
+    for of_one in (tmg.multigrid, tmg.jacobi_preconditioner, tmg.toeplitz_inverse):
+        with pytest.raises(TypeError, match="is a CoupledOperator, but must be a ToeplitzOperator"):
+            of_one(tangential(8))
+        with pytest.raises(TypeError, match=r"componentwise\(multigrid\)\(A\)"):
+            of_one(tangential(8))

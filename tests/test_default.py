@@ -32,6 +32,11 @@ def test_one_level():
     assert "Gohberg" in taken(tmg.ToeplitzOperator(column("0.9^k", 2**14)))
     assert "sine transform" in taken(tmg.ToeplitzOperator(column("2 - 2 cos θ", 900)))
     assert "cosine transform" in taken(tmg.ToeplitzOperator(column("2 + 2 cos θ", 900)))
+    for shape in ((2**14, 1), (1, 2**14, 1)):
+        assert "SparseInverse" in taken(
+            tmg.ToeplitzOperator(column("contact", 2**14).reshape(shape))
+        )
+        assert "Gohberg" in taken(tmg.ToeplitzOperator(column("0.9^k", 2**14).reshape(shape)))
     assert "SparseInverse" in taken(test3(1024).A)
     for A in (tmg.ToeplitzOperator(column("θ²", 900)), test3(2048).A):
         assert iterations(A) <= 12

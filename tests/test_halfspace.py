@@ -354,6 +354,11 @@ def test_the_bonded_flat_punch_converges_at_first_order():
         ({"element": (1.0, -1.0)}, ValueError, r"element\[1\] is -1.0"),
         ({"element": (1.0, 1.0, 1.0)}, ValueError, "two sizes"),
         ({"x": np.inf}, ValueError, "x has coordinates that are not finite"),
+        ({"element": 1.0}, ValueError, "element is 1.0, but an element has the two sizes"),
+        ({"element": (1.0, "a")}, TypeError, r"element\[1\] is 'a', but must be a real number"),
+        ({"G": "x"}, TypeError, "G is 'x', but must be a real number"),
+        ({"G": np.ones(2)}, TypeError, r"G is array\(\[1., 1.\]\), but must be a real number"),
+        ({"nu": None}, TypeError, "nu is None, but must be a real number"),
         ({"x": 1j}, TypeError, "x has dtype complex128"),
     ],
 )
@@ -385,8 +390,11 @@ def test_refuses_bad_grids():
     for lags in (halfspace.lags, halfspace.all_lags):
         with pytest.raises(ValueError, match=r"grid_shape\[1\] is 0"):
             lags((4, 0), (1.0, 1.0))
-        with pytest.raises(ValueError, match="two axes"):
-            lags((4,), (1.0, 1.0))
+        for grid_shape in ((4,), 4, (4, 4, 4)):
+            with pytest.raises(ValueError, match="two axes"):
+                lags(grid_shape, (1.0, 1.0))
+        with pytest.raises(ValueError, match=r"element is 1\.0, but an element has the two"):
+            lags((4, 4), 1.0)
         with pytest.raises(TypeError):
             lags((4.0, 1), (1.0, 1.0))
     with pytest.raises(ValueError, match="n is 0"):

@@ -188,6 +188,35 @@ def test_deflation_refuses_numbers_of_subdomains(m, error):
         tmg.fft_sd_preconditioner(tmg.ToeplitzOperator(contact(8)), n_subdomains=m)
 
 
+@pytest.mark.parametrize(
+    "preconditioner",
+    [*ALL, tmg.spectral_preconditioner, tmg.fsai_preconditioner, tmg.default_preconditioner],
+    ids=lambda f: f.__name__,
+)
+def test_the_operator_may_be_given_by_name(preconditioner):
+    A = tmg.ToeplitzOperator(contact(8))
+    assert np.array_equal(preconditioner(A=A) @ np.ones(8), preconditioner(A) @ np.ones(8))
+
+
+@pytest.mark.parametrize("shape", [(20,), (300,), (6, 7), (20, 30), (3, 4, 5)], ids=str)
+@pytest.mark.parametrize("scale", [2.0**-1000, 2.0**1000])
+def test_they_scale_as_the_matrix_does(shape, scale):
+    c = exponential(*shape)
+    for preconditioner in (*ALL, tmg.jacobi_preconditioner):
+        M, scaled = (preconditioner(tmg.ToeplitzOperator(s * c)) for s in (1.0, scale))
+        x = np.random.default_rng(0).standard_normal(c.size)
+        y = M @ x
+        assert_allclose(scale * (scaled @ x), y, rtol=0, atol=1e-10 * abs(y).max())
+
+
+@pytest.mark.parametrize("shape", [(1,), (1, 1)])
+def test_deflation_of_one_unknown_leaves_nothing(shape):
+    A = tmg.ToeplitzOperator(np.full(shape, 3.0))
+    assert abs(tmg.fft_sd_preconditioner(A) @ np.ones(1)) <= 1e-15
+    with pytest.raises(ValueError, match=r"n_subdomains is 2, but must lie between 1 and the .* 1"):
+        tmg.fft_sd_preconditioner(A, n_subdomains=2)
+
+
 @each
 def test_refuse_what_is_no_toeplitz_operator(preconditioner):
     A = tmg.ToeplitzOperator(exponential(4))

@@ -108,6 +108,16 @@ def test_a_zero_of_the_symbol_is_refused_by_the_one_and_not_by_the_other():
     assert iterations(rough, tmg.cosine_preconditioner(rough)) <= 4
 
 
+def test_what_would_refuse_it_too_is_no_advice():
+    x, y = tmg.halfspace.all_lags((6, 5), (1.0, 1.0))
+    A_xy = tmg.ToeplitzOperator.from_lags(
+        tmg.halfspace.influence_xy(x, y, (1.0, 1.0), G=1.0, nu=0.3)
+    )
+    for preconditioner in (tmg.cosine_preconditioner, tmg.sine_preconditioner):
+        with pytest.raises(np.linalg.LinAlgError, match=r"above .*: use chan_preconditioner"):
+            preconditioner(A_xy)
+
+
 @pytest.mark.parametrize("shape", [(24, 24), (13, 31), (6, 5, 7)], ids=str)
 def test_trigonometric_in_several_levels(shape):
     A = tmg.ToeplitzOperator(np.exp(-np.indices(shape).sum(axis=0) / 0.8))

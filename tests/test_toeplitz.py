@@ -43,6 +43,14 @@ def test_another_precision_and_the_same():
     assert np.array_equal(A.astype(np.float32).toarray(), A.toarray())
 
 
+@pytest.mark.parametrize("dtype", [int, np.float16, complex])
+def test_a_precision_that_it_has_not(dtype):
+    A = tmg.ToeplitzOperator([2.5, 1.0, 0.5])
+    for B in (A, tmg.MaskedOperator(A, [True, False, True]), tmg.CoupledOperator([[A]])):
+        with pytest.raises(TypeError, match=rf"dtype is {np.dtype(dtype)}, but must be float32 or"):
+            B.astype(dtype)
+
+
 def test_knows_its_symmetry():
     assert tmg.ToeplitzOperator([2.0, 1.0]).is_symmetric
     assert tmg.ToeplitzOperator([2.0, 1.0], [2.0, 1.0]).is_even

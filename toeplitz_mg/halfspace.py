@@ -117,6 +117,9 @@ def difference_parameter(first: Material, second: Material) -> float:
 def lags(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
     """Return the points of the first column of a matrix that is symmetric in both levels.
 
+    They go with ``ToeplitzOperator(c)``, for coefficients that are even in x and in y; those of
+    `all_lags` go with ``ToeplitzOperator.from_lags(lags)``, for any.
+
     Parameters
     ----------
     grid_shape : (int, int)
@@ -134,7 +137,7 @@ def lags(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
     ValueError
         For a grid without elements, or an element whose size is not positive.
     TypeError
-        For numbers of elements that are not integers.
+        For numbers of elements that are not integers, or sizes that are not real numbers.
 
     Examples
     --------
@@ -145,6 +148,15 @@ def lags(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
     ... )
     >>> A.grid_shape
     (32, 16)
+
+    A_xy is odd, and needs the negative lags too:
+
+    >>> x, y = tmg.halfspace.all_lags((32, 16), (0.25, 0.5))
+    >>> A_xy = tmg.ToeplitzOperator.from_lags(
+    ...     tmg.halfspace.influence_xy(x, y, (0.25, 0.5), G=82000.0, nu=0.28)
+    ... )
+    >>> A_xy.grid_shape
+    (32, 16)
     """
     h1, h2 = _element(element)
     n1, n2 = _grid(grid_shape)
@@ -152,7 +164,10 @@ def lags(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
 
 
 def all_lags(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
-    """Return the points of all coefficients, negative lags too, for `ToeplitzOperator.from_lags`.
+    """Return the points of all coefficients, negative lags too.
+
+    They go with ``ToeplitzOperator.from_lags(lags)``, for any coefficients, such as A_xy; those of
+    `lags` go with ``ToeplitzOperator(c)``, for coefficients that are even in x and in y.
 
     Parameters
     ----------
@@ -171,15 +186,15 @@ def all_lags(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
     ValueError
         For a grid without elements, or an element whose size is not positive.
     TypeError
-        For numbers of elements that are not integers.
+        For numbers of elements that are not integers, or sizes that are not real numbers.
 
     Examples
     --------
     >>> import toeplitz_mg as tmg
     >>> x, y = tmg.halfspace.all_lags((3, 2), (1.0, 1.0))
     >>> a_xy = tmg.halfspace.influence_xy(x, y, (1.0, 1.0), G=1.0, nu=0.3)
-    >>> tmg.ToeplitzOperator.from_lags(a_xy).shape
-    (6, 6)
+    >>> tmg.ToeplitzOperator.from_lags(a_xy).grid_shape
+    (3, 2)
     """
     h1, h2 = _element(element)
     n1, n2 = _grid(grid_shape)
@@ -211,7 +226,7 @@ def influence_zz(
         For a modulus or an element that is not positive, a Poisson's ratio outside (-1, 0.5], or
         points that are not finite.
     TypeError
-        For points that are not real numbers.
+        For what is no real number.
 
     Examples
     --------
@@ -363,7 +378,7 @@ def influence_xz(
         For a modulus or an element that is not positive, a difference parameter outside
         (-1.5, 1.5), or points that are not finite.
     TypeError
-        For points that are not real numbers.
+        For what is no real number.
 
     Notes
     -----
@@ -410,7 +425,7 @@ def influence_yz(
         For a modulus or an element that is not positive, a difference parameter outside
         (-1.5, 1.5), or points that are not finite.
     TypeError
-        For points that are not real numbers.
+        For what is no real number.
 
     Notes
     -----
@@ -457,7 +472,7 @@ def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, referenc
         below it at which an eigenvalue is zero. Where n, h, G or the reference is not positive,
         or nu outside (-1, 0.5].
     TypeError
-        Where n is not an integer.
+        Where n is not an integer, or another argument no real number.
 
     Notes
     -----
@@ -501,10 +516,17 @@ def _points(name: str, values: ArrayLike) -> Array:
     return array
 
 
+def _real(name: str, value: float) -> float:
+    if np.ndim(value) > 0 or np.asarray(value).dtype.kind not in "buif":
+        raise TypeError(f"{name} is {value!r}, but must be a real number")
+    return float(value)
+
+
 def _positive(name: str, value: float) -> float:
+    value = _real(name, value)
     if not 0.0 < value < np.inf:
         raise ValueError(f"{name} is {value}, but must be positive and finite")
-    return float(value)
+    return value
 
 
 def _count(name: str, value: int) -> int:
@@ -514,26 +536,27 @@ def _count(name: str, value: int) -> int:
 
 
 def _element(element: tuple[float, float]) -> tuple[float, float]:
-    if len(element) != 2:
+    if np.shape(element) != (2,):
         raise ValueError(f"element is {element}, but an element has the two sizes h1 and h2")
     return _positive("element[0]", element[0]), _positive("element[1]", element[1])
 
 
 def _grid(grid_shape: tuple[int, int]) -> tuple[int, int]:
-    if len(grid_shape) != 2:
+    if np.shape(grid_shape) != (2,):
         raise ValueError(f"grid_shape is {grid_shape}, but the surface has the two axes x and y")
     return _count("grid_shape[0]", grid_shape[0]), _count("grid_shape[1]", grid_shape[1])
 
 
 def _material(G: float, nu: float) -> Material:
-    _positive("G", G)
+    G, nu = _positive("G", G), _real("nu", nu)
     if not -1.0 < nu <= 0.5:
         raise ValueError(f"nu is {nu}, but Poisson's ratio lies in (-1, 0.5]")
-    return Material(float(G), float(nu))
+    return Material(G, nu)
 
 
 def _difference(K: float) -> float:
+    K = _real("K", K)
     # The most, ½ (1-2ν), is that of a body on a rigid one.
     if not -1.5 < K < 1.5:
         raise ValueError(f"K is {K}, but a difference parameter lies in (-1.5, 1.5)")
-    return float(K)
+    return K

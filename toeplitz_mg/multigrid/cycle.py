@@ -264,5 +264,7 @@ def multigrid(
             raise ValueError(f"{name} is {value}, but must be at least {least}")
     if pre + post == 0:
         raise ValueError("pre and post are both 0, but a cycle must smooth at least once")
+    if not (coarsen is None or callable(coarsen)):
+        raise TypeError(f"coarsen is {coarsen!r}, but must map a matrix to the next coarser one")
     toeplitz_and_mask(A)  # or it says what is wrong
     return Multigrid(build_levels(A, smoother, coarsest, transfer, coarsen), pre, post, gamma)

@@ -12,6 +12,9 @@ from scipy.sparse.linalg import LinearOperator, aslinearoperator
 from toeplitz_mg.multigrid.interpolation import Interpolation
 from toeplitz_mg.multigrid.transfer import Coarsening, Transfer, galerkin
 from toeplitz_mg.operators import as_rows
+from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.preconditioners.positivity import DENSE
+from toeplitz_mg.preconditioners.row_sum import RowSumModified
 
 Array = NDArray[Any]
 Smoother = Callable[[LinearOperator], LinearOperator]
@@ -106,7 +109,7 @@ def build_levels(
     while A.shape[0] > coarsest and (between := Transfer.of(A, interpolation)) is not None:
         try:
             S = aslinearoperator(smoother(A))
-            if not getattr(S, "certified", True):
+            if isinstance(S, RowSumModified):
                 _require_convergence(A, S)
         except np.linalg.LinAlgError as error:
             if levels and A.shape[0] <= LARGEST_DENSE:
@@ -129,13 +132,15 @@ def build_levels(
     return tuple(levels)
 
 
-def _require_convergence(A: LinearOperator, S: LinearOperator) -> None:
-    """Raise LinAlgError where I - S A is found to have an eigenvalue below -1.
+def _require_convergence(A: LinearOperator, S: RowSumModified) -> None:
+    """Raise LinAlgError where I - M̄ A is found to have an eigenvalue below -1.
 
-    By power iteration in the inner product of A, in which S A is self-adjoint: its largest
-    eigenvalue is at least the quotient.
+    By power iteration in the inner product of A, in which M̄ A is self-adjoint: its largest
+    eigenvalue is at least the quotient. Not where the signs of M's coefficients certify M̄, as they
+    do in one level, or on a large grid.
     """
-    if S.shape != A.shape:
+    levels = len(toeplitz_and_mask(A)[0].squeezed.grid_shape)
+    if S.shape != A.shape or (S.certified and (levels == 1 or A.shape[0] > DENSE)):
         return
     x = np.random.default_rng(0).standard_normal(A.shape[0]).astype(A.dtype)
     for _ in range(POWERS):

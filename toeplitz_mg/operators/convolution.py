@@ -11,7 +11,7 @@ from scipy import fft
 from scipy.linalg import toeplitz
 
 from toeplitz_mg.operators.transforms import OneStep, Panels, near_fast_length, plan_of
-from toeplitz_mg.operators.work import count_transforms, count_work
+from toeplitz_mg.operators.work import count_transforms, count_work, levels_of
 from toeplitz_mg.operators.workspace import workspace
 
 Array = NDArray[Any]
@@ -20,17 +20,13 @@ DENSE = 256  # unknowns up to which a dense product is faster than any transform
 
 
 class Product(Protocol):
-    """Multiplication of rows by a real matrix: what the kinds of products here have in common."""
+    """Multiplication of rows by a real matrix: what all kinds of products have in common."""
 
-    grid_shape: tuple[int, ...]
     dtype: np.dtype[Any]  # the precision of the products, whatever that of the vectors
     points: float  # the work of a product, in grid points
 
     def multiply(self, X: Array, out: Array) -> None:
         """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
-
-    def __call__(self, X: Array, out: Array | None = None) -> Array:
-        """As `multiply_rows`."""
 
 
 def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array:
@@ -40,13 +36,13 @@ def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array
     dtypes. `out` may be `X`.
     """
     if np.iscomplexobj(X):
-        real, imag = product(X.real), product(X.imag)
+        real, imag = multiply_rows(product, X.real), multiply_rows(product, X.imag)
         out = np.empty(X.shape, np.result_type(X, product.dtype)) if out is None else out
         out.real, out.imag = real, imag
         return out
     if out is None:
         out = np.empty(X.shape, np.result_type(X, product.dtype))
-    n = prod(product.grid_shape)
+    n = X.shape[-1]
     rows = X.reshape(-1, n)
     count_work(len(rows), product.points)
     product.multiply(rows, out.reshape(-1, n))
@@ -183,7 +179,7 @@ class DiagonalisedProduct:
         transforms: Transforms = FOURIER,
     ) -> None:
         # The share of a product on this grid, whose transforms are twice as long in each level.
-        points = prod(grid_shape) / 2 ** len(grid_shape)
+        points = prod(grid_shape) / 2 ** levels_of(grid_shape)
         self.grid_shape, self.dtype, self.points = grid_shape, np.dtype(dtype), points
         self.transforms = transforms
         self.spectrum = spectrum.astype(self.dtype, copy=False)

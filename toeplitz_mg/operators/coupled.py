@@ -1,6 +1,7 @@
 """Toeplitz matrices between the components of a field on one grid: a matrix-valued kernel."""
 
 from collections.abc import Sequence
+from operator import index
 from typing import Any
 
 import numpy as np
@@ -36,15 +37,19 @@ class CoupledOperator(LinearOperator):
     Raises
     ------
     TypeError
-        Where a block is no ToeplitzOperator.
+        Where there are no rows, or a block is no ToeplitzOperator.
     ValueError
-        Where the array is not square, the grids differ, or a row has nothing but zeros.
+        Where the array is not square, the grids differ, or a row or a column has nothing but
+        zeros.
 
     Notes
     -----
     One product transforms each component once, each way: the work of one product for each
     component. Of the blocks that are symmetric, as all are of the tangential problem, the symbol
     is real.
+
+    Coefficients at the points of `halfspace.lags` go with ``ToeplitzOperator(c)``, those at
+    `halfspace.all_lags` with ``ToeplitzOperator.from_lags(lags)``: A_xy, which is odd, needs these.
 
     Examples
     --------
@@ -64,7 +69,13 @@ class CoupledOperator(LinearOperator):
     """
 
     def __init__(self, blocks: Sequence[Sequence[ToeplitzOperator | None]]) -> None:
-        self._build(tuple(map(tuple, blocks)))
+        try:
+            rows = tuple(map(tuple, blocks))
+        except TypeError:
+            raise TypeError(
+                f"blocks is {blocks!r}, but must have rows, as [[xx, xy], [xy, yy]]"
+            ) from None
+        self._build(rows)
 
     def _build(
         self,
@@ -97,16 +108,22 @@ class CoupledOperator(LinearOperator):
 
         Raises
         ------
+        IndexError
+            Where there is no such component.
         ValueError
             Where that is zero.
         """
+        if not 0 <= index(i) < len(self.blocks):
+            raise IndexError(
+                f"i is {i}, but must be one of the components 0 ... {len(self.blocks) - 1}"
+            )
         block = self.blocks[i][i]
         if block is None:
             raise ValueError(f"the block of component {i} on itself is zero")
         return block
 
     def astype(self, dtype: Any) -> "CoupledOperator":
-        """Return the matrix in another precision, or itself where it has that already."""
+        """Return the matrix in float32 or float64, or itself where it has that precision."""
         if self.dtype == dtype:
             return self
         blocks = tuple(tuple(block and block.astype(dtype) for block in row) for row in self.blocks)
@@ -169,8 +186,11 @@ def _check(blocks: tuple[tuple[ToeplitzOperator | None, ...], ...]) -> None:
         raise ValueError(f"blocks has rows of lengths {lengths}, but must be a square array")
     first = None
     for i, row in enumerate(blocks):
-        if all(block is None for block in row):
-            raise ValueError(f"row {i} of the blocks is zero, but the matrix must not be singular")
+        for kind, line in (("row", row), ("column", [other[i] for other in blocks])):
+            if all(block is None for block in line):
+                raise ValueError(
+                    f"{kind} {i} of the blocks is zero, but the matrix must not be singular"
+                )
         for j, block in enumerate(row):
             if block is None:
                 continue

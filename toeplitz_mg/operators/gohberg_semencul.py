@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators.convolution import GohbergSemenculProduct, Product
+from toeplitz_mg.operators.convolution import GohbergSemenculProduct
 from toeplitz_mg.operators.rows import as_rows
 
 Array = NDArray[Any]
@@ -49,7 +49,7 @@ class GohbergSemencul(LinearOperator):
         self.x.flags.writeable = False
         # In the precision of float64 at first: 2 x₀ may over- or underflow a float32.
         column = x.astype(np.float64) / np.sqrt(2.0 * float(x[0]))
-        self._product: Product = GohbergSemenculProduct(column, self.dtype)
+        self._product = GohbergSemenculProduct(column, self.dtype)
 
     def _apply(self, V: Array, out: Array | None = None) -> Array:
         return self._product(V, out)

@@ -90,7 +90,7 @@ class MaskedOperator(LinearOperator):
         return self._matmat(np.eye(self.shape[0], dtype=self.dtype))
 
     def astype(self, dtype: DTypeLike) -> "MaskedOperator":
-        """Return the matrix in another precision, or itself where it has that already."""
+        """Return the matrix in float32 or float64, or itself where it has that precision."""
         return self if self.dtype == dtype else MaskedOperator(self.full.astype(dtype), self.mask)
 
     def _apply(self, X: Array, out: Array | None = None) -> Array:
@@ -133,10 +133,31 @@ def toeplitz_and_mask(A: LinearOperator) -> tuple[ToeplitzOperator, Array | None
     """
     full, mask = (A.full, A.mask) if isinstance(A, MaskedOperator) else (A, None)
     if not isinstance(full, ToeplitzOperator):
+        advice = (
+            "; a preconditioner of each of its components gives componentwise, as in "
+            "componentwise(multigrid)(A)"
+        )
         raise TypeError(
             f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a MaskedOperator "
-            "of one"
+            f"of one{advice if isinstance(full, CoupledOperator) else ''}"
         )
     if not full.is_symmetric:
         raise ValueError(f"A is {full!r}, but must be symmetric")
     return full, mask
+
+
+def one_level(A: ToeplitzOperator) -> ToeplitzOperator:
+    """Return the matrix on the one level of its grid that has more than one element.
+
+    Raises
+    ------
+    ValueError
+        Where there are several.
+    """
+    line = A.squeezed
+    if len(line.grid_shape) != 1:
+        raise ValueError(
+            f"A lives on the grid {A.grid_shape}, but must have one level (with more than one "
+            "element)"
+        )
+    return line

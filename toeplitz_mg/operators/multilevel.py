@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy import fft
+from scipy.linalg import norm
 
 from toeplitz_mg.operators.convolution import DENSE, multiply_rows
 from toeplitz_mg.operators.threads import share
@@ -102,7 +103,7 @@ class MultilevelProduct:
             else [[self._symbol(lags) for lags in row] for row in self._kernel]
         )
         sizes = [[0.0 if s is None else float(np.abs(s).max()) for s in row] for row in symbol]
-        return float(np.linalg.norm(sizes)) * prod(self.lengths)
+        return float(norm(np.ravel(sizes))) * prod(self.lengths)  # by nrm2: of any size
 
     def _symbol(self, lags: Array | None) -> Array | None:
         """The eigenvalues of a block, divided by the lengths of the inverse transforms."""

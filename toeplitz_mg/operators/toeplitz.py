@@ -164,6 +164,19 @@ class ToeplitzOperator(LinearOperator):
         return a if self.is_even else a[_centre_on(self.grid_shape)]
 
     @property
+    def squeezed(self) -> "ToeplitzOperator":
+        """The same matrix without levels of one element, which have no lags; or itself."""
+        a = self._coefficients
+        levels = [m for m in a.shape if m > 1] or [1]
+        if len(levels) == a.ndim:
+            return self
+        a = a.reshape(levels)
+        column, lags = (a, None) if self.is_even else (None, a)
+        squeezed = type(self).__new__(type(self))
+        squeezed._build(column, lags, self._product)
+        return squeezed
+
+    @property
     def norm_bound(self) -> float:
         """A bound of the 2-norm: that of the matrix in which the products embed this one."""
         return self._product.norm_bound
@@ -188,13 +201,14 @@ class ToeplitzOperator(LinearOperator):
         return np.roll(column, [1 - n for n in self.grid_shape], levels)
 
     def astype(self, dtype: DTypeLike) -> "ToeplitzOperator":
-        """Return the matrix in another precision, or itself where it has that already."""
+        """Return the matrix in float32 or float64, or itself where it has that precision."""
+        dtype = real_precision(dtype)
         if self.dtype == dtype:
             return self
         coefficients = _coefficients(self._coefficients.astype(dtype), "lags")
         column, lags = (coefficients, None) if self.is_even else (None, coefficients)
         other = type(self).__new__(type(self))
-        is_less = np.dtype(dtype).itemsize < self.dtype.itemsize
+        is_less = dtype.itemsize < self.dtype.itemsize
         other._build(column, lags, self._product.astype(dtype) if is_less else None)
         return other
 
@@ -244,6 +258,14 @@ class ToeplitzOperator(LinearOperator):
         grid = " x ".join(map(str, self.grid_shape))
         kind = "symmetric" if self.is_symmetric else "general"
         return f"<ToeplitzOperator {grid}, {kind}, {self.dtype}>"
+
+
+def real_precision(dtype: DTypeLike) -> np.dtype[Any]:
+    """Return `dtype` as one of the two that the operators have, or say that it is none."""
+    result = np.dtype(dtype)
+    if result not in (np.float32, np.float64):
+        raise TypeError(f"dtype is {result}, but must be float32 or float64")
+    return result
 
 
 def _coefficients(values: ArrayLike, name: str) -> Array:

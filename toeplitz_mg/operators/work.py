@@ -66,6 +66,11 @@ def count_work(products: int, points: float) -> None:
         count.products += products
 
 
+def levels_of(grid_shape: tuple[int, ...]) -> int:
+    """The number of levels of a grid: those of one element are none, but for a single unknown."""
+    return max(sum(n > 1 for n in grid_shape), 1)
+
+
 def count_transforms(number: float, *shape: int) -> None:
     """Count real transforms that are no product: those of a product are two of 2 n in a level."""
-    count_work(1, number * prod(shape) / 2 ** (len(shape) + 1))
+    count_work(1, number * prod(shape) / 2 ** (levels_of(shape) + 1))

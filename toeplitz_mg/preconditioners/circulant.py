@@ -114,7 +114,7 @@ def _inverse(column: Array, name: str, dtype: np.dtype[Any], mask: Array | None)
     """Invert the circulant with the first column `column`."""
     count_transforms(1, *column.shape)
     spectrum = fft.rfftn(column.astype(np.float64, copy=False)).real
-    other = robust(len(column.shape)) if name == "Strang" else "cg without M"
+    other = robust(column.shape) if name == "Strang" else "cg without M"
     require_positive(spectrum, dtype, f"{name}'s circulant has the eigenvalue", other)
     product = DiagonalisedProduct(1.0 / spectrum, column.shape, column.shape, dtype)
     C = DiagonalisedOperator(product, f"inverse of {name}'s circulant")

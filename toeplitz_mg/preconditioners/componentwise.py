@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Any, Concatenate, ParamSpec
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, apply_to_rows, as_rows
 
 Array = NDArray[Any]
-P = ParamSpec("P")
+F = TypeVar("F", bound=Callable[..., LinearOperator])
 
 
 class BlockDiagonal(LinearOperator):
@@ -59,9 +59,7 @@ class BlockDiagonal(LinearOperator):
         return f"<BlockDiagonal of {', '.join(map(repr, self.blocks))}>"
 
 
-def componentwise(
-    preconditioner: Callable[Concatenate[LinearOperator, P], LinearOperator],
-) -> Callable[Concatenate[LinearOperator, P], LinearOperator]:
+def componentwise(preconditioner: F) -> F:
     """Return the preconditioner that treats each component of a `CoupledOperator` by itself.
 
     Parameters
@@ -88,7 +86,7 @@ def componentwise(
     """
 
     @wraps(preconditioner)
-    def of_each(A: LinearOperator, /, *args: P.args, **kwargs: P.kwargs) -> LinearOperator:
+    def of_each(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
         full, mask = (A.full, A.mask) if isinstance(A, MaskedOperator) else (A, None)
         if not isinstance(full, CoupledOperator):
             return preconditioner(A, *args, **kwargs)
@@ -104,4 +102,4 @@ def componentwise(
             components.append(preconditioner(component, *args, **kwargs))
         return BlockDiagonal(components, full.grid_shape)
 
-    return of_each
+    return cast(F, of_each)

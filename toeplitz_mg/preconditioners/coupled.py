@@ -22,11 +22,13 @@ def coupled_inverse(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:
     numpy.linalg.LinAlgError
         Where that is not positive definite.
     ValueError
-        Where A is not symmetric.
+        Where A is not symmetric, or the block of a component on itself is zero.
     """
     if not A.is_symmetric:
         raise ValueError(f"A is {A!r}, but must be symmetric")
     components, *grid = A.grid_shape
+    for i in range(components):
+        A.component(i)  # or it says that it is zero
     lengths = tuple(near_fast_length(2 * n - 1) for n in grid)
     symbol: list[list[Any]] = [[_symbol(block, lengths) for block in row] for row in A.blocks]
     _invert(symbol, np.result_type(A.dtype, dtype))

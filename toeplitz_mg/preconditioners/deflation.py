@@ -60,15 +60,16 @@ class SubdomainDeflated(LinearOperator):
         return f"<SubdomainDeflated, {len(self.starts)} subdomains, of {self.M!r}>"
 
 
-def fft_sd_preconditioner(A: LinearOperator, n_subdomains: int = 2) -> SubdomainDeflated:
+def fft_sd_preconditioner(A: LinearOperator, n_subdomains: int | None = None) -> SubdomainDeflated:
     """Return P M, the FFT preconditioner deflated by the constants on subdomains.
 
     Parameters
     ----------
-    A : ToeplitzOperator or MaskedOperator of one
+    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of any number of levels.
-    n_subdomains : int, default 2
-        Consecutive parts of the unknowns, as equal as they can be; 2 in the paper.
+    n_subdomains : int, optional
+        Consecutive parts of the unknowns, as equal as they can be; by default 2, as in the paper,
+        and 1 where there is but one unknown.
 
     Returns
     -------
@@ -104,8 +105,8 @@ def fft_sd_preconditioner(A: LinearOperator, n_subdomains: int = 2) -> Subdomain
     >>> bool(np.allclose([y[:3].sum(), y[3:].sum()], 0.0))
     True
     """
-    n_subdomains = index(n_subdomains)
     M = fft_preconditioner(A)
+    n_subdomains = min(2, A.shape[0]) if n_subdomains is None else index(n_subdomains)
     if not 1 <= n_subdomains <= A.shape[0]:
         raise ValueError(
             f"n_subdomains is {n_subdomains}, but must lie between 1 and the number of unknowns, "

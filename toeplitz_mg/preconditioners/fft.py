@@ -96,7 +96,7 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
         spectrum,
         dtype,
         "the embedding of A in a circulant, which M inverts, has the eigenvalue",
-        robust(len(full.grid_shape)),
+        robust(full.grid_shape),
     )
     if is_exact:
         inverse = fft.irfftn(1.0 / spectrum, lengths)

@@ -44,8 +44,9 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import MaskedOperator, as_rows
+from toeplitz_mg.operators.convolution import multiply_rows
 from toeplitz_mg.operators.masked import toeplitz_and_mask
-from toeplitz_mg.operators.work import count_work
+from toeplitz_mg.operators.work import levels_of
 from toeplitz_mg.operators.workspace import workspace
 from toeplitz_mg.preconditioners.componentwise import componentwise
 from toeplitz_mg.preconditioners.fsai_apply import Cells, Direct, Level
@@ -82,8 +83,8 @@ class MultilevelSparseInverse(LinearOperator):
         self._level = level
         # By operations: two real transforms of m = 2^d points, each 5/2 m log₂ m, are a product
         # with a Toeplitz matrix in d levels.
-        m = 2 ** len(mask.shape) * mask.size
-        self._points = 2 * level.multiplications * mask.size / (5 * m * log2(m))
+        m = 2 ** levels_of(mask.shape) * mask.size
+        self.points = 2 * level.multiplications * mask.size / (5 * m * log2(m))
 
     def updated(self, mask: ArrayLike) -> "MultilevelSparseInverse":
         """Return the preconditioner for another mask on the same grid, from this one.
@@ -125,16 +126,18 @@ class MultilevelSparseInverse(LinearOperator):
         level = _levels(self._stencil, mask, self.dtype, self._level)
         return MultilevelSparseInverse(self._stencil, level, mask, self.dtype)
 
-    def _apply(self, X: Array, out: Array | None = None) -> Array:
-        count_work(X.size // self.shape[0], self._points)
-        if out is None:
-            out = np.empty(X.shape, np.result_type(X, self.dtype))
+    def multiply(self, X: Array, out: Array) -> None:
+        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
+        if len(X) == 1:  # a sparse product with a vector is faster than with a column
+            X, out = X[0], out[0]
         direct = out.dtype == self.dtype and out.flags.c_contiguous
         Y = out if direct else workspace("fsai result", X.shape, self.dtype)
         self._level.multiply(X.astype(self.dtype, copy=False), Y)
         if not direct:
             out[...] = Y
-        return out
+
+    def _apply(self, X: Array, out: Array | None = None) -> Array:
+        return multiply_rows(self, X, out)
 
     def _matvec(self, x: Array) -> Array:
         return self._apply(as_rows(x, self.shape[1]))
@@ -153,7 +156,7 @@ class MultilevelSparseInverse(LinearOperator):
         sizes = " > ".join(map(str, self.sizes))
         return (
             f"<MultilevelSparseInverse {sizes} (direct) of a grid of {grid}, "
-            f"{self._points / self.mask.size:.2g} work units, {self.dtype}>"
+            f"{self.points / self.mask.size:.2g} work units, {self.dtype}>"
         )
 
 
@@ -164,7 +167,8 @@ def fsai_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     Parameters
     ----------
     A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric positive definite, of one level or two, and symmetric in each of them.
+        Symmetric positive definite, of one level or two (with more than one element), and
+        symmetric in each of them.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. It is computed in
         float64.
@@ -220,13 +224,14 @@ def fsai_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     0
     """
     full, mask = toeplitz_and_mask(A)
-    if len(full.grid_shape) > 2:
+    kernel = full.squeezed
+    if len(kernel.grid_shape) > 2:
         raise ValueError(f"A is {full!r}, but must have one level or two")
     if not full.is_even:
         raise ValueError(f"A is {full!r}, but must be symmetric in every level")
     if mask is None:
         mask = np.ones(full.grid_shape, dtype=bool)
-    stencil = Stencil(np.atleast_2d(full.c.astype(np.float64, copy=False)))
+    stencil = Stencil(np.atleast_2d(kernel.c.astype(np.float64, copy=False)))
     dtype = precision(full, dtype)
     return MultilevelSparseInverse(stencil, _levels(stencil, mask, dtype), mask, dtype)
 

@@ -278,8 +278,7 @@ def check(subject: str, value: float, stencil: Stencil) -> None:
 
 def refused(subject: str, value: float, stencil: Stencil) -> np.linalg.LinAlgError:
     """Return the error of a kernel for which the construction fails."""
-    levels = max(sum(n > 1 for n in stencil.T.shape), 1)
     return np.linalg.LinAlgError(
         f"{subject} {value:.3g} in the sparse approximate inverse, but must be positive: A is not "
-        f"positive definite, or too smooth a kernel for it; use {robust(levels)}"
+        f"positive definite, or too smooth a kernel for it; use {robust(stencil.T.shape)}"
     )

@@ -88,7 +88,10 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
         raise np.linalg.LinAlgError(
             f"the diagonal of A is {a0:.3g}, but of a positive definite matrix it is positive"
         )
-    factor = 4.0 / (3.0 * full.norm_bound) if omega is None else omega / a0
+    factor = 4.0 / 3.0 / full.norm_bound if omega is None else omega / a0
     if not 0.0 < factor < np.inf:
-        raise np.linalg.LinAlgError(f"omega is {omega}, but must be positive and finite")
+        raise np.linalg.LinAlgError(
+            f"omega is {factor * a0:.3g} and the diagonal of A {a0:.3g}, but the quotient must be "
+            "positive and finite"
+        )
     return ScaledIdentity(A.shape[0], factor, A.dtype)

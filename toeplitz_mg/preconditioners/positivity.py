@@ -12,6 +12,8 @@ from scipy.linalg import eigvalsh_tridiagonal
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators.toeplitz import real_precision
+from toeplitz_mg.operators.work import levels_of
 
 Array = NDArray[Any]
 Lag = tuple[int, ...]
@@ -22,10 +24,7 @@ DENSE = 1024  # unknowns of which all eigenvalues are computed, in some tenths o
 
 def precision(A: LinearOperator, dtype: DTypeLike | None) -> np.dtype[Any]:
     """Return the precision of a preconditioner of A: `dtype`, or that of A."""
-    result: np.dtype[Any] = np.dtype(A.dtype if dtype is None else dtype)
-    if result not in (np.float32, np.float64):
-        raise TypeError(f"dtype is {result}, but must be float32 or float64")
-    return result
+    return real_precision(A.dtype if dtype is None else dtype)
 
 
 def is_positive(spectrum: Array, dtype: Any) -> bool:
@@ -50,9 +49,9 @@ def require_positive(spectrum: Array, dtype: Any, subject: str, advice: str) -> 
         )
 
 
-def robust(levels: int) -> str:
+def robust(grid_shape: tuple[int, ...]) -> str:
     """Name what is positive definite whenever A is, for the advice of an error."""
-    if levels == 1:
+    if levels_of(grid_shape) == 1:
         return "spectral_preconditioner(A), which is positive definite whenever A is"
     return "chan_preconditioner(A), which is positive definite whenever A is"
 

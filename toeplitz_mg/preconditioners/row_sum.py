@@ -72,7 +72,7 @@ class RowSumModified(LinearOperator):
 @componentwise
 def fft_rsm_preconditioner(
     A: LinearOperator, gamma: float | None = None, *, dtype: DTypeLike | None = None
-) -> RowSumModified:
+) -> LinearOperator:
     """Return M̄, the FFT preconditioner with constant row sums; on a mask M̄_imp.
 
     Parameters

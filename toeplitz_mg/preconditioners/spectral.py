@@ -9,7 +9,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
-from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.masked import one_level, toeplitz_and_mask
 from toeplitz_mg.operators.schur import schur_column
 from toeplitz_mg.operators.transforms import cosine_sums, near_fast_length, sine_sums
 from toeplitz_mg.preconditioners.componentwise import componentwise
@@ -27,8 +27,9 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
 
     Parameters
     ----------
-    A : ToeplitzOperator of one level, or MaskedOperator of one
-        Symmetric positive definite. That is enough: there is no other condition.
+    A : ToeplitzOperator, or MaskedOperator of one
+        Of one level with more than one element. Symmetric positive definite, which is enough:
+        there is no other condition.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. In float32 it takes
         half the memory and less time, inside an iteration in float64 too.
@@ -77,13 +78,11 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     0
     """
     full, mask = toeplitz_and_mask(A)
-    if len(full.grid_shape) != 1:
-        raise ValueError(f"A lives on the grid {full.grid_shape}, but must have one level")
-    double = full.astype(np.float64)
+    double = one_level(full).astype(np.float64)
     factor = factor_column(double, sampled_symbol(double, (near_fast_length(len(double.c)),)))
     x = factor.x if factor and factor.residual <= RESOLVED else schur_column(double.c)[0]
     M = GohbergSemencul(x.astype(precision(full, dtype)))
-    return M if mask is None else MaskedOperator(M, mask)
+    return M if mask is None else MaskedOperator(M, mask.ravel())
 
 
 class Factor(NamedTuple):

@@ -15,7 +15,13 @@ from toeplitz_mg.operators.convolution import COSINE, SINE, Transforms
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.transforms import near_fast_length
 from toeplitz_mg.preconditioners.componentwise import componentwise
-from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust, rounding
+from toeplitz_mg.preconditioners.positivity import (
+    is_positive,
+    precision,
+    require_positive,
+    robust,
+    rounding,
+)
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 
 Array = NDArray[Any]
@@ -145,18 +151,24 @@ def _inverse(
     dtype = precision(full, dtype)
     name, other = ("cosine", "sine") if transforms is COSINE else ("sine", "cosine")
     shape = tuple(m - 1 for m in samples.shape)
-    samples = samples[tuple(slice(first, first + n) for n in shape)]
+    eigenvalues = _eigenvalues(samples, first, dtype)
+    if not is_positive(eigenvalues, dtype):
+        advice = robust(full.grid_shape)
+        if is_positive(_eigenvalues(samples, 1 - first, dtype), dtype):
+            advice = f"{other}_preconditioner(A), or {advice}"
+        subject = f"the symbol of A, which the {name} preconditioner samples, has the value"
+        require_positive(eigenvalues, dtype, subject, advice)
+    product = DiagonalisedProduct(1.0 / eigenvalues, shape, full.grid_shape, dtype, transforms)
+    M = DiagonalisedOperator(product, f"{name} transform")
+    return M if mask is None else MaskedOperator(M, mask)
+
+
+def _eigenvalues(samples: Array, first: int, dtype: np.dtype[Any]) -> Array:
+    """The n samples from k = 0 or 1 on, in each level."""
+    samples = samples[tuple(slice(first, first + m - 1) for m in samples.shape)]
     error = rounding(samples, dtype)
     # A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
     # the lowest are as good as that rounding.
     if samples.min() > -error and np.count_nonzero(samples < 25.0 * error) > 1:
         samples = np.maximum(samples, 1.01 * error)
-    require_positive(
-        samples,
-        dtype,
-        f"the symbol of A, which the {name} preconditioner samples, has the value",
-        f"{other}_preconditioner(A), or {robust(len(shape))}",
-    )
-    product = DiagonalisedProduct(1.0 / samples, shape, full.grid_shape, dtype, transforms)
-    M = DiagonalisedOperator(product, f"{name} transform")
-    return M if mask is None else MaskedOperator(M, mask)
+    return samples

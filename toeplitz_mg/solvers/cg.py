@@ -127,6 +127,15 @@ def cg(
     return state.x, 0
 
 
+def _operator(inner: Any) -> LinearOperator:
+    try:
+        return aslinearoperator(inner)
+    except TypeError:
+        raise TypeError(
+            f"inner is {inner!r}, but must be A in less precision, as A.astype(np.float32)"
+        ) from None
+
+
 class _Iterate:
     """The solution and its residual, for an iteration that may have less precision.
 
@@ -144,7 +153,7 @@ class _Iterate:
             self.A, self.scale = A, 1.0
             self.r, self.y = (r.copy() if r is b else r.astype(dtype)), self._x
         else:
-            self.A = aslinearoperator(inner)
+            self.A = _operator(inner)
             if self.A.shape != A.shape:
                 raise ValueError(f"inner has shape {self.A.shape}, but A has {A.shape}")
             if np.dtype(self.A.dtype).char not in "fd":

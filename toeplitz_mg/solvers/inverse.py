@@ -10,7 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import ToeplitzOperator, as_rows
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
-from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.masked import one_level, toeplitz_and_mask
 from toeplitz_mg.preconditioners import fsai_preconditioner, spectral_preconditioner
 from toeplitz_mg.preconditioners.fsai_line import decays_slowly
 from toeplitz_mg.solvers.cg import cg
@@ -75,7 +75,7 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     Parameters
     ----------
     A : ToeplitzOperator
-        Symmetric positive definite, of one level.
+        Symmetric positive definite, of one level with more than one element.
     rtol : float, optional
         The relative residual ‖b - A x‖/‖b‖ that x = A⁻¹ b is to have; by default 1e-10, and for
         float32 1e-3.
@@ -122,13 +122,12 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     full, mask = toeplitz_and_mask(A)
     if mask is not None:
         raise TypeError("A is a MaskedOperator, whose inverse the formula does not give")
-    if len(full.grid_shape) != 1:
-        raise ValueError(f"A lives on the grid {full.grid_shape}, but must have one level")
+    line = one_level(full)
     if rtol is None:
         rtol = 1e-10 if full.dtype == np.float64 else 1e-3
     if not 0.0 < rtol < np.inf:
         raise ValueError(f"rtol is {rtol}, but must be positive and finite")
-    x = first_column(full.astype(np.float64))
+    x = first_column(line.astype(np.float64))
     inverse = ToeplitzInverse(full, GohbergSemencul(x.astype(full.dtype)), 0)
     if not inverse.residual <= rtol:
         inverse = inverse.refined
