@@ -1,7 +1,8 @@
 """Other packages that solve contact problems on a half-space, as they are meant to be called.
 
-Each is given a punch and returns its tractions, iterations, products with the influence matrix, and
-the CPU seconds of set-up and solve. They are optional: `aspher` (BSD) and `tamaas` (AGPL) on PyPI.
+Each is given a punch and a tolerance of its own measure, and returns its tractions, iterations,
+products with the influence matrix, and the CPU seconds of set-up and solve.
+They are optional: `aspher` (BSD) and `tamaas` (AGPL) on PyPI.
 """
 
 from collections.abc import Callable
@@ -14,15 +15,17 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 Solution = tuple[Array, int, float, float]
 
-TOLERANCE = 1e-8
 FAR = 1e3  # gap of what does not touch
 STICK = 1e12  # friction bound of what does not slip
 G, NU = 1.0, 0.28
 E_STAR = 2.0 * G / (1.0 - NU)
 
 
-def aspher(punch: Any) -> Solution:
-    """Solve by its FFT operator and its |q| preconditioner by FFT."""
+def aspher(punch: Any, tolerance: float) -> Solution:
+    """Solve by its FFT operator and its |q| preconditioner by FFT.
+
+    The coupled seconds are those of a whole `FrictionSolver.step`, which also looks at what slips.
+    """
     import aspher as package
 
     mask = punch.mask
@@ -31,7 +34,7 @@ def aspher(punch: Any) -> Solution:
     if punch.kind == "normal":
         start = process_time()
         solver = package.ContactSolver(grid_size=N, backend="fft", domain_size=2.0, E_star=E_STAR)
-        result = solver.solve(gap, p_nominal=1.0, tol=TOLERANCE, precond="fourier-fft")
+        result = solver.solve(gap, p_nominal=1.0, tol=tolerance, precond="fourier-fft")
         seconds = process_time() - start
         p = np.asarray(result.pressure).ravel()
         mean = solver.matvec(p).ravel()[mask.ravel()].mean()
@@ -48,13 +51,13 @@ def aspher(punch: Any) -> Solution:
     solver.set_gap(gap.reshape(N, N).T)  # its x is along the rows
     solver.step(p_bar=1.0)
     start = process_time()
-    result = solver.step(delta_t=(1.0, 0.0), tol_tangential=TOLERANCE)
+    result = solver.step(delta_t=(1.0, 0.0), tol_tangential=tolerance)
     seconds = process_time() - start
     fields = (np.asarray(q).reshape(N, N).T[mask] for q in (result.qx, result.qy))
     return np.concatenate(list(fields)), result.tangential_iters, float("nan"), seconds
 
 
-def tamaas(punch: Any) -> Solution:
+def tamaas(punch: Any, tolerance: float) -> Solution:
     """Solve the normal problem by Polonsky and Keer's method, which has no preconditioner.
 
     The error that it stops by is infinite where the face is flat, so that it would never stop. The
@@ -76,7 +79,7 @@ def tamaas(punch: Any) -> Solution:
         # Before the operator is made, or it is that of another material.
         model.E, model.nu = E_STAR * (1.0 - NU**2), NU
         package.ModelFactory.registerNonPeriodic(model, "dcfft")
-        solver = package.PolonskyKeerRey(model, surface, TOLERANCE)
+        solver = package.PolonskyKeerRey(model, surface, tolerance)
         solver.setIntegralOperator("dcfft")
         solver.max_iter = iterations
         solver.solve(1.0)
@@ -87,11 +90,11 @@ def tamaas(punch: Any) -> Solution:
         return np.asarray(model.traction)[mask] / u.mean(), float(error), seconds
 
     few, enough = 0, 8
-    while solution(enough)[1] > TOLERANCE:
+    while solution(enough)[1] > tolerance:
         few, enough = enough, 2 * enough
     while enough - few > 1:
         middle = (few + enough) // 2
-        few, enough = (few, middle) if solution(middle)[1] <= TOLERANCE else (middle, enough)
+        few, enough = (few, middle) if solution(middle)[1] <= tolerance else (middle, enough)
     x, _, seconds = solution(enough)
     return x, enough, float("nan"), seconds
 
@@ -102,4 +105,4 @@ def _square(mask: Array) -> int:
     return int(mask.shape[0])
 
 
-PEERS: dict[str, Callable[[Any], Solution]] = {"aspher": aspher, "tamaas": tamaas}
+PEERS: dict[str, Callable[[Any, float], Solution]] = {"aspher": aspher, "tamaas": tamaas}

@@ -12,10 +12,22 @@ from tabulate import tabulate
 Row = dict[str, Any]
 
 
-def options(name: str, description: str) -> argparse.Namespace:
-    """Parse ``--quick`` and ``--output``, make the output folder and name it."""
+def options(name: str, description: str, **choices: Sequence[Any]) -> argparse.Namespace:
+    """Parse ``--quick``, ``--output`` and the choices, make the output folder and name it.
+
+    Each of `choices` is an option that takes one or more of its values; None without it.
+    """
     parser = argparse.ArgumentParser(prog=f"python -m comparisons.{name}", description=description)
     parser.add_argument("--quick", action="store_true", help="small sizes only, within a minute")
+    for choice, values in choices.items():
+        parser.add_argument(
+            f"--{choice}",
+            nargs="+",
+            type=type(values[0]),
+            choices=values,
+            metavar=choice.upper().rstrip("S"),
+            help="of %(choices)s",
+        )
     parser.add_argument(
         "--output",
         type=Path,

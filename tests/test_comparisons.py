@@ -14,16 +14,17 @@ from comparisons import (
     masks,
     paper_figures,
     paper_tables,
-    peers,
     punch3d,
+    punch_limits,
     speed,
+    stretched,
     turns,
 )
 from comparisons.symbols import COLUMNS
 
 
-def run(comparison, folder, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["comparison", "--quick", "--output", str(folder)])
+def run(comparison, folder, monkeypatch, capsys, *options):
+    monkeypatch.setattr(sys, "argv", ["comparison", "--quick", "--output", str(folder), *options])
     comparison.main()
     printed = capsys.readouterr().out
     assert str(folder) in printed
@@ -105,53 +106,106 @@ def test_speed(tmp_path, monkeypatch, capsys):
 
 
 def test_punch3d(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(punch3d, "QUICK_SIZES", (8, 16))
-    few = ("CG", "CG + |q| circulant", "CG + cosine", "CG + V(1,1)")
-    monkeypatch.setattr(punch3d, "METHODS", {name: punch3d.METHODS[name] for name in few})
-    monkeypatch.setattr(punch3d, "AREAS", {"4:1": masks.four_to_one, "circle": masks.circle})
-    monkeypatch.setattr(peers, "PEERS", {})  # whether they are installed or not
-    printed = run(punch3d, tmp_path, monkeypatch, capsys)
+    problems, areas, sizes = ("normal", "tangential", "coupled"), ("4:1", "circle"), ("8", "16")
+    methods = ("CG", "CG + |q| circulant", "CG + cosine", "CG + V(1,1)", "float32 CG + cosine")
+    options = ("--problems", *problems, "--areas", *areas, "--sizes", *sizes, "--methods", *methods)
+    printed = run(punch3d, tmp_path, monkeypatch, capsys, *options)
     assert "coupled, circle, N = 16" in printed
     rows = rows_of(tmp_path / "punch3d.csv")
-    assert len(rows) == 3 * 2 * 2 * len(punch3d.METHODS)
+    assert len(rows) == 3 * 2 * 2 * len(methods)
     assert all(float(row["residual"]) <= 1.1e-8 for row in rows)
+    assert all(float(row["peak_mb"]) >= 0.0 for row in rows)
     # Every method finds the same force.
     for key in {(row["problem"], row["area"], row["N"]) for row in rows}:
         own = [float(r["force"]) for r in rows if (r["problem"], r["area"], r["N"]) == key]
         assert max(own) - min(own) <= 1e-6 * max(own)
 
 
+def test_punch3d_writes_after_every_run():
+    punches = [punch3d.Punch("square", "normal", N) for N in (8, 16)]
+    counts = [len(rows) for rows in punch3d.run(punches, ["CG", "CG + cosine"])]
+    assert counts == [1, 2, 3, 4]
+
+
+def test_growth_is_the_ratio_of_times():
+    row = {"problem": "normal", "area": "square", "method": "CG"}
+    seconds = {64: 1.0, 128: 4.5, 512: 30.0}
+    allowed, ratios = punch3d.growth([row | {"N": N, "cpu_s": t} for N, t in seconds.items()])
+    assert ratios == row | {"N = 128": "4.5"}
+    assert allowed["N = 128"] == "5.8"  # 4 log(128²)/log(64²) · 1.25
+
+
+def test_an_unknown_area_is_refused(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["comparison", "--areas", "oval"])
+    with pytest.raises(SystemExit):
+        punch3d.main()
+    assert "invalid choice: 'oval'" in capsys.readouterr().err
+
+
 def test_the_force_of_a_square_punch_is_known():
-    forces = [punch3d.solve("CG + cosine", punch3d.Punch("square", "normal", 64))["force"]]
-    assert forces[0] == pytest.approx(2.29235, abs=5e-6)
-    limit, order = punch3d.limit_and_order([1.0 + 0.4, 1.0 + 0.2, 1.0 + 0.1])
-    assert limit == pytest.approx(1.0)
-    assert order == pytest.approx(1.0)
+    punch = punch3d.Punch("square", "normal", 64)
+    force = punch3d.solve("CG + cosine", punch, punch.operator())["force"]
+    assert force == pytest.approx(2.29235, abs=5e-6)
 
 
 # The limits for N to infinity that are known, with one half-space and G = 1.
 @pytest.mark.parametrize(
-    ("area", "kind", "nu", "limit", "near"),
+    ("area", "kind", "nu", "known", "near"),
     [
-        ("square", "normal", 0.28, 2.30460, 1e-4),
-        ("2:1", "normal", 0.28, 3.34214, 2e-4),
-        ("4:1", "normal", 0.28, 5.08516, 2e-4),
-        ("square", "tangential", 0.28, 5.36112, 1e-4),
-        ("square", "coupled", 0.28, 5.36517, 1e-4),
-        ("square", "coupled", 0.0, 4.60919, 1e-4),
-        ("circle", "normal", 0.28, 2.0, 3e-3),
-        ("circle", "coupled", 0.28, 8.0 / (2.0 - 0.28), 3e-3),
+        ("square", "normal", 0.28, 2.30460, 5e-6),
+        ("2:1", "normal", 0.28, 3.34214, 5e-6),
+        ("4:1", "normal", 0.28, 5.08516, 5e-6),
+        ("square", "tangential", 0.28, 5.36112, 5e-6),
+        ("square", "coupled", 0.28, 5.36517, 5e-6),
+        ("square", "coupled", 0.0, 4.60919, 5e-6),
+        ("2:1", "coupled", 0.28, 7.60197, 5e-6),  # our own, as that of the annulus
+        ("circle", "normal", 0.28, 2.0, 5e-5),
+        ("circle", "coupled", 0.28, 8.0 / (2.0 - 0.28), 5e-5),
+        ("annulus", "normal", 0.28, 1.9621, 1e-4),
+        ("annulus", "coupled", 0.28, 4.5652, 1e-4),
     ],
 )
-def test_forces_tend_to_the_known_limits(area, kind, nu, limit, near):
-    forces = [
-        punch3d.solve("CG + cosine", punch3d.Punch(area, kind, N, nu))["force"]
-        for N in (32, 64, 128)
-    ]
-    if area == "circle":  # its staircase has no order
-        assert forces[-1] == pytest.approx(limit, rel=near)
-    else:
-        assert punch3d.limit_and_order(forces)[0] == pytest.approx(limit, rel=near)
+def test_forces_tend_to_the_known_limits(area, kind, nu, known, near):
+    sizes = (32, 48, 64, 96, 128)
+    if area in punch_limits.ROUND:
+        sizes = [N for N in punch_limits.ROUND_SIZES if N <= 256]
+    value, error = punch_limits.limit(area, sizes, punch_limits.forces(area, kind, sizes, nu))
+    assert value == pytest.approx(known, rel=near)
+    assert error <= near * known
+
+
+def test_a_limit_needs_more_sizes_than_terms():
+    with pytest.raises(ValueError, match="4 sizes are no more than the 4 terms"):
+        punch_limits.limit("square", (8, 16, 32, 64), [1.0, 1.0, 1.0, 1.0])
+
+
+def test_punch_limits(tmp_path, monkeypatch, capsys):
+    options = ("--problems", "normal", "--areas", "square", "annulus")
+    printed = run(punch_limits, tmp_path, monkeypatch, capsys, *options)
+    assert "nan" not in printed
+    for row in rows_of(tmp_path / "punch_limits.csv"):
+        if row["reference"]:
+            assert float(row["limit"]) == pytest.approx(float(row["reference"]), rel=5e-4)
+
+
+def test_stretched(tmp_path, monkeypatch, capsys):
+    methods = ("cosine", "M", "default")
+    cases = ("square", "grid 1:64, elements 1:20", "circle, elements 1:20")
+    options = ("--cases", *cases, "--methods", *methods, "--problems", "normal", "coupled")
+    printed = run(stretched, tmp_path, monkeypatch, capsys, *options)
+    assert "Iterations" in printed
+    rows = rows_of(tmp_path / "stretched.csv")
+    assert len(rows) == len(cases) * 2 * len(methods)
+    assert all(row["random"] or row["note"] for row in rows)
+
+
+@pytest.mark.parametrize("kind", ["normal", "tangential", "coupled"])
+def test_stretched_grids_take_no_more_iterations_than_square_ones(kind):
+    counts = {
+        case: {r["constant"] for r in stretched.measure(case, kind, 64, ["default"])}.pop()
+        for case in ("square", "square, elements 1:20", "grid 1:64")
+    }
+    assert max(counts.values()) <= 1.5 * counts["square"]
 
 
 def test_areas(tmp_path, monkeypatch, capsys):
@@ -182,6 +236,8 @@ def test_area_figures(tmp_path, monkeypatch, capsys):
 ALL = [
     area_figures,
     punch3d,
+    punch_limits,
+    stretched,
     paper_tables,
     paper_figures,
     baselines,

@@ -21,7 +21,7 @@ from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner, sin
 
 Array = NDArray[Any]
 
-FEW = 100_000  # unknowns of one blob that sine transforms solve for before FSAI is set up
+FEW = 40_000  # unknowns of one blob that sine transforms solve for before FSAI is set up
 ALIKE = 0.5  # coupling of neighbours in one axis, of that in the other; 0.36 of elements 1:4
 COMPACT = 5.0  # `fragmentation` of one blob: 4.0 of a square, 4.5 of a circle, 7.8 of an annulus
 

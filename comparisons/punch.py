@@ -1,0 +1,100 @@
+"""A rigid punch with a flat face on a half-space: its matrix, displacement, force and residual."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve
+from scipy.sparse.linalg import LinearOperator
+
+import toeplitz_mg as tmg
+from comparisons.masks import AREAS
+from toeplitz_mg import halfspace
+
+Array = NDArray[Any]
+
+G, NU = 1.0, 0.28
+KINDS = ("normal", "tangential", "coupled")
+
+
+def influence(
+    kind: str, mask: Array, element: tuple[float, float], nu: float = NU
+) -> LinearOperator:
+    """The influence of the tractions in a mask on its displacements, for one half-space."""
+    even, odd = halfspace.lags(mask.shape, element), halfspace.all_lags(mask.shape, element)
+    # The coefficients are those of two half-spaces: one of G has as much as two of 2 G.
+    material = {"G": 2.0 * G, "nu": nu}
+    full: LinearOperator
+    if kind == "normal":
+        full = tmg.ToeplitzOperator(halfspace.influence_zz(*even, element, **material))
+    elif kind == "tangential":
+        full = tmg.ToeplitzOperator(halfspace.influence_xx(*even, element, **material))
+    else:
+        xx, yy = (
+            tmg.ToeplitzOperator(a(*even, element, **material))
+            for a in (halfspace.influence_xx, halfspace.influence_yy)
+        )
+        between = tmg.ToeplitzOperator.from_lags(halfspace.influence_xy(*odd, element, **material))
+        full = tmg.CoupledOperator([[xx, between], [between, yy]])
+    return full if mask.all() else tmg.MaskedOperator(full, mask)
+
+
+@dataclass(frozen=True)
+class Punch:
+    """A rigid area on a half-space.
+
+    Attributes
+    ----------
+    area : str
+        One of `AREAS`.
+    kind : str
+        Normal, tangential or coupled.
+    N : int
+        Elements across the longer side.
+    nu : float
+        Poisson's ratio.
+    """
+
+    area: str
+    kind: str
+    N: int
+    nu: float = NU
+
+    @property
+    def mask(self) -> Array:
+        """The elements under the punch, on the grid."""
+        return AREAS[self.area](self.N)
+
+    @property
+    def h(self) -> float:
+        """The side of an element; the shorter half side of the grid is 1."""
+        return 2.0 / int(min(self.mask.shape))
+
+    def operator(self) -> LinearOperator:
+        """The influence of the tractions on the displacements, for one half-space."""
+        return influence(self.kind, self.mask, (self.h, self.h), self.nu)
+
+    def displacement(self) -> Array:
+        """The rigid displacement, of the unknowns."""
+        u = np.ones(int(self.mask.sum()))
+        return np.concatenate([u, np.zeros_like(u)]) if self.kind == "coupled" else u
+
+    def force(self, tractions: Array) -> float:
+        """F/(E* b δ), or F/(G b δ) if it is tangential, b the shorter half side."""
+        first = tractions[: int(self.mask.sum())]
+        modulus = 2.0 * G / (1.0 - self.nu) if self.kind == "normal" else G
+        return float(first.sum()) * self.h**2 / modulus
+
+    def residual(self, tractions: Array, A: LinearOperator) -> float:
+        """‖u - A p‖/‖u‖, by a convolution that is not the one under test."""
+        full = getattr(A, "full", A)
+        blocks = full.blocks if isinstance(full, tmg.CoupledOperator) else ((full,),)
+        fields = np.zeros((len(blocks), *self.mask.shape))
+        fields[:, self.mask] = tractions.reshape(len(blocks), -1)
+        u = [
+            sum(fftconvolve(a.lags, p, "valid") for a, p in zip(row, fields, strict=True))
+            for row in blocks
+        ]
+        error = np.concatenate([v[self.mask] for v in u]) - self.displacement()
+        return float(np.linalg.norm(error)) / float(np.linalg.norm(self.displacement()))

@@ -1,0 +1,164 @@
+"""Stretched elements, grids and contact areas, in three dimensions: iterations and CPU time.
+
+Conjugate gradients from a zero guess to a relative residual of 1e-8, for a displacement that is
+constant (along x) and for a random one. The grids are N x N or N/4 x 16 N; stretched elements are
+longer along y, and a circle on the grid is then an ellipse. The seconds are of CPU, with set-up,
+for the random displacement: medians of turns that the methods take in one process.
+"""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from math import nan
+from multiprocessing import set_forkserver_preload
+from statistics import median
+from time import process_time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator
+from tqdm import tqdm
+
+import toeplitz_mg as tmg
+from comparisons import masks, report
+from comparisons.measuring import in_a_fresh_process
+from comparisons.punch import KINDS, influence
+from comparisons.report import Row
+
+Array = NDArray[Any]
+
+TOLERANCE = 1e-8
+MAXITER = 200
+SECONDS = 300.0  # after which a case is given up
+TURNS = 3
+SIZES = (64, 128, 256, 512, 1024)
+DEFAULT_SIZES, QUICK_SIZES = (256,), (32,)
+
+
+def long_grid(N: int) -> Array:
+    """N/4 x 16 N elements, 64 x 4096 for N = 256."""
+    return np.ones((N // 4, 16 * N), dtype=bool)
+
+
+rough = partial(masks.rough, 0.3)
+CASES: dict[str, tuple[Callable[[int], Array], float]] = {
+    "square": (masks.square, 1.0),
+    "square, elements 1:20": (masks.square, 20.0),
+    "grid 1:64": (long_grid, 1.0),
+    "grid 1:64, elements 1:20": (long_grid, 20.0),
+    "circle": (masks.circle, 1.0),
+    "circle, elements 1:20": (masks.circle, 20.0),
+    "circle, elements 1:100": (masks.circle, 100.0),
+    "rough, 30 %": (rough, 1.0),
+    "rough, 30 %, elements 1:20": (rough, 20.0),
+}
+
+METHODS: dict[str, Callable[[LinearOperator], LinearOperator]] = {
+    "cosine": tmg.cosine_preconditioner,
+    "sine": tmg.sine_preconditioner,
+    "M": tmg.fft_preconditioner,
+    "M̄": tmg.fft_rsm_preconditioner,
+    "FSAI": tmg.fsai_preconditioner,
+    "V(1,1)": tmg.componentwise(tmg.multigrid),
+    "default": tmg.default_preconditioner,
+}
+
+
+def operator(case: str, kind: str, N: int) -> LinearOperator:
+    """The matrix of a case."""
+    area, stretch = CASES[case]
+    return influence(kind, area(N), (2.0 / N, stretch * 2.0 / N))
+
+
+def solve(method: str, A: LinearOperator, b: Array) -> tuple[float, int, float]:
+    """CPU seconds with set-up, iterations, true residual."""
+    steps: list[int] = []
+    start = process_time()
+    M = METHODS[method](A)
+    x, _ = tmg.cg(A, b, M=M, rtol=TOLERANCE, maxiter=MAXITER, callback=lambda _: steps.append(1))
+    seconds = process_time() - start
+    return seconds, len(steps), float(np.linalg.norm(b - A @ x) / np.linalg.norm(b))
+
+
+def measure(case: str, kind: str, N: int, methods: Sequence[str]) -> list[Row]:
+    """Every method in turn on one case; in a process of its own."""
+    A = operator(case, kind, N)
+    n = A.shape[0]
+    constant = np.ones(n)
+    if kind == "coupled":
+        constant[n // 2 :] = 0.0
+    random = np.random.default_rng(0).standard_normal(n)
+    rows: dict[str, Row] = {}
+    for method in methods:
+        row = rows[method] = {"case": case, "problem": kind, "N": N, "method": method, "note": ""}
+        try:
+            for name, b in (("constant", constant), ("random", random)):
+                _, iterations, residual = solve(method, A, b)
+                row[name] = iterations if residual <= 1.1 * TOLERANCE else f"> {iterations}"
+        except (np.linalg.LinAlgError, ValueError, TypeError) as error:
+            row["note"] = str(error)[:60]
+    able = [method for method in methods if "random" in rows[method]]
+    times: dict[str, list[float]] = {method: [] for method in able}
+    for _ in range(TURNS):
+        for method in able:
+            times[method].append(solve(method, A, random)[0])
+    for method in able:
+        rows[method]["random_s"] = median(times[method])
+    return list(rows.values())
+
+
+def run(
+    sizes: Sequence[int], cases: Sequence[str], kinds: Sequence[str], methods: Sequence[str]
+) -> Iterator[list[Row]]:
+    """Measure every case; yield the rows so far after each of them."""
+    rows: list[Row] = []
+    for case, kind, N in tqdm(
+        [(c, k, N) for c in cases for k in kinds for N in sizes], unit="case"
+    ):
+        try:
+            rows += in_a_fresh_process(partial(measure, case, kind, N, methods), SECONDS)
+        except (TimeoutError, ArithmeticError) as error:
+            note = str(error)[:60] or f"over {SECONDS:.0f} s"
+            rows.append({"case": case, "problem": kind, "N": N, "random_s": nan, "note": note})
+        yield rows
+
+
+def readable(rows: Sequence[Row]) -> list[Row]:
+    """Return a table: a line for each case, iterations (constant, random) and time by method."""
+    table: list[Row] = []
+    for key in dict.fromkeys((row["case"], row["problem"], row["N"]) for row in rows):
+        line: Row = {"case": key[0], "problem": key[1], "N": key[2]}
+        for row in rows:
+            if (row["case"], row["problem"], row["N"]) == key and "random" in row:
+                counts = f"{row['constant']}, {row['random']}"
+                line[row["method"]] = f"{counts} / {row['random_s']:.2g}"
+        table.append(line)
+    return table
+
+
+def main() -> None:
+    """Run the comparison."""
+    os.environ["OMP_NUM_THREADS"] = "1"  # read where a process imports BLAS
+    set_forkserver_preload(["comparisons.stretched"])
+    arguments = report.options(
+        "stretched",
+        "Stretched elements, grids and areas: iterations and CPU time.",
+        sizes=QUICK_SIZES + SIZES,
+        cases=tuple(CASES),
+        problems=KINDS,
+        methods=tuple(METHODS),
+    )
+    rows: list[Row] = []
+    for rows in run(
+        arguments.sizes or (QUICK_SIZES if arguments.quick else DEFAULT_SIZES),
+        arguments.cases or tuple(CASES),
+        arguments.problems or KINDS,
+        arguments.methods or tuple(METHODS),
+    ):
+        report.write_csv(arguments.output / "stretched.csv", rows)
+    report.show("Iterations (constant, random) / CPU seconds (random)", readable(rows))
+
+
+if __name__ == "__main__":
+    main()
