@@ -80,13 +80,15 @@ def test_two_levels(area):
     assert iterations(A, dtype=np.float32) <= 14
 
 
-def test_what_is_refused_is_followed_by_the_next():
+def test_what_is_refused_is_followed_by_the_next(caplog):
     smooth = np.exp(-(np.indices((48, 48)) ** 2).sum(axis=0) / 50.0)
     smooth[0, 0] += 1e-3
     A = tmg.MaskedOperator(tmg.ToeplitzOperator(smooth), masks.checkerboard(48))
     with pytest.raises(np.linalg.LinAlgError):
         tmg.fsai_preconditioner(A)
+    caplog.set_level("INFO")
     assert "sine" in taken(A)
+    assert "fsai_preconditioner is refused" in caplog.text
 
 
 def test_three_levels_and_coupled_components():

@@ -560,3 +560,17 @@ def test_its_representation_and_its_work():
         P @ np.ones(A.shape[0])
     assert work.products == 1
     assert 0.05 < work.units(A.shape[0]) < 0.25
+
+
+def test_components_are_updated_too():
+    kernel = [half_space(40, kernel=k) for k in (influence_xx, influence_yy)]
+    xx, yy = map(tmg.ToeplitzOperator, kernel)
+    A = tmg.CoupledOperator([[xx, None], [None, yy]])
+    old, new = (rough(40, fraction, seed=3) for fraction in (0.5, 0.55))
+    P = fsai_preconditioner(tmg.MaskedOperator(A, np.stack([old, old])))
+    Q = P.updated(np.stack([new, old]))
+    expected = fsai_preconditioner(tmg.MaskedOperator(A, np.stack([new, old])))
+    x = np.random.default_rng(0).standard_normal(Q.shape[0])
+    assert_allclose(Q @ x, expected @ x, rtol=1e-10, atol=1e-12)
+    with pytest.raises(ValueError, match="a component has no unknowns"):
+        P.updated(np.stack([new, np.zeros_like(new)]))

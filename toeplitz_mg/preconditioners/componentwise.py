@@ -5,7 +5,7 @@ from functools import wraps
 from typing import Any, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, apply_to_rows, as_rows
@@ -30,6 +30,27 @@ class BlockDiagonal(LinearOperator):
         super().__init__(np.result_type(*(block.dtype for block in blocks)), (size, size))
         self.blocks = tuple(blocks)
         self.grid_shape = grid_shape
+
+    def updated(self, mask: ArrayLike) -> "BlockDiagonal":
+        """Return the same for another mask, of blocks that have this method, as those of FSAI.
+
+        Parameters
+        ----------
+        mask : array_like of bool, of shape `grid_shape`
+            Somewhere true in each component.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As `MaskedOperator`; where a component has no unknowns, or had none.
+        """
+        masks = MaskedOperator(self, mask).mask  # for its checks
+        if len(self.blocks) != len(masks) or not all(m.any() for m in masks):
+            raise ValueError("a component has no unknowns, or had none: make the blocks anew")
+        blocks: list[Any] = list(self.blocks)
+        return BlockDiagonal(
+            [block.updated(m) for block, m in zip(blocks, masks, strict=True)], self.grid_shape
+        )
 
     def _apply(self, X: Array, out: Array | None = None) -> Array:
         if out is None:

@@ -1,7 +1,7 @@
 """Which preconditioner for which matrix and area, and why: `default_preconditioner`."""
 
+import logging
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from toeplitz_mg.preconditioners.symbol import sampled_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner, sine_preconditioner
 
 Array = NDArray[Any]
+logger = logging.getLogger(__name__)
 
 FEW = 40_000  # unknowns of one blob that sine transforms solve for before FSAI is set up
 ALIKE = 0.5  # coupling of neighbours in one axis, of that in the other; 0.36 of elements 1:4
@@ -75,7 +76,9 @@ def default_preconditioner(
     ======================== ================================= ==============================
 
     Where one is refused, as FSAI is for a very smooth covariance, the next is taken: sine, cosine
-    and at last T. Chan's circulant, which is positive definite whenever A is.
+    and at last T. Chan's circulant, which is positive definite whenever A is. The logger of this
+    module tells why, at the level INFO. On a mask such a covariance may then take hundreds of
+    iterations: none of these is good there.
 
     Examples
     --------
@@ -102,8 +105,11 @@ def _default(A: LinearOperator, is_worth_set_up: bool, dtype: DTypeLike | None) 
     shape = full.grid_shape
     mask = np.ones(shape, dtype=bool) if mask is None else mask.reshape(shape)
     for preconditioner in _candidates(full, mask, is_worth_set_up):
-        with suppress(np.linalg.LinAlgError):
+        try:
             return preconditioner(A, dtype=dtype)
+        except np.linalg.LinAlgError as error:
+            name = getattr(preconditioner, "__name__", preconditioner)
+            logger.info("%s is refused, and the next one taken: %s", name, error)
     try:
         return chan_preconditioner(A, dtype=dtype)
     except np.linalg.LinAlgError as error:
