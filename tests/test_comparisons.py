@@ -19,6 +19,7 @@ from comparisons import (
     speed,
     stretched,
     turns,
+    updates,
 )
 from comparisons.symbols import COLUMNS
 
@@ -206,6 +207,17 @@ def test_stretched_grids_take_no_more_iterations_than_square_ones(kind):
         for case in ("square", "square, elements 1:20", "grid 1:64")
     }
     assert max(counts.values()) <= 1.5 * counts["square"]
+
+
+def test_updates(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(updates, "TURNS", 1)
+    assert "An update over a set-up" in run(updates, tmp_path, monkeypatch, capsys)
+    rows = rows_of(tmp_path / "updates.csv")
+    assert len(rows) == len(masks.FRAGMENTED) - 1
+    assert all(float(row["scattered"]) > 0.0 for row in rows)
+    mask = masks.circle(48)
+    for change in updates.CHANGES:
+        assert 0 < (change(mask, 12) ^ mask).sum() <= 12
 
 
 def test_areas(tmp_path, monkeypatch, capsys):

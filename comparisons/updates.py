@@ -1,0 +1,106 @@
+"""What `updated` costs where an area changes: the CPU time of an update over that of a set-up.
+
+FSAI on the areas of `areas`, the normal problem. Of the elements in contact 1 % change: in one
+place, along the edges of the area, or scattered. A set-up and the three updates take turns in one
+process on one thread; medians.
+"""
+
+import os
+from collections.abc import Callable
+from functools import partial
+from math import nan
+from statistics import median
+from time import process_time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from comparisons import masks, report
+from comparisons.report import Row
+from toeplitz_mg import MaskedOperator, ToeplitzOperator, fsai_preconditioner, halfspace
+
+Array = NDArray[np.bool_]
+
+PART = 0.01  # of the elements in contact
+TURNS = 9
+SIZES, QUICK_SIZES = (512, 1024), (48,)
+
+
+def in_one_place(mask: Array, count: int) -> Array:
+    """Change the elements nearest to one that is in contact, and has most contact about it."""
+    i, j = np.nonzero(mask)
+    middle = np.argmin(np.hypot(i - i.mean(), j - j.mean()))
+    x, y = np.indices(mask.shape)
+    distance = np.hypot(x - i[middle], y - j[middle]).ravel()
+    changed = np.zeros(mask.size, dtype=bool)
+    changed[np.argsort(distance, kind="stable")[:count]] = True
+    return mask ^ changed.reshape(mask.shape)
+
+
+def along_edges(mask: Array, count: int) -> Array:
+    """Add elements beside the area, and take away as many at its edge."""
+    outside = binary_dilation(mask) & ~mask
+    inside = binary_dilation(~mask) & mask
+    return mask ^ _some(outside, count // 2) ^ _some(inside, count - count // 2)
+
+
+def scattered(mask: Array, count: int) -> Array:
+    """Change elements anywhere."""
+    return mask ^ _some(np.ones_like(mask), count)
+
+
+def _some(where: Array, count: int) -> Array:
+    places = np.flatnonzero(where)
+    chosen = np.zeros(where.size, dtype=bool)
+    some = np.random.default_rng(0).choice(places, min(count, len(places)), replace=False)
+    chosen[some] = True
+    return chosen.reshape(where.shape)
+
+
+CHANGES = (in_one_place, along_edges, scattered)
+
+
+def measure(area: str, N: int) -> Row:
+    """Time a set-up, and the updates over it."""
+    mask = masks.FRAGMENTED[area](N)
+    element = (2.0 / N, 2.0 / N)
+    x, y = halfspace.lags((N, N), element)
+    full = ToeplitzOperator(halfspace.influence_zz(x, y, element, G=1.0, nu=0.28))
+    A = MaskedOperator(full, mask)
+    P: Any = fsai_preconditioner(A)
+    count = max(1, round(PART * np.count_nonzero(mask)))
+    actions: dict[str, Callable[[], object]] = {"set-up": partial(fsai_preconditioner, A)}
+    for change in CHANGES:
+        new = change(mask, count)
+        if (new ^ mask).any():  # a whole grid has no edges
+            actions[change.__name__.replace("_", " ")] = partial(P.updated, new)
+    seconds: dict[str, list[float]] = {name: [] for name in actions}
+    for _ in range(TURNS):
+        for name, action in actions.items():
+            start = process_time()
+            action()
+            seconds[name].append(process_time() - start)
+    medians = {name: median(times) for name, times in seconds.items()}
+    setup = medians.pop("set-up")
+    ratios = {name: value / setup for name, value in medians.items()}
+    return {"area": area, "n": N, "unknowns": A.shape[0], "setup_s": setup, **ratios}
+
+
+def main() -> None:
+    """Run the comparison."""
+    os.environ["OMP_NUM_THREADS"] = "1"
+    arguments = report.options("updates", "The cost of an update of FSAI.")
+    rows = []
+    for N in QUICK_SIZES if arguments.quick else SIZES:
+        own = [measure(area, N) for area in masks.FRAGMENTED if area != "one line"]
+        rows += own
+        formats = {"setup_s": ".3f"} | {f.__name__.replace("_", " "): ".2f" for f in CHANGES}
+        shown = [r | {k: format(r.get(k, nan), spec) for k, spec in formats.items()} for r in own]
+        report.show(f"An update over a set-up, 1 % of the unknowns changed, {N}²", shown)
+        report.write_csv(arguments.output / "updates.csv", rows)
+
+
+if __name__ == "__main__":
+    main()
