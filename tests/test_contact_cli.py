@@ -112,6 +112,35 @@ def test_rolling_writes_its_fields(tmp_path):
     assert_allclose(fields["rigid"], [-0.002, 0.0, 0.0])
 
 
+@pytest.mark.parametrize("options", [["--tangential", "20"], ["--line", "--shift", "1e-4"]])
+def test_infinite_friction_bonds(options, tmp_path, capsys):
+    path = tmp_path / "x.npz"
+    assert run("shift", "-n", "40", "--friction", "inf", *options, "-o", str(path)) == 0
+    printed, _ = capsys.readouterr().out.split("written to")
+    assert figures(printed)["part that sticks"] == [1.0, 1.0]
+    fields = read(path)
+    assert np.array_equal(fields["stick"], fields["contact"])
+    assert np.array_equal(fields["bound"], np.where(fields["contact"], np.inf, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("options", "notes"),
+    [
+        (["-n", "16"], []),
+        (["-n", "16", "--line"], []),
+        (["-n", "8"], ["the contact is only 6 elements across"]),
+        (["-n", "40", "--radius", "1", "100"], ["the contact is only 3 elements across"]),
+        (["-n", "64", "--line", "--force", "1000", "--size", "0.6722"], ["reaches the edge"]),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_says_where_the_grid_does_not_do(options, notes, capsys):
+    assert run("hertz", *options) == 0
+    said = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note: ")]
+    assert len(said) == len(notes)
+    assert all(note in line for note, line in zip(notes, said, strict=True))
+
+
 # Files of options -----------------------------------------------------------------------------
 
 TOML = """
@@ -195,6 +224,8 @@ def test_bad_files_are_one_line_and_status_two(content, message, tmp_path, capsy
         (["hertz", "--line", "--approach", "1"], "--approach is not for --line"),
         (["hertz", "--line", "--radius", "1", "2"], "--radius has two values, but --line takes"),
         (["hertz", "--friction", "0.3"], "--friction is for shift and rolling, not hertz"),
+        (["shift", "--friction", "inf"], "--friction is inf: give --tangential or --shift"),
+        (["shift", "--friction", "nan"], "--friction is nan, but must be finite"),
         (["shift", "--friction", "0"], "--friction is 0.0, but must be positive"),
         (["shift", "--tangential", "3", "--shift", "1"], "--tangential and --shift are both"),
         (["shift", "--tangential", "18", "24"], "--tangential is 30, but friction carries less"),
@@ -255,6 +286,14 @@ def test_interruption_writes_nothing(tmp_path, monkeypatch, capsys):
     assert run("hertz", "-o", str(tmp_path / "x.npz")) == 130
     assert "interrupted" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("option", [["--n", "32"], ["--tan", "3"], ["--out", "x.npz"]])
+def test_abbreviations_are_refused(option, capsys):
+    with pytest.raises(SystemExit) as caught:
+        run("shift", *option)
+    assert caught.value.code == 2
+    assert f"unrecognized arguments: {option[0]}" in capsys.readouterr().err
 
 
 def test_help_has_units_and_defaults(capsys):

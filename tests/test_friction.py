@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import surfaces
-from toeplitz_mg.contact.coulomb import balanced, bounded
+from toeplitz_mg.contact.coulomb import balanced, bounded, nearest
 from toeplitz_mg.contact.friction import friction
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal import normal_contact
@@ -44,27 +44,52 @@ def circle(n, nu, **arguments):
     return r, g, friction(g, (2.0 / n, 2.0 / n), material=(1.0 - nu, nu), **arguments)
 
 
-def assert_coulomb(result, tolerance=1e-8, least=0.0):
-    """Equations 2 and 3."""
-    m = 1 if result.contact.ndim == 1 else 2
-    q, s, u = (
-        a.reshape(m, *result.contact.shape)
-        for a in (result.traction, result.slip, result.displacement)
-    )
-    size = np.sqrt((q**2).sum(axis=0))
-    scale = max(np.abs(u - s)[:, result.contact].max(initial=0.0), least) * 1.01 * np.sqrt(m)
-    assert np.isfinite(q).all()
-    assert np.isfinite(s).all()
-    assert (size <= result.bound).all()
+def assert_areas(result):
+    """The tractions are within their bound, and on it where the bodies slide."""
+    assert np.isfinite(result.traction).all()
+    assert (result.magnitude <= result.bound).all()
     assert not (result.stick & result.sliding).any()
     assert np.array_equal(result.stick | result.sliding, result.contact)
-    assert np.abs(s[:, result.stick]).max(initial=0.0) <= tolerance * scale
-    n = q[:, result.sliding] / size[result.sliding]
-    assert_allclose(size[result.sliding], result.bound[result.sliding], rtol=1e-12)
-    against = (s[:, result.sliding] * n).sum(axis=0)
-    assert against.max(initial=0.0) <= tolerance * scale
-    assert np.abs(s[:, result.sliding] - against * n).max(initial=0.0) <= tolerance * scale
+    assert np.array_equal(result.contact, result.bound > 0.0)
+    slide = result.sliding
+    assert_allclose(result.magnitude[slide], result.bound[slide], rtol=1e-12)
+
+
+def assert_slip(result, u, slip, scale):
+    """What the result says is what its tractions do; it obeys Eq. 2 and 3 up to this scale."""
+    m, contact = len(u), result.contact
+    q, own_slip, own_u = (
+        a.reshape(m, *contact.shape) for a in (result.traction, result.slip, result.displacement)
+    )
+    force = np.prod(result.element) * q.reshape(m, -1).sum(axis=1)
+    rounding = 1e-10 * np.abs(force).max() + 1e-14 * np.abs(q).sum() * np.prod(result.element)
+    assert_allclose(np.atleast_1d(result.force), force, rtol=0.0, atol=rounding)
+    assert_allclose(own_u, np.where(contact, u, 0.0), rtol=0.0, atol=scale)
+    assert_allclose(own_slip, np.where(contact, slip, 0.0), rtol=0.0, atol=scale)
+    assert np.abs(slip[:, result.stick]).max(initial=0.0) <= scale
+    n = q[:, result.sliding] / result.magnitude[result.sliding]
+    against = (slip[:, result.sliding] * n).sum(axis=0)
+    assert against.max(initial=0.0) <= scale
+    assert np.abs(slip[:, result.sliding] - against * n).max(initial=0.0) <= scale
+
+
+def assert_coulomb(result, material, previous=None, tolerance=1e-8):
+    """Equations 2 and 3, for the displacements of the tractions."""
+    assert_areas(result)
     assert result.residual <= tolerance
+    shape = result.contact.shape
+    m = len(shape)
+    A = Grid.of(shape, result.element, material, None).tangential()
+
+    def displacement(traction):
+        return (A @ traction.ravel()).reshape(m, *shape)
+
+    rigid = np.atleast_1d(result.rigid)
+    rigid = rigid.reshape(m, *((1,) * m if rigid.size == m else shape))
+    u = displacement(result.traction)
+    before = np.zeros_like(u) if previous is None else displacement(previous.traction)
+    largest = np.abs((before + rigid) * result.contact).max(initial=np.abs(before).max())
+    assert_slip(result, u, u - before - rigid, 1.01 * np.sqrt(m) * tolerance * largest)
 
 
 # Theory -------------------------------------------------------------------------------------
@@ -76,7 +101,7 @@ def test_cattaneo_in_line_contact():
     errors = []
     for n in (64, 256, 1024):
         x, g, result = line(n, force=part * MU * np.pi * A**2 / 4)
-        assert_coulomb(result)
+        assert_coulomb(result, (0.7, 0.3))
         assert_allclose(result.force, part * MU * np.pi * A**2 / 4, rtol=1e-9)
         assert abs(result.stick.sum() * 2.0 / n - 2 * c) <= 4.0 / n
         theory = MU * A / 2 * (semi_ellipse(x, A) - c / A * semi_ellipse(x, c))
@@ -91,7 +116,7 @@ def test_cattaneo_and_mindlin_in_a_circle():
     for nu, error in theory_of.items():
         force = MU * 4 / 3 * A**3 * (1 - (c / A) ** 3)
         r, g, result = circle(128, nu, force=(force, 0.0))
-        assert_coulomb(result)
+        assert_coulomb(result, (1.0 - nu, nu))
         assert_allclose(result.force, [force, 0.0], rtol=1e-9, atol=1e-9 * force)
         assert abs(np.sqrt(result.stick.sum() * (2 / 128) ** 2 / np.pi) - c) < 2 / 128
         theory = MU * 2 * A / np.pi * (semi_ellipse(r, A) - c / A * semi_ellipse(r, c))
@@ -104,7 +129,7 @@ def test_cattaneo_and_mindlin_in_a_circle():
 def test_without_coupling_the_traction_follows_the_shift(nu):
     _, g, result = circle(64, nu, shift=(0.04, 0.03))
     angle = result.traction[1] * 4 - result.traction[0] * 3
-    assert_coulomb(result)
+    assert_coulomb(result, (1.0 - nu, nu))
     assert (np.abs(angle).max() < 1e-8 * g.max()) == (nu == 0.0)
 
 
@@ -124,7 +149,7 @@ def test_products_for_a_rough_surface(nu, most):
     gap = surfaces.rough((n, n), (h, h), rms=0.01, longest=0.5, shortest=4 * h, seed=1)
     g = MU * normal_contact(gap, (h, h), material=material, force=force).traction
     result = friction(g, (h, h), material=material, force=(0.7 * MU * force, 0.0))
-    assert_coulomb(result)
+    assert_coulomb(result, material)
     assert result.products <= most
 
 
@@ -161,7 +186,7 @@ def test_bonded_bodies_are_the_papers_problem(problem):
 def test_bonded_bodies_with_a_force():
     bound = np.full((20, 12), np.inf)
     result = friction(bound, (1.0, 2.0), material=(1.0, 0.3), force=(3.0, -1.0))
-    assert_coulomb(result)
+    assert_coulomb(result, (1.0, 0.3))
     assert_allclose(result.force, [3.0, -1.0], rtol=1e-10)
 
 
@@ -217,14 +242,13 @@ def test_coulombs_law_for_any_load_and_history(seed, shape, nu, mu, load, part, 
         assert_allclose(result.force, force, rtol=1e-8, atol=1e-8 * np.abs(force).max())
     else:
         result = friction(g, element, material=(G, nu), shift=direction * load * h)
-    assert_coulomb(result)
-    least = np.abs(result.displacement).max()
+    assert_coulomb(result, (G, nu))
     g = g * rng.uniform(0.5, 1.5)  # another pressure, and back
     after = friction(
         g, element, material=(G, nu), shift=-rng.uniform(0, 2) * direction * load * h,
         previous=result,
     )  # fmt: skip
-    assert_coulomb(after, least=least)
+    assert_coulomb(after, (G, nu), result)
 
 
 # Histories ----------------------------------------------------------------------------------
@@ -251,11 +275,56 @@ def test_nothing_moves_without_a_load():
     assert still.stick.sum() == (g > 0).sum()
 
 
+@pytest.mark.parametrize("is_line", [True, False])
+@pytest.mark.parametrize("most", [np.inf, 200.0, 20.0, 6.0])
+def test_a_contact_that_shrinks_keeps_nothing_outside(is_line, most):
+    # The elements that leave the contact carry nothing, whether the others stick or not.
+    shape, element = ((40,), 0.1) if is_line else ((24, 20), (0.1, 0.1))
+    material = (1.0, 0.3)
+    r = np.sqrt(sum(x**2 for x in surfaces.centres(shape, element)))
+    force = 10.0 if is_line else (6.0, 2.0)
+    before = friction(np.where(r < 0.9, most, 0.0), element, material=material, force=force)
+    smaller = np.where(r < 0.6, 2.0 * most, 0.0)
+    after = friction(smaller, element, material=material, force=force, previous=before)
+    assert_coulomb(after, material, before)
+    assert_allclose(after.force, force, rtol=1e-10)
+    assert (most < 7.0) == after.sliding.any()
+
+
+@pytest.mark.parametrize("shape", [(60,), (14, 8)])
+def test_a_bound_that_falls_far_below_the_tractions(shape):
+    rng = np.random.default_rng(2)
+    element, material = (0.1,) * len(shape), (1.0, 0.3)
+    for ratio in (1.5, 10.0, 100.0):
+        g = np.maximum(0.0, rng.random(shape) - 0.3)
+        force = 0.9 * g.sum() * np.prod(element) * np.eye(len(shape))
+        before = friction(ratio * g, element, material=material, force=0.9 * ratio * force[0])
+        after = friction(g, element, material=material, force=-0.5 * force[-1], previous=before)
+        assert_coulomb(after, material, before)
+        assert_allclose(after.force, -0.5 * force[-1], rtol=1e-10, atol=1e-10)
+        assert after.products < 200
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("missing", [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("decades", [0, 10])
+def test_almost_all_slides(seed, missing, decades):
+    rng = np.random.default_rng(seed)
+    g = 10.0 ** rng.uniform(-decades, 0, (13, 11))
+    element, material = (0.1, 0.1), (1.0, 0.49)
+    before = friction(rng.random(g.shape), element, material=material, shift=(0.03, 0.01))
+    force = (1.0 - missing) * 0.01 * g.sum() * np.array([0.6, -0.8])
+    after = friction(g, element, material=material, force=force, previous=before)
+    assert_coulomb(after, material, before)
+    assert_allclose(after.force, force, rtol=1e-10)
+    assert after.products < (600 if decades else 100)
+
+
 def test_tiny_bounds_do_no_harm():
     g = np.random.default_rng(0).random((12, 9))
     g[::3] = 1e-20
     result = friction(g, (1.0, 1.0), material=(1.0, 0.3), shift=(0.3, 0.1))
-    assert_coulomb(result)
+    assert_coulomb(result, (1.0, 0.3))
     assert result.sliding[::3].all()
 
 
@@ -301,6 +370,25 @@ def test_refuses_another_history():
         friction(np.ones(3), 1.0, material=(1.0, 0.3), shift=1.0, previous=other)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"bound": np.ma.ones(2)}, "bound is a masked array"),
+        ({"shift": np.ma.ones(2)}, "shift is a masked array"),
+        ({"shift": "a"}, "shift has dtype <U1"),
+        ({"shift": None, "force": 1j}, "force has dtype complex128"),
+        ({"previous": np.zeros(2)}, "previous is of type ndarray, but must be a ContactResult"),
+        ({"progress": 3}, "progress is 3"),
+    ],
+)
+def test_refuses_other_types(change, message):
+    arguments = {
+        "bound": np.ones(2), "element": 1.0, "material": (1.0, 0.3), "shift": 1.0
+    } | change  # fmt: skip
+    with pytest.raises(TypeError, match=message):
+        friction(arguments.pop("bound"), arguments.pop("element"), **arguments)
+
+
 def test_failure_is_an_error_that_says_what_is_violated():
     with pytest.raises(ContactError, match="products Coulomb's law is violated by") as error:
         circle(64, 0.3, shift=(0.05, 0.0), max_products=4, nested=False)
@@ -324,6 +412,29 @@ def test_balanced_tractions(m):
     assert np.array_equal(p[:, ~movable], q[:, ~movable])
     assert balanced(q, g, np.full(m, 100.0), movable) is None
     assert balanced(q, g, total, np.zeros((5, 6), bool)) is None
+
+
+def test_balanced_tractions_on_the_circle():
+    # All are turned by about the same angle, however small their bounds are.
+    rng = np.random.default_rng(0)
+    g = 10.0 ** rng.uniform(-8, 0, (5, 6))
+    everywhere = np.ones(g.shape, bool)
+    angle = rng.uniform(-0.3, 0.3, g.shape)
+    q = g * np.stack([np.cos(angle), np.sin(angle)])
+    total = q.sum(axis=(1, 2)) @ np.array([[np.cos(0.1), np.sin(0.1)], [-np.sin(0.1), np.cos(0.1)]])
+    p = balanced(q, g, total, everywhere, everywhere)
+    assert_allclose(p.sum(axis=(1, 2)), total, rtol=1e-12)
+    assert (np.hypot(*p) <= g).all()
+    assert_allclose(np.hypot(*p), g, rtol=1e-14)
+    assert_allclose(np.arctan2(p[1], p[0]) - angle, 0.1, atol=0.05)
+
+
+def test_nearest_tractions_are_zero_where_the_bound_is():
+    q = np.ones((2, 4, 3))
+    g = np.where(np.arange(12).reshape(4, 3) % 3, 2.0, 0.0)
+    p = nearest(q, g, np.array([3.0, -1.0]))
+    assert_allclose(p.sum(axis=(1, 2)), [3.0, -1.0])
+    assert not p[:, g == 0.0].any()
 
 
 def test_operators_are_those_of_the_half_space():

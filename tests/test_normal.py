@@ -260,6 +260,8 @@ def test_one_element():
         ({"element": (1.0, 0.0)}, "element is"),
         ({"element": 1.0}, "element is 1.0, but the grid"),
         ({"element": (1.0, 1.0, 1.0)}, "element is"),
+        ({"element": [[1.0], [1.0]]}, "element is"),
+        ({"element": (1.0, np.inf)}, "element is"),
         ({"material": (0.0, 0.3)}, "G is 0"),
         ({"material": (1.0, 0.6)}, "nu is 0.6"),
         ({"force": None}, "one of the two"),
@@ -286,6 +288,32 @@ def test_refuses_what_makes_no_sense(change, message):
 def test_refuses_other_types():
     with pytest.raises(TypeError, match="gap has dtype complex128"):
         normal_contact(np.zeros((2, 2), complex), (1.0, 1.0), material=STEEL, force=1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"gap": np.ma.masked_greater(np.zeros((2, 3)), 1.0)}, "gap is a masked array"),
+        ({"element": "a"}, "element has dtype <U1"),
+        ({"element": None}, "element has dtype object"),
+        ({"material": 82000.0}, r"material is 82000.0, but must be \(G, nu\)"),
+        ({"material": "steel"}, r"material is 'steel', but must be \(G, nu\)"),
+        ({"material": ("a", 0.3)}, "G is 'a', but must be a real number"),
+        ({"force": "10"}, "force is '10', but must be a real number"),
+        ({"force": 1j}, "force is 1j, but must be a real number"),
+        ({"force": [1.0]}, r"force is \[1.0\], but must be a real number"),
+        ({"force": None, "approach": "1"}, "approach is '1', but must be a real number"),
+        ({"tolerance": "a"}, "tolerance is 'a', but must be a real number"),
+        ({"max_products": 1.5}, "max_products is 1.5, but must be an integer"),
+        ({"progress": 3}, "progress is 3, but must be a function"),
+    ],
+)
+def test_refuses_what_is_no_number(change, message):
+    arguments = {
+        "gap": np.zeros((2, 3)), "element": (1.0, 1.0), "material": STEEL, "force": 1.0
+    } | change  # fmt: skip
+    with pytest.raises(TypeError, match=message):
+        normal_contact(arguments.pop("gap"), arguments.pop("element"), **arguments)
 
 
 def test_failure_is_an_error_that_says_what_is_violated():
@@ -399,6 +427,21 @@ def test_surfaces_refuse_what_makes_no_sense(options):
         surfaces.rough((8, 8), (1.0, 1.0), **({"rms": 1.0} | options))
     with pytest.raises(ValueError, match="radii is"):
         surfaces.sphere((8, 8), (1.0, 1.0), radius=-1.0)
+    with pytest.raises(ValueError, match=r"radii is .* must be \(R1, R2\)"):
+        surfaces.ellipsoid((8, 8), (1.0, 1.0), radii=(1.0, 2.0, 3.0))
+
+
+@pytest.mark.parametrize(
+    ("shape", "error", "message"),
+    [
+        (4, ValueError, r"shape is 4, but must be \(n1, n2\)"),
+        ((-4, 4), ValueError, "shape is -4, but must be at least 1"),
+        ((4.0, 4), TypeError, "shape is 4.0, but must be an integer"),
+    ],
+)
+def test_surfaces_refuse_other_shapes(shape, error, message):
+    with pytest.raises(error, match=message):
+        surfaces.sphere(shape, (1.0, 1.0), radius=1.0)
 
 
 @pytest.mark.parametrize("shape", [(8, 8), (8,)])

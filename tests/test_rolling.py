@@ -1,12 +1,15 @@
 """Steady rolling: Carter, Kalker's coefficients, Coulomb's law, and the limit of many steps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from tests.test_friction import assert_coulomb, semi_ellipse
+from tests.test_friction import assert_areas, assert_slip, semi_ellipse
+from toeplitz_mg import halfspace
 from toeplitz_mg.contact import steady, surfaces
 from toeplitz_mg.contact.gmres import gmres
 from toeplitz_mg.contact.grid import Grid
@@ -35,24 +38,42 @@ def circle(n, creepages, nu=0.25, bound=None, **arguments):
     return g, rolling(g, (h, h), material=(1.0, nu), **creepages, **arguments)
 
 
-def assert_rolls(result, creepages, tolerance=1e-8):
-    """Coulomb's law, with the slip over the distance rolled."""
-    largest = np.abs(np.atleast_1d(creepages)).max()
-    assert (result.magnitude <= result.bound).all()
-    assert np.isfinite(result.traction).all()
-    assert np.isfinite(result.slip).all()
-    slip = result.slip.reshape(-1, *result.contact.shape)
-    assert np.abs(slip[:, result.stick]).max(initial=0.0) <= 2 * tolerance * largest
-    q = result.traction.reshape(slip.shape)
-    power = (slip * q).sum(axis=0)
-    assert power[result.sliding].max(initial=0.0) <= 2 * tolerance * largest * result.bound.max()
+def assert_rolls(result, material, before=None, tolerance=1e-8):
+    """Equations 2, 3 and 8, in the steady state or after a step from other tractions."""
+    assert_areas(result)
+    assert result.residual <= tolerance
+    shape, h = result.contact.shape, result.element[0]
+    grid = Grid.of(shape, result.element, material, None)
+    if len(shape) == 1:
+        w = np.full((1, *shape), result.rigid)
+    else:
+        x, y = surfaces.centres(shape, result.element)
+        longitudinal, lateral, spin = result.rigid
+        w = np.stack([longitudinal - spin * y, lateral + spin * x])
+    q = result.traction
+    u = (grid.tangential() @ q.ravel()).reshape(w.shape)
+    ahead = (grid.upstream() @ (q if before is None else before).ravel()).reshape(w.shape)
+    scale = 2 * tolerance * h * np.abs(w * result.contact).max()
+    in_units = replace(result, slip=result.slip * h)
+    assert_slip(in_units, u, w * h + u - ahead, scale)
+
+
+def influences(grid, ahead):
+    """The displacements at x + ahead by unit tractions, dense."""
+    x, y = (c.ravel() for c in surfaces.centres(grid.shape, grid.element))
+    dx, dy = np.subtract.outer(x, x) + ahead, np.subtract.outer(y, y)
+    xx, xy, yy = (
+        f(dx, dy, grid.element, G=grid.material.G, nu=grid.material.nu)
+        for f in (halfspace.influence_xx, halfspace.influence_xy, halfspace.influence_yy)
+    )
+    return np.block([[xx, xy], [xy, yy]])
 
 
 def test_carter():
     errors = []
     for n in (50, 200, 800):
         x, g, result = carter(n)
-        assert_rolls(result, result.rigid)
+        assert_rolls(result, (0.7, 0.3))
         errors.append(abs(result.force / (MU * np.pi * A**2 / 4) - 0.64))
         ahead = A - 2 * 0.6 * A  # it sticks from the leading edge to here
         assert_allclose(x[result.stick].min(), ahead, atol=2 * 2 * A / n)
@@ -76,7 +97,7 @@ def test_kalkers_coefficients():
     for k in range(3):
         creepages = 1e-3 * np.eye(3)[k]
         _, result = circle(96, creepages, bound=np.inf)
-        assert_rolls(result, creepages)
+        assert_rolls(result, (1.0, 0.25))
         coefficients.append(-result.force / (1e-3 * A**2))
     (C11, zero), (nothing, C22), (none, C23) = coefficients
     assert_allclose([C11, C22, C23 / A], [4.12, 3.67, 1.47], rtol=0.03)
@@ -105,7 +126,7 @@ def test_large_creepage_slides_everywhere():
 )
 def test_products_in_a_circle(creepages, most):
     _, result = circle(128, creepages)
-    assert_rolls(result, creepages)
+    assert_rolls(result, (1.0, 0.25))
     assert result.products <= most
     assert result.work < 3 * most
 
@@ -133,6 +154,30 @@ def test_the_steady_state_is_the_limit_of_many_steps():
     assert_allclose(after.traction, result.traction, atol=1e-6 * g.max())
 
 
+@pytest.mark.parametrize(
+    "contact", [np.s_[:, :], np.s_[20:21, 10:30]], ids=["a row", "a row of a grid"]
+)
+@pytest.mark.parametrize("bound", [0.3, np.inf])
+def test_a_contact_one_element_long(contact, bound):
+    # Its elements do not couple x and y, but those that were there one element ago do.
+    g = np.zeros((40, 40) if contact[0].start else (1, 9))
+    g[contact] = bound
+    case = {"material": (1.0, 0.3), "longitudinal": 0.02, "lateral": 0.1}
+    result = rolling(g, (1.0, 1.0), **case)
+    assert_rolls(result, (1.0, 0.3))
+    *_, last = rolling_steps(g, (1.0, 1.0), steps=100, **case)
+    assert_allclose(last.traction, result.traction, atol=1e-6 * np.abs(result.traction).max())
+
+
+def test_the_matrix_of_steady_rolling_is_that_of_the_half_space():
+    for shape in ((1, 5), (4, 3)):
+        grid = Grid.of(shape, (0.5, 0.8), (2.0, 0.3), None)
+        K = steady.steady_operator(grid.tangential(), grid.upstream())
+        assert_allclose(
+            K @ np.eye(K.shape[0]), influences(grid, 0.0) - influences(grid, 0.5), atol=1e-14
+        )
+
+
 def test_a_step_obeys_coulombs_law_in_time():
     x, g, _ = carter(40)
     h = x[1] - x[0]
@@ -145,7 +190,7 @@ def test_a_step_obeys_coulombs_law_in_time():
         u = grid.tangential() @ step.traction
         assert_allclose(step.slip[g > 0], slip[g > 0] / h, atol=1e-12)
         assert_allclose(step.displacement[g > 0], u[g > 0], atol=1e-9)
-        assert_rolls(step, -0.1)
+        assert_rolls(step, (0.7, 0.3), before)
         before = step.traction
 
 
@@ -154,7 +199,7 @@ def test_marching_where_the_sets_do_not_settle(monkeypatch):
     monkeypatch.setattr(steady, "MOST", 1)  # GMRES alone would not settle
     creepages = (0.05, 0.03, 0.1)
     _, result = circle(12, creepages, nested=False)
-    assert_rolls(result, creepages)
+    assert_rolls(result, (1.0, 0.25))
     monkeypatch.undo()
     assert_allclose(result.traction, circle(12, creepages)[1].traction, atol=1e-7)
 
@@ -176,15 +221,7 @@ def test_coulombs_law_for_any_creepage(seed, shape, nu, creepages):
     names = ("longitudinal", "lateral", "spin")
     given = dict(zip(names, np.atleast_1d(creepages).tolist(), strict=False))
     result = rolling(g, (h, 2 * h), material=(1.0, nu), **given)
-    centres = surfaces.centres(shape, (h, 2 * h))
-    rigid = [abs(given["longitudinal"])]
-    if len(shape) == 2:
-        x, y = centres
-        rigid = np.hypot(
-            given["longitudinal"] - given["spin"] * y, given["lateral"] + given["spin"] * x
-        )
-        rigid = rigid[g > 0]
-    assert_rolls(result, np.max(rigid, initial=0.0))
+    assert_rolls(result, (1.0, nu))
 
 
 @pytest.mark.parametrize(
@@ -202,6 +239,12 @@ def test_refuses_what_makes_no_sense(change, message):
         rolling(np.ones(4), 1.0, material=(1.0, 0.3), **change)
 
 
+@pytest.mark.parametrize("value", ["a", 1j, None, [1e-3]])
+def test_refuses_creepages_that_are_no_numbers(value):
+    with pytest.raises(TypeError, match=r"longitudinal is .*, but must be a real number"):
+        rolling(np.ones(4), 1.0, material=(1.0, 0.3), longitudinal=value)
+
+
 def test_refuses_bad_steps():
     with pytest.raises(ValueError, match="steps is 0"):
         rolling_steps(np.ones(4), 1.0, material=(1.0, 0.3), steps=0)
@@ -217,7 +260,7 @@ def test_failure_is_an_error_that_says_what_is_violated():
 def test_line_contact_obeys_coulombs_law():
     _, _, result = carter(100)
     assert result.displacement.shape == result.traction.shape
-    assert_coulomb(result, tolerance=1.0)  # the bound, and the areas
+    assert_areas(result)
 
 
 @pytest.mark.parametrize(("dtype", "left"), [(np.float64, 1e-10), (np.float32, 1e-5)])

@@ -80,7 +80,8 @@ DEFAULTS: dict[str, Any] = {
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     # Without defaults, so that an option counts wherever it stands, and a stray one is seen.
-    bare: Any = {"argument_default": argparse.SUPPRESS}
+    # No abbreviations: --n would be taken for --nu.
+    bare: Any = {"argument_default": argparse.SUPPRESS, "allow_abbrev": False}
     main = argparse.ArgumentParser(
         prog="toeplitz-mg",
         description="Solve a contact problem of Zhao, Vollebregt and Oosterlee (2014): by default "

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from toeplitz_mg import output
-from toeplitz_mg.contact.grid import in_range
+from toeplitz_mg.contact.values import in_range
 
 CASES = ("hertz", "shift", "rolling")
 FEWEST, MOST = 8, 2**24  # elements
@@ -34,6 +34,8 @@ class Option:
         None where there is none.
     positive : bool
         Whether its numbers must be.
+    infinite : bool
+        Whether they may be.
     """
 
     help: str
@@ -42,6 +44,7 @@ class Option:
     cases: tuple[str, ...] = CASES
     default: Any = None
     positive: bool = False
+    infinite: bool = False
 
 
 OPTIONS = {
@@ -64,10 +67,11 @@ OPTIONS = {
         positive=True,
     ),
     "friction": Option(
-        "coefficient of friction (default: 0.3)",
+        "coefficient of friction; inf bonds the bodies (default: 0.3)",
         cases=("shift", "rolling"),
         default=0.3,
         positive=True,
+        infinite=True,
     ),
     "tangential": Option(
         "tangential force along x, or x and y, N or N/mm (default: half of what friction carries)",
@@ -157,7 +161,7 @@ def _check(name: str, option: Option, value: Any) -> None:
     if not 1 <= len(values) <= option.most:
         raise ValueError(f"{_flag(name)} has {len(values)} values, but takes 1 to {option.most}")
     for x in values:
-        if isinstance(x, float):
+        if isinstance(x, float) and not (option.infinite and math.isinf(x)):
             if not math.isfinite(x):
                 raise ValueError(f"{_flag(name)} is {x}, but must be finite")
             in_range(_flag(name), abs(x))
@@ -183,6 +187,9 @@ def _check_together(case: str, options: dict[str, Any]) -> None:
     for one, other in (("force", "approach"), ("tangential", "shift")):
         if one in options and other in options:
             raise ValueError(f"--{one} and --{other} are both given, but one decides the other")
+    has_load = "tangential" in options or "shift" in options
+    if case == "shift" and math.isinf(options.get("friction", 0.0)) and not has_load:
+        raise ValueError("--friction is inf: give --tangential or --shift, as nothing slides")
     if not options.get("line"):
         return
     if "approach" in options:

@@ -8,6 +8,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from toeplitz_mg import output
 from toeplitz_mg.contact import (
@@ -22,7 +23,10 @@ from toeplitz_mg.contact.grid import Element
 from toeplitz_mg.contact.hertz import Hertz
 from toeplitz_mg.contact_arguments import checked
 
+Array = NDArray[Any]
+
 MARGIN = 1.3  # of the grid, around the contact of theory
+FEWEST = 10  # elements across the contact, for figures that mean something
 CREEPAGE = -0.002  # where none is given
 
 
@@ -114,7 +118,7 @@ class Case:
         elif o.tangential is None:
             load = {"force": self.components([0.5 * o.friction * pressed.force])}
         return friction(
-            o.friction * pressed.traction,
+            self.bound(pressed),
             self.element,
             material=self.material,
             tolerance=o.tolerance,
@@ -128,13 +132,19 @@ class Case:
         names = ("longitudinal", "lateral", "spin")
         creepages = {name: getattr(o, name) for name in names if getattr(o, name) is not None}
         return rolling(
-            o.friction * pressed.traction,
+            self.bound(pressed),
             self.element,
             material=self.material,
             tolerance=o.tolerance,
             progress=_print_progress,
             **(creepages or {"longitudinal": CREEPAGE}),
         )
+
+    def bound(self, pressed: ContactResult) -> Array:
+        """The traction bound of the pressures: zero outside the contact, whatever the friction."""
+        g = np.zeros_like(pressed.traction)
+        g[pressed.contact] = self.options.friction * pressed.traction[pressed.contact]
+        return g
 
     def components(self, values: Any) -> Any:
         """A number in line contact, else two."""
@@ -164,6 +174,7 @@ def run(given: argparse.Namespace) -> int:
     products = " + ".join(str(result.products) for result in results.values())
     print(f"\nconverged: {products} products, {seconds:.2f} seconds")
     _print_figures(case, pressed, results.get("tangential traction"))
+    _print_doubts(pressed.contact)
     if options.output is not None:
         found = fields(case, pressed, results.get("tangential traction"))
         output.save_fields(options.output, found)
@@ -233,6 +244,16 @@ def _print_figures(case: Case, pressed: ContactResult, tangential: ContactResult
         rounding = 1e-12 * float(np.abs(numbers).max())
         values = " ".join(f"{x if abs(x) > rounding else 0.0:.6g}" for x in numbers)
         print(f"{name:26s}{values:>28s}{'' if exact is None else f'{exact:.6g}':>14s}")
+
+
+def _print_doubts(contact: Array) -> None:
+    """Say where the grid is too coarse for the contact, or else too small."""
+    axes = range(contact.ndim)
+    across = min(int(contact.any(axis=tuple({*axes} - {axis})).sum()) for axis in axes)
+    if across < FEWEST:
+        print(f"note: the contact is only {across} elements across; a larger -n resolves it")
+    elif any(contact.take([0, -1], axis).any() for axis in axes):
+        print("note: the contact reaches the edge of the grid; a larger --size leaves it room")
 
 
 def _tangential_figures(

@@ -5,22 +5,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from toeplitz_mg.contact.grid import Grid, in_range
+from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import ContactResult
+from toeplitz_mg.contact.values import count, field, finite, in_range, positive, real
 
 Array = NDArray[Any]
-
-
-def field(name: str, values: ArrayLike) -> Array:
-    """Return an array of real numbers in double precision, or say what is wrong with it."""
-    array = np.asarray(values)
-    if array.dtype.kind not in "buif":
-        raise TypeError(f"{name} has dtype {array.dtype}, but must be of real numbers")
-    if np.isnan(array).any():
-        raise ValueError(f"{name} is not a number somewhere")
-    array = array.astype(np.float64)
-    in_range(name, float(np.max(np.abs(array), where=np.isfinite(array), initial=0.0)))
-    return array
 
 
 def normal_load(z: Array, approach: float | None, force: float | None) -> float | None:
@@ -31,12 +20,11 @@ def normal_load(z: Array, approach: float | None, force: float | None) -> float 
         raise ValueError(
             f"approach is {approach} and force is {force}, but one of the two must be given"
         )
-    if approach is not None and not np.isfinite(approach):
-        raise ValueError(f"approach is {approach}, but must be finite")
-    if force is not None:
-        if not 0.0 < force < np.inf:
-            raise ValueError(f"force is {force}, but must be positive and finite")
-        in_range("force", force)
+    if approach is not None:
+        finite("approach", approach)
+        return None
+    force = positive("force", force)
+    in_range("force", force)
     return force
 
 
@@ -81,6 +69,9 @@ def tangential_load(force: Any, g: Array, grid: Grid) -> Array:
 
 def tractions_before(previous: ContactResult, grid: Grid) -> Array:
     """Return the tractions of a tangential contact on the same grid, of shape (components, ...)."""
+    if not isinstance(previous, ContactResult):
+        kind = type(previous).__name__
+        raise TypeError(f"previous is of type {kind}, but must be a ContactResult")
     if previous.stick is None:
         raise ValueError("previous is a normal contact, but must be one with friction")
     if previous.contact.shape != grid.shape or previous.element != grid.element:
@@ -91,9 +82,10 @@ def tractions_before(previous: ContactResult, grid: Grid) -> Array:
     return previous.traction.reshape(grid.components, *grid.shape)
 
 
-def check_iteration(tolerance: float, max_products: int) -> None:
+def check_iteration(tolerance: float, max_products: int, progress: Any = None) -> None:
     """Check what is asked of the iterations."""
-    if not 0.0 < tolerance < 1.0:
+    if not 0.0 < real("tolerance", tolerance) < 1.0:
         raise ValueError(f"tolerance is {tolerance}, but must be in (0, 1)")
-    if max_products < 1:
-        raise ValueError(f"max_products is {max_products}, but must be at least 1")
+    count("max_products", max_products)
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress is {progress!r}, but must be a function, or None")

@@ -122,6 +122,8 @@ def admissible(
     if total is None:
         return q, areas
     p = balanced(q, g, total, areas.stick)
+    if p is None and len(q) > 1:  # almost all slides: turn tractions on the circle too
+        p = balanced(q, g, total, (g > 0.0) & np.isfinite(g), areas.slide)
     if p is not None:
         return p, areas
     q = nearest(q, g, total)
@@ -132,7 +134,7 @@ def nearest(q: Array, g: Array, total: Array | None) -> Array:
     """The nearest admissible tractions, of a given sum if there is one."""
     if total is None:
         return bounded(q, g)
-    p = balanced(q, g, total, g > 0.0)
+    p = balanced(np.where(g > 0.0, q, 0.0), g, total, g > 0.0)
     # Too close to where all slides for the nearest: some that have the sum.
     return in_proportion(total, g) if p is None else p
 
@@ -143,19 +145,25 @@ def in_proportion(total: Array, g: Array) -> Array:
     return np.asarray(total.reshape(-1, *(1,) * g.ndim) * (share / share.sum()))
 
 
-def balanced(q: Array, g: Array, total: Array, movable: Array) -> Array | None:
+def balanced(
+    q: Array, g: Array, total: Array, movable: Array, on_circle: Array | None = None
+) -> Array | None:
     """Return tractions of a given sum: bounded(q + c, g) where movable, with a constant c.
 
+    Where some stay on the circle |q| = g, it is q + c g, which turns them all by similar angles.
     None where the movable elements cannot carry what is missing.
     """
     m = len(q)
     rest = total - np.where(movable, 0.0, q).reshape(m, -1).sum(axis=1)
     z, g_m = q[:, movable], g[movable]
+    circle, unit = np.zeros(g_m.shape, bool), np.ones_like(g_m)
+    if on_circle is not None:
+        circle, unit = on_circle[movable], g_m
     if not np.linalg.norm(rest) < g_m.sum() * (1.0 - 1e-12):
         return None
     # The sum is the gradient of a convex function of c: Newton's method, with a search along it.
     c = np.zeros(m)
-    value, p = _primitive(z + c[:, None], g_m)
+    value, p = _primitive(z, g_m, circle, unit)
     missing = rest - p.sum(axis=1)
     goal = 1e-13 * max(float(np.linalg.norm(total)), float(size(p).sum()))
     for _ in range(100):
@@ -164,15 +172,16 @@ def balanced(q: Array, g: Array, total: Array, movable: Array) -> Array | None:
             result = q.copy()
             result[:, movable] = p
             return result
-        y = z + c[:, None]
+        y = z + c[:, None] * unit
         a = size(y)
-        n = np.where(a > g_m, direction(y), 0.0)
-        weight = np.where(a > g_m, g_m / np.where(a > 0.0, a, 1.0), 1.0)
+        outside = circle | (a > g_m)
+        n = np.where(outside, direction(y), 0.0)
+        weight = unit * np.where(outside, g_m / np.where(a > 0.0, a, 1.0), 1.0)
         H = weight.sum() * np.eye(m) - (weight * n) @ n.T
         move = np.linalg.solve(H + 1e-9 * weight.sum() * np.eye(m), missing)
         for step in 0.5 ** np.arange(40.0):
             trial = c + step * move
-            new, p = _primitive(z + trial[:, None], g_m)
+            new, p = _primitive(z + trial[:, None] * unit, g_m, circle, unit)
             missing = rest - p.sum(axis=1)
             descends = new - trial @ rest < value - c @ rest
             if descends or np.linalg.norm(missing) < 0.5 * error:
@@ -183,8 +192,13 @@ def balanced(q: Array, g: Array, total: Array, movable: Array) -> Array | None:
     return None
 
 
-def _primitive(z: Array, g: Array) -> tuple[float, Array]:
-    """The convex function ½|z|², continued linearly where |z| > g, and its gradient bounded(z)."""
+def _primitive(z: Array, g: Array, circle: Array, unit: Array) -> tuple[float, Array]:
+    """A convex function of c, where z = q + c unit, and bounded(z), whose sum is its gradient.
+
+    It is the sum of ½|z|²/unit, continued linearly where |z| > g, and linear on the circle.
+    """
     a = size(z)
-    inside = np.minimum(a, g)
-    return float((inside * (a - 0.5 * inside)).sum()), bounded(z, g)
+    g_circle = np.where(circle, g, 0.0)
+    inside = np.where(circle, g, np.minimum(a, g))
+    p = bounded(np.where(circle, direction(z) * g_circle, z), g)
+    return float((inside * (a - 0.5 * inside) / unit).sum()), p

@@ -13,7 +13,7 @@ from toeplitz_mg.contact.checks import (
     traction_bound,
     tractions_before,
 )
-from toeplitz_mg.contact.coulomb import nearest
+from toeplitz_mg.contact.coulomb import bounded, nearest
 from toeplitz_mg.contact.grid import Element, Grid
 from toeplitz_mg.contact.normal import Progress
 from toeplitz_mg.contact.products import Products
@@ -100,7 +100,7 @@ def friction(
     """
     g = traction_bound(bound)
     grid = Grid.of(g.shape, element, material, reference)
-    check_iteration(tolerance, max_products)
+    check_iteration(tolerance, max_products, progress)
     if (shift is None) == (force is None):
         raise ValueError(f"shift is {shift} and force is {force}, but one of the two must be given")
     b = np.zeros((grid.components, *grid.shape))
@@ -117,7 +117,8 @@ def friction(
         guess, least = None, 0.0
         if previous is not None:
             u = products(before)
-            b, guess, least = b + u, nearest(before, g, total), float(np.abs(u).max())
+            guess = nearest(bounded(before, g), g, total)
+            b, least = b + u, float(np.abs(u).max())
         problem = Problem(window.grid, g, b, total, tolerance, least, progress)
         state = solve(problem, products, guess, nested=nested)
     result = tangential_result(problem, state, window, products.count, work.units(b.size))
@@ -131,23 +132,23 @@ def tangential_result(
     problem: Problem, state: State, window: Window, products: int, work: float
 ) -> ContactResult:
     """Return what was found, on the whole grid and in the shapes of the user."""
-    q, contact, force = state.q, problem.g > 0.0, problem.grid.area * state.q
+    q, contact = state.q, problem.g > 0.0
     slip = state.u - problem.b - problem.uniform(state.shift)
     is_line = len(q) == 1
 
     def whole(x: Array) -> Array:
-        x = window.extended(np.where(contact, x, 0.0))
+        x = window.extended(x)
         return x[0] if is_line else x
 
-    total = force.reshape(len(q), -1).sum(axis=1)
+    total = problem.grid.area * q.reshape(len(q), -1).sum(axis=1)
     return ContactResult(
         element=problem.grid.element,
         traction=whole(q),
-        displacement=whole(state.u),
+        displacement=whole(np.where(contact, state.u, 0.0)),
         contact=window.extended(contact),
         force=float(total[0]) if is_line else total,
         rigid=float(state.shift[0]) if is_line else state.shift,
-        slip=whole(slip),
+        slip=whole(np.where(contact, slip, 0.0)),
         stick=window.extended(state.areas.stick),
         bound=window.extended(problem.g),
         products=products,

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toeplitz_mg import halfspace
+from toeplitz_mg.contact.values import field, in_range, positive
 from toeplitz_mg.halfspace import Material
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 
 Array = NDArray[Any]
 Element = float | tuple[float, float]
 
-SMALL, LARGE = 1e-40, 1e40  # of what is given, in its units
 COARSEST = 32  # elements of an axis, below which nested iteration coarsens no further
 
 
@@ -44,19 +44,24 @@ class Grid:
         cls, shape: tuple[int, ...], element: Element, material: Any, reference: float | None
     ) -> Self:
         """Return a grid of what the user gave, or say what is wrong with it."""
-        if len(shape) not in (1, 2) or 0 in shape:
+        if len(shape) not in (1, 2) or min(shape) < 1:
             raise ValueError(
                 f"the grid has shape {shape}, but must be (n1, n2), or (n,) for line contact"
             )
-        sizes = tuple(float(h) for h in np.atleast_1d(np.asarray(element, dtype=np.float64)))
-        if len(sizes) not in (1, 2) or len(sizes) < len(shape):
+        given = np.atleast_1d(field("element", element))
+        sizes = tuple(given.ravel().tolist())
+        if given.ndim > 1 or len(sizes) not in (1, 2) or len(sizes) < len(shape):
             raise ValueError(
                 f"element is {element}, but the grid {shape} needs two sizes (h1, h2); line "
                 "contact also takes one, the width of strips of infinite length"
             )
         if not all(0.0 < h < np.inf for h in sizes):
             raise ValueError(f"element is {element}, but its sizes must be positive and finite")
-        material = halfspace.combined_material(material, material)  # which checks it
+        try:
+            G, nu = material
+        except (TypeError, ValueError):
+            raise TypeError(f"material is {material!r}, but must be (G, nu)") from None
+        material = halfspace.combined_material(Material(G, nu), Material(G, nu))  # which checks it
         for name, value in (("element", min(sizes)), ("element", max(sizes)), ("G", material.G)):
             in_range(name, value)
         if reference is None:
@@ -66,7 +71,7 @@ class Grid:
                 f"reference is {reference}, but only plane strain (an element of one size) "
                 "leaves a constant displacement open"
             )
-        return cls(shape, sizes, material, float(reference))
+        return cls(shape, sizes, material, positive("reference", reference))
 
     @property
     def area(self) -> float:
@@ -165,12 +170,6 @@ class Grid:
         x, y = halfspace.lags((shape[0], shape[1] if len(shape) == 2 else 1), (h1, h2))
         G, nu = self.material
         return np.asarray(influence(x, y, (h1, h2), G=G, nu=nu)).reshape(shape)
-
-
-def in_range(name: str, size: float) -> None:
-    """Refuse a size whose powers could not be represented."""
-    if size != 0.0 and not SMALL <= size <= LARGE:
-        raise ValueError(f"{name} is of size {size:g}, but must be zero or {SMALL:g} to {LARGE:g}")
 
 
 def _all_lags(quadrant: Array, sign: float) -> Array:

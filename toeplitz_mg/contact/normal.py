@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from toeplitz_mg.contact.active_set import Search, State
-from toeplitz_mg.contact.checks import check_iteration, field, normal_load
-from toeplitz_mg.contact.grid import Element, Grid, in_range
+from toeplitz_mg.contact.checks import check_iteration, normal_load
+from toeplitz_mg.contact.grid import Element, Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import ContactResult, converged
+from toeplitz_mg.contact.values import field, in_range
 from toeplitz_mg.operators import count_products
 
 Array = NDArray[Any]
@@ -94,7 +95,7 @@ def normal_contact(
     z = field("gap", gap)
     grid = Grid.of(z.shape, element, material, reference)
     load = normal_load(z, approach, force)
-    check_iteration(tolerance, max_products)
+    check_iteration(tolerance, max_products, progress)
     # A large distance would bury the interference in its rounding.
     distance = float(z.min())
     z = z - distance

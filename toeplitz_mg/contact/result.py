@@ -24,21 +24,22 @@ class ContactResult:
     traction : ndarray
         The pressure, or the tangential traction, N/mm².
     displacement : ndarray
-        Of both bodies together, along the traction, mm. In tangential contact it is given, as the
-        slip is, for the elements in contact, and zero elsewhere.
+        Of both bodies together, along the traction, mm, in rolling too. In tangential contact it
+        is given, as the slip is, for the elements in contact, and zero elsewhere.
     contact : ndarray of bool
         Where the bodies touch: the pressure is positive, or the traction bound is.
     force : float or ndarray of shape (2,)
         The sum of the traction, N; in plane strain N per mm of length.
     rigid : float or ndarray
-        The motion of the bodies far away: the approach (mm), the shift (mm), or in rolling the
-        rigid slip in a step of one element (mm).
+        The motion of the bodies far away: the approach (mm); the shift (mm); in rolling the
+        creepages (longitudinal, lateral, spin), the first two dimensionless, the spin in 1/mm, and
+        in line contact the longitudinal one alone.
     gap : ndarray or None
         In normal contact, the gap under load, mm: at least zero, and zero in contact, within
         `residual` of the largest interference.
     slip : ndarray or None
-        In tangential contact, the slip (Eq. 1), mm: along minus the traction where the bodies
-        slide, zero where they stick, within `residual` of the largest displacement.
+        In tangential contact, the slip (Eq. 1): along minus the traction where the bodies slide,
+        zero where they stick. It is in mm, in rolling over the distance rolled, dimensionless.
     stick : ndarray of bool or None
         In tangential contact, where the bodies stick.
     bound : ndarray or None
@@ -52,8 +53,10 @@ class ContactResult:
     iterations : tuple of int
         Of the Krylov method on this grid, between two changes of the areas.
     residual : float
-        The largest violation of the conditions of contact, over the largest interference
-        (normal contact) or displacement (tangential); at most the tolerance.
+        The largest violation of the conditions of contact, at most the tolerance. It is relative,
+        in normal contact to the largest interference; in friction to the largest displacement
+        that there would be without slip, or was before; in steady rolling to the largest rigid
+        slip, and in a step of rolling to what would be without slip, if that is larger.
     """
 
     element: tuple[float, ...]

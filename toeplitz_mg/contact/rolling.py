@@ -12,7 +12,6 @@ are those of `friction`, and GMRES takes the place of conjugate gradients.
 
 from collections.abc import Iterator
 from dataclasses import replace
-from operator import index
 from typing import Any
 
 import numpy as np
@@ -21,12 +20,13 @@ from numpy.typing import ArrayLike, NDArray
 from toeplitz_mg.contact.checks import check_iteration, traction_bound, tractions_before
 from toeplitz_mg.contact.coulomb import bounded
 from toeplitz_mg.contact.friction import tangential_result
-from toeplitz_mg.contact.grid import Element, Grid, in_range
+from toeplitz_mg.contact.grid import Element, Grid
 from toeplitz_mg.contact.normal import Progress
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import ContactResult, converged
 from toeplitz_mg.contact.steady import steady, steady_operator
 from toeplitz_mg.contact.stick_slip import Problem, solve
+from toeplitz_mg.contact.values import count, finite, in_range
 from toeplitz_mg.contact.window import Window
 from toeplitz_mg.operators import apply_to_rows, count_products
 
@@ -93,7 +93,7 @@ def rolling(
     True
     """
     grid, g, w = _rigid_slip(bound, element, material, longitudinal, lateral, spin)
-    check_iteration(tolerance, max_products)
+    check_iteration(tolerance, max_products, progress)
     with count_products() as work:
         window = Window.around(grid, g > 0.0)
         g, w, grid = window.inside(g), window.inside(w), window.grid
@@ -157,8 +157,7 @@ def rolling_steps(
     """
     grid, g, w = _rigid_slip(bound, element, material, longitudinal, lateral, spin)
     check_iteration(tolerance, max_products)
-    if index(steps) < 1:
-        raise ValueError(f"steps is {steps}, but must be at least 1")
+    steps = count("steps", steps)
     q = np.zeros_like(w) if previous is None else tractions_before(previous, grid)
     window = Window.around(grid, (g > 0.0) | q.any(axis=0))
     q, g, w, grid = window.inside(q), window.inside(g), window.inside(w), window.grid
@@ -192,9 +191,7 @@ def _rigid_slip(
     g = traction_bound(bound)
     grid = Grid.of(g.shape, element, material, None)
     for name, value in (("longitudinal", longitudinal), ("lateral", lateral), ("spin", spin)):
-        if not np.isfinite(value):
-            raise ValueError(f"{name} is {value}, but must be finite")
-        in_range(name, abs(value))
+        in_range(name, abs(finite(name, value)))
         if grid.components == 1 and value and name != "longitudinal":
             raise ValueError(f"{name} is {value}, but line contact has longitudinal creepage only")
     if grid.components == 1:

@@ -43,10 +43,17 @@ def steady_operator(A: Any, S: Any) -> LinearOperator:
         return ToeplitzOperator.from_lags(A.lags - S.lags)
     return CoupledOperator(
         [
-            [None if a is None else ToeplitzOperator.from_lags(a.lags - s.lags) for a, s in pairs]
+            [_difference(a, s) for a, s in pairs]
             for pairs in (zip(*rows, strict=True) for rows in zip(A.blocks, S.blocks, strict=True))
         ]
     )
+
+
+def _difference(a: ToeplitzOperator | None, s: ToeplitzOperator | None) -> ToeplitzOperator | None:
+    """Subtract blocks: on a single row of elements S couples the components, and A does not."""
+    if s is None:
+        return a
+    return ToeplitzOperator.from_lags(-s.lags if a is None else a.lags - s.lags)
 
 
 def steady(problem: Problem, K: Products, *, nested: bool) -> State:

@@ -42,6 +42,7 @@ Array = NDArray[Any]
 COARSE = 3e-3  # tolerance of the first guess, on a coarser grid
 COARSE_PRODUCTS = 200
 LOCAL = 0.5  # of the inverse of the diagonal is added to that of A, where elements slide
+MOST = 200  # iterations of conjugate gradients, before rounding keeps them from the rest
 RESCUE = 40  # products of projected gradients, where the sets cycle
 
 
@@ -215,7 +216,7 @@ def _newton_step(
     weight = np.where(areas.slide, 1.0 / np.sqrt(1.0 + lam / a0), 1.0)
     local = np.where(areas.slide, LOCAL / a0, 0.0)
     d, rho, count = v, 0.0, 0
-    while not A.exhausted:
+    while count < MOST and not A.exhausted:
         # Three things may be wrong with the set, and with the linearisation: |q| > g where it
         # sticks, |q| > g where it slides (the circle is curved), and slip along the traction.
         excess = a0 * float(np.max(size(q + v) - problem.g, where=contact, initial=0.0))

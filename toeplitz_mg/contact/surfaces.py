@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toeplitz_mg.contact.grid import Element, Grid
+from toeplitz_mg.contact.values import count, positive, real
 from toeplitz_mg.halfspace import Material
 
 Array = NDArray[Any]
@@ -33,9 +34,7 @@ def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]
     >>> x
     array([-0.75, -0.25,  0.25,  0.75])
     """
-    grid_shape = (shape,) if isinstance(shape, int) else tuple(shape)
-    grid = Grid.of(grid_shape, element, Material(1.0, 0.0), None)
-    return tuple(np.meshgrid(*grid.centres(), indexing="ij"))
+    return tuple(np.meshgrid(*_grid(shape, element).centres(), indexing="ij"))
 
 
 def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: float) -> Array:
@@ -88,8 +87,12 @@ def ellipsoid(
     >>> surfaces.ellipsoid((2, 1), (2.0, 2.0), radii=(50.0, 500.0)).ravel()
     array([0.01, 0.01])
     """
+    if np.size(shape) != 2:
+        raise ValueError(f"shape is {shape}, but must be (n1, n2)")
+    if np.size(radii) != 2:
+        raise ValueError(f"radii is {radii}, but must be (R1, R2)")
     x, y = centres(shape, element)
-    R1, R2 = (_positive("radii", radius) for radius in radii)
+    R1, R2 = (positive("radii", radius) for radius in radii)
     return np.asarray(x**2 / (2.0 * R1) + y**2 / (2.0 * R2))
 
 
@@ -115,7 +118,7 @@ def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -
     >>> surfaces.cylinder(2, 2.0, radius=50.0)
     array([0.01, 0.01])
     """
-    return np.asarray(centres(shape, element)[0] ** 2 / (2.0 * _positive("radius", radius)))
+    return np.asarray(centres(shape, element)[0] ** 2 / (2.0 * positive("radius", radius)))
 
 
 def wavy(
@@ -148,9 +151,9 @@ def wavy(
     >>> surfaces.wavy(3, 1.0, amplitude=0.5, wavelength=2.0)
     array([1., 0., 1.])
     """
-    k = 2.0 * np.pi / _positive("wavelength", wavelength)
+    k = 2.0 * np.pi / positive("wavelength", wavelength)
     crests = np.prod([np.cos(k * x) for x in centres(shape, element)], axis=0)
-    return np.asarray(_positive("amplitude", amplitude) * (1.0 - crests))
+    return np.asarray(positive("amplitude", amplitude) * (1.0 - crests))
 
 
 def rough(
@@ -192,15 +195,13 @@ def rough(
     >>> gap.min(), gap.std().round(6)
     (np.float64(0.0), np.float64(0.002))
     """
-    grid = Grid.of(
-        (shape,) if isinstance(shape, int) else tuple(shape), element, Material(1.0, 0.0), None
-    )
-    if not 0.0 < hurst <= 1.0:
+    grid = _grid(shape, element)
+    if not 0.0 < real("hurst", hurst) <= 1.0:
         raise ValueError(f"hurst is {hurst}, but must be in (0, 1]")
     sizes = grid.element[: len(grid.shape)]
     sides = [n * h for n, h in zip(grid.shape, sizes, strict=True)]
-    longest = max(sides) / 4.0 if longest is None else _positive("longest", longest)
-    shortest = 4.0 * max(sizes) if shortest is None else _positive("shortest", shortest)
+    longest = max(sides) / 4.0 if longest is None else positive("longest", longest)
+    shortest = 4.0 * max(sizes) if shortest is None else positive("shortest", shortest)
     frequencies = [np.fft.fftfreq(n, h) for n, h in zip(grid.shape, sizes, strict=True)]
     k = np.sqrt(sum(f**2 for f in np.meshgrid(*frequencies, indexing="ij")))
     inside = (k > 0.0) & (k * longest >= 1.0 - 1e-12) & (k * shortest <= 1.0 + 1e-12)
@@ -212,11 +213,11 @@ def rough(
     falloff[inside] = k[inside] ** (-hurst - len(grid.shape) / 2.0)
     noise = np.random.default_rng(seed).standard_normal(grid.shape)
     heights: Array = np.fft.ifftn(np.fft.fftn(noise) * falloff).real
-    heights *= _positive("rms", rms) / heights.std()
+    heights *= positive("rms", rms) / heights.std()
     return np.asarray(heights.max() - heights)
 
 
-def _positive(name: str, value: float) -> float:
-    if not 0.0 < value < np.inf:
-        raise ValueError(f"{name} is {value}, but must be positive and finite")
-    return float(value)
+def _grid(shape: int | tuple[int, ...], element: Element) -> Grid:
+    sizes = tuple(shape) if np.iterable(shape) else (shape,)
+    counts = tuple(count("shape", n) for n in sizes)
+    return Grid.of(counts, element, Material(1.0, 0.0), None)

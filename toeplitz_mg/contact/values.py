@@ -1,0 +1,65 @@
+"""Numbers and fields that a user gives: what they are, or what is wrong with them."""
+
+from operator import index
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[Any]
+
+SMALL, LARGE = 1e-40, 1e40  # of what is given, in its units
+
+
+def real(name: str, value: Any) -> float:
+    """Return a real number."""
+    if np.ndim(value) > 0 or np.asarray(value).dtype.kind not in "buif":
+        raise TypeError(f"{name} is {value!r}, but must be a real number")
+    return float(value)
+
+
+def finite(name: str, value: Any) -> float:
+    """Return a finite number."""
+    x = real(name, value)
+    if not np.isfinite(x):
+        raise ValueError(f"{name} is {value}, but must be finite")
+    return x
+
+
+def positive(name: str, value: Any) -> float:
+    """Return a positive number, and finite."""
+    x = real(name, value)
+    if not 0.0 < x < np.inf:
+        raise ValueError(f"{name} is {value}, but must be positive and finite")
+    return x
+
+
+def count(name: str, value: Any) -> int:
+    """Return an integer that is at least 1."""
+    try:
+        n = index(value)
+    except TypeError:
+        raise TypeError(f"{name} is {value!r}, but must be an integer") from None
+    if n < 1:
+        raise ValueError(f"{name} is {value}, but must be at least 1")
+    return n
+
+
+def field(name: str, values: ArrayLike) -> Array:
+    """Return an array of real numbers in double precision."""
+    if np.ma.isMaskedArray(values):
+        raise TypeError(f"{name} is a masked array, but must have a value in each element")
+    array = np.asarray(values)
+    if array.dtype.kind not in "buif":
+        raise TypeError(f"{name} has dtype {array.dtype}, but must be of real numbers")
+    if np.isnan(array).any():
+        raise ValueError(f"{name} is not a number somewhere")
+    array = array.astype(np.float64)
+    in_range(name, float(np.max(np.abs(array), where=np.isfinite(array), initial=0.0)))
+    return array
+
+
+def in_range(name: str, size: float) -> None:
+    """Refuse a size whose powers could not be represented."""
+    if size != 0.0 and not SMALL <= size <= LARGE:
+        raise ValueError(f"{name} is of size {size:g}, but must be zero or {SMALL:g} to {LARGE:g}")
