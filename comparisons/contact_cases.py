@@ -37,7 +37,7 @@ SURFACES, QUICK_SURFACES = (32, 64, 128, 256, 512), (32, 64)
 ROLLING, QUICK_ROLLING = (32, 64, 128, 256), (32, 64)
 ROUGH, QUICK_ROUGH = (256, 512, 1024), (64,)
 SECONDS = 1200.0  # after which a case is given up
-LOADS = (0.006, 0.0123, 0.06, 0.2, 0.31)  # 1 to 40 % of contact
+LOADS = (0.006, 0.0123, 0.06, 0.2, 0.36)  # 1 to 40 % of contact
 
 
 CASES: dict[str, tuple[Callable[[int], Solved], Sequence[int], Sequence[int]]] = {

@@ -154,6 +154,16 @@ def test_rough_surfaces_at_any_load(force):
     assert_allclose(again.force, force, rtol=1e-5)
 
 
+@pytest.mark.parametrize(("n", "force"), [(512, 0.006), (512, 0.36), (1024, 0.06)])
+def test_large_rough_surfaces(n, force):
+    contact = rough(n, force=force)
+    assert 0.005 < contact.contact.mean() < 0.45
+    assert_complementary(contact)
+    assert contact.gap.min() >= -1e-10 * np.ptp(contact.gap)
+    assert_allclose(contact.force, force, rtol=1e-8)
+    assert contact.products <= 40
+
+
 # Any problem --------------------------------------------------------------------------------
 
 
