@@ -102,7 +102,9 @@ def friction(
     grid = Grid.of(g.shape, element, material, reference)
     check_iteration(tolerance, max_products, progress)
     if (shift is None) == (force is None):
-        raise ValueError(f"shift is {shift} and force is {force}, but one of the two must be given")
+        raise ValueError(
+            f"shift is {shift!r} and force is {force!r}, but one of the two must be given"
+        )
     b = np.zeros((grid.components, *grid.shape))
     before = b if previous is None else tractions_before(previous, grid)
     total = None

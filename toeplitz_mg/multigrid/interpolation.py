@@ -61,7 +61,8 @@ class Interpolation:
     def coarse_mask(self, mask: Array, level: int) -> Array:
         """Return the coarse elements all of whose fine elements are in contact."""
         n = mask.shape[level]
-        return np.all([mask[at(level, fine)] for _, fine, _ in self.pieces(n)], axis=0)
+        parts = np.array([mask[at(level, fine)] for _, fine, _ in self.pieces(n)])
+        return np.asarray(parts.all(axis=0))
 
     def coarse_lags(self, lags: Array, level: int) -> Array:
         """Return the lags of R A P."""

@@ -142,7 +142,8 @@ def _aggregated(
         within, place = contact.take(slots), rows.place.take(slots).astype(np.intp, copy=False)
         u = rows.smooth.take(place) * within
         norm = np.sqrt(np.einsum("im,im->m", u, u))
-        empty = ~within.any(axis=0)  # no contact any more: the load is 0, the diagonal 1
+        # No contact any more: the load is 0, the diagonal 1.
+        empty = np.logical_not(within.any(axis=0))
         check("the norm of a vector of W is", (norm + empty).min(), stencil)
         u /= norm + empty
         J = coarser.inside[J]
