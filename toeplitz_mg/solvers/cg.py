@@ -1,6 +1,7 @@
 """Preconditioned conjugate gradients that allocate nothing in an iteration."""
 
 from collections.abc import Callable
+from math import hypot
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from toeplitz_mg.solvers.checks import checked_system
 Array = NDArray[Any]
 
 RELIABLE = 1e-3  # error of the residual in less precision that does not disturb the iteration
+PART = 2**13  # numbers of a vector that BLAS does not share among threads
 FALLS = 1e-5, 0.1  # least and first fall of the residual before it is computed anew
 
 
@@ -95,7 +97,7 @@ def cg(
         raise TypeError(f"A and b give the dtype {dtype}, but the iteration is for real numbers")
 
     state = _Iterate(A, inner, b, guess, dtype)
-    axpy, dot, nrm2, scal = get_blas_funcs(("axpy", "dot", "nrm2", "scal"), dtype=state.r.dtype)
+    vectors = _Vectors(n, state.r.dtype)
     r, y = state.r, state.y
     goal = max(rtol * state.size_of_b, atol) / state.scale
     if goal == 0.0 and not b.any():
@@ -103,28 +105,59 @@ def cg(
     p, q = np.empty_like(r), np.empty_like(r)
     rho = 0.0
     iterations = 0
-    while not state.residual(nrm2(r), goal) <= goal:
+    while not state.residual(vectors.norm(r), goal) <= goal:
         if iterations == maxiter:
             return state.x, iterations
         z = r if M is None else apply_to_rows(M, r, q)
-        rho, previous = dot(r, z), rho
+        rho, previous = vectors.dot(r, z), rho
         if not rho > 0.0:  # M is not positive definite, or r is not finite
             return state.x, max(iterations, 1)
         if iterations == 0:
             p[:] = z
         else:
-            scal(rho / previous, p)
-            axpy(z, p)
+            vectors.scale(p, rho / previous)
+            vectors.add(p, 1.0, z)
         apply_to_rows(state.A, p, q)
-        curvature = dot(p, q)
+        curvature = vectors.dot(p, q)
         if not curvature > 0.0:  # A is not positive definite
             return state.x, max(iterations, 1)
-        axpy(p, y, a=rho / curvature)
-        axpy(q, r, a=-rho / curvature)
+        vectors.add(y, rho / curvature, p)
+        vectors.add(r, -rho / curvature, q)
         iterations += 1
         if callback is not None:
             callback(state.x)
     return state.x, 0
+
+
+class _Vectors:
+    """Operations with vectors by BLAS, part by part.
+
+    Of a long vector BLAS takes as many threads as it has, which wait for each other, and then for
+    more to do on the cores that the products need.
+    """
+
+    def __init__(self, n: int, dtype: np.dtype[Any]) -> None:
+        self._parts = [slice(k, k + PART) for k in range(0, n, PART)]
+        names = ("axpy", "dot", "nrm2", "scal")
+        self._axpy, self._dot, self._nrm2, self._scal = get_blas_funcs(names, dtype=dtype)
+
+    def add(self, y: Array, a: float, x: Array) -> None:
+        """Add a x to y."""
+        for part in self._parts:
+            self._axpy(x[part], y[part], a=a)
+
+    def scale(self, x: Array, a: float) -> None:
+        """Multiply x by a."""
+        for part in self._parts:
+            self._scal(a, x[part])
+
+    def dot(self, x: Array, y: Array) -> float:
+        """The inner product."""
+        return sum(float(self._dot(x[part], y[part])) for part in self._parts)
+
+    def norm(self, x: Array) -> float:
+        """The 2-norm."""
+        return hypot(*(self._nrm2(x[part]) for part in self._parts))
 
 
 def _operator(inner: Any) -> LinearOperator:
