@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from toeplitz_mg import output
-from toeplitz_mg.contact.values import in_range
+from toeplitz_mg.values import in_range
 
 CASES = ("hertz", "shift", "rolling")
 FEWEST, MOST = 8, 2**24  # elements

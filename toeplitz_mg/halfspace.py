@@ -18,7 +18,6 @@ Differences are of the first body less the second, z points into the first.
 Lengths are in mm and moduli in N/mm², or in any other consistent units.
 """
 
-from operator import index
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import toeplitz
 
 from toeplitz_mg import rectangle
+from toeplitz_mg.values import count, positive, real
 
 Array = NDArray[Any]
 Pair = tuple[Array, Array]
@@ -394,7 +394,7 @@ def influence_xz(
     >>> float(halfspace.influence_xz(1.0, 0.0, (1.0, 1.0), G=1.0, K=0.1).round(6))
     -0.03134
     """
-    G, K = _positive("G", G), _difference(K)
+    G, K = positive("G", G), _difference(K)
     return np.asarray(-K * rectangle.integral_x(*_at(x, y, element)) / (np.pi * G))
 
 
@@ -437,7 +437,7 @@ def influence_yz(
     >>> float(halfspace.influence_yz(0.0, 1.0, (1.0, 1.0), G=1.0, K=0.1).round(6))
     -0.03134
     """
-    G, K = _positive("G", G), _difference(K)
+    G, K = positive("G", G), _difference(K)
     x, y, h1, h2 = _at(x, y, element)
     return np.asarray(-K * rectangle.integral_x(y, x, h2, h1) / (np.pi * G))
 
@@ -486,8 +486,8 @@ def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, referenc
     array([0.538945, 0.014397])
     """
     G, nu = _material(G, nu)
-    n, h = _count("n", n), _positive("h", h)
-    d = _positive("reference", reference)
+    n, h = count("n", n), positive("h", h)
+    d = positive("reference", reference)
     logarithm = np.log(d / h) - rectangle.integral_log(np.arange(n, dtype=np.float64))
     # Below the capacity only a few strips may still be positive definite.
     if d <= n * h / 4.0 and (n > FEW or np.linalg.eigvalsh(toeplitz(logarithm))[0] <= 0.0):
@@ -516,46 +516,27 @@ def _points(name: str, values: ArrayLike) -> Array:
     return array
 
 
-def _real(name: str, value: float) -> float:
-    if np.ndim(value) > 0 or np.asarray(value).dtype.kind not in "buif":
-        raise TypeError(f"{name} is {value!r}, but must be a real number")
-    return float(value)
-
-
-def _positive(name: str, value: float) -> float:
-    value = _real(name, value)
-    if not 0.0 < value < np.inf:
-        raise ValueError(f"{name} is {value}, but must be positive and finite")
-    return value
-
-
-def _count(name: str, value: int) -> int:
-    if index(value) < 1:
-        raise ValueError(f"{name} is {value}, but must be at least 1")
-    return index(value)
-
-
 def _element(element: tuple[float, float]) -> tuple[float, float]:
     if np.shape(element) != (2,):
         raise ValueError(f"element is {element}, but an element has the two sizes h1 and h2")
-    return _positive("element[0]", element[0]), _positive("element[1]", element[1])
+    return positive("element[0]", element[0]), positive("element[1]", element[1])
 
 
 def _grid(grid_shape: tuple[int, int]) -> tuple[int, int]:
     if np.shape(grid_shape) != (2,):
         raise ValueError(f"grid_shape is {grid_shape}, but the surface has the two axes x and y")
-    return _count("grid_shape[0]", grid_shape[0]), _count("grid_shape[1]", grid_shape[1])
+    return count("grid_shape[0]", grid_shape[0]), count("grid_shape[1]", grid_shape[1])
 
 
 def _material(G: float, nu: float) -> Material:
-    G, nu = _positive("G", G), _real("nu", nu)
+    G, nu = positive("G", G), real("nu", nu)
     if not -1.0 < nu <= 0.5:
         raise ValueError(f"nu is {nu}, but Poisson's ratio lies in (-1, 0.5]")
     return Material(G, nu)
 
 
 def _difference(K: float) -> float:
-    K = _real("K", K)
+    K = real("K", K)
     # The most, ½ (1-2ν), is that of a body on a rigid one.
     if not -1.5 < K < 1.5:
         raise ValueError(f"K is {K}, but a difference parameter lies in (-1.5, 1.5)")

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import ContactResult
-from toeplitz_mg.contact.values import count, field, finite, in_range, positive, real
+from toeplitz_mg.values import count, field, finite, in_range, positive, real
 
 Array = NDArray[Any]
 

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toeplitz_mg import halfspace
-from toeplitz_mg.contact.values import field, in_range, positive
 from toeplitz_mg.halfspace import Material
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
+from toeplitz_mg.values import field, in_range, positive
 
 Array = NDArray[Any]
 Element = float | tuple[float, float]

@@ -18,8 +18,8 @@ from toeplitz_mg.contact.checks import check_iteration, normal_load
 from toeplitz_mg.contact.grid import Element, Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import ContactResult, converged
-from toeplitz_mg.contact.values import field, in_range
 from toeplitz_mg.operators import count_products
+from toeplitz_mg.values import field, in_range
 
 Array = NDArray[Any]
 Progress = Callable[[int, float], object]

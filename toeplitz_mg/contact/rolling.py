@@ -26,9 +26,9 @@ from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import ContactResult, converged
 from toeplitz_mg.contact.steady import steady, steady_operator
 from toeplitz_mg.contact.stick_slip import Problem, solve
-from toeplitz_mg.contact.values import count, finite, in_range
 from toeplitz_mg.contact.window import Window
 from toeplitz_mg.operators import apply_to_rows, count_products
+from toeplitz_mg.values import count, finite, in_range
 
 Array = NDArray[Any]
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toeplitz_mg.contact.grid import Element, Grid
-from toeplitz_mg.contact.values import count, positive, real
 from toeplitz_mg.halfspace import Material
+from toeplitz_mg.values import count, positive, real
 
 Array = NDArray[Any]
 
