@@ -215,6 +215,9 @@ def test_updates(tmp_path, monkeypatch, capsys):
     rows = rows_of(tmp_path / "updates.csv")
     assert len(rows) == len(masks.FRAGMENTED) - 1
     assert all(float(row["scattered"]) > 0.0 for row in rows)
+    assert all(
+        abs(int(row["scattered: iterations"]) - int(row["scattered: new"])) <= 1 for row in rows
+    )
     mask = masks.circle(48)
     for change in updates.CHANGES:
         assert 0 < (change(mask, 12) ^ mask).sum() <= 12

@@ -49,14 +49,15 @@ from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.work import levels_of
 from toeplitz_mg.operators.workspace import workspace
 from toeplitz_mg.preconditioners.componentwise import componentwise
-from toeplitz_mg.preconditioners.fsai_apply import Cells, Direct, Level
+from toeplitz_mg.preconditioners.fsai_apply import Cells, Direct, Level, Patched
 from toeplitz_mg.preconditioners.fsai_levels import build
 from toeplitz_mg.preconditioners.fsai_line import Dense, Line, WholeLine, line
 from toeplitz_mg.preconditioners.fsai_table import Stencil
+from toeplitz_mg.preconditioners.fsai_update import update
 from toeplitz_mg.preconditioners.positivity import precision
 
 Array = NDArray[Any]
-AnyLevel = Level | Direct | Line | Dense
+AnyLevel = Level | Patched | Direct | Line | Dense
 
 
 class MultilevelSparseInverse(LinearOperator):
@@ -96,7 +97,8 @@ class MultilevelSparseInverse(LinearOperator):
         Returns
         -------
         MultilevelSparseInverse
-            As a new one, up to rounding; this one stays as it is.
+            Nearly as a new one: the loads of aggregates differ by at most 10 % from those it has.
+            This one stays as it is.
 
         Raises
         ------
@@ -107,10 +109,12 @@ class MultilevelSparseInverse(LinearOperator):
 
         Notes
         -----
-        What the kernel alone determines is shared, and small systems are solved again only where
-        something has changed. At 512 x 512 cells it takes 0.2 to 0.4 of a first set-up where 1 % of
-        the unknowns have changed in one place, 0.4 to 0.7 where they have along the edges of the
-        area, and 0.5 to 0.9 where they are scattered, as most aggregates are near one then.
+        What the kernel alone determines is shared, and so is what has not changed: the rows of
+        this one are kept, and those that see a change are computed and applied beside them, until
+        they are many. At 512 x 512 cells, 1 % of the unknowns changed, it takes 0.05 to 0.2 of a
+        first set-up where they are in one place, 0.1 to 0.3 along the edges of the area, and 0.15
+        to 0.36 scattered; up to 0.5 where a set-up takes some milliseconds. An application takes
+        1.2 to 1.5 times as long as that of a new one, and iterations are the same.
 
         Examples
         --------
@@ -244,4 +248,6 @@ def _levels(
     if mask.all() and mask.size == max(mask.shape):
         return line(WholeLine.of(stencil.T.ravel()), dtype)
     cells = Cells.of_mask(stencil, mask.reshape(stencil.T.shape))
-    return build(stencil, cells, dtype, old if isinstance(old, Level) else None)
+    if old is None or isinstance(old, Line | Dense):
+        return build(stencil, cells, dtype)
+    return update(stencil, cells, dtype, old)

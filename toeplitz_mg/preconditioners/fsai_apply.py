@@ -21,32 +21,52 @@ class Cells:
     Attributes
     ----------
     c : ndarray
-        The load of an unknown, 1 in full contact.
+        The load of an unknown, 1 in full contact; 0 where there is no contact.
     d : ndarray
         1 where there is no contact.
-    smooth : ndarray
-        What the vector of ones is on this level; 0 where there is no contact.
     finest : bool
-        Whether it is A itself: c = smooth = 1 and d = T(0) in contact.
+        Whether it is A itself: c = 1 and d = T(0) in contact.
     """
 
     c: Array
     d: Array
-    smooth: Array
     finest: bool = False
 
     @classmethod
     def of_mask(cls, stencil: Stencil, mask: Array) -> "Cells":
         """Return those of A."""
         contact = stencil.place(mask, False)
-        return cls(contact, np.broadcast_to(stencil.T[0, 0], contact.shape), contact, True)
+        return cls(contact, np.broadcast_to(stencil.T[0, 0], contact.shape), True)
 
-    def changed_from(self, old: "Cells") -> Array:
-        """Where the unknowns are not those of `old`."""
-        changed = self.c != old.c
-        if not self.finest:
-            changed |= (self.d != old.d) | (self.smooth != old.smooth)
-        return np.asarray(changed)
+    def changed_from(self, old: "Cells", kept: float) -> Array:
+        """Where the loads are others, by more than this relative to the old ones."""
+        if self.finest:
+            return np.asarray(self.c != old.c)
+        return np.asarray(np.abs(self.c - old.c) > kept * old.c)
+
+    def where(self, changed: Array, old: "Cells") -> "Cells":
+        """Return these cells where they have changed, the old ones elsewhere."""
+        if self.finest:
+            return self
+        return Cells(np.where(changed, self.c, old.c), np.where(changed, self.d, old.d))
+
+    @cached_property
+    def contact(self) -> Array:
+        """Where there are unknowns."""
+        return self.c.astype(bool, copy=False)
+
+    @property
+    def count(self) -> int:
+        """The number of unknowns."""
+        return int(np.count_nonzero(self.contact))
+
+    @property
+    def number(self) -> Array:
+        """The number of the unknown in each place, in the order of the grid."""
+        at = np.flatnonzero(self.contact)
+        number = np.zeros(len(self.c), np.int32)
+        number[at] = np.arange(len(at), dtype=np.int32)
+        return number
 
 
 @dataclass(frozen=True)
@@ -66,6 +86,16 @@ class Direct:
     def sizes(self) -> tuple[int, ...]:
         """The number of unknowns."""
         return (len(self.factor),)
+
+    @property
+    def length(self) -> int:
+        """Of the vectors that it is applied to."""
+        return len(self.factor)
+
+    @cached_property
+    def number(self) -> Array:
+        """The number of the unknown in each place."""
+        return self.cells.number
 
     @property
     def multiplications(self) -> int:
@@ -89,14 +119,14 @@ class Rows:
     ----------
     rows : ndarray of shape (K, any)
         A row of G in a column.
-    smooth : ndarray of shape (any,)
-        Their products with the vector `Cells.smooth`.
+    sums : ndarray of shape (any,)
+        Their products with the vector c, on the finest level of ones.
     place : ndarray of int
         Where the row of each cell in contact is.
     """
 
     rows: Array
-    smooth: Array
+    sums: Array
     place: Array
 
 
@@ -108,21 +138,34 @@ class Level:
     ----------
     cells : Cells
     rows : Rows
+    block : ndarray of int
+        The place of the aggregate of each unknown, on the grid of the next level.
     G, W : csr_array
         Their rows are the unknowns, in the order of the grid.
-    coarse : Level or Direct
+    coarse : Level or Patched or Direct
     """
 
     cells: Cells
     rows: Rows
+    block: Array
     G: csr_array
     W: csr_array
-    coarse: "Level | Direct"
+    coarse: "AnyLevel"
 
     @property
     def sizes(self) -> tuple[int, ...]:
         """The number of unknowns on each level."""
-        return (self.G.shape[0], *self.coarse.sizes)
+        return (self.length, *self.coarse.sizes)
+
+    @property
+    def length(self) -> int:
+        """Of the vectors that it is applied to."""
+        return len(self.block)
+
+    @cached_property
+    def number(self) -> Array:
+        """The number of the unknown in each place."""
+        return self.cells.number
 
     @property
     def multiplications(self) -> int:
@@ -144,3 +187,86 @@ class Level:
     def multiply(self, X: Array, out: Array) -> None:
         """Apply it to rows."""
         out[...] = self(X.T).T
+
+
+@dataclass(frozen=True)
+class Patched:
+    """The same for cells that differ in some places from those of another level.
+
+    The unknowns of that one keep their numbers, also where they are none any more; there x is 0,
+    and what comes back is not used. New ones come after them.
+
+    Attributes
+    ----------
+    base : Level
+    cells : Cells
+    number : ndarray of int
+        The number of the unknown in each place.
+    gone : ndarray of int
+        Numbers of those that are no unknowns any more.
+    lines : ndarray of int
+        Numbers of those whose rows of G are not those of `base`, but the rows of
+    G : csr_array
+    W : csr_array
+    coarse : Level or Patched or Direct
+    """
+
+    base: Level
+    cells: Cells
+    number: Array
+    gone: Array
+    lines: Array
+    G: csr_array
+    W: csr_array
+    coarse: "AnyLevel"
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """The number of unknowns on each level."""
+        return (self.cells.count, *self.coarse.sizes)
+
+    @property
+    def length(self) -> int:
+        """Of the vectors that it is applied to."""
+        return int(self.W.shape[0])
+
+    @property
+    def multiplications(self) -> int:
+        """Multiplications of one application."""
+        nnz = int(self.base.G.nnz + self.G.nnz + self.W.nnz)
+        return 2 * nnz + self.coarse.multiplications
+
+    @cached_property
+    def transposed(self) -> tuple[csc_array, csc_array]:
+        """Views of G and W, which would take their time in each application."""
+        return self.G.T, self.W.T
+
+    def __call__(self, x: Array) -> Array:
+        """Apply it to a vector, or to the columns of x."""
+        n, more = (
+            self.base.length,
+            np.zeros((self.length - self.base.length, *x.shape[1:]), x.dtype),
+        )
+        y = np.concatenate([self.base.G @ x[:n], more])
+        y[self.gone] = 0.0
+        y[self.lines] = self.G @ x
+        a = self.transposed[1] @ y
+        y += self.W @ (self.coarse(a) - a)
+        z = self.transposed[0] @ y[self.lines]
+        y[self.lines] = 0.0
+        z[:n] += self.base.transposed[0] @ y[:n]
+        return np.asarray(z)
+
+    @cached_property
+    def of_unknowns(self) -> Array:
+        """Their numbers, in the order of the grid."""
+        return self.number.take(np.flatnonzero(self.cells.contact)).astype(np.intp)
+
+    def multiply(self, X: Array, out: Array) -> None:
+        """Apply it to rows, whose entries are the unknowns in the order of the grid."""
+        x = np.zeros((self.length, *X.T.shape[1:]), X.dtype)
+        x[self.of_unknowns] = X.T
+        out[...] = self(x)[self.of_unknowns].T
+
+
+AnyLevel = Level | Patched | Direct

@@ -87,6 +87,10 @@ class Stencil:
         )
         return np.asarray(np.add.outer(i * self.blocks[1], j).ravel())
 
+    def aggregate_of(self, at: Array) -> Array:
+        """Return the places of the aggregates of these cells, on the grid of the next level."""
+        return self.coarser.inside.take(self.block_of.take(at))
+
     def without_margin(self, padded: Array) -> Array:
         """Return the grid, the converse of `place`; a view."""
         (n1, n2), (p1, p2) = self.T.shape, self.reach
@@ -95,7 +99,7 @@ class Stencil:
     @cached_property
     def inside(self) -> Array:
         """The places of the cells of the grid."""
-        return self._every(self.T.shape, (1, 1))
+        return self._every(self.T.shape, (1, 1)).astype(np.int32)
 
     @cached_property
     def steps(self) -> Array:

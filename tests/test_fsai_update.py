@@ -1,0 +1,205 @@
+"""Theorems of the sparse approximate inverse of an area that has changed."""
+
+import pickle
+from collections import Counter
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.linalg import eigh
+
+import toeplitz_mg as tmg
+from tests.cases import contact
+from tests.test_fsai import areas, direct_below, half_space, iterations, operator
+from toeplitz_mg.preconditioners import fsai_levels, fsai_update
+from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
+from toeplitz_mg.preconditioners.fsai_levels import rows_of_G
+from toeplitz_mg.preconditioners.fsai_table import block_loads
+
+
+@contextmanager
+def kept(part):
+    """Loads that differ by this part of them are left as they were."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fsai_update, "KEPT", part)
+        yield
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.sampled_from([(300,), (21, 26)]),
+    st.floats(0.0, 1.0),
+    st.floats(0.0, 0.3),
+    st.integers(0, 999),
+)
+def test_an_update_that_keeps_nothing_is_what_a_new_one_is(shape, density, change, seed):
+    rng = np.random.default_rng(seed)
+    mask, flipped = rng.random(shape) < density, rng.random(shape) < change
+    mask.flat[0] = True
+    other = mask ^ flipped
+    other.flat[1] = True
+    full = tmg.ToeplitzOperator(contact(*shape))
+    with direct_below(4), kept(0.0):
+        first = fsai_preconditioner(tmg.MaskedOperator(full, mask))
+        before = first @ np.eye(first.shape[0])
+        updated = first.updated(other)
+        fresh = fsai_preconditioner(tmg.MaskedOperator(full, other))
+        back = updated.updated(mask)
+    assert updated.sizes == fresh.sizes
+    expected = fresh @ np.eye(fresh.shape[0])
+    scale = abs(before).max()
+    assert_allclose(updated @ np.eye(fresh.shape[0]), expected, atol=1e-12 * scale)
+    assert_array_equal(updated.mask, other)
+    assert_allclose(back @ np.eye(first.shape[0]), before, atol=1e-12 * scale)
+    assert_array_equal(first @ np.eye(first.shape[0]), before)  # it has not changed
+
+
+@settings(deadline=None, max_examples=20)
+@given(
+    st.sampled_from([(500,), (70, 20), (20, 70), (300, 1), (2, 250)]),
+    st.floats(0.3, 1.0),
+    st.integers(1, 8),
+    st.integers(0, 999),
+)
+def test_updates_one_after_the_other_are_what_a_new_one_is(shape, density, size, seed):
+    """Each in one place, large or small, at a border or not."""
+    rng = np.random.default_rng(seed)
+    mask = rng.random(shape) < density
+    mask.flat[0] = True
+    full = tmg.ToeplitzOperator(contact(*shape))
+    with direct_below(4), kept(0.0):
+        P = fsai_preconditioner(tmg.MaskedOperator(full, mask))
+        table = P._stencil
+        for _ in range(3):
+            corner = [rng.integers(n) for n in shape]
+            patch = tuple(slice(k, k + size) for k in corner)
+            mask = mask.copy()
+            mask[patch] = rng.random(mask[patch].shape) < rng.choice([0.0, 0.5, 1.0])
+            mask.flat[0] = True
+            P = P.updated(mask)
+            assert P._stencil is table
+            fresh = fsai_preconditioner(tmg.MaskedOperator(full, mask))
+            assert P.sizes == fresh.sizes
+            expected = fresh @ np.eye(fresh.shape[0])
+            assert_allclose(P @ np.eye(P.shape[0]), expected, atol=1e-12 * abs(expected).max())
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.sampled_from([(300,), (21, 26)]),
+    st.floats(0.0, 1.0),
+    st.floats(0.0, 0.1),
+    st.integers(0, 999),
+)
+def test_an_update_is_nearly_what_a_new_one_is(shape, density, change, seed):
+    """And positive definite, with loads kept on every level."""
+    rng = np.random.default_rng(seed)
+    mask = rng.random(shape) < density
+    mask.flat[:3] = True
+    full = tmg.ToeplitzOperator(contact(*shape))
+    with direct_below(4):
+        P = fsai_preconditioner(tmg.MaskedOperator(full, mask))
+        for _ in range(3):
+            mask = mask ^ (rng.random(shape) < change)
+            mask.flat[:3] = True
+            P = P.updated(mask)
+        fresh = fsai_preconditioner(tmg.MaskedOperator(full, mask))
+    updated, new = (Q @ np.eye(Q.shape[0]) for Q in (P, fresh))
+    assert_allclose(updated, updated.T, rtol=0, atol=1e-13 * abs(updated).max())
+    ratios = eigh(updated, new, eigvals_only=True)
+    assert ratios[0] > 0.6
+    assert ratios[-1] < 1.6
+
+
+@pytest.mark.parametrize(
+    "area", ["rough 5 %", "rough 60 %", "random 50 %", "checkerboard", "circle"]
+)
+def test_an_update_takes_the_iterations_of_a_new_one(area):
+    """At most one more, after five updates too."""
+    n = 128
+    full, mask = half_space(n), areas(n)[area]
+    P, rng = fsai_preconditioner(operator(full, mask)), np.random.default_rng(0)
+    for _ in range(5):
+        mask = mask ^ (rng.random(mask.shape) < 0.01)
+        P = P.updated(mask)
+        A = operator(full, mask)
+        b = rng.standard_normal(A.shape[0])
+        assert iterations(A, P, b) <= iterations(A, fsai_preconditioner(A), b) + 1
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_an_updated_operator_is_one_like_the_others(dtype):
+    n = 64
+    full, mask = half_space(n), areas(n)["random 50 %"]
+    new = mask.copy()
+    new[20:24, 30:36] ^= True
+    P = fsai_preconditioner(operator(full, mask), dtype=dtype).updated(new)
+    assert P.dtype == dtype
+    X = np.random.default_rng(0).standard_normal((P.shape[0], 3)).astype(dtype)
+    columns = np.stack([P @ x for x in X.T], axis=1)
+    assert columns.dtype == dtype
+    assert_allclose(P @ X, columns, rtol=0, atol=1e-5 * abs(columns).max())
+    x = X[:, 0].copy()
+    assert P._apply(x, x) is x
+    assert_array_equal(x, columns[:, 0])
+    assert_array_equal(pickle.loads(pickle.dumps(P)) @ X[:, 0], columns[:, 0])
+
+
+@pytest.fixture
+def solved(monkeypatch):
+    """The number of small systems that are solved, and of blocks whose loads are computed."""
+    numbers = Counter()
+
+    def counting_rows(stencil, c, d):
+        numbers["systems"] += c.shape[1]
+        return rows_of_G(stencil, c, d)
+
+    def counting_loads(stencil, rows, index, w):
+        numbers["blocks"] += w.shape[1]
+        return block_loads(stencil, rows, index, w)
+
+    monkeypatch.setattr(fsai_levels, "rows_of_G", counting_rows)
+    monkeypatch.setattr(fsai_levels, "block_loads", counting_loads)
+    return numbers
+
+
+def test_an_update_solves_no_system_again_that_has_not_changed(solved):
+    n = 256
+    mask = areas(n)["circle"]
+    P = fsai_preconditioner(operator(half_space(n), mask))
+    first = dict(solved)
+    solved.clear()
+    mask = mask.copy()
+    mask[100:126, 100:126] = False  # 1 % of the cells
+    P.updated(mask)
+    assert solved["systems"] <= 0.1 * first["systems"]
+    solved.clear()
+    P.updated(P.mask)
+    assert not solved
+
+
+def test_an_update_costs_in_proportion_to_what_has_changed(solved):
+    n = 256
+    mask = areas(n)["random 50 %"]
+    P = fsai_preconditioner(operator(half_space(n), mask))
+    first = dict(solved)
+    for size, share in ((4, 0.03), (16, 0.06), (64, 0.25)):  # of 256 squared
+        solved.clear()
+        changed = mask.copy()
+        changed[100 : 100 + size, 100 : 100 + size] ^= True
+        P.updated(changed)
+        assert 0 < solved["systems"] <= share * first["systems"]
+        assert 0 < solved["blocks"] <= share * first["blocks"]
+
+
+def test_updates_check_the_mask():
+    P = fsai_preconditioner(tmg.ToeplitzOperator(contact(8, 8)))
+    with pytest.raises(ValueError, match=r"mask has shape \(8,\)"):
+        P.updated(np.ones(8, bool))
+    with pytest.raises(ValueError, match="nowhere true"):
+        P.updated(np.zeros((8, 8), bool))
+    with pytest.raises(TypeError, match="must be of booleans"):
+        P.updated(np.ones((8, 8)))
