@@ -103,11 +103,12 @@ class ToeplitzProduct:
         (n,) = self.grid_shape
         plan = plan_of(n, np.float64)
         count_transforms(1, 2 * plan.length)
-        column = np.zeros(plan.length, np.complex128)  # given back, for it is large
-        column[:n] = self._column
-        column.imag[plan.length - n + 1 :] = self._row[:0:-1]
-        Z = plan.spectrum(column, 0.25)
         symmetric = self._row is self._column
+        ahead = np.zeros(plan.length + 1)
+        ahead[:n] = self._column
+        back = ahead if symmetric else np.zeros(plan.length + 1)
+        back[:n] = self._row
+        Z = plan.spectrum(ahead[:-1], back[:0:-1], 0.25)
         return plan_of(n, self.dtype).eigenvalues(Z.real if symmetric else Z)
 
     @property
@@ -236,11 +237,11 @@ class GohbergSemenculProduct:
         plan = plan_of(m, np.float64, exact=True)
         count_transforms(2, 2 * m)
         eigenvalues = plan_of(m, dtype, exact=True).eigenvalues
-        column = np.concatenate((column, np.zeros(m - n))).astype(np.complex128)
+        column = np.concatenate((column, np.zeros(m - n)))
         # At the frequencies k - 1/2 of the skew-circulant, conjugated for its transpose.
         self._factors = [
-            (0.5, eigenvalues(plan.spectrum(column, 0.5).conj())),
-            (0.0, eigenvalues(plan.spectrum(column, 0.0))),
+            (0.5, eigenvalues(plan.spectrum(column, None, 0.5).conj())),
+            (0.0, eigenvalues(plan.spectrum(column, None, 0.0))),
         ]
 
     def __call__(self, X: Array, out: Array | None = None) -> Array:

@@ -37,8 +37,9 @@ Load = Callable[[slice, Array], None]  # columns j₂, and the panel to fill, of
 Factor = tuple[float, Array]
 Store = Callable[[slice, Array], None]  # columns j₂, and the panel, which may be overwritten
 
-PANEL_BYTES = 2**20  # of columns: with 1024 rows each piece of a row has a kilobyte
-BLOCK_BYTES = 2**18  # of rows, and of the twiddle factors
+PANEL_BYTES = 2**20  # of columns: with 512 rows each piece of a row has two kilobytes
+BLOCK_BYTES = 2**19  # of rows, and of the twiddle factors
+LONG_ROW = 2**12  # numbers of a row from which its transform is slower
 ANCHOR = 32  # blocks whose twiddle factors are made from each other before they are made anew
 
 
@@ -57,8 +58,10 @@ class FourStep:
         self._real = self.dtype.char.lower()
         self.shape = rows, columns
         panel, block = (size // self.dtype.itemsize for size in (PANEL_BYTES, BLOCK_BYTES))
-        self.width = min(columns, max(8, panel // rows // 8 * 8))  # of a panel of columns
-        self.height = min(rows, max(1, block // columns))  # of a block of rows
+        panels = -(-columns * rows // panel)
+        # An odd multiple of 4: a power of 2 would bring each row to the same part of the cache.
+        self.width = min(columns, (-(-columns // panels) + 3) // 8 * 8 + 4)  # of a panel of columns
+        self.height = min(rows, max(2, block // columns))  # of a block of rows
 
     @property
     def length(self) -> int:
@@ -115,6 +118,17 @@ class FourStep:
         eigenvalues = np.empty(self.shape, self.dtype.char if is_complex else self._real)
         np.divide(spectrum, self.length, out=eigenvalues, casting="same_kind")
         return eigenvalues
+
+    def transpose(self, Z: Array, out: Array) -> None:
+        """Write the first columns of a spectrum as rows: in the order k₁ + N₁ k₂.
+
+        By panels, as Z may have rows that all go to the same part of the cache.
+        """
+        for start in range(0, len(out), self.width):
+            part = out[start : start + self.width]
+            P = workspace("panel", part.T.shape, self.dtype)
+            P[...] = Z[:, start : start + self.width]
+            part[...] = P.T
 
     def _columns_in(self, W: Array, load: Load) -> None:
         def work(panels: range) -> None:
@@ -202,7 +216,9 @@ def _near_square(length: int) -> tuple[int, int]:
     while rows <= 2 * root + 1:
         shapes.append((rows, fft.next_fast_len(-(-length // rows))))
         rows = fft.next_fast_len(rows + 1)
-    return min(shapes, key=lambda s: (s[0] * s[1], abs(s[0] - root)))
+    # Fewer rows have longer pieces in a panel, as long as the rows stay in the cache.
+    best = max(2 * root // 3, min(root, length // LONG_ROW))
+    return min(shapes, key=lambda s: (s[0] * s[1], abs(s[0] - best)))
 
 
 @lru_cache(maxsize=16)

@@ -48,8 +48,9 @@ class OneStep:
         """The factors exp(-2πi j s/L) of a shift, shape (L,)."""
         return phase_factors(self.length, shift, self.dtype)
 
-    def spectrum(self, column: Array, shift: float) -> Array:
+    def spectrum(self, real: Array, imag: Array | None, shift: float) -> Array:
         """Transform a vector at the frequencies k + s."""
+        column = real if imag is None else real + 1j * imag
         return np.asarray(fft.fft(column * self.weights(shift)))
 
     def eigenvalues(self, spectrum: Array) -> Array:
@@ -117,13 +118,16 @@ class Panels:
         self.plan = plan
         self.length = plan.length
 
-    def spectrum(self, column: Array, shift: float) -> Array:
+    def spectrum(self, real: Array, imag: Array | None, shift: float) -> Array:
         """Transform a vector at the frequencies k + s, in the order of the plan."""
-        matrix = column.reshape(self.plan.shape)
+        X = real.reshape(self.plan.shape)
+        Y = None if imag is None else imag.reshape(self.plan.shape)
         u = self.plan.weights(shift)
 
         def load(columns: slice, P: Array) -> None:
-            np.multiply(matrix[:, columns], u, out=P)
+            P.real = X[:, columns]
+            P.imag = 0.0 if Y is None else Y[:, columns]
+            P *= u
 
         return self.plan.spectrum(load, shift)
 
@@ -161,14 +165,13 @@ class Panels:
             real += y
 
         Z = self.plan.spectrum(load, 0.0)
-        even, odd = (Z.real, Z.imag) if sign > 0.0 else (Z.imag, Z.real)
         # At 2 m and 2 m + 1, m = k₁ + N₁ k₂; the second half is that of the first.
-        f = np.empty(L + 2 * rows)
         half = -(-columns_of // 2) + 1
-        pairs = f[: 2 * rows * half].reshape(half, rows, 2)
-        np.multiply(even[:, :half].T, sign, out=pairs[..., 0])
-        pairs[..., 1] = odd[:, :half].T
-        return f[: L + 1]
+        pairs = np.empty((half, rows), np.complex128)
+        self.plan.transpose(Z[:, :half], pairs)
+        if sign < 0.0:
+            pairs *= 1j  # even part imaginary, and of the other sign; odd part real
+        return pairs.view(np.float64).ravel()[: L + 1]
 
     def multiply_real(self, X: Array, eigenvalues: Array, out: Array) -> None:
         """Multiply rows; of the result the real part, for the shift 1/4."""

@@ -9,6 +9,8 @@ from numpy.typing import DTypeLike, NDArray
 
 Array = NDArray[Any]
 
+LARGE_PAGE = 2**21  # bytes: of pages of that size a strided pass needs few
+
 
 class _Buffers(threading.local):
     def __init__(self) -> None:
@@ -28,5 +30,15 @@ def workspace(purpose: str, shape: tuple[int, ...], dtype: DTypeLike) -> Array:
     size = prod(shape) * np.dtype(dtype).itemsize
     buffer = _buffers.by_purpose.get(purpose)
     if buffer is None or buffer.nbytes < size:
-        buffer = _buffers.by_purpose[purpose] = np.empty(size, np.uint8)
+        buffer = _buffers.by_purpose[purpose] = _memory(size)
     return buffer[:size].view(dtype).reshape(shape)
+
+
+def _memory(size: int) -> Array:
+    """Return that many bytes, of large pages from the first on if they are a megabyte or more."""
+    if size < LARGE_PAGE // 2:
+        return np.empty(size, np.uint8)
+    # NumPy asks for large pages from 4 MB on. What is not used is not mapped.
+    memory = np.empty(max(size, LARGE_PAGE) + LARGE_PAGE, np.uint8)
+    start = -memory.ctypes.data % LARGE_PAGE
+    return memory[start : start + size]

@@ -81,14 +81,14 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
         return inverse_symbol if coupled is A else MaskedOperator(inverse_symbol, A.mask)
     full, mask = toeplitz_and_mask(A)
     dtype = precision(full, dtype)
-    lengths = full.lags.shape
+    lengths = tuple(2 * n - 1 for n in full.grid_shape)
     is_fast = all(near_fast_length(m) == m for m in lengths)
     is_exact = is_fast or not full.is_even or full.shape[0] < LONG
     if is_exact:
         count_transforms(2, *lengths)
         spectrum = fft.rfftn(full.circulant(lengths)).real
     else:
-        column = full.c.astype(np.float64)
+        column = full.c.astype(np.float64, copy=False)
         for level, n in enumerate(full.grid_shape):
             column = continued(column, level, near_fast_length(n))
         spectrum = cosine_sums(column)
@@ -98,11 +98,13 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
         "the embedding of A in a circulant, which M inverts, has the eigenvalue",
         robust(full.grid_shape),
     )
+    spectrum = np.reciprocal(spectrum, out=spectrum)
     if is_exact:
-        inverse = fft.irfftn(1.0 / spectrum, lengths)
+        inverse = fft.irfftn(spectrum, lengths)
     else:
-        inverse = cosine_sums(1.0 / spectrum) / prod(2 * (m - 1) for m in spectrum.shape)
-    inverse = inverse.astype(dtype)
+        inverse = cosine_sums(spectrum)
+        inverse /= prod(2 * (m - 1) for m in spectrum.shape)
+    inverse = inverse.astype(dtype, copy=False)
     if full.is_even:
         M = ToeplitzOperator(inverse[tuple(slice(n) for n in full.grid_shape)])
     else:
