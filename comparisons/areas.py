@@ -73,14 +73,13 @@ def operator(area: str, n: int) -> LinearOperator:
     return full if mask.all() else tmg.MaskedOperator(full, mask)
 
 
-def solve(method: str, area: str, n: int) -> Row:
-    """Set up and solve; in a process of its own."""
-    A = operator(area, n)
+def solve(method: str, A: LinearOperator, small: LinearOperator) -> Row:
+    """Set up and solve, first a small problem; in a process of its own."""
     full = getattr(A, "full", A)
-    small = operator(area, 64 if len(full.grid_shape) == 2 else 2048)
     _measured(method, small, np.ones(small.shape[0]))
     before = peak_bytes()
-    row: Row = {"product_s": _seconds_of_a_product(A)}
+    row: Row = {}
+    products = _seconds_of_products(A)
     for name, b in (
         ("constant", np.ones(A.shape[0])),
         ("random", np.random.default_rng(0).standard_normal(A.shape[0])),
@@ -95,18 +94,20 @@ def solve(method: str, area: str, n: int) -> Row:
             f"{name}_s": median(run[0] + run[1] for run in runs),
             "setup_s": median(run[0] for run in runs),
         }
+        products += _seconds_of_products(A)  # before and after, as the machine may be shared
+    row["product_s"] = median(products)
     return row | {"vectors": (peak_bytes() - before) / (8 * full.shape[0]), "note": ""}
 
 
-def _seconds_of_a_product(A: LinearOperator) -> float:
-    """CPU seconds, the median of some products after a first one."""
+def _seconds_of_products(A: LinearOperator) -> list[float]:
+    """CPU seconds of some products, without a first one."""
     x = A @ np.ones(A.shape[0])
     seconds: list[float] = []
     while len(seconds) < REPEATS or sum(seconds) < ENOUGH / 20:
         start = process_time()
         A @ x
         seconds.append(process_time() - start)
-    return median(seconds)
+    return seconds
 
 
 def _measured(method: str, A: LinearOperator, b: Array) -> tuple[float, float, int, float, float]:
@@ -130,11 +131,13 @@ def run(jobs: Sequence[tuple[str, int]], methods: Sequence[str]) -> Iterator[lis
     rows: list[Row] = []
     with tqdm(total=len(jobs) * len(methods), unit="run") as progress:
         for area, n in jobs:
+            # Sent, not built there: what it takes to build it would be the peak of memory.
+            A, small = operator(area, n), operator(area, 2048 if area in ON_A_LINE else 64)
             for method in methods:
                 progress.set_postfix_str(f"{area}, {n}, {method}")
                 row: Row = {"area": area, "n": n, "method": method}
                 try:
-                    row |= in_a_fresh_process(partial(solve, method, area, n), SECONDS)
+                    row |= in_a_fresh_process(partial(solve, method, A, small), SECONDS)
                 except TimeoutError:
                     row |= {"random_s": nan, "note": f"over {SECONDS:.0f} s"}
                 except ArithmeticError as error:

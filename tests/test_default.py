@@ -91,6 +91,24 @@ def test_what_is_refused_is_followed_by_the_next(caplog):
     assert "fsai_preconditioner is refused" in caplog.text
 
 
+def test_a_covariance_that_is_too_smooth_for_fsai():
+    distance = np.hypot(*np.ogrid[:64, :64])
+    full = tmg.ToeplitzOperator(np.exp(-distance / 10.0))
+    A = tmg.MaskedOperator(full, masks.rough(0.3, 64))
+    with pytest.raises(np.linalg.LinAlgError, match="on a mask sine_preconditioner"):
+        tmg.fsai_preconditioner(A)
+    assert "SparseInverse" in taken(A)
+    assert "SparseInverse" in taken(A, solves=10)
+    assert iterations(A, solves=10) < iterations(A) <= 30
+    b = np.random.default_rng(0).standard_normal(A.shape[0])
+    _, info = tmg.cg(A, b, M=tmg.sine_preconditioner(A), rtol=1e-8, maxiter=60)
+    assert info > 0
+    assert "cosine" in taken(full)
+    assert iterations(full) <= 20
+    shorter = tmg.ToeplitzOperator(np.exp(-distance / 5.0))
+    assert "SparseInverse" in taken(tmg.MaskedOperator(shorter, A.mask))
+
+
 def test_three_levels_and_coupled_components():
     A = tmg.ToeplitzOperator(exponential(12, 9, 10))
     assert "cosine" in taken(A)

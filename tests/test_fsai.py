@@ -15,9 +15,11 @@ from tests.cases import contact, exponential
 from toeplitz_mg.contact.problems import test3
 from toeplitz_mg.halfspace import influence_xx, influence_yy, influence_zz, lags
 from toeplitz_mg.preconditioners import fsai_levels
-from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
-from toeplitz_mg.preconditioners.fsai_levels import rows_of_G
-from toeplitz_mg.preconditioners.fsai_table import Stencil
+from toeplitz_mg.preconditioners.fsai import _without_table, fsai_preconditioner
+from toeplitz_mg.preconditioners.fsai_apply import Cells
+from toeplitz_mg.preconditioners.fsai_levels import build, rows_of_G
+from toeplitz_mg.preconditioners.fsai_table import NEIGHBOURS, Stencil
+from toeplitz_mg.preconditioners.fsai_window import Stencils, condition_on
 
 
 @contextmanager
@@ -454,3 +456,177 @@ def test_components_are_updated_too():
     assert_allclose(Q @ x, expected @ x, rtol=1e-10, atol=1e-12)
     with pytest.raises(ValueError, match="a component has no unknowns"):
         P.updated(np.stack([new, np.zeros_like(new)]))
+
+
+# Kernels that do not decay as slowly as those of a half-space ---------------------------------
+
+
+def refusal(A):
+    """Return P and None, or None and why there is none."""
+    try:
+        return fsai_preconditioner(A), None
+    except np.linalg.LinAlgError as error:
+        return None, str(error)
+
+
+def matern(n, nu, length, nugget=0.0):
+    r = np.sqrt(2 * nu) * np.hypot(*np.ogrid[:n, :n]) / length
+    c = np.exp(-r) * {0.5: 1.0, 1.5: 1.0 + r, 2.5: 1.0 + r + r**2 / 3}[nu]
+    c[0, 0] += nugget
+    return c
+
+
+@pytest.mark.parametrize("nugget", [0.0, 0.01])
+@pytest.mark.parametrize("length", [1.0, 2.0, 3.0, 5.0, 8.0, 15.0, 40.0])
+@pytest.mark.parametrize("nu", [0.5, 1.5, 2.5])
+def test_a_covariance_takes_few_iterations_or_is_refused(nu, length, nugget):
+    c = matern(96, nu, length, nugget)
+    for area in ("random 50 %", "rough 30 %", "full"):
+        A = operator(c, areas(96)[area])
+        P, why = refusal(A)
+        if P:
+            assert max(both_iterations(A, P)) <= 14
+        else:
+            assert length > {0.5: 5.0, 1.5: 3.0, 2.5: 2.0}[nu]
+            assert "too smooth a kernel for it" in why
+            assert "on a mask sine_preconditioner(A)" in why
+
+
+@pytest.mark.parametrize("length", [10.0, 30.0, 200.0])
+def test_a_covariance_on_pieces_of_a_line(length):
+    n = 2**13
+    r = 3**0.5 * np.arange(n) / length
+    for c in (np.exp(-r), (1 + r) * np.exp(-r)):
+        A = operator(c, np.random.default_rng(0).random(n) < 0.5)
+        P, why = refusal(A)
+        if P:
+            assert max(both_iterations(A, P)) <= 13
+        else:
+            assert length > 30.0
+            assert "use spectral_preconditioner(A), on a mask sine_preconditioner" in why
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.28, 0.5])
+@pytest.mark.parametrize("kernel", [influence_zz, influence_xx, influence_yy])
+def test_twelve_neighbours_are_enough_for_a_half_space(kernel, nu):
+    for ratio in (1.0, 2.0, 8.0, 20.0, 50.0, 0.5, 0.125, 0.05, 0.02):
+        for n in (30, 100):
+            assert Stencils(half_space(n, ratio, kernel, nu)).sufficient.neighbours == NEIGHBOURS
+
+
+@pytest.mark.parametrize("n", [700, 2**14])
+def test_twelve_neighbours_are_enough_for_long_memory(n):
+    k = np.arange(float(n))
+    kernels = [(1.0 + k) ** -a for a in (0.05, 0.3, 1.0, 2.0, 4.0)]
+    for H in (0.1, 0.3, 0.6, 0.9, 0.99):
+        kernels.append((abs(k + 1) ** (2 * H) - 2 * k ** (2 * H) + abs(k - 1) ** (2 * H)) / 2)
+    kernels += [contact(n), np.log(2.0 * n) - np.log(k + 0.5)]
+    for c in kernels:
+        assert Stencils(c[np.newaxis]).sufficient.neighbours == NEIGHBOURS
+    for a in (0.5, 1.0, 2.0):
+        c = (1.0 + np.hypot(*np.ogrid[:100, :100])) ** -a
+        assert Stencils(c).sufficient.neighbours == NEIGHBOURS
+
+
+def test_elements_longer_than_1_to_100_are_refused():
+    for ratio in (100.0, 0.01):
+        A = operator(half_space(128, ratio), areas(128)["rough 30 %"])
+        assert max(both_iterations(A)) <= 14
+    for ratio in (150.0, 200.0, 1000.0, 1 / 150, 0.001):
+        A = operator(half_space(128, ratio), areas(128)["rough 30 %"])
+        with pytest.raises(np.linalg.LinAlgError, match="elements are too long; take cosine"):
+            fsai_preconditioner(A)
+
+
+def test_rows_are_those_of_the_table_without_it():
+    """As they are computed where there are too many neighbours for a table of patterns."""
+    stencil = Stencil(contact(40, 50))
+    mask = np.random.default_rng(0).random((40, 50)) < 0.6
+    with direct_below(20):
+        by_table = build(stencil, Cells.of_mask(stencil, mask), np.dtype(float))
+        without = build(stencil, _without_table(stencil, mask), np.dtype(float))
+    x = np.random.default_rng(1).standard_normal(mask.sum())
+    assert len(without.sizes) == 3
+    assert_allclose(without(x), by_table(x), rtol=1e-10, atol=1e-12)
+
+
+def test_more_neighbours_bring_p_nearer_to_the_inverse():
+    c = matern(60, 1.5, 3.0)
+    half = np.random.default_rng(0).random((12, 12)) < 0.5
+    numbers = [condition_on(Stencil(c, neighbours), half) for neighbours in (12, 24, 40)]
+    assert numbers[0] > 2.0 * numbers[1]
+    assert numbers[1] > 1.2 * numbers[2] > 1.2
+    dense = Stencil(c, 71)  # all before the last of the window
+    one_aggregate = np.ones((4, 4), bool)
+    assert condition_on(dense, one_aggregate) < 1.1
+
+
+def test_the_condition_on_a_window_is_that_of_p_itself():
+    """Where the window is the whole grid, and E is solved with directly."""
+    c = contact(12, 12)
+    mask = np.random.default_rng(0).random((12, 12)) < 0.5
+    A = operator(c, mask).toarray()
+    with direct_below(20):
+        level = fsai_preconditioner(operator(c, mask))._level
+    G, W = level.G.toarray(), level.W.toarray()
+    E = W.T @ G @ A @ G.T @ W
+    P = G.T @ (np.eye(len(A)) - W @ W.T + W @ np.linalg.inv(E) @ W.T) @ G
+    half = np.linalg.cholesky(A)
+    spectrum = np.linalg.eigvalsh(half.T @ P @ half)
+    assert_allclose(condition_on(Stencil(c), mask), spectrum[-1] / spectrum[0], rtol=1e-9)
+
+
+def test_what_is_solved_for_directly_is_not_refused():
+    mask = np.zeros((60, 60), bool)
+    mask[:20, :20] = True
+    full = tmg.ToeplitzOperator(matern(60, 1.5, 20.0, nugget=0.01))
+    A = tmg.MaskedOperator(full, mask)
+    P = fsai_preconditioner(A)
+    assert_allclose(P @ A.toarray(), np.eye(400), atol=1e-9)
+    with pytest.raises(np.linalg.LinAlgError, match="too smooth a kernel"):
+        P.updated(np.ones((60, 60), bool))
+
+
+def test_an_update_with_more_neighbours():
+    full = tmg.ToeplitzOperator(matern(80, 1.5, 2.0))
+    mask = areas(80)["random 50 %"]
+    other = mask.copy()
+    other[30:36, 40:46] ^= True
+    P = fsai_preconditioner(tmg.MaskedOperator(full, mask)).updated(other)
+    A = tmg.MaskedOperator(full, other)
+    assert max(both_iterations(A, P)) <= max(both_iterations(A)) + 1
+
+
+@pytest.mark.parametrize("scale", [1e39, 1e34, 1e-34, 1e-39])
+@pytest.mark.parametrize(
+    "preconditioner",
+    [
+        fsai_preconditioner,
+        tmg.sine_preconditioner,
+        tmg.chan_preconditioner,
+        tmg.fft_preconditioner,
+        tmg.default_preconditioner,
+    ],
+)
+def test_what_float32_has_no_room_for_is_refused(preconditioner, scale):
+    A = operator(scale * contact(30, 30), np.random.default_rng(0).random((30, 30)) < 0.9)
+    with pytest.raises(ValueError, match=r"diagonal of A is .*must be between .*scale A"):
+        preconditioner(A, dtype=np.float32)
+    b = np.ones(A.shape[0])
+    P = preconditioner(A)
+    assert_allclose(scale * (P @ b), preconditioner(operator(contact(30, 30), A.mask)) @ b)
+
+
+def test_the_number_of_neighbours_may_be_given():
+    A = operator(matern(80, 0.5, 10.0), areas(80)["random 50 %"])
+    with pytest.raises(np.linalg.LinAlgError, match="too smooth"):
+        fsai_preconditioner(A)
+    taken = [max(both_iterations(A, fsai_preconditioner(A, neighbours=k))) for k in (12, 24, 40)]
+    assert taken == sorted(taken, reverse=True)
+    assert taken[-1] < 0.7 * taken[0]
+    A = operator(half_space(64), areas(64)["rough 60 %"])
+    assert max(both_iterations(A, fsai_preconditioner(A, neighbours=5))) <= 15
+    with pytest.raises(ValueError, match="neighbours is 0, but must be at least 1"):
+        fsai_preconditioner(A, neighbours=0)
+    with pytest.raises(TypeError, match="float"):
+        fsai_preconditioner(A, neighbours=2.5)

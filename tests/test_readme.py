@@ -1,9 +1,12 @@
 """What the README shows runs."""
 
+import inspect
 import re
 from pathlib import Path
 
 import pytest
+
+from toeplitz_mg.preconditioners import default
 
 README = (Path(__file__).parent.parent / "README.md").read_text()
 
@@ -17,3 +20,7 @@ def test_names_files_that_exist():
     root = Path(__file__).parent.parent
     for name in re.findall(r"`((?:toeplitz_mg|comparisons)/[\w/]+\.py)`", README):
         assert (root / name).exists(), name
+
+
+def test_quotes_the_rules_of_default_preconditioner():
+    assert f"```py\n{inspect.getsource(default._candidates)}```" in README

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator, apply_to_rows
 from toeplitz_mg.operators.transforms import near_fast_length
-from toeplitz_mg.preconditioners import fsai_preconditioner
-from toeplitz_mg.preconditioners.default import COMPACT, fragmentation
+from toeplitz_mg.preconditioners.default import COMPACT, fragmentation, quick_fsai
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_inverse
 
@@ -36,7 +35,7 @@ class LocalInverse:
 
     def __init__(self, A: ToeplitzOperator | CoupledOperator, C: Array) -> None:
         self.C = C
-        self._P = fsai_preconditioner(MaskedOperator(A, C))
+        self._P = quick_fsai(MaskedOperator(A, C))
         self._elements = np.flatnonzero(C)
 
     def __call__(self, r: Array) -> Array:

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.componentwise import componentwise
 from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai_line import LONG, decays_slowly
+from toeplitz_mg.preconditioners.fsai_table import NEIGHBOURS
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner, sine_preconditioner
@@ -25,6 +27,9 @@ logger = logging.getLogger(__name__)
 FEW = 40_000  # unknowns of one blob that sine transforms solve for before FSAI is set up
 ALIKE = 0.5  # coupling of neighbours in one axis, of that in the other; 0.36 of elements 1:4
 COMPACT = 5.0  # `fragmentation` of one blob: 4.0 of a square, 4.5 of a circle, 7.8 of an annulus
+
+quick_fsai = partial(fsai_preconditioner, neighbours=NEIGHBOURS)
+fsai_of_24_neighbours = partial(fsai_preconditioner, neighbours=24)  # for smoother covariances
 
 
 def default_preconditioner(
@@ -75,10 +80,14 @@ def default_preconditioner(
     three or more            cosine; on a mask sine            9 to 20
     ======================== ================================= ==============================
 
-    Where one is refused, as FSAI is for a very smooth covariance, the next is taken: sine, cosine
-    and at last T. Chan's circulant, which is positive definite whenever A is. The logger of this
-    module tells why, at the level INFO. On a mask such a covariance may then take hundreds of
-    iterations: none of these is good there.
+    Of FSAI for one solve it is that of 12 neighbours, for more that of as many as the kernel needs.
+    It is not refused where they are not enough, as for a smooth covariance on a mask any other
+    takes several times the iterations.
+
+    Where one is refused, as FSAI is at last for a very smooth covariance, the next is taken: FSAI
+    of 24 neighbours, sine, cosine and at last T. Chan's circulant, which is positive definite
+    whenever A is. The logger of this module tells why, at the level INFO. On a mask such a
+    covariance may then take hundreds of iterations: none of these is good there.
 
     Examples
     --------
@@ -108,7 +117,7 @@ def _default(A: LinearOperator, is_worth_set_up: bool, dtype: DTypeLike | None) 
         try:
             return preconditioner(A, dtype=dtype)
         except np.linalg.LinAlgError as error:
-            name = getattr(preconditioner, "__name__", preconditioner)
+            name = getattr(preconditioner, "func", preconditioner).__name__
             logger.info("%s is refused, and the next one taken: %s", name, error)
     try:
         return chan_preconditioner(A, dtype=dtype)
@@ -135,12 +144,13 @@ def _candidates(
         yield cosine_preconditioner
     elif mask.all():
         if _is_of_slow_lengths(full):
-            yield fsai_preconditioner
+            yield quick_fsai
         yield cosine_preconditioner
     elif levels <= 2 and full.is_even:
         is_small_blob = fragmentation(mask) <= COMPACT and np.count_nonzero(mask) < FEW
         if levels == 1 or is_worth_set_up or not is_small_blob or _is_stretched(full):
-            yield fsai_preconditioner
+            yield fsai_preconditioner if is_worth_set_up else quick_fsai
+            yield fsai_of_24_neighbours
     yield sine_preconditioner
     yield cosine_preconditioner
 

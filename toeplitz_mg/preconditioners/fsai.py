@@ -9,7 +9,8 @@ row is S⁻¹e/√(eᵀS⁻¹e): the factorised sparse approximate inverse (Kolo
 statistics Vecchia's approximation), G S Gᵀ having the diagonal 1. A constant that the whole
 neighbourhood feels cannot be resolved in it, and where the kernel is nearly constant (the logarithm
 of a line contact) would make each row nearly a difference, whose load is none. So τ, the
-coefficient twice as far as the neighbours are, is taken off; the coarse part sees it.
+coefficient twice as far as the neighbours are, is taken off; the coarse part sees it. A smoother
+kernel needs more neighbours, 24 or 40; how many is judged on a window (`fsai_window`).
 
 **Why the slow vectors of G A Gᵀ are G times smooth ones.** GᵀG inverts A for what changes from
 cell to cell, and is too large for what changes slowly, for which A is much larger than S: there
@@ -36,6 +37,7 @@ P is positive definite if the pivots eᵀS⁻¹e, and with them the diagonal of 
 are: by induction E⁻¹ is, and I - W Wᵀ + W E⁻¹ Wᵀ with it.
 """
 
+import operator
 from math import log2
 from typing import Any
 
@@ -50,10 +52,11 @@ from toeplitz_mg.operators.work import levels_of
 from toeplitz_mg.operators.workspace import workspace
 from toeplitz_mg.preconditioners.componentwise import componentwise
 from toeplitz_mg.preconditioners.fsai_apply import Cells, Direct, Level, Patched
-from toeplitz_mg.preconditioners.fsai_levels import build
+from toeplitz_mg.preconditioners.fsai_levels import build, few
 from toeplitz_mg.preconditioners.fsai_line import Dense, Line, WholeLine, line
-from toeplitz_mg.preconditioners.fsai_table import Stencil
+from toeplitz_mg.preconditioners.fsai_table import NEIGHBOURS, Stencil
 from toeplitz_mg.preconditioners.fsai_update import update
+from toeplitz_mg.preconditioners.fsai_window import Stencils
 from toeplitz_mg.preconditioners.positivity import precision
 
 Array = NDArray[Any]
@@ -73,14 +76,14 @@ class MultilevelSparseInverse(LinearOperator):
         The number of unknowns on each level.
     """
 
-    def __init__(self, stencil: Stencil, level: AnyLevel, mask: Array, dtype: Any) -> None:
+    def __init__(self, stencils: Stencils, level: AnyLevel, mask: Array, dtype: Any) -> None:
         N = level.sizes[0]
         super().__init__(dtype, (N, N))
         self.grid_shape = mask.shape
         self.mask = mask
         self.mask.flags.writeable = False
         self.sizes = level.sizes
-        self._stencil = stencil
+        self._stencil = stencils
         self._level = level
         # By operations: two real transforms of m = 2^d points, each 5/2 m log₂ m, are a product
         # with a Toeplitz matrix in d levels.
@@ -164,7 +167,9 @@ class MultilevelSparseInverse(LinearOperator):
 
 
 @componentwise
-def fsai_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
+def fsai_preconditioner(
+    A: LinearOperator, *, neighbours: int | None = None, dtype: DTypeLike | None = None
+) -> LinearOperator:
     """Return a multilevel sparse approximate inverse of A, which does not mind fragmented areas.
 
     Parameters
@@ -172,6 +177,10 @@ def fsai_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of one level or two (with more than one element), and
         symmetric in each of them.
+    neighbours : int, optional
+        How many cells before its own a row of G may see, from 1 on. By default as many as the
+        kernel needs, 12, 24 or 40, and where these are not enough it is refused; of a number that
+        is given it is not judged whether it is enough. On the whole of a line it is 15 always.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. It is computed in
         float64.
@@ -186,21 +195,29 @@ def fsai_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where a pivot, or the last matrix, is not positive definite. `A` is not then, or its
-        kernel is so smooth (a covariance without nugget, of a correlation length of many cells)
-        that the loads Gᵀ w are differences.
+        Where a pivot, or the last matrix, is not positive definite: `A` is not then, or its kernel
+        is so smooth that the loads Gᵀ w are differences. And where a kernel would take many more
+        iterations than that of a half-space: a covariance of a correlation length of many cells,
+        elements longer than 1:100. The whole of a line, and what is solved for directly, are not
+        refused for this.
     TypeError
-        Where `A` is no Toeplitz operator.
+        Where `A` is no Toeplitz operator, or `neighbours` no integer.
     ValueError
-        Where it has three levels or more, or is not symmetric in every level.
+        Where it has three levels or more, or is not symmetric in every level; where `neighbours`
+        is below 1.
 
     Notes
     -----
     For half-space kernels conjugate gradients take 5 to 11 iterations to a relative residual of
     1e-8 (coupled components 8 to 13), whatever the mask, from one line of cells to all of them,
-    on square elements and on those stretched up to 1:20, and independently of the number of cells.
-    At 1:200 they take some 20; longer elements are refused. The preconditioners by FFT take 20 to
+    on square elements and on those stretched up to 1:20, and independently of the number of cells;
+    up to 14 on those of 1:100, and longer ones are refused. The preconditioners by FFT take 20 to
     50 on a fragmented area; on one smooth blob, or a full grid, they need less time.
+
+    A Matérn covariance takes at most 14 up to a correlation length of 5 cells with ν = 1/2, 3 with
+    3/2, 2 with 5/2, where transforms take 40 to 300 on a mask; longer ones are refused, but for a
+    large nugget. From 4, 2 and 2 cells on rows of 24 or 40 neighbours are needed, whose set-up
+    takes some 5 or 20 microseconds an unknown, in the place of 1 to 3.
 
     One application costs some 30 multiplications an unknown, a few hundredths of a work unit by
     operations. Sparse products wait for memory: by time it is a tenth to a half of one.
@@ -236,18 +253,31 @@ def fsai_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
         raise ValueError(f"A is {full!r}, but must be symmetric in every level")
     if mask is None:
         mask = np.ones(full.grid_shape, dtype=bool)
-    stencil = Stencil(np.atleast_2d(kernel.c.astype(np.float64, copy=False)))
+    if neighbours is not None and operator.index(neighbours) < 1:
+        raise ValueError(f"neighbours is {neighbours}, but must be at least 1")
+    stencils = Stencils(np.atleast_2d(kernel.c.astype(np.float64, copy=False)), neighbours)
     dtype = precision(full, dtype)
-    return MultilevelSparseInverse(stencil, _levels(stencil, mask, dtype), mask, dtype)
+    return MultilevelSparseInverse(stencils, _levels(stencils, mask, dtype), mask, dtype)
 
 
 def _levels(
-    stencil: Stencil, mask: Array, dtype: np.dtype[Any], old: AnyLevel | None = None
+    stencils: Stencils, mask: Array, dtype: np.dtype[Any], old: AnyLevel | None = None
 ) -> AnyLevel:
     """Build all levels, from those of another mask if there are any."""
     if mask.all() and mask.size == max(mask.shape):
-        return line(WholeLine.of(stencil.T.ravel()), dtype)
-    cells = Cells.of_mask(stencil, mask.reshape(stencil.T.shape))
-    if old is None or isinstance(old, Line | Dense):
-        return build(stencil, cells, dtype)
-    return update(stencil, cells, dtype, old)
+        return line(WholeLine.of(stencils.T.ravel()), dtype)
+    mask = mask.reshape(stencils.T.shape)
+    if few(cells := Cells.of_mask(stencils.smallest, mask)):
+        return build(stencils.smallest, cells, dtype)
+    stencil = stencils.sufficient
+    has_table = stencil.neighbours <= NEIGHBOURS
+    cells = (Cells.of_mask if has_table else _without_table)(stencil, mask)
+    if isinstance(old, Level | Patched):
+        return update(stencil, cells, dtype, old)
+    return build(stencil, cells, dtype)
+
+
+def _without_table(stencil: Stencil, mask: Array) -> Cells:
+    """Return the cells as those of a coarser level, whose rows are not taken from a table."""
+    contact = stencil.place(mask, False)
+    return Cells(contact.astype(np.float64), np.where(contact, stencil.T[0, 0], 1.0))

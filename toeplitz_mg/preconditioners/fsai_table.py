@@ -1,6 +1,6 @@
 """What a multilevel sparse approximate inverse takes from the kernel alone, for every mask."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from toeplitz_mg.preconditioners.positivity import robust
+from toeplitz_mg.preconditioners.positivity import for_smooth_kernels
 
 Array = NDArray[Any]
 Pair = tuple[int, int]
@@ -30,18 +30,21 @@ class Stencil:
     ----------
     T : ndarray of shape (n1, n2)
         Coefficients, even in both axes; one level is 1 x n.
+    neighbours : int
+        Cells before a cell that its row of G sees.
     """
 
     T: Array
+    neighbours: int = field(default_factory=lambda: NEIGHBOURS)
 
     @cached_property
     def offsets(self) -> Array:
         """The cell itself and those before it where the kernel is largest, shape (K, 2)."""
-        near = np.abs(self.T[: NEIGHBOURS + 1, : NEIGHBOURS + 1]).tolist()
+        near = np.abs(self.T[: self.neighbours + 1, : self.neighbours + 1]).tolist()
         n1, n2 = len(near), len(near[0])
         before = [(-i, -j) for i in range(n1) for j in range(1 - n2, n2) if (i, j) > (0, 0)]
         before.sort(key=lambda k: (-near[-k[0]][abs(k[1])], abs(k[0]) + abs(k[1])))
-        return np.array([(0, 0), *before[:NEIGHBOURS]])
+        return np.array([(0, 0), *before[: self.neighbours]])
 
     @cached_property
     def reach(self) -> Pair:
@@ -284,5 +287,5 @@ def refused(subject: str, value: float, stencil: Stencil) -> np.linalg.LinAlgErr
     """Return the error of a kernel for which the construction fails."""
     return np.linalg.LinAlgError(
         f"{subject} {value:.3g} in the sparse approximate inverse, but must be positive: A is not "
-        f"positive definite, or too smooth a kernel for it; use {robust(stencil.T.shape)}"
+        f"positive definite, or too smooth a kernel for it; {for_smooth_kernels(stencil.T.shape)}"
     )

@@ -23,8 +23,21 @@ DENSE = 1024  # unknowns of which all eigenvalues are computed, in some tenths o
 
 
 def precision(A: LinearOperator, dtype: DTypeLike | None) -> np.dtype[Any]:
-    """Return the precision of a preconditioner of A: `dtype`, or that of A."""
-    return real_precision(A.dtype if dtype is None else dtype)
+    """Return the precision of a preconditioner of A: `dtype`, or that of A.
+
+    Raises ValueError where A, or its inverse, is nearly out of the range of float32: what overflows
+    there, or is rounded to zero, would be seen nowhere.
+    """
+    result = real_precision(A.dtype if dtype is None else dtype)
+    if result == np.float32 and isinstance(A, ToeplitzOperator):
+        diagonal, single = abs(float(A.c.flat[0])), np.finfo(np.float32)
+        low, high = float(single.tiny / single.eps), float(single.max * single.eps)
+        if diagonal and not low <= diagonal <= high:
+            raise ValueError(
+                f"the diagonal of A is {diagonal:.3g}, but for a preconditioner in float32 it must "
+                f"be between {low:.1g} and {high:.1g}: scale A"
+            )
+    return result
 
 
 def is_positive(spectrum: Array, dtype: Any) -> bool:
@@ -54,6 +67,16 @@ def robust(grid_shape: tuple[int, ...]) -> str:
     if levels_of(grid_shape) == 1:
         return "spectral_preconditioner(A), which is positive definite whenever A is"
     return "chan_preconditioner(A), which is positive definite whenever A is"
+
+
+def for_smooth_kernels(grid_shape: tuple[int, ...]) -> str:
+    """Name what takes the fewest iterations for smooth kernels, for the advice of an error."""
+    if levels_of(grid_shape) == 1:
+        return "use spectral_preconditioner(A), on a mask sine_preconditioner(A)"
+    return (
+        "take cosine_preconditioner(A), on a mask sine_preconditioner(A), and where these are "
+        f"refused use {robust(grid_shape)}"
+    )
 
 
 def surely_positive(M: ToeplitzOperator, mask: Array | None, gamma: float) -> bool:
