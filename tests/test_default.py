@@ -9,6 +9,7 @@ import toeplitz_mg as tmg
 from comparisons import masks
 from comparisons.symbols import column
 from tests.cases import contact, coupled, coupled_kernel, exponential
+from tests.test_fsai_coupled import tangential
 from toeplitz_mg.contact.problems import test3
 from toeplitz_mg.preconditioners.default import COMPACT, fragmentation
 
@@ -119,6 +120,17 @@ def test_three_levels_and_coupled_components():
     half = np.arange(144).reshape(12, 12) % 2 == 0
     assert taken(tmg.MaskedOperator(B, half)).count("SparseInverse") == 2
     assert iterations(B) <= 14
+
+
+def test_strongly_coupled_components_are_treated_together_on_a_mask():
+    n = 64
+    mask = masks.rough(0.3, n)
+    for nu, parts, most in ((0.28, 2, 10), (0.5, 1, 10)):
+        A = tangential((n, n), nu)
+        assert taken(A).count("cosine") == 2
+        A = tmg.MaskedOperator(A, np.stack([mask, mask]))
+        assert taken(A).count("SparseInverse") == parts
+        assert iterations(A) <= most
 
 
 @settings(max_examples=25, deadline=None)

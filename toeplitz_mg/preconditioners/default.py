@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -15,6 +16,7 @@ from toeplitz_mg.operators.transforms import near_fast_length
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.componentwise import componentwise
 from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
+from toeplitz_mg.preconditioners.fsai_coupled import strongly_coupled
 from toeplitz_mg.preconditioners.fsai_line import LONG, decays_slowly
 from toeplitz_mg.preconditioners.fsai_table import NEIGHBOURS
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
@@ -80,6 +82,9 @@ def default_preconditioner(
     three or more            cosine; on a mask sine            9 to 20
     ======================== ================================= ==============================
 
+    Coupled components are treated each by itself, but by FSAI on a mask together if their coupling
+    is strong.
+
     Of FSAI for one solve it is that of 12 neighbours, for more that of as many as the kernel needs.
     It is not refused where they are not enough, as for a smooth covariance on a mask any other
     takes several times the iterations.
@@ -103,8 +108,13 @@ def default_preconditioner(
     if not solves >= 1:
         raise ValueError(f"solves is {solves}, but must be at least 1")
     full = A.full if isinstance(A, MaskedOperator) else A
+    is_coupled = isinstance(full, CoupledOperator)
+    is_on_mask = isinstance(A, MaskedOperator) and not A.mask.all()
+    if is_coupled and is_on_mask and strongly_coupled(full):
+        with suppress(np.linalg.LinAlgError):
+            return fsai_preconditioner(A, dtype=dtype)
     # A product of several components costs more, and so few iterations are worth more.
-    return _default(A, solves > 1 or isinstance(full, CoupledOperator), dtype)
+    return _default(A, solves > 1 or is_coupled, dtype)
 
 
 @componentwise

@@ -38,20 +38,22 @@ are: by induction E⁻¹ is, and I - W Wᵀ + W E⁻¹ Wᵀ with it.
 """
 
 import operator
-from math import log2
+from math import log2, prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import MaskedOperator, as_rows
+from toeplitz_mg.operators import CoupledOperator, MaskedOperator, as_rows
 from toeplitz_mg.operators.convolution import multiply_rows
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.work import levels_of
 from toeplitz_mg.operators.workspace import workspace
 from toeplitz_mg.preconditioners.componentwise import componentwise
 from toeplitz_mg.preconditioners.fsai_apply import Cells, Direct, Level, Patched
+from toeplitz_mg.preconditioners.fsai_coupled import CoupledStencil, strongly_coupled
+from toeplitz_mg.preconditioners.fsai_coupled_levels import build_coupled, cells_of_masks
 from toeplitz_mg.preconditioners.fsai_levels import build, few
 from toeplitz_mg.preconditioners.fsai_line import Dense, Line, WholeLine, line
 from toeplitz_mg.preconditioners.fsai_table import NEIGHBOURS, Stencil
@@ -61,6 +63,7 @@ from toeplitz_mg.preconditioners.positivity import precision
 
 Array = NDArray[Any]
 AnyLevel = Level | Patched | Direct | Line | Dense
+AnyStencils = Stencils | CoupledStencil
 
 
 class MultilevelSparseInverse(LinearOperator):
@@ -76,7 +79,7 @@ class MultilevelSparseInverse(LinearOperator):
         The number of unknowns on each level.
     """
 
-    def __init__(self, stencils: Stencils, level: AnyLevel, mask: Array, dtype: Any) -> None:
+    def __init__(self, stencils: AnyStencils, level: AnyLevel, mask: Array, dtype: Any) -> None:
         N = level.sizes[0]
         super().__init__(dtype, (N, N))
         self.grid_shape = mask.shape
@@ -87,8 +90,9 @@ class MultilevelSparseInverse(LinearOperator):
         self._level = level
         # By operations: two real transforms of m = 2^d points, each 5/2 m log₂ m, are a product
         # with a Toeplitz matrix in d levels.
-        m = 2 ** levels_of(mask.shape) * mask.size
-        self.points = 2 * level.multiplications * mask.size / (5 * m * log2(m))
+        grid = stencils.T.shape[-2:]
+        m = 2 ** levels_of(grid) * prod(grid)
+        self.points = 2 * level.multiplications * prod(grid) / (5 * m * log2(m))
 
     def updated(self, mask: ArrayLike) -> "MultilevelSparseInverse":
         """Return the preconditioner for another mask on the same grid, from this one.
@@ -118,6 +122,9 @@ class MultilevelSparseInverse(LinearOperator):
         first set-up where they are in one place, 0.1 to 0.3 along the edges of the area, and 0.15
         to 0.36 scattered; up to 0.5 where a set-up takes some milliseconds. An application takes
         1.2 to 1.5 times as long as that of a new one, and iterations are the same.
+
+        Of two components that are not treated each by itself it is a new one but for what the
+        kernel alone determines: 0.7 to 0.8 of a first set-up.
 
         Examples
         --------
@@ -166,7 +173,6 @@ class MultilevelSparseInverse(LinearOperator):
         )
 
 
-@componentwise
 def fsai_preconditioner(
     A: LinearOperator, *, neighbours: int | None = None, dtype: DTypeLike | None = None
 ) -> LinearOperator:
@@ -180,7 +186,8 @@ def fsai_preconditioner(
     neighbours : int, optional
         How many cells before its own a row of G may see, from 1 on. By default as many as the
         kernel needs, 12, 24 or 40, and where these are not enough it is refused; of a number that
-        is given it is not judged whether it is enough. On the whole of a line it is 15 always.
+        is given it is not judged whether it is enough, and components are treated each by itself.
+        On the whole of a line it is 15 always.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. It is computed in
         float64.
@@ -188,9 +195,10 @@ def fsai_preconditioner(
     Returns
     -------
     MultilevelSparseInverse
-        Of the shape of `A`, symmetric positive definite; of a CoupledOperator a BlockDiagonal of
-        these. Its method ``updated(mask)`` returns that of another mask, in less time than a new
-        one takes.
+        Of the shape of `A`, symmetric positive definite; of a CoupledOperator one of all unknowns
+        where two components are coupled as tangential tractions are, oddly, and not weakly (ν > 1/3
+        there), and else a BlockDiagonal. Its method ``updated(mask)`` returns that of another mask,
+        in less time than a new one takes.
 
     Raises
     ------
@@ -209,7 +217,7 @@ def fsai_preconditioner(
     Notes
     -----
     For half-space kernels conjugate gradients take 5 to 11 iterations to a relative residual of
-    1e-8 (coupled components 8 to 13), whatever the mask, from one line of cells to all of them,
+    1e-8 (coupled components 7 to 12), whatever the mask, from one line of cells to all of them,
     on square elements and on those stretched up to 1:20, and independently of the number of cells;
     up to 14 on those of 1:100, and longer ones are refused. The preconditioners by FFT take 20 to
     50 on a fragmented area; on one smooth blob, or a full grid, they need less time.
@@ -225,8 +233,9 @@ def fsai_preconditioner(
     On a line that is all in contact its rows are all alike: there the set-up takes a tenth of a
     product, and an application a quarter of one, at 2²⁰ unknowns.
 
-    How it is built, and why, says the module `toeplitz_mg.preconditioners.fsai`, and of a whole
-    line `toeplitz_mg.preconditioners.fsai_line`.
+    How it is built, and why, says the module `toeplitz_mg.preconditioners.fsai`, of a whole line
+    `toeplitz_mg.preconditioners.fsai_line`, and of coupled components
+    `toeplitz_mg.preconditioners.fsai_coupled`.
 
     References
     ----------
@@ -245,6 +254,21 @@ def fsai_preconditioner(
     >>> info
     0
     """
+    full, mask = (A.full, A.mask) if isinstance(A, MaskedOperator) else (A, None)
+    coupled = isinstance(full, CoupledOperator) and neighbours is None
+    stencil = strongly_coupled(full) if coupled else None
+    if stencil is None:
+        return _by_component(A, neighbours, dtype)
+    mask = np.ones(full.grid_shape, dtype=bool) if mask is None else mask
+    dtype = precision(full, dtype)
+    return MultilevelSparseInverse(stencil, _levels(stencil, mask, dtype), mask, dtype)
+
+
+@componentwise
+def _by_component(
+    A: LinearOperator, neighbours: int | None, dtype: DTypeLike | None
+) -> LinearOperator:
+    """Return the same of one component."""
     full, mask = toeplitz_and_mask(A)
     kernel = full.squeezed
     if len(kernel.grid_shape) > 2:
@@ -261,9 +285,11 @@ def fsai_preconditioner(
 
 
 def _levels(
-    stencils: Stencils, mask: Array, dtype: np.dtype[Any], old: AnyLevel | None = None
+    stencils: AnyStencils, mask: Array, dtype: np.dtype[Any], old: AnyLevel | None = None
 ) -> AnyLevel:
     """Build all levels, from those of another mask if there are any."""
+    if isinstance(stencils, CoupledStencil):
+        return build_coupled(stencils, cells_of_masks(stencils, mask), dtype)
     if mask.all() and mask.size == max(mask.shape):
         return line(WholeLine.of(stencils.T.ravel()), dtype)
     mask = mask.reshape(stencils.T.shape)

@@ -9,7 +9,7 @@ from scipy.linalg import cho_factor
 from scipy.sparse import csr_array
 
 from toeplitz_mg.preconditioners.fsai_apply import Cells, Direct, Level, Rows
-from toeplitz_mg.preconditioners.fsai_table import Stencil, block_loads, check, refused
+from toeplitz_mg.preconditioners.fsai_table import Near, Stencil, block_loads, check, refused
 
 Array = NDArray[Any]
 
@@ -164,12 +164,12 @@ def one_each(entries: Array, columns: Array, n: int) -> csr_array:
     )
 
 
-def rows_of_G(stencil: Stencil, c: Array, d: Array) -> Array:
+def rows_of_G(stencil: Near, c: Array, d: Array) -> Array:
     """Return rows of G for the matrix c_i T(i-j) c_j with the diagonal d.
 
     Parameters
     ----------
-    stencil : Stencil
+    stencil : Near
     c, d : ndarray of shape (K, m)
         Of a cell and its neighbours; 0 and 1 where they are not in contact.
 

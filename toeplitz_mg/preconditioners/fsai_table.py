@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,18 @@ Pair = tuple[int, int]
 NEIGHBOURS = 12  # cells before a cell that its row of G sees: half of a 5 x 5 neighbourhood
 AGGREGATE = 16  # cells of a block: 4 x 4 where they are square
 EXACT = 3  # blocks: from this lag on the loads of two blocks are taken as uniform
+
+
+class Near(Protocol):
+    """What the rows of G take from a kernel."""
+
+    @property
+    def T(self) -> Array:
+        """Coefficients."""
+
+    @property
+    def local(self) -> Array:
+        """A less τ, among a cell and its neighbours, shape (K, K)."""
 
 
 @dataclass(frozen=True)
@@ -231,7 +243,7 @@ class Stencil:
         check("the load of an aggregate is", total, self)
         T = self.T
         for axis, (m, h) in enumerate(zip(self.blocks, self.block, strict=True)):
-            T = _averaged(T, axis, m, h)
+            T = averaged(T, axis, m, h)
         T = total**2 * T
         # The load's products by the lag between their cells.
         first, second = np.array(self.window_shape) - 1
@@ -267,7 +279,7 @@ def block_loads(stencil: Stencil, rows: Array, index: Array, w: Array) -> Array:
     return loads.reshape(len(stencil.window), w.shape[1])
 
 
-def _averaged(T: Array, axis: int, m: int, h: int) -> Array:
+def averaged(T: Array, axis: int, m: int, h: int) -> Array:
     """Return the means of T over pairs of blocks of h cells in one axis, for m lags of blocks."""
     lags = h * np.arange(m)
     means: Any = 0.0
@@ -277,13 +289,13 @@ def _averaged(T: Array, axis: int, m: int, h: int) -> Array:
     return np.asarray(means)
 
 
-def check(subject: str, value: float, stencil: Stencil) -> None:
+def check(subject: str, value: float, stencil: Near) -> None:
     """Refuse a kernel for which a number that must be positive is not."""
     if not value > 0.0:
         raise refused(subject, value, stencil)
 
 
-def refused(subject: str, value: float, stencil: Stencil) -> np.linalg.LinAlgError:
+def refused(subject: str, value: float, stencil: Near) -> np.linalg.LinAlgError:
     """Return the error of a kernel for which the construction fails."""
     return np.linalg.LinAlgError(
         f"{subject} {value:.3g} in the sparse approximate inverse, but must be positive: A is not "
