@@ -2,8 +2,9 @@
 
 Twelve cells before its own are enough for a row of G where the kernel decays slowly, as that of a
 half-space. A covariance that is as smooth as Matérn's needs more, the more so where half of them
-are not in contact. This is seen on a few aggregates, with dense matrices: P of two levels where
-every other cell is in contact, by chance, and the same for the next level where all of them are.
+are not in contact. This is seen on a few aggregates, with dense matrices: P of two levels, with the
+E that is applied, where every other cell is in contact, by chance, and where all of them are, and
+the same for the next level.
 The product of the two condition numbers of P A tells how well conjugate gradients will do, whatever
 the area: at the limits below they take some 13 iterations to a relative residual of 1e-8.
 
@@ -25,7 +26,7 @@ Array = NDArray[Any]
 
 # By the number of neighbours, half of the cells within 2, 3 and 4 of their own: the condition that
 # is good enough, in one level and in two.
-GOOD = {NEIGHBOURS: (1.9, 2.25), 24: (1.5, 1.5), 40: (1.45, 1.45)}
+GOOD = {NEIGHBOURS: (1.9, 2.5), 24: (1.5, 2.0), 40: (1.45, 1.45)}
 LOADED = 0.985  # the least diagonal of E for long elements; 0.99 of 1:100
 HALVED, FULL = 3, 2  # aggregates of the windows in either axis; in one level their squares
 
@@ -91,7 +92,7 @@ def _window(stencil: Stencil, across: int) -> Array:
 
 
 def condition_on(stencil: Stencil, contact: Array) -> float:
-    """Return the condition number of P A on a window, P of two levels.
+    """Return the condition number of P A on a window, P of two levels; infinite if it has none.
 
     Parameters
     ----------
@@ -108,12 +109,16 @@ def condition_on(stencil: Stencil, contact: Array) -> float:
     except np.linalg.LinAlgError:
         smallest = float(np.linalg.eigvalsh(A)[0])
         raise refused("an eigenvalue of A on a window is", smallest, stencil) from None
-    aggregate = cells // stencil.block @ (len(cells), 1)
-    W = (aggregate[:, None] == np.unique(aggregate)) * G.sum(axis=1)[:, None]
-    W /= np.linalg.norm(W, axis=0)
-    P = np.identity(len(B)) - W @ W.T + W @ np.linalg.solve(W.T @ B @ W, W.T)
+    blocks, number = np.unique(cells // stencil.block, axis=0, return_inverse=True)
+    W = (number.reshape(-1, 1) == np.arange(len(blocks))) * G.sum(axis=1)[:, None]
+    norm = np.linalg.norm(W, axis=0)
+    W /= norm
+    c = norm / stencil.full_load.sum()
+    E = c[:, None] * stencil.coarser.at(blocks[:, None] - blocks) * c
+    np.fill_diagonal(E, np.einsum("ij,ij->j", W, B @ W))
+    P = np.identity(len(B)) - W @ W.T + W @ np.linalg.solve(E, W.T)
     spectrum = np.linalg.eigvalsh(root.T @ P @ root)
-    return float(spectrum[-1] / spectrum[0])
+    return float(spectrum[-1] / spectrum[0]) if spectrum[0] > 0.0 else np.inf
 
 
 def _factor(stencil: Stencil, contact: Array, cells: Array) -> Array:
