@@ -243,11 +243,9 @@ class Patched:
 
     def __call__(self, x: Array) -> Array:
         """Apply it to a vector, or to the columns of x."""
-        n, more = (
-            self.base.length,
-            np.zeros((self.length - self.base.length, *x.shape[1:]), x.dtype),
-        )
-        y = np.concatenate([self.base.G @ x[:n], more])
+        n = self.base.length
+        born = np.zeros((self.length - n, *x.shape[1:]), x.dtype)
+        y = np.concatenate([self.base.G @ x[:n], born])
         y[self.gone] = 0.0
         y[self.lines] = self.G @ x
         a = self.transposed[1] @ y
