@@ -150,6 +150,8 @@ def test_what_it_refuses():
     A = tmg.ToeplitzOperator([2.0, 1.0])
     with pytest.raises(ValueError, match="solves is 0, but must be at least 1"):
         tmg.default_preconditioner(A, solves=0)
+    with pytest.raises(TypeError, match=r"solves is 1\.5, but must be an integer"):
+        tmg.default_preconditioner(A, solves=1.5)
     with pytest.raises(np.linalg.LinAlgError, match="use cg without M"):
         tmg.default_preconditioner(tmg.ToeplitzOperator([[1.0, 2.0], [2.0, 3.0]]))
     with pytest.raises(TypeError, match="must be a ToeplitzOperator"):

@@ -634,5 +634,5 @@ def test_the_number_of_neighbours_may_be_given():
     assert max(both_iterations(A, fsai_preconditioner(A, neighbours=5))) <= 15
     with pytest.raises(ValueError, match="neighbours is 0, but must be at least 1"):
         fsai_preconditioner(A, neighbours=0)
-    with pytest.raises(TypeError, match="float"):
+    with pytest.raises(TypeError, match=r"neighbours is 2\.5, but must be an integer"):
         fsai_preconditioner(A, neighbours=2.5)

@@ -13,7 +13,7 @@ from tests.test_fsai import areas, both_iterations, direct_below, half_space, op
 from toeplitz_mg.halfspace import all_lags, influence_xx, influence_xy, influence_yy
 from toeplitz_mg.preconditioners.componentwise import BlockDiagonal
 from toeplitz_mg.preconditioners.fsai import MultilevelSparseInverse, fsai_preconditioner
-from toeplitz_mg.preconditioners.fsai_coupled import strongly_coupled
+from toeplitz_mg.preconditioners.fsai_coupled import CoupledStencil, strongly_coupled
 from toeplitz_mg.preconditioners.fsai_coupled_levels import build_coupled, cells_of_masks
 
 
@@ -133,7 +133,7 @@ def test_the_coarser_kernel_is_that_of_aggregates_in_full_contact():
     "area",
     ["full", "circle", "rough 30 %", "random 50 %", "stripes", "stripes across", "checkerboard"],
 )
-def test_iterations_are_at_most_those_of_normal_tractions_and_a_third(area, nu, ratio):
+def test_iterations_are_at_most_ten_and_eleven(area, nu, ratio):
     """The bounds of the normal kernel on square cells are 8 and 9."""
     A = tmg.MaskedOperator(tangential((128, 128), nu, ratio), areas(128)[area])
     constant, random = both_iterations(A)
@@ -198,8 +198,40 @@ def test_copies_rows_and_work():
 
 
 def test_it_says_what_fails():
-    A = tangential((40, 40))
-    xx, xy = A.blocks[0]
-    strong = tmg.ToeplitzOperator.from_lags(4.0 * xy.lags)
+    stencil = strongly_coupled(tangential((40, 40)))
+    strong = stencil.T.copy()
+    strong[[0, 1], [1, 0]] *= 4.0
+    stencil = CoupledStencil(strong)
+    cells = cells_of_masks(stencil, np.ones((2, 40, 40), bool))
     with pytest.raises(np.linalg.LinAlgError, match=r"-.* must be positive: A is not"):
-        fsai_preconditioner(tmg.CoupledOperator([[xx, strong], [strong, A.blocks[1][1]]]))
+        build_coupled(stencil, cells, np.dtype(float))
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e-30, 1e200])
+def test_any_scale(scale):
+    A = tangential((40, 40))
+    scaled = tmg.CoupledOperator(
+        [[tmg.ToeplitzOperator.from_lags(scale * t.lags) for t in row] for row in A.blocks]
+    )
+    b = np.random.default_rng(0).standard_normal(A.shape[0])
+    P = fsai_preconditioner(scaled)
+    assert isinstance(P, MultilevelSparseInverse)
+    expected = fsai_preconditioner(A) @ b
+    assert_allclose(scale * (P @ b), expected, rtol=0, atol=1e-10 * abs(expected).max())
+
+
+def test_a_coupling_of_another_size_is_left_out():
+    """Stronger than any of a half-space, or of components that need more neighbours."""
+    A = tangential((40, 40))
+    (xx, xy), (_, yy) = A.blocks
+    strong = tmg.ToeplitzOperator.from_lags(1.5 * xy.lags)
+    A = tmg.CoupledOperator([[xx, strong], [strong, yy]])
+    assert isinstance(fsai_preconditioner(A), BlockDiagonal)
+    k = np.arange(-39.0, 40.0)
+    r = np.hypot(*np.ix_(k, k)) / 1.2
+    smooth = tmg.ToeplitzOperator.from_lags((1.0 + r) * np.exp(-r))
+    between = tmg.ToeplitzOperator.from_lags(
+        np.outer(np.sign(k), np.sign(k)) * 0.25 * (r > 0.0) * np.exp(-r)
+    )
+    A = tmg.CoupledOperator([[smooth, between], [between, smooth]])
+    assert isinstance(fsai_preconditioner(A), BlockDiagonal)

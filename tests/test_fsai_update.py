@@ -2,6 +2,7 @@
 
 import pickle
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import numpy as np
@@ -146,6 +147,55 @@ def test_an_updated_operator_is_one_like_the_others(dtype):
     assert P._apply(x, x) is x
     assert_array_equal(x, columns[:, 0])
     assert_array_equal(pickle.loads(pickle.dumps(P)) @ X[:, 0], columns[:, 0])
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.sampled_from([(2000,), (40, 50)]),
+    st.floats(0.005, 0.1),
+    st.integers(1, 4),
+    st.integers(0, 999),
+)
+def test_islands_appear_and_vanish(shape, density, count, seed):
+    """Whole aggregates, with none beside them."""
+    rng = np.random.default_rng(seed)
+    mask = rng.random(shape) < density
+    mask.flat[:8] = True
+    full = tmg.ToeplitzOperator(contact(*shape))
+    with direct_below(4), kept(0.0):
+        P = fsai_preconditioner(tmg.MaskedOperator(full, mask))
+        for _ in range(4):
+            mask = mask.copy()
+            mask.flat[rng.integers(3, mask.size, 2 * count)] = True
+            mask.flat[rng.choice(np.flatnonzero(mask)[3:], count)] = False
+            P = P.updated(mask)
+            A = tmg.MaskedOperator(full, mask)
+            fresh = fsai_preconditioner(A)
+            x = rng.standard_normal(A.shape[0])
+            assert_allclose(P @ x, fresh @ x, rtol=0, atol=1e-11 * abs(fresh @ x).max())
+
+
+def test_an_island_vanishes_that_nothing_sees():
+    n = 416
+    full, (i, j) = half_space(n), np.indices((n, n))
+    mask = (i % 16 < 4) & (j % 16 < 4)  # 676 aggregates
+    P = fsai_preconditioner(operator(full, mask))
+    mask[32:36, 48:52] = False
+    A = operator(full, mask)
+    b = np.ones(A.shape[0])
+    assert iterations(A, P.updated(mask), b) == iterations(A, fsai_preconditioner(A), b)
+
+
+def test_an_updated_operator_in_threads():
+    n = 128
+    full, mask = half_space(n), areas(n)["rough 30 %"]
+    new = mask.copy()
+    new[40:44, 50:60] ^= True
+    P = fsai_preconditioner(operator(full, mask)).updated(new)
+    X = np.random.default_rng(0).standard_normal((16, P.shape[0]))
+    expected = [P @ x for x in X]
+    with ThreadPoolExecutor(4) as pool:
+        assert_array_equal(list(pool.map(lambda x: P @ x, X)), expected)
 
 
 @pytest.fixture

@@ -22,6 +22,7 @@ from toeplitz_mg.preconditioners.fsai_table import NEIGHBOURS
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner, sine_preconditioner
+from toeplitz_mg.values import count
 
 Array = NDArray[Any]
 logger = logging.getLogger(__name__)
@@ -105,8 +106,7 @@ def default_preconditioner(
     >>> tmg.default_preconditioner(tmg.MaskedOperator(A, checkered)).shape
     (800, 800)
     """
-    if not solves >= 1:
-        raise ValueError(f"solves is {solves}, but must be at least 1")
+    solves = count("solves", solves)
     full = A.full if isinstance(A, MaskedOperator) else A
     is_coupled = isinstance(full, CoupledOperator)
     is_on_mask = isinstance(A, MaskedOperator) and not A.mask.all()

@@ -37,7 +37,6 @@ P is positive definite if the pivots eᵀS⁻¹e, and with them the diagonal of 
 are: by induction E⁻¹ is, and I - W Wᵀ + W E⁻¹ Wᵀ with it.
 """
 
-import operator
 from math import log2, prod
 from typing import Any
 
@@ -60,6 +59,7 @@ from toeplitz_mg.preconditioners.fsai_table import NEIGHBOURS, Stencil
 from toeplitz_mg.preconditioners.fsai_update import update
 from toeplitz_mg.preconditioners.fsai_window import Stencils
 from toeplitz_mg.preconditioners.positivity import precision
+from toeplitz_mg.values import count
 
 Array = NDArray[Any]
 AnyLevel = Level | Patched | Direct | Line | Dense
@@ -121,7 +121,11 @@ class MultilevelSparseInverse(LinearOperator):
         they are many. At 512 x 512 cells, 1 % of the unknowns changed, it takes 0.05 to 0.2 of a
         first set-up where they are in one place, 0.1 to 0.3 along the edges of the area, and 0.15
         to 0.36 scattered; up to 0.5 where a set-up takes some milliseconds. An application takes
-        1.2 to 1.5 times as long as that of a new one, and iterations are the same.
+        1.2 to 1.6 times as long as that of a new one, and iterations are the same.
+
+        What has changed is counted from the mask that was built for, over any updates between: of
+        a chain of updates each takes somewhat longer than the one before, and where some 40 % of
+        the rows of a level would be new it is built anew, with the next updates counted from there.
 
         Of two components that are not treated each by itself it is a new one but for what the
         kernel alone determines: 0.7 to 0.8 of a first set-up.
@@ -196,9 +200,9 @@ def fsai_preconditioner(
     -------
     MultilevelSparseInverse
         Of the shape of `A`, symmetric positive definite; of a CoupledOperator one of all unknowns
-        where two components are coupled as tangential tractions are, oddly, and not weakly (ν > 1/3
-        there), and else a BlockDiagonal. Its method ``updated(mask)`` returns that of another mask,
-        in less time than a new one takes.
+        where two components are coupled as tangential tractions are for ν > 1/3 (oddly, neither
+        weakly nor more than for ν = 1/2), and else a BlockDiagonal. Its method ``updated(mask)``
+        returns that of another mask, in less time than a new one takes.
 
     Raises
     ------
@@ -219,13 +223,15 @@ def fsai_preconditioner(
     For half-space kernels conjugate gradients take 5 to 11 iterations to a relative residual of
     1e-8 (coupled components 7 to 12), whatever the mask, from one line of cells to all of them,
     on square elements and on those stretched up to 1:20, and independently of the number of cells;
-    up to 14 on those of 1:100, and longer ones are refused. The preconditioners by FFT take 20 to
+    up to 14 on those of 1:50, and some longer ones are refused: of normal tractions those beyond
+    1:100, of tangential ones those beyond 1:50 (ν = 1/2). The preconditioners by FFT take 20 to
     50 on a fragmented area; on one smooth blob, or a full grid, they need less time.
 
     A Matérn covariance takes at most 14 up to a correlation length of 5 cells with ν = 1/2, 3 with
-    3/2, 2 with 5/2, where transforms take 40 to 300 on a mask; longer ones are refused, but for a
-    large nugget. From 4, 2 and 2 cells on rows of 24 or 40 neighbours are needed, whose set-up
-    takes some 5 or 20 microseconds an unknown, in the place of 1 to 3.
+    3/2, 2 with 5/2 (up to 19 where less than a fifth of the cells are in contact, anywhere), where
+    transforms take 40 to 300 on a mask; longer ones are refused, but for a large nugget. From 4, 2
+    and 2 cells on rows of 24 or 40 neighbours are needed, whose set-up takes some 5 or 20
+    microseconds an unknown, in the place of 1 to 3.
 
     One application costs some 30 multiplications an unknown, a few hundredths of a work unit by
     operations. Sparse products wait for memory: by time it is a tenth to a half of one.
@@ -254,6 +260,8 @@ def fsai_preconditioner(
     >>> info
     0
     """
+    if neighbours is not None:
+        neighbours = count("neighbours", neighbours)
     full, mask = (A.full, A.mask) if isinstance(A, MaskedOperator) else (A, None)
     coupled = isinstance(full, CoupledOperator) and neighbours is None
     stencil = strongly_coupled(full) if coupled else None
@@ -277,8 +285,6 @@ def _by_component(
         raise ValueError(f"A is {full!r}, but must be symmetric in every level")
     if mask is None:
         mask = np.ones(full.grid_shape, dtype=bool)
-    if neighbours is not None and operator.index(neighbours) < 1:
-        raise ValueError(f"neighbours is {neighbours}, but must be at least 1")
     stencils = Stencils(np.atleast_2d(kernel.c.astype(np.float64, copy=False)), neighbours)
     dtype = precision(full, dtype)
     return MultilevelSparseInverse(stencils, _levels(stencils, mask, dtype), mask, dtype)

@@ -42,12 +42,14 @@ from toeplitz_mg.preconditioners.fsai_table import (
     block_loads,
     check,
 )
+from toeplitz_mg.preconditioners.fsai_window import Stencils
 
 Array = NDArray[Any]
 
 OTHERS = 2  # neighbours that a row of G sees in the other component too
 COARSE = 14  # neighbours on the levels above the finest, where they cost little
 STRONG = 0.2  # of the kernel, that of ν = 1/3: a weaker coupling is not worth its set-up
+STRONGEST = 0.36  # 1/3 of ν = 1/2; a stronger one takes many iterations
 
 
 class Seen(NamedTuple):
@@ -104,7 +106,7 @@ class CoupledStencil:
         """The coupling relative to the mean of A_xx and A_yy, at most, for the neighbours.
 
         On a half-space (ν/2)/(1 - ν/2), by which eigenvalues of a block diagonal preconditioner
-        are off; less where elements are long, 1:10 or more, and no neighbours are on a diagonal.
+        are off; less where elements are long, 1:8 or more, and no neighbours are on a diagonal.
         """
         offsets = self.cells.offsets
         return float(np.abs(self.at(0, 1, offsets) / self.cells.at(offsets)).max())
@@ -198,7 +200,10 @@ class CoupledStencil:
 
 
 def strongly_coupled(A: CoupledOperator) -> CoupledStencil | None:
-    """Return the kernel, if it is of this kind: two components, and not nearly without coupling."""
+    """Return the kernel, if it is of this kind: two components, coupled as on a half-space.
+
+    Each of them must be one for which few neighbours are enough.
+    """
     x, y = (row[i] for i, row in enumerate(A.blocks[:2])) if len(A.blocks) == 2 else (None, None)
     xy = A.blocks[0][-1]
     if x is None or y is None or xy is None or not A.is_symmetric or len(x.grid_shape) != 2:
@@ -210,4 +215,10 @@ def strongly_coupled(A: CoupledOperator) -> CoupledStencil | None:
     n1, n2 = x.grid_shape
     between = between[n1 - 1 :, n2 - 1 :]
     stencil = CoupledStencil(np.array([[x.c, between], [between, y.c]], np.float64))
-    return stencil if stencil.coupling > STRONG else None
+    if not STRONG < stencil.coupling < STRONGEST:
+        return None
+    try:
+        enough = [Stencils(component).sufficient.neighbours for component in (x.c, y.c)]
+    except np.linalg.LinAlgError:
+        return None  # which is what it says of the component by itself
+    return stencil if enough == [NEIGHBOURS, NEIGHBOURS] else None

@@ -135,9 +135,10 @@ def _aggregated(
     gxy = np.einsum("ihjk,ihjk->ij", xx, xy) + np.einsum("ihjk,ihjk->ij", yy, yx)
     gxy *= there[0] & there[1]
     # With s² the determinant (UᵀU)^(1/2) = (UᵀU + s I)/t, its inverse (adj(UᵀU) + s I)/(s t).
-    determinant = gxx * gyy - gxy**2
-    check("the determinant of two vectors of an aggregate is", float(determinant.min()), grid)
-    s = np.sqrt(determinant)
+    product = np.sqrt(gxx) * np.sqrt(gyy)
+    square = 1.0 - (gxy / product) ** 2  # of the sine of their angle
+    check("the sine of the angle of two vectors of W is, squared,", float(square.min()), grid)
+    s = product * np.sqrt(square)
     t = np.sqrt(gxx + gyy + 2.0 * s)
     c, d = np.zeros((2, coarser.size)), np.ones((2, coarser.size))
     for a, g in enumerate((gxx, gyy)):

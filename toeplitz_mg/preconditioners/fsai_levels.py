@@ -140,7 +140,7 @@ def factor(
     if cells.finest:
         G = stencil.sparse_table[rows.place.take(at)]
     else:
-        G = stencil.sparse(rows.rows.T[-len(at) :])
+        G = stencil.sparse(rows.rows.T[len(rows.sums) - len(at) :])
     first = (at + stencil.steps.min()).astype(np.int32)  # the first that each might see
     for part in chunks(len(first), 4 * CHUNK):
         starts = G.indptr[part.start : part.stop + 1]
