@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import eigh
@@ -150,6 +150,7 @@ def test_an_updated_operator_is_one_like_the_others(dtype):
 
 
 @settings(deadline=None, max_examples=60)
+@example((40, 50), 0.09375, 3, 1)  # a load that is the same, and a diagonal that is not
 @given(
     st.sampled_from([(2000,), (40, 50)]),
     st.floats(0.005, 0.1),

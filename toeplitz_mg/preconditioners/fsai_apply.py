@@ -39,10 +39,11 @@ class Cells:
         return cls(contact, np.broadcast_to(stencil.T[0, 0], contact.shape), True)
 
     def changed_from(self, old: "Cells", kept: float) -> Array:
-        """Where the loads are others, by more than this relative to the old ones."""
+        """Where the unknowns are others, by more than this relative to the old ones."""
         if self.finest:
             return np.asarray(self.c != old.c)
-        return np.asarray(np.abs(self.c - old.c) > kept * old.c)
+        load = np.abs(self.c - old.c) > kept * old.c
+        return np.asarray(load | (np.abs(self.d - old.d) > kept * old.d))
 
     def where(self, changed: Array, old: "Cells") -> "Cells":
         """Return these cells where they have changed, the old ones elsewhere."""

@@ -90,7 +90,7 @@ def aggregated(
     """Return the cells of E, which in the blocks that are not touched are the old ones.
 
     The load of a block is cᵀGᵀw_J = ‖(G c)_J‖, in units of that of full contact. Where it differs
-    by no more than this relative to the old one, d is left.
+    by less than this relative to the old one, d is left.
     """
     coarser, total = stencil.coarser, float(stencil.full_load.sum())
     c, d = old.c.copy(), old.d.copy()
@@ -107,7 +107,7 @@ def aggregated(
         before = c[J]
         c[J] = norm / total
         d[J[empty]] = 1.0
-        new = (np.abs(c[J] - before) > kept * before) & ~empty
+        new = (np.abs(c[J] - before) >= kept * before) & ~empty
         if cells.finest:  # what is exact in full contact need not be computed
             full = (within & (place == rows.rows.shape[1] - 1)).all(axis=0)
             d[J[full]] = coarser.T[0, 0]
