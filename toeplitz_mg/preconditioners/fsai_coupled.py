@@ -190,10 +190,9 @@ class CoupledStencil:
         shifted = (near * cells.block)[:, None] + lags
         for a, b in ((0, 0), (0, 1), (1, 1)):
             products = np.bincount(between, np.outer(load[a], load[b]).ravel(), len(lags))
-            mirrored = products.reshape(2 * first + 1, 2 * second + 1)
-            mirrored = mirrored + mirrored[::-1]  # of lags in either axis: even or odd, as A
-            mirrored = (mirrored + mirrored[:, ::-1]) / 4.0
-            T[a, b, *near.T] = self.at(a, b, shifted) @ mirrored.ravel()
+            one = products.reshape(2 * first + 1, 2 * second + 1)
+            both = one + one[::-1]  # of lags in either axis: even or odd, as A
+            T[a, b, *near.T] = self.at(a, b, shifted) @ (both + both[:, ::-1]).ravel() / 4.0
         T[0, 1, 0], T[0, 1, :, 0] = 0.0, 0.0  # odd
         T[1, 0] = T[0, 1]
         return CoupledStencil(T, COARSE)
