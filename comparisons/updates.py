@@ -1,6 +1,7 @@
 """What `updated` costs where an area changes: the CPU time of an update over that of a set-up.
 
-FSAI on the areas of `areas`, the normal problem. Of the elements in contact 1 % change: in one
+FSAI on the areas of `areas`, of the normal problem and of the tangential one, whose components are
+coupled (ν = 1/2). Of the elements in contact 1 % change: in one
 place, along the edges of the area, or scattered. A set-up and the three updates take turns in one
 process on one thread; medians. Beside each ratio the iterations of CG to 1e-8, random right-hand
 side, with what is updated and with a new one, and the time of an application over that of a new
@@ -10,6 +11,7 @@ one.
 import os
 from collections.abc import Callable, Mapping
 from functools import partial
+from itertools import product
 from statistics import median
 from time import process_time
 from typing import Any
@@ -20,7 +22,14 @@ from scipy.ndimage import binary_dilation
 
 from comparisons import masks, report
 from comparisons.report import Row
-from toeplitz_mg import MaskedOperator, ToeplitzOperator, cg, fsai_preconditioner, halfspace
+from toeplitz_mg import (
+    CoupledOperator,
+    MaskedOperator,
+    ToeplitzOperator,
+    cg,
+    fsai_preconditioner,
+    halfspace,
+)
 
 Array = NDArray[np.bool_]
 
@@ -63,24 +72,53 @@ def _some(where: Array, count: int) -> Array:
 CHANGES = (in_one_place, along_edges, scattered)
 
 
-def measure(area: str, N: int) -> Row:
-    """Time a set-up, and the updates over it."""
-    mask = masks.FRAGMENTED[area](N)
+def normal(N: int) -> ToeplitzOperator:
+    """Return the matrix of normal tractions."""
     element = (2.0 / N, 2.0 / N)
     x, y = halfspace.lags((N, N), element)
-    full = ToeplitzOperator(halfspace.influence_zz(x, y, element, G=1.0, nu=0.28))
-    A = MaskedOperator(full, mask)
+    return ToeplitzOperator(halfspace.influence_zz(x, y, element, G=1.0, nu=0.28))
+
+
+def tangential(N: int) -> CoupledOperator:
+    """Return that of tangential ones."""
+    element = (2.0 / N, 2.0 / N)
+    x, y = halfspace.all_lags((N, N), element)
+    xx, xy, yy = (
+        ToeplitzOperator.from_lags(influence(x, y, element, G=1.0, nu=0.5))
+        for influence in (halfspace.influence_xx, halfspace.influence_xy, halfspace.influence_yy)
+    )
+    return CoupledOperator([[xx, xy], [xy, yy]])
+
+
+PROBLEMS: dict[str, Callable[[int], Any]] = {"normal": normal, "tangential": tangential}
+
+
+def measure(problem: str, area: str, N: int) -> Row:
+    """Time a set-up, and the updates over it."""
+    mask = masks.FRAGMENTED[area](N)
+    full = PROBLEMS[problem](N)
+
+    def on(mask: Array) -> MaskedOperator:
+        return MaskedOperator(full, np.broadcast_to(mask, full.grid_shape))
+
+    A = on(mask)
     P: Any = fsai_preconditioner(A)
     count = max(1, round(PART * np.count_nonzero(mask)))
     setup = partial(fsai_preconditioner, A)
     changes = {f.__name__.replace("_", " "): f(mask, count) for f in CHANGES}
     changes = {name: new for name, new in changes.items() if (new ^ mask).any()}
-    actions = {name: partial(P.updated, new) for name, new in changes.items()}
+    actions = {name: partial(P.updated, on(new).mask) for name, new in changes.items()}
     seconds = _medians({"set-up": setup} | actions)
-    row: Row = {"area": area, "n": N, "unknowns": A.shape[0], "setup_s": seconds["set-up"]}
+    row: Row = {
+        "problem": problem,
+        "area": area,
+        "n": N,
+        "unknowns": A.shape[0],
+        "setup_s": seconds["set-up"],
+    }
     for name, new in changes.items():
-        B = MaskedOperator(full, new)
-        updated, fresh = P.updated(new), fsai_preconditioner(B)
+        B = on(new)
+        updated, fresh = P.updated(B.mask), fsai_preconditioner(B)
         b = np.random.default_rng(1).standard_normal(B.shape[0])
         taken = [iterations(B, Q, b) for Q in (updated, fresh)]
         applied = _medians({"updated": partial(updated.matvec, b), "new": partial(fresh.matvec, b)})
@@ -123,9 +161,9 @@ def main() -> None:
     """Run the comparison."""
     os.environ["OMP_NUM_THREADS"] = "1"
     arguments = report.options("updates", "The cost of an update of FSAI.")
-    rows = []
-    for N in QUICK_SIZES if arguments.quick else SIZES:
-        own = [measure(area, N) for area in masks.FRAGMENTED if area != "one line"]
+    rows: list[Row] = []
+    for problem, N in product(PROBLEMS, QUICK_SIZES if arguments.quick else SIZES):
+        own = [measure(problem, area, N) for area in masks.FRAGMENTED if area != "one line"]
         rows += own
         shown = [
             {k: r[k] for k in ("area", "unknowns")}
@@ -135,7 +173,7 @@ def main() -> None:
         ]
         report.show(
             "An update over a set-up (iterations/of a new one, application over a new one's), "
-            f"1 % of the unknowns changed, {N}²",
+            f"{problem}, 1 % of the elements changed, {N}²",
             shown,
         )
         report.write_csv(arguments.output / "updates.csv", rows)

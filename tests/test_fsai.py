@@ -238,10 +238,10 @@ def test_it_is_what_it_is_defined_to_be(name):
 
 
 def test_the_table_of_rows_is_what_each_pattern_gives():
-    stencil = Stencil(contact(20, 30))
+    stencil = Stencil.of(contact(20, 30))
     bits = np.arange(4096) >> np.arange(12)[:, None] & 1
     c = np.vstack([np.ones((1, 4096)), bits])
-    expected = rows_of_G(stencil, c, np.where(c == 1.0, stencil.T[0, 0], 1.0))
+    expected = rows_of_G(stencil.near[0], c, np.where(c == 1.0, stencil.zero[0], 1.0))
     assert_allclose(stencil.table, expected, rtol=1e-12, atol=1e-13 * abs(expected).max())
 
 
@@ -549,7 +549,7 @@ def test_elements_longer_than_1_to_100_are_refused():
 
 def test_rows_are_those_of_the_table_without_it():
     """As they are computed where there are too many neighbours for a table of patterns."""
-    stencil = Stencil(contact(40, 50))
+    stencil = Stencil.of(contact(40, 50))
     mask = np.random.default_rng(0).random((40, 50)) < 0.6
     with direct_below(20):
         by_table = build(stencil, Cells.of_mask(stencil, mask), np.dtype(float))
@@ -562,10 +562,10 @@ def test_rows_are_those_of_the_table_without_it():
 def test_more_neighbours_bring_p_nearer_to_the_inverse():
     c = matern(60, 1.5, 3.0)
     half = np.random.default_rng(0).random((12, 12)) < 0.5
-    numbers = [condition_on(Stencil(c, neighbours), half) for neighbours in (12, 24, 40)]
+    numbers = [condition_on(Stencil.of(c, neighbours), half) for neighbours in (12, 24, 40)]
     assert numbers[0] > 2.0 * numbers[1]
     assert numbers[1] > 1.2 * numbers[2] > 1.2
-    dense = Stencil(c, 71)  # all before the last of the window
+    dense = Stencil.of(c, 71)  # all before the last of the window
     one_aggregate = np.ones((4, 4), bool)
     assert condition_on(dense, one_aggregate) < 1.1
 
@@ -579,7 +579,7 @@ def test_the_condition_on_a_window_is_that_of_p_itself():
             P = fsai_preconditioner(A, neighbours=12) @ np.eye(A.shape[0])
         half = np.linalg.cholesky(A.toarray())
         spectrum = np.linalg.eigvalsh(half.T @ P @ half)
-        assert_allclose(condition_on(Stencil(c), mask), spectrum[-1] / spectrum[0], rtol=1e-9)
+        assert_allclose(condition_on(Stencil.of(c), mask), spectrum[-1] / spectrum[0], rtol=1e-9)
 
 
 def test_what_is_solved_for_directly_is_not_refused():

@@ -9,12 +9,15 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 import toeplitz_mg as tmg
-from tests.test_fsai import areas, both_iterations, direct_below, half_space, operator, rough
+from tests.test_fsai import areas, both_iterations, direct_below, half_space, iterations, operator
+from tests.test_fsai_update import kept
 from toeplitz_mg.halfspace import all_lags, influence_xx, influence_xy, influence_yy
 from toeplitz_mg.preconditioners.componentwise import BlockDiagonal
 from toeplitz_mg.preconditioners.fsai import MultilevelSparseInverse, fsai_preconditioner
-from toeplitz_mg.preconditioners.fsai_coupled import CoupledStencil, strongly_coupled
-from toeplitz_mg.preconditioners.fsai_coupled_levels import build_coupled, cells_of_masks
+from toeplitz_mg.preconditioners.fsai_apply import Cells, Patched
+from toeplitz_mg.preconditioners.fsai_coupled import strongly_coupled
+from toeplitz_mg.preconditioners.fsai_levels import build
+from toeplitz_mg.preconditioners.fsai_table import Stencil
 
 
 def tangential(shape, nu=0.5, ratio=1.0, dtype=np.float64):
@@ -91,17 +94,17 @@ def test_aggregates_are_orthonormal_and_their_loads_known(same):
     masks[1] = masks[0] if same else masks[1]
     masks[1, :4, :4] = False
     with direct_below(4):
-        level = build_coupled(stencil, cells_of_masks(stencil, masks), np.dtype(float))
+        level = build(stencil, Cells.of_mask(stencil, masks), np.dtype(float))
     assert len(level.sizes) >= 3
     totals = [load.sum() for load in stencil.full_load]
     while hasattr(level, "W"):
         G, W, cells = level.G.toarray(), level.W.toarray(), level.cells
         assert_allclose(W.T @ W, np.eye(W.shape[1]), atol=1e-12)
         c = cells.c[cells.contact].astype(float)
-        first = np.count_nonzero(cells.contact[: stencil.size])
+        first = np.count_nonzero(cells.contact[: stencil.grid.size])
         loads = np.stack([c[:first] @ (G.T @ W)[:first], c[first:] @ (G.T @ W)[first:]])
         coarse = level.coarse.cells
-        component = np.repeat([0, 1], stencil.coarser.size)[coarse.contact]
+        component = np.repeat([0, 1], stencil.coarser.grid.size)[coarse.contact]
         own = loads[component, np.arange(len(component))]
         assert_allclose(own, coarse.c[coarse.contact] * np.array(totals)[component], rtol=1e-12)
         assert_array_equal(own > 0.0, True)
@@ -169,19 +172,57 @@ def test_a_weak_coupling_or_one_of_another_kind_is_left_out():
     assert isinstance(fsai_preconditioner(line), BlockDiagonal)
 
 
-def test_an_update_is_what_a_new_one_is():
-    A = tangential((40, 40))
-    old, new = (rough(40, fraction, seed=3) for fraction in (0.5, 0.55))
-    with direct_below(50):
-        P = fsai_preconditioner(tmg.MaskedOperator(A, old))
-        for masks in (np.stack([new, old]), np.stack([new, np.zeros_like(new)])):
+@settings(deadline=None, max_examples=40)
+@given(
+    st.sampled_from([(18, 22), (40, 7), (1, 30), (26, 26)]),
+    st.floats(0.0, 1.0),
+    st.floats(0.0, 0.3),
+    st.floats(0.5, 4.0),
+    st.integers(0, 999),
+)
+def test_an_update_that_keeps_nothing_is_what_a_new_one_is(shape, density, change, ratio, seed):
+    """Of masks that are alike in both components, or not, or nowhere true in one."""
+    rng = np.random.default_rng(seed)
+    mask, flipped = rng.random((2, *shape)) < density, rng.random((2, *shape)) < change
+    mask[seed % 2] &= seed % 3 > 0
+    mask[seed % 2 - 1].flat[0] = True
+    other = mask ^ flipped
+    other[seed % 2].flat[1] = True
+    A = tangential(shape, 0.5, ratio)
+    with direct_below(4), kept(0.0):
+        P = fsai_preconditioner(tmg.MaskedOperator(A, mask))
+        if not isinstance(P, MultilevelSparseInverse):  # one axis
+            return
+        before = P @ np.eye(P.shape[0])
+        for masks in (other, mask):
             Q = P.updated(masks)
-            expected = fsai_preconditioner(tmg.MaskedOperator(A, masks))
-            x = np.random.default_rng(0).standard_normal(Q.shape[0])
-            assert_array_equal(Q @ x, expected @ x)
+            fresh = fsai_preconditioner(tmg.MaskedOperator(A, masks))
+            assert Q.sizes == fresh.sizes
             assert Q._stencil is P._stencil
-    with pytest.raises(ValueError, match=r"mask has shape \(40, 40\)"):
-        P.updated(new)
+            expected = fresh @ np.eye(fresh.shape[0])
+            assert_allclose(Q @ np.eye(Q.shape[0]), expected, atol=1e-12 * abs(before).max())
+    assert_array_equal(P @ np.eye(P.shape[0]), before)  # it has not changed
+
+
+@pytest.mark.parametrize("area", ["rough 30 %", "random 50 %", "circle"])
+def test_an_update_takes_the_iterations_of_a_new_one(area):
+    """At most one more, after three updates too; and each has less to compute."""
+    n, rng = 128, np.random.default_rng(0)
+    full, mask = tangential((n, n)), np.stack([areas(n)[area]] * 2)
+    P = fsai_preconditioner(tmg.MaskedOperator(full, mask))
+    for _ in range(3):
+        mask = mask ^ (rng.random(mask.shape) < 0.003)
+        P = P.updated(mask)
+        assert isinstance(P._level, Patched)
+        A = tmg.MaskedOperator(full, mask)
+        b = rng.standard_normal(A.shape[0])
+        assert iterations(A, P, b) <= iterations(A, fsai_preconditioner(A), b) + 1
+
+
+def test_updates_check_the_masks():
+    P = fsai_preconditioner(tangential((12, 12)))
+    with pytest.raises(ValueError, match=r"mask has shape \(12, 12\)"):
+        P.updated(np.ones((12, 12), bool))
 
 
 def test_copies_rows_and_work():
@@ -201,10 +242,10 @@ def test_it_says_what_fails():
     stencil = strongly_coupled(tangential((40, 40)))
     strong = stencil.T.copy()
     strong[[0, 1], [1, 0]] *= 4.0
-    stencil = CoupledStencil(strong)
-    cells = cells_of_masks(stencil, np.ones((2, 40, 40), bool))
+    stencil = Stencil(strong)
+    cells = Cells.of_mask(stencil, np.ones((2, 40, 40), bool))
     with pytest.raises(np.linalg.LinAlgError, match=r"-.* must be positive: A is not"):
-        build_coupled(stencil, cells, np.dtype(float))
+        build(stencil, cells, np.dtype(float))
 
 
 @pytest.mark.parametrize("scale", [1e-200, 1e-30, 1e200])

@@ -48,7 +48,7 @@ def test_it_is_the_inverse_of_any_area_on_a_whole_line(monkeypatch, column, n):
     monkeypatch.setattr(fsai_table, "NEIGHBOURS", BLOCK - 1)
     monkeypatch.setattr(fsai_levels, "DENSE", DENSE)
     T = column(n)
-    stencil = Stencil(T[np.newaxis])
+    stencil = Stencil.of(T[np.newaxis])
     general = build(stencil, Cells.of_mask(stencil, np.ones((1, n), bool)), np.dtype(float))
     P = line(WholeLine.of(T), np.dtype(float))
     assert P.sizes == general.sizes

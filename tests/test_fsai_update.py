@@ -15,7 +15,7 @@ from scipy.linalg import eigh
 import toeplitz_mg as tmg
 from tests.cases import contact
 from tests.test_fsai import areas, direct_below, half_space, iterations, operator
-from toeplitz_mg.preconditioners import fsai_levels, fsai_update
+from toeplitz_mg.preconditioners import fsai_aggregates, fsai_levels, fsai_update
 from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai_levels import rows_of_G
 from toeplitz_mg.preconditioners.fsai_table import block_loads
@@ -204,16 +204,16 @@ def solved(monkeypatch):
     """The number of small systems that are solved, and of blocks whose loads are computed."""
     numbers = Counter()
 
-    def counting_rows(stencil, c, d):
+    def counting_rows(near, c, d):
         numbers["systems"] += c.shape[1]
-        return rows_of_G(stencil, c, d)
+        return rows_of_G(near, c, d)
 
-    def counting_loads(stencil, rows, index, w):
+    def counting_loads(grid, rows, index, w):
         numbers["blocks"] += w.shape[1]
-        return block_loads(stencil, rows, index, w)
+        return block_loads(grid, rows, index, w)
 
     monkeypatch.setattr(fsai_levels, "rows_of_G", counting_rows)
-    monkeypatch.setattr(fsai_levels, "block_loads", counting_loads)
+    monkeypatch.setattr(fsai_aggregates, "block_loads", counting_loads)
     return numbers
 
 

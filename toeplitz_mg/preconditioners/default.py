@@ -15,8 +15,7 @@ from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.transforms import near_fast_length
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.componentwise import componentwise
-from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
-from toeplitz_mg.preconditioners.fsai_coupled import strongly_coupled
+from toeplitz_mg.preconditioners.fsai import coupled_fsai, fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai_line import LONG, decays_slowly
 from toeplitz_mg.preconditioners.fsai_table import NEIGHBOURS
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
@@ -110,9 +109,10 @@ def default_preconditioner(
     full = A.full if isinstance(A, MaskedOperator) else A
     is_coupled = isinstance(full, CoupledOperator)
     is_on_mask = isinstance(A, MaskedOperator) and not A.mask.all()
-    if is_coupled and is_on_mask and strongly_coupled(full):
+    if is_coupled and is_on_mask:
         with suppress(np.linalg.LinAlgError):
-            return fsai_preconditioner(A, dtype=dtype)
+            if (joint := coupled_fsai(A, dtype)) is not None:
+                return joint
     # A product of several components costs more, and so few iterations are worth more.
     return _default(A, solves > 1 or is_coupled, dtype)
 

@@ -51,8 +51,7 @@ from toeplitz_mg.operators.work import levels_of
 from toeplitz_mg.operators.workspace import workspace
 from toeplitz_mg.preconditioners.componentwise import componentwise
 from toeplitz_mg.preconditioners.fsai_apply import Cells, Direct, Level, Patched
-from toeplitz_mg.preconditioners.fsai_coupled import CoupledStencil, strongly_coupled
-from toeplitz_mg.preconditioners.fsai_coupled_levels import build_coupled, cells_of_masks
+from toeplitz_mg.preconditioners.fsai_coupled import strongly_coupled
 from toeplitz_mg.preconditioners.fsai_levels import build, few
 from toeplitz_mg.preconditioners.fsai_line import Dense, Line, WholeLine, line
 from toeplitz_mg.preconditioners.fsai_table import NEIGHBOURS, Stencil
@@ -63,7 +62,7 @@ from toeplitz_mg.values import count
 
 Array = NDArray[Any]
 AnyLevel = Level | Patched | Direct | Line | Dense
-AnyStencils = Stencils | CoupledStencil
+AnyStencils = Stencils | Stencil
 
 
 class MultilevelSparseInverse(LinearOperator):
@@ -126,9 +125,6 @@ class MultilevelSparseInverse(LinearOperator):
         What has changed is counted from the mask that was built for, over any updates between: of
         a chain of updates each takes somewhat longer than the one before, and where some 40 % of
         the rows of a level would be new it is built anew, with the next updates counted from there.
-
-        Of two components that are not treated each by itself it is a new one but for what the
-        kernel alone determines: 0.7 to 0.8 of a first set-up.
 
         Examples
         --------
@@ -262,11 +258,19 @@ def fsai_preconditioner(
     """
     if neighbours is not None:
         neighbours = count("neighbours", neighbours)
-    full, mask = (A.full, A.mask) if isinstance(A, MaskedOperator) else (A, None)
-    coupled = isinstance(full, CoupledOperator) and neighbours is None
-    stencil = strongly_coupled(full) if coupled else None
-    if stencil is None:
         return _by_component(A, neighbours, dtype)
+    joint = coupled_fsai(A, dtype)
+    return _by_component(A, None, dtype) if joint is None else joint
+
+
+def coupled_fsai(
+    A: LinearOperator, dtype: DTypeLike | None = None
+) -> MultilevelSparseInverse | None:
+    """Return `fsai_preconditioner` of components together, if they are strongly coupled."""
+    full, mask = (A.full, A.mask) if isinstance(A, MaskedOperator) else (A, None)
+    stencil = strongly_coupled(full) if isinstance(full, CoupledOperator) else None
+    if stencil is None:
+        return None
     mask = np.ones(full.grid_shape, dtype=bool) if mask is None else mask
     dtype = precision(full, dtype)
     return MultilevelSparseInverse(stencil, _levels(stencil, mask, dtype), mask, dtype)
@@ -294,14 +298,15 @@ def _levels(
     stencils: AnyStencils, mask: Array, dtype: np.dtype[Any], old: AnyLevel | None = None
 ) -> AnyLevel:
     """Build all levels, from those of another mask if there are any."""
-    if isinstance(stencils, CoupledStencil):
-        return build_coupled(stencils, cells_of_masks(stencils, mask), dtype)
-    if mask.all() and mask.size == max(mask.shape):
-        return line(WholeLine.of(stencils.T.ravel()), dtype)
-    mask = mask.reshape(stencils.T.shape)
-    if few(cells := Cells.of_mask(stencils.smallest, mask)):
-        return build(stencils.smallest, cells, dtype)
-    stencil = stencils.sufficient
+    if isinstance(stencils, Stencils):
+        if mask.all() and mask.size == max(mask.shape):
+            return line(WholeLine.of(stencils.T.ravel()), dtype)
+        smallest = stencils.smallest
+        if few(cells := Cells.of_mask(smallest, mask)):
+            return build(smallest, cells, dtype)
+        stencil = stencils.sufficient
+    else:
+        stencil = stencils
     has_table = stencil.neighbours <= NEIGHBOURS
     cells = (Cells.of_mask if has_table else _without_table)(stencil, mask)
     if isinstance(old, Level | Patched):
@@ -311,5 +316,6 @@ def _levels(
 
 def _without_table(stencil: Stencil, mask: Array) -> Cells:
     """Return the cells as those of a coarser level, whose rows are not taken from a table."""
-    contact = stencil.place(mask, False)
-    return Cells(contact.astype(np.float64), np.where(contact, stencil.T[0, 0], 1.0))
+    cells = Cells.of_mask(stencil, mask)
+    c = cells.contact.astype(np.float64)
+    return Cells(c, np.where(cells.contact, cells.d, 1.0))

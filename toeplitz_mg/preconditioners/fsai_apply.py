@@ -16,7 +16,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Cells:
-    """The matrix c_i T(i-j) c_j with the diagonal d, on the flattened grid of a `Stencil`.
+    """The matrix c_i T(i-j) c_j with the diagonal d, on the places of a `Stencil`.
 
     Attributes
     ----------
@@ -34,9 +34,10 @@ class Cells:
 
     @classmethod
     def of_mask(cls, stencil: Stencil, mask: Array) -> "Cells":
-        """Return those of A."""
-        contact = stencil.place(mask, False)
-        return cls(contact, np.broadcast_to(stencil.T[0, 0], contact.shape), True)
+        """Return those of A, for a mask of shape (n1, n2), or (2, n1, n2) of two components."""
+        grids = mask.reshape(stencil.T.shape[1:])
+        contact = np.concatenate([stencil.grid.place(grid, False) for grid in grids])
+        return cls(contact, stencil.on_places(stencil.zero), True)
 
     def changed_from(self, old: "Cells", kept: float) -> Array:
         """Where the unknowns are others, by more than this relative to the old ones."""
@@ -63,7 +64,7 @@ class Cells:
 
     @property
     def number(self) -> Array:
-        """The number of the unknown in each place, in the order of the grid."""
+        """The number of the unknown in each place, in the order of their places."""
         at = np.flatnonzero(self.contact)
         number = np.zeros(len(self.c), np.int32)
         number[at] = np.arange(len(at), dtype=np.int32)
@@ -139,10 +140,10 @@ class Level:
     ----------
     cells : Cells
     rows : Rows
-    block : ndarray of int
-        The place of the aggregate of each unknown, on the grid of the next level.
+    block : ndarray of int, shape (N, d)
+        The places of the aggregates of each unknown, in each component, on the next level.
     G, W : csr_array
-        Their rows are the unknowns, in the order of the grid.
+        Their rows are the unknowns, in the order of their places.
     coarse : Level or Patched or Direct
     """
 
@@ -258,11 +259,11 @@ class Patched:
 
     @cached_property
     def of_unknowns(self) -> Array:
-        """Their numbers, in the order of the grid."""
+        """Their numbers, in the order of their places."""
         return self.number.take(np.flatnonzero(self.cells.contact)).astype(np.intp)
 
     def multiply(self, X: Array, out: Array) -> None:
-        """Apply it to rows, whose entries are the unknowns in the order of the grid."""
+        """Apply it to rows, whose entries are the unknowns in the order of their places."""
         x = np.zeros((self.length, *X.T.shape[1:]), X.dtype)
         x[self.of_unknowns] = X.T
         out[...] = self(x)[self.of_unknowns].T

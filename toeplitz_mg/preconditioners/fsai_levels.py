@@ -1,6 +1,5 @@
 """The levels of a multilevel sparse approximate inverse, built for a mask."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -8,13 +7,13 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor
 from scipy.sparse import csr_array
 
+from toeplitz_mg.preconditioners.fsai_aggregates import CHUNK, aggregated, aggregation, chunks
 from toeplitz_mg.preconditioners.fsai_apply import Cells, Direct, Level, Rows
-from toeplitz_mg.preconditioners.fsai_table import Near, Stencil, block_loads, check, refused
+from toeplitz_mg.preconditioners.fsai_table import Near, Stencil, check, refused
 
 Array = NDArray[Any]
 
 DENSE = 600  # unknowns that are solved for directly
-CHUNK = 2048  # blocks that are treated together, in the cache
 
 
 def build(stencil: Stencil, cells: Cells, dtype: np.dtype[Any]) -> Level | Direct:
@@ -30,19 +29,17 @@ def build(stencil: Stencil, cells: Cells, dtype: np.dtype[Any]) -> Level | Direc
     at = np.flatnonzero(cells.contact)
     if few(cells):
         return _direct(stencil, cells, at, dtype)
-    table, sums, index = rows_of(stencil, cells, at)
-    place = np.zeros(len(cells.c), index.dtype)
-    place[at] = index
-    rows = Rows(table, sums, place)
-    m = stencil.coarser.padded[0] * stencil.coarser.padded[1]
-    touched = np.zeros(len(stencil.origins), bool)
-    touched[stencil.block_of.take(at)] = True
-    on_coarse = aggregated(stencil, cells, rows, touched, Cells(np.zeros(m), np.ones(m)), 0.0)
-    G = factor(stencil, cells, rows, at, cells.number, len(at)).astype(dtype, copy=False)
+    own = rows_of(stencil, cells, at)
+    place = np.zeros(len(cells.c), own.place.dtype)
+    place[at] = own.place
+    rows = Rows(own.rows, own.sums, place)
+    m = len(stencil.T) * stencil.coarser.grid.size
+    none = Cells(np.zeros(m), np.ones(m))
+    on_coarse, inverse = aggregated(stencil, cells, rows, blocks_of(stencil, at), none, 0.0)
+    G = factor(stencil, cells, own, at, cells.number, len(at)).astype(dtype, copy=False)
     coarse = build(stencil.coarser, on_coarse, dtype)
-    block = stencil.aggregate_of(at)
-    w = aggregation(stencil, rows, on_coarse, at, block).astype(dtype, copy=False)
-    W = one_each(w, coarse.number.take(block), coarse.length)
+    w, block = aggregation(stencil, rows, inverse, at)
+    W = aggregates(w.astype(dtype, copy=False), coarse.number.take(block), coarse.length)
     return Level(cells, rows, block, G, W, coarse)
 
 
@@ -51,97 +48,76 @@ def few(cells: Cells) -> bool:
     return cells.count <= DENSE
 
 
-def rows_of(stencil: Stencil, cells: Cells, at: Array) -> tuple[Array, Array, Array]:
-    """Return rows of G in columns, their products with c, and which of them are those of `at`.
+def blocks_of(stencil: Stencil, at: Array) -> Array:
+    """Return which blocks have some of these places."""
+    touched = np.zeros(len(stencil.grid.origins), bool)
+    for a, part in enumerate(stencil.split(at)):
+        touched[stencil.grid.block_of.take(part - a * stencil.grid.size)] = True
+    return touched
 
-    On the finest level they are the table of all patterns, else computed for these cells.
+
+def rows_of(stencil: Stencil, cells: Cells, at: Array) -> Rows:
+    """Return rows of G, with the places of those of `at` among them.
+
+    On the finest level they are the table of all patterns, else computed for these places.
     """
+    parts = stencil.split(at)
     if cells.finest:
-        return stencil.table, stencil.table_sums, _patterns(stencil, cells.contact, at)
-    rows, sums = np.empty((len(at), len(stencil.steps))), np.empty(len(at))
-    for part in chunks(len(at), 2 * CHUNK):
-        near = stencil.steps[:, None] + at[part]
-        c = cells.c.take(near)
-        found = rows_of_G(stencil, c, cells.d.take(near))
-        rows[part] = found.T
-        sums[part] = np.einsum("km,km->m", found, c)
-    return rows.T, sums, np.arange(len(at), dtype=np.int32)
+        index = [
+            _patterns(stencil.steps[a], cells.contact, part) + np.int16(a * stencil.patterns)
+            for a, part in enumerate(parts)
+        ]
+        return Rows(stencil.table, stencil.table_sums, np.concatenate(index))
+    rows, sums = np.empty((len(at), stencil.steps.shape[1])), np.empty((len(stencil.T), len(at)))
+    start = 0
+    for a, places in enumerate(parts):
+        for part in chunks(len(places), 2 * CHUNK):
+            near = stencil.steps[a][:, None] + places[part]
+            c = cells.c.take(near)
+            found = rows_of_G(stencil.near[a], c, cells.d.take(near))
+            own = slice(start + part.start, start + part.stop)
+            rows[own], sums[:, own] = found.T, stencil.sums(found, c)
+        start += len(places)
+    return Rows(rows.T, sums, np.arange(len(at), dtype=np.int32))
 
 
-def _patterns(stencil: Stencil, contact: Array, at: Array) -> Array:
-    """Return the places of these cells, in order, in `Stencil.table`."""
+def _patterns(steps: Array, contact: Array, at: Array) -> Array:
+    """Return for each of these places, in order, which neighbours are in contact, as bits."""
     if not len(at):
         return np.zeros(0, np.int16)
-    low, start, stop = int(stencil.steps.min()), at[0], at[-1] + 1
-    if len(stencil.steps) * len(at) < stop - start:
-        bits = np.int16(1) << np.arange(len(stencil.steps) - 1, dtype=np.int16)
-        return np.asarray(bits @ contact.take(stencil.steps[1:, None] + at))
-    neighbour = contact[start + low : stop].astype(np.int16)
+    start, stop = at[0], at[-1] + 1
+    if len(steps) * len(at) < stop - start:
+        bits = np.int16(1) << np.arange(len(steps) - 1, dtype=np.int16)
+        return np.asarray(bits @ contact.take(steps[1:, None] + at))
     pattern = np.zeros(stop - start, np.int16)
-    for shift in (stencil.steps[:0:-1] - low).tolist():
+    for step in steps[:0:-1].tolist():
         pattern += pattern
-        pattern |= neighbour[shift : shift + len(pattern)]
+        pattern |= contact[start + step : stop + step]
     return np.asarray(pattern.take(at - start))
-
-
-def aggregated(
-    stencil: Stencil, cells: Cells, rows: Rows, touched: Array, old: Cells, kept: float
-) -> Cells:
-    """Return the cells of E, which in the blocks that are not touched are the old ones.
-
-    The load of a block is cᵀGᵀw_J = ‖(G c)_J‖, in units of that of full contact. Where it differs
-    by less than this relative to the old one, d is left.
-    """
-    coarser, total = stencil.coarser, float(stencil.full_load.sum())
-    c, d = old.c.copy(), old.d.copy()
-    blocks = np.flatnonzero(touched)
-    for part in chunks(len(blocks)):
-        slots = stencil.slots[:, None] + stencil.origins[blocks[part]]
-        within, place = cells.contact.take(slots), rows.place.take(slots)
-        u = rows.sums.take(place) * within
-        norm = np.sqrt(np.einsum("im,im->m", u, u))
-        # No contact any more: the load is 0, the diagonal 1.
-        empty = np.logical_not(within.any(axis=0))
-        check("the norm of a vector of W is", (norm + empty).min(), stencil)
-        J = coarser.inside[blocks[part]]
-        before = c[J]
-        c[J] = norm / total
-        d[J[empty]] = 1.0
-        new = (np.abs(c[J] - before) >= kept * before) & ~empty
-        if cells.finest:  # what is exact in full contact need not be computed
-            full = (within & (place == rows.rows.shape[1] - 1)).all(axis=0)
-            d[J[full]] = coarser.T[0, 0]
-            new &= ~full
-        if not new.all():
-            place, u = place.compress(new, axis=1), u.compress(new, axis=1)
-        loads = block_loads(stencil, rows.rows, place, u / norm[new])
-        d[J[new]] = _diagonal(stencil, cells, slots[0, new], loads)
-    return Cells(c, d)
-
-
-def _diagonal(stencil: Stencil, cells: Cells, origins: Array, loads: Array) -> Array:
-    """Return the diagonal of E for these blocks, exactly, from their loads Gᵀ w."""
-    own: Any = 0.0
-    if not cells.finest:
-        window = stencil.window[:, None] + origins
-        c = cells.c[window]
-        own = (loads**2 * (cells.d[window] - stencil.T[0, 0] * c**2)).sum(axis=0)
-        loads = loads * c
-    return np.asarray(own + ((stencil.own @ loads) * loads).sum(axis=0))
 
 
 def factor(
     stencil: Stencil, cells: Cells, rows: Rows, at: Array, number: Array, n: int
 ) -> csr_array:
-    """Return the rows of G of the cells `at`, of n columns with this number.
+    """Return the rows of G of the places `at`, of n columns with this number.
 
-    On a level above the finest these are the last of `rows`.
+    Parameters
+    ----------
+    stencil : Stencil
+    cells : Cells
+    rows : Rows
+        Of `rows_of`.
+    at, number : ndarray of int
+    n : int
     """
+    parts = stencil.split(at)
     if cells.finest:
-        G = stencil.sparse_table[rows.place.take(at)]
+        G = stencil.sparse_table[rows.place]
     else:
-        G = stencil.sparse(rows.rows.T[len(rows.sums) - len(at) :])
-    first = (at + stencil.steps.min()).astype(np.int32)  # the first that each might see
+        G = stencil.sparse(rows.rows, [len(part) for part in parts])
+    # The first place that each might see.
+    lowest = [part + steps.min() for part, steps in zip(parts, stencil.steps, strict=True)]
+    first = np.concatenate(lowest).astype(np.int32)
     for part in chunks(len(first), 4 * CHUNK):
         starts = G.indptr[part.start : part.stop + 1]
         columns = G.indices[starts[0] : starts[-1]]
@@ -150,26 +126,19 @@ def factor(
     return csr_array((G.data, G.indices, G.indptr), (len(first), n))
 
 
-def aggregation(stencil: Stencil, rows: Rows, on_coarse: Cells, at: Array, block: Array) -> Array:
-    """Return the entries of W in the rows of the cells `at` of these aggregates."""
-    w = rows.sums.take(rows.place.take(at))
-    w /= on_coarse.c.take(block) * stencil.full_load.sum()
-    return np.asarray(w)
+def aggregates(entries: Array, columns: Array, n: int) -> csr_array:
+    """Return W of n columns with these entries in each row, both of shape (rows, d)."""
+    rows, d = entries.shape
+    starts = np.arange(0, rows * d + 1, d, dtype=np.int32)
+    return csr_array((entries.ravel(), columns.ravel(), starts), (rows, n))
 
 
-def one_each(entries: Array, columns: Array, n: int) -> csr_array:
-    """Return a matrix of n columns with one entry in each row."""
-    return csr_array(
-        (entries, columns, np.arange(len(entries) + 1, dtype=np.int32)), (len(entries), n)
-    )
-
-
-def rows_of_G(stencil: Near, c: Array, d: Array) -> Array:
+def rows_of_G(near: Near, c: Array, d: Array) -> Array:
     """Return rows of G for the matrix c_i T(i-j) c_j with the diagonal d.
 
     Parameters
     ----------
-    stencil : Near
+    near : Near
     c, d : ndarray of shape (K, m)
         Of a cell and its neighbours; 0 and 1 where they are not in contact.
 
@@ -186,18 +155,18 @@ def rows_of_G(stencil: Near, c: Array, d: Array) -> Array:
     S = np.empty((K, *c.shape))  # on and below the diagonal C⁻¹ S C⁻¹, above it the factors
     absent = c == 0.0
     divisor = c + absent
-    added = d / divisor**2 - stencil.T[0, 0]
+    added = d / divisor**2 - near.zero[:, None]
     added[absent] = np.inf
     for k in range(K - 1, 0, -1):
         row = S[k, : k + 1]
         np.einsum("jm,jim->im", S[k, k + 1 :], S[k + 1 :, : k + 1], out=row)
-        np.subtract(stencil.local[k, : k + 1, None], row, out=row)
+        np.subtract(near.local[k, : k + 1, None], row, out=row)
         row[k] += added[k]
-        check("a pivot is", row[k].min(), stencil)
+        check("a pivot is", row[k].min(), near.grid_shape)
         np.divide(row[:k], row[k], out=S[:k, k])
     coupled = np.einsum("jm,jm->m", S[0, 1:], S[1:, 0])
-    pivot = d[0] + c[0] ** 2 * (stencil.local[0, 0] - stencil.T[0, 0] - coupled)
-    check("a pivot is", pivot.min(), stencil)
+    pivot = d[0] + c[0] ** 2 * (near.local[0, 0] - near.zero[0] - coupled)
+    check("a pivot is", pivot.min(), near.grid_shape)
     rows = np.empty(c.shape)
     rows[0] = c[0] / np.sqrt(pivot)
     for k in range(1, K):
@@ -208,8 +177,7 @@ def rows_of_G(stencil: Near, c: Array, d: Array) -> Array:
 
 
 def _direct(stencil: Stencil, cells: Cells, at: Array, dtype: np.dtype[Any]) -> Direct:
-    i, j = np.divmod(at, stencil.padded[1])
-    E = stencil.T.take(np.abs(i[:, None] - i) * stencil.T.shape[1] + np.abs(j[:, None] - j))
+    E = stencil.matrix(at)
     c = cells.c[at]
     E *= c
     E *= c[:, None]
@@ -217,11 +185,6 @@ def _direct(stencil: Stencil, cells: Cells, at: Array, dtype: np.dtype[Any]) -> 
     try:
         factor, _ = cho_factor(E)
     except np.linalg.LinAlgError:
-        smallest = float(np.linalg.eigvalsh(E)[0])
-        raise refused("an eigenvalue of the coarsest matrix is", smallest, stencil) from None
+        smallest, shape = float(np.linalg.eigvalsh(E)[0]), stencil.T.shape[2:]
+        raise refused("an eigenvalue of the coarsest matrix is", smallest, shape) from None
     return Direct(cells, factor.astype(dtype))
-
-
-def chunks(m: int, size: int = CHUNK) -> Iterator[slice]:
-    """Cut range(m) into slices."""
-    return (slice(k, min(k + size, m)) for k in range(0, m, size))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
 from toeplitz_mg.operators.workspace import workspace
-from toeplitz_mg.preconditioners.fsai_table import Stencil, refused
+from toeplitz_mg.preconditioners.fsai_table import refused
 
 Array = NDArray[Any]
 
@@ -217,7 +217,7 @@ def _inverse_factors(cells: WholeLine, S: Array) -> Array:
 
 
 def _refused(subject: str, values: Array, cells: WholeLine) -> np.linalg.LinAlgError:
-    return refused(subject, float(values.min()), Stencil(cells.T[np.newaxis]))
+    return refused(subject, float(values.min()), cells.T.shape)
 
 
 def _windows(x: Array, length: int, first: int, stop: int) -> Array:

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from toeplitz_mg.preconditioners.fsai_aggregates import aggregated, aggregation
 from toeplitz_mg.preconditioners.fsai_apply import AnyLevel, Cells, Level, Patched, Rows
 from toeplitz_mg.preconditioners.fsai_levels import (
-    aggregated,
-    aggregation,
+    aggregates,
+    blocks_of,
     build,
     factor,
     few,
-    one_each,
     rows_of,
 )
 from toeplitz_mg.preconditioners.fsai_table import Stencil
@@ -51,8 +51,11 @@ def update(stencil: Stencil, cells: Cells, dtype: np.dtype[Any], old: AnyLevel) 
         return build(stencil, cells, dtype)
     cells = cells.where(changed, base.cells)
     seeing = changed
-    near = (_felt(stencil, cells, base.cells, where)[:, None] - stencil.steps[1:]).ravel()
-    seeing[near[near < len(seeing)]] = True
+    size = stencil.grid.size
+    felt = _felt(stencil, cells, base.cells, where)
+    for a, steps in enumerate(stencil.steps):
+        near = (felt[:, None] - steps[1:]).ravel()
+        seeing[near[near // size == a]] = True
     at = np.flatnonzero(seeing & cells.contact)
     if len(at) > PART * cells.count:
         return build(stencil, cells, dtype)
@@ -64,23 +67,25 @@ def update(stencil: Stencil, cells: Cells, dtype: np.dtype[Any], old: AnyLevel) 
     number = base.number.copy()
     number[born] = np.arange(base.length, n, dtype=np.int32)
 
-    rows = _rows(stencil, cells, at, base.rows)
-    touched = np.zeros(len(stencil.origins), bool)
-    touched[stencil.block_of.take(np.concatenate([at, gone]))] = True
-    on_coarse = aggregated(stencil, cells, rows, touched, base.coarse.cells, KEPT)
+    own = rows_of(stencil, cells, at)
+    rows = _with(base.rows, own, at, cells.finest)
+    touched = blocks_of(stencil, at) | blocks_of(stencil, gone)
+    on_coarse, inverse = aggregated(stencil, cells, rows, touched, base.coarse.cells, KEPT)
     coarse = update(stencil.coarser, on_coarse, dtype, base.coarse)
 
-    G = factor(stencil, cells, rows, at, number, n).astype(dtype, copy=False)
+    G = factor(stencil, cells, own, at, number, n).astype(dtype, copy=False)
     gone = number.take(gone)
-    slots = stencil.slots + stencil.origins[touched, None]
+    slots = stencil.grid.slots + stencil.grid.origins[touched, None]
+    slots = np.concatenate([slots.ravel() + a * size for a in stencil.components])
     again = slots[cells.contact.take(slots)]
-    w = np.concatenate([base.W.data, np.zeros(len(born), dtype)])
+    new, places = aggregation(stencil, rows, inverse, again)
+    block = np.concatenate([base.block, np.zeros((len(born), places.shape[1]), np.int32)])
+    w = np.zeros(block.shape, dtype)
+    w[: base.length] = base.W.data.reshape(base.block.shape)
     w[gone] = 0.0
-    w[number.take(again)] = aggregation(
-        stencil, rows, on_coarse, again, stencil.aggregate_of(again)
-    )
-    block = np.concatenate([base.block, stencil.aggregate_of(born)])
-    W = one_each(w, coarse.number.take(block), coarse.length)
+    again = number.take(again)
+    w[again], block[again] = new, places
+    W = aggregates(w, coarse.number.take(block), coarse.length)
     return Patched(base, cells, number, gone, number.take(at), G, W, coarse)
 
 
@@ -91,17 +96,17 @@ def _felt(stencil: Stencil, new: Cells, old: Cells, where: Array) -> Array:
     """
     if new.finest:
         return where
+    zero = np.sqrt(stencil.zero).take(where // stencil.grid.size)
     was, now = (cells.c.take(where) / np.sqrt(cells.d.take(where)) for cells in (old, new))
-    return np.asarray(where[np.abs(now - was) * np.sqrt(stencil.T[0, 0]) > KEPT])
+    return np.asarray(where[np.abs(now - was) * zero > KEPT])
 
 
-def _rows(stencil: Stencil, cells: Cells, at: Array, old: Rows) -> Rows:
-    """Return the old rows of G with those of the cells `at`."""
-    rows, sums, index = rows_of(stencil, cells, at)
+def _with(old: Rows, own: Rows, at: Array, finest: bool) -> Rows:
+    """Return the old rows of G with those of the places `at`."""
     place = old.place.copy()
-    if cells.finest:
-        place[at] = index
-        return Rows(rows, sums, place)
-    place[at] = index + len(old.sums)
-    known = np.concatenate([old.rows.T, rows.T]).T
-    return Rows(known, np.concatenate([old.sums, sums]), place)
+    if finest:
+        place[at] = own.place
+        return Rows(old.rows, old.sums, place)
+    place[at] = own.place + old.rows.shape[1]
+    known = np.concatenate([old.rows.T, own.rows.T]).T
+    return Rows(known, np.concatenate([old.sums, own.sums], axis=1), place)

@@ -49,23 +49,23 @@ class Stencils:
     @cached_property
     def smallest(self) -> Stencil:
         """That with the fewest neighbours."""
-        return Stencil(self.T)
+        return Stencil.of(self.T)
 
     @cached_property
     def sufficient(self) -> Stencil:
         """That with the fewest neighbours that are enough."""
         if self.neighbours is not None:
-            return Stencil(self.T, self.neighbours)
+            return Stencil.of(self.T, self.neighbours)
         two_levels = self.T.shape[0] > 1
-        loaded = float(self.smallest.coarser.T[0, 0])
-        if two_levels and 1 in self.smallest.block and loaded < LOADED:
+        loaded = float(self.smallest.coarser.zero[0])
+        if two_levels and 1 in self.smallest.grid.block and loaded < LOADED:
             raise np.linalg.LinAlgError(
                 f"the diagonal of E is {loaded:.3g} in the sparse approximate inverse, but must be "
                 f"at least {LOADED}: elements are too long; {for_smooth_kernels(self.T.shape)}. "
                 f"neighbours={NEIGHBOURS} takes them all the same, in more iterations"
             )
         for neighbours, good in GOOD.items():
-            stencil = self.smallest if neighbours == NEIGHBOURS else Stencil(self.T, neighbours)
+            stencil = self.smallest if neighbours == NEIGHBOURS else Stencil.of(self.T, neighbours)
             found = condition(stencil)
             if found <= good[two_levels]:
                 return stencil
@@ -87,8 +87,9 @@ def condition(stencil: Stencil) -> float:
 
 def _window(stencil: Stencil, across: int) -> Array:
     """Return so many whole aggregates in either axis, as far as the grid goes."""
-    count = (1, across**2) if stencil.T.shape[0] == 1 else (across, across)
-    return np.ones(np.minimum(np.multiply(count, stencil.block), stencil.T.shape), dtype=bool)
+    shape = stencil.grid.kernel.shape
+    count = (1, across**2) if shape[0] == 1 else (across, across)
+    return np.ones(np.minimum(np.multiply(count, stencil.grid.block), shape), dtype=bool)
 
 
 def condition_on(stencil: Stencil, contact: Array) -> float:
@@ -101,20 +102,20 @@ def condition_on(stencil: Stencil, contact: Array) -> float:
         The cells of the window that are in contact; its first cell is that of an aggregate.
     """
     cells = np.argwhere(contact)
-    A = stencil.at(cells[:, None] - cells)
+    A = stencil.at(0, 0, cells[:, None] - cells)
     G = _factor(stencil, contact, cells)
     B = G @ A @ G.T
     try:
         root = np.linalg.cholesky(B)
     except np.linalg.LinAlgError:
         smallest = float(np.linalg.eigvalsh(A)[0])
-        raise refused("an eigenvalue of A on a window is", smallest, stencil) from None
-    blocks, number = np.unique(cells // stencil.block, axis=0, return_inverse=True)
+        raise refused("an eigenvalue of A on a window is", smallest, contact.shape) from None
+    blocks, number = np.unique(cells // stencil.grid.block, axis=0, return_inverse=True)
     W = (number.reshape(-1, 1) == np.arange(len(blocks))) * G.sum(axis=1)[:, None]
     norm = np.linalg.norm(W, axis=0)
     W /= norm
-    c = norm / stencil.full_load.sum()
-    E = c[:, None] * stencil.coarser.at(blocks[:, None] - blocks) * c
+    c = norm / stencil.totals[0]
+    E = c[:, None] * stencil.coarser.at(0, 0, blocks[:, None] - blocks) * c
     np.fill_diagonal(E, np.einsum("ij,ij->j", W, B @ W))
     P = np.identity(len(B)) - W @ W.T + W @ np.linalg.solve(E, W.T)
     spectrum = np.linalg.eigvalsh(root.T @ P @ root)
@@ -123,16 +124,17 @@ def condition_on(stencil: Stencil, contact: Array) -> float:
 
 def _factor(stencil: Stencil, contact: Array, cells: Array) -> Array:
     """Return G of the cells in contact, a dense matrix."""
-    number = np.full(np.add(contact.shape, np.multiply(2, stencil.reach)), -1)
-    p1, p2 = stencil.reach
+    grid, local = stencil.grid, stencil.near[0].local
+    p1, p2 = grid.reach
+    number = np.full(np.add(contact.shape, np.multiply(2, grid.reach)), -1)
     number[p1 : p1 + contact.shape[0], p2 : p2 + contact.shape[1]][contact] = np.arange(len(cells))
-    near = cells[:, None] + stencil.offsets + stencil.reach
+    near = cells[:, None] + grid.offsets + grid.reach
     column = number[near[..., 0], near[..., 1]]
     known = column >= 0
-    S = np.where(known[:, :, None] & known[:, None], stencil.local, np.identity(len(stencil.local)))
+    S = np.where(known[:, :, None] & known[:, None], local, np.identity(len(local)))
     rows = np.linalg.inv(S)[:, 0]
     if not rows[:, 0].min() > 0.0:
-        raise refused("a pivot is", float(rows[:, 0].min()), stencil)
+        raise refused("a pivot is", float(rows[:, 0].min()), contact.shape)
     G = np.zeros((len(cells), len(cells)))
     i, k = np.nonzero(known)
     G[i, column[i, k]] = rows[i, k] / np.sqrt(rows[i, 0])
