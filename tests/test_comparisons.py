@@ -213,13 +213,13 @@ def test_updates(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(updates, "TURNS", 1)
     assert "An update over a set-up" in run(updates, tmp_path, monkeypatch, capsys)
     rows = rows_of(tmp_path / "updates.csv")
-    assert len(rows) == len(masks.FRAGMENTED) - 1
+    assert len(rows) == 2 * (len(masks.FRAGMENTED) - 1)
     assert all(float(row["scattered"]) > 0.0 for row in rows)
-    assert all(
-        abs(int(row["scattered: iterations"]) - int(row["scattered: new"])) <= 1 for row in rows
-    )
+    for change in ("scattered", updates.FIFTH):
+        pairs = [(int(row[f"{change}: iterations"]), int(row[f"{change}: new"])) for row in rows]
+        assert all(abs(updated - new) <= 1 for updated, new in pairs)
     mask = masks.circle(48)
-    for change in updates.CHANGES:
+    for change in updates.CHANGES.values():
         assert 0 < (change(mask, 12) ^ mask).sum() <= 12
 
 

@@ -17,6 +17,7 @@ from tests.cases import contact
 from tests.test_fsai import areas, direct_below, half_space, iterations, operator
 from toeplitz_mg.preconditioners import fsai_aggregates, fsai_levels, fsai_update
 from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
+from toeplitz_mg.preconditioners.fsai_apply import Patched
 from toeplitz_mg.preconditioners.fsai_levels import rows_of_G
 from toeplitz_mg.preconditioners.fsai_table import block_loads
 
@@ -244,6 +245,34 @@ def test_an_update_costs_in_proportion_to_what_has_changed(solved):
         P.updated(changed)
         assert 0 < solved["systems"] <= share * first["systems"]
         assert 0 < solved["blocks"] <= share * first["blocks"]
+
+
+def test_each_of_a_chain_of_updates_costs_what_the_first_does(solved):
+    """Whatever has changed before it, as only what it changes is computed."""
+    n = 256
+    mask, rng = areas(n)["random 50 %"], np.random.default_rng(0)
+    P = fsai_preconditioner(operator(half_space(n), mask))
+    systems = []
+    for k in range(8):
+        mask = mask.copy()
+        mask[16 * k : 16 * k + 16, 100:116] ^= rng.random((16, 16)) < 0.5
+        solved.clear()
+        P = P.updated(mask)
+        assert isinstance(P._level, Patched)
+        systems.append(solved["systems"])
+    assert max(systems) <= 1.5 * np.median(systems)
+
+
+def test_an_update_back_to_the_first_mask_is_the_first():
+    n = 128
+    full, mask = half_space(n), areas(n)["random 50 %"]
+    P = fsai_preconditioner(operator(full, mask))
+    Q = P
+    for k in range(3):
+        other = mask.copy()
+        other[40 : 50 + k, 20:30] ^= True
+        Q = Q.updated(other)
+    assert Q.updated(mask)._level is P._level
 
 
 def test_updates_check_the_mask():

@@ -202,6 +202,9 @@ class Patched:
     ----------
     base : Level
     cells : Cells
+    rows : Rows
+    block : ndarray of int, shape (n, d)
+        As those of `Level`, n of the numbers.
     number : ndarray of int
         The number of the unknown in each place.
     gone : ndarray of int
@@ -215,12 +218,22 @@ class Patched:
 
     base: Level
     cells: Cells
+    rows: Rows
+    block: Array
     number: Array
     gone: Array
     lines: Array
     G: csr_array
     W: csr_array
     coarse: "AnyLevel"
+
+    @classmethod
+    def of(cls, level: Level) -> "Patched":
+        """Return a level of which nothing has changed yet."""
+        none = np.zeros(0, np.int32)
+        G = csr_array((0, level.length), dtype=level.G.dtype)
+        own = level.cells, level.rows, level.block, level.number
+        return cls(level, *own, none, none, G, level.W, level.coarse)
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -230,7 +243,7 @@ class Patched:
     @property
     def length(self) -> int:
         """Of the vectors that it is applied to."""
-        return int(self.W.shape[0])
+        return len(self.block)
 
     @property
     def multiplications(self) -> int:

@@ -2,18 +2,19 @@
 
 Only the rows of G that see a change are computed, and what they belong to on the next level. There
 a load, or a diagonal, that is nearly what it was, is left: one cell of the sixteen of an aggregate
-changes its load by some per cent, and E⁻¹ need not be more exact than E. The changes are always
-those from the mask that was built for, so that errors do not add up, one update after the other,
-and where too much has changed the level is built anew.
+changes its load by some per cent, and E⁻¹ need not be more exact than E. A load is always compared
+with the one that is in use, so that errors do not add up, one update after the other. Where many
+rows would stand beside those that were built for some mask the level is built anew.
 """
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import vstack
 
 from toeplitz_mg.preconditioners.fsai_aggregates import aggregated, aggregation
-from toeplitz_mg.preconditioners.fsai_apply import AnyLevel, Cells, Level, Patched, Rows
+from toeplitz_mg.preconditioners.fsai_apply import AnyLevel, Cells, Direct, Level, Patched, Rows
 from toeplitz_mg.preconditioners.fsai_levels import (
     aggregates,
     blocks_of,
@@ -42,51 +43,63 @@ def update(stencil: Stencil, cells: Cells, dtype: np.dtype[Any], old: AnyLevel) 
     old : Level or Patched or Direct
         Of the same stencil.
     """
-    base = old.base if isinstance(old, Patched) else old
-    changed = cells.changed_from(base.cells, KEPT)
+    changed = cells.changed_from(old.cells, KEPT)
+    if isinstance(old, Patched) and cells.finest:  # it may be nearer to what was built for
+        from_base = cells.changed_from(old.base.cells, KEPT)
+        if np.count_nonzero(from_base) <= np.count_nonzero(changed):
+            old, changed = old.base, from_base
     where = np.flatnonzero(changed)
     if not len(where):
-        return base
-    if not isinstance(base, Level) or few(cells):
+        return old
+    if isinstance(old, Direct) or few(cells):
         return build(stencil, cells, dtype)
-    cells = cells.where(changed, base.cells)
+    old = Patched.of(old) if isinstance(old, Level) else old
+    cells = cells.where(changed, old.cells)
     seeing = changed
     size = stencil.grid.size
-    felt = _felt(stencil, cells, base.cells, where)
+    felt = _felt(stencil, cells, old.cells, where)
     for a, steps in enumerate(stencil.steps):
         near = (felt[:, None] - steps[1:]).ravel()
         seeing[near[near // size == a]] = True
     at = np.flatnonzero(seeing & cells.contact)
-    if len(at) > PART * cells.count:
-        return build(stencil, cells, dtype)
 
     # New unknowns come last; those that are none any more keep their numbers.
-    was, is_now = base.cells.contact.take(where), cells.contact.take(where)
+    was, is_now = old.cells.contact.take(where), cells.contact.take(where)
     born, gone = where[~was], where[~is_now]
-    n = base.length + len(born)
-    number = base.number.copy()
-    number[born] = np.arange(base.length, n, dtype=np.int32)
+    n = old.length + len(born)
+    number = old.number.copy()
+    number[born] = np.arange(old.length, n, dtype=np.int32)
+    lines, no_more = number.take(at), number.take(gone)
+    still = np.ones(n, bool)
+    still[lines] = still[no_more] = False
+    still = still.take(old.lines)
+    if np.count_nonzero(still) + len(lines) > PART * cells.count:
+        return build(stencil, cells, dtype)
 
     own = rows_of(stencil, cells, at)
-    rows = _with(base.rows, own, at, cells.finest)
+    rows = _with(old.rows, own, at, cells.finest)
     touched = blocks_of(stencil, at) | blocks_of(stencil, gone)
-    on_coarse, inverse = aggregated(stencil, cells, rows, touched, base.coarse.cells, KEPT)
-    coarse = update(stencil.coarser, on_coarse, dtype, base.coarse)
+    on_coarse, inverse = aggregated(stencil, cells, rows, touched, old.coarse.cells, KEPT)
+    coarse = update(stencil.coarser, on_coarse, dtype, old.coarse)
 
     G = factor(stencil, cells, own, at, number, n).astype(dtype, copy=False)
-    gone = number.take(gone)
     slots = stencil.grid.slots + stencil.grid.origins[touched, None]
     slots = np.concatenate([slots.ravel() + a * size for a in stencil.components])
     again = slots[cells.contact.take(slots)]
     new, places = aggregation(stencil, rows, inverse, again)
-    block = np.concatenate([base.block, np.zeros((len(born), places.shape[1]), np.int32)])
+    block = np.concatenate([old.block, np.zeros((len(born), places.shape[1]), np.int32)])
     w = np.zeros(block.shape, dtype)
-    w[: base.length] = base.W.data.reshape(base.block.shape)
-    w[gone] = 0.0
+    w[: old.length] = old.W.data.reshape(old.block.shape)
+    w[no_more] = 0.0
     again = number.take(again)
     w[again], block[again] = new, places
     W = aggregates(w, coarse.number.take(block), coarse.length)
-    return Patched(base, cells, number, gone, number.take(at), G, W, coarse)
+    beside = old.G[still]
+    beside.resize(beside.shape[0], n)
+    G = vstack([beside, G], format="csr")
+    gone = np.concatenate([old.gone, no_more])
+    lines = np.concatenate([old.lines[still], lines])
+    return Patched(old.base, cells, rows, block, number, gone, lines, G, W, coarse)
 
 
 def _felt(stencil: Stencil, new: Cells, old: Cells, where: Array) -> Array:
