@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 import toeplitz_mg as tmg
-from tests.test_fsai import areas, both_iterations, direct_below, half_space, iterations, operator
+from tests.test_fsai import (
+    areas,
+    both_iterations,
+    direct_below,
+    half_space,
+    iterations,
+    operator,
+)
 from tests.test_fsai_update import kept
 from toeplitz_mg.halfspace import all_lags, influence_xx, influence_xy, influence_yy
 from toeplitz_mg.preconditioners.componentwise import BlockDiagonal
@@ -219,10 +226,15 @@ def test_an_update_takes_the_iterations_of_a_new_one(area):
         assert iterations(A, P, b) <= iterations(A, fsai_preconditioner(A), b) + 1
 
 
-def test_updates_check_the_masks():
-    P = fsai_preconditioner(tangential((12, 12)))
-    with pytest.raises(ValueError, match=r"mask has shape \(12, 12\)"):
-        P.updated(np.ones((12, 12), bool))
+@pytest.mark.parametrize("nu", [0.28, 0.5])
+def test_updates_take_the_masks_that_a_masked_operator_takes(nu):
+    P = fsai_preconditioner(tangential((12, 12), nu))
+    mask = np.random.default_rng(0).random((12, 12)) < 0.4
+    x = np.ones(2 * mask.sum())
+    assert_array_equal(P.updated(mask) @ x, P.updated(np.stack([mask, mask])) @ x)
+    for shape in ((12,), (1, 12, 12), (3, 12, 12)):
+        with pytest.raises(ValueError, match="but A lives on the grid"):
+            P.updated(np.ones(shape, bool))
 
 
 def test_copies_rows_and_work():

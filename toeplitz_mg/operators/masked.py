@@ -26,7 +26,7 @@ class MaskedOperator(LinearOperator):
         An operator on a grid. Any LinearOperator with the attribute ``grid_shape`` will do, such
         as a DiagonalisedOperator.
     mask : array_like of bool, of shape ``A.grid_shape``
-        True where there is contact.
+        True where there is contact; of coupled components one mask may do for all.
 
     Attributes
     ----------
@@ -63,11 +63,9 @@ class MaskedOperator(LinearOperator):
                 f"A is a {type(A).__name__}, but a mask needs an operator on a whole grid, "
                 "such as a ToeplitzOperator"
             )
-        mask = np.asarray(mask)
+        mask = mask_of_all(mask, grid_shape) if isinstance(A, CoupledOperator) else np.asarray(mask)
         if mask.dtype != np.bool_:
             raise TypeError(f"mask has dtype {mask.dtype}, but must be of booleans")
-        if isinstance(A, CoupledOperator) and mask.shape == grid_shape[1:]:
-            mask = np.broadcast_to(mask, grid_shape)
         if mask.shape != grid_shape:
             raise ValueError(f"mask has shape {mask.shape}, but A lives on the grid {grid_shape}")
         if not mask.any():
@@ -119,6 +117,12 @@ class MaskedOperator(LinearOperator):
 
     def __repr__(self) -> str:
         return f"<MaskedOperator {self.shape[0]} of {self.mask.size} points of {self.full!r}>"
+
+
+def mask_of_all(mask: ArrayLike, grid_shape: tuple[int, ...]) -> Array:
+    """Return a mask of all components, on this grid, where it is that of one."""
+    mask = np.asarray(mask)
+    return np.broadcast_to(mask, grid_shape) if mask.shape == grid_shape[1:] else mask
 
 
 def toeplitz_and_mask(A: LinearOperator) -> tuple[ToeplitzOperator, Array | None]:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, apply_to_rows, as_rows
+from toeplitz_mg.operators.masked import mask_of_all
 
 Array = NDArray[Any]
 F = TypeVar("F", bound=Callable[..., LinearOperator])
@@ -36,7 +37,7 @@ class BlockDiagonal(LinearOperator):
 
         Parameters
         ----------
-        mask : array_like of bool, of shape `grid_shape`
+        mask : array_like of bool, of shape `grid_shape`, or that of one component
             Somewhere true in each component.
 
         Raises
@@ -44,7 +45,7 @@ class BlockDiagonal(LinearOperator):
         TypeError, ValueError
             As `MaskedOperator`; where a component has no unknowns, or had none.
         """
-        masks = MaskedOperator(self, mask).mask  # for its checks
+        masks = MaskedOperator(self, mask_of_all(mask, self.grid_shape)).mask  # for its checks
         if len(self.blocks) != len(masks) or not all(m.any() for m in masks):
             raise ValueError("a component has no unknowns, or had none: make the blocks anew")
         blocks: list[Any] = list(self.blocks)

@@ -46,7 +46,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, as_rows
 from toeplitz_mg.operators.convolution import multiply_rows
-from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.masked import mask_of_all, toeplitz_and_mask
 from toeplitz_mg.operators.work import levels_of
 from toeplitz_mg.operators.workspace import workspace
 from toeplitz_mg.preconditioners.componentwise import componentwise
@@ -98,7 +98,7 @@ class MultilevelSparseInverse(LinearOperator):
 
         Parameters
         ----------
-        mask : array_like of bool, of shape `grid_shape`
+        mask : array_like of bool, of shape `grid_shape`, or that of one component
 
         Returns
         -------
@@ -135,6 +135,8 @@ class MultilevelSparseInverse(LinearOperator):
         >>> P.sizes
         (1780, 125)
         """
+        if isinstance(self._stencil, Stencil):  # of coupled components
+            mask = mask_of_all(mask, self.grid_shape)
         mask = MaskedOperator(self, mask).mask  # for its checks
         level = _levels(self._stencil, mask, self.dtype, self._level)
         return MultilevelSparseInverse(self._stencil, level, mask, self.dtype)
