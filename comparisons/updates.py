@@ -84,9 +84,9 @@ def normal(N: int) -> ToeplitzOperator:
     return ToeplitzOperator(halfspace.influence_zz(x, y, element, G=1.0, nu=0.28))
 
 
-def tangential(N: int) -> CoupledOperator:
-    """Return that of tangential ones."""
-    element = (2.0 / N, 2.0 / N)
+def tangential(N: int, ratio: float = 1.0) -> CoupledOperator:
+    """Return that of tangential ones, elements being stretched by this ratio."""
+    element = (2.0 / N, ratio * 2.0 / N)
     x, y = halfspace.all_lags((N, N), element)
     xx, xy, yy = (
         ToeplitzOperator.from_lags(influence(x, y, element, G=1.0, nu=0.5))
