@@ -13,7 +13,8 @@ from scipy.sparse.linalg import LinearOperator
 import toeplitz_mg as tmg
 from comparisons import report
 from comparisons.masks import AREAS, rough
-from comparisons.punch3d import METHODS, Punch
+from comparisons.punch import Punch
+from comparisons.punch3d import METHODS
 from comparisons.report import Row
 
 Array = NDArray[Any]

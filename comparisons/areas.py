@@ -89,7 +89,7 @@ def solve(method: str, A: LinearOperator, small: LinearOperator) -> Row:
             runs.append(_measured(method, A, b))
         iterations, units, residual = runs[0][2:]
         row |= {
-            f"{name}": iterations if residual <= 1.1 * TOLERANCE else f"> {iterations}",
+            name: iterations if residual <= 1.1 * TOLERANCE else f"> {iterations}",
             f"{name}_units": units,
             f"{name}_s": median(run[0] + run[1] for run in runs),
             "setup_s": median(run[0] for run in runs),
@@ -204,7 +204,7 @@ def main() -> None:
         measured = [row for row in rows if (row["area"], row["n"]) == (area, n)]
         sine = {row["method"]: row["random_s"] for row in measured}.get("sine", nan)
         report.show(f"{area}, n = {n}", [readable(row, sine) for row in measured])
-    draw(min(SHOWN, QUICK_SIZES[-1]) if quick else SHOWN, arguments.output / "areas.png")
+    draw(QUICK_SIZES[-1] if quick else SHOWN, arguments.output / "areas.png")
 
 
 if __name__ == "__main__":

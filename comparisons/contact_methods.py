@@ -117,8 +117,6 @@ def aspher(precond: str, problem: Problem, tolerance: float) -> Answer:
     """Its solver by FFT, of one grid."""
     import aspher as package
 
-    if problem.shift:
-        raise NotImplementedError("see the other")
     N = problem.N
     start = process_time()
     solver = package.ContactSolver(grid_size=N, backend="fft", domain_size=2.0, E_star=1.0)
@@ -132,8 +130,6 @@ def aspher_nested(problem: Problem, tolerance: float) -> Answer:
     """Its fastest, with the first guess from coarser grids."""
     import aspher as package
 
-    if problem.shift:
-        raise NotImplementedError("see the other")
     N = problem.N
     coarsest = N // 2 ** max(0, int(math.log2(N / 64)))
     start = process_time()
@@ -156,8 +152,6 @@ def aspher_friction(problem: Problem, tolerance: float) -> Answer:
     """Its solver of friction; it does not say how many products it made."""
     import aspher as package
 
-    if not problem.shift:
-        raise NotImplementedError("see the others")
     N = problem.N
     solver = package.FrictionSolver(
         grid_size=N,
@@ -182,8 +176,6 @@ def tamaas(problem: Problem, iterations: int) -> Answer:
     """Polonsky and Keer's method, which has no preconditioner: two products in an iteration."""
     import tamaas as package
 
-    if problem.shift:
-        raise NotImplementedError("its friction couples slip with the normal gap")
     package.set_log_level(package.LogLevel.error)
     package.initialize(1)
     start = process_time()
@@ -200,11 +192,16 @@ def tamaas(problem: Problem, iterations: int) -> Answer:
     return Answer(np.array(model.traction), None, iterations, 2.0 * iterations, seconds)
 
 
-METHODS: dict[str, tuple[str, Callable[..., Answer]]] = {
+Method = tuple[str, Callable[..., Answer]]  # the package that has to be there, and what calls it
+
+NORMAL: dict[str, Method] = {
     "toeplitz-mg": ("toeplitz_mg", ours),
     "aspher, |q| by FFT": ("aspher", partial(aspher, "fourier-fft")),
     "aspher, |q| by stencil": ("aspher", partial(aspher, "fourier")),
     "aspher, nested": ("aspher", aspher_nested),
-    "aspher, friction": ("aspher", aspher_friction),
     "tamaas": ("tamaas", tamaas),
+}
+FRICTION: dict[str, Method] = {  # that of `tamaas` couples slip with the normal gap
+    "toeplitz-mg": ("toeplitz_mg", ours),
+    "aspher, friction": ("aspher", aspher_friction),
 }

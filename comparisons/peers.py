@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from comparisons.punch import NU, G
+
 Array = NDArray[Any]
 Solution = tuple[Array, int, float, float]
 
 FAR = 1e3  # gap of what does not touch
 STICK = 1e12  # friction bound of what does not slip
-G, NU = 1.0, 0.28
 E_STAR = 2.0 * G / (1.0 - NU)
 
 

@@ -49,7 +49,7 @@ class Punch:
     area : str
         One of `AREAS`.
     kind : str
-        Normal, tangential or coupled.
+        One of `KINDS`.
     N : int
         Elements across the longer side.
     nu : float

@@ -36,8 +36,7 @@ import toeplitz_mg as tmg
 from comparisons import peers, report
 from comparisons.masks import AREAS
 from comparisons.measuring import in_a_fresh_process, peak_bytes
-from comparisons.punch import KINDS
-from comparisons.punch import Punch as Punch
+from comparisons.punch import KINDS, Punch
 from comparisons.report import Row
 from toeplitz_mg.operators.convolution import FOURIER, DiagonalisedProduct
 from toeplitz_mg.operators.diagonalised import DiagonalisedOperator
@@ -106,12 +105,20 @@ def _solved(
     method: str, A: LinearOperator, b: Array, maxiter: int = MAXITER
 ) -> tuple[Array, int, float, float]:
     """Tractions, iterations, work units, seconds."""
-    cg, steps = partial(tmg.cg, rtol=TOLERANCE), list[int]()
+    steps: list[int] = []
     with tmg.count_products() as work:
         start = process_time()
         M = (METHODS | INNER)[method](A)
         inner = A.astype(single) if method in INNER else None
-        x, _ = cg(A, b, M=M, inner=inner, maxiter=maxiter, callback=lambda _: steps.append(1))
+        x, _ = tmg.cg(
+            A,
+            b,
+            M=M,
+            rtol=TOLERANCE,
+            inner=inner,
+            maxiter=maxiter,
+            callback=lambda _: steps.append(1),
+        )
         seconds = process_time() - start
     return x, len(steps), work.units(getattr(A, "full", A).shape[0]), seconds
 

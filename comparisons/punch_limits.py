@@ -44,7 +44,7 @@ REFERENCES: dict[tuple[str, str], float] = {
     ("tangential", "2:1"): 7.59716,
     ("tangential", "circle"): 8.0 / (2.0 - NU),
     ("tangential", "annulus"): 4.5641,
-    ("coupled", "square"): 5.36517,
+    ("coupled", "square"): 5.36516,
     ("coupled", "2:1"): 7.60197,
     ("coupled", "circle"): 8.0 / (2.0 - NU),
     ("coupled", "annulus"): 4.5652,

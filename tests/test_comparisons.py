@@ -259,6 +259,8 @@ ALL = [
     general_symbols,
     drop_in,
     speed,
+    areas,
+    updates,
 ]
 
 

@@ -24,8 +24,9 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_quick_run_without_the_peers(folder, monkeypatch, capsys):
-    own = {"toeplitz-mg": contact_peers.METHODS["toeplitz-mg"]}
-    monkeypatch.setattr(contact_peers, "METHODS", own)  # whether they are installed or not
+    own = {"toeplitz-mg": contact_peers.NORMAL["toeplitz-mg"]}
+    for name in ("NORMAL", "FRICTION"):  # whether the peers are installed or not
+        monkeypatch.setattr(contact_peers, name, own)
     contact_cases.main()
     printed = capsys.readouterr().out
     for title in (*contact_cases.CASES, "Rough surfaces", "CPU time", str(folder)):
@@ -104,12 +105,9 @@ def test_what_a_peer_cannot_do_is_noted(monkeypatch):
     def fails(problem, tolerance):
         raise RuntimeError("it diverged")
 
-    def refuses(problem, tolerance):
-        raise NotImplementedError
-
-    methods = {"fails": ("numpy", fails), "refuses": ("numpy", refuses)}
-    methods["missing"] = ("a_package_that_is_missing", fails)
-    monkeypatch.setattr(contact_peers, "METHODS", methods)
+    methods = {"fails": ("numpy", fails), "missing": ("a_package_that_is_missing", fails)}
+    monkeypatch.setattr(contact_peers, "NORMAL", methods)
+    monkeypatch.setattr(contact_peers, "FRICTION", {"of friction": ("numpy", fails)})
     monkeypatch.setattr(contact_peers, "problems", lambda N: [contact_methods.Problem("x", N)])
     monkeypatch.setattr(contact_peers, "in_a_fresh_process", here)
     (row,) = contact_peers.run(quick=True)

@@ -137,3 +137,17 @@ def test_what_is_refused():
             of_one(tangential(8))
         with pytest.raises(TypeError, match=r"componentwise\(multigrid\)\(A\)"):
             of_one(tangential(8))
+
+
+@pytest.mark.parametrize("scale", [1e39, 1e34, 1e-34, 1e-39])
+def test_what_float32_has_no_room_for_is_refused(scale):
+    blocks = [
+        [tmg.ToeplitzOperator.from_lags(scale * block.lags) for block in row]
+        for row in tangential(16, nu=0.5).blocks
+    ]
+    full = tmg.CoupledOperator(blocks)
+    A = tmg.MaskedOperator(full, np.indices((16, 16)).sum(axis=0) % 3 > 0)
+    for preconditioner in (tmg.fft_preconditioner, tmg.fsai_preconditioner):
+        with pytest.raises(ValueError, match=r"diagonal of A is .*must be between .*scale A"):
+            preconditioner(A, dtype=np.float32)
+        assert np.isfinite(preconditioner(A) @ np.ones(A.shape[0])).all()

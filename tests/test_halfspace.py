@@ -240,6 +240,9 @@ def test_the_difference_parameter():
     assert halfspace.difference_parameter((1.0, 0.5), (1e20, 0.5)) == 0.0
     with pytest.raises(ValueError, match=r"G is 0\.0"):
         halfspace.difference_parameter((1.0, 0.3), (0.0, 0.3))
+    for material in (1.0, (1.0, 0.3, 0.3)):
+        with pytest.raises(TypeError, match=r"material is .*, but must be \(G, nu\)"):
+            halfspace.difference_parameter(material, (1.0, 0.3))
     with pytest.raises(ValueError, match=r"nu is 0\.6"):
         halfspace.difference_parameter((1.0, 0.6), (1.0, 0.3))
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.sparse.linalg import LinearOperator, aslinearoperator, cg
 
 import toeplitz_mg as tmg
-from comparisons.punch3d import Punch
+from comparisons.punch import Punch
 from comparisons.symbols import column
 from tests.cases import aggregate, checkered, contact, exponential
 from toeplitz_mg.contact.problems import test1, test2, test3

@@ -42,7 +42,7 @@ def test_another_grid_has_the_same_matrix_as_the_problem_on_it(test):
 def test_refuses_bad_n(test):
     with pytest.raises(ValueError, match="n is 0"):
         test(0)
-    with pytest.raises(TypeError):
+    with pytest.raises(TypeError, match=r"n is 8\.0, but must be an integer"):
         test(8.0)
 
 

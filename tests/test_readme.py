@@ -22,5 +22,11 @@ def test_names_files_that_exist():
         assert (root / name).exists(), name
 
 
+def test_names_comparisons_that_exist_and_all_of_them():
+    folder = Path(__file__).parent.parent / "comparisons"
+    commands = {p.stem for p in folder.glob("*.py") if '__name__ == "__main__"' in p.read_text()}
+    assert set(re.findall(r"python -m comparisons\.(\w+)", README)) == commands
+
+
 def test_quotes_the_rules_of_default_preconditioner():
     assert f"```py\n{inspect.getsource(default._candidates)}```" in README

@@ -248,7 +248,7 @@ def test_refuses_creepages_that_are_no_numbers(value):
 def test_refuses_bad_steps():
     with pytest.raises(ValueError, match="steps is 0"):
         rolling_steps(np.ones(4), 1.0, material=(1.0, 0.3), steps=0)
-    with pytest.raises(TypeError):
+    with pytest.raises(TypeError, match=r"steps is 1\.5, but must be an integer"):
         rolling_steps(np.ones(4), 1.0, material=(1.0, 0.3), steps=1.5)
 
 

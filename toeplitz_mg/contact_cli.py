@@ -2,7 +2,7 @@
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -112,11 +112,10 @@ class Case:
     def shift(self, pressed: ContactResult) -> ContactResult:
         """Solve the tangential problem of the pressures."""
         o = self.options
-        load: dict[str, Any] = {"force": self.components(o.tangential)}
+        half = [0.5 * o.friction * pressed.force]
+        load: dict[str, Any] = {"force": self.components(o.tangential or half)}
         if o.shift is not None:
             load = {"shift": self.components(o.shift)}
-        elif o.tangential is None:
-            load = {"force": self.components([0.5 * o.friction * pressed.force])}
         return friction(
             self.bound(pressed),
             self.element,
@@ -146,11 +145,9 @@ class Case:
         g[pressed.contact] = self.options.friction * pressed.traction[pressed.contact]
         return g
 
-    def components(self, values: Any) -> Any:
+    def components(self, values: Sequence[float]) -> Any:
         """A number in line contact, else two."""
-        if values is None or self.options.line:
-            return None if values is None else values[0]
-        return (*values, 0.0)[:2]
+        return values[0] if self.options.line else (*values, 0.0)[:2]
 
 
 def run(given: argparse.Namespace) -> int:

@@ -64,6 +64,8 @@ def combined_material(first: Material, second: Material) -> Material:
     ------
     ValueError
         For a shear modulus that is not positive or a Poisson's ratio outside (-1, 0.5].
+    TypeError
+        For what is not two real numbers.
 
     Notes
     -----
@@ -76,8 +78,7 @@ def combined_material(first: Material, second: Material) -> Material:
     >>> halfspace.combined_material((82000.0, 0.28), (82000.0, 0.28))
     Material(G=82000.0, nu=0.28)
     """
-    G1, nu1 = _material(*first)
-    G2, nu2 = _material(*second)
+    (G1, nu1), (G2, nu2) = _body(first), _body(second)
     G = 2.0 / (1.0 / G1 + 1.0 / G2)
     return Material(G, G / 2.0 * (nu1 / G1 + nu2 / G2))
 
@@ -99,6 +100,8 @@ def difference_parameter(first: Material, second: Material) -> float:
     ------
     ValueError
         For a shear modulus that is not positive or a Poisson's ratio outside (-1, 0.5].
+    TypeError
+        For what is not two real numbers.
 
     Examples
     --------
@@ -108,8 +111,7 @@ def difference_parameter(first: Material, second: Material) -> float:
     >>> round(halfspace.difference_parameter((1.0, 0.25), (82000.0, 0.28)), 6)
     0.249994
     """
-    G1, nu1 = _material(*first)
-    G2, nu2 = _material(*second)
+    (G1, nu1), (G2, nu2) = _body(first), _body(second)
     G = combined_material(first, second).G
     return G / 4.0 * ((1.0 - 2.0 * nu1) / G1 - (1.0 - 2.0 * nu2) / G2)
 
@@ -526,6 +528,15 @@ def _grid(grid_shape: tuple[int, int]) -> tuple[int, int]:
     if np.shape(grid_shape) != (2,):
         raise ValueError(f"grid_shape is {grid_shape}, but the surface has the two axes x and y")
     return count("grid_shape[0]", grid_shape[0]), count("grid_shape[1]", grid_shape[1])
+
+
+def _body(material: Any) -> Material:
+    """The constants of a body, as the user gave them."""
+    try:
+        G, nu = material
+    except (TypeError, ValueError):
+        raise TypeError(f"material is {material!r}, but must be (G, nu)") from None
+    return _material(G, nu)
 
 
 def _material(G: float, nu: float) -> Material:

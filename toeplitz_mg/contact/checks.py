@@ -13,7 +13,7 @@ Array = NDArray[Any]
 
 
 def normal_load(z: Array, approach: float | None, force: float | None) -> float | None:
-    """Check what the problem is about."""
+    """Check the gap and what presses: return the force, or None where the approach is given."""
     if not np.isfinite(z).all():
         raise ValueError("gap has values that are not finite")
     if (approach is None) == (force is None):

@@ -64,6 +64,12 @@ def bounded(q: Array, g: Array) -> Array:
     return q * factor
 
 
+def scaled(q: Array, g: Array, on_circle: Array) -> Array:
+    """Tractions of the size of the bound on some elements, and within it on the others."""
+    g_circle = np.where(on_circle, g, 0.0)  # elsewhere the bound may be infinite, and q zero
+    return bounded(np.where(on_circle, direction(q) * g_circle, q), g)
+
+
 class Tangent:
     """Directions in which the tractions may change while the areas are fixed.
 
@@ -115,10 +121,10 @@ def admissible(
 ) -> tuple[Array, Areas]:
     """Scale tractions to the bound on some elements, and restore the sum of all.
 
-    The areas change only where the elements that stick cannot carry the rest of the sum.
+    The elements that stick carry what is missing, or else all turn. The areas change only where
+    that does not do either.
     """
-    g_circle = np.where(on_circle, g, 0.0)
-    q = bounded(np.where(on_circle, direction(q) * g_circle, q), g)
+    q = scaled(q, g, on_circle)
     if total is None:
         return q, areas
     p = balanced(q, g, total, areas.stick)
@@ -193,12 +199,10 @@ def balanced(
 
 
 def _primitive(z: Array, g: Array, circle: Array, unit: Array) -> tuple[float, Array]:
-    """A convex function of c, where z = q + c unit, and bounded(z), whose sum is its gradient.
+    """A convex function of c, where z = q + c unit, and the tractions whose sum is its gradient.
 
     It is the sum of ½|z|²/unit, continued linearly where |z| > g, and linear on the circle.
     """
     a = size(z)
-    g_circle = np.where(circle, g, 0.0)
     inside = np.where(circle, g, np.minimum(a, g))
-    p = bounded(np.where(circle, direction(z) * g_circle, z), g)
-    return float((inside * (a - 0.5 * inside) / unit).sum()), p
+    return float((inside * (a - 0.5 * inside) / unit).sum()), scaled(z, g, circle)

@@ -57,11 +57,7 @@ class Grid:
             )
         if not all(0.0 < h < np.inf for h in sizes):
             raise ValueError(f"element is {element}, but its sizes must be positive and finite")
-        try:
-            G, nu = material
-        except (TypeError, ValueError):
-            raise TypeError(f"material is {material!r}, but must be (G, nu)") from None
-        material = halfspace.combined_material(Material(G, nu), Material(G, nu))  # which checks it
+        material = halfspace.combined_material(material, material)  # which checks it
         for name, value in (("element", min(sizes)), ("element", max(sizes)), ("G", material.G)):
             in_range(name, value)
         if reference is None:
@@ -189,12 +185,9 @@ def coarsened(x: Array, levels: int = 2) -> Array:
             continue
         if n % 2:
             x = np.concatenate([x, np.take(x, [-1], level)], axis=level)
-        even = tuple(
-            slice(0, None, 2) if k == level % x.ndim else slice(None) for k in range(x.ndim)
-        )
-        odd = tuple(
-            slice(1, None, 2) if k == level % x.ndim else slice(None) for k in range(x.ndim)
-        )
+        behind = (slice(None),) * (-1 - level)
+        even: Any = (..., slice(0, None, 2), *behind)
+        odd: Any = (..., slice(1, None, 2), *behind)
         x = 0.5 * (x[even] + x[odd])
     return x
 

@@ -1,7 +1,6 @@
 """The three test problems of the paper (§2.5 and §5), in its units: N and mm."""
 
 from dataclasses import dataclass
-from operator import index
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg import halfspace
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
+from toeplitz_mg.values import count
 
 Array = NDArray[Any]
 
@@ -157,8 +157,7 @@ for _problem in (test1, test2, test3):
 
 
 def _centres(n: int) -> tuple[Array, float]:
-    if index(n) < 1:
-        raise ValueError(f"n is {n}, but must be at least 1")
+    n = count("n", n)
     h = 2.0 * A_HALF / n
     return -A_HALF + h * (np.arange(n) + 0.5), h
 

@@ -135,10 +135,10 @@ class ContactResult:
         extent = (-n1 * h1 / 2, n1 * h1 / 2, -n2 * h2 / 2, n2 * h2 / 2)
         image = ax.imshow(self.magnitude.T, origin="lower", extent=extent, cmap="viridis")
         ax.figure.colorbar(image, ax=ax, label="traction [N/mm²]")
-        for area, style in ((self.contact, "w-"), (self.stick, "r-")):
+        for area, colour in ((self.contact, "w"), (self.stick, "r")):
             if area is not None and area.any() and not area.all() and min(n1, n2) > 1:
                 ax.contour(
-                    area.T.astype(float), [0.5], extent=extent, origin="lower", colors=style[0]
+                    area.T.astype(float), [0.5], extent=extent, origin="lower", colors=colour
                 )
         ax.set(xlabel="x [mm]", ylabel="y [mm]")
 

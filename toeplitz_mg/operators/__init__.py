@@ -9,7 +9,6 @@ from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 from toeplitz_mg.operators.work import ProductCount, count_products
 
 __all__ = [
-    "Convolution",
     "CoupledOperator",
     "DiagonalisedOperator",
     "DiagonalisedProduct",

@@ -49,7 +49,15 @@ class OneStep:
         return phase_factors(self.length, shift, self.dtype)
 
     def spectrum(self, real: Array, imag: Array | None, shift: float) -> Array:
-        """Transform a vector at the frequencies k + s."""
+        """Transform a vector at the frequencies k + s.
+
+        Parameters
+        ----------
+        real, imag : ndarray of shape (L,)
+            Its parts; None in the place of the imaginary one where it is zero.
+        shift : float
+            s.
+        """
         column = real if imag is None else real + 1j * imag
         return np.asarray(fft.fft(column * self.weights(shift)))
 
@@ -119,7 +127,15 @@ class Panels:
         self.length = plan.length
 
     def spectrum(self, real: Array, imag: Array | None, shift: float) -> Array:
-        """Transform a vector at the frequencies k + s, in the order of the plan."""
+        """Transform a vector at the frequencies k + s, in the order of the plan.
+
+        Parameters
+        ----------
+        real, imag : ndarray of shape (L,)
+            Its parts; None in the place of the imaginary one where it is zero.
+        shift : float
+            s.
+        """
         X = real.reshape(self.plan.shape)
         Y = None if imag is None else imag.reshape(self.plan.shape)
         u = self.plan.weights(shift)

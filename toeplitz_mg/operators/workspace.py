@@ -35,7 +35,7 @@ def workspace(purpose: str, shape: tuple[int, ...], dtype: DTypeLike) -> Array:
 
 
 def _memory(size: int) -> Array:
-    """Return that many bytes, of large pages from the first on if they are a megabyte or more."""
+    """Return memory of so many bytes; from a megabyte on it begins on a large page."""
     if size < LARGE_PAGE // 2:
         return np.empty(size, np.uint8)
     # NumPy asks for large pages from 4 MB on. What is not used is not mapped.

@@ -11,7 +11,7 @@ from numpy.typing import DTypeLike, NDArray
 from scipy.linalg import eigvalsh_tridiagonal
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.toeplitz import real_precision
 from toeplitz_mg.operators.work import levels_of
 
@@ -22,16 +22,20 @@ REACH = 5  # unit steps from an element to one that is called near
 DENSE = 1024  # unknowns of which all eigenvalues are computed, in some tenths of a second
 
 
-def precision(A: LinearOperator, dtype: DTypeLike | None) -> np.dtype[Any]:
+def precision(A: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None) -> np.dtype[Any]:
     """Return the precision of a preconditioner of A: `dtype`, or that of A.
 
     Raises ValueError where A, or its inverse, is nearly out of the range of float32: what overflows
     there, or is rounded to zero, would be seen nowhere.
     """
     result = real_precision(A.dtype if dtype is None else dtype)
-    if result == np.float32 and isinstance(A, ToeplitzOperator):
-        diagonal, single = abs(float(A.c.flat[0])), np.finfo(np.float32)
-        low, high = float(single.tiny / single.eps), float(single.max * single.eps)
+    if result == np.float64:
+        return result
+    single = np.finfo(np.float32)
+    low, high = float(single.tiny / single.eps), float(single.max * single.eps)
+    blocks = A.blocks if isinstance(A, CoupledOperator) else ((A,),)
+    for block in (row[i] for i, row in enumerate(blocks)):
+        diagonal = 0.0 if block is None else abs(float(block.c.flat[0]))
         if diagonal and not low <= diagonal <= high:
             raise ValueError(
                 f"the diagonal of A is {diagonal:.3g}, but for a preconditioner in float32 it must "

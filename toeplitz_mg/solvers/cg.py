@@ -184,7 +184,7 @@ class _Iterate:
         r = self._b if guess is None else self._b - apply_to_rows(A, self._x)
         if inner is None:
             self.A, self.scale = A, 1.0
-            self.r, self.y = (r.copy() if r is b else r.astype(dtype)), self._x
+            self.r, self.y = r.astype(dtype), self._x  # a copy: it may be b
         else:
             self.A = _operator(inner)
             if self.A.shape != A.shape:

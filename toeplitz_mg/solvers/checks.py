@@ -1,11 +1,12 @@
 """What the iterations ask of their input."""
 
-from operator import index
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
+
+from toeplitz_mg.values import count
 
 Array = NDArray[Any]
 
@@ -49,10 +50,7 @@ def checked_system(
     for name, tolerance in (("rtol", rtol), ("atol", atol)):
         if not 0.0 <= tolerance < np.inf:
             raise ValueError(f"{name} is {tolerance}, but must be finite and not negative")
-    if maxiter is None:
-        maxiter = 10 * n
-    elif index(maxiter) < 1:
-        raise ValueError(f"maxiter is {maxiter}, but must be at least 1")
+    maxiter = 10 * n if maxiter is None else count("maxiter", maxiter)
     guess = None if x0 is None else _vector(x0, "x0", n)
     return System(A, M, _vector(b, "b", n), guess, maxiter)
 
