@@ -12,8 +12,8 @@ from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from comparisons import report
-from comparisons.masks import AREAS, rough
-from comparisons.punch import Punch
+from comparisons.masks import rough
+from comparisons.punch import Punch, influence
 from comparisons.punch3d import METHODS
 from comparisons.report import Row
 
@@ -31,14 +31,14 @@ def irregular(n: int) -> Array:
 
 def traction(n: int, path: Path) -> list[Row]:
     """Draw the tractions of a bonded shift of an irregular area, coupled."""
-    AREAS["irregular"] = irregular
-    punch = Punch("irregular", "coupled", n)
-    A = punch.operator()
-    q, info = tmg.cg(A, punch.displacement(), M=tmg.sine_preconditioner(A), rtol=1e-8)
+    mask = irregular(n)
+    A = influence("coupled", mask, (2.0 / n, 2.0 / n))
+    u = np.repeat([1.0, 0.0], np.count_nonzero(mask))
+    q, info = tmg.cg(A, u, M=tmg.sine_preconditioner(A), rtol=1e-8)
     if info:
         raise ArithmeticError("not converged")
     fields = np.full((2, n, n), np.nan)
-    fields[:, punch.mask] = q.reshape(2, -1)
+    fields[:, mask] = q.reshape(2, -1)
     figure = Figure(figsize=(11, 4.8), layout="constrained")
     for ax, field, name in zip(figure.subplots(1, 2), fields, ("q_x", "q_y"), strict=True):
         low, high = np.nanquantile(field, [0.01, 0.99])

@@ -12,6 +12,7 @@ import os
 from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import product
+from multiprocessing import set_forkserver_preload
 from statistics import median
 from time import process_time
 from typing import Any
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from comparisons import masks, report
+from comparisons.measuring import in_a_fresh_process
 from comparisons.report import Row
 from toeplitz_mg import (
     CoupledOperator,
@@ -35,6 +37,7 @@ Array = NDArray[np.bool_]
 
 PART = 0.01  # of the elements in contact
 TURNS = 9
+SECONDS = 600.0  # after which a run is given up
 SIZES, QUICK_SIZES = (512, 1024), (48,)
 
 
@@ -98,8 +101,8 @@ def tangential(N: int, ratio: float = 1.0) -> CoupledOperator:
 PROBLEMS: dict[str, Callable[[int], Any]] = {"normal": normal, "tangential": tangential}
 
 
-def measure(problem: str, area: str, N: int) -> Row:
-    """Time a set-up, and the updates over it."""
+def measure(problem: str, area: str, N: int, turns: int) -> Row:
+    """Time a set-up, and the updates over it; in a process of its own."""
     mask = masks.FRAGMENTED[area](N)
     full = PROBLEMS[problem](N)
 
@@ -118,7 +121,7 @@ def measure(problem: str, area: str, N: int) -> Row:
     new[FIFTH] = fourth, scattered(then, count, 5)
     changes = {name: (Q, on(area)) for name, (Q, area) in new.items() if (area ^ mask).any()}
     actions = {name: partial(Q.updated, B.mask) for name, (Q, B) in changes.items()}
-    seconds = _medians({"set-up": setup} | actions)
+    seconds = _medians({"set-up": setup} | actions, turns)
     row: Row = {
         "problem": problem,
         "area": area,
@@ -130,7 +133,8 @@ def measure(problem: str, area: str, N: int) -> Row:
         updated, fresh = Q.updated(B.mask), fsai_preconditioner(B)
         b = np.random.default_rng(1).standard_normal(B.shape[0])
         taken = [iterations(B, R, b) for R in (updated, fresh)]
-        applied = _medians({"updated": partial(updated.matvec, b), "new": partial(fresh.matvec, b)})
+        applications = {"updated": partial(updated.matvec, b), "new": partial(fresh.matvec, b)}
+        applied = _medians(applications, turns)
         row[name] = seconds[name] / seconds["set-up"]
         row[f"{name}: iterations"], row[f"{name}: new"] = taken
         row[f"{name}: application"] = applied["updated"] / applied["new"]
@@ -149,9 +153,9 @@ def iterations(A: Any, P: Any, b: NDArray[np.float64]) -> int:
     return count if info == 0 else -1
 
 
-def _medians(actions: Mapping[str, Callable[[], object]]) -> dict[str, float]:
+def _medians(actions: Mapping[str, Callable[[], object]], turns: int) -> dict[str, float]:
     seconds: dict[str, list[float]] = {name: [] for name in actions}
-    for _ in range(TURNS):
+    for _ in range(turns):
         for name, action in actions.items():
             start = process_time()
             action()
@@ -168,11 +172,16 @@ def _shown(row: Row, change: str) -> str:
 
 def main() -> None:
     """Run the comparison."""
-    os.environ["OMP_NUM_THREADS"] = "1"
+    os.environ["OMP_NUM_THREADS"] = "1"  # read where a process imports BLAS
+    set_forkserver_preload(["comparisons.updates"])
     arguments = report.options("updates", "The cost of an update of FSAI.")
     rows: list[Row] = []
     for problem, N in product(PROBLEMS, QUICK_SIZES if arguments.quick else SIZES):
-        own = [measure(problem, area, N) for area in masks.FRAGMENTED if area != "one line"]
+        own = [
+            in_a_fresh_process(partial(measure, problem, area, N, TURNS), SECONDS)
+            for area in masks.FRAGMENTED
+            if area != "one line"
+        ]
         rows += own
         shown = [
             {k: r[k] for k in ("area", "unknowns")}

@@ -93,6 +93,7 @@ def test_refuses_bad_arguments():
         ({"b": b, "M": np.eye(40)}, ValueError, "M has shape"),
         ({"b": b, "rtol": -1.0}, ValueError, "rtol is -1"),
         ({"b": b, "maxiter": 0}, ValueError, "maxiter is 0"),
+        ({"b": b, "rtol": "a"}, TypeError, "rtol is 'a', but must be a real number"),
         ({"b": b, "maxiter": 1.5}, TypeError, "maxiter is 1.5, but must be an integer"),
     ):
         with pytest.raises(error, match=match):

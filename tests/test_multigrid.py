@@ -563,7 +563,7 @@ def test_pickles_with_borders():
     [
         ({"pre": 0, "post": 0}, ValueError, "must smooth at least once"),
         ({"pre": -1}, ValueError, "pre is -1, but must be at least 0"),
-        ({"post": 0.5}, TypeError, "float"),
+        ({"post": 0.5}, TypeError, "is 0.5, but must be an integer"),
         ({"gamma": 0}, ValueError, "gamma is 0, but must be at least 1"),
         ({"coarsest": 0}, ValueError, "coarsest is 0, but must be at least 1"),
     ],

@@ -166,6 +166,7 @@ def test_the_first_guess_is_not_changed_and_may_be_the_solution():
         ({"atol": np.inf}, ValueError, "atol is inf"),
         ({"rtol": np.nan}, ValueError, "rtol is nan"),
         ({"maxiter": 0}, ValueError, "maxiter is 0, but must be at least 1"),
+        ({"atol": None}, TypeError, "atol is None, but must be a real number"),
         ({"maxiter": 1.5}, TypeError, "maxiter is 1.5, but must be an integer"),
         ({"M": np.eye(2)}, ValueError, r"M has shape \(2, 2\), but A has \(3, 3\)"),
         ({"A": np.ones((3, 2))}, ValueError, "must be square"),

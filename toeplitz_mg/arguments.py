@@ -88,7 +88,7 @@ def parser() -> argparse.ArgumentParser:
         "test 1 with 2^20 unknowns, by the V(0,1) cycle with the FFT+RSM smoother. "
         "The command solve takes a system of your own, the command contact solves a contact "
         "problem.",
-        epilog="Exit status: 0 converged, 1 not converged, 2 not possible.",
+        epilog="Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted.",
         **bare,
     )
     main.add_argument("--version", action="version", version=f"toeplitz-mg {tmg.__version__}")

@@ -65,7 +65,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 where it has converged, 1 where it has not, 2 for what cannot be done.
+        0 where it has converged, 1 where it has not, 2 for what cannot be done, 130 where
+        it was interrupted.
     """
     given = parser().parse_args(arguments)
     try:

@@ -114,7 +114,7 @@ def add_parser(commands: Any, **bare: Any) -> None:
         'case = "shift", radius = [10, 20], line = false. Options on the command line count more; '
         "there a negative number with an exponent is --longitudinal=-2e-3. "
         "Files are written whole or not at all, and only where the solver has converged. "
-        "Exit status: 0 converged, 1 not converged, 2 not possible.",
+        "Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted.",
         **bare,
     )
     what = "what to do, here or in the file"

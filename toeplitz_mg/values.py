@@ -34,14 +34,14 @@ def positive(name: str, value: Any) -> float:
     return x
 
 
-def count(name: str, value: Any) -> int:
-    """Return an integer that is at least 1."""
+def count(name: str, value: Any, least: int = 1) -> int:
+    """Return an integer that is at least 1, or this."""
     try:
         n = index(value)
     except TypeError:
         raise TypeError(f"{name} is {value!r}, but must be an integer") from None
-    if n < 1:
-        raise ValueError(f"{name} is {value}, but must be at least 1")
+    if n < least:
+        raise ValueError(f"{name} is {value}, but must be at least {least}")
     return n
 
 

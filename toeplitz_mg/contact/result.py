@@ -161,7 +161,7 @@ def converged(result: ContactResult, tolerance: float) -> ContactResult:
     """Return the result, or raise ContactError where it violates the conditions of contact."""
     if result.residual <= tolerance:
         return result
-    law, scale = ("Coulomb's law is", "displacement")
+    law, scale = ("Coulomb's law is", "displacement, or rigid slip")
     if result.stick is None:
         law, scale = ("the conditions of contact are", "interference")
     raise ContactError(

@@ -1,7 +1,6 @@
 """The multigrid cycle, written once, as a linear operator."""
 
 from functools import partial
-from operator import index
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from toeplitz_mg.operators import apply_to_rows, as_rows
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.workspace import workspace
 from toeplitz_mg.preconditioners import fft_rsm_preconditioner
+from toeplitz_mg.values import count
 
 Array = NDArray[Any]
 
@@ -260,8 +260,7 @@ def multigrid(
         ("gamma", gamma, 1),
         ("coarsest", coarsest, 1),
     ):
-        if index(value) < least:
-            raise ValueError(f"{name} is {value}, but must be at least {least}")
+        count(name, value, least)
     if pre + post == 0:
         raise ValueError("pre and post are both 0, but a cycle must smooth at least once")
     if not (coarsen is None or callable(coarsen)):

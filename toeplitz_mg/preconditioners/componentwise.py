@@ -40,6 +40,10 @@ class BlockDiagonal(LinearOperator):
         mask : array_like of bool, of shape `grid_shape`, or that of one component
             Somewhere true in each component.
 
+        Returns
+        -------
+        BlockDiagonal
+
         Raises
         ------
         TypeError, ValueError

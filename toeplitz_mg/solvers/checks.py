@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
-from toeplitz_mg.values import count
+from toeplitz_mg.values import count, real
 
 Array = NDArray[Any]
 
@@ -48,7 +48,7 @@ def checked_system(
     if M is not None and M.shape != A.shape:
         raise ValueError(f"M has shape {M.shape}, but A has {A.shape}")
     for name, tolerance in (("rtol", rtol), ("atol", atol)):
-        if not 0.0 <= tolerance < np.inf:
+        if not 0.0 <= real(name, tolerance) < np.inf:
             raise ValueError(f"{name} is {tolerance}, but must be finite and not negative")
     maxiter = 10 * n if maxiter is None else count("maxiter", maxiter)
     guess = None if x0 is None else _vector(x0, "x0", n)

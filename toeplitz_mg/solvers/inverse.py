@@ -14,6 +14,7 @@ from toeplitz_mg.operators.masked import one_level, toeplitz_and_mask
 from toeplitz_mg.preconditioners import fsai_preconditioner, spectral_preconditioner
 from toeplitz_mg.preconditioners.fsai_line import decays_slowly
 from toeplitz_mg.solvers.cg import cg
+from toeplitz_mg.values import positive
 
 Array = NDArray[Any]
 
@@ -125,8 +126,7 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     line = one_level(full)
     if rtol is None:
         rtol = 1e-10 if full.dtype == np.float64 else 1e-3
-    if not 0.0 < rtol < np.inf:
-        raise ValueError(f"rtol is {rtol}, but must be positive and finite")
+    rtol = positive("rtol", rtol)
     x = first_column(line.astype(np.float64))
     inverse = ToeplitzInverse(full, GohbergSemencul(x.astype(full.dtype)), 0)
     if not inverse.residual <= rtol:

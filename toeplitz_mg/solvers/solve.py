@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.solvers.choice import is_symmetric, levinson_is_faster, methods
+from toeplitz_mg.values import real
 
 Array = NDArray[Any]
 Rows = NDArray[Any]  # right-hand sides or solutions, shape (columns, n)
@@ -123,7 +124,7 @@ def solve_toeplitz(
     >>> info.method, info.residual <= 1e-12
     ('cg, fsai_preconditioner', True)
     """
-    if not 0.0 < rtol < 1.0:
+    if not 0.0 < real("rtol", rtol) < 1.0:
         raise ValueError(f"rtol is {rtol}, but must be between 0 and 1")
     c, r = c_or_cr if isinstance(c_or_cr, tuple) else (c_or_cr, None)
     c, b = _numbers(c, "c"), _numbers(b, "b")
