@@ -94,9 +94,10 @@ def update(stencil: Stencil, cells: Cells, dtype: np.dtype[Any], old: AnyLevel) 
     again = number.take(again)
     w[again], block[again] = new, places
     W = aggregates(w, coarse.number.take(block), coarse.length)
-    beside = old.G[still]
-    beside.resize(beside.shape[0], n)
-    G = vstack([beside, G], format="csr")
+    if still.any():
+        beside = old.G[still]
+        beside.resize(beside.shape[0], n)
+        G = vstack([beside, G], format="csr")
     gone = np.concatenate([old.gone, no_more])
     lines = np.concatenate([old.lines[still], lines])
     return Patched(old.base, cells, rows, block, number, gone, lines, G, W, coarse)
