@@ -19,7 +19,12 @@ from toeplitz_mg.preconditioners.fsai import _without_table, fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai_apply import Cells
 from toeplitz_mg.preconditioners.fsai_levels import build, rows_of_G
 from toeplitz_mg.preconditioners.fsai_table import NEIGHBOURS, Stencil
-from toeplitz_mg.preconditioners.fsai_window import Stencils, condition_on
+from toeplitz_mg.preconditioners.fsai_window import (
+    Stencils,
+    condition,
+    condition_on,
+    sparse_condition,
+)
 
 
 @contextmanager
@@ -492,6 +497,49 @@ def test_a_covariance_takes_few_iterations_or_is_refused(nu, length, nugget):
             assert "on a mask sine_preconditioner(A)" in why
 
 
+@pytest.mark.parametrize("nugget", [0.0, 0.01, 0.1, 1.0])
+@pytest.mark.parametrize("length", [2.0, 3.0, 4.0, 5.0, 8.0])
+@pytest.mark.parametrize("nu", [0.5, 1.5, 2.5])
+def test_a_covariance_takes_few_iterations_where_few_cells_are_in_contact(nu, length, nugget):
+    c = matern(128, nu, length, nugget)
+    for density in (0.05, 0.1, 0.2):
+        A = operator(c, np.random.default_rng(3).random((128, 128)) < density)
+        P, why = refusal(A)
+        if P:
+            assert max(both_iterations(A, P)) <= 15
+        else:
+            assert length > {0.5: 5.0, 1.5: 3.0, 2.5: 2.0}[nu]
+            assert "too smooth a kernel for it" in why
+
+
+@pytest.mark.parametrize("ratio", [3.0, 10.0])
+@pytest.mark.parametrize("length", [2.0, 5.0, 10.0])
+def test_a_covariance_takes_few_iterations_on_long_cells(length, ratio):
+    i, j = np.ogrid[:128, :128]
+    r = np.hypot(i, ratio * j) / length
+    s = 3**0.5 * r
+    for c in (np.exp(-r), (1.0 + s) * np.exp(-s)):
+        for density in (0.1, 0.5):
+            A = operator(c, np.random.default_rng(3).random((128, 128)) < density)
+            P, why = refusal(A)
+            if P:
+                assert max(both_iterations(A, P)) <= 15
+            else:
+                assert length > 5.0
+                assert "too smooth a kernel for it" in why
+
+
+def test_few_cells_show_what_half_of_them_does_not():
+    """That rows need more neighbours; not so of a half-space."""
+    c = matern(100, 0.5, 5.0)
+    numbers = [sparse_condition(Stencil.of(c, neighbours)) for neighbours in (12, 24, 40)]
+    assert numbers == sorted(numbers, reverse=True)
+    for neighbours, found in zip((24, 40), numbers[1:], strict=True):
+        assert found > 1.3 * condition(Stencil.of(c, neighbours))
+    stencil = Stencil.of(contact(100, 100))
+    assert sparse_condition(stencil) < condition(stencil)
+
+
 @pytest.mark.parametrize("area", ["random 50 %", "rough 30 %", "full"])
 def test_a_covariance_with_a_large_nugget_takes_few_iterations(area):
     """It shows in E only, whose blocks are not in full contact."""
@@ -513,6 +561,23 @@ def test_a_covariance_on_pieces_of_a_line(length):
         else:
             assert length > 30.0
             assert "use spectral_preconditioner(A), on a mask sine_preconditioner" in why
+
+
+@pytest.mark.parametrize("length", [5.0, 10.0, 15.0, 20.0, 30.0, 60.0])
+def test_a_covariance_on_few_cells_of_a_line(length):
+    n = 2**14
+    r = np.arange(n) / length
+    s, t = 3**0.5 * r, 5**0.5 * r
+    smooth = (1.0 + t + t**2 / 3) * np.exp(-t)
+    for c in (np.exp(-r), (1.0 + s) * np.exp(-s), smooth):
+        for mask in (np.random.default_rng(0).random(n) < 0.1, islands(n, n // 12)):
+            A = operator(c, mask)
+            P, why = refusal(A)
+            if P:
+                assert max(both_iterations(A, P)) <= 15
+            else:
+                assert length > 20.0
+                assert "too smooth a kernel for it" in why
 
 
 @pytest.mark.parametrize("nu", [0.0, 0.28, 0.5])

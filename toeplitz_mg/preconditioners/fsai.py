@@ -221,15 +221,16 @@ def fsai_preconditioner(
     For half-space kernels conjugate gradients take 5 to 11 iterations to a relative residual of
     1e-8 (coupled components 7 to 12), whatever the mask, from one line of cells to all of them,
     on square elements and on those stretched up to 1:20, and independently of the number of cells;
-    up to 14 on those of 1:50, and some longer ones are refused: of normal tractions those beyond
+    up to 16 on those of 1:50, and some longer ones are refused: of normal tractions those beyond
     1:100, of tangential ones those beyond 1:50 (ν = 1/2). The preconditioners by FFT take 20 to
     50 on a fragmented area; on one smooth blob, or a full grid, they need less time.
 
-    A Matérn covariance takes at most 14 up to a correlation length of 5 cells with ν = 1/2, 3 with
-    3/2, 2 with 5/2 (up to 19 where less than a fifth of the cells are in contact, anywhere), where
-    transforms take 40 to 300 on a mask; longer ones are refused, but for a large nugget. From 4, 2
-    and 2 cells on rows of 24 or 40 neighbours are needed, whose set-up takes some 5 or 20
-    microseconds an unknown, in the place of 1 to 3.
+    A Matérn covariance takes at most 15, on any mask, up to a correlation length of 5 cells with
+    ν = 1/2, 3 with 3/2, 2 with 5/2, where transforms take 40 to 300; longer ones are refused, but
+    for a large nugget. From 3, 2 and 1.5 cells on rows of 24 neighbours are needed, and at the
+    longest of 40, whose set-up takes some 5 or 20 microseconds an unknown, in the place of 1 to 3.
+    Other kernels that decay take at most 16, or are refused. One with coefficients at isolated lags
+    is accepted and may take 30: how many it needs is not seen.
 
     One application costs some 30 multiplications an unknown, a few hundredths of a work unit by
     operations. Sparse products wait for memory: by time it is a tenth to a half of one.
