@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import toeplitz_mg as tmg
 from comparisons import masks
-from comparisons.symbols import column
+from comparisons.symbols import COLUMNS, column
 from tests.cases import contact, coupled, coupled_kernel, exponential
 from tests.test_fsai_coupled import tangential
 from toeplitz_mg.contact.problems import test3
@@ -41,6 +41,26 @@ def test_one_level():
     assert "SparseInverse" in taken(test3(1024).A)
     for A in (tmg.ToeplitzOperator(column("θ²", 900)), test3(2048).A):
         assert iterations(A) <= 12
+
+
+def test_a_covariance_as_wide_as_the_matrix_is_not_factorised():
+    for n in (1000, 4000, 2**16):
+        A = tmg.ToeplitzOperator(np.exp(-np.arange(float(n)) / n))
+        assert "cosine" in taken(A)
+        assert iterations(A) <= 6
+
+
+@pytest.mark.filterwarnings("ignore:.*A is ill-conditioned")
+@pytest.mark.parametrize("name", COLUMNS)
+def test_solve_toeplitz_takes_the_same(name):
+    c = column(name, 3000)
+    _, info = tmg.solve_toeplitz(c, np.ones(3000), full_output=True)
+    by_cg, _, preconditioner = info.method.partition(", ")
+    if by_cg == "cg":
+        A = tmg.ToeplitzOperator(c)
+        assert taken(A) == repr(getattr(tmg, preconditioner)(A))
+    else:  # it is as good as the inverse that the default preconditioner is then
+        assert info.method in ("toeplitz_inverse", "scipy.linalg.solve_toeplitz")
 
 
 def test_two_levels_of_slow_lengths():

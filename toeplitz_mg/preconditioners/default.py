@@ -1,7 +1,7 @@
 """Which preconditioner for which matrix and area, and why: `default_preconditioner`."""
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -19,8 +19,8 @@ from toeplitz_mg.preconditioners.fsai import coupled_fsai, fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai_line import LONG, decays_slowly
 from toeplitz_mg.preconditioners.fsai_table import NEIGHBOURS
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
-from toeplitz_mg.preconditioners.symbol import sampled_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner, sine_preconditioner
+from toeplitz_mg.preconditioners.whole_line import Preconditioner, named, of_whole_line
 from toeplitz_mg.values import count
 
 Array = NDArray[Any]
@@ -30,8 +30,10 @@ FEW = 40_000  # unknowns of one blob that sine transforms solve for before FSAI 
 ALIKE = 0.5  # coupling of neighbours in one axis, of that in the other; 0.36 of elements 1:4
 COMPACT = 5.0  # `fragmentation` of one blob: 4.0 of a square, 4.5 of a circle, 7.8 of an annulus
 
-quick_fsai = partial(fsai_preconditioner, neighbours=NEIGHBOURS)
-fsai_of_24_neighbours = partial(fsai_preconditioner, neighbours=24)  # for smoother covariances
+quick_fsai = named(partial(fsai_preconditioner, neighbours=NEIGHBOURS), fsai_preconditioner)
+fsai_of_24_neighbours = named(  # for smoother covariances
+    partial(fsai_preconditioner, neighbours=24), fsai_preconditioner
+)
 
 
 def default_preconditioner(
@@ -67,10 +69,11 @@ def default_preconditioner(
     ======================== ================================= ==============================
     levels, area             preconditioner                    iterations to 1e-8
     ======================== ================================= ==============================
-    one, all of it           FSAI where 2¹⁴ coefficients or    4 to 8; 1 to 6; 3 to 10
+    one, all of it           FSAI where 2¹⁴ coefficients or    4 to 8; 1 to 6; 2 to 10
                              more decay slowly; spectral;
                              sine or cosine where the symbol
-                             has a zero
+                             has a zero, or n coefficients do
+                             not resolve it
     one, a mask              FSAI                              5 to 9, sine 13 to over 150
     two, all of it           cosine; FSAI where a length has   9 to 13, FSAI 7 to 9
                              a prime factor above 61, and the
@@ -123,11 +126,13 @@ def _default(A: LinearOperator, is_worth_set_up: bool, dtype: DTypeLike | None) 
     full = full.squeezed
     shape = full.grid_shape
     mask = np.ones(shape, dtype=bool) if mask is None else mask.reshape(shape)
+    if len(shape) == 1 and mask.all():
+        A = full
     for preconditioner in _candidates(full, mask, is_worth_set_up):
         try:
             return preconditioner(A, dtype=dtype)
         except np.linalg.LinAlgError as error:
-            name = getattr(preconditioner, "func", preconditioner).__name__
+            name = preconditioner.__name__
             logger.info("%s is refused, and the next one taken: %s", name, error)
     try:
         return chan_preconditioner(A, dtype=dtype)
@@ -139,19 +144,12 @@ def _default(A: LinearOperator, is_worth_set_up: bool, dtype: DTypeLike | None) 
 
 def _candidates(
     full: ToeplitzOperator, mask: Array, is_worth_set_up: bool
-) -> Iterator[Callable[..., LinearOperator]]:
+) -> Iterator[Preconditioner]:
     """Yield what may be taken, the fastest first."""
     levels = len(full.grid_shape)
     if levels == 1 and mask.all():
-        if len(full.c) >= LONG and decays_slowly(full.c):
-            yield fsai_preconditioner
-        samples = sampled_symbol(full, (near_fast_length(full.shape[0]),))
-        if samples[0] < samples[1] / 2:  # a zero at θ = 0, which a sine does not see
-            yield sine_preconditioner
-        elif samples[-1] < samples[-2] / 2:  # the same at π
-            yield cosine_preconditioner
+        yield from of_whole_line(full)
         yield spectral_preconditioner
-        yield cosine_preconditioner
     elif mask.all():
         if _is_of_slow_lengths(full):
             yield quick_fsai

@@ -13,12 +13,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
-from toeplitz_mg.operators.transforms import near_fast_length
-from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
-from toeplitz_mg.preconditioners.fsai_line import LONG, decays_slowly
-from toeplitz_mg.preconditioners.spectral import RESOLVED, factor_column
-from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE, sampled_symbol
-from toeplitz_mg.preconditioners.trigonometric import cosine_inverse, sine_inverse
+from toeplitz_mg.preconditioners.whole_line import of_whole_line
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.inverse import first_column
 
@@ -26,8 +21,6 @@ Array = NDArray[Any]
 Rows = NDArray[Any]  # right-hand sides or solutions, of shape (columns, n)
 
 MOST_ITERATIONS = 16  # of CG: the inverse costs no more than twice that
-HARDLY_RESOLVED = 100.0  # ‖A x - e₁‖ up to which the symbol is worth something
-EXPONENTIAL = 0.01  # deviation of c_(i-s) c_(i+s) from c_i², relative
 FEW = 2  # columns, for which the inverse is not worth its set-up
 SECONDS = 5e6  # in microseconds
 LARGEST_DENSE = 4096  # unknowns, two seconds
@@ -82,48 +75,14 @@ def is_symmetric(c: Array, r: Array) -> bool:
 
 
 def _cg_method(A: ToeplitzOperator) -> Iterator[Method]:
-    """Yield CG with the preconditioner that the symbol allows, if it allows one."""
-    if len(A.c) >= LONG and decays_slowly(A.c):
-        # Contact, long memory: 4 to 12 iterations, but next to no set-up, and cheap ones.
-        with suppress(np.linalg.LinAlgError):
-            yield Method("cg, fsai_preconditioner", partial(_cg, A, fsai_preconditioner(A)))
-    samples = sampled_symbol(A, (near_fast_length(len(A.c)),))  # at θ = 0 … π
-    if samples[0] < samples[1] / 2:
-        # A zero at θ = 0, which this preconditioner does not see: 3 to 10 iterations to 1e-8.
-        yield from _cg_with(sine_inverse, "sine_preconditioner", A, samples)
-    elif samples[-1] < samples[-2] / 2:
-        # The same at θ = π.
-        yield from _cg_with(cosine_inverse, "cosine_preconditioner", A, samples)
-    elif decays_exponentially(A.c):
-        # An exponential covariance as wide as the matrix, more or less: 2 to 5 iterations.
-        yield from _cg_with(cosine_inverse, "cosine_preconditioner", A, samples)
-    elif (factor := factor_column(A, samples)) is not None:
-        if factor.residual <= RESOLVED:
-            # A positive symbol, resolved by n lags: 1 to 6 iterations.
-            M = GohbergSemencul(factor.x)
-            yield Method("cg, spectral_preconditioner", partial(_cg, A, M))
-        elif factor.residual <= HARDLY_RESOLVED:
-            # A covariance as wide as the matrix, with a simple tail: 2 to 6 iterations.
-            yield from _cg_with(cosine_inverse, "cosine_preconditioner", A, samples)
+    """Yield CG with the preconditioner that `default_preconditioner` takes first of a whole line.
 
-
-def decays_exponentially(c: Array) -> bool:
-    """Whether the last coefficients are positive, and an exponential function of the lag."""
-    step = len(c) // 4
-    first, second, last = c[-1 - 2 * step], c[-1 - step], c[-1]
-    return bool(
-        last > NEGLIGIBLE * c[0] and abs(first * last - second**2) <= EXPONENTIAL * second**2
-    )
-
-
-def _cg_with(
-    inverse: Callable[[LinearOperator, Array], LinearOperator],
-    name: str,
-    A: LinearOperator,
-    samples: Array,
-) -> Iterator[Method]:
-    with suppress(np.linalg.LinAlgError):  # its eigenvalues are not positive
-        yield Method(f"cg, {name}", partial(_cg, A, inverse(A, samples)))
+    But not that which is as good as the inverse, and costs as much.
+    """
+    for preconditioner in of_whole_line(A):
+        with suppress(np.linalg.LinAlgError):  # its eigenvalues are not positive
+            M = preconditioner(A)
+            yield Method(f"cg, {preconditioner.__name__}", partial(_cg, A, M))
 
 
 def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
