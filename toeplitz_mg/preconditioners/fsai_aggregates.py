@@ -20,13 +20,12 @@ def aggregated(
     """Return the cells of E, which in the blocks that are not touched are the old ones.
 
     The load of a block is cᵀGᵀw_J in units of that of full contact. Where it differs by less than
-    `kept` relative to the old one, d is left. Beside the cells stand what the columns of W are
-    normalised with, for `aggregation`.
+    `kept` relative to the old one, d is left. What the columns of W are normalised with, for
+    `aggregation`, is the second.
     """
     grid, coarser = stencil.grid, stencil.coarser
     c, d = old.c.copy(), old.d.copy()
-    d_parts = range(2 * len(stencil.T) - 1)
-    inverse = np.zeros((len(d_parts), coarser.grid.size))
+    inverse = np.zeros((1 if len(stencil.T) == 1 else 3, coarser.grid.size))
     blocks = np.flatnonzero(touched)
     for part in chunks(len(blocks)):
         origins, J = grid.origins[blocks[part]], coarser.grid.inside[blocks[part]]
