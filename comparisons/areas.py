@@ -160,6 +160,44 @@ def readable(row: Row, sine: float) -> Row:
     return {"method": row["method"], **counts, **cells, **shares, "note": row["note"]}
 
 
+def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """Return what was measured as tables of areas by methods, the fastest in bold."""
+    found: dict[tuple[str, int], dict[str, Row]] = {}
+    for row in rows:
+        found.setdefault((row["area"], row["n"]), {})[row["method"]] = row
+    result: dict[str, list[Row]] = {}
+    for b in ("random", "constant"):
+        title = f"Iterations to {TOLERANCE:.0e} / CPU seconds with set-up, {b} right-hand side"
+        result[title] = [_timed(area, n, own, b) for (area, n), own in found.items()]
+    for title, key, spec in (
+        ("CPU seconds of the set-up", "setup_s", ".2g"),
+        ("Work units, random right-hand side", "random_units", ".0f"),
+        ("Peak memory, vectors of all elements", "vectors", ".0f"),
+    ):
+        result[title] = [
+            {"area": area, "n": n}
+            | {m: format(row[key], spec) if key in row else "" for m, row in own.items()}
+            for (area, n), own in found.items()
+        ]
+    return result
+
+
+def _timed(area: str, n: int, own: dict[str, Row], b: str) -> Row:
+    """A row of iterations and seconds; where there is none, why."""
+    solved = {m: row[f"{b}_s"] for m, row in own.items() if isinstance(row.get(b), int)}
+    best = min(solved.values(), default=nan)
+    cells: Row = {"area": area, "n": n}
+    for method, row in own.items():
+        if b not in row:
+            cells[method] = "too long" if row["note"].startswith("over") else "refused"
+        else:
+            seconds = f"{row[f'{b}_s']:.2g}"
+            cells[method] = (
+                f"{row[b]} / {f'**{seconds}**' if solved.get(method) == best else seconds}"
+            )
+    return cells
+
+
 def draw(n: int, path: Path) -> None:
     """Draw the tractions under a rigid displacement of each area."""
     figure = Figure(figsize=(15, 9), layout="constrained")
@@ -200,6 +238,7 @@ def main() -> None:
     rows: list[Row] = []
     for rows in run(jobs, arguments.methods or tuple(METHODS)):
         report.write_csv(arguments.output / "areas.csv", rows)
+    report.write_markdown(arguments.output / "areas.md", tables(rows))
     for area, n in jobs:
         measured = [row for row in rows if (row["area"], row["n"]) == (area, n)]
         sine = {row["method"]: row["random_s"] for row in measured}.get("sine", nan)

@@ -3,7 +3,7 @@
 import argparse
 import csv
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,18 @@ def show(title: str, rows: Sequence[Row]) -> None:
     """Print rows as a table under a title."""
     print(f"\n{title}\n")
     print(tabulate(list(rows), headers="keys", missingval="", disable_numparse=True))
+
+
+def write_markdown(path: Path, tables: Mapping[str, Sequence[Row]]) -> None:
+    """Write tables under their titles; the file is whole or not there."""
+    part = path.with_name(path.name + ".part")
+    with part.open("w") as file:
+        for title, rows in tables.items():
+            table = tabulate(
+                list(rows), headers="keys", missingval="", disable_numparse=True, tablefmt="github"
+            )
+            file.write(f"## {title}\n\n{table}\n\n")
+    os.replace(part, path)
 
 
 def write_csv(path: Path, rows: Sequence[Row]) -> None:

@@ -238,6 +238,21 @@ def test_areas(tmp_path, monkeypatch, capsys):
         if row["method"] in ("FSAI", "default"):
             assert int(row["random"]) <= 14
     assert (tmp_path / "areas.png").exists()
+    written = (tmp_path / "areas.md").read_text()
+    assert written.count("| checkerboard") == written.count("## ") == 5
+    assert written.count("**") >= 4 * (len(names) + len(areas.ON_A_LINE))  # the fastest of each
+
+
+def test_areas_say_what_was_not_solved():
+    rows = [
+        {"area": "a", "n": 8, "method": "M", "random": "> 150", "random_s": 0.1, "note": ""},
+        {"area": "a", "n": 8, "method": "sine", "random": 9, "random_s": 0.25, "note": ""},
+        {"area": "a", "n": 8, "method": "M̄", "random_s": float("nan"), "note": "over 200 s"},
+        {"area": "a", "n": 8, "method": "V(1,1)", "random_s": float("nan"), "note": "no element"},
+    ]
+    table, *_ = areas.tables(rows).values()
+    cells = {"M": "> 150 / 0.1", "sine": "9 / **0.25**", "M̄": "too long", "V(1,1)": "refused"}
+    assert table == [{"area": "a", "n": 8} | cells]
 
 
 def test_area_figures(tmp_path, monkeypatch, capsys):
