@@ -104,11 +104,7 @@ PROBLEMS: dict[str, Callable[[int], Any]] = {"normal": normal, "tangential": tan
 def measure(problem: str, area: str, N: int, turns: int) -> Row:
     """Time a set-up, and the updates over it; in a process of its own."""
     mask = masks.FRAGMENTED[area](N)
-    full = PROBLEMS[problem](N)
-
-    def on(mask: Array) -> MaskedOperator:
-        return MaskedOperator(full, np.broadcast_to(mask, full.grid_shape))
-
+    on = partial(MaskedOperator, PROBLEMS[problem](N))
     A = on(mask)
     P: Any = fsai_preconditioner(A)
     count = max(1, round(PART * np.count_nonzero(mask)))
@@ -117,9 +113,9 @@ def measure(problem: str, area: str, N: int, turns: int) -> Row:
     fourth, then = P, mask
     for seed in range(1, 5):
         then = scattered(then, count, seed)
-        fourth = fourth.updated(on(then).mask)
+        fourth = fourth.updated(then)
     new[FIFTH] = fourth, scattered(then, count, 5)
-    changes = {name: (Q, on(area)) for name, (Q, area) in new.items() if (area ^ mask).any()}
+    changes = {name: (Q, on(other)) for name, (Q, other) in new.items() if (other ^ mask).any()}
     actions = {name: partial(Q.updated, B.mask) for name, (Q, B) in changes.items()}
     seconds = _medians({"set-up": setup} | actions, turns)
     row: Row = {
@@ -173,7 +169,7 @@ def _shown(row: Row, change: str) -> str:
 def main() -> None:
     """Run the comparison."""
     os.environ["OMP_NUM_THREADS"] = "1"  # read where a process imports BLAS
-    set_forkserver_preload(["comparisons.updates"])
+    set_forkserver_preload(["comparisons.masks", "comparisons.measuring", "scipy.ndimage"])
     arguments = report.options("updates", "The cost of an update of FSAI.")
     rows: list[Row] = []
     for problem, N in product(PROBLEMS, QUICK_SIZES if arguments.quick else SIZES):

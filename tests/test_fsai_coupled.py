@@ -211,6 +211,30 @@ def test_an_update_that_keeps_nothing_is_what_a_new_one_is(shape, density, chang
     assert_array_equal(P @ np.eye(P.shape[0]), before)  # it has not changed
 
 
+@settings(deadline=None, max_examples=15)
+@given(st.sampled_from([(26, 26), (18, 40)]), st.floats(0.3, 1.0), st.integers(0, 999))
+def test_updates_one_after_the_other_are_what_a_new_one_is(shape, density, seed):
+    """Of which one clears a component, and one brings it back."""
+    rng, full = np.random.default_rng(seed), tangential(shape)
+    mask = rng.random((2, *shape)) < density
+    mask[:, 0, 0] = True
+    with direct_below(4), kept(0.0):
+        P = fsai_preconditioner(tmg.MaskedOperator(full, mask))
+        for k in range(8):
+            i, j = (rng.integers(n) for n in shape)
+            mask = mask.copy()
+            mask[k % 2, i : i + 5, j : j + 5] ^= True
+            mask[1, 0, 0] = True
+            mask[0] = mask[1] if k == 5 else mask[0] & (k != 4)
+            P = P.updated(mask)
+            A = tmg.MaskedOperator(full, mask)
+            fresh = fsai_preconditioner(A)
+            assert P.sizes == fresh.sizes
+            x = rng.standard_normal(A.shape[0])
+            assert_allclose(P @ x, fresh @ x, rtol=0, atol=1e-11 * abs(fresh @ x).max())
+            P = pickle.loads(pickle.dumps(P)) if k == 6 else P
+
+
 @pytest.mark.parametrize("area", ["rough 30 %", "random 50 %", "circle"])
 def test_an_update_takes_the_iterations_of_a_new_one(area):
     """At most one more, after three updates too; and each has less to compute."""

@@ -14,7 +14,7 @@ from scipy.linalg import eigh
 
 import toeplitz_mg as tmg
 from tests.cases import contact
-from tests.test_fsai import areas, direct_below, half_space, iterations, operator
+from tests.test_fsai import areas, direct_below, half_space, iterations, matern, operator
 from toeplitz_mg.preconditioners import fsai_aggregates, fsai_levels, fsai_update
 from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai_apply import Patched
@@ -198,6 +198,54 @@ def test_an_updated_operator_in_threads():
     expected = [P @ x for x in X]
     with ThreadPoolExecutor(4) as pool:
         assert_array_equal(list(pool.map(lambda x: P @ x, X)), expected)
+
+
+@pytest.mark.parametrize(("nu", "length"), [(0.5, 4.0), (1.5, 2.5)])
+def test_updates_with_more_neighbours_are_what_a_new_one_is(nu, length):
+    """Of 24 and of 40, which have no table of rows."""
+    n, rng = 48, np.random.default_rng(0)
+    full, mask = matern(n, nu, length), rng.random((n, n)) < 0.6
+    with direct_below(20), kept(0.0):
+        P = fsai_preconditioner(operator(full, mask))
+        for k in range(6):
+            mask = mask.copy()
+            mask[7 * k : 7 * k + 4, 20:25] = k % 3 == 0
+            P = P.updated(mask)
+            assert isinstance(P._level, Patched)
+            fresh = fsai_preconditioner(operator(full, mask))
+            x = rng.standard_normal(P.shape[0])
+            assert_allclose(P @ x, fresh @ x, rtol=0, atol=1e-11 * abs(fresh @ x).max())
+
+
+@pytest.mark.parametrize("full", [half_space(64), matern(64, 0.5, 4.0)], ids=["table", "none"])
+def test_a_chain_of_updates_does_not_grow(full):
+    """Of what has gone, or has been computed again, only a part is kept."""
+    rng = np.random.default_rng(0)
+    mask = rng.random((64, 64)) < 0.5
+    with direct_below(20):
+        P = fsai_preconditioner(operator(full, mask))
+        patched = 0
+        for _ in range(60):
+            mask = mask.copy()
+            mask[20:28, 20:28] = rng.random((8, 8)) < 0.5
+            P = P.updated(mask)
+            level = P._level
+            patched += isinstance(level, Patched)
+            while isinstance(level, Patched):
+                most = 1.4 * level.cells.count
+                assert level.length <= most
+                assert len(level.lines) <= most
+                assert level.cells.finest or level.rows.rows.shape[1] <= most
+                level = level.coarse
+    assert patched > 50
+
+
+def test_an_area_of_which_little_is_left_costs_little():
+    P = fsai_preconditioner(tmg.ToeplitzOperator(half_space(128)))
+    mask = np.zeros((128, 128), bool)
+    mask[:50, :50] = True
+    fresh = fsai_preconditioner(operator(half_space(128), mask))
+    assert P.updated(mask).points <= 1.5 * fresh.points
 
 
 @pytest.fixture

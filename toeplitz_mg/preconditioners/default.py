@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Iterator
-from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -113,9 +112,11 @@ def default_preconditioner(
     is_coupled = isinstance(full, CoupledOperator)
     is_on_mask = isinstance(A, MaskedOperator) and not A.mask.all()
     if is_coupled and is_on_mask:
-        with suppress(np.linalg.LinAlgError):
+        try:
             if (joint := coupled_fsai(A, dtype)) is not None:
                 return joint
+        except np.linalg.LinAlgError as error:
+            logger.info("FSAI of all components is refused, and each taken by itself: %s", error)
     # A product of several components costs more, and so few iterations are worth more.
     return _default(A, solves > 1 or is_coupled, dtype)
 

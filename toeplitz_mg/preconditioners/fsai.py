@@ -50,7 +50,7 @@ from toeplitz_mg.operators.masked import mask_of_all, toeplitz_and_mask
 from toeplitz_mg.operators.work import levels_of
 from toeplitz_mg.operators.workspace import workspace
 from toeplitz_mg.preconditioners.componentwise import componentwise
-from toeplitz_mg.preconditioners.fsai_apply import Cells, Direct, Level, Patched
+from toeplitz_mg.preconditioners.fsai_apply import AnyLevel, Cells, Level, Patched
 from toeplitz_mg.preconditioners.fsai_coupled import strongly_coupled
 from toeplitz_mg.preconditioners.fsai_levels import build, few
 from toeplitz_mg.preconditioners.fsai_line import Dense, Line, WholeLine, line
@@ -61,7 +61,7 @@ from toeplitz_mg.preconditioners.positivity import precision
 from toeplitz_mg.values import count
 
 Array = NDArray[Any]
-AnyLevel = Level | Patched | Direct | Line | Dense
+Levels = AnyLevel | Line | Dense
 AnyStencils = Stencils | Stencil
 
 
@@ -78,7 +78,7 @@ class MultilevelSparseInverse(LinearOperator):
         The number of unknowns on each level.
     """
 
-    def __init__(self, stencils: AnyStencils, level: AnyLevel, mask: Array, dtype: Any) -> None:
+    def __init__(self, stencils: AnyStencils, level: Levels, mask: Array, dtype: Any) -> None:
         N = level.sizes[0]
         super().__init__(dtype, (N, N))
         self.grid_shape = mask.shape
@@ -123,8 +123,8 @@ class MultilevelSparseInverse(LinearOperator):
         iterations are the same.
 
         So it is of a chain of updates, each 0.2 to 0.5 where changes are scattered; where some
-        40 % of the rows of a level would stand beside those that it was built with, it is built
-        anew.
+        40 % of the rows of a level would stand beside those that it was built with, or be of no
+        use any more, it is built anew.
 
         Examples
         --------
@@ -298,8 +298,8 @@ def _by_component(
 
 
 def _levels(
-    stencils: AnyStencils, mask: Array, dtype: np.dtype[Any], old: AnyLevel | None = None
-) -> AnyLevel:
+    stencils: AnyStencils, mask: Array, dtype: np.dtype[Any], old: Levels | None = None
+) -> Levels:
     """Build all levels, from those of another mask if there are any."""
     if isinstance(stencils, Stencils):
         if mask.all() and mask.size == max(mask.shape):

@@ -121,8 +121,9 @@ class Rows:
     ----------
     rows : ndarray of shape (K, any)
         A row of G in a column.
-    sums : ndarray of shape (any,)
-        Their products with the vector c, on the finest level of ones.
+    sums : ndarray of shape (d, any)
+        Their products with the vector c, on the finest level of ones, in their own component, and
+        the other.
     place : ndarray of int
         Where the row of each cell in contact is.
     """
@@ -210,9 +211,11 @@ class Patched:
     gone : ndarray of int
         Numbers of those that are no unknowns any more.
     lines : ndarray of int
-        Numbers of those whose rows of G are not those of `base`, but the rows of
+        Numbers of those whose rows of G are not those of `base`.
     G : csr_array
+        The rows of these.
     W : csr_array
+        Its rows are the numbers.
     coarse : Level or Patched or Direct
     """
 

@@ -39,9 +39,10 @@ def strongly_coupled(A: CoupledOperator) -> Stencil | None:
 
     Each of them must be one for which few neighbours are enough.
     """
-    x, y = (row[i] for i, row in enumerate(A.blocks[:2])) if len(A.blocks) == 2 else (None, None)
-    xy = A.blocks[0][-1]
-    if x is None or y is None or xy is None or not A.is_symmetric or len(x.grid_shape) != 2:
+    if len(A.blocks) != 2 or not A.is_symmetric:
+        return None
+    (x, xy), (_, y) = A.blocks
+    if x is None or y is None or xy is None or len(x.grid_shape) != 2:
         return None
     between = xy.lags
     odd = all(np.array_equal(between, -np.flip(between, axis)) for axis in (0, 1))

@@ -22,7 +22,7 @@ NEIGHBOURS = 12  # cells before a cell that its row of G sees: half of a 5 x 5 n
 EXACT = 3  # blocks: from this lag on the loads of two blocks are taken as uniform
 
 # Of two components:
-OTHERS = 2  # neighbours that a row of G sees in the other one too
+OTHERS = 2  # neighbours that a row of G sees in the other one too: 2 x 2^14 patterns fill int16
 COARSE = 18  # neighbours on the levels above the finest, where they cost little
 
 
@@ -79,7 +79,7 @@ class Stencil:
         return np.broadcast_to(values[:, None], (len(values), size)).reshape(-1)
 
     def split(self, at: Array) -> list[Array]:
-        """Return these places, in order, of each component."""
+        """Return these places of each component, those of the first before those of the second."""
         ends = [*at.searchsorted([a * self.grid.size for a in self.components[1:]]), len(at)]
         return [at[start:end] for start, end in pairwise([0, *ends])]
 

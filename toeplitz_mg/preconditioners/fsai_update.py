@@ -4,7 +4,8 @@ Only the rows of G that see a change are computed, and what they belong to on th
 a load, or a diagonal, that is nearly what it was, is left: one cell of the sixteen of an aggregate
 changes its load by some per cent, and E⁻¹ need not be more exact than E. A load is always compared
 with the one that is in use, so that errors do not add up, one update after the other. Where many
-rows would stand beside those that were built for some mask the level is built anew.
+rows would stand beside those that were built for some mask, or be of no use any more, the level is
+built anew.
 """
 
 from typing import Any
@@ -28,7 +29,7 @@ from toeplitz_mg.preconditioners.fsai_table import Stencil
 Array = NDArray[Any]
 
 KEPT = 0.1  # loads and diagonals of aggregates may differ from what they are by so much
-PART = 0.4  # of the rows: where more would be new, all are
+PART = 0.4  # of the rows: where more would be new, or of no use any more, all are new
 
 
 def update(stencil: Stencil, cells: Cells, dtype: np.dtype[Any], old: AnyLevel) -> AnyLevel:
@@ -51,10 +52,11 @@ def update(stencil: Stencil, cells: Cells, dtype: np.dtype[Any], old: AnyLevel) 
     where = np.flatnonzero(changed)
     if not len(where):
         return old
-    if isinstance(old, Direct) or few(cells):
+    cells = cells.where(changed, old.cells)
+    # What has changed will be new, or of no use.
+    if isinstance(old, Direct) or few(cells) or len(where) > PART * cells.count:
         return build(stencil, cells, dtype)
     old = Patched.of(old) if isinstance(old, Level) else old
-    cells = cells.where(changed, old.cells)
     seeing = changed
     size = stencil.grid.size
     felt = _felt(stencil, cells, old.cells, where)
@@ -73,11 +75,12 @@ def update(stencil: Stencil, cells: Cells, dtype: np.dtype[Any], old: AnyLevel) 
     still = np.ones(n, bool)
     still[lines] = still[no_more] = False
     still = still.take(old.lines)
-    if np.count_nonzero(still) + len(lines) > PART * cells.count:
+    of_no_use = n - cells.count
+    if np.count_nonzero(still) + len(lines) + of_no_use > PART * cells.count:
         return build(stencil, cells, dtype)
 
     own = rows_of(stencil, cells, at)
-    rows = _with(old.rows, own, at, cells.finest)
+    rows = _with(old.rows, own, at, cells.finest, lines, n)
     touched = blocks_of(stencil, at) | blocks_of(stencil, gone)
     on_coarse, inverse = aggregated(stencil, cells, rows, touched, old.coarse.cells, KEPT)
     coarse = update(stencil.coarser, on_coarse, dtype, old.coarse)
@@ -115,12 +118,15 @@ def _felt(stencil: Stencil, new: Cells, old: Cells, where: Array) -> Array:
     return np.asarray(where[np.abs(now - was) * zero > KEPT])
 
 
-def _with(old: Rows, own: Rows, at: Array, finest: bool) -> Rows:
-    """Return the old rows of G with those of the places `at`."""
+def _with(old: Rows, own: Rows, at: Array, finest: bool, lines: Array, n: int) -> Rows:
+    """Return the old rows of G with those of the places `at`, which have the numbers `lines`."""
     place = old.place.copy()
     if finest:
         place[at] = own.place
         return Rows(old.rows, old.sums, place)
-    place[at] = own.place + old.rows.shape[1]
-    known = np.concatenate([old.rows.T, own.rows.T]).T
-    return Rows(known, np.concatenate([old.sums, own.sums], axis=1), place)
+    place[at] = lines  # one row for each of n numbers
+    rows, sums = np.empty((n, len(old.rows))), np.empty((len(old.sums), n))
+    m = old.rows.shape[1]
+    rows[:m], sums[:, :m] = old.rows.T, old.sums
+    rows[lines], sums[:, lines] = own.rows.T, own.sums
+    return Rows(rows.T, sums, place)

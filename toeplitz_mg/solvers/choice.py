@@ -75,9 +75,9 @@ def is_symmetric(c: Array, r: Array) -> bool:
 
 
 def _cg_method(A: ToeplitzOperator) -> Iterator[Method]:
-    """Yield CG with the preconditioner that `default_preconditioner` takes first of a whole line.
+    """Yield CG with the preconditioners that `default_preconditioner` takes first of a whole line.
 
-    But not that which is as good as the inverse, and costs as much.
+    But not with its last resorts, the first of which is as good as the inverse, and costs as much.
     """
     for preconditioner in of_whole_line(A):
         with suppress(np.linalg.LinAlgError):  # its eigenvalues are not positive
