@@ -32,6 +32,7 @@ from toeplitz_mg.contact.problems import test1
 
 Array = NDArray[Any]
 
+TITLE = "Every preconditioner on areas of every kind"
 TOLERANCE = 1e-8
 MAXITER = 150
 SECONDS = 200.0  # after which a run is given up
@@ -222,7 +223,7 @@ def main() -> None:
     set_forkserver_preload(["comparisons.masks", "comparisons.measuring", "matplotlib.figure"])
     arguments = report.options(
         "areas",
-        "Every preconditioner on areas of every kind.",
+        f"{TITLE}.",
         sizes=QUICK_SIZES + SIZES + QUICK_LINES + LINES,
         areas=(*masks.FRAGMENTED, *ON_A_LINE),
         methods=tuple(METHODS),
@@ -238,7 +239,7 @@ def main() -> None:
     rows: list[Row] = []
     for rows in run(jobs, arguments.methods or tuple(METHODS)):
         report.write_csv(arguments.output / "areas.csv", rows)
-    report.write_markdown(arguments.output / "areas.md", tables(rows))
+    report.write_markdown(arguments.output / "areas.md", TITLE, tables(rows))
     for area, n in jobs:
         measured = [row for row in rows if (row["area"], row["n"]) == (area, n)]
         sine = {row["method"]: row["random_s"] for row in measured}.get("sine", nan)

@@ -47,15 +47,16 @@ def show(title: str, rows: Sequence[Row]) -> None:
     print(tabulate(list(rows), headers="keys", missingval="", disable_numparse=True))
 
 
-def write_markdown(path: Path, tables: Mapping[str, Sequence[Row]]) -> None:
-    """Write tables under their titles; the file is whole or not there."""
+def write_markdown(path: Path, title: str, tables: Mapping[str, Sequence[Row]]) -> None:
+    """Write tables under their headings; the file is whole or not there."""
     part = path.with_name(path.name + ".part")
     with part.open("w") as file:
-        for title, rows in tables.items():
+        file.write(f"# {title}\n\n")
+        for heading, rows in tables.items():
             table = tabulate(
                 list(rows), headers="keys", missingval="", disable_numparse=True, tablefmt="github"
             )
-            file.write(f"## {title}\n\n{table}\n\n")
+            file.write(f"## {heading}\n\n{table}\n\n")
     os.replace(part, path)
 
 

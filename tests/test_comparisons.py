@@ -239,7 +239,7 @@ def test_areas(tmp_path, monkeypatch, capsys):
             assert int(row["random"]) <= 14
     assert (tmp_path / "areas.png").exists()
     written = (tmp_path / "areas.md").read_text()
-    assert written.count("| checkerboard") == written.count("## ") == 5
+    assert written.count("| checkerboard") == written.count("\n## ") == 5
     assert written.count("**") >= 4 * (len(names) + len(areas.ON_A_LINE))  # the fastest of each
 
 

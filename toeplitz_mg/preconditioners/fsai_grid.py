@@ -34,11 +34,12 @@ class CellGrid:
     @cached_property
     def offsets(self) -> Array:
         """The cell itself and those before it where the kernel is largest, shape (K, 2)."""
-        near = np.abs(self.kernel[: self.neighbours + 1, : self.neighbours + 1]).tolist()
-        n1, n2 = len(near), len(near[0])
-        before = [(-i, -j) for i in range(n1) for j in range(1 - n2, n2) if (i, j) > (0, 0)]
-        before.sort(key=lambda k: (-near[-k[0]][abs(k[1])], abs(k[0]) + abs(k[1])))
-        return np.array([(0, 0), *before[: self.neighbours]])
+        near = np.abs(self.kernel[: self.neighbours + 1, : self.neighbours + 1])
+        n1, n2 = near.shape
+        i, j = np.mgrid[:n1, 1 - n2 : n2].reshape(2, -1)[:, n2:]  # those before the cell
+        nearest = np.lexsort((i + np.abs(j), -near[i, np.abs(j)]))[: self.neighbours]
+        before = np.stack([-i, -j], axis=-1)[nearest]
+        return np.concatenate([np.zeros((1, 2), before.dtype), before])
 
     @cached_property
     def reach(self) -> Pair:
