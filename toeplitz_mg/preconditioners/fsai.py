@@ -117,12 +117,13 @@ class MultilevelSparseInverse(LinearOperator):
         -----
         What the kernel alone determines is shared, and so is what has not changed: the rows of
         this one are kept, and those that see a change are computed and applied beside them, until
-        they are many. At 512 x 512 cells, 1 % of the unknowns changed, it takes 0.05 to 0.25 of a
-        first set-up where they are in one place, 0.1 to 0.3 along the edges of the area, and 0.12
-        to 0.33 scattered. An application takes 1.1 to 1.5 times as long as that of a new one, and
+        they are many. At 512 x 512 cells, 1 % of the unknowns changed, it takes 0.05 to 0.3 of a
+        first set-up where they are in one place, 0.1 to 0.3 along the edges of the area, and 0.1
+        to 0.33 scattered. An application takes 1.1 to 1.6 times as long as that of a new one, and
         iterations are the same.
 
-        So it is of a chain of updates, each 0.2 to 0.5 where changes are scattered; where some
+        So it is of a chain of updates, each 0.15 to 0.7 where changes are scattered, while an
+        application takes up to twice as long as that of a new one; where some
         40 % of the rows of a level would stand beside those that it was built with, or be of no
         use any more, it is built anew.
 
