@@ -123,9 +123,9 @@ class MultilevelSparseInverse(LinearOperator):
         iterations are the same.
 
         So it is of a chain of updates, each 0.15 to 0.7 where changes are scattered, while an
-        application takes up to twice as long as that of a new one; where some
-        40 % of the rows of a level would stand beside those that it was built with, or be of no
-        use any more, it is built anew.
+        application takes up to twice as long as that of a new one. Where some 40 % of the rows of a
+        level would stand beside those that it was built with, or be of no use any more, it is built
+        anew.
 
         Examples
         --------
