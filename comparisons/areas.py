@@ -1,10 +1,11 @@
 """Every preconditioner on contact areas of every kind: what `default_preconditioner` rests on.
 
 The normal problem on an N x N grid of square elements, and one level: the paper's kernel on islands
-of a line. CG from a zero guess to a relative residual of 1e-8. The seconds are of CPU, the median
-of some set-ups and solves in a process of its own; what takes minutes is given up. A work unit is
-the time of one product with A there, and what a solve takes beyond its work units is what these do
-not see: vectors, and memory that sparse products wait for.
+of a line. Left out is what is not symmetric, as SD, and Jacobi, a multiple of the unit matrix here.
+CG from a zero guess to a relative residual of 1e-8. The seconds are of CPU, the median of some
+set-ups and solves in a process of its own; what takes minutes is given up. A work unit is the time
+of one product with A there, and what a solve takes beyond its work units is what these do not see:
+vectors, and memory that sparse products wait for.
 """
 
 import os
@@ -44,9 +45,11 @@ SHOWN = 512  # the grid whose tractions are drawn
 
 METHODS: dict[str, Callable[[Any], LinearOperator | None]] = {
     "none": lambda A: None,
+    "Strang": tmg.strang_preconditioner,
     "T. Chan": tmg.chan_preconditioner,
     "cosine": tmg.cosine_preconditioner,
     "sine": tmg.sine_preconditioner,
+    "spectral": tmg.spectral_preconditioner,
     "M": tmg.fft_preconditioner,
     "M̄": tmg.fft_rsm_preconditioner,
     "V(1,1)": tmg.multigrid,
