@@ -33,7 +33,8 @@ def aggregated(
         within = [cells.contact.take(s) for s in slots]
         place = [rows.place.take(s) for s in slots]
         U = [rows.sums.take(p, axis=1) * w for p, w in zip(place, within, strict=True)]
-        empty = [~w.any(axis=0) for w in within]  # no contact any more: load 0, diagonal 1
+        # No contact any more: the load is 0, the diagonal 1.
+        empty: list[Array] = [np.logical_not(w.any(axis=0)) for w in within]
         norms = [np.sqrt(np.einsum("im,im->m", u[0], u[0])) for u in U]
         for norm, none in zip(norms, empty, strict=True):
             check("the norm of a vector of W is", (norm + none).min(), grid.kernel.shape)
