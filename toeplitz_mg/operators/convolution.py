@@ -195,7 +195,7 @@ class DiagonalisedProduct:
     def multiply(self, X: Array, out: Array) -> None:
         """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
         # Extended by zeros; the transforms of real to real numbers stay in this memory.
-        grid = workspace("extended grid", (len(X), *self.fft_shape), self.dtype)
+        grid = workspace((len(X), *self.fft_shape), self.dtype)
         if self.fft_shape != self.grid_shape:
             grid[...] = 0.0
         grid[self._cut] = X.reshape(-1, *self.grid_shape)
@@ -255,7 +255,7 @@ class GohbergSemenculProduct:
         if m == n:
             plan.multiply_folded(X, self._factors, out)
             return
-        Z = workspace("extended rows", (len(X), m), self.dtype)
+        Z = workspace((len(X), m), self.dtype)
         Z[:, :n] = X
         Z[:, n:] = 0.0
         parts = [np.correlate(self._u, z, "valid") for z in Z[:, :n]]
