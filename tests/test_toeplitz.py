@@ -200,6 +200,20 @@ def test_a_product_of_accepted_coefficients_does_not_overflow(shape, dtype):
             (tmg.ToeplitzOperator.from_lags if lags.shape != shape else tmg.ToeplitzOperator)(lags)
 
 
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("n", [3, 400, 50000])
+def test_the_smallest_coefficients_that_are_accepted_lose_no_digits(n, dtype):
+    c = (0.9 ** np.arange(n)).astype(dtype)
+    x = np.random.default_rng(0).standard_normal(n).astype(dtype)
+    small = np.finfo(dtype).tiny * 4.0 * n
+    y = tmg.ToeplitzOperator((2.0 * small * c).astype(dtype)) @ x
+    expected = tmg.ToeplitzOperator(c) @ x
+    atol = 1e3 * np.finfo(dtype).eps * np.abs(expected).max()
+    assert_allclose(y / (2.0 * small), expected, rtol=0, atol=atol)
+    with pytest.raises(ValueError, match="so that no product loses digits"):
+        tmg.ToeplitzOperator((0.5 * small * c).astype(dtype))
+
+
 def test_coefficients_whose_sum_is_no_number_of_double_precision_are_refused():
     with pytest.raises(ValueError, match="sizes add up to inf"):
         tmg.ToeplitzOperator([1e308] * 9)

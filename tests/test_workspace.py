@@ -3,7 +3,7 @@
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from itertools import cycle, pairwise
+from itertools import count, cycle, pairwise
 
 import numpy as np
 import pytest
@@ -93,6 +93,34 @@ def test_what_another_thread_or_a_waiting_generator_has_is_not_given_out():
         array = pool.submit(workspace, SHAPE, np.uint8).result()
         again = pool.submit(workspace, SHAPE, np.uint8).result()
     assert not np.shares_memory(array, again)
+
+
+def test_an_interrupt_within_does_no_harm():
+    """In each line of it: what it gives out afterwards nobody else has."""
+    held, interrupted = [workspace(SHAPE, np.uint8)], 0
+    before = sys.gettrace()
+    for k in range(12):
+        lines = count()
+
+        def interrupt(frame, event, _, k=k, lines=lines):
+            if frame.f_code is not workspace.__code__:
+                return None
+            if event == "line" and next(lines) == k:
+                raise KeyboardInterrupt
+            return interrupt
+
+        for _ in range(2):  # where it takes new memory, and where it finds some
+            sys.settrace(interrupt)
+            try:
+                held.append(workspace(SHAPE, np.uint8))
+            except KeyboardInterrupt:
+                interrupted += 1
+            finally:
+                sys.settrace(before)
+        held.append(workspace(SHAPE, np.uint8))
+        held.pop(0)
+    assert interrupted > 8
+    assert len({a.ctypes.data for a in held}) == len(held)
 
 
 # Products that are interrupted --------------------------------------------------------------

@@ -13,6 +13,7 @@ from scipy.linalg import toeplitz
 from toeplitz_mg.operators.transforms import OneStep, Panels, near_fast_length, plan_of
 from toeplitz_mg.operators.work import count_transforms, count_work, levels_of
 from toeplitz_mg.operators.workspace import workspace
+from toeplitz_mg.values import unmasked
 
 Array = NDArray[Any]
 
@@ -183,7 +184,7 @@ class DiagonalisedProduct:
         points = prod(grid_shape) / 2 ** levels_of(grid_shape)
         self.grid_shape, self.dtype, self.points = grid_shape, np.dtype(dtype), points
         self.transforms = transforms
-        self.spectrum = spectrum.astype(self.dtype, copy=False)
+        self.spectrum = unmasked("spectrum", spectrum).astype(self.dtype, copy=False)
         self.fft_shape = fft_shape
         self._axes = tuple(range(-len(grid_shape), 0))
         self._cut: Any = (..., *(slice(n) for n in grid_shape))

@@ -49,8 +49,9 @@ class ToeplitzOperator(RowsOperator):
     TypeError
         For coefficients that are not real numbers.
     ValueError
-        For coefficients that are empty or not finite, or so large that products overflow (above
-        some 1e305 in double precision, 1e36 in single), and for `r` of another length than `c`.
+        For coefficients that are empty or not finite, or so large or so small that products
+        over- or underflow (above some 1e305 in double precision and 1e36 in single; below some
+        1e-302 and 1e-32 of a million unknowns), and for `r` of another length than `c`.
 
     Notes
     -----
@@ -278,16 +279,30 @@ def _coefficients(values: ArrayLike, name: str) -> Array:
         where = np.argwhere(~np.isfinite(array))[0]
         at = tuple(int(k) for k in where)
         raise ValueError(f"{name} has the coefficient {array[at]} at {at}, but all must be finite")
+    _require_digits(name, np.abs(array))
+    return array
+
+
+def _require_digits(name: str, sizes: Array) -> None:
+    """Raise ValueError where coefficients of these sizes make products over- or underflow."""
+    numbers = np.finfo(sizes.dtype)
     with np.errstate(over="ignore"):  # to inf, which is too much
-        total = float(np.abs(array).sum(dtype=np.float64))
-    most = float(np.finfo(array.dtype).max) * HEADROOM / 2**array.ndim
+        total = float(sizes.sum(dtype=np.float64))
+    most = float(numbers.max) * HEADROOM / 2**sizes.ndim
     if total > most:
         raise ValueError(
             f"{name} has coefficients whose sizes add up to {total:.3g}, but must be at most "
             f"{most:.3g} so that no product overflows: divide the matrix, and what it is to give, "
             "by a number"
         )
-    return array
+    # Some eigenvalue is as large. A product has it divided by the length of the transforms.
+    largest, least = float(sizes.max()), float(numbers.tiny) * 2 ** (sizes.ndim + 1) * sizes.size
+    if 0.0 < largest < least:
+        raise ValueError(
+            f"{name} has coefficients of size {largest:.3g} at most, but must have one of "
+            f"{least:.3g} so that no product loses digits: multiply the matrix, and what it is to "
+            "give, by a number"
+        )
 
 
 def _mirrored(column: Array) -> Array:
