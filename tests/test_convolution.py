@@ -16,7 +16,6 @@ from toeplitz_mg.operators import fourstep
 from toeplitz_mg.operators.convolution import DENSE, ToeplitzProduct
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.transforms import LONG
-from toeplitz_mg.operators.workspace import LARGE_PAGE, workspace
 
 # On both sides of every change of method, primes, squares, powers of 2.
 LENGTHS = [1, 2, 3, DENSE, DENSE + 1, 1021, 4096, LONG - 1, LONG, LONG + 3, 40000, 2**16]
@@ -193,14 +192,6 @@ def test_neighbours_in_a_column_of_a_panel_are_an_odd_number_of_cache_lines_apar
     plan = fourstep.four_step(n, np.complex128)
     assert plan.width * plan.dtype.itemsize // 64 % 2 == 1
     assert plan.width % 4 == 0
-
-
-def test_a_workspace_is_the_same_memory_and_a_large_one_begins_on_a_large_page():
-    for size in (2**10, 2**20, 2**22 + 5):
-        memory = workspace("test", (size,), np.uint8)
-        assert memory.size == size
-        assert np.shares_memory(workspace("test", (size,), np.uint8), memory)
-        assert size < 2**20 or memory.ctypes.data % LARGE_PAGE == 0
 
 
 def test_a_dense_matrix_is_the_matrix():

@@ -402,3 +402,18 @@ def test_refuses_bad_grids():
             lags((4.0, 1), (1.0, 1.0))
     with pytest.raises(ValueError, match="n is 0"):
         halfspace.line_contact_coefficients(0, 1.0, G=1.0, nu=0.3, reference=9.0)
+
+
+@pytest.mark.parametrize("name", ["x", "y"])
+def test_masked_points_are_refused(name):
+    points = {"x": 0.0, "y": 0.0, name: np.ma.masked_array([0.0, 1.0], [True, False])}
+    with pytest.raises(TypeError, match=f"{name} is a masked array"):
+        halfspace.influence_zz(**points, element=(1.0, 1.0), G=1.0, nu=0.3)
+
+
+def test_a_masked_number_is_refused():
+    x, y = halfspace.lags((4, 4), (1.0, 1.0))
+    with pytest.raises(TypeError, match="G is a masked array"):
+        halfspace.influence_zz(x, y, (1.0, 1.0), G=np.ma.masked, nu=0.3)
+    with pytest.raises(TypeError, match="weights is a masked array"):
+        tmg.Interpolation(np.ma.masked_array([1.0, 1.0], [False, True]))

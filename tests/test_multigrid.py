@@ -55,7 +55,7 @@ BY_AREA = [case for case in OPERATORS if by_area(*case.values)]
 def matrices(transfer, n, n_coarse):
     P = np.empty((n_coarse, n))
     transfer.interpolate(np.eye(n_coarse), P)
-    return transfer.restrict(np.eye(n), "test").copy().T, P.T
+    return transfer.restrict(np.eye(n)).copy().T, P.T
 
 
 def iterations(solve, problem, M, **options):

@@ -179,3 +179,52 @@ def test_products_are_counted():
     A @ np.ones(24)
     assert (inner.products, inner.units(24)) == (7, 7.0)
     assert (outer.products, outer.units(24)) == (9, 8.5)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("shape", [(3,), (400,), (2, 3), (20, 30)])
+def test_a_product_of_accepted_coefficients_does_not_overflow(shape, dtype):
+    """The largest that are accepted multiply as others do, and larger ones are refused."""
+    c = np.full(shape, 1.0 / np.prod(shape) / 2 ** len(shape), dtype)  # rows add up to at most 1
+    x = np.random.default_rng(0).uniform(-1.0, 1.0, c.size).astype(dtype)
+    ones = np.ones(c.size, dtype)
+    large = np.finfo(dtype).max / 2**9
+    A, B = tmg.ToeplitzOperator(c), tmg.ToeplitzOperator(large * c)
+    for v in (x, ones):
+        expected = (A @ v).astype(np.float64)
+        assert_allclose((B @ v) / float(large), expected, atol=20 * np.finfo(dtype).eps)
+    C = tmg.CoupledOperator([[B, B], [B, B]])
+    assert np.isfinite(C @ np.ones(2 * c.size, dtype)).all()
+    for lags in (16 * (large * c), tmg.ToeplitzOperator(c).lags * (16 * large)):
+        with pytest.raises(ValueError, match="so that no product overflows"):
+            (tmg.ToeplitzOperator.from_lags if lags.shape != shape else tmg.ToeplitzOperator)(lags)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("n", [3, 400, 50000])
+def test_the_smallest_coefficients_that_are_accepted_lose_no_digits(n, dtype):
+    c = (0.9 ** np.arange(n)).astype(dtype)
+    x = np.random.default_rng(0).standard_normal(n).astype(dtype)
+    small = np.finfo(dtype).tiny * 4.0 * n
+    y = tmg.ToeplitzOperator((2.0 * small * c).astype(dtype)) @ x
+    expected = tmg.ToeplitzOperator(c) @ x
+    atol = 1e3 * np.finfo(dtype).eps * np.abs(expected).max()
+    assert_allclose(y / (2.0 * small), expected, rtol=0, atol=atol)
+    with pytest.raises(ValueError, match="so that no product loses digits"):
+        tmg.ToeplitzOperator((0.5 * small * c).astype(dtype))
+
+
+def test_coefficients_whose_sum_is_no_number_of_double_precision_are_refused():
+    with pytest.raises(ValueError, match="sizes add up to inf"):
+        tmg.ToeplitzOperator([1e308] * 9)
+
+
+def test_masked_coefficients_are_refused():
+    c = np.ma.masked_array([3.0, 2.0, 1.0], [False, True, False])
+    for build in (tmg.ToeplitzOperator, lambda c: tmg.ToeplitzOperator([3.0, 2.0, 1.0], c)):
+        with pytest.raises(TypeError, match=r"[cr] is a masked array"):
+            build(c)
+    with pytest.raises(TypeError, match="lags is a masked array"):
+        tmg.ToeplitzOperator.from_lags(c)
+    with pytest.raises(TypeError, match="c is a masked array"):
+        tmg.ToeplitzOperator([c, c])

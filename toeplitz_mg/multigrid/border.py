@@ -61,7 +61,7 @@ class Border:
         U = np.zeros((len(unknowns), level.A.shape[0]), dtype=level.A.dtype)
         U[np.arange(len(unknowns))[:, np.newaxis], unknowns] = weights
         columns = apply_to_rows(level.A, U)
-        V = transfer.restrict(columns, "border").copy()
+        V = transfer.restrict(columns).copy()
         W = solve_coarse(V).copy()
         s = transfer.scale
         S = columns[:, unknowns] @ weights - s * V @ W.T

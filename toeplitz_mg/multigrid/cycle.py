@@ -11,7 +11,7 @@ from toeplitz_mg.multigrid.border import Border
 from toeplitz_mg.multigrid.hierarchy import Level, Smoother, build_levels
 from toeplitz_mg.multigrid.interpolation import Interpolation, piecewise_constant
 from toeplitz_mg.multigrid.transfer import Coarsening
-from toeplitz_mg.operators import apply_to_rows, as_rows
+from toeplitz_mg.operators import RowsOperator, apply_to_rows
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.workspace import workspace
 from toeplitz_mg.preconditioners import fft_rsm_preconditioner
@@ -20,7 +20,7 @@ from toeplitz_mg.values import count
 Array = NDArray[Any]
 
 
-class Multigrid(LinearOperator):
+class Multigrid(RowsOperator):
     """One multigrid cycle from a zero guess, an approximate inverse of ``levels[0].A``.
 
     Made by `multigrid`, which has the documentation and an example; or from levels of one's own.
@@ -51,18 +51,14 @@ class Multigrid(LinearOperator):
         for k in reversed(range(len(levels) - 1)):
             self._borders[k] = Border.of(levels[k], partial(self._solve_coarse, k))
 
-    def _matvec(self, b: Array) -> Array:
-        b = as_rows(b, self.shape[1])
-        return self._apply(b)
-
-    def _matmat(self, B: Array) -> Array:
-        return self._apply(B.mT).mT
-
     def _apply(self, B: Array, out: Array | None = None) -> Array:
         dtype = np.result_type(B, self.dtype)
         X = np.empty(B.shape, dtype) if out is None else out
         shape = B.shape if B.ndim == 1 else (-1, B.shape[-1])
-        rows = B.reshape(shape).astype(dtype, copy=X is B)
+        rows = B.reshape(shape)
+        if X is B or B.dtype != dtype:
+            rows = workspace(rows.shape, dtype)
+            rows[...] = B.reshape(shape)
         self._cycle(0, rows, X.reshape(shape))
         return X
 
@@ -73,7 +69,7 @@ class Multigrid(LinearOperator):
         if level.transfer is None:
             apply_to_rows(S, b, x)
             return
-        r = workspace(f"residual {k}", b.shape, b.dtype)
+        r = workspace(b.shape, b.dtype)
         if self.pre:
             apply_to_rows(S, b, x)
             for _ in range(self.pre - 1):
@@ -92,7 +88,7 @@ class Multigrid(LinearOperator):
         """Write to x, which may be r, the correction of the coarse grid for the residual r."""
         transfer, border = self.levels[k].transfer, self._borders[k]
         assert transfer is not None
-        e = self._solve_coarse(k, transfer.restrict(r, f"restricted {k}"))
+        e = self._solve_coarse(k, transfer.restrict(r))
         left = None
         if border is not None:
             e, left = border.correct(e, r)
@@ -102,12 +98,12 @@ class Multigrid(LinearOperator):
 
     def _solve_coarse(self, k: int, r: Array) -> Array:
         """Solve on level k + 1 by gamma cycles."""
-        e = workspace(f"solution {k}", r.shape, r.dtype)
+        e = workspace(r.shape, r.dtype)
         self._cycle(k + 1, r, e)
         if self.levels[k + 1].transfer is not None:  # the coarsest is solved exactly at once
             for _ in range(self.gamma - 1):
-                again = workspace(f"again {k}", r.shape, r.dtype)
-                correction = workspace(f"correction {k}", r.shape, r.dtype)
+                again = workspace(r.shape, r.dtype)
+                correction = workspace(r.shape, r.dtype)
                 _residual(self.levels[k + 1].A, e, r, again)
                 self._cycle(k + 1, again, correction)
                 e += correction

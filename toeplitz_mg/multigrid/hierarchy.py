@@ -11,7 +11,7 @@ from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg.multigrid.interpolation import Interpolation
 from toeplitz_mg.multigrid.transfer import Coarsening, Transfer, galerkin
-from toeplitz_mg.operators import as_rows
+from toeplitz_mg.operators import RowsOperator
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.preconditioners.positivity import DENSE
 from toeplitz_mg.preconditioners.row_sum import RowSumModified
@@ -43,7 +43,7 @@ class Level:
     transfer: Transfer | None
 
 
-class DenseInverse(LinearOperator):
+class DenseInverse(RowsOperator):
     """The inverse of a small symmetric positive definite operator, by a Cholesky factorisation.
 
     Raises
@@ -61,18 +61,18 @@ class DenseInverse(LinearOperator):
                 f"the matrix of the coarsest grid, {A!r}, is not positive definite: {error}"
             ) from None
 
-    def _matvec(self, x: Array) -> Array:
-        rows = as_rows(x, self.shape[1])
+    def _apply(self, X: Array, out: Array | None = None) -> Array:
         # In the nearest precision that LAPACK has.
-        dtype = np.result_type(x, self.dtype)
+        dtype = np.result_type(X, self.dtype)
         if dtype.char not in "fdFD":
             dtype = np.dtype(np.complex128 if dtype.kind == "c" else np.float64)
-        columns = rows.reshape(-1, self.shape[1]).T.astype(dtype)
+        columns = X.reshape(-1, self.shape[1]).T.astype(dtype)
         solution = cho_solve(self._factor, columns, overwrite_b=True, check_finite=False)
-        return np.asarray(solution).T.reshape(rows.shape)
-
-    def _matmat(self, X: Array) -> Array:
-        return self._matvec(X.mT).mT
+        rows = np.asarray(solution).T.reshape(X.shape)
+        if out is None:
+            return rows
+        out[...] = rows
+        return out
 
     def _adjoint(self) -> "DenseInverse":
         return self

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from toeplitz_mg.values import unmasked
+
 Array = NDArray[Any]
 # One weight or one for each; the fine elements where it stands; the coarse ones that it is of, in
 # the first piece all.
@@ -40,6 +42,7 @@ class Interpolation:
     coarser: "Interpolation | None" = None
 
     def __post_init__(self) -> None:
+        unmasked("weights", self.weights)
         if len(self.weights) < 2 or not np.isfinite(self.weights).all():
             raise ValueError(f"weights are {self.weights}, but must be 2 finite numbers or more")
 

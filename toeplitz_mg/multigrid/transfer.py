@@ -234,10 +234,10 @@ class Transfer:
             return last[np.newaxis], np.array(self.interpolation.weights[: len(last)])
         return self.leftover[:, np.newaxis], np.ones(1)
 
-    def restrict(self, r: Array, purpose: str) -> Array:
+    def restrict(self, r: Array) -> Array:
         """Average over the fine elements of each coarse one, level by level (Eq. 13).
 
-        The result is in the `workspace` of that purpose.
+        The result is a `workspace`: what is to be kept for long had better be a copy.
         """
         grid = _on_grid(r, self.fine_mask, self.fine_shape)
         rows = r.ndim - 1
@@ -246,14 +246,14 @@ class Transfer:
                 continue
             m = t.coarse_length(n)
             shape = (*grid.shape[:axis], m, *grid.shape[axis + 1 :])
-            coarse = workspace(f"{purpose}, {axis - rows}", shape, grid.dtype)
+            coarse = workspace(shape, grid.dtype)
             for k, (weight, fine, to) in enumerate(t.pieces(n)):
-                target = coarse[at(axis, to)]
-                part = workspace("part", target.shape, grid.dtype) if k else target
+                target, values = coarse[at(axis, to)], grid[at(axis, fine)]
                 scaled = along((weight / t.ratio(n)).astype(grid.dtype), axis, grid.ndim)
-                np.multiply(grid[at(axis, fine)], scaled, out=part)
-                if k:  # the first piece is of all coarse elements
-                    target += part
+                if k:
+                    _add_product(target, values, scaled)
+                else:  # the first piece is of all coarse elements
+                    np.multiply(values, scaled, out=target)
             grid = coarse
         if self.coarse_mask is not None:
             return np.asarray(grid[..., self.coarse_mask])
@@ -263,7 +263,7 @@ class Transfer:
         """Copy each coarse value to its fine elements, and zero to those left over (Eq. 14)."""
         grid = _on_grid(e, self.coarse_mask, self.coarse_shape)
         if self.fine_mask is not None:
-            fine = workspace("fine grid", (*e.shape[:-1], *self.fine_shape), e.dtype)
+            fine = workspace((*e.shape[:-1], *self.fine_shape), e.dtype)
             _spread(grid, fine, self.by)
             out[...] = fine[..., self.fine_mask]
         else:
@@ -273,10 +273,14 @@ class Transfer:
 def _on_grid(x: Array, mask: Array | None, shape: tuple[int, ...]) -> Array:
     if mask is None:
         return x.reshape(x.shape[:-1] + shape)
-    grid = workspace("on grid", x.shape[:-1] + shape, x.dtype)
+    grid = workspace(x.shape[:-1] + shape, x.dtype)
     grid[...] = 0.0
     grid[..., mask] = x
     return grid
+
+
+def _add_product(target: Array, values: Array, weights: Array) -> None:
+    target += np.multiply(values, weights, out=workspace(values.shape, values.dtype))
 
 
 def _spread(coarse: Array, fine: Array, by: Directions) -> None:
@@ -287,13 +291,11 @@ def _spread(coarse: Array, fine: Array, by: Directions) -> None:
             continue
         last = all(coarse.shape[k] == fine.shape[k] for k in range(axis + 1, coarse.ndim))
         shape = (*fine.shape[: axis + 1], *coarse.shape[axis + 1 :])
-        to = fine if last else np.empty(shape, coarse.dtype)
+        to = fine if last else workspace(shape, coarse.dtype)
         to[...] = 0.0
         for weight, at_fine, of in t.pieces(fine.shape[axis]):
-            values = coarse[at(axis, of)]
-            part = workspace("part", values.shape, coarse.dtype)
             scaled = along(weight.astype(coarse.dtype), axis, coarse.ndim)
-            to[at(axis, at_fine)] += np.multiply(values, scaled, out=part)
+            _add_product(to[at(axis, at_fine)], coarse[at(axis, of)], scaled)
         coarse = to
     if coarse is not fine:
         fine[...] = coarse

@@ -4,7 +4,7 @@ from toeplitz_mg.operators.convolution import DiagonalisedProduct
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.diagonalised import DiagonalisedOperator
 from toeplitz_mg.operators.masked import MaskedOperator
-from toeplitz_mg.operators.rows import apply_to_rows, as_rows
+from toeplitz_mg.operators.rows import RowsOperator, apply_to_rows, as_rows
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 from toeplitz_mg.operators.work import ProductCount, count_products
 
@@ -14,6 +14,7 @@ __all__ = [
     "DiagonalisedProduct",
     "MaskedOperator",
     "ProductCount",
+    "RowsOperator",
     "ToeplitzOperator",
     "apply_to_rows",
     "as_rows",

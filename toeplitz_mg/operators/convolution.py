@@ -13,6 +13,7 @@ from scipy.linalg import toeplitz
 from toeplitz_mg.operators.transforms import OneStep, Panels, near_fast_length, plan_of
 from toeplitz_mg.operators.work import count_transforms, count_work, levels_of
 from toeplitz_mg.operators.workspace import workspace
+from toeplitz_mg.values import unmasked
 
 Array = NDArray[Any]
 
@@ -183,7 +184,7 @@ class DiagonalisedProduct:
         points = prod(grid_shape) / 2 ** levels_of(grid_shape)
         self.grid_shape, self.dtype, self.points = grid_shape, np.dtype(dtype), points
         self.transforms = transforms
-        self.spectrum = spectrum.astype(self.dtype, copy=False)
+        self.spectrum = unmasked("spectrum", spectrum).astype(self.dtype, copy=False)
         self.fft_shape = fft_shape
         self._axes = tuple(range(-len(grid_shape), 0))
         self._cut: Any = (..., *(slice(n) for n in grid_shape))
@@ -195,7 +196,7 @@ class DiagonalisedProduct:
     def multiply(self, X: Array, out: Array) -> None:
         """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
         # Extended by zeros; the transforms of real to real numbers stay in this memory.
-        grid = workspace("extended grid", (len(X), *self.fft_shape), self.dtype)
+        grid = workspace((len(X), *self.fft_shape), self.dtype)
         if self.fft_shape != self.grid_shape:
             grid[...] = 0.0
         grid[self._cut] = X.reshape(-1, *self.grid_shape)
@@ -255,7 +256,7 @@ class GohbergSemenculProduct:
         if m == n:
             plan.multiply_folded(X, self._factors, out)
             return
-        Z = workspace("extended rows", (len(X), m), self.dtype)
+        Z = workspace((len(X), m), self.dtype)
         Z[:, :n] = X
         Z[:, n:] = 0.0
         parts = [np.correlate(self._u, z, "valid") for z in Z[:, :n]]

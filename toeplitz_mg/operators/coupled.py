@@ -6,16 +6,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators.multilevel import MultilevelProduct
-from toeplitz_mg.operators.rows import as_rows
+from toeplitz_mg.operators.rows import RowsOperator
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
 Array = NDArray[Any]
 
 
-class CoupledOperator(LinearOperator):
+class CoupledOperator(RowsOperator):
     """A square array of Toeplitz matrices, between the components of a field on one grid.
 
     The vectors hold one component after the other, each flattened in C order: they are fields of
@@ -152,12 +151,6 @@ class CoupledOperator(LinearOperator):
 
     def _apply(self, X: Array, out: Array | None = None) -> Array:
         return self._product(X, out)
-
-    def _matvec(self, x: Array) -> Array:
-        return self._apply(as_rows(x, self.shape[1]))
-
-    def _matmat(self, X: Array) -> Array:
-        return np.asarray(self._apply(X.mT).mT)
 
     def _adjoint(self) -> "CoupledOperator":
         if self.is_symmetric:

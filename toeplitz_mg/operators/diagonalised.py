@@ -3,17 +3,15 @@
 from math import prod
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators.convolution import DiagonalisedProduct
-from toeplitz_mg.operators.rows import as_rows
+from toeplitz_mg.operators.rows import RowsOperator
 
 Array = NDArray[Any]
 
 
-class DiagonalisedOperator(LinearOperator):
+class DiagonalisedOperator(RowsOperator):
     """A symmetric matrix of any number of levels, given by its eigenvalues.
 
     Parameters
@@ -38,12 +36,6 @@ class DiagonalisedOperator(LinearOperator):
 
     def _apply(self, X: Array, out: Array | None = None) -> Array:
         return self._product(X, out)
-
-    def _matvec(self, x: Array) -> Array:
-        return self._apply(as_rows(x, self.shape[1]))
-
-    def _matmat(self, X: Array) -> Array:
-        return np.asarray(self._apply(X.mT).mT)
 
     def _adjoint(self) -> "DiagonalisedOperator":
         return self

@@ -75,9 +75,9 @@ class FourStep:
     def spectrum(self, load: Load, shift: float) -> Array:
         """Transform a vector, and return all of it, in the order [k₁, k₂].
 
-        The result is in the `workspace` of the products: copy what is to be kept.
+        The result is a `workspace`: what is to be kept for long had better be a copy.
         """
-        W = workspace("four-step", self.shape, self.dtype)
+        W = workspace(self.shape, self.dtype)
         self._columns_in(W, load)
 
         def work(blocks: range) -> None:
@@ -104,7 +104,7 @@ class FourStep:
             Receives a panel Q, which it may overwrite; the columns of the result are the
             conjugate of u Q, with u of the last shift.
         """
-        W = workspace("four-step", self.shape, self.dtype)
+        W = workspace(self.shape, self.dtype)
         self._columns_in(W, load)
         for k, (shift, eigenvalues) in enumerate(factors):
             if k:
@@ -124,11 +124,10 @@ class FourStep:
 
         By panels, as Z may have rows that all go to the same part of the cache.
         """
-        for start in range(0, len(out), self.width):
-            part = out[start : start + self.width]
-            P = workspace("panel", part.T.shape, self.dtype)
-            P[...] = Z[:, start : start + self.width]
-            part[...] = P.T
+        count = -(-len(out) // self.width)
+        for columns, P in self._panels(range(count), len(out)):
+            P[...] = Z[:, columns]
+            out[columns] = P.T
 
     def _columns_in(self, W: Array, load: Load) -> None:
         def work(panels: range) -> None:
@@ -179,18 +178,20 @@ class FourStep:
         """The number of blocks of rows, or of panels of columns."""
         return -(-self.shape[axis] // (self.width if axis else self.height))
 
-    def _panels(self, panels: range) -> Iterator[tuple[slice, Array]]:
-        """Yield the columns of each panel, and memory for it."""
+    def _panels(self, panels: range, end: int | None = None) -> Iterator[tuple[slice, Array]]:
+        """Yield the columns of each panel, up to `end`, and memory for it, the same for all."""
         rows, columns = self.shape
+        memory = workspace((rows * self.width,), self.dtype)
         for start in (panel * self.width for panel in panels):
-            stop = min(columns, start + self.width)
-            yield slice(start, stop), workspace("panel", (rows, stop - start), self.dtype)
+            stop = min(end or columns, start + self.width)
+            yield slice(start, stop), memory[: rows * (stop - start)].reshape(rows, -1)
 
     def _blocks(self, blocks: range, shift: float) -> Iterator[tuple[slice, Array]]:
-        """Yield the rows k₁ of each block, and its twiddle factors."""
+        """Yield the rows k₁ of each block, and its twiddle factors, in the same memory for all."""
         rows, columns = self.shape
         first, step = _twiddles(rows, columns, self.height, shift, self.dtype)
         row = step  # of any value
+        memory = workspace((self.height, columns), self.dtype)
         for block in blocks:
             start = block * self.height
             stop = min(rows, start + self.height)
@@ -198,7 +199,7 @@ class FourStep:
                 row = row * step
             else:
                 row = _row_of_twiddles(start, columns, self.length)
-            T = workspace("twiddles", (stop - start, columns), self.dtype)
+            T = memory[: stop - start]
             np.multiply(first[: stop - start], row.astype(self.dtype, copy=False), out=T)
             yield slice(start, stop), T
 

@@ -4,15 +4,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators.convolution import GohbergSemenculProduct
-from toeplitz_mg.operators.rows import as_rows
+from toeplitz_mg.operators.rows import RowsOperator
+from toeplitz_mg.values import unmasked
 
 Array = NDArray[Any]
 
 
-class GohbergSemencul(LinearOperator):
+class GohbergSemencul(RowsOperator):
     """The inverse of the symmetric Toeplitz matrix A, given x = A⁻¹ e₁.
 
     With J the reversal, A⁻¹ v = (Re z + J Im z)/(2 x₀) where z = C Sᵀ (v + i J v), C and S the
@@ -38,6 +38,7 @@ class GohbergSemencul(LinearOperator):
     """
 
     def __init__(self, x: Array) -> None:
+        x = unmasked("x", x)
         super().__init__(x.dtype, (len(x), len(x)))
         self.grid_shape = (len(x),)
         if not x[0] > 0.0:
@@ -53,12 +54,6 @@ class GohbergSemencul(LinearOperator):
 
     def _apply(self, V: Array, out: Array | None = None) -> Array:
         return self._product(V, out)
-
-    def _matvec(self, v: Array) -> Array:
-        return self._apply(as_rows(v, self.shape[1]))
-
-    def _matmat(self, V: Array) -> Array:
-        return self._apply(V.mT).mT
 
     def _adjoint(self) -> "GohbergSemencul":
         return self

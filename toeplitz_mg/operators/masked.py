@@ -1,5 +1,6 @@
 """Rows and columns of an operator on a part of its grid: extend, multiply, restrict."""
 
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -7,14 +8,15 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators.coupled import CoupledOperator
-from toeplitz_mg.operators.rows import apply_to_rows, as_rows
+from toeplitz_mg.operators.rows import RowsOperator, apply_to_rows
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 from toeplitz_mg.operators.workspace import workspace
+from toeplitz_mg.values import unmasked
 
 Array = NDArray[Any]
 
 
-class MaskedOperator(LinearOperator):
+class MaskedOperator(RowsOperator):
     """The rows and columns of an operator where a mask is true (paper, §5.4).
 
     The Toeplitz structure is lost, the fast product is not: extend the vector by zeros, multiply
@@ -23,8 +25,8 @@ class MaskedOperator(LinearOperator):
     Parameters
     ----------
     A : ToeplitzOperator
-        An operator on a grid. Any LinearOperator with the attribute ``grid_shape`` will do, such
-        as a DiagonalisedOperator.
+        An operator on a whole grid. Any LinearOperator will do that acts on vectors of all points
+        of the grid that its attribute ``grid_shape`` says, such as a DiagonalisedOperator.
     mask : array_like of bool, of shape ``A.grid_shape``
         True where there is contact; of coupled components one mask may do for all.
 
@@ -38,7 +40,8 @@ class MaskedOperator(LinearOperator):
     Raises
     ------
     TypeError
-        Where the mask is not of booleans, or `A` has no grid.
+        Where the mask is not of booleans, or `A` is not an operator on a whole grid, as an
+        operator on a part of one.
     ValueError
         Where the mask has another shape than the grid, or is nowhere true.
 
@@ -63,18 +66,18 @@ class MaskedOperator(LinearOperator):
                 f"A is a {type(A).__name__}, but a mask needs an operator on a whole grid, "
                 "such as a ToeplitzOperator"
             )
-        mask = mask_of_all(mask, grid_shape) if isinstance(A, CoupledOperator) else np.asarray(mask)
-        if mask.dtype != np.bool_:
-            raise TypeError(f"mask has dtype {mask.dtype}, but must be of booleans")
-        if mask.shape != grid_shape:
-            raise ValueError(f"mask has shape {mask.shape}, but A lives on the grid {grid_shape}")
-        if not mask.any():
-            raise ValueError(f"mask of shape {mask.shape} is nowhere true: there are no unknowns")
+        if A.shape != (prod(grid_shape),) * 2:
+            raise TypeError(
+                f"A has the shape {A.shape} on a grid {grid_shape}, of which it is a part already, "
+                "but a mask needs an operator on a whole grid: take the matrix, or the "
+                "preconditioner, of the whole grid"
+            )
+        if isinstance(A, CoupledOperator):
+            mask = mask_of_all(mask, grid_shape)
         self.full = A
-        self.mask = mask.copy()
-        self.mask.flags.writeable = False
+        self.mask = mask_on(grid_shape, mask)
         self.grid_shape: tuple[int, ...] = grid_shape
-        self._index = np.flatnonzero(mask)
+        self._index = np.flatnonzero(self.mask)
         super().__init__(A.dtype, (len(self._index), len(self._index)))
 
     def toarray(self) -> Array:
@@ -95,18 +98,12 @@ class MaskedOperator(LinearOperator):
         if out is None:
             out = np.empty(X.shape, np.result_type(X, self.dtype))
         rows = X.reshape(-1, X.shape[-1])
-        grid = workspace("grid", (len(rows), self.full.shape[1]), out.dtype)
+        grid = workspace((len(rows), self.full.shape[1]), out.dtype)
         grid[...] = 0.0
         grid[:, self._index] = rows
         apply_to_rows(self.full, grid, grid)
         out[...] = grid[:, self._index].reshape(X.shape)
         return out
-
-    def _matvec(self, x: Array) -> Array:
-        return self._apply(as_rows(x, self.shape[1]))
-
-    def _matmat(self, X: Array) -> Array:
-        return self._apply(X.mT).mT
 
     def _adjoint(self) -> "MaskedOperator":
         full = self.full.H
@@ -119,9 +116,23 @@ class MaskedOperator(LinearOperator):
         return f"<MaskedOperator {self.shape[0]} of {self.mask.size} points of {self.full!r}>"
 
 
+def mask_on(grid_shape: tuple[int, ...], mask: ArrayLike) -> Array:
+    """Return a copy of a mask on this grid that cannot be changed, or say what is wrong with it."""
+    mask = unmasked("mask", mask)
+    if mask.dtype != np.bool_:
+        raise TypeError(f"mask has dtype {mask.dtype}, but must be of booleans")
+    if mask.shape != grid_shape:
+        raise ValueError(f"mask has shape {mask.shape}, but A lives on the grid {grid_shape}")
+    if not mask.any():
+        raise ValueError(f"mask of shape {mask.shape} is nowhere true: there are no unknowns")
+    mask = mask.copy()
+    mask.flags.writeable = False
+    return mask
+
+
 def mask_of_all(mask: ArrayLike, grid_shape: tuple[int, ...]) -> Array:
     """Return a mask of all components, on this grid, where it is that of one."""
-    mask = np.asarray(mask)
+    mask = unmasked("mask", mask)
     return np.broadcast_to(mask, grid_shape) if mask.shape == grid_shape[1:] else mask
 
 

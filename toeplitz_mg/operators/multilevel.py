@@ -158,7 +158,7 @@ class MultilevelProduct:
         precision = np.dtype(self.dtype.char.upper())
         w = phase_factors(L, 0.25, precision)[:n]
         x, y = X.reshape(-1, n), out.reshape(-1, n)
-        Z = workspace("rows", (len(x), L), precision)
+        Z = workspace((len(x), L), precision)
         shape = (len(X), self._components, *self._grid[:-1])
         matrix = Z.reshape(*shape, L)
         height = max(1, BLOCK_BYTES // (L * precision.itemsize))
@@ -191,7 +191,7 @@ class MultilevelProduct:
     def _panel(self, part: Array, columns: slice) -> None:
         """Multiply some frequencies of the last level, in place."""
         grid = self._grid[:-1]
-        P = workspace("panel", (*part.shape[:2], *self.lengths[:-1], part.shape[-1]), part.dtype)
+        P = workspace((*part.shape[:2], *self.lengths[:-1], part.shape[-1]), part.dtype)
         # Lines of level k, where the levels before it are not extended yet, or cut again.
         lines = [P[(slice(None), slice(None), *map(slice, grid[:k]))] for k in range(len(grid) + 1)]
         lines[-1][...] = part
@@ -208,8 +208,8 @@ class MultilevelProduct:
             symbol = self.symbol[0][0]
             P[:, 0] *= 0.0 if symbol is None else symbol[..., columns]
             return
-        Q = workspace("product of a panel", P.shape, P.dtype)
-        part = workspace("part of a panel", P[:, 0].shape, P.dtype)
+        Q = workspace(P.shape, P.dtype)
+        part = workspace(P[:, 0].shape, P.dtype)
         for i, row in enumerate(self.symbol):
             terms = [(j, s) for j, s in enumerate(row) if s is not None]
             if not terms:

@@ -5,16 +5,18 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
-from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators.convolution import ToeplitzProduct
 from toeplitz_mg.operators.multilevel import MultilevelProduct, entries
-from toeplitz_mg.operators.rows import as_rows
+from toeplitz_mg.operators.rows import RowsOperator
+from toeplitz_mg.values import unmasked
 
 Array = NDArray[Any]
 
+HEADROOM = 2.0**-8  # of the largest number, for a row: the rest is for the sums of its products
 
-class ToeplitzOperator(LinearOperator):
+
+class ToeplitzOperator(RowsOperator):
     """A real Toeplitz matrix, of one level or several, that multiplies by FFT.
 
     With two levels this is a block Toeplitz matrix with Toeplitz blocks (BTTB): its entry for
@@ -47,7 +49,9 @@ class ToeplitzOperator(LinearOperator):
     TypeError
         For coefficients that are not real numbers.
     ValueError
-        For coefficients that are empty or not finite, and for `r` of another length than `c`.
+        For coefficients that are empty or not finite, or so large or so small that products
+        over- or underflow (above some 1e305 in double precision and 1e36 in single; below some
+        1e-302 and 1e-32 of a million unknowns), and for `r` of another length than `c`.
 
     Notes
     -----
@@ -238,12 +242,6 @@ class ToeplitzOperator(LinearOperator):
     def _apply(self, X: Array, out: Array | None = None) -> Array:
         return self._product(X, out)
 
-    def _matvec(self, x: Array) -> Array:
-        return self._apply(as_rows(x, self.shape[1]))
-
-    def _matmat(self, X: Array) -> Array:
-        return self._apply(X.mT).mT
-
     def _adjoint(self) -> "ToeplitzOperator":
         if self.is_symmetric:
             return self
@@ -270,7 +268,7 @@ def real_precision(dtype: DTypeLike) -> np.dtype[Any]:
 
 def _coefficients(values: ArrayLike, name: str) -> Array:
     """Return `values` as a float array, or say what is wrong with them."""
-    array = np.asarray(values)
+    array = unmasked(name, values)
     if array.dtype.kind not in "buif":
         raise TypeError(f"{name} has dtype {array.dtype}, but coefficients are real numbers")
     if array.dtype not in (np.float32, np.float64):
@@ -281,7 +279,30 @@ def _coefficients(values: ArrayLike, name: str) -> Array:
         where = np.argwhere(~np.isfinite(array))[0]
         at = tuple(int(k) for k in where)
         raise ValueError(f"{name} has the coefficient {array[at]} at {at}, but all must be finite")
+    _require_digits(name, np.abs(array))
     return array
+
+
+def _require_digits(name: str, sizes: Array) -> None:
+    """Raise ValueError where coefficients of these sizes make products over- or underflow."""
+    numbers = np.finfo(sizes.dtype)
+    with np.errstate(over="ignore"):  # to inf, which is too much
+        total = float(sizes.sum(dtype=np.float64))
+    most = float(numbers.max) * HEADROOM / 2**sizes.ndim
+    if total > most:
+        raise ValueError(
+            f"{name} has coefficients whose sizes add up to {total:.3g}, but must be at most "
+            f"{most:.3g} so that no product overflows: divide the matrix, and what it is to give, "
+            "by a number"
+        )
+    # Some eigenvalue is as large. A product has it divided by the length of the transforms.
+    largest, least = float(sizes.max()), float(numbers.tiny) * 2 ** (sizes.ndim + 1) * sizes.size
+    if 0.0 < largest < least:
+        raise ValueError(
+            f"{name} has coefficients of size {largest:.3g} at most, but must have one of "
+            f"{least:.3g} so that no product loses digits: multiply the matrix, and what it is to "
+            "give, by a number"
+        )
 
 
 def _mirrored(column: Array) -> Array:

@@ -1,5 +1,6 @@
 """Transforms of rows: short ones at once, long ones in four steps, and what is done with them."""
 
+from collections.abc import Iterator
 from functools import cached_property, lru_cache
 from itertools import count
 from typing import Any
@@ -75,10 +76,8 @@ class OneStep:
         w, w_conj = self._quarter
         if n < self.length:
             w, w_conj = w[:n], w_conj[:n]
-        batch = max(1, BATCH // self.length)
-        for start in range(0, len(X), batch):
-            x = X[start : start + batch]
-            Z = workspace("one step", (len(x), self.length), self.dtype)
+        for part, Z in self._batches(len(X)):
+            x = X[part]
             cut = Z if n == self.length else Z[:, :n]
             if x.dtype == out.dtype:
                 np.multiply(x, w, out=cut)
@@ -93,14 +92,11 @@ class OneStep:
             Z = fft.ifft(Z, overwrite_x=True, norm="forward")
             cut = Z if n == self.length else Z[:, :n]
             cut *= w_conj
-            out[start : start + batch] = cut.real
+            out[part] = cut.real
 
     def multiply_folded(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
         """As `GohbergSemenculProduct`."""
-        batch = max(1, BATCH // self.length)
-        for start in range(0, len(X), batch):
-            part = slice(start, start + batch)
-            Z = workspace("one step", (len(X[part]), self.length), self.dtype)
+        for part, Z in self._batches(len(X)):
             Z.real, Z.imag = X[part], X[part, ::-1]
             for shift, eigenvalues in factors:
                 if shift:
@@ -111,6 +107,14 @@ class OneStep:
                 if shift:
                     Z *= self.weights(shift).conj()
             np.add(Z.real, Z.imag[:, ::-1], out=out[part])
+
+    def _batches(self, count: int) -> Iterator[tuple[slice, Array]]:
+        """Yield some of so many vectors, and memory for them, the same for all."""
+        size = max(1, min(BATCH // self.length, count))
+        memory = workspace((size, self.length), self.dtype)
+        for start in range(0, count, size):
+            stop = min(start + size, count)
+            yield slice(start, stop), memory[: stop - start]
 
 
 @lru_cache(maxsize=64)
@@ -220,7 +224,7 @@ class Panels:
         """As `GohbergSemenculProduct`; the length is that of the rows."""
         plan = self.plan
         u = plan.weights(factors[0][0])
-        z = workspace("four-step result", plan.shape, plan.dtype)
+        z = workspace(plan.shape, plan.dtype)
         for x, y in zip(X, out, strict=True):
             matrix = x.reshape(plan.shape)
 

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import CoupledOperator, MaskedOperator, apply_to_rows, as_rows
-from toeplitz_mg.operators.masked import mask_of_all
+from toeplitz_mg.operators import CoupledOperator, MaskedOperator, RowsOperator, apply_to_rows
+from toeplitz_mg.operators.masked import mask_of_all, mask_on
 
 Array = NDArray[Any]
 F = TypeVar("F", bound=Callable[..., LinearOperator])
 
 
-class BlockDiagonal(LinearOperator):
+class BlockDiagonal(RowsOperator):
     """Operators on consecutive parts of a vector.
 
     Parameters
@@ -23,7 +23,7 @@ class BlockDiagonal(LinearOperator):
     blocks : sequence of LinearOperator
         Square.
     grid_shape : tuple of int
-        That of the operator that this one belongs to.
+        That of the whole grid, also where the blocks are those of a part of it.
     """
 
     def __init__(self, blocks: Sequence[LinearOperator], grid_shape: tuple[int, ...]) -> None:
@@ -49,7 +49,7 @@ class BlockDiagonal(LinearOperator):
         TypeError, ValueError
             As `MaskedOperator`; where a component has no unknowns, or had none.
         """
-        masks = MaskedOperator(self, mask_of_all(mask, self.grid_shape)).mask  # for its checks
+        masks = mask_on(self.grid_shape, mask_of_all(mask, self.grid_shape))
         if len(self.blocks) != len(masks) or not all(m.any() for m in masks):
             raise ValueError("a component has no unknowns, or had none: make the blocks anew")
         blocks: list[Any] = list(self.blocks)
@@ -66,12 +66,6 @@ class BlockDiagonal(LinearOperator):
             out[part] = apply_to_rows(block, np.ascontiguousarray(X[part]))
             start += block.shape[0]
         return out
-
-    def _matvec(self, x: Array) -> Array:
-        return self._apply(as_rows(x, self.shape[1]))
-
-    def _matmat(self, X: Array) -> Array:
-        return np.asarray(self._apply(X.mT).mT)
 
     def _adjoint(self) -> "BlockDiagonal":
         blocks = [block.H for block in self.blocks]

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import as_rows
+from toeplitz_mg.operators import RowsOperator, apply_to_rows, as_rows
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 
 Array = NDArray[Any]
 
 
-class SubdomainDeflated(LinearOperator):
+class SubdomainDeflated(RowsOperator):
     """P M with P = I - M A Z E⁻¹ Zᵀ and E = Zᵀ M A Z (paper, Eq. 15-17).
 
     Attributes
@@ -40,12 +40,10 @@ class SubdomainDeflated(LinearOperator):
         """Zᵀ y for each row y."""
         return np.asarray(np.add.reduceat(y, self.starts, axis=-1))
 
-    def _matvec(self, x: Array) -> Array:
-        y = self.M._matvec(as_rows(x, self.shape[1]))
-        return np.asarray(y - self._sum(y) @ self._E_inverse.T @ self._MAZ)
-
-    def _matmat(self, X: Array) -> Array:
-        return self._matvec(X.mT).mT
+    def _apply(self, X: Array, out: Array | None = None) -> Array:
+        Y = apply_to_rows(self.M, X, out)
+        Y -= self._sum(Y) @ self._E_inverse.T @ self._MAZ
+        return Y
 
     def _rmatvec(self, x: Array) -> Array:
         # (P M)ᵀ = M (I - Z E⁻ᵀ (M A Z)ᵀ), M being symmetric.

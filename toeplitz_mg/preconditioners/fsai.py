@@ -44,9 +44,9 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import CoupledOperator, MaskedOperator, as_rows
+from toeplitz_mg.operators import CoupledOperator, MaskedOperator, RowsOperator
 from toeplitz_mg.operators.convolution import multiply_rows
-from toeplitz_mg.operators.masked import mask_of_all, toeplitz_and_mask
+from toeplitz_mg.operators.masked import mask_of_all, mask_on, toeplitz_and_mask
 from toeplitz_mg.operators.work import levels_of
 from toeplitz_mg.operators.workspace import workspace
 from toeplitz_mg.preconditioners.componentwise import componentwise
@@ -65,7 +65,7 @@ Levels = AnyLevel | Line | Dense
 AnyStencils = Stencils | Stencil
 
 
-class MultilevelSparseInverse(LinearOperator):
+class MultilevelSparseInverse(RowsOperator):
     """P = Gᵀ (I - W Wᵀ + W E⁻¹ Wᵀ) G ≈ A⁻¹, of `fsai_preconditioner`.
 
     Attributes
@@ -138,7 +138,7 @@ class MultilevelSparseInverse(LinearOperator):
         """
         if isinstance(self._stencil, Stencil):  # of coupled components
             mask = mask_of_all(mask, self.grid_shape)
-        mask = MaskedOperator(self, mask).mask  # for its checks
+        mask = mask_on(self.grid_shape, mask)
         level = _levels(self._stencil, mask, self.dtype, self._level)
         return MultilevelSparseInverse(self._stencil, level, mask, self.dtype)
 
@@ -147,19 +147,13 @@ class MultilevelSparseInverse(LinearOperator):
         if len(X) == 1:  # a sparse product with a vector is faster than with a column
             X, out = X[0], out[0]
         direct = out.dtype == self.dtype and out.flags.c_contiguous
-        Y = out if direct else workspace("fsai result", X.shape, self.dtype)
+        Y = out if direct else workspace(X.shape, self.dtype)
         self._level.multiply(X.astype(self.dtype, copy=False), Y)
         if not direct:
             out[...] = Y
 
     def _apply(self, X: Array, out: Array | None = None) -> Array:
         return multiply_rows(self, X, out)
-
-    def _matvec(self, x: Array) -> Array:
-        return self._apply(as_rows(x, self.shape[1]))
-
-    def _matmat(self, X: Array) -> Array:
-        return self._apply(X.mT).mT
 
     def _adjoint(self) -> "MultilevelSparseInverse":
         return self

@@ -10,6 +10,7 @@ a diagonal, whose cells are all alike but for the first and the last.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -128,8 +129,8 @@ class Line:
 
         (_, before, final_before), (first, own, final) = self.G[..., :BLOCK], self.G[..., BLOCK:]
         w_first, w, w_last = self.W
-        y = workspace(f"line {self.n}", (len(X), m, BLOCK), X.dtype)
-        a = workspace(f"line {self.n}, blocks", (len(X), m), X.dtype)
+        y = workspace((len(X), m, BLOCK), X.dtype)
+        a = workspace((len(X), m), X.dtype)
         for blocks, part in self._chunks(m - 1, X):
             np.matmul(x[:, blocks], own.T, out=y[:, blocks])
             previous = slice(max(blocks.start - 1, 0), blocks.stop - 1)
@@ -141,7 +142,7 @@ class Line:
         y[:, -1] = x[:, -1] @ final_before.T + last @ final.T
         a[:, 0], a[:, -1] = y[:, 0] @ w_first, y[:, -1] @ w_last
 
-        e = workspace(f"line {self.n}, coarse", a.shape, X.dtype)
+        e = workspace(a.shape, X.dtype)
         self.coarse.multiply(a, e)
         e -= a
         y[:, 0] += e[:, :1] * w_first
@@ -160,13 +161,13 @@ class Line:
         out[:, cut:] = (y[:, -1] @ final)[:, :rest]
 
     def _chunks(self, count: int, X: Array) -> Iterator[tuple[slice, Array]]:
-        """Yield some of so many blocks, and memory for them."""
-        for start in range(0, count, CHUNK // BLOCK):
-            stop = min(start + CHUNK // BLOCK, count)
-            yield (
-                slice(start, stop),
-                workspace("line, part", (len(X), stop - start, BLOCK), X.dtype),
-            )
+        """Yield some of so many blocks, and memory for them, the same for all."""
+        size = min(CHUNK // BLOCK, count)
+        memory = workspace((len(X) * size * BLOCK,), X.dtype)
+        for start in range(0, count, size):
+            stop = min(start + size, count)
+            shape = (len(X), stop - start, BLOCK)
+            yield slice(start, stop), memory[: prod(shape)].reshape(shape)
 
 
 def line(cells: WholeLine, dtype: np.dtype[Any]) -> Line | Dense:

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg.operators import RowsOperator
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 
 Array = NDArray[Any]
 
 
-class ScaledIdentity(LinearOperator):
+class ScaledIdentity(RowsOperator):
     """The unit matrix times a positive number."""
 
     def __init__(self, n: int, factor: float, dtype: DTypeLike) -> None:
@@ -20,12 +21,6 @@ class ScaledIdentity(LinearOperator):
 
     def _apply(self, X: Array, out: Array | None = None) -> Array:
         return np.asarray(np.multiply(X, self.factor, out=out))
-
-    def _matvec(self, x: Array) -> Array:
-        return self._apply(x)
-
-    def _matmat(self, X: Array) -> Array:
-        return self._apply(X)
 
     def _adjoint(self) -> "ScaledIdentity":
         return self

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import MaskedOperator, apply_to_rows, as_rows
+from toeplitz_mg.operators import MaskedOperator, RowsOperator, apply_to_rows
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.operators.workspace import workspace
 from toeplitz_mg.preconditioners.componentwise import componentwise
@@ -20,7 +20,7 @@ from toeplitz_mg.preconditioners.positivity import (
 Array = NDArray[Any]
 
 
-class RowSumModified(LinearOperator):
+class RowSumModified(RowsOperator):
     """M minus a diagonal, such that every row sum is γ (paper, Eq. 19 and 22).
 
     Attributes
@@ -47,17 +47,11 @@ class RowSumModified(LinearOperator):
         return np.asarray(self.M.toarray() - np.diag(self.diagonal))
 
     def _apply(self, X: Array, out: Array | None = None) -> Array:
-        change = workspace("diagonal", X.shape, np.result_type(X, self.dtype))
+        change = workspace(X.shape, np.result_type(X, self.dtype))
         np.multiply(X, self.diagonal, out=change)  # before `out`, which may be X, is written
         out = apply_to_rows(self.M, X, out)
         out -= change
         return out
-
-    def _matvec(self, x: Array) -> Array:
-        return self._apply(as_rows(x, self.shape[1]))
-
-    def _matmat(self, X: Array) -> Array:
-        return self._apply(X.mT).mT
 
     def _adjoint(self) -> "RowSumModified":
         return self

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import norm
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import ToeplitzOperator, as_rows
+from toeplitz_mg.operators import RowsOperator, ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.masked import one_level, toeplitz_and_mask
 from toeplitz_mg.preconditioners import fsai_preconditioner, spectral_preconditioner
@@ -21,7 +21,7 @@ Array = NDArray[Any]
 SOLVED = 1e-12  # ‖e₁ - A x‖ below which a step is as likely to add rounding as to remove an error
 
 
-class ToeplitzInverse(LinearOperator):
+class ToeplitzInverse(RowsOperator):
     """The inverse of a symmetric positive definite Toeplitz matrix.
 
     Attributes
@@ -49,15 +49,14 @@ class ToeplitzInverse(LinearOperator):
         """The same with one step of iterative refinement more: 2 G - G A G, at 3 work units."""
         return ToeplitzInverse(self.A, self.G, self.steps + 1)
 
-    def _matvec(self, v: Array) -> Array:
-        v = as_rows(v, self.shape[1])
-        x = self.G._matvec(v)
+    def _apply(self, V: Array, out: Array | None = None) -> Array:
+        X = self.G._apply(V)
         for _ in range(self.steps):
-            x = x + self.G._matvec(v - self.A._matvec(x))
-        return x
-
-    def _matmat(self, V: Array) -> Array:
-        return self._matvec(V.mT).mT
+            X += self.G._apply(V - self.A._apply(X))
+        if out is None:
+            return X
+        out[...] = X
+        return out
 
     def _adjoint(self) -> "ToeplitzInverse":
         return self

@@ -1,0 +1,81 @@
+"""Masks: where they are taken, and what is refused as one."""
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import LinearOperator
+
+import toeplitz_mg as tmg
+from tests.cases import contact, coupled, dense_of_column, half_space_kernel, submatrix
+
+GRID = (16, 40)
+
+
+def random_mask(seed):
+    mask = np.random.default_rng(seed).random(GRID) < 0.6
+    mask.flat[0] = True
+    return mask
+
+
+def whole():
+    return tmg.ToeplitzOperator(contact(*GRID))
+
+
+def of_a_part():
+    """Operators that know a grid and act on vectors of some of its points only."""
+    A = tmg.MaskedOperator(whole(), random_mask(0))
+    C = tmg.MaskedOperator(coupled(half_space_kernel(2, *GRID))(float), [random_mask(0)] * 2)
+    for f in (tmg.fft_preconditioner, tmg.fsai_preconditioner, tmg.chan_preconditioner):
+        yield f"{f.__name__}", f(A)
+        yield f"{f.__name__} of each component", tmg.componentwise(f)(C)
+    yield "fsai_preconditioner of coupled components", tmg.fsai_preconditioner(C)
+    yield "A", A
+    yield "coupled A", C
+    yield "an update", tmg.fsai_preconditioner(whole()).updated(random_mask(1))
+
+
+def test_a_part_of_a_grid_has_no_mask_of_the_grid():
+    for name, A in of_a_part():
+        assert isinstance(A, LinearOperator), name
+        for mask in (np.ones(A.grid_shape, bool), np.eye(*A.grid_shape[-2:], dtype=bool)):
+            with pytest.raises(TypeError, match="on a whole grid"):
+                tmg.MaskedOperator(A, mask)
+
+
+def test_operators_of_a_whole_grid_have_masks():
+    """Each with `grid_shape` is its dense matrix, in rows and columns of the mask."""
+    A, mask = whole(), random_mask(2)
+    preconditioners = (
+        tmg.fft_preconditioner,
+        tmg.fsai_preconditioner,
+        tmg.chan_preconditioner,
+        tmg.cosine_preconditioner,
+    )
+    for M in (A, *(f(A) for f in preconditioners)):
+        assert np.prod(M.grid_shape) == M.shape[0]
+        B = tmg.MaskedOperator(M, mask)
+        dense = submatrix(M @ np.eye(M.shape[0]), mask)
+        assert np.abs(B @ np.eye(B.shape[0]) - dense).max() <= 1e-12 * np.abs(dense).max()
+
+
+def test_masks_that_are_masked_arrays_are_refused():
+    A, mask = whole(), random_mask(3)
+    of_doubt = np.ma.masked_array(mask, ~mask)
+    P = tmg.fsai_preconditioner(A)
+    C = coupled(half_space_kernel(2, *GRID))(float)
+    for use in (
+        lambda m: tmg.MaskedOperator(A, m),
+        lambda m: tmg.MaskedOperator(C, m),
+        P.updated,
+        tmg.componentwise(tmg.fsai_preconditioner)(C).updated,
+    ):
+        with pytest.raises(TypeError, match="mask is a masked array"):
+            use(of_doubt)
+
+
+def test_a_mask_is_copied_and_cannot_be_changed():
+    c, mask = contact(8), np.arange(8) % 3 == 0
+    A = tmg.MaskedOperator(tmg.ToeplitzOperator(c), mask)
+    mask[:] = True
+    assert not A.mask.flags.writeable
+    dense = dense_of_column(c)[::3, ::3]
+    assert np.allclose(A @ np.eye(3), dense, rtol=1e-14)

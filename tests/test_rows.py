@@ -1,0 +1,77 @@
+"""What every operator of the package is multiplied with: arrays of numbers, and nothing else."""
+
+import numpy as np
+import pytest
+
+import toeplitz_mg as tmg
+from tests.cases import CASES, contact
+from toeplitz_mg.operators import RowsOperator
+
+METHODS = ["dot", "matvec", "matmat", "rmatvec", "rmatmat", "__matmul__", "__mul__", "__rmatmul__"]
+
+
+def operators_of_each_class():
+    """One operator of each class, by its name."""
+    given = (case.operator(np.float64) for case in CASES)
+    first = {type(A).__name__: A for A in given if A.shape[0] > 2}
+    cycle = tmg.multigrid(tmg.ToeplitzOperator(contact(8)))
+    return {**first, "DenseInverse": cycle.levels[-1].smoother}
+
+
+OPERATORS = operators_of_each_class()
+each_operator = pytest.mark.parametrize("A", OPERATORS.values(), ids=OPERATORS)
+
+
+def products(A, x):
+    """Every way to multiply it with a vector, or with a matrix of that one column."""
+    for name in METHODS:
+        method = getattr(A, name)
+        yield lambda method=method, name=name: method(
+            x[:, np.newaxis] if name.endswith("matmat") else x
+        )
+
+
+def test_every_class_of_operators_is_tried():
+    def classes(of):
+        return {of.__name__}.union(*map(classes, of.__subclasses__()))
+
+    assert {*OPERATORS} == classes(RowsOperator) - {RowsOperator.__name__}
+
+
+@each_operator
+def test_masked_arrays_are_refused(A):
+    """SciPy would take the numbers below the mask."""
+    x = np.ma.masked_array(np.ones(A.shape[0]), np.arange(A.shape[0]) == 1)
+    for multiply in products(A, x):
+        with pytest.raises(TypeError, match="x is a masked array, but must have a value in each"):
+            multiply()
+
+
+@each_operator
+@pytest.mark.parametrize("content", ["1.0", b"1", None, object()])
+def test_what_is_no_number_is_refused(A, content):
+    n = A.shape[0]
+    for x in (np.array([content] * n), np.full(n, content, object)):
+        for multiply in products(A, x):
+            with pytest.raises(TypeError, match=r"x has dtype .*, but must be of numbers"):
+                multiply()
+    with pytest.raises((TypeError, ValueError)):
+        A @ content
+
+
+@each_operator
+def test_lists_are_vectors_unless_something_in_them_is_masked(A):
+    n = A.shape[0]
+    assert np.array_equal(A @ ([1] * n), A @ np.ones(n))
+    rows = [np.ma.masked_array([1.0, 2.0], [True, False])] * n
+    for x in (rows, [1.0] * (n - 1) + [np.ma.masked]):
+        with pytest.raises(TypeError, match="masked"):
+            A @ x
+
+
+@each_operator
+def test_numbers_and_operators_still_compose(A):
+    x = np.ones(A.shape[0])
+    assert np.array_equal((2.0 * A) @ x, 2.0 * (A @ x))
+    assert np.array_equal((A * 2.0) @ x, 2.0 * (A @ x))
+    assert np.array_equal((A @ A) @ x, A @ (A @ x))
