@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
 from comparisons.symbols import COLUMNS, column, fourier
-from toeplitz_mg.solvers.choice import methods
+from toeplitz_mg.solvers.choice import levinson_is_faster, methods
 
 RNG = np.random.default_rng(3)
 
@@ -388,3 +388,12 @@ def test_subnormal_numbers_are_solved_for_where_no_digit_is_lost():
     # Nor is a small entry beside a large one.
     x = tmg.solve_toeplitz([3.0, 0.0, 0.0], [3.0, 1e-320, 0.0])
     assert_allclose(x, [1.0, 0.0, 0.0], atol=1e-300)
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3, 8, 64, 1000])
+def test_the_choice_counts_work_and_has_one_crossover(columns):
+    """Up to some n Levinson's recursion, with n² operations a column, is less work; then never."""
+    faster = [levinson_is_faster(n, columns) for n in range(1, 4000)]
+    assert faster == sorted(faster, reverse=True)
+    assert not faster[-1]
+    assert sum(faster) <= 1200
