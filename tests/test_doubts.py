@@ -158,13 +158,15 @@ def test_spheres_are_silent_on_all_their_grids(n):
         assert_doubts(result)
 
 
-@pytest.mark.parametrize("force", [0.0123, 0.06, 0.2])
-def test_rough_surfaces_are_silent(force):
-    h = 2.0 / 256
-    gap = surfaces.rough((256, 256), (h, h), rms=0.01, longest=0.5, seed=1)
+@pytest.mark.parametrize("force", [0.1, 0.2])  # spots of more than ten elements
+def test_rough_surfaces_end_where_the_grid_ends(force):
+    """On a part of a larger surface the edge is in doubt; where it is set back, it is not."""
+    n, h = 128, 2.0 / 128
+    gap = surfaces.rough((n, n), (h, h), rms=0.01, longest=0.5, seed=1)
     result = said(lambda: pressed(gap, (h, h), (0.7, 0.3), force=force))
-    assert force < 0.1 or result.contact[0].any()  # it touches at the edge
-    assert_doubts(result)
+    assert_doubts(result, f"{EDGE} x and y")
+    gap[0] = gap[-1] = gap[:, 0] = gap[:, -1] = 0.3
+    assert_doubts(said(lambda: pressed(gap, (h, h), (0.7, 0.3), force=force)))
 
 
 def test_punches_are_silent():

@@ -19,7 +19,8 @@ Array = NDArray[Any]
 FEWEST = 10  # elements across a contact, below which its area and pressures are rough guesses
 STEEP = 1.0  # slope: half-spaces are for slopes far below it
 HARD = 0.5  # mean pressure over E*: under a sphere, where the contact is as wide as the sphere
-FLAT = 1e-6  # rise of the gap to the edge, over the interference, of what is a flat punch
+FLAT = 1e-6  # sag of the gap between two edges, over the interference, of what is a flat punch
+REVERSED = -0.9  # correlation of the mean gap with a parabola: that of the reversed sphere is -1
 UNCOUPLED = 1e-3  # difference parameter, below which the coupling is below the error of most grids
 
 
@@ -120,37 +121,44 @@ def _of_load(grid: Grid, p: Array, contact: Array) -> Iterator[str]:
 def _of_edge(z: Array, contact: Array, interference: float) -> Iterator[str]:
     """Whether the contact would go on beyond the grid, or is where the bodies are farthest.
 
-    A parabola is fitted to the gap. Where it is most of what varies, as for anything round, the
-    contact should end inside of the grid. Else the grid is a punch with sharp edges, smooth or
-    rough, flat or inclined.
+    Along an axis in which the gap is straight, flat or inclined, the bodies are meant to end where
+    the grid ends, as a punch does.
     """
-    rises, rest = [], float(z.var())
-    for axis, n in enumerate(z.shape):
-        profile = z.mean(axis=tuple(k for k in range(z.ndim) if k != axis))
-        t = np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1)
-        parabola = t**2 - (t**2).mean()
-        slope, rise = (float(x @ profile / ((x @ x) or 1.0)) for x in (t, parabola))
-        explained = rise**2 * float((parabola**2).mean())
-        rest -= explained + slope**2 * float((t**2).mean())
-        rises.append((rise, explained))
     touched = [
-        (axis, rise)
-        for axis, (rise, explained) in enumerate(rises)
-        if contact.take([0, -1], axis).any()
-        and abs(rise) > FLAT * interference
-        and explained >= rest
+        axis
+        for axis, n in enumerate(z.shape)
+        if n > 1
+        and contact.take([0, -1], axis).any()
+        and _largest_sag(z, axis) > FLAT * interference
     ]
-    if any(rise > 0.0 for _, rise in touched):
-        names = " and ".join("xy"[axis] for axis, _ in touched)
-        yield (
-            f"the contact reaches the edge of the grid along {names}, where the bodies end: "
-            "a larger grid leaves it room"
-        )
-    elif touched:
+    if touched and all(_is_farthest_in_the_middle(z, axis) for axis in touched):
         yield (
             "the bodies touch at the edge of the grid, and are farthest apart in the middle: "
             "the gap is positive where they are apart, so that its sign may be the wrong one"
         )
+    elif touched:
+        names = " and ".join("xy"[axis] for axis in touched)
+        yield (
+            f"the contact reaches the edge of the grid along {names}, where the bodies end: "
+            "a larger grid leaves it room"
+        )
+
+
+def _largest_sag(z: Array, axis: int) -> float:
+    """The largest distance of the gap from the straight lines between its ends along an axis."""
+    z = np.moveaxis(z, axis, 0)
+    t = np.linspace(0.0, 1.0, len(z)).reshape(-1, *(1,) * (z.ndim - 1))
+    return float(np.abs(z - (1.0 - t) * z[0] - t * z[-1]).max())
+
+
+def _is_farthest_in_the_middle(z: Array, axis: int) -> bool:
+    """Whether the mean gap along an axis is nearly a parabola that is high in the middle."""
+    profile = z.mean(axis=tuple(k for k in range(z.ndim) if k != axis))
+    profile = profile - profile.mean()
+    parabola = np.linspace(-1.0, 1.0, len(profile)) ** 2
+    parabola -= parabola.mean()
+    sizes = float(np.linalg.norm(profile) * np.linalg.norm(parabola))
+    return float(profile @ parabola) < REVERSED * sizes
 
 
 def _of_coupling(grid: Grid) -> Iterator[str]:

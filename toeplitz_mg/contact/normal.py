@@ -90,8 +90,9 @@ def normal_contact(
 
     Notes
     -----
-    The bodies end where the grid ends. So a flat punch is a grid that the contact fills: no warning
-    is for a gap that is flat, inclined or rough, and touches at the edge. A round one should not.
+    The bodies end where the grid ends. So a punch with sharp edges is a gap that is flat, or
+    inclined, along an axis, and touches at both ends of it without a warning. Any other gap, round
+    or rough, is taken for a part of a larger surface, and should not touch there.
 
     Examples
     --------
