@@ -12,8 +12,8 @@ import pytest
 from toeplitz_mg.cli import main
 
 ROOT = os.getcwd()
-# Instead of SciPy: it interrupts its own import, and swallows what an exception could do.
-SCIPY = """
+# Instead of NumPy: it interrupts its own import, and swallows what an exception could do.
+NUMPY = """
 import os, signal
 try:
     os.kill(os.getpid(), signal.SIGINT)
@@ -26,8 +26,8 @@ SCRIPT = "import sys\nfrom toeplitz_mg.cli import main\nsys.exit(main())\n"
 
 
 def interrupted(folder, *command):
-    (folder / "scipy").mkdir(exist_ok=True)
-    (folder / "scipy" / "__init__.py").write_text(SCIPY)
+    (folder / "numpy").mkdir(exist_ok=True)
+    (folder / "numpy" / "__init__.py").write_text(NUMPY)
     path = os.pathsep.join([str(folder), ROOT, *filter(None, sys.path)])
     return subprocess.run(
         [sys.executable, *command],
@@ -89,14 +89,15 @@ def terminal(monkeypatch):
     connected = []
 
     def connect(last=None):
-        connected.append(Terminal(last))
-        buffer = io.BufferedWriter(connected[-1])
-        monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(buffer, "ascii", line_buffering=True))
-        return connected[-1]
+        buffer = io.BufferedWriter(Terminal(last))
+        connected.append(io.TextIOWrapper(buffer, "ascii", line_buffering=True))
+        monkeypatch.setattr(sys, "stdout", connected[-1])
+        return buffer.raw
 
     yield connect
-    for raw in connected:  # so that it can be closed without a complaint
-        raw.last = None
+    for stream in connected:  # so that it can be closed without a complaint
+        stream.buffer.raw.last = None
+        stream.close()
 
 
 @pytest.mark.parametrize(
