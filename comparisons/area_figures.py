@@ -45,7 +45,7 @@ def traction(n: int, path: Path) -> list[Row]:
         image = ax.imshow(field.T, origin="lower", extent=(-1, 1, -1, 1), vmin=low, vmax=high)
         ax.set(title=f"{name} by a shift of 1 along x, G = 1, ν = 0.28", xlabel="x", ylabel="y")
         figure.colorbar(image, ax=ax)
-    figure.savefig(path, dpi=130)
+    report.write_figure(path, figure, dpi=130)
     return [{"points in contact": len(q) // 2, "force along x": float(q[: len(q) // 2].sum())}]
 
 
@@ -70,7 +70,7 @@ def spectrum(n: int, path: Path) -> list[Row]:
         ax.set(ylabel="eigenvalues of M A")
         ax.grid(alpha=0.3)
         ax.legend()
-    figure.savefig(path, dpi=130)
+    report.write_figure(path, figure, dpi=130)
     return rows
 
 
@@ -101,7 +101,7 @@ def convergence(n: int, path: Path) -> list[Row]:
             ax.grid(alpha=0.3)
             ax.set(ylabel="‖r‖/‖b‖", ylim=(1e-9, 3.0))
     axes[0, 0].legend()
-    figure.savefig(path, dpi=130)
+    report.write_figure(path, figure, dpi=130)
     return rows
 
 

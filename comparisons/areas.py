@@ -217,7 +217,7 @@ def draw(n: int, path: Path) -> None:
         ax.set(title=area, xticks=[], yticks=[])
     for ax in axes[len(masks.FRAGMENTED) :]:
         ax.set_axis_off()
-    figure.savefig(path, dpi=130)
+    report.write_figure(path, figure, dpi=130)
 
 
 def main() -> None:

@@ -119,7 +119,7 @@ def plot(rows: Sequence[Row], path: Path) -> None:
     figure.suptitle("Time to a true residual of 1e-8 (solid: this package; converged runs only)")
     lines = {line.get_label(): line for ax in axes.flat for line in ax.get_lines()}
     figure.legend(handles=lines.values(), loc="outside lower center", ncols=5)
-    figure.savefig(path, dpi=130)
+    report.write_figure(path, figure, dpi=130)
 
 
 def styles(contenders: Sequence[Contender]) -> list[Row]:

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from comparisons import report
 from comparisons.report import Row
 from toeplitz_mg.contact import ContactResult, surfaces
 
@@ -30,7 +31,7 @@ def picture(results: Sequence[ContactResult], theory: Array | None, title: str, 
         axes[0].legend()
     elif theory is not None:
         _profile(axes[1], results[0], theory)
-    figure.savefig(path, dpi=110)
+    report.write_figure(path, figure, dpi=110)
 
 
 def _profile(ax: Any, result: ContactResult, theory: Array) -> None:
@@ -59,7 +60,7 @@ def rough_picture(results: Sequence[ContactResult], N: int, path: Path) -> None:
         ax.imshow(p.T, origin="lower", extent=(-1, 1, -1, 1), vmin=0.0, vmax=top)
         ax.set(title=f"{result.contact.mean():.1%} in contact, F = {result.force:.3g}")
     figure.suptitle(f"Pressures on a rough surface, {N} x {N}")
-    figure.savefig(path, dpi=110)
+    report.write_figure(path, figure, dpi=110)
 
 
 def convergence(errors: Sequence[Row], path: Path) -> None:
@@ -82,4 +83,4 @@ def convergence(errors: Sequence[Row], path: Path) -> None:
         ax.legend(fontsize="small")
     for ax in axes[len(cases) :]:
         ax.set_axis_off()
-    figure.savefig(path, dpi=110)
+    report.write_figure(path, figure, dpi=110)

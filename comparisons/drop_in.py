@@ -165,7 +165,7 @@ def plot(rows: Sequence[Row], path: Path) -> None:
         ax.grid(alpha=0.3)
         ax.legend()
     figure.suptitle("Seconds: toeplitz_mg.solve_toeplitz, and scipy.linalg.solve_toeplitz (dashed)")
-    figure.savefig(path, dpi=130)
+    report.write_figure(path, figure, dpi=130)
 
 
 def main() -> None:

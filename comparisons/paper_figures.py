@@ -13,7 +13,7 @@ from scipy.sparse.linalg import LinearOperator
 from tqdm import tqdm
 
 import toeplitz_mg as tmg
-from comparisons.report import Row, options, show, write_csv
+from comparisons.report import Row, options, show, write_csv, write_figure
 
 Array = NDArray[Any]
 Drawing = tuple[Figure, list[Row]]  # a figure and what is plotted in it
@@ -279,7 +279,7 @@ def main() -> None:
     )
     for number, draw in tqdm(FIGURES.items(), desc="figures"):
         figure, rows = draw()
-        figure.savefig(arguments.output / f"figure_{number:02}.png", dpi=150)
+        write_figure(arguments.output / f"figure_{number:02}.png", figure, dpi=150)
         write_csv(arguments.output / f"figure_{number:02}.csv", rows)
     show(f"Test 1, {N} x 1, G = 1", numbers())
 

@@ -1,13 +1,19 @@
-"""What every comparison shares: its options, its folder, its tables."""
+"""What every comparison shares: its options, its folder, its tables.
+
+Files are written whole or not at all, and in UTF-8, wherever the comparison runs.
+"""
 
 import argparse
 import csv
-import os
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from matplotlib.figure import Figure
 from tabulate import tabulate
+
+from toeplitz_mg import output
 
 Row = dict[str, Any]
 
@@ -35,6 +41,7 @@ def options(name: str, description: str, **choices: Sequence[Any]) -> argparse.N
         metavar="FOLDER",
         help="folder for CSV and PNG (default: %(default)s)",
     )
+    output.print_any_character()
     arguments = parser.parse_args()
     arguments.output.mkdir(parents=True, exist_ok=True)
     print(f"Writing to {arguments.output.resolve()}")
@@ -48,24 +55,26 @@ def show(title: str, rows: Sequence[Row]) -> None:
 
 
 def write_markdown(path: Path, title: str, tables: Mapping[str, Sequence[Row]]) -> None:
-    """Write tables under their headings; the file is whole or not there."""
-    part = path.with_name(path.name + ".part")
-    with part.open("w") as file:
-        file.write(f"# {title}\n\n")
-        for heading, rows in tables.items():
-            table = tabulate(
-                list(rows), headers="keys", missingval="", disable_numparse=True, tablefmt="github"
-            )
-            file.write(f"## {heading}\n\n{table}\n\n")
-    os.replace(part, path)
+    """Write tables under their headings."""
+    text = f"# {title}\n\n"
+    for heading, rows in tables.items():
+        table = tabulate(
+            list(rows), headers="keys", missingval="", disable_numparse=True, tablefmt="github"
+        )
+        text += f"## {heading}\n\n{table}\n\n"
+    output.write(path, text.encode())
 
 
 def write_csv(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows with their keys as the header; the file is whole or not there."""
+    """Write rows with their keys as the header."""
     columns = list(dict.fromkeys(key for row in rows for key in row))
-    part = path.with_name(path.name + ".part")
-    with part.open("w", newline="") as file:
-        writer = csv.DictWriter(file, columns)
-        writer.writeheader()
-        writer.writerows(rows)
-    os.replace(part, path)
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, columns)
+    writer.writeheader()
+    writer.writerows(rows)
+    output.write(path, text.getvalue().encode())
+
+
+def write_figure(path: Path, figure: Figure, dpi: int) -> None:
+    """Write a figure in the format that the name ends in."""
+    output.save_figure(path, figure, dpi=dpi)

@@ -118,7 +118,7 @@ def plot(rows: Sequence[Row], title: str, path: Path) -> None:
     ax.set_xscale("log", base=2)
     ax.grid(alpha=0.3)
     ax.legend(ncols=2, fontsize=8)
-    figure.savefig(path, dpi=130)
+    report.write_figure(path, figure, dpi=130)
 
 
 def main() -> None:

@@ -189,6 +189,12 @@ def test_a_file_of_options(tmp_path, capsys):
         ('case = "hertz"\nn = true', "n is True, but must be an integer"),
         ('case = "hertz"\nline = 1', "line is 1, but must be true or false"),
         ('case = "hertz"\noutput = 1', "output is 1, but must be a file name"),
+        (f"a = {3000 * '['}", "is nested too deeply to be read as TOML"),
+        (f"radius{3000 * '.a'} = 1", "radius is {'a': {'a': {"),
+        (f"case{3000 * '.a'} = 1", "case is {'a': {'a': {"),
+        (f"n = {5000 * '1'}", "is not TOML: Exceeds the limit"),
+        (f"a = {2**20 * '1'}", "is not TOML: it has more than 1048576 bytes"),
+        ('"a\\nb" = 1', "has the key a b, but only these are known"),
         ('case = "hertz"\nspin = 1.0', "--spin is for rolling, not hertz"),
         ('case = "hertz"\n[force]\nx = 1', "force is {'x': 1}, but must be a number"),
     ],
@@ -246,6 +252,15 @@ def test_refusals_are_one_line_and_status_two(options, message, capsys):
     assert message in captured.err
     assert captured.err.count("\n") == 1
     assert not captured.out
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [("/dev/zero", "it has more than 1048576 bytes"), (".", "Is a directory: '.'")],
+)
+def test_what_is_no_file_of_options_is_refused(path, message, capsys):
+    assert run("hertz", "--file", path) == 2
+    assert message in capsys.readouterr().err
 
 
 def test_options_of_linear_systems_are_refused(capsys):

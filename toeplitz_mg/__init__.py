@@ -1,5 +1,7 @@
 """Fast solvers for dense symmetric positive definite Toeplitz systems, as SciPy operators."""
 
+# Before all others, as they take the time in which Ctrl-C may come.
+from toeplitz_mg import startup  # noqa: F401, I001
 from toeplitz_mg import contact, halfspace
 from toeplitz_mg.multigrid import (
     Interpolation,

@@ -1,9 +1,10 @@
 """The arguments of the command line, and what cannot be meant by them."""
 
 import argparse
+import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from scipy.sparse.linalg import LinearOperator
 
@@ -28,8 +29,32 @@ PRECONDITIONERS: dict[str, Preconditioner] = {
 }
 
 
+MOST = 2**40  # elements of the paper's problems: a vector of 8 TiB, which no memory holds
+
+
 class UsageError(Exception):
     """What the user asked for cannot be done; the message says why."""
+
+
+class Cycle(NamedTuple):
+    """A multigrid cycle: its kind, V or W, and the smoothing steps before and after."""
+
+    kind: str
+    pre: int
+    post: int
+
+    def __str__(self) -> str:
+        return f"{self.kind}({self.pre},{self.post})"
+
+    @classmethod
+    def of(cls, text: str) -> "Cycle":
+        """Read a cycle like V(0,1); more than 999 steps are a mistake that would never end."""
+        match = re.fullmatch(r"([VW])\((\d{1,3}),(\d{1,3})\)", text.replace(" ", ""))
+        if match is None:
+            raise UsageError(
+                f"--cycle is {text}, but must be like V(0,1) or W(1,1), of at most 999 steps each"
+            )
+        return cls(match[1], int(match[2]), int(match[3]))
 
 
 def _method_options(parser: argparse.ArgumentParser) -> None:
@@ -48,7 +73,8 @@ def _method_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--cycle",
-        help="V(pre,post) or W(pre,post) (default: V(0,1), and V(1,1) for cg)",
+        help="V(pre,post) or W(pre,post), at most 999 smoothing steps each "
+        "(default: V(0,1), and V(1,1) for cg)",
     )
     group.add_argument(
         "--smoother",
@@ -120,21 +146,25 @@ def checked(given: argparse.Namespace) -> argparse.Namespace:
     """Fill in the defaults, and refuse what cannot be meant."""
     if given.command == "solve" and (hasattr(given, "test") or hasattr(given, "n")):
         raise UsageError("--test and -n choose a problem of the paper, which solve does not solve")
-    options = argparse.Namespace(**(DEFAULTS | {"output": None, "mask": None} | vars(given)))
+    files = dict.fromkeys(("column", "rhs", "mask", "output"))
+    options = argparse.Namespace(**(DEFAULTS | files | vars(given)))
     of_cycles = hasattr(given, "cycle") or hasattr(given, "smoother")
     if given.command == "solve" and not hasattr(given, "solver") and not of_cycles:
         options.solver = "cg"
     if options.preconditioner is None and options.solver != "multigrid":
         by_default = "fft-rsm" if options.solver == "richardson" else "default"
         options.preconditioner = "multigrid" if of_cycles else by_default
+    if options.n > MOST:
+        raise UsageError(f"-n is {options.n}, but must be at most {MOST}")
     if not 0.0 < options.rtol < 1.0:
         raise UsageError(f"--rtol is {options.rtol}, but must lie between 0 and 1")
     if options.maxiter < 1:
         raise UsageError(f"--maxiter is {options.maxiter}, but must be at least 1")
     if options.seed is not None and options.seed < 0:
         raise UsageError(f"--seed is {options.seed}, but must not be negative")
+    options.cycle = Cycle.of(options.cycle or ("V(1,1)" if options.solver == "cg" else "V(0,1)"))
     if options.plot is not None:
         output.check_plotting(options.plot)
-    for path in filter(None, (options.plot, options.output)):
-        output.check_writable(path)
+    read = (options.column, options.rhs, options.mask)
+    output.check_files((options.output, options.plot), read)
     return options

@@ -1,9 +1,10 @@
 """The command line: the paper's problems, a system of the user's own, or a contact problem."""
 
 import argparse
-import re
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
@@ -14,7 +15,7 @@ from scipy.linalg import norm
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
-from toeplitz_mg import contact_cli, output
+from toeplitz_mg import contact_cli, output, startup
 from toeplitz_mg.arguments import PRECONDITIONERS, TESTS, UsageError, checked, parser
 from toeplitz_mg.contact import published
 
@@ -68,21 +69,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 where it has converged, 1 where it has not, 2 for what cannot be done, 130 where
         it was interrupted.
     """
-    given = parser().parse_args(arguments)
     try:
-        if given.command == "contact":
-            return contact_cli.run(given)
-        options = checked(given)
-        system = _users_system(options) if options.command == "solve" else _papers_system(options)
-        return _solve(system, options)
+        startup.raise_again()
+        output.print_any_character()
+        status = _run(parser().parse_args(arguments))
+        print(end="", flush=True)  # so that a full disk is noticed here, not at exit
+        return status
     except (UsageError, ValueError, TypeError, np.linalg.LinAlgError, OSError) as error:
-        print(f"toeplitz-mg: error: {error}", file=sys.stderr)
+        return _failed(f"toeplitz-mg: error: {error}")
     except MemoryError:
-        print("toeplitz-mg: error: not enough memory for this system", file=sys.stderr)
+        return _failed("toeplitz-mg: error: not enough memory for this system")
     except KeyboardInterrupt:
-        print("toeplitz-mg: interrupted, nothing was written", file=sys.stderr)
-        return 130
-    return 2
+        return _failed(startup.MESSAGE, startup.STATUS)
+
+
+def _run(given: argparse.Namespace) -> int:
+    if given.command == "contact":
+        return contact_cli.run(given)
+    options = checked(given)
+    system = _users_system(options) if options.command == "solve" else _papers_system(options)
+    return _solve(system, options)
+
+
+def _failed(message: str, status: int = 2) -> int:
+    """Say in one line why there is no result, and return the exit status."""
+    with suppress(OSError):  # Where not even this can be printed, the status says it.
+        print(" ".join(message.splitlines()), file=sys.stderr)
+    try:
+        print(end="", flush=True)
+    except OSError:  # At exit Python would try once more, with a traceback.
+        with suppress(OSError):  # of a stream without a file
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return status
 
 
 def _papers_system(options: argparse.Namespace) -> System:
@@ -124,13 +142,10 @@ def _method(system: System, options: argparse.Namespace) -> tuple[LinearOperator
         if name not in (None, "multigrid"):
             raise UsageError("--preconditioner is for --solver richardson and cg; see --smoother")
         name = "multigrid"
-    cycle = options.cycle or ("V(1,1)" if options.solver == "cg" else "V(0,1)")
-    match = re.fullmatch(r"([VW])\((\d+),(\d+)\)", cycle.replace(" ", ""))
-    if match is None:
-        raise UsageError(f"--cycle is {cycle}, but must be like V(0,1) or W(1,1)")
-    pre, post = int(match[2]), int(match[3])
+    cycle = options.cycle
     if options.solver == "cg" and (
-        name == "fft-sd" or (name == "multigrid" and (pre != post or options.smoother == "fft-sd"))
+        name == "fft-sd"
+        or (name == "multigrid" and (cycle.pre != cycle.post or options.smoother == "fft-sd"))
     ):
         raise UsageError("cg needs a symmetric preconditioner: neither fft-sd nor pre unlike post")
     if name == "none":
@@ -139,11 +154,11 @@ def _method(system: System, options: argparse.Namespace) -> tuple[LinearOperator
         M = tmg.multigrid(
             system.A,
             smoother=PRECONDITIONERS[options.smoother],
-            pre=pre,
-            post=post,
-            gamma=1 if match[1] == "V" else 2,
+            pre=cycle.pre,
+            post=cycle.post,
+            gamma=1 if cycle.kind == "V" else 2,
         )
-        return M, f"{match[1]}({pre},{post})"
+        return M, str(cycle)
     return PRECONDITIONERS[name](system.A), name
 
 
@@ -186,6 +201,9 @@ def _solve(system: System, options: argparse.Namespace) -> int:
     count = len(progress.residuals)
     before = _size(first) / size
     factor = (residual / before) ** (1.0 / max(count, 1))
+    written = converged and options.output is not None
+    if written:  # first of all, so that the solution does not depend on what can be printed
+        output.save(options.output, _wanted(system, x))
     print(
         f"\n{'converged' if converged else 'NOT CONVERGED'}: residual {residual:.2e}\n"
         f"{'':12s}iterations   factor   work units   seconds\n"
@@ -194,13 +212,7 @@ def _solve(system: System, options: argparse.Namespace) -> int:
     )
     if system.test is not None and (line := _papers_line(system.test, label, options)):
         print(line)
-    if converged and options.output is not None:
-        if system.on_grid and system.mask is not None:
-            grid = np.zeros(system.mask.shape, x.dtype)
-            grid[system.mask] = x
-            output.save(options.output, grid)
-        else:
-            output.save(options.output, x)
+    if written:
         print(f"written to {options.output}")
     if options.plot is not None:
         residuals = [before, *progress.residuals]
@@ -212,6 +224,15 @@ def _solve(system: System, options: argparse.Namespace) -> int:
 def _size(v: Array) -> float:
     # In float64, whatever v is: numbers of float32 may have a norm that is none.
     return float(norm(v.astype(np.float64, copy=False), check_finite=False))
+
+
+def _wanted(system: System, x: Array) -> Array:
+    """The solution as the right-hand side was given: of the unknowns, or on the mask's grid."""
+    if not system.on_grid or system.mask is None:
+        return x
+    grid = np.zeros(system.mask.shape, x.dtype)
+    grid[system.mask] = x
+    return grid
 
 
 def _papers_line(test: int, label: str, options: argparse.Namespace) -> str:

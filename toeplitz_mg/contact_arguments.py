@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import reprlib
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from toeplitz_mg.values import in_range
 
 CASES = ("hertz", "shift", "rolling")
 FEWEST, MOST = 8, 2**24  # elements
+LONGEST = 2**20  # bytes of a file of options, which has a few lines; /dev/zero has no end
 FORCE = 100.0  # where neither it nor the approach is given
 
 
@@ -149,6 +151,7 @@ def checked(given: argparse.Namespace) -> argparse.Namespace:
                 raise ValueError(f"{_flag(name)} is for {' and '.join(option.cases)}, not {case}")
             _check(name, option, options[name])
     _check_together(case, options)
+    output.check_files((options.get("output"), options.get("plot")), (options.get("file"),))
     defaults = {name: option.default for name, option in OPTIONS.items()}
     if "approach" not in options:
         defaults["force"] = FORCE
@@ -173,13 +176,10 @@ def _check(name: str, option: Option, value: Any) -> None:
         raise ValueError(f"--tolerance is {value}, but must be below 1")
     if name == "n" and not FEWEST <= value <= MOST:
         raise ValueError(f"-n is {value}, but must be {FEWEST} to {MOST}")
-    if name == "output":
-        if value.suffix != ".npz":
-            raise ValueError(f"--output is {value}, but must end in .npz")
-        output.check_writable(value)
+    if name == "output" and value.suffix != ".npz":
+        raise ValueError(f"--output is {value}, but must end in .npz")
     if name == "plot":
         output.check_plotting(value)
-        output.check_writable(value)
 
 
 def _check_together(case: str, options: dict[str, Any]) -> None:
@@ -208,15 +208,20 @@ def _read(path: Path) -> dict[str, Any]:
     """Return the options in a TOML file, of the types of those on the command line."""
     try:
         with path.open("rb") as file:
-            table = tomllib.load(file)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            content = file.read(LONGEST + 1)
+        if len(content) > LONGEST:
+            raise ValueError(f"it has more than {LONGEST} bytes")
+        table = tomllib.loads(content.decode())
+    except ValueError as error:  # of tomllib, of the encoding, or of an integer's length
         raise ValueError(f"{path} is not TOML: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{path} is nested too deeply to be read as TOML") from None
     options: dict[str, Any] = {}
     for key, value in table.items():
         if key == "case":
             if value not in CASES:
                 raise ValueError(
-                    f"{path}: case is {value!r}, but must be one of {', '.join(CASES)}"
+                    f"{path}: case is {reprlib.repr(value)}, but must be one of {', '.join(CASES)}"
                 )
             options[key] = value
         elif key in OPTIONS:
@@ -243,13 +248,13 @@ def _converted(path: Path, key: str, value: Any) -> Any:
         return _number(path, key, value)
     kind, name = wanted[option.kind]
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-        raise ValueError(f"{path}: {key} is {value!r}, but must be {name}")
+        raise ValueError(f"{path}: {key} is {reprlib.repr(value)}, but must be {name}")
     return option.kind(value)
 
 
 def _number(path: Path, key: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{path}: {key} is {value!r}, but must be a number")
+        raise ValueError(f"{path}: {key} is {reprlib.repr(value)}, but must be a number")
     try:
         return float(value)
     except OverflowError:

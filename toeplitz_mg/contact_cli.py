@@ -170,13 +170,14 @@ def run(given: argparse.Namespace) -> int:
         _print_doubts([error.result])
         return 1
     seconds = perf_counter() - start
+    if options.output is not None:  # first, so that it does not depend on what can be printed
+        found = fields(case, pressed, results.get("tangential traction"))
+        output.save_fields(options.output, found)
     products = " + ".join(str(result.products) for result in results.values())
     print(f"\nconverged: {products} products, {seconds:.2f} seconds")
     _print_figures(case, pressed, results.get("tangential traction"))
     _print_doubts(results.values())
     if options.output is not None:
-        found = fields(case, pressed, results.get("tangential traction"))
-        output.save_fields(options.output, found)
         print(f"written to {options.output}")
     if options.plot is not None:
         output.plot_contact(options.plot, case.title, results)

@@ -1,0 +1,154 @@
+"""Ctrl-C while the packages are imported, and a terminal that cannot print everything."""
+
+import errno
+import io
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from toeplitz_mg.cli import main
+
+ROOT = os.getcwd()
+# Instead of NumPy: it interrupts its own import, and swallows what an exception could do.
+NUMPY = """
+import os, signal
+try:
+    os.kill(os.getpid(), signal.SIGINT)
+    print("goes on")
+except BaseException as error:
+    print(type(error).__name__)
+raise SystemExit(7)
+"""
+SCRIPT = "import sys\nfrom toeplitz_mg.cli import main\nsys.exit(main())\n"
+
+
+def interrupted(folder, *command):
+    (folder / "numpy").mkdir(exist_ok=True)
+    (folder / "numpy" / "__init__.py").write_text(NUMPY)
+    path = os.pathsep.join([str(folder), ROOT, *filter(None, sys.path)])
+    return subprocess.run(
+        [sys.executable, *command],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": path},
+    )
+
+
+@pytest.mark.parametrize("how", [["-m", "toeplitz_mg"], ["-mtoeplitz_mg"], ["toeplitz-mg"]])
+def test_interrupting_the_imports_is_one_line_and_status_130(how, tmp_path):
+    (tmp_path / "toeplitz-mg").write_text(SCRIPT)
+    how = [str(tmp_path / name) if name == "toeplitz-mg" else name for name in how]
+    result = interrupted(tmp_path, *how, "-n", "300")
+    assert (result.returncode, result.stdout) == (130, "")
+    assert result.stderr == "toeplitz-mg: interrupted\n"
+
+
+@pytest.mark.parametrize("how", [["-m", "other"], ["other.py"], ["-c", "import toeplitz_mg"]])
+def test_in_any_other_program_ctrl_c_is_an_exception(how, tmp_path):
+    (tmp_path / "other.py").write_text("import toeplitz_mg")
+    how = [str(tmp_path / name) if name == "other.py" else name for name in how]
+    result = interrupted(tmp_path, *how)
+    assert (result.returncode, result.stdout) == (7, "KeyboardInterrupt\n")
+
+
+def test_in_a_package_of_another_program_too(tmp_path):
+    """`python -m other` imports the package while it still looks for the module to run."""
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "__init__.py").write_text("import toeplitz_mg")
+    (tmp_path / "other" / "__main__.py").write_text("")
+    result = interrupted(tmp_path, "-m", "other", "toeplitz_mg")
+    assert (result.returncode, result.stdout) == (7, "KeyboardInterrupt\n")
+
+
+# What can be printed --------------------------------------------------------------------------
+
+
+class Terminal(io.RawIOBase):
+    """Takes what is printed until there is a word in it."""
+
+    def __init__(self, last=None):
+        self.printed, self.last = b"", last
+
+    def writable(self):
+        return True
+
+    def write(self, data):
+        if self.last is not None and self.last in bytes(data):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        self.printed += bytes(data)
+        return len(data)
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    """Puts an ASCII terminal in the place of the standard output."""
+    connected = []
+
+    def connect(last=None):
+        buffer = io.BufferedWriter(Terminal(last))
+        connected.append(io.TextIOWrapper(buffer, "ascii", line_buffering=True))
+        monkeypatch.setattr(sys, "stdout", connected[-1])
+        return buffer.raw
+
+    yield connect
+    for stream in connected:  # so that it can be closed without a complaint
+        stream.buffer.raw.last = None
+        stream.close()
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["-n 300", "contact hertz -n 16", "contact shift -n 16", "contact rolling --line -n 16"],
+)
+def test_an_ascii_terminal_loses_no_result(command, terminal, tmp_path, capsys):
+    there = terminal()
+    files = ["-o", str(tmp_path / "Γ.npz")] if "contact" in command else []
+    assert main([*command.split(), *files, "--plot", str(tmp_path / "Γ.png")]) == 0
+    assert not capsys.readouterr().err
+    assert b"drawn in" in there.printed
+    assert (b"mm\\xb2" in there.printed) == ("contact" in command)
+    assert len(list(tmp_path.iterdir())) == 1 + bool(files)
+
+
+@pytest.mark.parametrize("command", [[], ["solve"], ["contact"]])
+def test_an_ascii_terminal_shows_the_help(command, terminal):
+    there = terminal()
+    with pytest.raises(SystemExit) as caught:
+        main([*command, "--help"])
+    sys.stdout.flush()
+    assert caught.value.code == 0
+    assert b"usage: toeplitz-mg" in there.printed
+
+
+@pytest.mark.parametrize("last", [b"seconds", b"this run"])
+def test_the_result_is_written_even_where_the_report_cannot_be(last, terminal, tmp_path, capsys):
+    """So that a full disk of the log costs nothing but the log."""
+    np.save(tmp_path / "c.npy", np.array([2.0, -1.0, 0.0]))
+    np.save(tmp_path / "b.npy", np.ones(3))
+    names = [str(tmp_path / name) for name in ("c.npy", "b.npy")]
+    for command in (["solve", *names], ["contact", "hertz", "-n", "16"]):
+        path = tmp_path / ("x.npy" if "solve" in command else "x.npz")
+        terminal(last)
+        assert main([*command, "-o", str(path)]) == 2
+        assert path.exists()
+        captured = capsys.readouterr().err
+        assert "No space left on device" in captured
+        assert captured.count("\n") == 1
+
+
+def test_a_report_that_nobody_reads_is_one_line(tmp_path):
+    """And not a traceback of the interpreter, which tries again at exit."""
+    with open("/dev/full", "w") as full:
+        result = subprocess.run(
+            [sys.executable, "-m", "toeplitz_mg", "-n", "300"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert result.returncode == 2
+    assert result.stderr == "toeplitz-mg: error: [Errno 28] No space left on device\n"

@@ -1,0 +1,41 @@
+"""Ctrl-C while the command line still imports: one line and status 130, not a traceback.
+
+NumPy and SciPy take about a second to import, before any line of the command line runs, and an
+exception that is raised inside their extensions may be swallowed or turned into an ImportError.
+So the package imports this module first: in a process that was started as the command line,
+Ctrl-C ends it at once, until `cli.main` takes over. In any other process nothing changes.
+"""
+
+import os
+import signal
+import sys
+from types import FrameType
+
+STATUS = 130  # exit status: 128 and the number of SIGINT, as shells report an interrupted command
+MESSAGE = "toeplitz-mg: interrupted"
+
+
+def is_command_line() -> bool:
+    """Tell whether this process is ``toeplitz-mg`` or ``python -m toeplitz_mg``."""
+    program = os.path.basename(sys.argv[0]) if getattr(sys, "argv", None) else ""
+    if program != "-m":
+        return program.removesuffix(".exe") == "toeplitz-mg"
+    # So it is called while Python looks for the module, whose name precedes the arguments.
+    module = sys.orig_argv[-len(sys.argv)]
+    return module == "toeplitz_mg" or (module[0] == "-" and module.endswith("mtoeplitz_mg"))
+
+
+def raise_again() -> None:
+    """Let Ctrl-C raise KeyboardInterrupt, as usual."""
+    if signal.getsignal(signal.SIGINT) is _end:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _end(signum: int, frame: FrameType | None) -> None:
+    os.write(2, f"{MESSAGE}\n".encode())
+    os._exit(STATUS)  # Nothing was printed or written yet that would have to be finished.
+
+
+# Where the signal is ignored, as in a job in the background, it stays so.
+if is_command_line() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    signal.signal(signal.SIGINT, _end)
