@@ -18,14 +18,18 @@ from toeplitz_mg import output
 Row = dict[str, Any]
 
 
-def options(name: str, description: str, **choices: Sequence[Any]) -> argparse.Namespace:
+def options(name: str, description: str, **choices: Sequence[Any] | int) -> argparse.Namespace:
     """Parse ``--quick``, ``--output`` and the choices, make the output folder and name it.
 
-    Each of `choices` is an option that takes one or more of its values; None without it.
+    Each of `choices` is an option that takes one or more of its values; None without it. One that
+    is an integer takes an integer, and is this one without it.
     """
     parser = argparse.ArgumentParser(prog=f"python -m comparisons.{name}", description=description)
     parser.add_argument("--quick", action="store_true", help="small sizes only, within a minute")
     for choice, values in choices.items():
+        if isinstance(values, int):
+            parser.add_argument(f"--{choice}", type=int, default=values, metavar="NUMBER")
+            continue
         parser.add_argument(
             f"--{choice}",
             nargs="+",

@@ -21,6 +21,7 @@ from comparisons import (
     turns,
     updates,
 )
+from comparisons.reliability import __main__ as reliability
 from comparisons.symbols import COLUMNS
 
 
@@ -263,7 +264,31 @@ def test_area_figures(tmp_path, monkeypatch, capsys):
         assert float(row["smallest"]) > 0.0
 
 
+def test_reliability(tmp_path, monkeypatch, capsys):
+    with pytest.raises(SystemExit) as caught:
+        run(reliability, tmp_path, monkeypatch, capsys, "--trials", "2", "--processes", "1")
+    assert caught.value.code == 0
+    rows = rows_of(tmp_path / "reliability.csv")
+    assert sum(int(row["tried"]) for row in rows) == 2 * len(reliability.PARTS)
+    assert {row["failed"] for row in rows} == {"0"}
+
+
+def test_reliability_reports_what_fails(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(reliability, "PARTS", {"wrong": (wrong, 1, 1)})
+    with pytest.raises(SystemExit) as caught:
+        run(reliability, tmp_path, monkeypatch, capsys, "--first", "7")
+    assert caught.value.code == 1
+    (row,) = rows_of(tmp_path / "failures.csv")
+    assert (row["part"], row["seed"]) == ("wrong", "7")
+    assert "ZeroDivisionError" in row["note"]
+
+
+def wrong(rng):
+    return 1 / 0
+
+
 ALL = [
+    reliability,
     area_figures,
     punch3d,
     punch_limits,

@@ -25,6 +25,7 @@ def test_names_files_that_exist():
 def test_names_comparisons_that_exist_and_all_of_them():
     folder = Path(__file__).parent.parent / "comparisons"
     commands = {p.stem for p in folder.glob("*.py") if '__name__ == "__main__"' in p.read_text()}
+    commands |= {p.parent.name for p in folder.glob("*/__main__.py")}
     assert set(re.findall(r"python -m comparisons\.(\w+)", README)) == commands
 
 

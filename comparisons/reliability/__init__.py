@@ -1,0 +1,1 @@
+"""A campaign of random problems that looks for answers that are silently wrong."""

@@ -1,0 +1,94 @@
+"""Random problems by the thousand: no answer is silently wrong, no easy problem refused.
+
+Systems, approximate inverses, contact problems, operators in many threads and interrupted
+products, each from a seed of its own and checked against a dense definition, or against the
+conditions that the answer is to obey. What is tried and what fails is printed and written as a
+table; a failure is given with its seed, and ``--parts PART --first SEED --trials 1`` repeats it.
+The command ends with status 1 where anything has failed.
+"""
+
+import os
+import sys
+from collections import Counter
+from collections.abc import Sequence
+
+from tqdm import tqdm
+
+from comparisons import report
+from comparisons.reliability.approximate_inverses import preconditioner
+from comparisons.reliability.bodies import contact_problem
+from comparisons.reliability.concurrency import interrupts, threads
+from comparisons.reliability.systems import drop_in, inverse, iteration, large
+from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, TOLD, Result, Trial, run
+
+# What is tried, and how often: quickly, and in full.
+PARTS: dict[str, tuple[Trial, int, int]] = {
+    "solve_toeplitz": (drop_in, 600, 12000),
+    "large": (large, 20, 400),
+    "iterations": (iteration, 300, 6000),
+    "inverse": (inverse, 100, 2000),
+    "preconditioners": (preconditioner, 700, 16000),
+    "contact": (contact_problem, 250, 5000),
+    "threads": (threads, 10, 150),
+    "interrupts": (interrupts, 20, 250),
+}
+SHOWN = 20  # Failures of a part that are printed; the file has all.
+
+
+def main() -> None:
+    """Run the campaign."""
+    arguments = report.options(
+        "reliability",
+        "Random problems by the thousand: what fails, and how often.",
+        parts=tuple(PARTS),
+        first=0,
+        trials=0,
+        processes=0,
+    )
+    os.environ["OMP_NUM_THREADS"] = "1"  # Read where a process imports BLAS.
+    rows: list[report.Row] = []
+    failures: list[report.Row] = []
+    for part in arguments.parts or PARTS:
+        trial, quick, full = PARTS[part]
+        count = arguments.trials or (quick if arguments.quick else full)
+        seeds = range(arguments.first, arguments.first + count)
+        processes = arguments.processes or os.cpu_count() or 1
+        results = list(tqdm(run(trial, seeds, processes), total=count, desc=part))
+        rows += _summary(part, results)
+        failures += _failures(part, results)
+        report.write_csv(arguments.output / "reliability.csv", rows)
+        report.write_csv(arguments.output / "failures.csv", failures)
+    report.show("What was tried", [*rows, _total(rows)])
+    for part in dict.fromkeys(row["part"] for row in failures):
+        of_part = [row for row in failures if row["part"] == part]
+        report.show(f"Failures in {part}: {len(of_part)}", of_part[:SHOWN])
+    print(f"\n{len(failures)} failures")
+    sys.exit(bool(failures))
+
+
+def _summary(part: str, results: Sequence[Result]) -> list[report.Row]:
+    """How often each verdict was given, by family."""
+    families = sorted({r.outcome.family for r in results})
+    rows = []
+    for family in families:
+        counts = Counter(r.outcome.verdict for r in results if r.outcome.family == family)
+        verdicts = {verdict: counts[verdict] for verdict in (RIGHT, TOLD, REFUSED, FAILED)}
+        rows.append({"part": part, "family": family, "tried": counts.total(), **verdicts})
+    return rows
+
+
+def _failures(part: str, results: Sequence[Result]) -> list[report.Row]:
+    return [
+        {"part": part, "seed": r.seed, "family": r.outcome.family, "note": r.outcome.note}
+        for r in sorted(results)
+        if r.outcome.verdict == FAILED
+    ]
+
+
+def _total(rows: Sequence[report.Row]) -> report.Row:
+    counts = ("tried", RIGHT, TOLD, REFUSED, FAILED)
+    return {"part": "all", "family": "", **{key: sum(row[key] for row in rows) for key in counts}}
+
+
+if __name__ == "__main__":
+    main()

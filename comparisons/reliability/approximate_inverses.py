@@ -1,0 +1,139 @@
+"""Preconditioners and cycles: what is built is symmetric positive definite."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator
+
+import toeplitz_mg as tmg
+from comparisons.reliability import matrices
+from comparisons.reliability.matrices import Generator, log_uniform
+from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, Outcome
+from toeplitz_mg import halfspace
+
+EPS = float(np.finfo(np.float64).eps)
+MOST = 256  # Unknowns: the eigenvalues of the dense matrix are computed.
+DOUBT = 1e10  # Condition number from which rounding decides, in double precision.
+NEVER_REFUSE = ("spectral_preconditioner", "jacobi_preconditioner", "default_preconditioner")
+
+Build = Callable[[LinearOperator], LinearOperator]
+
+
+def preconditioner(rng: Generator) -> Outcome:
+    """Any preconditioner of any matrix that it takes: positive definite, or refused."""
+    dtype = np.float32 if rng.random() < 0.2 else np.float64
+    A = _coupled(rng, dtype) if rng.random() < 0.15 else _matrix(rng, dtype)
+    name, build = _choice(rng, A)
+    family = f"{name}, {np.dtype(dtype)}"
+    dense = matrices.dense(A)
+    eigenvalues = np.linalg.eigvalsh(dense)
+    doubtful = eigenvalues[0] <= eigenvalues[-1] * (1 / DOUBT if dtype == np.float64 else 1e-4)
+    try:
+        M = build(A)
+    except np.linalg.LinAlgError as error:
+        broken = name in NEVER_REFUSE and not doubtful
+        return Outcome(family, FAILED if broken else REFUSED, f"{_name(A)}: {error}")
+    matrix = np.asarray(M @ np.eye(A.shape[0], dtype=dtype), dtype=np.float64)
+    where = f"{_name(A)}, eigenvalues of A {eigenvalues[0]:.1e} … {eigenvalues[-1]:.1e}"
+    if not np.isfinite(matrix).all():
+        return Outcome(family, FAILED, f"{where}: not finite")
+    size = np.abs(matrix).max()
+    lopsided = np.abs(matrix - matrix.T).max() / size
+    if lopsided > (1e-4 if dtype == np.float32 else 1e-8):
+        return Outcome(family, FAILED, f"{where}: not symmetric by {lopsided:.0e}")
+    values = np.linalg.eigvalsh((matrix + matrix.T) / 2.0)
+    # Below zero by no more than the rounding of these eigenvalues is positive.
+    if values[0] <= -10.0 * EPS * len(values) * values[-1] or values[-1] <= 0.0:
+        if eigenvalues[0] <= EPS * len(values) * eigenvalues[-1]:
+            return Outcome(family, RIGHT, "A is not positive definite")
+        return Outcome(family, FAILED, f"{where}, of M {values[0]:.1e} … {values[-1]:.1e}")
+    return Outcome(family, RIGHT)
+
+
+def _matrix(rng: Generator, dtype: Any) -> tmg.ToeplitzOperator | tmg.MaskedOperator:
+    axes = int(rng.choice([1, 1, 2, 2, 3]))
+    shape = matrices.grid(rng, int(log_uniform(rng, 1, MOST)), axes)
+    _, c = matrices.positive(rng, shape)
+    c = c / np.abs(c).max() if dtype == np.float32 else c
+    A = tmg.ToeplitzOperator(c.astype(dtype))
+    return tmg.MaskedOperator(A, matrices.area(rng, shape)) if rng.random() < 0.4 else A
+
+
+def _coupled(rng: Generator, dtype: Any) -> tmg.CoupledOperator | tmg.MaskedOperator:
+    """The tangential components of the half-space."""
+    n1, n2 = shape = matrices.grid(rng, int(log_uniform(rng, 1, MOST / 2)), 2)
+    element = (1.0, log_uniform(rng, 0.1, 10.0))
+    x, y = halfspace.all_lags((n1, n2), element)
+    nu = float(rng.uniform(0.0, 0.5))
+    xx, xy, yy = (
+        tmg.ToeplitzOperator.from_lags(influence(x, y, element, G=1.0, nu=nu).astype(dtype))
+        for influence in (
+            halfspace.influence_xx,
+            halfspace.influence_xy,
+            halfspace.influence_yy,
+        )
+    )
+    A = tmg.CoupledOperator([[xx, xy], [xy, yy]])
+    return tmg.MaskedOperator(A, matrices.area(rng, shape)) if rng.random() < 0.5 else A
+
+
+def _choice(rng: Generator, A: LinearOperator) -> tuple[str, Build]:
+    """The name of a preconditioner that takes such a matrix, and what builds it."""
+    full = A.full if isinstance(A, tmg.MaskedOperator) else A
+    builders: list[Build] = [
+        tmg.fft_preconditioner,
+        tmg.fft_rsm_preconditioner,
+        tmg.chan_preconditioner,
+        tmg.strang_preconditioner,
+        tmg.cosine_preconditioner,
+        tmg.sine_preconditioner,
+        tmg.default_preconditioner,
+    ]
+    if isinstance(full, tmg.CoupledOperator):
+        builders += [tmg.fsai_preconditioner, tmg.componentwise(tmg.multigrid)]
+    else:
+        axes = sum(n > 1 for n in full.grid_shape)
+        if axes <= 2:
+            builders.append(tmg.fsai_preconditioner)
+        if axes <= 1:
+            builders += [tmg.spectral_preconditioner] * 2
+        if rng.random() < 0.5:
+            return "multigrid", _cycle(rng)
+        if rng.random() < 0.1:
+            gamma = log_uniform(rng, 1e-25, 1.0)
+            return "fft_rsm_preconditioner", partial(tmg.fft_rsm_preconditioner, gamma=gamma)
+    build = builders[rng.integers(len(builders))]
+    return getattr(build, "__name__", "componentwise(multigrid)"), build
+
+
+def _cycle(rng: Generator) -> Build:
+    steps = int(rng.choice([1, 1, 2]))
+    smoothers: list[Build] = [
+        tmg.fft_rsm_preconditioner,
+        tmg.jacobi_preconditioner,
+        tmg.cosine_preconditioner,
+        tmg.sine_preconditioner,
+    ]
+    choice = rng.integers(len(smoothers) + 2)
+    interpolations = [
+        tmg.piecewise_constant,
+        tmg.piecewise_constant,
+        tmg.linear_interpolation,
+        tmg.modulated_interpolation,
+    ]
+    options: dict[str, Any] = {
+        "pre": steps,
+        "post": steps,
+        "gamma": int(rng.choice([1, 1, 2])),
+        "coarsest": int(rng.choice([1, 4, 16])),
+        "transfer": interpolations[rng.integers(len(interpolations))],
+    }
+    if choice < len(smoothers):
+        options["smoother"] = smoothers[choice]
+    return partial(tmg.multigrid, **options)
+
+
+def _name(A: LinearOperator) -> str:
+    return f"{type(A).__name__} {A.grid_shape}, N = {A.shape[0]}"

@@ -1,0 +1,188 @@
+"""Contact problems: the tractions obey the conditions of contact and Coulomb's law."""
+
+import warnings
+from typing import Any
+
+import numpy as np
+
+from comparisons.reliability import matrices
+from comparisons.reliability.matrices import Array, Generator, log_uniform
+from comparisons.reliability.trials import FAILED, RIGHT, TOLD, Outcome
+from toeplitz_mg.contact import (
+    ContactError,
+    ContactResult,
+    friction,
+    normal_contact,
+    rolling,
+    surfaces,
+)
+from toeplitz_mg.contact.grid import Grid
+
+Element = tuple[float, float]
+
+TOLERANCE = 1e-8
+SLACK = 1.05  # The tolerance may be exceeded by the rounding of another product.
+MOST = 400  # Elements: the products are dense.
+
+
+def contact_problem(rng: Generator) -> Outcome:
+    """Normal contact, then friction, or rolling, on one grid, checked by dense products."""
+    line = rng.random() < 0.3
+    shape = matrices.grid(rng, int(log_uniform(rng, 1, MOST)), 1 if line else 2)
+    h = log_uniform(rng, 1e-4, 10.0)
+    element = (h, h * log_uniform(rng, 0.2, 5.0))
+    material = (log_uniform(rng, 1e-1, 1e6), float(rng.uniform(0.0, 0.5)))
+    height = h * log_uniform(rng, 1e-4, 10.0)
+    gap = _gap(rng, shape, element, height)
+    load = _load(rng, gap, element, material)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        try:
+            result = normal_contact(gap, element, material=material, tolerance=TOLERANCE, **load)
+        except ContactError as error:
+            return Outcome("normal", FAILED, f"{shape}: {error}")
+        if (wrong := _normal_error(result, gap, element, material)) or not result.traction.any():
+            return Outcome("normal", FAILED if wrong else RIGHT, f"{shape}: {wrong}")
+        kind = str(rng.choice(["friction", "rolling", "normal"]))
+        if kind == "normal":
+            return Outcome("normal", TOLD if told else RIGHT)
+        bound = log_uniform(rng, 1e-3, 3.0) * result.traction
+        try:
+            solve = _shift if kind == "friction" else _roll
+            wrong = solve(rng, bound, result, element, material)
+        except ContactError as error:
+            return Outcome(kind, FAILED, f"{shape}: {error}")
+    if wrong:
+        return Outcome(kind, FAILED, f"{shape}: {wrong}")
+    return Outcome(kind, TOLD if told else RIGHT)
+
+
+def _gap(rng: Generator, shape: tuple[int, ...], element: Element, size: float) -> Array:
+    kind = rng.integers(4)
+    if kind == 0:
+        return size * rng.random(shape)
+    if kind == 1:
+        return np.zeros(shape)
+    points = _points(shape, element)
+    far = sum((x / (np.abs(x).max() or 1.0)) ** 2 for x in points)
+    if kind == 2:
+        return np.asarray(size * (far + np.zeros(shape)))
+    return np.asarray(size * (far + 0.3 * rng.random(shape)))
+
+
+def _points(shape: tuple[int, ...], element: Element) -> tuple[Array, ...]:
+    """The centres of the elements, by axes."""
+    if len(shape) == 1:
+        return surfaces.centres(shape[0], element[0])
+    return surfaces.centres(shape, element)
+
+
+def _load(
+    rng: Generator, gap: Array, element: Element, material: tuple[float, float]
+) -> dict[str, Any]:
+    high = float(np.ptp(gap)) or element[0]
+    depth = high * log_uniform(rng, 1e-3, 3.0)
+    if rng.random() < 0.5:
+        return {"approach": float(gap.min()) + depth}
+    G, nu = material
+    width = element[0] * gap.shape[0]
+    across = element[1] * gap.shape[1] if gap.ndim == 2 else 1.0
+    return {"force": G / (1.0 - nu) * depth * (np.sqrt(width * across) if gap.ndim == 2 else 1.0)}
+
+
+def _normal_error(
+    result: ContactResult, gap: Array, element: Element, material: tuple[float, float]
+) -> str:
+    """What is wrong with p ≥ 0, w ≥ 0, p w = 0, or nothing."""
+    p = result.traction
+    A = Grid.of(p.shape, element, material, None).normal().toarray()
+    u = (A @ p.ravel()).reshape(p.shape)
+    w = u + gap - result.rigid
+    scale = result.rigid - gap.min()
+    if scale <= 0.0:
+        return "pressed apart" if p.any() else ""
+    # The rounding of heights that are large beside the interference.
+    slack = SLACK * TOLERANCE * scale + 1e-13 * np.abs(gap).max() + 1e-12 * np.abs(u).max()
+    if not np.isfinite(p).all() or p.min() < 0.0:
+        return f"pressure {p.min():.1e}"
+    if w.min() < -slack:
+        return f"penetration {-w.min() / scale:.1e}"
+    if np.abs(w[p > 0.0]).max(initial=0.0) > slack:
+        return f"gap in contact {np.abs(w[p > 0.0]).max() / scale:.1e}"
+    return ""
+
+
+def _shift(
+    rng: Generator,
+    bound: Array,
+    pressed: ContactResult,
+    element: Element,
+    material: tuple[float, float],
+) -> str:
+    m = bound.ndim
+    direction = rng.standard_normal(m)
+    direction /= np.linalg.norm(direction)
+    total = float(bound.sum() * np.prod(element))
+    if rng.random() < 0.5:
+        load: dict[str, Any] = {"force": direction * total * (1.0 - log_uniform(rng, 1e-6, 1.0))}
+    else:
+        largest = float(np.abs(pressed.displacement).max())
+        load = {"shift": direction * largest * log_uniform(rng, 1e-4, 10.0)}
+    if m == 1:
+        load = {name: value[0] for name, value in load.items()}
+    result = friction(bound, element, material=material, tolerance=TOLERANCE, **load)
+    A = Grid.of(bound.shape, element, material, None).tangential().toarray()
+    q = result.traction.reshape(m, *bound.shape)
+    u = (A @ q.ravel()).reshape(q.shape)
+    rigid = np.reshape(result.rigid, (m, *(1,) * m))
+    scale = max(float(np.abs(rigid).max()), float(np.abs(u).max()))
+    if "force" in load:
+        error = np.abs(q.reshape(m, -1).sum(axis=1) * np.prod(element) - load["force"]).max()
+        if error > 1e-7 * total:
+            return f"force off by {error / total:.1e} of the bound"
+    return _coulomb_error(result, q, u - rigid, np.sqrt(m) * SLACK * TOLERANCE * scale)
+
+
+def _roll(
+    rng: Generator,
+    bound: Array,
+    pressed: ContactResult,
+    element: Element,
+    material: tuple[float, float],
+) -> str:
+    size = float(pressed.traction.max()) / material[0] * log_uniform(rng, 1e-3, 10.0)
+    creepages: dict[str, Any] = {"longitudinal": size * rng.standard_normal()}
+    if bound.ndim == 2:
+        creepages["lateral"] = size * rng.standard_normal()
+        if rng.random() < 0.5:
+            creepages["spin"] = size * rng.standard_normal() / (pressed.element[0] * bound.shape[0])
+    result = rolling(bound, element, material=material, tolerance=TOLERANCE, **creepages)
+    assert result.slip is not None
+    m = bound.ndim
+    q = result.traction.reshape(m, *bound.shape)
+    slip = result.slip.reshape(q.shape)
+    x = _points(bound.shape, element)
+    rigid = [abs(creepages["longitudinal"]), abs(creepages.get("lateral", 0.0))]
+    rigid += [abs(creepages.get("spin", 0.0)) * float(np.abs(k).max()) for k in x]
+    # The slip is the result's own: what it is made of is the subject of the tests.
+    return _coulomb_error(result, q, slip, np.sqrt(m) * SLACK * TOLERANCE * sum(rigid))
+
+
+def _coulomb_error(result: ContactResult, q: Array, slip: Array, slack: float) -> str:
+    """What is wrong with |q| ≤ g, no slip where they stick, slip along -q where they slide."""
+    assert result.bound is not None
+    assert result.stick is not None
+    assert result.sliding is not None
+    size = np.sqrt((q**2).sum(axis=0))
+    if not np.isfinite(q).all() or (size > result.bound * (1.0 + 1e-12)).any():
+        return "a traction above its bound"
+    sticks = np.abs(slip[:, result.stick]).max(initial=0.0)
+    if sticks > slack:
+        return f"slip {sticks:.1e} where they stick, {slack:.1e} allowed"
+    slide = result.sliding & (size > 0.0)
+    n = q[:, slide] / size[slide]
+    along = (slip[:, slide] * n).sum(axis=0)
+    if along.max(initial=0.0) > slack:
+        return f"slip {along.max():.1e} along the traction, {slack:.1e} allowed"
+    aside = np.abs(slip[:, slide] - along * n).max(initial=0.0)
+    return f"slip {aside:.1e} across the traction, {slack:.1e} allowed" if aside > slack else ""

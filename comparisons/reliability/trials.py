@@ -1,0 +1,88 @@
+"""What a trial of the campaign is, and how many of them run side by side."""
+
+import faulthandler
+import os
+import signal
+import traceback
+import warnings
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
+from multiprocessing import get_context
+from types import FrameType
+from typing import NamedTuple
+
+import numpy as np
+
+RIGHT, TOLD, REFUSED, FAILED = "right", "told", "refused", "failed"
+CHUNK = 50  # Trials that a process takes at a time: enough to make sending them cheap.
+SECONDS = 120  # Time of one trial, s, above which it counts as failed: all are small problems.
+
+
+class Outcome(NamedTuple):
+    """What became of a trial.
+
+    Attributes
+    ----------
+    family : str
+        The kind of problem.
+    verdict : str
+        `RIGHT`; `TOLD`, where the answer is less than was asked for and the user is told;
+        `REFUSED`, with an error that is due; `FAILED`: silently wrong, an error of another kind,
+        or a problem refused that has a good answer.
+    note : str
+        What went wrong.
+    """
+
+    family: str
+    verdict: str
+    note: str = ""
+
+
+class Result(NamedTuple):
+    """An outcome, and the seed that gives it again."""
+
+    seed: int
+    outcome: Outcome
+
+
+Trial = Callable[[np.random.Generator], Outcome]
+
+
+def run(trial: Trial, seeds: range, processes: int) -> Iterator[Result]:
+    """Yield the results of a trial for all seeds, from several processes with one thread each."""
+    chunks = [seeds[k : k + CHUNK] for k in range(0, len(seeds), CHUNK)]
+    context = get_context("forkserver")
+    with ProcessPoolExecutor(processes, context, initializer=_start) as pool:
+        futures = [pool.submit(_run_chunk, trial, chunk) for chunk in chunks]
+        for future in as_completed(futures):
+            yield from future.result()
+
+
+def _start() -> None:
+    faulthandler.enable()
+    os.environ["OMP_NUM_THREADS"] = "1"
+
+
+def _run_chunk(trial: Trial, seeds: range) -> list[Result]:
+    return [Result(seed, run_one(trial, seed)) for seed in seeds]
+
+
+def run_one(trial: Trial, seed: int) -> Outcome:
+    """Run one trial; an error that it does not expect is a failure."""
+    signal.signal(signal.SIGALRM, partial(_too_long, seed))
+    signal.alarm(SECONDS)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # A trial that looks for warnings records them itself.
+            return trial(np.random.default_rng(seed))
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        place = f"{os.path.basename(where.filename)}:{where.lineno}"
+        return Outcome("unexpected error", FAILED, f"{type(error).__name__} at {place}: {error}")
+    finally:
+        signal.alarm(0)
+
+
+def _too_long(seed: int, signum: int, frame: FrameType | None) -> None:
+    raise TimeoutError(f"seed {seed} took over {SECONDS} s")
