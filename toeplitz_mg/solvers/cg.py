@@ -50,8 +50,9 @@ def cg(
         First guess, zero by default. It is not changed.
     rtol, atol : float
         It has converged where ‖b - A x‖₂ ≤ max(rtol ‖b‖₂, atol). The recurrence for the residual
-        says when to stop; then the true one is computed, with one product more, and where rounding
-        has made it larger than 10 times that goal the iteration starts once more from there.
+        says when to stop; then the true one is computed, with one product more in the precision of
+        `A` and `b`, and where rounding has made it larger than 10 times that goal the iteration
+        starts once more from there.
     maxiter : int, optional
         Most iterations, 10 n by default.
     M : array_like, sparse matrix or LinearOperator, optional
