@@ -4,9 +4,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
-from toeplitz_mg.values import count, real
+from toeplitz_mg.values import count, real, unmasked
 
 Array = NDArray[Any]
 
@@ -57,20 +58,20 @@ def checked_system(
 
 def numbers(name: str, values: Any) -> Array:
     """Return an array of numbers, real or complex."""
-    if np.ma.isMaskedArray(values):
-        raise TypeError(f"{name} is a masked array, but must have a value in each element")
-    array = np.asarray(values)
+    array = unmasked(name, values)
     if array.dtype.kind not in "buifc":
         raise TypeError(f"{name} has dtype {array.dtype}, but must be of numbers")
     return array
 
 
 def operator(name: str, A: Any) -> LinearOperator:
-    """Return a matrix or an operator as an operator of numbers."""
-    if not isinstance(A, LinearOperator) and hasattr(A, "dtype"):
-        if np.ma.isMaskedArray(A):
-            raise TypeError(f"{name} is a masked array, but must have a value in each element")
-        if A.dtype.kind not in "buifc":
+    """Return a matrix, dense or sparse, or what has products, as an operator of numbers."""
+    if not hasattr(A, "matvec"):
+        if not issparse(A):
+            A = numbers(name, A)
+            if A.ndim != 2:
+                raise TypeError(f"{name} has shape {A.shape}, but must be a matrix or an operator")
+        elif A.dtype.kind not in "buifc":
             raise TypeError(f"{name} has dtype {A.dtype}, but must be of numbers")
     return aslinearoperator(A)
 
