@@ -78,6 +78,7 @@ def test_the_order_of_a_power():
     assert np.isnan(contact_cases.order([0.0, 0.1], [2, 4]))
 
 
+@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")  # the grid is coarse
 def test_violations_are_measured():
     for problem in contact_peers.problems(16):
         answer = contact_methods.ours(problem, 1e-10)

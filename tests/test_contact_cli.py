@@ -129,7 +129,10 @@ def test_infinite_friction_bonds(options, tmp_path, capsys):
         (["-n", "16"], []),
         (["-n", "16", "--line"], []),
         (["-n", "8"], ["the contact is only 6 elements across"]),
-        (["-n", "40", "--radius", "1", "100"], ["the contact is only 3 elements across"]),
+        (
+            ["-n", "40", "--radius", "1", "100"],  # on 3 x 40 elements
+            ["the contact is only 3 elements across", "reaches the edge of the grid along x,"],
+        ),
         (["-n", "64", "--line", "--force", "1000", "--size", "0.6722"], ["reaches the edge"]),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
@@ -252,7 +255,7 @@ def test_options_of_linear_systems_are_refused(capsys):
 
 
 def test_not_converged_is_status_one_and_writes_nothing(tmp_path, monkeypatch, capsys):
-    pressed = normal_contact(np.zeros((2, 2)), (1.0, 1.0), material=STEEL, force=1.0)
+    pressed = normal_contact(np.zeros((12, 12)), (1.0, 1.0), material=STEEL, force=1.0)
 
     def fail(*_, **__):
         raise ContactError("after 3 products Coulomb's law is violated", pressed)

@@ -24,6 +24,9 @@ mpl.use("Agg")
 
 MU, A = 0.3, 0.6
 
+# Tests of what is solved, on grids that are meant to be small or strange.
+doubtful = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+
 
 def semi_ellipse(r, a):
     return np.sqrt(np.maximum(0.0, 1 - (r / a) ** 2))
@@ -203,6 +206,7 @@ def test_the_solution_in_one_component_is_that_of_bounded_least_squares():
     assert_allclose(result.traction, expected, atol=1e-8)
 
 
+@doubtful
 def test_the_solution_in_two_components_has_the_least_energy():
     rng = np.random.default_rng(6)
     g = rng.random((8, 8))
@@ -213,6 +217,7 @@ def test_the_solution_in_two_components_has_the_least_energy():
     assert_allclose(result.traction, q, atol=1e-6)
 
 
+@doubtful
 @given(
     seed=st.integers(0, 2**32 - 1),
     shape=st.one_of(
@@ -291,6 +296,7 @@ def test_a_contact_that_shrinks_keeps_nothing_outside(is_line, most):
     assert (most < 7.0) == after.sliding.any()
 
 
+@doubtful
 @pytest.mark.parametrize("shape", [(60,), (14, 8)])
 def test_a_bound_that_falls_far_below_the_tractions(shape):
     rng = np.random.default_rng(2)
@@ -320,6 +326,7 @@ def test_almost_all_slides(seed, missing, decades):
     assert after.products < (600 if decades else 100)
 
 
+@doubtful
 def test_tiny_bounds_do_no_harm():
     g = np.random.default_rng(0).random((12, 9))
     g[::3] = 1e-20
@@ -361,6 +368,7 @@ def test_refuses_what_makes_no_sense(change, message):
         friction(arguments.pop("bound"), arguments.pop("element"), **arguments)
 
 
+@doubtful
 def test_refuses_another_history():
     contact = normal_contact(np.zeros(3), 1.0, material=(1.0, 0.3), force=1.0)
     with pytest.raises(ValueError, match="previous is a normal contact"):

@@ -25,6 +25,9 @@ STEEL = (82000.0, 0.28)
 UNIT = (0.7, 0.3)  # E* = G/(1-ν) = 1
 A = 0.6  # radius of contact on grids of [-1, 1]
 
+# Tests of what is solved, on grids that are meant to be small or strange.
+doubtful = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+
 
 def assert_complementary(contact, tolerance=1e-8):
     scale = contact.rigid + (contact.displacement - contact.gap - contact.rigid).max()
@@ -143,6 +146,7 @@ def test_single_precision_does_not_limit_the_accuracy(n):
     assert_allclose(contact.traction.sum() * (2.0 / n) ** 2, 0.1, rtol=1e-14)
 
 
+@doubtful
 @pytest.mark.parametrize("force", [0.005, 0.03, 0.1, 0.3])
 def test_rough_surfaces_at_any_load(force):
     contact = rough(128, force=force)
@@ -167,6 +171,7 @@ def test_large_rough_surfaces(n, force):
 # Any problem --------------------------------------------------------------------------------
 
 
+@doubtful
 def test_the_solution_is_that_of_non_negative_least_squares():
     rng = np.random.default_rng(3)
     z = rng.random((7, 9))
@@ -177,6 +182,7 @@ def test_the_solution_is_that_of_non_negative_least_squares():
     assert_allclose(contact.traction.ravel(), p, atol=1e-9)
 
 
+@doubtful
 @pytest.mark.parametrize("load", [{"force": 0.1}, {"approach": 0.03}])
 def test_nested_grids_change_the_work_only(load):
     rng = np.random.default_rng(2)
@@ -188,6 +194,7 @@ def test_nested_grids_change_the_work_only(load):
     assert_allclose(results[0].traction, results[1].traction, rtol=1e-6, atol=1e-9)
 
 
+@doubtful
 @given(
     seed=st.integers(0, 2**32 - 1),
     shape=st.one_of(
@@ -243,6 +250,7 @@ def test_units_beyond_single_precision(G, length):
     assert_allclose(contact.traction / G, expected.traction, rtol=1e-6, atol=1e-12)
 
 
+@doubtful
 @pytest.mark.parametrize("ratio", [1e-8, 1e4, 1e8])
 def test_long_elements(ratio):
     gap = 0.01 * np.random.default_rng(0).random((40, 30))
@@ -251,6 +259,7 @@ def test_long_elements(ratio):
     assert contact.products < 200
 
 
+@doubtful
 def test_one_element():
     contact = normal_contact([[0.0]], (1.0, 1.0), material=UNIT, force=2.0)
     assert_allclose(contact.traction, 2.0)
@@ -408,6 +417,7 @@ def test_transfers_keep_constants(shape):
     assert_allclose(refined(np.stack([coarse, coarse]), shape), np.full((2, *shape), 3.0))
 
 
+@doubtful
 def test_a_wavy_surface_touches_at_its_crests():
     gap = surfaces.wavy((64, 64), (0.05, 0.05), amplitude=0.01, wavelength=1.6)
     contact = normal_contact(gap, (0.05, 0.05), material=UNIT, approach=0.003)
@@ -454,6 +464,7 @@ def test_surfaces_refuse_other_shapes(shape, error, message):
         surfaces.sphere(shape, (1.0, 1.0), radius=1.0)
 
 
+@doubtful
 @pytest.mark.parametrize("shape", [(8, 8), (8,)])
 def test_plot(shape):
     gap = sum(x**2 for x in surfaces.centres(shape, (1.0, 1.0)))

@@ -86,6 +86,31 @@ def test_tiny_and_huge_right_hand_sides(scale, dtype):
     assert_allclose(A @ x / dtype(scale), b / dtype(scale), rtol=1e-4)
 
 
+@pytest.mark.parametrize("power", [-1000, -700, 700, 1000])
+@pytest.mark.parametrize("guess", [None, np.linspace(0.0, 1.0, 50)])
+def test_a_power_of_two_scales_every_iterate_and_changes_no_digit(power, guess):
+    A = tmg.ToeplitzOperator(0.5 ** np.arange(50))
+    M = tmg.fft_rsm_preconditioner(A)
+    ours, scaled = [], []
+    for scale, iterates in ((1.0, ours), (2.0**power, scaled)):
+        b, x0 = scale * np.linspace(1.0, 2.0, 50), None if guess is None else scale * guess
+        _, info = tmg.richardson(
+            A, b, x0, M=M, rtol=1e-9, callback=lambda x, i=iterates, s=scale: i.append(x / s)
+        )
+        assert info == 0
+    assert np.array_equal(ours, scaled)
+
+
+@pytest.mark.parametrize("solver", [tmg.cg, tmg.richardson])
+@pytest.mark.parametrize(("of_A", "of_b"), [(1e-300, 1e10), (1e200, 1e-200), (1.0, 5e-324)])
+def test_a_solution_out_of_range_has_not_converged(solver, of_A, of_b):
+    """It would be inf or 0, or a number with the digits of 5e-324."""
+    A = tmg.ToeplitzOperator(of_A * 0.5 ** np.arange(10))
+    b = of_b * np.linspace(1.0, 2.0, 10)
+    _, info = solver(A, b, M=tmg.chan_preconditioner(A), maxiter=50)
+    assert info > 0
+
+
 @pytest.mark.parametrize("factor", [1e150, np.inf])
 def test_a_preconditioner_that_overflows(factor):
     A, M = 1e200 * np.eye(3), np.diag([factor, 1.0, 1.0])

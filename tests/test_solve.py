@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
 from comparisons.symbols import COLUMNS, column, fourier
-from toeplitz_mg.solvers.choice import methods
+from toeplitz_mg.solvers.choice import levinson_is_faster, methods
 
 RNG = np.random.default_rng(3)
 
@@ -121,7 +121,8 @@ def test_the_choice_is_no_more_than_twice_the_work_of_the_best(name, n):
 
 def test_the_choice_is_visible():
     def method(c, b):
-        return tmg.solve_toeplitz(c, b, full_output=True)[1].method
+        # To 1e-12 rounding would decide whether the recurrence of CG gets there.
+        return tmg.solve_toeplitz(c, b, rtol=1e-8, full_output=True)[1].method
 
     n = 3000
     b = random(n)
@@ -193,6 +194,13 @@ def test_refuses_bad_arguments():
         solve([1.0], None)
     with pytest.raises(TypeError, match="c has dtype"):
         solve(["a"], [1.0])
+    masked = np.ma.masked_array([2.0, 1.0], [False, True])
+    for c, b in ((masked, [1.0, 2.0]), (([2.0, 1.0], masked), [1.0, 2.0]), ([2.0, 1.0], masked)):
+        with pytest.raises(TypeError, match=r"[crb] is a masked array, but must have a value"):
+            solve(c, b)
+    for b in ("ab", ["1", "2"]):
+        with pytest.raises(TypeError, match="b has dtype"):
+            solve([2.0, 1.0], b)
     with pytest.raises(ValueError, match="batch has shape"):
         solve([1.0], np.zeros((0, 1, 1)))
     for rtol in (0.0, -1.0, 1.0, np.inf, np.nan):
@@ -307,6 +315,8 @@ def test_not_finite_in_not_finite_out():
             assert np.isnan(tmg.solve_toeplitz(*c_and_b, check_finite=False)).all()
             with pytest.raises(ValueError, match=r"finite|infs or NaNs"):
                 tmg.solve_toeplitz(*c_and_b)
+        c = np.r_[column("contact", n - 1), np.nan]
+        assert np.isnan(tmg.solve_toeplitz(c, np.zeros(n), check_finite=False)).all()
 
 
 def test_batches_are_their_systems():
@@ -315,3 +325,75 @@ def test_batches_are_their_systems():
     X = tmg.solve_toeplitz(c, b)
     for k in np.ndindex(7, 4):
         assert_allclose(X[k], tmg.solve_toeplitz(c[k], b[k]), rtol=1e-14)
+
+
+# Levinson's recursion loses 9 to 13 digits here, where the second leading block is nearly singular.
+HARD = np.array([1e-13, 1.0, 0.5])
+RIGHT = np.random.default_rng(1).standard_normal(3)
+SIZES = [-300, -200, -165, -150, -139, -60, 0, 60, 139, 150, 165, 200, 300]
+
+
+@pytest.mark.parametrize("of_b", SIZES)
+@pytest.mark.parametrize("of_A", [-290, -200, -165, -100, -20, 0, 20, 100, 165, 200, 290])
+def test_an_answer_is_right_whatever_the_sizes_or_there_is_none(of_A, of_b):
+    exact = np.linalg.solve(scipy.linalg.toeplitz(HARD), RIGHT)
+    c, b = 10.0**of_A * HARD, 10.0**of_b * RIGHT
+    if not -305 < of_b - of_A < 305:
+        with pytest.raises(np.linalg.LinAlgError, match="must be within the range of float64"):
+            tmg.solve_toeplitz(c, b)
+        return
+    assert_allclose(tmg.solve_toeplitz(c, b) / 10.0 ** (of_b - of_A), exact, rtol=1e-9)
+    # All at once, with one of a size whose squares are zero, and one of zeros.
+    others = np.stack([b, 0.0 * b, 1e-165 * RIGHT], axis=1)
+    if -305 < -165 - of_A < 305:
+        x = tmg.solve_toeplitz(c, others)
+        assert_allclose(x[:, 0] / 10.0 ** (of_b - of_A), exact, rtol=1e-9)
+        assert_allclose(x[:, 2] / 10.0 ** (-165 - of_A), exact, rtol=1e-9)
+        assert not x[:, 1].any()
+
+
+def test_errors_of_columns_in_proportion_do_not_cancel():
+    """Their sums with weights may; once the weights were 1, √2, √3, 2, …"""
+    exact = np.linalg.solve(scipy.linalg.toeplitz(HARD), RIGHT)
+    for factors in (
+        [2.0, 0.0, 0.0, -1.0],
+        [1.0, -1.0],
+        [2.0, -1.0],
+        [0.0, 2.0] + 5 * [0.0] + [-1.0],
+    ):
+        x = tmg.solve_toeplitz(HARD, np.outer(RIGHT, factors))
+        assert_allclose(x, np.outer(exact, factors), rtol=1e-9)
+
+
+@pytest.mark.parametrize("n", [1, 2, 300, 3000])
+@pytest.mark.parametrize(("of_c", "of_b"), [(-300, 10), (200, -200), (-160, 160), (300, -10)])
+@pytest.mark.parametrize("full_output", [False, True])
+def test_a_solution_out_of_range_is_an_error(n, of_c, of_b, full_output):
+    c = 10.0**of_c * 0.5 ** np.arange(n)
+    b = 10.0**of_b * random(n)
+    for rhs in (b, b[:, None], b * (1.0 + 2.0j), np.stack([b, b])[..., None]):
+        with pytest.raises(np.linalg.LinAlgError, match=r"is of size 1e[-+][34]\d\d, but must be"):
+            tmg.solve_toeplitz(c, rhs, full_output=full_output)
+
+
+def test_subnormal_numbers_are_solved_for_where_no_digit_is_lost():
+    b = np.array([3.0, -1.0, 2.0]) * 2.0**-1060
+    assert np.array_equal(tmg.solve_toeplitz([4.0, 0.0, 0.0], b), b / 4.0)
+    assert np.array_equal(tmg.solve_toeplitz([0.25, 0.0, 0.0], b), b * 4.0)
+    with pytest.raises(np.linalg.LinAlgError, match="must be within the range of float64"):
+        tmg.solve_toeplitz([3.0, 1.0, 0.0], b)
+    # What is lost of a small part of a number is no part of its digits.
+    z = np.array([1.0 + 1e-320j, 2.0, 3.0])
+    assert_allclose(tmg.solve_toeplitz([3.0, 1.0, 0.0], z).real, [5 / 21, 2 / 7, 19 / 21])
+    # Nor is a small entry beside a large one.
+    x = tmg.solve_toeplitz([3.0, 0.0, 0.0], [3.0, 1e-320, 0.0])
+    assert_allclose(x, [1.0, 0.0, 0.0], atol=1e-300)
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3, 8, 64, 1000])
+def test_the_choice_counts_work_and_has_one_crossover(columns):
+    """Up to some n Levinson's recursion, with n² operations a column, is less work; then never."""
+    faster = [levinson_is_faster(n, columns) for n in range(1, 4000)]
+    assert faster == sorted(faster, reverse=True)
+    assert not faster[-1]
+    assert sum(faster) <= 1200

@@ -48,7 +48,7 @@ class Progress:
         start = perf_counter()
         with tmg.count_products() as work:
             residual = self.system.b - self.system.A @ x
-        self.residuals.append(float(norm(residual) / norm(self.system.b)))
+        self.residuals.append(_size(residual) / _size(self.system.b))
         print(f"{len(self.residuals):10d}   {self.residuals[-1]:.3e}", flush=True)
         self.products.points += work.points
         self.seconds += perf_counter() - start
@@ -150,6 +150,8 @@ def _method(system: System, options: argparse.Namespace) -> tuple[LinearOperator
 def _solve(system: System, options: argparse.Namespace) -> int:
     if not system.b.any():
         raise UsageError("the right-hand side is zero: there is nothing to solve")
+    if not np.isfinite(_size(system.b)):
+        raise UsageError("the norm of the right-hand side is not a number of float64: scale it")
     start = perf_counter()
     M, label = _method(system, options)
     setup = perf_counter() - start
@@ -159,12 +161,9 @@ def _solve(system: System, options: argparse.Namespace) -> int:
     print(" iteration   residual / right-hand side", flush=True)
 
     progress = Progress(system)
-    guess, scale = None, 1.0
+    guess = None
     if options.seed is not None:
         guess = np.random.default_rng(options.seed).random(len(system.b))
-    else:  # so that no inner product over- or underflows
-        scale = 2.0 ** (float(np.frexp(np.abs(system.b).max())[1]) - 1.0)
-        system.b = system.b / scale
     first = system.b if guess is None else system.b - system.A @ guess
     start = perf_counter()
     with tmg.count_products() as work:
@@ -180,13 +179,12 @@ def _solve(system: System, options: argparse.Namespace) -> int:
     seconds = perf_counter() - start - progress.seconds
     n = system.A.shape[0] if system.mask is None else system.mask.size
     work.points -= progress.products.points
-    size = float(norm(system.b))
-    residual = float(norm(system.b - system.A @ x)) / size
-    x = x * scale
+    size = _size(system.b)
+    residual = _size(system.b - system.A @ x) / size
     # The recurrence of cg may have drifted from the true residual: the latter decides.
     converged = info == 0 and residual <= 1.01 * options.rtol
     count = len(progress.residuals)
-    before = float(norm(first)) / size
+    before = _size(first) / size
     factor = (residual / before) ** (1.0 / max(count, 1))
     print(
         f"\n{'converged' if converged else 'NOT CONVERGED'}: residual {residual:.2e}\n"
@@ -209,6 +207,11 @@ def _solve(system: System, options: argparse.Namespace) -> int:
         output.plot(options.plot, system.title, x, system.x, system.mask, residuals)
         print(f"drawn in {options.plot}")
     return 0 if converged else 1
+
+
+def _size(v: Array) -> float:
+    # In float64, whatever v is: numbers of float32 may have a norm that is none.
+    return float(norm(v.astype(np.float64, copy=False), check_finite=False))
 
 
 def _papers_line(test: int, label: str, options: argparse.Namespace) -> str:

@@ -2,7 +2,8 @@
 
 import argparse
 import math
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -14,6 +15,7 @@ from toeplitz_mg import output
 from toeplitz_mg.contact import (
     ContactError,
     ContactResult,
+    ContactWarning,
     friction,
     normal_contact,
     rolling,
@@ -26,7 +28,6 @@ from toeplitz_mg.contact_arguments import checked
 Array = NDArray[Any]
 
 MARGIN = 1.3  # of the grid, around the contact of theory
-FEWEST = 10  # elements across the contact, for figures that mean something
 CREEPAGE = -0.002  # where none is given
 
 
@@ -166,12 +167,13 @@ def run(given: argparse.Namespace) -> int:
             results["tangential traction"] = _solve("steady rolling", lambda: case.roll(pressed))
     except ContactError as error:
         print(f"\nNOT CONVERGED: {error}")
+        _print_doubts([error.result])
         return 1
     seconds = perf_counter() - start
     products = " + ".join(str(result.products) for result in results.values())
     print(f"\nconverged: {products} products, {seconds:.2f} seconds")
     _print_figures(case, pressed, results.get("tangential traction"))
-    _print_doubts(pressed.contact)
+    _print_doubts(results.values())
     if options.output is not None:
         found = fields(case, pressed, results.get("tangential traction"))
         output.save_fields(options.output, found)
@@ -211,7 +213,9 @@ def _check_slides_not(case: Case) -> None:
 
 def _solve(name: str, solve: Callable[[], ContactResult]) -> ContactResult:
     print(f"\n{name}\n  products   violation", flush=True)
-    result = solve()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ContactWarning)  # they are printed below the figures
+        result = solve()
     _print_progress(result.products, result.residual)
     return result
 
@@ -243,14 +247,10 @@ def _print_figures(case: Case, pressed: ContactResult, tangential: ContactResult
         print(f"{name:26s}{values:>28s}{'' if exact is None else f'{exact:.6g}':>14s}")
 
 
-def _print_doubts(contact: Array) -> None:
-    """Say where the grid is too coarse for the contact, or else too small."""
-    axes = range(contact.ndim)
-    across = min(int(contact.any(axis=tuple({*axes} - {axis})).sum()) for axis in axes)
-    if across < FEWEST:
-        print(f"note: the contact is only {across} elements across; a larger -n resolves it")
-    elif any(contact.take([0, -1], axis).any() for axis in axes):
-        print("note: the contact reaches the edge of the grid; a larger --size leaves it room")
+def _print_doubts(results: Iterable[ContactResult]) -> None:
+    """Say why the figures may not be those that were meant, each reason once."""
+    for doubt in dict.fromkeys(doubt for result in results for doubt in result.warnings):
+        print(f"note: {doubt}")
 
 
 def _tangential_figures(

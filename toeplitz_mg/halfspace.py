@@ -48,6 +48,18 @@ class Material(NamedTuple):
     nu: float
 
 
+class CombinedMaterial(Material):
+    """Elastic constants combined of two unlike bodies: a pair (G, nu), and how unlike they are.
+
+    Attributes
+    ----------
+    difference : float
+        Their `difference_parameter`. It couples the normal and the tangential problem.
+    """
+
+    difference: float = 0.0
+
+
 def combined_material(first: Material, second: Material) -> Material:
     """Combine the constants of two bodies in contact: 1/G and ν/G are averaged.
 
@@ -59,6 +71,7 @@ def combined_material(first: Material, second: Material) -> Material:
     -------
     Material
         1/G = ½ (1/G₁ + 1/G₂), ν/G = ½ (ν₁/G₁ + ν₂/G₂). Where the materials are equal, theirs.
+        Where normal and tangential problems are coupled, a `CombinedMaterial`, that says how much.
 
     Raises
     ------
@@ -80,7 +93,12 @@ def combined_material(first: Material, second: Material) -> Material:
     """
     (G1, nu1), (G2, nu2) = _body(first), _body(second)
     G = 2.0 / (1.0 / G1 + 1.0 / G2)
-    return Material(G, G / 2.0 * (nu1 / G1 + nu2 / G2))
+    nu = G / 2.0 * (nu1 / G1 + nu2 / G2)
+    if (K := difference_parameter(first, second)) == 0.0:
+        return Material(G, nu)
+    combined = CombinedMaterial(G, nu)
+    combined.difference = K
+    return combined
 
 
 def difference_parameter(first: Material, second: Material) -> float:
@@ -112,7 +130,7 @@ def difference_parameter(first: Material, second: Material) -> float:
     0.249994
     """
     (G1, nu1), (G2, nu2) = _body(first), _body(second)
-    G = combined_material(first, second).G
+    G = 2.0 / (1.0 / G1 + 1.0 / G2)
     return G / 4.0 * ((1.0 - 2.0 * nu1) / G1 - (1.0 - 2.0 * nu2) / G2)
 
 

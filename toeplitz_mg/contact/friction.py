@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import (
     check_iteration,
     rigid_shift,
@@ -71,6 +72,13 @@ def friction(
     -------
     ContactResult
 
+    Warns
+    -----
+    ContactWarning
+        Where the contact is less than 10 elements across; and where the `material` is combined of
+        unlike ones, as the coupling of normal and tangential tractions is left out.
+        `ContactResult.warnings` lists them.
+
     Raises
     ------
     ValueError, TypeError
@@ -127,7 +135,8 @@ def friction(
     if shift is not None:
         given = np.array(shift, dtype=np.float64)
         result = replace(result, rigid=float(given) if given.ndim == 0 else given)
-    return converged(result, tolerance)
+    doubts.warn(converged(result, tolerance).warnings)
+    return result
 
 
 def tangential_result(
@@ -135,6 +144,7 @@ def tangential_result(
 ) -> ContactResult:
     """Return what was found, on the whole grid and in the shapes of the user."""
     q, contact = state.q, problem.g > 0.0
+    whole_contact = window.extended(contact)
     slip = state.u - problem.b - problem.uniform(state.shift)
     is_line = len(q) == 1
 
@@ -147,7 +157,7 @@ def tangential_result(
         element=problem.grid.element,
         traction=whole(q),
         displacement=whole(np.where(contact, state.u, 0.0)),
-        contact=window.extended(contact),
+        contact=whole_contact,
         force=float(total[0]) if is_line else total,
         rigid=float(state.shift[0]) if is_line else state.shift,
         slip=whole(np.where(contact, slip, 0.0)),
@@ -157,4 +167,5 @@ def tangential_result(
         work=work,
         iterations=state.iterations,
         residual=state.residual,
+        warnings=doubts.of_bound(window.whole, whole_contact),
     )

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from toeplitz_mg import halfspace
-from toeplitz_mg.halfspace import Material
+from toeplitz_mg.halfspace import CombinedMaterial, Material
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.values import field, in_range, positive
 
@@ -57,7 +57,9 @@ class Grid:
             )
         if not all(0.0 < h < np.inf for h in sizes):
             raise ValueError(f"element is {element}, but its sizes must be positive and finite")
-        material = halfspace.combined_material(material, material)  # which checks it
+        checked = halfspace.combined_material(material, material)
+        if not isinstance(material, CombinedMaterial):  # which knows what it was combined of
+            material = checked
         for name, value in (("element", min(sizes)), ("element", max(sizes)), ("G", material.G)):
             in_range(name, value)
         if reference is None:

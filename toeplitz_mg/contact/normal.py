@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.active_set import Search, State
 from toeplitz_mg.contact.checks import check_iteration, normal_load
 from toeplitz_mg.contact.grid import Element, Grid
@@ -72,12 +73,26 @@ def normal_contact(
     -------
     ContactResult
 
+    Warns
+    -----
+    ContactWarning
+        Where the answer may not be of the problem that was meant: a contact that reaches the edge
+        of the grid or is less than 10 elements across, a mean pressure above E*/2, slopes above 1,
+        a gap that varies by more than the length of the grid, or whose sign seems to be reversed.
+        `ContactResult.warnings` lists them.
+
     Raises
     ------
     ValueError, TypeError
         For input that makes no sense, before any work.
     ContactError
         Where the tolerance is not reached: it says what is violated.
+
+    Notes
+    -----
+    The bodies end where the grid ends. So a punch with sharp edges is a gap that is flat, or
+    inclined, along an axis, and touches at both ends of it without a warning. Any other gap, round
+    or rough, is taken for a part of a larger surface, and should not touch there.
 
     Examples
     --------
@@ -103,7 +118,9 @@ def normal_contact(
         approach = float(approach) - distance
         if approach <= 0.0:
             nothing = np.zeros(z.shape)
-            return _result(grid, z, State(nothing, nothing, approach), 0, 0.0, distance)
+            result = _result(grid, z, State(nothing, nothing, approach), 0, 0.0, distance)
+            doubts.warn(result.warnings)
+            return result
         in_range("the interference", approach)
     with count_products() as work:
         search = Search(grid, z, approach, load, tolerance, progress)
@@ -111,7 +128,8 @@ def normal_contact(
         state = search.run(products, search.first_guess(nested=nested))
         state = state._replace(p=state.p / search.unit)
     result = _result(grid, z, state, products.count, work.units(z.size), distance)
-    return converged(result, tolerance)
+    doubts.warn(converged(result, tolerance).warnings)
+    return result
 
 
 def _result(
@@ -129,4 +147,5 @@ def _result(
         work=work,
         iterations=state.iterations,
         residual=state.residual,
+        warnings=doubts.of_pressures(grid, z, state.p, state.approach),
     )

@@ -52,6 +52,10 @@ class ContactResult:
         too, in such products.
     iterations : tuple of int
         Of the Krylov method on this grid, between two changes of the areas.
+    warnings : tuple of str
+        Why the answer may not be of the problem that was meant, each of which is a
+        `ContactWarning` too: the grid too small or too coarse, a unit or a sign mistaken, or
+        pressures and slopes beyond the theory.
     residual : float
         The largest violation of the conditions of contact, at most the tolerance. It is relative,
         in normal contact to the largest interference; in friction to the largest displacement
@@ -73,6 +77,7 @@ class ContactResult:
     work: float = 0.0
     iterations: tuple[int, ...] = ()
     residual: float = 0.0
+    warnings: tuple[str, ...] = ()
 
     @property
     def sliding(self) -> Array | None:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_iteration, traction_bound, tractions_before
 from toeplitz_mg.contact.coulomb import bounded
 from toeplitz_mg.contact.friction import tangential_result
@@ -70,6 +71,13 @@ def rolling(
     ContactResult
         With the slip over the distance rolled, and the creepages as `rigid`.
 
+    Warns
+    -----
+    ContactWarning
+        Where the contact is less than 10 elements across; and where the `material` is combined of
+        unlike ones, as the coupling of normal and tangential tractions is left out.
+        `ContactResult.warnings` lists them.
+
     Raises
     ------
     ValueError, TypeError
@@ -104,7 +112,9 @@ def rolling(
         u = np.where(g > 0.0, apply_to_rows(A, state.q.reshape(-1)).reshape(w.shape), 0.0)
     result = tangential_result(problem, state, window, products.count + 1, work.units(w.size))
     result = replace(result, displacement=window.extended(u).reshape(result.traction.shape))
-    return converged(_per_distance(result, longitudinal, lateral, spin), tolerance)
+    result = _per_distance(result, longitudinal, lateral, spin)
+    doubts.warn(converged(result, tolerance).warnings)
+    return result
 
 
 def rolling_steps(
@@ -137,6 +147,11 @@ def rolling_steps(
     ContactResult
         After each step, with the slip over the distance rolled.
 
+    Warns
+    -----
+    ContactWarning
+        As in `rolling`, once for all steps.
+
     Raises
     ------
     ValueError, TypeError
@@ -158,9 +173,12 @@ def rolling_steps(
     grid, g, w = _rigid_slip(bound, element, material, longitudinal, lateral, spin)
     check_iteration(tolerance, max_products)
     steps = count("steps", steps)
+    about = doubts.of_bound(grid, g > 0.0)
     q = np.zeros_like(w) if previous is None else tractions_before(previous, grid)
     window = Window.around(grid, (g > 0.0) | q.any(axis=0))
     q, g, w, grid = window.inside(q), window.inside(g), window.inside(w), window.grid
+
+    doubts.warn(about)
 
     def march(q: Array) -> Iterator[ContactResult]:
         A, S = grid.tangential(), grid.upstream()

@@ -40,11 +40,11 @@ def checked_system(
     TypeError
         For vectors that are not of numbers, or a `maxiter` that is no integer.
     """
-    A = aslinearoperator(A)
+    A = operator("A", A)
     n = A.shape[0]
     if A.shape != (n, n):
         raise ValueError(f"A has shape {A.shape}, but must be square")
-    M = None if M is None else aslinearoperator(M)
+    M = None if M is None else operator("M", M)
     if M is not None and M.shape != A.shape:
         raise ValueError(f"M has shape {M.shape}, but A has {A.shape}")
     for name, tolerance in (("rtol", rtol), ("atol", atol)):
@@ -55,10 +55,28 @@ def checked_system(
     return System(A, M, _vector(b, "b", n), guess, maxiter)
 
 
-def _vector(values: ArrayLike, name: str, n: int) -> Array:
+def numbers(name: str, values: Any) -> Array:
+    """Return an array of numbers, real or complex."""
+    if np.ma.isMaskedArray(values):
+        raise TypeError(f"{name} is a masked array, but must have a value in each element")
     array = np.asarray(values)
     if array.dtype.kind not in "buifc":
         raise TypeError(f"{name} has dtype {array.dtype}, but must be of numbers")
+    return array
+
+
+def operator(name: str, A: Any) -> LinearOperator:
+    """Return a matrix or an operator as an operator of numbers."""
+    if not isinstance(A, LinearOperator) and hasattr(A, "dtype"):
+        if np.ma.isMaskedArray(A):
+            raise TypeError(f"{name} is a masked array, but must have a value in each element")
+        if A.dtype.kind not in "buifc":
+            raise TypeError(f"{name} has dtype {A.dtype}, but must be of numbers")
+    return aslinearoperator(A)
+
+
+def _vector(values: ArrayLike, name: str, n: int) -> Array:
+    array = numbers(name, values)
     if array.shape not in ((n,), (n, 1)):
         raise ValueError(f"{name} has shape {array.shape}, but A has {(n, n)}")
     if not np.isfinite(array).all():

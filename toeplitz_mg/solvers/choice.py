@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
-from itertools import count
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.preconditioners.whole_line import of_whole_line
-from toeplitz_mg.solvers.cg import cg
+from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.inverse import first_column
 
 Array = NDArray[Any]
@@ -22,8 +21,18 @@ Rows = NDArray[Any]  # right-hand sides or solutions, of shape (columns, n)
 
 MOST_ITERATIONS = 16  # of CG: the inverse costs no more than twice that
 FEW = 2  # columns, for which the inverse is not worth its set-up
-SECONDS = 5e6  # in microseconds
-LARGEST_DENSE = 4096  # unknowns, two seconds
+LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in n³/3 operations.
+
+# Work is counted in steps of the inner loops of Levinson's recursion, n² for a column: one
+# multiplication and one addition in each of two vectors. The ratios to them are rough, and the same
+# on every machine, so that the choice is, too; `python -m comparisons.drop_in` measures both sides.
+MOST_STEPS = 2**32  # of Levinson's recursion: a column of 65,536 unknowns
+LEVINSON_CALL = 2_900  # steps that a column costs beside its own: what Python does about it
+CG_SETUP = 570_000  # steps that the set-up of A and M costs, and the calls of all iterations
+CG_UNKNOWN = 700  # steps an unknown of a column: some ten transforms, each a few log n long
+INVERSE_SETUP = 1_400_000  # steps of all calls of the Schur algorithm, where it has to be that
+INVERSE_UNKNOWN = 2_100  # steps an unknown of the Schur algorithm: some thirty products
+INVERSE_COLUMN = 20  # steps an unknown of a product with the inverse
 
 
 class Method(NamedTuple):
@@ -49,7 +58,7 @@ def methods(
             yield from _cg_method(A)
         # Whatever the symbol, if only A is positive definite.
         yield from _inverse_method(A)
-        if _time_of_levinson(n, columns) <= SECONDS:
+        if _steps_of_levinson(n, columns) <= MOST_STEPS:
             yield levinson  # A is indefinite, or singular
     else:
         yield levinson
@@ -58,15 +67,14 @@ def methods(
 
 
 def levinson_is_faster(n: int, columns: int) -> bool:
-    """Whether Levinson's recursion is faster than any method of this package."""
-    by_cg = 800.0 + columns * n
-    by_the_inverse = 2000.0 + n * (3.0 + 0.03 * columns)  # at worst, if `schur_column` has to
-    return _time_of_levinson(n, columns) <= (by_cg if columns <= FEW else by_the_inverse)
+    """Whether Levinson's recursion is less work than any method of this package."""
+    by_cg = CG_SETUP + CG_UNKNOWN * n * columns
+    by_the_inverse = INVERSE_SETUP + n * (INVERSE_UNKNOWN + INVERSE_COLUMN * columns)
+    return _steps_of_levinson(n, columns) <= (by_cg if columns <= FEW else by_the_inverse)
 
 
-def _time_of_levinson(n: int, columns: int) -> float:
-    """In microseconds, as measured on one core; Python's overhead rules where n is small."""
-    return 16.0 + columns * (4.0 + 1.4e-3 * n**2)
+def _steps_of_levinson(n: int, columns: int) -> int:
+    return columns * (n**2 + LEVINSON_CALL)
 
 
 def is_symmetric(c: Array, r: Array) -> bool:
@@ -95,18 +103,15 @@ def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
 
 def _cg(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -> tuple[Rows, int]:
     X = np.empty_like(B)
-    counts = []
+    most = 0
     for x, b in zip(X, B, strict=True):
-        steps = count()
-
-        def step(_: Array, steps: Iterator[int] = steps) -> None:
-            next(steps)
-
-        x[:], info = cg(A, b, M=M, rtol=rtol, maxiter=MOST_ITERATIONS, callback=step)
-        if info != 0:
+        x[:], iterations, converged = cg_by_recurrence(
+            A, b, M=M, rtol=rtol, maxiter=MOST_ITERATIONS
+        )
+        if not converged:
             raise np.linalg.LinAlgError(f"cg has not converged in {MOST_ITERATIONS} iterations")
-        counts.append(next(steps))
-    return X, max(counts)
+        most = max(most, iterations)
+    return X, most
 
 
 def _levinson(c: Array, r: Array, B: Rows, rtol: float) -> tuple[Rows, int]:

@@ -13,7 +13,7 @@ from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.masked import one_level, toeplitz_and_mask
 from toeplitz_mg.preconditioners import fsai_preconditioner, spectral_preconditioner
 from toeplitz_mg.preconditioners.fsai_line import decays_slowly
-from toeplitz_mg.solvers.cg import cg
+from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.values import positive
 
 Array = NDArray[Any]
@@ -142,7 +142,7 @@ def first_column(A: ToeplitzOperator) -> Array:
     """Solve A x = e₁ as well as float64 allows."""
     unit = np.zeros(A.shape[0])
     unit[0] = 1.0
-    x, _ = cg(A, unit, M=_preconditioner(A), rtol=1e-6, maxiter=50)
+    x, _, _ = cg_by_recurrence(A, unit, M=_preconditioner(A), rtol=1e-6, maxiter=50)
     best, residual, r = x, np.inf, unit - A @ x
     # The column gives an inverse, and that corrects the column, at 3 work units a step.
     G = GohbergSemencul(x)

@@ -9,6 +9,7 @@ from scipy.linalg import norm
 
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.solvers.checks import checked_system
+from toeplitz_mg.solvers.scaling import exponents
 
 Array = NDArray[Any]
 
@@ -84,16 +85,20 @@ def richardson(
     dtype = np.result_type(A.dtype, b.dtype, b.dtype if guess is None else guess.dtype)
     if M is not None and M.dtype.kind == "c":
         dtype = np.result_type(dtype, np.complex64)
-    if guess is None:
-        x, r = np.zeros(n, dtype), b.astype(dtype)
-    else:
-        x = guess.astype(dtype)  # a copy
-        r = b - apply_to_rows(A, x)
+    x = np.zeros(n, dtype) if guess is None else guess.astype(dtype)
+    r = b.astype(dtype)
+    # What is not finite is reported, not warned of.
+    with np.errstate(over="ignore", invalid="ignore"):
+        if guess is not None:
+            r -= apply_to_rows(A, x)
+    # b and r are divided by a power of two, which changes no digit, and prevents overflow.
+    scale = 2.0 ** (max(int(exponents(v)[0]) for v in (b, r)) - 1)
+    b, r = b / scale, r / scale
 
     size = _norm(b)
     if size == 0.0:
         return np.zeros_like(x), 0
-    goal = max(rtol * size, atol)
+    goal = max(rtol * size, atol / scale)
     residual = _norm(r)
     limit = max(residual, size) / np.finfo(dtype).eps
     iterations, best, best_at = 0, residual, 0
@@ -101,10 +106,13 @@ def richardson(
         stagnates = iterations - best_at >= PATIENCE
         if iterations == maxiter or stagnates or not residual <= limit:
             return x, max(iterations, 1)
-        # A diverging iterate is reported, not warned of.
         with np.errstate(over="ignore", invalid="ignore"):
-            x += r if M is None else apply_to_rows(M, r, r)
-            apply_to_rows(A, x, r)
+            if M is not None:
+                apply_to_rows(M, r, r)
+            r *= scale
+            x += r
+            np.divide(x, scale, out=r)
+            apply_to_rows(A, r, r)
             np.subtract(b, r, out=r)
             residual = _norm(r)
         iterations += 1

@@ -11,7 +11,9 @@ from numpy.linalg import norm
 from numpy.typing import ArrayLike, NDArray
 
 from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.solvers.checks import numbers
 from toeplitz_mg.solvers.choice import is_symmetric, levinson_is_faster, methods
+from toeplitz_mg.solvers.scaling import exponents, scaled_back
 from toeplitz_mg.values import real
 
 Array = NDArray[Any]
@@ -150,9 +152,7 @@ def solve_toeplitz(
 
 
 def _numbers(values: ArrayLike, name: str) -> Array:
-    array = np.asarray(values)
-    if array.dtype.kind not in "buifc":
-        raise TypeError(f"{name} has dtype {array.dtype}, but must be of numbers")
+    array = numbers(name, values)
     return array.astype(np.complex128 if array.dtype.kind == "c" else np.float64, copy=False)
 
 
@@ -168,19 +168,21 @@ def _short(c: Array, r: Array, b: Array, check_finite: bool, rtol: float) -> Arr
     with np.errstate(over="ignore", invalid="ignore"):
         if b.ndim == 1:
             b_w, x_w = b, x
-            smallest = largest = _size(b)
+            sizes = [_size(b)] if b.any() else []
         else:
-            # The sum of the columns with weights is checked: theirs are no larger, but by accident.
-            weights = np.sqrt(np.arange(1.0, b.shape[1] + 1.0))
+            # The sum of the columns with weights is checked. As no weights are in a ratio of
+            # integers, nor their sums, errors do not cancel but by accident.
+            weights = 2.0 + np.cos(np.arange(b.shape[1]))
             b_w, x_w = b @ weights, x @ weights
-            sizes = np.sqrt(np.square(np.abs(b)).sum(axis=0)).tolist()
-            smallest, largest = min((s for s in sizes if s > 0.0), default=0.0), max(sizes)
+            sizes = np.sqrt(np.square(np.abs(b)).sum(axis=0))[b.any(axis=0)].tolist()
         error = _size(b_w - np.convolve(lags, x_w, "valid"))
         rounding = ROUNDING * np.abs(lags).sum() * _size(x_w)
-    if not (smallest > 1e-140 and largest < 1e140) and largest:  # squares over- or underflow
+    # Beyond these sizes squares over- or underflow.
+    if not all(1e-140 < size < 1e140 for size in sizes) or (sizes and not 0.0 < rounding < np.inf):
         return None
+    smallest = min(sizes, default=0.0)
     solved = error <= rtol * smallest or error <= min(rounding, ILL_CONDITIONED * smallest)
-    return np.asarray(x) if solved and np.isfinite(rounding) else None
+    return np.asarray(x) if solved else None
 
 
 def _size(x: Array) -> float:
@@ -236,12 +238,11 @@ def _solve(
     else:
         # Scaled without rounding, so that no norm and no transform over- or underflows; the
         # negative of a negative definite matrix is positive definite.
-        of_A, of_B = _exponents(np.concatenate([c, r[1:]])), _exponents(B)
+        of_A, of_B = exponents(np.concatenate([c, r[1:]])), exponents(B)
         scale = np.copysign(np.ldexp(1.0, -of_A), c[0].real)
         X, info = _checked(c * scale, r * scale, B * np.ldexp(1.0, -of_B), rtol)
-        power = of_B - of_A
-        X *= np.copysign(np.ldexp(1.0, power // 2), c[0].real)
-        X *= np.ldexp(1.0, power - power // 2)
+        parts = 2 if is_complex and not complex_matrix else 1
+        X = np.copysign(1.0, c[0].real) * scaled_back(X, of_B - of_A, parts)
     if is_complex and not complex_matrix:
         half = len(X) // 2
         X = X[:half] + 1j * X[half:]
@@ -320,12 +321,6 @@ def _product(c: Array, r: Array) -> Callable[[Rows], Rows]:
 
 def _norms(X: Rows) -> Array:
     return np.asarray(norm(X, axis=1))
-
-
-def _exponents(a: Array) -> Array:
-    """Return the powers of two that scale the rows of `a` to numbers near 1."""
-    exponents = np.frexp(np.abs(a).max(axis=-1, keepdims=True))[1]
-    return np.asarray(np.clip(exponents, -1000, 1000))
 
 
 def _largest(errors: Array, sizes: Array) -> float:

@@ -1,0 +1,260 @@
+"""Doubts about contact problems: what is doubtful is said to the caller, what is not is silent."""
+
+import copy
+import pickle
+import warnings
+
+import numpy as np
+import pytest
+
+from toeplitz_mg import halfspace
+from toeplitz_mg.cli import main
+from toeplitz_mg.contact import (
+    ContactError,
+    ContactWarning,
+    friction,
+    normal_contact,
+    rolling,
+    rolling_steps,
+    surfaces,
+)
+
+STEEL = (82000.0, 0.28)
+E_STAR = STEEL[0] / (1.0 - STEEL[1])
+R, FORCE = 10.0, 100.0
+RADIUS = (3.0 * FORCE * R / (4.0 * E_STAR)) ** (1.0 / 3.0)  # of the contact, by Hertz: 0.187
+LARGEST = 3.0 * FORCE / (2.0 * np.pi * RADIUS**2)  # its pressure
+
+EDGE = "the contact reaches the edge of the grid along"
+REVERSED = "the bodies touch at the edge of the grid, and are farthest apart in the middle"
+COARSE = "the contact is only"
+HARD = "the mean pressure is"
+DEEP = "the gap varies by"
+STEEP = "the gap has slopes"
+UNLIKE = "the materials are unlike"
+
+
+def sphere(n=64, h=0.01, unit=1.0):
+    return unit * surfaces.sphere((n, n), (h, h), radius=R)
+
+
+def pressed(gap, element=(0.01, 0.01), material=STEEL, **load):
+    return normal_contact(gap, element, material=material, **(load or {"force": FORCE}))
+
+
+def said(solve):
+    """What a function returns, and the warnings that the caller sees: the same as in the result."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = solve()
+    assert all(w.category is ContactWarning and w.filename == __file__ for w in caught)
+    assert tuple(str(w.message) for w in caught) == result.warnings
+    return result
+
+
+def assert_doubts(result, *beginnings):
+    assert len(result.warnings) == len(beginnings), result.warnings
+    for doubt, beginning in zip(result.warnings, beginnings, strict=True):
+        assert doubt.startswith(beginning)
+
+
+# What is doubtful -----------------------------------------------------------------------------
+
+
+def test_a_contact_that_fills_the_grid():
+    h = 0.1 * RADIUS / 16
+    result = said(lambda: pressed(sphere(64, h), (h, h)))
+    assert result.contact.all()
+    assert result.traction.max() > 16.0 * LARGEST
+    assert_doubts(result, f"{EDGE} x and y")
+
+
+def test_four_elements_in_contact():
+    h = 3.0 * RADIUS
+    result = said(lambda: pressed(sphere(12, h), (h, h)))
+    assert result.contact.sum() == 4
+    assert result.traction.max() < LARGEST / 12.0
+    assert_doubts(result, f"{COARSE} 2 elements across")
+
+
+@pytest.mark.parametrize("force", [1e-4, 1.0, FORCE])
+def test_heights_in_micrometres_and_elements_in_millimetres(force):
+    result = said(lambda: pressed(sphere(unit=1e3), force=force))
+    assert result.warnings[0].startswith(DEEP)
+    assert result.warnings[1].startswith(STEEP)
+
+
+def test_the_sign_of_the_gap_reversed():
+    result = said(lambda: pressed(sphere(unit=-1.0)))
+    assert not result.contact[16:48, 16:48].any()
+    assert_doubts(result, REVERSED)
+
+
+@pytest.mark.parametrize(("sign", "doubt"), [(1.0, f"{EDGE} x,"), (-1.0, REVERSED)])
+def test_a_line_contact_that_reaches_the_edge(sign, doubt):
+    gap = sign * surfaces.cylinder(64, 0.01, radius=R)
+    assert_doubts(said(lambda: pressed(gap, 0.01, force=1e3)), doubt)
+    assert_doubts(said(lambda: pressed(gap, 0.01, approach=gap.min() + 0.05)), doubt)
+
+
+@pytest.mark.parametrize("shape", [(1.0, 0.0), (0.0, 1.0), (0.3, -1.0)])
+def test_the_axis_along_which_a_contact_reaches_the_edge(shape):
+    x, y = surfaces.centres((48, 40), (0.01, 0.01))
+    result = said(lambda: pressed((shape[0] * x**2 + shape[1] * y**2) / (2 * R), force=1000.0))
+    along = "x," if shape[0] == 1.0 else "y," if shape[0] == 0.0 else "x and y,"
+    assert_doubts(result, f"{EDGE} {along}")
+
+
+def test_a_round_gap_need_not_be_smooth_nor_in_the_middle():
+    rough = surfaces.rough((64, 64), (0.01, 0.01), rms=1e-4)
+    moved = np.roll(sphere(128, 0.01), 32, axis=0)[:64, 32:96]  # its crest at the edge
+    for gap in (sphere() + rough, moved, np.sqrt(2.0 * R * sphere()) * 1e-2):  # and a cone
+        assert EDGE in "".join(said(lambda gap=gap: pressed(gap, force=5000.0)).warnings)
+
+
+def test_a_pressure_beyond_linear_elasticity():
+    result = said(lambda: pressed(np.zeros((16, 16)), force=0.51 * E_STAR * 0.16**2))
+    assert_doubts(result, f"{HARD} 0.51 E*")
+    assert_doubts(pressed(np.zeros((16, 16)), force=0.49 * E_STAR * 0.16**2))
+
+
+def test_slopes_in_contact():
+    gap = np.abs(surfaces.centres(64, 0.01)[0])
+    for slope, doubts in ((0.9, ()), (1.1, [f"{STEEP} up to 1.1 in contact", HARD])):
+        result = said(lambda s=slope: pressed(s * gap, 0.01, approach=0.2))
+        assert result.traction[result.contact].mean() == pytest.approx(
+            0.5 * slope * E_STAR, rel=0.1
+        )
+        assert_doubts(result, *doubts)  # by theory of a wedge the mean pressure is slope E*/2
+
+
+@pytest.mark.parametrize("across", [1, 5, 9, 10])
+def test_elements_across_the_largest_spot(across):
+    shape = (40, 30)
+    bound = np.zeros(shape)
+    bound[3 : 3 + across, 4:28] = 0.3  # long, but narrow
+    bound[20::2, 1::2] = 0.3  # more, but in small spots
+    doubts = (f"{COARSE} {across} element",) if across < 10 else ()
+    arguments = {"element": (0.1, 0.1), "material": (1.0, 0.3)}
+    creepage = {"longitudinal": 0.01}
+    for g in (bound, bound.T):
+        assert_doubts(said(lambda g=g: friction(g, shift=(1e-3, 0), **arguments)), *doubts)
+        assert_doubts(said(lambda g=g: rolling(g, **creepage, **arguments)), *doubts)
+
+
+# What is not ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [64, 128, 200])
+def test_spheres_are_silent_on_all_their_grids(n):
+    h = 0.64 / n  # coarser grids, from which the first guess comes, have only a few in contact
+    normal = said(lambda: pressed(sphere(n, h), (h, h)))
+    g = 0.3 * normal.traction
+    arguments = {"element": (h, h), "material": STEEL}
+    shifted = said(lambda: friction(g, force=(15.0, 0.0), **arguments))
+    again = said(lambda: friction(g, force=(0.0, 0.0), previous=shifted, **arguments))
+    rolled = said(lambda: rolling(g, longitudinal=1e-3, **arguments))
+    for result in (normal, shifted, again, rolled):
+        assert_doubts(result)
+
+
+@pytest.mark.parametrize("force", [0.1, 0.2])  # spots of more than ten elements
+def test_rough_surfaces_end_where_the_grid_ends(force):
+    """On a part of a larger surface the edge is in doubt; where it is set back, it is not."""
+    n, h = 128, 2.0 / 128
+    gap = surfaces.rough((n, n), (h, h), rms=0.01, longest=0.5, seed=1)
+    result = said(lambda: pressed(gap, (h, h), (0.7, 0.3), force=force))
+    assert_doubts(result, f"{EDGE} x and y")
+    gap[0] = gap[-1] = gap[:, 0] = gap[:, -1] = 0.3
+    assert_doubts(said(lambda: pressed(gap, (h, h), (0.7, 0.3), force=force)))
+
+
+def test_punches_are_silent():
+    x, y = surfaces.centres((40, 30), (0.01, 0.01))
+    disc = np.where(np.hypot(x, y) < 0.1, 0.0, 0.05)  # a step beside a contact is no slope in it
+    for gap in (0.0 * x, 1e-4 * x - 2e-4 * y, x**2 / (2 * R), disc, np.full(x.shape, 3.0)):
+        result = said(lambda gap=gap: pressed(gap, force=50.0))
+        assert gap is disc or result.contact[:, 0].any()
+        assert_doubts(result)
+    assert_doubts(said(lambda: pressed(np.zeros(20), 0.01)))
+
+
+def test_bodies_apart_are_silent_unless_the_gap_is_strange():
+    assert_doubts(said(lambda: pressed(sphere(), approach=-1.0)))
+    assert_doubts(said(lambda: pressed(sphere(unit=1e3), approach=-1.0)), DEEP, STEEP)
+
+
+def test_where_a_bound_ends_is_no_matter():
+    (x,) = surfaces.centres(20, 0.1)
+    arguments = {"element": 0.1, "material": (1.0, 0.3)}
+    assert_doubts(said(lambda: friction(np.sqrt(1 - x**2), shift=0.01, **arguments)))
+    assert_doubts(said(lambda: friction(np.full(20, np.inf), shift=0.01, **arguments)))
+    assert_doubts(said(lambda: friction(np.zeros(20), shift=0.01, **arguments)))
+
+
+# Unlike materials -----------------------------------------------------------------------------
+
+RUBBER = (3.0, 0.45)
+
+
+def test_friction_of_unlike_materials_leaves_the_coupling_out():
+    g = np.full((12, 12), 0.3)
+    unlike = halfspace.combined_material(STEEL, RUBBER)
+    for material in (unlike, pickle.loads(pickle.dumps(unlike)), copy.deepcopy(unlike)):
+        arguments = {"element": (0.1, 0.1), "material": material}
+        shifted = said(lambda a=arguments: friction(g, shift=(1e-3, 0.0), **a))
+        assert_doubts(shifted, f"{UNLIKE} (difference parameter -0.05)")
+        assert_doubts(said(lambda a=arguments: rolling(g, lateral=1e-3, **a)), UNLIKE)
+    # Without friction there is nothing to couple with.
+    assert_doubts(said(lambda: pressed(np.zeros((12, 12)), material=unlike, force=1e-3)))
+
+
+def test_friction_of_like_materials_is_not_coupled():
+    g = np.full((12, 12), 0.3)
+    for bodies in ((STEEL, STEEL), ((3.0, 0.5), (1.0, 0.5)), (STEEL, (82001.0, 0.28))):
+        material = halfspace.combined_material(*bodies)
+        assert_doubts(
+            said(lambda m=material: friction(g, (0.1, 0.1), material=m, shift=(1e-3, 0.0)))
+        )
+
+
+def test_combined_materials_are_checked_all_the_same():
+    with pytest.raises(ValueError, match="G is -1"):
+        friction(np.ones(9), 1.0, material=halfspace.CombinedMaterial(-1.0, 0.3), shift=1.0)
+
+
+# How it is said -------------------------------------------------------------------------------
+
+
+def test_steps_warn_once_and_all_have_it():
+    g, arguments = np.full(5, 0.3), {"element": 0.1, "material": (1.0, 0.3), "longitudinal": 0.1}
+    with pytest.warns(ContactWarning) as caught:
+        results = list(rolling_steps(g, steps=3, **arguments))
+    assert len(caught) == 1
+    assert caught[0].filename == __file__
+    for result in results:
+        assert_doubts(result, f"{COARSE} 5 elements across")
+
+
+def test_an_error_has_the_doubts_and_is_an_error():
+    with pytest.raises(ContactError) as error:  # no warning, though those are errors here
+        normal_contact(
+            sphere(unit=1e3), (0.01, 0.01), material=STEEL, force=1.0, max_products=1, nested=False
+        )
+    assert any(doubt.startswith(DEEP) for doubt in error.value.result.warnings)
+
+
+@pytest.mark.parametrize(
+    "options", [["hertz", "-n", "8"], ["shift", "-n", "8"], ["rolling", "-n", "8"], ["hertz"]]
+)
+def test_the_command_line_says_what_the_results_say(options, tmp_path, capsys):
+    path = tmp_path / "x.npz"
+    assert main(["contact", *options, "-o", str(path)]) == 0
+    printed = capsys.readouterr()
+    notes = [line for line in printed.out.splitlines() if line.startswith("note: ")]
+    with np.load(path) as fields:
+        n, element = len(fields["contact"]), tuple(fields["element"])
+    gap = surfaces.sphere((n, n), element, radius=10.0)
+    assert notes == [f"note: {doubt}" for doubt in said(lambda: pressed(gap, element)).warnings]
+    assert len(notes) == (n == 8)
+    assert "Warning" not in printed.err

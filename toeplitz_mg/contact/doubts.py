@@ -1,0 +1,171 @@
+"""Doubts: where an answer is right for what was given, which may not be what was meant.
+
+Each is a sentence in `ContactResult.warnings`, and a `ContactWarning`. The public functions look
+for them at their own input and answer; the coarser grids within are nobody's concern.
+"""
+
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.halfspace import CombinedMaterial
+
+Array = NDArray[Any]
+
+FEWEST = 10  # elements across a contact, below which its area and pressures are rough guesses
+STEEP = 1.0  # slope: half-spaces are for slopes far below it
+HARD = 0.5  # mean pressure over E*: under a sphere, where the contact is as wide as the sphere
+FLAT = 1e-6  # sag of the gap between two edges, over the interference, of what is a flat punch
+REVERSED = -0.9  # correlation of the mean gap with a parabola: that of the reversed sphere is -1
+UNCOUPLED = 1e-3  # difference parameter, below which the coupling is below the error of most grids
+
+
+class ContactWarning(UserWarning):
+    """The answer is right for the numbers given, but they may not be what was meant.
+
+    The grid may be too small or too coarse for the contact, a unit or a sign another than was
+    thought, or the problem beyond the theory of half-spaces. What `ContactResult.warnings` lists.
+    """
+
+
+def warn(doubts: tuple[str, ...]) -> None:
+    """Warn whoever called the public function that calls this."""
+    for doubt in doubts:
+        warnings.warn(doubt, ContactWarning, stacklevel=3)
+
+
+def of_pressures(grid: Grid, z: Array, p: Array, interference: float) -> tuple[str, ...]:
+    """Return the doubts about the pressures `p` where the gap was `z`."""
+    contact = p > 0.0
+    return (
+        *_of_units(grid, z, contact),
+        *_of_resolution(contact),
+        *_of_load(grid, p, contact),
+        *_of_edge(z, contact, interference),
+    )
+
+
+def of_bound(grid: Grid, contact: Array) -> tuple[str, ...]:
+    """Return the doubts about a tangential problem whose bound says that this is in contact.
+
+    As it is given, the edge of the grid is of no importance.
+    """
+    return (*_of_resolution(contact), *_of_coupling(grid))
+
+
+def _of_units(grid: Grid, z: Array, contact: Array) -> Iterator[str]:
+    """Whether heights are as large as lengths: then they may be in another unit."""
+    length = max([n * h for n, h in zip(grid.shape, grid.element, strict=False)])
+    if (depth := float(np.ptp(z))) > length:
+        yield (
+            f"the gap varies by {depth:.3g} on a grid of length {length:.3g}: heights and elements "
+            "must be in the same unit"
+        )
+    most, in_contact = 0.0, 0.0  # the part of the grid that is steep, the largest slope in contact
+    for axis, h in enumerate(grid.element[: z.ndim]):
+        behind = (slice(None),) * axis
+        after, before = (*behind, slice(1, None)), (*behind, slice(-1))
+        slopes = np.abs(z[after] - z[before]) / h
+        # A step beside the contact, as at the rim of a punch, is no slope in it.
+        pairs = contact[after] & contact[before]
+        most = max(most, np.count_nonzero(slopes > STEEP) / max(1, slopes.size))
+        in_contact = max(in_contact, float(np.max(slopes, where=pairs, initial=0.0)))
+    if in_contact > STEEP:
+        yield (
+            f"the gap has slopes up to {in_contact:.3g} in contact, but half-spaces have slopes "
+            "far below 1: heights and elements must be in the same unit"
+        )
+    elif most > 0.5:
+        yield (
+            "the gap has slopes above 1 on most of the grid, but half-spaces have slopes far below "
+            "1: heights and elements must be in the same unit"
+        )
+
+
+def _of_resolution(contact: Array) -> Iterator[str]:
+    """Whether there are enough elements across the largest spot."""
+    # A grid of one row of elements is a line contact, or plane strain.
+    axes = [axis for axis, n in enumerate(contact.shape) if n > 1] or [0]
+    across = min(_longest_run(contact, axis) for axis in axes)
+    if 0 < across < FEWEST:
+        yield (
+            f"the contact is only {across} element{'s' * (across > 1)} across: smaller elements, "
+            f"at least {FEWEST} across the largest spot, resolve it"
+        )
+
+
+def _longest_run(contact: Array, axis: int) -> int:
+    """The largest number of elements in contact that follow each other along an axis."""
+    rows = np.moveaxis(contact, axis, -1)
+    ends = np.zeros((*rows.shape[:-1], 1), bool)
+    bounded = np.concatenate([ends, rows, ends], axis=-1).ravel()
+    changes = np.flatnonzero(bounded[1:] != bounded[:-1])
+    return int((changes[1::2] - changes[::2]).max(initial=0))
+
+
+def _of_load(grid: Grid, p: Array, contact: Array) -> Iterator[str]:
+    """Whether the bodies are pressed so hard that linear elasticity is no description."""
+    modulus = grid.material.G / (1.0 - grid.material.nu)
+    mean = float(p.sum()) / max(1, int(np.count_nonzero(contact)))
+    if mean > HARD * modulus:
+        yield (
+            f"the mean pressure is {mean / modulus:.3g} E*, but linear elasticity is for pressures "
+            f"below {HARD} E*: check the units of the load and of G, and the length of the grid"
+        )
+
+
+def _of_edge(z: Array, contact: Array, interference: float) -> Iterator[str]:
+    """Whether the contact would go on beyond the grid, or is where the bodies are farthest.
+
+    Along an axis in which the gap is straight, flat or inclined, the bodies are meant to end where
+    the grid ends, as a punch does.
+    """
+    touched = [
+        axis
+        for axis, n in enumerate(z.shape)
+        if n > 1
+        and contact.take([0, -1], axis).any()
+        and _largest_sag(z, axis) > FLAT * interference
+    ]
+    if touched and all(_is_farthest_in_the_middle(z, axis) for axis in touched):
+        yield (
+            "the bodies touch at the edge of the grid, and are farthest apart in the middle: "
+            "the gap is positive where they are apart, so that its sign may be the wrong one"
+        )
+    elif touched:
+        names = " and ".join("xy"[axis] for axis in touched)
+        yield (
+            f"the contact reaches the edge of the grid along {names}, where the bodies end: "
+            "a larger grid leaves it room"
+        )
+
+
+def _largest_sag(z: Array, axis: int) -> float:
+    """The largest distance of the gap from the straight lines between its ends along an axis."""
+    z = np.moveaxis(z, axis, 0)
+    t = np.linspace(0.0, 1.0, len(z)).reshape(-1, *(1,) * (z.ndim - 1))
+    return float(np.abs(z - (1.0 - t) * z[0] - t * z[-1]).max())
+
+
+def _is_farthest_in_the_middle(z: Array, axis: int) -> bool:
+    """Whether the mean gap along an axis is nearly a parabola that is high in the middle."""
+    profile = z.mean(axis=tuple(k for k in range(z.ndim) if k != axis))
+    profile = profile - profile.mean()
+    parabola = np.linspace(-1.0, 1.0, len(profile)) ** 2
+    parabola -= parabola.mean()
+    sizes = float(np.linalg.norm(profile) * np.linalg.norm(parabola))
+    return float(profile @ parabola) < REVERSED * sizes
+
+
+def _of_coupling(grid: Grid) -> Iterator[str]:
+    """Whether the pressures would change with the tangential tractions."""
+    K = grid.material.difference if isinstance(grid.material, CombinedMaterial) else 0.0
+    if abs(K) > UNCOUPLED:
+        yield (
+            f"the materials are unlike (difference parameter {K:.3g}), but the coupling of normal "
+            "and tangential tractions, in proportion to it, is left out"
+        )

@@ -1,0 +1,50 @@
+"""Scaling by powers of two, which changes no digit, so that no square over- or underflows."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+SMALLEST = float(np.finfo(np.float64).tiny)  # Below it float64 has fewer digits than 53 bits.
+
+
+def exponents(a: Array) -> Array:
+    """Return the powers of two that scale the rows of `a` to numbers from 1/2 to 1."""
+    powers = np.frexp(np.abs(a).max(axis=-1, keepdims=True, initial=0.0))[1]
+    # Beyond these the scale itself, or its inverse, would over- or underflow.
+    return np.asarray(np.clip(powers, -1000, 1000))
+
+
+def scaled_back(X: Array, powers: Array, parts: int = 1) -> Array:
+    """Return the rows of X times these powers of two, if float64 has numbers for them.
+
+    Parameters
+    ----------
+    X : ndarray of shape (rows, n)
+    powers : ndarray of int, of shape (rows, 1)
+    parts : int
+        2 where the second half of the rows are the imaginary parts of the first.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where a number overflows, or the largest of a row is so small that digits are lost.
+    """
+    half = powers // 2
+    with np.errstate(over="ignore"):
+        Y = X * np.ldexp(1.0, half) * np.ldexp(1.0, powers - half)
+    peaks = np.abs(Y).max(axis=1)
+    # A small part of a complex number need not have all digits.
+    peaks = np.tile(peaks.reshape(parts, -1).max(axis=0), parts)
+    is_exact = (Y * np.ldexp(1.0, -half) * np.ldexp(1.0, half - powers) == X).all(axis=1)
+    is_lost = np.isinf(peaks) | ~(is_exact | (peaks >= SMALLEST))
+    if is_lost.any():
+        row = int(np.argmax(is_lost))
+        size = np.log10(np.abs(X[row]).max()) + float(powers[row, 0]) * np.log10(2.0)
+        raise np.linalg.LinAlgError(
+            f"the solution is of size 1e{size:+.0f}, but must be within the range of float64: "
+            "scale A or b"
+        )
+    return np.asarray(Y)
