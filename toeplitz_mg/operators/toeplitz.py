@@ -6,14 +6,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from toeplitz_mg.operators.coefficients import checked_coefficients
 from toeplitz_mg.operators.convolution import ToeplitzProduct
 from toeplitz_mg.operators.multilevel import MultilevelProduct, entries
 from toeplitz_mg.operators.rows import RowsOperator
-from toeplitz_mg.values import unmasked
 
 Array = NDArray[Any]
-
-HEADROOM = 2.0**-8  # of the largest number, for a row: the rest is for the sums of its products
 
 
 class ToeplitzOperator(RowsOperator):
@@ -73,11 +71,11 @@ class ToeplitzOperator(RowsOperator):
     """
 
     def __init__(self, c: ArrayLike, r: ArrayLike | None = None) -> None:
-        column = _coefficients(c, "c")
+        column = checked_coefficients(c, "c")
         if r is None:
             self._build(column, None)
         else:
-            row = _coefficients(r, "r")
+            row = checked_coefficients(r, "r")
             if column.ndim > 1 or row.ndim > 1:
                 raise ValueError(
                     f"c and r have shapes {column.shape} and {row.shape}, but a first row is for "
@@ -110,7 +108,7 @@ class ToeplitzOperator(RowsOperator):
         array([[2., 1.],
                [3., 2.]])
         """
-        array = _coefficients(lags, "lags")
+        array = checked_coefficients(lags, "lags")
         if not all(n % 2 for n in array.shape):
             raise ValueError(
                 f"lags has shape {array.shape}, but each length must be 2 n - 1, which is odd"
@@ -209,8 +207,8 @@ class ToeplitzOperator(RowsOperator):
         dtype = real_precision(dtype)
         if self.dtype == dtype:
             return self
-        coefficients = _coefficients(self._coefficients.astype(dtype), "lags")
-        column, lags = (coefficients, None) if self.is_even else (None, coefficients)
+        given = checked_coefficients(self._coefficients.astype(dtype), "lags")
+        column, lags = (given, None) if self.is_even else (None, given)
         other = type(self).__new__(type(self))
         is_less = dtype.itemsize < self.dtype.itemsize
         other._build(column, lags, self._product.astype(dtype) if is_less else None)
@@ -264,45 +262,6 @@ def real_precision(dtype: DTypeLike) -> np.dtype[Any]:
     if result not in (np.float32, np.float64):
         raise TypeError(f"dtype is {result}, but must be float32 or float64")
     return result
-
-
-def _coefficients(values: ArrayLike, name: str) -> Array:
-    """Return `values` as a float array, or say what is wrong with them."""
-    array = unmasked(name, values)
-    if array.dtype.kind not in "buif":
-        raise TypeError(f"{name} has dtype {array.dtype}, but coefficients are real numbers")
-    if array.dtype not in (np.float32, np.float64):
-        array = array.astype(np.float64)
-    if array.ndim == 0 or array.size == 0:
-        raise ValueError(f"{name} has shape {array.shape}, but needs at least one coefficient")
-    if not np.isfinite(array).all():
-        where = np.argwhere(~np.isfinite(array))[0]
-        at = tuple(int(k) for k in where)
-        raise ValueError(f"{name} has the coefficient {array[at]} at {at}, but all must be finite")
-    _require_digits(name, np.abs(array))
-    return array
-
-
-def _require_digits(name: str, sizes: Array) -> None:
-    """Raise ValueError where coefficients of these sizes make products over- or underflow."""
-    numbers = np.finfo(sizes.dtype)
-    with np.errstate(over="ignore"):  # to inf, which is too much
-        total = float(sizes.sum(dtype=np.float64))
-    most = float(numbers.max) * HEADROOM / 2**sizes.ndim
-    if total > most:
-        raise ValueError(
-            f"{name} has coefficients whose sizes add up to {total:.3g}, but must be at most "
-            f"{most:.3g} so that no product overflows: divide the matrix, and what it is to give, "
-            "by a number"
-        )
-    # Some eigenvalue is as large. A product has it divided by the length of the transforms.
-    largest, least = float(sizes.max()), float(numbers.tiny) * 2 ** (sizes.ndim + 1) * sizes.size
-    if 0.0 < largest < least:
-        raise ValueError(
-            f"{name} has coefficients of size {largest:.3g} at most, but must have one of "
-            f"{least:.3g} so that no product loses digits: multiply the matrix, and what it is to "
-            "give, by a number"
-        )
 
 
 def _mirrored(column: Array) -> Array:
