@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import toeplitz
 
 from toeplitz_mg import rectangle
-from toeplitz_mg.values import count, positive, real
+from toeplitz_mg.values import count, positive, real, unmasked
 
 Array = NDArray[Any]
 Pair = tuple[Array, Array]
@@ -527,7 +527,7 @@ def _at(
 
 
 def _points(name: str, values: ArrayLike) -> Array:
-    array = np.asarray(values)
+    array = unmasked(name, values)
     if array.dtype.kind not in "buif":
         raise TypeError(f"{name} has dtype {array.dtype}, but coordinates are real numbers")
     array = array.astype(np.float64)

@@ -13,7 +13,7 @@ SMALL, LARGE = 1e-40, 1e40  # of what is given, in its units
 
 def real(name: str, value: Any) -> float:
     """Return a real number."""
-    if np.ndim(value) > 0 or np.asarray(value).dtype.kind not in "buif":
+    if np.ndim(value) > 0 or unmasked(name, value).dtype.kind not in "buif":
         raise TypeError(f"{name} is {value!r}, but must be a real number")
     return float(value)
 
@@ -36,6 +36,7 @@ def positive(name: str, value: Any) -> float:
 
 def count(name: str, value: Any, least: int = 1) -> int:
     """Return an integer that is at least 1, or this."""
+    unmasked(name, value)
     try:
         n = index(value)
     except TypeError:
@@ -45,11 +46,23 @@ def count(name: str, value: Any, least: int = 1) -> int:
     return n
 
 
+def unmasked(name: str, values: Any) -> Array:
+    """Return an array, of any dtype; refuse a masked one, whose masked numbers mean nothing."""
+    if _is_masked(values):
+        raise TypeError(f"{name} is a masked array, but must have a value in each element")
+    return np.asarray(values)
+
+
+def _is_masked(values: Any) -> bool:
+    """Whether this is a masked array, or a list with one in it."""
+    if isinstance(values, list | tuple):
+        return any(map(_is_masked, values))
+    return np.ma.isMaskedArray(values)
+
+
 def field(name: str, values: ArrayLike) -> Array:
     """Return an array of real numbers in double precision."""
-    if np.ma.isMaskedArray(values):
-        raise TypeError(f"{name} is a masked array, but must have a value in each element")
-    array = np.asarray(values)
+    array = unmasked(name, values)
     if array.dtype.kind not in "buif":
         raise TypeError(f"{name} has dtype {array.dtype}, but must be of real numbers")
     if np.isnan(array).any():
