@@ -335,6 +335,30 @@ def test_tiny_bounds_do_no_harm():
     assert result.sliding[::3].all()
 
 
+@doubtful
+@pytest.mark.parametrize(
+    "decades",
+    [
+        [[-40, -27, -17], [-27, -4, -22], [-11, -29, -8]],
+        [[-31, -4, -18, -4, -26, -39, -25]],
+        [[-13, -31, -20], [-35, -29, -20], [-35, -33, -23]],
+        [[-48, -13, -8, -49, -43, -40, -43]],
+    ],
+)
+def test_bounds_over_many_decades(decades):
+    # What is left to solve is on elements of tiny bounds, whose search directions round to zero.
+    g = 10.0 ** np.array(decades, float)
+    element, material = (0.1, 0.1), (1.0, 0.3)
+    force = 0.999999 * 0.01 * g.sum() * np.array([0.6, -0.8])
+    try:
+        result = friction(g, element, material=material, force=force, max_products=60)
+    except ContactError as error:  # no more is promised, but nothing else
+        result = error.result
+    else:
+        assert_coulomb(result, material)
+    assert (result.magnitude <= g).all()
+
+
 def test_frictionless_bodies_slide():
     result = friction(np.zeros(5), 1.0, material=(1.0, 0.3), shift=1.0)
     assert not result.traction.any()

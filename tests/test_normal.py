@@ -251,6 +251,23 @@ def test_units_beyond_single_precision(G, length):
 
 
 @doubtful
+@pytest.mark.parametrize("scale", [1e-30, 1e-15, 1.0, 1e15, 1e30])
+def test_any_ratio_of_gap_and_force(scale):
+    # Where the gap is far larger than the displacements, only the nearest elements touch; where it
+    # is far smaller, it is a punch.
+    rng = np.random.default_rng(0)
+    surface = sum(x**2 for x in surfaces.centres((40, 40), (0.1, 0.1)))
+    for gap in (surface, rng.random((40, 40)), 10.0 ** rng.uniform(-35, 0, (40, 40))):
+        gap -= gap.min()
+        contact = normal_contact(scale * gap, (0.1, 0.1), material=UNIT, force=1e-3)
+        assert_complementary(contact)
+        assert_allclose(contact.force, 1e-3)
+        assert not contact.contact[scale * gap > 0.1].any()
+        if scale == 1e-30:
+            assert contact.contact.all()
+
+
+@doubtful
 @pytest.mark.parametrize("ratio", [1e-8, 1e4, 1e8])
 def test_long_elements(ratio):
     gap = 0.01 * np.random.default_rng(0).random((40, 30))
@@ -324,6 +341,13 @@ def test_refuses_other_types():
         ({"force": None, "approach": "1"}, "approach is '1', but must be a real number"),
         ({"tolerance": "a"}, "tolerance is 'a', but must be a real number"),
         ({"max_products": 1.5}, "max_products is 1.5, but must be an integer"),
+        ({"gap": [np.ma.masked_greater([0.0, 2.0], 1.0)] * 2}, "gap is a masked array"),
+        ({"element": (1.0, np.ma.masked)}, "element is a masked array"),
+        ({"material": np.ma.masked_less([1.0, 0.3], 0.5)}, "nu is a masked array"),
+        ({"force": np.ma.masked_greater(2.0, 1.0)}, "force is a masked array"),
+        ({"force": None, "approach": np.ma.masked}, "approach is a masked array"),
+        ({"tolerance": np.ma.masked}, "tolerance is a masked array"),
+        ({"max_products": np.ma.masked_greater(2, 1)}, "max_products is a masked array"),
         ({"progress": 3}, "progress is 3, but must be a function"),
     ],
 )

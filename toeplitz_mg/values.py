@@ -36,6 +36,7 @@ def positive(name: str, value: Any) -> float:
 
 def count(name: str, value: Any, least: int = 1) -> int:
     """Return an integer that is at least 1, or this."""
+    unmasked(name, value)
     try:
         n = index(value)
     except TypeError:

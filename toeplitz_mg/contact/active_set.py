@@ -125,7 +125,8 @@ class Search:
             now = Look.at(p, w, Area(C, np.float64), balanced=balanced)
             approach = now.mean if self.approach is None else self.approach
             scale = approach - self.lowest
-            residual = now.error / scale
+            # On a coarser grid the interference may be below the rounding of the gap.
+            residual = now.error / scale if scale > 0.0 else 0.0
             if now.tension == 0.0 and (residual <= self.tolerance or A.exhausted):
                 if is_exact or A.exhausted:
                     touching = approach + (now.lowest if balanced else 0.0)

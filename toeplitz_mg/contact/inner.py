@@ -16,6 +16,7 @@ from toeplitz_mg.contact.products import Products, dot
 Array = NDArray[Any]
 
 REDUCTION = 1e-5  # of the misfit, for which single precision is good
+FAR = 1e30  # misfits, beyond which no sign changes: single precision ends at 1e38
 LONG = 50  # iterations, after which no recurrence is trusted
 
 
@@ -100,8 +101,8 @@ def conjugate_gradients(
         Whether the sum of the pressures is given, and the approach is free.
     """
     area = Area(C, M.dtype)
-    unit = max(now.misfit, tolerance)  # as single precision ends at 1e38
-    p0, gap0 = ((x * (1.0 / unit)).astype(M.dtype) for x in (p, now.gap))
+    unit = max(now.misfit, tolerance)
+    p0, gap0 = (np.clip(x * (1.0 / unit), -FAR, FAR).astype(M.dtype) for x in (p, now.gap))
     v, Av, d = (np.zeros_like(p0) for _ in range(3))
     rho, count = 0.0, 0
     while True:

@@ -230,7 +230,10 @@ def _newton_step(
         d = y + (rho / before) * d if count else y
         Ad = A(d)
         Hd = T(Ad + lam * d)
-        step = rho / dot(d, Hd)
+        curvature = dot(d, Hd)
+        if not (rho > 0.0 and curvature > 0.0):
+            break  # what is left is below the rounding of other elements, as of far larger bounds
+        step = rho / curvature
         v += step * d
         Av += step * Ad
         r = r - step * Hd
