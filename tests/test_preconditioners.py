@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.sparse.linalg import cg
@@ -100,6 +100,8 @@ def test_iterations_of_cg(problem, preconditioner, most):
 
 @settings(deadline=None, max_examples=40)
 @given(st.integers(1, 200), st.floats(0.05, 5.0), st.floats(0.0, 1.0), st.integers(0, 9))
+@example(198, 1.9, 0.88, 5)  # the spectral factor was indefinite
+@example(122, 2.64, 0.26, 1)
 def test_whatever_is_built_is_positive_definite_or_refused(n, length, weight, seed):
     """Random mixtures of covariances: no preconditioner for CG is silently indefinite."""
     k = np.arange(n)
@@ -116,6 +118,29 @@ def test_whatever_is_built_is_positive_definite_or_refused(n, length, weight, se
         positive = np.linalg.eigvalsh((M + M.T) / 2).min() > 0
         # Lanczos's method in the inner product of A can only see where A has one.
         assert positive or np.linalg.eigvalsh(A.toarray()).min() <= 0
+
+
+def spikes(n):
+    """Eigenvalues 2.3 to 9.3 for n = 160, of which those of the cut spectral factor have -0.1."""
+    c = np.zeros(n)
+    c[np.array([0, 51, 65, 67, 92]) * n // 160] = [5.877, -0.835, -0.391, -1.31, -0.386]
+    return tmg.ToeplitzOperator(c)
+
+
+def test_the_spectral_factor_is_positive_definite_where_its_first_n_terms_are_not():
+    A = spikes(160)
+    M = tmg.spectral_preconditioner(A) @ np.eye(160)
+    assert np.linalg.eigvalsh((M + M.T) / 2).min() > 0
+    assert tmg.toeplitz_inverse(A).residual <= 1e-10
+
+
+@pytest.mark.parametrize("columns", [1, 3])
+def test_an_easy_system_is_not_refused_for_an_indefinite_spectral_factor(columns):
+    A = spikes(20_002)
+    B = np.random.default_rng(0).standard_normal((20_002, columns))
+    X, info = tmg.solve_toeplitz(A.c, B, full_output=True)
+    assert info.residual <= 1e-12
+    assert np.linalg.norm(A @ X - B) <= 1e-11 * np.linalg.norm(B)
 
 
 def test_chan_is_positive_definite_where_the_embeddings_are_not():
