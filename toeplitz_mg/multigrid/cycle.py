@@ -267,6 +267,10 @@ def multigrid(
         count(name, value, least)
     if pre + post == 0:
         raise ValueError("pre and post are both 0, but a cycle must smooth at least once")
+    if not callable(smoother):
+        raise TypeError(f"smoother is {smoother!r}, but must be a function of a matrix")
+    if not isinstance(transfer, Interpolation):
+        raise TypeError(f"transfer is {transfer!r}, but must be an Interpolation")
     if not (coarsen is None or callable(coarsen)):
         raise TypeError(f"coarsen is {coarsen!r}, but must map a matrix to the next coarser one")
     toeplitz_and_mask(A)  # or it says what is wrong
