@@ -1,6 +1,8 @@
 """The spectral (Wiener-Hopf) factor of the symbol, as a preconditioner that sees both ends."""
 
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -8,7 +10,7 @@ from scipy.linalg import norm
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
-from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
+from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
 from toeplitz_mg.operators.masked import one_level, toeplitz_and_mask
 from toeplitz_mg.operators.schur import schur_column
 from toeplitz_mg.operators.transforms import cosine_sums, near_fast_length, sine_sums
@@ -42,7 +44,8 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where A is not positive definite, or so ill-conditioned that float64 cannot tell.
+        Where A is not positive definite, or so ill-conditioned that float64 cannot tell, or that
+        rounding in `dtype` may make its inverse indefinite.
     ValueError
         Where `A` has several levels, or is not symmetric.
     TypeError
@@ -54,13 +57,14 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     coefficients of log f, is that of log g. With the coefficients q of 1/g, q₀ q is the first
     column of the inverse of the half-infinite matrix; the Gohberg-Semencul formula makes of its
     first n entries an approximate inverse with two ends. It costs one work unit to be made, and
-    one to be checked.
+    two to be checked: by its product with A, and for being positive definite, which it is exactly
+    if the polynomial with these coefficients has no zero in the closed unit disc.
 
     The symbol is sampled by embedding A in a circulant. That has eigenvalues that are not
     positive where the symbol has a zero, or is not resolved by n lags, as for a covariance whose
-    correlation length is not small against n. There, and where the column misses A x = e₁ by more
-    than one quarter, the column is computed exactly, by `toeplitz_mg.operators.schur`, at some 30
-    work units in 2^20 unknowns and fewer in less.
+    correlation length is not small against n. There, where the column misses A x = e₁ by more than
+    one quarter, and where such a zero is not ruled out, the column is computed exactly, by
+    `toeplitz_mg.operators.schur`, at some 30 work units in 2^20 unknowns and fewer in less.
 
     References
     ----------
@@ -80,16 +84,38 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     full, mask = toeplitz_and_mask(A)
     double = one_level(full).astype(np.float64)
     factor = factor_column(double, sampled_symbol(double, (near_fast_length(len(double.c)),)))
-    x = factor.x if factor and factor.residual <= RESOLVED else schur_column(double.c)[0]
-    M = GohbergSemencul(x.astype(precision(full, dtype)))
+    if factor is None or not factor.is_inverse:
+        factor = Factor(schur_column(double.c)[0], 0.0)
+    M = factor.inverse(precision(full, dtype))
     return M if mask is None else MaskedOperator(M, mask.ravel())
 
 
-class Factor(NamedTuple):
+@dataclass(frozen=True)
+class Factor:
     """An approximation x of A⁻¹ e₁, and ‖A x - e₁‖."""
 
     x: Array
     residual: float
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """What is known of the inverse that has this column."""
+        return Certificate.of(self.x)
+
+    @property
+    def is_inverse(self) -> bool:
+        """Whether x gives an inverse as good as a better one, positive definite for certain."""
+        return self.residual <= RESOLVED and self.certificate.positive
+
+    def inverse(self, dtype: np.dtype[Any]) -> GohbergSemencul:
+        """Return it in this precision, or refuse it where rounding may make it indefinite."""
+        if not self.certificate.is_within(dtype):
+            instead = "dtype=np.float64" if dtype == np.float32 else "chan_preconditioner(A)"
+            raise np.linalg.LinAlgError(
+                f"the inverse of A has a condition number of up to {self.certificate.condition:.1e}"
+                f", with which rounding in {dtype} may make it indefinite: use {instead}"
+            )
+        return GohbergSemencul(self.x.astype(dtype))
 
 
 def factor_column(A: ToeplitzOperator, samples: Array) -> Factor | None:

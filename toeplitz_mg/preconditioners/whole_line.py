@@ -14,7 +14,7 @@ from toeplitz_mg.operators.transforms import near_fast_length
 from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai_line import LONG, decays_slowly
 from toeplitz_mg.preconditioners.positivity import precision
-from toeplitz_mg.preconditioners.spectral import RESOLVED, factor_column, spectral_preconditioner
+from toeplitz_mg.preconditioners.spectral import Factor, factor_column, spectral_preconditioner
 from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE, sampled_symbol
 from toeplitz_mg.preconditioners.trigonometric import (
     cosine_inverse,
@@ -61,9 +61,9 @@ def of_whole_line(A: ToeplitzOperator) -> Iterator[Preconditioner]:
         # An exponential covariance as wide as the matrix, more or less: 2 to 5 iterations.
         yield by_cosine
     elif (factor := factor_column(A, samples)) is not None:
-        if factor.residual <= RESOLVED:
+        if factor.is_inverse:
             # A positive symbol, resolved by n lags: 1 to 6 iterations.
-            yield named(partial(_from_column, x=factor.x), spectral_preconditioner)
+            yield named(partial(_from_factor, factor=factor), spectral_preconditioner)
         elif factor.residual <= HARDLY_RESOLVED:
             # A covariance as wide as the matrix, with a simple tail: 2 to 6 iterations.
             yield by_cosine
@@ -83,5 +83,7 @@ def named(quick: partial[LinearOperator], same: Callable[..., LinearOperator]) -
     return cast(Preconditioner, update_wrapper(quick, same))
 
 
-def _from_column(A: ToeplitzOperator, x: Array, dtype: DTypeLike | None = None) -> GohbergSemencul:
-    return GohbergSemencul(x.astype(precision(A, dtype)))
+def _from_factor(
+    A: ToeplitzOperator, factor: Factor, dtype: DTypeLike | None = None
+) -> GohbergSemencul:
+    return factor.inverse(precision(A, dtype))

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import norm
-from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import RowsOperator, ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.masked import one_level, toeplitz_and_mask
+from toeplitz_mg.operators.schur import schur_column
 from toeplitz_mg.preconditioners import fsai_preconditioner, spectral_preconditioner
 from toeplitz_mg.preconditioners.fsai_line import decays_slowly
 from toeplitz_mg.solvers.cg import cg_by_recurrence
@@ -100,8 +100,9 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     Notes
     -----
     The first column x = A⁻¹ e₁ is solved for by CG to 1e-6, with `spectral_preconditioner`, or
-    with `fsai_preconditioner` where the coefficients decay slowly, and then corrected by the
-    inverse that it gives until its residual is 1e-12, or decreases no more.
+    with `fsai_preconditioner` where the coefficients decay slowly, or else by the Schur algorithm,
+    and then corrected by the inverse that it gives until its residual is 1e-12, or decreases no
+    more.
     Where the formula alone does not meet `rtol` and one step of refinement does, the refined
     operator is returned.
 
@@ -142,7 +143,9 @@ def first_column(A: ToeplitzOperator) -> Array:
     """Solve A x = e₁ as well as float64 allows."""
     unit = np.zeros(A.shape[0])
     unit[0] = 1.0
-    x, _, _ = cg_by_recurrence(A, unit, M=_preconditioner(A), rtol=1e-6, maxiter=50)
+    x = _by_cg(A, unit)
+    if x is None:
+        x = schur_column(A.c)[0]
     best, residual, r = x, np.inf, unit - A @ x
     # The column gives an inverse, and that corrects the column, at 3 work units a step.
     G = GohbergSemencul(x)
@@ -155,8 +158,12 @@ def first_column(A: ToeplitzOperator) -> Array:
     return np.asarray(best)
 
 
-def _preconditioner(A: ToeplitzOperator) -> LinearOperator:
-    if decays_slowly(A.c):
+def _by_cg(A: ToeplitzOperator, unit: Array) -> Array | None:
+    """Solve A x = e₁ by CG to 1e-6, or return None where no preconditioner leads there soon."""
+    slow = (fsai_preconditioner,) if decays_slowly(A.c) else ()
+    for preconditioner in (*slow, spectral_preconditioner):
         with suppress(np.linalg.LinAlgError):
-            return fsai_preconditioner(A)
-    return spectral_preconditioner(A)
+            x, _, converged = cg_by_recurrence(A, unit, M=preconditioner(A), rtol=1e-6, maxiter=50)
+            if converged:
+                return x
+    return None
