@@ -146,6 +146,7 @@ def test_products_in_a_circle(nu, n, most):
     assert result.products < result.work < 1.5 * result.products
 
 
+@doubtful  # a rough surface reaches the edge of its grid
 @pytest.mark.parametrize(("nu", "most"), [(0.0, 40), (0.28, 52)])
 def test_products_for_a_rough_surface(nu, most):
     n, h, force, material = 256, 2.0 / 256, 0.2, (1.0 - nu, nu)

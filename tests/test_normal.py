@@ -130,6 +130,7 @@ def test_products_for_a_sphere(load, most):
     assert sum(contact.iterations) < contact.products
 
 
+@doubtful  # a rough surface reaches the edge of its grid
 @pytest.mark.parametrize(
     ("force", "part", "most"), [(0.0123, 0.02, 19), (0.06, 0.1, 26), (0.2, 0.28, 31)]
 )
@@ -139,6 +140,7 @@ def test_products_for_a_rough_surface(force, part, most):
     assert contact.products <= most
 
 
+@doubtful  # a rough surface reaches the edge of its grid
 @pytest.mark.parametrize("n", [128, 256])
 def test_single_precision_does_not_limit_the_accuracy(n):
     contact = rough(n, force=0.1, tolerance=1e-13)
@@ -158,6 +160,7 @@ def test_rough_surfaces_at_any_load(force):
     assert_allclose(again.force, force, rtol=1e-5)
 
 
+@doubtful  # a rough surface reaches the edge of its grid
 @pytest.mark.parametrize(("n", "force"), [(512, 0.006), (512, 0.36), (1024, 0.06)])
 def test_large_rough_surfaces(n, force):
     contact = rough(n, force=force)
