@@ -614,6 +614,13 @@ def test_an_indefinite_coarsest_matrix():
         tmg.multigrid(tmg.ToeplitzOperator([1.0, 2.0]))
 
 
+def test_uncoupled_neighbours_are_no_case_for_a_coarse_grid():
+    c = np.zeros(4096)
+    c[[0, 7]] = 3.0, -1.0
+    with pytest.raises(ValueError, match="neighbours .* are not coupled"):
+        tmg.multigrid(tmg.ToeplitzOperator(c))
+
+
 def test_a_mask_without_a_coarse_grid():
     few = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(64)), np.arange(64) % 2 == 0)
     levels = build_levels(few, tmg.fft_rsm_preconditioner, 2, tmg.piecewise_constant, None)
