@@ -1,5 +1,7 @@
 """Theorems of M, M̄, P M and the circulants, and what they refuse."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -141,6 +143,33 @@ def test_an_easy_system_is_not_refused_for_an_indefinite_spectral_factor(columns
     X, info = tmg.solve_toeplitz(A.c, B, full_output=True)
     assert info.residual <= 1e-12
     assert np.linalg.norm(A @ X - B) <= 1e-11 * np.linalg.norm(B)
+
+
+@pytest.mark.parametrize(
+    "preconditioner",
+    [tmg.spectral_preconditioner, partial(tmg.fsai_preconditioner, neighbours=12)],
+    ids=["spectral", "fsai"],
+)
+@pytest.mark.parametrize("shape", [(100,), (200,), (20, 20)], ids=str)
+def test_in_float32_they_are_positive_definite_or_refused(preconditioner, shape):
+    """A smooth covariance with less and less of a nugget: from a condition of 1e8 on refused."""
+    if preconditioner is tmg.spectral_preconditioner and len(shape) > 1:
+        shape = (400,)
+    r = np.sqrt(sum(k.astype(float) ** 2 for k in np.indices(shape)))
+    refused = []
+    for nugget in (1e-3, 1e-7, 1e-8, 1e-9, 1e-11):
+        A = tmg.ToeplitzOperator(np.exp(-((r / 3.0) ** 2) / 2.0) + nugget * (r == 0.0))
+        if shape == (200,):
+            A = tmg.MaskedOperator(A, np.arange(200) % 7 > 0)
+        try:
+            M = preconditioner(A, dtype=np.float32) @ np.eye(A.shape[0], dtype=np.float32)
+        except np.linalg.LinAlgError as error:
+            refused.append(str(error))
+            continue
+        M = M.astype(np.float64)
+        assert np.linalg.eigvalsh((M + M.T) / 2).min() > 0
+    assert 0 < len(refused) < 5
+    assert all("float32 may make it indefinite: use float64" in message for message in refused)
 
 
 def test_chan_is_positive_definite_where_the_embeddings_are_not():

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 from scipy import fft
 
 from toeplitz_mg.operators.convolution import GohbergSemenculProduct
@@ -15,7 +15,6 @@ from toeplitz_mg.values import unmasked
 Array = NDArray[Any]
 
 OVERSAMPLING = 4  # points on the circle for a coefficient: the phase may turn 3π/4 between two
-ROUNDING = 4.0  # error of a product, in eps of the largest eigenvalue: 1 to 3.8 in up to 2^18
 
 
 class GohbergSemencul(RowsOperator):
@@ -115,7 +114,3 @@ class Certificate:
         # Of the upper half of the circle, which the lower one mirrors.
         positive = x[0] > 0.0 and resolved and abs(turns.sum()) < 1.0
         return cls(bool(positive), (largest / smallest) ** 2)
-
-    def is_within(self, dtype: DTypeLike) -> bool:
-        """Whether rounding in this precision leaves the formula positive definite."""
-        return ROUNDING * float(np.finfo(dtype).eps) * self.condition < 1.0

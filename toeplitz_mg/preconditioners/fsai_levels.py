@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor
+from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array
 
 from toeplitz_mg.preconditioners.fsai_aggregates import CHUNK, aggregated, aggregation, chunks
 from toeplitz_mg.preconditioners.fsai_apply import Cells, Direct, Level, Rows
-from toeplitz_mg.preconditioners.fsai_table import Near, Stencil, check, refused
+from toeplitz_mg.preconditioners.fsai_table import Near, Stencil, check, refused, require_definite
 
 Array = NDArray[Any]
 
@@ -187,4 +187,5 @@ def _direct(stencil: Stencil, cells: Cells, at: Array, dtype: np.dtype[Any]) -> 
     except np.linalg.LinAlgError:
         smallest, shape = float(np.linalg.eigvalsh(E)[0]), stencil.T.shape[2:]
         raise refused("an eigenvalue of the coarsest matrix is", smallest, shape) from None
+    require_definite(E, lambda v: cho_solve((factor, False), v), dtype)
     return Direct(cells, factor.astype(dtype))

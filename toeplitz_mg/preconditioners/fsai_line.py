@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
 from toeplitz_mg.operators.workspace import workspace
-from toeplitz_mg.preconditioners.fsai_table import refused
+from toeplitz_mg.preconditioners.fsai_table import refused, require_definite
 
 Array = NDArray[Any]
 
@@ -174,8 +174,11 @@ def line(cells: WholeLine, dtype: np.dtype[Any]) -> Line | Dense:
     """Build this level and those below, in float64, to be applied in the precision `dtype`."""
     n = len(cells.T)
     if n <= DENSE:
-        R = _inverse_factors(cells, cells.matrix()[np.newaxis])[0]
-        return Dense((R.T @ R).astype(dtype))
+        matrix = cells.matrix()
+        R = _inverse_factors(cells, matrix[np.newaxis])[0]
+        inverse = R.T @ R
+        require_definite(matrix, inverse.__matmul__, dtype)
+        return Dense(inverse.astype(dtype))
     rest = n - (n - 1) // BLOCK * BLOCK  # cells of the last block
     lags = cells.lags(2 * BLOCK + 1)
     far = lags[2 * BLOCK]  # τ

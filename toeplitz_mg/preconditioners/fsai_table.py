@@ -4,6 +4,7 @@ The kernel is of one component, or of two that are coupled as `fsai_coupled` des
 of the unknowns are those of the grid of cells, of one component after the other.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations_with_replacement, pairwise
@@ -14,11 +15,12 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from toeplitz_mg.preconditioners.fsai_grid import AGGREGATE, CellGrid
-from toeplitz_mg.preconditioners.positivity import for_smooth_kernels
+from toeplitz_mg.preconditioners.positivity import for_smooth_kernels, require_condition
 
 Array = NDArray[Any]
 
 NEIGHBOURS = 12  # cells before a cell that its row of G sees: half of a 5 x 5 neighbourhood
+STEPS = 8  # of inverse iteration, for the condition of the last matrix
 EXACT = 3  # blocks: from this lag on the loads of two blocks are taken as uniform
 
 # Of two components:
@@ -303,3 +305,15 @@ def refused(subject: str, value: float, grid_shape: tuple[int, ...]) -> np.linal
         f"{subject} {value:.3g} in the sparse approximate inverse, but must be positive: A is not "
         f"positive definite, or too smooth a kernel for it; {for_smooth_kernels(grid_shape)}"
     )
+
+
+def require_definite(matrix: Array, inverse: Callable[[Array], Array], dtype: Any) -> None:
+    """Raise LinAlgError where the inverse of the last matrix may be indefinite in this precision.
+
+    By its 1-norm, and some steps of inverse iteration.
+    """
+    v = np.random.default_rng(0).standard_normal(len(matrix))
+    for _ in range(STEPS):
+        v = inverse(v / np.linalg.norm(v))
+    condition = float(np.abs(matrix).sum(axis=0).max() * np.linalg.norm(v))
+    require_condition(condition, dtype, "the coarsest matrix", "sine_preconditioner(A)")

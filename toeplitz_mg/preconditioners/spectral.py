@@ -15,7 +15,7 @@ from toeplitz_mg.operators.masked import one_level, toeplitz_and_mask
 from toeplitz_mg.operators.schur import schur_column
 from toeplitz_mg.operators.transforms import cosine_sums, near_fast_length, sine_sums
 from toeplitz_mg.preconditioners.componentwise import componentwise
-from toeplitz_mg.preconditioners.positivity import is_positive, precision
+from toeplitz_mg.preconditioners.positivity import is_positive, precision, require_condition
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 
 Array = NDArray[Any]
@@ -109,12 +109,9 @@ class Factor:
 
     def inverse(self, dtype: np.dtype[Any]) -> GohbergSemencul:
         """Return it in this precision, or refuse it where rounding may make it indefinite."""
-        if not self.certificate.is_within(dtype):
-            instead = "dtype=np.float64" if dtype == np.float32 else "chan_preconditioner(A)"
-            raise np.linalg.LinAlgError(
-                f"the inverse of A has a condition number of up to {self.certificate.condition:.1e}"
-                f", with which rounding in {dtype} may make it indefinite: use {instead}"
-            )
+        require_condition(
+            self.certificate.condition, dtype, "the inverse of A", "chan_preconditioner(A)"
+        )
         return GohbergSemencul(self.x.astype(dtype))
 
 
