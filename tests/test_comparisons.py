@@ -3,6 +3,7 @@
 import csv
 import sys
 
+import numpy as np
 import pytest
 
 from comparisons import (
@@ -12,6 +13,7 @@ from comparisons import (
     drop_in,
     general_symbols,
     masks,
+    matrices,
     paper_figures,
     paper_tables,
     punch3d,
@@ -286,3 +288,16 @@ def test_help(comparison, monkeypatch, capsys):
         comparison.main()
     assert caught.value.code == 0
     assert "--quick" in capsys.readouterr().out
+
+
+def test_matrices_are_positive_definite_and_always_the_same():
+    assert len(list(matrices.typical())) == 250
+    checked = 0
+    for case in matrices.random_ones(150):
+        A = case.operator()
+        if A.shape[0] <= 300:
+            dense = A.toarray()
+            assert np.linalg.eigvalsh(dense)[0] > 0.0
+            assert np.array_equal(dense, case.operator().toarray())
+            checked += 1
+    assert checked > 10
