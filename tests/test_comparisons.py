@@ -10,6 +10,7 @@ from comparisons import (
     area_figures,
     areas,
     baselines,
+    default_choice,
     drop_in,
     general_symbols,
     masks,
@@ -288,6 +289,18 @@ def test_help(comparison, monkeypatch, capsys):
         comparison.main()
     assert caught.value.code == 0
     assert "--quick" in capsys.readouterr().out
+
+
+def test_default_choice(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(default_choice, "QUICK_RANDOM", 12)
+    monkeypatch.setattr(default_choice, "QUICK_EVERY", 40)
+    printed = run(default_choice, tmp_path, monkeypatch, capsys)
+    assert "worse than none" in printed
+    assert (tmp_path / "default_choice.md").read_text().startswith("# default_preconditioner")
+    rows = rows_of(tmp_path / "default_choice.csv")
+    assert len(rows) == 12 + 7
+    assert {row["worse"] for row in rows} == {"False"}
+    assert not any(row["note"] for row in rows)
 
 
 def test_matrices_are_positive_definite_and_always_the_same():

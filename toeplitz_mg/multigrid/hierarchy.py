@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg.multigrid.interpolation import Interpolation
 from toeplitz_mg.multigrid.transfer import Coarsening, Transfer, galerkin
-from toeplitz_mg.operators import as_rows
 from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.preconditioners.direct import DenseInverse
 from toeplitz_mg.preconditioners.positivity import DENSE
 from toeplitz_mg.preconditioners.row_sum import RowSumModified
 
@@ -41,47 +40,6 @@ class Level:
     A: LinearOperator
     smoother: LinearOperator
     transfer: Transfer | None
-
-
-class DenseInverse(LinearOperator):
-    """The inverse of a small symmetric positive definite operator, by a Cholesky factorisation.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        Where the matrix is not positive definite.
-    """
-
-    def __init__(self, A: LinearOperator) -> None:
-        super().__init__(A.dtype, A.shape)
-        try:
-            self._factor = cho_factor(A.toarray(), lower=True)
-        except np.linalg.LinAlgError as error:
-            raise np.linalg.LinAlgError(
-                f"the matrix of the coarsest grid, {A!r}, is not positive definite: {error}"
-            ) from None
-
-    def _matvec(self, x: Array) -> Array:
-        rows = as_rows(x, self.shape[1])
-        # In the nearest precision that LAPACK has.
-        dtype = np.result_type(x, self.dtype)
-        if dtype.char not in "fdFD":
-            dtype = np.dtype(np.complex128 if dtype.kind == "c" else np.float64)
-        columns = rows.reshape(-1, self.shape[1]).T.astype(dtype)
-        solution = cho_solve(self._factor, columns, overwrite_b=True, check_finite=False)
-        return np.asarray(solution).T.reshape(rows.shape)
-
-    def _matmat(self, X: Array) -> Array:
-        return self._matvec(X.mT).mT
-
-    def _adjoint(self) -> "DenseInverse":
-        return self
-
-    def _transpose(self) -> "DenseInverse":
-        return self
-
-    def __repr__(self) -> str:
-        return f"<DenseInverse {self.shape[0]}>"
 
 
 def build_levels(
@@ -128,7 +86,10 @@ def build_levels(
             f"whole, and too large to be solved directly (at most {LARGEST_DENSE} unknowns, or "
             "coarsest): use fft_preconditioner or fft_rsm_preconditioner with cg"
         )
-    levels.append(Level(A, DenseInverse(A), None))
+    try:
+        levels.append(Level(A, DenseInverse(A), None))
+    except np.linalg.LinAlgError as error:
+        raise np.linalg.LinAlgError(f"the matrix of the coarsest grid, {error}") from None
     return tuple(levels)
 
 
