@@ -4,7 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -57,6 +57,7 @@ def spectrum(A, P):
     st.booleans(),
     st.integers(0, 999),
 )
+@example(2, 9, 1.0, 3.0, 0.5, False, 0)  # two shapes of aggregates reach beyond the grid
 def test_half_space_matrices_are_never_refused(n1, n2, density, ratio, nu, same, seed):
     """Any grid and any masks, of one component or of both, alike or not."""
     A = tangential((n1, n2), nu, ratio)

@@ -13,6 +13,7 @@ from comparisons.punch import Punch
 from comparisons.symbols import column
 from tests.cases import aggregate, checkered, contact, exponential
 from toeplitz_mg.contact.problems import test1, test2, test3
+from toeplitz_mg.multigrid import Multigrid
 from toeplitz_mg.multigrid.border import MOST_LEFTOVER
 from toeplitz_mg.multigrid.hierarchy import DenseInverse, build_levels
 from toeplitz_mg.multigrid.interpolation import AreaWeighted
@@ -211,14 +212,9 @@ def test_two_grids_correct_the_coarse_and_the_leftover_unknowns_exactly(A, inter
     coarse = np.eye(n) - Q @ np.linalg.solve(galerkin, Q.T @ dense)
     smooth = np.eye(n) - smoother @ dense
     pre, post = (np.linalg.matrix_power(smooth, k) for k in pre_post)
-    M = tmg.multigrid(
-        A,
-        pre=pre_post[0],
-        post=pre_post[1],
-        smoother=lambda A: tmg.chan_preconditioner(A),
-        coarsest=H.shape[0],
-        transfer=interpolation,
-    )
+    # From its levels: of this smoother, which may diverge, the algebra matters.
+    levels = build_levels(A, tmg.chan_preconditioner, H.shape[0], interpolation, None)
+    M = Multigrid(levels, *pre_post, gamma=1)
     assert len(M.levels) == 2 or n <= H.shape[0]
     assert_allclose(np.eye(n) - M @ dense, post @ coarse @ pre, atol=1e-10)
 
@@ -638,3 +634,106 @@ def test_a_smoother_that_diverges_is_refused(n):
     with pytest.raises(np.linalg.LinAlgError, match="needs all below 2") as error:
         tmg.multigrid(A)
     assert "level 0" in error.value.__notes__[0]
+
+
+def second_difference(n, shift):
+    c = np.zeros(n)
+    c[:2] = 2.0 + shift, -1.0
+    return tmg.ToeplitzOperator(c)
+
+
+@pytest.mark.parametrize("shift", [1e-6, 1e-5])
+@pytest.mark.parametrize("few", [{}, {"pre": 0}, {"coarsest": 16}])
+def test_a_certified_smoother_that_diverges_is_refused(shift, few):
+    """Positive definite is not convergent: the cycle had eigenvalues down to -3e22."""
+    mask = np.random.default_rng(0).random(479) < 0.6
+    A = tmg.MaskedOperator(second_difference(479, shift), mask)
+    S = tmg.fft_rsm_preconditioner(A)
+    assert S.certified
+    half = np.linalg.cholesky(A.toarray())
+    assert np.linalg.eigvalsh(half.T @ S.toarray() @ half)[-1] > 2.0
+    with pytest.raises(np.linalg.LinAlgError, match="needs all below 2"):
+        tmg.multigrid(A, coarsest=few.get("coarsest", 64), pre=few.get("pre", 1))
+
+
+def ragged(seed):
+    """Kernels of several kinds, on grids of two axes and masks with a few leftover unknowns."""
+    rng = np.random.default_rng(seed)
+    shape = tuple(rng.integers(3, 22, 2))
+    i, j = np.indices(shape)
+    r = np.hypot(i, j)
+    c = [
+        np.exp(-((r / 10 ** rng.uniform(-0.7, 1.0)) ** rng.uniform(0.3, 1.5))),
+        (1.0 + r) ** -rng.uniform(0.3, 2.0),
+        4.1 * (r == 0.0) - (r == 1.0),
+    ][seed % 3]
+    A = tmg.ToeplitzOperator(c)
+    if seed % 2:
+        mask = rng.random(shape) < rng.uniform(0.5, 0.98)
+        mask.flat[:10] = True
+        return tmg.MaskedOperator(A, mask)
+    return A
+
+
+@pytest.mark.parametrize("smoother", [tmg.jacobi_preconditioner, tmg.fft_rsm_preconditioner])
+@pytest.mark.parametrize("gamma", [1, 2])
+def test_a_cycle_is_positive_definite_or_refused(smoother, gamma):
+    built = 0
+    for seed in range(60):
+        A = ragged(seed)
+        try:
+            M = tmg.multigrid(A, smoother=smoother, gamma=gamma, coarsest=4 + seed % 9)
+        except np.linalg.LinAlgError:
+            continue
+        built += 1
+        half = np.linalg.cholesky(A.toarray())
+        dense = M @ np.eye(A.shape[0])
+        assert np.linalg.eigvalsh(half.T @ (dense + dense.T) @ half)[0] > 0.0
+    assert built >= 10
+
+
+def test_a_border_that_would_make_the_correction_indefinite_is_left_to_the_smoother():
+    """By area the coarse matrix is not R A P, and may be below it: of such a one, ten times so."""
+    full = tmg.ToeplitzOperator(contact(9, 9))
+    mask = np.ones((9, 9), dtype=bool)
+    mask[1, 0] = False
+    A = tmg.MaskedOperator(full, mask)
+
+    def too_small(A):
+        H = tmg.galerkin(A)
+        return tmg.MaskedOperator(tmg.ToeplitzOperator(0.1 * H.full.c), H.mask)
+
+    M = tmg.multigrid(A, coarsen=too_small, coarsest=30, smoother=tmg.jacobi_preconditioner)
+    assert 0 < len(M.levels[0].transfer.leftover) <= MOST_LEFTOVER
+    dense = M @ np.eye(A.shape[0])
+    assert_allclose(dense, dense.T, atol=1e-12 * abs(dense).max())
+    assert np.linalg.eigvalsh(dense + dense.T)[0] > 0.0
+    with pytest.raises(np.linalg.LinAlgError, match="gamma = 2 needs below 2: use gamma=1"):
+        tmg.multigrid(A, coarsen=too_small, coarsest=8, smoother=tmg.jacobi_preconditioner, gamma=2)
+
+
+@pytest.mark.parametrize("c", ["log", "fGn"])
+def test_a_coarse_grid_may_make_up_for_a_smoother_that_diverges(c):
+    """Of slowly decaying kernels one smooth error grows; such a cycle is not refused."""
+    k = np.arange(1000.0)
+    of = {
+        "log": np.log(1e6 / np.maximum(k, 0.2)),
+        "fGn": ((k + 1) ** 1.9 - 2 * k**1.9 + abs(k - 1) ** 1.9) / 2,
+    }
+    A = tmg.ToeplitzOperator(of[c])
+    S = tmg.fft_rsm_preconditioner(A)
+    half = np.linalg.cholesky(A.toarray())
+    assert np.linalg.eigvalsh(half.T @ S.toarray() @ half)[-1] > 2.0
+    M = tmg.multigrid(A) @ np.eye(1000)
+    spectrum = np.linalg.eigvalsh(half.T @ (M + M.T) @ half / 2)
+    assert spectrum[0] > 0.5
+    assert spectrum[-1] < 1.001
+
+
+@pytest.mark.parametrize(("smoother", "units"), [(tmg.jacobi_preconditioner, 1), (None, 30)])
+def test_setting_up_is_cheap(smoother, units):
+    """M̄ takes 3 units to make and 10 to examine, twice that with the coarser grids."""
+    A = test1(4096).A
+    with tmg.count_products() as work:
+        tmg.multigrid(A, **({"smoother": smoother} if smoother else {}))
+    assert work.units(4096) <= units

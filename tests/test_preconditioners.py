@@ -167,6 +167,21 @@ def test_rsm_refuses_gamma(gamma):
         tmg.fft_rsm_preconditioner(tmg.ToeplitzOperator(contact(8)), gamma=gamma)
 
 
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_rsm_refuses_a_gamma_below_the_rounding_of_row_sums(dtype):
+    """M̄ 1 = γ 1 would be zero: it is singular, whatever the signs of its coefficients certify."""
+    A = tmg.ToeplitzOperator(contact(64).astype(dtype))
+    largest = float((tmg.fft_preconditioner(A) @ np.ones(64, dtype)).max())
+    eps = float(np.finfo(dtype).eps)
+    for B in (A, tmg.MaskedOperator(A, np.arange(64) % 3 > 0)):
+        for gamma in (1e-20, eps * largest):
+            with pytest.raises(np.linalg.LinAlgError, match="above the rounding of those of M"):
+                tmg.fft_rsm_preconditioner(B, gamma=gamma)
+        M_bar = tmg.fft_rsm_preconditioner(B, gamma=100 * eps * largest)
+        assert M_bar.certified
+        assert (M_bar @ np.ones(B.shape[0], dtype)).min() > 0.0
+
+
 def test_rsm_refuses_row_sums_that_are_not_positive():
     with pytest.raises(np.linalg.LinAlgError, match=r"gamma is -78\.3"):
         tmg.fft_rsm_preconditioner(tmg.ToeplitzOperator(np.exp(-np.arange(1024) / 1000)))
@@ -259,3 +274,39 @@ def test_one_product_costs_one_work_unit_or_half(preconditioner):
     with tmg.count_products() as work:
         M @ np.ones(64)
     assert work.units(64) == (0.5 if preconditioner in HALF_A_UNIT else 1.0)
+
+
+A_FEW = tmg.ToeplitzOperator(contact(8))
+WRONG = [
+    *((f, {"dtype": d}) for f in (*ALL[:2], *ALL[3:]) for d in ("x", 3.5, np.int64)),
+    *((tmg.spectral_preconditioner, {"dtype": d}) for d in ("x", np.complex64)),
+    *((tmg.fsai_preconditioner, {"dtype": d}) for d in ("x", np.float16)),
+    *((tmg.default_preconditioner, {"dtype": d}) for d in ("x", np.int32)),
+    *((tmg.default_preconditioner, {"solves": s}) for s in ("a", 1.5)),
+    *((tmg.jacobi_preconditioner, {"omega": w}) for w in ("a", [1.0], 1j)),
+    *((tmg.fft_rsm_preconditioner, {"gamma": g}) for g in ("a", [1.0], 1j)),
+    *((tmg.fft_sd_preconditioner, {"n_subdomains": m}) for m in ("a", 1.5)),
+    *((tmg.fsai_preconditioner, {"neighbours": k}) for k in ("a", 1.5)),
+    *((tmg.multigrid, {"smoother": s}) for s in ("fft", 3, None)),
+    *((tmg.multigrid, {"transfer": t}) for t in ("linear", 3, None)),
+    *((tmg.multigrid, {"coarsen": c}) for c in ("galerkin", 3)),
+    *((tmg.multigrid, {k: "a"}) for k in ("pre", "post", "gamma", "coarsest")),
+    (lambda A, weights: tmg.Interpolation(weights), {"weights": 1.0}),
+    (lambda A, weights: tmg.Interpolation(weights), {"weights": "ab"}),
+    (lambda A, coarser: tmg.Interpolation((1.0, 1.0), coarser), {"coarser": "linear"}),
+]
+
+
+@pytest.mark.parametrize(
+    ("function", "argument"), WRONG, ids=lambda a: getattr(a, "__name__", str(a))
+)
+def test_an_argument_of_the_wrong_type_is_named(function, argument):
+    (name,) = argument
+    with pytest.raises(TypeError, match=rf"^{name} (is|are|has) .*, but must (be|map) "):
+        function(A_FEW, **argument)
+
+
+@pytest.mark.parametrize("neighbours", [101, 10**9, 10**30])
+def test_fsai_refuses_more_neighbours_than_can_be_of_use(neighbours):
+    with pytest.raises(ValueError, match=f"neighbours is {neighbours}, but must be at most 100"):
+        tmg.fsai_preconditioner(A_FEW, neighbours=neighbours)

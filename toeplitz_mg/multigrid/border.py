@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from toeplitz_mg.multigrid.hierarchy import Level
 from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.preconditioners.positivity import rounding
 
 Array = NDArray[Any]
 
@@ -52,7 +53,11 @@ class Border:
 
     @classmethod
     def of(cls, level: Level, solve_coarse: Callable[[Array], Array]) -> "Border | None":
-        """Return the border of a level, or None where it has none or too long a one."""
+        """Return the border of a level, or None where it has none or too long a one.
+
+        None too where S = C - s Vᵀ W is not positive definite, as may be where the coarse matrix
+        is not R A P: with such a border the correction would be indefinite.
+        """
         transfer = level.transfer
         if transfer is None or not 0 < len(transfer.leftover) <= MOST_LEFTOVER:
             return None
@@ -64,7 +69,10 @@ class Border:
         V = transfer.restrict(columns, "border").copy()
         W = solve_coarse(V).copy()
         s = transfer.scale
-        S = columns[:, unknowns] @ weights - s * V @ W.T
+        C = columns[:, unknowns] @ weights
+        S = C - s * V @ W.T
+        if not np.linalg.eigvalsh((S + S.T) / 2)[0] > rounding(C, S.dtype):
+            return None
         return cls(unknowns, weights, V, W, np.linalg.inv(S), s)
 
     def correct(self, e: Array, r: Array) -> tuple[Array, Array]:

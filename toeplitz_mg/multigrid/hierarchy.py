@@ -12,15 +12,16 @@ from toeplitz_mg.multigrid.interpolation import Interpolation
 from toeplitz_mg.multigrid.transfer import Coarsening, Transfer, galerkin
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.preconditioners.direct import DenseInverse
-from toeplitz_mg.preconditioners.positivity import DENSE
-from toeplitz_mg.preconditioners.row_sum import RowSumModified
+from toeplitz_mg.preconditioners.jacobi import ScaledIdentity
+from toeplitz_mg.preconditioners.positivity import ritz_values
 
 Array = NDArray[Any]
 Smoother = Callable[[LinearOperator], LinearOperator]
 
 # The largest matrix factorised where no coarser grid can be had: 32 MB, a tenth of a second.
 LARGEST_DENSE = 2048
-POWERS = 12  # of the product of a smoother and its matrix, to find an eigenvalue above 2
+STEPS = 5  # of Lanczos's method with a smoother and its matrix, two work units each
+CONVERGENT = 1.7  # eigenvalue of S A up to which none is expected above 2, where S diverges
 
 
 @dataclass(frozen=True)
@@ -35,11 +36,14 @@ class Level:
         An approximate inverse of `A`; on the coarsest grid the inverse.
     transfer : Transfer or None
         To and from the next coarser grid; None on the coarsest.
+    smooths : bool
+        Whether the smoother is known to converge, 0 < λ(S A) < 2, or not known to be symmetric.
     """
 
     A: LinearOperator
     smoother: LinearOperator
     transfer: Transfer | None
+    smooths: bool = True
 
 
 def build_levels(
@@ -51,9 +55,9 @@ def build_levels(
 ) -> tuple[Level, ...]:
     """Coarsen `A` until at most `coarsest` unknowns are left, which are solved directly.
 
-    A small coarse grid that the smoother refuses is solved directly too: on a handful of elements
-    the embedding of a Galerkin matrix says little of its inverse. So is the last grid of a mask
-    on which no coarse element is in contact as a whole.
+    A small coarse grid that the smoother refuses, or diverges on, is solved directly too: on a
+    handful of elements the embedding of a Galerkin matrix says little of its inverse. So is the
+    last grid of a mask on which no coarse element is in contact as a whole.
 
     Raises
     ------
@@ -67,8 +71,6 @@ def build_levels(
     while A.shape[0] > coarsest and (between := Transfer.of(A, interpolation)) is not None:
         try:
             S = aslinearoperator(smoother(A))
-            if isinstance(S, RowSumModified):
-                _require_convergence(A, S)
         except np.linalg.LinAlgError as error:
             if levels and A.shape[0] <= LARGEST_DENSE:
                 break
@@ -76,7 +78,10 @@ def build_levels(
             raise
         if S.shape != A.shape:
             raise ValueError(f"the smoother has shape {S.shape}, but its matrix has {A.shape}")
-        levels.append(Level(A, S, between))
+        smooths = _converges(A, S)
+        if not smooths and levels and A.shape[0] <= LARGEST_DENSE:
+            break
+        levels.append(Level(A, S, between, smooths))
         A = galerkin(A, interpolation) if coarsen is None else coarsen(A)
         between.check_coarse(A)
         interpolation = interpolation.coarser or interpolation
@@ -93,24 +98,14 @@ def build_levels(
     return tuple(levels)
 
 
-def _require_convergence(A: LinearOperator, S: RowSumModified) -> None:
-    """Raise LinAlgError where I - M̄ A is found to have an eigenvalue below -1.
+def _converges(A: LinearOperator, S: LinearOperator) -> bool:
+    """Whether no eigenvalue of I - S A is expected below -1, if S is symmetric.
 
-    By power iteration in the inner product of A, in which M̄ A is self-adjoint: its largest
-    eigenvalue is at least the quotient. Not where the signs of M's coefficients certify M̄, as they
-    do in one level, or on a large grid.
+    Of a multiple of the unit matrix that is certain by the norm of A; of others by some steps of
+    Lanczos's method, as nearly all eigenvalues of S A are near 1.
     """
-    levels = len(toeplitz_and_mask(A)[0].squeezed.grid_shape)
-    if S.shape != A.shape or (S.certified and (levels == 1 or A.shape[0] > DENSE)):
-        return
-    x = np.random.default_rng(0).standard_normal(A.shape[0]).astype(A.dtype)
-    for _ in range(POWERS):
-        u = A @ x
-        x, before = S @ u, x
-        quotient = float(u @ x) / float(before @ u)
-        x /= np.linalg.norm(x)
-        if not quotient < 2.0:
-            raise np.linalg.LinAlgError(
-                f"as a smoother {S!r} diverges: its product with the matrix has the eigenvalue "
-                f"{quotient:.3g}, but needs all below 2: use cosine_preconditioner(A) with cg"
-            )
+    if S.H is not S:
+        return True
+    if isinstance(S, ScaledIdentity):
+        return float(S.factor) * toeplitz_and_mask(A)[0].norm_bound < 2.0
+    return bool(ritz_values(A, S, STEPS)[-1] <= CONVERGENT)

@@ -40,6 +40,11 @@ class Interpolation:
     coarser: "Interpolation | None" = None
 
     def __post_init__(self) -> None:
+        numbers = np.asarray(self.weights)
+        if numbers.ndim != 1 or numbers.dtype.kind not in "buif":
+            raise TypeError(f"weights are {self.weights!r}, but must be real numbers")
+        if not (self.coarser is None or isinstance(self.coarser, Interpolation)):
+            raise TypeError(f"coarser is {self.coarser!r}, but must be an Interpolation")
         if len(self.weights) < 2 or not np.isfinite(self.weights).all():
             raise ValueError(f"weights are {self.weights}, but must be 2 finite numbers or more")
 

@@ -262,7 +262,10 @@ class ToeplitzOperator(LinearOperator):
 
 def real_precision(dtype: DTypeLike) -> np.dtype[Any]:
     """Return `dtype` as one of the two that the operators have, or say that it is none."""
-    result = np.dtype(dtype)
+    try:
+        result = np.dtype(dtype)
+    except TypeError:
+        raise TypeError(f"dtype is {dtype!r}, but must be float32 or float64") from None
     if result not in (np.float32, np.float64):
         raise TypeError(f"dtype is {result}, but must be float32 or float64")
     return result

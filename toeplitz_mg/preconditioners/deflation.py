@@ -1,6 +1,5 @@
 """Subdomain deflation of the FFT preconditioner: P M (paper, §4.1)."""
 
-from operator import index
 from typing import Any
 
 import numpy as np
@@ -9,6 +8,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import as_rows
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
+from toeplitz_mg.values import count
 
 Array = NDArray[Any]
 
@@ -105,9 +105,11 @@ def fft_sd_preconditioner(A: LinearOperator, n_subdomains: int | None = None) ->
     >>> bool(np.allclose([y[:3].sum(), y[3:].sum()], 0.0))
     True
     """
+    if n_subdomains is not None:
+        count("n_subdomains", n_subdomains)
     M = fft_preconditioner(A)
-    n_subdomains = min(2, A.shape[0]) if n_subdomains is None else index(n_subdomains)
-    if not 1 <= n_subdomains <= A.shape[0]:
+    n_subdomains = min(2, A.shape[0]) if n_subdomains is None else int(n_subdomains)
+    if n_subdomains > A.shape[0]:
         raise ValueError(
             f"n_subdomains is {n_subdomains}, but must lie between 1 and the number of unknowns, "
             f"{A.shape[0]}"

@@ -61,6 +61,7 @@ from toeplitz_mg.preconditioners.positivity import precision
 from toeplitz_mg.values import count
 
 Array = NDArray[Any]
+MOST_NEIGHBOURS = 100  # of a row of G, 1.6 ms each; 40 are enough where any are
 Levels = AnyLevel | Line | Dense
 AnyStencils = Stencils | Stencil
 
@@ -187,7 +188,7 @@ def fsai_preconditioner(
         Symmetric positive definite, of one level or two (with more than one element), and
         symmetric in each of them.
     neighbours : int, optional
-        How many cells before its own a row of G may see, from 1 on. By default as many as the
+        How many cells before its own a row of G may see, 1 to 100. By default as many as the
         kernel needs, 12, 24 or 40, and where these are not enough it is refused; of a number that
         is given it is not judged whether it is enough, and components are treated each by itself.
         On the whole of a line it is 15 always.
@@ -215,7 +216,7 @@ def fsai_preconditioner(
         Where `A` is no Toeplitz operator, or `neighbours` no integer.
     ValueError
         Where it has three levels or more, or is not symmetric in every level; where `neighbours`
-        is below 1.
+        is below 1 or above 100.
 
     Notes
     -----
@@ -262,6 +263,11 @@ def fsai_preconditioner(
     """
     if neighbours is not None:
         neighbours = count("neighbours", neighbours)
+        if neighbours > MOST_NEIGHBOURS:
+            raise ValueError(
+                f"neighbours is {neighbours}, but must be at most {MOST_NEIGHBOURS}: a row of G "
+                "takes their number cubed in operations"
+            )
         return _by_component(A, neighbours, dtype)
     joint = coupled_fsai(A, dtype)
     return _by_component(A, None, dtype) if joint is None else joint

@@ -54,9 +54,14 @@ class CellGrid:
         sides = [2**p for p in range(AGGREGATE.bit_length())]
         shapes = [(h, AGGREGATE // h) for h in sides if h < 2 * n1 and AGGREGATE // h < 2 * n2]
         T = self.kernel
+        # Two that reach beyond a small grid look alike: of those the one whose cells, as far as
+        # there are any, are coupled most.
         return min(  # of a grid that is smaller than any, one block is all
             shapes or [(4, 4)],
-            key=lambda h: abs(T[min(h[0], n1 - 1), 0] - T[0, min(h[1], n2 - 1)]),
+            key=lambda h: (
+                abs(T[min(h[0], n1 - 1), 0] - T[0, min(h[1], n2 - 1)]),
+                -T[: h[0], : h[1]].sum(),
+            ),
         )
 
     @cached_property

@@ -7,6 +7,7 @@ from numpy.typing import DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.values import real
 
 Array = NDArray[Any]
 
@@ -62,7 +63,7 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
     numpy.linalg.LinAlgError
         Where the diagonal or `omega` is not positive.
     TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not symmetric.
+        Where `A` is no Toeplitz operator, or not symmetric; where `omega` is no real number.
 
     References
     ----------
@@ -88,7 +89,7 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
         raise np.linalg.LinAlgError(
             f"the diagonal of A is {a0:.3g}, but of a positive definite matrix it is positive"
         )
-    factor = 4.0 / 3.0 / full.norm_bound if omega is None else omega / a0
+    factor = 4.0 / 3.0 / full.norm_bound if omega is None else real("omega", omega) / a0
     if not 0.0 < factor < np.inf:
         raise np.linalg.LinAlgError(
             f"omega is {factor * a0:.3g} and the diagonal of A {a0:.3g}, but the quotient must be "

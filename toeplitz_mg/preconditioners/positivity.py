@@ -172,19 +172,33 @@ def smallest_ritz_value(A: LinearOperator, M_bar: LinearOperator, steps: int = 4
     All but a few eigenvalues lie near 1, so that a negative one far from there is soon found; it
     shows that M̄ is indefinite.
     """
+    return float(ritz_values(A, M_bar, steps)[0])
+
+
+def ritz_values(A: LinearOperator, M: LinearOperator, steps: int) -> Array:
+    """Return estimates of eigenvalues of M A, ascending: none is beyond the outermost of those.
+
+    By so many steps of Lanczos's method in the inner product of A, in which M A is self-adjoint if
+    M is symmetric: a product with each is a step. The first vector has a part of each size, a
+    constant and a random one. NaN where they are out of range.
+    """
     rng = np.random.default_rng(0)
-    q, q_old = rng.standard_normal(A.shape[0]).astype(A.dtype), np.zeros(A.shape[0], A.dtype)
+    q = (1.0 + rng.standard_normal(A.shape[0])).astype(A.dtype)
+    q_old = np.zeros(A.shape[0], A.dtype)
     diagonal: list[float] = []
     off_diagonal: list[float] = []
-    for _ in range(min(steps, A.shape[0])):
-        p = A @ q
-        norm = float(np.sqrt(max(q @ p, 0.0)))
-        if diagonal:
-            if norm <= np.finfo(A.dtype).eps * abs(diagonal[0]):
-                break  # the Krylov space is exhausted
-            off_diagonal.append(norm)
-        q, p = q / norm, p / norm
-        w = M_bar @ p
-        diagonal.append(float(w @ p))
-        q, q_old = w - diagonal[-1] * q - (norm if off_diagonal else 0.0) * q_old, q
-    return float(eigvalsh_tridiagonal(np.array(diagonal), np.array(off_diagonal))[0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(min(steps, A.shape[0])):
+            p = A @ q
+            norm = float(np.sqrt(max(q @ p, 0.0)))
+            if diagonal:
+                if norm <= np.finfo(A.dtype).eps * abs(diagonal[0]):
+                    break  # the Krylov space is exhausted
+                off_diagonal.append(norm)
+            q, p = q / norm, p / norm
+            w = M @ p
+            diagonal.append(float(w @ p))
+            q, q_old = w - diagonal[-1] * q - (norm if off_diagonal else 0.0) * q_old, q
+    if not np.isfinite(diagonal + off_diagonal).all():
+        return np.array([np.nan])
+    return np.asarray(eigvalsh_tridiagonal(np.array(diagonal), np.array(off_diagonal)))

@@ -13,9 +13,11 @@ from toeplitz_mg.preconditioners.componentwise import componentwise
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.preconditioners.positivity import (
     DENSE,
+    rounding,
     smallest_eigenvalue,
     surely_positive,
 )
+from toeplitz_mg.values import real
 
 Array = NDArray[Any]
 
@@ -96,8 +98,8 @@ def fft_rsm_preconditioner(
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where γ is not positive, where M̄ is found not to be positive definite, and where
-        `fft_preconditioner` refuses.
+        Where γ is not positive, or not beyond the rounding of the row sums of M; where M̄ is found
+        not to be positive definite, and where `fft_preconditioner` refuses.
     TypeError, ValueError
         Where `A` is no Toeplitz operator, or not symmetric.
 
@@ -126,7 +128,7 @@ def fft_rsm_preconditioner(
     M = fft_preconditioner(full, dtype=dtype)
     # Row sums by one product with the ones. Eq. 20: γ over the whole grid, also on a mask.
     row_sums = M @ np.ones(full.shape[0], dtype=M.dtype)
-    gamma = float(row_sums.min() if gamma is None else gamma)
+    gamma = float(row_sums.min()) if gamma is None else real("gamma", gamma)
     if not 0.0 < gamma < np.inf:
         raise np.linalg.LinAlgError(
             f"the row sum gamma is {gamma:.3g}, but must be positive and finite: use "
@@ -136,6 +138,12 @@ def fft_rsm_preconditioner(
     if mask is not None:
         M = MaskedOperator(M, mask)
         row_sums = M @ np.ones(M.shape[0], dtype=M.dtype)
+    if not gamma > (least := rounding(row_sums, M.dtype)):
+        raise np.linalg.LinAlgError(
+            f"the row sum gamma is {gamma:.3g}, but must be above the rounding of those of M, "
+            f"{least:.2g}, so that M̄ is not singular: use fft_preconditioner(A), or "
+            + ("a larger gamma" if M.dtype == np.float64 else "a larger gamma, or dtype=np.float64")
+        )
     certified = certain or M.shape[0] <= DENSE
     M_bar = RowSumModified(M, row_sums - M.dtype.type(gamma), gamma, certified)
     if not certain and (smallest := smallest_eigenvalue(A, M_bar)) <= 0.0:
