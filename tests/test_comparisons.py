@@ -3,15 +3,18 @@
 import csv
 import sys
 
+import numpy as np
 import pytest
 
 from comparisons import (
     area_figures,
     areas,
     baselines,
+    default_choice,
     drop_in,
     general_symbols,
     masks,
+    matrices,
     paper_figures,
     paper_tables,
     punch3d,
@@ -311,3 +314,28 @@ def test_help(comparison, monkeypatch, capsys):
         comparison.main()
     assert caught.value.code == 0
     assert "--quick" in capsys.readouterr().out
+
+
+def test_default_choice(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(default_choice, "QUICK_RANDOM", 12)
+    monkeypatch.setattr(default_choice, "QUICK_EVERY", 40)
+    printed = run(default_choice, tmp_path, monkeypatch, capsys)
+    assert "worse than none" in printed
+    assert (tmp_path / "default_choice.md").read_text().startswith("# default_preconditioner")
+    rows = rows_of(tmp_path / "default_choice.csv")
+    assert len(rows) == 12 + 7
+    assert {row["worse"] for row in rows} == {"False"}
+    assert not any(row["note"] for row in rows)
+
+
+def test_matrices_are_positive_definite_and_always_the_same():
+    assert len(list(matrices.typical())) == 250
+    checked = 0
+    for case in matrices.random_ones(150):
+        A = case.operator()
+        if A.shape[0] <= 300:
+            dense = A.toarray()
+            assert np.linalg.eigvalsh(dense)[0] > 0.0
+            assert np.array_equal(dense, case.operator().toarray())
+            checked += 1
+    assert checked > 10

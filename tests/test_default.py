@@ -7,11 +7,15 @@ from hypothesis import strategies as st
 
 import toeplitz_mg as tmg
 from comparisons import masks
+from comparisons.default_choice import GOAL, ROUNDING
 from comparisons.symbols import COLUMNS, column
 from tests.cases import contact, coupled, coupled_kernel, exponential
 from tests.test_fsai_coupled import tangential
 from toeplitz_mg.contact.problems import test3
-from toeplitz_mg.preconditioners.default import COMPACT, fragmentation
+from toeplitz_mg.preconditioners import default
+from toeplitz_mg.preconditioners.default import COMPACT, DIRECT, fragmentation
+from toeplitz_mg.preconditioners.direct import DenseInverse
+from toeplitz_mg.preconditioners.trial import better_than_none
 
 
 def taken(A, **options):
@@ -96,7 +100,7 @@ def test_two_levels(area):
         assert "SparseInverse" in taken(A, solves=10)
     else:
         assert fragmentation(mask) > COMPACT
-        assert "SparseInverse" in taken(A)
+        assert ("DenseInverse" if A.shape[0] <= DIRECT else "SparseInverse") in taken(A)
     assert iterations(A) <= 14
     assert iterations(A, dtype=np.float32) <= 14
 
@@ -108,7 +112,7 @@ def test_what_is_refused_is_followed_by_the_next(caplog):
     with pytest.raises(np.linalg.LinAlgError):
         tmg.fsai_preconditioner(A)
     caplog.set_level("INFO")
-    assert "sine" in taken(A)
+    assert "SparseInverse" not in taken(A)
     assert "fsai_preconditioner is refused" in caplog.text
 
 
@@ -135,9 +139,9 @@ def test_three_levels_and_coupled_components():
     assert "cosine" in taken(A)
     mask = np.indices((12, 9, 10)).sum(axis=0) % 3 > 0
     assert "sine" in taken(tmg.MaskedOperator(A, mask))
-    B = coupled(coupled_kernel(2, 12, 12))(np.float64)
+    B = coupled(coupled_kernel(2, 40, 40))(np.float64)
     assert taken(B).count("cosine") == 2
-    half = np.arange(144).reshape(12, 12) % 2 == 0
+    half = np.arange(1600).reshape(40, 40) % 2 == 0
     assert taken(tmg.MaskedOperator(B, half)).count("SparseInverse") == 2
     assert iterations(B) <= 14
 
@@ -151,6 +155,122 @@ def test_strongly_coupled_components_are_treated_together_on_a_mask():
         A = tmg.MaskedOperator(A, np.stack([mask, mask]))
         assert taken(A).count("SparseInverse") == parts
         assert iterations(A) <= most
+
+
+def small(shape):
+    A = tmg.ToeplitzOperator(exponential(*shape))
+    return A, tmg.MaskedOperator(A, np.indices(shape).sum(axis=0) % 3 > 0)
+
+
+FEW = [
+    *small((600,)),
+    *small((20, 30)),
+    *small((8, 7, 9)),
+    coupled(coupled_kernel(2, 15, 20))(np.float64),
+    tmg.MaskedOperator(coupled(coupled_kernel(2, 30, 30))(np.float64), masks.rough(0.3, 30)),
+]
+
+
+@pytest.mark.parametrize("A", FEW, ids=repr)
+def test_few_unknowns_are_solved_for_directly(A):
+    assert A.shape[0] <= DIRECT
+    x = np.random.default_rng(0).standard_normal(A.shape[0])
+    for dtype, error in ((np.float64, 1e-10), (np.float32, 1e-3)):
+        M = tmg.default_preconditioner(A, dtype=dtype)
+        assert "DenseInverse" in repr(M)
+        assert M.dtype == dtype
+        assert np.linalg.norm(M @ (A @ x) - x) <= error * np.linalg.norm(x)
+
+
+def test_few_unknowns_and_less_precision_than_the_condition_needs():
+    """A factor in float32 of a matrix with the condition 1e9 would be no inverse at all."""
+    c = np.exp(-((np.arange(300) / 20.0) ** 2))
+    c[0] += 1e-8
+    A = tmg.ToeplitzOperator(c)
+    assert "DenseInverse" in taken(A)
+    assert "DenseInverse" not in taken(A, dtype=np.float32)
+    singular = tmg.ToeplitzOperator(np.ones(300))
+    with pytest.raises(np.linalg.LinAlgError, match="not positive definite, or nearly singular"):
+        tmg.default_preconditioner(singular)
+
+
+def both(A, M, most):
+    """Iterations for a constant and a random right-hand side, at most so many."""
+    counts = []
+    for b in (np.ones(A.shape[0]), np.random.default_rng(1).standard_normal(A.shape[0])):
+        steps = []
+        tmg.cg(A, b, M=M, rtol=1e-8, maxiter=most, callback=steps.append)
+        counts.append(len(steps))
+    return counts
+
+
+def smooth(nugget):
+    """A Gaussian covariance nearly as wide as its grid: of few large eigenvalues."""
+    c = np.exp(-(np.indices((40, 40)) ** 2).sum(axis=0) / 1800.0)
+    c[0, 0] += nugget
+    return c
+
+
+def spike(shape, *lags):
+    """Coefficients at isolated lags, with a diagonal that dominates."""
+    c = np.zeros(shape)
+    for lag in lags:
+        c[lag] = -1.0
+    c.flat[0] = 1.1 * 2 ** len(shape) * len(lags)
+    return c
+
+
+@pytest.mark.parametrize(
+    "c",
+    [
+        smooth(1e-2),
+        smooth(1e-4),
+        spike((1000,), 900),
+        spike((1300,), 51, 999),
+        spike((30, 40), (29, 39), (17, 0)),
+        spike((10, 12, 9), (9, 0, 0), (0, 5, 8)),
+    ],
+    ids=["smooth, 1e-2", "smooth, 1e-4", "a lag", "lags", "lags of two axes", "of three"],
+)
+@pytest.mark.parametrize("share", [1.0, 0.8])
+def test_it_is_not_worse_than_none(c, share):
+    full = tmg.ToeplitzOperator(c)
+    mask = np.random.default_rng(2).random(c.shape) <= share
+    A = full if mask.all() else tmg.MaskedOperator(full, mask)
+    none = both(A, None, 300)
+    ours = both(A, tmg.default_preconditioner(A), 300)
+    for own, other in zip(ours, none, strict=True):
+        assert own <= max(GOAL * other, other + ROUNDING)
+
+
+def test_a_trial_takes_none_where_nothing_is_better():
+    A = tmg.ToeplitzOperator(spike((30, 40), (29, 39)))
+    none = tmg.jacobi_preconditioner(A)
+    worse = tmg.cosine_preconditioner(tmg.ToeplitzOperator(exponential(30, 40)))
+    inverse = DenseInverse(A)
+    assert better_than_none(A, none, []) is none
+    assert better_than_none(A, none, [worse]) is none
+    assert better_than_none(A, none, [worse, inverse]) is inverse
+    indefinite = tmg.ToeplitzOperator(-A.c)
+    with pytest.raises(np.linalg.LinAlgError, match="A is not positive definite"):
+        better_than_none(indefinite, none, [])
+
+
+@pytest.mark.parametrize("ratio", [0.01, 0.25, 1.0, 4.0, 100.0])
+@pytest.mark.parametrize("nu", [0.0, 0.5])
+def test_half_space_kernels_take_no_trial(ratio, nu, monkeypatch):
+    """Their set-up has no products: what they take follows from their coefficients."""
+    monkeypatch.delattr(default, "better_than_none")
+    element = (1.0, ratio)
+    x, y = tmg.halfspace.lags((32, 40), element)
+    for influence in (tmg.halfspace.influence_zz, tmg.halfspace.influence_xx):
+        full = tmg.ToeplitzOperator(influence(x, y, element, G=1.0, nu=nu))
+        for mask in (masks.rough(0.6, 40)[:32], np.ones((32, 40), dtype=bool)):
+            A = tmg.MaskedOperator(full, mask)
+            assert A.shape[0] > DIRECT
+            with tmg.count_products() as work:
+                tmg.default_preconditioner(A)
+            assert work.units(full.shape[0]) <= 1.0
 
 
 @settings(max_examples=25, deadline=None)
@@ -172,7 +292,9 @@ def test_what_it_refuses():
         tmg.default_preconditioner(A, solves=0)
     with pytest.raises(TypeError, match=r"solves is 1\.5, but must be an integer"):
         tmg.default_preconditioner(A, solves=1.5)
-    with pytest.raises(np.linalg.LinAlgError, match="use cg without M"):
+    with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):
         tmg.default_preconditioner(tmg.ToeplitzOperator([[1.0, 2.0], [2.0, 3.0]]))
+    with pytest.raises(np.linalg.LinAlgError, match="use cg without M"):
+        tmg.default_preconditioner(tmg.ToeplitzOperator(np.eye(1, 900).reshape(30, 30) - 2.0))
     with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
         tmg.default_preconditioner(tmg.cosine_preconditioner(A))

@@ -617,7 +617,7 @@ def test_an_indefinite_coarsest_matrix():
 def test_uncoupled_neighbours_are_no_case_for_a_coarse_grid():
     c = np.zeros(4096)
     c[[0, 7]] = 3.0, -1.0
-    with pytest.raises(ValueError, match="neighbours .* are not coupled"):
+    with pytest.raises(ValueError, match="are not coupled"):
         tmg.multigrid(tmg.ToeplitzOperator(c))
 
 

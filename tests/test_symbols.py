@@ -1,5 +1,7 @@
 """Iterations of CG for general symbols: the numbers measured when the methods were designed."""
 
+from functools import reduce
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -158,3 +160,20 @@ def test_a_wide_covariance_has_the_samples_of_all_its_lags(n):
         sums = [1.0 + 2.0 * covariance(k) @ np.cos(t * k) for t in theta[:5]]
         A = tmg.ToeplitzOperator(covariance(np.arange(n)))
         assert_allclose(sampled_symbol(A, (n,))[:5], sums, rtol=1e-3)
+
+
+@pytest.mark.parametrize("shape", [(67,), (20, 13), (5, 7, 6)], ids=str)
+@pytest.mark.parametrize("end", [1, 2])
+def test_a_spike_is_not_continued(shape, end):
+    """The samples are those of the trigonometric polynomial with the coefficients there are."""
+    c = np.zeros(shape)
+    c[tuple(n - end for n in shape)] = -1.0
+    c.flat[0] = 9.0
+    lengths = tuple(near_fast_length(n) for n in shape)
+    samples = sampled_symbol(tmg.ToeplitzOperator(c), lengths)
+    waves = [
+        2.0 * np.cos(np.pi * np.arange(m + 1) * (n - end) / m)
+        for n, m in zip(shape, lengths, strict=True)
+    ]
+    product = reduce(np.multiply, np.ix_(*waves))
+    assert_allclose(samples, 9.0 - product, rtol=0, atol=1e-12)

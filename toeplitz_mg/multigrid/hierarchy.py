@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg.multigrid.interpolation import Interpolation
 from toeplitz_mg.multigrid.transfer import Coarsening, Transfer, galerkin
-from toeplitz_mg.operators import RowsOperator, ToeplitzOperator
+from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.preconditioners.direct import DenseInverse
 from toeplitz_mg.preconditioners.jacobi import ScaledIdentity
 from toeplitz_mg.preconditioners.positivity import ritz_values
 from toeplitz_mg.preconditioners.row_sum import RowSumModified
@@ -47,47 +47,6 @@ class Level:
     smoother: LinearOperator
     transfer: Transfer | None
     smooths: bool = True
-
-
-class DenseInverse(RowsOperator):
-    """The inverse of a small symmetric positive definite operator, by a Cholesky factorisation.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        Where the matrix is not positive definite.
-    """
-
-    def __init__(self, A: LinearOperator) -> None:
-        super().__init__(A.dtype, A.shape)
-        try:
-            self._factor = cho_factor(A.toarray(), lower=True)
-        except np.linalg.LinAlgError as error:
-            raise np.linalg.LinAlgError(
-                f"the matrix of the coarsest grid, {A!r}, is not positive definite: {error}"
-            ) from None
-
-    def _apply(self, X: Array, out: Array | None = None) -> Array:
-        # In the nearest precision that LAPACK has.
-        dtype = np.result_type(X, self.dtype)
-        if dtype.char not in "fdFD":
-            dtype = np.dtype(np.complex128 if dtype.kind == "c" else np.float64)
-        columns = X.reshape(-1, self.shape[1]).T.astype(dtype)
-        solution = cho_solve(self._factor, columns, overwrite_b=True, check_finite=False)
-        rows = np.asarray(solution).T.reshape(X.shape)
-        if out is None:
-            return rows
-        out[...] = rows
-        return out
-
-    def _adjoint(self) -> "DenseInverse":
-        return self
-
-    def _transpose(self) -> "DenseInverse":
-        return self
-
-    def __repr__(self) -> str:
-        return f"<DenseInverse {self.shape[0]}>"
 
 
 def build_levels(
@@ -133,13 +92,16 @@ def build_levels(
         why = (
             f"the neighbours on the grid of {A!r} are not coupled, so that no coarse grid helps"
             if isinstance(A, ToeplitzOperator)
-            else f"the mask of {A!r} is in such fragments that no coarse element is in it as a whole"
+            else f"the mask of {A!r} is in such fragments that no coarse element is whole in it"
         )
         raise ValueError(
             f"{why}, and it is too large to be solved directly (at most {LARGEST_DENSE} unknowns, "
             "or coarsest): use default_preconditioner with cg"
         )
-    levels.append(Level(A, DenseInverse(A), None))
+    try:
+        levels.append(Level(A, DenseInverse(A), None))
+    except np.linalg.LinAlgError as error:
+        raise np.linalg.LinAlgError(f"the matrix of the coarsest grid, {error}") from None
     return tuple(levels)
 
 

@@ -15,6 +15,7 @@ NEGLIGIBLE = 1e-9  # a coefficient, relative to that of lag 0
 SUMMABLE = 1.5  # exponent of lags that decay fast enough for a sum over some periods
 PERIODS = 16  # of 2n lags over which a tail is summed at most,
 FEW_LAGS = 2**15  # unless they are as few as that
+SPIKE = 0.5  # of the larger of the last two coefficients, the smaller: less tells of no slope
 
 
 def sampled_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
@@ -102,13 +103,17 @@ class _Tail:
 def continued(column: Array, level: int, n: int) -> Array:
     """Continue a level to the lags 0 … n: a coefficient that is not there is not zero.
 
-    By the parabola that goes on with the slope of the last two and is flat at lag n.
+    By the parabola that goes on with the slope of the last two and is flat at lag n. But where
+    these are of so different a size that they tell of a spike, or of an end, it is zero.
     """
     known = column.shape[level]
     last = np.take(column, [-1], axis=level)
     if known == 1:  # one element: it has no other lags
         return np.concatenate([column, np.zeros_like(last)], axis=level)
-    slope = last - np.take(column, [-2], axis=level)
+    before = np.take(column, [-2], axis=level)
+    slope = last - before
+    is_spike = np.minimum(abs(last), abs(before)) < SPIKE * np.maximum(abs(last), abs(before))
     ahead = n - known + 1  # steps from the last coefficient to lag n
     t = np.arange(1.0, ahead + 1).reshape([-1 if k == level else 1 for k in range(column.ndim)])
-    return np.concatenate([column, last + slope * t * (1.0 - t / (2.0 * ahead))], axis=level)
+    parabola = last + slope * t * (1.0 - t / (2.0 * ahead))
+    return np.concatenate([column, np.where(is_spike, 0.0, parabola)], axis=level)

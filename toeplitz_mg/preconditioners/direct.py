@@ -1,0 +1,75 @@
+"""The inverse of a small symmetric positive definite operator, by a Cholesky factorisation."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+from scipy.linalg import cho_factor, cho_solve, lapack
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg.operators import RowsOperator
+
+Array = NDArray[Any]
+
+
+class DenseInverse(RowsOperator):
+    """The inverse of a small symmetric positive definite operator, by a Cholesky factorisation.
+
+    Parameters
+    ----------
+    A : LinearOperator
+        With a method ``toarray()``.
+    dtype : float32 or float64, optional
+        The precision in which the factor is kept and applied, that of `A` by default. It is
+        computed in float64.
+
+    Attributes
+    ----------
+    rcond : float
+        An estimate of the reciprocal condition number of `A`, in the 1-norm.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where the matrix is not positive definite.
+    """
+
+    def __init__(self, A: LinearOperator, dtype: DTypeLike | None = None) -> None:
+        super().__init__(np.dtype(A.dtype if dtype is None else dtype), A.shape)
+        dense = A.toarray().astype(np.float64, copy=False)
+        try:
+            factor, lower = cho_factor(dense, lower=True)
+        except np.linalg.LinAlgError as error:
+            raise np.linalg.LinAlgError(
+                f"{A!r} is not positive definite, or nearly singular: {error}"
+            ) from None
+        norm = float(np.abs(dense).sum(axis=0).max())
+        self.rcond = float(lapack.dpocon(factor, norm, uplo="L")[0])
+        self._factor = factor.astype(self.dtype), lower
+
+    @property
+    def is_accurate(self) -> bool:
+        """Whether its precision resolves the smallest eigenvalues, so that it is positive too."""
+        return self.rcond > 4.0 * float(np.finfo(self.dtype).eps)
+
+    def _apply(self, X: Array, out: Array | None = None) -> Array:
+        # In the nearest precision that LAPACK has.
+        dtype = np.result_type(X, self.dtype)
+        if dtype.char not in "fdFD":
+            dtype = np.dtype(np.complex128 if dtype.kind == "c" else np.float64)
+        columns = X.reshape(-1, self.shape[1]).T.astype(dtype)
+        solution = cho_solve(self._factor, columns, overwrite_b=True, check_finite=False)
+        rows = np.asarray(solution).T.reshape(X.shape)
+        if out is None:
+            return rows
+        out[...] = rows
+        return out
+
+    def _adjoint(self) -> "DenseInverse":
+        return self
+
+    def _transpose(self) -> "DenseInverse":
+        return self
+
+    def __repr__(self) -> str:
+        return f"<DenseInverse {self.shape[0]}>"
