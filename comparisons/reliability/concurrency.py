@@ -43,7 +43,7 @@ def threads(rng: Generator) -> Outcome:
     family = getattr(build, "__name__", "preconditioner").replace("<lambda>", "the matrix")
     try:
         M = build(A)
-    except np.linalg.LinAlgError as error:
+    except (np.linalg.LinAlgError, ValueError) as error:  # not positive, or no coarse grid
         return Outcome(family, REFUSED, str(error))
     X = rng.standard_normal((VECTORS, A.shape[0]))
     expected = [M @ x for x in X]
