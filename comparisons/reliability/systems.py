@@ -99,7 +99,8 @@ def iteration(rng: Generator) -> Outcome:
         fails = info == 0 or solve is tmg.cg
         return Outcome(family, FAILED if fails else TOLD, f"{name}: not finite, info {info}")
     residual, noise = _residual(dense, x, b)
-    noise *= 1e3 * float(np.finfo(x.dtype).eps)
+    # Products have the precision of A, whatever that of the vectors.
+    noise *= 1e3 * max(float(np.finfo(kind).eps) for kind in (x.dtype, A.dtype))
     size = float(np.linalg.norm(b / (np.abs(b).max() or 1.0)) * np.abs(b).max())
     if info == 0 and residual > 10.0 * rtol * size + noise:
         note = f"{name}: info 0, residual {residual / size:.0e}, rtol {rtol:.0e}"
