@@ -13,7 +13,6 @@ from comparisons.punch import Punch
 from comparisons.symbols import column
 from tests.cases import aggregate, checkered, contact, exponential
 from toeplitz_mg.contact.problems import test1, test2, test3
-from toeplitz_mg.multigrid import Multigrid
 from toeplitz_mg.multigrid.border import MOST_LEFTOVER
 from toeplitz_mg.multigrid.hierarchy import DenseInverse, build_levels
 from toeplitz_mg.multigrid.interpolation import AreaWeighted
@@ -212,9 +211,14 @@ def test_two_grids_correct_the_coarse_and_the_leftover_unknowns_exactly(A, inter
     coarse = np.eye(n) - Q @ np.linalg.solve(galerkin, Q.T @ dense)
     smooth = np.eye(n) - smoother @ dense
     pre, post = (np.linalg.matrix_power(smooth, k) for k in pre_post)
-    # From its levels: of this smoother, which may diverge, the algebra matters.
-    levels = build_levels(A, tmg.chan_preconditioner, H.shape[0], interpolation, None)
-    M = Multigrid(levels, *pre_post, gamma=1)
+    M = tmg.multigrid(
+        A,
+        pre=pre_post[0],
+        post=pre_post[1],
+        smoother=lambda A: tmg.chan_preconditioner(A),
+        coarsest=H.shape[0],
+        transfer=interpolation,
+    )
     assert len(M.levels) == 2 or n <= H.shape[0]
     assert_allclose(np.eye(n) - M @ dense, post @ coarse @ pre, atol=1e-10)
 

@@ -225,10 +225,10 @@ def multigrid(
     **V(1,1)**, and any cycle with ``pre == post``, is symmetric if its smoother is, and positive
     definite if the smoother also converges on every level, ρ(I - S A) < 1, as
     `fft_rsm_preconditioner` does on the matrices of the paper. It may precondition
-    `scipy.sparse.linalg.cg`. Of the preconditioners of this package it is found out whether they
-    converge, by five steps of Lanczos's method on each level, ten work units on the finest;
-    `jacobi_preconditioner` does for certain. Where they do not, the cycle itself is examined by
-    twelve steps. A smoother of one's own is examined if its adjoint, ``S.H``, is itself.
+    `scipy.sparse.linalg.cg`. `jacobi_preconditioner` converges for certain. Of M̄ it is
+    found out, by five steps of Lanczos's method on each level, ten work units on the finest; where
+    it does not, the cycle itself is examined, by twelve steps, and refused if it is not positive
+    definite. Other smoothers are taken as they are.
 
     **V(1,0) and V(0,1)** are not symmetric, not even in the inner product of A. `cg` assumes a
     symmetric preconditioner; with these it may stagnate or, having converged by luck, need more
