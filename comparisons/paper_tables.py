@@ -12,6 +12,9 @@ from tqdm import tqdm
 import toeplitz_mg as tmg
 from comparisons.report import Row, options, show, write_csv
 from toeplitz_mg.contact import problems, published
+from toeplitz_mg.multigrid.hierarchy import Level
+from toeplitz_mg.multigrid.transfer import Transfer
+from toeplitz_mg.preconditioners.direct import DenseInverse
 
 TESTS = {1: problems.test1, 2: problems.test2, 3: problems.test3}
 CYCLES = {"V(1,1)": (1, 1), "V(1,0)": (1, 0), "V(0,1)": (0, 1)}
@@ -47,16 +50,19 @@ class Run:
 
 
 def papers_cycle(problem: problems.Problem, cycle: str, smoother: Smoother) -> LinearOperator:
-    """The cycle as in the paper: coarse grids discretised anew, down to 2 x 1."""
+    """The cycle as in the paper: coarse grids discretised anew, down to 2 x 1.
+
+    From its levels, as `multigrid` refuses what diverges, which Table I is about.
+    """
+    coarsen = tmg.rediscretised(problem.operator_of_grid_shape)
+    A: LinearOperator = problem.A
+    levels: list[Level] = []
+    while A.shape[0] > 2 and (transfer := Transfer.of(A)):
+        levels.append(Level(A, smoother(A), transfer))
+        A = coarsen(A)
+    levels.append(Level(A, DenseInverse(A), None))
     pre, post = CYCLES[cycle]
-    return tmg.multigrid(
-        problem.A,
-        smoother=smoother,
-        pre=pre,
-        post=post,
-        coarsest=2,
-        coarsen=tmg.rediscretised(problem.operator_of_grid_shape),
-    )
+    return tmg.Multigrid(tuple(levels), pre, post, gamma=1)
 
 
 def measure(

@@ -179,10 +179,12 @@ def continued(c):
     for level, n in enumerate(c.shape):
         fast = near_fast_length(n)
         ahead = fast - n + 1
-        last = np.take(c, n - 1, level)
-        slope = last - np.take(c, n - 2, level) if n > 1 else None
-        more = [  # by the parabola that is flat at the last one
-            np.zeros_like(last) if n == 1 else last + slope * (t - t**2 / (2 * ahead))
+        last, before = (np.take(c, max(n - k, 0), level) for k in (1, 2))
+        # By the parabola that is flat at the last one, unless the last two differ too much.
+        smaller, larger = np.sort(np.abs([last, before]), axis=0)
+        is_alike = (smaller >= larger / 2) & (n > 1)
+        more = [
+            np.where(is_alike, last + (last - before) * (t - t**2 / (2 * ahead)), 0.0)
             for t in range(1, ahead + 1)
         ]
         c = np.concatenate([c, np.stack(more, axis=level)], axis=level)

@@ -15,9 +15,10 @@ from tests.cases import aggregate, checkered, contact, exponential
 from toeplitz_mg.contact.problems import test1, test2, test3
 from toeplitz_mg.multigrid import Multigrid
 from toeplitz_mg.multigrid.border import MOST_LEFTOVER
-from toeplitz_mg.multigrid.hierarchy import DenseInverse, build_levels
+from toeplitz_mg.multigrid.hierarchy import build_levels
 from toeplitz_mg.multigrid.interpolation import AreaWeighted
 from toeplitz_mg.multigrid.transfer import Transfer
+from toeplitz_mg.preconditioners.direct import DenseInverse
 
 TESTS = [test1, test2, test3]
 SHAPES = [(2,), (3,), (8,), (31,), (1, 6), (6, 8), (5, 8), (7, 7), (2, 2, 4), (3, 2, 4)]

@@ -28,7 +28,8 @@ def preconditioner(rng: Generator) -> Outcome:
     name, build = _choice(rng, A)
     family = f"{name}, {np.dtype(dtype)}"
     eigenvalues = np.linalg.eigvalsh(matrices.dense(A))
-    whole = np.linalg.eigvalsh(matrices.dense(getattr(A, "full", A)))  # what its rounding is of
+    full = A.full if isinstance(A, tmg.MaskedOperator) else A
+    whole = np.linalg.eigvalsh(matrices.dense(full))  # the rounding is that of the whole
     doubtful = whole[0] <= whole[-1] * (1 / DOUBT if dtype == np.float64 else 1e-4)
     try:
         M = build(A)

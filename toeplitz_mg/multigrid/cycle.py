@@ -221,10 +221,12 @@ def multigrid(
     **V(1,1)**, and any cycle with ``pre == post``, is symmetric if its smoother is, and positive
     definite if the smoother also converges on every level, ρ(I - S A) < 1, as
     `fft_rsm_preconditioner` does on the matrices of the paper. It may precondition
-    `scipy.sparse.linalg.cg`. Of the preconditioners of this package it is found out whether they
-    converge, by five steps of Lanczos's method on each level, ten work units on the finest;
-    `jacobi_preconditioner` does for certain. Where they do not, the cycle itself is examined by
-    twelve steps. A smoother of one's own is examined if its adjoint, ``S.H``, is itself.
+    `scipy.sparse.linalg.cg`. `jacobi_preconditioner` converges where ω ‖A‖ is below 2 a₀. Of other
+    smoothers that are symmetric, as ``S.H is S`` tells, it is found out by five steps of Lanczos's
+    method on each level: ten work units on the finest, but none on a large whole grid where M̄ is
+    certified. Where one may diverge, the cycle itself is examined, by twelve steps, and refused if
+    it is not positive definite. To study one that diverges, as in the paper's Table I, make a
+    `Multigrid` of levels.
 
     **V(1,0) and V(0,1)** are not symmetric, not even in the inner product of A. `cg` assumes a
     symmetric preconditioner; with these it may stagnate or, having converged by luck, need more
