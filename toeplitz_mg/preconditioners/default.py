@@ -3,8 +3,9 @@
 import logging
 from collections.abc import Iterable, Iterator
 from functools import partial
+from itertools import islice
 from math import log2
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -165,13 +166,12 @@ def _default(A: LinearOperator, is_worth_set_up: bool, dtype: DTypeLike | None) 
     whole_line = len(shape) == 1 and mask.all()
     if whole_line:
         A = full
-    accepted = _accepted(_candidates(full, mask, is_worth_set_up), A, dtype)
-    first = next(accepted, None)
-    if first is not None and (whole_line or _decreases(full)):
-        return first
-    resorts = (sine_preconditioner, cosine_preconditioner, chan_preconditioner)
-    others = _accepted(resorts, A, dtype)
-    tried = {repr(M): M for M in (first, *others) if M is not None}  # each of them once
+    tried = list(islice(_accepted(_candidates(full, mask, is_worth_set_up), A, dtype), 1))
+    if tried and (whole_line or _decreases(full)):
+        return tried[0].M
+    resorts = [sine_preconditioner, cosine_preconditioner, chan_preconditioner]
+    others = [f for f in resorts if not tried or f is not tried[0].made_by]
+    tried += _accepted(others, A, dtype)
     diagonal = float(full.c.flat[0])
     if not (tried and diagonal > 0.0):
         raise np.linalg.LinAlgError(
@@ -181,16 +181,21 @@ def _default(A: LinearOperator, is_worth_set_up: bool, dtype: DTypeLike | None) 
     # A power of two: the iterates are those without a preconditioner, to the last bit.
     scale = 2.0 ** -round(log2(diagonal))
     none = ScaledIdentity(A.shape[0], scale, precision(full, dtype))
-    return better_than_none(A, none, list(tried.values()))
+    return better_than_none(A, none, [accepted.M for accepted in tried])
+
+
+class _Accepted(NamedTuple):
+    made_by: Preconditioner
+    M: LinearOperator
 
 
 def _accepted(
     preconditioners: Iterable[Preconditioner], A: LinearOperator, dtype: DTypeLike | None
-) -> Iterator[LinearOperator]:
+) -> Iterator[_Accepted]:
     """Yield the preconditioners that are not refused."""
     for preconditioner in preconditioners:
         try:
-            yield preconditioner(A, dtype=dtype)
+            yield _Accepted(preconditioner, preconditioner(A, dtype=dtype))
         except np.linalg.LinAlgError as error:
             logger.info("%s is refused: %s", preconditioner.__name__, error)
 
