@@ -1,10 +1,17 @@
-"""How hypothesis draws its examples: always the same ones, unless others are asked for.
+"""How the tests run: with one thread of BLAS each, and the same random examples each time.
 
-``pytest -m hypothesis --hypothesis-profile=random --hypothesis-seed=1`` draws others. A failure
-that such a run finds is kept in the test, as an ``@example``.
+``pytest -n auto`` runs as many tests side by side as there are cores, for which threads of BLAS
+would only wait for each other.
+
+``pytest -m hypothesis --hypothesis-profile=random --hypothesis-seed=1`` draws other examples. A
+failure that such a run finds is kept in the test, as an ``@example``.
 """
 
+import os
+
 from hypothesis import settings
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # Read where NumPy is imported, after this file.
 
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.register_profile("random", database=None, deadline=None, print_blob=True)

@@ -8,6 +8,8 @@ from comparisons.updates import normal, tangential
 from tests.test_fsai import both_iterations, half_space
 from toeplitz_mg.contact.problems import test1 as line_contact
 
+pytestmark = pytest.mark.slow  # grids of up to 2048²
+
 
 @pytest.fixture(scope="module")
 def full():

@@ -1,7 +1,9 @@
 """The comparisons run, and write what they name."""
 
 import csv
+import multiprocessing
 import sys
+from multiprocessing import forkserver
 
 import numpy as np
 import pytest
@@ -26,6 +28,15 @@ from comparisons import (
 )
 from comparisons.reliability import __main__ as reliability
 from comparisons.symbols import COLUMNS
+
+pytestmark = pytest.mark.slow  # each starts many processes
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _processes_start_from_one_that_has_imported_all():
+    """Of the comparisons, which measure in fresh processes; importing SciPy takes them a second."""
+    multiprocessing.set_forkserver_preload(["tests.test_comparisons"])
+    forkserver.ensure_running()
 
 
 def run(comparison, folder, monkeypatch, capsys, *options):

@@ -8,6 +8,8 @@ import pytest
 
 from comparisons import contact_cases, contact_methods, contact_peers
 
+pytestmark = pytest.mark.slow  # whole comparisons
+
 
 def rows_of(path):
     with path.open(newline="") as file:

@@ -212,6 +212,7 @@ def test_an_update_that_keeps_nothing_is_what_a_new_one_is(shape, density, chang
     assert_array_equal(P @ np.eye(P.shape[0]), before)  # it has not changed
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=15)
 @given(st.sampled_from([(26, 26), (18, 40)]), st.floats(0.3, 1.0), st.integers(0, 999))
 def test_updates_one_after_the_other_are_what_a_new_one_is(shape, density, seed):

@@ -150,6 +150,7 @@ def test_an_updated_operator_is_one_like_the_others(dtype):
     assert_array_equal(pickle.loads(pickle.dumps(P)) @ X[:, 0], columns[:, 0])
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @example((40, 50), 0.09375, 3, 1)  # a load that is the same, and a diagonal that is not
 @given(

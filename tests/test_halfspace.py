@@ -67,6 +67,7 @@ POINTS += [(1000.5, 0.25), (3e4, 2e4)]
 ELEMENTS = [(1, 1), (1, 2.5), (1, 100), (3e3, 1), (8e-6, 100), (10, 1e-6)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("element", ELEMENTS, ids=str)
 @pytest.mark.parametrize("kernel", KERNELS | COUPLINGS)
 def test_against_adaptive_quadrature(kernel, element):
@@ -81,6 +82,7 @@ def test_against_adaptive_quadrature(kernel, element):
         assert_allclose(value, expected, rtol=1e-12, atol=0, err_msg=f"at {tx, ty} elements")
 
 
+@pytest.mark.slow
 def test_the_papers_coefficients_at_two_to_the_twenty():
     n = 2**20
     c = tmg.contact.problems.test1(n).A.c
