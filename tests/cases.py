@@ -286,16 +286,12 @@ def applied(function, build, **arguments):
 COLUMNS = {
     "1": contact(1),
     "2": contact(2),
-    "7": contact(7),
     "16": contact(16),
     "31": exponential(31),
-    "4x1": contact(4, 1),
     "6x1": contact(6, 1),
     "1x6": contact(1, 6),
     "5x7": contact(5, 7),
-    "5x8": contact(5, 8),
     "8x8": contact(8, 8),
-    "3x2x4": exponential(3, 2, 4),
     "3x4x5": exponential(3, 4, 5),
 }
 

@@ -7,8 +7,12 @@ would only wait for each other.
 failure that such a run finds is kept in the test, as an ``@example``.
 """
 
+import multiprocessing
 import os
+from multiprocessing import forkserver
+from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # Read where NumPy is imported, after this file.
@@ -16,3 +20,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # Read where NumPy is imported, a
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.register_profile("random", database=None, deadline=None, print_blob=True)
 settings.load_profile("fixed")
+
+
+@pytest.fixture(scope="session")
+def quick_processes():
+    """Comparisons measure in fresh processes: let these start from one that has imported all."""
+    folder = Path(__file__).parent.parent / "comparisons"
+    modules = [f"comparisons.{path.stem}" for path in sorted(folder.glob("*.py"))]
+    multiprocessing.set_forkserver_preload(modules)
+    forkserver.ensure_running()

@@ -1,9 +1,7 @@
 """The comparisons run, and write what they name."""
 
 import csv
-import multiprocessing
 import sys
-from multiprocessing import forkserver
 
 import numpy as np
 import pytest
@@ -29,14 +27,7 @@ from comparisons import (
 from comparisons.reliability import __main__ as reliability
 from comparisons.symbols import COLUMNS
 
-pytestmark = pytest.mark.slow  # each starts many processes
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _processes_start_from_one_that_has_imported_all():
-    """Of the comparisons, which measure in fresh processes; importing SciPy takes them a second."""
-    multiprocessing.set_forkserver_preload(["tests.test_comparisons"])
-    forkserver.ensure_running()
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
 
 
 def run(comparison, folder, monkeypatch, capsys, *options):

@@ -8,7 +8,7 @@ import pytest
 
 from comparisons import contact_cases, contact_methods, contact_peers
 
-pytestmark = pytest.mark.slow  # whole comparisons
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
 
 
 def rows_of(path):

@@ -497,6 +497,7 @@ def test_a_covariance_takes_few_iterations_or_is_refused(nu, length, nugget):
             assert "on a mask sine_preconditioner(A)" in why
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nugget", [0.0, 0.01, 0.1, 1.0])
 @pytest.mark.parametrize("length", [2.0, 3.0, 4.0, 5.0, 8.0])
 @pytest.mark.parametrize("nu", [0.5, 1.5, 2.5])

@@ -71,6 +71,7 @@ def test_half_space_matrices_are_never_refused(n1, n2, density, ratio, nu, same,
     assert eigenvalues[-1] < 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("area", ["full", "rough 60 %", "random 50 %", "checkerboard"])
 def test_its_eigenvalues_are_nearer_to_one_than_those_by_component(area, dtype):
@@ -138,6 +139,7 @@ def test_the_coarser_kernel_is_that_of_aggregates_in_full_contact():
 # Iterations -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1.0, 4.0, 0.25])
 @pytest.mark.parametrize("nu", [0.0, 0.28, 0.4, 0.5])
 @pytest.mark.parametrize(

@@ -419,6 +419,7 @@ def cg_iterations(A, **options):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["normal", "tangential"])
 @pytest.mark.parametrize("area", ["square", "circle"])
 def test_cg_takes_at_most_seven_iterations_on_even_and_odd_squares(kind, area):

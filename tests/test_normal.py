@@ -160,6 +160,7 @@ def test_rough_surfaces_at_any_load(force):
     assert_allclose(again.force, force, rtol=1e-5)
 
 
+@pytest.mark.slow
 @doubtful  # a rough surface reaches the edge of its grid
 @pytest.mark.parametrize(("n", "force"), [(512, 0.006), (512, 0.36), (1024, 0.06)])
 def test_large_rough_surfaces(n, force):

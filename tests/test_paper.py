@@ -100,6 +100,7 @@ SD_ITERATIONS = {
 SOLVER_ITERATIONS = {1: (28, 28, 28), 2: (33, 34, 34), 3: (36, 36, 36)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("log_n", [15, 16, 17])
 @pytest.mark.parametrize(("test", "cycle"), RSM_ITERATIONS)
 def test_tables_4_5_and_8(test, cycle, log_n):
@@ -110,6 +111,7 @@ def test_tables_4_5_and_8(test, cycle, log_n):
         assert abs(count - cell.iterations) <= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("log_n", [15, 16, 17])
 @pytest.mark.parametrize(("test", "cycle"), SD_ITERATIONS)
 def test_tables_2_and_3(test, cycle, log_n):
