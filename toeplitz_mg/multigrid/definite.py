@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
 STEPS = 12  # of Lanczos's method with a cycle that is in doubt, a cycle and a product each
 LEAST = 0.05  # eigenvalue of a cycle and its matrix: above 0.4 where the cycle is good
+SKEW = 0.1  # of the root of eps, relative skewness of a cycle that cg can do with
 
 
 def require_definite(M: "Multigrid", is_galerkin: bool) -> None:
@@ -32,12 +33,17 @@ def require_definite(M: "Multigrid", is_galerkin: bool) -> None:
         steps = max(1, min(M.pre, M.post))
         cycle = M if M.pre == M.post else type(M)(M.levels, steps, steps, M.gamma)
         smallest = float(ritz_values(M.levels[0].A, cycle, STEPS)[0])
+        what = ""
         if not smallest > LEAST:
+            what = f"not positive definite: its product with A has the eigenvalue {smallest:.3g}"
+        elif not (skew := _skewness(cycle)) <= SKEW * np.sqrt(np.finfo(M.dtype).eps):
+            what = f"not symmetric, by {skew:.1e}, which is rounding that has grown"
+        if what:
             level = diverging[0]
             error = np.linalg.LinAlgError(
-                f"the cycle is not positive definite: its product with A has the eigenvalue "
-                f"{smallest:.3g}, as {level.smoother!r} diverges as a smoother. Its product with "
-                "the matrix needs all below 2: use default_preconditioner(A) with cg"
+                f"the cycle is {what}, as {level.smoother!r} diverges as a smoother. Its product "
+                "with the matrix needs all eigenvalues below 2: use default_preconditioner(A) with "
+                "cg"
             )
             k = inner.index(level)
             error.add_note(f"This was the matrix of level {k} of multigrid, {level.A!r}.")
@@ -53,3 +59,10 @@ def require_definite(M: "Multigrid", is_galerkin: bool) -> None:
                     f"the cycle on level {k} of multigrid has the eigenvalue {largest:.3g} with "
                     f"its matrix, which gamma = {M.gamma} needs below 2: use gamma=1"
                 )
+
+
+def _skewness(M: "Multigrid") -> float:
+    """|uᵀ M v - vᵀ M u| for two random vectors, relative to the sizes of u and M v."""
+    u, v = np.random.default_rng(0).standard_normal((2, M.shape[0])).astype(M.dtype)
+    Mu, Mv = M @ u, M @ v
+    return float(abs(u @ Mv - v @ Mu) / (np.linalg.norm(u) * np.linalg.norm(Mv)))
