@@ -665,6 +665,16 @@ def test_a_certified_smoother_that_diverges_is_refused(shift, few):
         tmg.multigrid(A, coarsest=few.get("coarsest", 64), pre=few.get("pre", 1))
 
 
+def test_a_cycle_that_grown_rounding_makes_lopsided_is_refused():
+    """Positive definite but for rounding, which a smoother with λ = 38533 had made 2e-7."""
+    column = [[1.7941335594, -0.8970621236, 0.0]]
+    A = tmg.ToeplitzOperator(column)
+    S = tmg.fft_rsm_preconditioner(A)
+    assert np.linalg.eigvals(S @ A.toarray()).real.max() > 1e4
+    with pytest.raises(np.linalg.LinAlgError, match="not symmetric"):
+        tmg.multigrid(A, coarsest=1)
+
+
 def ragged(seed):
     """Kernels of several kinds, on grids of two axes and masks with a few leftover unknowns."""
     rng = np.random.default_rng(seed)

@@ -41,9 +41,9 @@ def require_definite(M: "Multigrid", is_galerkin: bool) -> None:
         if what:
             level = diverging[0]
             error = np.linalg.LinAlgError(
-                f"the cycle is {what}, as {level.smoother!r} diverges as a smoother. Its product "
-                "with the matrix needs all eigenvalues below 2: use default_preconditioner(A) with "
-                "cg"
+                f"the cycle is {what}, as {level.smoother!r} diverges as a smoother. Of the "
+                "eigenvalues of its product with the matrix it needs all below 2: use "
+                "default_preconditioner(A) with cg"
             )
             k = inner.index(level)
             error.add_note(f"This was the matrix of level {k} of multigrid, {level.A!r}.")
