@@ -23,7 +23,7 @@ Smoother = Callable[[LinearOperator], LinearOperator]
 # The largest matrix factorised where no coarser grid can be had: 32 MB, a tenth of a second.
 LARGEST_DENSE = 2048
 STEPS = 5  # of Lanczos's method with a smoother and its matrix, two work units each
-EXAMINED = 2**14  # unknowns of a whole grid, above which M̄ is judged by the coarser grids
+EXAMINED = 2**10  # unknowns of a whole grid, above which M̄ is judged by the coarser grids
 CONVERGENT = 1.7  # eigenvalue of S A up to which none is expected above 2, where S diverges
 
 
