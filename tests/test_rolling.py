@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -216,6 +216,7 @@ def test_marching_where_the_sets_do_not_settle(monkeypatch):
     creepages=st.tuples(*[st.floats(1e-6, 0.1) | st.floats(-0.1, -1e-6) | st.just(0.0)] * 3),
 )
 @settings(max_examples=40, deadline=None)
+@example(0, (1, 2), 1.1125369292536007e-308, (0.0, 0.1, 0.0))  # a coupling that underflows
 def test_coulombs_law_for_any_creepage(seed, shape, nu, creepages):
     rng = np.random.default_rng(seed)
     h = 10.0 ** rng.uniform(-2, 1)

@@ -3,6 +3,7 @@
 import errno
 import io
 import os
+import signal
 import subprocess
 import sys
 
@@ -35,6 +36,8 @@ def interrupted(folder, *command):
         text=True,
         check=False,
         env=os.environ | {"PYTHONPATH": path},
+        # A job in the background, as CI may be, has its programs ignore the signal.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
 
 

@@ -15,6 +15,7 @@ Array = NDArray[Any]
 Element = float | tuple[float, float]
 
 COARSEST = 32  # elements of an axis, below which nested iteration coarsens no further
+NEGLIGIBLE = 1e-40  # Poisson's ratio on which no digit of a displacement depends
 
 
 @dataclass(frozen=True)
@@ -167,6 +168,8 @@ class Grid:
         h1, h2 = self.element
         x, y = halfspace.lags((shape[0], shape[1] if len(shape) == 2 else 1), (h1, h2))
         G, nu = self.material
+        if abs(nu) < NEGLIGIBLE:
+            nu = 0.0  # A coupling in proportion to it would be too small for float64 to multiply.
         return np.asarray(influence(x, y, (h1, h2), G=G, nu=nu)).reshape(shape)
 
 
