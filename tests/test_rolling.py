@@ -216,7 +216,8 @@ def test_marching_where_the_sets_do_not_settle(monkeypatch):
     creepages=st.tuples(*[st.floats(1e-6, 0.1) | st.floats(-0.1, -1e-6) | st.just(0.0)] * 3),
 )
 @settings(max_examples=40, deadline=None)
-@example(0, (1, 2), 1.1125369292536007e-308, (0.0, 0.1, 0.0))  # a coupling that underflows
+@example(0, (1, 2), 1.1125369292536007e-308, (0.0, 0.1, 0.0))  # couplings that underflow
+@example(0, (1, 5), 1.175494351e-38, (0.0625, 0.0, 0.0))
 def test_coulombs_law_for_any_creepage(seed, shape, nu, creepages):
     rng = np.random.default_rng(seed)
     h = 10.0 ** rng.uniform(-2, 1)

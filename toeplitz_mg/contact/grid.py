@@ -15,7 +15,7 @@ Array = NDArray[Any]
 Element = float | tuple[float, float]
 
 COARSEST = 32  # elements of an axis, below which nested iteration coarsens no further
-NEGLIGIBLE = 1e-40  # Poisson's ratio on which no digit of a displacement depends
+NEGLIGIBLE = 1e-17  # Poisson's ratio on which no digit of a displacement in float64 depends
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ class Grid:
         x, y = halfspace.lags((shape[0], shape[1] if len(shape) == 2 else 1), (h1, h2))
         G, nu = self.material
         if abs(nu) < NEGLIGIBLE:
-            nu = 0.0  # A coupling in proportion to it would be too small for float64 to multiply.
+            nu = 0.0  # A coupling in proportion to it may be too small to be multiplied.
         return np.asarray(influence(x, y, (h1, h2), G=G, nu=nu)).reshape(shape)
 
 
