@@ -29,7 +29,7 @@ def load(path: Path) -> Array:
     OSError
         Where there is no such file.
     ValueError
-        Where it is not one of NumPy's, or holds Python objects.
+        Where it is not one of NumPy's, holds Python objects, or no numbers at all.
     """
     with path.open("rb") as file:
         try:
@@ -40,6 +40,8 @@ def load(path: Path) -> Array:
             raise ValueError(f"{path} is not a NumPy file of numbers (.npy): {error}") from None
     if not isinstance(array, np.ndarray):
         raise ValueError(f"{path} holds several arrays (.npz), but one is needed (.npy)")
+    if array.size == 0:  # NumPy 2.0 also reads a negative length, in a damaged header, as zero.
+        raise ValueError(f"{path} holds no numbers: its array has shape {array.shape}")
     return array
 
 
