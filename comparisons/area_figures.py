@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.linalg import eigh, eigvals
 from scipy.sparse.linalg import LinearOperator
 
@@ -16,8 +15,7 @@ from comparisons.masks import rough
 from comparisons.punch import Punch, influence
 from comparisons.punch3d import METHODS
 from comparisons.report import Row
-
-Array = NDArray[Any]
+from toeplitz_mg._typing import Array
 
 N, QUICK_N = 256, 32
 DENSE_N = 48  # grid whose spectrum is computed

@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 from tqdm import tqdm
 
@@ -29,9 +28,8 @@ from comparisons import masks, report
 from comparisons.measuring import in_a_fresh_process, peak_bytes
 from comparisons.report import Row
 from toeplitz_mg import halfspace
-from toeplitz_mg.contact.problems import test1
-
-Array = NDArray[Any]
+from toeplitz_mg._typing import Array
+from toeplitz_mg.paper.problems import test1
 
 TITLE = "Every preconditioner on areas of every kind"
 TOLERANCE = 1e-8
@@ -69,7 +67,7 @@ def operator(area: str, n: int) -> LinearOperator:
     if area in masks.FRAGMENTED:
         mask = masks.FRAGMENTED[area](n)
         element = (2.0 / n, 2.0 / n)
-        x, y = halfspace.lags((n, n), element)
+        x, y = halfspace.offsets((n, n), element)
         full = tmg.ToeplitzOperator(halfspace.influence_zz(x, y, element, G=1.0, nu=0.28))
     else:
         mask = ON_A_LINE[area](n)

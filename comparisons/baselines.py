@@ -21,7 +21,7 @@ from comparisons import report
 from comparisons.contenders import CONTENDERS, Contender
 from comparisons.measuring import Measurement, measure
 from comparisons.report import Row
-from toeplitz_mg.contact.problems import Problem, test1, test2, test3
+from toeplitz_mg.paper.problems import Problem, test1, test2, test3
 
 LARGEST_TIME = 30.0  # seconds of set-up and solve
 SIZES = tuple(4**k for k in range(3, 11))

@@ -6,13 +6,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from comparisons import report
 from comparisons.report import Row
+from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import ContactResult, surfaces
-
-Array = NDArray[Any]
 
 
 def picture(results: Sequence[ContactResult], theory: Array | None, title: str, path: Path) -> None:

@@ -8,16 +8,14 @@ from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from comparisons.contact_theory import MU, A
+from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import friction, normal_contact, surfaces
-from toeplitz_mg.contact.coulomb import bounded
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.stick_slip import diagonal
+from toeplitz_mg.contact.tangential.coulomb import bounded
+from toeplitz_mg.contact.tangential.stick_slip import diagonal
 from toeplitz_mg.operators import apply_to_rows
-
-Array = NDArray[Any]
 
 
 def rough_gap(N: int) -> Array:

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ellipe, ellipk
 
+from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import ContactResult, friction, normal_contact, rolling, surfaces
-
-Array = NDArray[Any]
 
 A, C, MU = 0.6, 0.4, 0.3  # half width of contact, of stick, and friction
 UNIT = (0.7, 0.3)  # E* = G/(1-ν) = 1

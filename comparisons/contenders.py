@@ -16,15 +16,13 @@ from typing import Any, Protocol
 
 import numpy as np
 import pyamg
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, cholesky_banded, solve_toeplitz, toeplitz
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import LinearOperator, cg
 
 import toeplitz_mg as tmg
-from toeplitz_mg.contact.problems import Problem
-
-Array = NDArray[Any]
+from toeplitz_mg._typing import Array
+from toeplitz_mg.paper.problems import Problem
 
 
 class System(Protocol):

@@ -12,12 +12,10 @@ from functools import partial
 from multiprocessing import get_context, set_forkserver_preload
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 import toeplitz_mg as tmg
@@ -25,8 +23,7 @@ from comparisons import report
 from comparisons.measuring import timed
 from comparisons.report import Row
 from comparisons.symbols import column
-
-Array = NDArray[Any]
+from toeplitz_mg._typing import Array
 
 SYMBOLS = ("contact", "fGn, H = 0.9", "0.9^k", "exp(-k/1000)", "θ²")
 SIZES = (1, 2, 3, 5, *(2**k for k in range(3, 12)), 3000, 4096, 2**13, 10007, 2**15, 2**17, 2**20)

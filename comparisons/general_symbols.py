@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 from tqdm import tqdm
 
@@ -25,8 +24,7 @@ from comparisons.contenders import TOLERANCE, Contender, Solve, System, iterate,
 from comparisons.measuring import Measurement, measure
 from comparisons.report import Row
 from comparisons.symbols import COLUMNS, column
-
-Array = NDArray[Any]
+from toeplitz_mg._typing import Array
 
 SIZES = tuple(2**k for k in (8, 11, 14, 17, 20))
 QUICK_SIZES = SIZES[:2]

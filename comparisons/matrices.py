@@ -9,10 +9,8 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from math import prod
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
@@ -20,8 +18,8 @@ from comparisons import masks
 from comparisons.punch import KINDS, influence
 from comparisons.symbols import column, fourier
 from toeplitz_mg import MaskedOperator, ToeplitzOperator
+from toeplitz_mg._typing import Array
 
-Array = NDArray[Any]
 Shape = tuple[int, ...]
 
 

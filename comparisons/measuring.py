@@ -15,15 +15,14 @@ from time import perf_counter
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import matmul_toeplitz
 
 import toeplitz_mg as tmg
 from comparisons import contenders
 from comparisons.contenders import Contender, System, column_and_mask
-from toeplitz_mg.contact.problems import test1
+from toeplitz_mg._typing import Array
+from toeplitz_mg.paper.problems import test1
 
-Array = NDArray[Any]
 T = TypeVar("T")
 
 KILL_AFTER = 60.0  # seconds

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 from tqdm import tqdm
 
 import toeplitz_mg as tmg
 from comparisons.report import Row, options, show, write_csv, write_figure
+from toeplitz_mg._typing import Array
 
-Array = NDArray[Any]
 Drawing = tuple[Figure, list[Row]]  # a figure and what is plotted in it
 
 N = 32  # elements, in all figures but the third

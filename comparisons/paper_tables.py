@@ -11,9 +11,9 @@ from tqdm import tqdm
 
 import toeplitz_mg as tmg
 from comparisons.report import Row, options, show, write_csv
-from toeplitz_mg.contact import problems, published
-from toeplitz_mg.multigrid.hierarchy import Level
-from toeplitz_mg.multigrid.transfer import Transfer
+from toeplitz_mg.multigrid_cycle.hierarchy import Level
+from toeplitz_mg.multigrid_cycle.transfer import Transfer
+from toeplitz_mg.paper import problems, published
 from toeplitz_mg.preconditioners.direct import DenseInverse
 
 TESTS = {1: problems.test1, 2: problems.test2, 3: problems.test3}

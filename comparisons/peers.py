@@ -10,11 +10,10 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from comparisons.punch import NU, G
+from toeplitz_mg._typing import Array
 
-Array = NDArray[Any]
 Solution = tuple[Array, int, float, float]
 
 FAR = 1e3  # gap of what does not touch

@@ -1,18 +1,15 @@
 """A rigid punch with a flat face on a half-space: its matrix, displacement, force and residual."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from comparisons.masks import AREAS
 from toeplitz_mg import halfspace
-
-Array = NDArray[Any]
+from toeplitz_mg._typing import Array
 
 G, NU = 1.0, 0.28
 KINDS = ("normal", "tangential", "coupled")
@@ -22,7 +19,7 @@ def influence(
     kind: str, mask: Array, element: tuple[float, float], nu: float = NU
 ) -> LinearOperator:
     """The influence of the tractions in a mask on its displacements, for one half-space."""
-    even, odd = halfspace.lags(mask.shape, element), halfspace.all_lags(mask.shape, element)
+    even, odd = halfspace.offsets(mask.shape, element), halfspace.all_offsets(mask.shape, element)
     # The coefficients are those of two half-spaces: one of G has as much as two of 2 G.
     material = {"G": 2.0 * G, "nu": nu}
     full: LinearOperator

@@ -25,10 +25,8 @@ from importlib.util import find_spec
 from math import isnan, log, nan
 from multiprocessing import set_forkserver_preload
 from time import process_time
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 from tqdm import tqdm
 
@@ -38,10 +36,10 @@ from comparisons.masks import AREAS
 from comparisons.measuring import in_a_fresh_process, peak_bytes
 from comparisons.punch import KINDS, Punch
 from comparisons.report import Row
-from toeplitz_mg.operators.convolution import FOURIER, DiagonalisedProduct
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.products import FOURIER, DiagonalisedProduct
 from toeplitz_mg.operators.diagonalised import DiagonalisedOperator
 
-Array = NDArray[Any]
 Preconditioner = Callable[[LinearOperator], LinearOperator | None]
 
 TOLERANCE = 1e-8

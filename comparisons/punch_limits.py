@@ -11,18 +11,15 @@ The rough patch has no limit here: it has finer detail at every N.
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 import toeplitz_mg as tmg
 from comparisons import masks, report
 from comparisons.punch import KINDS, NU, Punch
 from comparisons.report import Row
-
-Array = NDArray[Any]
+from toeplitz_mg._typing import Array
 
 TOLERANCE = 1e-9
 CORNER = 1.0 + 2.0 * 0.2966

@@ -13,7 +13,7 @@ from typing import Any
 from matplotlib.figure import Figure
 from tabulate import tabulate
 
-from toeplitz_mg import output
+from toeplitz_mg.cli import files
 
 Row = dict[str, Any]
 
@@ -45,10 +45,10 @@ def options(name: str, description: str, **choices: Sequence[Any] | int) -> argp
         metavar="FOLDER",
         help="folder for CSV and PNG (default: %(default)s)",
     )
-    output.print_any_character()
+    files.print_any_character()
     arguments = parser.parse_args()
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    print(f"Writing to {arguments.output.resolve()}")
+    arguments.files.mkdir(parents=True, exist_ok=True)
+    print(f"Writing to {arguments.files.resolve()}")
     return arguments
 
 
@@ -66,7 +66,7 @@ def write_markdown(path: Path, title: str, tables: Mapping[str, Sequence[Row]]) 
             list(rows), headers="keys", missingval="", disable_numparse=True, tablefmt="github"
         )
         text += f"## {heading}\n\n{table}\n\n"
-    output.write(path, text.encode())
+    files.write(path, text.encode())
 
 
 def write_csv(path: Path, rows: Sequence[Row]) -> None:
@@ -76,9 +76,9 @@ def write_csv(path: Path, rows: Sequence[Row]) -> None:
     writer = csv.DictWriter(text, columns)
     writer.writeheader()
     writer.writerows(rows)
-    output.write(path, text.getvalue().encode())
+    files.write(path, text.getvalue().encode())
 
 
 def write_figure(path: Path, figure: Figure, dpi: int) -> None:
     """Write a figure in the format that the name ends in."""
-    output.save_figure(path, figure, dpi=dpi)
+    files.save_figure(path, figure, dpi=dpi)

@@ -11,13 +11,12 @@ import numpy as np
 import scipy.fft
 import scipy.linalg
 import scipy.signal
-from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
 import toeplitz_mg as tmg
 from comparisons.symbols import COLUMNS
+from toeplitz_mg._typing import Array
 
-Array = NDArray[Any]
 Action = Callable[[], Any]
 Contender = Callable[[Array, Array], Action]  # the column and the vector; the call is the set-up
 
@@ -82,7 +81,7 @@ def plain_product(c: Array, b: Array) -> Action:
 
 def our_product(c: Array, b: Array) -> Action:
     """Multiply by the engine."""
-    return partial(tmg.ToeplitzOperator(c)._apply, b, np.empty_like(b))
+    return partial(tmg.ToeplitzOperator(c).apply, b, np.empty_like(b))
 
 
 def operator_product(c: Array, b: Array) -> Action:
@@ -180,7 +179,7 @@ def inverse(columns: int, c: Array, b: Array) -> Action:
     G = tmg.toeplitz_inverse(tmg.ToeplitzOperator(c))
     B = np.random.default_rng(0).standard_normal((columns, len(c)))
     out = np.empty_like(B)
-    return lambda: G.G._apply(B, out)
+    return lambda: G.G.apply(B, out)
 
 
 single = np.float32

@@ -13,10 +13,8 @@ from math import nan
 from multiprocessing import set_forkserver_preload
 from statistics import median
 from time import process_time
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 from tqdm import tqdm
 
@@ -25,8 +23,7 @@ from comparisons import masks, report
 from comparisons.measuring import in_a_fresh_process
 from comparisons.punch import KINDS, influence
 from comparisons.report import Row
-
-Array = NDArray[Any]
+from toeplitz_mg._typing import Array
 
 TOLERANCE = 1e-8
 MAXITER = 200

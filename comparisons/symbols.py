@@ -6,15 +6,13 @@ Those named after a function of θ are the Fourier coefficients of that symbol; 
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 
-from toeplitz_mg.contact.problems import test1
+from toeplitz_mg._typing import Array
+from toeplitz_mg.paper.problems import test1
 
-Array = NDArray[Any]
 Column = Callable[[int], Array]  # of the length
 
 

@@ -13,12 +13,10 @@ from typing import Any
 
 import numpy as np
 import scipy.fft
-from numpy.typing import NDArray
 
 from comparisons.measuring import RUSAGE_BYTES
 from comparisons.speed_contenders import SYSTEMS, Contender
-
-Array = NDArray[Any]
+from toeplitz_mg._typing import Array
 
 TURN_SECONDS = 1.0  # of one contender's runs of one size
 MOST_TURNS = 200

@@ -83,14 +83,14 @@ FIFTH = "the fifth, scattered"
 def normal(N: int) -> ToeplitzOperator:
     """Return the matrix of normal tractions."""
     element = (2.0 / N, 2.0 / N)
-    x, y = halfspace.lags((N, N), element)
+    x, y = halfspace.offsets((N, N), element)
     return ToeplitzOperator(halfspace.influence_zz(x, y, element, G=1.0, nu=0.28))
 
 
 def tangential(N: int, ratio: float = 1.0) -> CoupledOperator:
     """Return that of tangential ones, elements being stretched by this ratio."""
     element = (2.0 / N, ratio * 2.0 / N)
-    x, y = halfspace.all_lags((N, N), element)
+    x, y = halfspace.all_offsets((N, N), element)
     xx, xy, yy = (
         ToeplitzOperator.from_lags(influence(x, y, element, G=1.0, nu=0.5))
         for influence in (halfspace.influence_xx, halfspace.influence_xy, halfspace.influence_yy)

@@ -10,7 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from toeplitz_mg import halfspace
-from toeplitz_mg.operators.transforms import near_fast_length
+from toeplitz_mg.engine.transforms import near_fast_length
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ def contact(*grid_shape):
     """Half-space coefficients, square elements in two levels, thin ones in one."""
     if len(grid_shape) == 1:
         (n,) = grid_shape
-        x, y = halfspace.lags((n, 1), (8.0 / n, 100.0))
+        x, y = halfspace.offsets((n, 1), (8.0 / n, 100.0))
         return halfspace.influence_xx(x, y, (8.0 / n, 100.0), G=1.0, nu=0.28)[:, 0]
-    x, y = halfspace.lags(grid_shape, (0.5, 0.5))
+    x, y = halfspace.offsets(grid_shape, (0.5, 0.5))
     return halfspace.influence_zz(x, y, (0.5, 0.5), G=1.0, nu=0.28)
 
 
@@ -459,7 +459,7 @@ def coupled(kernel):
 def half_space_kernel(components, *grid_shape):
     """The tangential components of equal materials; of unequal ones the normal one too."""
     element = (0.5, 0.5)
-    x, y = halfspace.all_lags(grid_shape, element)
+    x, y = halfspace.all_offsets(grid_shape, element)
     xx, xy, yy, zz = (
         influence(x, y, element, G=1.0, nu=0.28)
         for influence in (

@@ -6,7 +6,7 @@ import toeplitz_mg as tmg
 from comparisons import masks
 from comparisons.updates import normal, tangential
 from tests.test_fsai import both_iterations, half_space
-from toeplitz_mg.contact.problems import test1 as line_contact
+from toeplitz_mg.paper.problems import test1 as line_contact
 
 pytestmark = pytest.mark.slow  # grids of up to 2048²
 

@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose
 import toeplitz_mg as tmg
 from comparisons import masks
 from tests.cases import contact
-from toeplitz_mg import output
-from toeplitz_mg.cli import main
+from toeplitz_mg.cli import files as files_of_cli
+from toeplitz_mg.cli.linear import main
 
 
 @pytest.fixture
@@ -223,7 +223,7 @@ def test_the_solution_is_kept_where_drawing_fails(files, monkeypatch, capsys):
     def fail(*_):
         raise OSError("no ink")
 
-    monkeypatch.setattr(output, "plot", fail)
+    monkeypatch.setattr(files_of_cli, "plot", fail)
     assert solve(files, "--plot", str(files / "x.png")) == 2
     assert "no ink" in capsys.readouterr().err
     assert (files / "x.npy").exists()
@@ -250,7 +250,7 @@ def test_a_failing_write_leaves_the_old_file(files, monkeypatch, capsys):
         file.write(b"half")
         raise OSError("the disk is full")
 
-    monkeypatch.setattr(output.np, "save", fail)
+    monkeypatch.setattr(files_of_cli.np, "save", fail)
     assert solve(files) == 2
     assert "the disk is full" in capsys.readouterr().err
     assert (files / "x.npy").read_bytes() == b"precious"
@@ -265,7 +265,7 @@ def test_the_output_is_checked_before_the_work(files, capsys):
 
 
 def test_plots_need_matplotlib_and_say_so_before_the_work(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(output, "find_spec", lambda name: None)
+    monkeypatch.setattr(files_of_cli, "find_spec", lambda name: None)
     assert main(["-n", "300", "--plot", str(tmp_path / "x.png")]) == 2
     captured = capsys.readouterr()
     assert "pip install 'toeplitz-mg[plot]'" in captured.err
@@ -291,7 +291,7 @@ def test_interruption_writes_nothing(files, monkeypatch, capsys):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("toeplitz_mg.cli.tmg.cg", interrupt)
+    monkeypatch.setattr("toeplitz_mg.cli.linear.tmg.cg", interrupt)
     assert solve(files) == 130
     assert "interrupted" in capsys.readouterr().err
     assert not (files / "x.npy").exists()

@@ -5,10 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.special import ellipe, ellipk
 
-from toeplitz_mg import contact_cli, output
-from toeplitz_mg.cli import main
+from toeplitz_mg.cli import contact as contact_cli
+from toeplitz_mg.cli import files
+from toeplitz_mg.cli.hertz import Hertz
+from toeplitz_mg.cli.linear import main
 from toeplitz_mg.contact import ContactError, friction, normal_contact, rolling, surfaces
-from toeplitz_mg.contact.hertz import Hertz
 
 STEEL = (82000.0, 0.28)
 
@@ -289,7 +290,7 @@ def test_a_failing_write_leaves_the_old_file(tmp_path, monkeypatch, capsys):
         file.write(b"half")
         raise OSError("the disk is full")
 
-    monkeypatch.setattr(output.np, "savez", fail)
+    monkeypatch.setattr(files.np, "savez", fail)
     assert run("hertz", "-n", "16", "-o", str(path)) == 2
     assert "the disk is full" in capsys.readouterr().err
     assert path.read_bytes() == b"precious"

@@ -12,10 +12,10 @@ from numpy.testing import assert_allclose
 from scipy.linalg import matmul_toeplitz, toeplitz
 
 import toeplitz_mg as tmg
-from toeplitz_mg.operators import fourstep
-from toeplitz_mg.operators.convolution import DENSE, ToeplitzProduct
+from toeplitz_mg.engine import fourstep
+from toeplitz_mg.engine.products import DENSE, ToeplitzProduct
+from toeplitz_mg.engine.transforms import LONG
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
-from toeplitz_mg.operators.transforms import LONG
 
 # On both sides of every change of method, primes, squares, powers of 2.
 LENGTHS = [1, 2, 3, DENSE, DENSE + 1, 1021, 4096, LONG - 1, LONG, LONG + 3, 40000, 2**16]
@@ -33,7 +33,7 @@ def lags_of(n, symmetric):
 def product_of(lags, dtype):
     n = (len(lags) + 1) // 2
     column, row = lags[n - 1 :], lags[n - 1 :: -1]
-    return ToeplitzProduct(column, column if np.array_equal(column, row) else row, dtype)
+    return ToeplitzProduct.of(column, column if np.array_equal(column, row) else row, dtype)
 
 
 def definition(lags, X):

@@ -12,7 +12,7 @@ from toeplitz_mg import halfspace
 def tangential(n, nu=0.28):
     """The coupled tangential problem on [-1, 1]², n x n elements."""
     element = (2.0 / n, 2.0 / n)
-    even, odd = halfspace.lags((n, n), element), halfspace.all_lags((n, n), element)
+    even, odd = halfspace.offsets((n, n), element), halfspace.all_offsets((n, n), element)
     xx, yy = (
         tmg.ToeplitzOperator(a(*even, element, G=1.0, nu=nu))
         for a in (halfspace.influence_xx, halfspace.influence_yy)

@@ -11,9 +11,9 @@ from comparisons.default_choice import GOAL, ROUNDING
 from comparisons.symbols import COLUMNS, column
 from tests.cases import contact, coupled, coupled_kernel, exponential
 from tests.test_fsai_coupled import tangential
-from toeplitz_mg.contact.problems import test3
-from toeplitz_mg.preconditioners import default
-from toeplitz_mg.preconditioners.default import COMPACT, DIRECT, fragmentation
+from toeplitz_mg.paper.problems import test3
+from toeplitz_mg.preconditioners import choice as default
+from toeplitz_mg.preconditioners.choice import COMPACT, DIRECT, fragmentation
 from toeplitz_mg.preconditioners.direct import DenseInverse
 from toeplitz_mg.preconditioners.trial import better_than_none
 
@@ -78,7 +78,7 @@ def test_two_levels_of_slow_lengths():
 
 def test_blobs():
     mask = masks.circle(64)
-    x, y = tmg.halfspace.lags((64, 64), (1.0, 20.0))
+    x, y = tmg.halfspace.offsets((64, 64), (1.0, 20.0))
     stretched = tmg.halfspace.influence_zz(x, y, (1.0, 20.0), G=1.0, nu=0.28)
     A = tmg.MaskedOperator(tmg.ToeplitzOperator(stretched), mask)
     assert "SparseInverse" in taken(A)
@@ -262,7 +262,7 @@ def test_half_space_kernels_take_no_trial(ratio, nu, monkeypatch):
     """Their set-up has no products: what they take follows from their coefficients."""
     monkeypatch.delattr(default, "better_than_none")
     element = (1.0, ratio)
-    x, y = tmg.halfspace.lags((32, 40), element)
+    x, y = tmg.halfspace.offsets((32, 40), element)
     for influence in (tmg.halfspace.influence_zz, tmg.halfspace.influence_xx):
         full = tmg.ToeplitzOperator(influence(x, y, element, G=1.0, nu=nu))
         for mask in (masks.rough(0.6, 40)[:32], np.ones((32, 40), dtype=bool)):

@@ -11,14 +11,14 @@ from numpy.testing import assert_allclose
 
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import surfaces
-from toeplitz_mg.contact.coulomb import balanced, bounded, nearest
-from toeplitz_mg.contact.friction import friction
+from toeplitz_mg.contact.counted import Products
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.normal import normal_contact
-from toeplitz_mg.contact.problems import test1, test2, test3
-from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.projected import descend
+from toeplitz_mg.contact.normal.problem import normal_contact
 from toeplitz_mg.contact.result import ContactError
+from toeplitz_mg.contact.tangential.coulomb import balanced, bounded, nearest
+from toeplitz_mg.contact.tangential.friction import friction
+from toeplitz_mg.paper.problems import test1, test2, test3
+from toeplitz_mg.solvers.projected_gradients import descend
 
 mpl.use("Agg")
 

@@ -12,19 +12,19 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import toeplitz_mg as tmg
 from tests.cases import contact, exponential
-from toeplitz_mg.contact.problems import test3
-from toeplitz_mg.halfspace import influence_xx, influence_yy, influence_zz, lags
-from toeplitz_mg.preconditioners import fsai_levels
-from toeplitz_mg.preconditioners.fsai import _without_table, fsai_preconditioner
-from toeplitz_mg.preconditioners.fsai_apply import Cells
-from toeplitz_mg.preconditioners.fsai_levels import build, rows_of_G
-from toeplitz_mg.preconditioners.fsai_table import NEIGHBOURS, Stencil
-from toeplitz_mg.preconditioners.fsai_window import (
+from toeplitz_mg.halfspace import influence_xx, influence_yy, influence_zz, offsets
+from toeplitz_mg.paper.problems import test3
+from toeplitz_mg.preconditioners.fsai import build as fsai_levels
+from toeplitz_mg.preconditioners.fsai.build import build, rows_of_G
+from toeplitz_mg.preconditioners.fsai.levels import Cells
+from toeplitz_mg.preconditioners.fsai.neighbours import (
     Stencils,
     condition,
     condition_on,
     sparse_condition,
 )
+from toeplitz_mg.preconditioners.fsai.preconditioner import _without_table, fsai_preconditioner
+from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
 
 
 @contextmanager
@@ -37,7 +37,7 @@ def direct_below(n):
 
 def half_space(n, ratio=1.0, kernel=influence_zz, nu=0.28):
     element = (2 / n, 2 / n * ratio)
-    return kernel(*lags((n, n), element), element, G=1.0, nu=nu)
+    return kernel(*offsets((n, n), element), element, G=1.0, nu=nu)
 
 
 def rough(n, fraction, seed=0):
@@ -272,7 +272,7 @@ def test_few_unknowns_are_solved_for_directly():
 def test_half_space_matrices_are_never_refused(n1, n2, density, ratio, seed):
     """Any grid and mask, from one cell to all: positive definite, and near the inverse."""
     element = (1.0, ratio)
-    c = influence_zz(*lags((n1, n2), element), element, G=1.0, nu=0.28)
+    c = influence_zz(*offsets((n1, n2), element), element, G=1.0, nu=0.28)
     mask = np.random.default_rng(seed).random((n1, n2)) < density
     mask.flat[seed % mask.size] = True
     A = operator(c, mask)
@@ -419,7 +419,7 @@ def test_rows_columns_and_places_to_write():
     assert P.H is P
     assert P.T is P
     x = X[:, 0].copy()
-    assert P._apply(x, x) is x
+    assert P.apply(x, x) is x
     assert_array_equal(x, columns[:, 0])
 
 

@@ -18,18 +18,21 @@ from tests.test_fsai import (
     operator,
 )
 from tests.test_fsai_update import kept
-from toeplitz_mg.halfspace import all_lags, influence_xx, influence_xy, influence_yy
-from toeplitz_mg.preconditioners.componentwise import BlockDiagonal
-from toeplitz_mg.preconditioners.fsai import MultilevelSparseInverse, fsai_preconditioner
-from toeplitz_mg.preconditioners.fsai_apply import Cells, Patched
-from toeplitz_mg.preconditioners.fsai_coupled import strongly_coupled
-from toeplitz_mg.preconditioners.fsai_levels import build
-from toeplitz_mg.preconditioners.fsai_table import Stencil
+from toeplitz_mg.halfspace import all_offsets, influence_xx, influence_xy, influence_yy
+from toeplitz_mg.preconditioners.block_diagonal import BlockDiagonal
+from toeplitz_mg.preconditioners.fsai.build import build
+from toeplitz_mg.preconditioners.fsai.coupled import strongly_coupled
+from toeplitz_mg.preconditioners.fsai.levels import Cells, Patched
+from toeplitz_mg.preconditioners.fsai.preconditioner import (
+    MultilevelSparseInverse,
+    fsai_preconditioner,
+)
+from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 
 
 def tangential(shape, nu=0.5, ratio=1.0, dtype=np.float64):
     element = (1.0, ratio)
-    points = all_lags(shape, element)
+    points = all_offsets(shape, element)
     xx, xy, yy = (
         tmg.ToeplitzOperator.from_lags(a(*points, element, G=1.0, nu=nu).astype(dtype))
         for a in (influence_xx, influence_xy, influence_yy)

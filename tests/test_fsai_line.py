@@ -7,12 +7,13 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import toeplitz_mg as tmg
-from toeplitz_mg.contact.problems import test1
-from toeplitz_mg.preconditioners import fsai_levels, fsai_table
-from toeplitz_mg.preconditioners.fsai_apply import Cells
-from toeplitz_mg.preconditioners.fsai_levels import build
-from toeplitz_mg.preconditioners.fsai_line import BLOCK, DENSE, WholeLine, decays_slowly, line
-from toeplitz_mg.preconditioners.fsai_table import Stencil
+from toeplitz_mg.paper.problems import test1
+from toeplitz_mg.preconditioners.fsai import build as fsai_levels
+from toeplitz_mg.preconditioners.fsai import stencil as fsai_table
+from toeplitz_mg.preconditioners.fsai.build import build
+from toeplitz_mg.preconditioners.fsai.levels import Cells
+from toeplitz_mg.preconditioners.fsai.line import BLOCK, DENSE, WholeLine, decays_slowly, line
+from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 
 
 def contact(n):

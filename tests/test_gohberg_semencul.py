@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from comparisons.symbols import column
 from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
-from toeplitz_mg.operators.schur import schur_column
+from toeplitz_mg.preconditioners.schur import schur_column
 
 
 def spectrum(x):

@@ -95,12 +95,12 @@ def test_the_papers_coefficients_at_two_to_the_twenty():
 @pytest.mark.parametrize("nu", [-0.9, 0.0, 0.28, 0.5])
 @pytest.mark.parametrize("element", [(1.0, 1.0), (0.1, 2.5)])
 def test_matrices_are_positive_definite_and_symmetric_under_exchange(nu, element):
-    x, y = halfspace.lags((6, 5), element)
+    x, y = halfspace.offsets((6, 5), element)
     matrix = {
         k: tmg.ToeplitzOperator(INFLUENCE[k](x, y, element, G=2.0, nu=nu)).toarray()
         for k in ("xx", "yy", "zz")
     }
-    X, Y = halfspace.all_lags((6, 5), element)
+    X, Y = halfspace.all_offsets((6, 5), element)
     xy = tmg.ToeplitzOperator.from_lags(halfspace.influence_xy(X, Y, element, G=2.0, nu=nu))
     matrix["xy"] = xy.toarray()
     assert_allclose(matrix["xy"], matrix["xy"].T, atol=1e-15)
@@ -165,7 +165,7 @@ def test_the_coupling_is_exact_at_any_point():
 
 @pytest.mark.parametrize("element", [(1.0, 1.0), (1.0, 2.5), (100.0, 1.0)])
 def test_the_coupling_is_odd_in_its_direction_and_even_in_the_other(element):
-    points = halfspace.all_lags((40, 30), element)
+    points = halfspace.all_offsets((40, 30), element)
     xz = halfspace.influence_xz(*points, element, G=1.0, K=0.1)
     yz = halfspace.influence_yz(*points, element, G=1.0, K=0.1)
     for a in (xz, yz.T):
@@ -255,7 +255,7 @@ def test_three_directions_are_symmetric_and_positive_definite(first, second):
     G, nu = halfspace.combined_material(first, second)
     K = halfspace.difference_parameter(first, second)
     element = (0.5, 1.0)
-    points = halfspace.all_lags((6, 5), element)
+    points = halfspace.all_offsets((6, 5), element)
     a = {k: f(*points, element, G=G, nu=nu) for k, f in INFLUENCE.items()}
     a |= {k: f(*points, element, G=G, K=K) for k, f in COUPLING.items()}
     m = {k: tmg.ToeplitzOperator.from_lags(lags).toarray() for k, lags in a.items()}
@@ -392,7 +392,7 @@ def test_refuses_bad_arguments_of_the_coupling(kernel, change, match):
 
 
 def test_refuses_bad_grids():
-    for lags in (halfspace.lags, halfspace.all_lags):
+    for lags in (halfspace.offsets, halfspace.all_offsets):
         with pytest.raises(ValueError, match=r"grid_shape\[1\] is 0"):
             lags((4, 0), (1.0, 1.0))
         for grid_shape in ((4,), 4, (4, 4, 4)):
@@ -414,7 +414,7 @@ def test_masked_points_are_refused(name):
 
 
 def test_a_masked_number_is_refused():
-    x, y = halfspace.lags((4, 4), (1.0, 1.0))
+    x, y = halfspace.offsets((4, 4), (1.0, 1.0))
     with pytest.raises(TypeError, match="G is a masked array"):
         halfspace.influence_zz(x, y, (1.0, 1.0), G=np.ma.masked, nu=0.3)
     with pytest.raises(TypeError, match="weights is a masked array"):

@@ -12,12 +12,12 @@ import toeplitz_mg as tmg
 from comparisons.punch import Punch
 from comparisons.symbols import column
 from tests.cases import aggregate, checkered, contact, exponential
-from toeplitz_mg.contact.problems import test1, test2, test3
-from toeplitz_mg.multigrid import Multigrid
-from toeplitz_mg.multigrid.border import MOST_LEFTOVER
-from toeplitz_mg.multigrid.hierarchy import build_levels
-from toeplitz_mg.multigrid.interpolation import AreaWeighted
-from toeplitz_mg.multigrid.transfer import Transfer
+from toeplitz_mg.multigrid_cycle import Multigrid
+from toeplitz_mg.multigrid_cycle.border import MOST_LEFTOVER
+from toeplitz_mg.multigrid_cycle.hierarchy import build_levels
+from toeplitz_mg.multigrid_cycle.interpolation import AreaWeighted
+from toeplitz_mg.multigrid_cycle.transfer import Transfer
+from toeplitz_mg.paper.problems import test1, test2, test3
 from toeplitz_mg.preconditioners.direct import DenseInverse
 
 TESTS = [test1, test2, test3]
@@ -165,7 +165,7 @@ def test_galerkin_of_a_matrix_that_is_symmetric_only():
 
 def test_a_level_of_weak_coupling_is_not_coarsened():
     def shapes(element):
-        x, y = tmg.halfspace.lags((32, 32), element)
+        x, y = tmg.halfspace.offsets((32, 32), element)
         A = tmg.ToeplitzOperator(tmg.halfspace.influence_zz(x, y, element, G=1.0, nu=0.28))
         M = tmg.multigrid(A, coarsest=16)
         cycles = iterations(tmg.cg, SimpleNamespace(A=A, b=np.ones(1024)), M)
@@ -409,7 +409,7 @@ def test_two_levels_of_toeplitz_structure(shape):
 def half_space(kind, shape, element=None):
     element = element or tuple(2.0 / n for n in shape)
     influence = {"normal": tmg.halfspace.influence_zz, "tangential": tmg.halfspace.influence_xx}
-    lags = tmg.halfspace.lags(shape, element)
+    lags = tmg.halfspace.offsets(shape, element)
     return tmg.ToeplitzOperator(influence[kind](*lags, element, G=1.0, nu=0.28))
 
 
@@ -535,7 +535,7 @@ def test_work_units_are_those_counted():
         M = tmg.multigrid(problem.A, **arguments)
         with tmg.count_products() as work:
             M @ b
-        assert work.units(2**12) == M.work_units
+        assert work.units(2**12) == M.work
 
 
 def test_repr_is_a_diagnosis():

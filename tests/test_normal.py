@@ -12,12 +12,12 @@ from scipy.special import ellipe, ellipk
 
 import toeplitz_mg as tmg
 from toeplitz_mg.contact import surfaces
+from toeplitz_mg.contact.counted import Products, combined, dot, dots
 from toeplitz_mg.contact.grid import Grid, coarsened, refined
 from toeplitz_mg.contact.inverse import LocalInverse
-from toeplitz_mg.contact.normal import normal_contact
-from toeplitz_mg.contact.products import Products, combined, dot, dots
-from toeplitz_mg.contact.projected import descend
+from toeplitz_mg.contact.normal.problem import normal_contact
 from toeplitz_mg.contact.result import ContactError
+from toeplitz_mg.solvers.projected_gradients import descend
 
 mpl.use("Agg")
 
@@ -384,7 +384,7 @@ def test_reports_progress():
 
 @pytest.mark.parametrize("shape", [(6, 6), (4, 7), (7, 4), (1, 5), (5, 1)])
 def test_coefficients_on_square_elements(shape):
-    x, y = tmg.halfspace.lags(shape, (0.3, 0.3))
+    x, y = tmg.halfspace.offsets(shape, (0.3, 0.3))
     expected = tmg.halfspace.influence_zz(x, y, (0.3, 0.3), G=0.7, nu=0.3)
     grid = Grid.of(shape, (0.3, 0.3), UNIT, None)
     assert_allclose(grid.normal_coefficients(), expected, rtol=1e-15)

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from comparisons import report
-from toeplitz_mg import output
-from toeplitz_mg.cli import main
+from toeplitz_mg.cli import files as files_of_cli
+from toeplitz_mg.cli.linear import main
 
 N = 300  # unknowns: their solution has 2528 bytes, above the limit of LIMITED
 
@@ -85,7 +85,7 @@ def test_a_device_is_written_into(files):
     try:
         tty.setraw(theirs)
         name = os.ttyname(theirs)
-        output.write(output.Path(name), b"result")
+        files_of_cli.write(files_of_cli.Path(name), b"result")
         assert stat.S_ISCHR(os.stat(name).st_mode)
         assert os.read(ours, 100) == b"result"
     finally:
@@ -121,7 +121,7 @@ def test_what_is_read_is_not_written_over(files, name, capsys):
     os.link("c.npy", "hard.npy")
     (files / "soft.npy").symlink_to("b.npy")
     before = contents(files)
-    refused = f"{output.Path(name)} is the same file as "
+    refused = f"{files_of_cli.Path(name)} is the same file as "
     assert_refused(solve(name, "--mask", "m.npy"), refused, capsys)
     assert contents(files) == before
 
@@ -178,12 +178,12 @@ def test_what_may_not_be_written_is_refused(files, closed, monkeypatch, capsys):
 def test_the_report_and_the_solution_are_two_files(files, monkeypatch, capsys):
     """As in ``-o /dev/stdout | …`` and ``-o x.npy > x.npy``."""
     with open("x.npy", "wb") as file:
-        monkeypatch.setattr(output, "STANDARD_OUTPUT", file.fileno())
+        monkeypatch.setattr(files_of_cli, "STANDARD_OUTPUT", file.fileno())
         assert_refused(solve("x.npy"), "x.npy is the standard output", capsys)
     assert not (files / "x.npy").read_bytes()
     out, into = os.pipe()
     try:
-        monkeypatch.setattr(output, "STANDARD_OUTPUT", into)
+        monkeypatch.setattr(files_of_cli, "STANDARD_OUTPUT", into)
         assert_refused(solve(f"/dev/fd/{into}"), "is the standard output", capsys)
     finally:
         os.close(out)
@@ -196,7 +196,7 @@ def test_the_report_and_the_solution_are_two_files(files, monkeypatch, capsys):
 ROOT = os.getcwd()
 LIMITED = """
 import resource, signal, sys
-from toeplitz_mg.cli import main
+from toeplitz_mg.cli.linear import main
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 codes = [main(line.split()) for line in sys.stdin.read().splitlines()]
 assert codes == [2, 2], codes
@@ -234,7 +234,7 @@ def test_a_step_that_fails_loses_no_file(files, step, error, command, x, monkeyp
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(output.os, step, fail)
+    monkeypatch.setattr(files_of_cli.os, step, fail)
     assert command(x) == (130 if isinstance(error, KeyboardInterrupt) else 2)
     assert capsys.readouterr().err.count("\n") == 1
     assert contents(files) == before
@@ -250,7 +250,7 @@ def test_tables_and_figures_of_comparisons_are_whole_or_not_there(tmp_path, old,
     for name in ("t.csv", "t.md", "t.png") if old else ():
         (tmp_path / name).write_bytes(b"precious")
     before = contents(tmp_path)
-    monkeypatch.setattr(output.os, "fsync", fail)
+    monkeypatch.setattr(files_of_cli.os, "fsync", fail)
     with pytest.raises(OSError, match="no more"):
         report.write_csv(tmp_path / "t.csv", [{"γ": 1}])
     with pytest.raises(OSError, match="no more"):

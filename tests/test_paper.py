@@ -7,8 +7,8 @@ from scipy.sparse.linalg import cg
 
 import toeplitz_mg as tmg
 from comparisons.paper_tables import CYCLES, TESTS, papers_cycle
-from toeplitz_mg.contact import published
-from toeplitz_mg.contact.problems import test1, test2
+from toeplitz_mg.paper import published
+from toeplitz_mg.paper.problems import test1, test2
 
 FFT, SD, RSM = tmg.fft_preconditioner, tmg.fft_sd_preconditioner, tmg.fft_rsm_preconditioner
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import toeplitz_mg as tmg
 from tests.cases import contact, submatrix
-from toeplitz_mg.contact.problems import test1, test2, test3
+from toeplitz_mg.paper.problems import test1, test2, test3
 from toeplitz_mg.preconditioners.positivity import smallest_ritz_value, surely_positive
 
 

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import cg
 
 import toeplitz_mg as tmg
 from tests.cases import checkered, contact, exponential
-from toeplitz_mg.contact.problems import test1, test2, test3
+from toeplitz_mg.paper.problems import test1, test2, test3
 
 ALL = [
     tmg.fft_preconditioner,
@@ -236,7 +236,7 @@ def test_rsm_refuses_what_is_indefinite_by_a_little(c, nugget, pattern, gamma):
 def test_rsm_says_what_is_certified():
     """Incompressible, the tangential kernel has coefficients that nothing certain outweighs."""
     for n, certified in ((20, True), (40, False)):  # 400 unknowns are few enough to make sure
-        x, y = tmg.halfspace.lags((n, n), (1.0, 1.0))
+        x, y = tmg.halfspace.offsets((n, n), (1.0, 1.0))
         A = tmg.ToeplitzOperator(tmg.halfspace.influence_xx(x, y, (1.0, 1.0), G=1.0, nu=0.5))
         M_bar = tmg.fft_rsm_preconditioner(A)
         assert M_bar.certified == certified

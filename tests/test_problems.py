@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from toeplitz_mg import halfspace
-from toeplitz_mg.contact.problems import test1, test2, test3
+from toeplitz_mg.paper.problems import test1, test2, test3
 
 TESTS = [test1, test2, test3]
 

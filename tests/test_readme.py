@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from toeplitz_mg.preconditioners import default
+from toeplitz_mg.preconditioners import choice as default
 
 README = (Path(__file__).parent.parent / "README.md").read_text()
 

@@ -7,7 +7,7 @@ import scipy.sparse
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
-from toeplitz_mg.contact.problems import test1, test2, test3
+from toeplitz_mg.paper.problems import test1, test2, test3
 
 PROBLEM = test1(500)
 M = tmg.fft_rsm_preconditioner(PROBLEM.A)

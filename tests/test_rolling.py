@@ -10,11 +10,12 @@ from numpy.testing import assert_allclose
 
 from tests.test_friction import assert_areas, assert_slip, doubtful, semi_ellipse
 from toeplitz_mg import halfspace
-from toeplitz_mg.contact import steady, surfaces
-from toeplitz_mg.contact.gmres import gmres
+from toeplitz_mg.contact import surfaces
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import ContactError
-from toeplitz_mg.contact.rolling import rolling, rolling_steps
+from toeplitz_mg.contact.tangential import steady
+from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
+from toeplitz_mg.solvers.gmres import gmres
 
 MU, A = 0.3, 0.6
 

@@ -5,7 +5,7 @@ import pytest
 
 import toeplitz_mg as tmg
 from tests.cases import CASES, contact
-from toeplitz_mg.operators import RowsOperator
+from toeplitz_mg.operators import GridOperator
 
 METHODS = ["dot", "matvec", "matmat", "rmatvec", "rmatmat", "__matmul__", "__mul__", "__rmatmul__"]
 
@@ -15,7 +15,9 @@ def operators_of_each_class():
     given = (case.operator(np.float64) for case in CASES)
     first = {type(A).__name__: A for A in given if A.shape[0] > 2}
     cycle = tmg.multigrid(tmg.ToeplitzOperator(contact(8)))
-    return {**first, "DenseInverse": cycle.levels[-1].smoother}
+    deflation = tmg.fft_sd_preconditioner(tmg.ToeplitzOperator(contact(8)))
+    others = (cycle.levels[-1].smoother, deflation.H)
+    return first | {type(A).__name__: A for A in others}
 
 
 OPERATORS = operators_of_each_class()
@@ -35,7 +37,7 @@ def test_every_class_of_operators_is_tried():
     def classes(of):
         return {of.__name__}.union(*map(classes, of.__subclasses__()))
 
-    assert {*OPERATORS} == classes(RowsOperator) - {RowsOperator.__name__}
+    assert {*OPERATORS} == classes(GridOperator) - {GridOperator.__name__}
 
 
 @each_operator

@@ -9,7 +9,7 @@ from scipy.linalg import toeplitz
 
 import toeplitz_mg as tmg
 from comparisons.symbols import COLUMNS, column
-from toeplitz_mg.operators.schur import schur_column
+from toeplitz_mg.preconditioners.schur import schur_column
 
 
 def levinson(c):

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import cg
 
 import toeplitz_mg as tmg
 from comparisons.symbols import COLUMNS, column
-from toeplitz_mg.operators.transforms import near_fast_length
+from toeplitz_mg.engine.transforms import near_fast_length
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 
 N = 2**14
@@ -116,7 +116,7 @@ def test_a_zero_of_the_symbol_is_refused_by_the_one_and_not_by_the_other():
 
 
 def test_what_would_refuse_it_too_is_no_advice():
-    x, y = tmg.halfspace.all_lags((6, 5), (1.0, 1.0))
+    x, y = tmg.halfspace.all_offsets((6, 5), (1.0, 1.0))
     A_xy = tmg.ToeplitzOperator.from_lags(
         tmg.halfspace.influence_xy(x, y, (1.0, 1.0), G=1.0, nu=0.3)
     )

@@ -13,12 +13,12 @@ from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
 from tests.cases import CASES, aggregate, contact, dense_of_column, exponential
-from toeplitz_mg.multigrid.cycle import Multigrid
-from toeplitz_mg.multigrid.hierarchy import Level
-from toeplitz_mg.multigrid.transfer import Transfer, galerkin
-from toeplitz_mg.operators import threads
-from toeplitz_mg.operators import workspace as module
-from toeplitz_mg.operators.workspace import LARGE_PAGE, SMALL, workspace
+from toeplitz_mg.engine import threads
+from toeplitz_mg.engine import workspace as module
+from toeplitz_mg.engine.workspace import LARGE_PAGE, SMALL, workspace
+from toeplitz_mg.multigrid_cycle.cycle import Multigrid
+from toeplitz_mg.multigrid_cycle.hierarchy import Level
+from toeplitz_mg.multigrid_cycle.transfer import Transfer, galerkin
 from toeplitz_mg.preconditioners.direct import DenseInverse
 
 SHAPE = (4, SMALL)  # of bytes: enough to be given out again

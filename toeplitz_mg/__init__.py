@@ -3,7 +3,7 @@
 # Before all others, as they take the time in which Ctrl-C may come.
 from toeplitz_mg import startup  # noqa: F401, I001
 from toeplitz_mg import contact, halfspace
-from toeplitz_mg.multigrid import (
+from toeplitz_mg.multigrid_cycle import (
     Interpolation,
     Multigrid,
     galerkin,
@@ -13,13 +13,8 @@ from toeplitz_mg.multigrid import (
     piecewise_constant,
     rediscretised,
 )
-from toeplitz_mg.operators import (
-    CoupledOperator,
-    MaskedOperator,
-    ProductCount,
-    ToeplitzOperator,
-    count_products,
-)
+from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
+from toeplitz_mg.engine.work import ProductCount, count_products
 from toeplitz_mg.preconditioners import (
     chan_preconditioner,
     componentwise,
@@ -34,14 +29,10 @@ from toeplitz_mg.preconditioners import (
     spectral_preconditioner,
     strang_preconditioner,
 )
-from toeplitz_mg.solvers import (
-    SolveInfo,
-    ToeplitzInverse,
-    cg,
-    richardson,
-    solve_toeplitz,
-    toeplitz_inverse,
-)
+from toeplitz_mg.solvers.solve import SolveInfo, solve_toeplitz
+from toeplitz_mg.solvers.inverse import ToeplitzInverse, toeplitz_inverse
+from toeplitz_mg.solvers.cg import cg
+from toeplitz_mg.solvers.richardson import richardson
 
 __all__ = [
     "CoupledOperator",

@@ -22,10 +22,9 @@ from typing import Any
 
 import ducc0.fft
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import get_workers, set_backend
 
-Array = NDArray[Any]
+from toeplitz_mg._typing import Array
 
 __ua_domain__ = "numpy.scipy.fft"
 

@@ -4,9 +4,9 @@ from operator import index
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[Any]
+from toeplitz_mg._typing import Array
 
 SMALL, LARGE = 1e-40, 1e40  # of what is given, in its units
 

@@ -66,7 +66,7 @@ def _coupled(rng: Generator, dtype: Any) -> tmg.CoupledOperator | tmg.MaskedOper
     """The tangential components of the half-space."""
     n1, n2 = shape = matrices.grid(rng, int(log_uniform(rng, 1, MOST / 2)), 2)
     element = (1.0, log_uniform(rng, 0.1, 10.0))
-    x, y = halfspace.all_lags((n1, n2), element)
+    x, y = halfspace.all_offsets((n1, n2), element)
     nu = float(rng.uniform(0.0, 0.5))
     xx, xy, yy = (
         tmg.ToeplitzOperator.from_lags(influence(x, y, element, G=1.0, nu=nu).astype(dtype))

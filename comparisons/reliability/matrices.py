@@ -34,7 +34,7 @@ def grid(rng: Generator, unknowns: int, axes: int) -> tuple[int, ...]:
 def half_space(rng: Generator, shape: tuple[int, ...]) -> Array:
     """The influence of normal or tangential tractions, for elements of any shape."""
     element = (1.0, log_uniform(rng, 0.05, 20.0) * (100.0 if len(shape) == 1 else 1.0))
-    x, y = halfspace.lags((shape[0], shape[1] if len(shape) > 1 else 1), element)
+    x, y = halfspace.offsets((shape[0], shape[1] if len(shape) > 1 else 1), element)
     influence = halfspace.influence_zz if rng.random() < 0.5 else halfspace.influence_xx
     c = influence(x, y, element, G=1.0, nu=float(rng.uniform(0.0, 0.5)))
     return np.asarray(c, dtype=np.float64).reshape(shape)

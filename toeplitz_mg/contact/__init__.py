@@ -1,11 +1,12 @@
 """What the solvers are for: contact of elastic half-spaces."""
 
-from toeplitz_mg.contact import problems, surfaces
+from toeplitz_mg.contact import surfaces
 from toeplitz_mg.contact.doubts import ContactWarning
-from toeplitz_mg.contact.friction import friction
-from toeplitz_mg.contact.normal import normal_contact
+from toeplitz_mg.contact.normal.problem import normal_contact
 from toeplitz_mg.contact.result import ContactError, ContactResult
-from toeplitz_mg.contact.rolling import rolling, rolling_steps
+from toeplitz_mg.contact.tangential.friction import friction
+from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
+from toeplitz_mg.paper import problems
 
 __all__ = [
     "ContactError",

@@ -3,13 +3,12 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import ContactResult
 from toeplitz_mg.values import count, field, finite, in_range, positive, real
-
-Array = NDArray[Any]
 
 
 def normal_load(z: Array, approach: float | None, force: float | None) -> float | None:

@@ -6,15 +6,12 @@ for them at their own input and answer; the coarser grids within are nobody's co
 
 import warnings
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.halfspace import CombinedMaterial
-
-Array = NDArray[Any]
 
 FEWEST = 10  # elements across a contact, below which its area and pressures are rough guesses
 STEEP = 1.0  # slope: half-spaces are for slopes far below it

@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from toeplitz_mg import halfspace
+from toeplitz_mg._typing import Array
 from toeplitz_mg.halfspace import CombinedMaterial, Material
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.values import field, in_range, positive
 
-Array = NDArray[Any]
 Element = float | tuple[float, float]
 
 COARSEST = 32  # elements of an axis, below which nested iteration coarsens no further
@@ -166,7 +165,7 @@ class Grid:
     def _quadrant(self, influence: Any, shape: tuple[int, ...]) -> Array:
         """The coefficients of the lags that are not negative."""
         h1, h2 = self.element
-        x, y = halfspace.lags((shape[0], shape[1] if len(shape) == 2 else 1), (h1, h2))
+        x, y = halfspace.offsets((shape[0], shape[1] if len(shape) == 2 else 1), (h1, h2))
         G, nu = self.material
         if abs(nu) < NEGLIGIBLE:
             nu = 0.0  # A coupling in proportion to it may be too small to be multiplied.

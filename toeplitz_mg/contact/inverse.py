@@ -1,18 +1,15 @@
 """Approximate inverses on areas of contact: by a cosine transform, on fragmented ones by FSAI."""
 
 from contextlib import suppress
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.transforms import near_fast_length
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator, apply_to_rows
-from toeplitz_mg.operators.transforms import near_fast_length
-from toeplitz_mg.preconditioners.default import COMPACT, fragmentation, quick_fsai
+from toeplitz_mg.preconditioners.choice import COMPACT, fragmentation, quick_fsai
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_inverse
-
-Array = NDArray[Any]
 
 LARGE = 2**16  # unknowns of a grid, from which FSAI is worth its set-up
 SETTLED = 0.05  # of a set are others than before, when it is set up

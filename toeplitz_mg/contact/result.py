@@ -5,9 +5,8 @@ from math import prod
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from toeplitz_mg._typing import Array
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,11 @@
 """Surfaces to press on a flat: the gap between the bodies before they touch, on a grid."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Element, Grid
 from toeplitz_mg.halfspace import Material
 from toeplitz_mg.values import count, positive, real
-
-Array = NDArray[Any]
 
 
 def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]:

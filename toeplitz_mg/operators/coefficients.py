@@ -1,18 +1,118 @@
-"""Coefficients of a Toeplitz matrix: what they must be, for its products to be right."""
+"""Coefficients of a Toeplitz matrix: their normal form, and what they must be."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike
 
+from toeplitz_mg._typing import Array
 from toeplitz_mg.values import unmasked
 
-Array = NDArray[Any]
-
-HEADROOM = 2.0**-8  # of the largest number, for a row: the rest is for the sums of its products
+HEADROOM = 2.0**-8  # Share of the largest number for a row: the rest is for sums of products.
 
 
-def checked_coefficients(values: ArrayLike, name: str) -> Array:
+@dataclass(frozen=True)
+class Coefficients:
+    """The coefficients a[i - j] of a Toeplitz matrix, in their normal form.
+
+    Parameters
+    ----------
+    array : ndarray
+        Where they are even in each axis those of the first column alone, shape (n1, n2, ...); else
+        all, shape (2 n1 - 1, 2 n2 - 1, ...), lag zero in the centre. It is not to be changed.
+    is_even : bool
+    """
+
+    array: Array
+    is_even: bool
+
+    def __post_init__(self) -> None:
+        self.array.flags.writeable = False
+
+    @classmethod
+    def of_column(cls, c: ArrayLike) -> "Coefficients":
+        """Take the first column of a matrix that is symmetric in each axis."""
+        return cls(check_coefficients(c, "c").copy(), True)
+
+    @classmethod
+    def of_column_and_row(cls, c: ArrayLike, r: ArrayLike) -> "Coefficients":
+        """Take the first column and the first row of a matrix of one axis."""
+        column, row = check_coefficients(c, "c"), check_coefficients(r, "r")
+        if column.ndim > 1 or row.ndim > 1:
+            raise ValueError(
+                f"c and r have shapes {column.shape} and {row.shape}, but a first row is for "
+                "one axis; for several axes use ToeplitzOperator.from_lags"
+            )
+        if len(row) != len(column):
+            raise ValueError(
+                f"c has {len(column)} entries and r has {len(row)}, but the matrix is square"
+            )
+        return cls._normal(np.concatenate([row[:0:-1], column]))
+
+    @classmethod
+    def of_lags(cls, lags: ArrayLike) -> "Coefficients":
+        """Take all coefficients, lag zero in the centre."""
+        array = check_coefficients(lags, "lags")
+        if not all(n % 2 for n in array.shape):
+            raise ValueError(
+                f"lags has shape {array.shape}, but each length must be 2 n - 1, which is odd"
+            )
+        return cls._normal(array)
+
+    @classmethod
+    def _normal(cls, lags: Array) -> "Coefficients":
+        general = cls(lags.view(), False)
+        if all(np.array_equal(lags, np.flip(lags, k)) for k in range(lags.ndim)):
+            return cls(general.column.copy(), True)
+        return cls(lags.copy(), False)
+
+    @property
+    def grid_shape(self) -> tuple[int, ...]:
+        """The points in each axis."""
+        return self.array.shape if self.is_even else tuple((m + 1) // 2 for m in self.array.shape)
+
+    @property
+    def is_symmetric(self) -> bool:
+        """Whether a[-k] = a[k]."""
+        return self.is_even or np.array_equal(self.array, np.flip(self.array))
+
+    @property
+    def column(self) -> Array:
+        """The lags 0 ... n - 1 of each axis."""
+        if self.is_even:
+            return self.array
+        return self.array[tuple(slice(n - 1, None) for n in self.grid_shape)]
+
+    @property
+    def lags(self) -> Array:
+        """All coefficients, lag zero in the centre."""
+        if not self.is_even:
+            return self.array
+        lags = self.array
+        for axis, n in enumerate(self.grid_shape):
+            lags = np.take(lags, np.abs(np.arange(1 - n, n)), axis=axis)
+        return lags
+
+    @property
+    def squeezed(self) -> "Coefficients":
+        """The same without axes of one point, which have no lags; or itself."""
+        lengths = [m for m in self.array.shape if m > 1] or [1]
+        if len(lengths) == self.array.ndim:
+            return self
+        return Coefficients(self.array.reshape(lengths), self.is_even)
+
+    @property
+    def transpose(self) -> "Coefficients":
+        """Those of the transpose."""
+        return self if self.is_even else Coefficients(np.flip(self.array), False)
+
+    def astype(self, dtype: np.dtype[Any]) -> "Coefficients":
+        """Round to this precision, or say that this is not possible."""
+        return Coefficients(check_coefficients(self.array.astype(dtype), "lags"), self.is_even)
+
+
+def check_coefficients(values: ArrayLike, name: str) -> Array:
     """Return `values` as a float array, or say what is wrong with them."""
     array = unmasked(name, values)
     if array.dtype.kind not in "buif":
@@ -49,3 +149,14 @@ def _require_digits(name: str, sizes: Array) -> None:
             f"{least:.3g} so that no product loses digits: multiply the matrix, and what it is to "
             "give, by a number"
         )
+
+
+def check_precision(dtype: DTypeLike) -> np.dtype[Any]:
+    """Return `dtype` as one of the two that the operators have, or say that it is none."""
+    try:
+        result = np.dtype(dtype)
+    except TypeError:
+        raise TypeError(f"dtype is {dtype!r}, but must be float32 or float64") from None
+    if result not in (np.float32, np.float64):
+        raise TypeError(f"dtype is {result}, but must be float32 or float64")
+    return result

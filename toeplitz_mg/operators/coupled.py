@@ -5,16 +5,14 @@ from operator import index
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from toeplitz_mg.operators.multilevel import MultilevelProduct
-from toeplitz_mg.operators.rows import RowsOperator
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.multilevel import MultilevelProduct
+from toeplitz_mg.operators.base import GridOperator
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
-Array = NDArray[Any]
 
-
-class CoupledOperator(RowsOperator):
+class CoupledOperator(GridOperator):
     """A square array of Toeplitz matrices, between the components of a field on one grid.
 
     The vectors hold one component after the other, each flattened in C order: they are fields of
@@ -47,8 +45,9 @@ class CoupledOperator(RowsOperator):
     component. Of the blocks that are symmetric, as all are of the tangential problem, the symbol
     is real.
 
-    Coefficients at the points of `halfspace.lags` go with ``ToeplitzOperator(c)``, those at
-    `halfspace.all_lags` with ``ToeplitzOperator.from_lags(lags)``: A_xy, which is odd, needs these.
+    Coefficients at the points of `halfspace.offsets` go with ``ToeplitzOperator(c)``, those at
+    `halfspace.all_offsets` with ``ToeplitzOperator.from_lags(lags)``, which A_xy, as it is odd,
+    needs.
 
     Examples
     --------
@@ -56,7 +55,7 @@ class CoupledOperator(RowsOperator):
     >>> import toeplitz_mg as tmg
     >>> from toeplitz_mg import halfspace
     >>> element = (0.25, 0.25)
-    >>> x, y = halfspace.all_lags((8, 8), element)
+    >>> x, y = halfspace.all_offsets((8, 8), element)
     >>> xx, xy, yy = (
     ...     tmg.ToeplitzOperator.from_lags(a(x, y, element, G=1.0, nu=0.28))
     ...     for a in (halfspace.influence_xx, halfspace.influence_xy, halfspace.influence_yy)
@@ -67,34 +66,30 @@ class CoupledOperator(RowsOperator):
     >>> u = (A @ np.ones(2 * 8 * 8)).reshape(2, 8, 8)
     """
 
-    def __init__(self, blocks: Sequence[Sequence[ToeplitzOperator | None]]) -> None:
+    def __init__(
+        self,
+        blocks: Sequence[Sequence[ToeplitzOperator | None]],
+        *,
+        product: MultilevelProduct | None = None,
+    ) -> None:
         try:
             rows = tuple(map(tuple, blocks))
         except TypeError:
             raise TypeError(
                 f"blocks is {blocks!r}, but must have rows, as [[xx, xy], [xy, yy]]"
             ) from None
-        self._build(rows)
-
-    def _build(
-        self,
-        blocks: tuple[tuple[ToeplitzOperator | None, ...], ...],
-        product: MultilevelProduct | None = None,
-    ) -> None:
-        _check(blocks)
-        given = [block for row in blocks for block in row if block is not None]
-        grid_shape = (len(blocks), *given[0].grid_shape)
-        size = int(np.prod(grid_shape))
-        super().__init__(np.result_type(*(block.dtype for block in given)), (size, size))
-        self.blocks = blocks
-        self.grid_shape = grid_shape
+        _check(rows)
+        given = [block for row in rows for block in row if block is not None]
+        dtype = np.result_type(*(block.dtype for block in given))
+        super().__init__(dtype, (len(rows), *given[0].grid_shape), work=1.0)
+        self.blocks = rows
         self.is_symmetric = all(
-            _same(blocks[i][j], blocks[j][i]) for i in range(len(blocks)) for j in range(i + 1)
+            _same(rows[i][j], rows[j][i]) for i in range(len(rows)) for j in range(i + 1)
         )
-        self._product = product or MultilevelProduct(
-            [[None if block is None else block.lags for block in row] for row in blocks],
+        self._product = product or MultilevelProduct.of(
+            [[None if block is None else block.lags for block in row] for row in rows],
             self.dtype,
-            [[block and block.symbol for block in row] for row in blocks],
+            [[block and block.embedding_spectrum for block in row] for row in rows],
         )
 
     @property
@@ -127,9 +122,7 @@ class CoupledOperator(RowsOperator):
             return self
         blocks = tuple(tuple(block and block.astype(dtype) for block in row) for row in self.blocks)
         is_less = np.dtype(dtype).itemsize < self.dtype.itemsize
-        other = CoupledOperator.__new__(CoupledOperator)
-        other._build(blocks, self._product.astype(dtype) if is_less else None)
-        return other
+        return CoupledOperator(blocks, product=self._product.astype(dtype) if is_less else None)
 
     def toarray(self) -> Array:
         """Return the matrix as a dense array of shape (N, N), without any transform."""
@@ -149,7 +142,8 @@ class CoupledOperator(RowsOperator):
                     )
         return result
 
-    def _apply(self, X: Array, out: Array | None = None) -> Array:
+    def apply(self, X: Array, out: Array | None = None) -> Array:
+        """As `GridOperator.apply`."""
         return self._product(X, out)
 
     def _adjoint(self) -> "CoupledOperator":
@@ -159,12 +153,7 @@ class CoupledOperator(RowsOperator):
             tuple(None if block is None else block.T for block in column)
             for column in zip(*self.blocks, strict=True)
         )
-        adjoint = CoupledOperator.__new__(CoupledOperator)
-        adjoint._build(blocks, self._product.adjoint())
-        return adjoint
-
-    def _transpose(self) -> "CoupledOperator":
-        return self._adjoint()
+        return CoupledOperator(blocks, product=self._product.adjoint())
 
     def __repr__(self) -> str:
         components, *grid = self.grid_shape

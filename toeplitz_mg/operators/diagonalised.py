@@ -1,17 +1,13 @@
 """Symmetric matrices that a fast transform diagonalises: circulants and their trigonometric kin."""
 
 from math import prod
-from typing import Any
 
-from numpy.typing import NDArray
-
-from toeplitz_mg.operators.convolution import DiagonalisedProduct
-from toeplitz_mg.operators.rows import RowsOperator
-
-Array = NDArray[Any]
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.products import DiagonalisedProduct
+from toeplitz_mg.operators.base import GridOperator
 
 
-class DiagonalisedOperator(RowsOperator):
+class DiagonalisedOperator(GridOperator):
     """A symmetric matrix of any number of levels, given by its eigenvalues.
 
     Parameters
@@ -28,20 +24,14 @@ class DiagonalisedOperator(RowsOperator):
     """
 
     def __init__(self, product: DiagonalisedProduct, name: str) -> None:
-        size = prod(product.grid_shape)
-        super().__init__(product.dtype, (size, size))
-        self.grid_shape = product.grid_shape
+        work = product.points / prod(product.grid_shape)
+        super().__init__(product.dtype, product.grid_shape, work)
         self.name = name
         self._product = product
 
-    def _apply(self, X: Array, out: Array | None = None) -> Array:
+    def apply(self, X: Array, out: Array | None = None) -> Array:
+        """As `GridOperator.apply`."""
         return self._product(X, out)
-
-    def _adjoint(self) -> "DiagonalisedOperator":
-        return self
-
-    def _transpose(self) -> "DiagonalisedOperator":
-        return self
 
     def __repr__(self) -> str:
         grid = " x ".join(map(str, self.grid_shape))

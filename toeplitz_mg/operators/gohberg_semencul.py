@@ -1,23 +1,20 @@
 """The inverse of a symmetric Toeplitz matrix, from its first column."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 
-from toeplitz_mg.operators.convolution import GohbergSemenculProduct
-from toeplitz_mg.operators.rows import RowsOperator
-from toeplitz_mg.operators.work import count_transforms
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.products import GohbergSemenculProduct
+from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.operators.base import GridOperator
 from toeplitz_mg.values import unmasked
-
-Array = NDArray[Any]
 
 OVERSAMPLING = 4  # points on the circle for a coefficient: the phase may turn 3π/4 between two
 
 
-class GohbergSemencul(RowsOperator):
+class GohbergSemencul(GridOperator):
     """The inverse of the symmetric Toeplitz matrix A, given x = A⁻¹ e₁.
 
     With J the reversal, A⁻¹ v = (Re z + J Im z)/(2 x₀) where z = C Sᵀ (v + i J v), C and S the
@@ -44,8 +41,6 @@ class GohbergSemencul(RowsOperator):
 
     def __init__(self, x: Array) -> None:
         x = unmasked("x", x)
-        super().__init__(x.dtype, (len(x), len(x)))
-        self.grid_shape = (len(x),)
         if not x[0] > 0.0:
             raise np.linalg.LinAlgError(
                 f"the first entry of the inverse is {x[0]:.3g}, but of a positive definite matrix "
@@ -55,16 +50,12 @@ class GohbergSemencul(RowsOperator):
         self.x.flags.writeable = False
         # In the precision of float64 at first: 2 x₀ may over- or underflow a float32.
         column = x.astype(np.float64) / np.sqrt(2.0 * float(x[0]))
-        self._product = GohbergSemenculProduct(column, self.dtype)
+        self._product = GohbergSemenculProduct(column, x.dtype)
+        super().__init__(x.dtype, (len(x),), self._product.points / len(x))
 
-    def _apply(self, V: Array, out: Array | None = None) -> Array:
+    def apply(self, V: Array, out: Array | None = None) -> Array:
+        """As `GridOperator.apply`."""
         return self._product(V, out)
-
-    def _adjoint(self) -> "GohbergSemencul":
-        return self
-
-    def _transpose(self) -> "GohbergSemencul":
-        return self
 
     def __repr__(self) -> str:
         return f"<GohbergSemencul {self.shape[0]}, {self.dtype}>"

@@ -1,22 +1,20 @@
 """Rows and columns of an operator on a part of its grid: extend, multiply, restrict."""
 
 from math import prod
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.operators.base import GridOperator, apply_to_rows, work_of
 from toeplitz_mg.operators.coupled import CoupledOperator
-from toeplitz_mg.operators.rows import RowsOperator, apply_to_rows
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
-from toeplitz_mg.operators.workspace import workspace
 from toeplitz_mg.values import unmasked
 
-Array = NDArray[Any]
 
-
-class MaskedOperator(RowsOperator):
+class MaskedOperator(GridOperator):
     """The rows and columns of an operator where a mask is true (paper, §5.4).
 
     The Toeplitz structure is lost, the fast product is not: extend the vector by zeros, multiply
@@ -76,9 +74,8 @@ class MaskedOperator(RowsOperator):
             mask = mask_of_all(mask, grid_shape)
         self.full = A
         self.mask = mask_on(grid_shape, mask)
-        self.grid_shape: tuple[int, ...] = grid_shape
         self._index = np.flatnonzero(self.mask)
-        super().__init__(A.dtype, (len(self._index), len(self._index)))
+        super().__init__(A.dtype, grid_shape, work_of(A), len(self._index))
 
     def toarray(self) -> Array:
         """Return the dense matrix, shape (N, N), N = ``mask.sum()``.
@@ -94,7 +91,8 @@ class MaskedOperator(RowsOperator):
         """Return the matrix in float32 or float64, or itself where it has that precision."""
         return self if self.dtype == dtype else MaskedOperator(self.full.astype(dtype), self.mask)
 
-    def _apply(self, X: Array, out: Array | None = None) -> Array:
+    def apply(self, X: Array, out: Array | None = None) -> Array:
+        """As `GridOperator.apply`."""
         if out is None:
             out = np.empty(X.shape, np.result_type(X, self.dtype))
         rows = X.reshape(-1, X.shape[-1])
@@ -108,9 +106,6 @@ class MaskedOperator(RowsOperator):
     def _adjoint(self) -> "MaskedOperator":
         full = self.full.H
         return self if full is self.full else MaskedOperator(full, self.mask)
-
-    def _transpose(self) -> "MaskedOperator":
-        return self._adjoint()
 
     def __repr__(self) -> str:
         return f"<MaskedOperator {self.shape[0]} of {self.mask.size} points of {self.full!r}>"

@@ -1,20 +1,16 @@
 """Toeplitz matrices of any number of levels, as linear operators."""
 
-from math import prod
-from typing import Any, Self
-
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike
 
-from toeplitz_mg.operators.coefficients import checked_coefficients
-from toeplitz_mg.operators.convolution import ToeplitzProduct
-from toeplitz_mg.operators.multilevel import MultilevelProduct, entries
-from toeplitz_mg.operators.rows import RowsOperator
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.multilevel import MultilevelProduct, entries
+from toeplitz_mg.engine.products import ToeplitzProduct
+from toeplitz_mg.operators.base import GridOperator
+from toeplitz_mg.operators.coefficients import Coefficients, check_precision
 
-Array = NDArray[Any]
 
-
-class ToeplitzOperator(RowsOperator):
+class ToeplitzOperator(GridOperator):
     """A real Toeplitz matrix, of one level or several, that multiplies by FFT.
 
     With two levels this is a block Toeplitz matrix with Toeplitz blocks (BTTB): its entry for
@@ -70,25 +66,27 @@ class ToeplitzOperator(RowsOperator):
     array([0., 0., 4.])
     """
 
-    def __init__(self, c: ArrayLike, r: ArrayLike | None = None) -> None:
-        column = checked_coefficients(c, "c")
-        if r is None:
-            self._build(column, None)
+    def __init__(
+        self,
+        c: ArrayLike | Coefficients,
+        r: ArrayLike | None = None,
+        *,
+        product: ToeplitzProduct | MultilevelProduct | None = None,
+    ) -> None:
+        if isinstance(c, Coefficients):
+            self._coefficients = c
+        elif r is None:
+            self._coefficients = Coefficients.of_column(c)
         else:
-            row = checked_coefficients(r, "r")
-            if column.ndim > 1 or row.ndim > 1:
-                raise ValueError(
-                    f"c and r have shapes {column.shape} and {row.shape}, but a first row is for "
-                    "one level; for several levels use ToeplitzOperator.from_lags"
-                )
-            if len(row) != len(column):
-                raise ValueError(
-                    f"c has {len(column)} entries and r has {len(row)}, but the matrix is square"
-                )
-            self._build(None, np.concatenate([row[:0:-1], column]))
+            self._coefficients = Coefficients.of_column_and_row(c, r)
+        a = self._coefficients
+        super().__init__(a.array.dtype, a.grid_shape, work=1.0)
+        self.is_even = a.is_even
+        self.is_symmetric = a.is_symmetric
+        self._product = product or _multiplication(a)
 
     @classmethod
-    def from_lags(cls, lags: ArrayLike) -> Self:
+    def from_lags(cls, lags: ArrayLike) -> "ToeplitzOperator":
         """Build a matrix from all its coefficients.
 
         Parameters
@@ -108,75 +106,25 @@ class ToeplitzOperator(RowsOperator):
         array([[2., 1.],
                [3., 2.]])
         """
-        array = checked_coefficients(lags, "lags")
-        if not all(n % 2 for n in array.shape):
-            raise ValueError(
-                f"lags has shape {array.shape}, but each length must be 2 n - 1, which is odd"
-            )
-        operator = cls.__new__(cls)
-        operator._build(None, array)
-        return operator
-
-    def _build(
-        self,
-        column: Array | None,
-        lags: Array | None,
-        product: ToeplitzProduct | MultilevelProduct | None = None,
-    ) -> None:
-        """Take the coefficients: the first column where they are even, or else all lags.
-
-        With a product at hand no transform is made.
-        """
-        if column is None:
-            assert lags is not None
-            shape = tuple((length + 1) // 2 for length in lags.shape)
-            if all(np.array_equal(lags, np.flip(lags, k)) for k in range(lags.ndim)):
-                column = lags[_centre_on(shape)]
-        else:
-            shape = column.shape
-        # A matrix that is symmetric in every level keeps its first column only.
-        coefficients = lags if column is None else column
-        assert coefficients is not None
-        super().__init__(coefficients.dtype, (prod(shape), prod(shape)))
-        self.grid_shape = shape
-        self.is_even = column is not None
-        self.is_symmetric = self.is_even or np.array_equal(coefficients, np.flip(coefficients))
-        self._coefficients = coefficients.copy()
-        self._coefficients.flags.writeable = False
-        self._product = product or self._multiplication()
-
-    def _multiplication(self) -> ToeplitzProduct | MultilevelProduct:
-        levels = [n for n in self.grid_shape if n > 1]  # of the others no transform is made
-        if len(levels) > 1:
-            return MultilevelProduct([[self.lags.reshape([2 * n - 1 for n in levels])]], self.dtype)
-        a = self._coefficients.ravel()
-        n = self.shape[0]
-        column, row = (a, a) if self.is_even else (a[n - 1 :], a[n - 1 :: -1])
-        return ToeplitzProduct(column, row, self.dtype)
+        return cls(Coefficients.of_lags(lags))
 
     @property
     def lags(self) -> Array:
         """The coefficients a[i - j], shape (2 n1 - 1, ...), lag zero in the centre."""
-        return _mirrored(self._coefficients) if self.is_even else self._coefficients
+        return self._coefficients.lags
 
     @property
     def c(self) -> Array:
         """The first column on the grid, shape `grid_shape`."""
-        a = self._coefficients
-        return a if self.is_even else a[_centre_on(self.grid_shape)]
+        return self._coefficients.column
 
     @property
     def squeezed(self) -> "ToeplitzOperator":
-        """The same matrix without levels of one element, which have no lags; or itself."""
-        a = self._coefficients
-        levels = [m for m in a.shape if m > 1] or [1]
-        if len(levels) == a.ndim:
+        """The same matrix without axes of one point, which have no lags; or itself."""
+        squeezed = self._coefficients.squeezed
+        if squeezed is self._coefficients:
             return self
-        a = a.reshape(levels)
-        column, lags = (a, None) if self.is_even else (None, a)
-        squeezed = type(self).__new__(type(self))
-        squeezed._build(column, lags, self._product)
-        return squeezed
+        return ToeplitzOperator(squeezed, product=self._product)
 
     @property
     def norm_bound(self) -> float:
@@ -184,9 +132,11 @@ class ToeplitzOperator(RowsOperator):
         return self._product.norm_bound
 
     @property
-    def symbol(self) -> Array | None:
+    def embedding_spectrum(self) -> Array | None:
         """The eigenvalues that a `MultilevelProduct` of this matrix needs, if at hand."""
-        return self._product.symbol[0][0] if hasattr(self._product, "symbol") else None
+        if isinstance(self._product, MultilevelProduct) and self._product.spectrum:
+            return self._product.spectrum[0][0]
+        return None
 
     def circulant(self, shape: tuple[int, ...]) -> Array:
         """Return the first column of a circulant in which this matrix is the leading block.
@@ -204,15 +154,12 @@ class ToeplitzOperator(RowsOperator):
 
     def astype(self, dtype: DTypeLike) -> "ToeplitzOperator":
         """Return the matrix in float32 or float64, or itself where it has that precision."""
-        dtype = real_precision(dtype)
+        dtype = check_precision(dtype)
         if self.dtype == dtype:
             return self
-        given = checked_coefficients(self._coefficients.astype(dtype), "lags")
-        column, lags = (given, None) if self.is_even else (None, given)
-        other = type(self).__new__(type(self))
         is_less = dtype.itemsize < self.dtype.itemsize
-        other._build(column, lags, self._product.astype(dtype) if is_less else None)
-        return other
+        product = self._product.astype(dtype) if is_less else None
+        return ToeplitzOperator(self._coefficients.astype(dtype), product=product)
 
     def toarray(self) -> Array:
         """Return the matrix as a dense array of shape (N, N), without any transform."""
@@ -237,18 +184,14 @@ class ToeplitzOperator(RowsOperator):
         points = (np.unravel_index(index, self.grid_shape) for index in (rows, columns))
         return entries(self.lags, *points)
 
-    def _apply(self, X: Array, out: Array | None = None) -> Array:
+    def apply(self, X: Array, out: Array | None = None) -> Array:
+        """As `GridOperator.apply`."""
         return self._product(X, out)
 
     def _adjoint(self) -> "ToeplitzOperator":
         if self.is_symmetric:
             return self
-        adjoint = type(self).__new__(type(self))
-        adjoint._build(None, np.flip(self.lags), self._product.adjoint())
-        return adjoint
-
-    def _transpose(self) -> "ToeplitzOperator":
-        return self._adjoint()
+        return ToeplitzOperator(self._coefficients.transpose, product=self._product.adjoint())
 
     def __repr__(self) -> str:
         grid = " x ".join(map(str, self.grid_shape))
@@ -256,24 +199,11 @@ class ToeplitzOperator(RowsOperator):
         return f"<ToeplitzOperator {grid}, {kind}, {self.dtype}>"
 
 
-def real_precision(dtype: DTypeLike) -> np.dtype[Any]:
-    """Return `dtype` as one of the two that the operators have, or say that it is none."""
-    try:
-        result = np.dtype(dtype)
-    except TypeError:
-        raise TypeError(f"dtype is {dtype!r}, but must be float32 or float64") from None
-    if result not in (np.float32, np.float64):
-        raise TypeError(f"dtype is {result}, but must be float32 or float64")
-    return result
-
-
-def _mirrored(column: Array) -> Array:
-    """Return all lags of the matrix that is symmetric in every level."""
-    for level, n in enumerate(column.shape):
-        column = np.take(column, np.abs(np.arange(1 - n, n)), axis=level)
-    return column
-
-
-def _centre_on(grid_shape: tuple[int, ...]) -> tuple[slice, ...]:
-    """The lags 0 ... n - 1 of every level."""
-    return tuple(slice(n - 1, None) for n in grid_shape)
+def _multiplication(a: Coefficients) -> ToeplitzProduct | MultilevelProduct:
+    """Make the product with the matrix of these coefficients, which takes a transform."""
+    a = a.squeezed
+    if a.array.ndim > 1:
+        return MultilevelProduct.of([[a.lags]], a.array.dtype)
+    column = a.column
+    row = column if a.is_even else a.array[len(column) - 1 :: -1]
+    return ToeplitzProduct.of(column, row, a.array.dtype)

@@ -1,11 +1,11 @@
 """What approximates A⁻¹: one idea a file, one public function each."""
 
+from toeplitz_mg.preconditioners.block_diagonal import componentwise
+from toeplitz_mg.preconditioners.choice import default_preconditioner
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner, strang_preconditioner
-from toeplitz_mg.preconditioners.componentwise import componentwise
-from toeplitz_mg.preconditioners.default import default_preconditioner
 from toeplitz_mg.preconditioners.deflation import fft_sd_preconditioner
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
-from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
+from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.jacobi import jacobi_preconditioner
 from toeplitz_mg.preconditioners.row_sum import fft_rsm_preconditioner
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner

@@ -3,17 +3,17 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import DiagonalisedOperator, DiagonalisedProduct, MaskedOperator
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.products import DiagonalisedProduct
+from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.operators import DiagonalisedOperator, MaskedOperator
 from toeplitz_mg.operators.masked import toeplitz_and_mask
-from toeplitz_mg.operators.work import count_transforms
-from toeplitz_mg.preconditioners.componentwise import componentwise
+from toeplitz_mg.preconditioners.block_diagonal import componentwise
 from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust
-
-Array = NDArray[Any]
 
 
 @componentwise

@@ -3,15 +3,13 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 from scipy import fft
 
+from toeplitz_mg.engine.transforms import near_fast_length
+from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
-from toeplitz_mg.operators.transforms import near_fast_length
-from toeplitz_mg.operators.work import count_transforms
 from toeplitz_mg.preconditioners.positivity import require_positive
-
-Array = NDArray[Any]
 
 
 def coupled_inverse(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:

@@ -1,19 +1,15 @@
 """Subdomain deflation of the FFT preconditioner: P M (paper, §4.1)."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import RowsOperator, apply_to_rows, as_rows
+from toeplitz_mg._typing import Array
+from toeplitz_mg.operators.base import GridOperator, apply_to_rows, grid_of, work_of
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.values import count
 
-Array = NDArray[Any]
 
-
-class SubdomainDeflated(RowsOperator):
+class SubdomainDeflated(GridOperator):
     """P M with P = I - M A Z E⁻¹ Zᵀ and E = Zᵀ M A Z (paper, Eq. 15-17).
 
     Attributes
@@ -24,7 +20,7 @@ class SubdomainDeflated(RowsOperator):
     """
 
     def __init__(self, A: LinearOperator, M: LinearOperator, n_subdomains: int) -> None:
-        super().__init__(M.dtype, M.shape)
+        super().__init__(M.dtype, grid_of(M), work_of(M), M.shape[0])
         self.M = M
         n = M.shape[0]
         parts = np.array_split(np.arange(n), n_subdomains)
@@ -32,7 +28,7 @@ class SubdomainDeflated(RowsOperator):
         self._sizes = np.array([len(part) for part in parts])
         # Rows hold columns: M A Z is kept, as m rows of n.
         Z = np.repeat(np.eye(n_subdomains, dtype=self.dtype), self._sizes, axis=1)
-        self._MAZ = M._matmat(A._matmat(Z.T)).T
+        self._MAZ = apply_to_rows(M, apply_to_rows(A, Z))
         E = self._sum(self._MAZ).T.astype(np.float64)
         self._E_inverse = np.linalg.inv(E).astype(self.dtype)
 
@@ -40,22 +36,40 @@ class SubdomainDeflated(RowsOperator):
         """Zᵀ y for each row y."""
         return np.asarray(np.add.reduceat(y, self.starts, axis=-1))
 
-    def _apply(self, X: Array, out: Array | None = None) -> Array:
+    def apply(self, X: Array, out: Array | None = None) -> Array:
+        """As `GridOperator.apply`."""
         Y = apply_to_rows(self.M, X, out)
         Y -= self._sum(Y) @ self._E_inverse.T @ self._MAZ
         return Y
 
-    def _rmatvec(self, x: Array) -> Array:
-        # (P M)ᵀ = M (I - Z E⁻ᵀ (M A Z)ᵀ), M being symmetric.
-        x = as_rows(x, self.shape[0])
-        coefficients = x @ self._MAZ.T @ self._E_inverse
-        return np.asarray(self.M._matvec(x - np.repeat(coefficients, self._sizes, axis=-1)))
+    def apply_transpose(self, X: Array, out: Array | None = None) -> Array:
+        """Multiply each row of `X` by (P M)ᵀ = M (I - Z E⁻ᵀ (M A Z)ᵀ), M being symmetric."""
+        coefficients = X @ self._MAZ.T @ self._E_inverse
+        return apply_to_rows(self.M, X - np.repeat(coefficients, self._sizes, axis=-1), out)
 
-    def _rmatmat(self, X: Array) -> Array:
-        return self._rmatvec(X.mT).mT
+    def _adjoint(self) -> "TransposedDeflation":
+        return TransposedDeflation(self)
 
     def __repr__(self) -> str:
         return f"<SubdomainDeflated, {len(self.starts)} subdomains, of {self.M!r}>"
+
+
+class TransposedDeflation(GridOperator):
+    """(P M)ᵀ, of a `SubdomainDeflated` P M."""
+
+    def __init__(self, PM: SubdomainDeflated) -> None:
+        super().__init__(PM.dtype, PM.grid_shape, PM.work, PM.shape[0])
+        self.PM = PM
+
+    def apply(self, X: Array, out: Array | None = None) -> Array:
+        """As `GridOperator.apply`."""
+        return self.PM.apply_transpose(X, out)
+
+    def _adjoint(self) -> SubdomainDeflated:
+        return self.PM
+
+    def __repr__(self) -> str:
+        return f"<TransposedDeflation of {self.PM!r}>"
 
 
 def fft_sd_preconditioner(A: LinearOperator, n_subdomains: int | None = None) -> SubdomainDeflated:

@@ -1,18 +1,15 @@
 """The inverse of a small symmetric positive definite operator, by a Cholesky factorisation."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 from scipy.linalg import cho_factor, cho_solve, lapack
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import RowsOperator
+from toeplitz_mg._typing import Array
+from toeplitz_mg.operators.base import GridOperator, grid_of
 
-Array = NDArray[Any]
 
-
-class DenseInverse(RowsOperator):
+class DenseInverse(GridOperator):
     """The inverse of a small symmetric positive definite operator, by a Cholesky factorisation.
 
     Parameters
@@ -35,7 +32,7 @@ class DenseInverse(RowsOperator):
     """
 
     def __init__(self, A: LinearOperator, dtype: DTypeLike | None = None) -> None:
-        super().__init__(np.dtype(A.dtype if dtype is None else dtype), A.shape)
+        super().__init__(A.dtype if dtype is None else dtype, grid_of(A), 0.0, A.shape[0])
         dense = A.toarray().astype(np.float64, copy=False)
         try:
             factor, lower = cho_factor(dense, lower=True)
@@ -52,7 +49,8 @@ class DenseInverse(RowsOperator):
         """Whether its precision resolves the smallest eigenvalues, so that it is positive too."""
         return self.rcond > 4.0 * float(np.finfo(self.dtype).eps)
 
-    def _apply(self, X: Array, out: Array | None = None) -> Array:
+    def apply(self, X: Array, out: Array | None = None) -> Array:
+        """As `GridOperator.apply`."""
         # In the nearest precision that LAPACK has.
         dtype = np.result_type(X, self.dtype)
         if dtype.char not in "fdFD":
@@ -64,12 +62,6 @@ class DenseInverse(RowsOperator):
             return rows
         out[...] = rows
         return out
-
-    def _adjoint(self) -> "DenseInverse":
-        return self
-
-    def _transpose(self) -> "DenseInverse":
-        return self
 
     def __repr__(self) -> str:
         return f"<DenseInverse {self.shape[0]}>"

@@ -7,10 +7,10 @@ from numpy.typing import DTypeLike
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg.engine.transforms import LONG, cosine_sums, near_fast_length
+from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
 from toeplitz_mg.operators.masked import toeplitz_and_mask
-from toeplitz_mg.operators.transforms import LONG, cosine_sums, near_fast_length
-from toeplitz_mg.operators.work import count_transforms
 from toeplitz_mg.preconditioners.coupled import coupled_inverse
 from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust
 from toeplitz_mg.preconditioners.symbol import continued

@@ -1,33 +1,27 @@
 """The damped Jacobi iteration: a multiple of the unit matrix, as the diagonal is constant."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import RowsOperator
+from toeplitz_mg._typing import Array
+from toeplitz_mg.operators import GridOperator
 from toeplitz_mg.operators.masked import toeplitz_and_mask
 from toeplitz_mg.values import real
 
-Array = NDArray[Any]
 
-
-class ScaledIdentity(RowsOperator):
+class ScaledIdentity(GridOperator):
     """The unit matrix times a positive number."""
 
-    def __init__(self, n: int, factor: float, dtype: DTypeLike) -> None:
-        super().__init__(dtype, (n, n))
+    def __init__(
+        self, dtype: DTypeLike, grid_shape: tuple[int, ...], size: int, factor: float
+    ) -> None:
+        super().__init__(dtype, grid_shape, 0.0, size)
         self.factor = self.dtype.type(factor)
 
-    def _apply(self, X: Array, out: Array | None = None) -> Array:
+    def apply(self, X: Array, out: Array | None = None) -> Array:
+        """As `GridOperator.apply`."""
         return np.asarray(np.multiply(X, self.factor, out=out))
-
-    def _adjoint(self) -> "ScaledIdentity":
-        return self
-
-    def _transpose(self) -> "ScaledIdentity":
-        return self
 
     def __repr__(self) -> str:
         return f"<ScaledIdentity {self.shape[0]}, {self.factor:.3g}>"
@@ -90,4 +84,4 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
             f"omega is {factor * a0:.3g} and the diagonal of A {a0:.3g}, but the quotient must be "
             "positive and finite"
         )
-    return ScaledIdentity(A.shape[0], factor, A.dtype)
+    return ScaledIdentity(A.dtype, full.grid_shape, A.shape[0], factor)

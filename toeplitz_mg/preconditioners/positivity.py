@@ -7,15 +7,15 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 from scipy.linalg import eigvalsh_tridiagonal
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.work import levels_of
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
-from toeplitz_mg.operators.toeplitz import real_precision
-from toeplitz_mg.operators.work import levels_of
+from toeplitz_mg.operators.coefficients import check_precision
 
-Array = NDArray[Any]
 Lag = tuple[int, ...]
 
 REACH = 5  # unit steps from an element to one that is called near
@@ -29,7 +29,7 @@ def precision(A: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None) ->
     Raises ValueError where A, or its inverse, is nearly out of the range of float32: what overflows
     there, or is rounded to zero, would be seen nowhere.
     """
-    result = real_precision(A.dtype if dtype is None else dtype)
+    result = check_precision(A.dtype if dtype is None else dtype)
     if result == np.float64:
         return result
     single = np.finfo(np.float32)

@@ -1,15 +1,15 @@
 """Row-sum modification of the FFT preconditioner: M̄ and M̄_imp (paper, §4.2 and §5.4)."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import MaskedOperator, RowsOperator, apply_to_rows
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.operators import GridOperator, MaskedOperator, apply_to_rows
+from toeplitz_mg.operators.base import grid_of, work_of
 from toeplitz_mg.operators.masked import toeplitz_and_mask
-from toeplitz_mg.operators.workspace import workspace
-from toeplitz_mg.preconditioners.componentwise import componentwise
+from toeplitz_mg.preconditioners.block_diagonal import componentwise
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.preconditioners.positivity import (
     DENSE,
@@ -19,10 +19,8 @@ from toeplitz_mg.preconditioners.positivity import (
 )
 from toeplitz_mg.values import real
 
-Array = NDArray[Any]
 
-
-class RowSumModified(RowsOperator):
+class RowSumModified(GridOperator):
     """M minus a diagonal, such that every row sum is γ (paper, Eq. 19 and 22).
 
     Attributes
@@ -37,7 +35,7 @@ class RowSumModified(RowsOperator):
     """
 
     def __init__(self, M: LinearOperator, diagonal: Array, gamma: float, certified: bool) -> None:
-        super().__init__(M.dtype, M.shape)
+        super().__init__(M.dtype, grid_of(M), work_of(M), M.shape[0])
         self.M = M
         self.diagonal = diagonal
         self.diagonal.flags.writeable = False
@@ -48,18 +46,13 @@ class RowSumModified(RowsOperator):
         """Return the dense matrix, shape (N, N)."""
         return np.asarray(self.M.toarray() - np.diag(self.diagonal))
 
-    def _apply(self, X: Array, out: Array | None = None) -> Array:
+    def apply(self, X: Array, out: Array | None = None) -> Array:
+        """As `GridOperator.apply`."""
         change = workspace(X.shape, np.result_type(X, self.dtype))
         np.multiply(X, self.diagonal, out=change)  # before `out`, which may be X, is written
         out = apply_to_rows(self.M, X, out)
         out -= change
         return out
-
-    def _adjoint(self) -> "RowSumModified":
-        return self
-
-    def _transpose(self) -> "RowSumModified":
-        return self
 
     def __repr__(self) -> str:
         return f"<RowSumModified, row sums {self.gamma:.4g}, of {self.M!r}>"

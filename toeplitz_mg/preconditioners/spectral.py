@@ -5,20 +5,19 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 from scipy.linalg import norm
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.transforms import cosine_sums, near_fast_length, sine_sums
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
 from toeplitz_mg.operators.masked import one_level, toeplitz_and_mask
-from toeplitz_mg.operators.schur import schur_column
-from toeplitz_mg.operators.transforms import cosine_sums, near_fast_length, sine_sums
-from toeplitz_mg.preconditioners.componentwise import componentwise
+from toeplitz_mg.preconditioners.block_diagonal import componentwise
 from toeplitz_mg.preconditioners.positivity import is_positive, precision, require_condition
+from toeplitz_mg.preconditioners.schur import schur_column
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
-
-Array = NDArray[Any]
 
 RESOLVED = 0.25  # ‖A x - e₁‖ up to which the inverse from x is as good as a better one
 
@@ -64,7 +63,7 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     positive where the symbol has a zero, or is not resolved by n lags, as for a covariance whose
     correlation length is not small against n. There, where the column misses A x = e₁ by more than
     one quarter, and where such a zero is not ruled out, the column is computed exactly, by
-    `toeplitz_mg.operators.schur`, at some 30 work units in 2^20 unknowns and fewer in less.
+    `toeplitz_mg.preconditioners.schur`, at some 30 work units in 2^20 unknowns and fewer in less.
 
     References
     ----------

@@ -1,14 +1,10 @@
 """The symbol of A, sampled: its coefficients are continued smoothly, not cut off."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.transforms import cosine_sums
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.transforms import cosine_sums
-
-Array = NDArray[Any]
 
 STEP = 64  # of the known lags in the distance at which a tail is fitted
 NEGLIGIBLE = 1e-9  # a coefficient, relative to that of lag 0

@@ -2,15 +2,12 @@
 
 from collections.abc import Iterator, Sequence
 from math import log
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import apply_to_rows
-
-Array = NDArray[Any]
 
 # As `python -m comparisons.default_choice` measures them, by the cases that are worse than none:
 # in 10 steps, and with less of an advantage, wide covariances and plane waves mislead.

@@ -3,18 +3,15 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import (
-    DiagonalisedOperator,
-    DiagonalisedProduct,
-    MaskedOperator,
-)
-from toeplitz_mg.operators.convolution import COSINE, SINE, Transforms
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.products import COSINE, SINE, DiagonalisedProduct, Transforms
+from toeplitz_mg.engine.transforms import near_fast_length
+from toeplitz_mg.operators import DiagonalisedOperator, MaskedOperator
 from toeplitz_mg.operators.masked import toeplitz_and_mask
-from toeplitz_mg.operators.transforms import near_fast_length
-from toeplitz_mg.preconditioners.componentwise import componentwise
+from toeplitz_mg.preconditioners.block_diagonal import componentwise
 from toeplitz_mg.preconditioners.positivity import (
     is_positive,
     precision,
@@ -23,8 +20,6 @@ from toeplitz_mg.preconditioners.positivity import (
     rounding,
 )
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
-
-Array = NDArray[Any]
 
 
 @componentwise

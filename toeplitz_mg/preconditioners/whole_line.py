@@ -5,16 +5,17 @@ from functools import partial, update_wrapper
 from typing import Any, Protocol, cast
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.transforms import near_fast_length
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
-from toeplitz_mg.operators.schur import schur_column
-from toeplitz_mg.operators.transforms import near_fast_length
-from toeplitz_mg.preconditioners.fsai import fsai_preconditioner
-from toeplitz_mg.preconditioners.fsai_line import LONG, decays_slowly
+from toeplitz_mg.preconditioners.fsai.line import LONG, decays_slowly
+from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.positivity import precision, rounding
+from toeplitz_mg.preconditioners.schur import schur_column
 from toeplitz_mg.preconditioners.spectral import Factor, factor_column, spectral_preconditioner
 from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE, sampled_symbol
 from toeplitz_mg.preconditioners.trigonometric import (
@@ -23,8 +24,6 @@ from toeplitz_mg.preconditioners.trigonometric import (
     sine_inverse,
     sine_preconditioner,
 )
-
-Array = NDArray[Any]
 
 # ‖A x - e₁‖, as `python -m comparisons.default_choice` measures them on its random lines:
 WELL_RESOLVED = 0.01  # up to which it is resolved where coefficients do not decrease,

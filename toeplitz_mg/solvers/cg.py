@@ -5,15 +5,14 @@ from math import hypot, inf
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import get_blas_funcs
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.solvers.checks import System, checked_system, operator
 from toeplitz_mg.solvers.scaling import exponents
-
-Array = NDArray[Any]
 
 RELIABLE = 1e-3  # error of the residual in less precision that does not disturb the iteration
 PART = 2**13  # numbers of a vector that BLAS does not share among threads

@@ -3,13 +3,12 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
+from toeplitz_mg._typing import Array
 from toeplitz_mg.values import count, real, unmasked
-
-Array = NDArray[Any]
 
 
 class System(NamedTuple):

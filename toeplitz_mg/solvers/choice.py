@@ -10,13 +10,13 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.preconditioners.whole_line import of_whole_line
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.inverse import first_column
 
-Array = NDArray[Any]
 Rows = NDArray[Any]  # right-hand sides or solutions, of shape (columns, n)
 
 MOST_ITERATIONS = 16  # of CG: the inverse costs no more than twice that

@@ -1,27 +1,24 @@
 """The inverse of a Toeplitz matrix as an operator: one solve, then as cheap as two products."""
 
 from contextlib import suppress
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import norm
 
-from toeplitz_mg.operators import RowsOperator, ToeplitzOperator
+from toeplitz_mg._typing import Array
+from toeplitz_mg.operators import GridOperator, ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.masked import one_level, toeplitz_and_mask
-from toeplitz_mg.operators.schur import schur_column
 from toeplitz_mg.preconditioners import fsai_preconditioner, spectral_preconditioner
-from toeplitz_mg.preconditioners.fsai_line import decays_slowly
+from toeplitz_mg.preconditioners.fsai.line import decays_slowly
+from toeplitz_mg.preconditioners.schur import schur_column
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.values import positive
-
-Array = NDArray[Any]
 
 SOLVED = 1e-12  # ‖e₁ - A x‖ below which a step is as likely to add rounding as to remove an error
 
 
-class ToeplitzInverse(RowsOperator):
+class ToeplitzInverse(GridOperator):
     """The inverse of a symmetric positive definite Toeplitz matrix.
 
     Attributes
@@ -36,7 +33,7 @@ class ToeplitzInverse(RowsOperator):
     """
 
     def __init__(self, A: ToeplitzOperator, G: GohbergSemencul, steps: int) -> None:
-        super().__init__(A.dtype, A.shape)
+        super().__init__(A.dtype, A.grid_shape, (1 + steps) * G.work + steps * A.work)
         self.A = A
         self.G = G
         self.steps = steps
@@ -49,20 +46,15 @@ class ToeplitzInverse(RowsOperator):
         """The same with one step of iterative refinement more: 2 G - G A G, at 3 work units."""
         return ToeplitzInverse(self.A, self.G, self.steps + 1)
 
-    def _apply(self, V: Array, out: Array | None = None) -> Array:
-        X = self.G._apply(V)
+    def apply(self, V: Array, out: Array | None = None) -> Array:
+        """As `GridOperator.apply`."""
+        X = self.G.apply(V)
         for _ in range(self.steps):
-            X += self.G._apply(V - self.A._apply(X))
+            X += self.G.apply(V - self.A.apply(X))
         if out is None:
             return X
         out[...] = X
         return out
-
-    def _adjoint(self) -> "ToeplitzInverse":
-        return self
-
-    def _transpose(self) -> "ToeplitzInverse":
-        return self
 
     def __repr__(self) -> str:
         refined = f", refined {self.steps}x" if self.steps else ""

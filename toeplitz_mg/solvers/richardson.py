@@ -4,14 +4,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import norm
 
+from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.solvers.checks import checked_system
 from toeplitz_mg.solvers.scaling import exponents
-
-Array = NDArray[Any]
 
 PATIENCE = 100  # iterations without a smaller residual
 

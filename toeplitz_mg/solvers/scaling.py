@@ -1,11 +1,8 @@
 """Scaling by powers of two, which changes no digit, so that no square over- or underflows."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from toeplitz_mg._typing import Array
 
 SMALLEST = float(np.finfo(np.float64).tiny)  # Below it float64 has fewer digits than 53 bits.
 

@@ -10,13 +10,13 @@ import scipy.linalg
 from numpy.linalg import norm
 from numpy.typing import ArrayLike, NDArray
 
+from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.solvers.checks import numbers
 from toeplitz_mg.solvers.choice import is_symmetric, levinson_is_faster, methods
 from toeplitz_mg.solvers.scaling import exponents, scaled_back
 from toeplitz_mg.values import real
 
-Array = NDArray[Any]
 Rows = NDArray[Any]  # right-hand sides or solutions, shape (columns, n)
 
 EPS = float(np.finfo(np.float64).eps)

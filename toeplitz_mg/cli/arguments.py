@@ -1,0 +1,170 @@
+"""The arguments of the command line, and what cannot be meant by them."""
+
+import argparse
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from scipy.sparse.linalg import LinearOperator
+
+import toeplitz_mg as tmg
+from toeplitz_mg.cli import contact_arguments, files
+from toeplitz_mg.paper import problems
+
+Preconditioner = Callable[[LinearOperator], LinearOperator]
+
+TESTS = {1: problems.test1, 2: problems.test2, 3: problems.test3}
+PRECONDITIONERS: dict[str, Preconditioner] = {
+    "default": tmg.default_preconditioner,
+    "fsai": tmg.fsai_preconditioner,
+    "fft": tmg.fft_preconditioner,
+    "fft-rsm": tmg.fft_rsm_preconditioner,
+    "fft-sd": tmg.fft_sd_preconditioner,
+    "strang": tmg.strang_preconditioner,
+    "chan": tmg.chan_preconditioner,
+    "cosine": tmg.cosine_preconditioner,
+    "sine": tmg.sine_preconditioner,
+    "spectral": tmg.spectral_preconditioner,
+}
+
+
+MOST = 2**40  # elements of the paper's problems: a vector of 8 TiB, which no memory holds
+
+
+class UsageError(Exception):
+    """What the user asked for cannot be done; the message says why."""
+
+
+class Cycle(NamedTuple):
+    """A multigrid cycle: its kind, V or W, and the smoothing steps before and after."""
+
+    kind: str
+    pre: int
+    post: int
+
+    def __str__(self) -> str:
+        return f"{self.kind}({self.pre},{self.post})"
+
+    @classmethod
+    def of(cls, text: str) -> "Cycle":
+        """Read a cycle like V(0,1); more than 999 steps are a mistake that would never end."""
+        match = re.fullmatch(r"([VW])\((\d{1,3}),(\d{1,3})\)", text.replace(" ", ""))
+        if match is None:
+            raise UsageError(
+                f"--cycle is {text}, but must be like V(0,1) or W(1,1), of at most 999 steps each"
+            )
+        return cls(match[1], int(match[2]), int(match[3]))
+
+
+def _method_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("method")
+    group.add_argument(
+        "--solver",
+        choices=("multigrid", "richardson", "cg"),
+        help="multigrid cycles, Richardson with a preconditioner, or conjugate gradients "
+        "(default: multigrid; of solve: cg, unless a cycle is given)",
+    )
+    group.add_argument(
+        "--preconditioner",
+        choices=("none", *PRECONDITIONERS, "multigrid"),
+        help="for richardson (default: fft-rsm) and cg (default: default, which depends on the "
+        "matrix and the mask)",
+    )
+    group.add_argument(
+        "--cycle",
+        help="V(pre,post) or W(pre,post), at most 999 smoothing steps each "
+        "(default: V(0,1), and V(1,1) for cg)",
+    )
+    group.add_argument(
+        "--smoother",
+        choices=tuple(PRECONDITIONERS),
+        help="of the multigrid cycle (default: fft-rsm)",
+    )
+    group.add_argument("--rtol", type=float, help="relative residual (default: 1e-8)")
+    group.add_argument("--maxiter", type=int, help="most iterations (default: 200)")
+    group.add_argument(
+        "--seed", type=int, help="start from a random guess, as the paper does, not from zero"
+    )
+    group.add_argument("--plot", type=Path, metavar="FILE", help="draw solution and convergence")
+
+
+DEFAULTS: dict[str, Any] = {
+    "test": 1,
+    "n": 2**20,
+    "solver": "multigrid",
+    "preconditioner": None,
+    "cycle": None,
+    "smoother": "fft-rsm",
+    "rtol": 1e-8,
+    "maxiter": 200,
+    "seed": None,
+    "plot": None,
+}
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    # Without defaults, so that an option counts wherever it stands, and a stray one is seen.
+    # No abbreviations: --n would be taken for --nu.
+    bare: Any = {"argument_default": argparse.SUPPRESS, "allow_abbrev": False}
+    main = argparse.ArgumentParser(
+        prog="toeplitz-mg",
+        description="Solve a contact problem of Zhao, Vollebregt and Oosterlee (2014): by default "
+        "test 1 with 2^20 unknowns, by the V(0,1) cycle with the FFT+RSM smoother. "
+        "The command solve takes a system of your own, the command contact solves a contact "
+        "problem.",
+        epilog="Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted.",
+        **bare,
+    )
+    main.add_argument("--version", action="version", version=f"toeplitz-mg {tmg.__version__}")
+    main.add_argument("--test", type=int, choices=tuple(TESTS), help="problem (default: 1)")
+    main.add_argument("-n", type=int, help="number of elements (default: 2^20)")
+    _method_options(main)
+    commands = main.add_subparsers(dest="command", metavar="{solve,contact}")
+    solve = commands.add_parser(
+        "solve",
+        help="solve a system of your own",
+        description="Solve A x = b, A symmetric positive definite Toeplitz.",
+        epilog="X is written whole or not at all, and only where the solver has converged.",
+        **bare,
+    )
+    solve.add_argument(
+        "column", type=Path, metavar="COLUMN.npy", help="first column, of one or several levels"
+    )
+    solve.add_argument(
+        "rhs", type=Path, metavar="RHS.npy", help="b, on the grid or flat; with a mask also (N,)"
+    )
+    solve.add_argument("-o", "--output", type=Path, required=True, metavar="X.npy", help="solution")
+    solve.add_argument("--mask", type=Path, metavar="MASK.npy", help="where A is restricted")
+    _method_options(solve)
+    contact_arguments.add_parser(commands, **bare)
+    return main
+
+
+def checked(given: argparse.Namespace) -> argparse.Namespace:
+    """Fill in the defaults, and refuse what cannot be meant."""
+    if given.command == "solve" and (hasattr(given, "test") or hasattr(given, "n")):
+        raise UsageError("--test and -n choose a problem of the paper, which solve does not solve")
+    no_files = dict.fromkeys(("column", "rhs", "mask", "output"))
+    options = argparse.Namespace(**(DEFAULTS | no_files | vars(given)))
+    of_cycles = hasattr(given, "cycle") or hasattr(given, "smoother")
+    if given.command == "solve" and not hasattr(given, "solver") and not of_cycles:
+        options.solver = "cg"
+    if options.preconditioner is None and options.solver != "multigrid":
+        by_default = "fft-rsm" if options.solver == "richardson" else "default"
+        options.preconditioner = "multigrid" if of_cycles else by_default
+    if options.n > MOST:
+        raise UsageError(f"-n is {options.n}, but must be at most {MOST}")
+    if not 0.0 < options.rtol < 1.0:
+        raise UsageError(f"--rtol is {options.rtol}, but must lie between 0 and 1")
+    if options.maxiter < 1:
+        raise UsageError(f"--maxiter is {options.maxiter}, but must be at least 1")
+    if options.seed is not None and options.seed < 0:
+        raise UsageError(f"--seed is {options.seed}, but must not be negative")
+    options.cycle = Cycle.of(options.cycle or ("V(1,1)" if options.solver == "cg" else "V(0,1)"))
+    if options.plot is not None:
+        files.check_plotting(options.plot)
+    read = (options.column, options.rhs, options.mask)
+    files.check_files((options.output, options.plot), read)
+    return options

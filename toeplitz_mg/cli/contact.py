@@ -1,0 +1,274 @@
+"""The command ``toeplitz-mg contact``: a Hertzian contact that is pressed, shifted or rolled."""
+
+import argparse
+import math
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.cli import files
+from toeplitz_mg.cli.contact_arguments import checked
+from toeplitz_mg.cli.hertz import Hertz
+from toeplitz_mg.contact import (
+    ContactError,
+    ContactResult,
+    ContactWarning,
+    friction,
+    normal_contact,
+    rolling,
+    surfaces,
+)
+from toeplitz_mg.contact.grid import Element
+
+MARGIN = 1.3  # of the grid, around the contact of theory
+CREEPAGE = -0.002  # where none is given
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is to be solved, on a grid that Hertz's theory says is large enough.
+
+    Attributes
+    ----------
+    options : Namespace
+    theory : Hertz
+    shape : tuple of int
+        Of the grid.
+    h : float
+        Side of an element, or width of a strip, mm.
+    """
+
+    options: argparse.Namespace
+    theory: Hertz
+    shape: tuple[int, ...]
+    h: float
+
+    @classmethod
+    def of(cls, options: argparse.Namespace) -> "Case":
+        """Choose the grid, or say why the one asked for does not do."""
+        o = options
+        radius = o.radius[0], o.radius[-1]
+        if o.line:
+            theory = Hertz.line(radius[0], o.G / (1.0 - o.nu), o.force)
+        else:
+            theory = Hertz.ellipse(radius, o.G / (1.0 - o.nu), o.force, o.approach)
+        a, b = theory.half_axes
+        longer = 2.0 * max(a, b)
+        size = MARGIN * longer if o.size is None else o.size
+        if size < longer:
+            raise ValueError(
+                f"--size is {size:g}, but the contact is {longer:.4g} mm long by Hertz's theory"
+            )
+        h = size / o.n
+        if o.line:
+            return cls(o, theory, (o.n,), h)
+        n1, n2 = (max(1, math.ceil(o.n * axis / max(a, b))) for axis in (a, b))
+        return cls(o, theory, (n1, n2), h)
+
+    @property
+    def material(self) -> tuple[float, float]:
+        """G and nu."""
+        return self.options.G, self.options.nu
+
+    @property
+    def element(self) -> Element:
+        """The size of an element."""
+        return self.h if self.options.line else (self.h, self.h)
+
+    @property
+    def title(self) -> str:
+        """What it is."""
+        o = self.options
+        radii = " and ".join(f"{r:g}" for r in dict.fromkeys(o.radius))
+        body = "cylinder" if o.line else "sphere" if len(set(o.radius)) == 1 else "ellipsoid"
+        grid = " x ".join(map(str, self.shape))
+        return f"{o.case}: {body} of {radii} mm, {grid} elements of {self.h:.3g} mm"
+
+    def press(self) -> ContactResult:
+        """Solve the normal problem."""
+        o = self.options
+        if o.line:
+            gap = surfaces.cylinder(self.shape, self.element, radius=o.radius[0])
+        else:
+            radii = o.radius[0], o.radius[-1]
+            n1, n2 = self.shape
+            gap = surfaces.ellipsoid((n1, n2), (self.h, self.h), radii=radii)
+        return normal_contact(
+            gap,
+            self.element,
+            material=self.material,
+            force=o.force,
+            approach=o.approach,
+            tolerance=o.tolerance,
+            progress=_print_progress,
+        )
+
+    def shift(self, pressed: ContactResult) -> ContactResult:
+        """Solve the tangential problem of the pressures."""
+        o = self.options
+        half = [0.5 * o.friction * pressed.force]
+        load: dict[str, Any] = {"force": self.components(o.tangential or half)}
+        if o.shift is not None:
+            load = {"shift": self.components(o.shift)}
+        return friction(
+            self.bound(pressed),
+            self.element,
+            material=self.material,
+            tolerance=o.tolerance,
+            progress=_print_progress,
+            **load,
+        )
+
+    def roll(self, pressed: ContactResult) -> ContactResult:
+        """Solve the problem of rolling with the pressures."""
+        o = self.options
+        names = ("longitudinal", "lateral", "spin")
+        creepages = {name: getattr(o, name) for name in names if getattr(o, name) is not None}
+        return rolling(
+            self.bound(pressed),
+            self.element,
+            material=self.material,
+            tolerance=o.tolerance,
+            progress=_print_progress,
+            **(creepages or {"longitudinal": CREEPAGE}),
+        )
+
+    def bound(self, pressed: ContactResult) -> Array:
+        """The traction bound of the pressures: zero outside the contact, whatever the friction."""
+        g = np.zeros_like(pressed.traction)
+        g[pressed.contact] = self.options.friction * pressed.traction[pressed.contact]
+        return g
+
+    def components(self, values: Sequence[float]) -> Any:
+        """A number in line contact, else two."""
+        return values[0] if self.options.line else (*values, 0.0)[:2]
+
+
+def run(given: argparse.Namespace) -> int:
+    """Run the command, and return the exit status."""
+    options = checked(given)
+    case = Case.of(options)
+    _check_slides_not(case)
+    print(case.title, flush=True)
+    start = perf_counter()
+    try:
+        results = {"pressure": _solve("normal contact", case.press)}
+        pressed = results["pressure"]
+        if options.case == "shift":
+            results["tangential traction"] = _solve("friction", lambda: case.shift(pressed))
+        elif options.case == "rolling":
+            results["tangential traction"] = _solve("steady rolling", lambda: case.roll(pressed))
+    except ContactError as error:
+        print(f"\nNOT CONVERGED: {error}")
+        _print_doubts([error.result])
+        return 1
+    seconds = perf_counter() - start
+    if options.output is not None:  # first, so that it does not depend on what can be printed
+        found = fields(case, pressed, results.get("tangential traction"))
+        files.save_fields(options.output, found)
+    products = " + ".join(str(result.products) for result in results.values())
+    print(f"\nconverged: {products} products, {seconds:.2f} seconds")
+    _print_figures(case, pressed, results.get("tangential traction"))
+    _print_doubts(results.values())
+    if options.output is not None:
+        print(f"written to {options.output}")
+    if options.plot is not None:
+        files.plot_contact(options.plot, case.title, results)
+        print(f"drawn in {options.plot}")
+    return 0
+
+
+def fields(case: Case, pressed: ContactResult, tangential: ContactResult | None) -> dict[str, Any]:
+    """Return what is written, by name."""
+    found: dict[str, Any] = dict(
+        zip("xy", surfaces.centres(case.shape, case.element), strict=False)
+    )
+    found |= {"element": pressed.element, "contact": pressed.contact}
+    found |= {"pressure": pressed.traction, "displacement": pressed.displacement}
+    found |= {"gap": pressed.gap, "force": pressed.force, "approach": pressed.rigid}
+    if tangential is not None:
+        found |= {"traction": tangential.traction, "slip": tangential.slip}
+        found |= {"stick": tangential.stick, "bound": tangential.bound}
+        found |= {"tangential_displacement": tangential.displacement}
+        found |= {"tangential_force": tangential.force, "rigid": tangential.rigid}
+    return found
+
+
+def _check_slides_not(case: Case) -> None:
+    """Refuse a tangential force that friction cannot carry, before any work."""
+    o = case.options
+    if o.case != "shift" or o.tangential is None:
+        return
+    wanted, most = math.hypot(*o.tangential), o.friction * case.theory.force
+    # By an approach the force is known by theory, within the error of the grid.
+    if wanted >= most:
+        raise ValueError(f"--tangential is {wanted:g}, but friction carries less than {most:.6g}")
+
+
+def _solve(name: str, solve: Callable[[], ContactResult]) -> ContactResult:
+    print(f"\n{name}\n  products   violation", flush=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ContactWarning)  # they are printed below the figures
+        result = solve()
+    _print_progress(result.products, result.residual)
+    return result
+
+
+def _print_progress(products: int, residual: float) -> None:
+    print(f"{products:10d}   {residual:.3e}", flush=True)
+
+
+def _print_figures(case: Case, pressed: ContactResult, tangential: ContactResult | None) -> None:
+    """Print what was found, and what theory says, as far as it does."""
+    theory, unit = case.theory, "N/mm" if case.options.line else "N"
+    rows: list[tuple[str, Any, Any]] = [
+        (f"force [{unit}]", pressed.force, theory.force),
+        ("approach [mm]", pressed.rigid, theory.approach),
+        ("largest pressure [N/mm²]", pressed.traction.max(), theory.largest),
+        (
+            "width of contact [mm]" if case.options.line else "area of contact [mm²]",
+            pressed.area,
+            theory.area,
+        ),
+    ]
+    if tangential is not None:
+        rows += _tangential_figures(case, pressed, tangential)
+    print(f"{'':26s}{'this run':>28s}{'theory':>14s}")
+    for name, ours, exact in rows:
+        numbers = np.atleast_1d(ours)
+        rounding = 1e-12 * float(np.abs(numbers).max())
+        values = " ".join(f"{x if abs(x) > rounding else 0.0:.6g}" for x in numbers)
+        print(f"{name:26s}{values:>28s}{'' if exact is None else f'{exact:.6g}':>14s}")
+
+
+def _print_doubts(results: Iterable[ContactResult]) -> None:
+    """Say why the figures may not be those that were meant, each reason once."""
+    for doubt in dict.fromkeys(doubt for result in results for doubt in result.warnings):
+        print(f"note: {doubt}")
+
+
+def _tangential_figures(
+    case: Case, pressed: ContactResult, result: ContactResult
+) -> list[tuple[str, Any, Any]]:
+    assert result.stick is not None
+    o, (a, _) = case.options, case.theory.half_axes
+    carried = o.friction * pressed.force
+    part = float(np.linalg.norm(result.force)) / carried
+    share = float(result.stick.sum()) / max(1.0, float(result.contact.sum()))
+    sticks, force = None, None
+    if o.case == "shift":  # Cattaneo and Mindlin, for ν = 0 or line contact
+        sticks = (1.0 - min(part, 1.0)) ** (0.5 if o.line else 2.0 / 3.0)
+    elif o.line:  # Carter
+        sticks = max(0.0, 1.0 - abs(result.rigid) * o.radius[0] / (o.friction * a))
+        force = 1.0 - sticks**2
+    return [
+        ("tangential force", result.force, None),
+        ("that over friction's", part, force),
+        ("creepages" if o.case == "rolling" else "shift [mm]", result.rigid, None),
+        ("part that sticks", share, sticks),
+    ]

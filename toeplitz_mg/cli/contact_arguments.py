@@ -1,0 +1,265 @@
+"""The options of ``toeplitz-mg contact``, on the command line and in a TOML file."""
+
+import argparse
+import math
+import reprlib
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from toeplitz_mg.cli import files
+from toeplitz_mg.values import in_range
+
+CASES = ("hertz", "shift", "rolling")
+FEWEST, MOST = 8, 2**24  # elements
+LONGEST = 2**20  # bytes of a file of options, which has a few lines; /dev/zero has no end
+FORCE = 100.0  # where neither it nor the approach is given
+
+
+@dataclass(frozen=True)
+class Option:
+    """An option with a number or some, a file or a switch.
+
+    Attributes
+    ----------
+    help : str
+        With the unit, and the default where it is no plain value.
+    kind : type
+        float, int, bool or Path.
+    most : int
+        So many values can be given.
+    cases : tuple of str
+        What it is for.
+    default : object
+        None where there is none.
+    positive : bool
+        Whether its numbers must be.
+    infinite : bool
+        Whether they may be.
+    """
+
+    help: str
+    kind: type = float
+    most: int = 1
+    cases: tuple[str, ...] = CASES
+    default: Any = None
+    positive: bool = False
+    infinite: bool = False
+
+
+OPTIONS = {
+    "radius": Option(
+        "of the sphere, mm; of two values, the radii of curvature along x and y (default: 10)",
+        most=2,
+        default=(10.0,),
+        positive=True,
+    ),
+    "line": Option("line contact of a cylinder in plane strain: forces are N/mm", bool),
+    "force": Option("normal force, N or N/mm (default: 100)", positive=True),
+    "approach": Option("of the bodies, mm; in place of the force", positive=True),
+    "G": Option(
+        "shear modulus of both bodies, N/mm² (default: 82000)", default=82000.0, positive=True
+    ),
+    "nu": Option("Poisson's ratio of both bodies (default: 0.28)", default=0.28),
+    "n": Option("elements along the longer side of the grid (default: 256)", int, default=256),
+    "size": Option(
+        "longer side of the grid, mm (default: 1.3 times the contact of Hertz's theory)",
+        positive=True,
+    ),
+    "friction": Option(
+        "coefficient of friction; inf bonds the bodies (default: 0.3)",
+        cases=("shift", "rolling"),
+        default=0.3,
+        positive=True,
+        infinite=True,
+    ),
+    "tangential": Option(
+        "tangential force along x, or x and y, N or N/mm (default: half of what friction carries)",
+        most=2,
+        cases=("shift",),
+    ),
+    "shift": Option(
+        "rigid shift along x, or x and y, mm; in place of the force", most=2, cases=("shift",)
+    ),
+    "longitudinal": Option(
+        "creepage along x, the direction of rolling: rigid slip over distance "
+        "(default: -0.002 without other creepages)",
+        cases=("rolling",),
+    ),
+    "lateral": Option("creepage along y (default: 0)", cases=("rolling",)),
+    "spin": Option("creepage by rotation, 1/mm (default: 0)", cases=("rolling",)),
+    "tolerance": Option(
+        "violation of the conditions of contact, relative to the largest displacement "
+        "(default: 1e-8)",
+        default=1e-8,
+        positive=True,
+    ),
+    "output": Option("write the fields, as arrays by name", Path),
+    "plot": Option("draw the tractions and the areas of stick and slip", Path),
+}
+SHORT = {"n": ("-n",), "output": ("-o", "--output")}
+METAVARS = {"output": "FIELDS.npz", "plot": "FILE"}
+ALIEN = ("test", "solver", "preconditioner", "cycle", "smoother", "rtol", "maxiter", "seed")
+
+
+def add_parser(commands: Any, **bare: Any) -> None:
+    """Add the command to the others."""
+    parser = commands.add_parser(
+        "contact",
+        help="contact of two elastic bodies",
+        description="Press a sphere, an ellipsoid or a cylinder on a flat of the same material "
+        "(hertz), shift it then with Coulomb friction (shift), or roll it steadily (rolling). "
+        "Units are N and mm.",
+        epilog="A file has the long names of these options as its keys, and `case`: "
+        'case = "shift", radius = [10, 20], line = false. Options on the command line count more; '
+        "there a negative number with an exponent is --longitudinal=-2e-3. "
+        "Files are written whole or not at all, and only where the solver has converged. "
+        "Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted.",
+        **bare,
+    )
+    what = "what to do, here or in the file"
+    parser.add_argument("case", nargs="?", choices=CASES, default=None, help=what)
+    parser.add_argument("--file", type=Path, metavar="CASE.toml", help="read options from a file")
+    for name, option in OPTIONS.items():
+        special: dict[str, Any] = {"type": option.kind}
+        if option.kind is bool:
+            special = {"action": "store_true"}
+        elif name in METAVARS:
+            special["metavar"] = METAVARS[name]
+        elif option.most > 1:
+            special |= {"nargs": "+", "metavar": name.upper()}
+        only = f"{' and '.join(option.cases)}: " if option.cases != CASES else ""
+        parser.add_argument(*SHORT.get(name, (f"--{name}",)), help=only + option.help, **special)
+
+
+def checked(given: argparse.Namespace) -> argparse.Namespace:
+    """Take what the file says and the defaults, and refuse what cannot be meant."""
+    options = {key: value for key, value in vars(given).items() if value is not None}
+    for name in ALIEN:
+        if name in options:
+            raise ValueError(f"--{name} is for linear systems, not for contact")
+    if "file" in options:
+        options = _read(options["file"]) | options
+    case = options.get("case")
+    if case is None:
+        raise ValueError(f"contact needs a case: {', '.join(CASES)}")
+    for name, option in OPTIONS.items():
+        if name in options:
+            if case not in option.cases:
+                raise ValueError(f"{_flag(name)} is for {' and '.join(option.cases)}, not {case}")
+            _check(name, option, options[name])
+    _check_together(case, options)
+    files.check_files((options.get("output"), options.get("plot")), (options.get("file"),))
+    defaults = {name: option.default for name, option in OPTIONS.items()}
+    if "approach" not in options:
+        defaults["force"] = FORCE
+    return argparse.Namespace(**(defaults | {"case": case} | options))
+
+
+def _check(name: str, option: Option, value: Any) -> None:
+    """Check one option by itself."""
+    values = value if isinstance(value, Sequence) else [value]
+    if not 1 <= len(values) <= option.most:
+        raise ValueError(f"{_flag(name)} has {len(values)} values, but takes 1 to {option.most}")
+    for x in values:
+        if isinstance(x, float) and not (option.infinite and math.isinf(x)):
+            if not math.isfinite(x):
+                raise ValueError(f"{_flag(name)} is {x}, but must be finite")
+            in_range(_flag(name), abs(x))
+        if option.positive and not x > 0.0:
+            raise ValueError(f"{_flag(name)} is {x}, but must be positive")
+    if name == "nu" and not -1.0 < value <= 0.5:
+        raise ValueError(f"--nu is {value}, but must be above -1 and at most 0.5")
+    if name == "tolerance" and value >= 1.0:
+        raise ValueError(f"--tolerance is {value}, but must be below 1")
+    if name == "n" and not FEWEST <= value <= MOST:
+        raise ValueError(f"-n is {value}, but must be {FEWEST} to {MOST}")
+    if name == "output" and value.suffix != ".npz":
+        raise ValueError(f"--output is {value}, but must end in .npz")
+    if name == "plot":
+        files.check_plotting(value)
+
+
+def _check_together(case: str, options: dict[str, Any]) -> None:
+    """Check what options mean for each other."""
+    for one, other in (("force", "approach"), ("tangential", "shift")):
+        if one in options and other in options:
+            raise ValueError(f"--{one} and --{other} are both given, but one decides the other")
+    has_load = "tangential" in options or "shift" in options
+    if case == "shift" and math.isinf(options.get("friction", 0.0)) and not has_load:
+        raise ValueError("--friction is inf: give --tangential or --shift, as nothing slides")
+    if not options.get("line"):
+        return
+    if "approach" in options:
+        raise ValueError(
+            "--approach is not for --line: plane strain leaves it open by a constant; give --force"
+        )
+    for name in ("lateral", "spin"):
+        if name in options:
+            raise ValueError(f"--{name} is not for --line, which rolls along x only")
+    for name in ("radius", "tangential", "shift"):
+        if len(options.get(name, ())) > 1:
+            raise ValueError(f"--{name} has two values, but --line takes one")
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Return the options in a TOML file, of the types of those on the command line."""
+    try:
+        with path.open("rb") as file:
+            content = file.read(LONGEST + 1)
+        if len(content) > LONGEST:
+            raise ValueError(f"it has more than {LONGEST} bytes")
+        table = tomllib.loads(content.decode())
+    except ValueError as error:  # of tomllib, of the encoding, or of an integer's length
+        raise ValueError(f"{path} is not TOML: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{path} is nested too deeply to be read as TOML") from None
+    options: dict[str, Any] = {}
+    for key, value in table.items():
+        if key == "case":
+            if value not in CASES:
+                raise ValueError(
+                    f"{path}: case is {reprlib.repr(value)}, but must be one of {', '.join(CASES)}"
+                )
+            options[key] = value
+        elif key in OPTIONS:
+            options[key] = _converted(path, key, value)
+        else:
+            raise ValueError(
+                f"{path} has the key {key}, but only these are known: case, {', '.join(OPTIONS)}"
+            )
+    # What is false was not asked for.
+    return {key: value for key, value in options.items() if value is not False}
+
+
+def _converted(path: Path, key: str, value: Any) -> Any:
+    option = OPTIONS[key]
+    if option.most > 1:
+        values = value if isinstance(value, list) else [value]
+        return [_number(path, key, x) for x in values]
+    wanted: dict[type, tuple[Any, str]] = {
+        int: (int, "an integer"),
+        bool: (bool, "true or false"),
+        Path: (str, "a file name"),
+    }
+    if option.kind is float:
+        return _number(path, key, value)
+    kind, name = wanted[option.kind]
+    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+        raise ValueError(f"{path}: {key} is {reprlib.repr(value)}, but must be {name}")
+    return option.kind(value)
+
+
+def _number(path: Path, key: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{path}: {key} is {reprlib.repr(value)}, but must be a number")
+    try:
+        return float(value)
+    except OverflowError:
+        raise ValueError(f"{path}: {key} is an integer too large for a number") from None
+
+
+def _flag(name: str) -> str:
+    return "-n" if name == "n" else f"--{name}"

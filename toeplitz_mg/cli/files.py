@@ -1,0 +1,246 @@
+"""Files of the command line: read with a clear error, written whole or not at all."""
+
+import io
+import os
+import secrets
+import stat
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact import ContactResult
+
+STANDARD_OUTPUT = 1  # file descriptor: where the report is printed
+
+
+def load(path: Path) -> Array:
+    """Read an array from a ``.npy`` file.
+
+    Raises
+    ------
+    OSError
+        Where there is no such file.
+    ValueError
+        Where it is not one of NumPy's, holds Python objects, or no numbers at all.
+    """
+    with path.open("rb") as file:
+        try:
+            array = np.load(file, allow_pickle=False)
+        except MemoryError:  # of the array, or of the parser of its header
+            raise ValueError(f"{path} needs more memory than there is") from None
+        except Exception as error:  # NumPy parses the header as Python, so it may be any of many.
+            raise ValueError(f"{path} is not a NumPy file of numbers (.npy): {error}") from None
+    if not isinstance(array, np.ndarray):
+        raise ValueError(f"{path} holds several arrays (.npz), but one is needed (.npy)")
+    if array.size == 0:  # NumPy 2.0 also reads a negative length, in a damaged header, as zero.
+        raise ValueError(f"{path} holds no numbers: its array has shape {array.shape}")
+    return array
+
+
+def check_files(written: Sequence[Path | None], read: Sequence[Path | None]) -> None:
+    """Refuse, before any work, files that cannot be written or serve for something else.
+
+    Parameters
+    ----------
+    written, read : sequence of Path or None
+        What is to be written, and what is read; None stands for no file.
+
+    Raises
+    ------
+    OSError
+        Where a file could not be written.
+    ValueError
+        Where a file is to be written twice, or over what is read, or into the report.
+    """
+    wanted: list[Path] = []
+    for path in filter(None, written):
+        _check_writable(path)
+        for other in wanted:
+            if _is_same(path, other):
+                raise ValueError(f"{path} is the same file as {other}, but each needs its own")
+        for other in filter(None, read):
+            if _is_same(path, other):
+                raise ValueError(f"{path} is the same file as {other}, but that one is read")
+        wanted.append(path)
+
+
+def _check_writable(path: Path) -> None:
+    """Raise OSError where `path` could not be written, or is where the report is printed."""
+    old = _status(path)
+    if old is None or stat.S_ISREG(old.st_mode):
+        folder = _target(path).parent
+        if not folder.is_dir():
+            raise FileNotFoundError(f"{folder} is no folder, so {path.name} cannot be written")
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise PermissionError(f"{folder} is not writable, so {path.name} cannot be written")
+    elif stat.S_ISDIR(old.st_mode):
+        raise IsADirectoryError(f"{path} is a folder, but a file is to be written")
+    elif not (stat.S_ISFIFO(old.st_mode) or stat.S_ISCHR(old.st_mode)):
+        raise OSError(f"{path} is neither a file nor a pipe nor a device of characters")
+    if old is None:
+        return
+    if not os.access(path, os.W_OK):
+        raise PermissionError(f"{path} is not writable")
+    with suppress(OSError):  # of a closed standard output, or one without a file
+        if not stat.S_ISCHR(old.st_mode) and os.path.samestat(old, os.fstat(STANDARD_OUTPUT)):
+            raise ValueError(f"{path} is the standard output, but the report is printed there")
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    """Tell whether two paths are one file, by whatever links, or would be."""
+    a, b = _status(one), _status(other)
+    if a is None or b is None:
+        return _target(one) == _target(other)
+    return os.path.samestat(a, b)
+
+
+def _status(path: Path) -> os.stat_result | None:
+    """What `path` is, behind its links; None where there is nothing yet."""
+    try:
+        return path.stat()
+    except FileNotFoundError:
+        return None
+
+
+def _target(path: Path) -> Path:
+    """Where a link leads, so that it stays a link to what is written."""
+    return Path(os.path.realpath(path))
+
+
+def check_plotting(path: Path) -> None:
+    """Raise ValueError where matplotlib is not installed, or cannot draw such a file."""
+    if find_spec("matplotlib") is None:
+        raise ValueError("--plot needs matplotlib: pip install 'toeplitz-mg[plot]'")
+    from matplotlib.backend_bases import FigureCanvasBase  # an extra, and slow to import
+
+    kinds = FigureCanvasBase.get_supported_filetypes()
+    if path.suffix.lower().removeprefix(".") not in kinds:
+        raise ValueError(f"{path} does not end in one of .{', .'.join(sorted(kinds))}")
+
+
+def save(path: Path, array: Array) -> None:
+    """Write an array to a ``.npy`` file."""
+    data = io.BytesIO()
+    np.save(data, array)
+    write(path, data.getvalue())
+
+
+def save_fields(path: Path, fields: Mapping[str, Any]) -> None:
+    """Write arrays by their names to a ``.npz`` file."""
+    data = io.BytesIO()
+    np.savez(data, **fields)
+    write(path, data.getvalue())
+
+
+def save_figure(path: Path, figure: Any, **options: Any) -> None:
+    """Write a figure of matplotlib, in the format that the name ends in."""
+    data = io.BytesIO()
+    figure.savefig(data, format=path.suffix.lower().removeprefix("."), **options)
+    write(path, data.getvalue())
+
+
+def plot_contact(path: Path, title: str, results: Mapping[str, ContactResult]) -> None:
+    """Draw the tractions of contact problems beside each other, by their titles."""
+    import matplotlib.figure
+
+    figure = matplotlib.figure.Figure(figsize=(5.5 * len(results), 4.5), layout="constrained")
+    axes = figure.subplots(1, len(results), squeeze=False)[0]
+    figure.suptitle(title)
+    for ax, (name, result) in zip(axes, results.items(), strict=True):
+        result.plot(ax)
+        ax.set_title(name)
+    save_figure(path, figure)
+
+
+def plot(
+    path: Path,
+    title: str,
+    solution: Array,
+    x: Array | None,
+    mask: Array | None,
+    residuals: Sequence[float],
+) -> None:
+    """Draw the solution, and the relative residuals, from that of the first guess."""
+    import matplotlib.figure
+
+    figure = matplotlib.figure.Figure(figsize=(10, 4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    # It has the name of a file, so there may be a $ in it, or bytes that are no characters.
+    figure.suptitle(title.encode(errors="backslashreplace").decode(), parse_math=False)
+    grid = solution
+    if mask is not None:
+        grid = np.full(mask.shape, np.nan)
+        grid[mask] = solution
+        if x is not None:
+            at = np.full(mask.shape, np.nan)
+            at[mask] = x
+            x = at
+    if grid.ndim == 2 and min(grid.shape) > 1:
+        image = left.imshow(grid.T, origin="lower")
+        figure.colorbar(image, ax=left)
+    else:
+        left.plot(np.arange(grid.size) if x is None else x, grid.ravel())
+        # The traction is singular at the ends: show its shape, not its largest value.
+        low, high = np.nanquantile(grid, [0.002, 0.998])
+        left.set_ylim(min(low, 0.0) * 1.1, max(high, 0.0) * 1.1)
+        left.set_xlabel("unknown" if x is None else "x (mm)")
+        left.set_ylabel("solution" if x is None else "traction (N/mm²)")
+    right.semilogy(range(len(residuals)), residuals, "o-")
+    right.xaxis.get_major_locator().set_params(integer=True)
+    right.set_xlabel("iteration")
+    right.set_ylabel("residual / right-hand side")
+    right.grid(alpha=0.3)
+    save_figure(path, figure)
+
+
+def print_any_character() -> None:
+    """Print what the terminal does not have as its number, so that no result is lost at a "²"."""
+    failing = ("strict", "surrogateescape")  # Others, as by PYTHONIOENCODING, were asked for.
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in failing:
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def write(path: Path, data: bytes) -> None:
+    """Write a regular file, whole or not at all; or into a pipe or a device.
+
+    Where it cannot be written an OSError is raised, and a file that was there is as it was.
+    """
+    try:
+        old = _status(path)
+        if old is None or stat.S_ISREG(old.st_mode):
+            _replace(_target(path), old, data)
+        else:
+            with path.open("wb") as file:
+                file.write(data)
+    except OSError as error:
+        raise OSError(f"{path} cannot be written: {error.strerror or error}") from error
+
+
+def _replace(target: Path, old: os.stat_result | None, data: bytes) -> None:
+    """Put a file in the place of an old one, or where there was none."""
+    part = target.with_name(f".{secrets.token_hex(8)}.part")
+    mode = 0o666 if old is None else stat.S_IMODE(old.st_mode)
+    try:
+        # In the same folder, as only there one file replaces another in a single step; and never
+        # readable by more than the old one.
+        with open(part, "xb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
+            if old is not None:
+                _keep_rights(part, old)
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())  # A full disk may be noticed only here.
+        os.replace(part, target)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _keep_rights(part: Path, old: os.stat_result) -> None:
+    with suppress(PermissionError, AttributeError):  # for root only, and not on Windows
+        os.chown(part, old.st_uid, old.st_gid)
+    part.chmod(stat.S_IMODE(old.st_mode))

@@ -1,0 +1,1 @@
+"""What finds the area of contact and the pressure on it."""

@@ -1,0 +1,151 @@
+"""Normal contact: pressures and the area of contact of two half-spaces that are pressed together.
+
+The pressures p and the gap w = A p + z - δ (Eq. 6-7) are complementary:
+
+    in contact  w = 0, p ≥ 0;        elsewhere  w ≥ 0, p = 0.
+
+The elements in contact are found by `active_set`, from a first guess on coarser grids.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact import doubts
+from toeplitz_mg.contact.checks import check_iteration, normal_load
+from toeplitz_mg.contact.counted import Products
+from toeplitz_mg.contact.grid import Element, Grid
+from toeplitz_mg.contact.normal.active_set import Search, State
+from toeplitz_mg.contact.result import ContactResult, converged
+from toeplitz_mg.engine.work import count_products
+from toeplitz_mg.values import field, in_range
+
+Progress = Callable[[int, float], object]
+
+
+def normal_contact(
+    gap: ArrayLike,
+    element: Element,
+    *,
+    material: Any,
+    approach: float | None = None,
+    force: float | None = None,
+    reference: float | None = None,
+    tolerance: float = 1e-8,
+    nested: bool = True,
+    max_products: int = 2000,
+    progress: Progress | None = None,
+) -> ContactResult:
+    """Press two bodies together: pressures, area of contact, force and approach.
+
+    Parameters
+    ----------
+    gap : array_like of shape (n1, n2) or (n,)
+        Between the bodies before they touch, at the centres of the elements, mm; up to a
+        constant, that adds to the approach. One level is line contact. See `surfaces`.
+    element : (float, float) or float
+        Size (h1, h2) of an element, mm. In line contact the width and the length of the strips,
+        or the width alone: plane strain, with forces per mm of length.
+    material : Material or (G, nu)
+        Shear modulus (N/mm²) and Poisson's ratio of both bodies; of two materials, that of
+        `halfspace.combined_material`. Against a rigid body, (2 G, nu).
+    approach : float
+        Of the bodies, from where the gap is given, mm.
+    force : float
+        N; in plane strain N/mm. Either this or the approach is given.
+    reference : float, optional
+        In plane strain, the distance at which a line load moves nothing, mm: it decides what
+        approach belongs to a force. By default the length of the grid.
+    tolerance : float
+        Of the complementarity, relative to the largest interference: of the gap in contact, and
+        of the depth of penetration elsewhere. Pressures are never negative.
+    nested : bool
+        Whether the first guess comes from coarser grids.
+    max_products : int
+        More products with the matrix than that are taken for a failure.
+    progress : callable, optional
+        Called as ``progress(products, residual)`` after each change of the area.
+
+    Returns
+    -------
+    ContactResult
+
+    Warns
+    -----
+    ContactWarning
+        Where the answer may not be of the problem that was meant: a contact that reaches the edge
+        of the grid or is less than 10 elements across, a mean pressure above E*/2, slopes above 1,
+        a gap that varies by more than the length of the grid, or whose sign seems to be reversed.
+        `ContactResult.warnings` lists them.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For input that makes no sense, before any work.
+    ContactError
+        Where the tolerance is not reached: it says what is violated.
+
+    Notes
+    -----
+    The bodies end where the grid ends. So a punch with sharp edges is a gap that is flat, or
+    inclined, along an axis, and touches at both ends of it without a warning. Any other gap, round
+    or rough, is taken for a part of a larger surface, and should not touch there.
+
+    Examples
+    --------
+    Hertz: a steel sphere of 10 mm on a steel plate.
+
+    >>> from toeplitz_mg.contact import normal_contact
+    >>> from toeplitz_mg.contact import surfaces
+    >>> gap = surfaces.sphere((64, 64), (0.01, 0.01), radius=10.0)
+    >>> contact = normal_contact(gap, (0.01, 0.01), material=(82000.0, 0.28), force=100.0)
+    >>> E_star = 82000.0 / (1.0 - 0.28)
+    >>> a = (3 * 100.0 * 10.0 / (4 * E_star)) ** (1 / 3)
+    >>> f"{contact.rigid:.5f} mm, {a**2 / 10.0:.5f} by Hertz"
+    '0.00351 mm, 0.00351 by Hertz'
+    """
+    z = field("gap", gap)
+    grid = Grid.of(z.shape, element, material, reference)
+    load = normal_load(z, approach, force)
+    check_iteration(tolerance, max_products, progress)
+    # A large distance would bury the interference in its rounding.
+    distance = float(z.min())
+    z = z - distance
+    if approach is not None:
+        approach = float(approach) - distance
+        if approach <= 0.0:
+            nothing = np.zeros(z.shape)
+            result = _result(grid, z, State(nothing, nothing, approach), 0, 0.0, distance)
+            doubts.warn(result.warnings)
+            return result
+        in_range("the interference", approach)
+    with count_products() as work:
+        search = Search(grid, z, approach, load, tolerance, progress)
+        products = Products(search.matrix, max_products)
+        state = search.run(products, search.first_guess(nested=nested))
+        state = state._replace(p=state.p / search.unit)
+    result = _result(grid, z, state, products.count, work.units(z.size), distance)
+    doubts.warn(converged(result, tolerance).warnings)
+    return result
+
+
+def _result(
+    grid: Grid, z: Array, state: State, products: int, work: float, distance: float
+) -> ContactResult:
+    return ContactResult(
+        element=grid.element,
+        traction=state.p,
+        displacement=state.u,
+        contact=state.p > 0.0,
+        force=float(state.p.sum() * grid.area),
+        rigid=state.approach + distance,
+        gap=state.u + z - state.approach,
+        products=products,
+        work=work,
+        iterations=state.iterations,
+        residual=state.residual,
+        warnings=doubts.of_pressures(grid, z, state.p, state.approach),
+    )

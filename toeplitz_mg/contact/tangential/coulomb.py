@@ -1,0 +1,205 @@
+"""Coulomb's law on a set of elements that stick and a set that slide (Eq. 2-3).
+
+Fields have the shape (components, ...): one component in line contact, two on a surface. The
+tractions q are admissible where |q| ≤ g. With the slip s = A q - b they obey
+
+    stick  s = 0, |q| ≤ g  (Eq. 2);        slide  q = -g s/|s|  (Eq. 3).
+
+While the sets are fixed, q may change by any vector where it sticks, and along the circle |q| = g
+where it slides: by a tangent vector. In one component there is none of those, the sign stays.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.counted import combined, dots
+
+ROUNDING = 4.0 * np.finfo(np.float64).eps
+
+
+@dataclass(frozen=True)
+class Areas:
+    """Elements that stick, and elements that slide."""
+
+    stick: Array
+    slide: Array
+
+    @classmethod
+    def of(cls, q: Array, g: Array) -> "Areas":
+        """Take what is on the bound for sliding."""
+        slide = (g > 0.0) & (size(q) >= g * (1.0 - 1e-12))
+        return cls((g > 0.0) & ~slide, slide)
+
+    def changed(self, out: Array, back: Array) -> "Areas":
+        """Let elements that stick slide, and such that slide stick."""
+        return Areas((self.stick & ~out) | back, (self.slide & ~back) | out)
+
+
+def size(q: Array) -> Array:
+    """|q| in each element."""
+    return np.asarray(np.abs(q[0]) if len(q) == 1 else np.hypot(q[0], q[1]))
+
+
+def direction(q: Array) -> Array:
+    """q/|q|, to the last bit ±1 in one component; zero where q is."""
+    a = size(q)
+    return np.asarray(q / np.where(a > 0.0, a, 1.0))
+
+
+def bounded(q: Array, g: Array) -> Array:
+    """The nearest admissible traction: |q| ≤ g to the last bit, however |q| is computed."""
+    if len(q) == 1:
+        return np.clip(q, -g, g)
+    a = size(q)
+    outside = a > g * (1.0 - ROUNDING)
+    if not outside.any():
+        return q
+    factor = np.ones_like(a)
+    factor[outside] = g[outside] / a[outside] * (1.0 - ROUNDING)
+    return q * factor
+
+
+def scaled(q: Array, g: Array, on_circle: Array) -> Array:
+    """Tractions of the size of the bound on some elements, and within it on the others."""
+    g_circle = np.where(on_circle, g, 0.0)  # elsewhere the bound may be infinite, and q zero
+    return bounded(np.where(on_circle, direction(q) * g_circle, q), g)
+
+
+class Tangent:
+    """Directions in which the tractions may change while the areas are fixed.
+
+    Parameters
+    ----------
+    areas : Areas
+    q : ndarray
+        Admissible, |q| = g where it slides.
+    balanced : bool
+        Whether the sum of the tractions is given, so that the changes have the sum zero.
+    """
+
+    def __init__(self, areas: Areas, q: Array, *, balanced: bool) -> None:
+        self.inside = areas.stick | areas.slide
+        self.n = np.where(areas.slide, direction(q), 0.0)
+        self._normals: Array | None = None
+        if balanced:
+            units = np.zeros((len(q), *q.shape))
+            for k in range(len(q)):
+                units[k, k] = 1.0
+            self._units = np.stack([self._project(e) for e in units])
+            self._normals = np.linalg.pinv([dots(self._units, e) for e in self._units])
+
+    def _project(self, v: Array) -> Array:
+        """To the tangent space, of any sum."""
+        v = np.where(self.inside, v, 0.0)
+        return np.asarray(v - self.n * along(v, self.n))
+
+    def multiplier(self, s: Array) -> Array:
+        """The uniform field nearest to `s` in these directions, as a vector of components."""
+        assert self._normals is not None
+        return np.asarray(self._normals @ dots(self._units, s))
+
+    def __call__(self, v: Array) -> Array:
+        """Project a field orthogonally."""
+        v = self._project(v)
+        if self._normals is not None:
+            v -= combined(self.multiplier(v), self._units)
+        return v
+
+
+def along(v: Array, n: Array) -> Array:
+    """v·n in each element."""
+    return np.asarray((v * n).sum(axis=0))
+
+
+def admissible(
+    q: Array, g: Array, areas: Areas, on_circle: Array, total: Array | None
+) -> tuple[Array, Areas]:
+    """Scale tractions to the bound on some elements, and restore the sum of all.
+
+    The elements that stick carry what is missing, or else all turn. The areas change only where
+    that does not do either.
+    """
+    q = scaled(q, g, on_circle)
+    if total is None:
+        return q, areas
+    p = balanced(q, g, total, areas.stick)
+    if p is None and len(q) > 1:  # almost all slides: turn tractions on the circle too
+        p = balanced(q, g, total, (g > 0.0) & np.isfinite(g), areas.slide)
+    if p is not None:
+        return p, areas
+    q = nearest(q, g, total)
+    return q, Areas.of(q, g)
+
+
+def nearest(q: Array, g: Array, total: Array | None) -> Array:
+    """The nearest admissible tractions, of a given sum if there is one."""
+    if total is None:
+        return bounded(q, g)
+    p = balanced(np.where(g > 0.0, q, 0.0), g, total, g > 0.0)
+    # Too close to where all slides for the nearest: some that have the sum.
+    return in_proportion(total, g) if p is None else p
+
+
+def in_proportion(total: Array, g: Array) -> Array:
+    """Tractions of a given sum in proportion to the bound; where some are bonded, on those."""
+    share = np.isinf(g).astype(np.float64) if np.isinf(g).any() else g
+    return np.asarray(total.reshape(-1, *(1,) * g.ndim) * (share / share.sum()))
+
+
+def balanced(
+    q: Array, g: Array, total: Array, movable: Array, on_circle: Array | None = None
+) -> Array | None:
+    """Return tractions of a given sum: bounded(q + c, g) where movable, with a constant c.
+
+    Where some stay on the circle |q| = g, it is q + c g, which turns them all by similar angles.
+    None where the movable elements cannot carry what is missing.
+    """
+    m = len(q)
+    rest = total - np.where(movable, 0.0, q).reshape(m, -1).sum(axis=1)
+    z, g_m = q[:, movable], g[movable]
+    circle, unit = np.zeros(g_m.shape, bool), np.ones_like(g_m)
+    if on_circle is not None:
+        circle, unit = on_circle[movable], g_m
+    if not np.linalg.norm(rest) < g_m.sum() * (1.0 - 1e-12):
+        return None
+    # The sum is the gradient of a convex function of c: Newton's method, with a search along it.
+    c = np.zeros(m)
+    value, p = _primitive(z, g_m, circle, unit)
+    missing = rest - p.sum(axis=1)
+    goal = 1e-13 * max(float(np.linalg.norm(total)), float(size(p).sum()))
+    for _ in range(100):
+        error = float(np.linalg.norm(missing))
+        if error <= goal:
+            result = q.copy()
+            result[:, movable] = p
+            return result
+        y = z + c[:, None] * unit
+        a = size(y)
+        outside = circle | (a > g_m)
+        n = np.where(outside, direction(y), 0.0)
+        weight = unit * np.where(outside, g_m / np.where(a > 0.0, a, 1.0), 1.0)
+        H = weight.sum() * np.eye(m) - (weight * n) @ n.T
+        move = np.linalg.solve(H + 1e-9 * weight.sum() * np.eye(m), missing)
+        for step in 0.5 ** np.arange(40.0):
+            trial = c + step * move
+            new, p = _primitive(z + trial[:, None] * unit, g_m, circle, unit)
+            missing = rest - p.sum(axis=1)
+            descends = new - trial @ rest < value - c @ rest
+            if descends or np.linalg.norm(missing) < 0.5 * error:
+                break
+        else:
+            return None
+        c, value = trial, new
+    return None
+
+
+def _primitive(z: Array, g: Array, circle: Array, unit: Array) -> tuple[float, Array]:
+    """A convex function of c, where z = q + c unit, and the tractions whose sum is its gradient.
+
+    It is the sum of ½|z|²/unit, continued linearly where |z| > g, and linear on the circle.
+    """
+    a = size(z)
+    inside = np.where(circle, g, np.minimum(a, g))
+    return float((inside * (a - 0.5 * inside) / unit).sum()), scaled(z, g, circle)

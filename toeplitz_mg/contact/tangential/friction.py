@@ -1,0 +1,170 @@
+"""Friction: tangential tractions of two half-spaces in contact that are shifted (Eq. 1-3)."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact import doubts
+from toeplitz_mg.contact.checks import (
+    check_iteration,
+    rigid_shift,
+    tangential_load,
+    traction_bound,
+    tractions_before,
+)
+from toeplitz_mg.contact.counted import Products
+from toeplitz_mg.contact.grid import Element, Grid
+from toeplitz_mg.contact.normal.problem import Progress
+from toeplitz_mg.contact.result import ContactResult, converged
+from toeplitz_mg.contact.tangential.coulomb import bounded, nearest
+from toeplitz_mg.contact.tangential.stick_slip import Problem, State, solve
+from toeplitz_mg.contact.tangential.window import Window
+from toeplitz_mg.engine.work import count_products
+
+
+def friction(
+    bound: ArrayLike,
+    element: Element,
+    *,
+    material: Any,
+    shift: ArrayLike | None = None,
+    force: ArrayLike | None = None,
+    previous: ContactResult | None = None,
+    reference: float | None = None,
+    tolerance: float = 1e-8,
+    nested: bool = True,
+    max_products: int = 2000,
+    progress: Progress | None = None,
+) -> ContactResult:
+    """Shift two bodies in contact tangentially: tractions, slip, areas of stick and slip.
+
+    Parameters
+    ----------
+    bound : array_like of shape (n1, n2) or (n,)
+        The traction bound g = μ p of each element, N/mm²: zero outside the contact, and infinite
+        where the bodies are bonded (μ = ∞). One level is line contact.
+    element : (float, float) or float
+        As in `normal_contact`.
+    material : Material or (G, nu)
+        As in `normal_contact`.
+    shift : array_like
+        Rigid shift of the bodies, since the previous tractions if there are such, mm: (δx, δy), or
+        in line contact a number. Tractions and displacements point along it. It may be a field,
+        of shape (2, n1, n2) or (n,), as for a rotation. In the paper's symbols it is -w δt.
+    force : array_like
+        Total tangential force (Fx, Fy), or in line contact a number, N; in plane strain N/mm.
+        Either this or the shift is given.
+    previous : ContactResult, optional
+        What was before: of `friction` on the same grid.
+    reference : float, optional
+        As in `normal_contact`.
+    tolerance : float
+        Of the slip where the bodies stick, and of its component that does not oppose the traction
+        where they slide, relative to the largest displacement. The bound holds exactly.
+    nested, max_products, progress
+        As in `normal_contact`.
+
+    Returns
+    -------
+    ContactResult
+
+    Warns
+    -----
+    ContactWarning
+        Where the contact is less than 10 elements across; and where the `material` is combined of
+        unlike ones, as the coupling of normal and tangential tractions is left out.
+        `ContactResult.warnings` lists them.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For input that makes no sense, before any work; also where the force is not less than
+        the bound carries, so that the bodies would slide off.
+    ContactError
+        Where the tolerance is not reached: it says what is violated.
+
+    Examples
+    --------
+    Cattaneo and Mindlin: half of the force that a Hertzian contact can carry.
+
+    >>> import numpy as np
+    >>> from toeplitz_mg.contact import surfaces
+    >>> from toeplitz_mg.contact import normal_contact
+    >>> from toeplitz_mg.contact import friction
+    >>> steel, element = (82000.0, 0.28), (0.01, 0.01)
+    >>> gap = surfaces.sphere((64, 64), element, radius=10.0)
+    >>> contact = normal_contact(gap, element, material=steel, force=100.0)
+    >>> shifted = friction(0.3 * contact.traction, element, material=steel, force=(15.0, 0.0))
+    >>> bool(shifted.stick.any() and shifted.sliding.any())
+    True
+    >>> a, (G, nu) = np.sqrt(contact.rigid * 10.0), steel
+    >>> exact = 3 * 30.0 * 2 * (2 - nu) / (16 * G * a) * (1 - (1 - 15.0 / 30.0) ** (2 / 3))
+    >>> f"{shifted.rigid[0] * 1e3:.3f} µm, {exact * 1e3:.3f} by theory"
+    '0.466 µm, 0.466 by theory'
+    """
+    g = traction_bound(bound)
+    grid = Grid.of(g.shape, element, material, reference)
+    check_iteration(tolerance, max_products, progress)
+    if (shift is None) == (force is None):
+        raise ValueError(
+            f"shift is {shift!r} and force is {force!r}, but one of the two must be given"
+        )
+    b = np.zeros((grid.components, *grid.shape))
+    before = b if previous is None else tractions_before(previous, grid)
+    total = None
+    if shift is None:
+        total = tangential_load(force, g, grid)
+    else:
+        b = b + rigid_shift(shift, b.shape)
+    window = Window.around(grid, (g > 0.0) | before.any(axis=0))
+    g, b, before = (window.inside(x) for x in (g, b, before))
+    with count_products() as work:
+        products = Products(window.grid.tangential(), max_products)
+        guess, least = None, 0.0
+        if previous is not None:
+            u = products(before)
+            guess = nearest(bounded(before, g), g, total)
+            b, least = b + u, float(np.abs(u).max())
+        problem = Problem(window.grid, g, b, total, tolerance, least, progress)
+        state = solve(problem, products, guess, nested=nested)
+    result = tangential_result(problem, state, window, products.count, work.units(b.size))
+    if shift is not None:
+        given = np.array(shift, dtype=np.float64)
+        result = replace(result, rigid=float(given) if given.ndim == 0 else given)
+    doubts.warn(converged(result, tolerance).warnings)
+    return result
+
+
+def tangential_result(
+    problem: Problem, state: State, window: Window, products: int, work: float
+) -> ContactResult:
+    """Return what was found, on the whole grid and in the shapes of the user."""
+    q, contact = state.q, problem.g > 0.0
+    whole_contact = window.extended(contact)
+    slip = state.u - problem.b - problem.uniform(state.shift)
+    is_line = len(q) == 1
+
+    def whole(x: Array) -> Array:
+        x = window.extended(x)
+        return x[0] if is_line else x
+
+    total = problem.grid.area * q.reshape(len(q), -1).sum(axis=1)
+    return ContactResult(
+        element=problem.grid.element,
+        traction=whole(q),
+        displacement=whole(np.where(contact, state.u, 0.0)),
+        contact=whole_contact,
+        force=float(total[0]) if is_line else total,
+        rigid=float(state.shift[0]) if is_line else state.shift,
+        slip=whole(np.where(contact, slip, 0.0)),
+        stick=window.extended(state.areas.stick),
+        bound=window.extended(problem.g),
+        products=products,
+        work=work,
+        iterations=state.iterations,
+        residual=state.residual,
+        warnings=doubts.of_bound(window.whole, whole_contact),
+    )

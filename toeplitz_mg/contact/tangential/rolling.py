@@ -1,0 +1,230 @@
+"""Rolling contact: tractions by creepage, in the steady state and on the way there (Eq. 1-8).
+
+The contact rolls towards positive x. What was, one step of one element before, at x + h is now at
+x, so that Eq. (8) with this step reads, w being the rigid slip in a step,
+
+    s = w + A q - S q',        (S q)(x) = (A q)(x + h),
+
+and in the steady state, where q' = q, s = w + K q with K = A - S. This is still a (block) Toeplitz
+matrix, though not symmetric: the steady state is found directly, without marching. The active sets
+are those of `friction`, and GMRES takes the place of conjugate gradients.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact import doubts
+from toeplitz_mg.contact.checks import check_iteration, traction_bound, tractions_before
+from toeplitz_mg.contact.counted import Products
+from toeplitz_mg.contact.grid import Element, Grid
+from toeplitz_mg.contact.normal.problem import Progress
+from toeplitz_mg.contact.result import ContactResult, converged
+from toeplitz_mg.contact.tangential.coulomb import bounded
+from toeplitz_mg.contact.tangential.friction import tangential_result
+from toeplitz_mg.contact.tangential.steady import steady, steady_operator
+from toeplitz_mg.contact.tangential.stick_slip import Problem, solve
+from toeplitz_mg.contact.tangential.window import Window
+from toeplitz_mg.engine.work import count_products
+from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.values import count, finite, in_range
+
+
+def rolling(
+    bound: ArrayLike,
+    element: Element,
+    *,
+    material: Any,
+    longitudinal: float = 0.0,
+    lateral: float = 0.0,
+    spin: float = 0.0,
+    tolerance: float = 1e-8,
+    nested: bool = True,
+    max_products: int = 2000,
+    progress: Progress | None = None,
+) -> ContactResult:
+    """Roll steadily towards positive x with given creepages: tractions, slip, stick and slip areas.
+
+    Parameters
+    ----------
+    bound : array_like of shape (n1, n2) or (n,)
+        The traction bound g = μ p, as in `friction`.
+    element : (float, float) or float
+        As in `normal_contact`.
+    material : Material or (G, nu)
+        As in `normal_contact`.
+    longitudinal, lateral : float
+        Creepages: rigid slip along x and y over the distance rolled.
+    spin : float
+        About the middle of the grid: rigid slip -φ y along x and φ x along y, 1/mm.
+    tolerance : float
+        Of Coulomb's law, as in `friction`, relative to the largest rigid slip.
+    nested, max_products, progress
+        As in `normal_contact`.
+
+    Returns
+    -------
+    ContactResult
+        With the slip over the distance rolled, and the creepages as `rigid`.
+
+    Warns
+    -----
+    ContactWarning
+        Where the contact is less than 10 elements across; and where the `material` is combined of
+        unlike ones, as the coupling of normal and tangential tractions is left out.
+        `ContactResult.warnings` lists them.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For input that makes no sense, before any work.
+    ContactError
+        Where the tolerance is not reached: it says what is violated.
+
+    Examples
+    --------
+    Carter: a cylinder that drives, sticks in 0.6 of its contact and carries 1 - 0.4² of μ P.
+
+    >>> import numpy as np
+    >>> from toeplitz_mg.contact import surfaces
+    >>> from toeplitz_mg.contact import rolling
+    >>> mu, a, R, G, nu = 0.3, 4.0, 500.0, 82000.0, 0.28
+    >>> (x,) = surfaces.centres(200, 0.05)
+    >>> p = G / (1 - nu) * np.sqrt(np.maximum(a**2 - x**2, 0.0)) / (2 * R)
+    >>> creepage = -mu * (a - 0.6 * a) / R
+    >>> rolled = rolling(mu * p, 0.05, material=(G, nu), longitudinal=creepage)
+    >>> bool(abs(rolled.force / (mu * p.sum() * 0.05) - (1 - 0.6**2)) < 0.01)
+    True
+    """
+    grid, g, w = _rigid_slip(bound, element, material, longitudinal, lateral, spin)
+    check_iteration(tolerance, max_products, progress)
+    with count_products() as work:
+        window = Window.around(grid, g > 0.0)
+        g, w, grid = window.inside(g), window.inside(w), window.grid
+        A = grid.tangential()
+        products = Products(steady_operator(A, grid.upstream()), max_products)
+        problem = Problem(grid, g, -w, None, tolerance, progress=progress)
+        state = steady(problem, products, nested=nested)
+        u = np.where(g > 0.0, apply_to_rows(A, state.q.reshape(-1)).reshape(w.shape), 0.0)
+    result = tangential_result(problem, state, window, products.count + 1, work.units(w.size))
+    result = replace(result, displacement=window.extended(u).reshape(result.traction.shape))
+    result = _per_distance(result, longitudinal, lateral, spin)
+    doubts.warn(converged(result, tolerance).warnings)
+    return result
+
+
+def rolling_steps(
+    bound: ArrayLike,
+    element: Element,
+    *,
+    material: Any,
+    longitudinal: float = 0.0,
+    lateral: float = 0.0,
+    spin: float = 0.0,
+    steps: int,
+    previous: ContactResult | None = None,
+    tolerance: float = 1e-8,
+    max_products: int = 2000,
+) -> Iterator[ContactResult]:
+    """Roll step by step, one element in each, from given tractions (Eq. 8).
+
+    Parameters
+    ----------
+    bound, element, material, longitudinal, lateral, spin, tolerance, max_products
+        As in `rolling`.
+    steps : int
+        How many.
+    previous : ContactResult, optional
+        Tractions before the first step, of any function for tangential contact on this grid; by
+        default none. So a bound that changes is followed step by step.
+
+    Yields
+    ------
+    ContactResult
+        After each step, with the slip over the distance rolled.
+
+    Warns
+    -----
+    ContactWarning
+        As in `rolling`, once for all steps.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For input that makes no sense, before any work.
+    ContactError
+        Where the tolerance is not reached: it says what is violated.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from toeplitz_mg.contact import rolling, rolling_steps
+    >>> x = np.linspace(-0.95, 0.95, 20)
+    >>> case = dict(element=0.1, material=(1.0, 0.3), longitudinal=-0.1)
+    >>> g = 0.3 * np.sqrt(1 - x**2)
+    >>> *_, last = rolling_steps(g, steps=60, **case)
+    >>> bool(np.allclose(last.traction, rolling(g, **case).traction, atol=1e-6))
+    True
+    """
+    grid, g, w = _rigid_slip(bound, element, material, longitudinal, lateral, spin)
+    check_iteration(tolerance, max_products)
+    steps = count("steps", steps)
+    about = doubts.of_bound(grid, g > 0.0)
+    q = np.zeros_like(w) if previous is None else tractions_before(previous, grid)
+    window = Window.around(grid, (g > 0.0) | q.any(axis=0))
+    q, g, w, grid = window.inside(q), window.inside(g), window.inside(w), window.grid
+
+    doubts.warn(about)
+
+    def march(q: Array) -> Iterator[ContactResult]:
+        A, S = grid.tangential(), grid.upstream()
+        for _ in range(steps):
+            with count_products() as work:
+                products = Products(A, max_products)
+                b = apply_to_rows(S, q.reshape(-1)).reshape(q.shape) - w
+                problem = Problem(grid, g, b, None, tolerance, float(np.abs(w).max()))
+                state = solve(problem, products, bounded(q, g), nested=False)
+            q = state.q
+            result = tangential_result(
+                problem, state, window, products.count + 1, work.units(w.size)
+            )
+            yield converged(_per_distance(result, longitudinal, lateral, spin), tolerance)
+
+    return march(q)
+
+
+def _rigid_slip(
+    bound: ArrayLike,
+    element: Element,
+    material: Any,
+    longitudinal: float,
+    lateral: float,
+    spin: float,
+) -> tuple[Grid, Array, Array]:
+    """The grid, the traction bound and the rigid slip in a step of one element (Eq. 1)."""
+    g = traction_bound(bound)
+    grid = Grid.of(g.shape, element, material, None)
+    for name, value in (("longitudinal", longitudinal), ("lateral", lateral), ("spin", spin)):
+        in_range(name, abs(finite(name, value)))
+        if grid.components == 1 and value and name != "longitudinal":
+            raise ValueError(f"{name} is {value}, but line contact has longitudinal creepage only")
+    if grid.components == 1:
+        w = np.full((1, *g.shape), float(longitudinal))
+    else:
+        x, y = np.meshgrid(*grid.centres(), indexing="ij")
+        w = np.stack([longitudinal - spin * y, lateral + spin * x])
+    return grid, g, w * grid.element[0]
+
+
+def _per_distance(
+    result: ContactResult, longitudinal: float, lateral: float, spin: float
+) -> ContactResult:
+    """The slip over the distance rolled, and the creepages."""
+    assert result.slip is not None
+    is_line = result.contact.ndim == 1
+    creepages = longitudinal if is_line else np.array([longitudinal, lateral, spin])
+    return replace(result, slip=result.slip / result.element[0], rigid=creepages)

@@ -1,0 +1,59 @@
+"""A rectangle around the elements in contact: tangential problems need no others."""
+
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.grid import Grid
+
+MARGIN = 0.1  # on each side: the cosine transform wants some, to save a few iterations
+
+
+@dataclass(frozen=True)
+class Window:
+    """A rectangle of elements of a grid.
+
+    Attributes
+    ----------
+    whole : Grid
+    box : tuple of slice
+        Of each axis.
+    """
+
+    whole: Grid
+    box: tuple[slice, ...]
+
+    @classmethod
+    def around(cls, grid: Grid, elements: Array) -> Self:
+        """One with all elements where a mask is true, and a margin; the grid where none is."""
+        box = []
+        for axis, n in enumerate(elements.shape):
+            others = tuple(k for k in range(elements.ndim) if k != axis)
+            (index,) = np.nonzero(elements.any(axis=others))
+            first, end = (int(index[0]), int(index[-1]) + 1) if len(index) else (0, n)
+            margin = int(MARGIN * (end - first))
+            box.append(slice(max(0, first - margin), min(n, end + margin)))
+        return cls(grid, tuple(box))
+
+    @property
+    def grid(self) -> Grid:
+        """The grid of the elements inside."""
+        shape = tuple(
+            len(range(n)[part]) for n, part in zip(self.whole.shape, self.box, strict=True)
+        )
+        return replace(self.whole, shape=shape)
+
+    def inside(self, x: Array) -> Array:
+        """The part of a field, of any components, that is inside."""
+        part: tuple[Any, ...] = (..., *self.box)
+        return np.ascontiguousarray(x[part])
+
+    def extended(self, x: Array) -> Array:
+        """A field on the whole grid, zero outside."""
+        components = x.shape[: x.ndim - len(self.box)]
+        whole = np.zeros((*components, *self.whole.shape), x.dtype)
+        part: tuple[Any, ...] = (..., *self.box)
+        whole[part] = x
+        return whole

@@ -1,0 +1,243 @@
+"""The four-step transform: long complex transforms in panels that fit the cache.
+
+A transform of length L = N₁ N₂, the vector as an N₁ × N₂ matrix x[j₁, j₂] in C order, is
+
+    Z[k₁, k₂] = Σ_j₂ W_N₂^(j₂ k₂) · W_L^(j₂ k₁) · Σ_j₁ W_N₁^(j₁ k₁) x[j₁, j₂],   W_N = exp(-2πi/N),
+
+short transforms of the columns, the twiddle factors, and short transforms of the rows. What is
+done between it and its inverse, a multiplication by eigenvalues, is done in the order [k₁, k₂], so
+that nothing is transposed. The columns are copied to a panel of some of them, which stays in the
+cache while it is transformed; so do a few rows at a time.
+
+The frequencies may be shifted, k + s in the place of k, which diagonalises the matrices that are
+circulant but for a factor exp(-2πis) on what goes around: s = 0 circulants, 1/2 skew-circulants,
+1/4 the right-angle convolution of `convolution`. The factors exp(-2πi j s/L) of a shift are
+u[j₁] = exp(-2πi j₁ s/N₁) before the columns, and the rest is part of the twiddle factors,
+exp(-2πi j₂ (k₁ + s)/L).
+
+References
+----------
+D. H. Bailey, FFTs in external or hierarchical memory, J. Supercomput. 4 (1990).
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
+from math import isqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+from scipy import fft
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.threads import share
+from toeplitz_mg.engine.workspace import workspace
+
+Load = Callable[[slice, Array], None]  # columns j₂, and the panel to fill, of shape (N₁, columns)
+Factor = tuple[float, Array]
+Store = Callable[[slice, Array], None]  # columns j₂, and the panel, which may be overwritten
+
+PANEL_BYTES = 2**20  # of columns: with 512 rows each piece of a row has two kilobytes
+BLOCK_BYTES = 2**19  # of rows, and of the twiddle factors
+LONG_ROW = 2**12  # numbers of a row from which its transform is slower
+ANCHOR = 32  # blocks whose twiddle factors are made from each other before they are made anew
+
+
+class FourStep:
+    """The plan of a transform of length N₁ N₂.
+
+    Parameters
+    ----------
+    rows, columns : int
+        N₁ and N₂.
+    dtype : complex64 or complex128
+    """
+
+    def __init__(self, rows: int, columns: int, dtype: DTypeLike) -> None:
+        self.dtype = np.dtype(dtype)
+        self._real = self.dtype.char.lower()
+        self.shape = rows, columns
+        panel, block = (size // self.dtype.itemsize for size in (PANEL_BYTES, BLOCK_BYTES))
+        panels = -(-columns * rows // panel)
+        # An odd multiple of 4: a power of 2 would bring each row to the same part of the cache.
+        self.width = min(columns, (-(-columns // panels) + 3) // 8 * 8 + 4)  # of a panel of columns
+        self.height = min(rows, max(2, block // columns))  # of a block of rows
+
+    @property
+    def length(self) -> int:
+        """L = N₁ N₂."""
+        return self.shape[0] * self.shape[1]
+
+    def weights(self, shift: float) -> Array:
+        """U = exp(-2πi j₁ s/N₁), shape (N₁, 1)."""
+        return _weights(self.shape[0], shift, self.dtype)
+
+    def spectrum(self, load: Load, shift: float) -> Array:
+        """Transform a vector, and return all of it, in the order [k₁, k₂].
+
+        The result is a `workspace`: what is to be kept for long had better be a copy.
+        """
+        W = workspace(self.shape, self.dtype)
+        self._columns_in(W, load)
+
+        def work(blocks: range) -> None:
+            for rows, twiddles in self._blocks(blocks, shift):
+                R = W[rows]
+                R *= twiddles
+                R = fft.fft(R, axis=1, overwrite_x=True)
+                if not np.may_share_memory(R, W):
+                    W[rows] = R
+
+        share(work, self._count(0), self.length)
+        return W
+
+    def multiply(self, load: Load, factors: Sequence[Factor], store: Store) -> None:
+        """Multiply by matrices that shifted transforms diagonalise, the first one first.
+
+        Parameters
+        ----------
+        load : callable
+            Fills a panel with columns of the vector times u of the first shift.
+        factors : sequence of (float, ndarray)
+            The shift and the eigenvalues, from `eigenvalues`.
+        store : callable
+            Receives a panel Q, which it may overwrite; the columns of the result are the
+            conjugate of u Q, with u of the last shift.
+        """
+        W = workspace(self.shape, self.dtype)
+        self._columns_in(W, load)
+        for k, (shift, eigenvalues) in enumerate(factors):
+            if k:
+                self._columns_through(W, factors[k - 1][0], shift)
+            self._rows(W, shift, eigenvalues)
+        self._columns_out(W, store)
+
+    def eigenvalues(self, spectrum: Array) -> Array:
+        """Prepare a spectrum, in the order [k₁, k₂], for `multiply`."""
+        is_complex = np.iscomplexobj(spectrum)
+        eigenvalues = np.empty(self.shape, self.dtype.char if is_complex else self._real)
+        np.divide(spectrum, self.length, out=eigenvalues, casting="same_kind")
+        return eigenvalues
+
+    def transpose(self, Z: Array, out: Array) -> None:
+        """Write the first columns of a spectrum as rows: in the order k₁ + N₁ k₂.
+
+        By panels, as Z may have rows that all go to the same part of the cache.
+        """
+        count = -(-len(out) // self.width)
+        for columns, P in self._panels(range(count), len(out)):
+            P[...] = Z[:, columns]
+            out[columns] = P.T
+
+    def _columns_in(self, W: Array, load: Load) -> None:
+        def work(panels: range) -> None:
+            for columns, P in self._panels(panels):
+                load(columns, P)
+                W[:, columns] = fft.fft(P, axis=0, overwrite_x=True)
+
+        share(work, self._count(1), self.length)
+
+    def _rows(self, W: Array, shift: float, eigenvalues: Array) -> None:
+        """Transform the rows, multiply, and transform back, to the conjugate."""
+
+        def work(blocks: range) -> None:
+            for rows, twiddles in self._blocks(blocks, shift):
+                R = W[rows]
+                R *= twiddles
+                R = fft.fft(R, axis=1, overwrite_x=True)
+                R *= eigenvalues[rows]
+                np.conjugate(R, out=R)
+                R = fft.fft(R, axis=1, overwrite_x=True)
+                np.multiply(R, twiddles, out=W[rows])
+
+        share(work, self._count(0), self.length)
+
+    def _columns_through(self, W: Array, shift: float, next_shift: float) -> None:
+        """Finish the one inverse transform, and begin the next transform."""
+        turn = self.weights(shift).conj() * self.weights(next_shift)
+
+        def work(panels: range) -> None:
+            for columns, P in self._panels(panels):
+                P[...] = W[:, columns]
+                P = fft.fft(P, axis=0, overwrite_x=True)
+                np.conjugate(P, out=P)
+                P *= turn
+                W[:, columns] = fft.fft(P, axis=0, overwrite_x=True)
+
+        share(work, self._count(1), self.length)
+
+    def _columns_out(self, W: Array, store: Store) -> None:
+        def work(panels: range) -> None:
+            for columns, P in self._panels(panels):
+                P[...] = W[:, columns]
+                store(columns, fft.fft(P, axis=0, overwrite_x=True))
+
+        share(work, self._count(1), self.length)
+
+    def _count(self, axis: int) -> int:
+        """The number of blocks of rows, or of panels of columns."""
+        return -(-self.shape[axis] // (self.width if axis else self.height))
+
+    def _panels(self, panels: range, end: int | None = None) -> Iterator[tuple[slice, Array]]:
+        """Yield the columns of each panel, up to `end`, and memory for it, the same for all."""
+        rows, columns = self.shape
+        memory = workspace((rows * self.width,), self.dtype)
+        for start in (panel * self.width for panel in panels):
+            stop = min(end or columns, start + self.width)
+            yield slice(start, stop), memory[: rows * (stop - start)].reshape(rows, -1)
+
+    def _blocks(self, blocks: range, shift: float) -> Iterator[tuple[slice, Array]]:
+        """Yield the rows k₁ of each block, and its twiddle factors, in the same memory for all."""
+        rows, columns = self.shape
+        first, step = _twiddles(rows, columns, self.height, shift, self.dtype)
+        row = step  # of any value
+        memory = workspace((self.height, columns), self.dtype)
+        for block in blocks:
+            start = block * self.height
+            stop = min(rows, start + self.height)
+            if (block - blocks.start) % ANCHOR:
+                row = row * step
+            else:
+                row = _row_of_twiddles(start, columns, self.length)
+            T = memory[: stop - start]
+            np.multiply(first[: stop - start], row.astype(self.dtype, copy=False), out=T)
+            yield slice(start, stop), T
+
+
+def four_step(length: int, dtype: DTypeLike) -> FourStep:
+    """Return the plan for the shortest length not below `length` of two near, fast factors."""
+    return FourStep(*_near_square(length), dtype)
+
+
+@lru_cache(maxsize=64)
+def _near_square(length: int) -> tuple[int, int]:
+    root = isqrt(length)
+    shapes = []
+    rows = fft.next_fast_len(max(1, root // 2))
+    while rows <= 2 * root + 1:
+        shapes.append((rows, fft.next_fast_len(-(-length // rows))))
+        rows = fft.next_fast_len(rows + 1)
+    # Fewer rows have longer pieces in a panel, as long as the rows stay in the cache.
+    best = max(2 * root // 3, min(root, length // LONG_ROW))
+    return min(shapes, key=lambda s: (s[0] * s[1], abs(s[0] - best)))
+
+
+@lru_cache(maxsize=16)
+def _weights(rows: int, shift: float, dtype: np.dtype[Any]) -> Array:
+    return np.asarray(np.exp(-2j * np.pi * shift / rows * np.arange(rows))[:, np.newaxis], dtype)
+
+
+@lru_cache(maxsize=8)
+def _twiddles(
+    rows: int, columns: int, height: int, shift: float, dtype: np.dtype[Any]
+) -> tuple[Array, Array]:
+    """Return the twiddle factors of the first block, and the step from a block to the next."""
+    L = rows * columns
+    angles = np.outer(np.arange(height) + shift, np.arange(columns)) / L
+    return np.exp(-2j * np.pi * angles).astype(dtype), _row_of_twiddles(height, columns, L)
+
+
+def _row_of_twiddles(k1: int, columns: int, L: int) -> Array:
+    """exp(-2πi j₂ k₁/L) for all j₂, from an argument that is reduced."""
+    turns = np.arange(columns, dtype=np.int64) * k1 % L / L
+    return np.asarray(np.exp(-2j * np.pi * turns))

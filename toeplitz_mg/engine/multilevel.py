@@ -1,0 +1,264 @@
+"""Products with Toeplitz matrices of several levels, whose entries may be small matrices.
+
+Each row of the last level is transformed as in `convolution.ToeplitzProduct`, at the frequencies
+k + 1/4, without an extension by zeros. What is left for each frequency is a Toeplitz matrix of the
+other levels. These are extended by zeros; the transforms skip the lines that are zero on the way
+in, and those that are cut off on the way out. They work on a panel of some frequencies of the last
+level that stays in the cache.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+from scipy import fft
+from scipy.linalg import norm
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.products import DENSE, multiply_rows
+from toeplitz_mg.engine.threads import share
+from toeplitz_mg.engine.transforms import BATCH, phase_factors
+from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.engine.workspace import workspace
+
+Kernel = Sequence[Sequence[Array | None]]  # lags of each pair of components; None is zero
+
+PANEL_BYTES = 2**20
+BLOCK_BYTES = 2**18  # of rows
+NARROW = 8  # columns of a panel at least: shorter pieces of a row take as long
+
+
+class MultilevelProduct:
+    """Multiplication by a real Toeplitz matrix of several levels, or by blocks of such.
+
+    Parameters
+    ----------
+    grid_shape : tuple of int
+        (components, n₁, ..., n_d).
+    dtype : float32 or float64
+    kernel : sequence of sequences of ndarray or None
+        For each pair of components (i, j) the lags, shape (2 n₁ - 1, ..., 2 n_d - 1), that take
+        component j of the vector to component i of the result. The vectors have the components
+        one after the other. It is needed only where the product is small, and so a dense one.
+    spectrum : the same of the eigenvalues of the embedding
+        Divided by the lengths of the inverse transforms; None where the product is a dense one.
+    """
+
+    def __init__(
+        self,
+        grid_shape: tuple[int, ...],
+        dtype: DTypeLike,
+        kernel: Kernel | None,
+        spectrum: Kernel | None,
+    ) -> None:
+        self.grid_shape = grid_shape
+        self.dtype, self.points = np.dtype(dtype), float(prod(grid_shape))
+        self._components, *grid = grid_shape
+        self._grid = tuple(grid)
+        self._kernel = kernel
+        self.spectrum = spectrum
+        self.lengths = _lengths(self._grid)
+
+    @classmethod
+    def of(
+        cls, kernel: Kernel, dtype: DTypeLike, known: Kernel | None = None
+    ) -> "MultilevelProduct":
+        """Make the product from the lags of each pair of components.
+
+        Parameters
+        ----------
+        kernel, dtype
+            As for the class.
+        known : the same of the eigenvalues, optional
+            That other products have for these lags. None has to be computed.
+        """
+        first = next(lags for row in kernel for lags in row if lags is not None)
+        grid_shape = (len(kernel), *((m + 1) // 2 for m in first.shape))
+        if prod(grid_shape) <= DENSE:
+            return cls(grid_shape, dtype, kernel, None)
+        known = known or [[None] * len(row) for row in kernel]
+        spectrum = [
+            [
+                _cast(_spectrum(lags) if given is None else given, dtype)
+                for lags, given in zip(*row, strict=True)
+            ]
+            for row in zip(kernel, known, strict=True)
+        ]
+        return cls(grid_shape, dtype, None, spectrum)
+
+    def adjoint(self) -> "MultilevelProduct":
+        """Return the multiplication by the transpose; no transform is made."""
+        kernel = self._kernel and _transpose(self._kernel, np.flip)
+        spectrum = self.spectrum and _transpose(self.spectrum, np.conj)
+        return MultilevelProduct(self.grid_shape, self.dtype, kernel, spectrum)
+
+    def astype(self, dtype: DTypeLike) -> "MultilevelProduct":
+        """Return the multiplication in another precision; no transform is made."""
+        spectrum = self.spectrum and [[_cast(s, dtype) for s in row] for row in self.spectrum]
+        return MultilevelProduct(self.grid_shape, dtype, self._kernel, spectrum)
+
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: of the spectrum, by its rows."""
+        spectrum = self.spectrum or [[_spectrum(a) for a in row] for row in self._kernel or ()]
+        sizes = [[0.0 if s is None else float(np.abs(s).max()) for s in row] for row in spectrum]
+        return float(norm(np.ravel(sizes))) * prod(self.lengths)  # by nrm2: of any size
+
+    @cached_property
+    def _matrix(self) -> Array:
+        """The transpose of the matrix."""
+        points = np.indices(self._grid).reshape(len(self._grid), -1)
+        zero = np.zeros((points.shape[1],) * 2)
+        blocks = [
+            [zero if lags is None else entries(lags, points, points) for lags in row]
+            for row in self._kernel or ()
+        ]
+        return np.ascontiguousarray(np.block(blocks).T, self.dtype)
+
+    def __call__(self, X: Array, out: Array | None = None) -> Array:
+        """As `multiply_rows`."""
+        return multiply_rows(self, X, out)
+
+    def multiply(self, X: Array, out: Array) -> None:
+        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
+        if X.shape[1] <= DENSE:
+            out[...] = X.astype(self.dtype, copy=False) @ self._matrix
+            return
+        batch = max(1, BATCH // prod(self.lengths))
+        for start in range(0, len(X), batch):
+            self._multiply(X[start : start + batch], out[start : start + batch])
+
+    def _multiply(self, X: Array, out: Array) -> None:
+        n, L = self._grid[-1], self.lengths[-1]
+        precision = np.dtype(self.dtype.char.upper())
+        w = phase_factors(L, 0.25, precision)[:n]
+        x, y = X.reshape(-1, n), out.reshape(-1, n)
+        Z = workspace((len(x), L), precision)
+        shape = (len(X), self._components, *self._grid[:-1])
+        matrix = Z.reshape(*shape, L)
+        height = max(1, BLOCK_BYTES // (L * precision.itemsize))
+
+        def rows_in(blocks: range) -> None:
+            for rows in _slices(blocks, height, len(x)):
+                R = Z[rows]
+                np.multiply(x[rows], w, out=R[:, :n], casting="same_kind")
+                R[:, n:] = 0.0
+                _in_place(fft.fft, R, 1)
+
+        def columns_through(panels: range) -> None:
+            for columns in _slices(panels, width, L):
+                self._panel(matrix[..., columns], columns)
+
+        def rows_out(blocks: range) -> None:
+            for rows in _slices(blocks, height, len(x)):
+                R = Z[rows]
+                _in_place(fft.ifft, R, 1)
+                R = R[:, :n]
+                R *= w.conj()
+                y[rows] = R.real
+
+        line = len(X) * self._components * prod(self.lengths[:-1]) * precision.itemsize
+        width = min(L, max(NARROW, PANEL_BYTES // line))
+        share(rows_in, -(-len(x) // height), Z.size)
+        share(columns_through, -(-L // width), Z.size)
+        share(rows_out, -(-len(x) // height), Z.size)
+
+    def _panel(self, part: Array, columns: slice) -> None:
+        """Multiply some frequencies of the last level, in place."""
+        grid = self._grid[:-1]
+        P = workspace((*part.shape[:2], *self.lengths[:-1], part.shape[-1]), part.dtype)
+        # Lines of level k, where the levels before it are not extended yet, or cut again.
+        lines = [P[(slice(None), slice(None), *map(slice, grid[:k]))] for k in range(len(grid) + 1)]
+        lines[-1][...] = part
+        for k in reversed(range(len(grid))):
+            lines[k][(slice(None),) * (2 + k) + (slice(grid[k], None),)] = 0.0
+            _in_place(fft.fft, lines[k], 2 + k)
+        self._times_spectrum(P, columns)
+        for k in range(len(grid)):
+            _in_place(fft.ifft, lines[k], 2 + k)
+        part[...] = lines[-1]
+
+    def _times_spectrum(self, P: Array, columns: slice) -> None:
+        assert self.spectrum is not None
+        if self._components == 1:
+            spectrum = self.spectrum[0][0]
+            P[:, 0] *= 0.0 if spectrum is None else spectrum[..., columns]
+            return
+        Q = workspace(P.shape, P.dtype)
+        part = workspace(P[:, 0].shape, P.dtype)
+        for i, row in enumerate(self.spectrum):
+            terms = [(j, s) for j, s in enumerate(row) if s is not None]
+            if not terms:
+                Q[:, i] = 0.0
+            for k, (j, spectrum) in enumerate(terms):
+                np.multiply(P[:, j], spectrum[..., columns], out=part if k else Q[:, i])
+                if k:
+                    Q[:, i] += part
+        P[...] = Q
+
+
+def _lengths(grid: Sequence[int]) -> tuple[int, ...]:
+    """The lengths of the transforms in each level."""
+    *others, last = grid
+    return (*(fft.next_fast_len(2 * n - 1) for n in others), fft.next_fast_len(last))
+
+
+def _spectrum(lags: Array | None) -> Array | None:
+    """The eigenvalues of a block, divided by the lengths of the inverse transforms."""
+    if lags is None or not lags.any():
+        return None
+    grid = [(m + 1) // 2 for m in lags.shape]
+    lengths = _lengths(grid)
+    count_transforms(1, *(2 * n for n in grid))
+    column = np.zeros(lengths, np.complex128)
+    n = grid[-1]
+    inside = tuple(slice(m) for m in lags.shape[:-1])
+    column[(*inside, slice(n))] = lags[..., n - 1 :]
+    if n > 1:
+        column.imag[(*inside, slice(1 - n, None))] = lags[..., : n - 1]
+    levels = tuple(range(lags.ndim - 1))
+    column = np.roll(column, [1 - m for m in grid[:-1]], levels)
+    w = phase_factors(lengths[-1], 0.25, np.dtype(np.complex128))
+    column *= w / prod(lengths)
+    spectrum = fft.fftn(column, overwrite_x=True)
+    return spectrum.real if np.array_equal(lags, np.flip(lags)) else spectrum
+
+
+def _cast(spectrum: Array | None, dtype: DTypeLike) -> Array | None:
+    """Bring eigenvalues to this precision."""
+    if spectrum is None:
+        return None
+    precision = np.dtype(dtype)
+    kind = precision.char.upper() if np.iscomplexobj(spectrum) else precision
+    return np.ascontiguousarray(spectrum, kind)
+
+
+def _transpose(blocks: Kernel, of_block: Callable[[Array], Array]) -> Kernel:
+    return [
+        [None if block is None else of_block(block) for block in column]
+        for column in zip(*blocks, strict=True)
+    ]
+
+
+def entries(lags: Array, rows: Sequence[Array] | Array, columns: Sequence[Array] | Array) -> Array:
+    """Return the a[i - j] of all pairs of points, which are given by their index in each level."""
+    lag = (
+        np.subtract.outer(i, j) + m // 2 for i, j, m in zip(rows, columns, lags.shape, strict=True)
+    )
+    return np.asarray(lags[tuple(lag)])
+
+
+def _slices(blocks: range, size: int, end: int) -> Iterator[slice]:
+    for block in blocks:
+        yield slice(block * size, min(end, (block + 1) * size))
+
+
+def _in_place(transform: Any, A: Array, axis: int) -> None:
+    """Transform along an axis, without any factor, in the memory of `A`."""
+    norm = "forward" if transform is fft.ifft else "backward"
+    B = transform(A, axis=axis, norm=norm, overwrite_x=True)
+    if not np.may_share_memory(A, B):
+        A[...] = B

@@ -1,0 +1,269 @@
+"""The FFT engine behind every product: matrices that fast transforms diagonalise, or embed."""
+
+from collections.abc import Callable
+from functools import cached_property, partial
+from math import prod
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import DTypeLike
+from scipy import fft
+from scipy.linalg import toeplitz
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.transforms import OneStep, Panels, near_fast_length, plan_of
+from toeplitz_mg.engine.work import count_transforms, count_work, levels_of
+from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.values import unmasked
+
+DENSE = 256  # unknowns up to which a dense product is faster than any transform
+
+
+class Product(Protocol):
+    """Multiplication of rows by a real matrix: what all kinds of products have in common."""
+
+    dtype: np.dtype[Any]  # the precision of the products, whatever that of the vectors
+    points: float  # the work of a product, in grid points
+
+    def multiply(self, X: Array, out: Array) -> None:
+        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
+
+
+def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array:
+    """Multiply the rows of `X`, shape (..., N), into `out`, of the same shape, or a new array.
+
+    The result has the dtype that NumPy gives to the product of a matrix and a vector of these
+    dtypes. `out` may be `X`.
+    """
+    if np.iscomplexobj(X):
+        real, imag = multiply_rows(product, X.real), multiply_rows(product, X.imag)
+        out = np.empty(X.shape, np.result_type(X, product.dtype)) if out is None else out
+        out.real, out.imag = real, imag
+        return out
+    if out is None:
+        out = np.empty(X.shape, np.result_type(X, product.dtype))
+    n = X.shape[-1]
+    rows = X.reshape(-1, n)
+    count_work(len(rows), product.points)
+    product.multiply(rows, out.reshape(-1, n))
+    return out
+
+
+class ToeplitzProduct:
+    """Multiplication by a real Toeplitz matrix of one level.
+
+    Up to some size by the matrix itself. Beyond it is embedded in a matrix of size L ≥ n that is
+    circulant but for a factor i on what goes around: with the lags a,
+
+        Re of the matrix with the first column a_k + i a_(k-L)    (k = 0 … L - 1)
+
+    has the Toeplitz matrix as its leading block, as what goes around is imaginary. The transform
+    at the frequencies k + 1/4 diagonalises it: one complex transform each way, of length n in the
+    place of real ones of length 2 n that are half zeros. Of a symmetric matrix the eigenvalues are
+    real, Σ a_k cos kθ.
+
+    References
+    ----------
+    R. Crandall, B. Fagin, Discrete weighted transforms and large-integer arithmetic, Math. Comp.
+    62 (1994): "right-angle convolution".
+    """
+
+    grid_shape: tuple[int, ...]
+
+    def __init__(
+        self, n: int, dtype: DTypeLike, band: tuple[Array, Array] | None, spectrum: Array | None
+    ) -> None:
+        self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), float(n)
+        self._band = band
+        self.spectrum = spectrum
+
+    @classmethod
+    def of(cls, column: Array, row: Array, dtype: DTypeLike) -> "ToeplitzProduct":
+        """Make the product from the first column and row; the same array where it is symmetric."""
+        n = len(column)
+        if n <= DENSE:
+            return cls(n, dtype, (column, row), None)
+        return cls(n, dtype, None, _spectrum(column, row, np.dtype(dtype)))
+
+    def adjoint(self) -> "ToeplitzProduct":
+        """Return the multiplication by the transpose; no transform is made."""
+        band = self._band and self._band[::-1]
+        spectrum = None if self.spectrum is None else self.spectrum.conj()
+        return ToeplitzProduct(self.grid_shape[0], self.dtype, band, spectrum)
+
+    def astype(self, dtype: DTypeLike) -> "ToeplitzProduct":
+        """Return the multiplication in another precision; no transform is made."""
+        spectrum = self.spectrum
+        if spectrum is not None:
+            is_complex = np.iscomplexobj(spectrum)
+            spectrum = spectrum.astype(np.result_type(dtype, np.complex64) if is_complex else dtype)
+        return ToeplitzProduct(self.grid_shape[0], dtype, self._band, spectrum)
+
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: that of the matrix of size L."""
+        spectrum = self.spectrum
+        if spectrum is None:
+            assert self._band is not None
+            spectrum = _spectrum(*self._band, self.dtype)
+        return float(np.abs(spectrum).max() * plan_of(self.grid_shape[0], np.float64).length)
+
+    @cached_property
+    def _plan(self) -> OneStep | Panels:
+        return plan_of(self.grid_shape[0], self.dtype)
+
+    @cached_property
+    def _matrix(self) -> Array:
+        """The transpose of the matrix."""
+        assert self._band is not None
+        column, row = self._band
+        return np.ascontiguousarray(toeplitz(row, column), self.dtype)
+
+    def __call__(self, X: Array, out: Array | None = None) -> Array:
+        """As `multiply_rows`."""
+        return multiply_rows(self, X, out)
+
+    def multiply(self, X: Array, out: Array) -> None:
+        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
+        if self.spectrum is None:
+            out[...] = X.astype(self.dtype, copy=False) @ self._matrix
+        else:
+            self._plan.multiply_real(X, self.spectrum, out)
+
+
+def _spectrum(column: Array, row: Array, dtype: np.dtype[Any]) -> Array:
+    """Return the eigenvalues of the embedding of a Toeplitz matrix, as the transform needs them."""
+    n = len(column)
+    plan = plan_of(n, np.float64)
+    count_transforms(1, 2 * plan.length)
+    symmetric = row is column
+    ahead = np.zeros(plan.length + 1)
+    ahead[:n] = column
+    back = ahead if symmetric else np.zeros(plan.length + 1)
+    back[:n] = row
+    Z = plan.spectrum(ahead[:-1], back[:0:-1], 0.25)
+    return plan_of(n, dtype).eigenvalues(Z.real if symmetric else Z)
+
+
+class Transforms(NamedTuple):
+    """A transform that diagonalises an algebra of matrices, and its inverse."""
+
+    forward: Callable[..., Array]
+    backward: Callable[..., Array]
+
+
+FOURIER = Transforms(fft.rfftn, fft.irfftn)  # circulants
+COSINE = Transforms(partial(fft.dctn, norm="ortho"), partial(fft.idctn, norm="ortho"))  # DCT-II
+SINE = Transforms(partial(fft.dstn, norm="ortho"), partial(fft.idstn, norm="ortho"))  # DST-II
+
+
+class DiagonalisedProduct:
+    """Multiplication by a symmetric matrix that a fast transform diagonalises, as a circulant.
+
+    The vectors live on a grid, are extended by zeros to the size of the matrix, and cut again.
+
+    Parameters
+    ----------
+    spectrum : ndarray, real
+        The eigenvalues; of a circulant the ``rfftn`` of its first column.
+    fft_shape : tuple of int
+        The size of the matrix in each level.
+    grid_shape : tuple of int
+        The size of the vectors, at most `fft_shape` in each level.
+    dtype : float32 or float64
+    transforms : Transforms
+    """
+
+    grid_shape: tuple[int, ...]
+
+    def __init__(
+        self,
+        spectrum: Array,
+        fft_shape: tuple[int, ...],
+        grid_shape: tuple[int, ...],
+        dtype: DTypeLike = np.float64,
+        transforms: Transforms = FOURIER,
+    ) -> None:
+        # The share of a product on this grid, whose transforms are twice as long in each level.
+        points = prod(grid_shape) / 2 ** levels_of(grid_shape)
+        self.grid_shape, self.dtype, self.points = grid_shape, np.dtype(dtype), points
+        self.transforms = transforms
+        self.spectrum = unmasked("spectrum", spectrum).astype(self.dtype, copy=False)
+        self.fft_shape = fft_shape
+        self._axes = tuple(range(-len(grid_shape), 0))
+        self._cut: Any = (..., *(slice(n) for n in grid_shape))
+
+    def __call__(self, X: Array, out: Array | None = None) -> Array:
+        """As `multiply_rows`."""
+        return multiply_rows(self, X, out)
+
+    def multiply(self, X: Array, out: Array) -> None:
+        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
+        # Extended by zeros; the transforms of real to real numbers stay in this memory.
+        grid = workspace((len(X), *self.fft_shape), self.dtype)
+        if self.fft_shape != self.grid_shape:
+            grid[...] = 0.0
+        grid[self._cut] = X.reshape(-1, *self.grid_shape)
+        forward, backward = self.transforms
+        hat = forward(grid, axes=self._axes, overwrite_x=True)
+        hat *= self.spectrum
+        Y = backward(hat, s=self.fft_shape, axes=self._axes, overwrite_x=True)[self._cut]
+        out[...] = Y.reshape(X.shape)
+
+
+class GohbergSemenculProduct:
+    """Multiplication by the inverse of a Toeplitz matrix, given its first column times (2 x₀)^-1/2.
+
+    Re z + J Im z, z = C Sᵀ (v + i J v), for a vector v and its reversal J v, where C and S are the
+    circulant and the skew-circulant with that column: four transforms of length n, as much work
+    as two products with a Toeplitz matrix of that size.
+
+    Where these are slow, p zeros are appended to the column and to the vectors. That is the
+    formula for a matrix of size n + p that has the one of size n as its leading block (and
+    reflection coefficients that are zero from there on). By the block elimination of its last p
+    unknowns the inverse of the block is that of the matrix without 2 Σ (Zˢ u) (Zˢ u)ᵀ, s < p,
+    where u is the column reversed, [0 x_(n-1) … x₁], and Z shifts down by one.
+
+    Parameters
+    ----------
+    column : ndarray of shape (n,), float64
+    dtype : float32 or float64
+    """
+
+    grid_shape: tuple[int, ...]
+
+    def __init__(self, column: Array, dtype: DTypeLike) -> None:
+        n = len(column)
+        m = near_fast_length(n)
+        self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), 2.0 * m
+        self._length = m
+        # Its windows of length n are Zˢ u, s = p - 1 … 0.
+        self._u = np.concatenate((np.zeros(m - n), column[:0:-1])).astype(dtype)
+        plan = plan_of(m, np.float64, exact=True)
+        count_transforms(2, 2 * m)
+        eigenvalues = plan_of(m, dtype, exact=True).eigenvalues
+        column = np.concatenate((column, np.zeros(m - n)))
+        # At the frequencies k - 1/2 of the skew-circulant, conjugated for its transpose.
+        self._factors = [
+            (0.5, eigenvalues(plan.spectrum(column, None, 0.5).conj())),
+            (0.0, eigenvalues(plan.spectrum(column, None, 0.0))),
+        ]
+
+    def __call__(self, X: Array, out: Array | None = None) -> Array:
+        """As `multiply_rows`."""
+        return multiply_rows(self, X, out)
+
+    def multiply(self, X: Array, out: Array) -> None:
+        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
+        n, m = X.shape[1], self._length
+        plan = plan_of(m, self.dtype, exact=True)
+        if m == n:
+            plan.multiply_folded(X, self._factors, out)
+            return
+        Z = workspace((len(X), m), self.dtype)
+        Z[:, :n] = X
+        Z[:, n:] = 0.0
+        parts = [np.correlate(self._u, z, "valid") for z in Z[:, :n]]
+        plan.multiply_folded(Z, self._factors, Z)
+        for z, part, y in zip(Z, parts, out, strict=True):
+            np.subtract(z[:n], 2.0 * np.correlate(self._u, part, "valid"), out=y)

@@ -1,0 +1,293 @@
+"""Transforms of rows: short ones at once, long ones in four steps, and what is done with them."""
+
+from collections.abc import Iterator
+from functools import cached_property, lru_cache
+from itertools import count
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+from scipy import fft
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.fourstep import FourStep, four_step
+from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.engine.workspace import workspace
+
+LONG = 2**15  # length from which a transform in four steps is faster than one
+BATCH = 2**15  # numbers of a batch of short vectors that stays in the cache
+
+
+def near_fast_length(n: int) -> int:
+    """Return the next length whose transform is not slow, but not always among the fastest.
+
+    No prime factor is above 61. The next length without one above 5 may be some percent longer.
+    """
+    return next(m for m in count(n) if _is_fast(m))
+
+
+def _is_fast(m: int) -> bool:
+    for p in (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61):
+        while m % p == 0:
+            m //= p
+    return m == 1
+
+
+class OneStep:
+    """Transforms of a length at once: many short vectors, or those of no near, fast factors."""
+
+    def __init__(self, length: int, dtype: DTypeLike) -> None:
+        self.length = length
+        self.dtype = np.dtype(dtype)
+
+    @cached_property
+    def _quarter(self) -> tuple[Array, Array]:
+        return self.weights(0.25), self.weights(-0.25)
+
+    def weights(self, shift: float) -> Array:
+        """The factors exp(-2πi j s/L) of a shift, shape (L,)."""
+        return phase_factors(self.length, shift, self.dtype)
+
+    def spectrum(self, real: Array, imag: Array | None, shift: float) -> Array:
+        """Transform a vector at the frequencies k + s.
+
+        Parameters
+        ----------
+        real, imag : ndarray of shape (L,)
+            Its parts; None in the place of the imaginary one where it is zero.
+        shift : float
+            s.
+        """
+        column = real if imag is None else real + 1j * imag
+        return np.asarray(fft.fft(column * self.weights(shift)))
+
+    def eigenvalues(self, spectrum: Array) -> Array:
+        """Prepare a spectrum for the products."""
+        spectrum = spectrum / self.length
+        if np.iscomplexobj(spectrum):
+            return spectrum.astype(self.dtype)
+        # Twice, for the real and the imaginary part.
+        return np.repeat(spectrum, 2).astype(self.dtype.char.lower())
+
+    def multiply_real(self, X: Array, eigenvalues: Array, out: Array) -> None:
+        """Multiply rows; of the result the real part, for the shift 1/4."""
+        n = X.shape[1]
+        w, w_conj = self._quarter
+        if n < self.length:
+            w, w_conj = w[:n], w_conj[:n]
+        for part, Z in self._batches(len(X)):
+            x = X[part]
+            cut = Z if n == self.length else Z[:, :n]
+            if x.dtype == out.dtype:
+                np.multiply(x, w, out=cut)
+            else:
+                np.multiply(x, w, out=cut, casting="same_kind")
+            if n < self.length:
+                Z[:, n:] = 0.0
+            Z = fft.fft(Z, overwrite_x=True)
+            pairs = Z.view(eigenvalues.dtype)
+            pairs *= eigenvalues
+            # The inverse transform, but for its factor 1/L, which the eigenvalues have.
+            Z = fft.ifft(Z, overwrite_x=True, norm="forward")
+            cut = Z if n == self.length else Z[:, :n]
+            cut *= w_conj
+            out[part] = cut.real
+
+    def multiply_folded(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
+        """As `GohbergSemenculProduct`."""
+        for part, Z in self._batches(len(X)):
+            Z.real, Z.imag = X[part], X[part, ::-1]
+            for shift, eigenvalues in factors:
+                if shift:
+                    Z *= self.weights(shift)
+                Z = fft.fft(Z, overwrite_x=True)
+                Z *= eigenvalues
+                Z = fft.ifft(Z, overwrite_x=True, norm="forward")
+                if shift:
+                    Z *= self.weights(shift).conj()
+            np.add(Z.real, Z.imag[:, ::-1], out=out[part])
+
+    def _batches(self, count: int) -> Iterator[tuple[slice, Array]]:
+        """Yield some of so many vectors, and memory for them, the same for all."""
+        size = max(1, min(BATCH // self.length, count))
+        memory = workspace((size, self.length), self.dtype)
+        for start in range(0, count, size):
+            stop = min(start + size, count)
+            yield slice(start, stop), memory[: stop - start]
+
+
+@lru_cache(maxsize=64)
+def phase_factors(length: int, shift: float, dtype: np.dtype[Any]) -> Array:
+    """The factors exp(-2πi j s/L) of a shift, shape (L,), of a complex dtype."""
+    return np.asarray(np.exp(-2j * np.pi * shift / length * np.arange(length)), dtype)
+
+
+class Panels:
+    """The same by `FourStep`, a row after the other."""
+
+    def __init__(self, plan: FourStep) -> None:
+        self.plan = plan
+        self.length = plan.length
+
+    def spectrum(self, real: Array, imag: Array | None, shift: float) -> Array:
+        """Transform a vector at the frequencies k + s, in the order of the plan.
+
+        Parameters
+        ----------
+        real, imag : ndarray of shape (L,)
+            Its parts; None in the place of the imaginary one where it is zero.
+        shift : float
+            s.
+        """
+        X = real.reshape(self.plan.shape)
+        Y = None if imag is None else imag.reshape(self.plan.shape)
+        u = self.plan.weights(shift)
+
+        def load(columns: slice, P: Array) -> None:
+            P.real = X[:, columns]
+            P.imag = 0.0 if Y is None else Y[:, columns]
+            P *= u
+
+        return self.plan.spectrum(load, shift)
+
+    def eigenvalues(self, spectrum: Array) -> Array:
+        """Prepare a spectrum for the products."""
+        return self.plan.eigenvalues(spectrum)
+
+    def cosine_sums(self, a: Array) -> Array:
+        """As the function of that name, for a of shape (L + 1,), L even."""
+        return self._sums(a, 1.0)
+
+    def sine_sums(self, a: Array) -> Array:
+        """As the function of that name, for a of shape (L + 1,), L even, with zeros at its ends."""
+        return self._sums(a, -1.0)
+
+    def _sums(self, a: Array, sign: float) -> Array:
+        """Transform an even or odd sequence of period 2 L.
+
+        Those of even k are the transform of e_j = a_j ± a_(L-j); those of odd k are that of
+        o_j = a_j ∓ a_(L-j), at the frequencies k + 1/2. Of an even sequence both are real, of an
+        odd one imaginary: one transform, of e + i o w, has both.
+        """
+        L = self.length
+        ahead, back = (x.reshape(self.plan.shape) for x in (a[:-1], a[:0:-1]))
+        rows, columns_of = self.plan.shape
+        u = 1j * np.exp(-1j * np.pi / rows * np.arange(rows))[:, np.newaxis]
+        v = np.exp(-1j * np.pi / L * np.arange(columns_of))
+
+        def load(columns: slice, P: Array) -> None:
+            x, y = ahead[:, columns], back[:, columns] * sign
+            np.multiply(x - y, u, out=P)
+            P *= v[columns]
+            real = P.real
+            real += x
+            real += y
+
+        Z = self.plan.spectrum(load, 0.0)
+        # At 2 m and 2 m + 1, m = k₁ + N₁ k₂; the second half is that of the first.
+        half = -(-columns_of // 2) + 1
+        pairs = np.empty((half, rows), np.complex128)
+        self.plan.transpose(Z[:, :half], pairs)
+        if sign < 0.0:
+            pairs *= 1j  # even part imaginary, and of the other sign; odd part real
+        return pairs.view(np.float64).ravel()[: L + 1]
+
+    def multiply_real(self, X: Array, eigenvalues: Array, out: Array) -> None:
+        """Multiply rows; of the result the real part, for the shift 1/4."""
+        plan = self.plan
+        columns_of, n = plan.shape[1], X.shape[1]
+        whole, rest = divmod(n, columns_of)  # rows of the matrix, and what is left of the vector
+        u = plan.weights(0.25)
+        for x, y in zip(X, out, strict=True):
+            x_matrix = x[: n - rest].reshape(whole, columns_of)
+            y_matrix = y[: n - rest].reshape(whole, columns_of)
+
+            def load(columns: slice, P: Array, x: Array = x, matrix: Array = x_matrix) -> None:
+                P[:whole] = matrix[:, columns]
+                P[:whole] *= u[:whole]
+                if whole < len(P):
+                    P[whole:] = 0.0
+                    tail = x[n - rest :][columns]
+                    P[whole, : len(tail)] = tail * u[whole, 0]
+
+            def store(columns: slice, Q: Array, y: Array = y, matrix: Array = y_matrix) -> None:
+                Q *= u
+                matrix[:, columns] = Q.real[:whole]
+                if rest:
+                    tail = y[n - rest :][columns]
+                    tail[...] = Q.real[whole, : len(tail)]
+
+            plan.multiply(load, [(0.25, eigenvalues)], store)
+
+    def multiply_folded(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
+        """As `GohbergSemenculProduct`; the length is that of the rows."""
+        plan = self.plan
+        u = plan.weights(factors[0][0])
+        z = workspace(plan.shape, plan.dtype)
+        for x, y in zip(X, out, strict=True):
+            matrix = x.reshape(plan.shape)
+
+            def load(columns: slice, P: Array, matrix: Array = matrix) -> None:
+                P.real, P.imag = matrix[:, columns], matrix[::-1, ::-1][:, columns]
+                P *= u
+
+            def store(columns: slice, Q: Array) -> None:
+                z[:, columns] = Q  # the last shift is 0, and u is 1
+
+            plan.multiply(load, factors, store)
+            Y = y.reshape(plan.shape)
+            np.subtract(z.real, z.imag[::-1, ::-1], out=Y)
+
+
+@lru_cache(maxsize=64)
+def _plan(n: int, precision: str, exact: bool) -> "OneStep | Panels":
+    if n < LONG:
+        return OneStep(n if exact else fft.next_fast_len(n), precision)
+    plan = four_step(n, precision)
+    return OneStep(n, precision) if exact and plan.length != n else Panels(plan)
+
+
+def plan_of(n: int, dtype: DTypeLike, *, exact: bool = False) -> "OneStep | Panels":
+    """Return the transforms for vectors of length n: of that length, or of a fast one above it."""
+    return _plan(n, np.result_type(dtype, np.complex64).char, exact)
+
+
+def cosine_sums(column: Array) -> Array:
+    """Return f_k = Σ a_j cos(πjk/n) over all lags |j| ≤ n, for k = 0 … n, a of period 2 n.
+
+    A DCT-I; of several levels if there are. It is its own inverse but for the factor 2 n a level.
+
+    Parameters
+    ----------
+    column : ndarray of shape (n + 1, ...), float64
+    """
+    shape = tuple(m - 1 for m in column.shape)
+    count_transforms(1, *shape)  # half as long as those of a product
+    if (panels := _panels_for_sums(column)) is not None:
+        return panels.cosine_sums(column)
+    return np.asarray(fft.dctn(column, type=1))
+
+
+def sine_sums(column: Array) -> Array:
+    """Return f_k = 2 Σ a_j sin(πjk/n) over 0 < j < n, for k = 0 … n; a DST-I.
+
+    Parameters
+    ----------
+    column : ndarray of shape (n + 1,), float64
+        Its first and its last entry do not matter.
+    """
+    count_transforms(1, len(column) - 1)
+    a = np.zeros_like(column)
+    a[1:-1] = column[1:-1]
+    if (panels := _panels_for_sums(a)) is not None:
+        return panels.sine_sums(a)
+    if len(a) > 2:
+        a[1:-1] = fft.dst(a[1:-1], type=1)
+    return a
+
+
+def _panels_for_sums(column: Array) -> Panels | None:
+    if column.ndim > 1 or len(column) % 2 == 0:
+        return None
+    plan = plan_of(len(column) - 1, np.float64, exact=True)
+    return plan if isinstance(plan, Panels) else None

@@ -1,0 +1,34 @@
+"""The elastic half-space: influence coefficients, elastic constants, points of a grid."""
+
+from toeplitz_mg.halfspace.influence import (
+    influence_xx,
+    influence_xy,
+    influence_xz,
+    influence_yy,
+    influence_yz,
+    influence_zz,
+    line_contact_coefficients,
+)
+from toeplitz_mg.halfspace.materials import (
+    CombinedMaterial,
+    Material,
+    combined_material,
+    difference_parameter,
+)
+from toeplitz_mg.halfspace.points import all_offsets, offsets
+
+__all__ = [
+    "CombinedMaterial",
+    "Material",
+    "all_offsets",
+    "combined_material",
+    "difference_parameter",
+    "influence_xx",
+    "influence_xy",
+    "influence_xz",
+    "influence_yy",
+    "influence_yz",
+    "influence_zz",
+    "line_contact_coefficients",
+    "offsets",
+]

@@ -1,0 +1,346 @@
+"""Influence coefficients of the elastic half-space: pure functions, arrays out.
+
+Displacement differences of two bodies at the points (x, y) of the surface, by a unit traction on
+the rectangular element of size h₁ × h₂ that is centred on the origin, after Boussinesq (normal)
+and Cerruti (tangential). With ρ the distance to the loaded point (paper, §2.3; Johnson, Contact
+Mechanics, §3.2 and §3.6; Kalker, Three-Dimensional Elastic Bodies in Rolling Contact, §1.6):
+
+    A_zz = 1/(πG) ∬ (1-ν)/ρ                    A_xx = 1/(πG) ∬ [(1-ν)/ρ + ν x²/ρ³]
+    A_xy = 1/(πG) ∬ ν x y/ρ³                   A_yy = 1/(πG) ∬ [(1-ν)/ρ + ν y²/ρ³]
+
+The normal and the tangential directions are coupled where the materials differ, by K of
+`difference_parameter`; here the sign counts, and x and y go from the loaded point to the other:
+
+    A_xz = -A_zx = -K/(πG) ∬ x/ρ²              A_yz = -A_zy = -K/(πG) ∬ y/ρ²
+
+Differences are of the first body less the second, z points into the first.
+
+Lengths are in mm and moduli in N/mm², or in any other consistent units.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import toeplitz
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.halfspace.integrals import integral_log, integral_x, integral_xy, integrals
+from toeplitz_mg.halfspace.materials import check_difference, check_material
+from toeplitz_mg.halfspace.points import check_element
+from toeplitz_mg.values import count, positive, unmasked
+
+FEW = 200  # strips of a line contact, whose eigenvalues are computed where in doubt
+
+
+def influence_zz(
+    x: ArrayLike, y: ArrayLike, element: tuple[float, float], *, G: float, nu: float
+) -> Array:
+    """Return the normal displacement by a unit pressure on an element (Boussinesq).
+
+    Parameters
+    ----------
+    x, y : array_like
+        Points on the surface, relative to the element's centre, mm; broadcast.
+    element : (float, float)
+        Its size h₁ × h₂, mm; any ratio.
+    G, nu : float
+        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
+
+    Returns
+    -------
+    ndarray of float64
+        mm per N/mm², for both bodies together, to a relative error of some 1e-14.
+
+    Raises
+    ------
+    ValueError
+        For a modulus or an element that is not positive, a Poisson's ratio outside (-1, 0.5], or
+        points that are not finite.
+    TypeError
+        For what is no real number.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> float(halfspace.influence_zz(0.0, 0.0, (1.0, 1.0), G=1.0, nu=0.0).round(6))
+    1.1222
+    """
+    G, nu = check_material(G, nu)
+    one, _, _ = integrals(*_at(x, y, element))
+    return np.asarray((1.0 - nu) * one / (np.pi * G))
+
+
+def influence_xx(
+    x: ArrayLike, y: ArrayLike, element: tuple[float, float], *, G: float, nu: float
+) -> Array:
+    """Return the displacement along x by a unit traction along x on an element (Cerruti).
+
+    Parameters
+    ----------
+    x, y : array_like
+        Points on the surface, relative to the element's centre, mm; broadcast.
+    element : (float, float)
+        Its size h₁ × h₂, mm; any ratio.
+    G, nu : float
+        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
+
+    Returns
+    -------
+    ndarray of float64
+        mm per N/mm², for both bodies together, to a relative error of some 1e-14.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `influence_zz`.
+
+    Notes
+    -----
+    This is the kernel of the paper, whose elements are 8/n × 100 mm.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> float(halfspace.influence_xx(0.0, 0.0, (1.0, 1.0), G=1.0, nu=0.3).round(6))
+    0.95387
+    """
+    G, nu = check_material(G, nu)
+    one, xx, _ = integrals(*_at(x, y, element))
+    return np.asarray(((1.0 - nu) * one + nu * xx) / (np.pi * G))
+
+
+def influence_yy(
+    x: ArrayLike, y: ArrayLike, element: tuple[float, float], *, G: float, nu: float
+) -> Array:
+    """Return the displacement along y by a unit traction along y on an element (Cerruti).
+
+    Parameters
+    ----------
+    x, y : array_like
+        Points on the surface, relative to the element's centre, mm; broadcast.
+    element : (float, float)
+        Its size h₁ × h₂, mm; any ratio.
+    G, nu : float
+        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
+
+    Returns
+    -------
+    ndarray of float64
+        mm per N/mm², for both bodies together, to a relative error of some 1e-14.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `influence_zz`.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> float(halfspace.influence_yy(0.0, 0.0, (1.0, 1.0), G=1.0, nu=0.3).round(6))
+    0.95387
+    """
+    G, nu = check_material(G, nu)
+    one, _, yy = integrals(*_at(x, y, element))
+    return np.asarray(((1.0 - nu) * one + nu * yy) / (np.pi * G))
+
+
+def influence_xy(
+    x: ArrayLike, y: ArrayLike, element: tuple[float, float], *, G: float, nu: float
+) -> Array:
+    """Return the displacement along x by a unit traction along y, or the other way round.
+
+    Parameters
+    ----------
+    x, y : array_like
+        Points on the surface, relative to the element's centre, mm; broadcast.
+    element : (float, float)
+        Its size h₁ × h₂, mm; any ratio.
+    G, nu : float
+        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
+
+    Returns
+    -------
+    ndarray of float64
+        mm per N/mm², for both bodies together, to a relative error of some 1e-14.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `influence_zz`.
+
+    Notes
+    -----
+    It is odd in x and in y: build the operator from `all_offsets`, by `ToeplitzOperator.from_lags`.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> float(halfspace.influence_xy(1.0, 1.0, (1.0, 1.0), G=1.0, nu=0.3).round(6))
+    0.03188
+    """
+    G, nu = check_material(G, nu)
+    return np.asarray(nu * integral_xy(*_at(x, y, element)) / (np.pi * G))
+
+
+def influence_xz(
+    x: ArrayLike, y: ArrayLike, element: tuple[float, float], *, G: float, K: float
+) -> Array:
+    """Return the displacement along x by a unit pressure on an element, of unequal materials.
+
+    Parameters
+    ----------
+    x, y : array_like
+        Points on the surface, relative to the element's centre, mm; broadcast.
+    element : (float, float)
+        Its size h₁ × h₂, mm; any ratio.
+    G : float
+        Shear modulus of `combined_material`, N/mm².
+    K : float
+        The `difference_parameter` of the two materials.
+
+    Returns
+    -------
+    ndarray of float64
+        mm per N/mm², of the first body less that of the second, to a relative error of some 1e-14.
+
+    Raises
+    ------
+    ValueError
+        For a modulus or an element that is not positive, a difference parameter outside
+        (-1.5, 1.5), or points that are not finite.
+    TypeError
+        For what is no real number.
+
+    Notes
+    -----
+    The surface of a compressible body moves towards the load, so a coefficient has the sign of
+    -K x. It is odd in x and even in y: build the operator from `all_offsets`, by
+    `ToeplitzOperator.from_lags`. By reciprocity a unit traction along x displaces in the normal
+    direction by A_zx = -A_xz, which is the operator's transpose: the matrix of all three
+    directions is symmetric.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> float(halfspace.influence_xz(1.0, 0.0, (1.0, 1.0), G=1.0, K=0.1).round(6))
+    -0.03134
+    """
+    G, K = positive("G", G), check_difference(K)
+    return np.asarray(-K * integral_x(*_at(x, y, element)) / (np.pi * G))
+
+
+def influence_yz(
+    x: ArrayLike, y: ArrayLike, element: tuple[float, float], *, G: float, K: float
+) -> Array:
+    """Return the displacement along y by a unit pressure on an element, of unequal materials.
+
+    Parameters
+    ----------
+    x, y : array_like
+        Points on the surface, relative to the element's centre, mm; broadcast.
+    element : (float, float)
+        Its size h₁ × h₂, mm; any ratio.
+    G : float
+        Shear modulus of `combined_material`, N/mm².
+    K : float
+        The `difference_parameter` of the two materials.
+
+    Returns
+    -------
+    ndarray of float64
+        mm per N/mm², of the first body less that of the second, to a relative error of some 1e-14.
+
+    Raises
+    ------
+    ValueError
+        For a modulus or an element that is not positive, a difference parameter outside
+        (-1.5, 1.5), or points that are not finite.
+    TypeError
+        For what is no real number.
+
+    Notes
+    -----
+    As `influence_xz`, with x and y exchanged: odd in y, even in x, and A_zy = -A_yz.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> float(halfspace.influence_yz(0.0, 1.0, (1.0, 1.0), G=1.0, K=0.1).round(6))
+    -0.03134
+    """
+    G, K = positive("G", G), check_difference(K)
+    x, y, h1, h2 = _at(x, y, element)
+    return np.asarray(-K * integral_x(y, x, h2, h1) / (np.pi * G))
+
+
+def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, reference: float) -> Array:
+    """Return the plane-strain coefficients of n strips of width h, of infinite length.
+
+    Normal or tangential: u(x) = 2(1-ν)/(πG) ∫ p(ξ) ln(d/|x-ξ|) dξ, for two bodies.
+
+    Parameters
+    ----------
+    n : int
+        Number of strips.
+    h : float
+        Width of a strip, mm.
+    G, nu : float
+        As for `influence_zz`.
+    reference : float
+        The distance d at which a line load moves nothing, mm; the constant that plane strain
+        leaves open.
+
+    Returns
+    -------
+    ndarray of shape (n,)
+        First column of the matrix, mm per N/mm².
+
+    Raises
+    ------
+    ValueError
+        Where `reference` is so small that the matrix is indefinite: at most the logarithmic
+        capacity n h/4 of the contact area, or, for up to 200 strips, at most the value a little
+        below it at which an eigenvalue is zero. Where n, h, G or the reference is not positive,
+        or nu outside (-1, 0.5].
+    TypeError
+        Where n is not an integer, or another argument no real number.
+
+    Notes
+    -----
+    A constant displacement u has the traction Q/(π√(a²-x²)), a = n h/2, with the force per length
+    Q = u πG/(2(1-ν) ln(2d/a)) (Johnson, §2.8).
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> halfspace.line_contact_coefficients(2, 1.0, G=1.0, nu=0.5, reference=1.0).round(6)
+    array([0.538945, 0.014397])
+    """
+    G, nu = check_material(G, nu)
+    n, h = count("n", n), positive("h", h)
+    d = positive("reference", reference)
+    logarithm = np.log(d / h) - integral_log(np.arange(n, dtype=np.float64))
+    # Below the capacity only a few strips may still be positive definite.
+    if d <= n * h / 4.0 and (n > FEW or np.linalg.eigvalsh(toeplitz(logarithm))[0] <= 0.0):
+        raise ValueError(
+            f"reference is {d:g}, but must exceed the logarithmic capacity n h/4 = {n * h / 4:g} "
+            "of the contact area for the matrix to be positive definite"
+        )
+    return np.asarray(2.0 * (1.0 - nu) / (np.pi * G) * h * logarithm)
+
+
+def _at(
+    x: ArrayLike, y: ArrayLike, element: tuple[float, float]
+) -> tuple[Array, Array, float, float]:
+    """The arguments of the integrals: points, broadcast, and the sizes of the element."""
+    x, y = np.broadcast_arrays(_points("x", x), _points("y", y))
+    return x, y, *check_element(element)
+
+
+def _points(name: str, values: ArrayLike) -> Array:
+    array = unmasked(name, values)
+    if array.dtype.kind not in "buif":
+        raise TypeError(f"{name} has dtype {array.dtype}, but coordinates are real numbers")
+    array = array.astype(np.float64)
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} has coordinates that are not finite")
+    return array

@@ -1,0 +1,160 @@
+"""Integrals of the half-space's kernels over a rectangle and of the logarithm over an interval.
+
+All are exact to rounding, relative to the integral itself, at any point and for any shape of
+rectangle. A closed form is a difference over the corners, which loses digits as
+(distance/size)^2. So it serves near the rectangle only. Elsewhere Gauss's rule is taken in the
+direction in which the rectangle is the smaller for its distance, where it is as good as exact,
+over integrals in the other direction that are written without a cancellation.
+"""
+
+from functools import cache
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+
+# At least so many sizes away, so many nodes: the integrand is analytic in an ellipse whose half
+# axes add up to ϱ = 2 t + √(4 t² - 1) half sizes, and the rule errs by ϱ^(-2 nodes).
+GAUSS = ((2.0, 10), (16.0, 5), (100.0, 3))
+
+
+def integrals(x: Array, y: Array, h1: float, h2: float) -> tuple[Array, Array, Array]:
+    """Return ∬ 1/ρ, ∬ x²/ρ³ and ∬ y²/ρ³ over the rectangle h1 × h2 about the origin.
+
+    ρ, and x and y in the integrands, go from the point to the element of area; `x` and `y` are
+    arrays of one shape, the results have that shape.
+    """
+    shape, x, y = x.shape, np.abs(x.ravel()), np.abs(y.ravel())  # even, to the last bit
+    t1, t2 = x / h1, y / h2
+    one, xx, yy = (np.empty_like(x) for _ in range(3))
+    near = np.maximum(t1, t2) < GAUSS[0][0]
+    one[near], xx[near], yy[near] = _over_corners(x[near], y[near], h1, h2)
+    ends = [t for t, _ in GAUSS[1:]] + [np.inf]
+    for (start, nodes), end in zip(GAUSS, ends, strict=True):
+        far = (t1 >= t2) & (start <= t1) & (t1 < end)
+        one[far], xx[far], yy[far] = _gauss_in_x(x[far], y[far], h1, h2, nodes)
+        far = (t2 > t1) & (start <= t2) & (t2 < end)
+        one[far], yy[far], xx[far] = _gauss_in_x(y[far], x[far], h2, h1, nodes)
+    return one.reshape(shape), xx.reshape(shape), yy.reshape(shape)
+
+
+def integral_xy(x: Array, y: Array, h1: float, h2: float) -> Array:
+    """Return ∬ x y/ρ³ over the rectangle h1 × h2 about the origin, at the points (x, y)."""
+    (X1, X2), (Y1, Y2) = _sides(x, h1), _sides(y, h2)
+    # -[[ρ]] over the corners, each difference by a - b = (a² - b²)/(a + b): exact everywhere.
+    r11, r12, r21, r22 = np.hypot(X1, Y1), np.hypot(X1, Y2), np.hypot(X2, Y1), np.hypot(X2, Y2)
+    sums = 1.0 / (r11 + r12) + 1.0 / (r21 + r22)
+    return np.asarray(4.0 * x * h1 * y * h2 * sums / ((r11 + r21) * (r12 + r22)))
+
+
+def integral_x(x: Array, y: Array, h1: float, h2: float) -> Array:
+    """Return ∬ x/ρ² over the rectangle h1 × h2 about the origin, at the points (x, y).
+
+    ρ, and x in the integrand, go from the element of area to the point.
+    """
+    shape, sign, x, y = x.shape, np.sign(x.ravel()), np.abs(x.ravel()), np.abs(y.ravel())
+    # What the rectangle has behind a point inside cancels as much of it ahead, and is left out.
+    # The rest has one sign: so wide, with its middle at such a distance.
+    width, middle = np.minimum(2.0 * x, h1), np.maximum(x, h1 / 2.0)
+    # By products: the width is zero on the axis, where the integral is.
+    in_x = middle * h2 >= y * width
+    size, distance = np.where(in_x, width, h2), np.where(in_x, middle, y)
+    passed = np.sum([distance >= t * size for t, _ in GAUSS], axis=0)
+    integral = np.empty_like(x)
+    near = passed == 0
+    integral[near] = _x_over_corners(x[near], y[near], h1, h2)
+    for k, (_, nodes) in enumerate(GAUSS, start=1):
+        far = (passed == k) & in_x
+        X, h, Y = middle[far], width[far], y[far]
+        integral[far] = h * sum(w * _x_along_y(X + s * h, Y, h2) for s, w in _gauss(nodes))
+        far = (passed == k) & ~in_x
+        X, Y = x[far], y[far]
+        integral[far] = h2 * sum(w * _x_along_x(X, Y + s * h2, h1) for s, w in _gauss(nodes))
+    return np.asarray(sign * integral).reshape(shape)
+
+
+def integral_log(k: Array) -> Array:
+    """Return ∫ ln|s| ds from k - ½ to k + ½, for k = 0, 1, 2 and so on."""
+    right, left = k + 0.5, k - 0.5
+    integral = right * np.log(right) - left * np.log(np.abs(left)) - 1.0
+    for t, nodes in GAUSS:
+        far = k >= t
+        integral[far] = sum(w * np.log(k[far] + s) for s, w in _gauss(nodes))
+    return integral
+
+
+def _over_corners(x: Array, y: Array, h1: float, h2: float) -> tuple[Array, Array, Array]:
+    """[[Y asinh(X/|Y|)]], [[X asinh(Y/|X|)]], and before them their sum."""
+
+    def term(a: Array, b: Array) -> Array:
+        safe = np.where(a == 0.0, 1.0, np.abs(a))
+        return np.asarray(a * np.arcsinh(b / safe))  # 0 where a is
+
+    (X1, X2), (Y1, Y2) = _sides(x, h1), _sides(y, h2)
+    xx = term(Y2, X2) - term(Y2, X1) - term(Y1, X2) + term(Y1, X1)
+    yy = term(X2, Y2) - term(X2, Y1) - term(X1, Y2) + term(X1, Y1)
+    return xx + yy, xx, yy
+
+
+def _gauss_in_x(x: Array, y: Array, h1: float, h2: float, nodes: int) -> tuple[Array, Array, Array]:
+    """∬ 1/ρ, ∬ x²/ρ³, ∬ y²/ρ³ by Gauss's rule over x, for |x| well above h1."""
+    one, xx = np.zeros_like(x), np.zeros_like(x)
+    low, high = _sides(np.abs(y), h2)
+    beside = low > 0.0
+    for points, along_y in ((beside, _beside), (~beside, _across)):
+        if points.any():
+            X, Y1, Y2 = x[points], low[points], high[points]
+            for s, w in _gauss(nodes):
+                inner_one, inner_xx = along_y(np.abs(X + s * h1), Y1, Y2, h2)
+                one[points] += w * h1 * inner_one
+                xx[points] += w * h1 * inner_xx
+    # Where the difference cancels, ∬ y²/ρ³ is small beside the ∬ 1/ρ that it is added to.
+    return one, xx, one - xx
+
+
+def _across(X: Array, low: Array, high: Array, _: float) -> tuple[Array, Array]:
+    """∫ dy/ρ and ∫ x²/ρ³ dy from low ≤ 0 to high > 0 at the distance X > 0."""
+    one = np.arcsinh(high / X) - np.arcsinh(low / X)
+    return one, high / np.hypot(X, high) - low / np.hypot(X, low)
+
+
+def _beside(X: Array, low: Array, high: Array, h: float) -> tuple[Array, Array]:
+    """The same from low > 0 to high = low + h: the differences written out, nothing cancels."""
+    r1, r2 = np.hypot(X, low), np.hypot(X, high)
+    rise = h * (low + high)  # r2² - r1²
+    one = np.log1p((h + rise / (r1 + r2)) / (low + r1))
+    return one, X**2 * rise / ((high * r1 + low * r2) * r1 * r2)
+
+
+def _x_over_corners(x: Array, y: Array, h1: float, h2: float) -> Array:
+    """[[½ Y ln(X² + Y²) + X arctan(Y/X)]] for x, y ≥ 0, by the two integrals below."""
+    X1, X2 = np.abs(x - h1 / 2.0), x + h1 / 2.0  # of the part that has one sign
+    Y1, Y2 = _sides(y, h2)
+    # So near, what is subtracted is not large beside the integral, whatever the shape.
+    in_y = Y2 * _x_along_x(x, Y2, h1) - Y1 * _x_along_x(x, Y1, h1)
+    in_x = X2 * _x_along_y(X2, y, h2) - X1 * _x_along_y(X1, y, h2)
+    return np.asarray(in_y + in_x)
+
+
+def _x_along_x(x: Array, Y: Array, h: float) -> Array:
+    """∫ X/ρ² dX over the length h about x ≥ 0: ½ ln of a quotient that exceeds 1 by this."""
+    r2 = (x - h / 2.0) ** 2 + Y**2
+    return np.asarray(0.5 * np.log1p(2.0 * x * h / np.where(r2 == 0.0, 1.0, r2)))
+
+
+def _x_along_y(X: Array, y: Array, h: float) -> Array:
+    """∫ X/ρ² dY over the length h about y at the distance X ≥ 0: the angle in which it is seen."""
+    low, high = _sides(y, h)
+    # Where the sum cancels, it is small beside h X: the angle is close to a right one.
+    return np.asarray(np.arctan2(h * X, X**2 + low * high))
+
+
+def _sides(x: Array, h: float) -> tuple[Array, Array]:
+    return x - h / 2.0, x + h / 2.0
+
+
+@cache
+def _gauss(nodes: int) -> list[tuple[float, float]]:
+    """Gauss-Legendre nodes and weights on [-½, ½]."""
+    s, w = np.polynomial.legendre.leggauss(nodes) / np.array(2.0)
+    return list(zip(s.tolist(), w.tolist(), strict=True))

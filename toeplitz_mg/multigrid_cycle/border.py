@@ -1,0 +1,83 @@
+"""Fine unknowns that no coarse element covers, solved for together with the coarse grid."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.multigrid_cycle.hierarchy import Level
+from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.preconditioners.positivity import rounding
+
+# Each takes a product, a coarse solution at set-up and two vectors; where a fragmented mask leaves
+# over more, they are left to the smoother.
+MOST_LEFTOVER = 16
+
+
+@dataclass(frozen=True)
+class Border:
+    """The Galerkin correction on the coarse elements *and* the leftover unknowns.
+
+    On the last element of an odd line a coarse correction that leaves it out is of the wrong
+    sign, and no smoother mends that soon. So the coarse space is enlarged by vectors u_j, such as
+    the unit vectors of the leftover unknowns. The matrix of the enlarged space, with
+    V_j = R A u_j,
+
+        [ A_H    V ]
+        [ s Vᵀ   C ],     C_ij = u_iᵀ A u_j,     Pᵀ = s R,
+
+    has a Toeplitz block again and a border of few rows, which is eliminated: with B ≈ A_H⁻¹ the
+    coarse cycle and W = B V kept, a correction costs one coarse cycle and O(n) operations. Where
+    B is symmetric positive definite and below A_H⁻¹, so is the whole.
+
+    Attributes
+    ----------
+    unknowns : ndarray of int, of shape (p, q)
+    weights : ndarray of shape (q,)
+        u_j has the entries `weights` at ``unknowns[j]``.
+    V, W : ndarray of shape (p, n_H), in rows
+    S_inverse : ndarray of shape (p, p), the inverse of C - s Vᵀ W
+    s : float
+    """
+
+    unknowns: Array
+    weights: Array
+    V: Array
+    W: Array
+    S_inverse: Array
+    s: float
+
+    @classmethod
+    def of(cls, level: Level, solve_coarse: Callable[[Array], Array]) -> "Border | None":
+        """Return the border of a level, or None where it has none or too long a one.
+
+        None too where S = C - s Vᵀ W is not positive definite, as may be where the coarse matrix
+        is not R A P: with such a border the correction would be indefinite.
+        """
+        transfer = level.transfer
+        if transfer is None or not 0 < len(transfer.leftover) <= MOST_LEFTOVER:
+            return None
+        unknowns, weights = transfer.border
+        weights = weights.astype(level.A.dtype)
+        U = np.zeros((len(unknowns), level.A.shape[0]), dtype=level.A.dtype)
+        U[np.arange(len(unknowns))[:, np.newaxis], unknowns] = weights
+        columns = apply_to_rows(level.A, U)
+        V = transfer.restrict(columns).copy()
+        W = solve_coarse(V).copy()
+        s = transfer.scale
+        C = columns[:, unknowns] @ weights
+        S = C - s * V @ W.T
+        if not np.linalg.eigvalsh((S + S.T) / 2)[0] > rounding(C, S.dtype):
+            return None
+        return cls(unknowns, weights, V, W, np.linalg.inv(S), s)
+
+    def correct(self, e: Array, r: Array) -> tuple[Array, Array]:
+        """Eliminate the border: from e = B R r, return the coarse correction and that of u."""
+        left = (r[..., self.unknowns] @ self.weights - self.s * e @ self.V.T) @ self.S_inverse.T
+        return e - left @ self.W, left
+
+    def add(self, left: Array, correction: Array) -> None:
+        """Add the vectors u with the factors `left` to a correction."""
+        for factor, unknowns in zip(np.moveaxis(left, -1, 0), self.unknowns, strict=True):
+            correction[..., unknowns] += factor[..., np.newaxis] * self.weights

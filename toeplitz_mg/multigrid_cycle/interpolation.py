@@ -1,0 +1,174 @@
+"""How the values of a coarse grid are spread over the fine one, in one level of the matrix."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.values import unmasked
+
+# One weight or one for each; the fine elements where it stands; the coarse ones that it is of, in
+# the first piece all.
+Piece = tuple[Array, slice, slice]
+
+
+@dataclass(frozen=True)
+class Interpolation:
+    """How a value of the coarse grid is spread over the fine one, in each level of the matrix.
+
+    Parameters
+    ----------
+    weights : tuple of float
+        Of a coarse value in the fine elements that it covers; the next one begins 2 elements
+        further on. The restriction is the transpose, halved.
+    coarser : Interpolation, optional
+        For the coarser grids, if another.
+
+    See Also
+    --------
+    piecewise_constant, linear_interpolation, modulated_interpolation
+
+    Examples
+    --------
+    >>> from toeplitz_mg import Interpolation
+    >>> Interpolation((0.5, 1.0, 0.5)).coarse_length(7)
+    3
+    """
+
+    weights: tuple[float, ...]
+    coarser: "Interpolation | None" = None
+
+    def __post_init__(self) -> None:
+        numbers = unmasked("weights", self.weights)
+        if numbers.ndim != 1 or numbers.dtype.kind not in "buif":
+            raise TypeError(f"weights are {self.weights!r}, but must be real numbers")
+        if not (self.coarser is None or isinstance(self.coarser, Interpolation)):
+            raise TypeError(f"coarser is {self.coarser!r}, but must be an Interpolation")
+        if len(self.weights) < 2 or not np.isfinite(self.weights).all():
+            raise ValueError(f"weights are {self.weights}, but must be 2 finite numbers or more")
+
+    def coarse_length(self, n: int) -> int:
+        """Return the coarse elements of n fine ones; too few are left as they are."""
+        covered = len(self.weights)
+        return n if n < covered else (n - covered) // 2 + 1
+
+    def ratio(self, n: int) -> float:
+        """Return the number s for which Pᵀ = s R."""
+        return 2.0
+
+    def pieces(self, n: int) -> Iterator[Piece]:
+        """Yield the weights, with the fine elements and the coarse ones that they connect."""
+        m = self.coarse_length(n)
+        for i, weight in enumerate(self.weights):
+            yield np.array(weight), slice(i, i + 2 * m - 1, 2), slice(0, m)
+
+    def coarse_mask(self, mask: Array, level: int) -> Array:
+        """Return the coarse elements all of whose fine elements are in contact."""
+        n = mask.shape[level]
+        parts = np.array([mask[at(level, fine)] for _, fine, _ in self.pieces(n)])
+        return np.asarray(parts.all(axis=0))
+
+    def coarse_lags(self, lags: Array, level: int) -> Array:
+        """Return the lags of R A P."""
+        n = (lags.shape[level] + 1) // 2
+        m = self.coarse_length(n)
+        reach = len(self.weights) - 1
+        weights = (np.convolve(self.weights, self.weights[::-1]) / 2.0).tolist()
+        # Lag k takes from 2k - reach ... 2k + reach; the first is at k = -(m - 1).
+        first = n - 1 - 2 * (m - 1)
+        windows = [
+            lags[at(level, slice(first + j, first + j + 4 * m - 3, 2))]
+            for j in range(-reach, reach + 1)
+        ]
+        coarse = weights[reach] * windows[reach]
+        for j in range(reach):  # in pairs, symmetric to the last bit
+            coarse = coarse + weights[j] * (windows[j] + windows[-1 - j])
+        return np.asarray(coarse)
+
+
+piecewise_constant = Interpolation((1.0, 1.0))
+"""Copies (paper, Eq. 14), and averages (Eq. 13): for a positive symbol.
+
+In several levels, where a number of elements is odd, they are weighed by area.
+"""
+
+linear_interpolation = Interpolation((0.5, 1.0, 0.5))
+"""For a symbol with a zero of order 2 at θ = 0, such as 2 - 2 cos θ."""
+
+modulated_interpolation = Interpolation((-0.5, 1.0, -0.5), linear_interpolation)
+"""For a symbol with a zero of order 2 at θ = π, such as 2 + 2 cos θ.
+
+The coarser grids, where the zero is at θ = 0, have linear interpolation.
+"""
+
+
+@dataclass(frozen=True)
+class AreaWeighted:
+    """Copies from m = (n + 1)/2 coarse elements to an odd number n of fine ones, of equal length.
+
+    A coarse element is n/m fine ones long, so that no fine one is left over:
+
+        |  0  |  1  |  2  |  3  |  4  |
+        |    0    |    1    |    2    |
+
+    The fine element 2j lies in the coarse one j. Of 2j + 1 the part (j + 1)/m lies in j + 1 and
+    the rest in j, and it takes the values of both in these parts. Restriction averages over the
+    fine elements, by the same parts.
+    """
+
+    def coarse_length(self, n: int) -> int:
+        """Return the coarse elements of n fine ones."""
+        return (n + 1) // 2
+
+    def ratio(self, n: int) -> float:
+        """Return the number s for which Pᵀ = s R: the fine elements in a coarse one."""
+        return n / self.coarse_length(n)
+
+    def pieces(self, n: int) -> Iterator[Piece]:
+        """Yield the weights, with the fine elements and the coarse ones that they connect."""
+        m = self.coarse_length(n)
+        part = np.arange(1, m) / m
+        yield np.array(1.0), slice(0, n, 2), slice(0, m)
+        yield 1.0 - part, slice(1, n, 2), slice(0, m - 1)
+        yield part, slice(1, n, 2), slice(1, m)
+
+    def coarse_mask(self, mask: Array, level: int) -> Array:
+        """Return the coarse elements with all those in contact of which they hold over half."""
+        coarse = mask[at(level, slice(0, None, 2))].copy()
+        for weight, fine, to in self.pieces(mask.shape[level]):
+            coarse[at(level, to)] &= mask[at(level, fine)] | along(weight <= 0.5, level, mask.ndim)
+        return np.asarray(coarse)
+
+    def coarse_lags(self, lags: Array, level: int) -> Array:
+        """Return n/m times the mean of the fine lags by a hat about each k n/m, of half width n/m.
+
+        Of copies from elements of equal length that is R A P. Here R A P is not Toeplitz. Let P_x
+        copy to the fine element i from the coarse one in which the point i + x lies, so that P is
+        the mean of P_x over 0 < x < 1. The mean of R_x A P_x is Toeplitz, and these hats give it
+        before they are scaled to one sum; it is positive definite and not below R A P, so that a
+        correction does not overshoot. Scaled, by 1/(2 n) at most, a kernel that is smooth along
+        the level remains so, as the preconditioners of the coarse matrix need it.
+        """
+        n = (lags.shape[level] + 1) // 2
+        m = self.coarse_length(n)
+        k = np.arange(1 - m, m)
+        j = 2 * abs(k) + np.array([[-2], [-1], [1], [0]])  # so that it is symmetric to the last bit
+        hats = np.maximum(1.0 - abs(j * m / n - abs(k)), 0.0)
+        hats *= n / m / hats.sum(axis=0)
+        # Lag n, which A has not, is at the foot of the last hat: any other will do.
+        near = n - 1 + np.where(k < 0, -1, 1) * np.minimum(j, n - 1)
+        coarse = np.zeros_like(lags, shape=(*lags.shape[:level], len(k), *lags.shape[level + 1 :]))
+        for weights, of in zip(hats.astype(lags.dtype), near, strict=True):
+            coarse += along(weights, level, lags.ndim) * np.take(lags, of, level)
+        return coarse
+
+
+def at(axis: int, part: slice) -> tuple[slice, ...]:
+    """Return the index of a part of an axis."""
+    return (slice(None),) * axis + (part,)
+
+
+def along(x: Array, axis: int, ndim: int) -> Array:
+    """Return an array of one axis as one that varies along `axis` only, and a number as it is."""
+    return x.reshape(-1, *(1,) * (ndim - 1 - axis)) if x.ndim else x

@@ -1,0 +1,299 @@
+"""Restriction (paper, Eq. 13), interpolation (Eq. 14) and the coarse matrices that go with them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import prod
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.multigrid_cycle.interpolation import (
+    AreaWeighted,
+    Interpolation,
+    along,
+    at,
+    piecewise_constant,
+)
+from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
+from toeplitz_mg.operators.masked import toeplitz_and_mask
+
+Coarsening = Callable[[LinearOperator], LinearOperator]
+
+WEAK = 0.5  # coupling of neighbours in a level, relative to the strongest, that is not coarsened
+
+Directions = tuple[Interpolation | AreaWeighted | None, ...]
+
+
+def directions(A: ToeplitzOperator, transfer: Interpolation = piecewise_constant) -> Directions:
+    """Return the interpolation of each level of `A`, or None where that is not coarsened.
+
+    Those are coarsened in which neighbours are coupled most. Where the elements are stretched,
+    the smoother leaves errors that vary along the long side from element to element, which a
+    grid that is coarser in that direction cannot represent.
+
+    Copies to an odd number of elements are `AreaWeighted`. Not in one level: there R A P is
+    Toeplitz for the elements that have a partner, and the last one is cheap as a `Border`.
+    """
+    strengths = [0.0] * len(A.grid_shape)
+    for level, n in enumerate(A.grid_shape):
+        if transfer.coarse_length(n) < n:
+            neighbour = tuple(int(k == level) for k in range(len(strengths)))
+            strengths[level] = abs(float(A.c[neighbour]))
+    least = max(WEAK * max(strengths), np.finfo(np.float64).tiny)
+    several = sum(n > 1 for n in A.grid_shape) > 1
+    odd = AreaWeighted() if several and transfer == piecewise_constant else transfer
+    return tuple(
+        (odd if n % 2 else transfer) if strength >= least else None
+        for n, strength in zip(A.grid_shape, strengths, strict=True)
+    )
+
+
+def _coarse_shape(grid_shape: tuple[int, ...], by: Directions) -> tuple[int, ...]:
+    """Return the shape of the coarse grid."""
+    return tuple(t.coarse_length(n) if t else n for n, t in zip(grid_shape, by, strict=True))
+
+
+def _coarse_mask(mask: Array, by: Directions) -> Array:
+    """Return the coarse elements of a mask, level by level."""
+    for level, t in enumerate(by):
+        if t:
+            mask = t.coarse_mask(mask, level)
+    return mask
+
+
+def galerkin(A: LinearOperator, transfer: Interpolation = piecewise_constant) -> LinearOperator:
+    """Return R A P, the Galerkin coarse matrix, which is again Toeplitz, or one near it that is.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator or MaskedOperator of one
+    transfer : Interpolation
+
+    Returns
+    -------
+    ToeplitzOperator or MaskedOperator
+        On half the elements in each level. On a mask the coarse elements are those all of whose
+        fine elements are in contact; the matrix is exactly R A P there too. Only where copies go
+        to an odd number n of elements, in several levels, does this differ: the coarse elements
+        are then (n + 1)/2, each slightly shorter than 2 fine ones, R A P is not Toeplitz, and
+        this matrix is near it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Where `A` is no Toeplitz operator, or not symmetric; where no coarse element of a mask is
+        in contact as a whole.
+
+    Notes
+    -----
+    In each level a_H[k] = ½ (a[2k-1] + 2 a[2k] + a[2k+1]), or, where the weights are w, the mean
+    of the a[2k+j] with half of w convolved with itself. For copies to an odd n in several levels,
+    with m = (n + 1)/2, the mean is over the a[j] by a hat about k n/m that is n/m wide on each
+    side, as it is, with n/m = 2, where n is even.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import ToeplitzOperator, galerkin
+    >>> galerkin(ToeplitzOperator([4.0, 2.0, 1.0, 0.0])).toarray()
+    array([[6., 2.],
+           [2., 6.]])
+    """
+    full, mask = toeplitz_and_mask(A)
+    lags = full.lags
+    by = directions(full, transfer)
+    for level, t in enumerate(by):
+        if t:
+            lags = t.coarse_lags(lags, level)
+    H = ToeplitzOperator.from_lags(lags)
+    return H if mask is None else MaskedOperator(H, _coarse_mask(mask, by))
+
+
+def rediscretised(
+    operator_of_grid_shape: Callable[[tuple[int, ...]], ToeplitzOperator],
+    transfer: Interpolation = piecewise_constant,
+) -> Coarsening:
+    """Return a coarsening that discretises the problem anew on the coarse grid (the paper's).
+
+    Parameters
+    ----------
+    operator_of_grid_shape : callable
+        Maps a grid's shape to the Toeplitz operator of the same problem on that grid.
+    transfer : Interpolation
+        Which decides about the shape.
+
+    Returns
+    -------
+    callable
+        For the argument `coarsen` of `multigrid`.
+
+    Raises
+    ------
+    TypeError
+        Where the argument cannot be called.
+
+    Examples
+    --------
+    >>> import toeplitz_mg as tmg
+    >>> problem = tmg.contact.problems.test1(64)
+    >>> coarsen = tmg.rediscretised(problem.operator_of_grid_shape)
+    >>> coarsen(problem.A).grid_shape
+    (32,)
+    """
+    if not callable(operator_of_grid_shape):
+        raise TypeError(f"operator_of_grid_shape is {operator_of_grid_shape!r}, but must be called")
+
+    def coarsen(A: LinearOperator) -> LinearOperator:
+        full, mask = toeplitz_and_mask(A)
+        by = directions(full, transfer)
+        H = operator_of_grid_shape(_coarse_shape(full.grid_shape, by))
+        return H if mask is None else MaskedOperator(H, _coarse_mask(mask, by))
+
+    return coarsen
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """Restriction and interpolation between a grid, or the unknowns of a mask, and the next.
+
+    Attributes
+    ----------
+    interpolation : Interpolation
+    by : tuple of Interpolation or None
+        That of each level, None where it is not coarsened.
+    fine_shape : tuple of int
+    fine_mask, coarse_mask : ndarray of bool, or None where the whole grid is unknown
+    leftover : ndarray of int
+        The fine unknowns that belong to no coarse one: at the end of a grid of one level, and the
+        elements in contact beside one that is not.
+    """
+
+    interpolation: Interpolation
+    by: Directions
+    fine_shape: tuple[int, ...]
+    fine_mask: Array | None
+    coarse_mask: Array | None
+    leftover: Array
+
+    @classmethod
+    def of(
+        cls, A: LinearOperator, interpolation: Interpolation = piecewise_constant
+    ) -> "Transfer | None":
+        """Return the transfer from `A` to its coarse matrix, or None where it has no unknowns."""
+        full, mask = toeplitz_and_mask(A)
+        whole = np.ones(full.grid_shape, dtype=bool) if mask is None else mask
+        by = directions(full, interpolation)
+        coarse = _coarse_mask(whole, by)
+        if coarse.shape == full.grid_shape or not coarse.any():
+            return None
+        covered = coarse
+        for level, (n, t) in enumerate(zip(full.grid_shape, by, strict=True)):
+            if t:
+                fine = np.zeros((*covered.shape[:level], n, *covered.shape[level + 1 :]), bool)
+                for _, to, of in t.pieces(n):
+                    fine[at(level, to)] |= covered[at(level, of)]
+                covered = fine
+        leftover = np.flatnonzero(~covered[whole])
+        coarse_mask = None if mask is None else coarse
+        return cls(interpolation, by, full.grid_shape, mask, coarse_mask, leftover)
+
+    @property
+    def coarse_shape(self) -> tuple[int, ...]:
+        """The shape of the coarse grid."""
+        return _coarse_shape(self.fine_shape, self.by)
+
+    def check_coarse(self, H: LinearOperator) -> None:
+        """Raise ValueError or TypeError where `H` does not live on the coarse grid."""
+        full, mask = toeplitz_and_mask(H)
+        if full.grid_shape != (shape := self.coarse_shape):
+            raise ValueError(f"coarsen gave the grid {full.grid_shape}, but it must be {shape}")
+        if mask is None or self.coarse_mask is None:
+            same = mask is self.coarse_mask
+        else:
+            same = np.array_equal(mask, self.coarse_mask)
+        if not same:
+            raise ValueError(f"coarsen gave {H!r} with another mask than the coarse one")
+
+    @property
+    def scale(self) -> float:
+        """The number s for which Pᵀ = s R, the product of those of the levels."""
+        return prod(t.ratio(n) for n, t in zip(self.fine_shape, self.by, strict=True) if t)
+
+    @property
+    def border(self) -> tuple[Array, Array]:
+        """Unknowns, shape (p, q), and weights (q,) of p vectors that enlarge the coarse space.
+
+        At the end of a grid it is one, what there is room for of the next coarse element;
+        elsewhere they are the unit vectors of the unknowns left over.
+        """
+        if len(self.leftover) and len(self.fine_shape) == 1 and self.fine_mask is None:
+            last = np.arange(2 * self.coarse_shape[0], self.fine_shape[0])
+            return last[np.newaxis], np.array(self.interpolation.weights[: len(last)])
+        return self.leftover[:, np.newaxis], np.ones(1)
+
+    def restrict(self, r: Array) -> Array:
+        """Average over the fine elements of each coarse one, level by level (Eq. 13).
+
+        The result is a `workspace`: what is to be kept for long had better be a copy.
+        """
+        grid = _on_grid(r, self.fine_mask, self.fine_shape)
+        rows = r.ndim - 1
+        for axis, (n, t) in enumerate(zip(self.fine_shape, self.by, strict=True), start=rows):
+            if t is None:
+                continue
+            m = t.coarse_length(n)
+            shape = (*grid.shape[:axis], m, *grid.shape[axis + 1 :])
+            coarse = workspace(shape, grid.dtype)
+            for k, (weight, fine, to) in enumerate(t.pieces(n)):
+                target, values = coarse[at(axis, to)], grid[at(axis, fine)]
+                scaled = along((weight / t.ratio(n)).astype(grid.dtype), axis, grid.ndim)
+                if k:
+                    _add_product(target, values, scaled)
+                else:  # the first piece is of all coarse elements
+                    np.multiply(values, scaled, out=target)
+            grid = coarse
+        if self.coarse_mask is not None:
+            return np.asarray(grid[..., self.coarse_mask])
+        return grid.reshape(*r.shape[:-1], prod(self.coarse_shape))
+
+    def interpolate(self, e: Array, out: Array) -> None:
+        """Copy each coarse value to its fine elements, and zero to those left over (Eq. 14)."""
+        grid = _on_grid(e, self.coarse_mask, self.coarse_shape)
+        if self.fine_mask is not None:
+            fine = workspace((*e.shape[:-1], *self.fine_shape), e.dtype)
+            _spread(grid, fine, self.by)
+            out[...] = fine[..., self.fine_mask]
+        else:
+            _spread(grid, out.reshape(*e.shape[:-1], *self.fine_shape), self.by)
+
+
+def _on_grid(x: Array, mask: Array | None, shape: tuple[int, ...]) -> Array:
+    if mask is None:
+        return x.reshape(x.shape[:-1] + shape)
+    grid = workspace(x.shape[:-1] + shape, x.dtype)
+    grid[...] = 0.0
+    grid[..., mask] = x
+    return grid
+
+
+def _add_product(target: Array, values: Array, weights: Array) -> None:
+    target += np.multiply(values, weights, out=workspace(values.shape, values.dtype))
+
+
+def _spread(coarse: Array, fine: Array, by: Directions) -> None:
+    """Interpolate the coarse grid of each row to the fine grid, a level after the other."""
+    rows = coarse.ndim - len(by)
+    for axis, t in enumerate(by, start=rows):
+        if t is None:
+            continue
+        last = all(coarse.shape[k] == fine.shape[k] for k in range(axis + 1, coarse.ndim))
+        shape = (*fine.shape[: axis + 1], *coarse.shape[axis + 1 :])
+        to = fine if last else workspace(shape, coarse.dtype)
+        to[...] = 0.0
+        for weight, at_fine, of in t.pieces(fine.shape[axis]):
+            scaled = along(weight.astype(coarse.dtype), axis, coarse.ndim)
+            _add_product(to[at(axis, at_fine)], coarse[at(axis, of)], scaled)
+        coarse = to
+    if coarse is not fine:
+        fine[...] = coarse

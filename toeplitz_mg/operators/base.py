@@ -1,0 +1,153 @@
+"""The base of every operator: vectors are rows, on the last axis of an array."""
+
+from collections.abc import Callable
+from functools import wraps
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+from scipy.sparse import issparse
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.values import unmasked
+
+NUMBERS = "fcbui"  # The kinds of dtypes that are multiplied.
+
+
+def _check_vectors(x: Any) -> Any:
+    """Return what an operator is multiplied with, or refuse what is no array of numbers."""
+    if type(x) is np.ndarray and x.dtype.kind in NUMBERS:
+        return x
+    if isinstance(x, LinearOperator) or issparse(x):
+        return x
+    dtype = unmasked("x", x).dtype
+    if dtype.kind not in NUMBERS:
+        raise TypeError(f"x has dtype {dtype}, but must be of numbers")
+    return x
+
+
+def _of_numbers(name: str) -> Callable[[Any, Any], Any]:
+    """Return a method of SciPy's operators that refuses what is no array of numbers."""
+    method = getattr(LinearOperator, name)
+
+    @wraps(method)
+    def multiply(A: Any, x: Any) -> Any:
+        return method(A, _check_vectors(x))
+
+    return multiply
+
+
+class GridOperator(LinearOperator):
+    """A real square matrix that acts on a grid, or on the unknowns of a grid.
+
+    A class says in `apply` what becomes of a vector; all that SciPy asks of a `LinearOperator`
+    follows from it. It is symmetric, unless the class has an ``_adjoint`` of its own.
+
+    Parameters
+    ----------
+    dtype : float32 or float64
+    grid_shape : tuple of int
+        The shape of the whole grid.
+    work : float
+        The cost of one application, in products with a Toeplitz matrix on the whole grid (the work
+        unit of the paper, §5.2).
+    size : int, optional
+        The number of unknowns, where they are not all points of the grid.
+
+    Attributes
+    ----------
+    grid_shape : tuple of int
+    work : float
+    """
+
+    def __init__(
+        self, dtype: DTypeLike, grid_shape: tuple[int, ...], work: float, size: int | None = None
+    ) -> None:
+        n = prod(grid_shape) if size is None else size
+        super().__init__(np.dtype(dtype), (n, n))
+        self.grid_shape = grid_shape
+        self.work = work
+
+    def apply(self, X: Array, out: Array | None = None) -> Array:
+        """Multiply each row of `X`, without the checks of ``A @ x``.
+
+        Parameters
+        ----------
+        X : ndarray of shape (..., N)
+        out : ndarray of the shape of `X`, optional
+            Where the result is written, so that nothing large is allocated. It may be `X`.
+
+        Returns
+        -------
+        ndarray of the shape of `X`
+            `out`, or a new array of the dtype that NumPy gives to the product of a matrix and a
+            vector of these dtypes.
+        """
+        raise NotImplementedError
+
+    def _matvec(self, x: Array) -> Array:
+        # SciPy before 1.18 hands over a column of shape (n, 1) as it is.
+        n = self.shape[1]
+        return self.apply(x.reshape(n) if x.shape == (n, 1) != (1, 1) else x)
+
+    def _matmat(self, X: Array) -> Array:
+        return self.apply(X.mT).mT
+
+    def _adjoint(self) -> "GridOperator":
+        return self
+
+    def _transpose(self) -> "GridOperator":
+        return self._adjoint()  # as it is real
+
+    # SciPy takes the numbers below a mask, and anything that has a shape.
+    dot = _of_numbers("dot")
+    matvec = _of_numbers("matvec")
+    matmat = _of_numbers("matmat")
+    rmatvec = _of_numbers("rmatvec")
+    rmatmat = _of_numbers("rmatmat")
+    __rmul__ = _of_numbers("__rmul__")
+
+
+def apply_to_rows(A: LinearOperator, X: Array, out: Array | None = None) -> Array:
+    """Multiply each row of `X` by any operator, of this package or not, as `GridOperator.apply`.
+
+    Parameters
+    ----------
+    A : LinearOperator of shape (n, n)
+    X : ndarray of shape (n,) or (k, n)
+    out : ndarray of the shape of `X`, optional
+        Where the result is written. It may be `X`.
+
+    Returns
+    -------
+    ndarray of the shape of `X`
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.sparse.linalg import aslinearoperator
+    >>> A = aslinearoperator(np.array([[1.0, 2.0], [3.0, 4.0]]))
+    >>> apply_to_rows(A, np.array([[1.0, 0.0], [0.0, 1.0]]))
+    array([[1., 3.],
+           [2., 4.]])
+    """
+    if isinstance(A, GridOperator):
+        return A.apply(X, out)
+    # An operator that the user made from functions may return (n, 1) or an np.matrix.
+    Y = np.asarray(A._matvec(X) if X.ndim == 1 else A._matmat(X.T).T).reshape(X.shape)
+    if out is None:
+        return Y
+    out[...] = Y
+    return out
+
+
+def grid_of(A: LinearOperator) -> tuple[int, ...]:
+    """Return the shape of the grid on which an operator acts: a line, where it names none."""
+    return A.grid_shape if isinstance(A, GridOperator) else (A.shape[0],)
+
+
+def work_of(A: LinearOperator) -> float:
+    """Return the work of one application of an operator, 0 where it names none."""
+    return A.work if isinstance(A, GridOperator) else 0.0

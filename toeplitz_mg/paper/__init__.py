@@ -1,0 +1,1 @@
+"""The problems of the paper, and the numbers that it prints."""

@@ -1,0 +1,166 @@
+"""The three test problems of the paper (§2.5 and §5), in its units: N and mm."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg import halfspace
+from toeplitz_mg._typing import Array
+from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
+from toeplitz_mg.values import count
+
+STEEL = halfspace.Material(G=82000.0, nu=0.28)
+RUBBER = halfspace.Material(G=0.3, nu=0.49)
+A_HALF, B_HALF = 4.0, 50.0  # the potential contact area is [-4, 4] x [-50, 50] mm
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A linear system A p = u of the contact problem without slip (paper, Eq. 10).
+
+    Attributes
+    ----------
+    name : str
+    A : ToeplitzOperator or MaskedOperator
+        Influence coefficients, mm per N/mm².
+    b : ndarray of shape (N,)
+        Rigid shift u of the N elements in contact, mm.
+    x : ndarray of shape (N,)
+        Centres of the elements in contact, mm.
+    h : float
+        Width of an element, mm.
+    material : Material
+    """
+
+    name: str
+    A: LinearOperator
+    b: Array
+    x: Array
+    h: float
+    material: halfspace.Material
+
+    def operator_of_grid_shape(self, grid_shape: tuple[int, ...]) -> ToeplitzOperator:
+        """Discretise the potential contact area with another number of elements.
+
+        Parameters
+        ----------
+        grid_shape : (int,)
+
+        Returns
+        -------
+        ToeplitzOperator
+            For ``rediscretised(problem.operator_of_grid_shape)``.
+        """
+        (n,) = grid_shape
+        return _operator(n, self.material)
+
+
+def test1(n: int) -> Problem:
+    """Return test 1: steel, a constant shift of 0.0008 mm (paper, §2.5).
+
+    Parameters
+    ----------
+    n : int
+        Number of elements, each 8/n × 100 mm.
+
+    Returns
+    -------
+    Problem
+
+    Raises
+    ------
+    ValueError
+        Where `n` is below 1.
+    TypeError
+        Where `n` is not an integer.
+
+    Examples
+    --------
+    >>> from toeplitz_mg.paper.problems import test1
+    >>> test1(1000).A
+    <ToeplitzOperator 1000, symmetric, float64>
+    """
+    x, h = _centres(n)
+    return Problem("test 1", _operator(n, STEEL), np.full(n, 0.0008), x, h, STEEL)
+
+
+def test2(n: int) -> Problem:
+    """Return test 2: rubber, a shift of x, by spin (paper, §5).
+
+    Parameters
+    ----------
+    n : int
+        Number of elements, each 8/n × 100 mm.
+
+    Returns
+    -------
+    Problem
+
+    Raises
+    ------
+    ValueError
+        Where `n` is below 1.
+    TypeError
+        Where `n` is not an integer.
+
+    Examples
+    --------
+    >>> from toeplitz_mg.paper.problems import test2
+    >>> test2(4).b
+    array([-3., -1.,  1.,  3.])
+    """
+    x, h = _centres(n)
+    return Problem("test 2", _operator(n, RUBBER), x.copy(), x, h, RUBBER)
+
+
+def test3(n: int) -> Problem:
+    """Return test 3: test 1 on two strips, a wavy surface (paper, §5.4).
+
+    Parameters
+    ----------
+    n : int
+        Number of elements, each 8/n × 100 mm.
+
+    Returns
+    -------
+    Problem
+        In contact are the elements with their centre in (-4, -2) or (0, 4).
+
+    Raises
+    ------
+    ValueError
+        Where `n` is below 2, so that no element is in contact.
+    TypeError
+        Where `n` is not an integer.
+
+    Examples
+    --------
+    >>> from toeplitz_mg.paper.problems import test3
+    >>> test3(1024).A
+    <MaskedOperator 768 of 1024 points of <ToeplitzOperator 1024, symmetric, float64>>
+    """
+    x, h = _centres(n)
+    mask = (x < -2.0) | (x > 0.0)
+    if not mask.any():
+        raise ValueError(f"n is {n}, but test 3 needs at least 2 elements to have one in contact")
+    A = MaskedOperator(_operator(n, STEEL), mask)
+    return Problem("test 3", A, np.full(A.shape[0], 0.0008), x[mask], h, STEEL)
+
+
+# So that pytest does not take them for tests.
+for _problem in (test1, test2, test3):
+    _problem.__test__ = False  # type: ignore[attr-defined]
+
+
+def _centres(n: int) -> tuple[Array, float]:
+    n = count("n", n)
+    h = 2.0 * A_HALF / n
+    return -A_HALF + h * (np.arange(n) + 0.5), h
+
+
+def _operator(n: int, material: halfspace.Material) -> ToeplitzOperator:
+    element = (2.0 * A_HALF / n, 2.0 * B_HALF)
+    x, y = halfspace.offsets((n, 1), element)
+    coefficients = halfspace.influence_xx(x, y, element, G=material.G, nu=material.nu)
+    return ToeplitzOperator(coefficients[:, 0])

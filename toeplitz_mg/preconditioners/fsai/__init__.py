@@ -1,0 +1,1 @@
+"""FSAI, a factorised sparse approximate inverse of any mask, and a hierarchy of coarser ones."""

@@ -1,0 +1,140 @@
+"""The cells of a level of a multilevel sparse approximate inverse: neighbours and aggregates."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+
+Pair = tuple[int, int]
+
+AGGREGATE = 16  # cells of a block: 4 x 4 where they are square
+
+
+@dataclass(frozen=True)
+class CellGrid:
+    """A grid of cells, with the neighbours of a cell and the blocks that are aggregates.
+
+    Everything is computed where it is first asked for. The cells are kept flattened, with a margin
+    and whole blocks, so that each cell has its neighbours and each block its cells.
+
+    Attributes
+    ----------
+    kernel : ndarray of shape (n1, n2)
+        What cells are near by: coefficients, even in both axes; one level is 1 x n.
+    neighbours : int
+        Cells before a cell that its row of G sees.
+    """
+
+    kernel: Array
+    neighbours: int
+
+    @cached_property
+    def offsets(self) -> Array:
+        """The cell itself and those before it where the kernel is largest, shape (K, 2)."""
+        near = np.abs(self.kernel[: self.neighbours + 1, : self.neighbours + 1])
+        n1, n2 = near.shape
+        i, j = np.mgrid[:n1, 1 - n2 : n2].reshape(2, -1)[:, n2:]  # those before the cell
+        nearest = np.lexsort((i + np.abs(j), -near[i, np.abs(j)]))[: self.neighbours]
+        before = np.stack([-i, -j], axis=-1)[nearest]
+        return np.concatenate([np.zeros((1, 2), before.dtype), before])
+
+    @cached_property
+    def reach(self) -> Pair:
+        """The farthest neighbour in either axis."""
+        first, second = np.abs(self.offsets).max(axis=0)
+        return int(first), int(second)
+
+    @cached_property
+    def block(self) -> Pair:
+        """Shape of an aggregate: the kernel decays alike over its two sides."""
+        n1, n2 = self.kernel.shape
+        sides = [2**p for p in range(AGGREGATE.bit_length())]
+        shapes = [(h, AGGREGATE // h) for h in sides if h < 2 * n1 and AGGREGATE // h < 2 * n2]
+        T = self.kernel
+        # Two that reach beyond a small grid look alike: of those the one whose cells, as far as
+        # there are any, are coupled most.
+        return min(  # of a grid that is smaller than any, one block is all
+            shapes or [(4, 4)],
+            key=lambda h: (
+                abs(T[min(h[0], n1 - 1), 0] - T[0, min(h[1], n2 - 1)]),
+                -T[: h[0], : h[1]].sum(),
+            ),
+        )
+
+    @cached_property
+    def blocks(self) -> Pair:
+        """The number of aggregates in either axis: the grid of the next level."""
+        (n1, n2), (h1, h2) = self.kernel.shape, self.block
+        return -(-n1 // h1), -(-n2 // h2)
+
+    @cached_property
+    def padded(self) -> Pair:
+        """Shape of the grid with its margin."""
+        (m1, m2), (h1, h2), (p1, p2) = self.blocks, self.block, self.reach
+        return p1 + m1 * h1, m2 * h2 + 2 * p2
+
+    def place(self, grid: Array, margin: float) -> Array:
+        """Return the grid with a margin of this value, flattened."""
+        (n1, n2), (p1, p2) = self.kernel.shape, self.reach
+        padded: Array = np.full(self.padded, margin, grid.dtype)
+        padded[p1 : p1 + n1, p2 : p2 + n2] = grid.reshape(n1, n2)
+        return padded.ravel()
+
+    @cached_property
+    def size(self) -> int:
+        """The number of cells with the margin."""
+        return self.padded[0] * self.padded[1]
+
+    @cached_property
+    def block_of(self) -> Array:
+        """The block of every cell; in the margin any near."""
+        i, j = (
+            ((np.arange(n, dtype=np.int32) - p) // h).clip(0, m - 1)
+            for n, p, h, m in zip(self.padded, self.reach, self.block, self.blocks, strict=True)
+        )
+        return np.asarray(np.add.outer(i * self.blocks[1], j).ravel())
+
+    @cached_property
+    def inside(self) -> Array:
+        """The places of the cells of the grid."""
+        return self._every(self.kernel.shape, (1, 1)).astype(np.int32)
+
+    @cached_property
+    def steps(self) -> Array:
+        """From a cell to its neighbours, shape (K,)."""
+        return self._flat(self.offsets)
+
+    @cached_property
+    def origins(self) -> Array:
+        """The first cell of every block."""
+        return self._every(self.blocks, self.block)
+
+    @cached_property
+    def slots(self) -> Array:
+        """From the first cell of a block to all of them, shape (h1 h2,)."""
+        return self._flat(np.indices(self.block).reshape(2, -1).T)
+
+    @cached_property
+    def window_shape(self) -> Pair:
+        """A block and the neighbours of its cells."""
+        return self.block[0] + self.reach[0], self.block[1] + 2 * self.reach[1]
+
+    @cached_property
+    def window_cells(self) -> Array:
+        """From the first cell of a block to those of its window, shape (window, 2)."""
+        return np.indices(self.window_shape).reshape(2, -1).T - self.reach
+
+    @cached_property
+    def window(self) -> Array:
+        """The same, shape (window,)."""
+        return self._flat(self.window_cells)
+
+    def _every(self, shape: Pair, step: Pair) -> Array:
+        """The places of cells these steps apart, from the first of the grid on."""
+        i, j = (p + h * np.arange(m) for p, h, m in zip(self.reach, step, shape, strict=True))
+        return np.asarray(np.add.outer(i * self.padded[1], j).ravel())
+
+    def _flat(self, cells: Array) -> Array:
+        return np.asarray(cells @ np.array([self.padded[1], 1]))

@@ -1,0 +1,277 @@
+"""The multilevel sparse approximate inverse of a whole line, where all rows of G are alike.
+
+What `fsai` describes, for the cells of a line that are all in contact. A row of G sees the 15 cells
+before its own: in blocks of 16, which are the aggregates too, G is block bidiagonal, and all its
+blocks are the same but for those of the first block and of the last row. So nothing sparse is
+needed: G X is a product with two matrices of 16 x 16, and what is computed at set-up is computed
+for three blocks, the first, any, and the last. The next level is a line again, c_i T(i-j) c_j with
+a diagonal, whose cells are all alike but for the first and the last.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import prod
+from typing import Any
+
+import numpy as np
+from scipy.linalg import toeplitz
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.preconditioners.fsai.stencil import refused, require_definite
+
+BLOCK = 16  # cells of an aggregate, and of a row of G
+EXACT = 3  # blocks: from this lag on the loads of two blocks are taken as uniform
+DENSE = 128  # cells that are solved for directly
+CHUNK = 2**14  # numbers that are treated together, in the cache
+LONG = 2**14  # cells: on a shorter line Python's overhead is more than transforms would take
+SMOOTH = 1.9  # growth of the falls of a kernel that is smooth: 4 of a parabola, 2 of a tent
+FAST = 0.2  # of a coefficient at twice the lag
+
+
+@dataclass(frozen=True)
+class WholeLine:
+    """The matrix c_i T(i-j) c_j with the diagonal d, of n cells.
+
+    Attributes
+    ----------
+    T : ndarray of shape (n,)
+        Coefficients.
+    c, d, smooth : ndarray of shape (3,)
+        Of the first cell, of all others, of the last: the load of an unknown, the diagonal, and
+        what the vector of ones is on this level.
+    """
+
+    T: Array
+    c: Array
+    d: Array
+    smooth: Array
+
+    @classmethod
+    def of(cls, T: Array) -> "WholeLine":
+        """Return those of a Toeplitz matrix itself."""
+        return cls(T, np.ones(3), np.full(3, T[0]), np.ones(3))
+
+    def lags(self, count: int) -> Array:
+        """The first coefficients; beyond the line that of its last lag."""
+        return self.T[np.minimum(np.arange(count), len(self.T) - 1)]
+
+    def matrix(self) -> Array:
+        """Return the matrix."""
+        c, d = np.full((2, len(self.T)), np.stack([self.c[1:2], self.d[1:2]]))
+        c[0], c[-1], d[0], d[-1] = *self.c[::2], *self.d[::2]
+        matrix = toeplitz(self.T) * np.outer(c, c)
+        np.fill_diagonal(matrix, d)
+        return np.asarray(matrix)
+
+
+@dataclass(frozen=True)
+class Dense:
+    """The coarsest level: the inverse, by Cholesky's factorisation."""
+
+    inverse: Array
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """The number of unknowns."""
+        return (len(self.inverse),)
+
+    @property
+    def multiplications(self) -> int:
+        """Multiplications of one application."""
+        return self.inverse.size
+
+    def multiply(self, X: Array, out: Array) -> None:
+        """Apply it to rows."""
+        np.matmul(X, self.inverse, out=out)
+
+
+@dataclass(frozen=True)
+class Line:
+    """Gᵀ (I - W Wᵀ + W E⁻¹ Wᵀ) G of n cells, with the next level for E⁻¹.
+
+    Attributes
+    ----------
+    n : int
+    G : ndarray of shape (3, 16, 32)
+        Rows of the first block, of any, and of the last, on the block before and their own.
+    W : ndarray of shape (3, 16)
+        The vectors w of these blocks.
+    coarse : Line or Dense
+    """
+
+    n: int
+    G: Array
+    W: Array
+    coarse: "Line | Dense"
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """The number of unknowns on each level."""
+        return (self.n, *self.coarse.sizes)
+
+    @property
+    def multiplications(self) -> int:
+        """Multiplications of one application."""
+        return 2 * self.n * (BLOCK + 1) + self.coarse.multiplications
+
+    def multiply(self, X: Array, out: Array) -> None:
+        """Apply it to rows, of shape (..., n), into `out`, contiguous, which may be X."""
+        X, out = X.reshape(-1, self.n), out.reshape(-1, self.n)
+        m = -(-self.n // BLOCK)
+        cut = BLOCK * (m - 1)
+        rest = self.n - cut
+        x = X[:, :cut].reshape(-1, m - 1, BLOCK)
+        last = np.zeros((len(X), BLOCK), X.dtype)
+        last[:, :rest] = X[:, cut:]
+
+        (_, before, final_before), (first, own, final) = self.G[..., :BLOCK], self.G[..., BLOCK:]
+        w_first, w, w_last = self.W
+        y = workspace((len(X), m, BLOCK), X.dtype)
+        a = workspace((len(X), m), X.dtype)
+        for blocks, part in self._chunks(m - 1, X):
+            np.matmul(x[:, blocks], own.T, out=y[:, blocks])
+            previous = slice(max(blocks.start - 1, 0), blocks.stop - 1)
+            part = part[:, : previous.stop - previous.start]
+            np.matmul(x[:, previous], before.T, out=part)
+            y[:, previous.start + 1 : blocks.stop] += part
+            np.matmul(y[:, blocks], w, out=a[:, blocks])
+        y[:, 0] = x[:, 0] @ first.T
+        y[:, -1] = x[:, -1] @ final_before.T + last @ final.T
+        a[:, 0], a[:, -1] = y[:, 0] @ w_first, y[:, -1] @ w_last
+
+        e = workspace(a.shape, X.dtype)
+        self.coarse.multiply(a, e)
+        e -= a
+        y[:, 0] += e[:, :1] * w_first
+        y[:, -1] += e[:, -1:] * w_last
+        z = out[:, :cut].reshape(-1, m - 1, BLOCK)
+        for blocks, part in self._chunks(m - 1, X):
+            inner = slice(blocks.start + 1, min(blocks.stop + 1, m - 1))
+            part_of_inner = part[:, : inner.stop - inner.start]
+            np.multiply(e[:, inner, np.newaxis], w, out=part_of_inner)
+            y[:, inner] += part_of_inner
+            np.matmul(y[:, blocks], own, out=z[:, blocks])
+            np.matmul(y[:, blocks.start + 1 : blocks.stop + 1], before, out=part)
+            z[:, blocks] += part
+        z[:, 0] = y[:, 0] @ first + y[:, 1] @ before
+        z[:, -1] = y[:, -2] @ own + y[:, -1] @ final_before
+        out[:, cut:] = (y[:, -1] @ final)[:, :rest]
+
+    def _chunks(self, count: int, X: Array) -> Iterator[tuple[slice, Array]]:
+        """Yield some of so many blocks, and memory for them, the same for all."""
+        size = min(CHUNK // BLOCK, count)
+        memory = workspace((len(X) * size * BLOCK,), X.dtype)
+        for start in range(0, count, size):
+            stop = min(start + size, count)
+            shape = (len(X), stop - start, BLOCK)
+            yield slice(start, stop), memory[: prod(shape)].reshape(shape)
+
+
+def line(cells: WholeLine, dtype: np.dtype[Any]) -> Line | Dense:
+    """Build this level and those below, in float64, to be applied in the precision `dtype`."""
+    n = len(cells.T)
+    if n <= DENSE:
+        matrix = cells.matrix()
+        R = _inverse_factors(cells, matrix[np.newaxis])[0]
+        inverse = R.T @ R
+        require_definite(matrix, inverse.__matmul__, dtype)
+        return Dense(inverse.astype(dtype))
+    rest = n - (n - 1) // BLOCK * BLOCK  # cells of the last block
+    lags = cells.lags(2 * BLOCK + 1)
+    far = lags[2 * BLOCK]  # τ
+
+    c, d = (_windows(x, BLOCK, 0, BLOCK) for x in (cells.c, cells.d))
+    S = (toeplitz(lags[:BLOCK]) - far) * c[:, :, np.newaxis] * c[:, np.newaxis]
+    S[:, np.arange(BLOCK), np.arange(BLOCK)] = d - far * c**2
+    R = _inverse_factors(cells, S)
+    G = np.zeros((3, BLOCK, 2 * BLOCK))
+    G[0, :, BLOCK:] = R[0]
+    for i in range(BLOCK):
+        G[1, i, i + 1 : i + 1 + BLOCK] = R[1, -1]
+    G[2, :rest] = G[1, :rest]
+    G[2, rest - 1, rest : rest + BLOCK] = R[2, -1]
+
+    c, d, smooth = (
+        _windows(x, 2 * BLOCK, BLOCK, BLOCK + rest) for x in (cells.c, cells.d, cells.smooth)
+    )
+    W = np.einsum("kij,kj->ki", G, smooth)
+    norm = np.linalg.norm(W, axis=1)
+    W /= norm[:, np.newaxis]
+    loads = np.einsum("kij,ki->kj", G, W)
+    own = (loads**2 * (d - lags[0] * c**2)).sum(axis=1)
+    loads *= c
+    own += np.einsum("ki,ij,kj->k", loads, toeplitz(lags[: 2 * BLOCK]), loads)
+    totals = loads.sum(axis=1)
+    if not totals.min() > 0.0:
+        raise _refused("the load of an aggregate is", totals, cells)
+    coarse = WholeLine(_coarser(cells, loads[1]), totals / totals[1], own, norm)
+    return Line(n, G.astype(dtype), W.astype(dtype), line(coarse, dtype))
+
+
+def _inverse_factors(cells: WholeLine, S: Array) -> Array:
+    """Return the inverses of the Cholesky factors of some matrices."""
+    try:
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(S)))
+    except np.linalg.LinAlgError:
+        eigenvalues = np.linalg.eigvalsh(S)
+        raise _refused("an eigenvalue of a neighbourhood is", eigenvalues, cells) from None
+
+
+def _refused(subject: str, values: Array, cells: WholeLine) -> np.linalg.LinAlgError:
+    return refused(subject, float(values.min()), cells.T.shape)
+
+
+def _windows(x: Array, length: int, first: int, stop: int) -> Array:
+    """Return x, of the first cell, others, and the last, on three windows of cells.
+
+    One begins with the first cell, at the place `first`; one is anywhere; one ends with the last,
+    at the place before `stop`. Where there is no cell any number will do.
+    """
+    windows = np.full((3, length), x[1])
+    windows[0, first], windows[2, stop - 1] = x[0], x[2]
+    return windows
+
+
+def _coarser(cells: WholeLine, load: Array) -> Array:
+    """Return the coefficients between blocks of this load, shape (m,)."""
+    n = len(cells.T)
+    m = -(-n // BLOCK)
+    T = np.append(cells.T, np.full(BLOCK * m - n, cells.T[-1])).reshape(m, BLOCK)
+    # The means over two blocks: so many pairs of cells, one in either, have the lag k.
+    pairs = np.arange(BLOCK, 0, -1) / BLOCK**2
+    means = T @ pairs
+    means[1:] += T[:-1, 1:] @ pairs[:0:-1]
+    means *= load.sum() ** 2
+    # The load's products by the lag between their cells.
+    products = np.correlate(load, load, "full")
+    reach = len(load) - 1
+    T = cells.lags(BLOCK * EXACT + reach)
+    for k in range(min(EXACT, m)):
+        means[k] = T[np.abs(BLOCK * k + np.arange(-reach, reach + 1))] @ products
+    return means
+
+
+def decays_slowly(c: Array) -> bool:
+    """Whether coefficients decay as a power of the lag does, or its logarithm, from lag 0 on.
+
+    Judged at the lags 0, 1, 2, 4 and so on: at each doubling they fall, by less than twice what
+    they just did, as they would where the kernel is smooth, and not to nearly nothing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> decays_slowly(1.0 / (1.0 + np.arange(1000)))
+    True
+    >>> decays_slowly(0.99 ** np.arange(1000))
+    False
+    """
+    powers = 2 ** np.arange((len(c) - 1).bit_length())
+    values = c[np.append(0, powers[powers < len(c)])]
+    falls = -np.diff(values)
+    return bool(
+        values.min() > 0.0
+        and (falls > 0.0).all()
+        and (falls[1:] <= SMOOTH * falls[:-1]).all()
+        and (values[2:] >= FAST * values[1:-1]).all()
+    )

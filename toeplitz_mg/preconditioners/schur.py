@@ -1,0 +1,160 @@
+"""The first column of the inverse, by the superfast generalised Schur algorithm."""
+
+from math import isqrt
+
+import numpy as np
+from scipy import fft
+from scipy.linalg import solve_toeplitz, solve_triangular, toeplitz
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.work import count_transforms
+
+LARGEST_BLOCK = 256  # steps taken at once by Levinson's recursion; measured
+
+
+def schur_column(c: Array) -> tuple[Array, Array]:
+    """Return A⁻¹ e₁ and the Schur parameters of the Toeplitz matrix A with the first column `c`.
+
+    In O(n log² n) operations, as many as some 30 products with A, and without any condition on A
+    but that it is positive definite: no symbol, no embedding, no iteration.
+
+    Parameters
+    ----------
+    c : ndarray of float64, of shape (n,)
+
+    Returns
+    -------
+    x : ndarray of shape (n,)
+        A⁻¹ e₁.
+    gamma : ndarray of shape (n - 1,)
+        The Schur parameters (reflection coefficients). All lie in (-1, 1), and
+        det A = c₀ⁿ Π (1 - γₖ²)ⁿ⁻ᵏ, k = 1 … n - 1.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where a Schur parameter is not in (-1, 1), so that A is not positive definite; or is not
+        so in the arithmetic of float64.
+
+    Notes
+    -----
+    Levinson's recursion, for the polynomial a of the prediction error and its reversal a*,
+
+        a ← a + γ z a*,      z a* ← z (γ a + z a*),      γ = -e₀/g₀,
+
+    takes γ from their residuals, the series e and g, which a step combines in the same way. The
+    steps of half an interval depend on half of the coefficients only. So the second half starts
+    when the first has been multiplied into e and g, and the products of polynomials are made by
+    FFT. Small intervals are Toeplitz systems of their own, and solved as such.
+
+    References
+    ----------
+    G. Ammar, W. Gragg, Superfast solution of real positive definite Toeplitz systems, SIAM J.
+    Matrix Anal. Appl. 9 (1988).
+
+    Examples
+    --------
+    >>> x, gamma = schur_column(np.array([4.0, 2.0, 2.0]))
+    >>> x
+    array([ 0.375, -0.125, -0.125])
+    >>> gamma
+    array([-0.5       , -0.33333333])
+    """
+    if not c[0] > 0.0:
+        raise np.linalg.LinAlgError(
+            f"the diagonal of A is {c[0]:.3g}, but of a positive definite matrix it is positive"
+        )
+    blocks: list[Array] = []
+    a = np.ones(1)
+    if len(c) > 1:
+        # Time goes as the number of blocks, and again as their length.
+        block = min(4 * isqrt(len(c)), LARGEST_BLOCK)
+        P = _steps(np.stack([c[1:], c[:-1]]) / c[0], block, blocks)
+        a = np.append(P[0], 0.0)
+        a[1:] += P[1]
+    gamma = _schur_parameters(blocks)
+    return a / (a @ c), gamma
+
+
+def _steps(EG: Array, block: int, blocks: list[Array]) -> Array:
+    """Take the steps that the residuals e and g, the rows of `EG`, are long enough for.
+
+    Returns the polynomials P₁, P₂ by which s steps turn a into P₁ a + P₂ z a*. They turn z a*
+    into zˢ (P₂(1/z) a + P₁(1/z) z a*). The blocks' coefficients are appended to `blocks`.
+    """
+    s = EG.shape[1]
+    if s <= block:
+        return _block(EG, blocks)
+    length = 2 * fft.next_fast_len(-(-s // 2), real=True)
+    half = length // 2  # zʰ is ±1 at the roots of unity of this length
+    count_transforms(10, length)
+    P = _both_rows(fft.rfft(_steps(EG[:, :half], block, blocks), length))
+    # What wraps around falls on the first half, where the residuals are zero now.
+    EG = fft.irfft(_product(P, fft.rfft(EG, length)), length)[:, half:s]
+    Q = _both_rows(fft.rfft(_steps(EG, block, blocks), length))
+    return np.asarray(fft.irfft(_product(P.swapaxes(0, 1), Q[0]), length)[:, :s])
+
+
+def _both_rows(P: Array) -> Array:
+    """Return the transform of [[P₁, P₂], [zʰ P₂(1/z), zʰ P₁(1/z)]] from that of P₁, P₂."""
+    reverse = P[::-1].conj()
+    reverse[:, 1::2] *= -1.0
+    return np.stack([P, reverse])
+
+
+def _product(P: Array, v: Array) -> Array:
+    return np.asarray(P[:, 0] * v[0] + P[:, 1] * v[1])
+
+
+def _block(EG: Array, blocks: list[Array]) -> Array:
+    """Take the steps by Levinson's recursion, for the Toeplitz matrix that has these residuals."""
+    s = EG.shape[1]
+    e, g = EG
+    # The residuals at the start, e = (c₁ …) and g = (c₀ …), have g = c₀ + z e. So e and g are
+    # proportional to those of c = g/(g - z e) to the s coefficients that matter.
+    g = np.append(g, 0.0)
+    divisor = g - np.append(0.0, e)
+    if not divisor[0] > 0.0:  # the prediction error
+        raise np.linalg.LinAlgError(_NOT_POSITIVE)
+    lower = toeplitz(divisor, np.zeros(s + 1))
+    c = solve_triangular(lower, g, lower=True, check_finite=False)
+    blocks.append(c)
+    unit = np.zeros(s + 1)
+    unit[0] = 1.0
+    try:
+        x = solve_toeplitz(c, unit, check_finite=False)
+    except np.linalg.LinAlgError:  # a leading block is singular
+        raise np.linalg.LinAlgError(_NOT_POSITIVE) from None
+    if not x[0] > 0.0:
+        raise np.linalg.LinAlgError(_NOT_POSITIVE)
+    a = x / x[0]
+    # Its polynomial of the second kind is a (2 c - 1), cut to the degree s, and P₁ the mean of it
+    # and a.
+    length = fft.next_fast_len(2 * s + 1, real=True)
+    P1 = fft.irfft(fft.rfft(a, length) * fft.rfft(c, length), length)[:s]
+    return np.stack([P1, a[1:] - np.append(P1[1:], 0.0)])
+
+
+_NOT_POSITIVE = "A is not positive definite, or so ill-conditioned that float64 cannot tell"
+
+
+def _schur_parameters(blocks: list[Array]) -> Array:
+    """Return those of all blocks, by Levinson's recursion on all of them at once."""
+    if not blocks:
+        return np.zeros(0)
+    steps = np.array([len(c) - 1 for c in blocks])
+    C = np.zeros((steps.max() + 1, len(blocks)))  # a block a column
+    for column, c in zip(C.T, blocks, strict=True):
+        column[: len(c)] = c
+    A = np.zeros_like(C)
+    A[0] = 1.0
+    error = C[0].copy()
+    gamma = np.zeros((steps.max(), len(blocks)))
+    for m in range(len(gamma)):
+        gamma[m] = -np.einsum("kb,kb->b", A[: m + 1], C[m + 1 : 0 : -1]) / error
+        gamma[m, steps <= m] = 0.0
+        if not np.abs(gamma[m]).max() < 1.0:
+            raise np.linalg.LinAlgError(_NOT_POSITIVE)
+        A[: m + 2] += gamma[m] * A[m + 1 :: -1]
+        error *= 1.0 - gamma[m] ** 2
+    return np.concatenate([g[:s] for g, s in zip(gamma.T, steps, strict=True)])
