@@ -1,7 +1,9 @@
 """Pairs of an operator and its dense matrix, the latter by definition and free of FFTs."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import scipy.fft
@@ -23,6 +25,15 @@ class Case:
 
     def __str__(self):
         return self.name
+
+
+def preconditioner_of_the_page():
+    """The one that `docs/architecture.md` shows, as it stands there."""
+    page = (Path(__file__).parent.parent / "docs" / "architecture.md").read_text()
+    (block,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    namespace = {}
+    exec(compile(block, "architecture.md", "exec"), namespace)
+    return namespace["r_chan_preconditioner"]
 
 
 # Coefficients -------------------------------------------------------------------------------
@@ -110,6 +121,15 @@ def dense_sd(A, M, m):
         Z[part, j] = 1.0
     E = Z.T @ M @ A @ Z
     return (np.eye(len(A)) - M @ A @ Z @ np.linalg.inv(E) @ Z.T) @ M
+
+
+def r_chan_column(c):
+    """a_k + a_(k - n), for a kernel that is even in each axis."""
+    for axis, n in enumerate(c.shape):
+        around = np.take(c, [*range(n - 1, 0, -1)], axis=axis)
+        zero = np.zeros_like(np.take(c, [0], axis=axis))
+        c = c + np.concatenate([zero, around], axis=axis)
+    return c
 
 
 def strang_column(c):
@@ -347,6 +367,8 @@ def componentwise(c, M, mask):
     yield tmg.sine_preconditioner, submatrix(dense_trigonometric(c, np.sin, 1), mask)
     yield tmg.strang_preconditioner, submatrix(np.linalg.inv(periodic(strang_column(c))), mask)
     yield tmg.chan_preconditioner, submatrix(np.linalg.inv(periodic(chan_column(c))), mask)
+    r_chan = preconditioner_of_the_page()
+    yield r_chan, submatrix(np.linalg.inv(periodic(r_chan_column(c))), mask)
     if sum(n > 1 for n in c.shape) <= 2:  # few unknowns are solved for directly
         A = submatrix(dense_of_column(c), mask)
         yield tmg.fsai_preconditioner, np.linalg.inv(A)

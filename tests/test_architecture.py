@@ -1,0 +1,66 @@
+"""The house stands as `docs/architecture.md` draws it."""
+
+import ast
+import importlib
+import pkgutil
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import toeplitz_mg
+
+ROOT = Path(toeplitz_mg.__file__).parent
+PAGE = (Path(__file__).parent.parent / "docs" / "architecture.md").read_text()
+ROOMS = [
+    name.strip("`/")
+    for row in re.findall(r"(?m)^\| (`.*?) \|", PAGE)
+    for name in re.findall(r"`[\w/]+`", row)
+]
+MODULES = [
+    module.name
+    for module in pkgutil.walk_packages(toeplitz_mg.__path__, "toeplitz_mg.")
+    if module.name != "toeplitz_mg.__main__"  # which runs when it is imported
+]
+
+
+def rooms_that_are_imported(source):
+    """The rooms that a file imports from, also inside functions, and not only for annotations."""
+    for node in ast.walk(ast.parse(source)):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        for name in names:
+            package, *rest = name.split(".")
+            if package == "toeplitz_mg" and rest and rest[0] in ROOMS:
+                yield rest[0]
+
+
+def test_the_page_names_every_room():
+    there = {path.stem for path in ROOT.iterdir() if path.suffix == ".py" or path.is_dir()}
+    assert there - {"__init__", "__main__", "__pycache__", "startup"} == set(ROOMS)
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_no_room_imports_from_one_above_it(room):
+    files = [*(ROOT / room).rglob("*.py")] or [ROOT / f"{room}.py"]
+    for path in files:
+        for imported in rooms_that_are_imported(path.read_text()):
+            assert ROOMS.index(imported) <= ROOMS.index(room), f"{path} imports {imported}"
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_no_module_is_hidden_by_a_function_of_its_name(name):
+    module = importlib.import_module(name)
+    namespace = {}
+    exec(f"import {name} as m", namespace)
+    assert isinstance(namespace["m"], ModuleType)
+    assert namespace["m"] is module
+
+
+def test_the_page_names_files_that_exist():
+    for name in re.findall(r"`([\w/]+\.py)`", PAGE):
+        assert (ROOT / name).exists() or (ROOT.parent / name).exists(), name
