@@ -14,7 +14,7 @@ from toeplitz_mg.multigrid_cycle.hierarchy import Level, Smoother, build_levels
 from toeplitz_mg.multigrid_cycle.interpolation import Interpolation, piecewise_constant
 from toeplitz_mg.multigrid_cycle.transfer import Coarsening
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows, grid_of, work_of
-from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.structure import unwrap_toeplitz
 from toeplitz_mg.preconditioners import fft_rsm_preconditioner
 from toeplitz_mg.values import count
 
@@ -265,7 +265,7 @@ def multigrid(
         raise TypeError(f"transfer is {transfer!r}, but must be an Interpolation")
     if not (coarsen is None or callable(coarsen)):
         raise TypeError(f"coarsen is {coarsen!r}, but must map a matrix to the next coarser one")
-    toeplitz_and_mask(A)  # or it says what is wrong
+    unwrap_toeplitz(A)  # or it says what is wrong
     levels = build_levels(A, smoother, coarsest, transfer, coarsen)
     M = Multigrid(levels, pre, post, gamma)
     require_definite(M, coarsen is None)

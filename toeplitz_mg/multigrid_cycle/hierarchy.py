@@ -9,7 +9,7 @@ from scipy.sparse.linalg import LinearOperator, aslinearoperator
 from toeplitz_mg.multigrid_cycle.interpolation import Interpolation
 from toeplitz_mg.multigrid_cycle.transfer import Coarsening, Transfer, galerkin
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.structure import unwrap_toeplitz
 from toeplitz_mg.preconditioners.direct import DenseInverse
 from toeplitz_mg.preconditioners.jacobi import ScaledIdentity
 from toeplitz_mg.preconditioners.positivity import ritz_values
@@ -113,7 +113,7 @@ def _converges(A: LinearOperator, S: LinearOperator) -> bool:
     if S.H is not S:
         return True
     if isinstance(S, ScaledIdentity):
-        return float(S.factor) * toeplitz_and_mask(A)[0].norm_bound < 2.0
+        return float(S.factor) * unwrap_toeplitz(A)[0].norm_bound < 2.0
     is_large_and_whole = isinstance(A, ToeplitzOperator) and A.shape[0] > EXAMINED
     if is_large_and_whole and isinstance(S, RowSumModified) and S.certified:
         return True

@@ -17,7 +17,7 @@ from toeplitz_mg.multigrid_cycle.interpolation import (
     piecewise_constant,
 )
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
-from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.structure import unwrap_toeplitz
 
 Coarsening = Callable[[LinearOperator], LinearOperator]
 
@@ -100,7 +100,7 @@ def galerkin(A: LinearOperator, transfer: Interpolation = piecewise_constant) ->
     array([[6., 2.],
            [2., 6.]])
     """
-    full, mask = toeplitz_and_mask(A)
+    full, mask = unwrap_toeplitz(A)
     lags = full.lags
     by = directions(full, transfer)
     for level, t in enumerate(by):
@@ -145,7 +145,7 @@ def rediscretised(
         raise TypeError(f"operator_of_grid_shape is {operator_of_grid_shape!r}, but must be called")
 
     def coarsen(A: LinearOperator) -> LinearOperator:
-        full, mask = toeplitz_and_mask(A)
+        full, mask = unwrap_toeplitz(A)
         by = directions(full, transfer)
         H = operator_of_grid_shape(_coarse_shape(full.grid_shape, by))
         return H if mask is None else MaskedOperator(H, _coarse_mask(mask, by))
@@ -181,7 +181,7 @@ class Transfer:
         cls, A: LinearOperator, interpolation: Interpolation = piecewise_constant
     ) -> "Transfer | None":
         """Return the transfer from `A` to its coarse matrix, or None where it has no unknowns."""
-        full, mask = toeplitz_and_mask(A)
+        full, mask = unwrap_toeplitz(A)
         whole = np.ones(full.grid_shape, dtype=bool) if mask is None else mask
         by = directions(full, interpolation)
         coarse = _coarse_mask(whole, by)
@@ -205,7 +205,7 @@ class Transfer:
 
     def check_coarse(self, H: LinearOperator) -> None:
         """Raise ValueError or TypeError where `H` does not live on the coarse grid."""
-        full, mask = toeplitz_and_mask(H)
+        full, mask = unwrap_toeplitz(H)
         if full.grid_shape != (shape := self.coarse_shape):
             raise ValueError(f"coarsen gave the grid {full.grid_shape}, but it must be {shape}")
         if mask is None or self.coarse_mask is None:

@@ -6,7 +6,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import GridOperator
-from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.structure import unwrap_toeplitz
 from toeplitz_mg.values import real
 
 
@@ -72,7 +72,7 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
     >>> info
     0
     """
-    full, _ = toeplitz_and_mask(A)
+    full, _ = unwrap_toeplitz(A)
     a0 = float(full.c.flat[0])
     if not a0 > 0.0:
         raise np.linalg.LinAlgError(
