@@ -236,7 +236,7 @@ def test_symbols_with_a_zero_take_a_number_of_cycles_independent_of_n(name):
     for n in (300, 511, 512, 1009, 4096, 20000, 2**15 + 1, 2**17):
         A = tmg.ToeplitzOperator(column(name, n))
         M = tmg.multigrid(
-            A, smoother=tmg.jacobi_preconditioner, transfer=interpolation, coarsest=16
+            A, smoother=tmg.jacobi_preconditioner, interpolation=interpolation, coarsest=16
         )
         assert M.H is M
         b = np.random.default_rng(1).standard_normal(n)
@@ -254,7 +254,10 @@ def test_a_zero_in_two_levels():
         c[0, 0], c[0, 1], c[1, 0] = 4.0, -1.0, -1.0
         A = tmg.ToeplitzOperator(c)
         M = tmg.multigrid(
-            A, smoother=tmg.jacobi_preconditioner, transfer=tmg.linear_interpolation, coarsest=9
+            A,
+            smoother=tmg.jacobi_preconditioner,
+            interpolation=tmg.linear_interpolation,
+            coarsest=9,
         )
         b = np.random.default_rng(1).standard_normal(A.shape[0])
         counts.append(iterations(cg, SimpleNamespace(A=A, b=b), M))
@@ -267,7 +270,7 @@ def test_the_modulated_transfer_moves_the_zero_to_the_other_end():
     M = tmg.multigrid(
         A,
         smoother=tmg.jacobi_preconditioner,
-        transfer=tmg.modulated_interpolation,
+        interpolation=tmg.modulated_interpolation,
         coarsest=16,
     )
     assert [level.transfer.interpolation for level in M.levels[:-1]] == [

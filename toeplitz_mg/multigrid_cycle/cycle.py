@@ -164,7 +164,7 @@ def multigrid(
     post: int = 1,
     gamma: int = 1,
     coarsest: int = 256,
-    transfer: Interpolation = piecewise_constant,
+    interpolation: Interpolation = piecewise_constant,
     coarsen: Coarsening | None = None,
 ) -> Multigrid:
     """Return one multigrid cycle as an approximate inverse of a Toeplitz operator (paper, §3.3).
@@ -184,7 +184,7 @@ def multigrid(
         A grid with at most this number of unknowns is solved by a dense Cholesky factorisation;
         2 in the paper. So is a coarse grid of up to 2048 that the smoother refuses, and the last
         one of a mask in fragments.
-    transfer : Interpolation
+    interpolation : Interpolation
         `piecewise_constant`, as in the paper, for a positive symbol; `linear_interpolation` for
         one with a zero of order 2 at θ = 0, `modulated_interpolation` for a zero at π. For a
         symbol with a zero take `jacobi_preconditioner` as the smoother.
@@ -261,12 +261,12 @@ def multigrid(
         raise ValueError("pre and post are both 0, but a cycle must smooth at least once")
     if not callable(smoother):
         raise TypeError(f"smoother is {smoother!r}, but must be a function of a matrix")
-    if not isinstance(transfer, Interpolation):
-        raise TypeError(f"transfer is {transfer!r}, but must be an Interpolation")
+    if not isinstance(interpolation, Interpolation):
+        raise TypeError(f"interpolation is {interpolation!r}, but must be an Interpolation")
     if not (coarsen is None or callable(coarsen)):
         raise TypeError(f"coarsen is {coarsen!r}, but must map a matrix to the next coarser one")
     toeplitz_and_mask(A)  # or it says what is wrong
-    levels = build_levels(A, smoother, coarsest, transfer, coarsen)
+    levels = build_levels(A, smoother, coarsest, interpolation, coarsen)
     M = Multigrid(levels, pre, post, gamma)
     require_definite(M, coarsen is None)
     return M

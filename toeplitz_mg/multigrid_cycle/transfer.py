@@ -26,7 +26,9 @@ WEAK = 0.5  # coupling of neighbours in a level, relative to the strongest, that
 Directions = tuple[Interpolation | AreaWeighted | None, ...]
 
 
-def directions(A: ToeplitzOperator, transfer: Interpolation = piecewise_constant) -> Directions:
+def directions(
+    A: ToeplitzOperator, interpolation: Interpolation = piecewise_constant
+) -> Directions:
     """Return the interpolation of each level of `A`, or None where that is not coarsened.
 
     Those are coarsened in which neighbours are coupled most. Where the elements are stretched,
@@ -38,14 +40,14 @@ def directions(A: ToeplitzOperator, transfer: Interpolation = piecewise_constant
     """
     strengths = [0.0] * len(A.grid_shape)
     for level, n in enumerate(A.grid_shape):
-        if transfer.coarse_length(n) < n:
+        if interpolation.coarse_length(n) < n:
             neighbour = tuple(int(k == level) for k in range(len(strengths)))
             strengths[level] = abs(float(A.c[neighbour]))
     least = max(WEAK * max(strengths), np.finfo(np.float64).tiny)
     several = sum(n > 1 for n in A.grid_shape) > 1
-    odd = AreaWeighted() if several and transfer == piecewise_constant else transfer
+    odd = AreaWeighted() if several and interpolation == piecewise_constant else interpolation
     return tuple(
-        (odd if n % 2 else transfer) if strength >= least else None
+        (odd if n % 2 else interpolation) if strength >= least else None
         for n, strength in zip(A.grid_shape, strengths, strict=True)
     )
 
@@ -63,13 +65,15 @@ def _coarse_mask(mask: Array, by: Directions) -> Array:
     return mask
 
 
-def galerkin(A: LinearOperator, transfer: Interpolation = piecewise_constant) -> LinearOperator:
+def galerkin(
+    A: LinearOperator, interpolation: Interpolation = piecewise_constant
+) -> LinearOperator:
     """Return R A P, the Galerkin coarse matrix, which is again Toeplitz, or one near it that is.
 
     Parameters
     ----------
     A : ToeplitzOperator or MaskedOperator of one
-    transfer : Interpolation
+    interpolation : Interpolation
 
     Returns
     -------
@@ -102,7 +106,7 @@ def galerkin(A: LinearOperator, transfer: Interpolation = piecewise_constant) ->
     """
     full, mask = toeplitz_and_mask(A)
     lags = full.lags
-    by = directions(full, transfer)
+    by = directions(full, interpolation)
     for level, t in enumerate(by):
         if t:
             lags = t.coarse_lags(lags, level)
@@ -112,7 +116,7 @@ def galerkin(A: LinearOperator, transfer: Interpolation = piecewise_constant) ->
 
 def rediscretised(
     operator_of_grid_shape: Callable[[tuple[int, ...]], ToeplitzOperator],
-    transfer: Interpolation = piecewise_constant,
+    interpolation: Interpolation = piecewise_constant,
 ) -> Coarsening:
     """Return a coarsening that discretises the problem anew on the coarse grid (the paper's).
 
@@ -120,7 +124,7 @@ def rediscretised(
     ----------
     operator_of_grid_shape : callable
         Maps a grid's shape to the Toeplitz operator of the same problem on that grid.
-    transfer : Interpolation
+    interpolation : Interpolation
         Which decides about the shape.
 
     Returns
@@ -146,7 +150,7 @@ def rediscretised(
 
     def coarsen(A: LinearOperator) -> LinearOperator:
         full, mask = toeplitz_and_mask(A)
-        by = directions(full, transfer)
+        by = directions(full, interpolation)
         H = operator_of_grid_shape(_coarse_shape(full.grid_shape, by))
         return H if mask is None else MaskedOperator(H, _coarse_mask(mask, by))
 

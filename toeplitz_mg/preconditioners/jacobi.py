@@ -66,7 +66,7 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
     >>> import toeplitz_mg as tmg
     >>> A = tmg.ToeplitzOperator(np.r_[2.0, -1.0, np.zeros(998)])
     >>> M = tmg.multigrid(
-    ...     A, smoother=tmg.jacobi_preconditioner, transfer=tmg.linear_interpolation
+    ...     A, smoother=tmg.jacobi_preconditioner, interpolation=tmg.linear_interpolation
     ... )
     >>> x, info = tmg.richardson(A, np.ones(1000), M=M, rtol=1e-8, maxiter=12)
     >>> info
