@@ -21,7 +21,11 @@ class ScaledIdentity(GridOperator):
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """As `GridOperator.apply`."""
-        return np.asarray(np.multiply(X, self.factor, out=out))
+        return np.multiply(X, self.factor, out=out)
+
+    def converges(self, A: LinearOperator) -> bool:
+        """As `GridOperator.converges`: certain by a bound of the norm of `A`."""
+        return float(self.factor) * toeplitz_and_mask(A)[0].norm_bound < 2.0
 
     def __repr__(self) -> str:
         return f"<ScaledIdentity {self.shape[0]}, {self.factor:.3g}>"
