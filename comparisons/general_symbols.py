@@ -31,7 +31,7 @@ QUICK_SIZES = SIZES[:2]
 MAXITER = 200
 OVERHEAD = 1.5  # work units of `solve_toeplitz`: the transform of A, the check of the result
 # Interpolation for the zero of a symbol; a positive one can do with copies.
-TRANSFERS = {
+INTERPOLATIONS = {
     "|θ|": tmg.linear_interpolation,
     "|θ|^1.5": tmg.linear_interpolation,
     "θ²": tmg.linear_interpolation,
@@ -60,8 +60,8 @@ def samples(name: str, n: int) -> dict[str, Sample]:
 
 def v11(system: System) -> Solve:
     """Precondition by V(1,1): with M̄ where that exists, else with damped Jacobi."""
-    transfer = TRANSFERS.get(system.name, tmg.piecewise_constant)
-    cycle = partial(tmg.multigrid, pre=1, post=1, transfer=transfer)
+    interpolation = INTERPOLATIONS.get(system.name, tmg.piecewise_constant)
+    cycle = partial(tmg.multigrid, pre=1, post=1, interpolation=interpolation)
     try:
         return iterate(cg, cycle, system, MAXITER)
     except np.linalg.LinAlgError:

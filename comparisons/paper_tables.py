@@ -57,7 +57,7 @@ def papers_cycle(problem: problems.Problem, cycle: str, smoother: Smoother) -> L
     coarsen = tmg.rediscretised(problem.operator_of_grid_shape)
     A: LinearOperator = problem.A
     levels: list[Level] = []
-    while A.shape[0] > 2 and (transfer := Transfer.of(A)):
+    while A.shape[0] > 2 and (transfer := Transfer.of(A)).has_coarse_grid:
         levels.append(Level(A, smoother(A), transfer))
         A = coarsen(A)
     levels.append(Level(A, DenseInverse(A), None))

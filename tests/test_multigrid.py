@@ -39,7 +39,7 @@ def operators():
         wide = np.arange(A.shape[0]).reshape(shape) % 7 > 0
         for B in (A, tmg.MaskedOperator(A, mask), tmg.MaskedOperator(A, wide | mask)):
             for interpolation in INTERPOLATIONS:
-                if Transfer.of(B, interpolation) is not None:
+                if Transfer.of(B, interpolation).has_coarse_grid:
                     yield pytest.param(B, interpolation, id=f"{B} {interpolation.weights}")
 
 
@@ -47,7 +47,7 @@ OPERATORS = list(operators())
 
 
 def by_area(A, interpolation):
-    return any(isinstance(t, AreaWeighted) for t in Transfer.of(A, interpolation).by)
+    return any(isinstance(t, AreaWeighted) for t in Transfer.of(A, interpolation).by_axis)
 
 
 NESTED = [case for case in OPERATORS if not by_area(*case.values)]
@@ -236,7 +236,7 @@ def test_symbols_with_a_zero_take_a_number_of_cycles_independent_of_n(name):
     for n in (300, 511, 512, 1009, 4096, 20000, 2**15 + 1, 2**17):
         A = tmg.ToeplitzOperator(column(name, n))
         M = tmg.multigrid(
-            A, smoother=tmg.jacobi_preconditioner, transfer=interpolation, coarsest=16
+            A, smoother=tmg.jacobi_preconditioner, interpolation=interpolation, coarsest=16
         )
         assert M.H is M
         b = np.random.default_rng(1).standard_normal(n)
@@ -254,7 +254,10 @@ def test_a_zero_in_two_levels():
         c[0, 0], c[0, 1], c[1, 0] = 4.0, -1.0, -1.0
         A = tmg.ToeplitzOperator(c)
         M = tmg.multigrid(
-            A, smoother=tmg.jacobi_preconditioner, transfer=tmg.linear_interpolation, coarsest=9
+            A,
+            smoother=tmg.jacobi_preconditioner,
+            interpolation=tmg.linear_interpolation,
+            coarsest=9,
         )
         b = np.random.default_rng(1).standard_normal(A.shape[0])
         counts.append(iterations(cg, SimpleNamespace(A=A, b=b), M))
@@ -267,7 +270,7 @@ def test_the_modulated_transfer_moves_the_zero_to_the_other_end():
     M = tmg.multigrid(
         A,
         smoother=tmg.jacobi_preconditioner,
-        transfer=tmg.modulated_interpolation,
+        interpolation=tmg.modulated_interpolation,
         coarsest=16,
     )
     assert [level.transfer.interpolation for level in M.levels[:-1]] == [
@@ -544,6 +547,37 @@ def test_repr_is_a_diagnosis():
         "<Multigrid V(0,1) RowSumModified  4096 > 2048 > 1024 > ... > 256 (dense)  3.8 work units>"
     )
     assert "W(1,1)" in repr(tmg.multigrid(test1(600).A, gamma=2))
+
+
+def test_a_border_belongs_to_its_level():
+    A = test1(601).A
+    levels = build_levels(A, tmg.fft_rsm_preconditioner, 80, tmg.piecewise_constant, None)
+    M = Multigrid(levels, 1, 1, 1)
+    leftover = [level.transfer is not None and len(level.transfer.leftover) for level in M.levels]
+    assert leftover == [1, 0, 0, False]
+    assert [level.border is not None for level in M.levels] == [bool(n) for n in leftover]
+    assert all(level.border is None for level in levels)  # Those that were given stay as they are.
+    for level, given in zip(M.levels, levels, strict=True):
+        assert (level.A, level.smoother, level.transfer) == (
+            given.A,
+            given.smoother,
+            given.transfer,
+        )
+
+
+def test_a_smoother_says_whether_it_converges():
+    A = test1(2000).A
+    assert tmg.jacobi_preconditioner(A).converges(A) is True
+    bound = 2.0 * A.c[0] / A.norm_bound
+    assert tmg.jacobi_preconditioner(A, omega=0.99 * bound).converges(A) is True
+    assert tmg.jacobi_preconditioner(A, omega=1.01 * bound).converges(A) is False
+    assert tmg.fft_rsm_preconditioner(A).converges(A) is True
+    few, masked = test1(500).A, tmg.MaskedOperator(A, np.arange(2000) % 9 > 0)
+    for B in (few, masked):
+        assert tmg.fft_rsm_preconditioner(B).converges(B) is None
+    assert tmg.chan_preconditioner(A).converges(A) is None
+    M = tmg.multigrid(A, coarsest=1000, smoother=tmg.chan_preconditioner)
+    assert [level.converges for level in M.levels] == [False, True]  # It is found out.
 
 
 def test_pickles_with_borders():

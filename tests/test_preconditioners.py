@@ -317,7 +317,7 @@ WRONG = [
     *((tmg.fft_sd_preconditioner, {"n_subdomains": m}) for m in ("a", 1.5)),
     *((tmg.fsai_preconditioner, {"neighbours": k}) for k in ("a", 1.5)),
     *((tmg.multigrid, {"smoother": s}) for s in ("fft", 3, None)),
-    *((tmg.multigrid, {"transfer": t}) for t in ("linear", 3, None)),
+    *((tmg.multigrid, {"interpolation": t}) for t in ("linear", 3, None)),
     *((tmg.multigrid, {"coarsen": c}) for c in ("galerkin", 3)),
     *((tmg.multigrid, {k: "a"}) for k in ("pre", "post", "gamma", "coarsest")),
     (lambda A, weights: tmg.Interpolation(weights), {"weights": 1.0}),

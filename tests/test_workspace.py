@@ -18,7 +18,7 @@ from toeplitz_mg.engine import workspace as module
 from toeplitz_mg.engine.workspace import LARGE_PAGE, SMALL, workspace
 from toeplitz_mg.multigrid_cycle.cycle import Multigrid
 from toeplitz_mg.multigrid_cycle.hierarchy import Level
-from toeplitz_mg.multigrid_cycle.transfer import Transfer, galerkin
+from toeplitz_mg.multigrid_cycle.transfer import Transfer
 from toeplitz_mg.preconditioners.direct import DenseInverse
 
 SHAPE = (4, SMALL)  # of bytes: enough to be given out again
@@ -219,7 +219,7 @@ def test_no_operator_uses_what_was_in_the_memory():
 
 def two_grids(A, S, pre, post):
     """The cycle of two grids with the smoother S, whatever it is of A."""
-    transfer, H = Transfer.of(A), galerkin(A)
+    transfer, H = Transfer.of(A), tmg.galerkin(A)
     return Multigrid((Level(A, S, transfer), Level(H, DenseInverse(H), None)), pre, post, 1)
 
 

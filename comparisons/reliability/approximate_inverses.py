@@ -129,7 +129,7 @@ def _cycle(rng: Generator) -> Build:
         "post": steps,
         "gamma": int(rng.choice([1, 1, 2])),
         "coarsest": int(rng.choice([1, 4, 16])),
-        "transfer": interpolations[rng.integers(len(interpolations))],
+        "interpolation": interpolations[rng.integers(len(interpolations))],
     }
     if choice < len(smoothers):
         options["smoother"] = smoothers[choice]

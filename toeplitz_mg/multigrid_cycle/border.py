@@ -4,14 +4,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.multigrid_cycle.hierarchy import Level
+from toeplitz_mg.multigrid_cycle.transfer import Transfer
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.preconditioners.positivity import rounding
 
-# Each takes a product, a coarse solution at set-up and two vectors; where a fragmented mask leaves
-# over more, they are left to the smoother.
+# Leftover unknowns for which a border is made at most: each takes a product and a coarse solution
+# at set-up, and two vectors. Where a fragmented mask leaves over more, the smoother has them all.
 MOST_LEFTOVER = 16
 
 
@@ -49,20 +50,21 @@ class Border:
     s: float
 
     @classmethod
-    def of(cls, level: Level, solve_coarse: Callable[[Array], Array]) -> "Border | None":
-        """Return the border of a level, or None where it has none or too long a one.
+    def of(
+        cls, A: LinearOperator, transfer: Transfer, solve_coarse: Callable[[Array], Array]
+    ) -> "Border | None":
+        """Return the border of a grid, or None where it has none or too long a one.
 
         None too where S = C - s Vᵀ W is not positive definite, as may be where the coarse matrix
         is not R A P: with such a border the correction would be indefinite.
         """
-        transfer = level.transfer
-        if transfer is None or not 0 < len(transfer.leftover) <= MOST_LEFTOVER:
+        if not 0 < len(transfer.leftover) <= MOST_LEFTOVER:
             return None
-        unknowns, weights = transfer.border
-        weights = weights.astype(level.A.dtype)
-        U = np.zeros((len(unknowns), level.A.shape[0]), dtype=level.A.dtype)
+        unknowns, weights = transfer.border_vectors
+        weights = weights.astype(A.dtype)
+        U = np.zeros((len(unknowns), A.shape[0]), dtype=A.dtype)
         U[np.arange(len(unknowns))[:, np.newaxis], unknowns] = weights
-        columns = apply_to_rows(level.A, U)
+        columns = apply_to_rows(A, U)
         V = transfer.restrict(columns).copy()
         W = solve_coarse(V).copy()
         s = transfer.scale

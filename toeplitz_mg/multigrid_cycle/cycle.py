@@ -1,5 +1,6 @@
 """The multigrid cycle, written once, as a linear operator."""
 
+from dataclasses import replace
 from functools import partial
 from math import prod
 
@@ -9,14 +10,8 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.multigrid_cycle.border import Border
-from toeplitz_mg.multigrid_cycle.definite import require_definite
-from toeplitz_mg.multigrid_cycle.hierarchy import Level, Smoother, build_levels
-from toeplitz_mg.multigrid_cycle.interpolation import Interpolation, piecewise_constant
-from toeplitz_mg.multigrid_cycle.transfer import Coarsening
+from toeplitz_mg.multigrid_cycle.hierarchy import Level
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows, grid_of, work_of
-from toeplitz_mg.operators.structure import unwrap_toeplitz
-from toeplitz_mg.preconditioners import fft_rsm_preconditioner
-from toeplitz_mg.values import count
 
 
 class Multigrid(GridOperator):
@@ -27,7 +22,7 @@ class Multigrid(GridOperator):
     Parameters
     ----------
     levels : tuple of Level
-        From the finest to the coarsest.
+        From the finest to the coarsest; their borders are made here.
     pre, post : int
         Smoothing steps before and after the coarse-grid correction.
     gamma : int
@@ -35,21 +30,25 @@ class Multigrid(GridOperator):
 
     Attributes
     ----------
-    levels, pre, post, gamma
+    levels : tuple of Level
+        Those given, with their borders.
+    pre, post, gamma
         As given.
     """
 
     def __init__(self, levels: tuple[Level, ...], pre: int, post: int, gamma: int) -> None:
         A = levels[0].A
         super().__init__(A.dtype, grid_of(A), _work(levels, pre, post, gamma), A.shape[0])
-        self.levels = levels
         self.pre = pre
         self.post = post
         self.gamma = gamma
         # From the coarsest up: the border of a level needs the cycle of the next coarser one.
-        self._borders: list[Border | None] = [None] * len(levels)
-        for k in reversed(range(len(levels) - 1)):
-            self._borders[k] = Border.of(levels[k], partial(self._solve_coarse, k))
+        self.levels = levels[-1:]
+        for level in reversed(levels[:-1]):
+            assert level.transfer is not None
+            solve = partial(self._solve, self.levels)
+            border = Border.of(level.A, level.transfer, solve)
+            self.levels = (replace(level, border=border), *self.levels)
 
     def apply(self, B: Array, out: Array | None = None) -> Array:
         """As `GridOperator.apply`."""
@@ -60,12 +59,12 @@ class Multigrid(GridOperator):
         if X is B or B.dtype != dtype:
             rows = workspace(rows.shape, dtype)
             rows[...] = B.reshape(shape)
-        self._cycle(0, rows, X.reshape(shape))
+        self._cycle(self.levels, rows, X.reshape(shape))
         return X
 
-    def _cycle(self, k: int, b: Array, x: Array) -> None:
-        """One cycle on level k from a zero guess: smooth, correct on the coarse grid, smooth."""
-        level = self.levels[k]
+    def _cycle(self, levels: tuple[Level, ...], b: Array, x: Array) -> None:
+        """One cycle from a zero guess: smooth, correct on the coarse grid, smooth."""
+        level, *_ = levels
         A, S = level.A, level.smoother
         if level.transfer is None:
             apply_to_rows(S, b, x)
@@ -77,36 +76,36 @@ class Multigrid(GridOperator):
                 _residual(A, x, b, r)
                 x += apply_to_rows(S, r, r)
             _residual(A, x, b, r)
-            self._coarse_correction(k, r, r)
+            self._correct(levels, r, r)
             x += r
         else:
-            self._coarse_correction(k, b, x)
+            self._correct(levels, b, x)
         for _ in range(self.post):
             _residual(A, x, b, r)
             x += apply_to_rows(S, r, r)
 
-    def _coarse_correction(self, k: int, r: Array, x: Array) -> None:
+    def _correct(self, levels: tuple[Level, ...], r: Array, x: Array) -> None:
         """Write to x, which may be r, the correction of the coarse grid for the residual r."""
-        transfer, border = self.levels[k].transfer, self._borders[k]
+        transfer, border = levels[0].transfer, levels[0].border
         assert transfer is not None
-        e = self._solve_coarse(k, transfer.restrict(r))
-        left = None
-        if border is not None:
-            e, left = border.correct(e, r)
+        e = self._solve(levels[1:], transfer.restrict(r))
+        if border is None:
+            transfer.interpolate(e, x)
+            return
+        e, left = border.correct(e, r)
         transfer.interpolate(e, x)
-        if border is not None and left is not None:
-            border.add(left, x)
+        border.add(left, x)
 
-    def _solve_coarse(self, k: int, r: Array) -> Array:
-        """Solve on level k + 1 by gamma cycles."""
+    def _solve(self, levels: tuple[Level, ...], r: Array) -> Array:
+        """Solve on a coarse grid by gamma cycles."""
         e = workspace(r.shape, r.dtype)
-        self._cycle(k + 1, r, e)
-        if self.levels[k + 1].transfer is not None:  # the coarsest is solved exactly at once
+        self._cycle(levels, r, e)
+        if levels[0].transfer is not None:  # the coarsest is solved exactly at once
             for _ in range(self.gamma - 1):
                 again = workspace(r.shape, r.dtype)
                 correction = workspace(r.shape, r.dtype)
-                _residual(self.levels[k + 1].A, e, r, again)
-                self._cycle(k + 1, again, correction)
+                _residual(levels[0].A, e, r, again)
+                self._cycle(levels, again, correction)
                 e += correction
         return e
 
@@ -119,8 +118,7 @@ class Multigrid(GridOperator):
             return self
         # The adjoint smooths in the reverse order with the adjoint smoother.
         levels = tuple(
-            Level(level.A, H, level.transfer)
-            for H, level in zip(smoothers, self.levels, strict=True)
+            replace(level, smoother=H) for H, level in zip(smoothers, self.levels, strict=True)
         )
         return Multigrid(levels, self.post, self.pre, self.gamma)
 
@@ -154,119 +152,3 @@ def _residual(A: LinearOperator, x: Array, b: Array, r: Array) -> None:
     """Write b - A x to r."""
     apply_to_rows(A, x, r)
     np.subtract(b, r, out=r)
-
-
-def multigrid(
-    A: LinearOperator,
-    *,
-    smoother: Smoother = fft_rsm_preconditioner,
-    pre: int = 1,
-    post: int = 1,
-    gamma: int = 1,
-    coarsest: int = 256,
-    transfer: Interpolation = piecewise_constant,
-    coarsen: Coarsening | None = None,
-) -> Multigrid:
-    """Return one multigrid cycle as an approximate inverse of a Toeplitz operator (paper, §3.3).
-
-    Parameters
-    ----------
-    A : ToeplitzOperator or MaskedOperator of one
-        Symmetric positive definite, of any number of levels, of any size.
-    smoother : callable
-        Maps the matrix of a level to an approximate inverse S, a LinearOperator; a smoothing step
-        is x ← x + S (b - A x). Any preconditioner of this package, or a function of one's own.
-    pre, post : int
-        Smoothing steps before and after the coarse-grid correction, not both 0.
-    gamma : int
-        Coarse cycles in a cycle: 1 for V(pre, post), 2 for W(pre, post).
-    coarsest : int
-        A grid with at most this number of unknowns is solved by a dense Cholesky factorisation;
-        2 in the paper. So is a coarse grid of up to 2048 that the smoother refuses, and the last
-        one of a mask in fragments.
-    transfer : Interpolation
-        `piecewise_constant`, as in the paper, for a positive symbol; `linear_interpolation` for
-        one with a zero of order 2 at θ = 0, `modulated_interpolation` for a zero at π. For a
-        symbol with a zero take `jacobi_preconditioner` as the smoother.
-    coarsen : callable, optional
-        Maps the matrix of a level to that of the next coarser grid. By default it is `galerkin`;
-        ``rediscretised(operator_of_grid_shape)`` in the paper.
-
-    Returns
-    -------
-    Multigrid
-        One cycle from a zero guess, of the shape and dtype of `A`; its ``repr`` shows the levels
-        and the cost.
-
-    Raises
-    ------
-    ValueError
-        For a cycle with no smoothing at all, or a parameter below its least value; for a matrix
-        that is not symmetric; for a mask of more than 2048 unknowns in fragments so small that it
-        has no coarse grid.
-    TypeError
-        For a parameter of the wrong type.
-    numpy.linalg.LinAlgError
-        Where the smoother refuses the matrix of a level, or diverges and so makes the cycle
-        indefinite, or the coarsest one is not positive definite.
-
-    Notes
-    -----
-    **V(1,1)**, and any cycle with ``pre == post``, is symmetric if its smoother is, and positive
-    definite if the smoother also converges on every level, ρ(I - S A) < 1, as
-    `fft_rsm_preconditioner` does on the matrices of the paper. It may precondition
-    `scipy.sparse.linalg.cg`. `jacobi_preconditioner` converges where ω ‖A‖ is below 2 a₀. Of other
-    smoothers that are symmetric, as ``S.H is S`` tells, it is found out by five steps of Lanczos's
-    method on each level: ten work units on the finest, but none on a large whole grid where M̄ is
-    certified. Where one may diverge, the cycle itself is examined, by twelve steps, and refused if
-    it is not positive definite. To study one that diverges, as in the paper's Table I, make a
-    `Multigrid` of levels.
-
-    **V(1,0) and V(0,1)** are not symmetric, not even in the inner product of A. `cg` assumes a
-    symmetric preconditioner; with these it may stagnate or, having converged by luck, need more
-    iterations than it should. They are meant for `richardson`, where V(0,1) is the cheapest cycle
-    of all: from a zero guess its first residual is `b` itself. With a symmetric smoother V(1,0)
-    is the adjoint of V(0,1), and both converge equally fast in the end.
-
-    By default restriction averages two elements of each level (paper, Eq. 13), and interpolation
-    copies (Eq. 14). The number of cycles does not depend on n being even: on an odd grid of one
-    level the last element, as up to 16 elements in contact that no coarse element covers, is
-    corrected together with the coarse grid; in several levels the coarse elements of an odd n are
-    (n + 1)/2, and fine ones that lie in two of them are weighed by area. A coarse element belongs
-    to a mask where all its fine elements do, or those that lie in it by more than half. On a mask
-    of many fragments little is left on the coarse grid, and the cycle is no better than its
-    smoother.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from scipy.sparse.linalg import cg
-    >>> import toeplitz_mg as tmg
-    >>> problem = tmg.contact.problems.test1(4096)
-    >>> M = tmg.multigrid(problem.A)
-    >>> M
-    <Multigrid V(1,1) RowSumModified  4096 > 2048 > 1024 > ... > 256 (dense)  7.5 work units>
-    >>> x, info = cg(problem.A, problem.b, M=M, rtol=1e-8, maxiter=4)
-    >>> info
-    0
-    """
-    for name, value, least in (
-        ("pre", pre, 0),
-        ("post", post, 0),
-        ("gamma", gamma, 1),
-        ("coarsest", coarsest, 1),
-    ):
-        count(name, value, least)
-    if pre + post == 0:
-        raise ValueError("pre and post are both 0, but a cycle must smooth at least once")
-    if not callable(smoother):
-        raise TypeError(f"smoother is {smoother!r}, but must be a function of a matrix")
-    if not isinstance(transfer, Interpolation):
-        raise TypeError(f"transfer is {transfer!r}, but must be an Interpolation")
-    if not (coarsen is None or callable(coarsen)):
-        raise TypeError(f"coarsen is {coarsen!r}, but must map a matrix to the next coarser one")
-    unwrap_toeplitz(A)  # or it says what is wrong
-    levels = build_levels(A, smoother, coarsest, transfer, coarsen)
-    M = Multigrid(levels, pre, post, gamma)
-    require_definite(M, coarsen is None)
-    return M

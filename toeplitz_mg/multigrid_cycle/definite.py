@@ -1,21 +1,19 @@
 """The refusal of a multigrid cycle that is not positive definite."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from toeplitz_mg.multigrid_cycle.cycle import Multigrid
 from toeplitz_mg.multigrid_cycle.interpolation import AreaWeighted
 from toeplitz_mg.preconditioners.positivity import ritz_values
 
-if TYPE_CHECKING:
-    from toeplitz_mg.multigrid_cycle.cycle import Multigrid
+STEPS = 12  # Steps of Lanczos's method with a cycle that is in doubt: a cycle and a product each.
+# Smallest Ritz value of a cycle and its matrix that is accepted: that of a good cycle is above 0.4.
+LEAST = 0.05
+# Largest relative skewness of a cycle that is accepted, in units of the root of eps: what CG bears.
+SKEW = 0.1
 
-STEPS = 12  # of Lanczos's method with a cycle that is in doubt, a cycle and a product each
-LEAST = 0.05  # eigenvalue of a cycle and its matrix: above 0.4 where the cycle is good
-SKEW = 0.1  # of the root of eps, relative skewness of a cycle that cg can do with
 
-
-def require_definite(M: "Multigrid", is_galerkin: bool) -> None:
+def require_definite(M: Multigrid, is_galerkin: bool) -> None:
     """Raise LinAlgError where a symmetric cycle is found not to be positive definite.
 
     With the coarse cycle B and K = I - S A, a cycle is
@@ -28,10 +26,10 @@ def require_definite(M: "Multigrid", is_galerkin: bool) -> None:
     examined.
     """
     inner = M.levels[:-1]
-    diverging = [level for level in inner if not level.smooths]
+    diverging = [level for level in inner if not level.converges]
     if diverging:
         steps = max(1, min(M.pre, M.post))
-        cycle = M if M.pre == M.post else type(M)(M.levels, steps, steps, M.gamma)
+        cycle = M if M.pre == M.post else Multigrid(M.levels, steps, steps, M.gamma)
         smallest = float(ritz_values(M.levels[0].A, cycle, STEPS)[0])
         what = ""
         if not smallest > LEAST:
@@ -48,11 +46,11 @@ def require_definite(M: "Multigrid", is_galerkin: bool) -> None:
             k = inner.index(level)
             error.add_note(f"This was the matrix of level {k} of multigrid, {level.A!r}.")
             raise error
-    by = [t for level in inner if level.transfer for t in level.transfer.by]
+    by = [t for level in inner if level.transfer for t in level.transfer.by_axis]
     is_nested = is_galerkin and not any(isinstance(t, AreaWeighted) for t in by)
     if M.gamma % 2 == 0 and not is_nested:
         for k in range(1, len(inner)):
-            cycle = type(M)(M.levels[k:], M.pre, M.post, M.gamma)
+            cycle = Multigrid(M.levels[k:], M.pre, M.post, M.gamma)
             largest = float(ritz_values(cycle.levels[0].A, cycle, STEPS)[-1])
             if not largest < 2.0:
                 raise np.linalg.LinAlgError(
@@ -61,7 +59,7 @@ def require_definite(M: "Multigrid", is_galerkin: bool) -> None:
                 )
 
 
-def _skewness(M: "Multigrid") -> float:
+def _skewness(M: Multigrid) -> float:
     """|uᵀ M v - vᵀ M u| for two random vectors, relative to the sizes of u and M v."""
     u, v = np.random.default_rng(0).standard_normal((2, M.shape[0])).astype(M.dtype)
     Mu, Mv = M @ u, M @ v

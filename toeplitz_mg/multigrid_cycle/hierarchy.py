@@ -6,22 +6,23 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
+from toeplitz_mg.multigrid_cycle.border import Border
+from toeplitz_mg.multigrid_cycle.coarsening import Coarsening
 from toeplitz_mg.multigrid_cycle.interpolation import Interpolation
-from toeplitz_mg.multigrid_cycle.transfer import Coarsening, Transfer, galerkin
-from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.structure import unwrap_toeplitz
+from toeplitz_mg.multigrid_cycle.transfer import Transfer
+from toeplitz_mg.operators import GridOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners.direct import DenseInverse
-from toeplitz_mg.preconditioners.jacobi import ScaledIdentity
 from toeplitz_mg.preconditioners.positivity import ritz_values
-from toeplitz_mg.preconditioners.row_sum import RowSumModified
 
 Smoother = Callable[[LinearOperator], LinearOperator]
 
-# The largest matrix factorised where no coarser grid can be had: 32 MB, a tenth of a second.
+# Unknowns of the largest matrix that is factorised where no coarser grid can be had: it takes
+# 32 MB, and its factorisation a tenth of a second.
 LARGEST_DENSE = 2048
-STEPS = 5  # of Lanczos's method with a smoother and its matrix, two work units each
-EXAMINED = 2**10  # unknowns of a whole grid, above which M̄ is judged by the coarser grids
-CONVERGENT = 1.7  # eigenvalue of S A up to which none is expected above 2, where S diverges
+STEPS = 5  # Steps of Lanczos's method with a smoother and its matrix: two work units each.
+# Largest Ritz value of S A with which a smoother is taken to converge. So few steps find it too
+# small, and where a smoother diverges, with an eigenvalue above 2, it was never seen below this.
+CONVERGENT = 1.7
 
 
 @dataclass(frozen=True)
@@ -36,14 +37,18 @@ class Level:
         An approximate inverse of `A`; on the coarsest grid the inverse.
     transfer : Transfer or None
         To and from the next coarser grid; None on the coarsest.
-    smooths : bool
-        Whether the smoother is known to converge, 0 < λ(S A) < 2, or not known to be symmetric.
+    converges : bool
+        Whether the smoother is taken to converge, 0 < λ(S A) < 2, or is not known to be symmetric.
+    border : Border or None
+        The fine unknowns that are solved for together with the coarse grid, once the level is part
+        of a `Multigrid`.
     """
 
     A: LinearOperator
     smoother: LinearOperator
     transfer: Transfer | None
-    smooths: bool = True
+    converges: bool = True
+    border: Border | None = None
 
 
 def build_levels(
@@ -57,7 +62,7 @@ def build_levels(
 
     A small coarse grid that the smoother refuses, or diverges on, is solved directly too: on a
     handful of elements the embedding of a Galerkin matrix says little of its inverse. So is the
-    last grid of a mask on which no coarse element is in contact as a whole.
+    last grid of a mask on which no coarse element is active as a whole.
 
     Raises
     ------
@@ -68,22 +73,25 @@ def build_levels(
         Where a smoother is no linear operator, or a coarse matrix no Toeplitz operator.
     """
     levels: list[Level] = []
-    while A.shape[0] > coarsest and (between := Transfer.of(A, interpolation)) is not None:
+    while A.shape[0] > coarsest and (transfer := Transfer.of(A, interpolation)).has_coarse_grid:
+        is_small_and_coarse = levels and A.shape[0] <= LARGEST_DENSE
         try:
             S = aslinearoperator(smoother(A))
         except np.linalg.LinAlgError as error:
-            if levels and A.shape[0] <= LARGEST_DENSE:
+            if is_small_and_coarse:
                 break
             error.add_note(f"This was the matrix of level {len(levels)} of multigrid, {A!r}.")
             raise
         if S.shape != A.shape:
             raise ValueError(f"the smoother has shape {S.shape}, but its matrix has {A.shape}")
-        smooths = _converges(A, S)
-        if not smooths and levels and A.shape[0] <= LARGEST_DENSE:
+        converges = _converges(A, S)
+        if not converges and is_small_and_coarse:
             break
-        levels.append(Level(A, S, between, smooths))
-        A = galerkin(A, interpolation) if coarsen is None else coarsen(A)
-        between.check_coarse(A)
+        levels.append(Level(A, S, transfer, converges))
+        if coarsen is None:
+            A = transfer.coarse_matrix(A)
+        else:
+            A = transfer.check_coarse_matrix(coarsen(A))
         interpolation = interpolation.coarser or interpolation
     if A.shape[0] > max(coarsest, LARGEST_DENSE):
         why = (
@@ -105,16 +113,10 @@ def build_levels(
 def _converges(A: LinearOperator, S: LinearOperator) -> bool:
     """Whether no eigenvalue of I - S A is expected below -1, if S is symmetric.
 
-    Of a multiple of the unit matrix that is certain by the norm of A; of others by some steps of
-    Lanczos's method, as nearly all eigenvalues of S A are near 1. A large whole grid with a
-    certified M̄ is judged by its coarser ones, whose kernels are alike: the steps would take as
-    long as two cycles.
+    The smoother says so, where it knows. Else some steps of Lanczos's method tell, as nearly all
+    eigenvalues of S A are near 1.
     """
     if S.H is not S:
         return True
-    if isinstance(S, ScaledIdentity):
-        return float(S.factor) * unwrap_toeplitz(A)[0].norm_bound < 2.0
-    is_large_and_whole = isinstance(A, ToeplitzOperator) and A.shape[0] > EXAMINED
-    if is_large_and_whole and isinstance(S, RowSumModified) and S.certified:
-        return True
-    return bool(ritz_values(A, S, STEPS)[-1] <= CONVERGENT)
+    known = S.converges(A) if isinstance(S, GridOperator) else None
+    return bool(ritz_values(A, S, STEPS)[-1] <= CONVERGENT) if known is None else known

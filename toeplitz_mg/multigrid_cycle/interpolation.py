@@ -1,4 +1,4 @@
-"""How the values of a coarse grid are spread over the fine one, in one level of the matrix."""
+"""How the values of a coarse grid are spread over the fine one, along one axis."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,22 +8,22 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.values import unmasked
 
-# One weight or one for each; the fine elements where it stands; the coarse ones that it is of, in
-# the first piece all.
+# The weights (one for all elements, or one for each), the fine elements that have them, and the
+# coarse elements whose values they weigh. The first piece has all coarse elements.
 Piece = tuple[Array, slice, slice]
 
 
 @dataclass(frozen=True)
 class Interpolation:
-    """How a value of the coarse grid is spread over the fine one, in each level of the matrix.
+    """How a value of the coarse grid is spread over the fine one, along each axis.
 
     Parameters
     ----------
     weights : tuple of float
-        Of a coarse value in the fine elements that it covers; the next one begins 2 elements
-        further on. The restriction is the transpose, halved.
+        The weights of a coarse value in the fine elements that it covers; the next coarse value
+        begins 2 elements further on. The restriction is the transpose, halved.
     coarser : Interpolation, optional
-        For the coarser grids, if another.
+        The interpolation of the coarser grids, where it is another one.
 
     See Also
     --------
@@ -49,7 +49,7 @@ class Interpolation:
             raise ValueError(f"weights are {self.weights}, but must be 2 finite numbers or more")
 
     def coarse_length(self, n: int) -> int:
-        """Return the coarse elements of n fine ones; too few are left as they are."""
+        """Return the number of coarse elements of n fine ones, n itself where these are too few."""
         covered = len(self.weights)
         return n if n < covered else (n - covered) // 2 + 1
 
@@ -63,34 +63,34 @@ class Interpolation:
         for i, weight in enumerate(self.weights):
             yield np.array(weight), slice(i, i + 2 * m - 1, 2), slice(0, m)
 
-    def coarse_mask(self, mask: Array, level: int) -> Array:
-        """Return the coarse elements all of whose fine elements are in contact."""
-        n = mask.shape[level]
-        parts = np.array([mask[at(level, fine)] for _, fine, _ in self.pieces(n)])
-        return np.asarray(parts.all(axis=0))
+    def coarse_mask(self, mask: Array, axis: int) -> Array:
+        """Return the coarse elements all of whose fine elements are active."""
+        n = mask.shape[axis]
+        parts = np.array([mask[at(axis, fine)] for _, fine, _ in self.pieces(n)])
+        return np.all(parts, axis=0)
 
-    def coarse_lags(self, lags: Array, level: int) -> Array:
+    def coarse_lags(self, lags: Array, axis: int) -> Array:
         """Return the lags of R A P."""
-        n = (lags.shape[level] + 1) // 2
+        n = (lags.shape[axis] + 1) // 2
         m = self.coarse_length(n)
         reach = len(self.weights) - 1
         weights = (np.convolve(self.weights, self.weights[::-1]) / 2.0).tolist()
         # Lag k takes from 2k - reach ... 2k + reach; the first is at k = -(m - 1).
         first = n - 1 - 2 * (m - 1)
         windows = [
-            lags[at(level, slice(first + j, first + j + 4 * m - 3, 2))]
+            lags[at(axis, slice(first + j, first + j + 4 * m - 3, 2))]
             for j in range(-reach, reach + 1)
         ]
         coarse = weights[reach] * windows[reach]
         for j in range(reach):  # in pairs, symmetric to the last bit
             coarse = coarse + weights[j] * (windows[j] + windows[-1 - j])
-        return np.asarray(coarse)
+        return coarse
 
 
 piecewise_constant = Interpolation((1.0, 1.0))
 """Copies (paper, Eq. 14), and averages (Eq. 13): for a positive symbol.
 
-In several levels, where a number of elements is odd, they are weighed by area.
+On several axes, where a number of elements is odd, they are weighed by area.
 """
 
 linear_interpolation = Interpolation((0.5, 1.0, 0.5))
@@ -118,7 +118,7 @@ class AreaWeighted:
     """
 
     def coarse_length(self, n: int) -> int:
-        """Return the coarse elements of n fine ones."""
+        """Return the number of coarse elements of n fine ones."""
         return (n + 1) // 2
 
     def ratio(self, n: int) -> float:
@@ -133,14 +133,14 @@ class AreaWeighted:
         yield 1.0 - part, slice(1, n, 2), slice(0, m - 1)
         yield part, slice(1, n, 2), slice(1, m)
 
-    def coarse_mask(self, mask: Array, level: int) -> Array:
-        """Return the coarse elements with all those in contact of which they hold over half."""
-        coarse = mask[at(level, slice(0, None, 2))].copy()
-        for weight, fine, to in self.pieces(mask.shape[level]):
-            coarse[at(level, to)] &= mask[at(level, fine)] | along(weight <= 0.5, level, mask.ndim)
-        return np.asarray(coarse)
+    def coarse_mask(self, mask: Array, axis: int) -> Array:
+        """Return the coarse elements whose fine elements of a weight above 0.5 are all active."""
+        coarse = mask[at(axis, slice(0, None, 2))].copy()
+        for weight, fine, to in self.pieces(mask.shape[axis]):
+            coarse[at(axis, to)] &= mask[at(axis, fine)] | along(weight <= 0.5, axis, mask.ndim)
+        return coarse
 
-    def coarse_lags(self, lags: Array, level: int) -> Array:
+    def coarse_lags(self, lags: Array, axis: int) -> Array:
         """Return n/m times the mean of the fine lags by a hat about each k n/m, of half width n/m.
 
         Of copies from elements of equal length that is R A P. Here R A P is not Toeplitz. Let P_x
@@ -148,9 +148,9 @@ class AreaWeighted:
         the mean of P_x over 0 < x < 1. The mean of R_x A P_x is Toeplitz, and these hats give it
         before they are scaled to one sum; it is positive definite and not below R A P, so that a
         correction does not overshoot. Scaled, by 1/(2 n) at most, a kernel that is smooth along
-        the level remains so, as the preconditioners of the coarse matrix need it.
+        the axis remains so, as the preconditioners of the coarse matrix need it.
         """
-        n = (lags.shape[level] + 1) // 2
+        n = (lags.shape[axis] + 1) // 2
         m = self.coarse_length(n)
         k = np.arange(1 - m, m)
         j = 2 * abs(k) + np.array([[-2], [-1], [1], [0]])  # so that it is symmetric to the last bit
@@ -158,9 +158,9 @@ class AreaWeighted:
         hats *= n / m / hats.sum(axis=0)
         # Lag n, which A has not, is at the foot of the last hat: any other will do.
         near = n - 1 + np.where(k < 0, -1, 1) * np.minimum(j, n - 1)
-        coarse = np.zeros_like(lags, shape=(*lags.shape[:level], len(k), *lags.shape[level + 1 :]))
+        coarse = np.zeros_like(lags, shape=(*lags.shape[:axis], len(k), *lags.shape[axis + 1 :]))
         for weights, of in zip(hats.astype(lags.dtype), near, strict=True):
-            coarse += along(weights, level, lags.ndim) * np.take(lags, of, level)
+            coarse += along(weights, axis, lags.ndim) * np.take(lags, of, axis)
         return coarse
 
 

@@ -1,6 +1,5 @@
-"""Restriction (paper, Eq. 13), interpolation (Eq. 14) and the coarse matrices that go with them."""
+"""Restriction (paper, Eq. 13) and interpolation (Eq. 14) between a grid and the next coarser."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import prod
 
@@ -19,138 +18,11 @@ from toeplitz_mg.multigrid_cycle.interpolation import (
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import unwrap_toeplitz
 
-Coarsening = Callable[[LinearOperator], LinearOperator]
+# The coupling of neighbours along an axis, relative to the strongest, below which the axis is not
+# coarsened: the smoother leaves errors that vary along it from element to element.
+WEAK_COUPLING = 0.5
 
-WEAK = 0.5  # coupling of neighbours in a level, relative to the strongest, that is not coarsened
-
-Directions = tuple[Interpolation | AreaWeighted | None, ...]
-
-
-def directions(A: ToeplitzOperator, transfer: Interpolation = piecewise_constant) -> Directions:
-    """Return the interpolation of each level of `A`, or None where that is not coarsened.
-
-    Those are coarsened in which neighbours are coupled most. Where the elements are stretched,
-    the smoother leaves errors that vary along the long side from element to element, which a
-    grid that is coarser in that direction cannot represent.
-
-    Copies to an odd number of elements are `AreaWeighted`. Not in one level: there R A P is
-    Toeplitz for the elements that have a partner, and the last one is cheap as a `Border`.
-    """
-    strengths = [0.0] * len(A.grid_shape)
-    for level, n in enumerate(A.grid_shape):
-        if transfer.coarse_length(n) < n:
-            neighbour = tuple(int(k == level) for k in range(len(strengths)))
-            strengths[level] = abs(float(A.c[neighbour]))
-    least = max(WEAK * max(strengths), np.finfo(np.float64).tiny)
-    several = sum(n > 1 for n in A.grid_shape) > 1
-    odd = AreaWeighted() if several and transfer == piecewise_constant else transfer
-    return tuple(
-        (odd if n % 2 else transfer) if strength >= least else None
-        for n, strength in zip(A.grid_shape, strengths, strict=True)
-    )
-
-
-def _coarse_shape(grid_shape: tuple[int, ...], by: Directions) -> tuple[int, ...]:
-    """Return the shape of the coarse grid."""
-    return tuple(t.coarse_length(n) if t else n for n, t in zip(grid_shape, by, strict=True))
-
-
-def _coarse_mask(mask: Array, by: Directions) -> Array:
-    """Return the coarse elements of a mask, level by level."""
-    for level, t in enumerate(by):
-        if t:
-            mask = t.coarse_mask(mask, level)
-    return mask
-
-
-def galerkin(A: LinearOperator, transfer: Interpolation = piecewise_constant) -> LinearOperator:
-    """Return R A P, the Galerkin coarse matrix, which is again Toeplitz, or one near it that is.
-
-    Parameters
-    ----------
-    A : ToeplitzOperator or MaskedOperator of one
-    transfer : Interpolation
-
-    Returns
-    -------
-    ToeplitzOperator or MaskedOperator
-        On half the elements in each level. On a mask the coarse elements are those all of whose
-        fine elements are in contact; the matrix is exactly R A P there too. Only where copies go
-        to an odd number n of elements, in several levels, does this differ: the coarse elements
-        are then (n + 1)/2, each slightly shorter than 2 fine ones, R A P is not Toeplitz, and
-        this matrix is near it.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not symmetric; where no coarse element of a mask is
-        in contact as a whole.
-
-    Notes
-    -----
-    In each level a_H[k] = ½ (a[2k-1] + 2 a[2k] + a[2k+1]), or, where the weights are w, the mean
-    of the a[2k+j] with half of w convolved with itself. For copies to an odd n in several levels,
-    with m = (n + 1)/2, the mean is over the a[j] by a hat about k n/m that is n/m wide on each
-    side, as it is, with n/m = 2, where n is even.
-
-    Examples
-    --------
-    >>> from toeplitz_mg import ToeplitzOperator, galerkin
-    >>> galerkin(ToeplitzOperator([4.0, 2.0, 1.0, 0.0])).toarray()
-    array([[6., 2.],
-           [2., 6.]])
-    """
-    full, mask = unwrap_toeplitz(A)
-    lags = full.lags
-    by = directions(full, transfer)
-    for level, t in enumerate(by):
-        if t:
-            lags = t.coarse_lags(lags, level)
-    H = ToeplitzOperator.from_lags(lags)
-    return H if mask is None else MaskedOperator(H, _coarse_mask(mask, by))
-
-
-def rediscretised(
-    operator_of_grid_shape: Callable[[tuple[int, ...]], ToeplitzOperator],
-    transfer: Interpolation = piecewise_constant,
-) -> Coarsening:
-    """Return a coarsening that discretises the problem anew on the coarse grid (the paper's).
-
-    Parameters
-    ----------
-    operator_of_grid_shape : callable
-        Maps a grid's shape to the Toeplitz operator of the same problem on that grid.
-    transfer : Interpolation
-        Which decides about the shape.
-
-    Returns
-    -------
-    callable
-        For the argument `coarsen` of `multigrid`.
-
-    Raises
-    ------
-    TypeError
-        Where the argument cannot be called.
-
-    Examples
-    --------
-    >>> import toeplitz_mg as tmg
-    >>> problem = tmg.contact.problems.test1(64)
-    >>> coarsen = tmg.rediscretised(problem.operator_of_grid_shape)
-    >>> coarsen(problem.A).grid_shape
-    (32,)
-    """
-    if not callable(operator_of_grid_shape):
-        raise TypeError(f"operator_of_grid_shape is {operator_of_grid_shape!r}, but must be called")
-
-    def coarsen(A: LinearOperator) -> LinearOperator:
-        full, mask = unwrap_toeplitz(A)
-        by = directions(full, transfer)
-        H = operator_of_grid_shape(_coarse_shape(full.grid_shape, by))
-        return H if mask is None else MaskedOperator(H, _coarse_mask(mask, by))
-
-    return coarsen
+ByAxis = tuple[Interpolation | AreaWeighted | None, ...]  # None where an axis is not coarsened
 
 
 @dataclass(frozen=True)
@@ -160,51 +32,69 @@ class Transfer:
     Attributes
     ----------
     interpolation : Interpolation
-    by : tuple of Interpolation or None
-        That of each level, None where it is not coarsened.
+    by_axis : tuple of Interpolation or None
+        The interpolation along each axis, None where it is not coarsened.
     fine_shape : tuple of int
     fine_mask, coarse_mask : ndarray of bool, or None where the whole grid is unknown
     leftover : ndarray of int
-        The fine unknowns that belong to no coarse one: at the end of a grid of one level, and the
-        elements in contact beside one that is not.
+        The fine unknowns that belong to no coarse one: at the end of a grid of one axis, and the
+        active elements of a coarse element that is not active.
     """
 
     interpolation: Interpolation
-    by: Directions
+    by_axis: ByAxis
     fine_shape: tuple[int, ...]
     fine_mask: Array | None
     coarse_mask: Array | None
     leftover: Array
 
     @classmethod
-    def of(
-        cls, A: LinearOperator, interpolation: Interpolation = piecewise_constant
-    ) -> "Transfer | None":
-        """Return the transfer from `A` to its coarse matrix, or None where it has no unknowns."""
+    def of(cls, A: LinearOperator, interpolation: Interpolation = piecewise_constant) -> "Transfer":
+        """Decide the coarse grid of `A`, which may have no unknowns (`has_coarse_grid`)."""
         full, mask = unwrap_toeplitz(A)
-        whole = np.ones(full.grid_shape, dtype=bool) if mask is None else mask
-        by = directions(full, interpolation)
-        coarse = _coarse_mask(whole, by)
-        if coarse.shape == full.grid_shape or not coarse.any():
-            return None
-        covered = coarse
-        for level, (n, t) in enumerate(zip(full.grid_shape, by, strict=True)):
+        by_axis = _by_axis(full, interpolation)
+        active = np.ones(full.grid_shape, dtype=bool) if mask is None else mask
+        coarse = active
+        for axis, t in enumerate(by_axis):
             if t:
-                fine = np.zeros((*covered.shape[:level], n, *covered.shape[level + 1 :]), bool)
+                coarse = t.coarse_mask(coarse, axis)
+        covered = coarse
+        for axis, (n, t) in enumerate(zip(full.grid_shape, by_axis, strict=True)):
+            if t:
+                fine = np.zeros((*covered.shape[:axis], n, *covered.shape[axis + 1 :]), bool)
                 for _, to, of in t.pieces(n):
-                    fine[at(level, to)] |= covered[at(level, of)]
+                    fine[at(axis, to)] |= covered[at(axis, of)]
                 covered = fine
-        leftover = np.flatnonzero(~covered[whole])
+        leftover = np.flatnonzero(~covered[active])
         coarse_mask = None if mask is None else coarse
-        return cls(interpolation, by, full.grid_shape, mask, coarse_mask, leftover)
+        return cls(interpolation, by_axis, full.grid_shape, mask, coarse_mask, leftover)
 
     @property
     def coarse_shape(self) -> tuple[int, ...]:
         """The shape of the coarse grid."""
-        return _coarse_shape(self.fine_shape, self.by)
+        pairs = zip(self.fine_shape, self.by_axis, strict=True)
+        return tuple(t.coarse_length(n) if t else n for n, t in pairs)
 
-    def check_coarse(self, H: LinearOperator) -> None:
-        """Raise ValueError or TypeError where `H` does not live on the coarse grid."""
+    @property
+    def has_coarse_grid(self) -> bool:
+        """Whether the coarse grid has unknowns, and is coarser than the fine one."""
+        is_empty = self.coarse_mask is not None and not self.coarse_mask.any()
+        return self.coarse_shape != self.fine_shape and not is_empty
+
+    def coarse_matrix(self, A: LinearOperator) -> LinearOperator:
+        """Return R A P on the coarse grid, or the Toeplitz matrix near it (see `galerkin`)."""
+        lags = unwrap_toeplitz(A)[0].lags
+        for axis, t in enumerate(self.by_axis):
+            if t:
+                lags = t.coarse_lags(lags, axis)
+        return self.on_coarse_mask(ToeplitzOperator.from_lags(lags))
+
+    def on_coarse_mask(self, H: ToeplitzOperator) -> LinearOperator:
+        """Return a matrix of the whole coarse grid on the unknowns of that grid."""
+        return H if self.coarse_mask is None else MaskedOperator(H, self.coarse_mask)
+
+    def check_coarse_matrix(self, H: LinearOperator) -> LinearOperator:
+        """Return what a function of the user gave, or say that it lives on another coarse grid."""
         full, mask = unwrap_toeplitz(H)
         if full.grid_shape != (shape := self.coarse_shape):
             raise ValueError(f"coarsen gave the grid {full.grid_shape}, but it must be {shape}")
@@ -214,18 +104,19 @@ class Transfer:
             same = np.array_equal(mask, self.coarse_mask)
         if not same:
             raise ValueError(f"coarsen gave {H!r} with another mask than the coarse one")
+        return H
 
     @property
     def scale(self) -> float:
-        """The number s for which Pᵀ = s R, the product of those of the levels."""
-        return prod(t.ratio(n) for n, t in zip(self.fine_shape, self.by, strict=True) if t)
+        """The number s for which Pᵀ = s R, the product of those of the axes."""
+        return prod(t.ratio(n) for n, t in zip(self.fine_shape, self.by_axis, strict=True) if t)
 
     @property
-    def border(self) -> tuple[Array, Array]:
+    def border_vectors(self) -> tuple[Array, Array]:
         """Unknowns, shape (p, q), and weights (q,) of p vectors that enlarge the coarse space.
 
-        At the end of a grid it is one, what there is room for of the next coarse element;
-        elsewhere they are the unit vectors of the unknowns left over.
+        At the end of a grid it is one vector, that part of the next coarse element for which there
+        is room; elsewhere they are the unit vectors of the unknowns left over.
         """
         if len(self.leftover) and len(self.fine_shape) == 1 and self.fine_mask is None:
             last = np.arange(2 * self.coarse_shape[0], self.fine_shape[0])
@@ -233,13 +124,13 @@ class Transfer:
         return self.leftover[:, np.newaxis], np.ones(1)
 
     def restrict(self, r: Array) -> Array:
-        """Average over the fine elements of each coarse one, level by level (Eq. 13).
+        """Average over the fine elements of each coarse one, axis by axis (Eq. 13).
 
         The result is a `workspace`: what is to be kept for long had better be a copy.
         """
         grid = _on_grid(r, self.fine_mask, self.fine_shape)
         rows = r.ndim - 1
-        for axis, (n, t) in enumerate(zip(self.fine_shape, self.by, strict=True), start=rows):
+        for axis, (n, t) in enumerate(zip(self.fine_shape, self.by_axis, strict=True), start=rows):
             if t is None:
                 continue
             m = t.coarse_length(n)
@@ -254,7 +145,7 @@ class Transfer:
                     np.multiply(values, scaled, out=target)
             grid = coarse
         if self.coarse_mask is not None:
-            return np.asarray(grid[..., self.coarse_mask])
+            return grid[..., self.coarse_mask]
         return grid.reshape(*r.shape[:-1], prod(self.coarse_shape))
 
     def interpolate(self, e: Array, out: Array) -> None:
@@ -262,10 +153,10 @@ class Transfer:
         grid = _on_grid(e, self.coarse_mask, self.coarse_shape)
         if self.fine_mask is not None:
             fine = workspace((*e.shape[:-1], *self.fine_shape), e.dtype)
-            _spread(grid, fine, self.by)
+            _spread(grid, fine, self.by_axis)
             out[...] = fine[..., self.fine_mask]
         else:
-            _spread(grid, out.reshape(*e.shape[:-1], *self.fine_shape), self.by)
+            _spread(grid, out.reshape(*e.shape[:-1], *self.fine_shape), self.by_axis)
 
 
 def _on_grid(x: Array, mask: Array | None, shape: tuple[int, ...]) -> Array:
@@ -281,10 +172,10 @@ def _add_product(target: Array, values: Array, weights: Array) -> None:
     target += np.multiply(values, weights, out=workspace(values.shape, values.dtype))
 
 
-def _spread(coarse: Array, fine: Array, by: Directions) -> None:
-    """Interpolate the coarse grid of each row to the fine grid, a level after the other."""
-    rows = coarse.ndim - len(by)
-    for axis, t in enumerate(by, start=rows):
+def _spread(coarse: Array, fine: Array, by_axis: ByAxis) -> None:
+    """Interpolate the coarse grid of each row to the fine grid, axis by axis."""
+    rows = coarse.ndim - len(by_axis)
+    for axis, t in enumerate(by_axis, start=rows):
         if t is None:
             continue
         last = all(coarse.shape[k] == fine.shape[k] for k in range(axis + 1, coarse.ndim))
@@ -297,3 +188,27 @@ def _spread(coarse: Array, fine: Array, by: Directions) -> None:
         coarse = to
     if coarse is not fine:
         fine[...] = coarse
+
+
+def _by_axis(A: ToeplitzOperator, interpolation: Interpolation) -> ByAxis:
+    """Return the interpolation along each axis of `A`, or None where that is not coarsened.
+
+    Those are coarsened along which neighbours are coupled most. Where the elements are stretched,
+    the smoother leaves errors that vary along the long side from element to element, which a
+    grid that is coarser in that direction cannot represent.
+
+    Copies to an odd number of elements are `AreaWeighted`. Not on one axis: there R A P is
+    Toeplitz for the elements that have a partner, and the last one is cheap as a `Border`.
+    """
+    strengths = [0.0] * len(A.grid_shape)
+    for axis, n in enumerate(A.grid_shape):
+        if interpolation.coarse_length(n) < n:
+            neighbour = tuple(int(k == axis) for k in range(len(strengths)))
+            strengths[axis] = abs(float(A.c[neighbour]))
+    least = max(WEAK_COUPLING * max(strengths), np.finfo(np.float64).tiny)
+    several = sum(n > 1 for n in A.grid_shape) > 1
+    odd = AreaWeighted() if several and interpolation == piecewise_constant else interpolation
+    return tuple(
+        (odd if n % 2 else interpolation) if strength >= least else None
+        for n, strength in zip(A.grid_shape, strengths, strict=True)
+    )

@@ -87,6 +87,22 @@ class GridOperator(LinearOperator):
         """
         raise NotImplementedError
 
+    def converges(self, A: LinearOperator) -> bool | None:
+        """Whether the iteration x ← x + S (b - A x) converges, this operator being S.
+
+        Parameters
+        ----------
+        A : LinearOperator
+            The symmetric positive definite matrix of which this is an approximate inverse.
+
+        Returns
+        -------
+        bool or None
+            True where that is certain, or as good as certain; False where it may diverge; None
+            where nothing is known, so that it has to be found out.
+        """
+        return None
+
     def _matvec(self, x: Array) -> Array:
         # SciPy before 1.18 hands over a column of shape (n, 1) as it is.
         n = self.shape[1]

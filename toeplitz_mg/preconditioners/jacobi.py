@@ -21,7 +21,11 @@ class ScaledIdentity(GridOperator):
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """As `GridOperator.apply`."""
-        return np.asarray(np.multiply(X, self.factor, out=out))
+        return np.multiply(X, self.factor, out=out)
+
+    def converges(self, A: LinearOperator) -> bool:
+        """As `GridOperator.converges`: certain by a bound of the norm of `A`."""
+        return float(self.factor) * unwrap_toeplitz(A)[0].norm_bound < 2.0
 
     def __repr__(self) -> str:
         return f"<ScaledIdentity {self.shape[0]}, {self.factor:.3g}>"
@@ -66,7 +70,7 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
     >>> import toeplitz_mg as tmg
     >>> A = tmg.ToeplitzOperator(np.r_[2.0, -1.0, np.zeros(998)])
     >>> M = tmg.multigrid(
-    ...     A, smoother=tmg.jacobi_preconditioner, transfer=tmg.linear_interpolation
+    ...     A, smoother=tmg.jacobi_preconditioner, interpolation=tmg.linear_interpolation
     ... )
     >>> x, info = tmg.richardson(A, np.ones(1000), M=M, rtol=1e-8, maxiter=12)
     >>> info
