@@ -19,7 +19,7 @@ from tests.test_fsai import (
 )
 from tests.test_fsai_update import kept
 from toeplitz_mg.halfspace import all_offsets, influence_xx, influence_xy, influence_yy
-from toeplitz_mg.preconditioners.block_diagonal import BlockDiagonal
+from toeplitz_mg.operators import BlockDiagonal
 from toeplitz_mg.preconditioners.fsai.build import build
 from toeplitz_mg.preconditioners.fsai.coupled import strongly_coupled
 from toeplitz_mg.preconditioners.fsai.levels import Cells, Patched

@@ -76,7 +76,7 @@ def test_refuses_bad_arguments():
         tmg.toeplitz_inverse(tmg.MaskedOperator(A, [True, False]))
     with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
         tmg.toeplitz_inverse(np.eye(2))
-    with pytest.raises(ValueError, match="must have one level"):
+    with pytest.raises(ValueError, match="must have one axis"):
         tmg.toeplitz_inverse(tmg.ToeplitzOperator(np.eye(2)))
     for rtol in (0.0, -1.0, np.nan):
         with pytest.raises(ValueError, match="rtol is"):

@@ -145,7 +145,7 @@ def test_trigonometric_of_a_matrix_that_is_symmetric_only():
 
 
 def test_spectral_needs_one_level():
-    with pytest.raises(ValueError, match="must have one level"):
+    with pytest.raises(ValueError, match="must have one axis"):
         tmg.spectral_preconditioner(tmg.ToeplitzOperator(np.eye(2)))
 
 

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
 from tests.cases import checkered, dense_of_column, dense_of_lags, random_lags
-from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.structure import unwrap_toeplitz
 
 
 def test_is_scipys_toeplitz():
@@ -162,9 +162,9 @@ def test_a_mask_needs_an_operator_on_a_grid():
 
 def test_preconditioners_need_a_symmetric_toeplitz_operator():
     with pytest.raises(TypeError, match="A is a ndarray"):
-        toeplitz_and_mask(np.eye(2))
+        unwrap_toeplitz(np.eye(2))
     with pytest.raises(ValueError, match="must be symmetric"):
-        toeplitz_and_mask(tmg.ToeplitzOperator([2.0, 1.0], [2.0, 0.0]))
+        unwrap_toeplitz(tmg.ToeplitzOperator([2.0, 1.0], [2.0, 0.0]))
 
 
 def test_products_are_counted():

@@ -7,7 +7,7 @@ from toeplitz_mg.multigrid_cycle.cycle import Multigrid
 from toeplitz_mg.multigrid_cycle.definite import require_definite
 from toeplitz_mg.multigrid_cycle.hierarchy import Smoother, build_levels
 from toeplitz_mg.multigrid_cycle.interpolation import Interpolation, piecewise_constant
-from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.structure import unwrap_toeplitz
 from toeplitz_mg.preconditioners import fft_rsm_preconditioner
 from toeplitz_mg.values import count
 
@@ -120,7 +120,7 @@ def multigrid(
         raise TypeError(f"interpolation is {interpolation!r}, but must be an Interpolation")
     if not (coarsen is None or callable(coarsen)):
         raise TypeError(f"coarsen is {coarsen!r}, but must map a matrix to the next coarser one")
-    toeplitz_and_mask(A)  # or it says what is wrong
+    unwrap_toeplitz(A)  # or it says what is wrong
     levels = build_levels(A, smoother, coarsest, interpolation, coarsen)
     M = Multigrid(levels, pre, post, gamma)
     require_definite(M, coarsen is None)

@@ -16,7 +16,7 @@ from toeplitz_mg.multigrid_cycle.interpolation import (
     piecewise_constant,
 )
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
-from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.structure import unwrap_toeplitz
 
 # The coupling of neighbours along an axis, relative to the strongest, below which the axis is not
 # coarsened: the smoother leaves errors that vary along it from element to element.
@@ -51,7 +51,7 @@ class Transfer:
     @classmethod
     def of(cls, A: LinearOperator, interpolation: Interpolation = piecewise_constant) -> "Transfer":
         """Decide the coarse grid of `A`, which may have no unknowns (`has_coarse_grid`)."""
-        full, mask = toeplitz_and_mask(A)
+        full, mask = unwrap_toeplitz(A)
         by_axis = _by_axis(full, interpolation)
         active = np.ones(full.grid_shape, dtype=bool) if mask is None else mask
         coarse = active
@@ -83,7 +83,7 @@ class Transfer:
 
     def coarse_matrix(self, A: LinearOperator) -> LinearOperator:
         """Return R A P on the coarse grid, or the Toeplitz matrix near it (see `galerkin`)."""
-        lags = toeplitz_and_mask(A)[0].lags
+        lags = unwrap_toeplitz(A)[0].lags
         for axis, t in enumerate(self.by_axis):
             if t:
                 lags = t.coarse_lags(lags, axis)
@@ -95,7 +95,7 @@ class Transfer:
 
     def check_coarse_matrix(self, H: LinearOperator) -> LinearOperator:
         """Return what a function of the user gave, or say that it lives on another coarse grid."""
-        full, mask = toeplitz_and_mask(H)
+        full, mask = unwrap_toeplitz(H)
         if full.grid_shape != (shape := self.coarse_shape):
             raise ValueError(f"coarsen gave the grid {full.grid_shape}, but it must be {shape}")
         if mask is None or self.coarse_mask is None:

@@ -1,12 +1,14 @@
 """What is multiplied: Toeplitz matrices of one or several levels, and their restrictions."""
 
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows
+from toeplitz_mg.operators.block_diagonal import BlockDiagonal
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.diagonalised import DiagonalisedOperator
 from toeplitz_mg.operators.masked import MaskedOperator
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
 __all__ = [
+    "BlockDiagonal",
     "CoupledOperator",
     "DiagonalisedOperator",
     "GridOperator",

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows, work_of
 from toeplitz_mg.operators.coupled import CoupledOperator
@@ -26,7 +26,7 @@ class MaskedOperator(GridOperator):
         An operator on a whole grid. Any LinearOperator will do that acts on vectors of all points
         of the grid that its attribute ``grid_shape`` says, such as a DiagonalisedOperator.
     mask : array_like of bool, of shape ``A.grid_shape``
-        True where there is contact; of coupled components one mask may do for all.
+        True where there is an unknown; of coupled components one mask may do for all.
 
     Attributes
     ----------
@@ -70,10 +70,8 @@ class MaskedOperator(GridOperator):
                 "but a mask needs an operator on a whole grid: take the matrix, or the "
                 "preconditioner, of the whole grid"
             )
-        if isinstance(A, CoupledOperator):
-            mask = mask_of_all(mask, grid_shape)
         self.full = A
-        self.mask = mask_on(grid_shape, mask)
+        self.mask = check_mask(mask, grid_shape, isinstance(A, CoupledOperator))
         self._index = np.flatnonzero(self.mask)
         super().__init__(A.dtype, grid_shape, work_of(A), len(self._index))
 
@@ -111,9 +109,19 @@ class MaskedOperator(GridOperator):
         return f"<MaskedOperator {self.shape[0]} of {self.mask.size} points of {self.full!r}>"
 
 
-def mask_on(grid_shape: tuple[int, ...], mask: ArrayLike) -> Array:
-    """Return a copy of a mask on this grid that cannot be changed, or say what is wrong with it."""
+def check_mask(mask: ArrayLike, grid_shape: tuple[int, ...], is_coupled: bool = False) -> Mask:
+    """Return a copy of a mask that cannot be changed, or raise an error that says what is wrong.
+
+    Parameters
+    ----------
+    mask : array_like of bool, of shape `grid_shape`
+    grid_shape : tuple of int
+    is_coupled : bool
+        Whether the first axis of the grid counts components, of which one mask may do for all.
+    """
     mask = unmasked("mask", mask)
+    if is_coupled and mask.shape == grid_shape[1:]:
+        mask = np.broadcast_to(mask, grid_shape)
     if mask.dtype != np.bool_:
         raise TypeError(f"mask has dtype {mask.dtype}, but must be of booleans")
     if mask.shape != grid_shape:
@@ -123,51 +131,3 @@ def mask_on(grid_shape: tuple[int, ...], mask: ArrayLike) -> Array:
     mask = mask.copy()
     mask.flags.writeable = False
     return mask
-
-
-def mask_of_all(mask: ArrayLike, grid_shape: tuple[int, ...]) -> Array:
-    """Return a mask of all components, on this grid, where it is that of one."""
-    mask = unmasked("mask", mask)
-    return np.broadcast_to(mask, grid_shape) if mask.shape == grid_shape[1:] else mask
-
-
-def toeplitz_and_mask(A: LinearOperator) -> tuple[ToeplitzOperator, Array | None]:
-    """Return the Toeplitz matrix on the whole grid and the mask, or None where there is none.
-
-    Raises
-    ------
-    TypeError
-        Where `A` is neither a `ToeplitzOperator` nor a `MaskedOperator` of one.
-    ValueError
-        Where it is not symmetric.
-    """
-    full, mask = (A.full, A.mask) if isinstance(A, MaskedOperator) else (A, None)
-    if not isinstance(full, ToeplitzOperator):
-        advice = (
-            "; a preconditioner of each of its components gives componentwise, as in "
-            "componentwise(multigrid)(A)"
-        )
-        raise TypeError(
-            f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a MaskedOperator "
-            f"of one{advice if isinstance(full, CoupledOperator) else ''}"
-        )
-    if not full.is_symmetric:
-        raise ValueError(f"A is {full!r}, but must be symmetric")
-    return full, mask
-
-
-def one_level(A: ToeplitzOperator) -> ToeplitzOperator:
-    """Return the matrix on the one level of its grid that has more than one element.
-
-    Raises
-    ------
-    ValueError
-        Where there are several.
-    """
-    line = A.squeezed
-    if len(line.grid_shape) != 1:
-        raise ValueError(
-            f"A lives on the grid {A.grid_shape}, but must have one level (with more than one "
-            "element)"
-        )
-    return line

@@ -13,9 +13,8 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.transforms import near_fast_length
-from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
-from toeplitz_mg.operators.masked import toeplitz_and_mask
-from toeplitz_mg.preconditioners.block_diagonal import componentwise
+from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
+from toeplitz_mg.operators.structure import componentwise, unwrap, unwrap_toeplitz
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.direct import DenseInverse
 from toeplitz_mg.preconditioners.fsai.line import LONG, decays_slowly
@@ -130,9 +129,9 @@ def default_preconditioner(
     (800, 800)
     """
     solves = count("solves", solves)
-    full = A.full if isinstance(A, MaskedOperator) else A
+    full, mask = unwrap(A)
     is_coupled = isinstance(full, CoupledOperator)
-    is_on_mask = isinstance(A, MaskedOperator) and not A.mask.all()
+    is_on_mask = mask is not None and not mask.all()
     if is_coupled and full.is_symmetric and (inverse := _direct(A, full, dtype)) is not None:
         return inverse
     if is_coupled and is_on_mask:
@@ -157,7 +156,7 @@ def _direct(
 
 @componentwise
 def _default(A: LinearOperator, is_worth_set_up: bool, dtype: DTypeLike | None) -> LinearOperator:
-    full, mask = toeplitz_and_mask(A)
+    full, mask = unwrap_toeplitz(A)
     if (inverse := _direct(A, full, dtype)) is not None:
         return inverse
     full = full.squeezed

@@ -10,13 +10,13 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.products import DiagonalisedProduct
 from toeplitz_mg.engine.work import count_transforms
-from toeplitz_mg.operators import DiagonalisedOperator, MaskedOperator
-from toeplitz_mg.operators.masked import toeplitz_and_mask
-from toeplitz_mg.preconditioners.block_diagonal import componentwise
+from toeplitz_mg.operators import DiagonalisedOperator
+from toeplitz_mg.operators.structure import componentwise, restricted
 from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust
 
 
 @componentwise
+@restricted
 def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of Strang's circulant, which copies the central coefficients of `A`.
 
@@ -53,16 +53,16 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     >>> (C @ np.array([3.0, 3.0, 3.0])).round(12)
     array([1., 1., 1.])
     """
-    full, mask = toeplitz_and_mask(A)
-    column = full.lags
-    for level, n in enumerate(full.grid_shape):
+    column = A.lags
+    for level, n in enumerate(A.grid_shape):
         # Lags 0 ... n // 2, then -(n - 1) // 2 ... -1.
         index = np.concatenate([np.arange(n // 2 + 1), np.arange(-((n - 1) // 2), 0)])
         column = np.take(column, index + n - 1, axis=level)
-    return _inverse(column, "Strang", precision(full, dtype), mask)
+    return _inverse(column, "Strang", precision(A, dtype))
 
 
 @componentwise
+@restricted
 def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of T. Chan's circulant, the nearest to `A` in the Frobenius norm.
 
@@ -100,22 +100,20 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     >>> (C @ np.array([3.0, 3.0, 3.0])).round(12)
     array([1., 1., 1.])
     """
-    full, mask = toeplitz_and_mask(A)
-    column = full.lags
-    for level, n in enumerate(full.grid_shape):
+    column = A.lags
+    for level, n in enumerate(A.grid_shape):
         k = np.arange(n).reshape((n,) + (1,) * (column.ndim - 1 - level))
         positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=level)  # lags 0 ... n - 1
         negative = np.take(column, np.arange(n) - 1, axis=level)  # lags k - n; k = 0 counts 0
         column = ((n - k) * positive + k * negative) / n
-    return _inverse(column, "T. Chan", precision(full, dtype), mask)
+    return _inverse(column, "T. Chan", precision(A, dtype))
 
 
-def _inverse(column: Array, name: str, dtype: np.dtype[Any], mask: Array | None) -> LinearOperator:
+def _inverse(column: Array, name: str, dtype: np.dtype[Any]) -> DiagonalisedOperator:
     """Invert the circulant with the first column `column`."""
     count_transforms(1, *column.shape)
     spectrum = fft.rfftn(column.astype(np.float64, copy=False)).real
     other = robust(column.shape) if name == "Strang" else "cg without M"
     require_positive(spectrum, dtype, f"{name}'s circulant has the eigenvalue", other)
     product = DiagonalisedProduct(1.0 / spectrum, column.shape, column.shape, dtype)
-    C = DiagonalisedOperator(product, f"inverse of {name}'s circulant")
-    return C if mask is None else MaskedOperator(C, mask)
+    return DiagonalisedOperator(product, f"inverse of {name}'s circulant")

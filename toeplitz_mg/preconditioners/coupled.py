@@ -9,6 +9,7 @@ from scipy import fft
 from toeplitz_mg.engine.transforms import near_fast_length
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
+from toeplitz_mg.operators.structure import check_symmetric
 from toeplitz_mg.preconditioners.positivity import require_positive
 
 
@@ -22,8 +23,7 @@ def coupled_inverse(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:
     ValueError
         Where A is not symmetric, or the block of a component on itself is zero.
     """
-    if not A.is_symmetric:
-        raise ValueError(f"A is {A!r}, but must be symmetric")
+    check_symmetric(A)
     components, *grid = A.grid_shape
     for i in range(components):
         A.component(i)  # or it says that it is zero

@@ -9,8 +9,8 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.engine.transforms import LONG, cosine_sums, near_fast_length
 from toeplitz_mg.engine.work import count_transforms
-from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
-from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
+from toeplitz_mg.operators.structure import restrict, restricted, unwrap
 from toeplitz_mg.preconditioners.coupled import coupled_inverse
 from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust
 from toeplitz_mg.preconditioners.symbol import continued
@@ -76,27 +76,32 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
     >>> info, bool(np.linalg.norm(A @ x - 1.0) <= 1e-10 * np.linalg.norm(np.ones(1000)))
     (0, True)
     """
-    if isinstance(coupled := getattr(A, "full", A), CoupledOperator):
-        inverse_symbol = coupled_inverse(coupled, precision(coupled, dtype))
-        return inverse_symbol if coupled is A else MaskedOperator(inverse_symbol, A.mask)
-    full, mask = toeplitz_and_mask(A)
-    dtype = precision(full, dtype)
-    lengths = tuple(2 * n - 1 for n in full.grid_shape)
+    full, mask = unwrap(A)
+    if isinstance(full, CoupledOperator):
+        return restrict(coupled_inverse(full, precision(full, dtype)), mask)
+    return _toeplitz_inverse(A, dtype)
+
+
+@restricted
+def _toeplitz_inverse(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOperator:
+    """Return M of one component, on the whole grid."""
+    dtype = precision(A, dtype)
+    lengths = tuple(2 * n - 1 for n in A.grid_shape)
     is_fast = all(near_fast_length(m) == m for m in lengths)
-    is_exact = is_fast or not full.is_even or full.shape[0] < LONG
+    is_exact = is_fast or not A.is_even or A.shape[0] < LONG
     if is_exact:
         count_transforms(2, *lengths)
-        spectrum = fft.rfftn(full.circulant(lengths)).real
+        spectrum = fft.rfftn(A.circulant(lengths)).real
     else:
-        column = full.c.astype(np.float64, copy=False)
-        for level, n in enumerate(full.grid_shape):
+        column = A.c.astype(np.float64, copy=False)
+        for level, n in enumerate(A.grid_shape):
             column = continued(column, level, near_fast_length(n))
         spectrum = cosine_sums(column)
     require_positive(
         spectrum,
         dtype,
         "the embedding of A in a circulant, which M inverts, has the eigenvalue",
-        robust(full.grid_shape),
+        robust(A.grid_shape),
     )
     spectrum = np.reciprocal(spectrum, out=spectrum)
     if is_exact:
@@ -105,9 +110,7 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
         inverse = cosine_sums(spectrum)
         inverse /= prod(2 * (m - 1) for m in spectrum.shape)
     inverse = inverse.astype(dtype, copy=False)
-    if full.is_even:
-        M = ToeplitzOperator(inverse[tuple(slice(n) for n in full.grid_shape)])
-    else:
-        lags = fft.fftshift(inverse)
-        M = ToeplitzOperator.from_lags((lags + np.flip(lags)) / 2)  # symmetric to the last bit
-    return M if mask is None else MaskedOperator(M, mask)
+    if A.is_even:
+        return ToeplitzOperator(inverse[tuple(slice(n) for n in A.grid_shape)])
+    lags = fft.fftshift(inverse)
+    return ToeplitzOperator.from_lags((lags + np.flip(lags)) / 2)  # symmetric to the last bit

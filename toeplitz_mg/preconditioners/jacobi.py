@@ -6,7 +6,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import GridOperator
-from toeplitz_mg.operators.masked import toeplitz_and_mask
+from toeplitz_mg.operators.structure import unwrap_toeplitz
 from toeplitz_mg.values import real
 
 
@@ -25,7 +25,7 @@ class ScaledIdentity(GridOperator):
 
     def converges(self, A: LinearOperator) -> bool:
         """As `GridOperator.converges`: certain by a bound of the norm of `A`."""
-        return float(self.factor) * toeplitz_and_mask(A)[0].norm_bound < 2.0
+        return float(self.factor) * unwrap_toeplitz(A)[0].norm_bound < 2.0
 
     def __repr__(self) -> str:
         return f"<ScaledIdentity {self.shape[0]}, {self.factor:.3g}>"
@@ -76,7 +76,7 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
     >>> info
     0
     """
-    full, _ = toeplitz_and_mask(A)
+    full, _ = unwrap_toeplitz(A)
     a0 = float(full.c.flat[0])
     if not a0 > 0.0:
         raise np.linalg.LinAlgError(

@@ -6,15 +6,9 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.operators import (
-    GridOperator,
-    MaskedOperator,
-    ToeplitzOperator,
-    apply_to_rows,
-)
+from toeplitz_mg.operators import GridOperator, ToeplitzOperator, apply_to_rows
 from toeplitz_mg.operators.base import grid_of, work_of
-from toeplitz_mg.operators.masked import toeplitz_and_mask
-from toeplitz_mg.preconditioners.block_diagonal import componentwise
+from toeplitz_mg.operators.structure import componentwise, restrict, unwrap_toeplitz
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.preconditioners.positivity import (
     DENSE,
@@ -125,7 +119,7 @@ def fft_rsm_preconditioner(
     >>> bool(np.allclose(M_bar @ np.ones(6), M_bar.gamma))
     True
     """
-    full, mask = toeplitz_and_mask(A)
+    full, mask = unwrap_toeplitz(A)
     M = fft_preconditioner(full, dtype=dtype)
     # Row sums by one product with the ones. Eq. 20: γ over the whole grid, also on a mask.
     row_sums = M @ np.ones(full.shape[0], dtype=M.dtype)
@@ -137,7 +131,7 @@ def fft_rsm_preconditioner(
         )
     certain = surely_positive(M, mask, gamma)
     if mask is not None:
-        M = MaskedOperator(M, mask)
+        M = restrict(M, mask)
         row_sums = M @ np.ones(M.shape[0], dtype=M.dtype)
     if not gamma > (least := rounding(row_sums, M.dtype)):
         raise np.linalg.LinAlgError(

@@ -11,10 +11,9 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.transforms import cosine_sums, near_fast_length, sine_sums
-from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
+from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
-from toeplitz_mg.operators.masked import one_level, toeplitz_and_mask
-from toeplitz_mg.preconditioners.block_diagonal import componentwise
+from toeplitz_mg.operators.structure import componentwise, restricted, squeeze_line
 from toeplitz_mg.preconditioners.positivity import is_positive, precision, require_condition
 from toeplitz_mg.preconditioners.schur import schur_column
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
@@ -23,6 +22,7 @@ RESOLVED = 0.25  # ‖A x - e₁‖ up to which the inverse from x is as good as
 
 
 @componentwise
+@restricted
 def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of a Toeplitz matrix from the spectral factor of the symbol of A.
 
@@ -80,13 +80,11 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     >>> info
     0
     """
-    full, mask = toeplitz_and_mask(A)
-    double = one_level(full).astype(np.float64)
+    double = squeeze_line(A).astype(np.float64)
     factor = factor_column(double, sampled_symbol(double, (near_fast_length(len(double.c)),)))
     if factor is None or not factor.is_inverse:
         factor = Factor(schur_column(double.c)[0], 0.0)
-    M = factor.inverse(precision(full, dtype))
-    return M if mask is None else MaskedOperator(M, mask.ravel())
+    return factor.inverse(precision(A, dtype))
 
 
 @dataclass(frozen=True)

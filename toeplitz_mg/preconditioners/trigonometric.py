@@ -9,9 +9,8 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.products import COSINE, SINE, DiagonalisedProduct, Transforms
 from toeplitz_mg.engine.transforms import near_fast_length
-from toeplitz_mg.operators import DiagonalisedOperator, MaskedOperator
-from toeplitz_mg.operators.masked import toeplitz_and_mask
-from toeplitz_mg.preconditioners.block_diagonal import componentwise
+from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
+from toeplitz_mg.operators.structure import componentwise, restricted
 from toeplitz_mg.preconditioners.positivity import (
     is_positive,
     precision,
@@ -23,6 +22,7 @@ from toeplitz_mg.preconditioners.symbol import sampled_symbol
 
 
 @componentwise
+@restricted
 def cosine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of the DCT-II matrix whose eigenvalues are samples of the symbol of A.
 
@@ -73,6 +73,7 @@ def cosine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
 
 
 @componentwise
+@restricted
 def sine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of the DST-II matrix whose eigenvalues are samples of the symbol of A.
 
@@ -117,45 +118,42 @@ def sine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
 
 
 def cosine_inverse(
-    A: LinearOperator, samples: Array, dtype: DTypeLike | None = None
-) -> LinearOperator:
+    A: ToeplitzOperator, samples: Array, dtype: DTypeLike | None = None
+) -> DiagonalisedOperator:
     """Return `cosine_preconditioner` for samples of the symbol at θ = πk/n, k = 0 … n."""
     return _inverse(A, samples, COSINE, 0, dtype)
 
 
 def sine_inverse(
-    A: LinearOperator, samples: Array, dtype: DTypeLike | None = None
-) -> LinearOperator:
+    A: ToeplitzOperator, samples: Array, dtype: DTypeLike | None = None
+) -> DiagonalisedOperator:
     """Return `sine_preconditioner` for samples of the symbol at θ = πk/n, k = 0 … n."""
     return _inverse(A, samples, SINE, 1, dtype)
 
 
-def _samples(A: LinearOperator) -> Array:
-    full, _ = toeplitz_and_mask(A)
-    return sampled_symbol(full, tuple(near_fast_length(n) for n in full.grid_shape))
+def _samples(A: ToeplitzOperator) -> Array:
+    return sampled_symbol(A, tuple(near_fast_length(n) for n in A.grid_shape))
 
 
 def _inverse(
-    A: LinearOperator,
+    A: ToeplitzOperator,
     samples: Array,
     transforms: Transforms,
     first: int,
     dtype: DTypeLike | None,
-) -> LinearOperator:
-    full, mask = toeplitz_and_mask(A)
-    dtype = precision(full, dtype)
+) -> DiagonalisedOperator:
+    dtype = precision(A, dtype)
     name, other = ("cosine", "sine") if transforms is COSINE else ("sine", "cosine")
     shape = tuple(m - 1 for m in samples.shape)
     eigenvalues = _eigenvalues(samples, first, dtype)
     if not is_positive(eigenvalues, dtype):
-        advice = robust(full.grid_shape)
+        advice = robust(A.grid_shape)
         if is_positive(_eigenvalues(samples, 1 - first, dtype), dtype):
             advice = f"{other}_preconditioner(A), or {advice}"
         subject = f"the symbol of A, which the {name} preconditioner samples, has the value"
         require_positive(eigenvalues, dtype, subject, advice)
-    product = DiagonalisedProduct(1.0 / eigenvalues, shape, full.grid_shape, dtype, transforms)
-    M = DiagonalisedOperator(product, f"{name} transform")
-    return M if mask is None else MaskedOperator(M, mask)
+    product = DiagonalisedProduct(1.0 / eigenvalues, shape, A.grid_shape, dtype, transforms)
+    return DiagonalisedOperator(product, f"{name} transform")
 
 
 def _eigenvalues(samples: Array, first: int, dtype: np.dtype[Any]) -> Array:

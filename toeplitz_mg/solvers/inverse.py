@@ -8,7 +8,7 @@ from scipy.linalg import norm
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
-from toeplitz_mg.operators.masked import one_level, toeplitz_and_mask
+from toeplitz_mg.operators.structure import squeeze_line, unwrap_toeplitz
 from toeplitz_mg.preconditioners import fsai_preconditioner, spectral_preconditioner
 from toeplitz_mg.preconditioners.fsai.line import decays_slowly
 from toeplitz_mg.preconditioners.schur import schur_column
@@ -112,10 +112,10 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     >>> bool(np.linalg.norm(A @ (A_inverse @ B) - B) <= 1e-10 * np.linalg.norm(B))
     True
     """
-    full, mask = toeplitz_and_mask(A)
+    full, mask = unwrap_toeplitz(A)
     if mask is not None:
         raise TypeError("A is a MaskedOperator, whose inverse the formula does not give")
-    line = one_level(full)
+    line = squeeze_line(full)
     if rtol is None:
         rtol = 1e-10 if full.dtype == np.float64 else 1e-3
     rtol = positive("rtol", rtol)

@@ -48,9 +48,9 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.products import multiply_rows
 from toeplitz_mg.engine.work import levels_of
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.operators import CoupledOperator, GridOperator, MaskedOperator
-from toeplitz_mg.operators.masked import mask_of_all, mask_on, toeplitz_and_mask
-from toeplitz_mg.preconditioners.block_diagonal import componentwise
+from toeplitz_mg.operators import CoupledOperator, GridOperator
+from toeplitz_mg.operators.masked import check_mask
+from toeplitz_mg.operators.structure import componentwise, unwrap, unwrap_toeplitz
 from toeplitz_mg.preconditioners.fsai.build import build, few
 from toeplitz_mg.preconditioners.fsai.coupled import strongly_coupled
 from toeplitz_mg.preconditioners.fsai.levels import AnyLevel, Cells, Level, Patched
@@ -136,9 +136,8 @@ class MultilevelSparseInverse(GridOperator):
         >>> P.sizes
         (1780, 125)
         """
-        if isinstance(self._stencil, Stencil):  # of coupled components
-            mask = mask_of_all(mask, self.grid_shape)
-        mask = mask_on(self.grid_shape, mask)
+        is_coupled = isinstance(self._stencil, Stencil)
+        mask = check_mask(mask, self.grid_shape, is_coupled)
         level = _levels(self._stencil, mask, self.dtype, self._level)
         return MultilevelSparseInverse(self._stencil, level, mask, self.dtype)
 
@@ -265,7 +264,7 @@ def coupled_fsai(
     A: LinearOperator, dtype: DTypeLike | None = None
 ) -> MultilevelSparseInverse | None:
     """Return `fsai_preconditioner` of components together, if they are strongly coupled."""
-    full, mask = (A.full, A.mask) if isinstance(A, MaskedOperator) else (A, None)
+    full, mask = unwrap(A)
     stencil = strongly_coupled(full) if isinstance(full, CoupledOperator) else None
     if stencil is None:
         return None
@@ -279,7 +278,7 @@ def _by_component(
     A: LinearOperator, neighbours: int | None, dtype: DTypeLike | None
 ) -> LinearOperator:
     """Return the same of one component."""
-    full, mask = toeplitz_and_mask(A)
+    full, mask = unwrap_toeplitz(A)
     kernel = full.squeezed
     if len(kernel.grid_shape) > 2:
         raise ValueError(f"A is {full!r}, but must have one level or two")

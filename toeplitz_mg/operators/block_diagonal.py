@@ -1,19 +1,15 @@
-"""Preconditioners of coupled components: one for each component, and none for the coupling."""
+"""Operators on consecutive parts of a vector, as on the components of a field."""
 
-from collections.abc import Callable, Sequence
-from functools import wraps
-from typing import Any, TypeVar, cast
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.operators import CoupledOperator, GridOperator, MaskedOperator, apply_to_rows
-from toeplitz_mg.operators.base import work_of
-from toeplitz_mg.operators.masked import mask_of_all, mask_on
-
-F = TypeVar("F", bound=Callable[..., LinearOperator])
+from toeplitz_mg.operators.base import GridOperator, apply_to_rows, work_of
+from toeplitz_mg.operators.masked import check_mask
 
 
 class BlockDiagonal(GridOperator):
@@ -51,7 +47,7 @@ class BlockDiagonal(GridOperator):
         TypeError, ValueError
             As `MaskedOperator`; where a component has no unknowns, or had none.
         """
-        masks = mask_on(self.grid_shape, mask_of_all(mask, self.grid_shape))
+        masks = check_mask(mask, self.grid_shape, is_coupled=True)
         if len(self.blocks) != len(masks) or not all(m.any() for m in masks):
             raise ValueError("a component has no unknowns, or had none: make the blocks anew")
         blocks: list[Any] = list(self.blocks)
@@ -77,49 +73,3 @@ class BlockDiagonal(GridOperator):
 
     def __repr__(self) -> str:
         return f"<BlockDiagonal of {', '.join(map(repr, self.blocks))}>"
-
-
-def componentwise(preconditioner: F) -> F:
-    """Return the preconditioner that treats each component of a `CoupledOperator` by itself.
-
-    Parameters
-    ----------
-    preconditioner : callable
-        A function of a `ToeplitzOperator` or a `MaskedOperator` of one, such as
-        `fft_preconditioner`. The others of this package take a `CoupledOperator` as they are.
-
-    Returns
-    -------
-    callable
-        The same function, that takes a `CoupledOperator` or a `MaskedOperator` of one too: the
-        result is block diagonal. It is symmetric positive definite where its blocks are.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import toeplitz_mg as tmg
-    >>> xx = tmg.ToeplitzOperator([[2.0, 0.5], [0.5, 0.1]])
-    >>> A = tmg.CoupledOperator([[xx, None], [None, xx]])
-    >>> M = tmg.componentwise(tmg.fft_preconditioner)(A)
-    >>> np.array_equal(M @ np.ones(8), np.tile(tmg.fft_preconditioner(xx) @ np.ones(4), 2))
-    True
-    """
-
-    @wraps(preconditioner)
-    def of_each(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
-        full, mask = (A.full, A.mask) if isinstance(A, MaskedOperator) else (A, None)
-        if not isinstance(full, CoupledOperator):
-            return preconditioner(A, *args, **kwargs)
-        if not full.is_symmetric:
-            raise ValueError(f"A is {full!r}, but must be symmetric")
-        components = []
-        for i in range(len(full.blocks)):
-            component: LinearOperator = full.component(i)
-            if mask is not None:
-                if not mask[i].any():
-                    continue
-                component = MaskedOperator(component, mask[i])
-            components.append(preconditioner(component, *args, **kwargs))
-        return BlockDiagonal(components, full.grid_shape)
-
-    return cast(F, of_each)
