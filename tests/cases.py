@@ -12,7 +12,7 @@ from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from toeplitz_mg import halfspace
-from toeplitz_mg.engine.transforms import near_fast_length
+from toeplitz_mg.engine.lengths import near_fast_length
 
 
 @dataclass(frozen=True)

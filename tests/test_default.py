@@ -67,7 +67,7 @@ def test_solve_toeplitz_takes_the_same(name):
         assert info.method in ("toeplitz_inverse", "scipy.linalg.solve_toeplitz")
 
 
-def test_two_levels_of_slow_lengths():
+def test_two_axes_of_slow_lengths():
     A = tmg.ToeplitzOperator(contact(131, 131))
     assert "SparseInverse" in taken(A)
     assert iterations(A) <= 9

@@ -394,7 +394,7 @@ def test_every_small_n(n, coarsest):
 
 
 @pytest.mark.parametrize("shape", [(32, 32), (33, 32), (20, 50), (64, 1), (31, 31)], ids=str)
-def test_two_levels_of_toeplitz_structure(shape):
+def test_two_axes_of_toeplitz_structure(shape):
     A = tmg.ToeplitzOperator(contact(*shape))
     for B in (A, tmg.MaskedOperator(A, np.hypot(*np.indices(shape)) < 0.8 * max(shape))):
         iterates = []

@@ -50,7 +50,7 @@ def test_is_the_dense_matrix(shape, components, dtype, seed):
 
 
 @pytest.mark.parametrize("shape", [(700, 1), (1, 700), (1, 700, 1)])
-def test_levels_of_one_element_are_none(shape):
+def test_axes_of_one_element_are_none(shape):
     c = contact(700)
     A, line = tmg.ToeplitzOperator(c.reshape(shape)), tmg.ToeplitzOperator(c)
     x = random(0, 700)
@@ -117,7 +117,7 @@ WITHOUT_TRANSFORMS_OF_GRIDS = (
     ],
 )
 @pytest.mark.parametrize("masked", [False, True])
-def test_preconditioners_do_not_see_levels_of_one_element(preconditioner, shape, masked):
+def test_preconditioners_do_not_see_axes_of_one_element(preconditioner, shape, masked):
     for c in (contact(90), np.exp(-np.arange(90) / 30.0) + 0.1 * (np.arange(90) == 0)):
         A, line = tmg.ToeplitzOperator(c.reshape(shape)), tmg.ToeplitzOperator(c)
         if masked:
@@ -142,14 +142,14 @@ def test_preconditioners_do_not_see_levels_of_one_element(preconditioner, shape,
 
 
 @pytest.mark.parametrize("shape", [(90, 1), (1, 90), (1, 90, 1)])
-def test_the_inverse_does_not_see_levels_of_one_element(shape):
+def test_the_inverse_does_not_see_axes_of_one_element(shape):
     A = tmg.ToeplitzOperator(contact(90).reshape(shape))
     x = random(5, 90)
     line = tmg.ToeplitzOperator(contact(90))
     assert np.array_equal(tmg.toeplitz_inverse(A) @ x, tmg.toeplitz_inverse(line) @ x)
 
 
-def test_an_update_keeps_levels_of_one_element():
+def test_an_update_keeps_axes_of_one_element():
     A, line = (
         tmg.ToeplitzOperator(contact(900).reshape(900, 1, 1)),
         tmg.ToeplitzOperator(contact(900)),

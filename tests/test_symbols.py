@@ -9,7 +9,7 @@ from scipy.sparse.linalg import cg
 
 import toeplitz_mg as tmg
 from comparisons.symbols import COLUMNS, column
-from toeplitz_mg.engine.transforms import near_fast_length
+from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 
 N = 2**14

@@ -5,7 +5,7 @@ from contextlib import suppress
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.transforms import near_fast_length
+from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator, apply_to_rows
 from toeplitz_mg.preconditioners.choice import COMPACT, fragmentation, quick_fsai
 from toeplitz_mg.preconditioners.symbol import sampled_symbol

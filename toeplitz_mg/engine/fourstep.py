@@ -22,7 +22,6 @@ D. H. Bailey, FFTs in external or hierarchical memory, J. Supercomput. 4 (1990).
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
-from math import isqrt
 from typing import Any
 
 import numpy as np
@@ -30,17 +29,21 @@ from numpy.typing import DTypeLike
 from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.lengths import near_square
 from toeplitz_mg.engine.threads import share
 from toeplitz_mg.engine.workspace import workspace
 
-Load = Callable[[slice, Array], None]  # columns j₂, and the panel to fill, of shape (N₁, columns)
-Factor = tuple[float, Array]
-Store = Callable[[slice, Array], None]  # columns j₂, and the panel, which may be overwritten
+Load = Callable[[slice, Array], None]  # Takes columns j₂, and the panel to fill, (N₁, columns).
+Factor = tuple[float, Array]  # The shift of a transform, and the eigenvalues.
+Store = Callable[[slice, Array], None]  # Takes columns j₂, and the panel, which it may overwrite.
 
-PANEL_BYTES = 2**20  # of columns: with 512 rows each piece of a row has two kilobytes
-BLOCK_BYTES = 2**19  # of rows, and of the twiddle factors
-LONG_ROW = 2**12  # numbers of a row from which its transform is slower
-ANCHOR = 32  # blocks whose twiddle factors are made from each other before they are made anew
+# Bytes of a panel of columns: it stays in the cache, and with 512 rows each piece of a row still
+# has two kilobytes.
+PANEL_BYTES = 2**20
+BLOCK_BYTES = 2**19  # Bytes of a block of rows, and of its twiddle factors, which share the cache.
+# Blocks whose twiddle factors are made from each other before they are made anew: rounding grows
+# with each.
+ANCHOR = 32
 
 
 class FourStep:
@@ -206,20 +209,7 @@ class FourStep:
 
 def four_step(length: int, dtype: DTypeLike) -> FourStep:
     """Return the plan for the shortest length not below `length` of two near, fast factors."""
-    return FourStep(*_near_square(length), dtype)
-
-
-@lru_cache(maxsize=64)
-def _near_square(length: int) -> tuple[int, int]:
-    root = isqrt(length)
-    shapes = []
-    rows = fft.next_fast_len(max(1, root // 2))
-    while rows <= 2 * root + 1:
-        shapes.append((rows, fft.next_fast_len(-(-length // rows))))
-        rows = fft.next_fast_len(rows + 1)
-    # Fewer rows have longer pieces in a panel, as long as the rows stay in the cache.
-    best = max(2 * root // 3, min(root, length // LONG_ROW))
-    return min(shapes, key=lambda s: (s[0] * s[1], abs(s[0] - best)))
+    return FourStep(*near_square(length), dtype)
 
 
 @lru_cache(maxsize=16)
@@ -240,4 +230,4 @@ def _twiddles(
 def _row_of_twiddles(k1: int, columns: int, L: int) -> Array:
     """exp(-2πi j₂ k₁/L) for all j₂, from an argument that is reduced."""
     turns = np.arange(columns, dtype=np.int64) * k1 % L / L
-    return np.asarray(np.exp(-2j * np.pi * turns))
+    return np.exp(-2j * np.pi * turns)

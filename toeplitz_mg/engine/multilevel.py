@@ -1,10 +1,10 @@
-"""Products with Toeplitz matrices of several levels, whose entries may be small matrices.
+"""Products with Toeplitz matrices of several axes, whose entries may be small matrices.
 
-Each row of the last level is transformed as in `convolution.ToeplitzProduct`, at the frequencies
+Each line along the last axis is transformed as in `products.ToeplitzProduct`, at the frequencies
 k + 1/4, without an extension by zeros. What is left for each frequency is a Toeplitz matrix of the
-other levels. These are extended by zeros; the transforms skip the lines that are zero on the way
-in, and those that are cut off on the way out. They work on a panel of some frequencies of the last
-level that stays in the cache.
+other axes. These are extended by zeros; the transforms skip the lines that are zero on the way in,
+and those that are cut off on the way out. They work on a panel of some frequencies of the last axis
+that stays in the cache.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -18,21 +18,23 @@ from scipy import fft
 from scipy.linalg import norm
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.lengths import embedding_lengths
 from toeplitz_mg.engine.products import DENSE, multiply_rows
 from toeplitz_mg.engine.threads import share
 from toeplitz_mg.engine.transforms import BATCH, phase_factors
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
 
-Kernel = Sequence[Sequence[Array | None]]  # lags of each pair of components; None is zero
+# The coefficients, or the eigenvalues, of each pair of components; None where they are zero.
+Kernel = Sequence[Sequence[Array | None]]
 
-PANEL_BYTES = 2**20
-BLOCK_BYTES = 2**18  # of rows
-NARROW = 8  # columns of a panel at least: shorter pieces of a row take as long
+PANEL_BYTES = 2**20  # Bytes of a panel of frequencies of the last axis: it stays in the cache.
+BLOCK_BYTES = 2**18  # Bytes of a block of lines along the last axis, which stays there too.
+NARROW = 8  # Frequencies of a panel at least: shorter pieces of a line take as long to copy.
 
 
 class MultilevelProduct:
-    """Multiplication by a real Toeplitz matrix of several levels, or by blocks of such.
+    """Multiplication by a real Toeplitz matrix of several axes, or by blocks of such.
 
     Parameters
     ----------
@@ -43,8 +45,9 @@ class MultilevelProduct:
         For each pair of components (i, j) the lags, shape (2 n₁ - 1, ..., 2 n_d - 1), that take
         component j of the vector to component i of the result. The vectors have the components
         one after the other. It is needed only where the product is small, and so a dense one.
-    spectrum : the same of the eigenvalues of the embedding
-        Divided by the lengths of the inverse transforms; None where the product is a dense one.
+    spectrum : sequence of sequences of ndarray or None
+        For each pair of components the eigenvalues of the embedding, divided by the lengths of the
+        inverse transforms; None in the place of all where the product is a dense one.
     """
 
     def __init__(
@@ -60,7 +63,7 @@ class MultilevelProduct:
         self._grid = tuple(grid)
         self._kernel = kernel
         self.spectrum = spectrum
-        self.lengths = _lengths(self._grid)
+        self.lengths = embedding_lengths(self._grid)
 
     @classmethod
     def of(
@@ -72,8 +75,9 @@ class MultilevelProduct:
         ----------
         kernel, dtype
             As for the class.
-        known : the same of the eigenvalues, optional
-            That other products have for these lags. None has to be computed.
+        known : sequence of sequences of ndarray or None, optional
+            For each pair of components the eigenvalues that another product has, if one has them;
+            None where they have to be computed.
         """
         first = next(lags for row in kernel for lags in row if lags is not None)
         grid_shape = (len(kernel), *((m + 1) // 2 for m in first.shape))
@@ -167,10 +171,10 @@ class MultilevelProduct:
         share(rows_out, -(-len(x) // height), Z.size)
 
     def _panel(self, part: Array, columns: slice) -> None:
-        """Multiply some frequencies of the last level, in place."""
+        """Multiply some frequencies of the last axis, in place."""
         grid = self._grid[:-1]
         P = workspace((*part.shape[:2], *self.lengths[:-1], part.shape[-1]), part.dtype)
-        # Lines of level k, where the levels before it are not extended yet, or cut again.
+        # Lines along axis k, where the axes before it are not extended yet, or cut again.
         lines = [P[(slice(None), slice(None), *map(slice, grid[:k]))] for k in range(len(grid) + 1)]
         lines[-1][...] = part
         for k in reversed(range(len(grid))):
@@ -200,18 +204,12 @@ class MultilevelProduct:
         P[...] = Q
 
 
-def _lengths(grid: Sequence[int]) -> tuple[int, ...]:
-    """The lengths of the transforms in each level."""
-    *others, last = grid
-    return (*(fft.next_fast_len(2 * n - 1) for n in others), fft.next_fast_len(last))
-
-
 def _spectrum(lags: Array | None) -> Array | None:
     """The eigenvalues of a block, divided by the lengths of the inverse transforms."""
     if lags is None or not lags.any():
         return None
     grid = [(m + 1) // 2 for m in lags.shape]
-    lengths = _lengths(grid)
+    lengths = embedding_lengths(grid)
     count_transforms(1, *(2 * n for n in grid))
     column = np.zeros(lengths, np.complex128)
     n = grid[-1]
@@ -219,8 +217,7 @@ def _spectrum(lags: Array | None) -> Array | None:
     column[(*inside, slice(n))] = lags[..., n - 1 :]
     if n > 1:
         column.imag[(*inside, slice(1 - n, None))] = lags[..., : n - 1]
-    levels = tuple(range(lags.ndim - 1))
-    column = np.roll(column, [1 - m for m in grid[:-1]], levels)
+    column = np.roll(column, [1 - m for m in grid[:-1]], tuple(range(lags.ndim - 1)))
     w = phase_factors(lengths[-1], 0.25, np.dtype(np.complex128))
     column *= w / prod(lengths)
     spectrum = fft.fftn(column, overwrite_x=True)
@@ -244,11 +241,11 @@ def _transpose(blocks: Kernel, of_block: Callable[[Array], Array]) -> Kernel:
 
 
 def entries(lags: Array, rows: Sequence[Array] | Array, columns: Sequence[Array] | Array) -> Array:
-    """Return the a[i - j] of all pairs of points, which are given by their index in each level."""
+    """Return the a[i - j] of all pairs of points, which are given by their index on each axis."""
     lag = (
         np.subtract.outer(i, j) + m // 2 for i, j, m in zip(rows, columns, lags.shape, strict=True)
     )
-    return np.asarray(lags[tuple(lag)])
+    return lags[tuple(lag)]
 
 
 def _slices(blocks: range, size: int, end: int) -> Iterator[slice]:

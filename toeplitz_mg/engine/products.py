@@ -1,4 +1,4 @@
-"""The FFT engine behind every product: matrices that fast transforms diagonalise, or embed."""
+"""Multiplication by matrices that fast transforms diagonalise, or a circulant embeds."""
 
 from collections.abc import Callable
 from functools import cached_property, partial
@@ -11,19 +11,20 @@ from scipy import fft
 from scipy.linalg import toeplitz
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.transforms import OneStep, Panels, near_fast_length, plan_of
-from toeplitz_mg.engine.work import count_transforms, count_work, levels_of
+from toeplitz_mg.engine.lengths import near_fast_length
+from toeplitz_mg.engine.transforms import OneStep, Panels, plan_of
+from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.values import unmasked
 
-DENSE = 256  # unknowns up to which a dense product is faster than any transform
+DENSE = 256  # Unknowns up to which a product with the dense matrix is faster than any transform.
 
 
 class Product(Protocol):
     """Multiplication of rows by a real matrix: what all kinds of products have in common."""
 
-    dtype: np.dtype[Any]  # the precision of the products, whatever that of the vectors
-    points: float  # the work of a product, in grid points
+    dtype: np.dtype[Any]  # The precision of the products, whatever that of the vectors.
+    points: float  # The work of a product, in grid points.
 
     def multiply(self, X: Array, out: Array) -> None:
         """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
@@ -50,7 +51,7 @@ def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array
 
 
 class ToeplitzProduct:
-    """Multiplication by a real Toeplitz matrix of one level.
+    """Multiplication by a real Toeplitz matrix of one axis.
 
     Up to some size by the matrix itself. Beyond it is embedded in a matrix of size L ≥ n that is
     circulant but for a factor i on what goes around: with the lags a,
@@ -167,9 +168,9 @@ class DiagonalisedProduct:
     spectrum : ndarray, real
         The eigenvalues; of a circulant the ``rfftn`` of its first column.
     fft_shape : tuple of int
-        The size of the matrix in each level.
+        The size of the matrix along each axis.
     grid_shape : tuple of int
-        The size of the vectors, at most `fft_shape` in each level.
+        The size of the vectors, at most `fft_shape` along each axis.
     dtype : float32 or float64
     transforms : Transforms
     """
@@ -184,8 +185,8 @@ class DiagonalisedProduct:
         dtype: DTypeLike = np.float64,
         transforms: Transforms = FOURIER,
     ) -> None:
-        # The share of a product on this grid, whose transforms are twice as long in each level.
-        points = prod(grid_shape) / 2 ** levels_of(grid_shape)
+        # The share of a product on this grid, whose transforms are twice as long along each axis.
+        points = prod(grid_shape) / 2 ** axes_of(grid_shape)
         self.grid_shape, self.dtype, self.points = grid_shape, np.dtype(dtype), points
         self.transforms = transforms
         self.spectrum = unmasked("spectrum", spectrum).astype(self.dtype, copy=False)

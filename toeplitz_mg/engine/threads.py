@@ -9,7 +9,7 @@ from scipy import fft
 
 Work = Callable[[range], None]
 
-WORTH_THREADS = 2**17  # numbers of a transform that threads make faster
+WORTH_THREADS = 2**17  # Numbers of a transform from which threads make it faster.
 
 
 def share(work: Work, count: int, points: int) -> None:

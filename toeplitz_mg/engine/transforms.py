@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from functools import cached_property, lru_cache
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -14,23 +13,8 @@ from toeplitz_mg.engine.fourstep import FourStep, four_step
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
 
-LONG = 2**15  # length from which a transform in four steps is faster than one
-BATCH = 2**15  # numbers of a batch of short vectors that stays in the cache
-
-
-def near_fast_length(n: int) -> int:
-    """Return the next length whose transform is not slow, but not always among the fastest.
-
-    No prime factor is above 61. The next length without one above 5 may be some percent longer.
-    """
-    return next(m for m in count(n) if _is_fast(m))
-
-
-def _is_fast(m: int) -> bool:
-    for p in (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61):
-        while m % p == 0:
-            m //= p
-    return m == 1
+LONG = 2**15  # Length from which a transform in four steps is faster than one at once.
+BATCH = 2**15  # Numbers of a batch of short vectors: so many stay in the cache.
 
 
 class OneStep:
@@ -59,7 +43,7 @@ class OneStep:
             s.
         """
         column = real if imag is None else real + 1j * imag
-        return np.asarray(fft.fft(column * self.weights(shift)))
+        return fft.fft(column * self.weights(shift))
 
     def eigenvalues(self, spectrum: Array) -> Array:
         """Prepare a spectrum for the products."""
@@ -255,7 +239,7 @@ def plan_of(n: int, dtype: DTypeLike, *, exact: bool = False) -> "OneStep | Pane
 def cosine_sums(column: Array) -> Array:
     """Return f_k = Σ a_j cos(πjk/n) over all lags |j| ≤ n, for k = 0 … n, a of period 2 n.
 
-    A DCT-I; of several levels if there are. It is its own inverse but for the factor 2 n a level.
+    A DCT-I, along each axis. It is its own inverse but for the factor 2 n of each axis.
 
     Parameters
     ----------
@@ -265,7 +249,7 @@ def cosine_sums(column: Array) -> Array:
     count_transforms(1, *shape)  # half as long as those of a product
     if (panels := _panels_for_sums(column)) is not None:
         return panels.cosine_sums(column)
-    return np.asarray(fft.dctn(column, type=1))
+    return fft.dctn(column, type=1)
 
 
 def sine_sums(column: Array) -> Array:

@@ -13,7 +13,7 @@ class ProductCount:
     ----------
     points : float
         A product with a Toeplitz matrix counts the unknowns of its grid. A circulant, whose
-        transforms are not padded, counts 1/2^d of them (d levels).
+        transforms are not padded, counts 1/2^d of them on d axes.
     products : int
         The number of products, of any size.
     """
@@ -66,11 +66,11 @@ def count_work(products: int, points: float) -> None:
         count.products += products
 
 
-def levels_of(grid_shape: tuple[int, ...]) -> int:
-    """The number of levels of a grid: those of one element are none, but for a single unknown."""
+def axes_of(grid_shape: tuple[int, ...]) -> int:
+    """Return the number of axes of a grid, without those of one element; 1 at least."""
     return max(sum(n > 1 for n in grid_shape), 1)
 
 
 def count_transforms(number: float, *shape: int) -> None:
-    """Count real transforms that are no product: those of a product are two of 2 n in a level."""
-    count_work(1, number * prod(shape) / 2 ** (levels_of(shape) + 1))
+    """Count real transforms that are no product: a product has two, twice as long on each axis."""
+    count_work(1, number * prod(shape) / 2 ** (axes_of(shape) + 1))

@@ -12,8 +12,8 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
 
-SMALL = 2**15  # bytes: so few the allocator of C itself keeps and gives out again
-LARGE_PAGE = 2**21  # bytes: of pages of that size a strided pass needs few
+SMALL = 2**15  # Bytes up to which the allocator of C itself keeps memory and gives it out again.
+LARGE_PAGE = 2**21  # Bytes of a large page, of which a strided pass needs few.
 
 
 class _Memory(np.ndarray[Any, Any]):

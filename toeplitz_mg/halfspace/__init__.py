@@ -7,8 +7,8 @@ from toeplitz_mg.halfspace.influence import (
     influence_yy,
     influence_yz,
     influence_zz,
-    line_contact_coefficients,
 )
+from toeplitz_mg.halfspace.line_contact import line_contact_coefficients
 from toeplitz_mg.halfspace.materials import (
     CombinedMaterial,
     Material,

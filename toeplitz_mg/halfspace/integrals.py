@@ -44,7 +44,7 @@ def integral_xy(x: Array, y: Array, h1: float, h2: float) -> Array:
     # -[[ρ]] over the corners, each difference by a - b = (a² - b²)/(a + b): exact everywhere.
     r11, r12, r21, r22 = np.hypot(X1, Y1), np.hypot(X1, Y2), np.hypot(X2, Y1), np.hypot(X2, Y2)
     sums = 1.0 / (r11 + r12) + 1.0 / (r21 + r22)
-    return np.asarray(4.0 * x * h1 * y * h2 * sums / ((r11 + r21) * (r12 + r22)))
+    return 4.0 * x * h1 * y * h2 * sums / ((r11 + r21) * (r12 + r22))
 
 
 def integral_x(x: Array, y: Array, h1: float, h2: float) -> Array:
@@ -70,7 +70,7 @@ def integral_x(x: Array, y: Array, h1: float, h2: float) -> Array:
         far = (passed == k) & ~in_x
         X, Y = x[far], y[far]
         integral[far] = h2 * sum(w * _x_along_x(X, Y + s * h2, h1) for s, w in _gauss(nodes))
-    return np.asarray(sign * integral).reshape(shape)
+    return (sign * integral).reshape(shape)
 
 
 def integral_log(k: Array) -> Array:
@@ -88,7 +88,7 @@ def _over_corners(x: Array, y: Array, h1: float, h2: float) -> tuple[Array, Arra
 
     def term(a: Array, b: Array) -> Array:
         safe = np.where(a == 0.0, 1.0, np.abs(a))
-        return np.asarray(a * np.arcsinh(b / safe))  # 0 where a is
+        return a * np.arcsinh(b / safe)  # 0 where a is
 
     (X1, X2), (Y1, Y2) = _sides(x, h1), _sides(y, h2)
     xx = term(Y2, X2) - term(Y2, X1) - term(Y1, X2) + term(Y1, X1)
@@ -133,20 +133,20 @@ def _x_over_corners(x: Array, y: Array, h1: float, h2: float) -> Array:
     # So near, what is subtracted is not large beside the integral, whatever the shape.
     in_y = Y2 * _x_along_x(x, Y2, h1) - Y1 * _x_along_x(x, Y1, h1)
     in_x = X2 * _x_along_y(X2, y, h2) - X1 * _x_along_y(X1, y, h2)
-    return np.asarray(in_y + in_x)
+    return in_y + in_x
 
 
 def _x_along_x(x: Array, Y: Array, h: float) -> Array:
     """∫ X/ρ² dX over the length h about x ≥ 0: ½ ln of a quotient that exceeds 1 by this."""
     r2 = (x - h / 2.0) ** 2 + Y**2
-    return np.asarray(0.5 * np.log1p(2.0 * x * h / np.where(r2 == 0.0, 1.0, r2)))
+    return 0.5 * np.log1p(2.0 * x * h / np.where(r2 == 0.0, 1.0, r2))
 
 
 def _x_along_y(X: Array, y: Array, h: float) -> Array:
     """∫ X/ρ² dY over the length h about y at the distance X ≥ 0: the angle in which it is seen."""
     low, high = _sides(y, h)
     # Where the sum cancels, it is small beside h X: the angle is close to a right one.
-    return np.asarray(np.arctan2(h * X, X**2 + low * high))
+    return np.arctan2(h * X, X**2 + low * high)
 
 
 def _sides(x: Array, h: float) -> tuple[Array, Array]:

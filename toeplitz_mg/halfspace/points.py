@@ -9,7 +9,7 @@ Pair = tuple[Array, Array]
 
 
 def offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
-    """Return the points of the first column of a matrix that is symmetric in both levels.
+    """Return the points of the first column of a matrix that is symmetric along both axes.
 
     They go with ``ToeplitzOperator(c)``, for coefficients that are even in x and in y; those of
     `all_offsets` go with ``ToeplitzOperator.from_lags(lags)``, for any.

@@ -1,4 +1,4 @@
-"""What is multiplied: Toeplitz matrices of one or several levels, and their restrictions."""
+"""What is multiplied: Toeplitz matrices of one or several axes, and their restrictions."""
 
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows
 from toeplitz_mg.operators.block_diagonal import BlockDiagonal

@@ -78,13 +78,13 @@ class CoupledOperator(GridOperator):
             raise TypeError(
                 f"blocks is {blocks!r}, but must have rows, as [[xx, xy], [xy, yy]]"
             ) from None
-        _check(rows)
+        _check_blocks(rows)
         given = [block for row in rows for block in row if block is not None]
         dtype = np.result_type(*(block.dtype for block in given))
         super().__init__(dtype, (len(rows), *given[0].grid_shape), work=1.0)
         self.blocks = rows
         self.is_symmetric = all(
-            _same(rows[i][j], rows[j][i]) for i in range(len(rows)) for j in range(i + 1)
+            _is_transpose(rows[i][j], rows[j][i]) for i in range(len(rows)) for j in range(i + 1)
         )
         self._product = product or MultilevelProduct.of(
             [[None if block is None else block.lags for block in row] for row in rows],
@@ -131,7 +131,7 @@ class CoupledOperator(GridOperator):
     def block(self, index: Array) -> Array:
         """Return some rows and the same columns, by their positions in the flattened field."""
         size = self.shape[0] // len(self.blocks)
-        component, point = np.divmod(np.asarray(index), size)
+        component, point = np.divmod(index, size)
         result = np.zeros((len(point), len(point)), self.dtype)
         for i, row in enumerate(self.blocks):
             for j, block in enumerate(row):
@@ -162,7 +162,7 @@ class CoupledOperator(GridOperator):
         return f"<CoupledOperator of {components} components, {size}, {kind}, {self.dtype}>"
 
 
-def _check(blocks: tuple[tuple[ToeplitzOperator | None, ...], ...]) -> None:
+def _check_blocks(blocks: tuple[tuple[ToeplitzOperator | None, ...], ...]) -> None:
     if not blocks or any(len(row) != len(blocks) for row in blocks):
         lengths = [len(row) for row in blocks]
         raise ValueError(f"blocks has rows of lengths {lengths}, but must be a square array")
@@ -189,7 +189,7 @@ def _check(blocks: tuple[tuple[ToeplitzOperator | None, ...], ...]) -> None:
                 )
 
 
-def _same(block: ToeplitzOperator | None, other: ToeplitzOperator | None) -> bool:
+def _is_transpose(block: ToeplitzOperator | None, other: ToeplitzOperator | None) -> bool:
     """Whether a block is the transpose of the other."""
     if block is None or other is None:
         return block is other

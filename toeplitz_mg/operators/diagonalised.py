@@ -8,14 +8,14 @@ from toeplitz_mg.operators.base import GridOperator
 
 
 class DiagonalisedOperator(GridOperator):
-    """A symmetric matrix of any number of levels, given by its eigenvalues.
+    """A symmetric matrix of any number of axes, given by its eigenvalues.
 
     Parameters
     ----------
     product : DiagonalisedProduct
         The transform and the eigenvalues; cut to the grid where the matrix is the larger.
     name : str
-        Of the matrix, for its repr.
+        The name of the matrix, for its repr.
 
     Attributes
     ----------

@@ -11,7 +11,7 @@ from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.base import GridOperator
 from toeplitz_mg.values import unmasked
 
-OVERSAMPLING = 4  # points on the circle for a coefficient: the phase may turn 3π/4 between two
+OVERSAMPLING = 4  # Samples on the circle per coefficient: the phase may turn 3π/4 between two.
 
 
 class GohbergSemencul(GridOperator):

@@ -1,4 +1,4 @@
-"""Toeplitz matrices of any number of levels, as linear operators."""
+"""Toeplitz matrices of any number of axes, as linear operators."""
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
@@ -11,19 +11,19 @@ from toeplitz_mg.operators.coefficients import Coefficients, check_precision
 
 
 class ToeplitzOperator(GridOperator):
-    """A real Toeplitz matrix, of one level or several, that multiplies by FFT.
+    """A real Toeplitz matrix, of one axis or several, that multiplies by FFT.
 
-    With two levels this is a block Toeplitz matrix with Toeplitz blocks (BTTB): its entry for
-    the grid points i and j depends on i - j only.
+    Its entry for the grid points i and j depends on i - j only. On a grid of two axes it is a
+    block Toeplitz matrix with Toeplitz blocks (BTTB).
 
     Parameters
     ----------
     c : array_like of shape (n,) or (n1, n2, ...)
-        First column. With one dimension as in `scipy.linalg.toeplitz`; with d dimensions the
-        first column of a d-level matrix that is symmetric in every level.
+        First column. With one axis as in `scipy.linalg.toeplitz`; with several axes the first
+        column, as a grid, of a matrix that is symmetric along each axis.
     r : array_like of shape (n,), optional
         First row of a matrix that is not symmetric; its first entry is ignored, as in
-        `scipy.linalg.toeplitz`. For several levels use `from_lags`.
+        `scipy.linalg.toeplitz`. For several axes use `from_lags`.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class ToeplitzOperator(GridOperator):
         The coefficients a[i - j], lag zero in the centre.
     is_symmetric : bool
     is_even : bool
-        Symmetric in every level, and so given by its first column `c` alone.
+        Symmetric along each axis, and so given by its first column `c` alone.
     dtype : dtype
         float32 for float32 coefficients, float64 otherwise. A float32 vector times a float32
         operator is float32; otherwise the product is as NumPy would promote it.
@@ -144,13 +144,12 @@ class ToeplitzOperator(GridOperator):
         Parameters
         ----------
         shape : tuple of int
-            Its size in each level, at least 2 n - 1. Lags that the matrix has not are zero.
+            Its size along each axis, at least 2 n - 1. Lags that the matrix has not are zero.
         """
         lags = self.lags.astype(np.float64, copy=False)
         column = np.zeros(shape)
         column[tuple(slice(n) for n in lags.shape)] = lags
-        levels = tuple(range(lags.ndim))
-        return np.roll(column, [1 - n for n in self.grid_shape], levels)
+        return np.roll(column, [1 - n for n in self.grid_shape], tuple(range(lags.ndim)))
 
     def astype(self, dtype: DTypeLike) -> "ToeplitzOperator":
         """Return the matrix in float32 or float64, or itself where it has that precision."""

@@ -12,7 +12,7 @@ from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.transforms import near_fast_length
+from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import componentwise, unwrap, unwrap_toeplitz
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner

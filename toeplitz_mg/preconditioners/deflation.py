@@ -34,7 +34,7 @@ class SubdomainDeflated(GridOperator):
 
     def _sum(self, y: Array) -> Array:
         """Zᵀ y for each row y."""
-        return np.asarray(np.add.reduceat(y, self.starts, axis=-1))
+        return np.add.reduceat(y, self.starts, axis=-1)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """As `GridOperator.apply`."""
@@ -78,7 +78,7 @@ def fft_sd_preconditioner(A: LinearOperator, n_subdomains: int | None = None) ->
     Parameters
     ----------
     A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric positive definite, of any number of levels.
+        Symmetric positive definite, of any number of axes.
     n_subdomains : int, optional
         Consecutive parts of the unknowns, as equal as they can be; by default 2, as in the paper,
         and 1 where there is but one unknown.

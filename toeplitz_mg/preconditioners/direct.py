@@ -57,7 +57,7 @@ class DenseInverse(GridOperator):
             dtype = np.dtype(np.complex128 if dtype.kind == "c" else np.float64)
         columns = X.reshape(-1, self.shape[1]).T.astype(dtype)
         solution = cho_solve(self._factor, columns, overwrite_b=True, check_finite=False)
-        rows = np.asarray(solution).T.reshape(X.shape)
+        rows = solution.T.reshape(X.shape)
         if out is None:
             return rows
         out[...] = rows

@@ -1,17 +1,18 @@
 """The FFT preconditioner M, a Toeplitz matrix of an interior column of A⁻¹ (paper, §3.1)."""
 
 from math import prod
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.engine.transforms import LONG, cosine_sums, near_fast_length
+from toeplitz_mg.engine.lengths import near_fast_length
+from toeplitz_mg.engine.transforms import LONG, cosine_sums
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
-from toeplitz_mg.operators.structure import restrict, restricted, unwrap
-from toeplitz_mg.preconditioners.coupled import coupled_inverse
+from toeplitz_mg.operators.structure import check_symmetric, restrict, restricted, unwrap
 from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust
 from toeplitz_mg.preconditioners.symbol import continued
 
@@ -22,7 +23,7 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
     Parameters
     ----------
     A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric, of any number of levels.
+        Symmetric, of any number of axes.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. In float32 it takes
         half the memory and less time, inside an iteration in float64 too.
@@ -38,7 +39,7 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
     ------
     numpy.linalg.LinAlgError
         Where an eigenvalue of the embedding in a circulant is not positive, as for a symbol with
-        a zero. `spectral_preconditioner` in one level, and `chan_preconditioner` in any number,
+        a zero. `spectral_preconditioner` on one axis, and `chan_preconditioner` on any number,
         are positive definite for every positive definite `A`.
     TypeError, ValueError
         Where `A` is no Toeplitz operator, or not symmetric.
@@ -78,13 +79,13 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
     """
     full, mask = unwrap(A)
     if isinstance(full, CoupledOperator):
-        return restrict(coupled_inverse(full, precision(full, dtype)), mask)
-    return _toeplitz_inverse(A, dtype)
+        return restrict(_invert_coupled(full, precision(full, dtype)), mask)
+    return _invert_toeplitz(A, dtype)
 
 
 @restricted
-def _toeplitz_inverse(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOperator:
-    """Return M of one component, on the whole grid."""
+def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOperator:
+    """Return M of one component, on the whole grid: the inverse of a circulant, cut to the grid."""
     dtype = precision(A, dtype)
     lengths = tuple(2 * n - 1 for n in A.grid_shape)
     is_fast = all(near_fast_length(m) == m for m in lengths)
@@ -94,8 +95,8 @@ def _toeplitz_inverse(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzO
         spectrum = fft.rfftn(A.circulant(lengths)).real
     else:
         column = A.c.astype(np.float64, copy=False)
-        for level, n in enumerate(A.grid_shape):
-            column = continued(column, level, near_fast_length(n))
+        for axis, n in enumerate(A.grid_shape):
+            column = continued(column, axis, near_fast_length(n))
         spectrum = cosine_sums(column)
     require_positive(
         spectrum,
@@ -114,3 +115,82 @@ def _toeplitz_inverse(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzO
         return ToeplitzOperator(inverse[tuple(slice(n) for n in A.grid_shape)])
     lags = fft.fftshift(inverse)
     return ToeplitzOperator.from_lags((lags + np.flip(lags)) / 2)  # symmetric to the last bit
+
+
+def _invert_coupled(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:
+    """Return the leading block of the inverse of the block circulant that embeds `A`.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where that is not positive definite.
+    ValueError
+        Where A is not symmetric, or the block of a component on itself is zero.
+    """
+    check_symmetric(A)
+    components, *grid = A.grid_shape
+    for i in range(components):
+        A.component(i)  # or it says that it is zero
+    lengths = tuple(near_fast_length(2 * n - 1) for n in grid)
+    S: list[list[Any]] = [[_sample_symbol(block, lengths) for block in row] for row in A.blocks]
+    _invert_matrices(S, np.result_type(A.dtype, dtype))
+    inside = np.ix_(*(np.arange(1 - n, n) for n in grid))
+    blocks: list[list[ToeplitzOperator | None]] = [[None] * components for _ in range(components)]
+    for i in range(components):
+        for j in range(i + 1):
+            if np.ndim(S[i][j]) == 0:
+                continue  # The block is zero.
+            count_transforms(1, *lengths)
+            lags = fft.irfftn(S[i][j], lengths)[inside]
+            S[i][j] = S[j][i] = 0.0  # It is of no more use, and large.
+            if i == j:
+                lags = (lags + np.flip(lags)) / 2  # symmetric to the last bit
+            block = ToeplitzOperator.from_lags(lags.astype(dtype))
+            blocks[i][j], blocks[j][i] = block, block.T
+    return CoupledOperator(blocks)
+
+
+def _sample_symbol(block: ToeplitzOperator | None, lengths: tuple[int, ...]) -> Any:
+    """Return the eigenvalues of the circulant that embeds a block; 0 where there is none."""
+    if block is None:
+        return 0.0
+    column = block.lags.astype(np.float64)
+    for axis, (n, length) in enumerate(zip(block.grid_shape, lengths, strict=True)):
+        positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=axis)
+        negative = np.take(column, np.arange(n - 1), axis=axis)
+        # What is between the lags n - 1 and 1 - n goes straight from one to the other, so that an
+        # odd block stays odd, as an even one even.
+        ahead = length - (2 * n - 1)
+        t = np.arange(1.0, ahead + 1.0) / (ahead + 1.0)
+        t = t.reshape([-1 if k == axis else 1 for k in range(column.ndim)])
+        first = np.take(column, [-1], axis=axis)
+        between = first + t * (np.take(column, [0], axis=axis) - first)
+        column = np.concatenate([positive, between, negative], axis=axis)
+    count_transforms(1, *lengths)
+    symbol = fft.rfftn(column)
+    return symbol.real if block.is_symmetric else symbol
+
+
+def _invert_matrices(S: list[list[Any]], dtype: Any) -> None:
+    """Invert a Hermitian matrix at each frequency, in place, by Gauss and Jordan's elimination.
+
+    It is positive definite where all pivots are positive.
+    """
+    for k in range(len(S)):
+        pivot = S[k][k].real
+        require_positive(
+            pivot,
+            dtype,
+            "the embedding of A in a block circulant, which M inverts, has the pivot",
+            "componentwise(chan_preconditioner)(A), which needs the components only",
+        )
+        others = [j for j in range(len(S)) if j != k and np.ndim(S[k][j]) > 0]  # not zero
+        row = {j: S[k][j] / pivot for j in others}
+        for i in others:
+            factor = S[i][k]
+            for j in others:
+                S[i][j] = S[i][j] - factor * row[j]
+            S[i][k] = -factor / pivot
+        for j in others:
+            S[k][j] = row[j]
+        S[k][k] = 1.0 / pivot

@@ -41,7 +41,7 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
     Parameters
     ----------
     A : ToeplitzOperator or MaskedOperator of one
-        Symmetric positive definite, of any number of levels.
+        Symmetric positive definite, of any number of axes.
     omega : float, optional
         By default ω/a₀ = 4/(3 ‖C‖₂), C the circulant in which `A` is embedded for its
         products: 2/3 for 2 - 2 cos θ.

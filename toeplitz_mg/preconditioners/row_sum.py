@@ -10,11 +10,11 @@ from toeplitz_mg.operators import GridOperator, ToeplitzOperator, apply_to_rows
 from toeplitz_mg.operators.base import grid_of, work_of
 from toeplitz_mg.operators.structure import componentwise, restrict, unwrap_toeplitz
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
-from toeplitz_mg.preconditioners.positivity import (
+from toeplitz_mg.preconditioners.positivity import rounding
+from toeplitz_mg.preconditioners.row_sum_certificate import (
     DENSE,
-    rounding,
-    smallest_eigenvalue,
-    surely_positive,
+    find_smallest_eigenvalue,
+    is_certainly_positive,
 )
 from toeplitz_mg.values import real
 
@@ -75,7 +75,7 @@ def fft_rsm_preconditioner(
     Parameters
     ----------
     A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric positive definite, of any number of levels.
+        Symmetric positive definite, of any number of axes.
     gamma : float, optional
         The row sum γ, positive. By default the smallest row sum of M on the whole grid (paper,
         Eq. 20).
@@ -129,7 +129,7 @@ def fft_rsm_preconditioner(
             f"the row sum gamma is {gamma:.3g}, but must be positive and finite: use "
             "fft_preconditioner(A), or give a positive gamma"
         )
-    certain = surely_positive(M, mask, gamma)
+    certain = is_certainly_positive(M, mask, gamma)
     if mask is not None:
         M = restrict(M, mask)
         row_sums = M @ np.ones(M.shape[0], dtype=M.dtype)
@@ -141,7 +141,7 @@ def fft_rsm_preconditioner(
         )
     certified = certain or M.shape[0] <= DENSE
     M_bar = RowSumModified(M, row_sums - M.dtype.type(gamma), gamma, certified)
-    if not certain and (smallest := smallest_eigenvalue(A, M_bar)) <= 0.0:
+    if not certain and (smallest := find_smallest_eigenvalue(A, M_bar)) <= 0.0:
         raise np.linalg.LinAlgError(
             f"M with the row sums gamma = {gamma:.3g} is not positive definite (an eigenvalue of "
             f"it, or of its product with A, is {smallest:.3g} or less): use fft_preconditioner(A)"

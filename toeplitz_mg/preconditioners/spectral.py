@@ -10,7 +10,8 @@ from scipy.linalg import norm
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.transforms import cosine_sums, near_fast_length, sine_sums
+from toeplitz_mg.engine.lengths import near_fast_length
+from toeplitz_mg.engine.transforms import cosine_sums, sine_sums
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
 from toeplitz_mg.operators.structure import componentwise, restricted, squeeze_line

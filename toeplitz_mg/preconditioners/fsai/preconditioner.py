@@ -46,7 +46,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.products import multiply_rows
-from toeplitz_mg.engine.work import levels_of
+from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import CoupledOperator, GridOperator
 from toeplitz_mg.operators.masked import check_mask
@@ -89,7 +89,7 @@ class MultilevelSparseInverse(GridOperator):
         # By operations: two real transforms of m = 2^d points, each 5/2 m log₂ m, are a product
         # with a Toeplitz matrix in d levels.
         grid = stencils.T.shape[-2:]
-        m = 2 ** levels_of(grid) * prod(grid)
+        m = 2 ** axes_of(grid) * prod(grid)
         self.points = 2 * level.multiplications * prod(grid) / (5 * m * log2(m))
         super().__init__(dtype, mask.shape, self.points / mask.size, N)
 

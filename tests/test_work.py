@@ -1,0 +1,86 @@
+"""What an operator says of its work is what is counted."""
+
+from math import prod
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import aslinearoperator
+
+import toeplitz_mg as tmg
+from tests.cases import CASES, checkered, contact
+from toeplitz_mg.paper.problems import test1, test3
+
+
+def assert_says_what_is_counted(A):
+    """Of one application, of its adjoint, and of several vectors at once."""
+    points = prod(A.grid_shape)
+    for B, columns in ((A, 1), (A.H, 1), (A, 3)):
+        with tmg.count_products() as work:
+            B @ np.ones((B.shape[1], columns))
+        assert work.units(points) == pytest.approx(columns * B.work, rel=1e-12, abs=1e-15)
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_work_is_what_is_counted(case):
+    A = case.operator(np.float64)
+    assert A.work >= 0.0
+    assert_says_what_is_counted(A)
+
+
+@pytest.mark.parametrize("shape", [(5000,), (70, 70), (20, 20, 20)])
+def test_so_it_is_where_products_are_transforms(shape):
+    """The cases are so small that a Toeplitz matrix multiplies as a dense one."""
+    rng = np.random.default_rng(0)
+    c = contact(*shape) if len(shape) < 3 else np.exp(-np.indices(shape).sum(axis=0))
+    A = tmg.ToeplitzOperator(c)
+    masked = tmg.MaskedOperator(A, rng.random(shape) < 0.9)
+    for B in (A, masked):
+        for preconditioner in (
+            tmg.fft_preconditioner,
+            tmg.fft_sd_preconditioner,
+            tmg.cosine_preconditioner,
+            tmg.chan_preconditioner,
+            tmg.jacobi_preconditioner,
+        ):
+            assert_says_what_is_counted(preconditioner(B))
+        if len(shape) < 3:
+            assert_says_what_is_counted(tmg.fsai_preconditioner(B))
+    if len(shape) == 1:
+        assert_says_what_is_counted(tmg.spectral_preconditioner(A))
+        assert_says_what_is_counted(tmg.toeplitz_inverse(A))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"pre": 0}, {"post": 0}, {"pre": 2}, {"gamma": 2}, {"gamma": 3, "pre": 0}],
+    ids=str,
+)
+def test_so_it_is_of_cycles(options):
+    """With borders, on masks, by area, of coupled components, and with smoothers of the user's."""
+    square = tmg.ToeplitzOperator(contact(33, 40))
+    matrices = [
+        test1(2**12).A,
+        test1(3001).A,  # with borders
+        test3(3001).A,
+        square,
+        tmg.MaskedOperator(square, checkered(33, 40) | (np.arange(40) > 2)),
+    ]
+    for A in matrices:
+        M = tmg.multigrid(A, coarsest=64, **options)
+        assert len(M.levels) > 2
+        assert_says_what_is_counted(M)
+        assert f"{M.work:.1f} work units" in repr(M)
+    assert any(level.border for level in tmg.multigrid(matrices[1], coarsest=64).levels)
+    coupled = tmg.CoupledOperator([[square, None], [None, square]])
+    assert_says_what_is_counted(tmg.componentwise(tmg.multigrid)(coupled, coarsest=64, **options))
+
+    def dense(A):
+        return aslinearoperator(np.linalg.inv(A.toarray()))
+
+    def nested(A):
+        return tmg.multigrid(A, coarsest=64)
+
+    for smoother in (dense, nested, tmg.jacobi_preconditioner, tmg.cosine_preconditioner):
+        assert_says_what_is_counted(
+            tmg.multigrid(test1(600).A, coarsest=200, smoother=smoother, **options)
+        )

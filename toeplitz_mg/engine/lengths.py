@@ -1,0 +1,49 @@
+"""Lengths whose transforms are fast."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import count
+from math import isqrt
+
+from scipy.fft import next_fast_len
+
+PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)
+LONG_ROW = 2**12  # Numbers of a row above which its transform is slower: it leaves the cache.
+
+
+def near_fast_length(n: int) -> int:
+    """Return the next length whose transform is not slow, but not always among the fastest.
+
+    No prime factor is above 61. The next length without one above 5 may be some percent longer.
+    """
+    return next(m for m in count(n) if _is_fast(m))
+
+
+def _is_fast(m: int) -> bool:
+    for p in PRIMES:
+        while m % p == 0:
+            m //= p
+    return m == 1
+
+
+def embedding_lengths(grid_shape: Sequence[int]) -> tuple[int, ...]:
+    """Return the lengths of the transforms along each axis for a product on a grid.
+
+    All axes but the last are extended by zeros.
+    """
+    *others, last = grid_shape
+    return (*(next_fast_len(2 * n - 1) for n in others), next_fast_len(last))
+
+
+@lru_cache(maxsize=64)
+def near_square(length: int) -> tuple[int, int]:
+    """Return two fast lengths, not far from each other, whose product is hardly above `length`."""
+    root = isqrt(length)
+    shapes = []
+    rows = next_fast_len(max(1, root // 2))
+    while rows <= 2 * root + 1:
+        shapes.append((rows, next_fast_len(-(-length // rows))))
+        rows = next_fast_len(rows + 1)
+    # Fewer rows have longer pieces in a panel, as long as the rows stay in the cache.
+    best = max(2 * root // 3, min(root, length // LONG_ROW))
+    return min(shapes, key=lambda s: (s[0] * s[1], abs(s[0] - best)))
