@@ -13,7 +13,7 @@ from comparisons.contact_theory import MU, A
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import friction, normal_contact, surfaces
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.tangential.coulomb import bounded
+from toeplitz_mg.contact.tangential.coulomb import clip
 from toeplitz_mg.contact.tangential.stick_slip import diagonal
 from toeplitz_mg.operators import apply_to_rows
 
@@ -79,7 +79,7 @@ class Problem:
         a0 = diagonal(self.matrix)
         if bound is not None:
             slip = u - np.reshape([self.shift, 0.0], (2, 1, 1))
-            return float(a0 * np.abs(q - bounded(q - slip / a0, bound)).max() / self.shift)
+            return float(a0 * np.abs(q - clip(q - slip / a0, bound)).max() / self.shift)
         w = u + self.gap
         approach = float((q * w).sum() / q.sum())
         scale = approach - float(self.gap.min())

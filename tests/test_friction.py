@@ -11,11 +11,11 @@ from numpy.testing import assert_allclose
 
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import surfaces
-from toeplitz_mg.contact.counted import Products
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.problem import normal_contact
+from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import ContactError
-from toeplitz_mg.contact.tangential.coulomb import balanced, bounded, nearest
+from toeplitz_mg.contact.tangential.coulomb import balance, clip, project
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.paper.problems import test1, test2, test3
 from toeplitz_mg.solvers.projected_gradients import descend
@@ -214,7 +214,7 @@ def test_the_solution_in_two_components_has_the_least_energy():
     result = friction(g, (0.3, 0.2), material=(1.0, 0.4), shift=(0.3, -0.2), tolerance=1e-11)
     product = Products(Grid.of(g.shape, (0.3, 0.2), (1.0, 0.4), None).tangential(), 10**6)
     b = np.broadcast_to(np.reshape([0.3, -0.2], (2, 1, 1)), (2, 8, 8))
-    q, _ = descend(product, b, 0.0 * b, lambda x: bounded(x, g), product.A.norm_bound, 3000)
+    q, _ = descend(product, b, 0.0 * b, lambda x: clip(x, g), product.A.norm_bound, 3000)
     assert_allclose(result.traction, q, atol=1e-6)
 
 
@@ -436,15 +436,15 @@ def test_failure_is_an_error_that_says_what_is_violated():
 def test_balanced_tractions(m):
     rng = np.random.default_rng(m)
     g = rng.random((5, 6))
-    q = bounded(rng.standard_normal((m, 5, 6)), g)
+    q = clip(rng.standard_normal((m, 5, 6)), g)
     movable = rng.random((5, 6)) < 0.7
     total = np.full(m, 0.3)
-    p = balanced(q, g, total, movable)
+    p = balance(q, g, total, movable)
     assert_allclose(p.reshape(m, -1).sum(axis=1), total, atol=1e-12)
     assert (np.sqrt((p**2).sum(axis=0)) <= g).all()
     assert np.array_equal(p[:, ~movable], q[:, ~movable])
-    assert balanced(q, g, np.full(m, 100.0), movable) is None
-    assert balanced(q, g, total, np.zeros((5, 6), bool)) is None
+    assert balance(q, g, np.full(m, 100.0), movable) is None
+    assert balance(q, g, total, np.zeros((5, 6), bool)) is None
 
 
 def test_balanced_tractions_on_the_circle():
@@ -455,7 +455,7 @@ def test_balanced_tractions_on_the_circle():
     angle = rng.uniform(-0.3, 0.3, g.shape)
     q = g * np.stack([np.cos(angle), np.sin(angle)])
     total = q.sum(axis=(1, 2)) @ np.array([[np.cos(0.1), np.sin(0.1)], [-np.sin(0.1), np.cos(0.1)]])
-    p = balanced(q, g, total, everywhere, everywhere)
+    p = balance(q, g, total, everywhere, everywhere)
     assert_allclose(p.sum(axis=(1, 2)), total, rtol=1e-12)
     assert (np.hypot(*p) <= g).all()
     assert_allclose(np.hypot(*p), g, rtol=1e-14)
@@ -465,7 +465,7 @@ def test_balanced_tractions_on_the_circle():
 def test_nearest_tractions_are_zero_where_the_bound_is():
     q = np.ones((2, 4, 3))
     g = np.where(np.arange(12).reshape(4, 3) % 3, 2.0, 0.0)
-    p = nearest(q, g, np.array([3.0, -1.0]))
+    p = project(q, g, np.array([3.0, -1.0]))
     assert_allclose(p.sum(axis=(1, 2)), [3.0, -1.0])
     assert not p[:, g == 0.0].any()
 

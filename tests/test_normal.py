@@ -12,10 +12,10 @@ from scipy.special import ellipe, ellipk
 
 import toeplitz_mg as tmg
 from toeplitz_mg.contact import surfaces
-from toeplitz_mg.contact.counted import Products, combined, dot, dots
-from toeplitz_mg.contact.grid import Grid, coarsened, refined
+from toeplitz_mg.contact.grid import Grid, coarsen, refine
 from toeplitz_mg.contact.inverse import LocalInverse
 from toeplitz_mg.contact.normal.problem import normal_contact
+from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import ContactError
 from toeplitz_mg.solvers.projected_gradients import descend
 
@@ -416,13 +416,6 @@ def test_fields_are_multiplied_in_their_precision():
     assert product.count == 3
 
 
-def test_inner_products_of_fields():
-    X = np.random.default_rng(0).random((3, 2, 4, 5))
-    assert_allclose(dot(X[0], X[1]), np.vdot(X[0], X[1]))
-    assert_allclose(dots(X, X[2]), X.reshape(3, -1) @ X[2].ravel())
-    assert_allclose(combined(np.arange(3.0), X), X[1] + 2.0 * X[2])
-
-
 @pytest.mark.parametrize("load", [{"force": 0.3}, {"approach": 0.3}])
 def test_projected_gradients_descend_to_the_solution(load):
     contact = sphere(16, tolerance=1e-12, **load)
@@ -439,10 +432,10 @@ def test_projected_gradients_descend_to_the_solution(load):
 
 @pytest.mark.parametrize("shape", [(1,), (7,), (8,), (5, 8), (1, 6), (3, 1)])
 def test_transfers_keep_constants(shape):
-    coarse = coarsened(np.full(shape, 3.0), len(shape))
+    coarse = coarsen(np.full(shape, 3.0), len(shape))
     assert coarse.shape == tuple(-(-n // 2) for n in shape)
     assert_allclose(coarse, 3.0)
-    assert_allclose(refined(np.stack([coarse, coarse]), shape), np.full((2, *shape), 3.0))
+    assert_allclose(refine(np.stack([coarse, coarse]), shape), np.full((2, *shape), 3.0))
 
 
 @doubtful

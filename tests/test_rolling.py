@@ -197,13 +197,11 @@ def test_a_step_obeys_coulombs_law_in_time():
 
 
 @doubtful
-def test_marching_where_the_sets_do_not_settle(monkeypatch):
-    monkeypatch.setattr(steady, "PATIENCE", 1)
-    monkeypatch.setattr(steady, "MOST", 1)  # GMRES alone would not settle
+def test_marching_where_the_sets_do_not_settle():
+    impatient = steady.SteadyOptions(iterations=1, patience=1)  # GMRES alone would not settle
     creepages = (0.05, 0.03, 0.1)
-    _, result = circle(12, creepages, nested=False)
+    _, result = circle(12, creepages, nested=False, options=impatient)
     assert_rolls(result, (1.0, 0.25))
-    monkeypatch.undo()
     assert_allclose(result.traction, circle(12, creepages)[1].traction, atol=1e-7)
 
 

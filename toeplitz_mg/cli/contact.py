@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.contact_arguments import checked
 from toeplitz_mg.cli.hertz import Hertz
@@ -23,7 +23,6 @@ from toeplitz_mg.contact import (
     rolling,
     surfaces,
 )
-from toeplitz_mg.contact.grid import Element
 
 MARGIN = 1.3  # of the grid, around the contact of theory
 CREEPAGE = -0.002  # where none is given

@@ -6,15 +6,13 @@ from typing import Any, Self
 import numpy as np
 
 from toeplitz_mg import halfspace
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.halfspace import CombinedMaterial, Material
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.values import field, in_range, positive
 
-Element = float | tuple[float, float]
-
-COARSEST = 32  # elements of an axis, below which nested iteration coarsens no further
-NEGLIGIBLE = 1e-17  # Poisson's ratio on which no digit of a displacement in float64 depends
+COARSEST = 32  # Elements along the longest axis from which nested iteration coarsens no further.
+NEGLIGIBLE = 1e-17  # Poisson's ratio on which no digit of a displacement in float64 depends.
 
 
 @dataclass(frozen=True)
@@ -24,7 +22,7 @@ class Grid:
     Attributes
     ----------
     shape : (int,) or (int, int)
-        One level is line contact: strips across the direction of x.
+        One axis is line contact: strips across the direction of x.
     element : tuple of float
         (h1, h2), the size of an element; of strips (h, b), their width and length, or (h,) where
         they are of infinite length, which is plane strain.
@@ -98,17 +96,17 @@ class Grid:
         return Grid(shape, element, self.material, self.reference)
 
     def normal(self) -> ToeplitzOperator:
-        """The normal displacements by the pressures of the elements (Eq. 6-7)."""
+        """Return the matrix of the normal displacements by the pressures (Eq. 6-7)."""
         return ToeplitzOperator(self.normal_coefficients())
 
     def normal_coefficients(self) -> Array:
-        """The first column of that matrix."""
+        """Return the first column of the matrix of normal contact, in the shape of the grid."""
         if len(self.element) == 1:
             return self._plane_strain(self.shape[0])
         h, other = self.element
         if len(self.shape) == 1 or h != other:
             return self._quadrant(halfspace.influence_zz, self.shape)
-        # On square elements the coefficient of the lag (j, i) is that of (i, j).
+        # On square elements the coefficient at the offset (j, i) is that at (i, j).
         n, m = max(self.shape), min(self.shape)
         i, j = np.tril_indices(n, m=m)
         c = np.empty((n, n))
@@ -117,7 +115,7 @@ class Grid:
         return c[tuple(slice(k) for k in self.shape)]
 
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
-        """The tangential displacements by the tangential tractions (Eq. 6-7)."""
+        """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
         if len(self.element) == 1:
             return ToeplitzOperator(self._plane_strain(self.shape[0]))
         along_x = self._quadrant(halfspace.influence_xx, self.shape)
@@ -131,19 +129,19 @@ class Grid:
         xy = self._quadrant(halfspace.influence_xy, self.shape)
         if not xy.any():  # as for a Poisson's ratio of zero
             return CoupledOperator([[xx, None], [None, yy]])
-        cross = ToeplitzOperator.from_lags(_all_lags(xy, -1.0))
+        cross = ToeplitzOperator.from_lags(_mirror(xy, -1.0))
         return CoupledOperator([[xx, cross], [cross, yy]])
 
     def upstream(self) -> ToeplitzOperator | CoupledOperator:
-        """The tangential displacements of the points one element ahead, at x + h1.
+        """Return the matrix of the tangential displacements one element ahead, at x + h1.
 
         There was, one step before, what is here now, when the contact rolls towards positive x.
         """
         n, *others = self.shape
 
         def ahead(quadrant: Array, sign: float) -> ToeplitzOperator:
-            lags = _all_lags(quadrant, sign)
-            return ToeplitzOperator.from_lags(lags[2:])  # a(d + 1), d = 1 - n ... n - 1
+            kernel = _mirror(quadrant, sign)
+            return ToeplitzOperator.from_lags(kernel[2:])  # a(d + 1), d = 1 - n ... n - 1
 
         shape = (n + 1, *others)
         if len(self.element) == 1:
@@ -163,7 +161,7 @@ class Grid:
         )
 
     def _quadrant(self, influence: Any, shape: tuple[int, ...]) -> Array:
-        """The coefficients of the lags that are not negative."""
+        """Return the coefficients at the offsets that are not negative."""
         h1, h2 = self.element
         x, y = halfspace.offsets((shape[0], shape[1] if len(shape) == 2 else 1), (h1, h2))
         G, nu = self.material
@@ -172,41 +170,53 @@ class Grid:
         return np.asarray(influence(x, y, (h1, h2), G=G, nu=nu)).reshape(shape)
 
 
-def _all_lags(quadrant: Array, sign: float) -> Array:
-    """The coefficients of all lags, of a kernel that is even (sign 1) or odd in each level."""
-    for level in range(quadrant.ndim):
-        negative = sign * np.flip(quadrant, level)
-        inside = tuple(slice(-1) if k == level else slice(None) for k in range(quadrant.ndim))
-        quadrant = np.concatenate([negative[inside], quadrant], axis=level)
+def _mirror(quadrant: Array, sign: float) -> Array:
+    """Return the coefficients at all offsets, of a kernel even (1) or odd (-1) along each axis."""
+    for axis in range(quadrant.ndim):
+        negative = sign * np.flip(quadrant, axis)
+        inside = tuple(slice(-1) if k == axis else slice(None) for k in range(quadrant.ndim))
+        quadrant = np.concatenate([negative[inside], quadrant], axis=axis)
     return quadrant
 
 
-def coarsened(x: Array, levels: int = 2) -> Array:
-    """Average 2 elements along each of the last levels; a last one alone counts twice."""
-    for level in range(-levels, 0):
-        n = x.shape[level]
+def coarsen(x: Array, axes: int = 2) -> Array:
+    """Average 2 elements along each of the last axes; a last one alone counts twice.
+
+    Parameters
+    ----------
+    x : ndarray
+    axes : int
+        The number of axes of the grid; before them are components.
+    """
+    for axis in range(-axes, 0):
+        n = x.shape[axis]
         if n == 1:
             continue
         if n % 2:
-            x = np.concatenate([x, np.take(x, [-1], level)], axis=level)
-        behind = (slice(None),) * (-1 - level)
+            x = np.concatenate([x, np.take(x, [-1], axis)], axis=axis)
+        behind = (slice(None),) * (-1 - axis)
         even: Any = (..., slice(0, None, 2), *behind)
         odd: Any = (..., slice(1, None, 2), *behind)
         x = 0.5 * (x[even] + x[odd])
     return x
 
 
-def refined(x: Array, shape: tuple[int, ...]) -> Array:
-    """Interpolate along the last levels, to a grid of this shape: 3/4 of the nearest, 1/4 next."""
-    for level, n in zip(range(-len(shape), 0), shape, strict=True):
+def refine(x: Array, shape: tuple[int, ...]) -> Array:
+    """Interpolate a field of a coarser grid: 3/4 of the nearest element, 1/4 of the next.
+
+    Parameters
+    ----------
+    x : ndarray
+    shape : tuple of int
+        The shape of the finer grid, whose axes are the last ones of `x`.
+    """
+    for axis, n in zip(range(-len(shape), 0), shape, strict=True):
         if n == 1:
             continue
-        before = np.concatenate([np.take(x, [0], level), np.delete(x, -1, level)], axis=level)
-        after = np.concatenate([np.delete(x, 0, level), np.take(x, [-1], level)], axis=level)
-        pair = np.stack(
-            [0.75 * x + 0.25 * before, 0.75 * x + 0.25 * after], axis=level % x.ndim + 1
-        )
+        before = np.concatenate([np.take(x, [0], axis), np.delete(x, -1, axis)], axis=axis)
+        after = np.concatenate([np.delete(x, 0, axis), np.take(x, [-1], axis)], axis=axis)
+        pair = np.stack([0.75 * x + 0.25 * before, 0.75 * x + 0.25 * after], axis=axis % x.ndim + 1)
         fine = [*x.shape]
-        fine[level] *= 2
-        x = np.take(pair.reshape(fine), np.arange(n), axis=level)
+        fine[axis] *= 2
+        x = np.take(pair.reshape(fine), np.arange(n), axis=axis)
     return x

@@ -92,7 +92,7 @@ class ContactResult:
     def magnitude(self) -> Array:
         """The size of the traction in each element, N/mm²."""
         is_vector = self.traction.ndim > self.contact.ndim
-        return np.asarray(np.hypot(*self.traction) if is_vector else np.abs(self.traction))
+        return np.hypot(*self.traction) if is_vector else np.abs(self.traction)
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the traction, and the areas of contact and of stick.
@@ -161,7 +161,7 @@ class ContactError(RuntimeError):
         self.result = result
 
 
-def converged(result: ContactResult, tolerance: float) -> ContactResult:
+def check_converged(result: ContactResult, tolerance: float) -> ContactResult:
     """Return the result, or raise ContactError where it violates the conditions of contact."""
     if result.residual <= tolerance:
         return result

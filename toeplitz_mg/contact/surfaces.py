@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.grid import Element, Grid
+from toeplitz_mg._typing import Array, Element
+from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.halfspace import Material
 from toeplitz_mg.values import count, positive, real
 
@@ -89,7 +89,7 @@ def ellipsoid(
         raise ValueError(f"radii is {radii}, but must be (R1, R2)")
     x, y = centres(shape, element)
     R1, R2 = (positive("radii", radius) for radius in radii)
-    return np.asarray(x**2 / (2.0 * R1) + y**2 / (2.0 * R2))
+    return x**2 / (2.0 * R1) + y**2 / (2.0 * R2)
 
 
 def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -> Array:
@@ -114,7 +114,7 @@ def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -
     >>> surfaces.cylinder(2, 2.0, radius=50.0)
     array([0.01, 0.01])
     """
-    return np.asarray(centres(shape, element)[0] ** 2 / (2.0 * positive("radius", radius)))
+    return centres(shape, element)[0] ** 2 / (2.0 * positive("radius", radius))
 
 
 def wavy(
@@ -149,7 +149,7 @@ def wavy(
     """
     k = 2.0 * np.pi / positive("wavelength", wavelength)
     crests = np.prod([np.cos(k * x) for x in centres(shape, element)], axis=0)
-    return np.asarray(positive("amplitude", amplitude) * (1.0 - crests))
+    return positive("amplitude", amplitude) * (1.0 - crests)
 
 
 def rough(
@@ -210,7 +210,7 @@ def rough(
     noise = np.random.default_rng(seed).standard_normal(grid.shape)
     heights: Array = np.fft.ifftn(np.fft.fftn(noise) * falloff).real
     heights *= positive("rms", rms) / heights.std()
-    return np.asarray(heights.max() - heights)
+    return heights.max() - heights
 
 
 def _grid(shape: int | tuple[int, ...], element: Element) -> Grid:

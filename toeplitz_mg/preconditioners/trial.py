@@ -1,19 +1,22 @@
 """Which of some preconditioners is better than none, by a few steps of conjugate gradients."""
 
-from collections.abc import Iterator, Sequence
-from math import log
+from collections.abc import Sequence
+from functools import partial
+from math import inf, log
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
+from toeplitz_mg.engine.vectors import axpy, norm
 from toeplitz_mg.operators import apply_to_rows
 
-# As `python -m comparisons.default_choice` measures them, by the cases that are worse than none:
-# in 10 steps, and with less of an advantage, wide covariances and plane waves mislead.
-STEPS = 20  # of conjugate gradients, at most: their cost is that of as many iterations
-ADVANTAGE = 2.0  # by which a residual must be less than that without a preconditioner
-SOLVED = 1e-8  # relative residual at which a trial ends
+# Measured by `python -m comparisons.default_choice`, by the cases in which the choice is worse than
+# none: with 10 steps, or a smaller advantage, wide covariances and plane waves mislead.
+STEPS = 20  # Most steps of conjugate gradients in a trial: each costs as much as an iteration.
+ADVANTAGE = 2.0  # How many times smaller the residual must be than without a preconditioner.
+SOLVED = 1e-8  # Relative residual at which a trial ends: what is left by then is mostly rounding.
 
 
 def better_than_none(
@@ -57,29 +60,20 @@ def _fall(A: LinearOperator, M: LinearOperator, b: Array) -> float:
 
     Where it is solved for in fewer steps, what all of them would give at that rate.
     """
-    size = float(np.linalg.norm(b))
-    least = size
-    for steps, residual in enumerate(_residuals(A, M, b), 1):
-        least = min(least, residual)
+    iteration = ConjugateGradients(partial(apply_to_rows, A), partial(apply_to_rows, M))
+    size = least = norm(b)
+    r = b.copy()
+    for steps in range(1, STEPS + 1):
+        length = iteration.step(r)
+        if not iteration.rho > 0.0:
+            return -inf
+        if length == 0.0:
+            raise np.linalg.LinAlgError(
+                f"A is not positive definite: for some vector xᵀ A x is {iteration.curvature:.3g}"
+            )
+        axpy(-length, iteration.product, r)
+        least = min(least, norm(r))
         if least <= SOLVED * size:
             least = max(least, np.finfo(np.float64).eps * size)
             return log(size / least) * STEPS / steps
-        if steps == STEPS:
-            return log(size / least)
-    return -np.inf
-
-
-def _residuals(A: LinearOperator, M: LinearOperator, b: Array) -> Iterator[float]:
-    """Yield the norms of the residuals of conjugate gradients, as long as M is positive."""
-    r, p, before = b.copy(), np.zeros_like(b), 1.0
-    while (rho := float(r @ (z := apply_to_rows(M, r)))) > 0.0:
-        p = z + (rho / before) * p
-        q = apply_to_rows(A, p)
-        curvature = float(p @ q)
-        if not curvature > 0.0:
-            raise np.linalg.LinAlgError(
-                f"A is not positive definite: for some vector xᵀ A x is {curvature:.3g}"
-            )
-        r -= (rho / curvature) * q
-        before = rho
-        yield float(np.linalg.norm(r))
+    return log(size / least)

@@ -1,24 +1,25 @@
 """Preconditioned conjugate gradients that allocate nothing in an iteration."""
 
 from collections.abc import Callable
-from math import hypot, inf
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import get_blas_funcs
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
+from toeplitz_mg.engine.vectors import axpy, norm
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.solvers.checks import System, checked_system, operator
+from toeplitz_mg.solvers.checks import System, check_system, operator
 from toeplitz_mg.solvers.scaling import exponents
 
-RELIABLE = 1e-3  # error of the residual in less precision that does not disturb the iteration
-PART = 2**13  # numbers of a vector that BLAS does not share among threads
-FALLS = 1e-5, 0.1  # least and first fall of the residual before it is computed anew
+RELIABLE = 1e-3  # Relative error of an `inner` residual that does not disturb the iteration.
+LEAST_FALL, FIRST_FALL = 1e-5, 0.1  # Fall of an `inner` residual before it is computed anew.
+MOST_FALL = 0.5  # The same where the residual is rough: computing it more often costs too much.
 DRIFT = 10.0  # Goals that the true residual may be off: one digit, where rounding sets in.
-STARTS = 2  # Of the iteration: rounding that spoils the second one as well will spoil a third.
+STARTS = 2  # Starts of the iteration: rounding that spoils the second will spoil a third.
 
 
 def cg(
@@ -99,7 +100,7 @@ def cg(
     >>> info
     0
     """
-    system = checked_system(A, b, x0, M, rtol, atol, maxiter)
+    system = check_system(A, b, x0, M, rtol, atol, maxiter)
     state = _Iterate(system, inner)
     goal = state.goal(rtol, atol)
     if goal == 0.0 and not system.b.any():
@@ -119,7 +120,7 @@ def cg_by_recurrence(
 
     It is for those who compute the residual of the result themselves, and correct it.
     """
-    system = checked_system(A, b, None, M, rtol, 0.0, maxiter)
+    system = check_system(A, b, None, M, rtol, 0.0, maxiter)
     state = _Iterate(system, None)
     converged = _descend(state, system, state.goal(rtol, 0.0), None)
     return state.x, state.iterations, converged
@@ -129,59 +130,23 @@ def _descend(
     state: "_Iterate", system: System, goal: float, callback: Callable[[Array], object] | None
 ) -> bool:
     """Iterate from r anew; whether the recurrence for the residual reaches the goal."""
-    r, p, q, vectors = state.r, state.p, state.q, state.vectors
-    rho = 0.0
+    M = system.M
+    precondition = _return_same if M is None else partial(apply_to_rows, M)
+    iteration = ConjugateGradients(partial(apply_to_rows, state.A), precondition)
     while not state.residual(goal) <= goal:
         if state.iterations == system.maxiter:
             return False
-        z = r if system.M is None else apply_to_rows(system.M, r, q)
-        rho, previous = vectors.dot(r, z), rho
-        if not 0.0 < rho < inf:  # M is not positive definite, or r is not finite
+        length = iteration.step(state.r)
+        if length == 0.0:  # A or M is not positive definite, or not finite
             return False
-        if previous == 0.0:
-            p[:] = z
-        else:
-            vectors.scale(p, rho / previous)
-            vectors.add(p, 1.0, z)
-        apply_to_rows(state.A, p, q)
-        curvature = vectors.dot(p, q)
-        if not 0.0 < curvature < inf:  # A is not positive definite, or not finite
-            return False
-        state.step(rho / curvature)
+        state.step(length, iteration)
         if callback is not None:
             callback(state.x)
     return True
 
 
-class _Vectors:
-    """Operations with vectors by BLAS, part by part.
-
-    Of a long vector BLAS takes as many threads as it has, which wait for each other, and then for
-    more to do on the cores that the products need.
-    """
-
-    def __init__(self, n: int, dtype: np.dtype[Any]) -> None:
-        self._parts = [slice(k, k + PART) for k in range(0, n, PART)]
-        names = ("axpy", "dot", "nrm2", "scal")
-        self._axpy, self._dot, self._nrm2, self._scal = get_blas_funcs(names, dtype=dtype)
-
-    def add(self, y: Array, a: float, x: Array) -> None:
-        """Add a x to y."""
-        for part in self._parts:
-            self._axpy(x[part], y[part], a=a)
-
-    def scale(self, x: Array, a: float) -> None:
-        """Multiply x by a."""
-        for part in self._parts:
-            self._scal(a, x[part])
-
-    def dot(self, x: Array, y: Array) -> float:
-        """The inner product."""
-        return sum(float(self._dot(x[part], y[part])) for part in self._parts)
-
-    def norm(self, x: Array) -> float:
-        """The 2-norm."""
-        return hypot(*(self._nrm2(x[part]) for part in self._parts))
+def _return_same(r: Array, out: Array) -> Array:
+    return r
 
 
 def _operator(inner: Any) -> LinearOperator:
@@ -228,17 +193,14 @@ class _Iterate:
                 raise TypeError(f"inner has dtype {self.A.dtype}, but must be of real numbers")
             self.y, self._y_scale = np.zeros(n, self.A.dtype), 1.0
         self.r = (r / self.scale).astype(self.y.dtype, copy=False)
-        self.p, self.q = np.empty_like(self.r), np.empty_like(self.r)
-        self.vectors = _Vectors(n, self.r.dtype)
         self.iterations = 0
         self._is_true = True  # r is that of x, and not of the recurrence
-        self._last = self.vectors.norm(self.r)
-        self._fall = FALLS[1]
+        self._last = norm(self.r)
+        self._fall = FIRST_FALL
 
     def goal(self, rtol: float, atol: float) -> float:
         """Return what ‖r‖ is to be."""
-        size = float(get_blas_funcs("nrm2", dtype=self.dtype)(self._b / self.scale))
-        return max(rtol * size, atol / self.scale)
+        return max(rtol * norm(self._b / self.scale), atol / self.scale)
 
     @property
     def x(self) -> Array:
@@ -249,16 +211,16 @@ class _Iterate:
         # In the precision of x: that of y may not have numbers as large, or as small.
         return self.y.astype(self.dtype) * self.scale
 
-    def step(self, length: float) -> None:
-        """Go along p, where q = A p."""
-        self.vectors.add(self.y, length * self._y_scale, self.p)
-        self.vectors.add(self.r, -length, self.q)
+    def step(self, length: float, iteration: ConjugateGradients) -> None:
+        """Go so far along the direction of an iteration."""
+        axpy(length * self._y_scale, iteration.direction, self.y)
+        axpy(-length, iteration.product, self.r)
         self.iterations += 1
         self._is_true = False
 
     def residual(self, goal: float) -> float:
         """Return ‖r‖ by the recurrence; of an `inner` computed anew where that is not reliable."""
-        size = self.vectors.norm(self.r)
+        size = norm(self.r)
         if self.y is self._x or size > max(goal, self._fall * self._last):
             return size
         return self.true_residual()
@@ -266,15 +228,15 @@ class _Iterate:
     def true_residual(self) -> float:
         """Compute r anew, unless it is as new, and return ‖r‖."""
         if self._is_true:
-            return self.vectors.norm(self.r)
+            return norm(self.r)
         if self.y is not self._x:
             self._x += self._from_inner()
             self.y[:] = 0.0
         with np.errstate(over="ignore", invalid="ignore"):  # reported by info
             r = self._b / self.scale - apply_to_rows(self._A, self._x / self.scale)
-            error = float(np.linalg.norm(r - self.r)) / self._last
-        self._fall = min(max(error / RELIABLE, FALLS[0]), 0.5)
+            error = norm(r - self.r) / self._last
+        self._fall = min(max(error / RELIABLE, LEAST_FALL), MOST_FALL)
         self.r[:] = r
         self._is_true = True
-        self._last = self.vectors.norm(self.r)
+        self._last = norm(self.r)
         return self._last

@@ -21,7 +21,7 @@ class System(NamedTuple):
     maxiter: int
 
 
-def checked_system(
+def check_system(
     A: Any,
     b: ArrayLike,
     x0: ArrayLike | None,

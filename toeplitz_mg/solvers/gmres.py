@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.counted import combined, dot, dots
+from toeplitz_mg.engine.vectors import combine, dots, norm
 
-TWICE = 0.5  # of the size is lost, and with it digits: what is left is made orthogonal again
+CANCELLED = 0.5  # Part of a vector's size that may be left before it is made orthogonal again.
+EXHAUSTED = 1e-14  # Size of a new basis vector at which the space holds the solution, but rounding.
 
 
 def gmres(
@@ -16,43 +17,62 @@ def gmres(
     M: Callable[[Array], Array],
     b: Array,
     goal: Callable[[Array], float],
-    most: int,
+    max_iterations: int,
     dtype: DTypeLike,
 ) -> tuple[Array, int]:
-    """Solve A x = b, and return x and the number of iterations.
+    """Solve A x = b by GMRES, with A M in the place of A.
 
     Parameters
     ----------
     A, M : callable
-        Products of fields with the matrix, and with an approximate inverse.
+        Products of a field with the matrix, and with an approximation of its inverse.
     b : ndarray
-        Not zero.
+        A field of any shape, not zero.
     goal : callable
-        What of ‖b - A x‖₂ may be left for the iterate x.
-    most : int
-        Iterations at most.
+        Called with each iterate x; ‖b - A x‖₂ may be as large as what it returns.
+    max_iterations : int
     dtype : float32 or float64
-        Of the fields that A and M are given, all of which are kept.
+        The precision of the fields that `A` and `M` are given, and of the two bases, which are
+        kept: 2 `max_iterations` fields.
+
+    Returns
+    -------
+    x : ndarray of the shape of `b`, float64
+    iterations : int
+
+    References
+    ----------
+    Y. Saad, M. H. Schultz, GMRES: a generalized minimal residual algorithm for solving
+    nonsymmetric linear systems, SIAM J. Sci. Stat. Comput. 7 (1986).
+
+    Examples
+    --------
+    >>> A = np.array([[2.0, 1.0], [0.0, 1.0]])
+    >>> b = np.array([3.0, 1.0])
+    >>> x, iterations = gmres(lambda x: A @ x, lambda x: x, b, lambda x: 1e-12, 2, np.float64)
+    >>> x.round(12), iterations
+    (array([1., 1.]), 2)
     """
-    beta = np.sqrt(dot(b, b))
-    basis, directions = np.empty((most + 1, *b.shape), dtype), np.empty((most, *b.shape), dtype)
+    beta = norm(b)
+    basis = np.empty((max_iterations + 1, *b.shape), dtype)
+    directions = np.empty((max_iterations, *b.shape), dtype)
     basis[0] = b / beta
-    H, rhs = np.zeros((most + 1, most)), np.zeros(most + 1)
+    H, rhs = np.zeros((max_iterations + 1, max_iterations)), np.zeros(max_iterations + 1)
     rhs[0] = 1.0
-    for k in range(most):
+    for k in range(max_iterations):
         directions[k] = M(basis[k])
-        w = A(directions[k]).astype(dtype, copy=False)
-        size, before = np.sqrt(dot(w, w)), np.inf
-        while size < TWICE * before:
+        w = A(directions[k]).astype(dtype)
+        size, before = norm(w), np.inf
+        while size < CANCELLED * before:
             h = dots(basis[: k + 1], w)
-            w -= combined(h, basis[: k + 1])
+            w -= combine(h, basis[: k + 1])
             H[: k + 1, k] += h
-            size, before = np.sqrt(dot(w, w)), size
+            size, before = norm(w), size
         H[k + 1, k] = size
         y, *_ = np.linalg.lstsq(H[: k + 2, : k + 1], rhs[: k + 2])
-        left = float(np.linalg.norm(rhs[: k + 2] - H[: k + 2, : k + 1] @ y))
-        x = beta * combined(y, directions[: k + 1]).astype(np.float64)
-        if left * beta <= goal(x) or size <= 1e-14:
+        residual = beta * float(np.linalg.norm(rhs[: k + 2] - H[: k + 2, : k + 1] @ y))
+        x = beta * combine(y, directions[: k + 1]).astype(np.float64)
+        if residual <= goal(x) or size <= EXHAUSTED:
             break
         basis[k + 1] = w / size
     return x, k + 1

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.counted import dot
+from toeplitz_mg.engine.vectors import dot
 
 
 def descend(
@@ -13,40 +13,51 @@ def descend(
     b: Array,
     x: Array,
     project: Callable[[Array], Array],
-    norm: float,
+    norm_bound: float,
     products: int,
 ) -> tuple[Array, Array]:
-    """Lower the energy ½ x·Ax - b·x of admissible tractions by Nesterov's method.
+    """Lower the energy ½ x·Ax - b·x within a convex set, by Nesterov's method.
 
     Parameters
     ----------
     A : callable
-        Products, with a symmetric positive matrix.
-    b, x : ndarray
-        `x` is admissible.
+        Products of a field with a symmetric positive definite matrix.
+    b : ndarray
+        A field of any shape.
+    x : ndarray of the shape of `b`
+        A point of the set, to start from.
     project : callable
-        Returns the admissible tractions nearest to any.
-    norm : float
-        At least the largest eigenvalue of A.
+        Returns the point of the set that is nearest to any field.
+    norm_bound : float
+        At least the largest eigenvalue of `A`.
     products : int
-        To be made, about.
+        The number of steps, each of which makes one product; there is one before them.
 
     Returns
     -------
     x, Ax : ndarray
-        The iterate of the lowest energy.
+        The iterate of the lowest energy, and its product.
 
     References
     ----------
     A. Beck, M. Teboulle, A fast iterative shrinkage-thresholding algorithm, SIAM J. Imaging Sci. 2
     (2009); B. O'Donoghue, E. Candès, Adaptive restart for accelerated gradient schemes, Found.
     Comput. Math. 15 (2015).
+
+    Examples
+    --------
+    >>> A, b = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([2.0, -1.0])
+    >>> def project(x):
+    ...     return np.maximum(x, 0.0)
+    >>> x, _ = descend(lambda x: A @ x, b, np.zeros(2), project, 3.0, 60)
+    >>> x.round(6)
+    array([1., 0.])
     """
     u = A(x)
-    best, lowest = (x, u), _energy(x, u, b)
+    best, lowest = (x, u), energy(x, u, b)
     y, Ay, t = x, u, 1.0
     for _ in range(products):
-        new = project(y + (b - Ay) / norm)
+        new = project(y + (b - Ay) / norm_bound)
         new_u = A(new)
         if dot(y - new, new - x) > 0.0:  # uphill: forget the momentum
             t = 1.0
@@ -54,11 +65,12 @@ def descend(
         momentum = (t - 1.0) / following
         y, Ay = new + momentum * (new - x), new_u + momentum * (new_u - u)
         x, u, t = new, new_u, following
-        energy = _energy(x, u, b)
-        if energy < lowest:
-            best, lowest = (x, u), energy
+        reached = energy(x, u, b)
+        if reached < lowest:
+            best, lowest = (x, u), reached
     return best
 
 
-def _energy(x: Array, u: Array, b: Array) -> float:
+def energy(x: Array, u: Array, b: Array) -> float:
+    """Return ½ x·Ax - b·x, where u = A x."""
     return dot(x, 0.5 * u - b)

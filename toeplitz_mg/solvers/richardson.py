@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import norm
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.solvers.checks import checked_system
+from toeplitz_mg.solvers.checks import check_system
 from toeplitz_mg.solvers.scaling import exponents
 
-PATIENCE = 100  # iterations without a smaller residual
+PATIENCE = 100  # Iterations without a smaller residual, after which none is expected.
 
 
 def richardson(
@@ -79,7 +79,7 @@ def richardson(
     >>> info
     0
     """
-    A, M, b, guess, maxiter = checked_system(A, b, x0, M, rtol, atol, maxiter)
+    A, M, b, guess, maxiter = check_system(A, b, x0, M, rtol, atol, maxiter)
     n = len(b)
     dtype = np.result_type(A.dtype, b.dtype, b.dtype if guess is None else guess.dtype)
     if M is not None and M.dtype.kind == "c":
@@ -94,11 +94,11 @@ def richardson(
     scale = 2.0 ** (max(int(exponents(v)[0]) for v in (b, r)) - 1)
     b, r = b / scale, r / scale
 
-    size = _norm(b)
+    size = norm(b)
     if size == 0.0:
         return np.zeros_like(x), 0
     goal = max(rtol * size, atol / scale)
-    residual = _norm(r)
+    residual = norm(r)
     limit = max(residual, size) / np.finfo(dtype).eps
     iterations, best, best_at = 0, residual, 0
     while not residual <= goal:
@@ -113,15 +113,10 @@ def richardson(
             np.divide(x, scale, out=r)
             apply_to_rows(A, r, r)
             np.subtract(b, r, out=r)
-            residual = _norm(r)
+            residual = norm(r)
         iterations += 1
         if residual < best:
             best, best_at = residual, iterations
         if callback is not None:
             callback(x)
     return x, 0
-
-
-def _norm(r: Array) -> float:
-    # By BLAS, which scales: neither overflow nor underflow decides about convergence.
-    return float(norm(r, check_finite=False))

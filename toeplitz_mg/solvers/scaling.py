@@ -11,10 +11,10 @@ def exponents(a: Array) -> Array:
     """Return the powers of two that scale the rows of `a` to numbers from 1/2 to 1."""
     powers = np.frexp(np.abs(a).max(axis=-1, keepdims=True, initial=0.0))[1]
     # Beyond these the scale itself, or its inverse, would over- or underflow.
-    return np.asarray(np.clip(powers, -1000, 1000))
+    return np.clip(powers, -1000, 1000)
 
 
-def scaled_back(X: Array, powers: Array, parts: int = 1) -> Array:
+def scale_back(X: Array, powers: Array, parts: int = 1) -> Array:
     """Return the rows of X times these powers of two, if float64 has numbers for them.
 
     Parameters
@@ -44,4 +44,4 @@ def scaled_back(X: Array, powers: Array, parts: int = 1) -> Array:
             f"the solution is of size 1e{size:+.0f}, but must be within the range of float64: "
             "scale A or b"
         )
-    return np.asarray(Y)
+    return Y

@@ -14,7 +14,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.solvers.checks import numbers
 from toeplitz_mg.solvers.choice import is_symmetric, levinson_is_faster, methods
-from toeplitz_mg.solvers.scaling import exponents, scaled_back
+from toeplitz_mg.solvers.scaling import exponents, scale_back
 from toeplitz_mg.values import real
 
 Rows = NDArray[Any]  # right-hand sides or solutions, shape (columns, n)
@@ -242,7 +242,7 @@ def _solve(
         scale = np.copysign(np.ldexp(1.0, -of_A), c[0].real)
         X, info = _checked(c * scale, r * scale, B * np.ldexp(1.0, -of_B), rtol)
         parts = 2 if is_complex and not complex_matrix else 1
-        X = np.copysign(1.0, c[0].real) * scaled_back(X, of_B - of_A, parts)
+        X = np.copysign(1.0, c[0].real) * scale_back(X, of_B - of_A, parts)
     if is_complex and not complex_matrix:
         half = len(X) // 2
         X = X[:half] + 1j * X[half:]

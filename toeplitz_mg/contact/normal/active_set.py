@@ -1,31 +1,30 @@
-"""Search for the elements in contact: an active set, and conjugate gradients on it.
+"""The search for the elements in contact: what `active_sets` asks for in normal contact.
 
-On a set the system A p = δ - z is solved only to the accuracy at which the set is known to be
-wrong: the iteration stops as soon as its residual is below the violation of the two inequalities
-of `normal`.
+On a set C of elements the equation is A p = δ - z: conjugate gradients solve it until their misfit
+is below the violation of the inequalities, tension in C or penetration elsewhere.
 
 Pressures are in units of the displacement that an element gives itself: the diagonal of A is 1.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.counted import Products, dot
-from toeplitz_mg.contact.grid import Grid, coarsened, refined
+from toeplitz_mg._typing import Array, Progress
+from toeplitz_mg.contact.active_sets import Iterate, find_sets
+from toeplitz_mg.contact.grid import Grid, coarsen, refine
 from toeplitz_mg.contact.inverse import Inverse
-from toeplitz_mg.contact.normal.inner import Area, Look, conjugate_gradients
+from toeplitz_mg.contact.normal.inner import Area, Look, solve_on_set
+from toeplitz_mg.contact.products import Products
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.solvers.projected_gradients import descend
 
-COARSE = 1.5e-3, 1e-2  # tolerance of the first guess, on a coarser grid: from, to, and between
-ROUGH = 0.2  # of the detail that the coarser grid does not have
-DAMPING = 0.5  # of the step by which the pressures follow the detail of a finer grid
-RESCUE = 40  # products of projected gradients, where the sets cycle
+ETA = 0.5  # Misfit that is left on a set, relative to its violation, while the energy falls.
+ROUGH = 0.2  # Tolerance on a coarser grid, relative to the detail of the gap that it does not have.
+LEAST, MOST = 1.5e-3, 1e-2  # Limits of that tolerance: a finer guess, and a rougher, save nothing.
+DAMPING = 0.5  # Part of Jacobi's step by which the pressures follow the detail of a finer grid.
+COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is a guess only.
 
 
 class State(NamedTuple):
@@ -38,16 +37,37 @@ class State(NamedTuple):
     iterations: tuple[int, ...] = ()
 
 
+class Law(NamedTuple):
+    """What is wrong with pressures, at which approach, and relative to the interference."""
+
+    look: Look
+    approach: float
+    interference: float
+    residual: float
+
+
 @dataclass(frozen=True)
 class Search:
-    """A problem on one grid, and how well it is to be solved."""
+    """A problem on one grid, and how well it is to be solved.
+
+    Attributes
+    ----------
+    grid : Grid
+    z : ndarray
+        The gap before the bodies touch.
+    approach, force : float or None
+        One of the two.
+    tolerance : float
+        Of the complementarity, relative to the interference.
+    progress : callable, optional
+    """
 
     grid: Grid
     z: Array
     approach: float | None
     force: float | None
     tolerance: float
-    progress: Callable[[int, float], object] | None = None
+    progress: Progress | None = None
 
     @cached_property
     def _coefficients(self) -> Array:
@@ -69,17 +89,38 @@ class Search:
         assert self.force is not None
         return self.force / self.grid.area * self.unit
 
+    @property
+    def is_balanced(self) -> bool:
+        """Whether the sum of the pressures is given, and the approach is free."""
+        return self.force is not None
+
+    @cached_property
+    def b(self) -> Array:
+        """The right-hand side δ - z, up to a constant where the approach is free."""
+        return (self.approach or 0.0) - self.z
+
+    @cached_property
+    def _inverse(self) -> Inverse:
+        return Inverse(self.matrix)
+
     @cached_property
     def lowest(self) -> float:
         """The gap where the bodies are nearest."""
         return float(self.z.min())
 
-    def first_guess(self, *, nested: bool) -> tuple[Array, Array]:
+    def run(self, A: Products, *, nested: bool) -> State:
+        """Find the pressures and the area of contact, with a first guess from coarser grids."""
+        p, C = self._first_guess(nested=nested)
+        now, law, iterations = find_sets(self, A, Iterate.of(A, p, C), ETA)
+        touching = law.approach + (law.look.lowest if self.is_balanced else 0.0)
+        return State(now.x, now.u, touching, law.residual, iterations)
+
+    def _first_guess(self, *, nested: bool) -> tuple[Array, Array]:
         """Pressures and elements in contact: from a coarser grid, or a superset of the contact."""
         coarse = self._coarser() if nested else None
         if coarse is not None:
-            state = coarse.run(Products(coarse.matrix, 200), coarse.first_guess(nested=True))
-            p = self._refined(state, self.unit / coarse.unit)
+            state = coarse.run(Products(coarse.matrix, COARSE_PRODUCTS), nested=True)
+            p = self._interpolate(state, self.unit / coarse.unit)
             if p.any():
                 return p, p > 0.0
         if self.approach is not None:
@@ -91,86 +132,83 @@ class Search:
         grid = self.grid.coarser()
         if grid is None:
             return None
-        z = coarsened(self.z, len(grid.shape))
+        z = coarsen(self.z, len(grid.shape))
         if self.approach is not None and not (z < self.approach).any():
             return None  # the averages touch nowhere
-        detail = np.abs(self.z - refined(z, self.z.shape)).max() / (np.ptp(self.z) or 1.0)
-        tolerance = float(np.clip(ROUGH * detail, *COARSE))
+        detail = np.abs(self.z - refine(z, self.z.shape)).max() / (np.ptp(self.z) or 1.0)
+        tolerance = float(np.clip(ROUGH * detail, LEAST, MOST))
         return Search(grid, z, self.approach, self.force, tolerance)
 
-    def _refined(self, coarse: State, ratio: float) -> Array:
+    def _interpolate(self, coarse: State, ratio: float) -> Array:
         """Interpolate from a coarser grid, and follow the detail that it does not have.
 
         A step of Jacobi's iteration, without a product, as displacements are smooth.
         """
-        p, u = (refined(x, self.z.shape) for x in (coarse.p, coarse.u))
+        p, u = (refine(x, self.z.shape) for x in (coarse.p, coarse.u))
         p = np.maximum(ratio * p - DAMPING * (u + self.z - coarse.approach), 0.0)
         if self.force is not None and p.any():
             p *= self.total / p.sum()
         return p
 
-    def run(self, A: Products, guess: tuple[Array, Array]) -> State:
-        """Find the pressures and the area of contact, from some pressures and elements."""
-        M = Inverse(self.matrix)
-        balanced = self.force is not None
-        p, C = guess
-        u = A(p) if p.any() else np.zeros_like(p)
-        is_exact = True  # u, to double precision
-        eta, strikes, lowest = 0.5, 0, np.inf
-        iterations: list[int] = []
-        while True:
-            w = u + self.z - (self.approach or 0.0)
-            now = Look.at(p, w, Area(C, np.float64), balanced=balanced)
-            approach = now.mean if self.approach is None else self.approach
-            scale = approach - self.lowest
-            # On a coarser grid the interference may be below the rounding of the gap.
-            residual = now.error / scale if scale > 0.0 else 0.0
-            if now.tension == 0.0 and (residual <= self.tolerance or A.exhausted):
-                if is_exact or A.exhausted:
-                    touching = approach + (now.lowest if balanced else 0.0)
-                    return State(p, u, touching, residual, tuple(iterations))
-                u, is_exact = A(p), True
-                continue
-            if self.progress is not None:
-                self.progress(A.count, residual)
-            M.fit(C)
-            change = conjugate_gradients(
-                A, M, C, p, now, eta=eta, tolerance=self.tolerance * scale, balanced=balanced
-            )
-            iterations.append(change.iterations)
-            p, u, is_exact = p + change.p, u + change.u, False
-            if not (change.is_solved or A.exhausted):  # an answer, or all that single precision can
-                u, is_exact = A(p), True
-                continue
-            C = (C & ((p > 0.0) | ((p == 0.0) & change.below))) | (~C & change.below)
-            if p.min() < 0.0:
-                p = self._clipped(p)
-                u, is_exact = A(p), True
-            if not C.any():  # where it would touch first
-                C = self.z == self.lowest
-            b = (0.0 if balanced else approach) - self.z
-            energy = dot(p, 0.5 * u - b)
-            # Each change should lower the energy. Where it does not, first solve more exactly.
-            if energy < lowest:
-                strikes = 0
-            else:
-                strikes, eta = strikes + 1, eta / 10.0
-            if strikes == 3:
-                p, u = descend(A, b, p, self._nearest, A.A.norm_bound, RESCUE)
-                C, strikes, energy = p > 0.0, 0, dot(p, 0.5 * u - b)
-            lowest = min(lowest, energy)
+    def look(self, now: Iterate[Array]) -> Law:
+        """Return what is wrong with pressures and a set."""
+        gap = now.u - self.b
+        look = Look.at(now.x, gap, Area(now.sets, np.float64), balanced=self.is_balanced)
+        approach = look.mean if self.approach is None else self.approach
+        interference = approach - self.lowest
+        # On a coarser grid the interference may be below the rounding of the gap.
+        residual = look.error / interference if interference > 0.0 else 0.0
+        return Law(look, approach, interference, residual)
 
-    def _clipped(self, p: Array) -> Array:
-        """Without tension, and of the given sum: near the pressures, if not the nearest."""
+    def advance(
+        self, A: Products, now: Iterate[Array], law: Law, eta: float
+    ) -> tuple[Iterate[Array], int]:
+        """Solve on the set C = `now.sets`, and change it."""
+        C, count = now.sets, 0
+        while True:
+            self._inverse.fit(C)
+            change = solve_on_set(
+                A,
+                self._inverse,
+                C,
+                now.x,
+                law.look,
+                eta=eta,
+                tolerance=self.tolerance * law.interference,
+                balanced=self.is_balanced,
+            )
+            count += change.iterations
+            now = Iterate(now.x + change.p, now.u + change.u, C, is_exact=False)
+            if change.is_solved or A.exhausted:
+                break
+            # An answer, or all that single precision can do: look with double precision.
+            now = now.multiply_again(A)
+            law = self.look(now)
+            if law.look.tension == 0.0 and law.residual <= self.tolerance:
+                return now, count
+        p = now.x
+        C = (C & ((p > 0.0) | ((p == 0.0) & change.below))) | (~C & change.below)
+        if not C.any():  # where it would touch first
+            C = self.z == self.lowest
+        if p.min() < 0.0:
+            p = self._clip(p)
+            return Iterate(p, A(p), C), count
+        return replace(now, sets=C), count
+
+    def sets_of(self, p: Array) -> Array:
+        """The elements that are pressed."""
+        return p > 0.0
+
+    def _clip(self, p: Array) -> Array:
+        """Pressures without tension, of the given sum: near these, if not the nearest."""
         p = np.maximum(p, 0.0)
         return p if self.force is None else p * (self.total / p.sum())
 
-    def _nearest(self, p: Array) -> Array:
-        """The nearest admissible pressures."""
+    def project(self, p: Array) -> Array:
+        """Return the nearest pressures without tension, of the given sum."""
         if self.force is None:
             return np.maximum(p, 0.0)
         # Those of the given sum are max(p - c, 0) with the constant c that gives the sum.
         ordered = np.sort(p, axis=None)[::-1]
         c = (np.cumsum(ordered) - self.total) / np.arange(1, p.size + 1)
-        c = c[np.flatnonzero(ordered > c)[-1]]
-        return np.asarray(np.maximum(p - c, 0.0))
+        return np.maximum(p - c[np.flatnonzero(ordered > c)[-1]], 0.0)

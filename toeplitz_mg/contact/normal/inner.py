@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.counted import Products, dot
 from toeplitz_mg.contact.inverse import Inverse
+from toeplitz_mg.contact.products import Products
+from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
+from toeplitz_mg.engine.vectors import axpy, dot
 
-REDUCTION = 1e-5  # of the misfit, for which single precision is good
-FAR = 1e30  # misfits, beyond which no sign changes: single precision ends at 1e38
-LONG = 50  # iterations, after which no recurrence is trusted
+REDUCTION = 1e-5  # Reduction of the misfit for which single precision is good.
+FAR = 1e30  # Misfits beyond which no sign changes any more: single precision ends at 1e38.
+LONG = 50  # Iterations after which the recurrence in single precision is not trusted.
 
 
 class Area:
@@ -35,13 +37,13 @@ class Look(NamedTuple):
     """What is wrong with some pressures and a set of elements in contact."""
 
     gap: Array
-    r: Array  # minus the gap, in contact
-    mean: float  # what the gap was in contact, on average, if the approach is free
-    lowest: float  # gap
-    misfit: float  # the largest gap in contact
-    tension: float  # the largest negative pressure
-    violation: float  # of the set: that, and penetration elsewhere
-    error: float  # of complementarity, with the approach at which nothing penetrates, if it is free
+    r: Array  # Minus the gap in contact, zero elsewhere.
+    mean: float  # The mean that the gap had in contact, where the approach is free; else 0.
+    lowest: float  # The smallest gap.
+    misfit: float  # The largest size of the gap in contact.
+    tension: float  # The largest negative pressure.
+    violation: float  # How wrong the set is: the tension, or the depth of penetration elsewhere.
+    error: float  # Of complementarity; where the approach is free, at that without penetration.
 
     @classmethod
     def at(cls, p: Array, gap: Array, area: Area, *, balanced: bool) -> Self:
@@ -49,7 +51,7 @@ class Look(NamedTuple):
         mean = 0.0
         if balanced:
             mean = area.mean(gap)
-            gap -= mean
+            gap = gap - mean
         r = gap * area.mask
         low, high = float(r.min()), float(r.max())
         least = float((gap - r).min())
@@ -60,16 +62,16 @@ class Look(NamedTuple):
 
 
 class Change(NamedTuple):
-    """Of pressures and their displacements, and what it leads to."""
+    """A change of the pressures, that of the displacements, and what they lead to."""
 
     p: Array
     u: Array
-    below: Array  # the elements of a negative gap
-    is_solved: bool  # as far as the set is worth it
+    below: Array  # The elements in which the gap is negative.
+    is_solved: bool  # Whether it is solved as far as the set is worth it, and is no answer.
     iterations: int
 
 
-def conjugate_gradients(
+def solve_on_set(
     A: Products,
     M: Inverse,
     C: Array,
@@ -80,47 +82,53 @@ def conjugate_gradients(
     tolerance: float,
     balanced: bool,
 ) -> Change:
-    """Solve on a set as far as it is worth, with changes of the sum zero where `balanced`.
+    """Solve on a set of elements in contact as far as the set is worth it.
 
     Parameters
     ----------
     A : Products
-        With a matrix whose diagonal is 1.
+        Products with a matrix whose diagonal is 1.
     M : Inverse
+        An approximate inverse on the set.
     C : ndarray of bool
+        The set.
     p : ndarray
-        Pressures.
+        The pressures to start from.
     now : Look
-        At them.
+        What is wrong with them.
     eta : float
-        What of the violation of the set may be left as misfit.
+        The misfit that may be left, relative to the violation of the set.
     tolerance : float
-        Of the complementarity. No more is asked for.
+        The error of complementarity below which no more is asked for.
     balanced : bool
-        Whether the sum of the pressures is given, and the approach is free.
+        Whether the sum of the pressures is given, so that the change has the sum zero, and the
+        approach is free.
     """
     area = Area(C, M.dtype)
     unit = max(now.misfit, tolerance)
     p0, gap0 = (np.clip(x * (1.0 / unit), -FAR, FAR).astype(M.dtype) for x in (p, now.gap))
-    v, Av, d = (np.zeros_like(p0) for _ in range(3))
-    rho, count = 0.0, 0
+    v, Av = (np.zeros(p.shape, M.dtype) for _ in range(2))
+
+    def precondition(r: Array, out: Array) -> Array:
+        y = M(r)
+        if balanced:
+            y -= area.mean(y)
+        y *= area.mask
+        return y
+
+    iteration = ConjugateGradients(A, precondition)
+    count = 0
     while True:
         look = Look.at(p0 + v, gap0 + Av, area, balanced=balanced)
         is_answer = look.tension == 0.0 and look.error <= 0.9 * tolerance / unit
         is_solved = look.misfit <= max(eta * look.violation, 0.1 * tolerance / unit)
         if is_answer or is_solved or look.misfit <= REDUCTION or count == LONG or A.exhausted:
             break
-        y = M(look.r)
-        if balanced:
-            y -= area.mean(y)
-        y *= area.mask
-        rho, before = dot(look.r, y), rho
-        d *= rho / before if count else 0.0
-        d += y
-        Ad = A(d)
-        step = rho / dot(d, Ad)
-        v += np.multiply(d, step, out=y)
-        Av += np.multiply(Ad, step, out=y)
+        length = iteration.step(look.r)
+        if length == 0.0:
+            break  # as what is left is lost in the rounding
+        axpy(length, iteration.direction, v)
+        axpy(length, iteration.product, Av)
         count += 1
     dp, du = (x.astype(np.float64) * unit for x in (v, Av))
     if balanced:

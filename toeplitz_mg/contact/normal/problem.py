@@ -7,23 +7,20 @@ The pressures p and the gap w = A p + z - δ (Eq. 6-7) are complementary:
 The elements in contact are found by `active_set`, from a first guess on coarser grids.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_iteration, normal_load
-from toeplitz_mg.contact.counted import Products
-from toeplitz_mg.contact.grid import Element, Grid
+from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.active_set import Search, State
-from toeplitz_mg.contact.result import ContactResult, converged
+from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.result import ContactResult, check_converged
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.values import field, in_range
-
-Progress = Callable[[int, float], object]
 
 
 def normal_contact(
@@ -125,10 +122,10 @@ def normal_contact(
     with count_products() as work:
         search = Search(grid, z, approach, load, tolerance, progress)
         products = Products(search.matrix, max_products)
-        state = search.run(products, search.first_guess(nested=nested))
+        state = search.run(products, nested=nested)
         state = state._replace(p=state.p / search.unit)
     result = _result(grid, z, state, products.count, work.units(z.size), distance)
-    doubts.warn(converged(result, tolerance).warnings)
+    doubts.warn(check_converged(result, tolerance).warnings)
     return result
 
 

@@ -14,14 +14,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.counted import combined, dots
+from toeplitz_mg.engine.vectors import combine, dots
 
-ROUNDING = 4.0 * np.finfo(np.float64).eps
+ROUNDING = 4.0 * np.finfo(np.float64).eps  # Relative rounding of |q|, however it is computed.
+ON_BOUND = 1e-12  # Relative distance from the bound at which a traction counts as on it.
+STEPS = 100  # Steps of Newton's method for a given sum: a dozen are usual.
+HALVINGS = 40  # Halvings of such a step: after so many it moves nothing.
+BALANCED = 1e-13  # Error of the sum, relative to the sum or to that of the sizes: rounding.
 
 
 @dataclass(frozen=True)
 class Areas:
-    """Elements that stick, and elements that slide."""
+    """Elements that stick, and elements that slide: masks of the shape of the grid."""
 
     stick: Array
     slide: Array
@@ -29,27 +33,27 @@ class Areas:
     @classmethod
     def of(cls, q: Array, g: Array) -> "Areas":
         """Take what is on the bound for sliding."""
-        slide = (g > 0.0) & (size(q) >= g * (1.0 - 1e-12))
+        slide = (g > 0.0) & (size(q) >= g * (1.0 - ON_BOUND))
         return cls((g > 0.0) & ~slide, slide)
 
-    def changed(self, out: Array, back: Array) -> "Areas":
-        """Let elements that stick slide, and such that slide stick."""
+    def exchange(self, out: Array, back: Array) -> "Areas":
+        """Let the elements `out`, which stick, slide, and `back`, which slide, stick."""
         return Areas((self.stick & ~out) | back, (self.slide & ~back) | out)
 
 
 def size(q: Array) -> Array:
     """|q| in each element."""
-    return np.asarray(np.abs(q[0]) if len(q) == 1 else np.hypot(q[0], q[1]))
+    return np.abs(q[0]) if len(q) == 1 else np.hypot(q[0], q[1])
 
 
 def direction(q: Array) -> Array:
     """q/|q|, to the last bit ±1 in one component; zero where q is."""
     a = size(q)
-    return np.asarray(q / np.where(a > 0.0, a, 1.0))
+    return q / np.where(a > 0.0, a, 1.0)
 
 
-def bounded(q: Array, g: Array) -> Array:
-    """The nearest admissible traction: |q| ≤ g to the last bit, however |q| is computed."""
+def clip(q: Array, g: Array) -> Array:
+    """Return the nearest tractions within the bound: |q| ≤ g, however |q| is rounded."""
     if len(q) == 1:
         return np.clip(q, -g, g)
     a = size(q)
@@ -61,10 +65,10 @@ def bounded(q: Array, g: Array) -> Array:
     return q * factor
 
 
-def scaled(q: Array, g: Array, on_circle: Array) -> Array:
-    """Tractions of the size of the bound on some elements, and within it on the others."""
+def scale_to_bound(q: Array, g: Array, on_circle: Array) -> Array:
+    """Return tractions of the size of the bound on some elements, within it on the others."""
     g_circle = np.where(on_circle, g, 0.0)  # elsewhere the bound may be infinite, and q zero
-    return bounded(np.where(on_circle, direction(q) * g_circle, q), g)
+    return clip(np.where(on_circle, direction(q) * g_circle, q), g)
 
 
 class Tangent:
@@ -93,27 +97,27 @@ class Tangent:
     def _project(self, v: Array) -> Array:
         """To the tangent space, of any sum."""
         v = np.where(self.inside, v, 0.0)
-        return np.asarray(v - self.n * along(v, self.n))
+        return v - self.n * along(v, self.n)
 
     def multiplier(self, s: Array) -> Array:
         """The uniform field nearest to `s` in these directions, as a vector of components."""
         assert self._normals is not None
-        return np.asarray(self._normals @ dots(self._units, s))
+        return self._normals @ dots(self._units, s)
 
     def __call__(self, v: Array) -> Array:
         """Project a field orthogonally."""
         v = self._project(v)
         if self._normals is not None:
-            v -= combined(self.multiplier(v), self._units)
+            v -= combine(self.multiplier(v), self._units)
         return v
 
 
 def along(v: Array, n: Array) -> Array:
     """v·n in each element."""
-    return np.asarray((v * n).sum(axis=0))
+    return (v * n).sum(axis=0)
 
 
-def admissible(
+def make_admissible(
     q: Array, g: Array, areas: Areas, on_circle: Array, total: Array | None
 ) -> tuple[Array, Areas]:
     """Scale tractions to the bound on some elements, and restore the sum of all.
@@ -121,40 +125,56 @@ def admissible(
     The elements that stick carry what is missing, or else all turn. The areas change only where
     that does not do either.
     """
-    q = scaled(q, g, on_circle)
+    q = scale_to_bound(q, g, on_circle)
     if total is None:
         return q, areas
-    p = balanced(q, g, total, areas.stick)
+    p = balance(q, g, total, areas.stick)
     if p is None and len(q) > 1:  # almost all slides: turn tractions on the circle too
-        p = balanced(q, g, total, (g > 0.0) & np.isfinite(g), areas.slide)
+        p = balance(q, g, total, (g > 0.0) & np.isfinite(g), areas.slide)
     if p is not None:
         return p, areas
-    q = nearest(q, g, total)
+    q = project(q, g, total)
     return q, Areas.of(q, g)
 
 
-def nearest(q: Array, g: Array, total: Array | None) -> Array:
-    """The nearest admissible tractions, of a given sum if there is one."""
+def project(q: Array, g: Array, total: Array | None) -> Array:
+    """Return the nearest tractions within the bound, of a given sum if there is one."""
     if total is None:
-        return bounded(q, g)
-    p = balanced(np.where(g > 0.0, q, 0.0), g, total, g > 0.0)
+        return clip(q, g)
+    p = balance(np.where(g > 0.0, q, 0.0), g, total, g > 0.0)
     # Too close to where all slides for the nearest: some that have the sum.
-    return in_proportion(total, g) if p is None else p
+    return spread(total, g) if p is None else p
 
 
-def in_proportion(total: Array, g: Array) -> Array:
-    """Tractions of a given sum in proportion to the bound; where some are bonded, on those."""
+def spread(total: Array, g: Array) -> Array:
+    """Return tractions of a given sum in proportion to the bound; where some are bonded, there."""
     share = np.isinf(g).astype(np.float64) if np.isinf(g).any() else g
-    return np.asarray(total.reshape(-1, *(1,) * g.ndim) * (share / share.sum()))
+    return total.reshape(-1, *(1,) * g.ndim) * (share / share.sum())
 
 
-def balanced(
+def balance(
     q: Array, g: Array, total: Array, movable: Array, on_circle: Array | None = None
 ) -> Array | None:
-    """Return tractions of a given sum: bounded(q + c, g) where movable, with a constant c.
+    """Give tractions a sum, by clip(q + c, g) where they are movable, with a constant c.
 
-    Where some stay on the circle |q| = g, it is q + c g, which turns them all by similar angles.
-    None where the movable elements cannot carry what is missing.
+    Parameters
+    ----------
+    q : ndarray of shape (components, ...)
+        Tractions.
+    g : ndarray
+        Their bound.
+    total : ndarray of shape (components,)
+        The sum that they shall have.
+    movable : ndarray of bool
+        The elements where the tractions may change.
+    on_circle : ndarray of bool, optional
+        Of those, the elements that stay on the circle |q| = g. Then it is q + c g in the place of
+        q + c, which turns all of them by similar angles.
+
+    Returns
+    -------
+    ndarray of the shape of `q`, or None
+        None where the movable elements cannot carry what is missing.
     """
     m = len(q)
     rest = total - np.where(movable, 0.0, q).reshape(m, -1).sum(axis=1)
@@ -162,14 +182,14 @@ def balanced(
     circle, unit = np.zeros(g_m.shape, bool), np.ones_like(g_m)
     if on_circle is not None:
         circle, unit = on_circle[movable], g_m
-    if not np.linalg.norm(rest) < g_m.sum() * (1.0 - 1e-12):
+    if not np.linalg.norm(rest) < g_m.sum() * (1.0 - ON_BOUND):
         return None
     # The sum is the gradient of a convex function of c: Newton's method, with a search along it.
     c = np.zeros(m)
     value, p = _primitive(z, g_m, circle, unit)
     missing = rest - p.sum(axis=1)
-    goal = 1e-13 * max(float(np.linalg.norm(total)), float(size(p).sum()))
-    for _ in range(100):
+    goal = BALANCED * max(float(np.linalg.norm(total)), float(size(p).sum()))
+    for _ in range(STEPS):
         error = float(np.linalg.norm(missing))
         if error <= goal:
             result = q.copy()
@@ -182,7 +202,7 @@ def balanced(
         weight = unit * np.where(outside, g_m / np.where(a > 0.0, a, 1.0), 1.0)
         H = weight.sum() * np.eye(m) - (weight * n) @ n.T
         move = np.linalg.solve(H + 1e-9 * weight.sum() * np.eye(m), missing)
-        for step in 0.5 ** np.arange(40.0):
+        for step in 0.5 ** np.arange(float(HALVINGS)):
             trial = c + step * move
             new, p = _primitive(z + trial[:, None] * unit, g_m, circle, unit)
             missing = rest - p.sum(axis=1)
@@ -202,4 +222,4 @@ def _primitive(z: Array, g: Array, circle: Array, unit: Array) -> tuple[float, A
     """
     a = size(z)
     inside = np.where(circle, g, np.minimum(a, g))
-    return float((inside * (a - 0.5 * inside) / unit).sum()), scaled(z, g, circle)
+    return float((inside * (a - 0.5 * inside) / unit).sum()), scale_to_bound(z, g, circle)

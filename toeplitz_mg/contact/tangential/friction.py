@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import (
     check_iteration,
@@ -15,11 +15,10 @@ from toeplitz_mg.contact.checks import (
     traction_bound,
     tractions_before,
 )
-from toeplitz_mg.contact.counted import Products
-from toeplitz_mg.contact.grid import Element, Grid
-from toeplitz_mg.contact.normal.problem import Progress
-from toeplitz_mg.contact.result import ContactResult, converged
-from toeplitz_mg.contact.tangential.coulomb import bounded, nearest
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.result import ContactResult, check_converged
+from toeplitz_mg.contact.tangential.coulomb import clip, project
 from toeplitz_mg.contact.tangential.stick_slip import Problem, State, solve
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
@@ -126,7 +125,7 @@ def friction(
         guess, least = None, 0.0
         if previous is not None:
             u = products(before)
-            guess = nearest(bounded(before, g), g, total)
+            guess = project(clip(before, g), g, total)
             b, least = b + u, float(np.abs(u).max())
         problem = Problem(window.grid, g, b, total, tolerance, least, progress)
         state = solve(problem, products, guess, nested=nested)
@@ -134,7 +133,7 @@ def friction(
     if shift is not None:
         given = np.array(shift, dtype=np.float64)
         result = replace(result, rigid=float(given) if given.ndim == 0 else given)
-    doubts.warn(converged(result, tolerance).warnings)
+    doubts.warn(check_converged(result, tolerance).warnings)
     return result
 
 

@@ -17,16 +17,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_iteration, traction_bound, tractions_before
-from toeplitz_mg.contact.counted import Products
-from toeplitz_mg.contact.grid import Element, Grid
-from toeplitz_mg.contact.normal.problem import Progress
-from toeplitz_mg.contact.result import ContactResult, converged
-from toeplitz_mg.contact.tangential.coulomb import bounded
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.result import ContactResult, check_converged
+from toeplitz_mg.contact.tangential.coulomb import clip
 from toeplitz_mg.contact.tangential.friction import tangential_result
-from toeplitz_mg.contact.tangential.steady import steady, steady_operator
+from toeplitz_mg.contact.tangential.steady import SteadyOptions, steady, steady_operator
 from toeplitz_mg.contact.tangential.stick_slip import Problem, solve
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
@@ -46,6 +45,7 @@ def rolling(
     nested: bool = True,
     max_products: int = 2000,
     progress: Progress | None = None,
+    options: SteadyOptions | None = None,
 ) -> ContactResult:
     """Roll steadily towards positive x with given creepages: tractions, slip, stick and slip areas.
 
@@ -65,6 +65,8 @@ def rolling(
         Of Coulomb's law, as in `friction`, relative to the largest rigid slip.
     nested, max_products, progress
         As in `normal_contact`.
+    options : SteadyOptions, optional
+        How long the search goes on before it rolls step by step.
 
     Returns
     -------
@@ -108,12 +110,12 @@ def rolling(
         A = grid.tangential()
         products = Products(steady_operator(A, grid.upstream()), max_products)
         problem = Problem(grid, g, -w, None, tolerance, progress=progress)
-        state = steady(problem, products, nested=nested)
+        state = steady(problem, products, nested=nested, options=options or SteadyOptions())
         u = np.where(g > 0.0, apply_to_rows(A, state.q.reshape(-1)).reshape(w.shape), 0.0)
     result = tangential_result(problem, state, window, products.count + 1, work.units(w.size))
     result = replace(result, displacement=window.extended(u).reshape(result.traction.shape))
     result = _per_distance(result, longitudinal, lateral, spin)
-    doubts.warn(converged(result, tolerance).warnings)
+    doubts.warn(check_converged(result, tolerance).warnings)
     return result
 
 
@@ -187,12 +189,12 @@ def rolling_steps(
                 products = Products(A, max_products)
                 b = apply_to_rows(S, q.reshape(-1)).reshape(q.shape) - w
                 problem = Problem(grid, g, b, None, tolerance, float(np.abs(w).max()))
-                state = solve(problem, products, bounded(q, g), nested=False)
+                state = solve(problem, products, clip(q, g), nested=False)
             q = state.q
             result = tangential_result(
                 problem, state, window, products.count + 1, work.units(w.size)
             )
-            yield converged(_per_distance(result, longitudinal, lateral, spin), tolerance)
+            yield check_converged(_per_distance(result, longitudinal, lateral, spin), tolerance)
 
     return march(q)
 

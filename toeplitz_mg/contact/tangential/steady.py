@@ -1,38 +1,64 @@
 """The steady state of rolling, directly: the areas of stick and slip for a matrix not symmetric.
 
-The sets and Newton's method are those of `stick_slip`, with K = A - S in the place of A. GMRES
-takes the place of conjugate gradients, with a shifted inverse of the symbol of K: where elements
-slide, λ adds to K, so that it is scaled there by (1 + λ/k₀)^(-1/2) from both sides.
+The areas and Newton's method are those of `stick_slip`, with K = A - S in the place of A. As K is
+not symmetric, GMRES takes the place of conjugate gradients, and there is no energy that each change
+of the areas should lower (`active_sets`): progress is a smaller residual, and where there is none
+for long, rolling step by step leads on.
+
+GMRES is preconditioned by a shifted inverse of the symbol of K, â(θ)(1 - e^{iθ₁}). Its real part is
+not negative, but it is zero for what is constant along the direction of rolling; with a positive
+real shift it is nowhere small. Where elements slide, λ adds to K, so that the inverse is scaled
+there by (1 + λ/k₀)^(-1/2) from both sides.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.counted import Products, dot
-from toeplitz_mg.contact.tangential.coulomb import Areas, admissible, along, bounded, size
-from toeplitz_mg.contact.tangential.shifted import shifted_inverse
+from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.tangential.coulomb import Areas, along, clip, make_admissible, size
 from toeplitz_mg.contact.tangential.stick_slip import (
     COARSE_PRODUCTS,
-    Linearised,
+    SHARP,
+    Linearisation,
     Problem,
     State,
     diagonal,
-    linearised,
-    refined_guess,
+    linearise,
+    refine_guess,
     solve,
 )
+from toeplitz_mg.engine.vectors import norm
+from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator, apply_to_rows
 from toeplitz_mg.solvers.gmres import gmres
 
-REDUCTION = 0.01  # of the residual, by one solution with GMRES, where that is not exact
-SINGLE = 1e-5  # of it, as single precision is good for no more,
-RANGE = 1e-12, 1e12  # and for such units
-MOST = 60  # iterations of one
-PATIENCE = 30  # changes of the areas without any progress
+REDUCTION = 0.01  # Reduction of the residual by one solution where the problem is linearised.
+SINGLE = 1e-5  # Reduction of the residual for which single precision is good,
+LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # and the diagonals of K for which it has the range.
+BETTER = 0.9  # Factor of the best residual so far below which another one is progress.
+STEP_TOLERANCE = 1e-6  # Tolerance of a step of rolling that only leads to the steady state.
+
+
+@dataclass(frozen=True)
+class SteadyOptions:
+    """How long the search for the steady state of rolling goes on.
+
+    Attributes
+    ----------
+    iterations : int
+        Most iterations of GMRES between two changes of the areas, all of whose vectors are kept.
+    patience : int
+        Changes of the areas without a smaller residual, after which it rolls step by step over the
+        length of the grid, and searches on from there.
+    """
+
+    iterations: int = 60
+    patience: int = 30
 
 
 def steady_operator(A: Any, S: Any) -> LinearOperator:
@@ -54,7 +80,38 @@ def _difference(a: ToeplitzOperator | None, s: ToeplitzOperator | None) -> Toepl
     return ToeplitzOperator.from_lags(-s.lags if a is None else a.lags - s.lags)
 
 
-def steady(problem: Problem, K: Products, *, nested: bool) -> State:
+def invert_shifted(K: LinearOperator, shift: float) -> LinearOperator:
+    """Return the inverse of K + shift max|symbol|, of a circulant that embeds it, cut to the grid.
+
+    Parameters
+    ----------
+    K : ToeplitzOperator or CoupledOperator
+        The matrix of steady rolling. The components of a coupled one are inverted each by itself.
+    shift : float
+        The shift of the symbol, relative to its largest value.
+
+    Returns
+    -------
+    ToeplitzOperator or CoupledOperator
+    """
+    if not isinstance(K, CoupledOperator):
+        return _invert(K, shift)
+    # The coupling between components is weak: inverted too, it saves no iteration.
+    inverses = [_invert(K.component(i), shift) for i in range(len(K.blocks))]
+    return CoupledOperator(
+        [[M if i == j else None for j in range(len(inverses))] for i, M in enumerate(inverses)]
+    )
+
+
+def _invert(K: ToeplitzOperator, shift: float) -> ToeplitzOperator:
+    lengths = tuple(fft.next_fast_len(2 * n - 1, real=True) for n in K.grid_shape)
+    count_transforms(2, *lengths)
+    symbol = fft.rfftn(K.circulant(lengths))
+    kernel = fft.irfftn(1.0 / (symbol + shift * np.abs(symbol).max()), lengths)
+    return ToeplitzOperator.from_lags(kernel[np.ix_(*(np.arange(1 - n, n) for n in K.grid_shape))])
+
+
+def steady(problem: Problem, K: Products, *, nested: bool, options: SteadyOptions) -> State:
     """Find the tractions and the areas of stick and slip of the steady state.
 
     Parameters
@@ -64,63 +121,70 @@ def steady(problem: Problem, K: Products, *, nested: bool) -> State:
     K : Products
     nested : bool
         Whether to start from the solution on coarser grids.
+    options : SteadyOptions
     """
     g, b = problem.g, problem.b
-    q, areas = _first_guess(problem, nested=nested)
+    q, areas = _first_guess(problem, nested=nested, options=options)
     u = K(q) if q.any() else np.zeros_like(q)
     k0 = diagonal(K.A)
-    dtype = np.float32 if RANGE[0] < k0 < RANGE[1] else np.float64
+    dtype = np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64
     M, shift = None, 0.0
-    best, patience = np.inf, PATIENCE
+    best, patience = np.inf, options.patience
     iterations: list[int] = []
     while True:
-        law = linearised(problem, areas, q, u)
+        law = linearise(problem, areas, q, u)
         if law.residual <= problem.tolerance or K.exhausted:
             return State(q, u, areas, law.shift, law.residual, tuple(iterations))
         if problem.progress is not None:
             problem.progress(K.count, law.residual)
         if shift != (shift := _shift(areas)) or M is None:
-            M = shifted_inverse(K.A, shift).astype(dtype)
-        v, count = _newton_step(problem, law, areas, q, K, M)
+            M = invert_shifted(K.A, shift).astype(dtype)
+        v, count = _newton_step(problem, law, areas, q, K, M, options)
         iterations.append(count)
         q = q + v
         out = areas.stick & (size(q) > g)
         on_circle = areas.slide | out
-        q, _ = admissible(q, g, areas, on_circle, None)
+        q, _ = make_admissible(q, g, areas, on_circle, None)
         u = K(q)
         back = areas.slide & (along(b - u, law.T.n) < 0.0)
-        areas = areas.changed(out, back)
-        patience = PATIENCE if law.residual < 0.9 * best else patience - 1
+        areas = areas.exchange(out, back)
+        patience = options.patience if law.residual < BETTER * best else patience - 1
         best = min(best, law.residual)
         if patience == 0:
             q, areas = _roll_on(problem, q, K)
-            u, best, patience = K(q), np.inf, PATIENCE
+            u, best, patience = K(q), np.inf, options.patience
 
 
 def _newton_step(
-    problem: Problem, law: Linearised, areas: Areas, q: Array, K: Products, M: LinearOperator
+    problem: Problem,
+    law: Linearisation,
+    areas: Areas,
+    q: Array,
+    K: Products,
+    M: LinearOperator,
+    options: SteadyOptions,
 ) -> tuple[Array, int]:
     """Return a change of the tractions, and the iterations."""
     T, lam, r = law.T, law.stiffness, law.r
     contact, k0 = problem.g > 0.0, diagonal(K.A)
     weight = np.where(areas.slide, 1.0 / np.sqrt(1.0 + lam / k0), 1.0)
-    norm = float(np.sqrt(dot(r, r)))
-    if norm == 0.0:
+    before = norm(r)
+    if before == 0.0:
         return np.zeros_like(r), 0
-    exact = max(0.3 * problem.tolerance * law.scale, SINGLE * norm)
+    exact = max(SHARP * problem.tolerance * law.scale, SINGLE * before)
     if len(r) > 1 and areas.slide.any():  # the circle |q| = g is linearised
-        exact = max(exact, REDUCTION * norm)
+        exact = max(exact, REDUCTION * before)
 
     def goal(v: Array) -> float:
         excess = float(np.max(size(q + v) - problem.g, where=contact, initial=0.0))
-        return max(exact, k0 * excess * norm / float(np.abs(r).max()))
+        return max(exact, k0 * excess * before / float(np.abs(r).max()))
 
     return gmres(
         lambda v: T(K(v)) + lam * v,
         lambda v: T(weight * apply_to_rows(M, (weight * T(v)).reshape(-1)).reshape(v.shape)),
         r,
         goal,
-        min(MOST, max(1, K.limit - K.count)),
+        min(options.iterations, max(1, K.limit - K.count)),
         M.dtype,
     )
 
@@ -134,7 +198,7 @@ def _shift(areas: Areas) -> float:
     return float(0.04 * 2.0 ** np.round(np.log2(1.0 + 7.5 * sliding**3)))
 
 
-def _first_guess(problem: Problem, *, nested: bool) -> tuple[Array, Areas]:
+def _first_guess(problem: Problem, *, nested: bool, options: SteadyOptions) -> tuple[Array, Areas]:
     coarse = problem.coarser() if nested else None
     if coarse is None:
         return np.zeros(problem.b.shape), Areas(problem.g > 0.0, np.zeros(problem.g.shape, bool))
@@ -142,7 +206,7 @@ def _first_guess(problem: Problem, *, nested: bool) -> tuple[Array, Areas]:
     grid = coarse.grid
     coarse = replace(coarse, b=coarse.b * (grid.element[0] / problem.grid.element[0]))
     K = Products(steady_operator(grid.tangential(), grid.upstream()), COARSE_PRODUCTS)
-    return refined_guess(problem, steady(coarse, K, nested=True))
+    return refine_guess(problem, steady(coarse, K, nested=True, options=options))
 
 
 def _roll_on(problem: Problem, q: Array, K: Products) -> tuple[Array, Areas]:
@@ -151,8 +215,10 @@ def _roll_on(problem: Problem, q: Array, K: Products) -> tuple[Array, Areas]:
     for _ in range(problem.g.shape[0]):
         b = problem.b + apply_to_rows(S, q.reshape(-1)).reshape(q.shape)
         products = Products(A, K.limit - K.count)
-        step = replace(problem, b=b, tolerance=max(problem.tolerance, 1e-6), progress=None)
-        q = solve(step, products, bounded(q, problem.g), nested=False).q
+        step = replace(
+            problem, b=b, tolerance=max(problem.tolerance, STEP_TOLERANCE), progress=None
+        )
+        q = solve(step, products, clip(q, problem.g), nested=False).q
         K.count += products.count + 1
         if K.exhausted:
             break

@@ -14,34 +14,38 @@ converges for ν = 0 alone.)
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.counted import Products, dot
-from toeplitz_mg.contact.grid import Grid, coarsened, refined
+from toeplitz_mg._typing import Array, Progress
+from toeplitz_mg.contact.active_sets import Iterate, find_sets
+from toeplitz_mg.contact.grid import Grid, coarsen, refine
 from toeplitz_mg.contact.inverse import LocalInverse, is_local_better
-from toeplitz_mg.contact.normal.problem import Progress
+from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.tangential.coulomb import (
     Areas,
     Tangent,
-    admissible,
     along,
-    in_proportion,
-    nearest,
+    make_admissible,
+    project,
     size,
+    spread,
 )
+from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
+from toeplitz_mg.engine.vectors import axpy
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.preconditioners import cosine_preconditioner
-from toeplitz_mg.solvers.projected_gradients import descend
 
-COARSE = 3e-3  # tolerance of the first guess, on a coarser grid
-COARSE_PRODUCTS = 200
-LOCAL = 0.5  # of the inverse of the diagonal is added to that of A, where elements slide
-MOST = 200  # iterations of conjugate gradients, before rounding keeps them from the rest
-RESCUE = 40  # products of projected gradients, where the sets cycle
+ETA = 1.0  # Misfit that is left on the areas, relative to their violation, while the energy falls.
+COARSE = 3e-3  # Tolerance on a coarser grid: a better guess saves no product on the finer one.
+COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is a guess only.
+LOCAL = 0.5  # Part of 1/a₀ added to M where elements slide, as M is too small there (see below).
+MOST = 200  # Iterations on fixed areas, after which rounding keeps them from the rest.
+SHARP = 0.3  # Part of the tolerance to which fixed areas are solved at most.
+TINY = 1e-15  # Bound, relative to the largest, below which a stiffness is that of this bound.
 
 
 @dataclass(frozen=True)
@@ -76,8 +80,8 @@ class Problem:
         grid = self.grid.coarser()
         if grid is None:
             return None
-        levels = len(grid.shape)
-        g, b = coarsened(self.g, levels), coarsened(self.b, levels)
+        axes = len(grid.shape)
+        g, b = coarsen(self.g, axes), coarsen(self.b, axes)
         total = None if self.total is None else self.total * (self.grid.area / grid.area)
         return Problem(grid, g, b, total, COARSE, self.least)
 
@@ -99,7 +103,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Linearised:
+class Linearisation:
     """Coulomb's law about some tractions.
 
     Attributes
@@ -127,7 +131,7 @@ class Linearised:
     residual: float
 
 
-def linearised(problem: Problem, areas: Areas, q: Array, u: Array) -> Linearised:
+def linearise(problem: Problem, areas: Areas, q: Array, u: Array) -> Linearisation:
     """Linearise Coulomb's law about the tractions q, with the displacements u = A q."""
     contact, b = problem.g > 0.0, problem.b
     T = Tangent(areas, q, balanced=problem.total is not None)
@@ -135,17 +139,70 @@ def linearised(problem: Problem, areas: Areas, q: Array, u: Array) -> Linearised
     target = b + problem.uniform(shift)
     minus_slip = target - u
     against = along(minus_slip, T.n)  # Eq. 3 wants the slip to oppose the traction
-    stiffness = np.maximum(against, 0.0) / np.where(areas.slide, _not_tiny(problem.g), 1.0)
+    g_max = float(np.max(problem.g, where=np.isfinite(problem.g), initial=0.0))
+    g_slide = np.where(areas.slide, np.maximum(problem.g, TINY * g_max), 1.0)
     r = T(minus_slip)
     scale = max(problem.least, float(np.max(size(target), where=contact, initial=0.0)))
     violation = max(float(size(r).max()), -float(against.min()))
     residual = violation / scale if scale > 0.0 else 0.0
-    return Linearised(T, shift, minus_slip, stiffness, r, scale, residual)
+    stiffness = np.maximum(against, 0.0) / g_slide
+    return Linearisation(T, shift, minus_slip, stiffness, r, scale, residual)
 
 
-def _not_tiny(g: Array) -> Array:
-    """A bound by which one can divide."""
-    return np.maximum(g, 1e-15 * float(np.max(g, where=np.isfinite(g), initial=0.0)))
+@dataclass(frozen=True)
+class Search:
+    """What `active_sets` asks for where the sets are the areas of stick and slip."""
+
+    problem: Problem
+    A: LinearOperator
+
+    @property
+    def tolerance(self) -> float:
+        """That of the problem."""
+        return self.problem.tolerance
+
+    @property
+    def progress(self) -> Progress | None:
+        """That of the problem."""
+        return self.problem.progress
+
+    @property
+    def b(self) -> Array:
+        """The displacements, were there no slip."""
+        return self.problem.b
+
+    @cached_property
+    def _inverse(self) -> Callable[[Array], Array]:
+        return _inverse(self.A, self.problem.g > 0.0)
+
+    def look(self, now: Iterate[Areas]) -> Linearisation:
+        """Return what is wrong with tractions and areas."""
+        return linearise(self.problem, now.sets, now.x, now.u)
+
+    def advance(
+        self, A: Products, now: Iterate[Areas], law: Linearisation, eta: float
+    ) -> tuple[Iterate[Areas], int]:
+        """Make a step of Newton's method on the areas, and change them."""
+        problem, areas = self.problem, now.sets
+        v, Av, count = _newton_step(problem, law, areas, now.x, A, self._inverse, eta)
+        q, u = now.x + v, now.u + Av
+        out = areas.stick & (size(q) > problem.g)
+        minus_slip = _balance_slip(problem, law.T, problem.b - u)
+        back = areas.slide & (along(minus_slip, law.T.n) < 0.0)
+        on_circle = areas.slide | out
+        areas = areas.exchange(out, back)
+        if out.any() or (len(q) > 1 and on_circle.any()):
+            q, areas = make_admissible(q, problem.g, areas, on_circle, problem.total)
+            u = A(q)
+        return Iterate(q, u, areas), count
+
+    def project(self, q: Array) -> Array:
+        """Return the nearest tractions within the bound, of the given sum."""
+        return project(q, self.problem.g, self.problem.total)
+
+    def sets_of(self, q: Array) -> Areas:
+        """The areas of which those on the bound slide."""
+        return Areas.of(q, self.problem.g)
 
 
 def solve(problem: Problem, A: Products, guess: Array | None, *, nested: bool) -> State:
@@ -160,81 +217,50 @@ def solve(problem: Problem, A: Products, guess: Array | None, *, nested: bool) -
     nested : bool
         Whether to start from the solution on coarser grids, where there is no guess.
     """
-    g, b, total = problem.g, problem.b, problem.total
     q, areas = _first_guess(problem, guess, nested=nested)
-    u = A(q) if q.any() else np.zeros_like(q)
-    M = _inverse(A.A, g > 0.0)
-    a0 = diagonal(A.A)
-    eta, strikes, lowest = 1.0, 0, np.inf
-    iterations: list[int] = []
-    while True:
-        law = linearised(problem, areas, q, u)
-        if law.residual <= problem.tolerance or A.exhausted:
-            return State(q, u, areas, law.shift, law.residual, tuple(iterations))
-        if problem.progress is not None:
-            problem.progress(A.count, law.residual)
-        v, Av, count = _newton_step(problem, law, areas, q, A, M, a0, eta)
-        iterations.append(count)
-        T, q, u = law.T, q + v, u + Av
-        out = areas.stick & (size(q) > g)
-        back = areas.slide & (along(_slip_reversed(problem, T, b - u), T.n) < 0.0)
-        on_circle = areas.slide | out
-        areas = areas.changed(out, back)
-        if out.any() or (len(q) > 1 and on_circle.any()):
-            q, areas = admissible(q, g, areas, on_circle, total)
-            u = A(q)
-        energy = dot(q, 0.5 * u - b)
-        # Each change should lower the energy. Where it does not, first solve more exactly.
-        if energy < lowest:
-            strikes = 0
-        else:
-            strikes, eta = strikes + 1, eta / 10.0
-        if strikes == 3:
-            q, u = descend(A, b, q, lambda x: nearest(x, g, total), A.A.norm_bound, RESCUE)
-            areas, strikes = Areas.of(q, g), 0
-            energy = dot(q, 0.5 * u - b)
-        lowest = min(lowest, energy)
+    now, law, iterations = find_sets(Search(problem, A.A), A, Iterate.of(A, q, areas), ETA)
+    return State(now.x, now.u, now.sets, law.shift, law.residual, iterations)
 
 
 def _newton_step(
     problem: Problem,
-    law: Linearised,
+    law: Linearisation,
     areas: Areas,
     q: Array,
     A: Products,
     M: Callable[[Array], Array],
-    a0: float,
     eta: float,
 ) -> tuple[Array, Array, int]:
     """Return a change of the tractions, that of the displacements, and the iterations."""
-    T, lam, r = law.T, law.stiffness, law.r
+    T, lam, r, a0 = law.T, law.stiffness, law.r.copy(), diagonal(A.A)
     contact = problem.g > 0.0
-    v, Av = np.zeros_like(q), np.zeros_like(q)
+    v, Av, Ad = (np.zeros_like(q) for _ in range(3))
     # Where elements slide, λ adds to A. There M, so scaled, is too small for what is smooth.
     weight = np.where(areas.slide, 1.0 / np.sqrt(1.0 + lam / a0), 1.0)
     local = np.where(areas.slide, LOCAL / a0, 0.0)
-    d, rho, count = v, 0.0, 0
+
+    def multiply(d: Array, out: Array) -> Array:
+        return T(A(d, Ad) + lam * d)
+
+    def precondition(r: Array, out: Array) -> Array:
+        y = weight * r
+        return T(weight * (M(y) + local * y))
+
+    iteration, count = ConjugateGradients(multiply, precondition), 0
     while count < MOST and not A.exhausted:
         # Three things may be wrong with the set, and with the linearisation: |q| > g where it
         # sticks, |q| > g where it slides (the circle is curved), and slip along the traction.
         excess = a0 * float(np.max(size(q + v) - problem.g, where=contact, initial=0.0))
-        along_n = along(_slip_reversed(problem, T, law.minus_slip - Av), T.n)
+        along_n = along(_balance_slip(problem, T, law.minus_slip - Av), T.n)
         wrong = max(excess, -float(along_n.min()))
-        if np.abs(r).max() <= max(0.3 * problem.tolerance * law.scale, eta * wrong):
+        if np.abs(r).max() <= max(SHARP * problem.tolerance * law.scale, eta * wrong):
             break
-        y = weight * r
-        y = T(weight * (M(y) + local * y))
-        rho, before = dot(r, y), rho
-        d = y + (rho / before) * d if count else y
-        Ad = A(d)
-        Hd = T(Ad + lam * d)
-        curvature = dot(d, Hd)
-        if not (rho > 0.0 and curvature > 0.0):
+        length = iteration.step(r)
+        if length == 0.0:
             break  # what is left is below the rounding of other elements, as of far larger bounds
-        step = rho / curvature
-        v += step * d
-        Av += step * Ad
-        r = r - step * Hd
+        axpy(length, iteration.direction, v)
+        axpy(length, Ad, Av)
+        axpy(-length, iteration.product, r)
         count += 1
     return v, Av, count
 
@@ -248,8 +274,8 @@ def _inverse(A: Any, contact: Array) -> Callable[[Array], Array]:
     return lambda r: apply_to_rows(M, r.reshape(-1)).reshape(r.shape)
 
 
-def _slip_reversed(problem: Problem, T: Tangent, s: Array) -> Array:
-    """Minus the slip, for the shift that belongs to it where the force is given."""
+def _balance_slip(problem: Problem, T: Tangent, s: Array) -> Array:
+    """Return minus the slip, less the shift that belongs to it where the force is given."""
     return s if problem.total is None else s - problem.uniform(T.multiplier(s))
 
 
@@ -262,20 +288,20 @@ def _first_guess(problem: Problem, guess: Array | None, *, nested: bool) -> tupl
     coarse = problem.coarser() if nested else None
     if coarse is not None:
         A = Products(coarse.grid.tangential(), COARSE_PRODUCTS)
-        return refined_guess(problem, solve(coarse, A, None, nested=True))
+        return refine_guess(problem, solve(coarse, A, None, nested=True))
     if total is None:
         return np.zeros(problem.b.shape), everything_sticks
-    return in_proportion(total, g), everything_sticks
+    return spread(total, g), everything_sticks
 
 
-def refined_guess(problem: Problem, coarse: State) -> tuple[Array, Areas]:
-    """Admissible tractions and areas from those of a coarser grid."""
+def refine_guess(problem: Problem, coarse: State) -> tuple[Array, Areas]:
+    """Return admissible tractions and areas from those of a coarser grid."""
     g = problem.g
     contact = g > 0.0
-    q = np.where(contact, refined(coarse.q, g.shape), 0.0)
-    slide = refined(coarse.areas.slide.astype(np.float64), g.shape) > 0.5
+    q = np.where(contact, refine(coarse.q, g.shape), 0.0)
+    slide = refine(coarse.areas.slide.astype(np.float64), g.shape) > 0.5
     slide &= contact & np.isfinite(g) & (size(q) > 0.0)
-    return admissible(q, g, Areas(contact & ~slide, slide), slide, problem.total)
+    return make_admissible(q, g, Areas(contact & ~slide, slide), slide, problem.total)
 
 
 def diagonal(A: LinearOperator) -> float:

@@ -1,0 +1,50 @@
+"""Products with fields on a grid, counted and limited."""
+
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.operators import apply_to_rows
+
+
+class Products:
+    """Products of an operator with fields of any shape, in the precision of the field.
+
+    `toeplitz_mg.count_products` measures all work, that of preconditioners and of coarser grids
+    too; here only the products with one matrix count, which `max_products` limits.
+
+    Parameters
+    ----------
+    A : LinearOperator
+        Of as many unknowns as a field has numbers.
+    limit : int
+        The number of products after which it is `exhausted`.
+
+    Attributes
+    ----------
+    count : int
+        Products made so far.
+    """
+
+    def __init__(self, A: LinearOperator, limit: int) -> None:
+        self.A = A
+        self.count = 0
+        self.limit = limit
+
+    @cached_property
+    def _single(self) -> LinearOperator:
+        return self.A.astype(np.float32)
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether no more products should be made."""
+        return self.count >= self.limit
+
+    def __call__(self, x: Array, out: Array | None = None) -> Array:
+        """Multiply a field; the result is `out`, if that is given, or a new array."""
+        self.count += 1
+        A = self._single if x.dtype == np.float32 else self.A
+        memory = None if out is None else out.reshape(-1)
+        return apply_to_rows(A, x.reshape(-1), memory).reshape(x.shape)

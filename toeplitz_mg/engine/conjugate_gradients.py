@@ -1,0 +1,82 @@
+"""One step of conjugate gradients after the other: what to do with them is left to the caller."""
+
+from math import inf
+
+import numpy as np
+
+from toeplitz_mg._typing import Array, Multiply
+from toeplitz_mg.engine.vectors import dot
+
+
+class ConjugateGradients:
+    """The search directions of conjugate gradients for A x = b, preconditioned with M.
+
+    The iterate and its residual r = b - A x belong to the caller, who updates them after each
+    step, by ``x += length * direction`` and ``r -= length * product``, and decides when to stop.
+    In between r may be replaced, as by one that is computed anew.
+
+    Parameters
+    ----------
+    multiply, precondition : callable
+        Products with A and with M. They are called with a vector and with memory of its shape in
+        which they may return the result; `precondition` may also return the vector itself.
+
+    Attributes
+    ----------
+    direction : ndarray
+        The direction d of the last step. It is used again in the next one, as `product` is.
+    product : ndarray
+        The product A d.
+    rho : float
+        r·M r of the last step; where it is not positive, M is not positive definite, or r is zero.
+    curvature : float
+        d·A d of the last step; where it is not positive, A is not positive definite.
+
+    Examples
+    --------
+    >>> A, x, r = np.diag([1.0, 2.0]), np.zeros(2), np.array([1.0, 1.0])
+    >>> iteration = ConjugateGradients(lambda d, out: A @ d, lambda r, out: r)
+    >>> while length := iteration.step(r):
+    ...     x += length * iteration.direction
+    ...     r -= length * iteration.product
+    ...     if np.linalg.norm(r) < 1e-12:
+    ...         break
+    >>> x
+    array([1. , 0.5])
+    """
+
+    def __init__(self, multiply: Multiply, precondition: Multiply) -> None:
+        self._multiply, self._precondition = multiply, precondition
+        self.direction: Array = np.empty(0)
+        self.product: Array = self.direction
+        self.rho = self.curvature = 0.0
+
+    def step(self, r: Array) -> float:
+        """Find the next direction, and return the length of the step along it.
+
+        Parameters
+        ----------
+        r : ndarray
+            The residual. It is not changed.
+
+        Returns
+        -------
+        float
+            0 where `rho` or `curvature` is found not to be positive, or not to be finite: there is
+            no such step then.
+        """
+        is_first = self.rho == 0.0
+        if is_first:
+            self.direction, self.product = (np.empty(r.shape, r.dtype) for _ in range(2))
+        z = self._precondition(r, self.product)
+        self.rho, previous = dot(r, z), self.rho
+        if not 0.0 < self.rho < inf:
+            return 0.0
+        if is_first:
+            self.direction[...] = z
+        else:
+            self.direction *= self.rho / previous
+            self.direction += z
+        self.product = self._multiply(self.direction, self.product)
+        self.curvature = dot(self.direction, self.product)
+        return self.rho / self.curvature if 0.0 < self.curvature < inf else 0.0

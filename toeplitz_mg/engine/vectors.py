@@ -1,0 +1,120 @@
+"""Inner products and updates of vectors, part by part, for all iterations.
+
+Of a long vector BLAS takes as many threads as it has, which wait for each other, and then for more
+to do on the cores that the products need. So it is given parts that are too short for that. The
+operations of NumPy's own that are not here, as ``x *= a``, use one thread anyway.
+
+A vector may be a field of any shape. A field of numbers in single precision has sums in double.
+"""
+
+from functools import cache
+from math import hypot
+from typing import Any
+
+import numpy as np
+from scipy.linalg import get_blas_funcs
+
+from toeplitz_mg._typing import Array
+
+PART = 2**13  # Numbers of a part: OpenBLAS shares a vector of more than 10,000 among threads.
+
+
+def dot(x: Array, y: Array) -> float:
+    """Return the inner product of two real vectors.
+
+    Examples
+    --------
+    >>> dot(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+    11.0
+    """
+    if x.size <= PART:
+        return float(np.vdot(x, y))
+    return float(dots(x[None], y)[0])
+
+
+def dots(X: Array, y: Array) -> Array:
+    """Return the inner products of the vectors along the first axis of X with another.
+
+    Parameters
+    ----------
+    X : ndarray of shape (k, ...)
+    y : ndarray of shape (...)
+
+    Returns
+    -------
+    ndarray of shape (k,)
+
+    Examples
+    --------
+    >>> dots(np.array([[1.0, 2.0], [0.0, 1.0]]), np.array([3.0, 4.0]))
+    array([11.,  4.])
+    """
+    X, y = X.reshape(len(X), -1), y.reshape(-1)
+    count = y.size // PART
+    n = count * PART
+    parts = np.vecdot(X[:, :n].reshape(len(X), count, PART), y[:n].reshape(count, PART))
+    return parts.sum(axis=1, dtype=np.float64) + np.vecdot(X[:, n:], y[n:])
+
+
+def norm(x: Array) -> float:
+    """Return the 2-norm of a vector, real or complex; no square of a number over- or underflows.
+
+    Examples
+    --------
+    >>> norm(np.array([2e200, -2e200, 1e200]))
+    3e+200
+    """
+    x, nrm2 = x.reshape(-1), _blas("nrm2", x.dtype.char)
+    if x.size <= PART:
+        return float(nrm2(x))
+    return hypot(*(nrm2(x[k : k + PART]) for k in range(0, x.size, PART)))
+
+
+def axpy(a: float, x: Array, y: Array) -> None:
+    """Add a x to y, in place.
+
+    Parameters
+    ----------
+    a : float
+    x : ndarray
+    y : ndarray of the shape and the dtype of `x`
+        It is changed, and must be C-contiguous.
+
+    Examples
+    --------
+    >>> y = np.array([1.0, 2.0])
+    >>> axpy(10.0, np.array([3.0, 4.0]), y)
+    >>> y
+    array([31., 42.])
+    """
+    if not y.flags.c_contiguous:
+        raise ValueError("y is not C-contiguous, but is to be changed in place")
+    x, y, add = x.reshape(-1), y.reshape(-1), _blas("axpy", y.dtype.char)
+    for k in range(0, y.size, PART):
+        add(x[k : k + PART], y[k : k + PART], a=a)
+
+
+def combine(weights: Array, X: Array) -> Array:
+    """Return the sum of the vectors along the first axis of X with these weights.
+
+    Parameters
+    ----------
+    weights : ndarray of shape (k,)
+    X : ndarray of shape (k, ...)
+
+    Returns
+    -------
+    ndarray of shape (...), of the dtype of `X`
+
+    Examples
+    --------
+    >>> combine(np.array([1.0, 10.0]), np.array([[1.0, 2.0], [3.0, 4.0]]))
+    array([31., 42.])
+    """
+    # Without BLAS, and so without its threads.
+    return np.einsum("k,k...->...", weights.astype(X.dtype), X)
+
+
+@cache
+def _blas(name: str, dtype: str) -> Any:
+    return get_blas_funcs(name, dtype=dtype)
