@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
-from comparisons import masks
+from comparisons.systems import masks
 from tests.cases import contact
 from toeplitz_mg.cli import files as files_of_cli
 from toeplitz_mg.cli.linear import main

@@ -11,7 +11,7 @@ import tty
 import numpy as np
 import pytest
 
-from comparisons import report
+from comparisons.harness import report
 from toeplitz_mg.cli import files as files_of_cli
 from toeplitz_mg.cli.linear import main
 

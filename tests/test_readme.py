@@ -24,9 +24,10 @@ def test_names_files_that_exist():
 
 def test_names_comparisons_that_exist_and_all_of_them():
     folder = Path(__file__).parent.parent / "comparisons"
-    commands = {p.stem for p in folder.glob("*.py") if '__name__ == "__main__"' in p.read_text()}
-    commands |= {p.parent.name for p in folder.glob("*/__main__.py")}
-    assert set(re.findall(r"python -m comparisons\.(\w+)", README)) == commands
+    runnable = [p for p in folder.rglob("*.py") if '__name__ == "__main__"' in p.read_text()]
+    paths = [p.parent if p.stem == "__main__" else p for p in runnable]
+    commands = {".".join(p.relative_to(folder).with_suffix("").parts) for p in paths}
+    assert set(re.findall(r"python -m comparisons\.([\w.]+\w)", README)) == commands
 
 
 def test_quotes_the_rules_of_default_preconditioner():
