@@ -15,9 +15,9 @@ import numpy as np
 from tqdm import tqdm
 
 import toeplitz_mg as tmg
-from comparisons import report
+from comparisons.harness import report
+from comparisons.harness.report import Row
 from comparisons.matrices import Case, random_ones, typical
-from comparisons.report import Row
 
 TITLE = "default_preconditioner against none"
 TOLERANCE = 1e-8

@@ -19,10 +19,10 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 import toeplitz_mg as tmg
-from comparisons import report
-from comparisons.measuring import timed
-from comparisons.report import Row
-from comparisons.symbols import column
+from comparisons.harness import report
+from comparisons.harness.measuring import timed
+from comparisons.harness.report import Row
+from comparisons.systems.symbols import column
 from toeplitz_mg._typing import Array
 
 SYMBOLS = ("contact", "fGn, H = 0.9", "0.9^k", "exp(-k/1000)", "θ²")

@@ -14,9 +14,9 @@ import numpy as np
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
-from comparisons import masks
-from comparisons.punch import KINDS, influence
-from comparisons.symbols import column, fourier
+from comparisons.systems import masks
+from comparisons.systems.punch import KINDS, influence
+from comparisons.systems.symbols import column, fourier
 from toeplitz_mg import MaskedOperator, ToeplitzOperator
 from toeplitz_mg._typing import Array
 

@@ -8,11 +8,9 @@ right-hand side, with what is updated and with a new one, and the time of an app
 of a new one.
 """
 
-import os
 from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import product
-from multiprocessing import set_forkserver_preload
 from statistics import median
 from time import process_time
 from typing import Any
@@ -21,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from comparisons import masks, report
-from comparisons.measuring import in_a_fresh_process
-from comparisons.report import Row
+from comparisons.harness import report
+from comparisons.harness.processes import in_a_fresh_process, prepare
+from comparisons.harness.report import Row
+from comparisons.systems import masks
 from toeplitz_mg import (
     CoupledOperator,
     MaskedOperator,
@@ -168,8 +167,7 @@ def _shown(row: Row, change: str) -> str:
 
 def main() -> None:
     """Run the comparison."""
-    os.environ["OMP_NUM_THREADS"] = "1"  # read where a process imports BLAS
-    set_forkserver_preload(["comparisons.masks", "comparisons.measuring", "scipy.ndimage"])
+    prepare("comparisons.systems.masks", "comparisons.harness.report", "scipy.ndimage")
     arguments = report.options("updates", "The cost of an update of FSAI.")
     rows: list[Row] = []
     for problem, N in product(PROBLEMS, QUICK_SIZES if arguments.quick else SIZES):

@@ -25,7 +25,8 @@ settings.load_profile("fixed")
 @pytest.fixture(scope="session")
 def quick_processes():
     """Comparisons measure in fresh processes: let these start from one that has imported all."""
-    folder = Path(__file__).parent.parent / "comparisons"
-    modules = [f"comparisons.{path.stem}" for path in sorted(folder.glob("*.py"))]
+    root = Path(__file__).parent.parent
+    paths = sorted((root / "comparisons").rglob("[!_]*.py"))
+    modules = [".".join(path.relative_to(root).with_suffix("").parts) for path in paths]
     multiprocessing.set_forkserver_preload(modules)
     forkserver.ensure_running()

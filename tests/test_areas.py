@@ -3,7 +3,7 @@
 import pytest
 
 import toeplitz_mg as tmg
-from comparisons import masks
+from comparisons.systems import masks
 from comparisons.updates import normal, tangential
 from tests.test_fsai import both_iterations, half_space
 from toeplitz_mg.paper.problems import test1 as line_contact

@@ -6,7 +6,7 @@ import scipy.sparse.linalg
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
-from comparisons.symbols import column
+from comparisons.systems.symbols import column
 
 
 def system(n=900):

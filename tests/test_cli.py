@@ -8,14 +8,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
-from comparisons import masks
+from comparisons.systems import masks
 from tests.cases import contact
-from toeplitz_mg.cli import files as files_of_cli
-from toeplitz_mg.cli.linear import main
+from toeplitz_mg.cli import files
+from toeplitz_mg.cli.main import main
 
 
 @pytest.fixture
-def files(tmp_path):
+def folder(tmp_path):
     """A system of 300 unknowns in files."""
     np.save(tmp_path / "c.npy", contact(300))
     np.save(tmp_path / "b.npy", np.linspace(-1.0, 2.0, 300))
@@ -23,9 +23,9 @@ def files(tmp_path):
     return tmp_path
 
 
-def solve(files, *options, column="c.npy", rhs="b.npy", x="x.npy"):
-    names = [str(files / name) for name in (column, rhs)]
-    return main(["solve", *names, "-o", str(files / x), *options])
+def solve(folder, *options, column="c.npy", rhs="b.npy", x="x.npy"):
+    names = [str(folder / name) for name in (column, rhs)]
+    return main(["solve", *names, "-o", str(folder / x), *options])
 
 
 def figures(printed):
@@ -81,42 +81,42 @@ def test_options(options, capsys):
     assert "converged: residual" in capsys.readouterr().out
 
 
-def test_not_converged_is_status_one(capsys, files):
+def test_not_converged_is_status_one(capsys, folder):
     assert main(["-n", "500", "--maxiter", "1"]) == 1
     assert "NOT CONVERGED" in capsys.readouterr().out
-    assert solve(files, "--solver", "richardson", "--preconditioner", "fft") == 1
-    assert not (files / "x.npy").exists()
+    assert solve(folder, "--solver", "richardson", "--preconditioner", "fft") == 1
+    assert not (folder / "x.npy").exists()
 
 
-def test_solves_a_system_of_ones_own(files):
+def test_solves_a_system_of_ones_own(folder):
     A = tmg.ToeplitzOperator(contact(300))
     b = np.linspace(-1.0, 2.0, 300)
-    assert solve(files, "--rtol", "1e-10") == 0
-    assert_allclose(A @ np.load(files / "x.npy"), b, atol=1e-8)
-    assert sorted(p.name for p in files.iterdir()) == ["b.npy", "c.npy", "mask.npy", "x.npy"]
+    assert solve(folder, "--rtol", "1e-10") == 0
+    assert_allclose(A @ np.load(folder / "x.npy"), b, atol=1e-8)
+    assert sorted(p.name for p in folder.iterdir()) == ["b.npy", "c.npy", "mask.npy", "x.npy"]
 
 
-def test_solves_on_a_mask(files):
-    mask = np.load(files / "mask.npy")
+def test_solves_on_a_mask(folder):
+    mask = np.load(folder / "mask.npy")
     A = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(300)), mask)
     b = np.linspace(-1.0, 2.0, 300)
-    options = ["--mask", str(files / "mask.npy"), "--solver", "cg"]
-    assert solve(files, *options) == 0
-    x = np.load(files / "x.npy")
+    options = ["--mask", str(folder / "mask.npy"), "--solver", "cg"]
+    assert solve(folder, *options) == 0
+    x = np.load(folder / "x.npy")
     assert x.shape == (300,)
     assert not x[~mask].any()
     assert_allclose(A @ x[mask], b[mask], atol=1e-7)
-    np.save(files / "short.npy", b[mask])
-    assert solve(files, *options, rhs="short.npy", x="y.npy") == 0
-    assert np.array_equal(np.load(files / "y.npy"), x[mask])
+    np.save(folder / "short.npy", b[mask])
+    assert solve(folder, *options, rhs="short.npy", x="y.npy") == 0
+    assert np.array_equal(np.load(folder / "y.npy"), x[mask])
 
 
-def test_solves_on_a_grid_of_two_levels(files):
-    np.save(files / "c2.npy", contact(20, 30))
-    np.save(files / "b2.npy", np.ones((20, 30)))
-    assert solve(files, column="c2.npy", rhs="b2.npy") == 0
+def test_solves_on_a_grid_of_two_levels(folder):
+    np.save(folder / "c2.npy", contact(20, 30))
+    np.save(folder / "b2.npy", np.ones((20, 30)))
+    assert solve(folder, column="c2.npy", rhs="b2.npy") == 0
     A = tmg.ToeplitzOperator(contact(20, 30))
-    assert_allclose(A @ np.load(files / "x.npy"), 1.0, atol=1e-6)
+    assert_allclose(A @ np.load(folder / "x.npy"), 1.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
@@ -177,41 +177,41 @@ def test_refusals_are_one_line_and_status_two(options, message, capsys):
         ("mask.npy", np.ones(7, dtype=bool), "has shape (7,)"),
     ],
 )
-def test_bad_files_are_one_line_and_status_two(files, name, content, message, capsys):
-    path = files / name
+def test_bad_files_are_one_line_and_status_two(folder, name, content, message, capsys):
+    path = folder / name
     path.unlink()
     if isinstance(content, bytes):
         path.write_bytes(content)
     elif content is not None:
         np.save(path, content, allow_pickle=True)
-    assert solve(files, "--mask", str(files / "mask.npy")) == 2
+    assert solve(folder, "--mask", str(folder / "mask.npy")) == 2
     captured = capsys.readouterr()
     assert message in captured.err
     assert captured.err.count("\n") == 1
-    assert not (files / "x.npy").exists()
+    assert not (folder / "x.npy").exists()
 
 
 @pytest.mark.parametrize("value", [np.float16(3000), np.float64(1e200), np.float64(1e-200), 7])
-def test_right_hand_sides_whose_squares_over_or_underflow(files, value):
-    np.save(files / "b.npy", np.full(300, value))
-    assert solve(files) == 0
-    x = np.load(files / "x.npy") / float(value)
+def test_right_hand_sides_whose_squares_over_or_underflow(folder, value):
+    np.save(folder / "b.npy", np.full(300, value))
+    assert solve(folder) == 0
+    x = np.load(folder / "x.npy") / float(value)
     assert_allclose(tmg.ToeplitzOperator(contact(300)) @ x, 1.0, rtol=1e-6)
 
 
-def test_a_mask_in_fragments_is_solved_by_default(files):
+def test_a_mask_in_fragments_is_solved_by_default(folder):
     """By cg with default_preconditioner: the V(0,1) cycle would not converge."""
     c = contact(64, 64)
     mask = masks.rough(0.3, 64)
-    np.save(files / "c.npy", c)
-    np.save(files / "b.npy", np.ones(np.count_nonzero(mask)))
-    np.save(files / "mask.npy", mask)
-    assert solve(files, "--mask", str(files / "mask.npy"), "--maxiter", "12") == 0
+    np.save(folder / "c.npy", c)
+    np.save(folder / "b.npy", np.ones(np.count_nonzero(mask)))
+    np.save(folder / "mask.npy", mask)
+    assert solve(folder, "--mask", str(folder / "mask.npy"), "--maxiter", "12") == 0
 
 
-def test_options_count_on_both_sides_of_the_command(files, capsys):
-    names = [str(files / name) for name in ("c.npy", "b.npy")]
-    command = ["solve", *names, "-o", str(files / "x.npy")]
+def test_options_count_on_both_sides_of_the_command(folder, capsys):
+    names = [str(folder / name) for name in ("c.npy", "b.npy")]
+    command = ["solve", *names, "-o", str(folder / "x.npy")]
     assert main(["--solver", "cg", "--rtol", "1e-3", *command]) == 0
     assert "CG with" in capsys.readouterr().out
     assert main(["--maxiter", "1", *command, "--rtol", "1e-12", "--solver", "cg"]) in (0, 1)
@@ -219,53 +219,53 @@ def test_options_count_on_both_sides_of_the_command(files, capsys):
     assert "choose a problem of the paper" in capsys.readouterr().err
 
 
-def test_the_solution_is_kept_where_drawing_fails(files, monkeypatch, capsys):
+def test_the_solution_is_kept_where_drawing_fails(folder, monkeypatch, capsys):
     def fail(*_):
         raise OSError("no ink")
 
-    monkeypatch.setattr(files_of_cli, "plot", fail)
-    assert solve(files, "--plot", str(files / "x.png")) == 2
+    monkeypatch.setattr(files, "plot", fail)
+    assert solve(folder, "--plot", str(folder / "x.png")) == 2
     assert "no ink" in capsys.readouterr().err
-    assert (files / "x.npy").exists()
+    assert (folder / "x.npy").exists()
 
 
-def test_a_link_stays_a_link(files):
-    (files / "target.npy").write_bytes(b"")
-    (files / "x.npy").symlink_to(files / "target.npy")
-    assert solve(files) == 0
-    assert (files / "x.npy").is_symlink()
-    assert np.load(files / "target.npy").shape == (300,)
+def test_a_link_stays_a_link(folder):
+    (folder / "target.npy").write_bytes(b"")
+    (folder / "x.npy").symlink_to(folder / "target.npy")
+    assert solve(folder) == 0
+    assert (folder / "x.npy").is_symlink()
+    assert np.load(folder / "target.npy").shape == (300,)
 
 
-def test_an_archive_is_no_column(files, capsys):
-    np.savez(files / "c.npz", c=np.ones(3))
-    assert solve(files, column="c.npz") == 2
+def test_an_archive_is_no_column(folder, capsys):
+    np.savez(folder / "c.npz", c=np.ones(3))
+    assert solve(folder, column="c.npz") == 2
     assert "holds several arrays" in capsys.readouterr().err
 
 
-def test_a_failing_write_leaves_the_old_file(files, monkeypatch, capsys):
-    (files / "x.npy").write_bytes(b"precious")
+def test_a_failing_write_leaves_the_old_file(folder, monkeypatch, capsys):
+    (folder / "x.npy").write_bytes(b"precious")
 
     def fail(file, array):
         file.write(b"half")
         raise OSError("the disk is full")
 
-    monkeypatch.setattr(files_of_cli.np, "save", fail)
-    assert solve(files) == 2
+    monkeypatch.setattr(files.np, "save", fail)
+    assert solve(folder) == 2
     assert "the disk is full" in capsys.readouterr().err
-    assert (files / "x.npy").read_bytes() == b"precious"
-    assert len(list(files.iterdir())) == 4
+    assert (folder / "x.npy").read_bytes() == b"precious"
+    assert len(list(folder.iterdir())) == 4
 
 
-def test_the_output_is_checked_before_the_work(files, capsys):
-    assert solve(files, x="nowhere/x.npy") == 2
+def test_the_output_is_checked_before_the_work(folder, capsys):
+    assert solve(folder, x="nowhere/x.npy") == 2
     assert "is no folder" in capsys.readouterr().err
-    assert main(["solve", str(files / "c.npy"), str(files / "b.npy"), "-o", str(files)]) == 2
+    assert main(["solve", str(folder / "c.npy"), str(folder / "b.npy"), "-o", str(folder)]) == 2
     assert "is a folder" in capsys.readouterr().err
 
 
 def test_plots_need_matplotlib_and_say_so_before_the_work(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(files_of_cli, "find_spec", lambda name: None)
+    monkeypatch.setattr(files, "find_spec", lambda name: None)
     assert main(["-n", "300", "--plot", str(tmp_path / "x.png")]) == 2
     captured = capsys.readouterr()
     assert "pip install 'toeplitz-mg[plot]'" in captured.err
@@ -279,22 +279,22 @@ def test_plots(options, tmp_path, capsys):
     assert [p.name for p in tmp_path.iterdir()] == ["x.png"]
 
 
-def test_plots_of_two_levels(files):
-    np.save(files / "c2.npy", contact(20, 30))
-    np.save(files / "b2.npy", np.ones((20, 30)))
-    options = ["--plot", str(files / "x.svg")]
-    assert solve(files, *options, column="c2.npy", rhs="b2.npy") == 0
-    assert b"<svg" in (files / "x.svg").read_bytes()
+def test_plots_of_two_levels(folder):
+    np.save(folder / "c2.npy", contact(20, 30))
+    np.save(folder / "b2.npy", np.ones((20, 30)))
+    options = ["--plot", str(folder / "x.svg")]
+    assert solve(folder, *options, column="c2.npy", rhs="b2.npy") == 0
+    assert b"<svg" in (folder / "x.svg").read_bytes()
 
 
-def test_interruption_writes_nothing(files, monkeypatch, capsys):
+def test_interruption_writes_nothing(folder, monkeypatch, capsys):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("toeplitz_mg.cli.linear.tmg.cg", interrupt)
-    assert solve(files) == 130
+    assert solve(folder) == 130
     assert "interrupted" in capsys.readouterr().err
-    assert not (files / "x.npy").exists()
+    assert not (folder / "x.npy").exists()
 
 
 def test_runs_as_a_module():

@@ -1,38 +1,33 @@
 """The comparisons run, and write what they name."""
 
 import csv
+import os
 import sys
+import time
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
-from comparisons import (
-    area_figures,
-    areas,
-    baselines,
-    default_choice,
-    drop_in,
-    general_symbols,
-    masks,
-    matrices,
-    paper_figures,
-    paper_tables,
-    punch3d,
-    punch_limits,
-    speed,
-    stretched,
-    turns,
-    updates,
-)
+from comparisons import default_choice, drop_in, matrices, updates
+from comparisons.contact import punch3d, punch_limits
+from comparisons.harness.processes import in_a_fresh_process, take_turns
+from comparisons.paper import figures as paper_figures
+from comparisons.paper import tables as paper_tables
+from comparisons.preconditioners import areas, stretched
+from comparisons.preconditioners import figures as area_figures
+from comparisons.preconditioners import symbols as general_symbols
 from comparisons.reliability import __main__ as reliability
-from comparisons.symbols import COLUMNS
+from comparisons.speed import baselines, by_hand
+from comparisons.systems import masks
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
 
 
-def run(comparison, folder, monkeypatch, capsys, *options):
+def run(comparison, folder, monkeypatch, capsys, *options, **extent):
     monkeypatch.setattr(sys, "argv", ["comparison", "--quick", "--output", str(folder), *options])
-    comparison.main()
+    comparison.main(**extent)
     printed = capsys.readouterr().out
     assert str(folder) in printed
     return printed
@@ -59,9 +54,7 @@ def test_paper_figures(tmp_path, monkeypatch, capsys):
 
 
 def test_baselines(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(baselines, "QUICK_SIZES", (64,))
-    monkeypatch.setattr(baselines, "SHOWN_SIZES", (64,))
-    run(baselines, tmp_path, monkeypatch, capsys)
+    run(baselines, tmp_path, monkeypatch, capsys, quick_sizes=(64,))
     assert (tmp_path / "baselines.png").read_bytes().startswith(b"\x89PNG")
     rows = rows_of(tmp_path / "baselines.csv")
     assert {row["system"] for row in rows} == {"test 1", "test 2", "test 3", "random"}
@@ -73,11 +66,11 @@ def test_baselines(tmp_path, monkeypatch, capsys):
 
 
 def test_general_symbols(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(general_symbols, "QUICK_SIZES", (32, 1200))
-    monkeypatch.setattr(general_symbols, "COLUMNS", {k: COLUMNS[k] for k in ("contact", "θ²")})
-    printed = run(general_symbols, tmp_path, monkeypatch, capsys)
+    options = ("--symbols", "contact", "θ²")
+    sizes = {"quick_sizes": (32, 1200)}
+    printed = run(general_symbols, tmp_path, monkeypatch, capsys, *options, **sizes)
     assert "The choice of solve_toeplitz" in printed
-    rows = rows_of(tmp_path / "general_symbols.csv")
+    rows = rows_of(tmp_path / "symbols.csv")
     assert len(rows) == 2 * 2 * 2 * len(general_symbols.CONTENDERS)
     for row in rows:
         if row["method"] in ("sine", "spectral", "V(1,1)", "solve_toeplitz"):
@@ -96,15 +89,12 @@ def test_drop_in(tmp_path, monkeypatch, capsys):
     assert all(float(row["residual"]) <= 1e-10 for row in rows)
 
 
-def test_speed(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(speed, "QUICK_PRODUCTS", (64,))
-    monkeypatch.setattr(speed, "QUICK_SOLVES", (64,))
-    monkeypatch.setattr(speed, "QUICK_THREADED", (64,))
-    monkeypatch.setattr(turns, "TURN_SECONDS", 0.001)
-    printed = run(speed, tmp_path, monkeypatch, capsys)
+def test_speed_by_hand(tmp_path, monkeypatch, capsys):
+    one = replace(by_hand.QUICK, products=(64,), solves=(64,), threaded=(64,), seconds=0.001)
+    printed = run(by_hand, tmp_path, monkeypatch, capsys, quick=one)
     for title in ("One product", "physical limit", "peak memory", "Further right-hand sides"):
         assert title in printed
-    names = ["further.csv", "levels.csv", "products.csv", "solves.csv", "two_threads.csv"]
+    names = ["axes.csv", "further.csv", "products.csv", "solves.csv", "two_threads.csv"]
     assert sorted(p.name for p in tmp_path.glob("*.csv")) == names
     assert len(list(tmp_path.glob("*.png"))) == 3
     for name in names:
@@ -151,7 +141,7 @@ def test_an_unknown_area_is_refused(monkeypatch, capsys):
 
 def test_the_force_of_a_square_punch_is_known():
     punch = punch3d.Punch("square", "normal", 64)
-    force = punch3d.solve("CG + cosine", punch, punch.operator())["force"]
+    force = punch3d.measure("CG + cosine", punch, punch.operator())["force"]
     assert force == pytest.approx(2.29235, abs=5e-6)
 
 
@@ -230,16 +220,14 @@ def test_updates(tmp_path, monkeypatch, capsys):
 
 
 def test_areas(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(areas, "QUICK_SIZES", (24,))
-    monkeypatch.setattr(areas, "QUICK_LINES", (600,))
     few = ("none", "FSAI", "default")
-    monkeypatch.setattr(areas, "METHODS", {name: areas.METHODS[name] for name in few})
     names = ("full", "rough, 30 %", "checkerboard")
-    monkeypatch.setattr(masks, "FRAGMENTED", {name: masks.FRAGMENTED[name] for name in names})
-    printed = run(areas, tmp_path, monkeypatch, capsys)
+    options = ("--methods", *few, "--areas", *names, *areas.ON_A_LINE)
+    sizes = {"quick_sizes": (24,), "quick_lines": (600,)}
+    printed = run(areas, tmp_path, monkeypatch, capsys, *options, **sizes)
     assert "checkerboard, n = 24" in printed
     rows = rows_of(tmp_path / "areas.csv")
-    assert len(rows) == (len(names) + len(areas.ON_A_LINE)) * len(areas.METHODS)
+    assert len(rows) == (len(names) + len(areas.ON_A_LINE)) * len(few)
     for row in rows:
         if row["method"] in ("FSAI", "default"):
             assert int(row["random"]) <= 14
@@ -262,8 +250,7 @@ def test_areas_say_what_was_not_solved():
 
 
 def test_area_figures(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(area_figures, "QUICK_N", 16)
-    run(area_figures, tmp_path, monkeypatch, capsys)
+    run(area_figures, tmp_path, monkeypatch, capsys, quick_n=16)
     assert sorted(p.stem for p in tmp_path.glob("*.png")) == ["convergence", "spectrum", "traction"]
     for row in rows_of(tmp_path / "spectrum.csv"):
         assert float(row["smallest"]) > 0.0
@@ -279,9 +266,9 @@ def test_reliability(tmp_path, monkeypatch, capsys):
 
 
 def test_reliability_reports_what_fails(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(reliability, "PARTS", {"wrong": (wrong, 1, 1)})
+    parts = {"wrong": (wrong, 1, 1)}
     with pytest.raises(SystemExit) as caught:
-        run(reliability, tmp_path, monkeypatch, capsys, "--first", "7")
+        run(reliability, tmp_path, monkeypatch, capsys, "--first", "7", tried=parts)
     assert caught.value.code == 1
     (row,) = rows_of(tmp_path / "failures.csv")
     assert (row["part"], row["seed"]) == ("wrong", "7")
@@ -303,7 +290,7 @@ ALL = [
     baselines,
     general_symbols,
     drop_in,
-    speed,
+    by_hand,
     areas,
     updates,
 ]
@@ -341,3 +328,31 @@ def test_matrices_are_positive_definite_and_always_the_same():
             assert np.array_equal(dense, case.operator().toarray())
             checked += 1
     assert checked > 10
+
+
+# How all of them measure ----------------------------------------------------------------------
+
+
+def dies():
+    os._exit(3)
+
+
+def counts_to(last):
+    yield from range(last)
+    raise ValueError("no more\nthan that")
+
+
+def test_a_job_in_a_fresh_process_ends_in_a_result_an_error_or_time():
+    assert in_a_fresh_process(partial(abs, -3), 60.0) == 3
+    with pytest.raises(ArithmeticError, match="ValueError: could not convert"):
+        in_a_fresh_process(partial(float, "x"), 60.0)
+    with pytest.raises(ArithmeticError, match="the process died"):
+        in_a_fresh_process(dies, 60.0)
+    with pytest.raises(TimeoutError):
+        in_a_fresh_process(partial(time.sleep, 60.0), 0.01)
+
+
+def test_jobs_take_turns_until_each_has_done_enough():
+    jobs = {"long": partial(counts_to, 5), "short": partial(counts_to, 2)}
+    answers = take_turns(jobs, lambda items: len(items) == 4)
+    assert answers == {"long": [0, 1, 2, 3], "short": "ValueError: no more"}

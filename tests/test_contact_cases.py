@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from comparisons import contact_cases, contact_methods, contact_peers
+from comparisons.contact import cases, methods, peers
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
 
@@ -20,21 +20,18 @@ def rows_of(path):
 def folder(tmp_path, monkeypatch):
     """Where a quick run writes to."""
     monkeypatch.setattr(sys, "argv", ["comparison", "--quick", "--output", str(tmp_path)])
-    small = {case: (solve, (), (64,)) for case, (solve, _, _) in contact_cases.CASES.items()}
-    monkeypatch.setattr(contact_cases, "CASES", small)
     return tmp_path
 
 
-def test_quick_run_without_the_peers(folder, monkeypatch, capsys):
-    own = {"toeplitz-mg": contact_peers.NORMAL["toeplitz-mg"]}
-    for name in ("NORMAL", "FRICTION"):  # whether the peers are installed or not
-        monkeypatch.setattr(contact_peers, name, own)
-    contact_cases.main()
+def test_quick_run_without_the_peers(folder, capsys):
+    own = {"toeplitz-mg": methods.NORMAL["toeplitz-mg"]}  # whether the peers are installed or not
+    small = {case: (solve, (), (64,)) for case, (solve, _, _) in cases.CASES.items()}
+    cases.main(small, normal=own, friction=own)
     printed = capsys.readouterr().out
-    for title in (*contact_cases.CASES, "Rough surfaces", "CPU time", str(folder)):
+    for title in (*cases.CASES, "Rough surfaces", "CPU time", str(folder)):
         assert title in printed
     pictures = {p.stem for p in folder.glob("*.png")}
-    functions = {solve.__name__ for solve, _, _ in contact_cases.CASES.values()}
+    functions = {solve.__name__ for solve, _, _ in cases.CASES.values()}
     assert pictures == functions | {"convergence", "rough_64"}
     for row in rows_of(folder / "errors.csv"):
         # The edge of an area is known to an element only; Kalker's C23 to a few.
@@ -42,16 +39,16 @@ def test_quick_run_without_the_peers(folder, monkeypatch, capsys):
     for row in rows_of(folder / "costs.csv"):
         assert float(row["violation"]) <= 1e-8
     rough = rows_of(folder / "rough.csv")
-    assert len(rough) == len(contact_cases.LOADS)
+    assert len(rough) == len(cases.LOADS)
     for row in rough:
         assert float(row["force error"]) <= 1e-8
         assert float(row["least pressure"]) >= 0.0
         assert float(row["least gap"]) >= -1e-12
-    peers = rows_of(folder / "peers.csv")
-    assert len(peers) == len(contact_peers.problems(64))
-    for row in peers:
+    found = rows_of(folder / "peers.csv")
+    assert len(found) == len(peers.problems(64))
+    for row in found:
         assert row["method"] == "toeplitz-mg"
-        assert float(row["violation"]) <= contact_peers.TARGET
+        assert float(row["violation"]) <= peers.TARGET
         assert float(row["products"]) <= 40
 
 
@@ -67,68 +64,58 @@ def test_quick_run_without_the_peers(folder, monkeypatch, capsys):
     ],
 )
 def test_the_order_of_convergence(case, quantity, coarse, fine, least):
-    solve = contact_cases.CASES[case][0]
+    solve = cases.CASES[case][0]
 
     def error(N):
-        return np.sqrt(np.mean([solve(n).errors[quantity] ** 2 for n in contact_cases.grids(N)]))
+        return np.sqrt(np.mean([solve(n).errors[quantity] ** 2 for n in cases.grids(N)]))
 
     assert np.log(error(coarse) / error(fine)) / np.log(fine / coarse) > least
 
 
 def test_the_order_of_a_power():
-    assert contact_cases.order([1.0, 0.25, 0.0625], [2, 4, 8]) == pytest.approx(2.0)
-    assert np.isnan(contact_cases.order([0.0, 0.1], [2, 4]))
+    assert cases.order([1.0, 0.25, 0.0625], [2, 4, 8]) == pytest.approx(2.0)
+    assert np.isnan(cases.order([0.0, 0.1], [2, 4]))
 
 
 @pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")  # the grid is coarse
 def test_violations_are_measured():
-    for problem in contact_peers.problems(16):
-        answer = contact_methods.ours(problem, 1e-10)
+    for problem in peers.problems(16):
+        answer = methods.ours(problem, 1e-10)
         assert problem.violation(answer.traction, answer.bound) <= 1e-9
         assert problem.violation(1.01 * answer.traction, answer.bound) > 1e-4
 
 
 def test_the_parameters_of_the_peers_are_just_good_enough():
-    problem = contact_peers.problems(16)[0]
-    exact = contact_methods.ours(problem, 1e-12)
+    problem = peers.problems(16)[0]
+    exact = methods.ours(problem, 1e-12)
 
     def halved(problem, iterations):
         return exact._replace(traction=exact.traction * (1.0 + 0.5**iterations))
 
-    asked, answer = contact_peers.fewest(halved, problem)
-    assert problem.violation(answer.traction, None) <= contact_peers.TARGET
-    assert problem.violation(halved(problem, asked - 1).traction, None) > contact_peers.TARGET
-    asked, _ = contact_peers.loosest(contact_methods.ours, problem)
+    asked, answer = peers.fewest(halved, problem)
+    assert problem.violation(answer.traction, None) <= peers.TARGET
+    assert problem.violation(halved(problem, asked - 1).traction, None) > peers.TARGET
+    asked, _ = peers.loosest(methods.ours, problem)
     assert 1e-9 <= asked <= 1e-4
     with pytest.raises(ArithmeticError, match="no tolerance is enough"):
-        contact_peers.loosest(lambda problem, _: halved(problem, 3), problem)
+        peers.loosest(lambda problem, _: halved(problem, 3), problem)
 
 
-def test_what_a_peer_cannot_do_is_noted(monkeypatch):
-    def fails(problem, tolerance):
-        raise RuntimeError("it diverged")
+def fails(problem, tolerance):
+    raise RuntimeError("it diverged")
 
-    methods = {"fails": ("numpy", fails), "missing": ("a_package_that_is_missing", fails)}
-    monkeypatch.setattr(contact_peers, "NORMAL", methods)
-    monkeypatch.setattr(contact_peers, "FRICTION", {"of friction": ("numpy", fails)})
-    monkeypatch.setattr(contact_peers, "problems", lambda N: [contact_methods.Problem("x", N)])
-    monkeypatch.setattr(contact_peers, "in_a_fresh_process", here)
-    (row,) = contact_peers.run(quick=True)
+
+def test_what_a_peer_cannot_do_is_noted():
+    normal = {"fails": ("numpy", fails), "missing": ("a_package_that_is_missing", fails)}
+    friction = {"of friction": ("numpy", fails)}
+    (row,) = peers.run([methods.Problem("x", 64)], normal, friction)
     assert row["method"] == "fails"
-    assert "it diverged" in contact_peers.readable(row)["note"]
-
-
-def here(job, seconds):
-    """Run as in a fresh process, but in this one."""
-    try:
-        return job()
-    except Exception as error:
-        raise ArithmeticError(f"{type(error).__name__}: {error}") from None
+    assert "it diverged" in peers.readable(row)["note"]
 
 
 def test_help(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["comparison", "--help"])
     with pytest.raises(SystemExit) as caught:
-        contact_cases.main()
+        cases.main()
     assert caught.value.code == 0
     assert "--quick" in capsys.readouterr().out

@@ -8,7 +8,7 @@ from scipy.special import ellipe, ellipk
 from toeplitz_mg.cli import contact as contact_cli
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.hertz import Hertz
-from toeplitz_mg.cli.linear import main
+from toeplitz_mg.cli.main import main
 from toeplitz_mg.contact import ContactError, friction, normal_contact, rolling, surfaces
 
 STEEL = (82000.0, 0.28)
@@ -145,71 +145,6 @@ def test_says_where_the_grid_does_not_do(options, notes, capsys):
     assert all(note in line for note, line in zip(notes, said, strict=True))
 
 
-# Files of options -----------------------------------------------------------------------------
-
-TOML = """
-case = "rolling"
-radius = 500  # a wheel
-line = true
-force = 1000
-friction = 0.3
-longitudinal = -1e-3
-n = 60
-output = "{}"
-"""
-
-
-def test_a_file_of_options(tmp_path, capsys):
-    file, path = tmp_path / "case.toml", tmp_path / "x.npz"
-    file.write_text(TOML.format(path))
-    assert run("--file", str(file)) == 0
-    assert "rolling: cylinder of 500 mm, 60 elements" in capsys.readouterr().out
-    assert read(path)["force"] == pytest.approx(1000.0)
-    assert run("rolling", "--file", str(file), "--force", "2000") == 0
-    assert read(path)["force"] == pytest.approx(2000.0)
-    file.write_text('case = "shift"\nradius = [10, 20]\nshift = [1e-4, 1e-4]\nline = false\nn = 30')
-    assert run("--file", str(file)) == 0
-    assert "ellipsoid of 10 and 20 mm, 19 x 30" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("case = ", "is not TOML"),
-        ("\xff", "is not TOML"),
-        ("n = 20", "contact needs a case: hertz, shift, rolling"),
-        ('case = "roll"', "case is 'roll', but must be one of hertz"),
-        ('case = "hertz"\nradios = 1.0', "has the key radios, but only these are known: case, rad"),
-        ('case = "hertz"\nradius = "10"', "radius is '10', but must be a number"),
-        ('case = "hertz"\nradius = [1, 2, 3]', "--radius has 3 values, but takes 1 to 2"),
-        ('case = "hertz"\nradius = []', "--radius has 0 values"),
-        ('case = "hertz"\nforce = true', "force is True, but must be a number"),
-        ('case = "hertz"\nforce = nan', "--force is nan, but must be finite"),
-        ('case = "hertz"\nforce = 1' + 400 * "0", "force is an integer too large"),
-        ('case = "hertz"\nn = 20.5', "n is 20.5, but must be an integer"),
-        ('case = "hertz"\nn = true', "n is True, but must be an integer"),
-        ('case = "hertz"\nline = 1', "line is 1, but must be true or false"),
-        ('case = "hertz"\noutput = 1', "output is 1, but must be a file name"),
-        (f"a = {3000 * '['}", "is nested too deeply to be read as TOML"),
-        (f"radius{3000 * '.a'} = 1", "radius is {'a': {'a': {"),
-        (f"case{3000 * '.a'} = 1", "case is {'a': {'a': {"),
-        (f"n = {5000 * '1'}", "is not TOML: Exceeds the limit"),
-        (f"a = {2**20 * '1'}", "is not TOML: it has more than 1048576 bytes"),
-        ('"a\\nb" = 1', "has the key a b, but only these are known"),
-        ('case = "hertz"\nspin = 1.0', "--spin is for rolling, not hertz"),
-        ('case = "hertz"\n[force]\nx = 1', "force is {'x': 1}, but must be a number"),
-    ],
-)
-def test_bad_files_are_one_line_and_status_two(content, message, tmp_path, capsys):
-    file = tmp_path / "case.toml"
-    file.write_text(content, encoding="latin-1")
-    assert run("--file", str(file)) == 2
-    captured = capsys.readouterr()
-    assert message in captured.err
-    assert captured.err.count("\n") == 1
-    assert not captured.out
-
-
 # Refusals -------------------------------------------------------------------------------------
 
 
@@ -217,7 +152,6 @@ def test_bad_files_are_one_line_and_status_two(content, message, tmp_path, capsy
     ("options", "message"),
     [
         ([], "contact needs a case"),
-        (["--file", "/nowhere.toml"], "No such file"),
         (["hertz", "--force", "-1"], "--force is -1.0, but must be positive"),
         (["hertz", "--force", "inf"], "--force is inf, but must be finite"),
         (["hertz", "--force", "1e99"], "--force is of size 1e+99, but must be"),
@@ -253,15 +187,6 @@ def test_refusals_are_one_line_and_status_two(options, message, capsys):
     assert message in captured.err
     assert captured.err.count("\n") == 1
     assert not captured.out
-
-
-@pytest.mark.parametrize(
-    ("path", "message"),
-    [("/dev/zero", "it has more than 1048576 bytes"), (".", "Is a directory: '.'")],
-)
-def test_what_is_no_file_of_options_is_refused(path, message, capsys):
-    assert run("hertz", "--file", path) == 2
-    assert message in capsys.readouterr().err
 
 
 def test_options_of_linear_systems_are_refused(capsys):
@@ -307,8 +232,10 @@ def test_interruption_writes_nothing(tmp_path, monkeypatch, capsys):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("option", [["--n", "32"], ["--tan", "3"], ["--out", "x.npz"]])
-def test_abbreviations_are_refused(option, capsys):
+@pytest.mark.parametrize(
+    "option", [["--n", "32"], ["--tan", "3"], ["--out", "x.npz"], ["--file", "x"]]
+)
+def test_abbreviations_and_what_is_no_option_are_refused(option, capsys):
     with pytest.raises(SystemExit) as caught:
         run("shift", *option)
     assert caught.value.code == 2
@@ -320,7 +247,7 @@ def test_help_has_units_and_defaults(capsys):
         run("--help")
     assert caught.value.code == 0
     printed = capsys.readouterr().out
-    for text in ("hertz,shift,rolling", "N/mm²", "(default: 82000)", "CASE.toml"):
+    for text in ("hertz,shift,rolling", "N/mm²", "(default: 82000)", "FIELDS.npz"):
         assert text in printed
 
 

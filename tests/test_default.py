@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import toeplitz_mg as tmg
-from comparisons import masks
 from comparisons.default_choice import GOAL, ROUNDING
-from comparisons.symbols import COLUMNS, column
+from comparisons.systems import masks
+from comparisons.systems.symbols import COLUMNS, column
 from tests.cases import contact, coupled, coupled_kernel, exponential
 from tests.test_fsai_coupled import tangential
 from toeplitz_mg.paper.problems import test3

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from toeplitz_mg import halfspace
-from toeplitz_mg.cli.linear import main
+from toeplitz_mg.cli.main import main
 from toeplitz_mg.contact import (
     ContactError,
     ContactWarning,

@@ -6,7 +6,7 @@ import scipy.fft
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
-from comparisons.symbols import column
+from comparisons.systems.symbols import column
 
 ducc0_backend = pytest.importorskip("toeplitz_mg.ducc0_backend", exc_type=ImportError)
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from comparisons.symbols import column
+from comparisons.systems.symbols import column
 from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
 from toeplitz_mg.preconditioners.schur import schur_column
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
-from comparisons.symbols import column
+from comparisons.systems.symbols import column
 from tests.cases import contact
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 

@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose
 from scipy.sparse.linalg import LinearOperator, aslinearoperator, cg
 
 import toeplitz_mg as tmg
-from comparisons.punch import Punch
-from comparisons.symbols import column
+from comparisons.systems.punch import Punch
+from comparisons.systems.symbols import column
 from tests.cases import aggregate, checkered, contact, exponential
 from toeplitz_mg.multigrid_cycle import Multigrid
 from toeplitz_mg.multigrid_cycle.border import MOST_LEFTOVER

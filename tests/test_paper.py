@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.sparse.linalg import cg
 
 import toeplitz_mg as tmg
-from comparisons.paper_tables import CYCLES, TESTS, papers_cycle
+from comparisons.paper.tables import CYCLES, TESTS, papers_cycle
 from toeplitz_mg.paper import published
 from toeplitz_mg.paper.problems import test1, test2
 

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import toeplitz
 
 import toeplitz_mg as tmg
-from comparisons.symbols import COLUMNS, column
+from comparisons.systems.symbols import COLUMNS, column
 from toeplitz_mg.preconditioners.schur import schur_column
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
-from comparisons.symbols import COLUMNS, column, fourier
+from comparisons.systems.symbols import COLUMNS, column, fourier
 from toeplitz_mg.solvers.choice import levinson_is_faster, methods
 
 RNG = np.random.default_rng(3)

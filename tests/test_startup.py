@@ -10,7 +10,7 @@ import sys
 import numpy as np
 import pytest
 
-from toeplitz_mg.cli.linear import main
+from toeplitz_mg.cli.main import main
 
 ROOT = os.getcwd()
 # Instead of NumPy: it interrupts its own import, and swallows what an exception could do.
@@ -23,7 +23,7 @@ except BaseException as error:
     print(type(error).__name__)
 raise SystemExit(7)
 """
-SCRIPT = "import sys\nfrom toeplitz_mg.cli.linear import main\nsys.exit(main())\n"
+SCRIPT = "import sys\nfrom toeplitz_mg.cli.main import main\nsys.exit(main())\n"
 
 
 def interrupted(folder, *command):

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.sparse.linalg import cg
 
 import toeplitz_mg as tmg
-from comparisons.symbols import COLUMNS, column
+from comparisons.systems.symbols import COLUMNS, column
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 

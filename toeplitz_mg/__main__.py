@@ -2,6 +2,6 @@
 
 import sys
 
-from toeplitz_mg.cli.linear import main
+from toeplitz_mg.cli.main import main
 
 sys.exit(main())

@@ -10,11 +10,11 @@ The command ends with status 1 where anything has failed.
 import os
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from tqdm import tqdm
 
-from comparisons import report
+from comparisons.harness import report
 from comparisons.reliability.approximate_inverses import preconditioner
 from comparisons.reliability.bodies import contact_problem
 from comparisons.reliability.concurrency import interrupts, threads
@@ -35,12 +35,12 @@ PARTS: dict[str, tuple[Trial, int, int]] = {
 SHOWN = 20  # Failures of a part that are printed; the file has all.
 
 
-def main() -> None:
+def main(tried: Mapping[str, tuple[Trial, int, int]] = PARTS) -> None:
     """Run the campaign."""
     arguments = report.options(
         "reliability",
         "Random problems by the thousand: what fails, and how often.",
-        parts=tuple(PARTS),
+        parts=tuple(tried),
         first=0,
         trials=0,
         processes=0,
@@ -48,8 +48,8 @@ def main() -> None:
     os.environ["OMP_NUM_THREADS"] = "1"  # Read where a process imports BLAS.
     rows: list[report.Row] = []
     failures: list[report.Row] = []
-    for part in arguments.parts or PARTS:
-        trial, quick, full = PARTS[part]
+    for part in arguments.parts or tried:
+        trial, quick, full = tried[part]
         count = arguments.trials or (quick if arguments.quick else full)
         seeds = range(arguments.first, arguments.first + count)
         processes = arguments.processes or os.cpu_count() or 1

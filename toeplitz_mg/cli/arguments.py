@@ -28,12 +28,7 @@ PRECONDITIONERS: dict[str, Preconditioner] = {
     "spectral": tmg.spectral_preconditioner,
 }
 
-
-MOST = 2**40  # elements of the paper's problems: a vector of 8 TiB, which no memory holds
-
-
-class UsageError(Exception):
-    """What the user asked for cannot be done; the message says why."""
+MOST = 2**40  # Elements of the paper's problems: a vector of 8 TiB, which no memory holds.
 
 
 class Cycle(NamedTuple):
@@ -51,7 +46,7 @@ class Cycle(NamedTuple):
         """Read a cycle like V(0,1); more than 999 steps are a mistake that would never end."""
         match = re.fullmatch(r"([VW])\((\d{1,3}),(\d{1,3})\)", text.replace(" ", ""))
         if match is None:
-            raise UsageError(
+            raise ValueError(
                 f"--cycle is {text}, but must be like V(0,1) or W(1,1), of at most 999 steps each"
             )
         return cls(match[1], int(match[2]), int(match[3]))
@@ -130,7 +125,7 @@ def parser() -> argparse.ArgumentParser:
         **bare,
     )
     solve.add_argument(
-        "column", type=Path, metavar="COLUMN.npy", help="first column, of one or several levels"
+        "column", type=Path, metavar="COLUMN.npy", help="first column, of one or several axes"
     )
     solve.add_argument(
         "rhs", type=Path, metavar="RHS.npy", help="b, on the grid or flat; with a mask also (N,)"
@@ -142,29 +137,45 @@ def parser() -> argparse.ArgumentParser:
     return main
 
 
-def checked(given: argparse.Namespace) -> argparse.Namespace:
+def complete(given: argparse.Namespace) -> argparse.Namespace:
     """Fill in the defaults, and refuse what cannot be meant."""
     if given.command == "solve" and (hasattr(given, "test") or hasattr(given, "n")):
-        raise UsageError("--test and -n choose a problem of the paper, which solve does not solve")
+        raise ValueError("--test and -n choose a problem of the paper, which solve does not solve")
     no_files = dict.fromkeys(("column", "rhs", "mask", "output"))
     options = argparse.Namespace(**(DEFAULTS | no_files | vars(given)))
-    of_cycles = hasattr(given, "cycle") or hasattr(given, "smoother")
-    if given.command == "solve" and not hasattr(given, "solver") and not of_cycles:
-        options.solver = "cg"
-    if options.preconditioner is None and options.solver != "multigrid":
-        by_default = "fft-rsm" if options.solver == "richardson" else "default"
-        options.preconditioner = "multigrid" if of_cycles else by_default
+    _choose_method(given, options)
     if options.n > MOST:
-        raise UsageError(f"-n is {options.n}, but must be at most {MOST}")
+        raise ValueError(f"-n is {options.n}, but must be at most {MOST}")
     if not 0.0 < options.rtol < 1.0:
-        raise UsageError(f"--rtol is {options.rtol}, but must lie between 0 and 1")
+        raise ValueError(f"--rtol is {options.rtol}, but must lie between 0 and 1")
     if options.maxiter < 1:
-        raise UsageError(f"--maxiter is {options.maxiter}, but must be at least 1")
+        raise ValueError(f"--maxiter is {options.maxiter}, but must be at least 1")
     if options.seed is not None and options.seed < 0:
-        raise UsageError(f"--seed is {options.seed}, but must not be negative")
-    options.cycle = Cycle.of(options.cycle or ("V(1,1)" if options.solver == "cg" else "V(0,1)"))
+        raise ValueError(f"--seed is {options.seed}, but must not be negative")
     if options.plot is not None:
         files.check_plotting(options.plot)
     read = (options.column, options.rhs, options.mask)
     files.check_files((options.output, options.plot), read)
     return options
+
+
+def _choose_method(given: argparse.Namespace, options: argparse.Namespace) -> None:
+    """Choose what was left open of the solver, the preconditioner and the cycle."""
+    of_cycles = hasattr(given, "cycle") or hasattr(given, "smoother")
+    if given.command == "solve" and not hasattr(given, "solver") and not of_cycles:
+        options.solver = "cg"
+    options.cycle = Cycle.of(options.cycle or ("V(1,1)" if options.solver == "cg" else "V(0,1)"))
+    if options.solver == "multigrid":
+        if options.preconditioner not in (None, "multigrid"):
+            raise ValueError("--preconditioner is for --solver richardson and cg; see --smoother")
+        options.preconditioner = "multigrid"
+    elif options.preconditioner is None:
+        by_default = "fft-rsm" if options.solver == "richardson" else "default"
+        options.preconditioner = "multigrid" if of_cycles else by_default
+    if options.solver == "cg":
+        is_cycle, (_, pre, post) = options.preconditioner == "multigrid", options.cycle
+        deflates = "fft-sd" in (options.preconditioner, options.smoother if is_cycle else None)
+        if deflates or (is_cycle and pre != post):
+            raise ValueError(
+                "cg needs a symmetric preconditioner: neither fft-sd nor pre unlike post"
+            )

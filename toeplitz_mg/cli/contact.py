@@ -3,7 +3,7 @@
 import argparse
 import math
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.cli import files
-from toeplitz_mg.cli.contact_arguments import checked
+from toeplitz_mg.cli.contact_arguments import complete
 from toeplitz_mg.cli.hertz import Hertz
 from toeplitz_mg.contact import (
     ContactError,
@@ -24,8 +24,9 @@ from toeplitz_mg.contact import (
     surfaces,
 )
 
-MARGIN = 1.3  # of the grid, around the contact of theory
-CREEPAGE = -0.002  # where none is given
+MARGIN = 1.3  # Side of the grid over the length of the contact by Hertz's theory.
+TANGENTIAL = "tangential traction"  # Name of the second result, where there is one.
+CREEPAGE = -0.002  # Longitudinal creepage, where none is given.
 
 
 @dataclass(frozen=True)
@@ -70,11 +71,6 @@ class Case:
         return cls(o, theory, (n1, n2), h)
 
     @property
-    def material(self) -> tuple[float, float]:
-        """G and nu."""
-        return self.options.G, self.options.nu
-
-    @property
     def element(self) -> Element:
         """The size of an element."""
         return self.h if self.options.line else (self.h, self.h)
@@ -88,6 +84,23 @@ class Case:
         grid = " x ".join(map(str, self.shape))
         return f"{o.case}: {body} of {radii} mm, {grid} elements of {self.h:.3g} mm"
 
+    @property
+    def common(self) -> dict[str, Any]:
+        """What all solvers are given."""
+        o = self.options
+        material = o.G, o.nu
+        return {"material": material, "tolerance": o.tolerance, "progress": _print_progress}
+
+    def solve(self) -> dict[str, ContactResult]:
+        """Solve the normal problem, and the tangential one of its pressures, where there is one."""
+        results = {"pressure": _solve("normal contact", self.press)}
+        pressed = results["pressure"]
+        if self.options.case == "shift":
+            results[TANGENTIAL] = _solve("friction", lambda: self.shift(pressed))
+        elif self.options.case == "rolling":
+            results[TANGENTIAL] = _solve("steady rolling", lambda: self.roll(pressed))
+        return results
+
     def press(self) -> ContactResult:
         """Solve the normal problem."""
         o = self.options
@@ -97,15 +110,8 @@ class Case:
             radii = o.radius[0], o.radius[-1]
             n1, n2 = self.shape
             gap = surfaces.ellipsoid((n1, n2), (self.h, self.h), radii=radii)
-        return normal_contact(
-            gap,
-            self.element,
-            material=self.material,
-            force=o.force,
-            approach=o.approach,
-            tolerance=o.tolerance,
-            progress=_print_progress,
-        )
+        load = {"force": o.force, "approach": o.approach}
+        return normal_contact(gap, self.element, **load, **self.common)
 
     def shift(self, pressed: ContactResult) -> ContactResult:
         """Solve the tangential problem of the pressures."""
@@ -114,28 +120,15 @@ class Case:
         load: dict[str, Any] = {"force": self.components(o.tangential or half)}
         if o.shift is not None:
             load = {"shift": self.components(o.shift)}
-        return friction(
-            self.bound(pressed),
-            self.element,
-            material=self.material,
-            tolerance=o.tolerance,
-            progress=_print_progress,
-            **load,
-        )
+        return friction(self.bound(pressed), self.element, **load, **self.common)
 
     def roll(self, pressed: ContactResult) -> ContactResult:
         """Solve the problem of rolling with the pressures."""
-        o = self.options
         names = ("longitudinal", "lateral", "spin")
-        creepages = {name: getattr(o, name) for name in names if getattr(o, name) is not None}
-        return rolling(
-            self.bound(pressed),
-            self.element,
-            material=self.material,
-            tolerance=o.tolerance,
-            progress=_print_progress,
-            **(creepages or {"longitudinal": CREEPAGE}),
-        )
+        given = {name: getattr(self.options, name) for name in names}
+        creepages = {name: value for name, value in given.items() if value is not None}
+        creepages = creepages or {"longitudinal": CREEPAGE}
+        return rolling(self.bound(pressed), self.element, **creepages, **self.common)
 
     def bound(self, pressed: ContactResult) -> Array:
         """The traction bound of the pressures: zero outside the contact, whatever the friction."""
@@ -150,30 +143,21 @@ class Case:
 
 def run(given: argparse.Namespace) -> int:
     """Run the command, and return the exit status."""
-    options = checked(given)
+    options = complete(given)
     case = Case.of(options)
     _check_slides_not(case)
     print(case.title, flush=True)
     start = perf_counter()
     try:
-        results = {"pressure": _solve("normal contact", case.press)}
-        pressed = results["pressure"]
-        if options.case == "shift":
-            results["tangential traction"] = _solve("friction", lambda: case.shift(pressed))
-        elif options.case == "rolling":
-            results["tangential traction"] = _solve("steady rolling", lambda: case.roll(pressed))
+        results = case.solve()
     except ContactError as error:
         print(f"\nNOT CONVERGED: {error}")
         _print_doubts([error.result])
         return 1
     seconds = perf_counter() - start
     if options.output is not None:  # first, so that it does not depend on what can be printed
-        found = fields(case, pressed, results.get("tangential traction"))
-        files.save_fields(options.output, found)
-    products = " + ".join(str(result.products) for result in results.values())
-    print(f"\nconverged: {products} products, {seconds:.2f} seconds")
-    _print_figures(case, pressed, results.get("tangential traction"))
-    _print_doubts(results.values())
+        files.save_fields(options.output, fields(case, results))
+    _report(case, results, seconds)
     if options.output is not None:
         print(f"written to {options.output}")
     if options.plot is not None:
@@ -182,8 +166,9 @@ def run(given: argparse.Namespace) -> int:
     return 0
 
 
-def fields(case: Case, pressed: ContactResult, tangential: ContactResult | None) -> dict[str, Any]:
+def fields(case: Case, results: Mapping[str, ContactResult]) -> dict[str, Any]:
     """Return what is written, by name."""
+    pressed, tangential = results["pressure"], results.get(TANGENTIAL)
     found: dict[str, Any] = dict(
         zip("xy", surfaces.centres(case.shape, case.element), strict=False)
     )
@@ -222,8 +207,11 @@ def _print_progress(products: int, residual: float) -> None:
     print(f"{products:10d}   {residual:.3e}", flush=True)
 
 
-def _print_figures(case: Case, pressed: ContactResult, tangential: ContactResult | None) -> None:
+def _report(case: Case, results: Mapping[str, ContactResult], seconds: float) -> None:
     """Print what was found, and what theory says, as far as it does."""
+    products = " + ".join(str(result.products) for result in results.values())
+    print(f"\nconverged: {products} products, {seconds:.2f} seconds")
+    pressed, tangential = results["pressure"], results.get(TANGENTIAL)
     theory, unit = case.theory, "N/mm" if case.options.line else "N"
     rows: list[tuple[str, Any, Any]] = [
         (f"force [{unit}]", pressed.force, theory.force),
@@ -243,6 +231,7 @@ def _print_figures(case: Case, pressed: ContactResult, tangential: ContactResult
         rounding = 1e-12 * float(np.abs(numbers).max())
         values = " ".join(f"{x if abs(x) > rounding else 0.0:.6g}" for x in numbers)
         print(f"{name:26s}{values:>28s}{'' if exact is None else f'{exact:.6g}':>14s}")
+    _print_doubts(results.values())
 
 
 def _print_doubts(results: Iterable[ContactResult]) -> None:

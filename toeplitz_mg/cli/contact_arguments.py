@@ -1,9 +1,7 @@
-"""The options of ``toeplitz-mg contact``, on the command line and in a TOML file."""
+"""The options of ``toeplitz-mg contact``, and what cannot be meant by them."""
 
 import argparse
 import math
-import reprlib
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +11,8 @@ from toeplitz_mg.cli import files
 from toeplitz_mg.values import in_range
 
 CASES = ("hertz", "shift", "rolling")
-FEWEST, MOST = 8, 2**24  # elements
-LONGEST = 2**20  # bytes of a file of options, which has a few lines; /dev/zero has no end
-FORCE = 100.0  # where neither it nor the approach is given
+FEWEST, MOST = 8, 2**24  # Elements along the longer side: the contact needs a few to be one.
+FORCE = 100.0  # N or N/mm, where neither the force nor the approach is given.
 
 
 @dataclass(frozen=True)
@@ -101,6 +98,7 @@ OPTIONS = {
 }
 SHORT = {"n": ("-n",), "output": ("-o", "--output")}
 METAVARS = {"output": "FIELDS.npz", "plot": "FILE"}
+# Options of the main command, which argparse takes from before the subcommand too.
 ALIEN = ("test", "solver", "preconditioner", "cycle", "smoother", "rtol", "maxiter", "seed")
 
 
@@ -112,16 +110,12 @@ def add_parser(commands: Any, **bare: Any) -> None:
         description="Press a sphere, an ellipsoid or a cylinder on a flat of the same material "
         "(hertz), shift it then with Coulomb friction (shift), or roll it steadily (rolling). "
         "Units are N and mm.",
-        epilog="A file has the long names of these options as its keys, and `case`: "
-        'case = "shift", radius = [10, 20], line = false. Options on the command line count more; '
-        "there a negative number with an exponent is --longitudinal=-2e-3. "
+        epilog="A negative number with an exponent is --longitudinal=-2e-3. "
         "Files are written whole or not at all, and only where the solver has converged. "
         "Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted.",
         **bare,
     )
-    what = "what to do, here or in the file"
-    parser.add_argument("case", nargs="?", choices=CASES, default=None, help=what)
-    parser.add_argument("--file", type=Path, metavar="CASE.toml", help="read options from a file")
+    parser.add_argument("case", nargs="?", choices=CASES, default=None, help="what to do")
     for name, option in OPTIONS.items():
         special: dict[str, Any] = {"type": option.kind}
         if option.kind is bool:
@@ -134,14 +128,12 @@ def add_parser(commands: Any, **bare: Any) -> None:
         parser.add_argument(*SHORT.get(name, (f"--{name}",)), help=only + option.help, **special)
 
 
-def checked(given: argparse.Namespace) -> argparse.Namespace:
-    """Take what the file says and the defaults, and refuse what cannot be meant."""
+def complete(given: argparse.Namespace) -> argparse.Namespace:
+    """Fill in the defaults, and refuse what cannot be meant."""
     options = {key: value for key, value in vars(given).items() if value is not None}
     for name in ALIEN:
         if name in options:
             raise ValueError(f"--{name} is for linear systems, not for contact")
-    if "file" in options:
-        options = _read(options["file"]) | options
     case = options.get("case")
     if case is None:
         raise ValueError(f"contact needs a case: {', '.join(CASES)}")
@@ -151,17 +143,17 @@ def checked(given: argparse.Namespace) -> argparse.Namespace:
                 raise ValueError(f"{_flag(name)} is for {' and '.join(option.cases)}, not {case}")
             _check(name, option, options[name])
     _check_together(case, options)
-    files.check_files((options.get("output"), options.get("plot")), (options.get("file"),))
+    files.check_files((options.get("output"), options.get("plot")), ())
     defaults = {name: option.default for name, option in OPTIONS.items()}
     if "approach" not in options:
         defaults["force"] = FORCE
-    return argparse.Namespace(**(defaults | {"case": case} | options))
+    return argparse.Namespace(**(defaults | options))
 
 
 def _check(name: str, option: Option, value: Any) -> None:
     """Check one option by itself."""
     values = value if isinstance(value, Sequence) else [value]
-    if not 1 <= len(values) <= option.most:
+    if len(values) > option.most:
         raise ValueError(f"{_flag(name)} has {len(values)} values, but takes 1 to {option.most}")
     for x in values:
         if isinstance(x, float) and not (option.infinite and math.isinf(x)):
@@ -190,7 +182,7 @@ def _check_together(case: str, options: dict[str, Any]) -> None:
     has_load = "tangential" in options or "shift" in options
     if case == "shift" and math.isinf(options.get("friction", 0.0)) and not has_load:
         raise ValueError("--friction is inf: give --tangential or --shift, as nothing slides")
-    if not options.get("line"):
+    if "line" not in options:
         return
     if "approach" in options:
         raise ValueError(
@@ -202,63 +194,6 @@ def _check_together(case: str, options: dict[str, Any]) -> None:
     for name in ("radius", "tangential", "shift"):
         if len(options.get(name, ())) > 1:
             raise ValueError(f"--{name} has two values, but --line takes one")
-
-
-def _read(path: Path) -> dict[str, Any]:
-    """Return the options in a TOML file, of the types of those on the command line."""
-    try:
-        with path.open("rb") as file:
-            content = file.read(LONGEST + 1)
-        if len(content) > LONGEST:
-            raise ValueError(f"it has more than {LONGEST} bytes")
-        table = tomllib.loads(content.decode())
-    except ValueError as error:  # of tomllib, of the encoding, or of an integer's length
-        raise ValueError(f"{path} is not TOML: {error}") from None
-    except RecursionError:
-        raise ValueError(f"{path} is nested too deeply to be read as TOML") from None
-    options: dict[str, Any] = {}
-    for key, value in table.items():
-        if key == "case":
-            if value not in CASES:
-                raise ValueError(
-                    f"{path}: case is {reprlib.repr(value)}, but must be one of {', '.join(CASES)}"
-                )
-            options[key] = value
-        elif key in OPTIONS:
-            options[key] = _converted(path, key, value)
-        else:
-            raise ValueError(
-                f"{path} has the key {key}, but only these are known: case, {', '.join(OPTIONS)}"
-            )
-    # What is false was not asked for.
-    return {key: value for key, value in options.items() if value is not False}
-
-
-def _converted(path: Path, key: str, value: Any) -> Any:
-    option = OPTIONS[key]
-    if option.most > 1:
-        values = value if isinstance(value, list) else [value]
-        return [_number(path, key, x) for x in values]
-    wanted: dict[type, tuple[Any, str]] = {
-        int: (int, "an integer"),
-        bool: (bool, "true or false"),
-        Path: (str, "a file name"),
-    }
-    if option.kind is float:
-        return _number(path, key, value)
-    kind, name = wanted[option.kind]
-    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-        raise ValueError(f"{path}: {key} is {reprlib.repr(value)}, but must be {name}")
-    return option.kind(value)
-
-
-def _number(path: Path, key: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{path}: {key} is {reprlib.repr(value)}, but must be a number")
-    try:
-        return float(value)
-    except OverflowError:
-        raise ValueError(f"{path}: {key} is an integer too large for a number") from None
 
 
 def _flag(name: str) -> str:

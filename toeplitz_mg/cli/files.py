@@ -16,7 +16,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import ContactResult
 
-STANDARD_OUTPUT = 1  # file descriptor: where the report is printed
+STANDARD_OUTPUT = 1  # File descriptor of where the report is printed.
 
 
 def load(path: Path) -> Array:
@@ -116,7 +116,7 @@ def _target(path: Path) -> Path:
 def check_plotting(path: Path) -> None:
     """Raise ValueError where matplotlib is not installed, or cannot draw such a file."""
     if find_spec("matplotlib") is None:
-        raise ValueError("--plot needs matplotlib: pip install 'toeplitz-mg[plot]'")
+        raise ValueError("drawing needs matplotlib: pip install 'toeplitz-mg[plot]'")
     from matplotlib.backend_bases import FigureCanvasBase  # an extra, and slow to import
 
     kinds = FigureCanvasBase.get_supported_filetypes()

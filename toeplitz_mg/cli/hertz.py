@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from scipy.optimize import brentq
 from scipy.special import elliprd, elliprf
 
-FLATTEST = 1e4  # ratio of two radii, beyond which one is a cylinder
+FLATTEST = 1e4  # Ratio of two radii of curvature, beyond which the body is a cylinder.
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ class Hertz:
         R1, R2 = max(radii), min(radii)
         if R1 > FLATTEST * R2:
             raise ValueError(
-                f"--radius is {radii[0]:g} {radii[1]:g}, but one may be {FLATTEST:g} times the "
-                "other at most; --line is for cylinders"
+                f"the radii are {radii[0]:g} and {radii[1]:g}, but one may be {FLATTEST:g} times "
+                "the other at most: beyond, it is a cylinder in line contact"
             )
         # Johnson, Contact Mechanics, §4.2, in Carlson's integrals, that are exact for circles too.
         ratio = 1.0

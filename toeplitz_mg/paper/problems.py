@@ -148,11 +148,6 @@ def test3(n: int) -> Problem:
     return Problem("test 3", A, np.full(A.shape[0], 0.0008), x[mask], h, STEEL)
 
 
-# So that pytest does not take them for tests.
-for _problem in (test1, test2, test3):
-    _problem.__test__ = False  # type: ignore[attr-defined]
-
-
 def _centres(n: int) -> tuple[Array, float]:
     n = count("n", n)
     h = 2.0 * A_HALF / n

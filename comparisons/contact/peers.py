@@ -8,7 +8,7 @@ Times are CPU seconds of set-up and solution, in processes of their own with one
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib.util import find_spec
 from statistics import median
@@ -17,19 +17,14 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from comparisons.contact_methods import FRICTION, NORMAL, Answer, Method, Problem, ours, tamaas
-from comparisons.contact_theory import MU, A, C
-from comparisons.measuring import in_a_fresh_process
-from comparisons.report import Row
+from comparisons.contact.methods import FRICTION, NORMAL, Answer, Method, Problem, ours, tamaas
+from comparisons.contact.theory import MU, A, C
+from comparisons.harness.processes import in_a_fresh_process
+from comparisons.harness.report import Row
 
 TARGET = 1e-8  # violation of the conditions
 SECONDS = 300.0  # after which a method is given up
 REPEATED = 3  # times, of which the median counts
-
-
-def methods(problem: Problem) -> dict[str, Method]:
-    """What solves a problem, installed or not."""
-    return FRICTION if problem.shift else NORMAL
 
 
 def loosest(method: Callable[..., Answer], problem: Problem) -> tuple[float, Answer]:
@@ -57,9 +52,8 @@ def fewest(method: Callable[..., Answer], problem: Problem) -> tuple[float, Answ
     return enough, method(problem, enough)
 
 
-def measure(name: str, problem: Problem) -> Row:
+def measure(method: Callable[..., Answer], problem: Problem) -> Row:
     """Find what is asked of a method, and measure it; in a process of its own."""
-    _, method = methods(problem)[name]
     asked, answer = (fewest if method is tamaas else loosest)(method, problem)
     argument: Any = int(asked) if method is tamaas else asked
     seconds = [method(problem, argument).seconds for _ in range(REPEATED)]
@@ -91,19 +85,23 @@ def problems(N: int) -> list[Problem]:
     ]
 
 
-def run(*, quick: bool) -> list[Row]:
-    """Measure every method that is installed on every problem."""
+def run(
+    chosen: Sequence[Problem],
+    normal: Mapping[str, Method] = NORMAL,
+    friction: Mapping[str, Method] = FRICTION,
+) -> list[Row]:
+    """Measure every method that is installed on every problem that it is for."""
     jobs = [
-        (problem, name)
-        for problem in problems(64 if quick else 256)
-        for name, (package, _) in methods(problem).items()
+        (problem, name, method)
+        for problem in chosen
+        for name, (package, method) in (friction if problem.shift else normal).items()
         if find_spec(package)
     ]
     rows: list[Row] = []
-    for problem, name in tqdm(jobs, unit="run"):
+    for problem, name, method in tqdm(jobs, unit="run"):
         row: Row = {"problem": f"{problem.name}, {problem.N}²", "method": name}
         try:
-            row |= in_a_fresh_process(partial(measure, name, problem), SECONDS)
+            row |= in_a_fresh_process(partial(measure, method, problem), SECONDS)
         except TimeoutError:
             row |= {"cpu_s": math.nan, "note": f"over {SECONDS:.0f} s"}
         except ArithmeticError as error:

@@ -6,10 +6,8 @@ run at a larger one. The methods are in `contenders`; how a run is measured is i
 Grids of up to 256 elements multigrid solves directly.
 """
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
-from multiprocessing import set_forkserver_preload
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +15,11 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from comparisons import report
-from comparisons.contenders import CONTENDERS, Contender
-from comparisons.measuring import Measurement, measure
-from comparisons.report import Row
+from comparisons.harness import report
+from comparisons.harness.measuring import Contender, Measurement, measure
+from comparisons.harness.processes import prepare
+from comparisons.harness.report import Row
+from comparisons.speed.contenders import CONTENDERS
 from toeplitz_mg.paper.problems import Problem, test1, test2, test3
 
 LARGEST_TIME = 30.0  # seconds of set-up and solve
@@ -92,10 +91,10 @@ def readable(row: Row) -> Row:
     return {"method": row["method"], **values, "note": row["note"]}
 
 
-def show(rows: Sequence[Row]) -> None:
-    """Print a table for each system and a few sizes."""
+def show(rows: Sequence[Row], sizes: Sequence[int]) -> None:
+    """Print a table for each system and some sizes."""
     for system in dict.fromkeys(row["system"] for row in rows):
-        for n in SHOWN_SIZES:
+        for n in sizes:
             table = [readable(row) for row in rows if (row["system"], row["n"]) == (system, n)]
             if table:
                 report.show(f"{system}, n = {n}", table)
@@ -136,17 +135,14 @@ def styles(contenders: Sequence[Contender]) -> list[Row]:
     ]
 
 
-def main() -> None:
+def main(quick_sizes: Sequence[int] = QUICK_SIZES) -> None:
     """Run the comparison."""
-    # One thread for all, as the transforms have one; read where the server imports BLAS.
-    os.environ["OMP_NUM_THREADS"] = "1"
-    # What every measured process imports, imported once.
     # What every measured process imports, imported once; this module is run anew in each.
-    set_forkserver_preload(["comparisons.measuring", "comparisons.report", "matplotlib.figure"])
-    arguments = report.options("baselines", "Compare every method on the same systems.")
-    sizes = QUICK_SIZES if arguments.quick else SIZES
+    prepare("comparisons.speed.contenders", "comparisons.harness.report", "matplotlib.figure")
+    arguments = report.options("speed.baselines", "Compare every method on the same systems.")
+    sizes = quick_sizes if arguments.quick else SIZES
     rows = run(sizes, arguments.output / "baselines.csv")
-    show(rows)
+    show(rows, sizes[-1:] if arguments.quick else SHOWN_SIZES)
     plot(rows, arguments.output / "baselines.png")
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.punch import NU, G
+from comparisons.systems.punch import NU, G
 from toeplitz_mg._typing import Array
 
 Solution = tuple[Array, int, float, float]

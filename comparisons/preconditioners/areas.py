@@ -1,22 +1,20 @@
 """Every preconditioner on contact areas of every kind: what `default_preconditioner` rests on.
 
-The normal problem on an N x N grid of square elements, and one level: the paper's kernel on islands
-of a line. Left out is what is not symmetric, as SD, and Jacobi, a multiple of the unit matrix here.
+The normal problem on an N x N grid of square elements, and on one axis: the paper's kernel on
+islands of a line. Left out is what is not symmetric, as SD, and Jacobi, a multiple of the unit
+matrix here.
 CG from a zero guess to a relative residual of 1e-8. The seconds are of CPU, the median of some
 set-ups and solves in a process of its own; what takes minutes is given up. A work unit is the time
 of one product with A there, and what a solve takes beyond its work units is what these do not see:
 vectors, and memory that sparse products wait for.
 """
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from math import isnan, nan
-from multiprocessing import set_forkserver_preload
 from pathlib import Path
 from statistics import median
 from time import process_time
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -24,15 +22,16 @@ from scipy.sparse.linalg import LinearOperator
 from tqdm import tqdm
 
 import toeplitz_mg as tmg
-from comparisons import masks, report
-from comparisons.measuring import in_a_fresh_process, peak_bytes
-from comparisons.report import Row
+from comparisons.harness import report
+from comparisons.harness.measuring import PRECONDITIONERS, TOLERANCE, solve, whole
+from comparisons.harness.processes import in_a_fresh_process, peak_bytes, prepare
+from comparisons.harness.report import Row
+from comparisons.systems import masks
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array
 from toeplitz_mg.paper.problems import test1
 
 TITLE = "Every preconditioner on areas of every kind"
-TOLERANCE = 1e-8
 MAXITER = 150
 SECONDS = 200.0  # after which a run is given up
 REPEATS, ENOUGH = 3, 2.0  # runs, or seconds of them
@@ -41,19 +40,6 @@ LINES = (2**14, 2**17, 2**20)
 QUICK_SIZES, QUICK_LINES = (32, 64), (2048,)
 SHOWN = 512  # the grid whose tractions are drawn
 
-METHODS: dict[str, Callable[[Any], LinearOperator | None]] = {
-    "none": lambda A: None,
-    "Strang": tmg.strang_preconditioner,
-    "T. Chan": tmg.chan_preconditioner,
-    "cosine": tmg.cosine_preconditioner,
-    "sine": tmg.sine_preconditioner,
-    "spectral": tmg.spectral_preconditioner,
-    "M": tmg.fft_preconditioner,
-    "M̄": tmg.fft_rsm_preconditioner,
-    "V(1,1)": tmg.multigrid,
-    "FSAI": tmg.fsai_preconditioner,
-    "default": tmg.default_preconditioner,
-}
 ON_A_LINE: dict[str, Callable[[int], Array]] = {
     "paper's test 3": lambda n: np.asarray((np.arange(n) // (n // 8)) % 8 != 3),
     "100 islands": partial(masks.islands, 100),
@@ -63,7 +49,7 @@ ON_A_LINE: dict[str, Callable[[int], Array]] = {
 
 
 def operator(area: str, n: int) -> LinearOperator:
-    """The matrix of an area, in two levels or one."""
+    """The matrix of an area, in the plane or on a line."""
     if area in masks.FRAGMENTED:
         mask = masks.FRAGMENTED[area](n)
         element = (2.0 / n, 2.0 / n)
@@ -75,10 +61,10 @@ def operator(area: str, n: int) -> LinearOperator:
     return full if mask.all() else tmg.MaskedOperator(full, mask)
 
 
-def solve(method: str, A: LinearOperator, small: LinearOperator) -> Row:
+def measure(method: str, A: LinearOperator, small: LinearOperator) -> Row:
     """Set up and solve, first a small problem; in a process of its own."""
-    full = getattr(A, "full", A)
-    _measured(method, small, np.ones(small.shape[0]))
+    solve_by = partial(solve, preconditioner=PRECONDITIONERS[method], maxiter=MAXITER)
+    solve_by(small, np.ones(small.shape[0]))
     before = peak_bytes()
     row: Row = {}
     products = _seconds_of_products(A)
@@ -86,19 +72,18 @@ def solve(method: str, A: LinearOperator, small: LinearOperator) -> Row:
         ("constant", np.ones(A.shape[0])),
         ("random", np.random.default_rng(0).standard_normal(A.shape[0])),
     ):
-        runs = [_measured(method, A, b)]
-        while len(runs) < REPEATS and sum(run[0] + run[1] for run in runs) < ENOUGH:
-            runs.append(_measured(method, A, b))
-        iterations, units, residual = runs[0][2:]
+        runs = [solve_by(A, b)]
+        while len(runs) < REPEATS and sum(run.seconds for run in runs) < ENOUGH:
+            runs.append(solve_by(A, b))
         row |= {
-            name: iterations if residual <= 1.1 * TOLERANCE else f"> {iterations}",
-            f"{name}_units": units,
-            f"{name}_s": median(run[0] + run[1] for run in runs),
-            "setup_s": median(run[0] for run in runs),
+            name: runs[0].count,
+            f"{name}_units": runs[0].units,
+            f"{name}_s": median(run.seconds for run in runs),
+            "setup_s": median(run.setup_s for run in runs),
         }
         products += _seconds_of_products(A)  # before and after, as the machine may be shared
     row["product_s"] = median(products)
-    return row | {"vectors": (peak_bytes() - before) / (8 * full.shape[0]), "note": ""}
+    return row | {"vectors": (peak_bytes() - before) / (8 * whole(A).shape[0]), "note": ""}
 
 
 def _seconds_of_products(A: LinearOperator) -> list[float]:
@@ -112,22 +97,6 @@ def _seconds_of_products(A: LinearOperator) -> list[float]:
     return seconds
 
 
-def _measured(method: str, A: LinearOperator, b: Array) -> tuple[float, float, int, float, float]:
-    """Seconds of set-up and solve, iterations, work units, residual."""
-    steps: list[int] = []
-    with tmg.count_products() as work:
-        start = process_time()
-        M = METHODS[method](A)
-        setup = process_time() - start
-        x, _ = tmg.cg(
-            A, b, M=M, rtol=TOLERANCE, maxiter=MAXITER, callback=lambda _: steps.append(1)
-        )
-        seconds = process_time() - start - setup
-    residual = float(np.linalg.norm(b - A @ x)) / float(np.linalg.norm(b))
-    units = work.units(getattr(A, "full", A).shape[0])
-    return setup, seconds, len(steps), units, residual
-
-
 def run(jobs: Sequence[tuple[str, int]], methods: Sequence[str]) -> Iterator[list[Row]]:
     """Measure preconditioners on areas of some sizes; yield the rows so far after each."""
     rows: list[Row] = []
@@ -139,7 +108,7 @@ def run(jobs: Sequence[tuple[str, int]], methods: Sequence[str]) -> Iterator[lis
                 progress.set_postfix_str(f"{area}, {n}, {method}")
                 row: Row = {"area": area, "n": n, "method": method}
                 try:
-                    row |= in_a_fresh_process(partial(solve, method, A, small), SECONDS)
+                    row |= in_a_fresh_process(partial(measure, method, A, small), SECONDS)
                 except TimeoutError:
                     row |= {"random_s": nan, "note": f"over {SECONDS:.0f} s"}
                 except ArithmeticError as error:
@@ -200,52 +169,54 @@ def _timed(area: str, n: int, own: dict[str, Row], b: str) -> Row:
     return cells
 
 
-def draw(n: int, path: Path) -> None:
+def draw(areas: Sequence[str], n: int, path: Path) -> None:
     """Draw the tractions under a rigid displacement of each area."""
     figure = Figure(figsize=(15, 9), layout="constrained")
     axes = figure.subplots(3, 5).ravel()
-    for ax, (area, mask_of) in zip(axes, masks.FRAGMENTED.items(), strict=False):
+    for ax, area in zip(axes, areas, strict=False):
         A = operator(area, n)
         p, info = tmg.cg(A, np.ones(A.shape[0]), M=tmg.default_preconditioner(A), rtol=1e-6)
         if info:
             raise ArithmeticError("not converged")
         field = np.full((n, n), np.nan)
-        field[mask_of(n)] = p
+        field[masks.FRAGMENTED[area](n)] = p
         ax.imshow(field.T, origin="lower", vmin=0.0, vmax=float(np.quantile(p, 0.98)))
         ax.set(title=area, xticks=[], yticks=[])
-    for ax in axes[len(masks.FRAGMENTED) :]:
+    for ax in axes[len(areas) :]:
         ax.set_axis_off()
     report.write_figure(path, figure, dpi=130)
 
 
-def main() -> None:
+def main(
+    quick_sizes: Sequence[int] = QUICK_SIZES, quick_lines: Sequence[int] = QUICK_LINES
+) -> None:
     """Run the comparison."""
-    os.environ["OMP_NUM_THREADS"] = "1"  # read where a process imports BLAS
-    set_forkserver_preload(["comparisons.masks", "comparisons.measuring", "matplotlib.figure"])
+    prepare("comparisons.systems.masks", "comparisons.harness.measuring", "matplotlib.figure")
     arguments = report.options(
-        "areas",
+        "preconditioners.areas",
         f"{TITLE}.",
         sizes=QUICK_SIZES + SIZES + QUICK_LINES + LINES,
         areas=(*masks.FRAGMENTED, *ON_A_LINE),
-        methods=tuple(METHODS),
+        methods=tuple(PRECONDITIONERS),
     )
     quick = arguments.quick
-    in_two_levels, on_a_line = (QUICK_SIZES, QUICK_LINES) if quick else (SIZES, LINES)
+    in_the_plane, on_a_line = (quick_sizes, quick_lines) if quick else (SIZES, LINES)
     jobs = [
         (area, n)
         for area in arguments.areas or (*masks.FRAGMENTED, *ON_A_LINE)
-        for n in (on_a_line if area in ON_A_LINE else in_two_levels)
+        for n in (on_a_line if area in ON_A_LINE else in_the_plane)
         if n in (arguments.sizes or (n,))
     ]
     rows: list[Row] = []
-    for rows in run(jobs, arguments.methods or tuple(METHODS)):
+    for rows in run(jobs, arguments.methods or tuple(PRECONDITIONERS)):
         report.write_csv(arguments.output / "areas.csv", rows)
     report.write_markdown(arguments.output / "areas.md", TITLE, tables(rows))
     for area, n in jobs:
         measured = [row for row in rows if (row["area"], row["n"]) == (area, n)]
         sine = {row["method"]: row["random_s"] for row in measured}.get("sine", nan)
         report.show(f"{area}, n = {n}", [readable(row, sine) for row in measured])
-    draw(QUICK_SIZES[-1] if quick else SHOWN, arguments.output / "areas.png")
+    drawn = [area for area in masks.FRAGMENTED if area in dict(jobs)]
+    draw(drawn, quick_sizes[-1] if quick else SHOWN, arguments.output / "areas.png")
 
 
 if __name__ == "__main__":

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from comparisons import report
-from comparisons.report import Row
+from comparisons.harness import report
+from comparisons.harness.report import Row
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import ContactResult, surfaces
 

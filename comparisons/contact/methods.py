@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from comparisons.contact_theory import MU, A
+from comparisons.contact.theory import MU, A
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import friction, normal_contact, surfaces
 from toeplitz_mg.contact.grid import Grid

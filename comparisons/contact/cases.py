@@ -11,11 +11,9 @@ Kalker's coefficients are known to three digits.
 Against `aspher` and `tamaas`, where they are installed, see `contact_peers`.
 """
 
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from math import nan
-from multiprocessing import set_forkserver_preload
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -23,13 +21,13 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from comparisons import contact_peers, report
-from comparisons import contact_theory as theory
-from comparisons.contact_figures import convergence, picture, rough_picture
-from comparisons.contact_methods import rough_gap
-from comparisons.contact_theory import UNIT, Solved
-from comparisons.measuring import in_a_fresh_process
-from comparisons.report import Row
+from comparisons.contact import peers, theory
+from comparisons.contact.figures import convergence, picture, rough_picture
+from comparisons.contact.methods import FRICTION, NORMAL, Method, rough_gap
+from comparisons.contact.theory import UNIT, Solved
+from comparisons.harness import report
+from comparisons.harness.processes import in_a_fresh_process, prepare
+from comparisons.harness.report import Row
 from toeplitz_mg.contact import ContactResult, normal_contact
 
 LINES, QUICK_LINES = (64, 128, 256, 512, 1024, 2048, 4096), (64, 128, 256)
@@ -40,7 +38,9 @@ SECONDS = 1200.0  # after which a case is given up
 LOADS = (0.006, 0.0123, 0.06, 0.2, 0.36)  # 1 to 40 % of contact
 
 
-CASES: dict[str, tuple[Callable[[int], Solved], Sequence[int], Sequence[int]]] = {
+Case = tuple[Callable[[int], Solved], Sequence[int], Sequence[int]]  # solver, sizes, quick ones
+
+CASES: dict[str, Case] = {
     "Hertz, line": (theory.hertz_line, LINES, QUICK_LINES),
     "Hertz, sphere": (theory.hertz_sphere, SURFACES, QUICK_SURFACES),
     "Hertz, ellipse": (theory.hertz_ellipse, SURFACES, QUICK_SURFACES),
@@ -92,9 +92,10 @@ def order(errors: Sequence[float], sizes: Sequence[int]) -> float:
     return -float(np.polyfit(x, y, 1)[0])
 
 
-def study(case: str, sizes: Sequence[int], folder: Path) -> tuple[list[Row], list[Row]]:
+def study(
+    case: str, solve: Callable[[int], Solved], sizes: Sequence[int], folder: Path
+) -> tuple[list[Row], list[Row]]:
     """Solve a case on every grid, draw the finest, return costs and errors; in a fresh process."""
-    solve, _, _ = CASES[case]
     solve(sizes[0])  # what the first call loads is not its time
     costs: list[Row] = []
     errors: list[Row] = []
@@ -109,14 +110,14 @@ def study(case: str, sizes: Sequence[int], folder: Path) -> tuple[list[Row], lis
     return costs, errors
 
 
-def analytic(quick: bool, folder: Path) -> None:
-    """Solve every case with a known answer."""
+def analytic(cases: Mapping[str, Case], quick: bool, folder: Path) -> None:
+    """Solve cases with a known answer."""
     costs: list[Row] = []
     errors: list[Row] = []
     orders: list[Row] = []
-    for case, (_, full, few) in tqdm(CASES.items(), unit="case"):
+    for case, (solve, full, few) in tqdm(cases.items(), unit="case"):
         sizes = few if quick else full
-        cost, error = in_a_fresh_process(partial(study, case, sizes, folder), SECONDS)
+        cost, error = in_a_fresh_process(partial(study, case, solve, sizes, folder), SECONDS)
         costs += cost
         errors += error
         for quantity in dict.fromkeys(row["quantity"] for row in error):
@@ -127,7 +128,7 @@ def analytic(quick: bool, folder: Path) -> None:
     report.write_csv(folder / "errors.csv", errors)
     report.write_csv(folder / "costs.csv", costs)
     report.write_csv(folder / "orders.csv", orders)
-    for case in CASES:
+    for case in cases:
         show(f"{case}: errors against theory", [row for row in orders if row["case"] == case])
     show("Products, iterations between changes of the areas, CPU time", costs)
 
@@ -170,18 +171,21 @@ def readable(key: str, value: Any) -> Any:
     return format(value, formats.get(key, ".2e")) if isinstance(value, float) else value
 
 
-def main() -> None:
+def main(
+    cases: Mapping[str, Case] = CASES,
+    normal: Mapping[str, Method] = NORMAL,
+    friction: Mapping[str, Method] = FRICTION,
+) -> None:
     """Run the comparison."""
-    os.environ["OMP_NUM_THREADS"] = "1"  # read where a process imports BLAS, or a peer
-    set_forkserver_preload(["comparisons.contact_peers", "comparisons.contact_figures"])
-    arguments = report.options("contact_cases", "Contact problems: theory, rough surfaces, peers.")
-    analytic(arguments.quick, arguments.output)
+    prepare("comparisons.contact.peers", "comparisons.contact.figures")
+    arguments = report.options("contact.cases", "Contact problems: theory, rough surfaces, peers.")
+    analytic(cases, arguments.quick, arguments.output)
     rough_surfaces(arguments.quick, arguments.output)
-    rows = contact_peers.run(quick=arguments.quick)
+    rows = peers.run(peers.problems(64 if arguments.quick else 256), normal, friction)
     report.write_csv(arguments.output / "peers.csv", rows)
     for problem in dict.fromkeys(row["problem"] for row in rows):
-        table = [contact_peers.readable(r) for r in rows if r["problem"] == problem]
-        report.show(f"{problem}: each as accurate as {contact_peers.TARGET:g} takes", table)
+        table = [peers.readable(r) for r in rows if r["problem"] == problem]
+        report.show(f"{problem}: each as accurate as {peers.TARGET:g} takes", table)
 
 
 if __name__ == "__main__":

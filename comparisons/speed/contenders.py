@@ -9,10 +9,8 @@ hierarchy is built from the dense matrix or from a copy with 16 off-diagonals on
 pyamg starts some estimates at random: its iterations vary a little from run to run.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pyamg
@@ -21,73 +19,23 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import LinearOperator, cg
 
 import toeplitz_mg as tmg
+from comparisons.harness.measuring import (
+    TOLERANCE,
+    Contender,
+    Explanation,
+    Solve,
+    System,
+    by_iteration,
+    column_and_mask,
+    no_reason,
+    nothing,
+)
 from toeplitz_mg._typing import Array
 from toeplitz_mg.paper.problems import Problem
 
-
-class System(Protocol):
-    """A x = b, with a name in tables."""
-
-    @property
-    def name(self) -> str:
-        """The same for all sizes."""
-
-    @property
-    def A(self) -> LinearOperator:
-        """A ToeplitzOperator, or a MaskedOperator of one."""
-
-    @property
-    def b(self) -> Array:
-        """Of shape (N,)."""
-
-
-Solve = Callable[[], tuple[Array, int | None]]  # x and the iterations, None for a direct method
-Method = Callable[[Any], Solve]  # of a System
-Preconditioner = Callable[[LinearOperator], LinearOperator | None]
-Explanation = Callable[[Any], str]  # of a System
-
-TOLERANCE = 1e-8
-MAXITER = 3000
-MAXCYCLES = 300  # of algebraic multigrid alone, where one costs several dense products
-DENSE_BYTES = 4e9  # a matrix larger than this is not even begun
-BANDWIDTH = 16  # off-diagonals on each side that the banded copy keeps
-
-
-def no_reason(problem: System) -> str:
-    """Leave it at the numbers."""
-    return ""
-
-
-@dataclass(frozen=True)
-class Contender:
-    """A method with its name in tables.
-
-    Attributes
-    ----------
-    name : str
-    method : callable
-        Maps a problem to its solve; the call is the set-up.
-    ours : bool
-        Whether it is of this package, other than as a baseline.
-    counted : bool
-        Whether its work is products with Toeplitz matrices and circulants, so that the products
-        counted are all of it.
-    explain : callable
-        Maps a problem on which the method did not converge to the reason, or to nothing.
-    """
-
-    name: str
-    method: Method
-    ours: bool = False
-    counted: bool = True
-    explain: Explanation = no_reason
-
-
-def column_and_mask(A: LinearOperator) -> tuple[Array, Array]:
-    """Return the first column of the Toeplitz matrix and the mask of the unknowns."""
-    if isinstance(A, tmg.MaskedOperator):
-        return A.full.c, A.mask
-    return A.c, np.ones(A.shape[0], dtype=bool)
+MAXCYCLES = 300  # Cycles of algebraic multigrid alone, where one costs several dense products.
+DENSE_BYTES = 4e9  # A matrix larger than this is not even begun.
+BANDWIDTH = 16  # Off-diagonals on each side that the banded copy keeps.
 
 
 def dense(A: LinearOperator) -> Array:
@@ -134,27 +82,6 @@ def levinson(problem: System) -> Solve:
     return lambda: (solve_toeplitz(column, problem.b, check_finite=False), None)
 
 
-def iterate(
-    solver: Any, preconditioner: Preconditioner, problem: System, maxiter: int = MAXITER
-) -> Solve:
-    """Iterate by `cg` or `richardson` on the fast product, with a preconditioner of A."""
-    M = preconditioner(problem.A)
-
-    def solve() -> tuple[Array, int]:
-        steps: list[None] = []
-        x, _ = solver(
-            problem.A,
-            problem.b,
-            M=M,
-            rtol=TOLERANCE,
-            maxiter=maxiter,
-            callback=lambda xk: steps.append(None),
-        )
-        return x, len(steps)
-
-    return solve
-
-
 def paper_sd(problem: Problem) -> Solve:
     """Iterate by V(0,1) with P M as smoother, on the paper's coarse grids down to 2 elements.
 
@@ -167,7 +94,7 @@ def paper_sd(problem: Problem) -> Solve:
         smoother = tmg.fft_sd_preconditioner
         return tmg.multigrid(A, smoother=smoother, pre=0, post=1, coarsest=2, coarsen=coarsen)
 
-    return iterate(tmg.richardson, cycle, problem)
+    return by_iteration(tmg.richardson, cycle, problem)
 
 
 def algebraic(build: Any, problem: System) -> Solve:
@@ -180,10 +107,6 @@ def algebraic(build: Any, problem: System) -> Solve:
         return x, len(residuals) - 1
 
     return solve
-
-
-def nothing(A: LinearOperator) -> None:
-    """Precondition by nothing."""
 
 
 def algebraic_cycle(build: Any, sparse_copy: Any, A: LinearOperator) -> LinearOperator:
@@ -227,16 +150,16 @@ def cg_algebraic(
     name: str, build: Any, sparse_copy: Any, explain: Explanation = no_reason
 ) -> Contender:
     """Return CG on the full matrix with algebraic multigrid for a sparse copy of it."""
-    method = partial(iterate, cg, partial(algebraic_cycle, build, sparse_copy))
+    method = partial(by_iteration, cg, partial(algebraic_cycle, build, sparse_copy))
     return Contender(name, method, counted=False, explain=explain)
 
 
 CONTENDERS = (
     Contender("dense Cholesky", cholesky, counted=False),
     Contender("solve_toeplitz", levinson, counted=False),
-    Contender("CG", partial(iterate, cg, nothing)),
-    Contender("CG + Strang", partial(iterate, cg, tmg.strang_preconditioner)),
-    Contender("CG + T. Chan", partial(iterate, cg, tmg.chan_preconditioner)),
+    Contender("CG", partial(by_iteration, cg, nothing)),
+    Contender("CG + Strang", partial(by_iteration, cg, tmg.strang_preconditioner)),
+    Contender("CG + T. Chan", partial(by_iteration, cg, tmg.chan_preconditioner)),
     Contender("pyamg SA", partial(algebraic, aggregation), counted=False),
     Contender("pyamg RS", partial(algebraic, classical), counted=False),
     cg_algebraic("CG + pyamg SA", aggregation, dense_csr),
@@ -245,26 +168,26 @@ CONTENDERS = (
     cg_algebraic("CG + pyamg RS, banded", classical, banded_csr, why_band_fails),
     Contender(
         "M",
-        partial(iterate, tmg.richardson, tmg.fft_preconditioner),
+        partial(by_iteration, tmg.richardson, tmg.fft_preconditioner),
         ours=True,
         explain=why_m_diverges,
     ),
-    Contender("CG + M", partial(iterate, cg, tmg.fft_preconditioner), ours=True),
-    Contender("M̄", partial(iterate, tmg.richardson, tmg.fft_rsm_preconditioner), ours=True),
-    Contender("CG + M̄", partial(iterate, cg, tmg.fft_rsm_preconditioner), ours=True),
+    Contender("CG + M", partial(by_iteration, cg, tmg.fft_preconditioner), ours=True),
+    Contender("M̄", partial(by_iteration, tmg.richardson, tmg.fft_rsm_preconditioner), ours=True),
+    Contender("CG + M̄", partial(by_iteration, cg, tmg.fft_rsm_preconditioner), ours=True),
     Contender(
         "SD",
-        partial(iterate, tmg.richardson, tmg.fft_sd_preconditioner),
+        partial(by_iteration, tmg.richardson, tmg.fft_sd_preconditioner),
         ours=True,
         explain=why_sd_alone_fails,
     ),
     Contender(
         "CG + SD",
-        partial(iterate, cg, tmg.fft_sd_preconditioner),
+        partial(by_iteration, cg, tmg.fft_sd_preconditioner),
         ours=True,
         explain=why_sd_alone_fails,
     ),
     Contender("V(0,1), SD", paper_sd, ours=True, explain=why_sd_diverges),
-    Contender("V(0,1)", partial(iterate, tmg.richardson, v01), ours=True),
-    Contender("CG + V(1,1)", partial(iterate, cg, v11), ours=True),
+    Contender("V(0,1)", partial(by_iteration, tmg.richardson, v01), ours=True),
+    Contender("CG + V(1,1)", partial(by_iteration, cg, v11), ours=True),
 )

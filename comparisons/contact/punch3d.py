@@ -17,32 +17,36 @@ Memory is the rise of a process's peak by set-up and solution, above libraries a
 makes its own matrix, which is counted.
 """
 
-import os
 from bisect import bisect_left
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from importlib.util import find_spec
 from math import isnan, log, nan
-from multiprocessing import set_forkserver_preload
-from time import process_time
+from typing import Any
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 from tqdm import tqdm
 
 import toeplitz_mg as tmg
-from comparisons import peers, report
-from comparisons.masks import AREAS
-from comparisons.measuring import in_a_fresh_process, peak_bytes
-from comparisons.punch import KINDS, Punch
-from comparisons.report import Row
+from comparisons.contact import punch_peers as peers
+from comparisons.harness import report
+from comparisons.harness.measuring import (
+    PRECONDITIONERS,
+    TOLERANCE,
+    Preconditioner,
+    Run,
+    nothing,
+    solve,
+)
+from comparisons.harness.processes import in_a_fresh_process, peak_bytes, prepare
+from comparisons.harness.report import Row
+from comparisons.systems.masks import AREAS
+from comparisons.systems.punch import KINDS, Punch
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.products import FOURIER, DiagonalisedProduct
 from toeplitz_mg.operators.diagonalised import DiagonalisedOperator
 
-Preconditioner = Callable[[LinearOperator], LinearOperator | None]
-
-TOLERANCE = 1e-8
 MAXITER = 600
 SECONDS = 600.0  # after which a run is given up
 SIZES = (64, 128, 256, 512, 1024, 2048)
@@ -65,20 +69,13 @@ def circulant_of_q(A: LinearOperator) -> LinearOperator:
 
 
 single = np.float32
+SHARED = ("Strang", "T. Chan", "cosine", "sine", "FSAI", "M", "M̄", "V(1,1)", "default")
 METHODS: dict[str, Preconditioner] = {
-    "CG": lambda A: None,
+    "CG": nothing,
     "CG + |q| circulant": tmg.componentwise(circulant_of_q),
-    "CG + Strang": tmg.strang_preconditioner,
-    "CG + T. Chan": tmg.chan_preconditioner,
-    "CG + cosine": tmg.cosine_preconditioner,
+    **{f"CG + {name}": PRECONDITIONERS[name] for name in SHARED},
     "CG + cosine, float32": partial(tmg.cosine_preconditioner, dtype=single),
-    "CG + sine": tmg.sine_preconditioner,
-    "CG + FSAI": tmg.fsai_preconditioner,
-    "CG + M": tmg.fft_preconditioner,
     "CG + M by component": tmg.componentwise(tmg.fft_preconditioner),
-    "CG + M̄": tmg.fft_rsm_preconditioner,
-    "CG + V(1,1)": tmg.componentwise(tmg.multigrid),
-    "CG + default": tmg.default_preconditioner,
 }
 # The iteration in float32 too, inside a residual correction in float64.
 INNER: dict[str, Preconditioner] = {
@@ -88,40 +85,29 @@ INNER: dict[str, Preconditioner] = {
 }
 
 
-def solve(method: str, punch: Punch, A: LinearOperator) -> Row:
+def measure(method: str, punch: Punch, A: LinearOperator) -> Row:
     """Set a method up for the matrix of a punch, and solve; in a process of its own."""
     warm = Punch(punch.area, punch.kind, 16)
-    _solved(method, warm.operator(), warm.displacement(), maxiter=3)
+    solve_by(method, warm.operator(), warm.displacement(), maxiter=3)
     before = peak_bytes()
-    x, iterations, units, seconds = _solved(method, A, punch.displacement())
-    row = {"iterations": iterations, "units": units, "cpu_s": seconds}
+    run = solve_by(method, A, punch.displacement())
+    row = {"iterations": run.iterations, "units": run.units, "cpu_s": run.seconds}
     row["peak_mb"] = (peak_bytes() - before) / 1e6
-    return row | summary(punch, x, A)
+    return row | summary(punch, run.x, A)
 
 
-def _solved(
-    method: str, A: LinearOperator, b: Array, maxiter: int = MAXITER
-) -> tuple[Array, int, float, float]:
-    """Tractions, iterations, work units, seconds."""
-    steps: list[int] = []
-    with tmg.count_products() as work:
-        start = process_time()
-        M = (METHODS | INNER)[method](A)
-        inner = A.astype(single) if method in INNER else None
-        x, _ = tmg.cg(
-            A,
-            b,
-            M=M,
-            rtol=TOLERANCE,
-            inner=inner,
-            maxiter=maxiter,
-            callback=lambda _: steps.append(1),
-        )
-        seconds = process_time() - start
-    return x, len(steps), work.units(getattr(A, "full", A).shape[0]), seconds
+def solve_by(method: str, A: LinearOperator, b: Array, maxiter: int = MAXITER) -> Run:
+    """Solve a system by CG with the preconditioner of a method."""
+    solver = cg_in_single if method in INNER else tmg.cg
+    return solve(A, b, (METHODS | INNER)[method], solver=solver, maxiter=maxiter)
 
 
-def solve_by_peer(name: str, punch: Punch, A: LinearOperator) -> Row:
+def cg_in_single(A: LinearOperator, b: Array, **options: Any) -> tuple[Array, int]:
+    """Iterate in float32 inside a residual correction."""
+    return tmg.cg(A, b, inner=A.astype(single), **options)
+
+
+def measure_peer(name: str, punch: Punch, A: LinearOperator) -> Row:
     """Let a peer solve; in a process of its own."""
     row: Row = {}
     before = peak_bytes()
@@ -160,7 +146,7 @@ def run(punches: Sequence[Punch], names: Sequence[str]) -> Iterator[list[Row]]:
             for name in names:
                 progress.set_postfix_str(f"{punch.kind}, {punch.area}, {punch.N}, {name}")
                 row: Row = {"problem": punch.kind, "area": punch.area, "N": punch.N, "method": name}
-                function = solve_by_peer if name in peers.PEERS else solve
+                function = measure_peer if name in peers.PEERS else measure
                 try:
                     row |= in_a_fresh_process(partial(function, name, punch, A), SECONDS)
                 except TimeoutError:
@@ -198,12 +184,11 @@ def readable(row: Row) -> Row:
 
 def main() -> None:
     """Run the comparison."""
-    os.environ["OMP_NUM_THREADS"] = "1"  # read where a process imports BLAS, or a peer
-    set_forkserver_preload(["comparisons.punch3d"])
+    prepare("comparisons.contact.punch3d")
     installed = [name for name in peers.PEERS if find_spec(name)]
     names = [*METHODS, *INNER, *installed]
     arguments = report.options(
-        "punch3d",
+        "contact.punch3d",
         "Flat punches: every method, and the peers.",
         sizes=SMALL_SIZES + SIZES,
         areas=tuple(AREAS),

@@ -3,14 +3,14 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 from tqdm import tqdm
 
 import toeplitz_mg as tmg
-from comparisons.report import Row, options, show, write_csv
+from comparisons.harness.measuring import solve
+from comparisons.harness.report import Row, options, show, write_csv
 from toeplitz_mg.multigrid_cycle.hierarchy import Level
 from toeplitz_mg.multigrid_cycle.transfer import Transfer
 from toeplitz_mg.paper import problems, published
@@ -22,7 +22,7 @@ Smoother = Callable[[LinearOperator], LinearOperator]
 
 
 @dataclass(frozen=True)
-class Run:
+class Cell:
     """One cell of a table."""
 
     test: int
@@ -71,21 +71,15 @@ def measure(
     log_n: int,
     build: Callable[[problems.Problem], LinearOperator],
     paper: published.Published | None,
-) -> Run:
+) -> Cell:
     """Solve as in §5: random guess, ‖r‖/‖u‖ ≤ 1e-8; factor (‖r_k‖/‖r_0‖)^(1/k)."""
     problem = TESTS[test](2**log_n)
     M = build(problem)
     guess = np.random.default_rng(0).random(len(problem.b))
-    first = np.linalg.norm(problem.b - problem.A @ guess)
-    steps: list[Any] = []
-    with tmg.count_products() as work:
-        x, info = tmg.richardson(
-            problem.A, problem.b, guess, M=M, rtol=1e-8, maxiter=200, callback=steps.append
-        )
-    last = np.linalg.norm(problem.b - problem.A @ x)
-    factor = float((last / first) ** (1 / len(steps)))
-    units = work.units(2**log_n)
-    return Run(test, method, log_n, len(steps), factor, units, info == 0, paper)
+    first = np.linalg.norm(problem.b - problem.A @ guess) / np.linalg.norm(problem.b)
+    run = solve(problem.A, problem.b, lambda _: M, guess, solver=tmg.richardson, maxiter=200)
+    factor = float((run.residual / first) ** (1 / run.iterations))
+    return Cell(test, method, log_n, run.iterations, factor, run.solve_units, run.info == 0, paper)
 
 
 def spectral_radii(cycle: str) -> Iterator[tuple[int, float]]:
@@ -97,7 +91,7 @@ def spectral_radii(cycle: str) -> Iterator[tuple[int, float]]:
         yield n, float(np.abs(np.linalg.eigvals(iteration)).max())
 
 
-def table_of(runs: list[Run]) -> list[Row]:
+def table_of(runs: list[Cell]) -> list[Row]:
     """Two rows a method, ours and the paper's: iterations (convergence factor)."""
     rows = []
     for test, method in dict.fromkeys((run.test, run.method) for run in runs):
@@ -116,7 +110,7 @@ def table_of(runs: list[Run]) -> list[Row]:
     return rows
 
 
-def work_table(runs: list[Run]) -> list[Row]:
+def work_table(runs: list[Cell]) -> list[Row]:
     """Table VI and the work of the solver: ours counted, the paper's for n = 2^20."""
     rows: list[Row] = []
     for run in runs:
@@ -136,7 +130,7 @@ def work_table(runs: list[Run]) -> list[Row]:
 
 def main() -> None:
     """Run all tables."""
-    arguments = options("paper_tables", __doc__ or "")
+    arguments = options("paper.tables", __doc__ or "")
     sizes = range(10, 14) if arguments.quick else range(15, 21)
 
     rows: list[Row] = []
@@ -156,7 +150,7 @@ def main() -> None:
         "5": ("Table V. FFT+RSM smoother, test 2", rsm, published.ROW_SUM, 2),
         "8": ("Table VIII. FFT+RSM smoother, test 3", rsm, published.ROW_SUM, 3),
     }
-    tables: dict[str, tuple[str, list[Run]]] = {}
+    tables: dict[str, tuple[str, list[Cell]]] = {}
     with tqdm(total=(len(cycles) * len(CYCLES) + len(TESTS)) * len(sizes), unit="run") as bar:
         for number, (title, smoother, cells, test) in cycles.items():
             tables[number] = (title, [])

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import LinearOperator
 from tqdm import tqdm
 
 import toeplitz_mg as tmg
-from comparisons.report import Row, options, show, write_csv, write_figure
+from comparisons.harness.report import Row, options, show, write_csv, write_figure
 from toeplitz_mg._typing import Array
 
 Drawing = tuple[Figure, list[Row]]  # a figure and what is plotted in it
@@ -274,7 +274,7 @@ FIGURES: dict[int, Callable[[], Drawing]] = {
 def main() -> None:
     """Draw all figures, write their data and show the numbers."""
     arguments = options(
-        "paper_figures",
+        "paper.figures",
         f"{__doc__} Everything is {N} x 1 or smaller and takes seconds: --quick changes nothing.",
     )
     for number, draw in tqdm(FIGURES.items(), desc="figures"):

@@ -21,6 +21,7 @@ Row = dict[str, Any]
 def options(name: str, description: str, **choices: Sequence[Any] | int) -> argparse.Namespace:
     """Parse ``--quick``, ``--output`` and the choices, make the output folder and name it.
 
+    `name` is that of the module in `comparisons`, like "paper.tables".
     Each of `choices` is an option that takes one or more of its values; None without it. One that
     is an integer takes an integer, and is this one without it.
     """
@@ -41,14 +42,14 @@ def options(name: str, description: str, **choices: Sequence[Any] | int) -> argp
     parser.add_argument(
         "--output",
         type=Path,
-        default=Path("results") / name,
+        default=Path("results", *name.split(".")),
         metavar="FOLDER",
         help="folder for CSV and PNG (default: %(default)s)",
     )
     files.print_any_character()
     arguments = parser.parse_args()
-    arguments.files.mkdir(parents=True, exist_ok=True)
-    print(f"Writing to {arguments.files.resolve()}")
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    print(f"Writing to {arguments.output.resolve()}")
     return arguments
 
 

@@ -16,9 +16,10 @@ import numpy as np
 from tqdm import tqdm
 
 import toeplitz_mg as tmg
-from comparisons import masks, report
-from comparisons.punch import KINDS, NU, Punch
-from comparisons.report import Row
+from comparisons.harness import report
+from comparisons.harness.report import Row
+from comparisons.systems import masks
+from comparisons.systems.punch import KINDS, NU, Punch
 from toeplitz_mg._typing import Array
 
 TOLERANCE = 1e-9
@@ -67,7 +68,7 @@ def limit(area: str, sizes: Sequence[int], forces: Array) -> tuple[float, float]
     Examples
     --------
     >>> import numpy as np
-    >>> from comparisons.punch_limits import limit
+    >>> from comparisons.contact.punch_limits import limit
     >>> N = np.array([32, 48, 64, 96, 128])
     >>> value, error = limit("square", N, 2.0 - 0.7 / N)
     >>> print(f"{value:.6f}")
@@ -94,7 +95,7 @@ def limit(area: str, sizes: Sequence[int], forces: Array) -> tuple[float, float]
 def main() -> None:
     """Run the comparison."""
     arguments = report.options(
-        "punch_limits",
+        "contact.punch_limits",
         "The forces on flat punches for N to infinity.",
         areas=RECTANGLES + ROUND,
         problems=KINDS,

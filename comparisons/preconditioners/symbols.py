@@ -6,24 +6,30 @@ its work includes the check of the residual. A method that did not converge in 2
 not run at a larger n. How a run is measured is in `measuring`.
 """
 
-import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from multiprocessing import set_forkserver_preload
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 from tqdm import tqdm
 
 import toeplitz_mg as tmg
-from comparisons import report
-from comparisons.contenders import TOLERANCE, Contender, Solve, System, iterate, nothing
-from comparisons.measuring import Measurement, measure
-from comparisons.report import Row
-from comparisons.symbols import COLUMNS, column
+from comparisons.harness import report
+from comparisons.harness.measuring import (
+    PRECONDITIONERS,
+    TOLERANCE,
+    Contender,
+    Measurement,
+    Solve,
+    System,
+    by_iteration,
+    measure,
+)
+from comparisons.harness.processes import prepare
+from comparisons.harness.report import Row
+from comparisons.systems.symbols import COLUMNS, column
 from toeplitz_mg._typing import Array
 
 SIZES = tuple(2**k for k in (8, 11, 14, 17, 20))
@@ -63,10 +69,10 @@ def v11(system: System) -> Solve:
     interpolation = INTERPOLATIONS.get(system.name, tmg.piecewise_constant)
     cycle = partial(tmg.multigrid, pre=1, post=1, interpolation=interpolation)
     try:
-        return iterate(cg, cycle, system, MAXITER)
+        return by_iteration(cg, cycle, system, MAXITER)
     except np.linalg.LinAlgError:
         cycle = partial(cycle, smoother=tmg.jacobi_preconditioner)
-        return iterate(cg, cycle, system, MAXITER)
+        return by_iteration(cg, cycle, system, MAXITER)
 
 
 def drop_in(system: System) -> Solve:
@@ -79,30 +85,24 @@ def drop_in(system: System) -> Solve:
     return solve
 
 
-def by_cg(name: str, preconditioner: Any, ours: bool = True) -> Contender:
+def by_cg(name: str) -> Contender:
     """Return CG with a preconditioner."""
-    return Contender(name, partial(iterate, cg, preconditioner, maxiter=MAXITER), ours=ours)
+    method = partial(by_iteration, cg, PRECONDITIONERS[name], maxiter=MAXITER)
+    return Contender(name, method, ours=name not in ("none", "Strang", "T. Chan"))
 
 
 CONTENDERS = (
-    by_cg("none", nothing, ours=False),
-    by_cg("Strang", tmg.strang_preconditioner, ours=False),
-    by_cg("T. Chan", tmg.chan_preconditioner, ours=False),
-    by_cg("M", tmg.fft_preconditioner),
-    by_cg("cosine", tmg.cosine_preconditioner),
-    by_cg("sine", tmg.sine_preconditioner),
-    by_cg("spectral", tmg.spectral_preconditioner),
-    by_cg("FSAI", tmg.fsai_preconditioner),
+    *map(by_cg, ("none", "Strang", "T. Chan", "M", "cosine", "sine", "spectral", "FSAI")),
     Contender("V(1,1)", v11, ours=True),
     Contender("solve_toeplitz", drop_in, ours=True),
 )
 
 
-def run(sizes: Sequence[int], path: Path) -> list[Row]:
+def run(symbols: Sequence[str], sizes: Sequence[int], path: Path) -> list[Row]:
     """Measure every method on every system, and keep the table on disk up to date."""
     rows: list[Row] = []
-    with tqdm(total=len(COLUMNS) * len(sizes) * 2 * len(CONTENDERS), unit="run") as progress:
-        for name in COLUMNS:
+    with tqdm(total=len(symbols) * len(sizes) * 2 * len(CONTENDERS), unit="run") as progress:
+        for name in symbols:
             too_many: set[tuple[str, str]] = set()
             for n in sizes:
                 for kind, system in samples(name, n).items():
@@ -183,13 +183,17 @@ def show_the_choice(rows: Sequence[Row]) -> None:
     report.show("The choice of solve_toeplitz, over all n and both right-hand sides", table)
 
 
-def main() -> None:
+def main(quick_sizes: Sequence[int] = QUICK_SIZES) -> None:
     """Run the comparison."""
-    # One thread for all, as the transforms have one; read where the server imports BLAS.
-    os.environ["OMP_NUM_THREADS"] = "1"
-    set_forkserver_preload(["comparisons.measuring", "comparisons.general_symbols"])
-    arguments = report.options("general_symbols", "Compare preconditioners on many symbols.")
-    rows = run(QUICK_SIZES if arguments.quick else SIZES, arguments.output / "general_symbols.csv")
+    prepare("comparisons.preconditioners.symbols")
+    arguments = report.options(
+        "preconditioners.symbols", "Every preconditioner on many symbols.", symbols=tuple(COLUMNS)
+    )
+    rows = run(
+        arguments.symbols or tuple(COLUMNS),
+        quick_sizes if arguments.quick else SIZES,
+        arguments.output / "symbols.csv",
+    )
     show(rows)
     show_the_choice(rows)
 

@@ -1,6 +1,6 @@
 """What `speed` compares: products and solves of this package, and what one writes by hand.
 
-A contender is set up for a first column and a vector, and returns what is timed.
+Each is set up for a first column and a vector, and returns what is timed.
 """
 
 from collections.abc import Callable
@@ -14,11 +14,11 @@ import scipy.signal
 from scipy.sparse.linalg import LinearOperator, cg
 
 import toeplitz_mg as tmg
-from comparisons.symbols import COLUMNS
+from comparisons.systems.symbols import COLUMNS
 from toeplitz_mg._typing import Array
 
 Action = Callable[[], Any]
-Contender = Callable[[Array, Array], Action]  # the column and the vector; the call is the set-up
+SetUp = Callable[[Array, Array], Action]  # of a first column and a vector
 
 TOLERANCE = 1e-8
 
@@ -30,10 +30,10 @@ class Plain:
         self.shape = c.shape
         self.cut = tuple(slice(n) for n in c.shape)
         self.lengths = tuple(scipy.fft.next_fast_len(2 * n - 1, real=True) for n in c.shape)
-        for level, (n, length) in enumerate(zip(c.shape, self.lengths, strict=True)):
-            gap = [(0, length - 2 * n + 1 if k == level else 0) for k in range(c.ndim)]
-            mirrored = np.flip(np.take(c, np.arange(1, n), axis=level), level)
-            c = np.concatenate([np.pad(c, gap), mirrored], axis=level)
+        for axis, (n, length) in enumerate(zip(c.shape, self.lengths, strict=True)):
+            gap = [(0, length - 2 * n + 1 if k == axis else 0) for k in range(c.ndim)]
+            mirrored = np.flip(np.take(c, np.arange(1, n), axis=axis), axis)
+            c = np.concatenate([np.pad(c, gap), mirrored], axis=axis)
         self.spectrum = scipy.fft.rfftn(c).real
 
     def __call__(self, x: Array) -> Array:
@@ -54,9 +54,9 @@ class PlainCirculant:
         return np.asarray(scipy.fft.irfft(self.spectrum * scipy.fft.rfft(x), self.n))
 
 
-def covariance(levels: int, n: int) -> Array:
-    """Return coefficients on a grid of so many levels and n elements in all."""
-    k = np.indices((round(n ** (1 / levels)),) * levels)
+def covariance(axes: int, n: int) -> Array:
+    """Return coefficients on a grid of so many axes and n elements in all."""
+    k = np.indices((round(n ** (1 / axes)),) * axes)
     return np.asarray(np.exp(-np.sqrt((k**2).sum(axis=0))))
 
 
@@ -107,12 +107,12 @@ def bare_transforms(c: Array, b: Array) -> Action:
     return lambda: scipy.fft.irfft(scipy.fft.rfft(b, length), length)
 
 
-def by_ducc0(contender: Contender, c: Array, b: Array) -> Action:
+def by_ducc0(set_up: SetUp, c: Array, b: Array) -> Action:
     """Do the same with the transforms of ducc0."""
     from toeplitz_mg import ducc0_backend
 
     scipy.fft.set_global_backend(ducc0_backend)
-    return contender(c, b)
+    return set_up(c, b)
 
 
 def plain_cg(preconditioner: Callable[[Array], Any] | None, c: Array, b: Array) -> Action:
@@ -183,7 +183,7 @@ def inverse(columns: int, c: Array, b: Array) -> Action:
 
 
 single = np.float32
-PRODUCTS: dict[str, Contender] = {
+PRODUCTS: dict[str, SetUp] = {
     "plain": plain_product,
     "ours": our_product,
     "ours, @": operator_product,
@@ -192,12 +192,12 @@ PRODUCTS: dict[str, Contender] = {
     "matmul_toeplitz": matmul_toeplitz,
     "fftconvolve": fftconvolve,
 }
-LEVELS: dict[str, Contender] = {key: PRODUCTS[key] for key in ("plain", "ours", "ours, ducc0")}
+ALONG_AXES: dict[str, SetUp] = {key: PRODUCTS[key] for key in ("plain", "ours", "ours, ducc0")}
 SYSTEMS: dict[str, Callable[[int], Array]] = COLUMNS | {
-    "two levels": partial(covariance, 2),
-    "three levels": partial(covariance, 3),
+    "two axes": partial(covariance, 2),
+    "three axes": partial(covariance, 3),
 }
-SOLVES: dict[str, Contender] = {
+SOLVES: dict[str, SetUp] = {
     "plain CG + T. Chan": partial(plain_cg, chan_column),
     "plain CG + Strang": partial(plain_cg, strang_column),
     "plain CG": partial(plain_cg, None),
@@ -229,7 +229,7 @@ THREADED = (
     "CG + FSAI",
     "V(0,1)",
 )
-FURTHER: dict[str, Contender] = {
+FURTHER: dict[str, SetUp] = {
     "plain product": plain_product,
     "toeplitz_inverse, 1": partial(inverse, 1),
     "toeplitz_inverse, 64": partial(inverse, 64),

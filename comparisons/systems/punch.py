@@ -7,7 +7,7 @@ from scipy.signal import fftconvolve
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
-from comparisons.masks import AREAS
+from comparisons.systems.masks import AREAS
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array
 

@@ -10,11 +10,11 @@ from scipy.linalg import eigh, eigvals
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
-from comparisons import report
-from comparisons.masks import rough
-from comparisons.punch import Punch, influence
-from comparisons.punch3d import METHODS
-from comparisons.report import Row
+from comparisons.contact.punch3d import METHODS
+from comparisons.harness import report
+from comparisons.harness.report import Row
+from comparisons.systems.masks import rough
+from comparisons.systems.punch import Punch, influence
 from toeplitz_mg._typing import Array
 
 N, QUICK_N = 256, 32
@@ -120,10 +120,10 @@ def residuals(
     return history, work.units(full.shape[0]) / 4.0
 
 
-def main() -> None:
+def main(quick_n: int = QUICK_N) -> None:
     """Draw the figures."""
-    arguments = report.options("area_figures", "Tractions, spectra and convergence in 3D.")
-    n = QUICK_N if arguments.quick else N
+    arguments = report.options("preconditioners.figures", "Tractions, spectra, convergence.")
+    n = quick_n if arguments.quick else N
     for name, draw, size in (
         ("traction", traction, n),
         ("spectrum", spectrum, min(n, DENSE_N)),

@@ -1,0 +1,1 @@
+"""Contact problems and flat punches, against theory and against other packages."""

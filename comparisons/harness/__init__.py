@@ -1,0 +1,1 @@
+"""How every comparison measures, in processes of its own, and how it reports."""

@@ -1,0 +1,1 @@
+"""Every preconditioner, on symbols, on areas of every kind, on stretched elements."""

@@ -1,0 +1,1 @@
+"""What is measured on: matrices by name, masks by name, flat punches."""

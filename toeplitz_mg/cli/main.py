@@ -1,0 +1,55 @@
+"""The command line: which subcommand runs, and how it ends."""
+
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from toeplitz_mg import startup
+from toeplitz_mg.cli import contact, files, paper, solve
+from toeplitz_mg.cli.arguments import parser
+
+COMMANDS = {None: paper.run, "solve": solve.run, "contact": contact.run}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        ``sys.argv[1:]`` by default.
+
+    Returns
+    -------
+    int
+        0 where it has converged, 1 where it has not, 2 for what cannot be done, 130 where
+        it was interrupted.
+    """
+    try:
+        startup.raise_again()
+        files.print_any_character()
+        given = parser().parse_args(arguments)
+        status = COMMANDS[given.command](given)
+        print(end="", flush=True)  # so that a full disk is noticed here, not at exit
+        return status
+    except (ValueError, TypeError, np.linalg.LinAlgError, OSError) as error:
+        return _fail(f"toeplitz-mg: error: {error}")
+    except MemoryError:
+        return _fail("toeplitz-mg: error: not enough memory for this system")
+    except KeyboardInterrupt:
+        return _fail(startup.MESSAGE, startup.STATUS)
+
+
+def _fail(message: str, status: int = 2) -> int:
+    """Say in one line why there is no result, and return the exit status."""
+    with suppress(OSError):  # Where not even this can be printed, the status says it.
+        print(" ".join(message.splitlines()), file=sys.stderr)
+    try:
+        print(end="", flush=True)
+    except OSError:  # At exit Python would try once more, with a traceback.
+        with suppress(OSError):  # of a stream without a file
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return status
