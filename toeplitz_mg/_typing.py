@@ -7,6 +7,6 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
 Array = NDArray[Any]
-Mask = NDArray[Any]  # of booleans
-Rows = NDArray[Any]  # vectors on the last axis: shape (n,) or (columns, n)
-Preconditioner = Callable[[LinearOperator], LinearOperator]  # A to an approximation of its inverse
+Mask = NDArray[Any]  # An array of booleans.
+Rows = NDArray[Any]  # Vectors on the last axis: shape (n,) or (columns, n).
+Preconditioner = Callable[[LinearOperator], LinearOperator]  # From A to an approximation of A⁻¹.

@@ -135,7 +135,7 @@ class Multigrid(GridOperator):
 
 
 def _work(levels: tuple[Level, ...], pre: int, post: int, gamma: int) -> float:
-    """The work of one cycle in products on the whole finest grid."""
+    """Return the work of one cycle, in products on the whole finest grid."""
     # On each level: the smoothing steps; a residual before each but the first from a zero guess,
     # and one for the coarse grid, unless the guess still is zero; those between the cycles of a W.
     points, cycles = 0.0, 1

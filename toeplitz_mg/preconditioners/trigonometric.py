@@ -157,7 +157,7 @@ def _inverse(
 
 
 def _eigenvalues(samples: Array, first: int, dtype: np.dtype[Any]) -> Array:
-    """The n samples from k = 0 or 1 on, along each axis."""
+    """Return the n samples from k = 0 or 1 on, along each axis."""
     samples = samples[tuple(slice(first, first + m - 1) for m in samples.shape)]
     error = rounding(samples, dtype)
     # A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
