@@ -11,7 +11,7 @@ cache while it is transformed; so do a few rows at a time.
 
 The frequencies may be shifted, k + s in the place of k, which diagonalises the matrices that are
 circulant but for a factor exp(-2πis) on what goes around: s = 0 circulants, 1/2 skew-circulants,
-1/4 the right-angle convolution of `convolution`. The factors exp(-2πi j s/L) of a shift are
+1/4 the right-angle convolution of `products`. The factors exp(-2πi j s/L) of a shift are
 u[j₁] = exp(-2πi j₁ s/N₁) before the columns, and the rest is part of the twiddle factors,
 exp(-2πi j₂ (k₁ + s)/L).
 
