@@ -144,7 +144,7 @@ def test_trigonometric_of_a_matrix_that_is_symmetric_only():
     assert np.linalg.eigvalsh(M @ np.eye(64)).min() > 0
 
 
-def test_spectral_needs_one_level():
+def test_spectral_needs_one_axis():
     with pytest.raises(ValueError, match="must have one axis"):
         tmg.spectral_preconditioner(tmg.ToeplitzOperator(np.eye(2)))
 
