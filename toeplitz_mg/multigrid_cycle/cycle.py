@@ -64,9 +64,8 @@ class Multigrid(GridOperator):
 
     def _cycle(self, levels: tuple[Level, ...], b: Array, x: Array) -> None:
         """One cycle from a zero guess: smooth, correct on the coarse grid, smooth."""
-        level, *_ = levels
-        A, S = level.A, level.smoother
-        if level.transfer is None:
+        A, S = levels[0].A, levels[0].smoother
+        if levels[0].transfer is None:
             apply_to_rows(S, b, x)
             return
         r = workspace(b.shape, b.dtype)
