@@ -86,8 +86,8 @@ def test_precision_is_that_of_the_matrix_and_dtype_that_of_numpy(n):
 @settings(deadline=None)
 @given(st.integers(1, 30), st.integers(1, 30), st.sampled_from([0.0, 0.25, 0.5]))
 def test_four_steps_are_one_transform(rows, columns, shift):
-    plan = fourstep.FourStep(rows, columns, np.complex128)
-    plan.width, plan.height = 8, 3  # several panels and blocks, the last one partial
+    # Several panels and blocks, the last one partial.
+    plan = fourstep.FourStep(rows, columns, np.complex128, width=8, height=3)
     L = plan.length
     x = random(L) + 1j * random(L, seed=1)
     u = plan.weights(shift)
@@ -119,8 +119,8 @@ def test_gohberg_semencul_of_long_vectors(n):
     expected[:, [0, -1]] = V[:, [0, -1]]
     expected[:, 1:] -= rho * V[:, :-1]
     expected[:, :-1] -= rho * V[:, 1:]
-    assert_allclose(GohbergSemencul(x)._matvec(V), expected / (1 - rho**2), atol=1e-12)
-    single = GohbergSemencul(x.astype(np.float32))._matvec(V.astype(np.float32))
+    assert_allclose(GohbergSemencul(x).apply(V), expected / (1 - rho**2), atol=1e-12)
+    single = GohbergSemencul(x.astype(np.float32)).apply(V.astype(np.float32))
     assert_allclose(single, expected / (1 - rho**2), atol=1e-3)
 
 
@@ -130,9 +130,9 @@ def test_gohberg_semencul_at_slow_lengths(n):
     inverse = np.linalg.inv(toeplitz(c))
     V = random(3, n)
     G = GohbergSemencul(inverse[0])
-    assert_allclose(G._matvec(V), V @ inverse, atol=1e-12)
+    assert_allclose(G.apply(V), V @ inverse, atol=1e-12)
     with tmg.count_products() as work:
-        G._matvec(V[0])
+        G.apply(V[0])
     assert work.units(n) <= 2.05
 
 

@@ -74,7 +74,7 @@ def iterations(solve, problem, M, **options):
 
 
 @pytest.mark.parametrize("n", [2, 3, 8, 9])
-def test_transfer_in_one_level_is_averaging_and_copying(n):
+def test_transfer_along_one_axis_is_averaging_and_copying(n):
     A = tmg.ToeplitzOperator(contact(n))
     R, P = matrices(Transfer.of(A), n, n // 2)
     assert np.array_equal(P, aggregate(n))
@@ -163,7 +163,7 @@ def test_galerkin_of_a_matrix_that_is_symmetric_only():
     assert odd.is_symmetric
 
 
-def test_a_level_of_weak_coupling_is_not_coarsened():
+def test_an_axis_of_weak_coupling_is_not_coarsened():
     def shapes(element):
         x, y = tmg.halfspace.offsets((32, 32), element)
         A = tmg.ToeplitzOperator(tmg.halfspace.influence_zz(x, y, element, G=1.0, nu=0.28))
@@ -247,7 +247,7 @@ def test_symbols_with_a_zero_take_a_number_of_cycles_independent_of_n(name):
     assert max(counts) - min(counts) <= 2
 
 
-def test_a_zero_in_two_levels():
+def test_a_zero_on_two_axes():
     counts = []
     for shape in ((31, 31), (63, 127), (255, 255)):
         c = np.zeros(shape)
@@ -320,7 +320,7 @@ def test_equal_smoothing_is_symmetric_positive_definite(n, gamma, test):
 
 
 @pytest.mark.parametrize("shape", [(15, 15), (17, 33), (21, 9), (16, 25), (5, 61)], ids=str)
-def test_so_it_is_on_odd_grids_of_two_levels(shape):
+def test_so_it_is_on_odd_grids_of_two_axes(shape):
     A = tmg.ToeplitzOperator(contact(*shape))
     disc = sum(((i + 0.5) / n - 0.5) ** 2 for i, n in zip(np.indices(shape), shape, strict=True))
     for B in (A, tmg.MaskedOperator(A, disc < 0.25)):
@@ -459,7 +459,7 @@ def test_odd_grids_rediscretised():
         assert iterations(tmg.richardson, problem, M) <= 19
 
 
-def test_odd_grids_of_three_levels():
+def test_odd_grids_of_three_axes():
     counts = []
     for n in (15, 16, 17, 31, 32):
         A = tmg.ToeplitzOperator(np.exp(-1.5 * np.linalg.norm(np.indices((n, n, n)), axis=0)))

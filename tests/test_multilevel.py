@@ -1,4 +1,4 @@
-"""Products of several levels, and of several components, against their dense definition."""
+"""Products of several axes, and of several components, against their dense definition."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -70,7 +70,7 @@ def test_large_grids_as_the_plain_transform(shape):
     lengths = [scipy.fft.next_fast_len(2 * n - 1, real=True) for n in shape]
     spectrum = scipy.fft.rfftn(A.circulant(tuple(lengths)))
     cut = tuple(slice(n) for n in shape)
-    for x, y in zip(X, A._matvec(X), strict=True):
+    for x, y in zip(X, A.apply(X), strict=True):
         hat = spectrum * scipy.fft.rfftn(x.reshape(shape), lengths)
         expected = scipy.fft.irfftn(hat, lengths)[cut].ravel()
         assert_allclose(y, expected, atol=1e-14 * np.abs(expected).max() * np.log2(c.size))
@@ -164,7 +164,7 @@ def test_an_update_keeps_axes_of_one_element():
 
 
 @pytest.mark.parametrize("shape", [(30, 1, 20), (1, 30, 20), (30, 20, 1)])
-def test_two_levels_among_three_are_two(shape):
+def test_two_axes_among_three_are_two(shape):
     c = np.exp(-np.hypot(*np.indices((30, 20))) / 3.0)
     A, plane = tmg.ToeplitzOperator(c.reshape(shape)), tmg.ToeplitzOperator(c)
     mask = np.arange(600) % 7 > 2

@@ -100,8 +100,8 @@ def test_trigonometric_at_a_prime_length_is_cut_from_a_fast_one(preconditioner, 
     A = tmg.ToeplitzOperator(column("contact", n))
     near = tmg.ToeplitzOperator(column("contact", n + 1))
     M = preconditioner(A)
-    assert M._product.fft_shape[0] >= n
-    assert M._product.fft_shape[0] == near_fast_length(n) <= 1.01 * n
+    assert M.product.fft_shape[0] >= n
+    assert M.product.fft_shape[0] == near_fast_length(n) <= 1.01 * n
     assert iterations(A, M) <= iterations(near, preconditioner(near)) + 2
 
 
@@ -144,7 +144,7 @@ def test_trigonometric_of_a_matrix_that_is_symmetric_only():
     assert np.linalg.eigvalsh(M @ np.eye(64)).min() > 0
 
 
-def test_spectral_needs_one_level():
+def test_spectral_needs_one_axis():
     with pytest.raises(ValueError, match="must have one axis"):
         tmg.spectral_preconditioner(tmg.ToeplitzOperator(np.eye(2)))
 

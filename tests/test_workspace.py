@@ -14,8 +14,7 @@ from scipy.sparse.linalg import aslinearoperator
 import toeplitz_mg as tmg
 from tests.cases import CASES, aggregate, contact, dense_of_column, exponential
 from toeplitz_mg.engine import threads
-from toeplitz_mg.engine import workspace as module
-from toeplitz_mg.engine.workspace import LARGE_PAGE, SMALL, workspace
+from toeplitz_mg.engine.workspace import LARGE_PAGE, SMALL, count_blocks, workspace
 from toeplitz_mg.multigrid_cycle.cycle import Multigrid
 from toeplitz_mg.multigrid_cycle.hierarchy import Level
 from toeplitz_mg.multigrid_cycle.transfer import Transfer
@@ -44,10 +43,9 @@ def random(*shape, seed=0):
 @pytest.fixture
 def of_any_content(monkeypatch):
     """Every workspace is one that is used again, and full of NaN when it is given out."""
-    monkeypatch.setattr(module, "SMALL", -1)
 
     def poisoned(shape, dtype):
-        array = workspace(shape, dtype)
+        array = workspace(shape, dtype, small=-1)
         array.view(np.uint8).fill(0xFF)  # of every dtype NaN
         return array
 
@@ -293,10 +291,6 @@ def test_an_operator_may_be_called_by_its_callers():
 # Memory -------------------------------------------------------------------------------------
 
 
-def blocks_of_this_thread():
-    return sum(map(len, module._blocks.by_length.values()))
-
-
 @pytest.mark.parametrize("workers", [1, 2])
 @pytest.mark.parametrize("shape", [(2**17,), (512, 150)])
 def test_products_again_and_again_take_no_more_memory(shape, workers):
@@ -309,5 +303,5 @@ def test_products_again_and_again_take_no_more_memory(shape, workers):
         for _ in range(3):
             for M in operators:
                 M @ x[: M.shape[0]]
-            counts.append(blocks_of_this_thread())
+            counts.append(count_blocks())
     assert all(a == b for a, b in pairwise(counts))

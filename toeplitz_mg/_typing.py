@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
 Array = NDArray[Any]
-Mask = NDArray[Any]  # of booleans
-Rows = NDArray[Any]  # vectors on the last axis: shape (n,) or (columns, n)
-Preconditioner = Callable[[LinearOperator], LinearOperator]  # A to an approximation of its inverse
-Multiply = Callable[[Array, Array], Array]  # a vector, and memory for the result, to the result
-Element = float | tuple[float, float]  # the size of an element of a surface
-Progress = Callable[[int, float], object]  # called with the products made and the residual
+Mask = NDArray[Any]  # An array of booleans.
+Rows = NDArray[Any]  # Vectors on the last axis: shape (n,) or (columns, n).
+Preconditioner = Callable[[LinearOperator], LinearOperator]  # From A to an approximation of A⁻¹.
+Multiply = Callable[[Array, Array], Array]  # A vector, and memory for the result, to the result.
+Element = float | tuple[float, float]  # The size of an element of a surface.
+Progress = Callable[[int, float], object]  # Called with the products made and the residual.

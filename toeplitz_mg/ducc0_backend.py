@@ -28,7 +28,8 @@ from toeplitz_mg._typing import Array
 
 __ua_domain__ = "numpy.scipy.fft"
 
-_NORMS = {  # of ducc0, forward and backward: 0 none, 1 by √N, 2 by N
+# The normalisation of ducc0, forward and backward: 0 for none, 1 for 1/√N, 2 for 1/N.
+_NORMS = {
     None: (0, 2),
     "backward": (0, 2),
     "ortho": (1, 1),
@@ -59,17 +60,15 @@ def _complex(forward: bool) -> Any:
     ) -> Array:
         x = _floating(x)
         if n is not None:
-            x = _resized(x, (n,), (axis,))
+            x = _resize(x, (n,), (axis,))
         in_place = overwrite_x and x.dtype.kind == "c" and x.flags.writeable
-        return np.asarray(
-            ducc0.fft.c2c(
-                x,
-                axes=(axis % x.ndim,),
-                forward=forward,
-                inorm=_NORMS[norm][not forward],
-                out=x if in_place else None,
-                nthreads=workers or get_workers(),
-            )
+        return ducc0.fft.c2c(
+            x,
+            axes=(axis % x.ndim,),
+            forward=forward,
+            inorm=_NORMS[norm][not forward],
+            out=x if in_place else None,
+            nthreads=workers or get_workers(),
         )
 
     return transform
@@ -87,11 +86,10 @@ def _rfftn(
 ) -> Array:
     x = _floating(x)
     axes = _axes(x, s, axes)
-    x = _resized(x, s, axes)
-    result = ducc0.fft.r2c(
+    x = _resize(x, s, axes)
+    return ducc0.fft.r2c(
         x, axes=axes, forward=True, inorm=_NORMS[norm][0], nthreads=workers or get_workers()
     )
-    return np.asarray(result)
 
 
 def _irfftn(
@@ -109,8 +107,8 @@ def _irfftn(
     axes = _axes(x, s, axes)
     last = 2 * (x.shape[axes[-1]] - 1) if s is None else s[-1]
     if s is not None:
-        x = _resized(x, (*s[:-1], s[-1] // 2 + 1), axes)
-    result = ducc0.fft.c2r(
+        x = _resize(x, (*s[:-1], s[-1] // 2 + 1), axes)
+    return ducc0.fft.c2r(
         x,
         axes=axes,
         lastsize=last,
@@ -118,7 +116,6 @@ def _irfftn(
         inorm=_NORMS[norm][1],
         nthreads=workers or get_workers(),
     )
-    return np.asarray(result)
 
 
 def _rfft(x: Any, n: int | None = None, axis: int = -1, *args: Any, **kwargs: Any) -> Array:
@@ -147,7 +144,7 @@ def _trigonometric(name: str, inverse: bool) -> Any:
         if x.dtype.kind == "c" or orthogonalize not in (None, norm == "ortho"):
             return NotImplemented
         axes = _axes(x, s, axes)
-        x = _resized(x, s, axes)
+        x = _resize(x, s, axes)
         # The inverse of type 2 is type 3, that of the others themselves.
         kind = {2: 3, 3: 2}.get(type, type) if inverse else type
         in_place = overwrite_x and x.flags.writeable
@@ -174,7 +171,7 @@ def _axes(x: Array, s: Sequence[int] | None, axes: Sequence[int] | None) -> tupl
     return tuple(axis % x.ndim for axis in np.atleast_1d(axes).tolist())
 
 
-def _resized(x: Array, s: Sequence[int] | None, axes: Sequence[int]) -> Array:
+def _resize(x: Array, s: Sequence[int] | None, axes: Sequence[int]) -> Array:
     """Cut the axes, or extend them by zeros, to the lengths `s`."""
     if s is None or all(x.shape[axis] == n for axis, n in zip(axes, s, strict=True)):
         return x

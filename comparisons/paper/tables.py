@@ -11,6 +11,7 @@ from tqdm import tqdm
 import toeplitz_mg as tmg
 from comparisons.harness.measuring import solve
 from comparisons.harness.report import Row, options, show, write_csv
+from toeplitz_mg._typing import Preconditioner
 from toeplitz_mg.multigrid_cycle.hierarchy import Level
 from toeplitz_mg.multigrid_cycle.transfer import Transfer
 from toeplitz_mg.paper import problems, published
@@ -18,7 +19,6 @@ from toeplitz_mg.preconditioners.direct import DenseInverse
 
 TESTS = {1: problems.test1, 2: problems.test2, 3: problems.test3}
 CYCLES = {"V(1,1)": (1, 1), "V(1,0)": (1, 0), "V(0,1)": (0, 1)}
-Smoother = Callable[[LinearOperator], LinearOperator]
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Cell:
         }
 
 
-def papers_cycle(problem: problems.Problem, cycle: str, smoother: Smoother) -> LinearOperator:
+def papers_cycle(problem: problems.Problem, cycle: str, smoother: Preconditioner) -> LinearOperator:
     """The cycle as in the paper: coarse grids discretised anew, down to 2 x 1.
 
     From its levels, as `multigrid` refuses what diverges, which Table I is about.
@@ -143,7 +143,7 @@ def main() -> None:
 
     rsm, sd = tmg.fft_rsm_preconditioner, tmg.fft_sd_preconditioner
     # Table: title, smoother, published cells, tests, cycles.
-    cycles: dict[str, tuple[str, Smoother, dict[tuple[int, str], published.Column], int]] = {
+    cycles: dict[str, tuple[str, Preconditioner, dict[tuple[int, str], published.Column], int]] = {
         "2": ("Table II. FFT+SD smoother, test 1", sd, published.DEFLATION, 1),
         "3": ("Table III. FFT+SD smoother, test 2", sd, published.DEFLATION, 2),
         "4": ("Table IV. FFT+RSM smoother, test 1", rsm, published.ROW_SUM, 1),

@@ -11,7 +11,7 @@ cache while it is transformed; so do a few rows at a time.
 
 The frequencies may be shifted, k + s in the place of k, which diagonalises the matrices that are
 circulant but for a factor exp(-2πis) on what goes around: s = 0 circulants, 1/2 skew-circulants,
-1/4 the right-angle convolution of `convolution`. The factors exp(-2πi j s/L) of a shift are
+1/4 the right-angle convolution of `products`. The factors exp(-2πi j s/L) of a shift are
 u[j₁] = exp(-2πi j₁ s/N₁) before the columns, and the rest is part of the twiddle factors,
 exp(-2πi j₂ (k₁ + s)/L).
 
@@ -54,17 +54,27 @@ class FourStep:
     rows, columns : int
         N₁ and N₂.
     dtype : complex64 or complex128
+    width, height : int, optional
+        The columns of a panel and the rows of a block; by default so many as stay in the cache.
     """
 
-    def __init__(self, rows: int, columns: int, dtype: DTypeLike) -> None:
+    def __init__(
+        self,
+        rows: int,
+        columns: int,
+        dtype: DTypeLike,
+        *,
+        width: int | None = None,
+        height: int | None = None,
+    ) -> None:
         self.dtype = np.dtype(dtype)
         self._real = self.dtype.char.lower()
         self.shape = rows, columns
         panel, block = (size // self.dtype.itemsize for size in (PANEL_BYTES, BLOCK_BYTES))
         panels = -(-columns * rows // panel)
         # An odd multiple of 4: a power of 2 would bring each row to the same part of the cache.
-        self.width = min(columns, (-(-columns // panels) + 3) // 8 * 8 + 4)  # of a panel of columns
-        self.height = min(rows, max(2, block // columns))  # of a block of rows
+        self.width = width or min(columns, (-(-columns // panels) + 3) // 8 * 8 + 4)
+        self.height = height or min(rows, max(2, block // columns))
 
     @property
     def length(self) -> int:
@@ -72,7 +82,7 @@ class FourStep:
         return self.shape[0] * self.shape[1]
 
     def weights(self, shift: float) -> Array:
-        """U = exp(-2πi j₁ s/N₁), shape (N₁, 1)."""
+        """Return u = exp(-2πi j₁ s/N₁), shape (N₁, 1)."""
         return _weights(self.shape[0], shift, self.dtype)
 
     def spectrum(self, load: Load, shift: float) -> Array:
@@ -178,7 +188,7 @@ class FourStep:
         share(work, self._count(1), self.length)
 
     def _count(self, axis: int) -> int:
-        """The number of blocks of rows, or of panels of columns."""
+        """Return the number of blocks of rows, or of panels of columns."""
         return -(-self.shape[axis] // (self.width if axis else self.height))
 
     def _panels(self, panels: range, end: int | None = None) -> Iterator[tuple[slice, Array]]:
@@ -193,7 +203,7 @@ class FourStep:
         """Yield the rows k₁ of each block, and its twiddle factors, in the same memory for all."""
         rows, columns = self.shape
         first, step = _twiddles(rows, columns, self.height, shift, self.dtype)
-        row = step  # of any value
+        row = step  # Any value will do, as the first block makes its own.
         memory = workspace((self.height, columns), self.dtype)
         for block in blocks:
             start = block * self.height
@@ -228,6 +238,6 @@ def _twiddles(
 
 
 def _row_of_twiddles(k1: int, columns: int, L: int) -> Array:
-    """exp(-2πi j₂ k₁/L) for all j₂, from an argument that is reduced."""
+    """Return exp(-2πi j₂ k₁/L) for all j₂, from arguments that are reduced to one turn."""
     turns = np.arange(columns, dtype=np.int64) * k1 % L / L
     return np.exp(-2j * np.pi * turns)

@@ -113,7 +113,7 @@ class MultilevelProduct:
 
     @cached_property
     def _matrix(self) -> Array:
-        """The transpose of the matrix."""
+        """The transpose of the matrix, as vectors are rows."""
         points = np.indices(self._grid).reshape(len(self._grid), -1)
         zero = np.zeros((points.shape[1],) * 2)
         blocks = [
@@ -205,7 +205,7 @@ class MultilevelProduct:
 
 
 def _spectrum(lags: Array | None) -> Array | None:
-    """The eigenvalues of a block, divided by the lengths of the inverse transforms."""
+    """Return the eigenvalues of a block, divided by the lengths of the inverse transforms."""
     if lags is None or not lags.any():
         return None
     grid = [(m + 1) // 2 for m in lags.shape]

@@ -115,7 +115,7 @@ class ToeplitzProduct:
 
     @cached_property
     def _matrix(self) -> Array:
-        """The transpose of the matrix."""
+        """The transpose of the matrix, as vectors are rows."""
         assert self._band is not None
         column, row = self._band
         return np.ascontiguousarray(toeplitz(row, column), self.dtype)
@@ -153,9 +153,10 @@ class Transforms(NamedTuple):
     backward: Callable[..., Array]
 
 
-FOURIER = Transforms(fft.rfftn, fft.irfftn)  # circulants
-COSINE = Transforms(partial(fft.dctn, norm="ortho"), partial(fft.idctn, norm="ortho"))  # DCT-II
-SINE = Transforms(partial(fft.dstn, norm="ortho"), partial(fft.idstn, norm="ortho"))  # DST-II
+# These diagonalise circulants, and the matrices of the DCT-II and of the DST-II.
+FOURIER = Transforms(fft.rfftn, fft.irfftn)
+COSINE = Transforms(partial(fft.dctn, norm="ortho"), partial(fft.idctn, norm="ortho"))
+SINE = Transforms(partial(fft.dstn, norm="ortho"), partial(fft.idstn, norm="ortho"))
 
 
 class DiagonalisedProduct:

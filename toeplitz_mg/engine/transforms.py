@@ -29,7 +29,7 @@ class OneStep:
         return self.weights(0.25), self.weights(-0.25)
 
     def weights(self, shift: float) -> Array:
-        """The factors exp(-2πi j s/L) of a shift, shape (L,)."""
+        """Return the factors exp(-2πi j s/L) of a shift, shape (L,)."""
         return phase_factors(self.length, shift, self.dtype)
 
     def spectrum(self, real: Array, imag: Array | None, shift: float) -> Array:
@@ -102,12 +102,12 @@ class OneStep:
 
 @lru_cache(maxsize=64)
 def phase_factors(length: int, shift: float, dtype: np.dtype[Any]) -> Array:
-    """The factors exp(-2πi j s/L) of a shift, shape (L,), of a complex dtype."""
+    """Return the factors exp(-2πi j s/L) of a shift, shape (L,), of a complex dtype."""
     return np.asarray(np.exp(-2j * np.pi * shift / length * np.arange(length)), dtype)
 
 
 class Panels:
-    """The same by `FourStep`, a row after the other."""
+    """Transforms of long rows by `FourStep`, one row after the other."""
 
     def __init__(self, plan: FourStep) -> None:
         self.plan = plan

@@ -45,16 +45,23 @@ class _Blocks(threading.local):
 _blocks = _Blocks()
 
 
-def workspace(shape: tuple[int, ...], dtype: DTypeLike) -> Array:
+def workspace(shape: tuple[int, ...], dtype: DTypeLike, *, small: int = SMALL) -> Array:
     """Return an array of any content, as `np.empty` does, from memory that was used before.
 
     A fresh array of a megabyte costs more than a transform of it: its pages are mapped, cleared
     and given back each time. The memory is given out again when nobody has the array any more, nor
     a view of it: not a caller further up, not another thread, not a generator that waits.
+
+    Parameters
+    ----------
+    shape : tuple of int
+    dtype : dtype
+    small : int, optional
+        Bytes up to which the memory is not kept, as the allocator of C does that itself.
     """
     dtype = np.dtype(dtype)
     size = prod(shape) * dtype.itemsize
-    if size <= SMALL:
+    if size <= small:
         return np.empty(shape, dtype)
     length = (size - 1).bit_length()
     for block in _blocks.by_length[length]:
@@ -66,3 +73,8 @@ def workspace(shape: tuple[int, ...], dtype: DTypeLike) -> Array:
     array: Array = np.ndarray(shape, dtype, block.memory, block.start)
     block.array = ref(array)
     return array
+
+
+def count_blocks() -> int:
+    """Return the number of pieces of memory that this thread keeps for its workspaces."""
+    return sum(map(len, _blocks.by_length.values()))

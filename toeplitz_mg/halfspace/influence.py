@@ -272,7 +272,7 @@ def influence_yz(
 def _at(
     x: ArrayLike, y: ArrayLike, element: tuple[float, float]
 ) -> tuple[Array, Array, float, float]:
-    """The arguments of the integrals: points, broadcast, and the sizes of the element."""
+    """Return the arguments of the integrals: points, broadcast, and the sizes of the element."""
     x, y = np.broadcast_arrays(_points("x", x), _points("y", y))
     return x, y, *check_element(element)
 

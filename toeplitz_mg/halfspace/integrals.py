@@ -119,7 +119,7 @@ def _across(X: Array, low: Array, high: Array, _: float) -> tuple[Array, Array]:
 
 
 def _beside(X: Array, low: Array, high: Array, h: float) -> tuple[Array, Array]:
-    """The same from low > 0 to high = low + h: the differences written out, nothing cancels."""
+    """∫ dy/ρ and ∫ x²/ρ³ dy from low > 0 to high = low + h, the differences written out."""
     r1, r2 = np.hypot(X, low), np.hypot(X, high)
     rise = h * (low + high)  # r2² - r1²
     one = np.log1p((h + rise / (r1 + r2)) / (low + r1))

@@ -107,7 +107,7 @@ def difference_parameter(first: Material, second: Material) -> float:
 
 
 def _check_body(material: Any) -> Material:
-    """The constants of a body, as the user gave them."""
+    """Return the constants of a body, as the user gave them."""
     try:
         G, nu = material
     except (TypeError, ValueError):

@@ -2,10 +2,11 @@
 
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg._typing import Preconditioner
 from toeplitz_mg.multigrid_cycle.coarsening import Coarsening
 from toeplitz_mg.multigrid_cycle.cycle import Multigrid
 from toeplitz_mg.multigrid_cycle.definite import require_definite
-from toeplitz_mg.multigrid_cycle.hierarchy import Smoother, build_levels
+from toeplitz_mg.multigrid_cycle.hierarchy import build_levels
 from toeplitz_mg.multigrid_cycle.interpolation import Interpolation, piecewise_constant
 from toeplitz_mg.operators.structure import unwrap_toeplitz
 from toeplitz_mg.preconditioners import fft_rsm_preconditioner
@@ -15,7 +16,7 @@ from toeplitz_mg.values import count
 def multigrid(
     A: LinearOperator,
     *,
-    smoother: Smoother = fft_rsm_preconditioner,
+    smoother: Preconditioner = fft_rsm_preconditioner,
     pre: int = 1,
     post: int = 1,
     gamma: int = 1,

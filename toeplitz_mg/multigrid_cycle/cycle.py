@@ -64,9 +64,8 @@ class Multigrid(GridOperator):
 
     def _cycle(self, levels: tuple[Level, ...], b: Array, x: Array) -> None:
         """One cycle from a zero guess: smooth, correct on the coarse grid, smooth."""
-        level, *_ = levels
-        A, S = level.A, level.smoother
-        if level.transfer is None:
+        A, S = levels[0].A, levels[0].smoother
+        if levels[0].transfer is None:
             apply_to_rows(S, b, x)
             return
         r = workspace(b.shape, b.dtype)
@@ -135,7 +134,7 @@ class Multigrid(GridOperator):
 
 
 def _work(levels: tuple[Level, ...], pre: int, post: int, gamma: int) -> float:
-    """The work of one cycle in products on the whole finest grid."""
+    """Return the work of one cycle, in products on the whole finest grid."""
     # On each level: the smoothing steps; a residual before each but the first from a zero guess,
     # and one for the coarse grid, unless the guess still is zero; those between the cycles of a W.
     points, cycles = 0.0, 1

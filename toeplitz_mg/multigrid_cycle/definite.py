@@ -26,7 +26,7 @@ def require_definite(M: Multigrid, is_galerkin: bool) -> None:
     examined.
     """
     inner = M.levels[:-1]
-    diverging = [level for level in inner if not level.converges]
+    diverging = [k for k, level in enumerate(inner) if not level.converges]
     if diverging:
         steps = max(1, min(M.pre, M.post))
         cycle = M if M.pre == M.post else Multigrid(M.levels, steps, steps, M.gamma)
@@ -37,13 +37,13 @@ def require_definite(M: Multigrid, is_galerkin: bool) -> None:
         elif not (skew := _skewness(cycle)) <= SKEW * np.sqrt(np.finfo(M.dtype).eps):
             what = f"not symmetric, by {skew:.1e}, which is rounding that has grown"
         if what:
-            level = diverging[0]
+            k = diverging[0]
+            level = inner[k]
             error = np.linalg.LinAlgError(
                 f"the cycle is {what}, as {level.smoother!r} diverges as a smoother. Of the "
                 "eigenvalues of its product with the matrix it needs all below 2: use "
                 "default_preconditioner(A) with cg"
             )
-            k = inner.index(level)
             error.add_note(f"This was the matrix of level {k} of multigrid, {level.A!r}.")
             raise error
     by = [t for level in inner if level.transfer for t in level.transfer.by_axis]

@@ -1,11 +1,11 @@
 """The list of levels: on each a matrix, a smoother and the way to the next coarser one."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
+from toeplitz_mg._typing import Preconditioner
 from toeplitz_mg.multigrid_cycle.border import Border
 from toeplitz_mg.multigrid_cycle.coarsening import Coarsening
 from toeplitz_mg.multigrid_cycle.interpolation import Interpolation
@@ -14,14 +14,12 @@ from toeplitz_mg.operators import GridOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners.direct import DenseInverse
 from toeplitz_mg.preconditioners.positivity import ritz_values
 
-Smoother = Callable[[LinearOperator], LinearOperator]
-
 # Unknowns of the largest matrix that is factorised where no coarser grid can be had: it takes
 # 32 MB, and its factorisation a tenth of a second.
 LARGEST_DENSE = 2048
 STEPS = 5  # Steps of Lanczos's method with a smoother and its matrix: two work units each.
-# Largest Ritz value of S A with which a smoother is taken to converge. So few steps find it too
-# small, and where a smoother diverges, with an eigenvalue above 2, it was never seen below this.
+# Largest Ritz value of S A with which a smoother is taken to converge. So few steps find a value
+# that is a little too small: up to this one no eigenvalue above 2 is expected.
 CONVERGENT = 1.7
 
 
@@ -53,7 +51,7 @@ class Level:
 
 def build_levels(
     A: LinearOperator,
-    smoother: Smoother,
+    smoother: Preconditioner,
     coarsest: int,
     interpolation: Interpolation,
     coarsen: Coarsening | None,

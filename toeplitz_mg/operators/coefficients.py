@@ -69,7 +69,7 @@ class Coefficients:
 
     @property
     def grid_shape(self) -> tuple[int, ...]:
-        """The points in each axis."""
+        """The number of points along each axis."""
         return self.array.shape if self.is_even else tuple((m + 1) // 2 for m in self.array.shape)
 
     @property
@@ -79,7 +79,7 @@ class Coefficients:
 
     @property
     def column(self) -> Array:
-        """The lags 0 ... n - 1 of each axis."""
+        """The coefficients of the lags 0 ... n - 1 along each axis."""
         if self.is_even:
             return self.array
         return self.array[tuple(slice(n - 1, None) for n in self.grid_shape)]
@@ -96,7 +96,7 @@ class Coefficients:
 
     @property
     def squeezed(self) -> "Coefficients":
-        """The same without axes of one point, which have no lags; or itself."""
+        """The coefficients without axes of one point, which have no lags; or themselves."""
         lengths = [m for m in self.array.shape if m > 1] or [1]
         if len(lengths) == self.array.ndim:
             return self
@@ -104,7 +104,7 @@ class Coefficients:
 
     @property
     def transpose(self) -> "Coefficients":
-        """Those of the transpose."""
+        """The coefficients of the transpose."""
         return self if self.is_even else Coefficients(np.flip(self.array), False)
 
     def astype(self, dtype: np.dtype[Any]) -> "Coefficients":

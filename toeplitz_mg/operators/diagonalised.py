@@ -19,19 +19,20 @@ class DiagonalisedOperator(GridOperator):
 
     Attributes
     ----------
-    grid_shape : tuple of int
+    product : DiagonalisedProduct
     name : str
+    grid_shape : tuple of int
     """
 
     def __init__(self, product: DiagonalisedProduct, name: str) -> None:
         work = product.points / prod(product.grid_shape)
         super().__init__(product.dtype, product.grid_shape, work)
         self.name = name
-        self._product = product
+        self.product = product
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """As `GridOperator.apply`."""
-        return self._product(X, out)
+        return self.product(X, out)
 
     def __repr__(self) -> str:
         grid = " x ".join(map(str, self.grid_shape))

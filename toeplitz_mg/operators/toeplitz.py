@@ -120,7 +120,7 @@ class ToeplitzOperator(GridOperator):
 
     @property
     def squeezed(self) -> "ToeplitzOperator":
-        """The same matrix without axes of one point, which have no lags; or itself."""
+        """The matrix without axes of one point, which have no lags; or itself."""
         squeezed = self._coefficients.squeezed
         if squeezed is self._coefficients:
             return self

@@ -61,19 +61,19 @@ def _is_path_active(mask: Mask, k: Lag) -> bool:
     The path goes along the first axis, then along the next.
     """
 
-    def shifted(p: Lag) -> Array:
+    def shift(p: Lag) -> Array:
         window = [
             slice(max(0, -j) + q, n - max(0, j) + q)
             for j, q, n in zip(k, p, mask.shape, strict=True)
         ]
         return mask[tuple(window)]
 
-    ends = shifted((0,) * len(k)) & shifted(k)
+    ends = shift((0,) * len(k)) & shift(k)
     point = [0] * len(k)
     for axis, steps in enumerate(k):
         for _ in range(abs(steps)):
             point[axis] += 1 if steps > 0 else -1
-            if (ends & ~shifted(tuple(point))).any():
+            if (ends & ~shift(tuple(point))).any():
                 return False
     return True
 

@@ -69,7 +69,7 @@ def cosine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     >>> info
     0
     """
-    return cosine_inverse(A, _samples(A), dtype)
+    return cosine_inverse(A, _sample_symbol(A), dtype)
 
 
 @componentwise
@@ -114,28 +114,28 @@ def sine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     >>> info
     0
     """
-    return sine_inverse(A, _samples(A), dtype)
+    return sine_inverse(A, _sample_symbol(A), dtype)
 
 
 def cosine_inverse(
     A: ToeplitzOperator, samples: Array, dtype: DTypeLike | None = None
 ) -> DiagonalisedOperator:
     """Return `cosine_preconditioner` for samples of the symbol at θ = πk/n, k = 0 … n."""
-    return _inverse(A, samples, COSINE, 0, dtype)
+    return _invert_samples(A, samples, COSINE, 0, dtype)
 
 
 def sine_inverse(
     A: ToeplitzOperator, samples: Array, dtype: DTypeLike | None = None
 ) -> DiagonalisedOperator:
     """Return `sine_preconditioner` for samples of the symbol at θ = πk/n, k = 0 … n."""
-    return _inverse(A, samples, SINE, 1, dtype)
+    return _invert_samples(A, samples, SINE, 1, dtype)
 
 
-def _samples(A: ToeplitzOperator) -> Array:
+def _sample_symbol(A: ToeplitzOperator) -> Array:
     return sampled_symbol(A, tuple(near_fast_length(n) for n in A.grid_shape))
 
 
-def _inverse(
+def _invert_samples(
     A: ToeplitzOperator,
     samples: Array,
     transforms: Transforms,
@@ -145,10 +145,10 @@ def _inverse(
     dtype = precision(A, dtype)
     name, other = ("cosine", "sine") if transforms is COSINE else ("sine", "cosine")
     shape = tuple(m - 1 for m in samples.shape)
-    eigenvalues = _eigenvalues(samples, first, dtype)
+    eigenvalues = _take_eigenvalues(samples, first, dtype)
     if not is_positive(eigenvalues, dtype):
         advice = robust(A.grid_shape)
-        if is_positive(_eigenvalues(samples, 1 - first, dtype), dtype):
+        if is_positive(_take_eigenvalues(samples, 1 - first, dtype), dtype):
             advice = f"{other}_preconditioner(A), or {advice}"
         subject = f"the symbol of A, which the {name} preconditioner samples, has the value"
         require_positive(eigenvalues, dtype, subject, advice)
@@ -156,8 +156,8 @@ def _inverse(
     return DiagonalisedOperator(product, f"{name} transform")
 
 
-def _eigenvalues(samples: Array, first: int, dtype: np.dtype[Any]) -> Array:
-    """The n samples from k = 0 or 1 on, along each axis."""
+def _take_eigenvalues(samples: Array, first: int, dtype: np.dtype[Any]) -> Array:
+    """Return the n samples from k = 0 or 1 on, along each axis."""
     samples = samples[tuple(slice(first, first + m - 1) for m in samples.shape)]
     error = rounding(samples, dtype)
     # A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
