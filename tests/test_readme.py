@@ -1,12 +1,9 @@
 """What the README shows runs."""
 
-import inspect
 import re
 from pathlib import Path
 
 import pytest
-
-from toeplitz_mg.preconditioners import choice as default
 
 README = (Path(__file__).parent.parent / "README.md").read_text()
 
@@ -27,7 +24,3 @@ def test_names_comparisons_that_exist_and_all_of_them():
     commands = {p.stem for p in folder.glob("*.py") if '__name__ == "__main__"' in p.read_text()}
     commands |= {p.parent.name for p in folder.glob("*/__main__.py")}
     assert set(re.findall(r"python -m comparisons\.(\w+)", README)) == commands
-
-
-def test_quotes_the_rules_of_default_preconditioner():
-    assert f"```py\n{inspect.getsource(default._candidates)}```" in README
