@@ -12,9 +12,9 @@ from comparisons.systems.symbols import COLUMNS, column
 from tests.cases import contact, coupled, coupled_kernel, exponential
 from tests.test_fsai_coupled import tangential
 from toeplitz_mg.paper.problems import test3
-from toeplitz_mg.preconditioners import choice as default
-from toeplitz_mg.preconditioners.choice import COMPACT, DIRECT, fragmentation
+from toeplitz_mg.preconditioners.choice import COMPACT, DIRECT
 from toeplitz_mg.preconditioners.direct import DenseInverse
+from toeplitz_mg.preconditioners.traits import fragmentation
 from toeplitz_mg.preconditioners.trial import better_than_none
 
 
@@ -31,7 +31,7 @@ def iterations(A, **options):
     return len(steps)
 
 
-def test_one_level():
+def test_one_axis():
     assert "Gohberg" in taken(tmg.ToeplitzOperator(column("contact", 900)))
     assert "SparseInverse" in taken(tmg.ToeplitzOperator(column("contact", 2**14)))
     assert "Gohberg" in taken(tmg.ToeplitzOperator(column("0.9^k", 2**14)))
@@ -88,7 +88,7 @@ def test_blobs():
 
 
 @pytest.mark.parametrize("area", masks.FRAGMENTED)
-def test_two_levels(area):
+def test_two_axes(area):
     mask = masks.FRAGMENTED[area](96)
     A = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(96, 96)), mask)
     if area == "full":
@@ -134,7 +134,7 @@ def test_a_covariance_that_is_too_smooth_for_fsai():
     assert "SparseInverse" in taken(tmg.MaskedOperator(shorter, A.mask))
 
 
-def test_three_levels_and_coupled_components():
+def test_three_axes_and_coupled_components():
     A = tmg.ToeplitzOperator(exponential(12, 9, 10))
     assert "cosine" in taken(A)
     mask = np.indices((12, 9, 10)).sum(axis=0) % 3 > 0
@@ -258,9 +258,8 @@ def test_a_trial_takes_none_where_nothing_is_better():
 
 @pytest.mark.parametrize("ratio", [0.01, 0.25, 1.0, 4.0, 100.0])
 @pytest.mark.parametrize("nu", [0.0, 0.5])
-def test_half_space_kernels_take_no_trial(ratio, nu, monkeypatch):
+def test_half_space_kernels_take_no_trial(ratio, nu):
     """Their set-up has no products: what they take follows from their coefficients."""
-    monkeypatch.delattr(default, "better_than_none")
     element = (1.0, ratio)
     x, y = tmg.halfspace.offsets((32, 40), element)
     for influence in (tmg.halfspace.influence_zz, tmg.halfspace.influence_xx):
@@ -268,6 +267,7 @@ def test_half_space_kernels_take_no_trial(ratio, nu, monkeypatch):
         for mask in (masks.rough(0.6, 40)[:32], np.ones((32, 40), dtype=bool)):
             A = tmg.MaskedOperator(full, mask)
             assert A.shape[0] > DIRECT
+            assert not tmg.select_preconditioner(A).needs_trial
             with tmg.count_products() as work:
                 tmg.default_preconditioner(A)
             assert work.units(full.shape[0]) <= 1.0
@@ -298,3 +298,7 @@ def test_what_it_refuses():
         tmg.default_preconditioner(tmg.ToeplitzOperator(np.eye(1, 900).reshape(30, 30) - 2.0))
     with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
         tmg.default_preconditioner(tmg.cosine_preconditioner(A))
+    with pytest.raises(ValueError, match="solves is 0, but must be at least 1"):
+        tmg.select_preconditioner(A, solves=0)
+    with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
+        tmg.select_preconditioner(tmg.cosine_preconditioner(A))

@@ -12,8 +12,9 @@ from toeplitz_mg.preconditioners.fsai import build as fsai_levels
 from toeplitz_mg.preconditioners.fsai import stencil as fsai_table
 from toeplitz_mg.preconditioners.fsai.build import build
 from toeplitz_mg.preconditioners.fsai.levels import Cells
-from toeplitz_mg.preconditioners.fsai.line import BLOCK, DENSE, WholeLine, decays_slowly, line
+from toeplitz_mg.preconditioners.fsai.line import BLOCK, DENSE, WholeLine, line
 from toeplitz_mg.preconditioners.fsai.stencil import Stencil
+from toeplitz_mg.preconditioners.traits import decays_slowly
 
 
 def contact(n):

@@ -7,11 +7,10 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator, apply_to_rows
-from toeplitz_mg.preconditioners.choice import COMPACT, fragmentation, quick_fsai
+from toeplitz_mg.preconditioners.choice import is_fsai_worthwhile, quick_fsai
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_inverse
 
-LARGE = 2**16  # unknowns of a grid, from which FSAI is worth its set-up
 SETTLED = 0.05  # of a set are others than before, when it is set up
 FAR = 0.5  # of a set are others than those of FSAI, when it is given up
 
@@ -44,7 +43,7 @@ class LocalInverse:
 
 def is_local_better(A: ToeplitzOperator | CoupledOperator, C: Array) -> bool:
     """Whether an area is so fragmented, and a product so long, that FSAI is worth its set-up."""
-    return A.shape[0] >= LARGE and fragmentation(C) > COMPACT
+    return is_fsai_worthwhile(A, C)
 
 
 class Inverse:

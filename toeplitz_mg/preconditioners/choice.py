@@ -1,273 +1,300 @@
-"""Which preconditioner for which matrix and area, and why: `default_preconditioner`."""
+"""Which preconditioner for which matrix and mask, and why: the one place that chooses.
 
-import logging
-from collections.abc import Iterable, Iterator
+Facts come from `toeplitz_mg.preconditioners.traits`; out go candidates with reasons, the fastest
+first. `default_preconditioner` makes the first that is not refused, `select_preconditioner` lists
+them, `solve_toeplitz` and `toeplitz_inverse` ask for those of a whole line, and the active sets of
+`toeplitz_mg.contact` ask whether FSAI is worth its set-up.
+"""
+
+from collections.abc import Iterator
 from functools import partial
-from itertools import islice
-from math import log2
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.lengths import near_fast_length
+from toeplitz_mg._typing import Mask
+from toeplitz_mg.engine.transforms import near_fast_length
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
-from toeplitz_mg.operators.structure import componentwise, unwrap, unwrap_toeplitz
+from toeplitz_mg.operators.structure import check_symmetric, components, unwrap, unwrap_toeplitz
+from toeplitz_mg.preconditioners import traits
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.direct import DenseInverse
-from toeplitz_mg.preconditioners.fsai.line import LONG, decays_slowly
 from toeplitz_mg.preconditioners.fsai.preconditioner import coupled_fsai, fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
-from toeplitz_mg.preconditioners.jacobi import ScaledIdentity
 from toeplitz_mg.preconditioners.positivity import precision
-from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
-from toeplitz_mg.preconditioners.trial import better_than_none
-from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner, sine_preconditioner
-from toeplitz_mg.preconditioners.whole_line import (
-    Preconditioner,
-    decreases,
-    named,
-    of_whole_line,
+from toeplitz_mg.preconditioners.selection import Candidate, Selection
+from toeplitz_mg.preconditioners.spectral import (
+    factor_column,
+    inverse_of_factor,
+    schur_inverse,
+    spectral_preconditioner,
+)
+from toeplitz_mg.preconditioners.symbol import sampled_symbol
+from toeplitz_mg.preconditioners.trigonometric import (
+    cosine_inverse,
+    cosine_preconditioner,
+    sine_inverse,
+    sine_preconditioner,
 )
 from toeplitz_mg.values import count
 
-logger = logging.getLogger(__name__)
+# `python -m comparisons.areas` measures both sides of these:
+DIRECT = 600  # Most unknowns that a Cholesky factor, of 3 MB, solves for at once.
+FEW = 40_000  # Most unknowns of one blob that sine transforms solve for before FSAI is set up.
+COMPACT = 5.0  # Largest `fragmentation` of one blob.
+LONG = 2**14  # Fewest elements of a grid whose transforms take longer than the calls of FSAI.
 
-DIRECT = 600  # unknowns, or fewer, are solved for directly: with a Cholesky factor of 3 MB
-FEW = 40_000  # unknowns of one blob that sine transforms solve for before FSAI is set up
-ALIKE = 0.5  # coupling of neighbours in one axis, of that in the other; 0.36 of elements 1:4
-COMPACT = 5.0  # `fragmentation` of one blob: 4.0 of a square, 4.5 of a circle, 7.8 of an annulus
+# `python -m comparisons.stretched`:
+ALIKE = 0.5  # Least `likeness_of_axes` at which a sine transform is as good as for squares.
 
-quick_fsai = named(partial(fsai_preconditioner, neighbours=NEIGHBOURS), fsai_preconditioner)
-fsai_of_24_neighbours = named(  # for smoother covariances
-    partial(fsai_preconditioner, neighbours=24), fsai_preconditioner
-)
+# `python -m comparisons.default_choice`, on its lines, where x is the column of the factor:
+WELL_RESOLVED = 0.01  # Largest ‖A x - e₁‖ of a symbol that n coefficients of any sign resolve.
+HARDLY_RESOLVED = 100.0  # Largest ‖A x - e₁‖ at which a symbol is of use where they decrease.
+SMOOTH_NEIGHBOURS = 24  # Neighbours in a row of FSAI for covariances that are smooth.
+
+# `python -m comparisons.contact_methods`:
+LARGE = 2**16  # Fewest elements of a grid on which an active set is worth a set-up of FSAI.
 
 
-def default_preconditioner(
-    A: LinearOperator, *, solves: int = 1, dtype: DTypeLike | None = None
-) -> LinearOperator:
-    """Return the preconditioner with which conjugate gradients are soonest done.
+class Plan(NamedTuple):
+    """A `Selection` whose candidates and components are found as they are asked for."""
+
+    A: LinearOperator  # The matrix that they are made of, on a line without axes of one element.
+    candidates: Iterator[Candidate]
+    others: tuple[Candidate, ...]
+    needs_trial: bool
+    components: Iterator["Plan"]
+
+
+def select_preconditioner(A: LinearOperator, solves: int = 1) -> Selection:
+    """Return what `default_preconditioner` would take, and why, without building it.
 
     Parameters
     ----------
     A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric positive definite, of any number of levels.
+        Symmetric positive definite, of any number of axes.
     solves : int
-        For how many right-hand sides it is made: more are worth a longer set-up.
-    dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default.
+        For how many right-hand sides it is: more are worth a longer set-up.
 
     Returns
     -------
-    LinearOperator
-        Of the shape of `A`, symmetric positive definite. Where none is better than no
-        preconditioner it is a multiple of the unit matrix.
+    Selection
+        Its attribute `candidates` has the preconditioners in the order in which they are tried,
+        each with its `name` and `reason`. It prints as a list. Whether a candidate is refused, as
+        one that is not positive definite, shows only where it is built; nor is there a trial.
 
     Raises
     ------
-    numpy.linalg.LinAlgError
-        Where A is not positive definite: of at most 600 unknowns for certain, of more where it
-        shows.
     TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not symmetric, or `solves` is below 1.
+        As `default_preconditioner`.
+
+    See Also
+    --------
+    default_preconditioner : builds what this lists.
 
     Notes
     -----
-    At most 600 unknowns, of all components together, are solved for directly, by a Cholesky
-    factorisation. Else the choice is that of the fastest in the comparison `areas`:
-
-    ======================== ================================= ==============================
-    axes, area               preconditioner                    iterations to 1e-8
-    ======================== ================================= ==============================
-    one, all of it           FSAI where 2¹⁴ coefficients or    4 to 8; 1 to 6; 2 to 10
-                             more decay slowly; spectral;
-                             sine or cosine where the symbol
-                             has a zero, or n coefficients do
-                             not resolve it
-    one, a mask              FSAI                              5 to 9, sine 13 to over 150
-    two, all of it           cosine; FSAI where a length has   9 to 13, FSAI 7 to 9
-                             a prime factor above 61, and the
-                             coefficients decay slowly, and
-                             where cosine is refused
-    two, one small blob      sine; FSAI for more solves, and   10 to 14, FSAI 8 to 10
-                             for coupled components, and for
-                             stretched elements
-    two, any other mask      FSAI                              7 to 10, sine 12 to 67
-    three or more            cosine; on a mask sine            9 to 20
-    ======================== ================================= ==============================
-
-    Coupled components are treated each by itself, but by FSAI on a mask together if their coupling
-    is strong.
-
-    Of FSAI for one solve it is that of 12 neighbours, for more that of as many as the kernel needs.
-    It is not refused where they are not enough, as for a smooth covariance on a mask any other
-    takes several times the iterations.
-
-    This is for coefficients that are positive and decrease along each axis, as those of a
-    half-space and of most covariances do. For others, and where all of these are refused, as for a
-    covariance that is smooth and as wide as its grid, it is the best of what there is, sine,
-    cosine and T. Chan's circulant in twenty steps of conjugate gradients, if it is better than
-    nothing: a circulant may take ten times the iterations of none. Not so on the whole of a line,
-    where the spectral factor is as good as the inverse. The logger of this module tells what is
-    refused and why, at the level INFO.
-
-    ``python -m comparisons.default_choice`` measures this against no preconditioner, on matrices
-    of every kind.
+    It costs nothing but a look at the coefficients, and on the whole of a line, where the symbol
+    decides, some transforms.
 
     Examples
     --------
     >>> import numpy as np
     >>> import toeplitz_mg as tmg
-    >>> A = tmg.ToeplitzOperator(np.exp(-np.hypot(*np.indices((40, 40)) / 4.0)))
-    >>> tmg.default_preconditioner(A)
-    <DiagonalisedOperator 40 x 40, cosine transform, float64>
+    >>> A = tmg.ToeplitzOperator(1.0 / (1.0 + np.hypot(*np.indices((40, 40)))))
     >>> checkered = np.indices((40, 40)).sum(axis=0) % 2 == 0
-    >>> tmg.default_preconditioner(tmg.MaskedOperator(A, checkered)).shape
-    (800, 800)
+    >>> tmg.select_preconditioner(tmg.MaskedOperator(A, checkered))
+    fsai_preconditioner: a fragmented mask; 12 neighbours
+    if refused, fsai_preconditioner: 24 neighbours, for a smooth kernel
+    if all are refused, the best of sine_preconditioner, cosine_preconditioner, chan_preconditioner
+    and none, by a trial of 20 steps of CG
     """
-    solves = count("solves", solves)
+    return _list(plan(A, solves))
+
+
+def _list(plan: Plan) -> Selection:
+    components = tuple(map(_list, plan.components))
+    return Selection(tuple(plan.candidates), plan.others, plan.needs_trial, components)
+
+
+def plan(A: LinearOperator, solves: int) -> Plan:
+    """Return what may be taken of a matrix."""
+    is_worth_set_up = count("solves", solves) > 1
     full, mask = unwrap(A)
-    is_coupled = isinstance(full, CoupledOperator)
-    is_on_mask = mask is not None and not mask.all()
-    if is_coupled and full.is_symmetric and (inverse := _direct(A, full, dtype)) is not None:
-        return inverse
-    if is_coupled and is_on_mask:
-        try:
-            if (joint := coupled_fsai(A, dtype)) is not None:
-                return joint
-        except np.linalg.LinAlgError as error:
-            logger.info("FSAI of all components is refused, and each taken by itself: %s", error)
+    if not isinstance(full, CoupledOperator):
+        return _plan(A, is_worth_set_up)
+    check_symmetric(full)
     # A product of several components costs more, and so few iterations are worth more.
-    return _default(A, solves > 1 or is_coupled, dtype)
+    parts = (_plan(component, True) for component in components(full, mask))
+    return Plan(A, _of_all_components(A, mask), (), False, parts)
 
 
-def _direct(
-    A: LinearOperator, full: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None
-) -> LinearOperator | None:
-    """Return the inverse of a small matrix, or None where it is not small, or its precision is."""
-    if A.shape[0] > DIRECT:
-        return None
-    inverse = DenseInverse(A, precision(full, dtype))
-    return inverse if inverse.is_accurate else None
-
-
-@componentwise
-def _default(A: LinearOperator, is_worth_set_up: bool, dtype: DTypeLike | None) -> LinearOperator:
+def _plan(A: LinearOperator, is_worth_set_up: bool) -> Plan:
+    """Return what may be taken of one component."""
     full, mask = unwrap_toeplitz(A)
-    if (inverse := _direct(A, full, dtype)) is not None:
-        return inverse
     full = full.squeezed
-    shape = full.grid_shape
-    mask = np.ones(shape, dtype=bool) if mask is None else mask.reshape(shape)
-    whole_line = len(shape) == 1 and mask.all()
-    if whole_line:
-        A = full
-    tried = list(islice(_accepted(_candidates(full, mask, is_worth_set_up), A, dtype), 1))
-    if tried and (whole_line or _decreases(full)):
-        return tried[0].M
-    resorts = [sine_preconditioner, cosine_preconditioner, chan_preconditioner]
-    others = [f for f in resorts if not tried or f is not tried[0].made_by]
-    tried += _accepted(others, A, dtype)
-    diagonal = float(full.c.flat[0])
-    if not (tried and diagonal > 0.0):
-        raise np.linalg.LinAlgError(
-            f"A is {A!r}, not positive definite or nearly singular, as not even T. Chan's "
-            "circulant is positive definite: use cg without M"
-        )
-    # A power of two: the iterates are those without a preconditioner, to the last bit.
-    scale = 2.0 ** -round(log2(diagonal))
-    none = ScaledIdentity(precision(full, dtype), full.grid_shape, A.shape[0], scale)
-    return better_than_none(A, none, [accepted.M for accepted in tried])
-
-
-class _Accepted(NamedTuple):
-    made_by: Preconditioner
-    M: LinearOperator
-
-
-def _accepted(
-    preconditioners: Iterable[Preconditioner], A: LinearOperator, dtype: DTypeLike | None
-) -> Iterator[_Accepted]:
-    """Yield the preconditioners that are not refused."""
-    for preconditioner in preconditioners:
-        try:
-            yield _Accepted(preconditioner, preconditioner(A, dtype=dtype))
-        except np.linalg.LinAlgError as error:
-            logger.info("%s is refused: %s", preconditioner.__name__, error)
-
-
-def _decreases(full: ToeplitzOperator) -> bool:
-    """Whether coefficients are positive and decrease along each axis."""
-    axes = np.identity(full.c.ndim, dtype=bool)
-    return full.is_even and all(
-        decreases(full.c[tuple(slice(None) if own else 0 for own in axis)]) for axis in axes
-    )
-
-
-def _candidates(
-    full: ToeplitzOperator, mask: Array, is_worth_set_up: bool
-) -> Iterator[Preconditioner]:
-    """Yield what may be taken, the fastest first."""
-    levels = len(full.grid_shape)
-    if levels == 1 and mask.all():
-        yield from of_whole_line(full)
-        yield spectral_preconditioner
-    elif mask.all():
-        if _is_of_slow_lengths(full):
-            yield quick_fsai
-        yield cosine_preconditioner
-        if levels == 2 and full.is_even:
-            yield fsai_preconditioner
-            yield fsai_of_24_neighbours
-            yield quick_fsai
-    elif levels <= 2 and full.is_even:
-        is_small_blob = fragmentation(mask) <= COMPACT and np.count_nonzero(mask) < FEW
-        if levels == 1 or is_worth_set_up or not is_small_blob or _is_stretched(full):
-            yield fsai_preconditioner if is_worth_set_up else quick_fsai
-            yield fsai_of_24_neighbours
-        else:
-            yield sine_preconditioner
+    if mask is not None and not mask.all():
+        candidates = _of_mask(full, mask.reshape(full.grid_shape), is_worth_set_up)
+    elif len(full.grid_shape) > 1:
+        candidates = _of_grid(full)
     else:
-        yield sine_preconditioner
+        candidates = chain(_of_few(full.shape[0]), candidates_of_line(full), [OF_ANY_LINE])
+        return Plan(full, candidates, OTHERS, False, iter(()))
+    needs_trial = not traits.decreases_along_axes(full)
+    return Plan(A, chain(_of_few(A.shape[0]), candidates), OTHERS, needs_trial, iter(()))
 
 
-def _is_of_slow_lengths(full: ToeplitzOperator) -> bool:
-    """Whether FSAI is faster on the whole of a grid in two levels.
+def _of_few(unknowns: int) -> Iterator[Candidate]:
+    if unknowns <= DIRECT:
+        yield Candidate("Cholesky factor", f"at most {DIRECT} unknowns", _factorise, is_exact=True)
+
+
+def _of_all_components(A: LinearOperator, mask: Mask | None) -> Iterator[Candidate]:
+    """Yield what may be taken of coupled components together."""
+    yield from _of_few(A.shape[0])
+    if mask is not None and not mask.all():
+        reason = "a mask; of all components together, if their coupling is strong"
+        yield Candidate("fsai_preconditioner", reason, _couple)
+
+
+def candidates_of_line(A: ToeplitzOperator) -> Iterator[Candidate]:
+    """Yield the preconditioners of a whole line that its symbol allows, the fastest first.
+
+    There may be none: where the symbol has no positive samples and no zero at an end, or is not
+    resolved by n coefficients at all.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator
+        Symmetric, of one axis. The candidates are for this matrix alone.
+    """
+    if len(A.c) >= LONG and traits.decays_slowly(A.c):
+        # 4 to 12 iterations, but next to no set-up, and cheap ones.
+        yield Candidate.of(fsai_preconditioner, "a long line of slow decay")
+    A = A.astype(np.float64)
+    samples = sampled_symbol(A, (near_fast_length(len(A.c)),))  # At θ = 0 … π.
+    by_sine = partial(sine_inverse, samples=samples)
+    by_cosine = partial(cosine_inverse, samples=samples)
+    is_smooth = traits.decreases(A.c)
+    if traits.has_zero_at_start(samples):
+        # The sines do not see it: 3 to 10 iterations to 1e-8.
+        yield Candidate.of(sine_preconditioner, "a zero of the symbol at θ = 0", by_sine)
+    elif traits.has_zero_at_start(samples[::-1]):
+        # The cosines do not see that.
+        yield Candidate.of(cosine_preconditioner, "a zero of the symbol at θ = π", by_cosine)
+    elif is_smooth and traits.decays_exponentially(A.c):
+        # As wide as the matrix, more or less: 2 to 5 iterations.
+        yield Candidate.of(cosine_preconditioner, "an exponential covariance", by_cosine)
+    elif (factor := factor_column(A, samples)) is not None:
+        of_factor = partial(inverse_of_factor, factor=factor)
+        if factor.is_inverse and (is_smooth or factor.residual <= WELL_RESOLVED):
+            # 1 to 8 iterations.
+            yield Candidate.of(spectral_preconditioner, "a symbol that is resolved", of_factor)
+        elif not is_smooth:
+            # Its coefficients go on and on, as isolated ones do: the factor is computed exactly.
+            yield Candidate.of(spectral_preconditioner, "no decrease with the lag", schur_inverse)
+        elif factor.residual <= HARDLY_RESOLVED:
+            # As wide as the matrix, with a simple tail: 2 to 6 iterations.
+            yield Candidate.of(cosine_preconditioner, "a wide covariance", by_cosine)
+
+
+def candidates_for_inverse(A: ToeplitzOperator) -> Iterator[Candidate]:
+    """Yield the preconditioners for the first column of the inverse of a line."""
+    if traits.decays_slowly(A.c):
+        yield Candidate.of(fsai_preconditioner, "slow decay")
+    yield OF_ANY_LINE
+
+
+def _of_grid(A: ToeplitzOperator) -> Iterator[Candidate]:
+    """Yield what may be taken of the whole of a grid."""
+    if _has_slow_transforms(A):
+        yield Candidate.of(fsai_preconditioner, "slow transforms, and slow decay", quick_fsai)
+    yield Candidate.of(cosine_preconditioner, "all of a grid")
+    if len(A.grid_shape) == 2 and A.is_even:
+        yield Candidate.of(fsai_preconditioner, "as many neighbours as the kernel needs")
+        yield OF_SMOOTH
+        yield Candidate.of(fsai_preconditioner, f"{NEIGHBOURS} neighbours", quick_fsai)
+
+
+def _has_slow_transforms(A: ToeplitzOperator) -> bool:
+    """Whether FSAI is faster on the whole of a grid in two axes.
 
     Where a length is slow for transforms the cosine takes twice the iterations. FSAI needs
     coefficients that decay slowly along both axes, as those of a half-space.
     """
     return (
-        full.c.ndim == 2
-        and full.c.size >= LONG
-        and full.is_even
-        and any(near_fast_length(n) != n for n in full.grid_shape)
-        and decays_slowly(full.c[0])
-        and decays_slowly(full.c[:, 0])
+        A.c.ndim == 2
+        and A.c.size >= LONG
+        and A.is_even
+        and traits.has_slow_length(A.grid_shape)
+        and traits.decays_slowly(A.c[0])
+        and traits.decays_slowly(A.c[:, 0])
     )
 
 
-def _is_stretched(full: ToeplitzOperator) -> bool:
-    """Whether neighbours in one axis are coupled much less than in the other."""
-    first, second = abs(full.c[1, 0]), abs(full.c[0, 1])
-    return bool(min(first, second) < ALIKE * max(first, second))
+def _of_mask(A: ToeplitzOperator, mask: Mask, is_worth_set_up: bool) -> Iterator[Candidate]:
+    """Yield what may be taken on a mask."""
+    if len(A.grid_shape) > 2:
+        yield Candidate.of(sine_preconditioner, "a mask in three axes or more")
+    elif not A.is_even:
+        yield Candidate.of(sine_preconditioner, "a mask, and a kernel that is not even")
+    elif is_worth_set_up:
+        yield Candidate.of(fsai_preconditioner, "a mask, and a set-up that pays off")
+        yield OF_SMOOTH
+    elif (trait := _why_fsai(A, mask)) is not None:
+        yield Candidate.of(fsai_preconditioner, f"{trait}; {NEIGHBOURS} neighbours", quick_fsai)
+        yield OF_SMOOTH
+    else:
+        yield Candidate.of(sine_preconditioner, "one small blob, and one solve")
 
 
-def fragmentation(mask: Array) -> float:
-    """Return the edges between elements in contact and others, over the root of the elements.
+def _why_fsai(A: ToeplitzOperator, mask: Mask) -> str | None:
+    """Return why FSAI is worth its set-up on a mask, or None where it is not."""
+    if len(A.grid_shape) == 1:
+        return "a mask of a line"
+    if np.count_nonzero(mask) >= FEW:
+        return "many unknowns"
+    if traits.fragmentation(mask) > COMPACT:
+        return "a fragmented mask"
+    if traits.likeness_of_axes(A) < ALIKE:
+        return "stretched elements"
+    return None
 
-    In two levels: the length of the edge over the root of the area.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from toeplitz_mg.preconditioners.choice import fragmentation
-    >>> fragmentation(np.ones((9, 9), dtype=bool))
-    4.0
-    """
-    padded = np.pad(mask, 1)
-    edges = sum(np.count_nonzero(np.diff(padded, axis=k)) for k in range(mask.ndim))
-    return float(edges / np.count_nonzero(mask) ** (1.0 - 1.0 / mask.ndim))
+def is_fsai_worthwhile(A: ToeplitzOperator | CoupledOperator, mask: Mask) -> bool:
+    """Whether FSAI is worth its set-up on a set of unknowns that is going to change."""
+    return A.shape[0] >= LARGE and traits.fragmentation(mask) > COMPACT
+
+
+def _factorise(A: LinearOperator, *, dtype: DTypeLike | None = None) -> DenseInverse:
+    inverse = DenseInverse(A, precision(unwrap(A)[0], dtype))
+    if not inverse.is_accurate:
+        raise np.linalg.LinAlgError(f"A is too ill-conditioned for a factor in {inverse.dtype}")
+    return inverse
+
+
+def _couple(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
+    joint = coupled_fsai(A, dtype)
+    if joint is None:
+        raise np.linalg.LinAlgError("the coupling is weak, or not that of a half-space")
+    return joint
+
+
+def quick_fsai(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
+    """Return `fsai_preconditioner` with the fewest neighbours, whose set-up is the shortest."""
+    return fsai_preconditioner(A, neighbours=NEIGHBOURS, dtype=dtype)
+
+
+OF_SMOOTH = Candidate.of(
+    fsai_preconditioner,
+    f"{SMOOTH_NEIGHBOURS} neighbours, for a smooth kernel",
+    partial(fsai_preconditioner, neighbours=SMOOTH_NEIGHBOURS),
+)
+OF_ANY_LINE = Candidate.of(spectral_preconditioner, "as good as the inverse, whatever the symbol")
+OTHERS = tuple(
+    Candidate.of(function, "whatever the kernel")
+    for function in (sine_preconditioner, cosine_preconditioner, chan_preconditioner)
+)

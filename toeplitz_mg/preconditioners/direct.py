@@ -9,6 +9,10 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.operators.base import GridOperator, grid_of
 
 
+class NotPositiveDefinite(np.linalg.LinAlgError):
+    """A matrix is not positive definite, for certain: no preconditioner is of use."""
+
+
 class DenseInverse(GridOperator):
     """The inverse of a small symmetric positive definite operator, by a Cholesky factorisation.
 
@@ -27,8 +31,8 @@ class DenseInverse(GridOperator):
 
     Raises
     ------
-    numpy.linalg.LinAlgError
-        Where the matrix is not positive definite.
+    NotPositiveDefinite
+        A LinAlgError, where the matrix is not positive definite.
     """
 
     def __init__(self, A: LinearOperator, dtype: DTypeLike | None = None) -> None:
@@ -37,7 +41,7 @@ class DenseInverse(GridOperator):
         try:
             factor, lower = cho_factor(dense, lower=True)
         except np.linalg.LinAlgError as error:
-            raise np.linalg.LinAlgError(
+            raise NotPositiveDefinite(
                 f"{A!r} is not positive definite, or nearly singular: {error}"
             ) from None
         norm = float(np.abs(dense).sum(axis=0).max())

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -84,8 +83,8 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     double = squeeze_line(A).astype(np.float64)
     factor = factor_column(double, sampled_symbol(double, (near_fast_length(len(double.c)),)))
     if factor is None or not factor.is_inverse:
-        factor = Factor(schur_column(double.c)[0], 0.0)
-    return factor.inverse(precision(A, dtype))
+        return schur_inverse(A, dtype=dtype)
+    return inverse_of_factor(A, factor, dtype=dtype)
 
 
 @dataclass(frozen=True)
@@ -105,12 +104,21 @@ class Factor:
         """Whether x gives an inverse as good as a better one, positive definite for certain."""
         return self.residual <= RESOLVED and self.certificate.positive
 
-    def inverse(self, dtype: np.dtype[Any]) -> GohbergSemencul:
-        """Return it in this precision, or refuse it where rounding may make it indefinite."""
-        require_condition(
-            self.certificate.condition, dtype, "the inverse of A", "chan_preconditioner(A)"
-        )
-        return GohbergSemencul(self.x.astype(dtype))
+
+def inverse_of_factor(
+    A: ToeplitzOperator, factor: Factor, *, dtype: DTypeLike | None = None
+) -> GohbergSemencul:
+    """Return the inverse of A from a column, or refuse it where rounding may make it indefinite."""
+    dtype = precision(A, dtype)
+    condition = factor.certificate.condition
+    require_condition(condition, dtype, "the inverse of A", "chan_preconditioner(A)")
+    return GohbergSemencul(factor.x.astype(dtype))
+
+
+def schur_inverse(A: ToeplitzOperator, *, dtype: DTypeLike | None = None) -> GohbergSemencul:
+    """Return the inverse of a line from its exact column, by the Schur algorithm."""
+    column = schur_column(squeeze_line(A).c.astype(np.float64))[0]
+    return inverse_of_factor(A, Factor(column, 0.0), dtype=dtype)
 
 
 def factor_column(A: ToeplitzOperator, samples: Array) -> Factor | None:

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
-from toeplitz_mg.preconditioners.whole_line import of_whole_line
+from toeplitz_mg.preconditioners.choice import candidates_of_line
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.inverse import first_column
 
@@ -87,10 +87,9 @@ def _cg_method(A: ToeplitzOperator) -> Iterator[Method]:
 
     But not with its last resorts, the first of which is as good as the inverse, and costs as much.
     """
-    for preconditioner in of_whole_line(A):
+    for candidate in candidates_of_line(A):
         with suppress(np.linalg.LinAlgError):  # its eigenvalues are not positive
-            M = preconditioner(A)
-            yield Method(f"cg, {preconditioner.__name__}", partial(_cg, A, M))
+            yield Method(f"cg, {candidate.name}", partial(_cg, A, candidate.make(A)))
 
 
 def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:

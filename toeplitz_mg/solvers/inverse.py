@@ -9,8 +9,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.structure import squeeze_line, unwrap_toeplitz
-from toeplitz_mg.preconditioners import fsai_preconditioner, spectral_preconditioner
-from toeplitz_mg.preconditioners.fsai.line import decays_slowly
+from toeplitz_mg.preconditioners.choice import candidates_for_inverse
 from toeplitz_mg.preconditioners.schur import schur_column
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.values import positive
@@ -152,10 +151,10 @@ def first_column(A: ToeplitzOperator) -> Array:
 
 def _by_cg(A: ToeplitzOperator, unit: Array) -> Array | None:
     """Solve A x = e₁ by CG to 1e-6, or return None where no preconditioner leads there soon."""
-    slow = (fsai_preconditioner,) if decays_slowly(A.c) else ()
-    for preconditioner in (*slow, spectral_preconditioner):
+    for candidate in candidates_for_inverse(A):
         with suppress(np.linalg.LinAlgError):
-            x, _, converged = cg_by_recurrence(A, unit, M=preconditioner(A), rtol=1e-6, maxiter=50)
+            M = candidate.make(A)
+            x, _, converged = cg_by_recurrence(A, unit, M=M, rtol=1e-6, maxiter=50)
             if converged:
                 return x
     return None

@@ -24,9 +24,6 @@ BLOCK = 16  # cells of an aggregate, and of a row of G
 EXACT = 3  # blocks: from this lag on the loads of two blocks are taken as uniform
 DENSE = 128  # cells that are solved for directly
 CHUNK = 2**14  # numbers that are treated together, in the cache
-LONG = 2**14  # cells: on a shorter line Python's overhead is more than transforms would take
-SMOOTH = 1.9  # growth of the falls of a kernel that is smooth: 4 of a parabola, 2 of a tent
-FAST = 0.2  # of a coefficient at twice the lag
 
 
 @dataclass(frozen=True)
@@ -250,28 +247,3 @@ def _coarser(cells: WholeLine, load: Array) -> Array:
     for k in range(min(EXACT, m)):
         means[k] = T[np.abs(BLOCK * k + np.arange(-reach, reach + 1))] @ products
     return means
-
-
-def decays_slowly(c: Array) -> bool:
-    """Whether coefficients decay as a power of the lag does, or its logarithm, from lag 0 on.
-
-    Judged at the lags 0, 1, 2, 4 and so on: at each doubling they fall, by less than twice what
-    they just did, as they would where the kernel is smooth, and not to nearly nothing.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> decays_slowly(1.0 / (1.0 + np.arange(1000)))
-    True
-    >>> decays_slowly(0.99 ** np.arange(1000))
-    False
-    """
-    powers = 2 ** np.arange((len(c) - 1).bit_length())
-    values = c[np.append(0, powers[powers < len(c)])]
-    falls = -np.diff(values)
-    return bool(
-        values.min() > 0.0
-        and (falls > 0.0).all()
-        and (falls[1:] <= SMOOTH * falls[:-1]).all()
-        and (values[2:] >= FAST * values[1:-1]).all()
-    )

@@ -1,0 +1,120 @@
+"""Facts about a matrix and a mask that decide which preconditioner is taken: pure functions."""
+
+import numpy as np
+
+from toeplitz_mg._typing import Array, Mask
+from toeplitz_mg.engine.transforms import near_fast_length
+from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.preconditioners.positivity import rounding
+from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE
+
+# `python -m comparisons.default_choice` measures what follows from these on its lines.
+SMOOTH = 1.9  # Ratio of the falls at two doublings of the lag: 4 of a parabola, 2 of a tent.
+FAST = 0.2  # Ratio of coefficients at a lag and at half of it: below it they decay fast.
+EXPONENTIAL = 0.01  # Relative deviation of c_(i-s) c_(i+s) from c_i² of an exponential function.
+
+
+def decreases(c: Array) -> bool:
+    """Whether coefficients are positive and decrease with the lag, until they are negligible.
+
+    As those of a half-space and of most covariances do. They tell of no isolated lag, and of no
+    zero of the symbol but where the frequency is high.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> decreases(np.exp(-np.arange(100.0)))
+    True
+    >>> decreases(np.array([3.0, 0.0, 0.0, 1.0]))
+    False
+    """
+    negligible = NEGLIGIBLE * c[0]
+    reach = int(np.argmin(c > negligible)) or len(c)
+    return bool(
+        reach > 1
+        and (np.diff(c[:reach]) < 0.0).all()
+        and np.abs(c[reach:]).max(initial=0.0) <= negligible
+    )
+
+
+def decreases_along_axes(A: ToeplitzOperator) -> bool:
+    """Whether the coefficients of a matrix are even, and decrease along each axis."""
+    axes = np.identity(A.c.ndim, dtype=bool)
+    return A.is_even and all(
+        decreases(A.c[tuple(slice(None) if own else 0 for own in axis)]) for axis in axes
+    )
+
+
+def decays_slowly(c: Array) -> bool:
+    """Whether coefficients decay as a power of the lag does, or its logarithm, from lag 0 on.
+
+    Judged at the lags 0, 1, 2, 4 and so on: at each doubling they fall, by less than twice what
+    they just did, as they would where the kernel is smooth, and not to nearly nothing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> decays_slowly(1.0 / (1.0 + np.arange(1000)))
+    True
+    >>> decays_slowly(0.99 ** np.arange(1000))
+    False
+    """
+    powers = 2 ** np.arange((len(c) - 1).bit_length())
+    values = c[np.append(0, powers[powers < len(c)])]
+    falls = -np.diff(values)
+    return bool(
+        values.min() > 0.0
+        and (falls > 0.0).all()
+        and (falls[1:] <= SMOOTH * falls[:-1]).all()
+        and (values[2:] >= FAST * values[1:-1]).all()
+    )
+
+
+def decays_exponentially(c: Array) -> bool:
+    """Whether the last coefficients are positive, and an exponential function of the lag."""
+    step = len(c) // 4
+    first, second, last = c[-1 - 2 * step], c[-1 - step], c[-1]
+    return bool(
+        last > NEGLIGIBLE * c[0] and abs(first * last - second**2) <= EXPONENTIAL * second**2
+    )
+
+
+def has_zero_at_start(samples: Array) -> bool:
+    """Whether samples of a symbol tell of a zero at the first of them, and of no other."""
+    first, second = samples[:2]
+    return bool(
+        first < second / 2
+        and second <= samples[2:].min(initial=np.inf) + rounding(samples, samples.dtype)
+    )
+
+
+def has_slow_length(grid_shape: tuple[int, ...]) -> bool:
+    """Whether the transforms along an axis of a grid are slow, for a large prime factor."""
+    return any(near_fast_length(n) != n for n in grid_shape)
+
+
+def likeness_of_axes(A: ToeplitzOperator) -> float:
+    """Return the coupling of neighbours along one axis over that along the other, at most 1.
+
+    Of half-spaces 1 for square elements and 0.36 for elements of 1:4.
+    """
+    along_axes = abs(float(A.c[1, 0])), abs(float(A.c[0, 1]))
+    largest = max(along_axes)
+    return min(along_axes) / largest if largest else 1.0
+
+
+def fragmentation(mask: Mask) -> float:
+    """Return the edges between elements of a mask and others, over the root of the elements.
+
+    In two axes: the length of the edge over the root of the area. It is 4.0 of a square, 4.5 of a
+    circle, and 7.8 of an annulus.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> fragmentation(np.ones((9, 9), dtype=bool))
+    4.0
+    """
+    padded = np.pad(mask, 1)
+    edges = sum(np.count_nonzero(np.diff(padded, axis=k)) for k in range(mask.ndim))
+    return float(edges / np.count_nonzero(mask) ** (1.0 - 1.0 / mask.ndim))
