@@ -15,6 +15,7 @@ from comparisons import (
     general_symbols,
     masks,
     matrices,
+    neighbours,
     paper_figures,
     paper_tables,
     punch3d,
@@ -22,7 +23,6 @@ from comparisons import (
     speed,
     stretched,
     turns,
-    updates,
 )
 from comparisons.reliability import __main__ as reliability
 from comparisons.symbols import COLUMNS
@@ -215,20 +215,6 @@ def test_stretched_grids_take_no_more_iterations_than_square_ones(kind):
     assert max(counts.values()) <= 1.5 * counts["square"]
 
 
-def test_updates(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(updates, "TURNS", 1)
-    assert "An update over a set-up" in run(updates, tmp_path, monkeypatch, capsys)
-    rows = rows_of(tmp_path / "updates.csv")
-    assert len(rows) == 2 * (len(masks.FRAGMENTED) - 1)
-    assert all(float(row["scattered"]) > 0.0 for row in rows)
-    for change in ("scattered", updates.FIFTH):
-        pairs = [(int(row[f"{change}: iterations"]), int(row[f"{change}: new"])) for row in rows]
-        assert all(abs(updated - new) <= 1 for updated, new in pairs)
-    mask = masks.circle(48)
-    for change in updates.CHANGES.values():
-        assert 0 < (change(mask, 12) ^ mask).sum() <= 12
-
-
 def test_areas(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(areas, "QUICK_SIZES", (24,))
     monkeypatch.setattr(areas, "QUICK_LINES", (600,))
@@ -305,7 +291,7 @@ ALL = [
     drop_in,
     speed,
     areas,
-    updates,
+    neighbours,
 ]
 
 
