@@ -4,8 +4,8 @@ import pytest
 
 import toeplitz_mg as tmg
 from comparisons.systems import masks
-from comparisons.updates import normal, tangential
 from tests.test_fsai import both_iterations, half_space
+from tests.test_fsai_coupled import tangential
 from toeplitz_mg.paper.problems import test1 as line_contact
 
 pytestmark = pytest.mark.slow  # grids of up to 2048²
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.slow  # grids of up to 2048²
 
 @pytest.fixture(scope="module")
 def full():
-    return normal(512)
+    return tmg.ToeplitzOperator(half_space(512))
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,9 @@ def test_on_512_squared(full, area, most):
 def test_on_2048_squared():
     """At most two more."""
     constant, random = both_iterations(
-        tmg.MaskedOperator(normal(2048), masks.FRAGMENTED["rough, 30 %"](2048))
+        tmg.MaskedOperator(
+            tmg.ToeplitzOperator(half_space(2048)), masks.FRAGMENTED["rough, 30 %"](2048)
+        )
     )
     assert constant <= 11
     assert random <= 12
@@ -58,7 +60,7 @@ def test_coupled_and_stretched_are_within_a_third_of_the_normal_ones(area, ratio
     n = 256
     mask = masks.FRAGMENTED[area](n)
     least = both_iterations(tmg.MaskedOperator(tmg.ToeplitzOperator(half_space(n)), mask))
-    for kernel in (tmg.ToeplitzOperator(half_space(n, ratio)), tangential(n, ratio)):
+    for kernel in (tmg.ToeplitzOperator(half_space(n, ratio)), tangential((n, n), ratio=ratio)):
         found = both_iterations(tmg.MaskedOperator(kernel, mask))
         assert found[0] <= 1.3 * least[0]
         assert found[1] <= 1.3 * least[1]

@@ -10,17 +10,16 @@ from functools import partial
 import numpy as np
 import pytest
 
-from comparisons import default_choice, drop_in, matrices, updates
+from comparisons import default_choice, drop_in, matrices
 from comparisons.contact import punch3d, punch_limits
 from comparisons.harness.processes import in_a_fresh_process, take_turns
 from comparisons.paper import figures as paper_figures
 from comparisons.paper import tables as paper_tables
-from comparisons.preconditioners import areas, stretched
+from comparisons.preconditioners import areas, neighbours, stretched
 from comparisons.preconditioners import figures as area_figures
 from comparisons.preconditioners import symbols as general_symbols
 from comparisons.reliability import __main__ as reliability
 from comparisons.speed import baselines, by_hand
-from comparisons.systems import masks
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
 
@@ -205,20 +204,6 @@ def test_stretched_grids_take_no_more_iterations_than_square_ones(kind):
     assert max(counts.values()) <= 1.5 * counts["square"]
 
 
-def test_updates(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(updates, "TURNS", 1)
-    assert "An update over a set-up" in run(updates, tmp_path, monkeypatch, capsys)
-    rows = rows_of(tmp_path / "updates.csv")
-    assert len(rows) == 2 * (len(masks.FRAGMENTED) - 1)
-    assert all(float(row["scattered"]) > 0.0 for row in rows)
-    for change in ("scattered", updates.FIFTH):
-        pairs = [(int(row[f"{change}: iterations"]), int(row[f"{change}: new"])) for row in rows]
-        assert all(abs(updated - new) <= 1 for updated, new in pairs)
-    mask = masks.circle(48)
-    for change in updates.CHANGES.values():
-        assert 0 < (change(mask, 12) ^ mask).sum() <= 12
-
-
 def test_areas(tmp_path, monkeypatch, capsys):
     few = ("none", "FSAI", "default")
     names = ("full", "rough, 30 %", "checkerboard")
@@ -292,7 +277,7 @@ ALL = [
     drop_in,
     by_hand,
     areas,
-    updates,
+    neighbours,
 ]
 
 

@@ -8,13 +8,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import toeplitz_mg as tmg
 from toeplitz_mg.paper.problems import test1
-from toeplitz_mg.preconditioners.fsai import build as fsai_levels
-from toeplitz_mg.preconditioners.fsai import stencil as fsai_table
-from toeplitz_mg.preconditioners.fsai.build import build
-from toeplitz_mg.preconditioners.fsai.levels import Cells
-from toeplitz_mg.preconditioners.fsai.line import BLOCK, DENSE, WholeLine, line
+from toeplitz_mg.preconditioners.fsai.build import DEFAULT, Options, build
+from toeplitz_mg.preconditioners.fsai.levels import LevelMatrix
+from toeplitz_mg.preconditioners.fsai.line import BLOCK, LineMatrix, build_line
 from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 from toeplitz_mg.preconditioners.traits import decays_slowly
+
+DENSE = DEFAULT.direct_on_line
 
 
 def contact(n):
@@ -46,13 +46,12 @@ def random(*shape):
 
 @pytest.mark.parametrize("n", [129, 130, 143, 144, 145, 1000, 2049, 4097, 20_000])
 @pytest.mark.parametrize("column", [contact, lambda n: 0.9 ** np.arange(n)])
-def test_it_is_the_inverse_of_any_area_on_a_whole_line(monkeypatch, column, n):
-    monkeypatch.setattr(fsai_table, "NEIGHBOURS", BLOCK - 1)
-    monkeypatch.setattr(fsai_levels, "DENSE", DENSE)
-    T = column(n)
-    stencil = Stencil.of(T[np.newaxis])
-    general = build(stencil, Cells.of_mask(stencil, np.ones((1, n), bool)), np.dtype(float))
-    P = line(WholeLine.of(T), np.dtype(float))
+def test_it_is_the_inverse_of_any_area_on_a_whole_line(column, n):
+    kernel = column(n)
+    stencil = Stencil(kernel[np.newaxis, np.newaxis, np.newaxis], BLOCK - 1, BLOCK - 1)
+    matrix = LevelMatrix.of_mask(stencil, np.ones((1, n), bool))
+    general = build(stencil, matrix, np.dtype(float), Options(direct=DENSE))
+    P = build_line(LineMatrix.of_kernel(kernel), np.dtype(float))
     assert P.sizes == general.sizes
     x = random(1, n)
     expected = general(x[0])
@@ -87,7 +86,7 @@ def test_iterations_hardly_depend_on_n(name, dtype):
 
 def test_rows_in_place_and_chunks():
     n = 3 * 2**14 + 5  # of cells: some chunks, and a last block that is not whole
-    P = line(WholeLine.of(contact(n)), np.dtype(float))
+    P = build_line(LineMatrix.of_kernel(contact(n)), np.dtype(float))
     X = random(3, n)
     each = np.concatenate([apply(P, x[np.newaxis]) for x in X])
     assert_allclose(apply(P, X), each, rtol=0, atol=1e-13 * abs(each).max())
@@ -105,18 +104,6 @@ def test_a_grid_of_one_line_is_a_line(shape):
     everything = tmg.MaskedOperator(tmg.ToeplitzOperator(c), np.ones(700, bool))
     assert_array_equal(P @ x, tmg.fsai_preconditioner(everything) @ x)
     assert_array_equal(P @ x, pickle.loads(pickle.dumps(P)) @ x)
-
-
-def test_updated_to_a_mask_and_back():
-    A = tmg.ToeplitzOperator(contact(2000))
-    P = tmg.fsai_preconditioner(A)
-    mask = np.arange(2000) % 100 > 10
-    Q = P.updated(mask)
-    x = random(2000)
-    new = tmg.fsai_preconditioner(tmg.MaskedOperator(A, mask))
-    expected = new @ x[mask]
-    assert_allclose(Q @ x[mask], expected, rtol=0, atol=1e-13 * abs(expected).max())
-    assert_array_equal(Q.updated(np.ones(2000, bool)) @ x, P @ x)
 
 
 def test_many_threads_and_many_columns():

@@ -30,7 +30,6 @@ def of_a_part():
     yield "fsai_preconditioner of coupled components", tmg.fsai_preconditioner(C)
     yield "A", A
     yield "coupled A", C
-    yield "an update", tmg.fsai_preconditioner(whole()).updated(random_mask(1))
 
 
 def test_a_part_of_a_grid_has_no_mask_of_the_grid():
@@ -60,13 +59,10 @@ def test_operators_of_a_whole_grid_have_masks():
 def test_masks_that_are_masked_arrays_are_refused():
     A, mask = whole(), random_mask(3)
     of_doubt = np.ma.masked_array(mask, ~mask)
-    P = tmg.fsai_preconditioner(A)
     C = coupled(half_space_kernel(2, *GRID))(float)
     for use in (
         lambda m: tmg.MaskedOperator(A, m),
         lambda m: tmg.MaskedOperator(C, m),
-        P.updated,
-        tmg.componentwise(tmg.fsai_preconditioner)(C).updated,
     ):
         with pytest.raises(TypeError, match="mask is a masked array"):
             use(of_doubt)

@@ -3,6 +3,7 @@
 from contextlib import suppress
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
@@ -11,8 +12,9 @@ from toeplitz_mg.preconditioners.choice import is_fsai_worthwhile, quick_fsai
 from toeplitz_mg.preconditioners.symbol import sampled_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_inverse
 
-SETTLED = 0.05  # of a set are others than before, when it is set up
-FAR = 0.5  # of a set are others than those of FSAI, when it is given up
+LARGE = 2**16  # Elements of a grid from which on FSAI is worth its set-up: products take as long.
+SETTLED = 0.05  # Share of a set that may change for FSAI to be set up: it soon changes no more.
+ALIKE = 0.004  # Share of a set that may change for FSAI to be kept: a set-up takes a few products.
 
 
 class LocalInverse:
@@ -22,6 +24,8 @@ class LocalInverse:
     ----------
     A : ToeplitzOperator or CoupledOperator
     C : ndarray of bool, of the shape of a field
+    dtype : float32 or float64, optional
+        The precision in which FSAI is kept and applied, that of `A` by default.
 
     Raises
     ------
@@ -29,9 +33,11 @@ class LocalInverse:
         As `fsai_preconditioner`.
     """
 
-    def __init__(self, A: ToeplitzOperator | CoupledOperator, C: Array) -> None:
+    def __init__(
+        self, A: ToeplitzOperator | CoupledOperator, C: Array, dtype: DTypeLike | None = None
+    ) -> None:
         self.C = C
-        self._P = quick_fsai(MaskedOperator(A, C))
+        self._P = quick_fsai(MaskedOperator(A, C), dtype=dtype)
         self._elements = np.flatnonzero(C)
 
     def __call__(self, r: Array) -> Array:
@@ -72,14 +78,14 @@ class Inverse:
         self.dtype = self._cosine.dtype
 
     def fit(self, C: Array) -> None:
-        """Choose for a set. Of FSAI that of a similar one is as good."""
+        """Choose for a set: FSAI of one that is alike is kept, and else it is set up anew."""
         before, self._before = self._before, C
-        if self._local is not None and _others(C, self._local.C) <= FAR:
+        if self._local is not None and _changed(C, self._local.C) <= ALIKE:
             return
         self._local = None
-        if _others(C, before) <= SETTLED and is_local_better(self._A, C):
+        if _changed(C, before) <= SETTLED and is_local_better(self._A, C):
             with suppress(np.linalg.LinAlgError):
-                self._local = LocalInverse(self._A, C)
+                self._local = LocalInverse(self._A, C, self.dtype)
 
     def __call__(self, r: Array) -> Array:
         """Apply it to a field that is zero outside of the set; the result is not."""
@@ -88,6 +94,6 @@ class Inverse:
         return apply_to_rows(self._cosine, r.reshape(-1)).reshape(r.shape)
 
 
-def _others(C: Array, before: Array) -> float:
-    """What part of a set is not as before."""
+def _changed(C: Array, before: Array) -> float:
+    """Return the elements that differ, as a share of those of the set."""
     return int(np.count_nonzero(C ^ before)) / int(np.count_nonzero(C))

@@ -1,15 +1,12 @@
 """Operators on consecutive parts of a vector, as on the components of a field."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows, work_of
-from toeplitz_mg.operators.masked import check_mask
 
 
 class BlockDiagonal(GridOperator):
@@ -29,31 +26,6 @@ class BlockDiagonal(GridOperator):
         work = sum(map(work_of, blocks)) / grid_shape[0]
         super().__init__(np.result_type(*(block.dtype for block in blocks)), grid_shape, work, size)
         self.blocks = tuple(blocks)
-
-    def updated(self, mask: ArrayLike) -> "BlockDiagonal":
-        """Return the same for another mask, of blocks that have this method, as those of FSAI.
-
-        Parameters
-        ----------
-        mask : array_like of bool, of shape `grid_shape`, or that of one component
-            Somewhere true in each component.
-
-        Returns
-        -------
-        BlockDiagonal
-
-        Raises
-        ------
-        TypeError, ValueError
-            As `MaskedOperator`; where a component has no unknowns, or had none.
-        """
-        masks = check_mask(mask, self.grid_shape, is_coupled=True)
-        if len(self.blocks) != len(masks) or not all(m.any() for m in masks):
-            raise ValueError("a component has no unknowns, or had none: make the blocks anew")
-        blocks: list[Any] = list(self.blocks)
-        return BlockDiagonal(
-            [block.updated(m) for block, m in zip(blocks, masks, strict=True)], self.grid_shape
-        )
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """As `GridOperator.apply`."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from toeplitz_mg._typing import Array, Mask
-from toeplitz_mg.engine.transforms import near_fast_length
+from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.positivity import rounding
 from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE

@@ -1,62 +1,87 @@
-"""The aggregates of a multilevel sparse approximate inverse: W, and the diagonal of E."""
+"""The aggregates of a level: the tentative prolongator, and the coarse Galerkin matrix."""
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.preconditioners.fsai.levels import Cells, Rows
-from toeplitz_mg.preconditioners.fsai.stencil import Stencil, block_loads, check
+from toeplitz_mg.preconditioners.fsai.levels import LevelMatrix
+from toeplitz_mg.preconditioners.fsai.refusals import require_positive
+from toeplitz_mg.preconditioners.fsai.rows import add_loads, split_range
+from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 
-CHUNK = 2048  # blocks that are treated together, in the cache
+
+class Rows(NamedTuple):
+    """Rows of G in float64: those of the table, by pattern, or one for each unknown."""
+
+    rows: Array  # columns of shape (K,)
+    sums: Array  # their products with c in their own component, and the other, shape (d, any)
+    place: Array  # which of them is the row of each unknown, by the place of the unknown
 
 
-def aggregated(
-    stencil: Stencil, cells: Cells, rows: Rows, touched: Array, old: Cells, kept: float
-) -> tuple[Cells, Array]:
-    """Return the cells of E, which in the blocks that are not touched are the old ones.
+def aggregate(
+    stencil: Stencil, matrix: LevelMatrix, rows: Rows, at: Array
+) -> tuple[LevelMatrix, Array]:
+    """Return the coarse Galerkin matrix E, and what makes W orthonormal, for `prolong`.
 
-    The load of a block is cᵀGᵀw_J in units of that of full contact. Where it differs by less than
-    `kept` relative to the old one, d is left. What the columns of W are normalised with, for
-    `aggregation`, is the second.
+    The weight c of an aggregate is its load cᵀGᵀw_J in units of that of one that is all active.
+
+    Parameters
+    ----------
+    stencil : Stencil
+    matrix : LevelMatrix
+    rows : Rows
+    at : ndarray of int
+        The places of the unknowns.
     """
     grid, coarser = stencil.grid, stencil.coarser
-    c, d = old.c.copy(), old.d.copy()
-    inverse = np.zeros((1 if len(stencil.T) == 1 else 3, coarser.grid.size))
-    blocks = np.flatnonzero(touched)
-    for part in chunks(len(blocks)):
+    d = len(stencil.components)
+    c, diagonal = np.zeros(d * coarser.grid.size), np.ones(d * coarser.grid.size)
+    inverse = np.zeros((1 if d == 1 else 3, coarser.grid.size))
+    blocks = _touched_blocks(stencil, at)
+    for part in split_range(len(blocks)):
         origins, J = grid.origins[blocks[part]], coarser.grid.inside[blocks[part]]
         slots = [grid.slots[:, None] + origins + a * grid.size for a in stencil.components]
-        within = [cells.contact.take(s) for s in slots]
+        within = [matrix.active.take(s) for s in slots]
         place = [rows.place.take(s) for s in slots]
         U = [rows.sums.take(p, axis=1) * w for p, w in zip(place, within, strict=True)]
-        # No contact any more: the load is 0, the diagonal 1.
+        # Where a component has no unknown in a block its load is 0, and the diagonal 1.
         empty: list[Array] = [np.logical_not(w.any(axis=0)) for w in within]
         norms = [np.sqrt(np.einsum("im,im->m", u[0], u[0])) for u in U]
         for norm, none in zip(norms, empty, strict=True):
-            check("the norm of a vector of W is", (norm + none).min(), grid.kernel.shape)
-        if len(U) == 1:
-            loads, inverse[0, J] = norms, 1.0 / (norms[0] + empty[0])
+            require_positive("the norm of a vector of W is", (norm + none).min(), _shape(stencil))
+        if d == 1:
+            loads, inverse[0, J] = norms, 1.0 / norms[0]
         else:
-            loads, inverse[:, J] = _orthonormal(U, norms, empty, grid.kernel.shape)
+            loads, inverse[:, J] = _orthonormalise(U, norms, empty, _shape(stencil))
         for a in stencil.components:
             K = J + a * coarser.grid.size
-            before = c[K]
             c[K] = loads[a] / stencil.totals[a]
-            d[K[empty[a]]] = 1.0
-            new = (np.abs(c[K] - before) >= kept * before) & ~empty[a]
-            if cells.finest:  # what is exact in full contact need not be computed
+            new = ~empty[a]
+            if matrix.by_table:  # what is exact where all are active need not be computed
                 full = (within[a] & (place[a] == (a + 1) * stencil.patterns - 1)).all(axis=0)
-                d[K[full]] = coarser.zero[a]
+                diagonal[K[full]] = coarser.zero[a]
                 new &= ~full
             w = U[a][0].compress(new, axis=1) / norms[a][new]
             index = place[a].compress(new, axis=1)
-            d[K[new]] = _diagonal(stencil, cells, rows, a, slots[a][0, new], index, w)
-    return Cells(c, d), inverse
+            diagonal[K[new]] = _diagonal(stencil, matrix, rows, a, slots[a][0, new], index, w)
+    return LevelMatrix(c, diagonal), inverse
 
 
-def _orthonormal(
+def _touched_blocks(stencil: Stencil, at: Array) -> Array:
+    """Return the numbers of the blocks that have some of these places."""
+    touched = np.zeros(len(stencil.grid.origins), bool)
+    for a, part in enumerate(stencil.split(at)):
+        touched[stencil.grid.block_of.take(part - a * stencil.grid.size)] = True
+    return np.flatnonzero(touched)
+
+
+def _shape(stencil: Stencil) -> tuple[int, ...]:
+    return stencil.grid.kernel.shape
+
+
+def _orthonormalise(
     U: Sequence[Array], norms: Sequence[Array], empty: Sequence[Array], shape: tuple[int, ...]
 ) -> tuple[list[Array], list[Array]]:
     """Return the diagonal of (U_JᵀU_J)^(1/2), and the entries xx, yy and xy of its inverse.
@@ -68,7 +93,7 @@ def _orthonormal(
     norms : two ndarrays of shape (m,)
         Of those of their own.
     empty : two ndarrays of bool, of shape (m,)
-        Where a component is not in contact. It is taken for another, orthogonal vector.
+        Where a component has no unknown. It is taken for another, orthogonal vector.
     shape : tuple of int
         Of the grid, for errors.
     """
@@ -81,7 +106,8 @@ def _orthonormal(
     # With s² the determinant (UᵀU)^(1/2) = (UᵀU + s I)/t, its inverse (adj(UᵀU) + s I)/(s t).
     product = np.sqrt(gxx) * np.sqrt(gyy)
     square = 1.0 - (gxy / product) ** 2  # of the sine of their angle
-    check("the sine of the angle of two vectors of W is, squared,", float(square.min()), shape)
+    subject = "the sine of the angle of two vectors of W is, squared,"
+    require_positive(subject, float(square.min()), shape)
     s = product * np.sqrt(square)
     t = np.sqrt(gxx + gyy + 2.0 * s)
     loads = [there[0] * (gxx + s) / t, there[1] * (gyy + s) / t]
@@ -90,24 +116,30 @@ def _orthonormal(
 
 
 def _diagonal(
-    stencil: Stencil, cells: Cells, rows: Rows, a: int, origins: Array, index: Array, w: Array
+    stencil: Stencil,
+    matrix: LevelMatrix,
+    rows: Rows,
+    a: int,
+    origins: Array,
+    index: Array,
+    w: Array,
 ) -> Array:
     """Return the diagonal of E for blocks of a component, exactly, with these entries of W.
 
-    Of a coupled component by the loads of its own only.
+    Of a coupled component only the loads in its own are taken.
     """
     grid = stencil.grid
-    loads = block_loads(grid, rows.rows[: len(grid.steps)], index, w)
+    loads = add_loads(grid, rows.rows[: len(grid.steps)], index, w)
     own: Any = 0.0
-    if not cells.finest:
+    if not matrix.by_table:
         window = grid.window[:, None] + origins
-        c = cells.c.take(window)
-        own = (loads**2 * (cells.d.take(window) - stencil.zero[a] * c**2)).sum(axis=0)
+        c = matrix.c.take(window)
+        own = (loads**2 * (matrix.d.take(window) - stencil.zero[a] * c**2)).sum(axis=0)
         loads *= c
     return np.asarray(own + ((stencil.own[a] @ loads) * loads).sum(axis=0))
 
 
-def aggregation(stencil: Stencil, rows: Rows, inverse: Array, at: Array) -> tuple[Array, Array]:
+def prolong(stencil: Stencil, rows: Rows, inverse: Array, at: Array) -> tuple[Array, Array]:
     """Return the entries of W in the rows of these places, and the places of their columns.
 
     Both are of shape (m, d), with the component of the row first.
@@ -115,9 +147,8 @@ def aggregation(stencil: Stencil, rows: Rows, inverse: Array, at: Array) -> tupl
     sums, size = rows.sums, stencil.coarser.grid.size
     entries, columns = [], []
     for a, part in enumerate(stencil.split(at)):
-        J = stencil.coarser.grid.inside.take(
-            stencil.grid.block_of.take(part - a * stencil.grid.size)
-        )
+        block = stencil.grid.block_of.take(part - a * stencil.grid.size)
+        J = stencil.coarser.grid.inside.take(block)
         place = rows.place.take(part)
         own = sums[0].take(place)
         if len(sums) == 1:
@@ -129,8 +160,3 @@ def aggregation(stencil: Stencil, rows: Rows, inverse: Array, at: Array) -> tupl
         entries.append(np.stack([first, second], axis=-1))
         columns.append(np.stack([J + a * size, J + (1 - a) * size], axis=-1))
     return np.concatenate(entries), np.concatenate(columns)
-
-
-def chunks(m: int, size: int = CHUNK) -> Iterator[slice]:
-    """Cut range(m) into slices."""
-    return (slice(k, min(k + size, m)) for k in range(0, m, size))

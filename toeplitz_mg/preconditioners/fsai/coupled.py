@@ -1,9 +1,9 @@
 """The kernel of two coupled components, for a multilevel sparse approximate inverse.
 
-P = Gᵀ (I - W Wᵀ + W E⁻¹ Wᵀ) G as in `fsai`, of all unknowns together. Tangential tractions on a
-half-space act on each other by A_xy, odd in both axes, on all scales alike: block diagonal
-preconditioners leave the eigenvalues 1 ± (ν/2)/(1 - ν/2) at every wavelength, 2/3 and 4/3 for
-ν = 1/2. So the coupling has a part in each of the steps, and on each level.
+P = Gᵀ (I - W Wᵀ + W E⁻¹ Wᵀ) G as the package describes it, of all unknowns together. Tangential
+tractions on a half-space act on each other by A_xy, odd in both axes, on all scales alike: block
+diagonal preconditioners leave the eigenvalues 1 ± (ν/2)/(1 - ν/2) at every wavelength, 2/3 and 4/3
+for ν = 1/2. So the coupling has a part in each of the steps, and on each level.
 
 **Local factor.** A row of G sees two of the neighbours in the other component too, those of the
 strongest coupling: where cells are square, the two before it on the diagonals. With these the
@@ -17,7 +17,7 @@ U_J, (G c)_J for the loads c of x and for those of y; W_J = U_J (U_JᵀU_J)^(-1/
 pair nearest to them, each still that of one component. Their loads are (U_JᵀU_J)^(1/2). Without the
 parts in the other component there is one iteration more on fragmented areas.
 
-**E.** Off the diagonal it is c_J T(J-K) c_K, with the kernel's means over two blocks; c_J is the
+**E.** Off the diagonal it is c_J K(J-L) c_L, with the kernel's means over two blocks; c_J is the
 diagonal of the loads, as what acts in the other component is less than a tenth. On the diagonal,
 and in the kernel for near blocks, the loads of their own component only are taken, too.
 
@@ -27,15 +27,16 @@ The neighbours and aggregates are alike in both components: those of the mean of
 import numpy as np
 
 from toeplitz_mg.operators import CoupledOperator
-from toeplitz_mg.preconditioners.fsai.neighbours import Stencils
+from toeplitz_mg.preconditioners.fsai.neighbours import is_enough
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
 
-STRONG = 0.2  # of the kernel, that of ν = 1/3: a weaker coupling is not worth its set-up
-STRONGEST = 0.36  # 1/3 of ν = 1/2; a stronger one takes many iterations
+STRONG = 0.2  # Coupling over the kernel: that of ν = 1/3; a weaker one is not worth its set-up.
+STRONGEST = 0.36  # Coupling over the kernel, 1/3 of ν = 1/2: a stronger one takes many iterations.
+COARSE_NEIGHBOURS = 18  # Neighbours on coarse levels, where they cost little: 12 take one more.
 
 
-def strongly_coupled(A: CoupledOperator) -> Stencil | None:
-    """Return the kernel, if it is of this kind: two components, coupled as on a half-space.
+def find_coupled_stencil(A: CoupledOperator) -> Stencil | None:
+    """Return the stencil of two components that are coupled strongly, as on a half-space, if so.
 
     Each of them must be one for which few neighbours are enough.
     """
@@ -50,21 +51,21 @@ def strongly_coupled(A: CoupledOperator) -> Stencil | None:
         return None
     n1, n2 = x.grid_shape
     between = between[n1 - 1 :, n2 - 1 :]
-    stencil = Stencil(np.array([[x.c, between], [between, y.c]], np.float64))
-    if not STRONG < coupling(stencil) < STRONGEST:
+    kernel = np.array([[x.c, between], [between, y.c]], np.float64)
+    stencil = Stencil(kernel, NEIGHBOURS, COARSE_NEIGHBOURS)
+    if not STRONG < measure_coupling(stencil) < STRONGEST:
         return None
     try:
-        enough = [Stencils(component).sufficient.neighbours for component in (x.c, y.c)]
+        return stencil if all(is_enough(Stencil.of_one(kernel[a, a])) for a in (0, 1)) else None
     except np.linalg.LinAlgError:
-        return None  # which is what it says of the component by itself
-    return stencil if enough == [NEIGHBOURS, NEIGHBOURS] else None
+        return None  # what it says of the component is said where that is taken by itself
 
 
-def coupling(stencil: Stencil) -> float:
+def measure_coupling(stencil: Stencil) -> float:
     """Return the coupling relative to the mean of A_xx and A_yy, at most, for the neighbours.
 
     On a half-space (ν/2)/(1 - ν/2), by which eigenvalues of a block diagonal preconditioner are
     off; less where elements are long, 1:8 or more, and no neighbours are on a diagonal.
     """
     i, j = np.abs(stencil.grid.offsets.T)
-    return float(np.abs(stencil.T[0, 1, i, j] / stencil.grid.kernel[i, j]).max())
+    return float(np.abs(stencil.kernel[0, 1, i, j] / stencil.grid.kernel[i, j]).max())

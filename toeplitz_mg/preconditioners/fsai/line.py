@@ -1,11 +1,15 @@
 """The multilevel sparse approximate inverse of a whole line, where all rows of G are alike.
 
-What `fsai` describes, for the cells of a line that are all in contact. A row of G sees the 15 cells
+What the package describes, for a line whose cells are all active. A row of G sees the 15 cells
 before its own: in blocks of 16, which are the aggregates too, G is block bidiagonal, and all its
 blocks are the same but for those of the first block and of the last row. So nothing sparse is
 needed: G X is a product with two matrices of 16 x 16, and what is computed at set-up is computed
-for three blocks, the first, any, and the last. The next level is a line again, c_i T(i-j) c_j with
+for three blocks, the first, any, and the last. The next level is a line again, c_i K(i-j) c_j with
 a diagonal, whose cells are all alike but for the first and the last.
+
+It is the same P as `build` would make with 15 neighbours, in a second form because that is what
+makes it fast: sparse matrices of 2²⁰ rows take a hundred times the set-up and several times the
+application.
 """
 
 from collections.abc import Iterator
@@ -18,73 +22,53 @@ from scipy.linalg import toeplitz
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.preconditioners.fsai.stencil import refused, require_definite
+from toeplitz_mg.preconditioners.fsai.build import DEFAULT, Options
+from toeplitz_mg.preconditioners.fsai.cellgrid import AGGREGATE as BLOCK
+from toeplitz_mg.preconditioners.fsai.levels import Direct
+from toeplitz_mg.preconditioners.fsai.refusals import refusal
+from toeplitz_mg.preconditioners.fsai.stencil import EXACT
 
-BLOCK = 16  # cells of an aggregate, and of a row of G
-EXACT = 3  # blocks: from this lag on the loads of two blocks are taken as uniform
-DENSE = 128  # cells that are solved for directly
-CHUNK = 2**14  # numbers that are treated together, in the cache
+CHUNK = 2**14  # Numbers that are treated together: 128 KB stay in the cache.
 
 
 @dataclass(frozen=True)
-class WholeLine:
-    """The matrix c_i T(i-j) c_j with the diagonal d, of n cells.
+class LineMatrix:
+    """The matrix c_i K(i-j) c_j with the diagonal d, of n cells.
 
     Attributes
     ----------
-    T : ndarray of shape (n,)
+    kernel : ndarray of shape (n,)
         Coefficients.
     c, d, smooth : ndarray of shape (3,)
         Of the first cell, of all others, of the last: the load of an unknown, the diagonal, and
         what the vector of ones is on this level.
     """
 
-    T: Array
+    kernel: Array
     c: Array
     d: Array
     smooth: Array
 
     @classmethod
-    def of(cls, T: Array) -> "WholeLine":
-        """Return those of a Toeplitz matrix itself."""
-        return cls(T, np.ones(3), np.full(3, T[0]), np.ones(3))
+    def of_kernel(cls, kernel: Array) -> "LineMatrix":
+        """Return that of a Toeplitz matrix itself."""
+        return cls(kernel, np.ones(3), np.full(3, kernel[0]), np.ones(3))
 
     def lags(self, count: int) -> Array:
         """The first coefficients; beyond the line that of its last lag."""
-        return self.T[np.minimum(np.arange(count), len(self.T) - 1)]
+        return self.kernel[np.minimum(np.arange(count), len(self.kernel) - 1)]
 
     def matrix(self) -> Array:
         """Return the matrix."""
-        c, d = np.full((2, len(self.T)), np.stack([self.c[1:2], self.d[1:2]]))
+        c, d = np.full((2, len(self.kernel)), np.stack([self.c[1:2], self.d[1:2]]))
         c[0], c[-1], d[0], d[-1] = *self.c[::2], *self.d[::2]
-        matrix = toeplitz(self.T) * np.outer(c, c)
+        matrix = toeplitz(self.kernel) * np.outer(c, c)
         np.fill_diagonal(matrix, d)
         return np.asarray(matrix)
 
 
 @dataclass(frozen=True)
-class Dense:
-    """The coarsest level: the inverse, by Cholesky's factorisation."""
-
-    inverse: Array
-
-    @property
-    def sizes(self) -> tuple[int, ...]:
-        """The number of unknowns."""
-        return (len(self.inverse),)
-
-    @property
-    def multiplications(self) -> int:
-        """Multiplications of one application."""
-        return self.inverse.size
-
-    def multiply(self, X: Array, out: Array) -> None:
-        """Apply it to rows."""
-        np.matmul(X, self.inverse, out=out)
-
-
-@dataclass(frozen=True)
-class Line:
+class LineLevel:
     """Gᵀ (I - W Wᵀ + W E⁻¹ Wᵀ) G of n cells, with the next level for E⁻¹.
 
     Attributes
@@ -94,13 +78,13 @@ class Line:
         Rows of the first block, of any, and of the last, on the block before and their own.
     W : ndarray of shape (3, 16)
         The vectors w of these blocks.
-    coarse : Line or Dense
+    coarse : LineLevel or Direct
     """
 
     n: int
     G: Array
     W: Array
-    coarse: "Line | Dense"
+    coarse: "LineLevel | Direct"
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -165,23 +149,21 @@ class Line:
             yield slice(start, stop), memory[: prod(shape)].reshape(shape)
 
 
-def line(cells: WholeLine, dtype: np.dtype[Any]) -> Line | Dense:
+def build_line(
+    matrix: LineMatrix, dtype: np.dtype[Any], options: Options = DEFAULT
+) -> LineLevel | Direct:
     """Build this level and those below, in float64, to be applied in the precision `dtype`."""
-    n = len(cells.T)
-    if n <= DENSE:
-        matrix = cells.matrix()
-        R = _inverse_factors(cells, matrix[np.newaxis])[0]
-        inverse = R.T @ R
-        require_definite(matrix, inverse.__matmul__, dtype)
-        return Dense(inverse.astype(dtype))
+    n = len(matrix.kernel)
+    if n <= options.direct_on_line:
+        return Direct.of(matrix.matrix(), dtype, (n,))
     rest = n - (n - 1) // BLOCK * BLOCK  # cells of the last block
-    lags = cells.lags(2 * BLOCK + 1)
+    lags = matrix.lags(2 * BLOCK + 1)
     far = lags[2 * BLOCK]  # τ
 
-    c, d = (_windows(x, BLOCK, 0, BLOCK) for x in (cells.c, cells.d))
+    c, d = (_windows(x, BLOCK, 0, BLOCK) for x in (matrix.c, matrix.d))
     S = (toeplitz(lags[:BLOCK]) - far) * c[:, :, np.newaxis] * c[:, np.newaxis]
     S[:, np.arange(BLOCK), np.arange(BLOCK)] = d - far * c**2
-    R = _inverse_factors(cells, S)
+    R = _inverse_factors(matrix, S)
     G = np.zeros((3, BLOCK, 2 * BLOCK))
     G[0, :, BLOCK:] = R[0]
     for i in range(BLOCK):
@@ -190,7 +172,7 @@ def line(cells: WholeLine, dtype: np.dtype[Any]) -> Line | Dense:
     G[2, rest - 1, rest : rest + BLOCK] = R[2, -1]
 
     c, d, smooth = (
-        _windows(x, 2 * BLOCK, BLOCK, BLOCK + rest) for x in (cells.c, cells.d, cells.smooth)
+        _windows(x, 2 * BLOCK, BLOCK, BLOCK + rest) for x in (matrix.c, matrix.d, matrix.smooth)
     )
     W = np.einsum("kij,kj->ki", G, smooth)
     norm = np.linalg.norm(W, axis=1)
@@ -201,22 +183,22 @@ def line(cells: WholeLine, dtype: np.dtype[Any]) -> Line | Dense:
     own += np.einsum("ki,ij,kj->k", loads, toeplitz(lags[: 2 * BLOCK]), loads)
     totals = loads.sum(axis=1)
     if not totals.min() > 0.0:
-        raise _refused("the load of an aggregate is", totals, cells)
-    coarse = WholeLine(_coarser(cells, loads[1]), totals / totals[1], own, norm)
-    return Line(n, G.astype(dtype), W.astype(dtype), line(coarse, dtype))
+        raise _refusal("the load of an aggregate is", totals, matrix)
+    E = LineMatrix(_coarsen(matrix, loads[1]), totals / totals[1], own, norm)
+    return LineLevel(n, G.astype(dtype), W.astype(dtype), build_line(E, dtype, options))
 
 
-def _inverse_factors(cells: WholeLine, S: Array) -> Array:
+def _inverse_factors(matrix: LineMatrix, S: Array) -> Array:
     """Return the inverses of the Cholesky factors of some matrices."""
     try:
         return np.asarray(np.linalg.inv(np.linalg.cholesky(S)))
     except np.linalg.LinAlgError:
         eigenvalues = np.linalg.eigvalsh(S)
-        raise _refused("an eigenvalue of a neighbourhood is", eigenvalues, cells) from None
+        raise _refusal("an eigenvalue of a neighbourhood is", eigenvalues, matrix) from None
 
 
-def _refused(subject: str, values: Array, cells: WholeLine) -> np.linalg.LinAlgError:
-    return refused(subject, float(values.min()), cells.T.shape)
+def _refusal(subject: str, values: Array, matrix: LineMatrix) -> np.linalg.LinAlgError:
+    return refusal(subject, float(values.min()), matrix.kernel.shape)
 
 
 def _windows(x: Array, length: int, first: int, stop: int) -> Array:
@@ -230,20 +212,21 @@ def _windows(x: Array, length: int, first: int, stop: int) -> Array:
     return windows
 
 
-def _coarser(cells: WholeLine, load: Array) -> Array:
+def _coarsen(matrix: LineMatrix, load: Array) -> Array:
     """Return the coefficients between blocks of this load, shape (m,)."""
-    n = len(cells.T)
+    n = len(matrix.kernel)
     m = -(-n // BLOCK)
-    T = np.append(cells.T, np.full(BLOCK * m - n, cells.T[-1])).reshape(m, BLOCK)
+    beyond = np.full(BLOCK * m - n, matrix.kernel[-1])
+    K = np.append(matrix.kernel, beyond).reshape(m, BLOCK)
     # The means over two blocks: so many pairs of cells, one in either, have the lag k.
     pairs = np.arange(BLOCK, 0, -1) / BLOCK**2
-    means = T @ pairs
-    means[1:] += T[:-1, 1:] @ pairs[:0:-1]
+    means = K @ pairs
+    means[1:] += K[:-1, 1:] @ pairs[:0:-1]
     means *= load.sum() ** 2
     # The load's products by the lag between their cells.
     products = np.correlate(load, load, "full")
     reach = len(load) - 1
-    T = cells.lags(BLOCK * EXACT + reach)
+    K = matrix.lags(BLOCK * EXACT + reach)
     for k in range(min(EXACT, m)):
-        means[k] = T[np.abs(BLOCK * k + np.arange(-reach, reach + 1))] @ products
+        means[k] = K[np.abs(BLOCK * k + np.arange(-reach, reach + 1))] @ products
     return means

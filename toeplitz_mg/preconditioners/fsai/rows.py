@@ -1,0 +1,114 @@
+"""Rows of the factor G: of every pattern of active neighbours, or of each unknown by itself."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.preconditioners.fsai.cellgrid import CellGrid
+from toeplitz_mg.preconditioners.fsai.refusals import require_positive
+
+CHUNK = 2048  # Blocks that are treated together: their arrays of some 100 doubles stay in cache.
+
+
+class Neighbourhood(NamedTuple):
+    """The matrix of the cells on which a row of G is supported, its own the first."""
+
+    local: Array  # A less τ within a component, shape (K, K)
+    zero: Array  # the diagonal of A, shape (K,)
+    grid_shape: tuple[int, ...]  # that of the whole grid, for errors
+
+
+def tabulate_rows(near: Neighbourhood) -> Array:
+    """Return the rows of G for every pattern of active neighbours, columns of shape (K,).
+
+    The farthest neighbours are eliminated first, from all patterns that have the same ones among
+    them together.
+    """
+    S = near.local[:, :, None]
+    eliminated = []
+    for k in range(len(S) - 1, 0, -1):
+        require_positive("a pivot is", S[k, k].min(), near.grid_shape)
+        factors = S[k, :k] / S[k, k]
+        without, S = S[:k, :k], S[:k, :k] - factors[:, None] * S[k, :k]
+        S = np.stack([without, S], axis=-1).reshape(k, k, -1)
+        eliminated.append(np.stack([np.zeros(factors.shape), factors], axis=-1))
+    require_positive("a pivot is", S.min(), near.grid_shape)
+    rows = np.empty((len(near.local), S.size))
+    rows[0] = 1.0 / np.sqrt(S[0, 0])
+    for k, factors in enumerate(reversed(eliminated), 1):
+        factors = factors.reshape(k, -1)
+        known = rows[:k].reshape(k, factors.shape[1], -1)
+        rows[k] = -np.einsum("js,jsr->sr", factors, known).ravel()
+    return rows
+
+
+def solve_rows(near: Neighbourhood, c: Array, d: Array) -> Array:
+    """Return rows of G for the matrix c_i K(i-j) c_j with the diagonal d.
+
+    Parameters
+    ----------
+    near : Neighbourhood
+    c, d : ndarray of shape (K, m)
+        Of a cell and its neighbours; 0 and 1 where they are not active.
+
+    Returns
+    -------
+    ndarray of shape (K, m)
+        S⁻¹ e / √(eᵀ S⁻¹ e), with S the matrix of these cells and e the unit vector of the first;
+        zero where a neighbour is not active.
+    """
+    # All systems together, entry by entry: much faster than LAPACK, one by one. With C = diag(c)
+    # it is C⁻¹ S C⁻¹ that is factorised, which is the kernel's but for its diagonal; that is
+    # infinite where a cell is not active. The first row and column, of e, are left as they are.
+    K = len(c)
+    S = np.empty((K, *c.shape))  # on and below the diagonal C⁻¹ S C⁻¹, above it the factors
+    absent = c == 0.0
+    divisor = c + absent
+    added = d / divisor**2 - near.zero[:, None]
+    added[absent] = np.inf
+    for k in range(K - 1, 0, -1):
+        row = S[k, : k + 1]
+        np.einsum("jm,jim->im", S[k, k + 1 :], S[k + 1 :, : k + 1], out=row)
+        np.subtract(near.local[k, : k + 1, None], row, out=row)
+        row[k] += added[k]
+        require_positive("a pivot is", row[k].min(), near.grid_shape)
+        np.divide(row[:k], row[k], out=S[:k, k])
+    coupled = np.einsum("jm,jm->m", S[0, 1:], S[1:, 0])
+    pivot = d[0] + c[0] ** 2 * (near.local[0, 0] - near.zero[0] - coupled)
+    require_positive("a pivot is", pivot.min(), near.grid_shape)
+    rows = np.empty(c.shape)
+    rows[0] = c[0] / np.sqrt(pivot)
+    for k in range(1, K):
+        rows[k] = -np.einsum("jm,jm->m", S[:k, k], rows[:k])
+    rows /= divisor
+    rows[0] = 1.0 / np.sqrt(pivot)
+    return rows
+
+
+def add_loads(grid: CellGrid, rows: Array, index: Array, w: Array) -> Array:
+    """Return the loads Gᵀ w of blocks, on their windows, shape (window, m).
+
+    Parameters
+    ----------
+    grid : CellGrid
+    rows : ndarray of shape (K, any)
+        Columns of rows of G.
+    index : ndarray of int, shape (h1 h2, m)
+        For each cell of the blocks the place of its row.
+    w : ndarray of shape (h1 h2, m)
+        Zero in cells that are not active.
+    """
+    (h1, h2), (p1, p2) = grid.block, grid.reach
+    loads = np.zeros((*grid.window_shape, w.shape[1]))
+    index = index.astype(np.intp, copy=False)
+    for g, (a, b) in zip(rows, grid.offsets, strict=True):
+        part = loads[p1 + a : p1 + a + h1, p2 + b : p2 + b + h2]
+        part += (g.take(index) * w).reshape(part.shape)
+    return loads.reshape(len(grid.window), w.shape[1])
+
+
+def split_range(m: int, size: int = CHUNK) -> Iterator[slice]:
+    """Cut range(m) into slices."""
+    return (slice(k, min(k + size, m)) for k in range(0, m, size))
