@@ -64,7 +64,9 @@ def norm(x: Array) -> float:
     >>> norm(np.array([2e200, -2e200, 1e200]))
     3e+200
     """
-    x, nrm2 = x.reshape(-1), _blas("nrm2", x.dtype.char)
+    if x.ndim > 1:
+        x = x.reshape(-1)
+    nrm2 = _blas("nrm2", x.dtype.char)
     if x.size <= PART:
         return float(nrm2(x))
     return hypot(*(nrm2(x[k : k + PART]) for k in range(0, x.size, PART)))
@@ -89,7 +91,12 @@ def axpy(a: float, x: Array, y: Array) -> None:
     """
     if not y.flags.c_contiguous:
         raise ValueError("y is not C-contiguous, but is to be changed in place")
-    x, y, add = x.reshape(-1), y.reshape(-1), _blas("axpy", y.dtype.char)
+    if y.ndim > 1:
+        x, y = x.reshape(-1), y.reshape(-1)
+    add = _blas("axpy", y.dtype.char)
+    if y.size <= PART:
+        add(x, y, a=a)
+        return
     for k in range(0, y.size, PART):
         add(x[k : k + PART], y[k : k + PART], a=a)
 

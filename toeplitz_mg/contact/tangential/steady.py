@@ -166,7 +166,7 @@ def _newton_step(
 ) -> tuple[Array, int]:
     """Return a change of the tractions, and the iterations."""
     T, lam, r = law.T, law.stiffness, law.r
-    contact, k0 = problem.g > 0.0, diagonal(K.A)
+    k0 = diagonal(K.A)
     weight = np.where(areas.slide, 1.0 / np.sqrt(1.0 + lam / k0), 1.0)
     before = norm(r)
     if before == 0.0:
@@ -176,8 +176,7 @@ def _newton_step(
         exact = max(exact, REDUCTION * before)
 
     def goal(v: Array) -> float:
-        excess = float(np.max(size(q + v) - problem.g, where=contact, initial=0.0))
-        return max(exact, k0 * excess * before / float(np.abs(r).max()))
+        return max(exact, k0 * problem.excess(q + v) * before / float(np.abs(r).max()))
 
     return gmres(
         lambda v: T(K(v)) + lam * v,
