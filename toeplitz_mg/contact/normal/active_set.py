@@ -100,14 +100,10 @@ class Search:
 
     def run(self, A: Products, *, nested: bool) -> State:
         """Find the pressures and the area of contact, with a first guess from coarser grids."""
+        p, C = self._first_guess(nested=nested)
+        b = (self.approach or 0.0) - self.z
         now, law, iterations = find_sets(
-            self,
-            A,
-            *self._first_guess(nested=nested),
-            b=(self.approach or 0.0) - self.z,
-            eta=ETA,
-            tolerance=self.tolerance,
-            progress=self.progress,
+            self, A, p, C, b=b, eta=ETA, tolerance=self.tolerance, progress=self.progress
         )
         return State(now.x, now.u, law.touching, law.residual, iterations)
 
@@ -162,9 +158,10 @@ class Search:
 
     def advance(self, A: Products, now: Iterate, law: Law, eta: float) -> tuple[Iterate, int]:
         """Solve on the set C = `now.sets`, and change it."""
-        C, count = now.sets, 0
+        C, M, count = now.sets, self._inverse, 0
         while True:
-            self._inverse.fit(C)
+            M.fit(C)
+            tolerance, balanced = self.tolerance * law.interference, self.force is not None
             change = solve_on_set(
                 A,
                 self._inverse,
@@ -172,8 +169,8 @@ class Search:
                 now.x,
                 law.look,
                 eta=eta,
-                tolerance=self.tolerance * law.interference,
-                balanced=self.force is not None,
+                tolerance=tolerance,
+                balanced=balanced,
             )
             count += change.iterations
             now = Iterate(now.x + change.p, now.u + change.u, C, is_exact=False)

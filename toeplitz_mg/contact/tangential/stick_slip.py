@@ -35,7 +35,7 @@ from toeplitz_mg.contact.tangential.coulomb import (
 )
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.vectors import axpy
-from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.operators import CoupledOperator, apply_to_rows
 from toeplitz_mg.preconditioners import cosine_preconditioner
 
 ETA = 1.0  # Misfit that is left on the areas, relative to their violation, while the energy falls.
@@ -168,14 +168,11 @@ def solve(problem: Problem, A: Products, guess: Array | None, *, nested: bool) -
     nested : bool
         Whether to start from the solution on coarser grids, where there is no guess.
     """
+    q, areas = _first_guess(problem, guess, nested=nested)
+    search = Search(problem, _inverse(A.A, problem.g > 0.0))
+    b, tolerance, progress = problem.b, problem.tolerance, problem.progress
     now, law, iterations = find_sets(
-        Search(problem, _inverse(A.A, problem.g > 0.0)),
-        A,
-        *_first_guess(problem, guess, nested=nested),
-        b=problem.b,
-        eta=ETA,
-        tolerance=problem.tolerance,
-        progress=problem.progress,
+        search, A, q, areas, b=b, eta=ETA, tolerance=tolerance, progress=progress
     )
     return State(now.x, now.u, now.sets, law.shift, law.residual, iterations)
 
@@ -286,6 +283,6 @@ def refine_guess(problem: Problem, coarse: State) -> tuple[Array, Areas]:
 
 
 def diagonal(A: LinearOperator) -> float:
-    """The entry on the diagonal, of the first component."""
-    blocks = getattr(A, "blocks", ((A,),))
-    return float(blocks[0][0].c.flat[0])
+    """Return the entry on the diagonal, of the first component."""
+    first = A.component(0) if isinstance(A, CoupledOperator) else A
+    return float(first.c.flat[0])
