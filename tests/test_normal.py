@@ -281,6 +281,17 @@ def test_long_elements(ratio):
 
 
 @doubtful
+def test_the_order_in_memory_does_not_matter():
+    gap = 0.01 * np.random.default_rng(0).random((40, 30))
+    results = [
+        normal_contact(z, (0.1, 0.1), material=UNIT, force=0.01)
+        for z in (gap, np.asfortranarray(gap))
+    ]
+    assert results[0].products == results[1].products
+    assert_allclose(results[0].traction, results[1].traction, rtol=1e-12)
+
+
+@doubtful
 def test_one_element():
     contact = normal_contact([[0.0]], (1.0, 1.0), material=UNIT, force=2.0)
     assert_allclose(contact.traction, 2.0)

@@ -8,7 +8,7 @@ gradients descend from there, and the search goes on with the set that they find
 """
 
 from dataclasses import dataclass, replace
-from typing import Generic, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -16,128 +16,107 @@ from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.solvers.projected_gradients import descend, energy
 
-STRIKES = 3  # Changes of the set in a row without a lower energy, after which gradients descend.
-TIGHTER = 0.1  # Factor, at each of those changes, of the misfit that is left on a set.
+STRIKES = 3  # Changes of the sets in a row without a lower energy, after which gradients descend.
+TIGHTER = 0.1  # Factor, at each of those changes, of the misfit that is left on the sets.
 RESCUE = 40  # Steps of projected gradients: enough to leave the sets that come back.
-
-Sets = TypeVar("Sets")
-Law = TypeVar("Law", bound="Violation")
 
 
 @dataclass(frozen=True)
-class Iterate(Generic[Sets]):
-    """Tractions that obey the inequalities of the problem, and sets of elements.
+class Iterate:
+    """Tractions x that obey the inequalities of a problem, their displacements u, and its sets.
 
     Attributes
     ----------
-    x : ndarray
-        The tractions.
-    u : ndarray
-        Their displacements A x.
+    x, u : ndarray
     sets : object
-        Whatever the problem calls its sets.
+        What the problem itself takes for its sets of elements.
     is_exact : bool
-        Whether `u` has the accuracy of a product in double precision.
+        Whether u = A x is a product in double precision, and not a sum of changes.
     """
 
     x: Array
     u: Array
-    sets: Sets
+    sets: Any
     is_exact: bool = True
 
-    @classmethod
-    def of(cls, A: Products, x: Array, sets: Sets) -> Self:
-        """Multiply the tractions, unless they are all zero."""
-        return cls(x, A(x) if x.any() else np.zeros_like(x), sets)
 
-    def multiply_again(self, A: Products) -> Self:
-        """Make the displacements exact."""
-        return replace(self, u=A(self.x), is_exact=True)
+class Search(Protocol):
+    """What `find_sets` asks of a problem."""
 
+    def look(self, now: Iterate) -> Any:
+        """Return what is wrong with an iterate: its `residual` is the largest violation."""
 
-class Violation(Protocol):
-    """What is wrong with an iterate."""
+    def advance(self, A: Products, now: Iterate, law: Any, eta: float) -> tuple[Iterate, int]:
+        """Solve on the sets until the misfit is `eta` times what is wrong with them; change them.
 
-    @property
-    def residual(self) -> float:
-        """The largest violation of the conditions of contact, relative to what is natural."""
-
-
-class Search(Protocol[Sets, Law]):
-    """A problem of contact, with the matrix A, as `find_sets` asks for it."""
-
-    @property
-    def tolerance(self) -> float:
-        """Of the residual."""
-
-    @property
-    def progress(self) -> Progress | None:
-        """What is told of each change of the sets."""
-
-    @property
-    def b(self) -> Array:
-        """The right-hand side in the energy."""
-
-    def look(self, now: Iterate[Sets]) -> Law:
-        """Return what is wrong with an iterate."""
-
-    def advance(
-        self, A: Products, now: Iterate[Sets], law: Law, eta: float
-    ) -> tuple[Iterate[Sets], int]:
-        """Solve on the sets, change them, and return what that gives and the iterations it took.
-
-        `eta` is the misfit that may be left on the sets, relative to how wrong they are.
+        What `look` returned is `law`. The number of iterations is returned too.
         """
 
     def project(self, x: Array) -> Array:
         """Return the tractions nearest to these that obey the inequalities."""
 
-    def sets_of(self, x: Array) -> Sets:
+    def sets_of(self, x: Array) -> Any:
         """Return the sets that such tractions have."""
 
 
-class Found(NamedTuple, Generic[Sets, Law]):
-    """The end of a search, and the iterations of each advance."""
-
-    now: Iterate[Sets]
-    law: Law
-    iterations: tuple[int, ...]
-
-
 def find_sets(
-    search: Search[Sets, Law], A: Products, start: Iterate[Sets], eta: float
-) -> Found[Sets, Law]:
-    """Search for the sets of a problem until it is solved, or the products are used up.
+    search: Search,
+    A: Products,
+    x: Array,
+    sets: Any,
+    *,
+    b: Array,
+    eta: float,
+    tolerance: float,
+    progress: Progress | None,
+) -> tuple[Iterate, Any, tuple[int, ...]]:
+    """Search for tractions and sets until the residual is small, or the products are used up.
 
     Parameters
     ----------
     search : Search
     A : Products
-    start : Iterate
+    x : ndarray
+        Tractions to start from, that obey the inequalities.
+    sets : object
+        Sets to start from.
+    b : ndarray
+        The right-hand side in the energy ½ x·Ax - b·x.
     eta : float
-        As in `Search.advance`; it shrinks where the energy does not fall.
+        As `Search.advance` has it in the beginning.
+    tolerance : float
+        Of the residual.
+    progress : callable, optional
+        Called as ``progress(products, residual)`` before each change of the sets.
+
+    Returns
+    -------
+    now : Iterate
+    law : object
+        What is wrong with it.
+    iterations : tuple of int
+        Those on the sets, one after the other.
     """
-    now, lowest, strikes = start, np.inf, 0
+    now = Iterate(x, A(x) if x.any() else np.zeros_like(x), sets)
+    strikes, lowest = 0, np.inf
     iterations: list[int] = []
     while True:
         law = search.look(now)
-        if A.exhausted or (law.residual <= search.tolerance and now.is_exact):
-            return Found(now, law, tuple(iterations))
-        if law.residual <= search.tolerance:
-            now = now.multiply_again(A)
+        if A.exhausted or (law.residual <= tolerance and now.is_exact):
+            return now, law, tuple(iterations)
+        if law.residual <= tolerance:
+            now = replace(now, u=A(now.x), is_exact=True)
             continue
         if strikes == STRIKES:
-            x, u = descend(A, search.b, now.x, search.project, A.A.norm_bound, RESCUE)
+            x, u = descend(A, b, now.x, search.project, A.A.norm_bound, RESCUE)
             now, strikes = Iterate(x, u, search.sets_of(x)), 0
-            lowest = min(lowest, energy(x, u, search.b))
+            lowest = min(lowest, energy(x, u, b))
             continue
-        if search.progress is not None:
-            search.progress(A.count, law.residual)
+        if progress is not None:
+            progress(A.count, law.residual)
         now, count = search.advance(A, now, law, eta)
         iterations.append(count)
-        reached = energy(now.x, now.u, search.b)
-        if reached < lowest:
-            strikes = 0
-        else:
-            strikes, eta = strikes + 1, TIGHTER * eta
+        reached = energy(now.x, now.u, b)
+        strikes = 0 if reached < lowest else strikes + 1
+        eta = TIGHTER * eta if strikes else eta
         lowest = min(lowest, reached)

@@ -1,4 +1,4 @@
-"""What the contact problems ask of their input."""
+"""Checks of what the contact problems are given."""
 
 from typing import Any
 
@@ -11,8 +11,8 @@ from toeplitz_mg.contact.result import ContactResult
 from toeplitz_mg.values import count, field, finite, in_range, positive, real
 
 
-def normal_load(z: Array, approach: float | None, force: float | None) -> float | None:
-    """Check the gap and what presses: return the force, or None where the approach is given."""
+def check_load(z: Array, approach: float | None, force: float | None) -> float | None:
+    """Return the force that presses, or None where the approach is given; check the gap too."""
     if not np.isfinite(z).all():
         raise ValueError("gap has values that are not finite")
     if (approach is None) == (force is None):
@@ -27,16 +27,16 @@ def normal_load(z: Array, approach: float | None, force: float | None) -> float 
     return force
 
 
-def traction_bound(bound: ArrayLike) -> Array:
-    """Check a traction bound."""
+def check_bound(bound: ArrayLike) -> Array:
+    """Return a traction bound as an array, or say what is wrong with it."""
     g = field("bound", bound)
     if (g < 0.0).any():
         raise ValueError(f"bound has the value {g.min():g}, but a traction bound is at least zero")
     return g
 
 
-def rigid_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return a shift as a field of components, or what broadcasts to one."""
+def check_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return a shift as an array that broadcasts to a field of this shape, (components, ...)."""
     array = field("shift", shift)
     if not np.isfinite(array).all():
         raise ValueError("shift has values that are not finite")
@@ -51,8 +51,8 @@ def rigid_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:
     raise ValueError(f"shift has shape {array.shape}, but must have {allowed}")
 
 
-def tangential_load(force: Any, g: Array, grid: Grid) -> Array:
-    """Return the sum of the tractions that a force needs, by components."""
+def check_force(force: Any, g: Array, grid: Grid) -> Array:
+    """Return the sum of the tractions, by components, that a force needs."""
     m, area = grid.components, grid.area
     total = np.atleast_1d(field("force", force)) / area
     if total.shape != (m,) or not np.isfinite(total).all():
@@ -66,7 +66,7 @@ def tangential_load(force: Any, g: Array, grid: Grid) -> Array:
     return total
 
 
-def tractions_before(previous: ContactResult, grid: Grid) -> Array:
+def check_previous(previous: ContactResult, grid: Grid) -> Array:
     """Return the tractions of a tangential contact on the same grid, of shape (components, ...)."""
     if not isinstance(previous, ContactResult):
         kind = type(previous).__name__
@@ -82,7 +82,7 @@ def tractions_before(previous: ContactResult, grid: Grid) -> Array:
 
 
 def check_iteration(tolerance: float, max_products: int, progress: Any = None) -> None:
-    """Check what is asked of the iterations."""
+    """Check the tolerance, the limit of products, and the function that is told of progress."""
     if not 0.0 < real("tolerance", tolerance) < 1.0:
         raise ValueError(f"tolerance is {tolerance}, but must be in (0, 1)")
     count("max_products", max_products)

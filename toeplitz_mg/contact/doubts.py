@@ -13,12 +13,13 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.halfspace import CombinedMaterial
 
-FEWEST = 10  # elements across a contact, below which its area and pressures are rough guesses
-STEEP = 1.0  # slope: half-spaces are for slopes far below it
-HARD = 0.5  # mean pressure over E*: under a sphere, where the contact is as wide as the sphere
-FLAT = 1e-6  # sag of the gap between two edges, over the interference, of what is a flat punch
-REVERSED = -0.9  # correlation of the mean gap with a parabola: that of the reversed sphere is -1
-UNCOUPLED = 1e-3  # difference parameter, below which the coupling is below the error of most grids
+FEWEST = 10  # Elements across a contact below which its area and pressures are rough guesses.
+STEEP = 1.0  # Slope: half-spaces are for slopes far below it.
+MOSTLY = 0.5  # Share of the grid above which it is steep as a whole, and not at a few steps.
+HARD = 0.5  # Mean pressure over E*: under a sphere, where the contact is as wide as the sphere.
+FLAT = 1e-6  # Sag of the gap between two edges, over the interference, of what is a flat punch.
+REVERSED = -0.9  # Correlation of the mean gap with a parabola: that of a reversed sphere is -1.
+UNCOUPLED = 1e-3  # Difference parameter below which the coupling is below the error of most grids.
 
 
 class ContactWarning(UserWarning):
@@ -62,7 +63,7 @@ def _of_units(grid: Grid, z: Array, contact: Array) -> Iterator[str]:
             f"the gap varies by {depth:.3g} on a grid of length {length:.3g}: heights and elements "
             "must be in the same unit"
         )
-    most, in_contact = 0.0, 0.0  # the part of the grid that is steep, the largest slope in contact
+    most, in_contact = 0.0, 0.0  # Share of the grid that is steep, and largest slope in contact.
     for axis, h in enumerate(grid.element[: z.ndim]):
         behind = (slice(None),) * axis
         after, before = (*behind, slice(1, None)), (*behind, slice(-1))
@@ -76,7 +77,7 @@ def _of_units(grid: Grid, z: Array, contact: Array) -> Iterator[str]:
             f"the gap has slopes up to {in_contact:.3g} in contact, but half-spaces have slopes "
             "far below 1: heights and elements must be in the same unit"
         )
-    elif most > 0.5:
+    elif most > MOSTLY:
         yield (
             "the gap has slopes above 1 on most of the grid, but half-spaces have slopes far below "
             "1: heights and elements must be in the same unit"
@@ -99,8 +100,8 @@ def _longest_run(contact: Array, axis: int) -> int:
     """The largest number of elements in contact that follow each other along an axis."""
     rows = np.moveaxis(contact, axis, -1)
     ends = np.zeros((*rows.shape[:-1], 1), bool)
-    bounded = np.concatenate([ends, rows, ends], axis=-1).ravel()
-    changes = np.flatnonzero(bounded[1:] != bounded[:-1])
+    runs = np.concatenate([ends, rows, ends], axis=-1).ravel()
+    changes = np.flatnonzero(runs[1:] != runs[:-1])
     return int((changes[1::2] - changes[::2]).max(initial=0))
 
 

@@ -12,7 +12,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.vectors import axpy, norm
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.solvers.checks import System, check_system, operator
+from toeplitz_mg.solvers.checks import System, check_operator, check_system
 from toeplitz_mg.solvers.scaling import exponents
 
 RELIABLE = 1e-3  # Relative error of an `inner` residual that does not disturb the iteration.
@@ -149,9 +149,9 @@ def _return_same(r: Array, out: Array) -> Array:
     return r
 
 
-def _operator(inner: Any) -> LinearOperator:
+def _check_inner(inner: Any) -> LinearOperator:
     try:
-        return operator("inner", inner)
+        return check_operator("inner", inner)
     except TypeError:
         raise TypeError(
             f"inner is {inner!r}, but must be A in less precision, as A.astype(np.float32)"
@@ -186,7 +186,7 @@ class _Iterate:
             self.A = A
             self.y, self._y_scale = self._x, self.scale
         else:
-            self.A = _operator(inner)
+            self.A = _check_inner(inner)
             if self.A.shape != A.shape:
                 raise ValueError(f"inner has shape {self.A.shape}, but A has {A.shape}")
             if np.dtype(self.A.dtype).char not in "fd":

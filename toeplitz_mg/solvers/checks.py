@@ -1,4 +1,4 @@
-"""What the iterations ask of their input."""
+"""Checks of what the iterations are given."""
 
 from typing import Any, NamedTuple
 
@@ -12,7 +12,7 @@ from toeplitz_mg.values import count, real, unmasked
 
 
 class System(NamedTuple):
-    """A x = b for an iteration, as it asked for it."""
+    """A x = b with a preconditioner and a first guess, checked, all vectors of shape (n,)."""
 
     A: LinearOperator
     M: LinearOperator | None
@@ -40,11 +40,11 @@ def check_system(
     TypeError
         For vectors that are not of numbers, or a `maxiter` that is no integer.
     """
-    A = operator("A", A)
+    A = check_operator("A", A)
     n = A.shape[0]
     if A.shape != (n, n):
         raise ValueError(f"A has shape {A.shape}, but must be square")
-    M = None if M is None else operator("M", M)
+    M = None if M is None else check_operator("M", M)
     if M is not None and M.shape != A.shape:
         raise ValueError(f"M has shape {M.shape}, but A has {A.shape}")
     for name, tolerance in (("rtol", rtol), ("atol", atol)):
@@ -55,7 +55,7 @@ def check_system(
     return System(A, M, _vector(b, "b", n), guess, maxiter)
 
 
-def numbers(name: str, values: Any) -> Array:
+def check_numbers(name: str, values: Any) -> Array:
     """Return an array of numbers, real or complex."""
     array = unmasked(name, values)
     if array.dtype.kind not in "buifc":
@@ -63,11 +63,11 @@ def numbers(name: str, values: Any) -> Array:
     return array
 
 
-def operator(name: str, A: Any) -> LinearOperator:
+def check_operator(name: str, A: Any) -> LinearOperator:
     """Return a matrix, dense or sparse, or what has products, as an operator of numbers."""
     if not hasattr(A, "matvec"):
         if not issparse(A):
-            A = numbers(name, A)
+            A = check_numbers(name, A)
             if A.ndim != 2:
                 raise TypeError(f"{name} has shape {A.shape}, but must be a matrix or an operator")
         elif A.dtype.kind not in "buifc":
@@ -76,7 +76,7 @@ def operator(name: str, A: Any) -> LinearOperator:
 
 
 def _vector(values: ArrayLike, name: str, n: int) -> Array:
-    array = numbers(name, values)
+    array = check_numbers(name, values)
     if array.shape not in ((n,), (n, 1)):
         raise ValueError(f"{name} has shape {array.shape}, but A has {(n, n)}")
     if not np.isfinite(array).all():

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.solvers.checks import numbers
+from toeplitz_mg.solvers.checks import check_numbers
 from toeplitz_mg.solvers.choice import is_symmetric, levinson_is_faster, methods
 from toeplitz_mg.solvers.scaling import exponents, scale_back
 from toeplitz_mg.values import real
@@ -152,7 +152,7 @@ def solve_toeplitz(
 
 
 def _numbers(values: ArrayLike, name: str) -> Array:
-    array = numbers(name, values)
+    array = check_numbers(name, values)
     return array.astype(np.complex128 if array.dtype.kind == "c" else np.float64, copy=False)
 
 

@@ -38,12 +38,12 @@ class State(NamedTuple):
 
 
 class Law(NamedTuple):
-    """What is wrong with pressures, at which approach, and relative to the interference."""
+    """What is wrong with pressures and a set."""
 
     look: Look
-    approach: float
-    interference: float
-    residual: float
+    touching: float  # The approach at which nothing penetrates; that which is given, if it is.
+    interference: float  # The depth by which the bodies would penetrate each other.
+    residual: float  # The error of complementarity, relative to that.
 
 
 @dataclass(frozen=True)
@@ -89,16 +89,6 @@ class Search:
         assert self.force is not None
         return self.force / self.grid.area * self.unit
 
-    @property
-    def is_balanced(self) -> bool:
-        """Whether the sum of the pressures is given, and the approach is free."""
-        return self.force is not None
-
-    @cached_property
-    def b(self) -> Array:
-        """The right-hand side δ - z, up to a constant where the approach is free."""
-        return (self.approach or 0.0) - self.z
-
     @cached_property
     def _inverse(self) -> Inverse:
         return Inverse(self.matrix)
@@ -111,9 +101,11 @@ class Search:
     def run(self, A: Products, *, nested: bool) -> State:
         """Find the pressures and the area of contact, with a first guess from coarser grids."""
         p, C = self._first_guess(nested=nested)
-        now, law, iterations = find_sets(self, A, Iterate.of(A, p, C), ETA)
-        touching = law.approach + (law.look.lowest if self.is_balanced else 0.0)
-        return State(now.x, now.u, touching, law.residual, iterations)
+        b = (self.approach or 0.0) - self.z
+        now, law, iterations = find_sets(
+            self, A, p, C, b=b, eta=ETA, tolerance=self.tolerance, progress=self.progress
+        )
+        return State(now.x, now.u, law.touching, law.residual, iterations)
 
     def _first_guess(self, *, nested: bool) -> tuple[Array, Array]:
         """Pressures and elements in contact: from a coarser grid, or a superset of the contact."""
@@ -150,23 +142,26 @@ class Search:
             p *= self.total / p.sum()
         return p
 
-    def look(self, now: Iterate[Array]) -> Law:
+    def look(self, now: Iterate) -> Law:
         """Return what is wrong with pressures and a set."""
-        gap = now.u - self.b
-        look = Look.at(now.x, gap, Area(now.sets, np.float64), balanced=self.is_balanced)
-        approach = look.mean if self.approach is None else self.approach
+        area = Area(now.sets, np.float64)
+        if self.approach is None:
+            look = Look.at(now.x, now.u + self.z, area, balanced=True)
+            approach, touching = look.mean, look.mean + look.lowest
+        else:
+            approach = touching = self.approach
+            look = Look.at(now.x, now.u + self.z - approach, area, balanced=False)
         interference = approach - self.lowest
         # On a coarser grid the interference may be below the rounding of the gap.
         residual = look.error / interference if interference > 0.0 else 0.0
-        return Law(look, approach, interference, residual)
+        return Law(look, touching, interference, residual)
 
-    def advance(
-        self, A: Products, now: Iterate[Array], law: Law, eta: float
-    ) -> tuple[Iterate[Array], int]:
+    def advance(self, A: Products, now: Iterate, law: Law, eta: float) -> tuple[Iterate, int]:
         """Solve on the set C = `now.sets`, and change it."""
-        C, count = now.sets, 0
+        C, M, count = now.sets, self._inverse, 0
         while True:
-            self._inverse.fit(C)
+            M.fit(C)
+            tolerance, balanced = self.tolerance * law.interference, self.force is not None
             change = solve_on_set(
                 A,
                 self._inverse,
@@ -174,15 +169,15 @@ class Search:
                 now.x,
                 law.look,
                 eta=eta,
-                tolerance=self.tolerance * law.interference,
-                balanced=self.is_balanced,
+                tolerance=tolerance,
+                balanced=balanced,
             )
             count += change.iterations
             now = Iterate(now.x + change.p, now.u + change.u, C, is_exact=False)
             if change.is_solved or A.exhausted:
                 break
             # An answer, or all that single precision can do: look with double precision.
-            now = now.multiply_again(A)
+            now = replace(now, u=A(now.x), is_exact=True)
             law = self.look(now)
             if law.look.tension == 0.0 and law.residual <= self.tolerance:
                 return now, count

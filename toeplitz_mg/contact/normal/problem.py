@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
-from toeplitz_mg.contact.checks import check_iteration, normal_load
+from toeplitz_mg.contact.checks import check_iteration, check_load
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.active_set import Search, State
 from toeplitz_mg.contact.products import Products
@@ -42,7 +42,7 @@ def normal_contact(
     ----------
     gap : array_like of shape (n1, n2) or (n,)
         Between the bodies before they touch, at the centres of the elements, mm; up to a
-        constant, that adds to the approach. One level is line contact. See `surfaces`.
+        constant, that adds to the approach. One axis is line contact. See `surfaces`.
     element : (float, float) or float
         Size (h1, h2) of an element, mm. In line contact the width and the length of the strips,
         or the width alone: plane strain, with forces per mm of length.
@@ -64,7 +64,7 @@ def normal_contact(
     max_products : int
         More products with the matrix than that are taken for a failure.
     progress : callable, optional
-        Called as ``progress(products, residual)`` after each change of the area.
+        Called as ``progress(products, residual)`` before each change of the area.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def normal_contact(
     """
     z = field("gap", gap)
     grid = Grid.of(z.shape, element, material, reference)
-    load = normal_load(z, approach, force)
+    load = check_load(z, approach, force)
     check_iteration(tolerance, max_products, progress)
     # A large distance would bury the interference in its rounding.
     distance = float(z.min())

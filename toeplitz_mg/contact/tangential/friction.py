@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import (
+    check_bound,
+    check_force,
     check_iteration,
-    rigid_shift,
-    tangential_load,
-    traction_bound,
-    tractions_before,
+    check_previous,
+    check_shift,
 )
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
@@ -44,11 +44,13 @@ def friction(
     ----------
     bound : array_like of shape (n1, n2) or (n,)
         The traction bound g = μ p of each element, N/mm²: zero outside the contact, and infinite
-        where the bodies are bonded (μ = ∞). One level is line contact.
+        where the bodies are bonded (μ = ∞). One axis is line contact.
     element : (float, float) or float
-        As in `normal_contact`.
+        Size (h1, h2) of an element, mm. In line contact the width and the length of the strips,
+        or the width alone: plane strain, with forces per mm of length.
     material : Material or (G, nu)
-        As in `normal_contact`.
+        Shear modulus (N/mm²) and Poisson's ratio of both bodies; of two materials, that of
+        `halfspace.combined_material`.
     shift : array_like
         Rigid shift of the bodies, since the previous tractions if there are such, mm: (δx, δy), or
         in line contact a number. Tractions and displacements point along it. It may be a field,
@@ -59,12 +61,17 @@ def friction(
     previous : ContactResult, optional
         What was before: of `friction` on the same grid.
     reference : float, optional
-        As in `normal_contact`.
+        In plane strain, the distance at which a line load moves nothing, mm; by default the length
+        of the grid.
     tolerance : float
         Of the slip where the bodies stick, and of its component that does not oppose the traction
         where they slide, relative to the largest displacement. The bound holds exactly.
-    nested, max_products, progress
-        As in `normal_contact`.
+    nested : bool
+        Whether the first guess comes from coarser grids.
+    max_products : int
+        More products with the matrix than that are taken for a failure.
+    progress : callable, optional
+        Called as ``progress(products, residual)`` before each change of the areas.
 
     Returns
     -------
@@ -104,7 +111,7 @@ def friction(
     >>> f"{shifted.rigid[0] * 1e3:.3f} µm, {exact * 1e3:.3f} by theory"
     '0.466 µm, 0.466 by theory'
     """
-    g = traction_bound(bound)
+    g = check_bound(bound)
     grid = Grid.of(g.shape, element, material, reference)
     check_iteration(tolerance, max_products, progress)
     if (shift is None) == (force is None):
@@ -112,14 +119,14 @@ def friction(
             f"shift is {shift!r} and force is {force!r}, but one of the two must be given"
         )
     b = np.zeros((grid.components, *grid.shape))
-    before = b if previous is None else tractions_before(previous, grid)
+    before = b if previous is None else check_previous(previous, grid)
     total = None
     if shift is None:
-        total = tangential_load(force, g, grid)
+        total = check_force(force, g, grid)
     else:
-        b = b + rigid_shift(shift, b.shape)
+        b = b + check_shift(shift, b.shape)
     window = Window.around(grid, (g > 0.0) | before.any(axis=0))
-    g, b, before = (window.inside(x) for x in (g, b, before))
+    g, b, before = (window.cut(x) for x in (g, b, before))
     with count_products() as work:
         products = Products(window.grid.tangential(), max_products)
         guess, least = None, 0.0
@@ -129,7 +136,7 @@ def friction(
             b, least = b + u, float(np.abs(u).max())
         problem = Problem(window.grid, g, b, total, tolerance, least, progress)
         state = solve(problem, products, guess, nested=nested)
-    result = tangential_result(problem, state, window, products.count, work.units(b.size))
+    result = make_result(problem, state, window, products.count, work.units(b.size))
     if shift is not None:
         given = np.array(shift, dtype=np.float64)
         result = replace(result, rigid=float(given) if given.ndim == 0 else given)
@@ -137,17 +144,17 @@ def friction(
     return result
 
 
-def tangential_result(
+def make_result(
     problem: Problem, state: State, window: Window, products: int, work: float
 ) -> ContactResult:
     """Return what was found, on the whole grid and in the shapes of the user."""
     q, contact = state.q, problem.g > 0.0
-    whole_contact = window.extended(contact)
+    whole_contact = window.extend(contact)
     slip = state.u - problem.b - problem.uniform(state.shift)
     is_line = len(q) == 1
 
     def whole(x: Array) -> Array:
-        x = window.extended(x)
+        x = window.extend(x)
         return x[0] if is_line else x
 
     total = problem.grid.area * q.reshape(len(q), -1).sum(axis=1)
@@ -159,8 +166,8 @@ def tangential_result(
         force=float(total[0]) if is_line else total,
         rigid=float(state.shift[0]) if is_line else state.shift,
         slip=whole(np.where(contact, slip, 0.0)),
-        stick=window.extended(state.areas.stick),
-        bound=window.extended(problem.g),
+        stick=window.extend(state.areas.stick),
+        bound=window.extend(problem.g),
         products=products,
         work=work,
         iterations=state.iterations,

@@ -19,13 +19,17 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
-from toeplitz_mg.contact.checks import check_iteration, traction_bound, tractions_before
+from toeplitz_mg.contact.checks import check_bound, check_iteration, check_previous
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import ContactResult, check_converged
 from toeplitz_mg.contact.tangential.coulomb import clip
-from toeplitz_mg.contact.tangential.friction import tangential_result
-from toeplitz_mg.contact.tangential.steady import SteadyOptions, steady, steady_operator
+from toeplitz_mg.contact.tangential.friction import make_result
+from toeplitz_mg.contact.tangential.steady import (
+    SteadyOptions,
+    find_steady_state,
+    subtract_operators,
+)
 from toeplitz_mg.contact.tangential.stick_slip import Problem, solve
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
@@ -52,19 +56,26 @@ def rolling(
     Parameters
     ----------
     bound : array_like of shape (n1, n2) or (n,)
-        The traction bound g = μ p, as in `friction`.
+        The traction bound g = μ p of each element, N/mm²: zero outside the contact, and infinite
+        where the bodies are bonded (μ = ∞). One axis is line contact.
     element : (float, float) or float
-        As in `normal_contact`.
+        Size (h1, h2) of an element, mm. In line contact the width and the length of the strips,
+        or the width alone: plane strain, with forces per mm of length.
     material : Material or (G, nu)
-        As in `normal_contact`.
+        Shear modulus (N/mm²) and Poisson's ratio of both bodies; of two materials, that of
+        `halfspace.combined_material`.
     longitudinal, lateral : float
         Creepages: rigid slip along x and y over the distance rolled.
     spin : float
         About the middle of the grid: rigid slip -φ y along x and φ x along y, 1/mm.
     tolerance : float
         Of Coulomb's law, as in `friction`, relative to the largest rigid slip.
-    nested, max_products, progress
-        As in `normal_contact`.
+    nested : bool
+        Whether the first guess comes from coarser grids.
+    max_products : int
+        More products with the matrix than that are taken for a failure.
+    progress : callable, optional
+        Called as ``progress(products, residual)`` before each change of the areas.
     options : SteadyOptions, optional
         How long the search goes on before it rolls step by step.
 
@@ -106,14 +117,16 @@ def rolling(
     check_iteration(tolerance, max_products, progress)
     with count_products() as work:
         window = Window.around(grid, g > 0.0)
-        g, w, grid = window.inside(g), window.inside(w), window.grid
+        g, w, grid = window.cut(g), window.cut(w), window.grid
         A = grid.tangential()
-        products = Products(steady_operator(A, grid.upstream()), max_products)
+        products = Products(subtract_operators(A, grid.upstream()), max_products)
         problem = Problem(grid, g, -w, None, tolerance, progress=progress)
-        state = steady(problem, products, nested=nested, options=options or SteadyOptions())
+        state = find_steady_state(
+            problem, products, nested=nested, options=options or SteadyOptions()
+        )
         u = np.where(g > 0.0, apply_to_rows(A, state.q.reshape(-1)).reshape(w.shape), 0.0)
-    result = tangential_result(problem, state, window, products.count + 1, work.units(w.size))
-    result = replace(result, displacement=window.extended(u).reshape(result.traction.shape))
+    result = make_result(problem, state, window, products.count + 1, work.units(w.size))
+    result = replace(result, displacement=window.extend(u).reshape(result.traction.shape))
     result = _per_distance(result, longitudinal, lateral, spin)
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
@@ -176,9 +189,9 @@ def rolling_steps(
     check_iteration(tolerance, max_products)
     steps = count("steps", steps)
     about = doubts.of_bound(grid, g > 0.0)
-    q = np.zeros_like(w) if previous is None else tractions_before(previous, grid)
+    q = np.zeros_like(w) if previous is None else check_previous(previous, grid)
     window = Window.around(grid, (g > 0.0) | q.any(axis=0))
-    q, g, w, grid = window.inside(q), window.inside(g), window.inside(w), window.grid
+    q, g, w, grid = window.cut(q), window.cut(g), window.cut(w), window.grid
 
     doubts.warn(about)
 
@@ -191,9 +204,7 @@ def rolling_steps(
                 problem = Problem(grid, g, b, None, tolerance, float(np.abs(w).max()))
                 state = solve(problem, products, clip(q, g), nested=False)
             q = state.q
-            result = tangential_result(
-                problem, state, window, products.count + 1, work.units(w.size)
-            )
+            result = make_result(problem, state, window, products.count + 1, work.units(w.size))
             yield check_converged(_per_distance(result, longitudinal, lateral, spin), tolerance)
 
     return march(q)
@@ -208,7 +219,7 @@ def _rigid_slip(
     spin: float,
 ) -> tuple[Grid, Array, Array]:
     """The grid, the traction bound and the rigid slip in a step of one element (Eq. 1)."""
-    g = traction_bound(bound)
+    g = check_bound(bound)
     grid = Grid.of(g.shape, element, material, None)
     for name, value in (("longitudinal", longitudinal), ("lateral", lateral), ("spin", spin)):
         in_range(name, abs(finite(name, value)))

@@ -61,23 +61,15 @@ class SteadyOptions:
     patience: int = 30
 
 
-def steady_operator(A: Any, S: Any) -> LinearOperator:
-    """Return K = A - S, from the coefficients."""
-    if not isinstance(A, CoupledOperator):
-        return ToeplitzOperator.from_lags(A.lags - S.lags)
-    return CoupledOperator(
-        [
-            [_difference(a, s) for a, s in pairs]
-            for pairs in (zip(*rows, strict=True) for rows in zip(A.blocks, S.blocks, strict=True))
-        ]
-    )
-
-
-def _difference(a: ToeplitzOperator | None, s: ToeplitzOperator | None) -> ToeplitzOperator | None:
-    """Subtract blocks: on a single row of elements S couples the components, and A does not."""
-    if s is None:
-        return a
-    return ToeplitzOperator.from_lags(-s.lags if a is None else a.lags - s.lags)
+def subtract_operators(A: Any, S: Any) -> Any:
+    """Return A - S, of Toeplitz operators or coupled ones; None is zero, as in their blocks."""
+    if S is None:
+        return A
+    if isinstance(S, CoupledOperator):
+        pairs = (zip(*rows, strict=True) for rows in zip(A.blocks, S.blocks, strict=True))
+        return CoupledOperator([[subtract_operators(a, s) for a, s in row] for row in pairs])
+    # On a single row of elements S couples the components, and A does not.
+    return ToeplitzOperator.from_lags(-S.lags if A is None else A.lags - S.lags)
 
 
 def invert_shifted(K: LinearOperator, shift: float) -> LinearOperator:
@@ -111,7 +103,9 @@ def _invert(K: ToeplitzOperator, shift: float) -> ToeplitzOperator:
     return ToeplitzOperator.from_lags(kernel[np.ix_(*(np.arange(1 - n, n) for n in K.grid_shape))])
 
 
-def steady(problem: Problem, K: Products, *, nested: bool, options: SteadyOptions) -> State:
+def find_steady_state(
+    problem: Problem, K: Products, *, nested: bool, options: SteadyOptions
+) -> State:
     """Find the tractions and the areas of stick and slip of the steady state.
 
     Parameters
@@ -119,6 +113,7 @@ def steady(problem: Problem, K: Products, *, nested: bool, options: SteadyOption
     problem : Problem
         Its b is minus the rigid slip in a step of one element.
     K : Products
+        Products with A - S.
     nested : bool
         Whether to start from the solution on coarser grids.
     options : SteadyOptions
@@ -166,7 +161,7 @@ def _newton_step(
 ) -> tuple[Array, int]:
     """Return a change of the tractions, and the iterations."""
     T, lam, r = law.T, law.stiffness, law.r
-    contact, k0 = problem.g > 0.0, diagonal(K.A)
+    k0 = diagonal(K.A)
     weight = np.where(areas.slide, 1.0 / np.sqrt(1.0 + lam / k0), 1.0)
     before = norm(r)
     if before == 0.0:
@@ -176,8 +171,7 @@ def _newton_step(
         exact = max(exact, REDUCTION * before)
 
     def goal(v: Array) -> float:
-        excess = float(np.max(size(q + v) - problem.g, where=contact, initial=0.0))
-        return max(exact, k0 * excess * before / float(np.abs(r).max()))
+        return max(exact, k0 * problem.excess(q + v) * before / float(np.abs(r).max()))
 
     return gmres(
         lambda v: T(K(v)) + lam * v,
@@ -190,9 +184,10 @@ def _newton_step(
 
 
 def _shift(areas: Areas) -> float:
-    """The shift of the symbol: a power of two, from 0.04 where all sticks to 0.32 where all slides.
+    """Return the shift of the symbol, from 0.04 where all sticks to 0.32 where all slides.
 
-    Both ends were found by experiment, and what is between.
+    Both ends, and what is between, were found by experiment. It is rounded to a power of two times
+    0.04, so that the inverse is set up a few times only.
     """
     sliding = float(areas.slide.sum()) / max(1.0, float((areas.slide | areas.stick).sum()))
     return float(0.04 * 2.0 ** np.round(np.log2(1.0 + 7.5 * sliding**3)))
@@ -205,8 +200,8 @@ def _first_guess(problem: Problem, *, nested: bool, options: SteadyOptions) -> t
     # The rigid slip in a step is in proportion to the step.
     grid = coarse.grid
     coarse = replace(coarse, b=coarse.b * (grid.element[0] / problem.grid.element[0]))
-    K = Products(steady_operator(grid.tangential(), grid.upstream()), COARSE_PRODUCTS)
-    return refine_guess(problem, steady(coarse, K, nested=True, options=options))
+    K = Products(subtract_operators(grid.tangential(), grid.upstream()), COARSE_PRODUCTS)
+    return refine_guess(problem, find_steady_state(coarse, K, nested=True, options=options))
 
 
 def _roll_on(problem: Problem, q: Array, K: Products) -> tuple[Array, Areas]:

@@ -14,8 +14,7 @@ converges for ν = 0 alone.)
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
@@ -36,7 +35,7 @@ from toeplitz_mg.contact.tangential.coulomb import (
 )
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.vectors import axpy
-from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.operators import CoupledOperator, apply_to_rows
 from toeplitz_mg.preconditioners import cosine_preconditioner
 
 ETA = 1.0  # Misfit that is left on the areas, relative to their violation, while the energy falls.
@@ -88,6 +87,14 @@ class Problem:
     def uniform(self, vector: Array) -> Array:
         """The components of a vector, to broadcast with fields."""
         return vector.reshape(-1, *(1,) * self.g.ndim)
+
+    def excess(self, q: Array) -> float:
+        """The largest amount by which the tractions exceed the bound, or zero."""
+        return float(np.max(size(q) - self.g, where=self.g > 0.0, initial=0.0))
+
+    def balance(self, T: Tangent, s: Array) -> Array:
+        """Return minus a slip, less the shift that belongs to it where the force is given."""
+        return s if self.total is None else s - self.uniform(T.multiplier(s))
 
 
 @dataclass(frozen=True)
@@ -149,62 +156,6 @@ def linearise(problem: Problem, areas: Areas, q: Array, u: Array) -> Linearisati
     return Linearisation(T, shift, minus_slip, stiffness, r, scale, residual)
 
 
-@dataclass(frozen=True)
-class Search:
-    """What `active_sets` asks for where the sets are the areas of stick and slip."""
-
-    problem: Problem
-    A: LinearOperator
-
-    @property
-    def tolerance(self) -> float:
-        """That of the problem."""
-        return self.problem.tolerance
-
-    @property
-    def progress(self) -> Progress | None:
-        """That of the problem."""
-        return self.problem.progress
-
-    @property
-    def b(self) -> Array:
-        """The displacements, were there no slip."""
-        return self.problem.b
-
-    @cached_property
-    def _inverse(self) -> Callable[[Array], Array]:
-        return _inverse(self.A, self.problem.g > 0.0)
-
-    def look(self, now: Iterate[Areas]) -> Linearisation:
-        """Return what is wrong with tractions and areas."""
-        return linearise(self.problem, now.sets, now.x, now.u)
-
-    def advance(
-        self, A: Products, now: Iterate[Areas], law: Linearisation, eta: float
-    ) -> tuple[Iterate[Areas], int]:
-        """Make a step of Newton's method on the areas, and change them."""
-        problem, areas = self.problem, now.sets
-        v, Av, count = _newton_step(problem, law, areas, now.x, A, self._inverse, eta)
-        q, u = now.x + v, now.u + Av
-        out = areas.stick & (size(q) > problem.g)
-        minus_slip = _balance_slip(problem, law.T, problem.b - u)
-        back = areas.slide & (along(minus_slip, law.T.n) < 0.0)
-        on_circle = areas.slide | out
-        areas = areas.exchange(out, back)
-        if out.any() or (len(q) > 1 and on_circle.any()):
-            q, areas = make_admissible(q, problem.g, areas, on_circle, problem.total)
-            u = A(q)
-        return Iterate(q, u, areas), count
-
-    def project(self, q: Array) -> Array:
-        """Return the nearest tractions within the bound, of the given sum."""
-        return project(q, self.problem.g, self.problem.total)
-
-    def sets_of(self, q: Array) -> Areas:
-        """The areas of which those on the bound slide."""
-        return Areas.of(q, self.problem.g)
-
-
 def solve(problem: Problem, A: Products, guess: Array | None, *, nested: bool) -> State:
     """Find the tractions and the areas of stick and slip.
 
@@ -218,51 +169,83 @@ def solve(problem: Problem, A: Products, guess: Array | None, *, nested: bool) -
         Whether to start from the solution on coarser grids, where there is no guess.
     """
     q, areas = _first_guess(problem, guess, nested=nested)
-    now, law, iterations = find_sets(Search(problem, A.A), A, Iterate.of(A, q, areas), ETA)
+    search = Search(problem, _inverse(A.A, problem.g > 0.0))
+    b, tolerance, progress = problem.b, problem.tolerance, problem.progress
+    now, law, iterations = find_sets(
+        search, A, q, areas, b=b, eta=ETA, tolerance=tolerance, progress=progress
+    )
     return State(now.x, now.u, now.sets, law.shift, law.residual, iterations)
 
 
-def _newton_step(
-    problem: Problem,
-    law: Linearisation,
-    areas: Areas,
-    q: Array,
-    A: Products,
-    M: Callable[[Array], Array],
-    eta: float,
-) -> tuple[Array, Array, int]:
-    """Return a change of the tractions, that of the displacements, and the iterations."""
-    T, lam, r, a0 = law.T, law.stiffness, law.r.copy(), diagonal(A.A)
-    contact = problem.g > 0.0
-    v, Av, Ad = (np.zeros_like(q) for _ in range(3))
-    # Where elements slide, λ adds to A. There M, so scaled, is too small for what is smooth.
-    weight = np.where(areas.slide, 1.0 / np.sqrt(1.0 + lam / a0), 1.0)
-    local = np.where(areas.slide, LOCAL / a0, 0.0)
+class Search(NamedTuple):
+    """A problem whose sets are the areas of stick and slip, and an approximate inverse."""
 
-    def multiply(d: Array, out: Array) -> Array:
-        return T(A(d, Ad) + lam * d)
+    problem: Problem
+    M: Callable[[Array], Array]
 
-    def precondition(r: Array, out: Array) -> Array:
-        y = weight * r
-        return T(weight * (M(y) + local * y))
+    def look(self, now: Iterate) -> Linearisation:
+        """Return what is wrong with tractions and areas."""
+        return linearise(self.problem, now.sets, now.x, now.u)
 
-    iteration, count = ConjugateGradients(multiply, precondition), 0
-    while count < MOST and not A.exhausted:
-        # Three things may be wrong with the set, and with the linearisation: |q| > g where it
-        # sticks, |q| > g where it slides (the circle is curved), and slip along the traction.
-        excess = a0 * float(np.max(size(q + v) - problem.g, where=contact, initial=0.0))
-        along_n = along(_balance_slip(problem, T, law.minus_slip - Av), T.n)
-        wrong = max(excess, -float(along_n.min()))
-        if np.abs(r).max() <= max(SHARP * problem.tolerance * law.scale, eta * wrong):
-            break
-        length = iteration.step(r)
-        if length == 0.0:
-            break  # what is left is below the rounding of other elements, as of far larger bounds
-        axpy(length, iteration.direction, v)
-        axpy(length, Ad, Av)
-        axpy(-length, iteration.product, r)
-        count += 1
-    return v, Av, count
+    def advance(
+        self, A: Products, now: Iterate, law: Linearisation, eta: float
+    ) -> tuple[Iterate, int]:
+        """Make a step of Newton's method on the areas, and change them."""
+        problem, areas, T = self.problem, now.sets, law.T
+        v, Av, count = self._newton_step(A, now, law, eta)
+        q, u = now.x + v, now.u + Av
+        out = areas.stick & (size(q) > problem.g)
+        back = areas.slide & (along(problem.balance(T, problem.b - u), T.n) < 0.0)
+        on_circle = areas.slide | out
+        areas = areas.exchange(out, back)
+        if out.any() or (len(q) > 1 and on_circle.any()):
+            q, areas = make_admissible(q, problem.g, areas, on_circle, problem.total)
+            u = A(q)
+        return Iterate(q, u, areas), count
+
+    def project(self, q: Array) -> Array:
+        """Return the nearest tractions within the bound, of the given sum."""
+        return project(q, self.problem.g, self.problem.total)
+
+    def sets_of(self, q: Array) -> Areas:
+        """Return the areas of which those on the bound slide."""
+        return Areas.of(q, self.problem.g)
+
+    def _newton_step(
+        self, A: Products, now: Iterate, law: Linearisation, eta: float
+    ) -> tuple[Array, Array, int]:
+        """Return a change of the tractions, that of the displacements, and the iterations."""
+        problem, q, slide = self.problem, now.x, now.sets.slide
+        T, lam, r, a0 = law.T, law.stiffness, law.r.copy(), diagonal(A.A)
+        v, Av, Ad = (np.zeros_like(q) for _ in range(3))
+        # Where elements slide, λ adds to A. There M, so scaled, is too small for what is smooth.
+        weight = np.where(slide, 1.0 / np.sqrt(1.0 + lam / a0), 1.0)
+        local = np.where(slide, LOCAL / a0, 0.0)
+
+        def multiply(d: Array, out: Array) -> Array:
+            return T(A(d, Ad) + lam * d)
+
+        def precondition(r: Array, out: Array) -> Array:
+            y = weight * r
+            return T(weight * (self.M(y) + local * y))
+
+        iteration, count = ConjugateGradients(multiply, precondition), 0
+        while count < MOST and not A.exhausted:
+            # Three things may be wrong with the set, and with the linearisation: |q| > g where it
+            # sticks, |q| > g where it slides (the circle is curved), and slip along the traction.
+            excess = a0 * problem.excess(q + v)
+            along_n = along(problem.balance(T, law.minus_slip - Av), T.n)
+            wrong = max(excess, -float(along_n.min()))
+            if np.abs(r).max() <= max(SHARP * problem.tolerance * law.scale, eta * wrong):
+                break
+            length = iteration.step(r)
+            if length == 0.0:
+                break  # the rest is below the rounding of other elements, as of far larger bounds
+            axpy(length, iteration.direction, v)
+            axpy(length, Ad, Av)
+            axpy(-length, iteration.product, r)
+            count += 1
+        return v, Av, count
 
 
 def _inverse(A: Any, contact: Array) -> Callable[[Array], Array]:
@@ -272,11 +255,6 @@ def _inverse(A: Any, contact: Array) -> Callable[[Array], Array]:
             return LocalInverse(A, np.broadcast_to(contact, A.grid_shape))
     M = cosine_preconditioner(A)
     return lambda r: apply_to_rows(M, r.reshape(-1)).reshape(r.shape)
-
-
-def _balance_slip(problem: Problem, T: Tangent, s: Array) -> Array:
-    """Return minus the slip, less the shift that belongs to it where the force is given."""
-    return s if problem.total is None else s - problem.uniform(T.multiplier(s))
 
 
 def _first_guess(problem: Problem, guess: Array | None, *, nested: bool) -> tuple[Array, Areas]:
@@ -305,6 +283,6 @@ def refine_guess(problem: Problem, coarse: State) -> tuple[Array, Areas]:
 
 
 def diagonal(A: LinearOperator) -> float:
-    """The entry on the diagonal, of the first component."""
-    blocks = getattr(A, "blocks", ((A,),))
-    return float(blocks[0][0].c.flat[0])
+    """Return the entry on the diagonal, of the first component."""
+    first = A.component(0) if isinstance(A, CoupledOperator) else A
+    return float(first.c.flat[0])

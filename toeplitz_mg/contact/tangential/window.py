@@ -8,7 +8,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid
 
-MARGIN = 0.1  # on each side: the cosine transform wants some, to save a few iterations
+MARGIN = 0.1  # Margin on each side over the length inside: with it the cosines approximate better.
 
 
 @dataclass(frozen=True)
@@ -18,8 +18,9 @@ class Window:
     Attributes
     ----------
     whole : Grid
+        The grid.
     box : tuple of slice
-        Of each axis.
+        The elements along each axis.
     """
 
     whole: Grid
@@ -27,7 +28,7 @@ class Window:
 
     @classmethod
     def around(cls, grid: Grid, elements: Array) -> Self:
-        """One with all elements where a mask is true, and a margin; the grid where none is."""
+        """Return the window of the elements where a mask is true; the grid where none is."""
         box = []
         for axis, n in enumerate(elements.shape):
             others = tuple(k for k in range(elements.ndim) if k != axis)
@@ -45,13 +46,13 @@ class Window:
         )
         return replace(self.whole, shape=shape)
 
-    def inside(self, x: Array) -> Array:
-        """The part of a field, of any components, that is inside."""
+    def cut(self, x: Array) -> Array:
+        """Return the part of a field, of any components, that is inside."""
         part: tuple[Any, ...] = (..., *self.box)
         return np.ascontiguousarray(x[part])
 
-    def extended(self, x: Array) -> Array:
-        """A field on the whole grid, zero outside."""
+    def extend(self, x: Array) -> Array:
+        """Return a field on the whole grid that is zero outside."""
         components = x.shape[: x.ndim - len(self.box)]
         whole = np.zeros((*components, *self.whole.shape), x.dtype)
         part: tuple[Any, ...] = (..., *self.box)
