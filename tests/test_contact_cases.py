@@ -110,7 +110,7 @@ def test_what_a_peer_cannot_do_is_noted():
     friction = {"of friction": ("numpy", fails)}
     (row,) = peers.run([methods.Problem("x", 64)], normal, friction)
     assert row["method"] == "fails"
-    assert "it diverged" in peers.readable(row)["note"]
+    assert "it diverged" in peers.format_row(row)["note"]
 
 
 def test_help(monkeypatch, capsys):

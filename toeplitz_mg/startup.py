@@ -11,7 +11,7 @@ import signal
 import sys
 from types import FrameType
 
-STATUS = 130  # exit status: 128 and the number of SIGINT, as shells report an interrupted command
+STATUS = 130  # Exit status: 128 and the number of SIGINT, as shells report an interrupted command.
 MESSAGE = "toeplitz-mg: interrupted"
 
 

@@ -34,8 +34,8 @@ LINES, QUICK_LINES = (64, 128, 256, 512, 1024, 2048, 4096), (64, 128, 256)
 SURFACES, QUICK_SURFACES = (32, 64, 128, 256, 512), (32, 64)
 ROLLING, QUICK_ROLLING = (32, 64, 128, 256), (32, 64)
 ROUGH, QUICK_ROUGH = (256, 512, 1024), (64,)
-SECONDS = 1200.0  # after which a case is given up
-LOADS = (0.006, 0.0123, 0.06, 0.2, 0.36)  # 1 to 40 % of contact
+SECONDS = 1200.0  # Time after which a case is given up.
+LOADS = (0.006, 0.0123, 0.06, 0.2, 0.36)  # Normal forces that give 1 to 40 % of contact.
 
 
 Case = tuple[Callable[[int], Solved], Sequence[int], Sequence[int]]  # solver, sizes, quick ones
@@ -61,7 +61,7 @@ def rough(N: int, load: float) -> Solved:
     return Solved([result], {"F": result.force / load - 1.0})
 
 
-def solved(case: str, N: int, solve: Callable[[], Solved]) -> tuple[Solved, Row]:
+def solve_and_count(case: str, N: int, solve: Callable[[], Solved]) -> tuple[Solved, Row]:
     """Solve, and return what it cost."""
     start = process_time()
     answer = solve()
@@ -100,7 +100,7 @@ def study(
     costs: list[Row] = []
     errors: list[Row] = []
     for N in sizes:
-        answer, cost = solved(case, N, partial(solve, N))
+        answer, cost = solve_and_count(case, N, partial(solve, N))
         costs.append(cost)
         several = [answer.errors, *(solve(n).errors for n in grids(N)[1:])]
         for quantity in answer.errors:
@@ -139,7 +139,7 @@ def study_rough(N: int, folder: Path) -> list[Row]:
     rows: list[Row] = []
     answers: list[ContactResult] = []
     for load in LOADS:
-        answer, row = solved("rough", N, partial(rough, N, load))
+        answer, row = solve_and_count("rough", N, partial(rough, N, load))
         (result,) = answer.results
         assert result.gap is not None
         row |= {"load": load, "contact": f"{result.contact.mean():.2%}"}
@@ -162,10 +162,10 @@ def rough_surfaces(quick: bool, folder: Path) -> None:
 
 def show(title: str, rows: Sequence[Row]) -> None:
     """Print rows, as they are read."""
-    report.show(title, [{k: readable(k, v) for k, v in row.items()} for row in rows])
+    report.show(title, [{k: format_cell(k, v) for k, v in row.items()} for row in rows])
 
 
-def readable(key: str, value: Any) -> Any:
+def format_cell(key: str, value: Any) -> Any:
     """Return a cell as it is printed."""
     formats = {"order": ".2f", "cpu_s": ".3f", "load": "g", "contact": "s", "work": "s"}
     return format(value, formats.get(key, ".2e")) if isinstance(value, float) else value
@@ -184,7 +184,7 @@ def main(
     rows = peers.run(peers.problems(64 if arguments.quick else 256), normal, friction)
     report.write_csv(arguments.output / "peers.csv", rows)
     for problem in dict.fromkeys(row["problem"] for row in rows):
-        table = [peers.readable(r) for r in rows if r["problem"] == problem]
+        table = [peers.format_row(r) for r in rows if r["problem"] == problem]
         report.show(f"{problem}: each as accurate as {peers.TARGET:g} takes", table)
 
 

@@ -199,7 +199,7 @@ NORMAL: dict[str, Method] = {
     "aspher, nested": ("aspher", aspher_nested),
     "tamaas": ("tamaas", tamaas),
 }
-FRICTION: dict[str, Method] = {  # that of `tamaas` couples slip with the normal gap
+FRICTION: dict[str, Method] = {  # That of `tamaas` couples slip with the normal gap.
     "toeplitz-mg": ("toeplitz_mg", ours),
     "aspher, friction": ("aspher", aspher_friction),
 }

@@ -7,10 +7,10 @@ likewise in friction, with Coulomb's bound, over the shift. (`tamaas` gets the f
 Times are CPU seconds of set-up and solution, in processes of their own with one thread.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib.util import find_spec
+from math import nan
 from statistics import median
 from typing import Any
 
@@ -19,12 +19,13 @@ from tqdm import tqdm
 
 from comparisons.contact.methods import FRICTION, NORMAL, Answer, Method, Problem, ours, tamaas
 from comparisons.contact.theory import MU, A, C
-from comparisons.harness.processes import in_a_fresh_process
+from comparisons.harness import report
+from comparisons.harness.processes import row_or_note
 from comparisons.harness.report import Row
 
-TARGET = 1e-8  # violation of the conditions
-SECONDS = 300.0  # after which a method is given up
-REPEATED = 3  # times, of which the median counts
+TARGET = 1e-8  # Violation of the conditions of contact that is allowed.
+SECONDS = 300.0  # Time after which a method is given up on a problem.
+REPEATS = 3  # Solves of which the median time counts.
 
 
 def loosest(method: Callable[..., Answer], problem: Problem) -> tuple[float, Answer]:
@@ -56,7 +57,7 @@ def measure(method: Callable[..., Answer], problem: Problem) -> Row:
     """Find what is asked of a method, and measure it; in a process of its own."""
     asked, answer = (fewest if method is tamaas else loosest)(method, problem)
     argument: Any = int(asked) if method is tamaas else asked
-    seconds = [method(problem, argument).seconds for _ in range(REPEATED)]
+    seconds = [method(problem, argument).seconds for _ in range(REPEATS)]
     reference = ours(problem, 1e-12).traction
     away = np.linalg.norm(answer.traction - reference) / np.linalg.norm(reference)
     return {
@@ -99,20 +100,14 @@ def run(
     ]
     rows: list[Row] = []
     for problem, name, method in tqdm(jobs, unit="run"):
-        row: Row = {"problem": f"{problem.name}, {problem.N}²", "method": name}
-        try:
-            row |= in_a_fresh_process(partial(measure, method, problem), SECONDS)
-        except TimeoutError:
-            row |= {"cpu_s": math.nan, "note": f"over {SECONDS:.0f} s"}
-        except ArithmeticError as error:
-            row |= {"cpu_s": math.nan, "note": str(error)[:80]}
-        rows.append(row)
+        row: Row = {"problem": f"{problem.name}, {problem.N}²", "method": name, "cpu_s": nan}
+        rows.append(row | row_or_note(partial(measure, method, problem), SECONDS))
     return rows
 
 
-def readable(row: Row) -> Row:
+def format_row(row: Row) -> Row:
     """Return a row as it is printed."""
     formats = {"iterations": "d", "products": ".0f", "cpu_s": ".3f", "violation": ".1e"}
     formats |= {"traction_error": ".1e", "asked": ".3g"}
-    cells = {k: format(row[k], spec) if k in row else "" for k, spec in formats.items()}
+    cells = report.format_cells(row, formats)
     return {"method": row["method"], **cells, "note": row["note"]}

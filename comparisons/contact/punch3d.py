@@ -39,7 +39,7 @@ from comparisons.harness.measuring import (
     nothing,
     solve,
 )
-from comparisons.harness.processes import in_a_fresh_process, peak_bytes, prepare
+from comparisons.harness.processes import peak_bytes, prepare, row_or_note
 from comparisons.harness.report import Row
 from comparisons.systems.masks import AREAS
 from comparisons.systems.punch import KINDS, Punch
@@ -47,13 +47,13 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.products import FOURIER, DiagonalisedProduct
 from toeplitz_mg.operators.diagonalised import DiagonalisedOperator
 
-MAXITER = 600
-SECONDS = 600.0  # after which a run is given up
+MAXITER = 600  # Iterations after which a method has not converged.
+SECONDS = 600.0  # Time after which a method is given up on a punch.
 SIZES = (64, 128, 256, 512, 1024, 2048)
 SMALL_SIZES = (8, 16, 32)
 QUICK_SIZES = (32, 64)
-ASKED = [10.0 ** (-k / 2) for k in range(10, 22)]  # tolerances of `aspher`
-GROWTH = 1.25  # times n log n
+ASKED = [10.0 ** (-k / 2) for k in range(10, 22)]  # Tolerances that `aspher` is asked for.
+GROWTH = 1.25  # Growth of the time that is allowed, over that of n log n.
 
 
 def circulant_of_q(A: LinearOperator) -> LinearOperator:
@@ -112,17 +112,17 @@ def measure_peer(name: str, punch: Punch, A: LinearOperator) -> Row:
     row: Row = {}
     before = peak_bytes()
 
-    def solved(tolerance: float) -> peers.Solution:
+    def solve(tolerance: float) -> peers.Solution:
         solution = peers.PEERS[name](punch, tolerance)
         row.setdefault("peak_mb", (peak_bytes() - before) / 1e6)
         return solution
 
     def exact(tolerance: float) -> bool:
-        return punch.residual(solved(tolerance)[0], A) <= TOLERANCE
+        return punch.residual(solve(tolerance)[0], A) <= TOLERANCE
 
     asked = ASKED if name == "aspher" else [TOLERANCE]
     loosest = asked[bisect_left(asked[:-1], True, key=exact)]
-    x, row["iterations"], row["units"], row["cpu_s"] = solved(loosest)
+    x, row["iterations"], row["units"], row["cpu_s"] = solve(loosest)
     row |= summary(punch, x, A)
     if name == "aspher":
         step = ", a whole step" if punch.kind == "coupled" else ""
@@ -147,12 +147,7 @@ def run(punches: Sequence[Punch], names: Sequence[str]) -> Iterator[list[Row]]:
                 progress.set_postfix_str(f"{punch.kind}, {punch.area}, {punch.N}, {name}")
                 row: Row = {"problem": punch.kind, "area": punch.area, "N": punch.N, "method": name}
                 function = measure_peer if name in peers.PEERS else measure
-                try:
-                    row |= in_a_fresh_process(partial(function, name, punch, A), SECONDS)
-                except TimeoutError:
-                    row |= {"cpu_s": nan, "note": f"over {SECONDS:.0f} s"}
-                except ArithmeticError as error:
-                    row |= {"cpu_s": nan, "note": str(error)[:60]}
+                row |= {"cpu_s": nan} | row_or_note(partial(function, name, punch, A), SECONDS)
                 rows.append(row)
                 progress.update()
                 yield rows
@@ -174,11 +169,11 @@ def growth(rows: Sequence[Row]) -> list[Row]:
     return table if larger else []
 
 
-def readable(row: Row) -> Row:
+def format_row(row: Row) -> Row:
     """Return a row as it is printed."""
     formats = {"iterations": "d", "units": ".1f", "cpu_s": ".3g", "peak_mb": ".0f"}
     formats |= {"residual": ".1e", "force": ".5f"}
-    cells = {k: format(row[k], spec) if k in row else "" for k, spec in formats.items()}
+    cells = report.format_cells(row, formats)
     return {"method": row["method"], **cells, "note": row["note"]}
 
 
@@ -205,7 +200,7 @@ def main() -> None:
     for rows in run(punches, arguments.methods or names):
         report.write_csv(arguments.output / "punch3d.csv", rows)
     for key in dict.fromkeys((row["problem"], row["area"], row["N"]) for row in rows):
-        table = [readable(r) for r in rows if (r["problem"], r["area"], r["N"]) == key]
+        table = [format_row(r) for r in rows if (r["problem"], r["area"], r["N"]) == key]
         report.show(f"{key[0]}, {key[1]}, N = {key[2]}", table)
     if ratios := growth(rows):
         report.show("CPU time over that of half the N; allowed is n log n, times 1.25", ratios)

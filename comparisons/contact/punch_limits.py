@@ -23,12 +23,14 @@ from comparisons.systems.punch import KINDS, NU, Punch
 from toeplitz_mg._typing import Array
 
 TOLERANCE = 1e-9
-CORNER = 1.0 + 2.0 * 0.2966
+CORNER = 1.0 + 2.0 * 0.2966  # Power of 1/N of the error that the corners of rectangles make.
 RECTANGLES = ("square", "2:1", "4:1")
 ROUND = ("circle", "annulus")
-SIZES = (32, 48, 64, 96, 128, 192, 256, 384)  # of rectangles
-ROUND_SIZES = tuple(4 * round(16 * 2 ** (k / 5)) for k in range(16))  # 64 to 512
-QUICK = 160  # the largest N
+SIZES = (32, 48, 64, 96, 128, 192, 256, 384)  # Elements across rectangles.
+ROUND_SIZES = tuple(
+    4 * round(16 * 2 ** (k / 5)) for k in range(16)
+)  # Across round areas, 64 to 512.
+QUICK = 160  # Largest number of elements of a quick run.
 
 # F/(E* b δ), or F/(G b δ) where tangential, b the shorter half side or the radius. Those of the
 # circle are exact, with A_xz dropped; of rectangles and the annulus our own.

@@ -16,8 +16,8 @@ from toeplitz_mg._typing import Array
 
 Solution = tuple[Array, int, float, float]
 
-FAR = 1e3  # gap of what does not touch
-STICK = 1e12  # friction bound of what does not slip
+FAR = 1e3  # Gap of the elements that are not to touch.
+STICK = 1e12  # Friction bound of the elements that are not to slip.
 E_STAR = 2.0 * G / (1.0 - NU)
 
 

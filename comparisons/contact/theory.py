@@ -12,10 +12,11 @@ from scipy.special import ellipe, ellipk
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import ContactResult, friction, normal_contact, rolling, surfaces
 
-A, C, MU = 0.6, 0.4, 0.3  # half width of contact, of stick, and friction
-UNIT = (0.7, 0.3)  # E* = G/(1-ν) = 1
-KALKER = {"C11": 4.12, "C22": 3.67, "C23": 1.47}  # circle, ν = 1/4; Kalker (1990)
-CREEPAGE = 1e-3
+A, C = 0.6, 0.4  # Half widths of the contact and of the area of stick.
+MU = 0.3  # Coefficient of friction.
+UNIT = (0.7, 0.3)  # G and ν of bodies with E* = G/(1-ν) = 1.
+KALKER = {"C11": 4.12, "C22": 3.67, "C23": 1.47}  # Of a circle, ν = 1/4; Kalker (1990).
+CREEPAGE = 1e-3  # Creepage of Kalker's problems; bonded rolling is linear in it.
 
 
 @dataclass

@@ -107,6 +107,16 @@ def in_a_fresh_process(job: Callable[[], T], seconds: float) -> T:
         process.end()
 
 
+def row_or_note(job: Callable[[], dict[str, Any]], seconds: float) -> dict[str, Any]:
+    """Return the row that a function makes in a process of its own, or a note why there is none."""
+    try:
+        return in_a_fresh_process(job, seconds)
+    except TimeoutError:
+        return {"note": f"over {seconds:.0f} s"}
+    except ArithmeticError as error:
+        return {"note": str(error)[:80]}
+
+
 def _once(job: Callable[[], T]) -> Iterator[T]:
     yield job()
 

@@ -59,6 +59,13 @@ def show(title: str, rows: Sequence[Row]) -> None:
     print(tabulate(list(rows), headers="keys", missingval="", disable_numparse=True))
 
 
+def format_cells(row: Row, formats: Mapping[str, str]) -> Row:
+    """Return the cells of a row as they are printed, empty where nothing was measured."""
+    return {
+        key: "" if row.get(key) is None else format(row[key], spec) for key, spec in formats.items()
+    }
+
+
 def write_markdown(path: Path, title: str, tables: Mapping[str, Sequence[Row]]) -> None:
     """Write tables under their headings."""
     text = f"# {title}\n\n"

@@ -18,7 +18,7 @@ from toeplitz_mg._typing import Array
 
 Drawing = tuple[Figure, list[Row]]  # a figure and what is plotted in it
 
-N = 32  # elements, in all figures but the third
+N = 32  # Elements, in all figures but the third.
 ELEMENT = np.arange(1, N + 1)
 DOTS: dict[str, Any] = {"color": "red", "marker": ".", "markersize": 7, "linewidth": 0.5}
 CIRCLES: dict[str, Any] = {

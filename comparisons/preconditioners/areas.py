@@ -24,7 +24,7 @@ from tqdm import tqdm
 import toeplitz_mg as tmg
 from comparisons.harness import report
 from comparisons.harness.measuring import PRECONDITIONERS, TOLERANCE, solve, whole
-from comparisons.harness.processes import in_a_fresh_process, peak_bytes, prepare
+from comparisons.harness.processes import peak_bytes, prepare, row_or_note
 from comparisons.harness.report import Row
 from comparisons.systems import masks
 from toeplitz_mg import halfspace
@@ -32,13 +32,14 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.paper.problems import test1
 
 TITLE = "Every preconditioner on areas of every kind"
-MAXITER = 150
-SECONDS = 200.0  # after which a run is given up
-REPEATS, ENOUGH = 3, 2.0  # runs, or seconds of them
+MAXITER = 150  # Iterations after which a method counts as too slow.
+SECONDS = 200.0  # Time after which a method is given up on an area.
+REPEATS = 3  # Runs of which the median counts, unless they take longer than this:
+ENOUGH = 2.0  # Seconds of runs, after which there are no more.
 SIZES = (128, 512, 2048)
 LINES = (2**14, 2**17, 2**20)
 QUICK_SIZES, QUICK_LINES = (32, 64), (2048,)
-SHOWN = 512  # the grid whose tractions are drawn
+SHOWN = 512  # Elements across the grid whose tractions are drawn.
 
 ON_A_LINE: dict[str, Callable[[int], Array]] = {
     "paper's test 3": lambda n: np.asarray((np.arange(n) // (n // 8)) % 8 != 3),
@@ -106,23 +107,17 @@ def run(jobs: Sequence[tuple[str, int]], methods: Sequence[str]) -> Iterator[lis
             A, small = operator(area, n), operator(area, 2048 if area in ON_A_LINE else 64)
             for method in methods:
                 progress.set_postfix_str(f"{area}, {n}, {method}")
-                row: Row = {"area": area, "n": n, "method": method}
-                try:
-                    row |= in_a_fresh_process(partial(measure, method, A, small), SECONDS)
-                except TimeoutError:
-                    row |= {"random_s": nan, "note": f"over {SECONDS:.0f} s"}
-                except ArithmeticError as error:
-                    row |= {"random_s": nan, "note": str(error)[:70]}
-                rows.append(row)
+                row: Row = {"area": area, "n": n, "method": method, "random_s": nan}
+                rows.append(row | row_or_note(partial(measure, method, A, small), SECONDS))
                 progress.update()
                 yield rows
 
 
-def readable(row: Row, sine: float) -> Row:
+def format_row(row: Row, sine: float) -> Row:
     """Return a row as it is printed; `sine` is the time of CG with the sine transform."""
     formats = {"constant_units": ".1f", "constant_s": ".3g", "random_units": ".1f"}
     formats |= {"random_s": ".3g", "setup_s": ".2g", "vectors": ".0f"}
-    cells = {k: format(row[k], spec) if k in row else "" for k, spec in formats.items()}
+    cells = report.format_cells(row, formats)
     counts = {k: row.get(k, "") for k in ("constant", "random")}
     seconds = row.get("random_s", nan)
     beyond = seconds - row.get("random_units", nan) * row.get("product_s", nan)
@@ -139,7 +134,7 @@ def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
     result: dict[str, list[Row]] = {}
     for b in ("random", "constant"):
         title = f"Iterations to {TOLERANCE:.0e} / CPU seconds with set-up, {b} right-hand side"
-        result[title] = [_timed(area, n, own, b) for (area, n), own in found.items()]
+        result[title] = [_format_times(area, n, own, b) for (area, n), own in found.items()]
     for title, key, spec in (
         ("CPU seconds of the set-up", "setup_s", ".2g"),
         ("Work units, random right-hand side", "random_units", ".0f"),
@@ -153,7 +148,7 @@ def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
     return result
 
 
-def _timed(area: str, n: int, own: dict[str, Row], b: str) -> Row:
+def _format_times(area: str, n: int, own: dict[str, Row], b: str) -> Row:
     """A row of iterations and seconds; where there is none, why."""
     solved = {m: row[f"{b}_s"] for m, row in own.items() if isinstance(row.get(b), int)}
     best = min(solved.values(), default=nan)
@@ -214,7 +209,7 @@ def main(
     for area, n in jobs:
         measured = [row for row in rows if (row["area"], row["n"]) == (area, n)]
         sine = {row["method"]: row["random_s"] for row in measured}.get("sine", nan)
-        report.show(f"{area}, n = {n}", [readable(row, sine) for row in measured])
+        report.show(f"{area}, n = {n}", [format_row(row, sine) for row in measured])
     drawn = [area for area in masks.FRAGMENTED if area in dict(jobs)]
     draw(drawn, quick_sizes[-1] if quick else SHOWN, arguments.output / "areas.png")
 

@@ -18,7 +18,7 @@ from comparisons.systems.punch import Punch, influence
 from toeplitz_mg._typing import Array
 
 N, QUICK_N = 256, 32
-DENSE_N = 48  # grid whose spectrum is computed
+DENSE_N = 48  # Elements across the largest grid whose spectrum is computed, densely.
 
 
 def irregular(n: int) -> Array:

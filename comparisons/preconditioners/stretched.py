@@ -23,9 +23,9 @@ from comparisons.systems import masks
 from comparisons.systems.punch import KINDS, influence
 from toeplitz_mg._typing import Array
 
-MAXITER = 200
-SECONDS = 300.0  # after which a case is given up
-TURNS = 3
+MAXITER = 200  # Iterations after which a method has not converged.
+SECONDS = 300.0  # Time after which a case is given up.
+TURNS = 3  # Solves of which the median time counts.
 SIZES = (64, 128, 256, 512, 1024)
 DEFAULT_SIZES, QUICK_SIZES = (256,), (32,)
 
@@ -100,7 +100,7 @@ def run(
         yield rows
 
 
-def readable(rows: Sequence[Row]) -> list[Row]:
+def tabulate_by_case(rows: Sequence[Row]) -> list[Row]:
     """Return a table: a line for each case, iterations (constant, random) and time by method."""
     table: list[Row] = []
     for key in dict.fromkeys((row["case"], row["problem"], row["N"]) for row in rows):
@@ -132,7 +132,7 @@ def main() -> None:
         arguments.methods or METHODS,
     ):
         report.write_csv(arguments.output / "stretched.csv", rows)
-    report.show("Iterations (constant, random) / CPU seconds (random)", readable(rows))
+    report.show("Iterations (constant, random) / CPU seconds (random)", tabulate_by_case(rows))
 
 
 if __name__ == "__main__":

@@ -34,8 +34,8 @@ from toeplitz_mg._typing import Array
 
 SIZES = tuple(2**k for k in (8, 11, 14, 17, 20))
 QUICK_SIZES = SIZES[:2]
-MAXITER = 200
-OVERHEAD = 1.5  # work units of `solve_toeplitz`: the transform of A, the check of the result
+MAXITER = 200  # Iterations after which a method is not run at a larger n.
+OVERHEAD = 1.5  # Work units of `solve_toeplitz` for the transform of A and the check of x.
 # Interpolation for the zero of a symbol; a positive one can do with copies.
 INTERPOLATIONS = {
     "|θ|": tmg.linear_interpolation,

@@ -22,7 +22,7 @@ from comparisons.harness.report import Row
 from comparisons.speed.contenders import CONTENDERS
 from toeplitz_mg.paper.problems import Problem, test1, test2, test3
 
-LARGEST_TIME = 30.0  # seconds of set-up and solve
+LARGEST_TIME = 30.0  # Seconds of one run, above which a method is not run at a larger n.
 SIZES = tuple(4**k for k in range(3, 11))
 QUICK_SIZES = SIZES[:3]
 SHOWN_SIZES = (2**10, 2**14, 2**20)
@@ -82,20 +82,16 @@ FORMATS = {
 }
 
 
-def readable(row: Row) -> Row:
+def format_row(row: Row) -> Row:
     """Return a row as it is printed, with nothing where nothing was measured."""
-    values = {
-        column: "" if row[column] is None else format(row[column], spec)
-        for column, spec in FORMATS.items()
-    }
-    return {"method": row["method"], **values, "note": row["note"]}
+    return {"method": row["method"], **report.format_cells(row, FORMATS), "note": row["note"]}
 
 
 def show(rows: Sequence[Row], sizes: Sequence[int]) -> None:
     """Print a table for each system and some sizes."""
     for system in dict.fromkeys(row["system"] for row in rows):
         for n in sizes:
-            table = [readable(row) for row in rows if (row["system"], row["n"]) == (system, n)]
+            table = [format_row(row) for row in rows if (row["system"], row["n"]) == (system, n)]
             if table:
                 report.show(f"{system}, n = {n}", table)
 

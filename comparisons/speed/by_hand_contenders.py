@@ -14,13 +14,12 @@ import scipy.signal
 from scipy.sparse.linalg import LinearOperator, cg
 
 import toeplitz_mg as tmg
+from comparisons.harness.measuring import TOLERANCE
 from comparisons.systems.symbols import COLUMNS
 from toeplitz_mg._typing import Array
 
 Action = Callable[[], Any]
 SetUp = Callable[[Array, Array], Action]  # of a first column and a vector
-
-TOLERANCE = 1e-8
 
 
 class Plain:

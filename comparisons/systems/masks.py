@@ -106,6 +106,6 @@ FRAGMENTED: dict[str, Callable[[int], Array]] = {
 
 
 def islands(number: int, n: int) -> Array:
-    """Intervals at random places of one level, that cover half of it."""
+    """Intervals at random places of one axis, that cover half of it."""
     ends = np.sort(np.random.default_rng(2).choice(n, 2 * number, replace=False))
     return np.asarray(np.searchsorted(ends, np.arange(n), side="right") % 2 == 1)

@@ -12,7 +12,7 @@ from toeplitz_mg.values import count
 
 STEEL = halfspace.Material(G=82000.0, nu=0.28)
 RUBBER = halfspace.Material(G=0.3, nu=0.49)
-A_HALF, B_HALF = 4.0, 50.0  # the potential contact area is [-4, 4] x [-50, 50] mm
+A_HALF, B_HALF = 4.0, 50.0  # Half sides of the potential contact area along x and y, mm.
 
 
 @dataclass(frozen=True)
