@@ -116,43 +116,33 @@ class Grid:
 
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
-        if len(self.element) == 1:
-            return ToeplitzOperator(self._plane_strain(self.shape[0]))
-        along_x = self._quadrant(halfspace.influence_xx, self.shape)
-        xx = ToeplitzOperator(along_x)
-        if len(self.shape) == 1:
-            return xx
-        is_square = self.shape[0] == self.shape[1] and self.element[0] == self.element[1]
-        yy = ToeplitzOperator(
-            along_x.T if is_square else self._quadrant(halfspace.influence_yy, self.shape)
-        )
-        xy = self._quadrant(halfspace.influence_xy, self.shape)
-        if not xy.any():  # as for a Poisson's ratio of zero
-            return CoupledOperator([[xx, None], [None, yy]])
-        cross = ToeplitzOperator.from_lags(_mirror(xy, -1.0))
-        return CoupledOperator([[xx, cross], [cross, yy]])
+        return self._tangential(0)
 
     def upstream(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements one element ahead, at x + h1.
 
         There was, one step before, what is here now, when the contact rolls towards positive x.
         """
-        n, *others = self.shape
+        return self._tangential(1)
 
-        def ahead(quadrant: Array, sign: float) -> ToeplitzOperator:
-            kernel = _mirror(quadrant, sign)
-            return ToeplitzOperator.from_lags(kernel[2:])  # a(d + 1), d = 1 - n ... n - 1
+    def _tangential(self, ahead: int) -> ToeplitzOperator | CoupledOperator:
+        shape = (self.shape[0] + ahead, *self.shape[1:])
 
-        shape = (n + 1, *others)
+        def block(quadrant: Array, sign: float = 1.0) -> ToeplitzOperator:
+            if ahead == 0 and sign == 1.0:
+                return ToeplitzOperator(quadrant)
+            return ToeplitzOperator.from_lags(_mirror(quadrant, sign)[2 * ahead :])  # a(d + ahead)
+
         if len(self.element) == 1:
-            return ahead(self._plane_strain(n + 1), 1.0)
-        xx = ahead(self._quadrant(halfspace.influence_xx, shape), 1.0)
-        if not others:
-            return xx
-        yy = ahead(self._quadrant(halfspace.influence_yy, shape), 1.0)
+            return block(self._plane_strain(shape[0]))
+        xx = self._quadrant(halfspace.influence_xx, shape)
+        if len(shape) == 1:
+            return block(xx)
+        is_square = shape[0] == shape[1] and self.element[0] == self.element[1]
+        yy = xx.T if is_square else self._quadrant(halfspace.influence_yy, shape)
         xy = self._quadrant(halfspace.influence_xy, shape)
-        cross = ahead(xy, -1.0) if xy.any() else None
-        return CoupledOperator([[xx, cross], [cross, yy]])
+        cross = block(xy, -1.0) if xy.any() else None  # There is none for a Poisson's ratio of 0.
+        return CoupledOperator([[block(xx), cross], [cross, block(yy)]])
 
     def _plane_strain(self, n: int) -> Array:
         G, nu = self.material
@@ -167,7 +157,7 @@ class Grid:
         G, nu = self.material
         if abs(nu) < NEGLIGIBLE:
             nu = 0.0  # A coupling in proportion to it may be too small to be multiplied.
-        return np.asarray(influence(x, y, (h1, h2), G=G, nu=nu)).reshape(shape)
+        return influence(x, y, (h1, h2), G=G, nu=nu).reshape(shape)
 
 
 def _mirror(quadrant: Array, sign: float) -> Array:

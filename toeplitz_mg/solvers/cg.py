@@ -64,7 +64,7 @@ def cg(
         `A` in less precision, such as ``A.astype(np.float32)``. The iteration is then in that
         precision, but for the residual, which is computed anew with `A` at the end and whenever
         it may be wrong by 0.1 %: twice or three times where `A` has a condition number of some
-        thousands, as in two levels. There it takes as many iterations to the same residual, in
+        thousands, as with two axes. There it takes as many iterations to the same residual, in
         4/5 of the time. Where the condition number is above 1e6 it does not pay. `M` had
         best be in that precision too.
 

@@ -163,14 +163,7 @@ class Search:
             M.fit(C)
             tolerance, balanced = self.tolerance * law.interference, self.force is not None
             change = solve_on_set(
-                A,
-                self._inverse,
-                C,
-                now.x,
-                law.look,
-                eta=eta,
-                tolerance=tolerance,
-                balanced=balanced,
+                A, M, C, now.x, law.look, eta=eta, tolerance=tolerance, balanced=balanced
             )
             count += change.iterations
             now = Iterate(now.x + change.p, now.u + change.u, C, is_exact=False)
