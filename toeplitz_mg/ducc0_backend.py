@@ -41,7 +41,7 @@ def __ua_function__(method: Any, args: Any, kwargs: Any) -> Any:
     """Call the function of this module that has the name of one of `scipy.fft`."""
     function = _FUNCTIONS.get(method.__name__)
     result = NotImplemented if function is None else function(*args, **kwargs)
-    if result is NotImplemented:  # a global backend has no other behind it
+    if result is NotImplemented:  # A global backend has no other behind it.
         with set_backend("scipy", only=True):
             return method(*args, **kwargs)
     return result

@@ -109,7 +109,8 @@ class MultilevelProduct:
         """A bound of the 2-norm: of the spectrum, by its rows."""
         spectrum = self.spectrum or [[_spectrum(a) for a in row] for row in self._kernel or ()]
         sizes = [[0.0 if s is None else float(np.abs(s).max()) for s in row] for row in spectrum]
-        return float(norm(np.ravel(sizes))) * prod(self.lengths)  # by nrm2: of any size
+        # SciPy's norm scales what it squares, so that numbers of any size do not overflow.
+        return float(norm(np.ravel(sizes))) * prod(self.lengths)
 
     @cached_property
     def _matrix(self) -> Array:

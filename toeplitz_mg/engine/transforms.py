@@ -173,14 +173,15 @@ class Panels:
         pairs = np.empty((half, rows), np.complex128)
         self.plan.transpose(Z[:, :half], pairs)
         if sign < 0.0:
-            pairs *= 1j  # even part imaginary, and of the other sign; odd part real
+            # The even part is imaginary, and of the other sign; the odd part is real.
+            pairs *= 1j
         return pairs.view(np.float64).ravel()[: L + 1]
 
     def multiply_real(self, X: Array, eigenvalues: Array, out: Array) -> None:
         """Multiply rows; of the result the real part, for the shift 1/4."""
         plan = self.plan
         columns_of, n = plan.shape[1], X.shape[1]
-        whole, rest = divmod(n, columns_of)  # rows of the matrix, and what is left of the vector
+        whole, rest = divmod(n, columns_of)  # The full rows of the matrix, and what is left.
         u = plan.weights(0.25)
         for x, y in zip(X, out, strict=True):
             x_matrix = x[: n - rest].reshape(whole, columns_of)
@@ -216,7 +217,7 @@ class Panels:
                 P *= u
 
             def store(columns: slice, Q: Array) -> None:
-                z[:, columns] = Q  # the last shift is 0, and u is 1
+                z[:, columns] = Q  # The last shift is 0, so that u is 1.
 
             plan.multiply(load, factors, store)
             Y = y.reshape(plan.shape)
@@ -246,7 +247,7 @@ def cosine_sums(column: Array) -> Array:
     column : ndarray of shape (n + 1, ...), float64
     """
     shape = tuple(m - 1 for m in column.shape)
-    count_transforms(1, *shape)  # half as long as those of a product
+    count_transforms(1, *shape)  # They are half as long as those of a product.
     if (panels := _panels_for_sums(column)) is not None:
         return panels.cosine_sums(column)
     return fft.dctn(column, type=1)

@@ -24,7 +24,8 @@ def integrals(x: Array, y: Array, h1: float, h2: float) -> tuple[Array, Array, A
     ρ, and x and y in the integrands, go from the point to the element of area; `x` and `y` are
     arrays of one shape, the results have that shape.
     """
-    shape, x, y = x.shape, np.abs(x.ravel()), np.abs(y.ravel())  # even, to the last bit
+    # The integrals are even in x and in y, to the last bit.
+    shape, x, y = x.shape, np.abs(x.ravel()), np.abs(y.ravel())
     t1, t2 = x / h1, y / h2
     one, xx, yy = (np.empty_like(x) for _ in range(3))
     near = np.maximum(t1, t2) < GAUSS[0][0]
@@ -121,14 +122,14 @@ def _across(X: Array, low: Array, high: Array, _: float) -> tuple[Array, Array]:
 def _beside(X: Array, low: Array, high: Array, h: float) -> tuple[Array, Array]:
     """∫ dy/ρ and ∫ x²/ρ³ dy from low > 0 to high = low + h, the differences written out."""
     r1, r2 = np.hypot(X, low), np.hypot(X, high)
-    rise = h * (low + high)  # r2² - r1²
+    rise = h * (low + high)  # This is r2² - r1².
     one = np.log1p((h + rise / (r1 + r2)) / (low + r1))
     return one, X**2 * rise / ((high * r1 + low * r2) * r1 * r2)
 
 
 def _x_over_corners(x: Array, y: Array, h1: float, h2: float) -> Array:
     """[[½ Y ln(X² + Y²) + X arctan(Y/X)]] for x, y ≥ 0, by the two integrals below."""
-    X1, X2 = np.abs(x - h1 / 2.0), x + h1 / 2.0  # of the part that has one sign
+    X1, X2 = np.abs(x - h1 / 2.0), x + h1 / 2.0  # The ends of the part that has one sign.
     Y1, Y2 = _sides(y, h2)
     # So near, what is subtracted is not large beside the integral, whatever the shape.
     in_y = Y2 * _x_along_x(x, Y2, h1) - Y1 * _x_along_x(x, Y1, h1)

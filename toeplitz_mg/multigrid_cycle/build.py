@@ -121,7 +121,7 @@ def multigrid(
         raise TypeError(f"interpolation is {interpolation!r}, but must be an Interpolation")
     if not (coarsen is None or callable(coarsen)):
         raise TypeError(f"coarsen is {coarsen!r}, but must map a matrix to the next coarser one")
-    unwrap_toeplitz(A)  # or it says what is wrong
+    unwrap_toeplitz(A)  # This refuses what is not a symmetric Toeplitz matrix.
     levels = build_levels(A, smoother, coarsest, interpolation, coarsen)
     M = Multigrid(levels, pre, post, gamma)
     require_definite(M, coarsen is None)

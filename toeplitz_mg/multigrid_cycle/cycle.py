@@ -99,7 +99,7 @@ class Multigrid(GridOperator):
         """Solve on a coarse grid by gamma cycles."""
         e = workspace(r.shape, r.dtype)
         self._cycle(levels, r, e)
-        if levels[0].transfer is not None:  # the coarsest is solved exactly at once
+        if levels[0].transfer is not None:  # On the coarsest grid once is exact.
             for _ in range(self.gamma - 1):
                 again = workspace(r.shape, r.dtype)
                 correction = workspace(r.shape, r.dtype)

@@ -82,7 +82,7 @@ class Interpolation:
             for j in range(-reach, reach + 1)
         ]
         coarse = weights[reach] * windows[reach]
-        for j in range(reach):  # in pairs, symmetric to the last bit
+        for j in range(reach):  # In pairs, so that it is symmetric to the last bit.
             coarse = coarse + weights[j] * (windows[j] + windows[-1 - j])
         return coarse
 
@@ -153,7 +153,8 @@ class AreaWeighted:
         n = (lags.shape[axis] + 1) // 2
         m = self.coarse_length(n)
         k = np.arange(1 - m, m)
-        j = 2 * abs(k) + np.array([[-2], [-1], [1], [0]])  # so that it is symmetric to the last bit
+        # In this order the sum is symmetric to the last bit.
+        j = 2 * abs(k) + np.array([[-2], [-1], [1], [0]])
         hats = np.maximum(1.0 - abs(j * m / n - abs(k)), 0.0)
         hats *= n / m / hats.sum(axis=0)
         # Lag n, which A has not, is at the foot of the last hat: any other will do.

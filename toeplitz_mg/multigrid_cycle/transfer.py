@@ -141,7 +141,7 @@ class Transfer:
                 scaled = along((weight / t.ratio(n)).astype(grid.dtype), axis, grid.ndim)
                 if k:
                     _add_product(target, values, scaled)
-                else:  # the first piece is of all coarse elements
+                else:  # The first piece has all coarse elements.
                     np.multiply(values, scaled, out=target)
             grid = coarse
         if self.coarse_mask is not None:

@@ -132,7 +132,7 @@ def check_coefficients(values: ArrayLike, name: str) -> Array:
 def _require_digits(name: str, sizes: Array) -> None:
     """Raise ValueError where coefficients of these sizes make products over- or underflow."""
     numbers = np.finfo(sizes.dtype)
-    with np.errstate(over="ignore"):  # to inf, which is too much
+    with np.errstate(over="ignore"):  # It overflows to inf, which is too much.
         total = float(sizes.sum(dtype=np.float64))
     most = float(numbers.max) * HEADROOM / 2**sizes.ndim
     if total > most:

@@ -103,8 +103,9 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     column = A.lags
     for axis, n in enumerate(A.grid_shape):
         k = np.arange(n).reshape((n,) + (1,) * (column.ndim - 1 - axis))
-        positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=axis)  # lags 0 ... n - 1
-        negative = np.take(column, np.arange(n) - 1, axis=axis)  # lags k - n; k = 0 counts 0
+        # The lags k = 0 ... n - 1, and the lags k - n, of which that of k = 0 has no weight.
+        positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=axis)
+        negative = np.take(column, np.arange(n) - 1, axis=axis)
         column = ((n - k) * positive + k * negative) / n
     return _inverse(column, "T. Chan", precision(A, dtype))
 

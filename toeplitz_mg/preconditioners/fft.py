@@ -114,7 +114,8 @@ def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOp
     if A.is_even:
         return ToeplitzOperator(inverse[tuple(slice(n) for n in A.grid_shape)])
     lags = fft.fftshift(inverse)
-    return ToeplitzOperator.from_lags((lags + np.flip(lags)) / 2)  # symmetric to the last bit
+    # The mean is symmetric to the last bit.
+    return ToeplitzOperator.from_lags((lags + np.flip(lags)) / 2)
 
 
 def _invert_coupled(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:
@@ -130,7 +131,7 @@ def _invert_coupled(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:
     check_symmetric(A)
     components, *grid = A.grid_shape
     for i in range(components):
-        A.component(i)  # or it says that it is zero
+        A.component(i)  # This refuses a block that is zero.
     lengths = tuple(near_fast_length(2 * n - 1) for n in grid)
     S: list[list[Any]] = [[_sample_symbol(block, lengths) for block in row] for row in A.blocks]
     _invert_matrices(S, np.result_type(A.dtype, dtype))
@@ -144,7 +145,7 @@ def _invert_coupled(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:
             lags = fft.irfftn(S[i][j], lengths)[inside]
             S[i][j] = S[j][i] = 0.0  # It is of no more use, and large.
             if i == j:
-                lags = (lags + np.flip(lags)) / 2  # symmetric to the last bit
+                lags = (lags + np.flip(lags)) / 2  # The mean is symmetric to the last bit.
             block = ToeplitzOperator.from_lags(lags.astype(dtype))
             blocks[i][j], blocks[j][i] = block, block.T
     return CoupledOperator(blocks)
@@ -184,7 +185,8 @@ def _invert_matrices(S: list[list[Any]], dtype: Any) -> None:
             "the embedding of A in a block circulant, which M inverts, has the pivot",
             "componentwise(chan_preconditioner)(A), which needs the components only",
         )
-        others = [j for j in range(len(S)) if j != k and np.ndim(S[k][j]) > 0]  # not zero
+        # A number in the place of an array is a block that is zero.
+        others = [j for j in range(len(S)) if j != k and np.ndim(S[k][j]) > 0]
         row = {j: S[k][j] / pivot for j in others}
         for i in others:
             factor = S[i][k]

@@ -112,7 +112,7 @@ def ritz_values(A: LinearOperator, M: LinearOperator, steps: int) -> Array:
             norm = float(np.sqrt(max(q @ p, 0.0)))
             if diagonal:
                 if norm <= np.finfo(A.dtype).eps * abs(diagonal[0]):
-                    break  # the Krylov space is exhausted
+                    break  # The Krylov space is exhausted.
                 off_diagonal.append(norm)
             q, p = q / norm, p / norm
             w = M @ p

@@ -48,7 +48,7 @@ class RowSumModified(GridOperator):
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """As `GridOperator.apply`."""
         change = workspace(X.shape, np.result_type(X, self.dtype))
-        np.multiply(X, self.diagonal, out=change)  # before `out`, which may be X, is written
+        np.multiply(X, self.diagonal, out=change)  # Before `out`, which may be X, is written.
         out = apply_to_rows(self.M, X, out)
         out -= change
         return out
