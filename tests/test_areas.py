@@ -3,8 +3,8 @@
 import pytest
 
 import toeplitz_mg as tmg
+from comparisons.preconditioners.updates import normal, tangential
 from comparisons.systems import masks
-from comparisons.updates import normal, tangential
 from tests.test_fsai import both_iterations, half_space
 from toeplitz_mg.paper.problems import test1 as line_contact
 

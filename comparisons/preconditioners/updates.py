@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from comparisons.harness import report
+from comparisons.harness.measuring import TOLERANCE, iterate
 from comparisons.harness.processes import in_a_fresh_process, prepare
 from comparisons.harness.report import Row
 from comparisons.systems import masks
@@ -27,16 +28,15 @@ from toeplitz_mg import (
     CoupledOperator,
     MaskedOperator,
     ToeplitzOperator,
-    cg,
     fsai_preconditioner,
     halfspace,
 )
 
 Array = NDArray[np.bool_]
 
-PART = 0.01  # of the elements in contact
-TURNS = 9
-SECONDS = 600.0  # after which a run is given up
+PART = 0.01  # Share of the elements in contact that change.
+TURNS = 9  # Set-ups and updates of which the median time counts.
+SECONDS = 600.0  # Time after which an area is given up.
 SIZES, QUICK_SIZES = (512, 1024), (48,)
 
 
@@ -127,25 +127,13 @@ def measure(problem: str, area: str, N: int, turns: int) -> Row:
     for name, (Q, B) in changes.items():
         updated, fresh = Q.updated(B.mask), fsai_preconditioner(B)
         b = np.random.default_rng(1).standard_normal(B.shape[0])
-        taken = [iterations(B, R, b) for R in (updated, fresh)]
+        taken = [iterate(B, b, M=R, rtol=TOLERANCE)[1] for R in (updated, fresh)]
         applications = {"updated": partial(updated.matvec, b), "new": partial(fresh.matvec, b)}
         applied = _medians(applications, turns)
         row[name] = seconds[name] / seconds["set-up"]
         row[f"{name}: iterations"], row[f"{name}: new"] = taken
         row[f"{name}: application"] = applied["updated"] / applied["new"]
     return row
-
-
-def iterations(A: Any, P: Any, b: NDArray[np.float64]) -> int:
-    """Count those of CG."""
-    count = 0
-
-    def step(_: object) -> None:
-        nonlocal count
-        count += 1
-
-    _, info = cg(A, b, M=P, rtol=1e-8, callback=step)
-    return count if info == 0 else -1
 
 
 def _medians(actions: Mapping[str, Callable[[], object]], turns: int) -> dict[str, float]:
@@ -165,14 +153,14 @@ def _shown(row: Row, change: str) -> str:
     return f"{row[change]:.2f} ({taken}, {row[f'{change}: application']:.2f})"
 
 
-def main() -> None:
+def main(turns: int = TURNS) -> None:
     """Run the comparison."""
     prepare("comparisons.systems.masks", "comparisons.harness.report", "scipy.ndimage")
-    arguments = report.options("updates", "The cost of an update of FSAI.")
+    arguments = report.options("preconditioners.updates", "The cost of an update of FSAI.")
     rows: list[Row] = []
     for problem, N in product(PROBLEMS, QUICK_SIZES if arguments.quick else SIZES):
         own = [
-            in_a_fresh_process(partial(measure, problem, area, N, TURNS), SECONDS)
+            in_a_fresh_process(partial(measure, problem, area, N, turns), SECONDS)
             for area in masks.FRAGMENTED
             if area != "one line"
         ]
