@@ -10,16 +10,16 @@ from functools import partial
 import numpy as np
 import pytest
 
-from comparisons import default_choice, drop_in, matrices
 from comparisons.contact import punch3d, punch_limits
 from comparisons.harness.processes import in_a_fresh_process, take_turns
 from comparisons.paper import figures as paper_figures
 from comparisons.paper import tables as paper_tables
-from comparisons.preconditioners import areas, neighbours, stretched
+from comparisons.preconditioners import areas, default_choice, neighbours, stretched
 from comparisons.preconditioners import figures as area_figures
 from comparisons.preconditioners import symbols as general_symbols
 from comparisons.reliability import __main__ as reliability
-from comparisons.speed import baselines, by_hand
+from comparisons.speed import baselines, by_hand, drop_in
+from comparisons.systems import matrices
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
 
@@ -79,8 +79,7 @@ def test_general_symbols(tmp_path, monkeypatch, capsys):
 
 
 def test_drop_in(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(drop_in, "QUICK_SIZES", (1, 5, 300))
-    printed = run(drop_in, tmp_path, monkeypatch, capsys)
+    printed = run(drop_in, tmp_path, monkeypatch, capsys, quick_sizes=(1, 5, 300))
     assert "Crossover" in printed
     assert (tmp_path / "drop_in.png").read_bytes().startswith(b"\x89PNG")
     rows = rows_of(tmp_path / "drop_in.csv")
@@ -291,9 +290,8 @@ def test_help(comparison, monkeypatch, capsys):
 
 
 def test_default_choice(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(default_choice, "QUICK_RANDOM", 12)
-    monkeypatch.setattr(default_choice, "QUICK_EVERY", 40)
-    printed = run(default_choice, tmp_path, monkeypatch, capsys)
+    few = {"quick_random": 12, "quick_every": 40}
+    printed = run(default_choice, tmp_path, monkeypatch, capsys, **few)
     assert "worse than none" in printed
     assert (tmp_path / "default_choice.md").read_text().startswith("# default_preconditioner")
     rows = rows_of(tmp_path / "default_choice.csv")

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import toeplitz_mg as tmg
-from comparisons.default_choice import GOAL, ROUNDING
+from comparisons.preconditioners.default_choice import GOAL, ROUNDING
 from comparisons.systems import masks
 from comparisons.systems.symbols import COLUMNS, column
 from tests.cases import contact, coupled, coupled_kernel, exponential

@@ -6,9 +6,9 @@ from numpy.testing import assert_allclose
 from scipy.sparse.linalg import cg
 
 import toeplitz_mg as tmg
-from comparisons.paper.tables import CYCLES, TESTS, papers_cycle
+from comparisons.paper.tables import CYCLES, papers_cycle
 from toeplitz_mg.paper import published
-from toeplitz_mg.paper.problems import test1, test2
+from toeplitz_mg.paper.problems import TESTS, test1, test2
 
 FFT, SD, RSM = tmg.fft_preconditioner, tmg.fft_sd_preconditioner, tmg.fft_rsm_preconditioner
 

@@ -157,9 +157,9 @@ def solve(
     """Set a preconditioner up and iterate to `TOLERANCE`, both timed and their work counted."""
     n = whole(A).shape[0]
     with tmg.count_products() as setup_work:
-        M, setup_s = timed(lambda: preconditioner(A), process_time)
+        M, setup_s = time_call(lambda: preconditioner(A), process_time)
     with tmg.count_products() as work:
-        (x, iterations, info), solve_s = timed(
+        (x, iterations, info), solve_s = time_call(
             lambda: iterate(A, b, *arguments, M=M, rtol=TOLERANCE, **options), process_time
         )
     residual = float(np.linalg.norm(b - A @ x)) / float(np.linalg.norm(b))
@@ -256,9 +256,9 @@ def _measure_here(contender: Contender, problem: System) -> Measurement:
     n = problem.A.grid_shape[0]
     before = peak_bytes()
     with tmg.count_products() as setup_work:
-        solve, setup_s = timed(lambda: contender.method(problem))
+        solve, setup_s = time_call(lambda: contender.method(problem))
     with tmg.count_products() as solve_work:
-        (x, iterations), solve_s = timed(solve)
+        (x, iterations), solve_s = time_call(solve)
     peak = peak_bytes() - before
     residual = true_residual(problem, x)
     converged = residual <= CONVERGED
@@ -285,13 +285,13 @@ def _repeat(
     """Return the medians with a few more runs, where they are short and easily disturbed."""
     setups, solves = [setup_s], [solve_s]
     while len(setups) < 5 and sum(setups) + sum(solves) < 0.5:
-        solve, seconds = timed(lambda: contender.method(problem))
+        solve, seconds = time_call(lambda: contender.method(problem))
         setups.append(seconds)
-        solves.append(timed(solve)[1])
+        solves.append(time_call(solve)[1])
     return median(setups), median(solves)
 
 
-def timed(
+def time_call(
     function: Callable[[], Any], clock: Callable[[], float] = perf_counter
 ) -> tuple[Any, float]:
     """Return what a function returns and the seconds it took, of wall time unless told."""

@@ -90,13 +90,13 @@ def _serve(items: Callable[[], Iterator[Any]], pipe: Connection) -> None:
             pipe.send(answer)
 
 
-def in_a_fresh_process(job: Callable[[], T], seconds: float) -> T:
+def in_a_fresh_process(job: Callable[[], T], seconds: float | None = None) -> T:
     """Return what a function returns in a process of its own.
 
     Raises
     ------
     TimeoutError
-        Where it takes longer than that; it is killed.
+        Where it takes longer than that, if there is a limit; it is killed.
     ArithmeticError
         Where it raises an error, which is the message, or the process dies.
     """

@@ -15,9 +15,9 @@ from toeplitz_mg._typing import Preconditioner
 from toeplitz_mg.multigrid_cycle.hierarchy import Level
 from toeplitz_mg.multigrid_cycle.transfer import Transfer
 from toeplitz_mg.paper import problems, published
+from toeplitz_mg.paper.problems import TESTS
 from toeplitz_mg.preconditioners.direct import DenseInverse
 
-TESTS = {1: problems.test1, 2: problems.test2, 3: problems.test3}
 CYCLES = {"V(1,1)": (1, 1), "V(1,0)": (1, 0), "V(0,1)": (0, 1)}
 
 

@@ -10,11 +10,10 @@ from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from toeplitz_mg.cli import contact_arguments, files
-from toeplitz_mg.paper import problems
+from toeplitz_mg.paper.problems import TESTS
 
 Preconditioner = Callable[[LinearOperator], LinearOperator]
 
-TESTS = {1: problems.test1, 2: problems.test2, 3: problems.test3}
 PRECONDITIONERS: dict[str, Preconditioner] = {
     "default": tmg.default_preconditioner,
     "fsai": tmg.fsai_preconditioner,

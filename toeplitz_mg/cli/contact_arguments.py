@@ -98,8 +98,6 @@ OPTIONS = {
 }
 SHORT = {"n": ("-n",), "output": ("-o", "--output")}
 METAVARS = {"output": "FIELDS.npz", "plot": "FILE"}
-# Options of the main command, which argparse takes from before the subcommand too.
-ALIEN = ("test", "solver", "preconditioner", "cycle", "smoother", "rtol", "maxiter", "seed")
 
 
 def add_parser(commands: Any, **bare: Any) -> None:
@@ -131,9 +129,9 @@ def add_parser(commands: Any, **bare: Any) -> None:
 def complete(given: argparse.Namespace) -> argparse.Namespace:
     """Fill in the defaults, and refuse what cannot be meant."""
     options = {key: value for key, value in vars(given).items() if value is not None}
-    for name in ALIEN:
-        if name in options:
-            raise ValueError(f"--{name} is for linear systems, not for contact")
+    # argparse also takes options of the main command, where they stand before this one.
+    for name in options.keys() - OPTIONS.keys() - {"command", "case"}:
+        raise ValueError(f"--{name} is for linear systems, not for contact")
     case = options.get("case")
     if case is None:
         raise ValueError(f"contact needs a case: {', '.join(CASES)}")

@@ -4,9 +4,10 @@ import argparse
 
 from toeplitz_mg import MaskedOperator
 from toeplitz_mg.cli import linear
-from toeplitz_mg.cli.arguments import TESTS, complete
+from toeplitz_mg.cli.arguments import complete
 from toeplitz_mg.cli.linear import System
 from toeplitz_mg.paper import published
+from toeplitz_mg.paper.problems import TESTS
 
 
 def run(given: argparse.Namespace) -> int:

@@ -50,7 +50,7 @@ LONG = 2**14  # Fewest elements of a grid whose transforms take longer than the 
 # `python -m comparisons.stretched`:
 ALIKE = 0.5  # Least `likeness_of_axes` at which a sine transform is as good as for squares.
 
-# `python -m comparisons.default_choice`, on its lines, where x is the column of the factor:
+# `python -m comparisons.preconditioners.default_choice`, on its lines, where x is the column of the factor:
 WELL_RESOLVED = 0.01  # Largest ‖A x - e₁‖ of a symbol that n coefficients of any sign resolve.
 HARDLY_RESOLVED = 100.0  # Largest ‖A x - e₁‖ at which a symbol is of use where they decrease.
 SMOOTH_NEIGHBOURS = 24  # Neighbours in a row of FSAI for covariances that are smooth.

@@ -4,12 +4,9 @@ For n = 1 … 2²⁰, one and 64 right-hand sides at random. Each pair is timed 
 two in turns, one thread; medians. SciPy's is not run where it would take minutes.
 """
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import partial
-from multiprocessing import get_context, set_forkserver_preload
 from pathlib import Path
 from statistics import median
 
@@ -20,7 +17,8 @@ from tqdm import tqdm
 
 import toeplitz_mg as tmg
 from comparisons.harness import report
-from comparisons.harness.measuring import timed
+from comparisons.harness.measuring import time_call
+from comparisons.harness.processes import in_a_fresh_process, prepare
 from comparisons.harness.report import Row
 from comparisons.systems.symbols import column
 from toeplitz_mg._typing import Array
@@ -29,9 +27,9 @@ SYMBOLS = ("contact", "fGn, H = 0.9", "0.9^k", "exp(-k/1000)", "θ²")
 SIZES = (1, 2, 3, 5, *(2**k for k in range(3, 12)), 3000, 4096, 2**13, 10007, 2**15, 2**17, 2**20)
 QUICK_SIZES = SIZES[:14]
 COLUMNS = (1, 64)
-LEVINSON_STEPS = 2**36  # n² of all columns, some minutes
-ENOUGH = 0.3  # seconds of one method's runs
-TURNS = 101  # at most
+LEVINSON_STEPS = 2**36  # n² times the columns, up to which SciPy's takes some minutes.
+ENOUGH = 0.3  # Seconds of one method's runs, after which there are no more turns.
+TURNS = 101  # Most turns of the two.
 
 
 @dataclass(frozen=True)
@@ -55,11 +53,11 @@ def measure(name: str, n: int, columns: int) -> Pair:
     ours = partial(tmg.solve_toeplitz, c, b)
     scipys = partial(scipy.linalg.solve_toeplitz, c, b)
     with_scipy = columns * n**2 <= LEVINSON_STEPS
-    (x, info), first = timed(partial(tmg.solve_toeplitz, c, b, full_output=True))
-    x_scipy, first_scipy = timed(scipys) if with_scipy else (None, 0.0)
+    (x, info), first = time_call(partial(tmg.solve_toeplitz, c, b, full_output=True))
+    x_scipy, first_scipy = time_call(scipys) if with_scipy else (None, 0.0)
     turns = max(1, min(TURNS, round(ENOUGH / max(first, first_scipy))))
     pairs = [
-        (timed(ours)[1], timed(scipys)[1] if with_scipy and turns > 1 else first_scipy)
+        (time_call(ours)[1], time_call(scipys)[1] if with_scipy and turns > 1 else first_scipy)
         for _ in range(turns)
     ]
     seconds, scipy_seconds = (median(values) for values in zip(*pairs, strict=True))
@@ -85,13 +83,11 @@ def run(sizes: Sequence[int], path: Path) -> list[Row]:
     """Measure all, and keep the table on disk up to date."""
     rows: list[Row] = []
     jobs = [(name, n, k) for name in SYMBOLS for k in COLUMNS for n in sizes if k * n <= 2**22]
-    # A process of its own for each: what one leaves behind is not the time of the next.
-    context = get_context("forkserver")
-    with ProcessPoolExecutor(1, mp_context=context, max_tasks_per_child=1) as pool:
-        for name, n, columns in tqdm(jobs, unit="pair"):
-            pair = pool.submit(measure, name, n, columns).result()
-            rows.append({"symbol": name, "n": n, "columns": columns, **asdict(pair)})
-            report.write_csv(path, rows)
+    for name, n, columns in tqdm(jobs, unit="pair"):
+        # A process of its own for each: what one leaves behind is not the time of the next.
+        pair = in_a_fresh_process(partial(measure, name, n, columns))
+        rows.append({"symbol": name, "n": n, "columns": columns, **asdict(pair)})
+        report.write_csv(path, rows)
     return rows
 
 
@@ -113,11 +109,7 @@ def show(rows: Sequence[Row]) -> None:
     for name in SYMBOLS:
         for columns in COLUMNS:
             own = [row for row in rows if (row["symbol"], row["columns"]) == (name, columns)]
-            table = [
-                {"n": row["n"]}
-                | {k: "" if row[k] is None else format(row[k], f) for k, f in FORMATS.items()}
-                for row in own
-            ]
+            table = [{"n": row["n"]} | report.format_cells(row, FORMATS) for row in own]
             report.show(f"{name}, {columns} right-hand side(s)", table)
             faster = [row["n"] for row in own if row["ratio"] and row["ratio"] > 1.1]
             crossovers.append(
@@ -132,7 +124,7 @@ def show_inverses(n: int) -> None:
     for name in SYMBOLS:
         A = tmg.ToeplitzOperator(column(name, n))
         with tmg.count_products() as setup:
-            inverse, seconds = timed(partial(tmg.toeplitz_inverse, A, rtol=0.1))
+            inverse, seconds = time_call(partial(tmg.toeplitz_inverse, A, rtol=0.1))
         with tmg.count_products() as product:
             _ = inverse @ np.ones(n)
         table.append(
@@ -165,12 +157,11 @@ def plot(rows: Sequence[Row], path: Path) -> None:
     report.write_figure(path, figure, dpi=130)
 
 
-def main() -> None:
+def main(quick_sizes: Sequence[int] = QUICK_SIZES) -> None:
     """Run the comparison."""
-    os.environ["OMP_NUM_THREADS"] = "1"  # read where the processes import BLAS
-    set_forkserver_preload(["comparisons.drop_in"])
-    arguments = report.options("drop_in", "Compare solve_toeplitz with SciPy's.")
-    rows = run(QUICK_SIZES if arguments.quick else SIZES, arguments.output / "drop_in.csv")
+    prepare("comparisons.speed.drop_in")
+    arguments = report.options("speed.drop_in", "Compare solve_toeplitz with SciPy's.")
+    rows = run(quick_sizes if arguments.quick else SIZES, arguments.output / "drop_in.csv")
     show(rows)
     show_inverses(2**14 if arguments.quick else 2**20)
     plot(rows, arguments.output / "drop_in.png")

@@ -1,6 +1,6 @@
 """Whether `default_preconditioner` is ever worse than none, on matrices of every kind.
 
-1,000 random and 250 typical matrices (`comparisons.matrices`), a constant and a random right-hand
+1,000 random and 250 typical matrices (`systems.matrices`), a constant and a random right-hand
 side, CG from a zero guess to a relative residual of 1e-8. Worse is what takes more than 1.1 of the
 iterations of none, where that is more than two iterations: one or two are the rounding of counts.
 """
@@ -16,24 +16,24 @@ from tqdm import tqdm
 
 import toeplitz_mg as tmg
 from comparisons.harness import report
+from comparisons.harness.measuring import TOLERANCE, iterate
 from comparisons.harness.report import Row
-from comparisons.matrices import Case, random_ones, typical
+from comparisons.systems.matrices import Case, random_ones, typical
 
 TITLE = "default_preconditioner against none"
-TOLERANCE = 1e-8
-MAXITER = 500
-RANDOM, QUICK_RANDOM, QUICK_EVERY = 1000, 30, 12  # matrices; every twelfth of the typical ones
-GOAL = 1.1  # of the iterations of none
-ROUNDING = 2  # iterations more than none, that are not called worse
-WORST = 12  # cases that are listed
+MAXITER = 500  # Iterations after which CG has not converged.
+RANDOM, QUICK_RANDOM = 1000, 30  # Random matrices of a full and of a quick run.
+QUICK_EVERY = 12  # A quick run takes every twelfth of the typical matrices.
+GOAL = 1.1  # Iterations over those of none, above which a preconditioner is worse than none.
+ROUNDING = 2  # Iterations more than none that are not called worse.
+WORST = 12  # Cases with the largest ratios that are listed.
 RIGHT_HAND_SIDES = ("constant", "random")
 
 
 def iterations(A: Any, M: Any, b: Any) -> int:
     """Return the iterations of CG, one more than `MAXITER` where it has not converged."""
-    steps: list[int] = []
-    _, info = tmg.cg(A, b, M=M, rtol=TOLERANCE, maxiter=MAXITER, callback=lambda _: steps.append(1))
-    return MAXITER + 1 if info else len(steps)
+    _, count, info = iterate(A, b, M=M, rtol=TOLERANCE, maxiter=MAXITER)
+    return MAXITER + 1 if info else count
 
 
 def measure(case: Case) -> Row:
@@ -71,25 +71,25 @@ def summary(family: str, rows: Sequence[Row]) -> Row:
     for method in ("none", "default"):
         counts = [row[f"{method}, {name}"] for row in done for name in RIGHT_HAND_SIDES]
         result[f"{method}, median"] = f"{median(counts):g}" if counts else ""
-        result[f"{method}, most"] = shown(max(counts)) if counts else ""
+        result[f"{method}, most"] = format_count(max(counts)) if counts else ""
         result[f"{method}, not converged"] = sum(count > MAXITER for count in counts)
     result["largest ratio"] = f"{max(row['ratio'] for row in done):.2f}" if done else ""
     return result
 
 
-def shown(count: int) -> str:
+def format_count(count: int) -> str:
     """Return a number of iterations as it is printed."""
     return f"> {MAXITER}" if count > MAXITER else str(count)
 
 
-def worst(rows: Sequence[Row]) -> list[Row]:
+def list_worst(rows: Sequence[Row]) -> list[Row]:
     """Return those with the largest ratios, and all that are worse or refused."""
     listed = sorted((row for row in rows if not row["note"]), key=lambda row: -row["ratio"])
     chosen = [row for k, row in enumerate(listed) if row["worse"] or k < WORST]
     return [
         {key: row[key] for key in ("family", "case", "unknowns", "taken")}
         | {
-            name: f"{shown(row[f'default, {name}'])} / {shown(row[f'none, {name}'])}"
+            name: f"{format_count(row[f'default, {name}'])} / {format_count(row[f'none, {name}'])}"
             for name in RIGHT_HAND_SIDES
         }
         | {"ratio": f"{row['ratio']:.2f}", "worse": "worse" if row["worse"] else ""}
@@ -97,7 +97,7 @@ def worst(rows: Sequence[Row]) -> list[Row]:
     ]
 
 
-def refused(rows: Sequence[Row]) -> list[Row]:
+def list_refusals(rows: Sequence[Row]) -> list[Row]:
     """Return what is refused, and why."""
     return [
         {key: row[key] for key in ("family", "case", "unknowns", "note")}
@@ -110,20 +110,20 @@ def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
     """Return what is printed, by heading."""
     return {
         f"Iterations to {TOLERANCE:.0e}": by_family(rows),
-        "The largest ratios, iterations default / none": worst(rows),
-        "Refused": refused(rows),
+        "The largest ratios, iterations default / none": list_worst(rows),
+        "Refused": list_refusals(rows),
     }
 
 
-def main() -> None:
+def main(quick_random: int = QUICK_RANDOM, quick_every: int = QUICK_EVERY) -> None:
     """Run the comparison."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[name] = "1"  # read where a process imports BLAS
     families = tuple(dict.fromkeys(case.family for case in (*typical(), *random_ones(RANDOM))))
-    arguments = report.options("default_choice", f"{TITLE}.", families=families)
+    arguments = report.options("preconditioners.default_choice", f"{TITLE}.", families=families)
     cases = [*typical(), *random_ones(RANDOM)]
     if arguments.quick:
-        cases = [*list(typical())[::QUICK_EVERY], *random_ones(QUICK_RANDOM)]
+        cases = [*list(typical())[::quick_every], *random_ones(quick_random)]
     cases = [case for case in cases if case.family in (arguments.families or families)]
     if arguments.quick:
         rows = [measure(case) for case in tqdm(cases, unit="matrix")]
