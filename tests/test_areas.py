@@ -1,7 +1,6 @@
 """Iterations on the areas of the comparison `areas`, on large grids."""
 
 import pytest
-from comparisons.preconditioners.updates import tangential
 
 import toeplitz_mg as tmg
 from comparisons.systems import masks

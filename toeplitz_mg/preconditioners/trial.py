@@ -12,8 +12,9 @@ from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.vectors import axpy, norm
 from toeplitz_mg.operators import apply_to_rows
 
-# Measured by `python -m comparisons.preconditioners.default_choice`, by the cases in which the choice is worse than
-# none: with 10 steps, or a smaller advantage, wide covariances and plane waves mislead.
+# Measured by `python -m comparisons.preconditioners.default_choice`, by the cases in which the
+# choice is worse than none: with 10 steps, or a smaller advantage, wide covariances and plane
+# waves mislead.
 STEPS = 20  # Most steps of conjugate gradients in a trial: each costs as much as an iteration.
 ADVANTAGE = 2.0  # How many times smaller the residual must be than without a preconditioner.
 SOLVED = 1e-8  # Relative residual at which a trial ends: what is left by then is mostly rounding.

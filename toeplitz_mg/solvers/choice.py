@@ -25,7 +25,8 @@ LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in 
 
 # Work is counted in steps of the inner loops of Levinson's recursion, n² for a column: one
 # multiplication and one addition in each of two vectors. The ratios to them are rough, and the same
-# on every machine, so that the choice is, too; `python -m comparisons.speed.drop_in` measures both sides.
+# on every machine, so that the choice is, too. `python -m comparisons.speed.drop_in` measures both
+# sides.
 MOST_STEPS = 2**32  # of Levinson's recursion: a column of 65,536 unknowns
 LEVINSON_CALL = 2_900  # steps that a column costs beside its own: what Python does about it
 CG_SETUP = 570_000  # steps that the set-up of A and M costs, and the calls of all iterations

@@ -28,7 +28,8 @@ PART = 0.75  # Share of the grid where they are few, to have enough of them.
 REDUCTION = 1e-8  # Reduction of the residual in a trial.
 # Iterations of a trial. On large grids and any mask there are up to 1.2 times as many, for elements
 # longer than 1:100 up to 1.5 times; 16 are promised. A kernel within half an iteration of this
-# takes 14 to 16, whichever way it falls. Measured by `python -m comparisons.neighbours`.
+# takes 14 to 16, whichever way it falls. Measured by
+# `python -m comparisons.preconditioners.neighbours`.
 MOST = 13.6
 COARSENED = Options(direct=30)  # Few unknowns are solved for directly, so that E is coarsened too.
 
