@@ -61,3 +61,10 @@ def test_every_page_is_linked_from_another():
         for target in re.findall(r"\]\(([^)#:]+\.md)", page.read_text())
     }
     assert {page.resolve() for page in PAGES} - linked <= {README}
+
+
+def test_the_code_names_commands_that_exist():
+    for path in (ROOT / "toeplitz_mg").rglob("*.py"):
+        for name in re.findall(r"python -m (comparisons[\w.]*\w)", path.read_text()):
+            stem = ROOT.joinpath(*name.split("."))
+            assert stem.with_suffix(".py").exists() or (stem / "__main__.py").exists(), name
