@@ -4,7 +4,6 @@ import io
 import os
 import secrets
 import stat
-import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib.util import find_spec
@@ -197,13 +196,6 @@ def plot(
     right.set_ylabel("residual / right-hand side")
     right.grid(alpha=0.3)
     save_figure(path, figure)
-
-
-def print_any_character() -> None:
-    """Print what the terminal does not have as its number, so that no result is lost at a "²"."""
-    failing = ("strict", "surrogateescape")  # Others, as by PYTHONIOENCODING, were asked for.
-    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in failing:
-        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def write(path: Path, data: bytes) -> None:

@@ -14,6 +14,7 @@ import toeplitz_mg as tmg
 from toeplitz_mg._typing import Array
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.arguments import PRECONDITIONERS
+from toeplitz_mg.cli.report import print_step
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ class Progress:
         start = perf_counter()
         with tmg.count_products() as work:
             self.residuals.append(self.system.residual(x))
-        print(f"{len(self.residuals):10d}   {self.residuals[-1]:.3e}", flush=True)
+        print_step(len(self.residuals), self.residuals[-1])
         self.points += work.points
         self.seconds += perf_counter() - start
 
@@ -101,7 +102,7 @@ def run(
     written = solution.converged and options.output is not None
     if written:  # first of all, so that the solution does not depend on what can be printed
         files.save(options.output, system.on_its_grid(solution.x))
-    report(solution, method, published(method.label))
+    print_report(solution, method, published(method.label))
     if written:
         print(f"written to {options.output}")
     if options.plot is not None:
@@ -162,7 +163,7 @@ def iterate(system: System, method: Method, options: argparse.Namespace) -> Solu
     return Solution(x, residuals, residual, converged, work.units(n), seconds)
 
 
-def report(solution: Solution, method: Method, published: str) -> None:
+def print_report(solution: Solution, method: Method, published: str) -> None:
     """Print what was found, and beside it what others have."""
     count = len(solution.residuals) - 1
     factor = (solution.residual / solution.residuals[0]) ** (1.0 / max(count, 1))
