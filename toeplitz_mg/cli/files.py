@@ -172,14 +172,7 @@ def plot(
     left, right = figure.subplots(1, 2)
     # It has the name of a file, so there may be a $ in it, or bytes that are no characters.
     figure.suptitle(title.encode(errors="backslashreplace").decode(), parse_math=False)
-    grid = solution
-    if mask is not None:
-        grid = np.full(mask.shape, np.nan)
-        grid[mask] = solution
-        if x is not None:
-            at = np.full(mask.shape, np.nan)
-            at[mask] = x
-            x = at
+    grid, x = _spread(solution, mask), None if x is None else _spread(x, mask)
     if grid.ndim == 2 and min(grid.shape) > 1:
         image = left.imshow(grid.T, origin="lower")
         figure.colorbar(image, ax=left)
@@ -196,6 +189,15 @@ def plot(
     right.set_ylabel("residual / right-hand side")
     right.grid(alpha=0.3)
     save_figure(path, figure)
+
+
+def _spread(values: Array, mask: Array | None) -> Array:
+    """Return values on a grid, NaN outside its mask."""
+    if mask is None:
+        return values
+    grid = np.full(mask.shape, np.nan)
+    grid[mask] = values
+    return grid
 
 
 def write(path: Path, data: bytes) -> None:
