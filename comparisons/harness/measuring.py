@@ -124,12 +124,12 @@ class Run:
 
     @property
     def seconds(self) -> float:
-        """With set-up."""
+        """CPU seconds of set-up and iteration."""
         return self.setup_s + self.solve_s
 
     @property
     def units(self) -> float:
-        """With set-up."""
+        """Work units of set-up and iteration."""
         return self.setup_units + self.solve_units
 
     @property

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from tabulate import tabulate
 
 from toeplitz_mg.cli import files
+from toeplitz_mg.cli.report import print_any_character
 
 Row = dict[str, Any]
 
@@ -46,7 +47,7 @@ def options(name: str, description: str, **choices: Sequence[Any] | int) -> argp
         metavar="FOLDER",
         help="folder for CSV and PNG (default: %(default)s)",
     )
-    files.print_any_character()
+    print_any_character()
     arguments = parser.parse_args()
     arguments.output.mkdir(parents=True, exist_ok=True)
     print(f"Writing to {arguments.output.resolve()}")

@@ -14,6 +14,7 @@ from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.contact_arguments import complete
 from toeplitz_mg.cli.hertz import Hertz
+from toeplitz_mg.cli.report import print_step
 from toeplitz_mg.contact import (
     ContactError,
     ContactResult,
@@ -36,9 +37,11 @@ class Case:
     Attributes
     ----------
     options : Namespace
+        What the user asked for, complete.
     theory : Hertz
+        The contact that is expected.
     shape : tuple of int
-        Of the grid.
+        Elements of the grid along each axis.
     h : float
         Side of an element, or width of a strip, mm.
     """
@@ -89,7 +92,7 @@ class Case:
         """What all solvers are given."""
         o = self.options
         material = o.G, o.nu
-        return {"material": material, "tolerance": o.tolerance, "progress": _print_progress}
+        return {"material": material, "tolerance": o.tolerance, "progress": print_step}
 
     def solve(self) -> dict[str, ContactResult]:
         """Solve the normal problem, and the tangential one of its pressures, where there is one."""
@@ -157,7 +160,7 @@ def run(given: argparse.Namespace) -> int:
     seconds = perf_counter() - start
     if options.output is not None:  # first, so that it does not depend on what can be printed
         files.save_fields(options.output, fields(case, results))
-    _report(case, results, seconds)
+    _print_report(case, results, seconds)
     if options.output is not None:
         print(f"written to {options.output}")
     if options.plot is not None:
@@ -199,15 +202,11 @@ def _solve(name: str, solve: Callable[[], ContactResult]) -> ContactResult:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ContactWarning)  # they are printed below the figures
         result = solve()
-    _print_progress(result.products, result.residual)
+    print_step(result.products, result.residual)
     return result
 
 
-def _print_progress(products: int, residual: float) -> None:
-    print(f"{products:10d}   {residual:.3e}", flush=True)
-
-
-def _report(case: Case, results: Mapping[str, ContactResult], seconds: float) -> None:
+def _print_report(case: Case, results: Mapping[str, ContactResult], seconds: float) -> None:
     """Print what was found, and what theory says, as far as it does."""
     products = " + ".join(str(result.products) for result in results.values())
     print(f"\nconverged: {products} products, {seconds:.2f} seconds")

@@ -26,15 +26,15 @@ class Option:
     kind : type
         float, int, bool or Path.
     most : int
-        So many values can be given.
+        How many values it takes at most.
     cases : tuple of str
-        What it is for.
+        The cases that it is for.
     default : object
-        None where there is none.
+        What it is where it is not given.
     positive : bool
-        Whether its numbers must be.
+        Whether its numbers must be positive.
     infinite : bool
-        Whether they may be.
+        Whether its numbers may be infinite.
     """
 
     help: str

@@ -4,7 +4,6 @@ import io
 import os
 import secrets
 import stat
-import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib.util import find_spec
@@ -173,14 +172,7 @@ def plot(
     left, right = figure.subplots(1, 2)
     # It has the name of a file, so there may be a $ in it, or bytes that are no characters.
     figure.suptitle(title.encode(errors="backslashreplace").decode(), parse_math=False)
-    grid = solution
-    if mask is not None:
-        grid = np.full(mask.shape, np.nan)
-        grid[mask] = solution
-        if x is not None:
-            at = np.full(mask.shape, np.nan)
-            at[mask] = x
-            x = at
+    grid, x = _spread(solution, mask), None if x is None else _spread(x, mask)
     if grid.ndim == 2 and min(grid.shape) > 1:
         image = left.imshow(grid.T, origin="lower")
         figure.colorbar(image, ax=left)
@@ -199,11 +191,13 @@ def plot(
     save_figure(path, figure)
 
 
-def print_any_character() -> None:
-    """Print what the terminal does not have as its number, so that no result is lost at a "²"."""
-    failing = ("strict", "surrogateescape")  # Others, as by PYTHONIOENCODING, were asked for.
-    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in failing:
-        sys.stdout.reconfigure(errors="backslashreplace")
+def _spread(values: Array, mask: Array | None) -> Array:
+    """Return values on a grid, NaN outside its mask."""
+    if mask is None:
+        return values
+    grid = np.full(mask.shape, np.nan)
+    grid[mask] = values
+    return grid
 
 
 def write(path: Path, data: bytes) -> None:

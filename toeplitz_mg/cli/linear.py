@@ -14,6 +14,7 @@ import toeplitz_mg as tmg
 from toeplitz_mg._typing import Array
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.arguments import PRECONDITIONERS
+from toeplitz_mg.cli.report import print_step
 
 
 @dataclass(frozen=True)
@@ -38,20 +39,6 @@ class System:
         grid = np.zeros(self.mask.shape, x.dtype)
         grid[self.mask] = x
         return grid
-
-
-@dataclass(frozen=True)
-class Method:
-    """An iteration, set up for a system."""
-
-    solver: Callable[..., tuple[Array, int]]
-    M: LinearOperator | None
-    label: str  # of the preconditioner
-    seconds: float  # of the set-up
-
-    def __str__(self) -> str:
-        name = self.label if self.M is None else str(self.M)
-        return f"CG with {name}" if self.solver is tmg.cg else name
 
 
 @dataclass(frozen=True)
@@ -80,7 +67,7 @@ class Progress:
         start = perf_counter()
         with tmg.count_products() as work:
             self.residuals.append(self.system.residual(x))
-        print(f"{len(self.residuals):10d}   {self.residuals[-1]:.3e}", flush=True)
+        print_step(len(self.residuals), self.residuals[-1])
         self.points += work.points
         self.seconds += perf_counter() - start
 
@@ -95,13 +82,16 @@ def run(
     `published` gives a line of the report that stands for what others have found, or nothing.
     """
     check_right_hand_side(system.b)
-    method = set_up(system.A, options)
-    print(f"{system.title}\n{method}\n")
-    solution = iterate(system, method, options)
+    start = perf_counter()
+    M, label = set_up(system.A, options)
+    setup = perf_counter() - start
+    method = label if M is None else M
+    print(f"{system.title}\n{'CG with ' if options.solver == 'cg' else ''}{method}\n")
+    solution = iterate(system, M, options)
     written = solution.converged and options.output is not None
     if written:  # first of all, so that the solution does not depend on what can be printed
         files.save(options.output, system.on_its_grid(solution.x))
-    report(solution, method, published(method.label))
+    print_report(solution, setup, published(label))
     if written:
         print(f"written to {options.output}")
     if options.plot is not None:
@@ -119,28 +109,24 @@ def check_right_hand_side(b: Array) -> None:
         raise ValueError("the norm of the right-hand side is not a number of float64: scale it")
 
 
-def set_up(A: LinearOperator, options: argparse.Namespace) -> Method:
-    """Set up the method that the options ask for."""
-    start = perf_counter()
-    solver = tmg.cg if options.solver == "cg" else tmg.richardson
+def set_up(A: LinearOperator, options: argparse.Namespace) -> tuple[LinearOperator | None, str]:
+    """Return the approximate inverse that the options ask for, and its name."""
     name, cycle = options.preconditioner, options.cycle
     if name == "none":
-        return Method(solver, None, "plain", 0.0)
-    if name == "multigrid":
-        name = str(cycle)
-        M = tmg.multigrid(
-            A,
-            smoother=PRECONDITIONERS[options.smoother],
-            pre=cycle.pre,
-            post=cycle.post,
-            gamma=1 if cycle.kind == "V" else 2,
-        )
-    else:
-        M = PRECONDITIONERS[name](A)
-    return Method(solver, M, name, perf_counter() - start)
+        return None, "plain"
+    if name != "multigrid":
+        return PRECONDITIONERS[name](A), name
+    M = tmg.multigrid(
+        A,
+        smoother=PRECONDITIONERS[options.smoother],
+        pre=cycle.pre,
+        post=cycle.post,
+        gamma=1 if cycle.kind == "V" else 2,
+    )
+    return M, str(cycle)
 
 
-def iterate(system: System, method: Method, options: argparse.Namespace) -> Solution:
+def iterate(system: System, M: LinearOperator | None, options: argparse.Namespace) -> Solution:
     """Iterate from zero or a random guess, and print the residuals."""
     print(" iteration   residual / right-hand side", flush=True)
     progress = Progress(system)
@@ -148,10 +134,11 @@ def iterate(system: System, method: Method, options: argparse.Namespace) -> Solu
     if options.seed is not None:
         guess = np.random.default_rng(options.seed).random(len(system.b))
         first = system.residual(guess)
-    arguments: dict[str, Any] = {"M": method.M, "rtol": options.rtol, "maxiter": options.maxiter}
+    solver = tmg.cg if options.solver == "cg" else tmg.richardson
+    stop: dict[str, Any] = {"rtol": options.rtol, "maxiter": options.maxiter}
     start = perf_counter()
     with tmg.count_products() as work:
-        x, info = method.solver(system.A, system.b, guess, callback=progress, **arguments)
+        x, info = solver(system.A, system.b, guess, M=M, callback=progress, **stop)
     seconds = perf_counter() - start - progress.seconds
     work.points -= progress.points
     residual = system.residual(x)
@@ -162,7 +149,7 @@ def iterate(system: System, method: Method, options: argparse.Namespace) -> Solu
     return Solution(x, residuals, residual, converged, work.units(n), seconds)
 
 
-def report(solution: Solution, method: Method, published: str) -> None:
+def print_report(solution: Solution, setup: float, published: str) -> None:
     """Print what was found, and beside it what others have."""
     count = len(solution.residuals) - 1
     factor = (solution.residual / solution.residuals[0]) ** (1.0 / max(count, 1))
@@ -171,7 +158,7 @@ def report(solution: Solution, method: Method, published: str) -> None:
         f"\n{found}: residual {solution.residual:.2e}\n"
         f"{'':12s}iterations   factor   work units   seconds\n"
         f"{'this run':12s}{count:10d}   {factor:6.4f}   {solution.units:10.1f}   "
-        f"{solution.seconds:7.2f}   and {method.seconds:.2f} to set up"
+        f"{solution.seconds:7.2f}   and {setup:.2f} to set up"
     )
     if published:
         print(published)

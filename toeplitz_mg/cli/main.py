@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 
 from toeplitz_mg import startup
-from toeplitz_mg.cli import contact, files, paper, solve
+from toeplitz_mg.cli import contact, paper, report, solve
 from toeplitz_mg.cli.arguments import parser
 
 COMMANDS = {None: paper.run, "solve": solve.run, "contact": contact.run}
@@ -30,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         startup.raise_again()
-        files.print_any_character()
+        report.print_any_character()
         given = parser().parse_args(arguments)
         status = COMMANDS[given.command](given)
         print(end="", flush=True)  # so that a full disk is noticed here, not at exit

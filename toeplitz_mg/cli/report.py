@@ -1,0 +1,16 @@
+"""What is printed: by any terminal, and a line for each step of an iteration."""
+
+import io
+import sys
+
+
+def print_any_character() -> None:
+    """Print what the terminal does not have as its number, so that no result is lost at a "²"."""
+    failing = ("strict", "surrogateescape")  # Others, as by PYTHONIOENCODING, were asked for.
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in failing:
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def print_step(count: int, error: float) -> None:
+    """Print how far an iteration is, and how far from its end."""
+    print(f"{count:10d}   {error:.3e}", flush=True)
