@@ -21,8 +21,8 @@ PART = 2**13  # Numbers of a part: OpenBLAS shares a vector of more than 10,000 
 
 def dot(x: Array, y: Array) -> float:
     """Return the inner product of two real vectors."""
-    if x.size <= PART:
-        return float(np.vdot(x, y))
+    if x.ndim == 1 and len(x) <= PART:
+        return float(x @ y)
     return float(dots(x[None], y)[0])
 
 
@@ -38,11 +38,14 @@ def dots(X: Array, y: Array) -> Array:
     -------
     ndarray of shape (k,)
     """
-    X, y = X.reshape(len(X), -1), y.reshape(-1)
-    count = y.size // PART
-    n = count * PART
-    parts = np.vecdot(X[:, :n].reshape(len(X), count, PART), y[:n].reshape(count, PART))
-    return parts.sum(axis=1, dtype=np.float64) + np.vecdot(X[:, n:], y[n:])
+    rest: Any = 0.0
+    if y.shape[-1] > PART:
+        X, y = X.reshape(len(X), -1), y.reshape(-1)
+        n = y.size // PART * PART
+        rest = np.vecdot(X[:, n:], y[n:])
+        X, y = X[:, :n].reshape(len(X), -1, PART), y[:n].reshape(-1, PART)
+    # The sum of rows has a smaller rounding error than that over all of a field at once.
+    return np.vecdot(X, y).reshape(len(X), -1).sum(axis=1, dtype=np.float64) + rest
 
 
 def norm(x: Array) -> float:

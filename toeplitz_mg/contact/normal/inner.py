@@ -18,6 +18,8 @@ from toeplitz_mg.engine.vectors import axpy, dot
 
 REDUCTION = 1e-5  # Reduction of the misfit for which single precision is good.
 FAR = 1e30  # Misfits beyond which no sign changes any more: single precision ends at 1e38.
+ANSWER = 0.9  # Part of the tolerance that is left to an answer in single precision.
+SHARP = 0.1  # Part of the tolerance beyond which no set is solved more exactly.
 LONG = 50  # Iterations after which the recurrence in single precision is not trusted.
 
 
@@ -120,8 +122,8 @@ def solve_on_set(
     count = 0
     while True:
         look = Look.at(p0 + v, gap0 + Av, area, balanced=balanced)
-        is_answer = look.tension == 0.0 and look.error <= 0.9 * tolerance / unit
-        is_solved = look.misfit <= max(eta * look.violation, 0.1 * tolerance / unit)
+        is_answer = look.tension == 0.0 and look.error <= ANSWER * tolerance / unit
+        is_solved = look.misfit <= max(eta * look.violation, SHARP * tolerance / unit)
         if is_answer or is_solved or look.misfit <= REDUCTION or count == LONG or A.exhausted:
             break
         length = iteration.step(look.r)

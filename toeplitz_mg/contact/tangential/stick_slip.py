@@ -41,9 +41,9 @@ from toeplitz_mg.preconditioners import cosine_preconditioner
 ETA = 1.0  # Misfit that is left on the areas, relative to their violation, while the energy falls.
 COARSE = 3e-3  # Tolerance on a coarser grid: a better guess saves no product on the finer one.
 COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is a guess only.
-LOCAL = 0.5  # Part of 1/a₀ added to M where elements slide, as M is too small there (see below).
+LOCAL = 0.5  # Part of 1/a₀ added to M where elements slide, where M alone is too small.
 MOST = 200  # Iterations on fixed areas, after which rounding keeps them from the rest.
-SHARP = 0.3  # Part of the tolerance to which fixed areas are solved at most.
+SHARP = 0.3  # Part of the tolerance beyond which no areas are solved more exactly.
 TINY = 1e-15  # Bound, relative to the largest, below which a stiffness is that of this bound.
 
 
