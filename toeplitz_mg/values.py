@@ -13,6 +13,8 @@ SMALL, LARGE = 1e-40, 1e40  # of what is given, in its units
 
 def real(name: str, value: Any) -> float:
     """Return a real number."""
+    if type(value) is float:  # Sooner than by what follows, which a small system would feel.
+        return value
     if np.ndim(value) > 0 or unmasked(name, value).dtype.kind not in "buif":
         raise TypeError(f"{name} is {value!r}, but must be a real number")
     return float(value)

@@ -3,21 +3,19 @@
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Rows
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.preconditioners.choice import candidates_of_line
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.inverse import first_column
-
-Rows = NDArray[Any]  # right-hand sides or solutions, of shape (columns, n)
+from toeplitz_mg.solvers.system import ToeplitzSystem
 
 MOST_ITERATIONS = 16  # of CG: the inverse costs no more than twice that
 FEW = 2  # columns, for which the inverse is not worth its set-up
@@ -43,28 +41,24 @@ class Method(NamedTuple):
     solve: Callable[[Rows, float], tuple[Rows, int]]
 
 
-def methods(
-    c: Array, r: Array, columns: int, A: ToeplitzOperator | None = None
-) -> Iterator[Method]:
-    """Yield what may solve a system with so many right-hand sides, the best choice first.
+def methods(system: ToeplitzSystem) -> Iterator[Method]:
+    """Yield what may solve a system, the best choice first.
 
-    The next one is asked for only where one has failed. `A` is the operator, if there is one.
+    The next one is asked for only where one has failed.
     """
-    n = len(c)
-    levinson = Method("scipy.linalg.solve_toeplitz", partial(_levinson, c, r))
-    lu = Method("scipy.linalg.lu_solve", partial(_lu, c, r))
-    if not levinson_is_faster(n, columns) and is_symmetric(c, r):
-        A = A or ToeplitzOperator(c)
+    n, columns = len(system.c), system.columns
+    if not levinson_is_faster(n, columns) and system.is_symmetric:
         if columns <= FEW:
-            yield from _cg_method(A)
+            yield from _cg_method(system.A)
         # Whatever the symbol, if only A is positive definite.
-        yield from _inverse_method(A)
+        yield from _inverse_method(system.A)
         if _steps_of_levinson(n, columns) <= MOST_STEPS:
-            yield levinson  # A is indefinite, or singular
+            yield _levinson_method(system)  # A is indefinite, or singular
     else:
-        yield levinson
+        yield _levinson_method(system)
     if n <= LARGEST_DENSE:
-        yield lu  # Levinson's recursion fails where a leading block is singular, or nearly so
+        # Levinson's recursion fails where a leading block is singular, or nearly so.
+        yield Method("scipy.linalg.lu_solve", partial(_lu, system))
 
 
 def levinson_is_faster(n: int, columns: int) -> bool:
@@ -76,11 +70,6 @@ def levinson_is_faster(n: int, columns: int) -> bool:
 
 def _steps_of_levinson(n: int, columns: int) -> int:
     return columns * (n**2 + LEVINSON_CALL)
-
-
-def is_symmetric(c: Array, r: Array) -> bool:
-    """Whether the matrix with this first column and first row is real and symmetric."""
-    return c.dtype == np.float64 and np.array_equal(c[1:], r[1:])
 
 
 def _cg_method(A: ToeplitzOperator) -> Iterator[Method]:
@@ -104,7 +93,7 @@ def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
 def _cg(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -> tuple[Rows, int]:
     X = np.empty_like(B)
     most = 0
-    for x, b in zip(X, B, strict=True):
+    for x, b in zip(np.atleast_2d(X), np.atleast_2d(B), strict=True):
         x[:], iterations, converged = cg_by_recurrence(
             A, b, M=M, rtol=rtol, maxiter=MOST_ITERATIONS
         )
@@ -114,11 +103,13 @@ def _cg(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -> tuple[Row
     return X, most
 
 
-def _levinson(c: Array, r: Array, B: Rows, rtol: float) -> tuple[Rows, int]:
-    b = B[0] if len(B) == 1 else B.T
-    return scipy.linalg.solve_toeplitz((c, r), b, check_finite=False).T.reshape(B.shape), 1
+def _levinson_method(system: ToeplitzSystem) -> Method:
+    return Method("scipy.linalg.solve_toeplitz", partial(_levinson, system))
 
 
-def _lu(c: Array, r: Array, B: Rows, rtol: float) -> tuple[Rows, int]:
-    A = scipy.linalg.toeplitz(c, r)
-    return np.asarray(np.linalg.solve(A, B.T)).T, 1
+def _levinson(system: ToeplitzSystem, B: Rows, rtol: float) -> tuple[Rows, int]:
+    return scipy.linalg.solve_toeplitz((system.c, system.r), B.T, check_finite=False).T, 1
+
+
+def _lu(system: ToeplitzSystem, B: Rows, rtol: float) -> tuple[Rows, int]:
+    return np.linalg.solve(scipy.linalg.toeplitz(system.c, system.r), B.T).T, 1

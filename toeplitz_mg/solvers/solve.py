@@ -1,32 +1,27 @@
 """The drop-in for `scipy.linalg.solve_toeplitz`: it chooses, solves, and checks the answer."""
 
 import warnings
-from collections.abc import Callable
-from math import sqrt
+from cmath import isfinite
 from typing import Any, Literal, NamedTuple, overload
 
 import numpy as np
 import scipy.linalg
-from numpy.linalg import norm
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array
-from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.solvers.checks import check_numbers
-from toeplitz_mg.solvers.choice import is_symmetric, levinson_is_faster, methods
+from toeplitz_mg.solvers.choice import Method, methods
 from toeplitz_mg.solvers.scaling import exponents, scale_back
+from toeplitz_mg.solvers.system import ToeplitzSystem, largest, norms
 from toeplitz_mg.values import real
 
-Rows = NDArray[Any]  # right-hand sides or solutions, shape (columns, n)
-
 EPS = float(np.finfo(np.float64).eps)
-ROUNDING = 16 * EPS  # backward error at which no correction can be expected to help
-ACCEPTED = 1e4 * EPS  # backward error up to which an answer is given
-CORRECTION = 1e-2  # relative residual to which a correction is solved for
-ILL_CONDITIONED = 1e-8  # relative residual above which the user is told
-SINGULAR = 0.1  # relative residual above which there is no answer in float64
-GOOD = 64 * EPS  # backward error at which no other method is tried
-SHORT = 1024  # unknowns up to which a product by its definition is as fast as by FFT
+ROUNDING = 16 * EPS  # Backward error at which no correction can be expected to help.
+GOOD = 64 * EPS  # Backward error at which no other method is tried.
+ACCEPTED = 1e4 * EPS  # Largest backward error of an answer.
+SINGULAR = 0.1  # Relative residual above which there is no answer in float64.
+ILL_CONDITIONED = 1e-8  # Relative residual above which the user is warned.
+CORRECTION = 1e-2  # Relative residual to which a correction is solved for.
 
 
 class SolveInfo(NamedTuple):
@@ -36,9 +31,6 @@ class SolveInfo(NamedTuple):
     iterations: int  # of CG, most of all columns; and corrections by a direct method
     residual: float  # ‖b - A x‖/‖b‖, the largest of all columns
     backward_error: float  # ‖b - A x‖/(‖A‖₁ ‖x‖ + ‖b‖), the largest of all columns
-
-
-SOLVED = SolveInfo("scipy.linalg.solve_toeplitz", 1, 0.0, 0.0)  # checked, but not reported
 
 
 @overload
@@ -131,15 +123,9 @@ def solve_toeplitz(
     c, r = c_or_cr if isinstance(c_or_cr, tuple) else (c_or_cr, None)
     c, b = _numbers(c, "c"), _numbers(b, "b")
     r = c.conj() if r is None else _numbers(r, "r")
-    columns = 1 if b.ndim < 2 else b.shape[-1]
-    if not full_output and c.size <= SHORT and levinson_is_faster(c.size, columns):
-        x = _short(c, r, b, check_finite, rtol)
-        if x is not None:
-            return x
-    if c.ndim > 1 or r.ndim > 1 or b.ndim > 2:
-        x, info = _batch(c, r, b, check_finite, rtol, full_output)
-    else:
-        x, info = _solve(c, r, b, check_finite, rtol)
+    is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
+    with np.errstate(over="ignore", invalid="ignore"):  # It is seen in the residual.
+        x, info = (_solve_batch if is_batch else _solve)(c, r, b, check_finite, rtol)
     if info.residual > max(ILL_CONDITIONED, rtol):
         warnings.warn(
             f"‖b - A x‖/‖b‖ is {info.residual:.1e} although x is the solution of a system that "
@@ -156,42 +142,8 @@ def _numbers(values: ArrayLike, name: str) -> Array:
     return array.astype(np.complex128 if array.dtype.kind == "c" else np.float64, copy=False)
 
 
-def _short(c: Array, r: Array, b: Array, check_finite: bool, rtol: float) -> Array | None:
-    """Solve a system so small that Python's overhead rules, or return None."""
-    if not c.ndim == r.ndim == 1 or not 1 <= b.ndim <= 2 or b.size == 0:
-        return None
-    try:
-        x = scipy.linalg.solve_toeplitz((c, r), b, check_finite=check_finite)
-    except np.linalg.LinAlgError:
-        return None
-    lags = np.concatenate([r[:0:-1], c])
-    with np.errstate(over="ignore", invalid="ignore"):
-        if b.ndim == 1:
-            b_w, x_w = b, x
-            sizes = [_size(b)] if b.any() else []
-        else:
-            # The sum of the columns with weights is checked. As no weights are in a ratio of
-            # integers, nor their sums, errors do not cancel but by accident.
-            weights = 2.0 + np.cos(np.arange(b.shape[1]))
-            b_w, x_w = b @ weights, x @ weights
-            sizes = np.sqrt(np.square(np.abs(b)).sum(axis=0))[b.any(axis=0)].tolist()
-        error = _size(b_w - np.convolve(lags, x_w, "valid"))
-        rounding = ROUNDING * np.abs(lags).sum() * _size(x_w)
-    # Beyond these sizes squares over- or underflow.
-    if not all(1e-140 < size < 1e140 for size in sizes) or (sizes and not 0.0 < rounding < np.inf):
-        return None
-    smallest = min(sizes, default=0.0)
-    solved = error <= rtol * smallest or error <= min(rounding, ILL_CONDITIONED * smallest)
-    return np.asarray(x) if solved else None
-
-
-def _size(x: Array) -> float:
-    """Return ‖x‖, sooner than by a function that prevents overflow."""
-    return sqrt(np.vdot(x, x).real)
-
-
-def _batch(
-    c: Array, r: Array, b: Array, check_finite: bool, rtol: float, full_output: bool
+def _solve_batch(
+    c: Array, r: Array, b: Array, check_finite: bool, rtol: float
 ) -> tuple[Array, SolveInfo]:
     """Solve each system of a batch, whose shapes are broadcast."""
     core = min(b.ndim, 2)
@@ -201,13 +153,7 @@ def _batch(
     c, r, b = (
         np.broadcast_to(a, batch + a.shape[a.ndim - k :]) for a, k in ((c, 1), (r, 1), (b, core))
     )
-    columns = 1 if core < 2 else b.shape[-1]
-    quick = not full_output and c.shape[-1] <= SHORT and levinson_is_faster(c.shape[-1], columns)
-    solutions: list[tuple[Array, SolveInfo]] = []
-    for k in np.ndindex(batch):
-        x = _short(c[k], r[k], b[k], check_finite, rtol) if quick else None
-        found = _solve(c[k], r[k], b[k], check_finite, rtol) if x is None else (x, SOLVED)
-        solutions.append(found)
+    solutions = [_solve(c[k], r[k], b[k], check_finite, rtol) for k in np.ndindex(batch)]
     x = np.stack([x for x, _ in solutions]).reshape(b.shape)
     return x, max((info for _, info in solutions), key=lambda info: info.residual)
 
@@ -220,54 +166,64 @@ def _solve(
         raise ValueError(
             f"c has shape {c.shape}, r {r.shape} and b {b.shape}, but all need the length of c"
         )
-    for name, a in (("c", c), ("r", r), ("b", b)):
-        if check_finite and not np.isfinite(a).all():
-            raise ValueError(f"{name} has entries that are not finite")
-    complex_matrix = c.dtype.kind == "c" or r.dtype.kind == "c"
-    dtype = np.complex128 if complex_matrix else np.float64
-    c, r = c.astype(dtype, copy=False), r.astype(dtype, copy=False)
-    B = b.reshape(len(c), b.shape[1] if b.ndim == 2 else 1).T
-    is_complex = B.dtype.kind == "c"
-    if is_complex and not complex_matrix:
-        B = np.concatenate([B.real, B.imag])
+    is_complex = c.dtype.kind == "c" or r.dtype.kind == "c"
+    dtype = np.complex128 if is_complex else np.float64
+    parts = 2 if b.dtype.kind == "c" and not is_complex else 1  # Real and imaginary ones.
+    B = b if b.ndim == 1 else b.T if b.shape[1] != 1 else b[:, 0]
+    if parts == 2:
+        B = np.concatenate([np.atleast_2d(B.real), np.atleast_2d(B.imag)])
     B = np.ascontiguousarray(B, dtype)
+    if len(c) and c[0].real < 0.0:
+        # The negative of both sides: that of a negative definite matrix is positive definite.
+        c, r, B = -c, -r, -B
+    system = ToeplitzSystem(c.astype(dtype, copy=False), r.astype(dtype, copy=False), B)
     if B.size == 0:
         X, info = B, SolveInfo("none", 0, 0.0, 0.0)
-    elif not (np.isfinite(c).all() and np.isfinite(r[1:]).all() and np.isfinite(B).all()):
-        X, info = np.full_like(B, np.nan), SolveInfo("none", 0, np.nan, np.nan)
+    elif system.is_of_usual_size and isfinite(r[0]):
+        X, info = _try_methods(system, rtol)
     else:
-        # Scaled without rounding, so that no norm and no transform over- or underflows; the
-        # negative of a negative definite matrix is positive definite.
-        of_A, of_B = exponents(np.concatenate([c, r[1:]])), exponents(B)
-        scale = np.copysign(np.ldexp(1.0, -of_A), c[0].real)
-        X, info = _checked(c * scale, r * scale, B * np.ldexp(1.0, -of_B), rtol)
-        parts = 2 if is_complex and not complex_matrix else 1
-        X = np.copysign(1.0, c[0].real) * scale_back(X, of_B - of_A, parts)
-    if is_complex and not complex_matrix:
-        half = len(X) // 2
-        X = X[:half] + 1j * X[half:]
+        X, info = _solve_unusual(system, rtol, parts, check_finite)
+    if parts == 2:
+        X = X[: len(X) // 2] + 1j * X[len(X) // 2 :]
     return X.T.reshape(b.shape), info
 
 
-def _checked(c: Array, r: Array, B: Rows, rtol: float) -> tuple[Rows, SolveInfo]:
+def _solve_unusual(
+    system: ToeplitzSystem, rtol: float, parts: int, check_finite: bool
+) -> tuple[Rows, SolveInfo]:
+    """Solve a system scaled by powers of two, which changes no digit, if it is finite.
+
+    So no norm and no transform over- or underflows.
+    """
+    c, r, B = system.c, system.r, np.atleast_2d(system.B)
+    for name, a in (("c", c), ("r", r if check_finite else r[1:]), ("b", B)):
+        if np.isfinite(a).all():
+            continue
+        if check_finite:
+            raise ValueError(f"{name} has entries that are not finite")
+        return np.full_like(system.B, np.nan), SolveInfo("none", 0, np.nan, np.nan)
+    of_A, of_B = exponents(np.concatenate([c, r[1:]])), exponents(B)
+    scale = np.ldexp(1.0, -of_A)
+    scaled = ToeplitzSystem(c * scale, r * scale, B * np.ldexp(1.0, -of_B))
+    X, info = _try_methods(scaled, rtol)
+    return scale_back(X, of_B - of_A, parts).reshape(system.B.shape), info
+
+
+def _try_methods(system: ToeplitzSystem, rtol: float) -> tuple[Rows, SolveInfo]:
     """Solve by the first method whose solutions, corrected, have small residuals."""
-    A = ToeplitzOperator(c) if len(c) > SHORT // 4 and is_symmetric(c, r) else None
-    multiply = A._matvec if A else _product(c, r)
-    size_of_A = float(np.abs(c).sum() + np.abs(r[1:]).sum())  # ≥ ‖A‖₁
-    sizes = _norms(B)
     best: tuple[Rows, SolveInfo] | None = None
     tried = ""
-    for name, solve in methods(c, r, len(B), A):
+    for method in methods(system):
         try:
-            X, info = _corrected(name, solve, multiply, B, sizes, size_of_A, rtol)
+            X, info = _correct(method, system, rtol)
         except np.linalg.LinAlgError:
             continue
-        if best is None or info.backward_error < best[1].backward_error:
-            best = X, info
         if info.residual <= rtol or (info.backward_error <= GOOD and info.residual <= SINGULAR):
             return X, info
+        if best is None or info.backward_error < best[1].backward_error:
+            best = X, info
         tried += (
-            f"; by {name} ‖b - A x‖ is {info.residual:.1e} ‖b‖ and the backward error "
+            f"; by {method.name} ‖b - A x‖ is {info.residual:.1e} ‖b‖ and the backward error "
             f"{info.backward_error:.1e}"
         )
     if best and best[1].backward_error <= ACCEPTED and best[1].residual <= SINGULAR:
@@ -277,53 +233,21 @@ def _checked(c: Array, r: Array, B: Rows, rtol: float) -> tuple[Rows, SolveInfo]
     )
 
 
-def _corrected(
-    name: str,
-    solve: Callable[[Rows, float], tuple[Rows, int]],
-    multiply: Callable[[Rows], Rows],
-    B: Rows,
-    sizes: Array,
-    size_of_A: float,
-    rtol: float,
-) -> tuple[Rows, SolveInfo]:
+def _correct(method: Method, system: ToeplitzSystem, rtol: float) -> tuple[Rows, SolveInfo]:
     """Solve, and correct the solution by that of its residual while this helps."""
-    X, iterations = solve(B, 0.9 * rtol)  # the recurrence for the residual may drift
-    result = X, SolveInfo(name, iterations, np.inf, np.inf)
-    with np.errstate(over="ignore", invalid="ignore"):  # seen in the residual
-        while True:
-            R = B - multiply(X)
-            errors, scales = _norms(R), size_of_A * _norms(X)
-            info = SolveInfo(
-                name,
-                iterations,
-                _largest(errors, sizes),
-                _largest(errors, scales + sizes),
-            )
-            if not info.backward_error < result[1].backward_error / 2:
-                return result
-            result = X, info
-            if (errors <= np.maximum(rtol * sizes, ROUNDING * scales)).all():
-                return result
-            correction, steps = solve(R, CORRECTION)
-            X = X + correction
-            iterations += steps
-
-
-def _product(c: Array, r: Array) -> Callable[[Rows], Rows]:
-    """Return the product of A with rows, as cheap as can be for the size of A."""
-    if len(c) <= SHORT // 4:
-        A = scipy.linalg.toeplitz(c, r)
-        return lambda X: X @ A.T
-    if c.dtype == np.float64:
-        return ToeplitzOperator(c, r)._matvec
-    return lambda X: np.asarray(scipy.linalg.matmul_toeplitz((c, r), X.T)).T
-
-
-def _norms(X: Rows) -> Array:
-    return np.asarray(norm(X, axis=1))
-
-
-def _largest(errors: Array, sizes: Array) -> float:
-    """Return the largest relative error; that of zero in place of zero is zero."""
-    relative = np.divide(errors, sizes, out=np.zeros_like(errors), where=errors != 0.0)
-    return float(relative.max())
+    sizes = system.sizes
+    X, iterations = method.solve(system.B, 0.9 * rtol)  # The recurrence of CG may drift.
+    best = X, SolveInfo(method.name, iterations, np.inf, np.inf)
+    while True:
+        R = system.B - system.multiply(X)
+        errors, scales = norms(R), system.size * norms(X)
+        residual, backward_error = largest(errors / sizes), largest(errors / (scales + sizes))
+        if not backward_error < best[1].backward_error / 2:
+            return best
+        best = X, SolveInfo(method.name, iterations, residual, backward_error)
+        # Each column is as good as can be, by one error or by the other.
+        if residual <= rtol or np.all(errors <= np.maximum(rtol * sizes, ROUNDING * scales)):
+            return best
+        correction, steps = method.solve(R, CORRECTION)
+        X = X + correction
+        iterations += steps
