@@ -9,7 +9,7 @@ from toeplitz_mg._typing import Array
 
 Pair = tuple[int, int]
 
-AGGREGATE = 16  # cells of a block: 4 x 4 where they are square
+AGGREGATE = 16  # Cells of an aggregate, 4 x 4 where they are square: a row of G sees about as many.
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,9 @@ class CellGrid:
     Attributes
     ----------
     kernel : ndarray of shape (n1, n2)
-        What cells are near by: coefficients, even in both axes; one level is 1 x n.
+        Coefficients, even in both axes, which say what cells are near; a line is 1 x n.
     neighbours : int
-        Cells before a cell that its row of G sees.
+        Cells before its own that a row of G sees.
     """
 
     kernel: Array
@@ -52,14 +52,14 @@ class CellGrid:
         n1, n2 = self.kernel.shape
         sides = [2**p for p in range(AGGREGATE.bit_length())]
         shapes = [(h, AGGREGATE // h) for h in sides if h < 2 * n1 and AGGREGATE // h < 2 * n2]
-        T = self.kernel
-        # Two that reach beyond a small grid look alike: of those the one whose cells, as far as
-        # there are any, are coupled most.
-        return min(  # of a grid that is smaller than any, one block is all
+        K = self.kernel
+        # Two shapes that reach beyond a small grid look alike: then it is the one whose cells, as
+        # far as there are any, are coupled most. A grid that is smaller than any is one block.
+        return min(
             shapes or [(4, 4)],
             key=lambda h: (
-                abs(T[min(h[0], n1 - 1), 0] - T[0, min(h[1], n2 - 1)]),
-                -T[: h[0], : h[1]].sum(),
+                abs(K[min(h[0], n1 - 1), 0] - K[0, min(h[1], n2 - 1)]),
+                -K[: h[0], : h[1]].sum(),
             ),
         )
 
@@ -128,7 +128,7 @@ class CellGrid:
 
     @cached_property
     def window(self) -> Array:
-        """The same, shape (window,)."""
+        """The steps from the first cell of a block to the cells of its window, shape (window,)."""
         return self._flat(self.window_cells)
 
     def _every(self, shape: Pair, step: Pair) -> Array:

@@ -5,7 +5,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor
+from scipy.linalg.lapack import dpotrs, spotrs
 from scipy.sparse import csc_array, csr_array
 
 from toeplitz_mg._typing import Array
@@ -72,6 +73,7 @@ class Direct:
     Attributes
     ----------
     factor : ndarray of shape (N, N)
+        In Fortran's order, as LAPACK would copy it in each application.
     """
 
     factor: Array
@@ -84,8 +86,9 @@ class Direct:
         except np.linalg.LinAlgError:
             smallest = float(np.linalg.eigvalsh(matrix)[0])
             raise refusal("an eigenvalue of the coarsest matrix is", smallest, grid_shape) from None
-        require_definite(matrix, lambda v: cho_solve((factor, False), v), dtype)
-        return cls(factor.astype(dtype))
+        exact = cls(np.asfortranarray(factor))
+        require_definite(matrix, exact, dtype)
+        return cls(exact.factor.astype(dtype, copy=False))
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -99,7 +102,8 @@ class Direct:
 
     def __call__(self, x: Array) -> Array:
         """Apply it to a vector, or to the columns of x."""
-        return np.asarray(cho_solve((self.factor, False), x, check_finite=False))
+        solve = spotrs if self.factor.dtype == np.float32 else dpotrs
+        return np.asarray(solve(self.factor, x)[0])
 
     def multiply(self, X: Array, out: Array) -> None:
         """Apply it to rows."""

@@ -118,29 +118,32 @@ def fsai_preconditioner(
     For half-space kernels conjugate gradients take 5 to 11 iterations to a relative residual of
     1e-8 (coupled components 7 to 12), whatever the mask, from one line of cells to all of them,
     on square elements and on those stretched up to 1:20, and independently of the number of cells;
-    up to 16 on those of 1:50. Longer ones take 24 or 40 neighbours, and up to 16 iterations, for
-    tangential tractions up to 20. The preconditioners by FFT take 20 to 50 on a fragmented area; on
-    one smooth blob, or a full grid, they need less time.
+    up to 16 on those of 1:50. Longer ones take 24 or 40 neighbours, and up to 16 iterations;
+    tangential tractions (ν = 1/2) up to 18 on those of 1:150, and on much longer ones they are
+    refused. The preconditioners by FFT take 20 to 50 on a fragmented area; on one smooth blob, or a
+    full grid, they need less time.
 
     More neighbours are for smoother kernels. The iterations for a Matérn covariance of smoothness ν
     and a correlation length of so many cells, on the worst of nine masks of 128 x 128 cells, and
-    the time of a set-up for half of these:
+    the time of a set-up where half of 512 x 512 are unknowns, by the number of neighbours:
 
-    =============== ========== ========== ========== ===========
-    ν, length       12         24         40         default
-    =============== ========== ========== ========== ===========
-    1/2, 1          7          6          5          12
-    1/2, 3          16         13         11         24
-    1/2, 5          22         18         15         40
-    1/2, 8          30         25         20         refused
-    3/2, 2          16         10         7          24
-    3/2, 3          29         18         13         40
-    3/2, 4          over 40    27         20         refused
-    5/2, 2          23         12         9          24
-    5/2, 3          over 40    25         16         refused
-    half-space      9          9          8          12
-    µs an unknown   SETUP12    SETUP24    SETUP40
-    =============== ========== ========== ========== ===========
+    ============= ===== ===== ===== ========
+    ν, length     12    24    40    default
+    ============= ===== ===== ===== ========
+    1/2, 1        7     5     4     12
+    1/2, 3        16    13    11    24
+    1/2, 5        22    18    15    40
+    1/2, 8        30    25    20    refused
+    3/2, 2        16    10    8     24
+    3/2, 3        29    18    13    40
+    3/2, 4        46    27    19    refused
+    5/2, 2        23    12    9     24
+    5/2, 3        49    25    16    refused
+    half-space    9     8     8     12
+    µs an unknown 0.4   5     16
+    ============= ===== ===== ===== ========
+
+    ``python -m comparisons.neighbours`` measures this.
 
     A kernel with coefficients at isolated lags is accepted and may take 30 iterations: how many
     neighbours it needs is not seen.
