@@ -1,8 +1,8 @@
 """Whether `default_preconditioner` is ever worse than none, on matrices of every kind.
 
-1,000 random and 250 typical matrices (`comparisons.matrices`), a constant and a random right-hand
-side, CG from a zero guess to a relative residual of 1e-8. Worse is what takes more than 1.1 of the
-iterations of none, where that is more than two iterations: one or two are the rounding of counts.
+1,000 random matrices and 250 typical ones, a constant and a random right-hand side, CG from a zero
+guess to a relative residual of 1e-8. Worse is what takes more than 1.1 of the iterations of none,
+where that is more than two iterations: one or two are the rounding of counts.
 """
 
 import os
@@ -16,7 +16,8 @@ from tqdm import tqdm
 
 import toeplitz_mg as tmg
 from comparisons import report
-from comparisons.matrices import Case, random_ones, typical
+from comparisons.matrices import Case, typical
+from comparisons.random_matrices import random_ones
 from comparisons.report import Row
 
 TITLE = "default_preconditioner against none"

@@ -32,7 +32,7 @@ from toeplitz_mg.preconditioners.spectral import (
     schur_inverse,
     spectral_preconditioner,
 )
-from toeplitz_mg.preconditioners.symbol import sampled_symbol
+from toeplitz_mg.preconditioners.symbol import sample_symbol
 from toeplitz_mg.preconditioners.trigonometric import (
     cosine_inverse,
     cosine_preconditioner,
@@ -41,21 +41,21 @@ from toeplitz_mg.preconditioners.trigonometric import (
 )
 from toeplitz_mg.values import count
 
-# `python -m comparisons.areas` measures both sides of these:
+# `python -m comparisons.preconditioners.areas` measures both sides of these:
 DIRECT = 600  # Most unknowns that a Cholesky factor, of 3 MB, solves for at once.
 FEW = 40_000  # Most unknowns of one blob that sine transforms solve for before FSAI is set up.
 COMPACT = 5.0  # Largest `fragmentation` of one blob.
 LONG = 2**14  # Fewest elements of a grid whose transforms take longer than the calls of FSAI.
 
-# `python -m comparisons.stretched`:
+# `python -m comparisons.preconditioners.stretched`:
 ALIKE = 0.5  # Least `likeness_of_axes` at which a sine transform is as good as for squares.
 
-# `python -m comparisons.default_choice`, on its lines, where x is the column of the factor:
+# `python -m comparisons.preconditioners.default_choice`; x is the column of the factor:
 WELL_RESOLVED = 0.01  # Largest ‖A x - e₁‖ of a symbol that n coefficients of any sign resolve.
 HARDLY_RESOLVED = 100.0  # Largest ‖A x - e₁‖ at which a symbol is of use where they decrease.
 SMOOTH_NEIGHBOURS = 24  # Neighbours in a row of FSAI for covariances that are smooth.
 
-# `python -m comparisons.contact_methods`:
+# `python -m comparisons.contact.methods`:
 LARGE = 2**16  # Fewest elements of a grid on which an active set is worth a set-up of FSAI.
 
 
@@ -175,7 +175,7 @@ def candidates_of_line(A: ToeplitzOperator) -> Iterator[Candidate]:
         # 4 to 12 iterations, but next to no set-up, and cheap ones.
         yield Candidate.of(fsai_preconditioner, "a long line of slow decay")
     A = A.astype(np.float64)
-    samples = sampled_symbol(A, (near_fast_length(len(A.c)),))  # At θ = 0 … π.
+    samples = sample_symbol(A, (near_fast_length(len(A.c)),))  # At θ = 0 … π.
     by_sine = partial(sine_inverse, samples=samples)
     by_cosine = partial(cosine_inverse, samples=samples)
     is_smooth = traits.decreases(A.c)

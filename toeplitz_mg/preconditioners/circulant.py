@@ -23,7 +23,7 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     Parameters
     ----------
     A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric, of any number of levels.
+        Symmetric, of any number of axes.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. In float32 it takes
         half the memory and less time, inside an iteration in float64 too.
@@ -32,7 +32,7 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     -------
     DiagonalisedOperator or MaskedOperator
         Of the shape of `A`, symmetric positive definite. One product costs half a work
-        unit in one level (1/2^d in d levels).
+        unit on one axis (1/2^d on d axes).
 
     Raises
     ------
@@ -54,10 +54,10 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     array([1., 1., 1.])
     """
     column = A.lags
-    for level, n in enumerate(A.grid_shape):
+    for axis, n in enumerate(A.grid_shape):
         # Lags 0 ... n // 2, then -(n - 1) // 2 ... -1.
         index = np.concatenate([np.arange(n // 2 + 1), np.arange(-((n - 1) // 2), 0)])
-        column = np.take(column, index + n - 1, axis=level)
+        column = np.take(column, index + n - 1, axis=axis)
     return _inverse(column, "Strang", precision(A, dtype))
 
 
@@ -69,7 +69,7 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     Parameters
     ----------
     A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric, of any number of levels.
+        Symmetric, of any number of axes.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. In float32 it takes
         half the memory and less time, inside an iteration in float64 too.
@@ -78,7 +78,7 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     -------
     DiagonalisedOperator or MaskedOperator
         Of the shape of `A`, symmetric positive definite whenever `A` on the whole grid
-        is. One product costs half a work unit in one level (1/2^d in d levels).
+        is. One product costs half a work unit on one axis (1/2^d on d axes).
 
     Raises
     ------
@@ -90,7 +90,7 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     References
     ----------
     T. F. Chan, An optimal circulant preconditioner for Toeplitz systems, SIAM J. Sci. Stat.
-    Comput. 9 (1988); in several levels T. F. Chan, J. A. Olkin, Numer. Algorithms 6 (1994).
+    Comput. 9 (1988); of several levels T. F. Chan, J. A. Olkin, Numer. Algorithms 6 (1994).
 
     Examples
     --------
@@ -101,10 +101,10 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     array([1., 1., 1.])
     """
     column = A.lags
-    for level, n in enumerate(A.grid_shape):
-        k = np.arange(n).reshape((n,) + (1,) * (column.ndim - 1 - level))
-        positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=level)  # lags 0 ... n - 1
-        negative = np.take(column, np.arange(n) - 1, axis=level)  # lags k - n; k = 0 counts 0
+    for axis, n in enumerate(A.grid_shape):
+        k = np.arange(n).reshape((n,) + (1,) * (column.ndim - 1 - axis))
+        positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=axis)  # lags 0 ... n - 1
+        negative = np.take(column, np.arange(n) - 1, axis=axis)  # lags k - n; k = 0 counts 0
         column = ((n - k) * positive + k * negative) / n
     return _inverse(column, "T. Chan", precision(A, dtype))
 

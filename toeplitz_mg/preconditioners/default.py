@@ -93,8 +93,8 @@ def default_preconditioner(
     where the spectral factor is as good as the inverse. The logger of this module tells what is
     refused and why, at the level INFO.
 
-    ``python -m comparisons.default_choice`` measures this against no preconditioner, on matrices
-    of every kind.
+    ``python -m comparisons.preconditioners.default_choice`` measures this against no
+    preconditioner, on matrices of every kind.
 
     Examples
     --------

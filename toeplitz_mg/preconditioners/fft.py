@@ -13,7 +13,7 @@ from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import restrict, restricted, unwrap
 from toeplitz_mg.preconditioners.coupled import coupled_inverse
 from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust
-from toeplitz_mg.preconditioners.symbol import continued
+from toeplitz_mg.preconditioners.symbol import continue_axis
 
 
 def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
@@ -22,7 +22,7 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
     Parameters
     ----------
     A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric, of any number of levels.
+        Symmetric, of any number of axes.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. In float32 it takes
         half the memory and less time, inside an iteration in float64 too.
@@ -38,7 +38,7 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
     ------
     numpy.linalg.LinAlgError
         Where an eigenvalue of the embedding in a circulant is not positive, as for a symbol with
-        a zero. `spectral_preconditioner` in one level, and `chan_preconditioner` in any number,
+        a zero. `spectral_preconditioner` of one axis, and `chan_preconditioner` in any number,
         are positive definite for every positive definite `A`.
     TypeError, ValueError
         Where `A` is no Toeplitz operator, or not symmetric.
@@ -94,8 +94,8 @@ def _toeplitz_inverse(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzO
         spectrum = fft.rfftn(A.circulant(lengths)).real
     else:
         column = A.c.astype(np.float64, copy=False)
-        for level, n in enumerate(A.grid_shape):
-            column = continued(column, level, near_fast_length(n))
+        for axis, n in enumerate(A.grid_shape):
+            column = continue_axis(column, axis, near_fast_length(n))
         spectrum = cosine_sums(column)
     require_positive(
         spectrum,

@@ -8,7 +8,7 @@ from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.positivity import rounding
 from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE
 
-# `python -m comparisons.default_choice` measures what follows from these on its lines.
+# `python -m comparisons.preconditioners.default_choice` measures what follows from these.
 SMOOTH = 1.9  # Ratio of the falls at two doublings of the lag: 4 of a parabola, 2 of a tent.
 FAST = 0.2  # Ratio of coefficients at a lag and at half of it: below it they decay fast.
 EXPONENTIAL = 0.01  # Relative deviation of c_(i-s) c_(i+s) from c_i² of an exponential function.

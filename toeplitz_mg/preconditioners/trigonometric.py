@@ -18,7 +18,7 @@ from toeplitz_mg.preconditioners.positivity import (
     robust,
     rounding,
 )
-from toeplitz_mg.preconditioners.symbol import sampled_symbol
+from toeplitz_mg.preconditioners.symbol import sample_symbol
 
 
 @componentwise
@@ -29,7 +29,7 @@ def cosine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     Parameters
     ----------
     A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric positive definite, of any number of levels.
+        Symmetric positive definite, of any number of axes.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. In float32 it takes
         half the memory and less time, inside an iteration in float64 too.
@@ -38,7 +38,7 @@ def cosine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     -------
     DiagonalisedOperator or MaskedOperator
         Of the shape of `A`, symmetric positive definite. One product costs half a work
-        unit in one level (1/2^d in d levels).
+        unit on one axis (1/2^d on d axes).
 
     Raises
     ------
@@ -80,7 +80,7 @@ def sine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     Parameters
     ----------
     A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric positive definite, of any number of levels.
+        Symmetric positive definite, of any number of axes.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. In float32 it takes
         half the memory and less time, inside an iteration in float64 too.
@@ -89,7 +89,7 @@ def sine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     -------
     DiagonalisedOperator or MaskedOperator
         Of the shape of `A`, symmetric positive definite. One product costs half a work
-        unit in one level (1/2^d in d levels).
+        unit on one axis (1/2^d on d axes).
 
     Raises
     ------
@@ -132,7 +132,7 @@ def sine_inverse(
 
 
 def _samples(A: ToeplitzOperator) -> Array:
-    return sampled_symbol(A, tuple(near_fast_length(n) for n in A.grid_shape))
+    return sample_symbol(A, tuple(near_fast_length(n) for n in A.grid_shape))
 
 
 def _inverse(
@@ -157,7 +157,7 @@ def _inverse(
 
 
 def _eigenvalues(samples: Array, first: int, dtype: np.dtype[Any]) -> Array:
-    """The n samples from k = 0 or 1 on, in each level."""
+    """The n samples from k = 0 or 1 on, along each axis."""
     samples = samples[tuple(slice(first, first + m - 1) for m in samples.shape)]
     error = rounding(samples, dtype)
     # A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
