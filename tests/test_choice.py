@@ -5,7 +5,8 @@ import pytest
 
 import toeplitz_mg as tmg
 from comparisons import masks
-from comparisons.matrices import random_ones, typical
+from comparisons.systems.matrices import typical
+from comparisons.systems.random_matrices import random_ones
 from tests.cases import CASES, contact, coupled, coupled_kernel, exponential
 from tests.test_fsai_coupled import tangential
 from toeplitz_mg.operators.structure import components, unwrap

@@ -306,11 +306,11 @@ def test_it_says_what_fails_and_what_to_use_instead():
 
 
 def test_what_it_is_not_for():
-    with pytest.raises(ValueError, match=r"3 x 4 x 5.* must have one level or two"):
+    with pytest.raises(ValueError, match=r"3 x 4 x 5.* must have one axis or two"):
         fsai_preconditioner(tmg.ToeplitzOperator(exponential(3, 4, 5)))
     c = np.zeros((3, 3))
     c[1, 1], c[0, 0], c[2, 2] = 4.0, 1.0, 1.0
-    with pytest.raises(ValueError, match="must be symmetric in every level"):
+    with pytest.raises(ValueError, match="must be symmetric along each axis"):
         fsai_preconditioner(tmg.ToeplitzOperator.from_lags(c))
     with pytest.raises(ValueError, match="must be symmetric"):
         fsai_preconditioner(tmg.ToeplitzOperator([4.0, 1.0], [4.0, 2.0]))

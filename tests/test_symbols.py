@@ -10,7 +10,7 @@ from scipy.sparse.linalg import cg
 import toeplitz_mg as tmg
 from comparisons.systems.symbols import COLUMNS, column
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.preconditioners.symbol import sampled_symbol
+from toeplitz_mg.preconditioners.symbol import sample_symbol
 
 N = 2**14
 # Iterations that take the residual of a random right-hand side to some 1e-8 at n = 2^14. The last
@@ -153,13 +153,13 @@ def test_spectral_needs_one_axis():
 def test_a_wide_covariance_has_the_samples_of_all_its_lags(n):
     theta = np.pi * np.arange(n + 1) / n
     rho = np.exp(-4 / n)
-    samples = sampled_symbol(tmg.ToeplitzOperator(rho ** np.arange(n)), (n,))
+    samples = sample_symbol(tmg.ToeplitzOperator(rho ** np.arange(n)), (n,))
     assert_allclose(samples, (1 - rho**2) / (1 - 2 * rho * np.cos(theta) + rho**2), rtol=1e-3)
     for covariance in (lambda k: (1 + 9 * k / n) ** -3.0, lambda k: np.exp(-((2 * k / n) ** 2))):
         k = np.arange(1.0, 400.0 * n)
         sums = [1.0 + 2.0 * covariance(k) @ np.cos(t * k) for t in theta[:5]]
         A = tmg.ToeplitzOperator(covariance(np.arange(n)))
-        assert_allclose(sampled_symbol(A, (n,))[:5], sums, rtol=1e-3)
+        assert_allclose(sample_symbol(A, (n,))[:5], sums, rtol=1e-3)
 
 
 @pytest.mark.parametrize("shape", [(67,), (20, 13), (5, 7, 6)], ids=str)
@@ -170,7 +170,7 @@ def test_a_spike_is_not_continued(shape, end):
     c[tuple(n - end for n in shape)] = -1.0
     c.flat[0] = 9.0
     lengths = tuple(near_fast_length(n) for n in shape)
-    samples = sampled_symbol(tmg.ToeplitzOperator(c), lengths)
+    samples = sample_symbol(tmg.ToeplitzOperator(c), lengths)
     waves = [
         2.0 * np.cos(np.pi * np.arange(m + 1) * (n - end) / m)
         for n, m in zip(shape, lengths, strict=True)

@@ -5,13 +5,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.random import Generator
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
-from comparisons.reliability import matrices
-from comparisons.reliability.matrices import Generator, log_uniform
 from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, Outcome
+from comparisons.systems.random_matrices import log_uniform, random_column, random_grid, random_mask
 from toeplitz_mg import halfspace
+from toeplitz_mg.operators.structure import unwrap
 
 EPS = float(np.finfo(np.float64).eps)
 MOST = 256  # Unknowns: the eigenvalues of the dense matrix are computed.
@@ -27,9 +28,11 @@ def preconditioner(rng: Generator) -> Outcome:
     A = _coupled(rng, dtype) if rng.random() < 0.15 else _matrix(rng, dtype)
     name, build = _choice(rng, A)
     family = f"{name}, {np.dtype(dtype)}"
-    eigenvalues = np.linalg.eigvalsh(matrices.dense(A))
-    full = A.full if isinstance(A, tmg.MaskedOperator) else A
-    whole = np.linalg.eigvalsh(matrices.dense(full))  # the rounding is that of the whole
+    eigenvalues = np.linalg.eigvalsh(A.toarray().astype(np.float64))
+    full, _ = unwrap(A)
+    whole = np.linalg.eigvalsh(
+        full.toarray().astype(np.float64)
+    )  # the rounding is that of the whole
     doubtful = whole[0] <= whole[-1] * (1 / DOUBT if dtype == np.float64 else 1e-4)
     try:
         M = build(A)
@@ -55,16 +58,16 @@ def preconditioner(rng: Generator) -> Outcome:
 
 def _matrix(rng: Generator, dtype: Any) -> tmg.ToeplitzOperator | tmg.MaskedOperator:
     axes = int(rng.choice([1, 1, 2, 2, 3]))
-    shape = matrices.grid(rng, int(log_uniform(rng, 1, MOST)), axes)
-    _, c = matrices.positive(rng, shape)
+    shape = random_grid(rng, int(log_uniform(rng, 1, MOST)), axes)
+    _, c = random_column(rng, shape)
     c = c / np.abs(c).max() if dtype == np.float32 else c
     A = tmg.ToeplitzOperator(c.astype(dtype))
-    return tmg.MaskedOperator(A, matrices.area(rng, shape)) if rng.random() < 0.4 else A
+    return tmg.MaskedOperator(A, random_mask(rng, shape)) if rng.random() < 0.4 else A
 
 
 def _coupled(rng: Generator, dtype: Any) -> tmg.CoupledOperator | tmg.MaskedOperator:
     """The tangential components of the half-space."""
-    n1, n2 = shape = matrices.grid(rng, int(log_uniform(rng, 1, MOST / 2)), 2)
+    n1, n2 = shape = random_grid(rng, int(log_uniform(rng, 1, MOST / 2)), 2)
     element = (1.0, log_uniform(rng, 0.1, 10.0))
     x, y = halfspace.all_offsets((n1, n2), element)
     nu = float(rng.uniform(0.0, 0.5))
@@ -77,12 +80,12 @@ def _coupled(rng: Generator, dtype: Any) -> tmg.CoupledOperator | tmg.MaskedOper
         )
     )
     A = tmg.CoupledOperator([[xx, xy], [xy, yy]])
-    return tmg.MaskedOperator(A, matrices.area(rng, shape)) if rng.random() < 0.5 else A
+    return tmg.MaskedOperator(A, random_mask(rng, shape)) if rng.random() < 0.5 else A
 
 
 def _choice(rng: Generator, A: LinearOperator) -> tuple[str, Build]:
     """The name of a preconditioner that takes such a matrix, and what builds it."""
-    full = A.full if isinstance(A, tmg.MaskedOperator) else A
+    full, _ = unwrap(A)
     builders: list[Build] = [
         tmg.fft_preconditioner,
         tmg.fft_rsm_preconditioner,

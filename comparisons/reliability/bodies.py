@@ -4,10 +4,11 @@ import warnings
 from typing import Any
 
 import numpy as np
+from numpy.random import Generator
 
-from comparisons.reliability import matrices
-from comparisons.reliability.matrices import Array, Generator, log_uniform
 from comparisons.reliability.trials import FAILED, RIGHT, TOLD, Outcome
+from comparisons.systems.random_matrices import log_uniform, random_grid
+from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import (
     ContactError,
     ContactResult,
@@ -28,7 +29,7 @@ MOST = 400  # Elements: the products are dense.
 def contact_problem(rng: Generator) -> Outcome:
     """Normal contact, then friction, or rolling, on one grid, checked by dense products."""
     line = rng.random() < 0.3
-    shape = matrices.grid(rng, int(log_uniform(rng, 1, MOST)), 1 if line else 2)
+    shape = random_grid(rng, int(log_uniform(rng, 1, MOST)), 1 if line else 2)
     h = log_uniform(rng, 1e-4, 10.0)
     element = (h, h * log_uniform(rng, 0.2, 5.0))
     material = (log_uniform(rng, 1e-1, 1e6), float(rng.uniform(0.0, 0.5)))

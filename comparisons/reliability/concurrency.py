@@ -7,13 +7,13 @@ from time import perf_counter
 from types import FrameType
 
 import numpy as np
+from numpy.random import Generator
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
-from comparisons.reliability import matrices
-from comparisons.reliability.matrices import Generator, log_uniform
 from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, Outcome
+from comparisons.systems.random_matrices import log_uniform, random_column, random_grid, random_mask
 
 THREADS = 16
 VECTORS = 48
@@ -34,11 +34,11 @@ BUILDERS: list[Callable[[LinearOperator], LinearOperator]] = [
 def threads(rng: Generator) -> Outcome:
     """One operator in many threads: each product is, to the last bit, that of one thread."""
     axes = int(rng.integers(1, 4))
-    shape = matrices.grid(rng, int(log_uniform(rng, 10, 4e4)), axes)
-    name, c = matrices.positive(rng, shape)
+    shape = random_grid(rng, int(log_uniform(rng, 10, 4e4)), axes)
+    name, c = random_column(rng, shape)
     A: LinearOperator = tmg.ToeplitzOperator(c)
     if rng.random() < 0.5:
-        A = tmg.MaskedOperator(A, matrices.area(rng, shape))
+        A = tmg.MaskedOperator(A, random_mask(rng, shape))
     build = BUILDERS[rng.integers(len(BUILDERS))]
     family = getattr(build, "__name__", "preconditioner").replace("<lambda>", "the matrix")
     try:

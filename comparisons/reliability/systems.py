@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
+from numpy.random import Generator
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
-from comparisons.reliability import matrices
-from comparisons.reliability.matrices import Array, Generator, log_uniform
 from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, TOLD, Outcome
+from comparisons.systems.random_matrices import log_uniform, random_column, random_grid, random_mask
+from toeplitz_mg._typing import Array
 
 EPS = float(np.finfo(np.float64).eps)
 BACKWARD = 2e4 * EPS  # Backward error of a good answer: twice what `solve_toeplitz` accepts.
@@ -66,13 +67,13 @@ def drop_in(rng: Generator) -> Outcome:
 def iteration(rng: Generator) -> Outcome:
     """`cg` and `richardson`, plain or preconditioned: where they say converged, it is true."""
     axes = int(rng.integers(1, 4))
-    shape = matrices.grid(rng, int(log_uniform(rng, 1, MOST)), axes)
-    name, c = matrices.positive(rng, shape)
+    shape = random_grid(rng, int(log_uniform(rng, 1, MOST)), axes)
+    name, c = random_column(rng, shape)
     dtype = np.float32 if rng.random() < 0.2 and 1e-30 < abs(c.flat[0]) < 1e30 else np.float64
     A: tmg.ToeplitzOperator | tmg.MaskedOperator = tmg.ToeplitzOperator(c.astype(dtype))
     if rng.random() < 0.4:
-        A = tmg.MaskedOperator(A, matrices.area(rng, shape))
-    dense = matrices.dense(A)
+        A = tmg.MaskedOperator(A, random_mask(rng, shape))
+    dense = A.toarray().astype(np.float64)
     condition = float(np.linalg.cond(dense))
     b = rng.standard_normal(A.shape[0]) * _sizes(rng, 1)[0]
     rtol = log_uniform(rng, 1e-12, 1e-2)
@@ -113,9 +114,9 @@ def iteration(rng: Generator) -> Outcome:
 
 def inverse(rng: Generator) -> Outcome:
     """`toeplitz_inverse`: its residual for a vector that it has not measured."""
-    name, c = matrices.positive(rng, (int(log_uniform(rng, 1, MOST)),))
+    name, c = random_column(rng, (int(log_uniform(rng, 1, MOST)),))
     A = tmg.ToeplitzOperator(c)
-    dense = matrices.dense(A)
+    dense = A.toarray().astype(np.float64)
     condition = float(np.linalg.cond(dense))
     positive = np.linalg.eigvalsh(dense)[0] > 0.0
     try:
@@ -133,7 +134,7 @@ def inverse(rng: Generator) -> Outcome:
 def large(rng: Generator) -> Outcome:
     """`solve_toeplitz` for many unknowns, of all lengths, against SciPy's product."""
     n = int(log_uniform(rng, 1e3, 2e5))
-    name, c = matrices.positive(rng, (n,))
+    name, c = random_column(rng, (n,))
     b = rng.standard_normal(n) if rng.random() < 0.5 else np.ones(n)
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
@@ -159,7 +160,7 @@ def _line(rng: Generator) -> tuple[str, Array, Array]:
     n = int(log_uniform(rng, 1, MOST))
     kind = rng.integers(10)
     if kind < 6:
-        name, c = matrices.positive(rng, (n,))
+        name, c = random_column(rng, (n,))
         return name, c * _range(rng), c * 1.0 if kind else c
     c, r = rng.standard_normal((2, n)) * np.exp(-np.arange(n) * rng.uniform(0.0, 1.0))
     r[0] = c[0]

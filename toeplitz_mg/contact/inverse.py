@@ -9,7 +9,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator, apply_to_rows
 from toeplitz_mg.preconditioners.choice import is_fsai_worthwhile, quick_fsai
-from toeplitz_mg.preconditioners.symbol import sampled_symbol
+from toeplitz_mg.preconditioners.symbol import sample_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_inverse
 
 LARGE = 2**16  # Elements of a grid from which on FSAI is worth its set-up: products take as long.
@@ -70,7 +70,7 @@ class Inverse:
         self._A = A
         self._before = np.zeros(A.grid_shape, bool)
         self._local: LocalInverse | None = None
-        symbol = sampled_symbol(A, tuple(near_fast_length(n) for n in A.grid_shape))
+        symbol = sample_symbol(A, tuple(near_fast_length(n) for n in A.grid_shape))
         try:
             self._cosine = cosine_inverse(A, symbol, np.float32)
         except np.linalg.LinAlgError:  # the symbol sinks into the rounding

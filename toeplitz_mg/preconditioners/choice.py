@@ -32,7 +32,7 @@ from toeplitz_mg.preconditioners.spectral import (
     schur_inverse,
     spectral_preconditioner,
 )
-from toeplitz_mg.preconditioners.symbol import sampled_symbol
+from toeplitz_mg.preconditioners.symbol import sample_symbol
 from toeplitz_mg.preconditioners.trigonometric import (
     cosine_inverse,
     cosine_preconditioner,
@@ -176,7 +176,7 @@ def candidates_of_line(A: ToeplitzOperator) -> Iterator[Candidate]:
         # 4 to 12 iterations, but next to no set-up, and cheap ones.
         yield Candidate.of(fsai_preconditioner, "a long line of slow decay")
     A = A.astype(np.float64)
-    samples = sampled_symbol(A, (near_fast_length(len(A.c)),))  # At θ = 0 … π.
+    samples = sample_symbol(A, (near_fast_length(len(A.c)),))  # At θ = 0 … π.
     by_sine = partial(sine_inverse, samples=samples)
     by_cosine = partial(cosine_inverse, samples=samples)
     is_smooth = traits.decreases(A.c)

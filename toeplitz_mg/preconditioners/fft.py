@@ -14,7 +14,7 @@ from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import check_symmetric, restrict, restricted, unwrap
 from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust
-from toeplitz_mg.preconditioners.symbol import continued
+from toeplitz_mg.preconditioners.symbol import continue_axis
 
 
 def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
@@ -96,7 +96,7 @@ def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOp
     else:
         column = A.c.astype(np.float64, copy=False)
         for axis, n in enumerate(A.grid_shape):
-            column = continued(column, axis, near_fast_length(n))
+            column = continue_axis(column, axis, near_fast_length(n))
         spectrum = cosine_sums(column)
     require_positive(
         spectrum,

@@ -16,9 +16,9 @@ from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
 from toeplitz_mg.operators.structure import componentwise, restricted, squeeze_line
 from toeplitz_mg.preconditioners.positivity import is_positive, precision, require_condition
 from toeplitz_mg.preconditioners.schur import schur_column
-from toeplitz_mg.preconditioners.symbol import sampled_symbol
+from toeplitz_mg.preconditioners.symbol import sample_symbol
 
-RESOLVED = 0.25  # ‖A x - e₁‖ up to which the inverse from x is as good as a better one
+RESOLVED = 0.25  # Largest ‖A x - e₁‖ at which the inverse from x is as good as a better one.
 
 
 @componentwise
@@ -29,7 +29,7 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     Parameters
     ----------
     A : ToeplitzOperator, or MaskedOperator of one
-        Of one level with more than one element. Symmetric positive definite, which is enough:
+        Of one axis with more than one element. Symmetric positive definite, which is enough:
         there is no other condition.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. In float32 it takes
@@ -46,7 +46,7 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
         Where A is not positive definite, or so ill-conditioned that float64 cannot tell, or that
         rounding in `dtype` may make its inverse indefinite.
     ValueError
-        Where `A` has several levels, or is not symmetric.
+        Where `A` has several axes, or is not symmetric.
     TypeError
         Where `A` is no Toeplitz operator.
 
@@ -81,7 +81,7 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     0
     """
     double = squeeze_line(A).astype(np.float64)
-    factor = factor_column(double, sampled_symbol(double, (near_fast_length(len(double.c)),)))
+    factor = factor_column(double, sample_symbol(double, (near_fast_length(len(double.c)),)))
     if factor is None or not factor.is_inverse:
         return schur_inverse(A, dtype=dtype)
     return inverse_of_factor(A, factor, dtype=dtype)
@@ -135,7 +135,7 @@ def factor_column(A: ToeplitzOperator, samples: Array) -> Factor | None:
     phi = sine_sums(cosine_sums(np.log(samples)) / (4 * m))
     size = 1.0 / np.sqrt(samples)
     q = (cosine_sums(size * np.cos(phi)) - sine_sums(size * np.sin(phi)))[:n] / (2 * m)
-    x = np.asarray(q[0] * q)
+    x = q[0] * q
     r = A @ x
     r[0] -= 1.0
     return Factor(x, float(norm(r)))

@@ -6,36 +6,36 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.transforms import cosine_sums
 from toeplitz_mg.operators import ToeplitzOperator
 
-STEP = 64  # of the known lags in the distance at which a tail is fitted
-NEGLIGIBLE = 1e-9  # a coefficient, relative to that of lag 0
-SUMMABLE = 1.5  # exponent of lags that decay fast enough for a sum over some periods
-PERIODS = 16  # of 2n lags over which a tail is summed at most,
-FEW_LAGS = 2**15  # unless they are as few as that
-SPIKE = 0.5  # of the larger of the last two coefficients, the smaller: less tells of no slope
+STEP = 64  # Distances at which a tail is fitted, in the known lags.
+NEGLIGIBLE = 1e-9  # Largest coefficient that is left out, relative to that of lag 0.
+SUMMABLE = 1.5  # Least exponent of a power of the lag that is summed over some periods.
+PERIODS = 16  # Most periods of 2 n lags over which a tail is summed, of many lags.
+FEW_LAGS = 2**15  # Lags over which any tail is summed: where n is small they are more periods.
+SPIKE = 0.5  # Ratio of the last two coefficients below which they tell of no slope.
 
 
-def sampled_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
-    """The symbol at θ = πk/n, k = 0 … n in each level, n of `shape`."""
+def sample_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
+    """Return the symbol at θ = πk/n, k = 0 … n along each axis, n of `shape`."""
     column = A.c.astype(np.float64)
     if not A.is_even:  # its even part, as the transforms have no other
         flips = _flips(A.lags.astype(np.float64))
         column = np.mean(flips, axis=0)[tuple(slice(n - 1, None) for n in A.grid_shape)]
-    alone = [level for level, n in enumerate(column.shape) if n > 1]
+    alone = [axis for axis, n in enumerate(column.shape) if n > 1]
     if len(alone) == 1 and (tail := _Tail.of(column.ravel())) is not None:
-        samples = cosine_sums(tail.periodised(column.ravel(), shape[alone[0]]))
-        # A level of one element has no other lags: its samples are the same.
-        whole = samples.reshape([-1 if level in alone else 1 for level in range(column.ndim)])
+        samples = cosine_sums(tail.sum_periods(column.ravel(), shape[alone[0]]))
+        # An axis of one element has no other lags: its samples are the same.
+        whole = samples.reshape([-1 if axis in alone else 1 for axis in range(column.ndim)])
         return np.broadcast_to(whole, tuple(n + 1 for n in shape)).copy()
-    for level, n in enumerate(shape):
-        column = continued(column, level, n)
+    for axis, n in enumerate(shape):
+        column = continue_axis(column, axis, n)
     # Σ over all lags of a_k cos kθ, by symmetry a cosine transform of the first column.
     return cosine_sums(column)
 
 
 def _flips(lags: Array) -> list[Array]:
     arrays = [lags]
-    for level in range(lags.ndim):
-        arrays += [np.flip(array, level) for array in arrays]
+    for axis in range(lags.ndim):
+        arrays += [np.flip(array, axis) for array in arrays]
     return arrays
 
 
@@ -73,11 +73,11 @@ class _Tail:
         """The coefficients `t` lags beyond the one where the tail was fitted."""
         if self.curvature * 100 < self.decay**2:  # exponent above 100: an exponential
             log = (min(self.curvature, 0.0) * t / 2 - self.decay) * t
-            return np.asarray(self.value * np.exp(log))
+            return self.value * np.exp(log)
         exponent = self.decay**2 / self.curvature
-        return np.asarray(self.value * (1 + self.decay / exponent * t) ** -exponent)
+        return self.value * (1 + self.decay / exponent * t) ** -exponent
 
-    def periodised(self, column: Array, n: int) -> Array:
+    def sum_periods(self, column: Array, n: int) -> Array:
         """Sum the coefficients of all lags ±k + 2nj, for k = 0 … n."""
         known = len(column)
         beyond = max(1, known // STEP) + 1  # from the lag of the fit to the first unknown one
@@ -96,20 +96,20 @@ class _Tail:
         return folded
 
 
-def continued(column: Array, level: int, n: int) -> Array:
-    """Continue a level to the lags 0 … n: a coefficient that is not there is not zero.
+def continue_axis(column: Array, axis: int, n: int) -> Array:
+    """Continue an axis to the lags 0 … n: a coefficient that is not there is not zero.
 
     By the parabola that goes on with the slope of the last two and is flat at lag n. But where
     these are of so different a size that they tell of a spike, or of an end, it is zero.
     """
-    known = column.shape[level]
-    last = np.take(column, [-1], axis=level)
+    known = column.shape[axis]
+    last = np.take(column, [-1], axis=axis)
     if known == 1:  # one element: it has no other lags
-        return np.concatenate([column, np.zeros_like(last)], axis=level)
-    before = np.take(column, [-2], axis=level)
+        return np.concatenate([column, np.zeros_like(last)], axis=axis)
+    before = np.take(column, [-2], axis=axis)
     slope = last - before
     is_spike = np.minimum(abs(last), abs(before)) < SPIKE * np.maximum(abs(last), abs(before))
     ahead = n - known + 1  # steps from the last coefficient to lag n
-    t = np.arange(1.0, ahead + 1).reshape([-1 if k == level else 1 for k in range(column.ndim)])
+    t = np.arange(1.0, ahead + 1).reshape([-1 if k == axis else 1 for k in range(column.ndim)])
     parabola = last + slope * t * (1.0 - t / (2.0 * ahead))
-    return np.concatenate([column, np.where(is_spike, 0.0, parabola)], axis=level)
+    return np.concatenate([column, np.where(is_spike, 0.0, parabola)], axis=axis)

@@ -18,7 +18,7 @@ from toeplitz_mg.preconditioners.positivity import (
     robust,
     rounding,
 )
-from toeplitz_mg.preconditioners.symbol import sampled_symbol
+from toeplitz_mg.preconditioners.symbol import sample_symbol
 
 
 @componentwise
@@ -132,7 +132,7 @@ def sine_inverse(
 
 
 def _sample_symbol(A: ToeplitzOperator) -> Array:
-    return sampled_symbol(A, tuple(near_fast_length(n) for n in A.grid_shape))
+    return sample_symbol(A, tuple(near_fast_length(n) for n in A.grid_shape))
 
 
 def _invert_samples(

@@ -17,21 +17,21 @@ from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.inverse import first_column
 from toeplitz_mg.solvers.system import ToeplitzSystem
 
-MOST_ITERATIONS = 16  # of CG: the inverse costs no more than twice that
-FEW = 2  # columns, for which the inverse is not worth its set-up
+MOST_ITERATIONS = 16  # Of CG, after which the inverse would have cost no more than twice that.
+FEW = 2  # Most columns for which the inverse is not worth its set-up.
 LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in n³/3 operations.
 
 # Work is counted in steps of the inner loops of Levinson's recursion, n² for a column: one
 # multiplication and one addition in each of two vectors. The ratios to them are rough, and the same
 # on every machine, so that the choice is, too. `python -m comparisons.speed.drop_in` measures both
 # sides.
-MOST_STEPS = 2**32  # of Levinson's recursion: a column of 65,536 unknowns
-LEVINSON_CALL = 2_900  # steps that a column costs beside its own: what Python does about it
-CG_SETUP = 570_000  # steps that the set-up of A and M costs, and the calls of all iterations
-CG_UNKNOWN = 700  # steps an unknown of a column: some ten transforms, each a few log n long
-INVERSE_SETUP = 1_400_000  # steps of all calls of the Schur algorithm, where it has to be that
-INVERSE_UNKNOWN = 2_100  # steps an unknown of the Schur algorithm: some thirty products
-INVERSE_COLUMN = 20  # steps an unknown of a product with the inverse
+MOST_STEPS = 2**32  # Most steps of Levinson's recursion: a column of 65,536 unknowns.
+LEVINSON_CALL = 2_900  # Steps that a column costs beside its own, for the calls.
+CG_SETUP = 570_000  # Steps that the set-up of A and M costs, and the calls of all iterations.
+CG_UNKNOWN = 700  # Steps an unknown of a column: some ten transforms, each a few log n long.
+INVERSE_SETUP = 1_400_000  # Steps of all calls of the Schur algorithm, where it has to be that.
+INVERSE_UNKNOWN = 2_100  # Steps an unknown of the Schur algorithm: some thirty products.
+INVERSE_COLUMN = 20  # Steps an unknown of a product with the inverse.
 
 
 class Method(NamedTuple):

@@ -14,7 +14,7 @@ from toeplitz_mg.preconditioners.schur import schur_column
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.values import positive
 
-SOLVED = 1e-12  # ‖e₁ - A x‖ below which a step is as likely to add rounding as to remove an error
+SOLVED = 1e-12  # ‖e₁ - A x‖ below which a step adds rounding as likely as it removes errors.
 
 
 class ToeplitzInverse(GridOperator):
@@ -66,7 +66,7 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     Parameters
     ----------
     A : ToeplitzOperator
-        Symmetric positive definite, of one level with more than one element.
+        Symmetric positive definite, of one axis with more than one element.
     rtol : float, optional
         The relative residual ‖b - A x‖/‖b‖ that x = A⁻¹ b is to have; by default 1e-10, and for
         float32 1e-3.
@@ -84,7 +84,7 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
         Where the residual measured is above `rtol`, also after one step of refinement: the matrix
         is not positive definite, or too ill-conditioned for what was asked.
     ValueError
-        Where `A` has several levels, or is not symmetric; where `rtol` is not positive.
+        Where `A` has several axes, or is not symmetric; where `rtol` is not positive.
     TypeError
         Where `A` is no ToeplitzOperator.
 
@@ -146,7 +146,7 @@ def first_column(A: ToeplitzOperator) -> Array:
             break
         x = x + G @ r
         r = unit - A @ x
-    return np.asarray(best)
+    return best
 
 
 def _by_cg(A: ToeplitzOperator, unit: Array) -> Array | None:

@@ -218,9 +218,9 @@ def _fsai(
     full, mask = unwrap_toeplitz(A)
     squeezed = full.squeezed
     if len(squeezed.grid_shape) > 2:
-        raise ValueError(f"A is {full!r}, but must have one level or two")
+        raise ValueError(f"A is {full!r}, but must have one axis or two")
     if not full.is_even:
-        raise ValueError(f"A is {full!r}, but must be symmetric in every level")
+        raise ValueError(f"A is {full!r}, but must be symmetric along each axis")
     if mask is None:
         mask = np.ones(full.grid_shape, dtype=bool)
     dtype = precision(full, dtype)
