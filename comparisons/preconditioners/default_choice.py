@@ -1,8 +1,9 @@
 """Whether `default_preconditioner` is ever worse than none, on matrices of every kind.
 
 1,000 matrices of `systems.random_matrices` and 250 of `systems.matrices`, a constant and a random
-right-hand side, CG from a zero guess to a relative residual of 1e-8. Worse is what takes more than 1.1 of the
-iterations of none, where that is more than two iterations: one or two are the rounding of counts.
+right-hand side, CG from a zero guess to a relative residual of 1e-8. Worse is what takes more than
+1.1 of the iterations of none, where that is more than two iterations: one or two are the rounding
+of counts.
 """
 
 import os
