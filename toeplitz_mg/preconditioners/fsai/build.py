@@ -63,31 +63,25 @@ def compute_rows(stencil: Stencil, matrix: LevelMatrix, at: Array) -> Rows:
     """Return the rows of G of the unknowns in these places."""
     parts = stencil.split(at)
     if matrix.by_table:
-        patterns = [
-            _patterns(stencil.steps[a], matrix.active, part) + np.int16(a * stencil.patterns)
-            for a, part in enumerate(parts)
-        ]
-        return Rows(stencil.table, stencil.table_sums, _by_place(matrix, at, patterns))
+        place = np.zeros(len(matrix.c), np.int16)
+        for a, part in enumerate(parts):
+            pattern = _find_patterns(stencil.steps[a], matrix.active, part)
+            place[part] = pattern + np.int16(a * stencil.patterns)
+        return Rows(stencil.table, stencil.table_sums, place)
     rows, sums = np.empty((len(at), stencil.steps.shape[1])), np.empty((len(parts), len(at)))
     start = 0
     for a, places in enumerate(parts):
-        for part in split_range(len(places), 2 * CHUNK):
-            near = stencil.steps[a][:, None] + places[part]
+        for some in split_range(len(places), 2 * CHUNK):
+            near = stencil.steps[a][:, None] + places[some]
             c = matrix.c.take(near)
             found = solve_rows(stencil.near[a], c, matrix.d.take(near))
-            own = slice(start + part.start, start + part.stop)
+            own = slice(start + some.start, start + some.stop)
             rows[own], sums[:, own] = found.T, stencil.sums(found, c)
         start += len(places)
     return Rows(rows.T, sums, matrix.number)
 
 
-def _by_place(matrix: LevelMatrix, at: Array, patterns: list[Array]) -> Array:
-    place = np.zeros(len(matrix.c), np.int16)
-    place[at] = np.concatenate(patterns)
-    return place
-
-
-def _patterns(steps: Array, active: Array, at: Array) -> Array:
+def _find_patterns(steps: Array, active: Array, at: Array) -> Array:
     """Return for each of these places, in order, which neighbours are active, as bits."""
     if not len(at):
         return np.zeros(0, np.int16)
@@ -108,9 +102,9 @@ def assemble_factor(
     """Return G, whose rows and columns are the unknowns in these places."""
     parts = stencil.split(at)
     if matrix.by_table:
-        G = in_precision(stencil.sparse_table, dtype)[rows.place.take(at)]
+        G = convert(stencil.sparse_table, dtype)[rows.place.take(at)]
     else:
-        G = in_precision(stencil.compress(rows.rows, [len(part) for part in parts]), dtype)
+        G = convert(stencil.compress(rows.rows, [len(part) for part in parts]), dtype)
     # The first place that each row might see.
     lowest = [part + steps.min() for part, steps in zip(parts, stencil.steps, strict=True)]
     first, number = np.concatenate(lowest).astype(np.int32), matrix.number
@@ -122,8 +116,8 @@ def assemble_factor(
     return csr_array((G.data, G.indices, G.indptr), (len(at), len(at)))
 
 
-def in_precision(G: csr_array, dtype: np.dtype[Any]) -> csr_array:
-    """Return the same in this precision; `astype` of SciPy would look for duplicates."""
+def convert(G: csr_array, dtype: np.dtype[Any]) -> csr_array:
+    """Return the same matrix in this precision; its own `astype` would look for duplicates."""
     return csr_array((G.data.astype(dtype, copy=False), G.indices, G.indptr), G.shape)
 
 

@@ -13,6 +13,7 @@ from math import inf, isqrt, log
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners.fsai.build import Options, build
 from toeplitz_mg.preconditioners.fsai.levels import LevelMatrix
@@ -75,17 +76,15 @@ def count_iterations(stencil: Stencil) -> float:
     r = np.random.default_rng(0).standard_normal(A.shape[0])
     length = float(np.linalg.norm(r))
     goal = REDUCTION * length
-    p, rho = np.zeros_like(r), 1.0
+    iteration = ConjugateGradients(A.apply, lambda r, out: P(r))
     for count in range(2 * int(MOST)):
-        z = P(r)
-        before, rho = rho, float(r @ z)
-        if not rho > 0.0:
+        step = iteration.step(r)
+        if not iteration.rho > 0.0:
             return inf
-        p = z + (rho / before) * p
-        q = A.apply(p)
-        curvature = float(p @ q)
-        require_positive("for some vector on a small grid xᵀ A x is", curvature, kernel.shape)
-        r -= (rho / curvature) * q
+        require_positive(
+            "for some vector on a small grid xᵀ A x is", iteration.curvature, kernel.shape
+        )
+        r -= step * iteration.product
         previous, length = length, float(np.linalg.norm(r))
         if length <= goal:
             length = max(length, np.finfo(np.float64).tiny)
