@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import toeplitz_mg as tmg
-from comparisons import masks
+from comparisons.systems import masks
 from comparisons.systems.matrices import typical
 from comparisons.systems.random_matrices import random_ones
 from tests.cases import CASES, contact, coupled, coupled_kernel, exponential
