@@ -19,7 +19,7 @@ from comparisons.preconditioners import figures as area_figures
 from comparisons.preconditioners import symbols as general_symbols
 from comparisons.reliability import __main__ as reliability
 from comparisons.speed import baselines, by_hand, drop_in
-from comparisons.systems import matrices
+from comparisons.systems import matrices, random_matrices
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
 
@@ -303,7 +303,7 @@ def test_default_choice(tmp_path, monkeypatch, capsys):
 def test_matrices_are_positive_definite_and_always_the_same():
     assert len(list(matrices.typical())) == 250
     checked = 0
-    for case in matrices.random_ones(150):
+    for case in random_matrices.random_ones(150):
         A = case.operator()
         if A.shape[0] <= 300:
             dense = A.toarray()

@@ -12,7 +12,6 @@ from toeplitz_mg.preconditioners.choice import is_fsai_worthwhile, quick_fsai
 from toeplitz_mg.preconditioners.symbol import sample_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_inverse
 
-LARGE = 2**16  # Elements of a grid from which on FSAI is worth its set-up: products take as long.
 SETTLED = 0.05  # Share of a set that may change for FSAI to be set up: it soon changes no more.
 # Share of a set that may change for FSAI to be kept: where more did a set-up, of one to three
 # products, saves more than that; where less did, it saves about one, as the misfit is elsewhere.
@@ -49,11 +48,6 @@ class LocalInverse:
         return y.reshape(r.shape)
 
 
-def is_local_better(A: ToeplitzOperator | CoupledOperator, C: Array) -> bool:
-    """Whether an area is so fragmented, and a product so long, that FSAI is worth its set-up."""
-    return is_fsai_worthwhile(A, C)
-
-
 class Inverse:
     """An approximate inverse for sets that change.
 
@@ -85,7 +79,7 @@ class Inverse:
         if self._local is not None and _changed(C, self._local.C) <= ALIKE:
             return
         self._local = None
-        if _changed(C, before) <= SETTLED and is_local_better(self._A, C):
+        if _changed(C, before) <= SETTLED and is_fsai_worthwhile(self._A, C):
             with suppress(np.linalg.LinAlgError):
                 self._local = LocalInverse(self._A, C, self.dtype)
 

@@ -22,7 +22,7 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.contact.active_sets import Iterate, find_sets
 from toeplitz_mg.contact.grid import Grid, coarsen, refine
-from toeplitz_mg.contact.inverse import LocalInverse, is_local_better
+from toeplitz_mg.contact.inverse import LocalInverse
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.tangential.coulomb import (
     Areas,
@@ -37,6 +37,7 @@ from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.vectors import axpy
 from toeplitz_mg.operators import CoupledOperator, apply_to_rows
 from toeplitz_mg.preconditioners import cosine_preconditioner
+from toeplitz_mg.preconditioners.choice import is_fsai_worthwhile
 
 ETA = 1.0  # Misfit that is left on the areas, relative to their violation, while the energy falls.
 COARSE = 3e-3  # Tolerance on a coarser grid: a better guess saves no product on the finer one.
@@ -250,7 +251,7 @@ class Search(NamedTuple):
 
 def _inverse(A: Any, contact: Array) -> Callable[[Array], Array]:
     """An approximate inverse of A on the elements in contact."""
-    if is_local_better(A, contact):
+    if is_fsai_worthwhile(A, contact):
         with suppress(np.linalg.LinAlgError):
             return LocalInverse(A, np.broadcast_to(contact, A.grid_shape))
     M = cosine_preconditioner(A)
