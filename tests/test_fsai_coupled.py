@@ -21,7 +21,7 @@ from toeplitz_mg.operators import BlockDiagonal
 from toeplitz_mg.preconditioners.fsai.aggregates import aggregate
 from toeplitz_mg.preconditioners.fsai.build import Options, build, compute_rows
 from toeplitz_mg.preconditioners.fsai.coupled import find_coupled_stencil
-from toeplitz_mg.preconditioners.fsai.levels import LevelMatrix
+from toeplitz_mg.preconditioners.fsai.levels import Level, LevelMatrix
 from toeplitz_mg.preconditioners.fsai.preconditioner import (
     MultilevelSparseInverse,
     fsai_preconditioner,
@@ -95,6 +95,14 @@ def blocks(A, direct=600):
     return BlockDiagonal([fsai_direct_below(B, direct) for B in components], A.full.grid_shape)
 
 
+def applied(level):
+    """What a level makes of some vector."""
+    x = np.random.default_rng(0).standard_normal(level.sizes[0])
+    y = np.empty_like(x)
+    level.multiply(x, y)
+    return y
+
+
 @pytest.mark.parametrize("same", [True, False])
 def test_aggregates_are_orthonormal_and_their_loads_known(same):
     """W = U (UᵀU)^(-1/2), U of the two columns G c on each aggregate."""
@@ -103,14 +111,16 @@ def test_aggregates_are_orthonormal_and_their_loads_known(same):
     masks[1] = masks[0] if same else masks[1]
     masks[1, :4, :4] = False
     matrix = LevelMatrix.of_mask(stencil, masks)
-    level = build(stencil, matrix, np.dtype(float), Options(direct=4))
+    options = np.dtype(float), Options(direct=4)
+    level = build(stencil, matrix, *options)
     assert len(level.sizes) >= 3
     totals = [load.sum() for load in stencil.full_load]
-    while hasattr(level, "W"):
+    while isinstance(level, Level):
         G, W = level.G.toarray(), level.W.toarray()
         assert_allclose(W.T @ W, np.eye(W.shape[1]), atol=1e-12)
         at = np.flatnonzero(matrix.active)
         E, _ = aggregate(stencil, matrix, compute_rows(stencil, matrix, at), at)
+        assert_array_equal(applied(level.coarse), applied(build(stencil.coarser, E, *options)))
         c = matrix.c[at].astype(float)
         first = np.count_nonzero(at < stencil.grid.size)
         loads = np.stack([c[:first] @ (G.T @ W)[:first], c[first:] @ (G.T @ W)[first:]])

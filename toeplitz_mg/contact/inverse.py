@@ -8,14 +8,10 @@ from numpy.typing import DTypeLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator, apply_to_rows
-from toeplitz_mg.preconditioners.choice import is_fsai_worthwhile, quick_fsai
+from toeplitz_mg.preconditioners.candidates import quick_fsai
+from toeplitz_mg.preconditioners.choice import is_fsai_kept, is_fsai_worthwhile
 from toeplitz_mg.preconditioners.symbol import sample_symbol
 from toeplitz_mg.preconditioners.trigonometric import cosine_inverse
-
-SETTLED = 0.05  # Share of a set that may change for FSAI to be set up: it soon changes no more.
-# Share of a set that may change for FSAI to be kept: where more did a set-up, of one to three
-# products, saves more than that; where less did, it saves about one, as the misfit is elsewhere.
-ALIKE = 0.004
 
 
 class LocalInverse:
@@ -76,10 +72,10 @@ class Inverse:
     def fit(self, C: Array) -> None:
         """Choose for a set: FSAI of one that is alike is kept, and else it is set up anew."""
         before, self._before = self._before, C
-        if self._local is not None and _changed(C, self._local.C) <= ALIKE:
+        if self._local is not None and is_fsai_kept(_measure_change(C, self._local.C)):
             return
         self._local = None
-        if _changed(C, before) <= SETTLED and is_fsai_worthwhile(self._A, C):
+        if is_fsai_worthwhile(self._A, C, _measure_change(C, before)):
             with suppress(np.linalg.LinAlgError):
                 self._local = LocalInverse(self._A, C, self.dtype)
 
@@ -90,6 +86,6 @@ class Inverse:
         return apply_to_rows(self._cosine, r.reshape(-1)).reshape(r.shape)
 
 
-def _changed(C: Array, before: Array) -> float:
+def _measure_change(C: Array, before: Array) -> float:
     """Return the elements that differ, as a share of those of the set."""
     return int(np.count_nonzero(C ^ before)) / int(np.count_nonzero(C))

@@ -12,7 +12,6 @@ from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Mask
@@ -20,11 +19,16 @@ from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import check_symmetric, components, unwrap, unwrap_toeplitz
 from toeplitz_mg.preconditioners import traits
-from toeplitz_mg.preconditioners.circulant import chan_preconditioner
-from toeplitz_mg.preconditioners.direct import DenseInverse
-from toeplitz_mg.preconditioners.fsai.preconditioner import coupled_fsai, fsai_preconditioner
+from toeplitz_mg.preconditioners.candidates import (
+    OF_ANY_LINE,
+    OF_SMOOTH,
+    OTHERS,
+    couple,
+    factorise,
+    quick_fsai,
+)
+from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
-from toeplitz_mg.preconditioners.positivity import precision
 from toeplitz_mg.preconditioners.selection import Candidate, Selection
 from toeplitz_mg.preconditioners.spectral import (
     factor_column,
@@ -54,10 +58,13 @@ ALIKE = 0.5  # Least `likeness_of_axes` at which a sine transform is as good as 
 # column of the factor.
 WELL_RESOLVED = 0.01  # Largest ‖A x - e₁‖ of a symbol that n coefficients of any sign resolve.
 HARDLY_RESOLVED = 100.0  # Largest ‖A x - e₁‖ at which a symbol is of use where they decrease.
-SMOOTH_NEIGHBOURS = 24  # Neighbours in a row of FSAI for covariances that are smooth.
 
 # `python -m comparisons.contact.cases` measures this.
 LARGE = 2**16  # Fewest elements of a grid on which an active set is worth a set-up of FSAI.
+SETTLED = 0.05  # Largest share of a set that changed where FSAI is set up: it soon changes no more.
+# Largest share of a set that changed where FSAI is kept. Where more did, a set-up, which takes as
+# long as one to three products, saves more than that; where less did, it saves about one.
+KEPT = 0.004
 
 
 class Plan(NamedTuple):
@@ -150,7 +157,7 @@ def _plan(A: LinearOperator, is_worth_set_up: bool) -> Plan:
 
 def _of_few(unknowns: int) -> Iterator[Candidate]:
     if unknowns <= DIRECT:
-        yield Candidate("Cholesky factor", f"at most {DIRECT} unknowns", _factorise, is_exact=True)
+        yield Candidate("Cholesky factor", f"at most {DIRECT} unknowns", factorise, is_exact=True)
 
 
 def _of_all_components(A: LinearOperator, mask: Mask | None) -> Iterator[Candidate]:
@@ -158,7 +165,7 @@ def _of_all_components(A: LinearOperator, mask: Mask | None) -> Iterator[Candida
     yield from _of_few(A.shape[0])
     if mask is not None and not mask.all():
         reason = "a mask; of all components together, if their coupling is strong"
-        yield Candidate("fsai_preconditioner", reason, _couple)
+        yield Candidate("fsai_preconditioner", reason, couple)
 
 
 def candidates_of_line(A: ToeplitzOperator) -> Iterator[Candidate]:
@@ -265,37 +272,13 @@ def _why_fsai(A: ToeplitzOperator, mask: Mask) -> str | None:
     return None
 
 
-def is_fsai_worthwhile(A: ToeplitzOperator | CoupledOperator, mask: Mask) -> bool:
-    """Whether FSAI is worth its set-up on a set of unknowns that is going to change."""
-    return A.shape[0] >= LARGE and traits.fragmentation(mask) > COMPACT
+def is_fsai_worthwhile(
+    A: ToeplitzOperator | CoupledOperator, mask: Mask, change: float = 0.0
+) -> bool:
+    """Whether FSAI is worth its set-up on a set of unknowns, a share of which has just changed."""
+    return change <= SETTLED and A.shape[0] >= LARGE and traits.fragmentation(mask) > COMPACT
 
 
-def _factorise(A: LinearOperator, *, dtype: DTypeLike | None = None) -> DenseInverse:
-    inverse = DenseInverse(A, precision(unwrap(A)[0], dtype))
-    if not inverse.is_accurate:
-        raise np.linalg.LinAlgError(f"A is too ill-conditioned for a factor in {inverse.dtype}")
-    return inverse
-
-
-def _couple(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
-    joint = coupled_fsai(A, dtype)
-    if joint is None:
-        raise np.linalg.LinAlgError("the coupling is weak, or not that of a half-space")
-    return joint
-
-
-def quick_fsai(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
-    """Return `fsai_preconditioner` with the fewest neighbours, whose set-up is the shortest."""
-    return fsai_preconditioner(A, neighbours=NEIGHBOURS, dtype=dtype)
-
-
-OF_SMOOTH = Candidate.of(
-    fsai_preconditioner,
-    f"{SMOOTH_NEIGHBOURS} neighbours, for a smooth kernel",
-    partial(fsai_preconditioner, neighbours=SMOOTH_NEIGHBOURS),
-)
-OF_ANY_LINE = Candidate.of(spectral_preconditioner, "as good as the inverse, whatever the symbol")
-OTHERS = tuple(
-    Candidate.of(function, "whatever the kernel")
-    for function in (sine_preconditioner, cosine_preconditioner, chan_preconditioner)
-)
+def is_fsai_kept(change: float) -> bool:
+    """Whether FSAI still serves a set of unknowns, a share of which has changed since."""
+    return change <= KEPT

@@ -1,0 +1,52 @@
+"""The candidates of the choice that are the same for every matrix, and what makes them."""
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import DTypeLike
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg.operators.structure import unwrap
+from toeplitz_mg.preconditioners.circulant import chan_preconditioner
+from toeplitz_mg.preconditioners.direct import DenseInverse
+from toeplitz_mg.preconditioners.fsai.neighbours import NUMBERS
+from toeplitz_mg.preconditioners.fsai.preconditioner import coupled_fsai, fsai_preconditioner
+from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
+from toeplitz_mg.preconditioners.positivity import precision
+from toeplitz_mg.preconditioners.selection import Candidate
+from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
+from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner, sine_preconditioner
+
+
+def factorise(A: LinearOperator, *, dtype: DTypeLike | None = None) -> DenseInverse:
+    """Return the inverse by a Cholesky factor, or refuse it where its precision is not enough."""
+    inverse = DenseInverse(A, precision(unwrap(A)[0], dtype))
+    if not inverse.is_accurate:
+        raise np.linalg.LinAlgError(f"A is too ill-conditioned for a factor in {inverse.dtype}")
+    return inverse
+
+
+def couple(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
+    """Return FSAI of all components together, or refuse it where their coupling is weak."""
+    joint = coupled_fsai(A, dtype)
+    if joint is None:
+        raise np.linalg.LinAlgError("the coupling is weak, or not that of a half-space")
+    return joint
+
+
+def quick_fsai(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
+    """Return `fsai_preconditioner` with the fewest neighbours, whose set-up is the shortest."""
+    return fsai_preconditioner(A, neighbours=NEIGHBOURS, dtype=dtype)
+
+
+SMOOTH = NUMBERS[1]  # Neighbours in a row of FSAI for covariances that are smooth.
+OF_SMOOTH = Candidate.of(
+    fsai_preconditioner,
+    f"{SMOOTH} neighbours, for a smooth kernel",
+    partial(fsai_preconditioner, neighbours=SMOOTH),
+)
+OF_ANY_LINE = Candidate.of(spectral_preconditioner, "as good as the inverse, whatever the symbol")
+OTHERS = tuple(
+    Candidate.of(function, "whatever the kernel")
+    for function in (sine_preconditioner, cosine_preconditioner, chan_preconditioner)
+)
