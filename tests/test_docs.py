@@ -13,6 +13,7 @@ EXAMPLES = [
     for page in PAGES
     for block in re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL)
 ]
+NO_FIGURES = {"architecture.md"}  # Its table has words only.
 each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 
 
@@ -68,3 +69,10 @@ def test_the_code_names_commands_that_exist():
         for name in re.findall(r"python -m (comparisons[\w.]*\w)", path.read_text()):
             stem = ROOT.joinpath(*name.split("."))
             assert stem.with_suffix(".py").exists() or (stem / "__main__.py").exists(), name
+
+
+@each_page
+def test_a_page_of_figures_names_the_command_that_writes_them(page):
+    text = page.read_text()
+    if "|---" in text or "![" in text or "| :" in text:
+        assert "python -m comparisons." in text or page.name in NO_FIGURES

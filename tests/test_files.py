@@ -265,7 +265,7 @@ def test_tables_and_figures_of_comparisons_are_whole_or_not_there(tmp_path, old,
     with pytest.raises(OSError, match="no more"):
         report.write_csv(tmp_path / "t.csv", [{"γ": 1}])
     with pytest.raises(OSError, match="no more"):
-        report.write_markdown(tmp_path / "t.md", "γ", {"mm²": [{"γ": 1}]})
+        report.write_markdown(tmp_path / "t.md", "γ", "comparisons.x", {"mm²": [{"γ": 1}]})
     with pytest.raises(OSError, match="no more"):
         report.write_figure(tmp_path / "t.png", Figure(), dpi=20)
     assert contents(tmp_path) == before

@@ -67,9 +67,11 @@ def format_cells(row: Row, formats: Mapping[str, str]) -> Row:
     }
 
 
-def write_markdown(path: Path, title: str, tables: Mapping[str, Sequence[Row]]) -> None:
-    """Write tables under their headings."""
-    text = f"# {title}\n\n"
+def write_markdown(
+    path: Path, title: str, module: str, tables: Mapping[str, Sequence[Row]]
+) -> None:
+    """Write tables under their headings, with the command of the module that measures them."""
+    text = f"# {title}\n\nWritten by `python -m {module}`.\n\n"
     for heading, rows in tables.items():
         table = tabulate(
             list(rows), headers="keys", missingval="", disable_numparse=True, tablefmt="github"

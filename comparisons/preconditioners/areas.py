@@ -205,7 +205,8 @@ def main(
     rows: list[Row] = []
     for rows in run(jobs, arguments.methods or tuple(PRECONDITIONERS)):
         report.write_csv(arguments.output / "areas.csv", rows)
-    report.write_markdown(arguments.output / "areas.md", TITLE, tables(rows))
+    module = "comparisons.preconditioners.areas"
+    report.write_markdown(arguments.output / "areas.md", TITLE, module, tables(rows))
     for area, n in jobs:
         measured = [row for row in rows if (row["area"], row["n"]) == (area, n)]
         sine = {row["method"]: row["random_s"] for row in measured}.get("sine", nan)

@@ -134,7 +134,8 @@ def main(quick_random: int = QUICK_RANDOM, quick_every: int = QUICK_EVERY) -> No
         with get_context("spawn").Pool(2) as pool:
             rows = list(tqdm(pool.imap(measure, cases, chunksize=4), total=len(cases)))
     report.write_csv(arguments.output / "default_choice.csv", rows)
-    report.write_markdown(arguments.output / "default_choice.md", TITLE, tables(rows))
+    module = "comparisons.preconditioners.default_choice"
+    report.write_markdown(arguments.output / "default_choice.md", TITLE, module, tables(rows))
     for heading, table in tables(rows).items():
         report.show(heading, table)
 
