@@ -518,7 +518,8 @@ def test_a_trial_tells_how_many_iterations_larger_grids_take():
             taken = 0
             for A in (operator(c, few), operator(c, ~few)):
                 taken = max(taken, *both_iterations(A, fsai_preconditioner(A, neighbours=number)))
-            assert 0.75 * taken <= found <= 1.1 * taken
+            # It counts a fraction of the last iteration, and up to 1.2 times as many are expected.
+            assert found / 1.1 <= taken <= 1.2 * found + 1.0
 
 
 @pytest.mark.parametrize("area", ["random 50 %", "rough 30 %", "full"])
