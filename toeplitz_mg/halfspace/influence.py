@@ -25,7 +25,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.halfspace.integrals import integral_x, integral_xy, integrals
 from toeplitz_mg.halfspace.materials import check_difference, check_material
 from toeplitz_mg.halfspace.points import check_element
-from toeplitz_mg.values import positive, unmasked
+from toeplitz_mg.values import positive, refuse_masked
 
 
 def influence_zz(
@@ -278,7 +278,7 @@ def _at(
 
 
 def _points(name: str, values: ArrayLike) -> Array:
-    array = unmasked(name, values)
+    array = refuse_masked(name, values)
     if array.dtype.kind not in "buif":
         raise TypeError(f"{name} has dtype {array.dtype}, but coordinates are real numbers")
     array = array.astype(np.float64)

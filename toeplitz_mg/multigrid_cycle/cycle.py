@@ -51,7 +51,7 @@ class Multigrid(GridOperator):
             self.levels = (replace(level, border=border), *self.levels)
 
     def apply(self, B: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `B` (see `GridOperator.apply`)."""
         dtype = np.result_type(B, self.dtype)
         X = np.empty(B.shape, dtype) if out is None else out
         shape = B.shape if B.ndim == 1 else (-1, B.shape[-1])

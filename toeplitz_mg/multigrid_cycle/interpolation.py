@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.values import unmasked
+from toeplitz_mg.values import refuse_masked
 
 # The weights (one for all elements, or one for each), the fine elements that have them, and the
 # coarse elements whose values they weigh. The first piece has all coarse elements.
@@ -40,7 +40,7 @@ class Interpolation:
     coarser: "Interpolation | None" = None
 
     def __post_init__(self) -> None:
-        numbers = unmasked("weights", self.weights)
+        numbers = refuse_masked("weights", self.weights)
         if numbers.ndim != 1 or numbers.dtype.kind not in "buif":
             raise TypeError(f"weights are {self.weights!r}, but must be real numbers")
         if not (self.coarser is None or isinstance(self.coarser, Interpolation)):

@@ -11,7 +11,7 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.values import unmasked
+from toeplitz_mg.values import refuse_masked
 
 NUMBERS = "fcbui"  # The kinds of dtypes that are multiplied.
 
@@ -22,7 +22,7 @@ def _check_vectors(x: Any) -> Any:
         return x
     if isinstance(x, LinearOperator) or issparse(x):
         return x
-    dtype = unmasked("x", x).dtype
+    dtype = refuse_masked("x", x).dtype
     if dtype.kind not in NUMBERS:
         raise TypeError(f"x has dtype {dtype}, but must be of numbers")
     return x

@@ -28,7 +28,7 @@ class BlockDiagonal(GridOperator):
         self.blocks = tuple(blocks)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         if out is None:
             out = np.empty(X.shape, np.result_type(X, self.dtype))
         start = 0

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.values import unmasked
+from toeplitz_mg.values import refuse_masked
 
 HEADROOM = 2.0**-8  # Share of the largest number for a row: the rest is for sums of products.
 
@@ -114,7 +114,7 @@ class Coefficients:
 
 def check_coefficients(values: ArrayLike, name: str) -> Array:
     """Return `values` as a float array, or say what is wrong with them."""
-    array = unmasked(name, values)
+    array = refuse_masked(name, values)
     if array.dtype.kind not in "buif":
         raise TypeError(f"{name} has dtype {array.dtype}, but coefficients are real numbers")
     if array.dtype not in (np.float32, np.float64):

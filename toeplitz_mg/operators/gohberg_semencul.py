@@ -9,7 +9,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.products import GohbergSemenculProduct
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.base import GridOperator
-from toeplitz_mg.values import unmasked
+from toeplitz_mg.values import refuse_masked
 
 OVERSAMPLING = 4  # Samples on the circle per coefficient: the phase may turn 3π/4 between two.
 
@@ -40,7 +40,7 @@ class GohbergSemencul(GridOperator):
     """
 
     def __init__(self, x: Array) -> None:
-        x = unmasked("x", x)
+        x = refuse_masked("x", x)
         if not x[0] > 0.0:
             raise np.linalg.LinAlgError(
                 f"the first entry of the inverse is {x[0]:.3g}, but of a positive definite matrix "
@@ -54,7 +54,7 @@ class GohbergSemencul(GridOperator):
         super().__init__(x.dtype, (len(x),), self._product.points / len(x))
 
     def apply(self, V: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `V` (see `GridOperator.apply`)."""
         return self._product(V, out)
 
     def __repr__(self) -> str:

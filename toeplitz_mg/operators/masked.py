@@ -11,7 +11,7 @@ from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows, work_of
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
-from toeplitz_mg.values import unmasked
+from toeplitz_mg.values import refuse_masked
 
 
 class MaskedOperator(GridOperator):
@@ -90,7 +90,7 @@ class MaskedOperator(GridOperator):
         return self if self.dtype == dtype else MaskedOperator(self.full.astype(dtype), self.mask)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         if out is None:
             out = np.empty(X.shape, np.result_type(X, self.dtype))
         rows = X.reshape(-1, X.shape[-1])
@@ -119,7 +119,7 @@ def check_mask(mask: ArrayLike, grid_shape: tuple[int, ...], is_coupled: bool = 
     is_coupled : bool
         Whether the first axis of the grid counts components, of which one mask may do for all.
     """
-    mask = unmasked("mask", mask)
+    mask = refuse_masked("mask", mask)
     if is_coupled and mask.shape == grid_shape[1:]:
         mask = np.broadcast_to(mask, grid_shape)
     if mask.dtype != np.bool_:

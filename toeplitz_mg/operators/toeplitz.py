@@ -184,7 +184,7 @@ class ToeplitzOperator(GridOperator):
         return entries(self.lags, *points)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         return self._product(X, out)
 
     def _adjoint(self) -> "ToeplitzOperator":

@@ -37,7 +37,7 @@ class SubdomainDeflated(GridOperator):
         return np.add.reduceat(y, self.starts, axis=-1)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         Y = apply_to_rows(self.M, X, out)
         Y -= self._sum(Y) @ self._E_inverse.T @ self._MAZ
         return Y
@@ -62,7 +62,7 @@ class TransposedDeflation(GridOperator):
         self.PM = PM
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         return self.PM.apply_transpose(X, out)
 
     def _adjoint(self) -> SubdomainDeflated:

@@ -54,7 +54,7 @@ class DenseInverse(GridOperator):
         return self.rcond > 4.0 * float(np.finfo(self.dtype).eps)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         # In the nearest precision that LAPACK has.
         dtype = np.result_type(X, self.dtype)
         if dtype.char not in "fdFD":

@@ -20,7 +20,7 @@ class ScaledIdentity(GridOperator):
         self.factor = self.dtype.type(factor)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         return np.multiply(X, self.factor, out=out)
 
     def converges(self, A: LinearOperator) -> bool:

@@ -46,7 +46,7 @@ class RowSumModified(GridOperator):
         return self.M.toarray() - np.diag(self.diagonal)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         change = workspace(X.shape, np.result_type(X, self.dtype))
         np.multiply(X, self.diagonal, out=change)  # Before `out`, which may be X, is written.
         out = apply_to_rows(self.M, X, out)

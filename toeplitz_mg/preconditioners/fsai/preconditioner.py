@@ -62,7 +62,7 @@ class MultilevelSparseInverse(GridOperator):
             out[...] = Y
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         return multiply_rows(self, X, out)
 
     def __repr__(self) -> str:
