@@ -94,10 +94,10 @@ On several axes, where a number of elements is odd, they are weighed by area.
 """
 
 linear_interpolation = Interpolation((0.5, 1.0, 0.5))
-"""For a symbol with a zero of order 2 at θ = 0, such as 2 - 2 cos θ."""
+"""Linear interpolation, for a symbol with a zero of order 2 at θ = 0, such as 2 - 2 cos θ."""
 
 modulated_interpolation = Interpolation((-0.5, 1.0, -0.5), linear_interpolation)
-"""For a symbol with a zero of order 2 at θ = π, such as 2 + 2 cos θ.
+"""Weights of alternating sign, for a symbol with a zero of order 2 at θ = π, as 2 + 2 cos θ has.
 
 The coarser grids, where the zero is at θ = 0, have linear interpolation.
 """
