@@ -41,8 +41,8 @@ Store = Callable[[slice, Array], None]  # From a panel, which it may overwrite, 
 # has two kilobytes.
 PANEL_BYTES = 2**20
 BLOCK_BYTES = 2**19  # Bytes of a block of rows, and of its twiddle factors, which share the cache.
-# Blocks whose twiddle factors are made from each other before they are made anew: rounding grows
-# with each.
+# Blocks whose twiddle factors are made one from the other before they are made anew: each step adds
+# to the rounding.
 ANCHOR = 32
 
 
@@ -72,7 +72,7 @@ class FourStep:
         self.shape = rows, columns
         panel, block = (size // self.dtype.itemsize for size in (PANEL_BYTES, BLOCK_BYTES))
         panels = -(-columns * rows // panel)
-        # An odd multiple of 4: a power of 2 would bring each row to the same part of the cache.
+        # It is an odd multiple of 4: a power of 2 would bring all rows to one part of the cache.
         self.width = width or min(columns, (-(-columns // panels) + 3) // 8 * 8 + 4)
         self.height = height or min(rows, max(2, block // columns))
 

@@ -173,7 +173,7 @@ class MultilevelProduct:
         """Multiply some frequencies of the last axis, in place."""
         grid = self._grid[:-1]
         P = workspace((*part.shape[:2], *self.lengths[:-1], part.shape[-1]), part.dtype)
-        # Lines along axis k, where the axes before it are not extended yet, or cut again.
+        # Number k has the lines along axis k, where the axes before are not extended, or cut again.
         lines = [P[(slice(None), slice(None), *map(slice, grid[:k]))] for k in range(len(grid) + 1)]
         lines[-1][...] = part
         for k in reversed(range(len(grid))):

@@ -199,7 +199,7 @@ class DiagonalisedProduct:
 
     def multiply(self, X: Array, out: Array) -> None:
         """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
-        # The vectors extended by zeros. Transforms of real to real numbers stay in this memory.
+        # This holds the vectors, extended by zeros. Transforms to real numbers stay in this memory.
         grid = workspace((len(X), *self.fft_shape), self.dtype)
         if self.fft_shape != self.grid_shape:
             grid[...] = 0.0

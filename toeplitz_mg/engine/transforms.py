@@ -71,7 +71,7 @@ class OneStep:
             Z = fft.fft(Z, overwrite_x=True)
             pairs = Z.view(eigenvalues.dtype)
             pairs *= eigenvalues
-            # The inverse transform, but for its factor 1/L, which the eigenvalues have.
+            # The inverse transform has no factor 1/L here, as the eigenvalues have it.
             Z = fft.ifft(Z, overwrite_x=True, norm="forward")
             cut = Z if n == self.length else Z[:, :n]
             cut *= w_conj

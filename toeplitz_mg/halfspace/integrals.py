@@ -43,7 +43,7 @@ def integrals(x: Array, y: Array, h1: float, h2: float) -> tuple[Array, Array, A
 def integral_xy(x: Array, y: Array, h1: float, h2: float) -> Array:
     """Return ∬ x y/ρ³ over the rectangle h1 × h2 about the origin, at the points (x, y)."""
     (X1, X2), (Y1, Y2) = _sides(x, h1), _sides(y, h2)
-    # -[[ρ]] over the corners, each difference by a - b = (a² - b²)/(a + b): exact everywhere.
+    # It is -[[ρ]] over the corners, each difference by a - b = (a² - b²)/(a + b): exact everywhere.
     r11, r12, r21, r22 = np.hypot(X1, Y1), np.hypot(X1, Y2), np.hypot(X2, Y1), np.hypot(X2, Y2)
     sums = 1.0 / (r11 + r12) + 1.0 / (r21 + r22)
     return 4.0 * x * h1 * y * h2 * sums / ((r11 + r21) * (r12 + r22))

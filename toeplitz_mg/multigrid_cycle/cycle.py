@@ -42,7 +42,7 @@ class Multigrid(GridOperator):
         self.pre = pre
         self.post = post
         self.gamma = gamma
-        # From the coarsest up: the border of a level needs the cycle of the next coarser one.
+        # They are made from the coarsest up, as a border needs the cycle of the next coarser level.
         self.levels = levels[-1:]
         for level in reversed(levels[:-1]):
             assert level.transfer is not None

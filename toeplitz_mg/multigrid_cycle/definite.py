@@ -9,7 +9,7 @@ from toeplitz_mg.preconditioners.positivity import ritz_values
 STEPS = 12  # Steps of Lanczos's method with a cycle that is in doubt: a cycle and a product each.
 # Smallest Ritz value of a cycle and its matrix that is accepted: that of a good cycle is above 0.4.
 LEAST = 0.05
-# Largest relative skewness of a cycle that is accepted, in units of the root of eps: what CG bears.
+# Largest relative skewness of a cycle that is accepted, in units of the root of eps: CG bears that.
 SKEW = 0.1
 
 

@@ -18,7 +18,7 @@ from toeplitz_mg.multigrid_cycle.interpolation import (
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import unwrap_toeplitz
 
-# The coupling of neighbours along an axis, relative to the strongest, below which the axis is not
+# Coupling of neighbours along an axis, relative to the strongest one, below which that axis is not
 # coarsened: the smoother leaves errors that vary along it from element to element.
 WEAK_COUPLING = 0.5
 

@@ -55,7 +55,7 @@ class DenseInverse(GridOperator):
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
-        # In the nearest precision that LAPACK has.
+        # LAPACK has four precisions, of which the nearest is taken.
         dtype = np.result_type(X, self.dtype)
         if dtype.char not in "fdFD":
             dtype = np.dtype(np.complex128 if dtype.kind == "c" else np.float64)
