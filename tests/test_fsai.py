@@ -23,7 +23,7 @@ from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
 
 def fsai_direct_below(A, n, **options):
     """Grids small enough for dense matrices have several levels then."""
-    return fsai_with_options(A, Options(direct=n), **options)
+    return fsai_with_options(A, Options(direct=n, **options))
 
 
 def half_space(n, ratio=1.0, kernel=influence_zz, nu=0.28):

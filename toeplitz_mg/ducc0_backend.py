@@ -18,6 +18,7 @@ SciPy does.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import ducc0.fft
@@ -41,40 +42,17 @@ def __ua_function__(method: Any, args: Any, kwargs: Any) -> Any:
     """Call the function of this module that has the name of one of `scipy.fft`."""
     function = _FUNCTIONS.get(method.__name__)
     result = NotImplemented if function is None else function(*args, **kwargs)
-    if result is NotImplemented:  # A global backend has no other behind it.
+    if result is NotImplemented:
+        # A global backend has no other behind it that would be asked next.
         with set_backend("scipy", only=True):
             return method(*args, **kwargs)
     return result
 
 
-def _complex(forward: bool) -> Any:
-    def transform(
-        x: Any,
-        n: int | None = None,
-        axis: int = -1,
-        norm: str | None = None,
-        overwrite_x: bool = False,
-        workers: int | None = None,
-        *,
-        plan: None = None,
-    ) -> Array:
-        x = _floating(x)
-        if n is not None:
-            x = _resize(x, (n,), (axis,))
-        in_place = overwrite_x and x.dtype.kind == "c" and x.flags.writeable
-        return ducc0.fft.c2c(
-            x,
-            axes=(axis % x.ndim,),
-            forward=forward,
-            inorm=_NORMS[norm][not forward],
-            out=x if in_place else None,
-            nthreads=workers or get_workers(),
-        )
-
-    return transform
-
-
-def _rfftn(
+def _transform(
+    kernel: Any,
+    inverse: bool,
+    overwrites: str | None,
     x: Any,
     s: Sequence[int] | None = None,
     axes: Sequence[int] | None = None,
@@ -83,81 +61,63 @@ def _rfftn(
     workers: int | None = None,
     *,
     plan: None = None,
+    **fixed: Any,
 ) -> Array:
+    """Call a function of ducc0, with the arguments that those of `scipy.fft` have.
+
+    Parameters
+    ----------
+    kernel : callable
+    inverse : bool
+        Whether the normalisation is that of an inverse transform.
+    overwrites : str or None
+        The kind of dtype whose arrays can take the result too.
+    """
     x = _floating(x)
     axes = _axes(x, s, axes)
     x = _resize(x, s, axes)
-    return ducc0.fft.r2c(
-        x, axes=axes, forward=True, inorm=_NORMS[norm][0], nthreads=workers or get_workers()
-    )
+    if overwrite_x and x.dtype.kind == overwrites and x.flags.writeable:
+        fixed["out"] = x
+    threads = workers or get_workers()
+    return kernel(x, axes=axes, inorm=_NORMS[norm][inverse], nthreads=threads, **fixed)
 
 
 def _irfftn(
-    x: Any,
-    s: Sequence[int] | None = None,
-    axes: Sequence[int] | None = None,
-    norm: str | None = None,
-    overwrite_x: bool = False,
-    workers: int | None = None,
-    *,
-    plan: None = None,
+    x: Any, s: Sequence[int] | None = None, axes: Sequence[int] | None = None, *args: Any, **kw: Any
 ) -> Array:
     x = _floating(x)
     x = x.astype(np.result_type(x, np.complex64), copy=False)
     axes = _axes(x, s, axes)
     last = 2 * (x.shape[axes[-1]] - 1) if s is None else s[-1]
-    if s is not None:
-        x = _resize(x, (*s[:-1], s[-1] // 2 + 1), axes)
-    return ducc0.fft.c2r(
-        x,
-        axes=axes,
-        lastsize=last,
-        forward=False,
-        inorm=_NORMS[norm][1],
-        nthreads=workers or get_workers(),
-    )
+    s = None if s is None else (*s[:-1], last // 2 + 1)
+    kw |= {"forward": False, "lastsize": last}
+    return _transform(ducc0.fft.c2r, True, None, x, s, axes, *args, **kw)
 
 
-def _rfft(x: Any, n: int | None = None, axis: int = -1, *args: Any, **kwargs: Any) -> Array:
-    return _rfftn(x, None if n is None else (n,), (axis,), *args, **kwargs)
+def _trigonometric(
+    kernel: Any,
+    inverse: bool,
+    x: Any,
+    type: int = 2,
+    s: Sequence[int] | None = None,
+    axes: Sequence[int] | None = None,
+    norm: str | None = None,
+    *args: Any,
+    orthogonalize: bool | None = None,
+    **kw: Any,
+) -> Any:
+    x = _floating(x)
+    if x.dtype.kind == "c" or orthogonalize not in (None, norm == "ortho"):
+        return NotImplemented
+    # The inverse of type 2 is type 3; the other types are their own.
+    kw["type"] = {2: 3, 3: 2}.get(type, type) if inverse else type
+    return _transform(kernel, inverse, "f", x, s, axes, norm, *args, **kw)
 
 
-def _irfft(x: Any, n: int | None = None, axis: int = -1, *args: Any, **kwargs: Any) -> Array:
-    return _irfftn(x, None if n is None else (n,), (axis,), *args, **kwargs)
-
-
-def _trigonometric(name: str, inverse: bool) -> Any:
-    kernel = getattr(ducc0.fft, name)
-
-    def transform(
-        x: Any,
-        type: int = 2,
-        s: Sequence[int] | None = None,
-        axes: Sequence[int] | None = None,
-        norm: str | None = None,
-        overwrite_x: bool = False,
-        workers: int | None = None,
-        *,
-        orthogonalize: bool | None = None,
-    ) -> Any:
-        x = _floating(x)
-        if x.dtype.kind == "c" or orthogonalize not in (None, norm == "ortho"):
-            return NotImplemented
-        axes = _axes(x, s, axes)
-        x = _resize(x, s, axes)
-        # The inverse of type 2 is type 3, that of the others themselves.
-        kind = {2: 3, 3: 2}.get(type, type) if inverse else type
-        in_place = overwrite_x and x.flags.writeable
-        return kernel(
-            x,
-            kind,
-            axes=axes,
-            inorm=_NORMS[norm][inverse],
-            out=x if in_place else None,
-            nthreads=workers or get_workers(),
-        )
-
-    return transform
+def _on_one_axis(
+    transform: Any, x: Any, n: int | None = None, axis: int = -1, *args: Any, **kw: Any
+) -> Array:
+    return transform(x, None if n is None else (n,), (axis,), *args, **kw)
 
 
 def _floating(x: Any) -> Array:
@@ -185,15 +145,19 @@ def _resize(x: Array, s: Sequence[int] | None, axes: Sequence[int]) -> Array:
     return result
 
 
-_FUNCTIONS = {
-    "fft": _complex(True),
-    "ifft": _complex(False),
-    "rfft": _rfft,
-    "irfft": _irfft,
+_fft = partial(_transform, ducc0.fft.c2c, False, "c", forward=True)
+_ifft = partial(_transform, ducc0.fft.c2c, True, "c", forward=False)
+_rfftn = partial(_transform, ducc0.fft.r2c, False, None, forward=True)
+
+_FUNCTIONS: dict[str, Any] = {
+    "fft": partial(_on_one_axis, _fft),
+    "ifft": partial(_on_one_axis, _ifft),
+    "rfft": partial(_on_one_axis, _rfftn),
+    "irfft": partial(_on_one_axis, _irfftn),
     "rfftn": _rfftn,
     "irfftn": _irfftn,
-    "dctn": _trigonometric("dct", False),
-    "idctn": _trigonometric("dct", True),
-    "dstn": _trigonometric("dst", False),
-    "idstn": _trigonometric("dst", True),
+    "dctn": partial(_trigonometric, ducc0.fft.dct, False),
+    "idctn": partial(_trigonometric, ducc0.fft.dct, True),
+    "dstn": partial(_trigonometric, ducc0.fft.dst, False),
+    "idstn": partial(_trigonometric, ducc0.fft.dst, True),
 }

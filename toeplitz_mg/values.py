@@ -8,14 +8,15 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 
-SMALL, LARGE = 1e-40, 1e40  # of what is given, in its units
+SMALL = 1e-40  # Least size other than zero, in the user's units: powers of less may underflow.
+LARGE = 1e40  # Largest size, in the user's units: powers of more may overflow.
 
 
 def real(name: str, value: Any) -> float:
     """Return a real number."""
     if type(value) is float:  # Sooner than by what follows, which a small system would feel.
         return value
-    if np.ndim(value) > 0 or unmasked(name, value).dtype.kind not in "buif":
+    if np.ndim(value) > 0 or refuse_masked(name, value).dtype.kind not in "buif":
         raise TypeError(f"{name} is {value!r}, but must be a real number")
     return float(value)
 
@@ -29,7 +30,7 @@ def finite(name: str, value: Any) -> float:
 
 
 def positive(name: str, value: Any) -> float:
-    """Return a positive number, and finite."""
+    """Return a number that is positive and finite."""
     x = real(name, value)
     if not 0.0 < x < np.inf:
         raise ValueError(f"{name} is {value}, but must be positive and finite")
@@ -37,8 +38,8 @@ def positive(name: str, value: Any) -> float:
 
 
 def count(name: str, value: Any, least: int = 1) -> int:
-    """Return an integer that is at least 1, or this."""
-    unmasked(name, value)
+    """Return an integer that is not below `least`."""
+    refuse_masked(name, value)
     try:
         n = index(value)
     except TypeError:
@@ -48,8 +49,8 @@ def count(name: str, value: Any, least: int = 1) -> int:
     return n
 
 
-def unmasked(name: str, values: Any) -> Array:
-    """Return an array, of any dtype; refuse a masked one, whose masked numbers mean nothing."""
+def refuse_masked(name: str, values: Any) -> Array:
+    """Return an array of any dtype; refuse a masked array, whose masked numbers mean nothing."""
     if _is_masked(values):
         raise TypeError(f"{name} is a masked array, but must have a value in each element")
     return np.asarray(values)
@@ -64,7 +65,7 @@ def _is_masked(values: Any) -> bool:
 
 def field(name: str, values: ArrayLike) -> Array:
     """Return an array of real numbers in double precision."""
-    array = unmasked(name, values)
+    array = refuse_masked(name, values)
     if array.dtype.kind not in "buif":
         raise TypeError(f"{name} has dtype {array.dtype}, but must be of real numbers")
     if np.isnan(array).any():

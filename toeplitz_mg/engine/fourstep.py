@@ -33,16 +33,16 @@ from toeplitz_mg.engine.lengths import near_square
 from toeplitz_mg.engine.threads import share
 from toeplitz_mg.engine.workspace import workspace
 
-Load = Callable[[slice, Array], None]  # Takes columns j₂, and the panel to fill, (N₁, columns).
+Load = Callable[[slice, Array], None]  # From columns j₂ to a panel (N₁, columns), which it fills.
 Factor = tuple[float, Array]  # The shift of a transform, and the eigenvalues.
-Store = Callable[[slice, Array], None]  # Takes columns j₂, and the panel, which it may overwrite.
+Store = Callable[[slice, Array], None]  # From a panel, which it may overwrite, to columns j₂.
 
 # Bytes of a panel of columns: it stays in the cache, and with 512 rows each piece of a row still
 # has two kilobytes.
 PANEL_BYTES = 2**20
 BLOCK_BYTES = 2**19  # Bytes of a block of rows, and of its twiddle factors, which share the cache.
-# Blocks whose twiddle factors are made from each other before they are made anew: rounding grows
-# with each.
+# Blocks whose twiddle factors are made one from the other before they are made anew: each step adds
+# to the rounding.
 ANCHOR = 32
 
 
@@ -72,7 +72,7 @@ class FourStep:
         self.shape = rows, columns
         panel, block = (size // self.dtype.itemsize for size in (PANEL_BYTES, BLOCK_BYTES))
         panels = -(-columns * rows // panel)
-        # An odd multiple of 4: a power of 2 would bring each row to the same part of the cache.
+        # It is an odd multiple of 4: a power of 2 would bring all rows to one part of the cache.
         self.width = width or min(columns, (-(-columns // panels) + 3) // 8 * 8 + 4)
         self.height = height or min(rows, max(2, block // columns))
 
@@ -231,7 +231,7 @@ def _weights(rows: int, shift: float, dtype: np.dtype[Any]) -> Array:
 def _twiddles(
     rows: int, columns: int, height: int, shift: float, dtype: np.dtype[Any]
 ) -> tuple[Array, Array]:
-    """Return the twiddle factors of the first block, and the step from a block to the next."""
+    """Return the twiddle factors of the first block, and those that lead from block to block."""
     L = rows * columns
     angles = np.outer(np.arange(height) + shift, np.arange(columns)) / L
     return np.exp(-2j * np.pi * angles).astype(dtype), _row_of_twiddles(height, columns, L)

@@ -7,8 +7,9 @@ from math import isqrt
 
 from scipy.fft import next_fast_len
 
+# Prime factors of the lengths whose transforms are called fast.
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)
-LONG_ROW = 2**12  # Numbers of a row above which its transform is slower: it leaves the cache.
+LONG_ROW = 2**12  # Numbers of a row from which on its transform is slower: it leaves the cache.
 
 
 def near_fast_length(n: int) -> int:

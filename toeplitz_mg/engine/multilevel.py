@@ -30,7 +30,7 @@ Kernel = Sequence[Sequence[Array | None]]
 
 PANEL_BYTES = 2**20  # Bytes of a panel of frequencies of the last axis: it stays in the cache.
 BLOCK_BYTES = 2**18  # Bytes of a block of lines along the last axis, which stays there too.
-NARROW = 8  # Frequencies of a panel at least: shorter pieces of a line take as long to copy.
+NARROW = 8  # Least frequencies of a panel: shorter pieces of a line take as long to copy.
 
 
 class MultilevelProduct:
@@ -74,7 +74,7 @@ class MultilevelProduct:
         Parameters
         ----------
         kernel, dtype
-            As for the class.
+            Parameters of the class.
         known : sequence of sequences of ndarray or None, optional
             For each pair of components the eigenvalues that another product has, if one has them;
             None where they have to be computed.
@@ -106,7 +106,7 @@ class MultilevelProduct:
 
     @property
     def norm_bound(self) -> float:
-        """A bound of the 2-norm: of the spectrum, by its rows."""
+        """A bound of the 2-norm, by the largest eigenvalues of the blocks."""
         spectrum = self.spectrum or [[_spectrum(a) for a in row] for row in self._kernel or ()]
         sizes = [[0.0 if s is None else float(np.abs(s).max()) for s in row] for row in spectrum]
         # SciPy's norm scales what it squares, so that numbers of any size do not overflow.
@@ -123,9 +123,7 @@ class MultilevelProduct:
         ]
         return np.ascontiguousarray(np.block(blocks).T, self.dtype)
 
-    def __call__(self, X: Array, out: Array | None = None) -> Array:
-        """As `multiply_rows`."""
-        return multiply_rows(self, X, out)
+    __call__ = multiply_rows
 
     def multiply(self, X: Array, out: Array) -> None:
         """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
@@ -175,7 +173,7 @@ class MultilevelProduct:
         """Multiply some frequencies of the last axis, in place."""
         grid = self._grid[:-1]
         P = workspace((*part.shape[:2], *self.lengths[:-1], part.shape[-1]), part.dtype)
-        # Lines along axis k, where the axes before it are not extended yet, or cut again.
+        # Number k has the lines along axis k, where the axes before are not extended, or cut again.
         lines = [P[(slice(None), slice(None), *map(slice, grid[:k]))] for k in range(len(grid) + 1)]
         lines[-1][...] = part
         for k in reversed(range(len(grid))):
@@ -206,7 +204,7 @@ class MultilevelProduct:
 
 
 def _spectrum(lags: Array | None) -> Array | None:
-    """Return the eigenvalues of a block, divided by the lengths of the inverse transforms."""
+    """Return the eigenvalues of a block's embedding, over the lengths of the inverse transforms."""
     if lags is None or not lags.any():
         return None
     grid = [(m + 1) // 2 for m in lags.shape]

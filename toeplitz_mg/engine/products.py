@@ -15,7 +15,7 @@ from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.transforms import OneStep, Panels, plan_of
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.values import unmasked
+from toeplitz_mg.values import refuse_masked
 
 DENSE = 256  # Unknowns up to which a product with the dense matrix is faster than any transform.
 
@@ -32,6 +32,8 @@ class Product(Protocol):
 
 def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array:
     """Multiply the rows of `X`, shape (..., N), into `out`, of the same shape, or a new array.
+
+    It is the ``__call__`` of every product.
 
     The result has the dtype that NumPy gives to the product of a matrix and a vector of these
     dtypes. `out` may be `X`.
@@ -53,8 +55,8 @@ def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array
 class ToeplitzProduct:
     """Multiplication by a real Toeplitz matrix of one axis.
 
-    Up to some size by the matrix itself. Beyond it is embedded in a matrix of size L ≥ n that is
-    circulant but for a factor i on what goes around: with the lags a,
+    Up to `DENSE` unknowns it is by the matrix itself. A larger one is embedded in a matrix of size
+    L ≥ n that is circulant but for a factor i on what goes around: with the lags a,
 
         Re of the matrix with the first column a_k + i a_(k-L)    (k = 0 … L - 1)
 
@@ -120,9 +122,7 @@ class ToeplitzProduct:
         column, row = self._band
         return np.ascontiguousarray(toeplitz(row, column), self.dtype)
 
-    def __call__(self, X: Array, out: Array | None = None) -> Array:
-        """As `multiply_rows`."""
-        return multiply_rows(self, X, out)
+    __call__ = multiply_rows
 
     def multiply(self, X: Array, out: Array) -> None:
         """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
@@ -186,22 +186,20 @@ class DiagonalisedProduct:
         dtype: DTypeLike = np.float64,
         transforms: Transforms = FOURIER,
     ) -> None:
-        # The share of a product on this grid, whose transforms are twice as long along each axis.
+        # A product with a Toeplitz matrix on this grid has transforms twice as long on each axis.
         points = prod(grid_shape) / 2 ** axes_of(grid_shape)
         self.grid_shape, self.dtype, self.points = grid_shape, np.dtype(dtype), points
         self.transforms = transforms
-        self.spectrum = unmasked("spectrum", spectrum).astype(self.dtype, copy=False)
+        self.spectrum = refuse_masked("spectrum", spectrum).astype(self.dtype, copy=False)
         self.fft_shape = fft_shape
         self._axes = tuple(range(-len(grid_shape), 0))
         self._cut: Any = (..., *(slice(n) for n in grid_shape))
 
-    def __call__(self, X: Array, out: Array | None = None) -> Array:
-        """As `multiply_rows`."""
-        return multiply_rows(self, X, out)
+    __call__ = multiply_rows
 
     def multiply(self, X: Array, out: Array) -> None:
         """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
-        # Extended by zeros; the transforms of real to real numbers stay in this memory.
+        # This holds the vectors, extended by zeros. Transforms to real numbers stay in this memory.
         grid = workspace((len(X), *self.fft_shape), self.dtype)
         if self.fft_shape != self.grid_shape:
             grid[...] = 0.0
@@ -239,21 +237,19 @@ class GohbergSemenculProduct:
         m = near_fast_length(n)
         self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), 2.0 * m
         self._length = m
-        # Its windows of length n are Zˢ u, s = p - 1 … 0.
+        # The windows of length n of this vector are Zˢ u, s = p - 1 … 0.
         self._u = np.concatenate((np.zeros(m - n), column[:0:-1])).astype(dtype)
         plan = plan_of(m, np.float64, exact=True)
         count_transforms(2, 2 * m)
         eigenvalues = plan_of(m, dtype, exact=True).eigenvalues
         column = np.concatenate((column, np.zeros(m - n)))
-        # At the frequencies k - 1/2 of the skew-circulant, conjugated for its transpose.
+        # The skew-circulant has the frequencies k - 1/2. Conjugates are those of its transpose.
         self._factors = [
             (0.5, eigenvalues(plan.spectrum(column, None, 0.5).conj())),
             (0.0, eigenvalues(plan.spectrum(column, None, 0.0))),
         ]
 
-    def __call__(self, X: Array, out: Array | None = None) -> Array:
-        """As `multiply_rows`."""
-        return multiply_rows(self, X, out)
+    __call__ = multiply_rows
 
     def multiply(self, X: Array, out: Array) -> None:
         """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""

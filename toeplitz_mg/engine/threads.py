@@ -7,9 +7,9 @@ from functools import lru_cache
 
 from scipy import fft
 
-Work = Callable[[range], None]
+Work = Callable[[range], None]  # Does the parts that have these numbers.
 
-WORTH_THREADS = 2**17  # Numbers of a transform from which threads make it faster.
+WORTH_THREADS = 2**17  # Numbers of a transform from which on threads make it faster.
 
 
 def share(work: Work, count: int, points: int) -> None:

@@ -13,7 +13,7 @@ from toeplitz_mg.engine.fourstep import FourStep, four_step
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
 
-LONG = 2**15  # Length from which a transform in four steps is faster than one at once.
+LONG = 2**15  # Length from which on a transform in four steps is faster than one at once.
 BATCH = 2**15  # Numbers of a batch of short vectors: so many stay in the cache.
 
 
@@ -38,9 +38,9 @@ class OneStep:
         Parameters
         ----------
         real, imag : ndarray of shape (L,)
-            Its parts; None in the place of the imaginary one where it is zero.
+            The parts of the vector; None in the place of the imaginary one where it is zero.
         shift : float
-            s.
+            The shift s.
         """
         column = real if imag is None else real + 1j * imag
         return fft.fft(column * self.weights(shift))
@@ -50,11 +50,11 @@ class OneStep:
         spectrum = spectrum / self.length
         if np.iscomplexobj(spectrum):
             return spectrum.astype(self.dtype)
-        # Twice, for the real and the imaginary part.
+        # Each stands twice, for the real and the imaginary part of what it multiplies.
         return np.repeat(spectrum, 2).astype(self.dtype.char.lower())
 
     def multiply_real(self, X: Array, eigenvalues: Array, out: Array) -> None:
-        """Multiply rows; of the result the real part, for the shift 1/4."""
+        """Write the real parts of the products of rows with the matrix of the shift 1/4."""
         n = X.shape[1]
         w, w_conj = self._quarter
         if n < self.length:
@@ -71,14 +71,14 @@ class OneStep:
             Z = fft.fft(Z, overwrite_x=True)
             pairs = Z.view(eigenvalues.dtype)
             pairs *= eigenvalues
-            # The inverse transform, but for its factor 1/L, which the eigenvalues have.
+            # The inverse transform has no factor 1/L here, as the eigenvalues have it.
             Z = fft.ifft(Z, overwrite_x=True, norm="forward")
             cut = Z if n == self.length else Z[:, :n]
             cut *= w_conj
             out[part] = cut.real
 
     def multiply_folded(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
-        """As `GohbergSemenculProduct`."""
+        """Write Re z + J Im z, z = C Sᵀ (v + i J v), for rows v (see `GohbergSemenculProduct`)."""
         for part, Z in self._batches(len(X)):
             Z.real, Z.imag = X[part], X[part, ::-1]
             for shift, eigenvalues in factors:
@@ -92,7 +92,7 @@ class OneStep:
             np.add(Z.real, Z.imag[:, ::-1], out=out[part])
 
     def _batches(self, count: int) -> Iterator[tuple[slice, Array]]:
-        """Yield some of so many vectors, and memory for them, the same for all."""
+        """Yield batches of so many vectors, and memory for a batch, the same for all."""
         size = max(1, min(BATCH // self.length, count))
         memory = workspace((size, self.length), self.dtype)
         for start in range(0, count, size):
@@ -119,9 +119,9 @@ class Panels:
         Parameters
         ----------
         real, imag : ndarray of shape (L,)
-            Its parts; None in the place of the imaginary one where it is zero.
+            The parts of the vector; None in the place of the imaginary one where it is zero.
         shift : float
-            s.
+            The shift s.
         """
         X = real.reshape(self.plan.shape)
         Y = None if imag is None else imag.reshape(self.plan.shape)
@@ -139,18 +139,18 @@ class Panels:
         return self.plan.eigenvalues(spectrum)
 
     def cosine_sums(self, a: Array) -> Array:
-        """As the function of that name, for a of shape (L + 1,), L even."""
+        """Return what the function `cosine_sums` does, for a of shape (L + 1,), L even."""
         return self._sums(a, 1.0)
 
     def sine_sums(self, a: Array) -> Array:
-        """As the function of that name, for a of shape (L + 1,), L even, with zeros at its ends."""
+        """Return what the function `sine_sums` does, for a of shape (L + 1,), zero at both ends."""
         return self._sums(a, -1.0)
 
     def _sums(self, a: Array, sign: float) -> Array:
         """Transform an even or odd sequence of period 2 L.
 
-        Those of even k are the transform of e_j = a_j ± a_(L-j); those of odd k are that of
-        o_j = a_j ∓ a_(L-j), at the frequencies k + 1/2. Of an even sequence both are real, of an
+        The sums for even k are the transform of e_j = a_j ± a_(L-j); those for odd k are that of
+        o_j = a_j ∓ a_(L-j), at the frequencies k + 1/2. For an even sequence both are real, for an
         odd one imaginary: one transform, of e + i o w, has both.
         """
         L = self.length
@@ -168,7 +168,8 @@ class Panels:
             real += y
 
         Z = self.plan.spectrum(load, 0.0)
-        # At 2 m and 2 m + 1, m = k₁ + N₁ k₂; the second half is that of the first.
+        # A pair has the sums for k = 2 m and 2 m + 1, m = k₁ + N₁ k₂. The second half of the
+        # spectrum follows from the first.
         half = -(-columns_of // 2) + 1
         pairs = np.empty((half, rows), np.complex128)
         self.plan.transpose(Z[:, :half], pairs)
@@ -178,7 +179,7 @@ class Panels:
         return pairs.view(np.float64).ravel()[: L + 1]
 
     def multiply_real(self, X: Array, eigenvalues: Array, out: Array) -> None:
-        """Multiply rows; of the result the real part, for the shift 1/4."""
+        """Write the real parts of the products of rows with the matrix of the shift 1/4."""
         plan = self.plan
         columns_of, n = plan.shape[1], X.shape[1]
         whole, rest = divmod(n, columns_of)  # The full rows of the matrix, and what is left.
@@ -205,7 +206,7 @@ class Panels:
             plan.multiply(load, [(0.25, eigenvalues)], store)
 
     def multiply_folded(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
-        """As `GohbergSemenculProduct`; the length is that of the rows."""
+        """Write Re z + J Im z, z = C Sᵀ (v + i J v), for rows v (see `GohbergSemenculProduct`)."""
         plan = self.plan
         u = plan.weights(factors[0][0])
         z = workspace(plan.shape, plan.dtype)

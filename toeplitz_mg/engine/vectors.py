@@ -1,6 +1,6 @@
 """Inner products and updates of vectors, part by part, for all iterations.
 
-Of a long vector BLAS takes as many threads as it has, which wait for each other, and then for more
+For a long vector BLAS takes as many threads as it has, which wait for each other, and then for more
 to do on the cores that the products need. So it is given parts that are too short for that. The
 operations of NumPy's own that are not here, as ``x *= a``, use one thread anyway.
 
@@ -92,7 +92,7 @@ def combine(weights: Array, X: Array) -> Array:
     -------
     ndarray of shape (...), of the dtype of `X`
     """
-    # Without BLAS, and so without its threads.
+    # This is done without BLAS, and so without its threads.
     return np.einsum("k,k...->...", weights.astype(X.dtype), X)
 
 

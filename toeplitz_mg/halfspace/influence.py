@@ -25,7 +25,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.halfspace.integrals import integral_x, integral_xy, integrals
 from toeplitz_mg.halfspace.materials import check_difference, check_material
 from toeplitz_mg.halfspace.points import check_element
-from toeplitz_mg.values import positive, unmasked
+from toeplitz_mg.values import positive, refuse_masked
 
 
 def influence_zz(
@@ -63,7 +63,7 @@ def influence_zz(
     """
     G, nu = check_material(G, nu)
     one, _, _ = integrals(*_at(x, y, element))
-    return np.asarray((1.0 - nu) * one / (np.pi * G))
+    return _displacement((1.0 - nu) * one, G)
 
 
 def influence_xx(
@@ -88,7 +88,7 @@ def influence_xx(
     Raises
     ------
     ValueError, TypeError
-        As `influence_zz`.
+        For arguments that `influence_zz` refuses.
 
     Notes
     -----
@@ -102,7 +102,7 @@ def influence_xx(
     """
     G, nu = check_material(G, nu)
     one, xx, _ = integrals(*_at(x, y, element))
-    return np.asarray(((1.0 - nu) * one + nu * xx) / (np.pi * G))
+    return _displacement((1.0 - nu) * one + nu * xx, G)
 
 
 def influence_yy(
@@ -127,7 +127,7 @@ def influence_yy(
     Raises
     ------
     ValueError, TypeError
-        As `influence_zz`.
+        For arguments that `influence_zz` refuses.
 
     Examples
     --------
@@ -137,7 +137,7 @@ def influence_yy(
     """
     G, nu = check_material(G, nu)
     one, _, yy = integrals(*_at(x, y, element))
-    return np.asarray(((1.0 - nu) * one + nu * yy) / (np.pi * G))
+    return _displacement((1.0 - nu) * one + nu * yy, G)
 
 
 def influence_xy(
@@ -162,7 +162,7 @@ def influence_xy(
     Raises
     ------
     ValueError, TypeError
-        As `influence_zz`.
+        For arguments that `influence_zz` refuses.
 
     Notes
     -----
@@ -175,7 +175,7 @@ def influence_xy(
     0.03188
     """
     G, nu = check_material(G, nu)
-    return np.asarray(nu * integral_xy(*_at(x, y, element)) / (np.pi * G))
+    return _displacement(nu * integral_xy(*_at(x, y, element)), G)
 
 
 def influence_xz(
@@ -222,7 +222,7 @@ def influence_xz(
     -0.03134
     """
     G, K = positive("G", G), check_difference(K)
-    return np.asarray(-K * integral_x(*_at(x, y, element)) / (np.pi * G))
+    return _displacement(-K * integral_x(*_at(x, y, element)), G)
 
 
 def influence_yz(
@@ -256,7 +256,7 @@ def influence_yz(
 
     Notes
     -----
-    As `influence_xz`, with x and y exchanged: odd in y, even in x, and A_zy = -A_yz.
+    This is `influence_xz` with x and y exchanged: odd in y, even in x, and A_zy = -A_yz.
 
     Examples
     --------
@@ -266,7 +266,12 @@ def influence_yz(
     """
     G, K = positive("G", G), check_difference(K)
     x, y, h1, h2 = _at(x, y, element)
-    return np.asarray(-K * integral_x(y, x, h2, h1) / (np.pi * G))
+    return _displacement(-K * integral_x(y, x, h2, h1), G)
+
+
+def _displacement(integral: Array, G: float) -> Array:
+    # An integral at a single point may be a scalar, but an array is returned there too.
+    return np.asarray(integral / (np.pi * G))
 
 
 def _at(
@@ -278,7 +283,7 @@ def _at(
 
 
 def _points(name: str, values: ArrayLike) -> Array:
-    array = unmasked(name, values)
+    array = refuse_masked(name, values)
     if array.dtype.kind not in "buif":
         raise TypeError(f"{name} has dtype {array.dtype}, but coordinates are real numbers")
     array = array.astype(np.float64)

@@ -13,8 +13,9 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 
-# At least so many sizes away, so many nodes: the integrand is analytic in an ellipse whose half
-# axes add up to ϱ = 2 t + √(4 t² - 1) half sizes, and the rule errs by ϱ^(-2 nodes).
+# Pairs of a distance t, in sizes of the rectangle, and the nodes of Gauss's rule from there on: the
+# integrand is analytic in an ellipse whose half axes add up to ϱ = 2 t + √(4 t² - 1) half sizes,
+# and the rule errs by ϱ^(-2 nodes).
 GAUSS = ((2.0, 10), (16.0, 5), (100.0, 3))
 
 
@@ -42,7 +43,7 @@ def integrals(x: Array, y: Array, h1: float, h2: float) -> tuple[Array, Array, A
 def integral_xy(x: Array, y: Array, h1: float, h2: float) -> Array:
     """Return ∬ x y/ρ³ over the rectangle h1 × h2 about the origin, at the points (x, y)."""
     (X1, X2), (Y1, Y2) = _sides(x, h1), _sides(y, h2)
-    # -[[ρ]] over the corners, each difference by a - b = (a² - b²)/(a + b): exact everywhere.
+    # It is -[[ρ]] over the corners, each difference by a - b = (a² - b²)/(a + b): exact everywhere.
     r11, r12, r21, r22 = np.hypot(X1, Y1), np.hypot(X1, Y2), np.hypot(X2, Y1), np.hypot(X2, Y2)
     sums = 1.0 / (r11 + r12) + 1.0 / (r21 + r22)
     return 4.0 * x * h1 * y * h2 * sums / ((r11 + r21) * (r12 + r22))
@@ -55,9 +56,9 @@ def integral_x(x: Array, y: Array, h1: float, h2: float) -> Array:
     """
     shape, sign, x, y = x.shape, np.sign(x.ravel()), np.abs(x.ravel()), np.abs(y.ravel())
     # What the rectangle has behind a point inside cancels as much of it ahead, and is left out.
-    # The rest has one sign: so wide, with its middle at such a distance.
+    # The rest has one sign. This is its width, and the distance of its middle.
     width, middle = np.minimum(2.0 * x, h1), np.maximum(x, h1 / 2.0)
-    # By products: the width is zero on the axis, where the integral is.
+    # Products are compared, as the width is zero on the axis, where the integral is zero too.
     in_x = middle * h2 >= y * width
     size, distance = np.where(in_x, width, h2), np.where(in_x, middle, y)
     passed = np.sum([distance >= t * size for t, _ in GAUSS], axis=0)
@@ -85,11 +86,14 @@ def integral_log(k: Array) -> Array:
 
 
 def _over_corners(x: Array, y: Array, h1: float, h2: float) -> tuple[Array, Array, Array]:
-    """[[Y asinh(X/|Y|)]], [[X asinh(Y/|X|)]], and before them their sum."""
+    """Return, as differences over the corners, ∬ 1/ρ, ∬ x²/ρ³ and ∬ y²/ρ³.
+
+    They are [[Y asinh(X/|Y|)]] and [[X asinh(Y/|X|)]], and before them their sum.
+    """
 
     def term(a: Array, b: Array) -> Array:
         safe = np.where(a == 0.0, 1.0, np.abs(a))
-        return a * np.arcsinh(b / safe)  # 0 where a is
+        return a * np.arcsinh(b / safe)  # This is 0 where a is 0.
 
     (X1, X2), (Y1, Y2) = _sides(x, h1), _sides(y, h2)
     xx = term(Y2, X2) - term(Y2, X1) - term(Y1, X2) + term(Y1, X1)
@@ -98,7 +102,7 @@ def _over_corners(x: Array, y: Array, h1: float, h2: float) -> tuple[Array, Arra
 
 
 def _gauss_in_x(x: Array, y: Array, h1: float, h2: float, nodes: int) -> tuple[Array, Array, Array]:
-    """∬ 1/ρ, ∬ x²/ρ³, ∬ y²/ρ³ by Gauss's rule over x, for |x| well above h1."""
+    """Return ∬ 1/ρ, ∬ x²/ρ³ and ∬ y²/ρ³ by Gauss's rule over x, for |x| well above h1."""
     one, xx = np.zeros_like(x), np.zeros_like(x)
     low, high = _sides(np.abs(y), h2)
     beside = low > 0.0
@@ -114,13 +118,13 @@ def _gauss_in_x(x: Array, y: Array, h1: float, h2: float, nodes: int) -> tuple[A
 
 
 def _across(X: Array, low: Array, high: Array, _: float) -> tuple[Array, Array]:
-    """∫ dy/ρ and ∫ x²/ρ³ dy from low ≤ 0 to high > 0 at the distance X > 0."""
+    """Return ∫ dy/ρ and ∫ x²/ρ³ dy from low ≤ 0 to high > 0 at the distance X > 0."""
     one = np.arcsinh(high / X) - np.arcsinh(low / X)
     return one, high / np.hypot(X, high) - low / np.hypot(X, low)
 
 
 def _beside(X: Array, low: Array, high: Array, h: float) -> tuple[Array, Array]:
-    """∫ dy/ρ and ∫ x²/ρ³ dy from low > 0 to high = low + h, the differences written out."""
+    """Return ∫ dy/ρ and ∫ x²/ρ³ dy from low > 0 to high = low + h, without a cancellation."""
     r1, r2 = np.hypot(X, low), np.hypot(X, high)
     rise = h * (low + high)  # This is r2² - r1².
     one = np.log1p((h + rise / (r1 + r2)) / (low + r1))
@@ -128,7 +132,7 @@ def _beside(X: Array, low: Array, high: Array, h: float) -> tuple[Array, Array]:
 
 
 def _x_over_corners(x: Array, y: Array, h1: float, h2: float) -> Array:
-    """[[½ Y ln(X² + Y²) + X arctan(Y/X)]] for x, y ≥ 0, by the two integrals below."""
+    """Return ∬ x/ρ² = [[½ Y ln(X² + Y²) + X arctan(Y/X)]] for x, y ≥ 0, by the integrals below."""
     X1, X2 = np.abs(x - h1 / 2.0), x + h1 / 2.0  # The ends of the part that has one sign.
     Y1, Y2 = _sides(y, h2)
     # So near, what is subtracted is not large beside the integral, whatever the shape.
@@ -138,13 +142,13 @@ def _x_over_corners(x: Array, y: Array, h1: float, h2: float) -> Array:
 
 
 def _x_along_x(x: Array, Y: Array, h: float) -> Array:
-    """∫ X/ρ² dX over the length h about x ≥ 0: ½ ln of a quotient that exceeds 1 by this."""
+    """Return ∫ X/ρ² dX over the length h about x ≥ 0: half the logarithm of a quotient."""
     r2 = (x - h / 2.0) ** 2 + Y**2
     return 0.5 * np.log1p(2.0 * x * h / np.where(r2 == 0.0, 1.0, r2))
 
 
 def _x_along_y(X: Array, y: Array, h: float) -> Array:
-    """∫ X/ρ² dY over the length h about y at the distance X ≥ 0: the angle in which it is seen."""
+    """Return ∫ X/ρ² dY over the length h about y, seen at an angle from the distance X ≥ 0."""
     low, high = _sides(y, h)
     # Where the sum cancels, it is small beside h X: the angle is close to a right one.
     return np.arctan2(h * X, X**2 + low * high)
@@ -156,6 +160,6 @@ def _sides(x: Array, h: float) -> tuple[Array, Array]:
 
 @cache
 def _gauss(nodes: int) -> list[tuple[float, float]]:
-    """Gauss-Legendre nodes and weights on [-½, ½]."""
+    """Return the nodes and the weights of Gauss and Legendre's rule on [-½, ½]."""
     s, w = np.polynomial.legendre.leggauss(nodes) / np.array(2.0)
     return list(zip(s.tolist(), w.tolist(), strict=True))

@@ -8,7 +8,7 @@ from toeplitz_mg.halfspace.integrals import integral_log
 from toeplitz_mg.halfspace.materials import check_material
 from toeplitz_mg.values import count, positive
 
-FEW = 200  # Strips up to which the eigenvalues are computed where their sign is in doubt.
+FEW = 200  # Most strips whose eigenvalues are computed where their sign is in doubt.
 
 
 def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, reference: float) -> Array:
@@ -23,7 +23,7 @@ def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, referenc
     h : float
         Width of a strip, mm.
     G, nu : float
-        As for `influence_zz`.
+        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
     reference : float
         The distance d at which a line load moves nothing, mm; the constant that plane strain
         leaves open.

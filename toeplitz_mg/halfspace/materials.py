@@ -126,7 +126,7 @@ def check_material(G: float, nu: float) -> Material:
 def check_difference(K: float) -> float:
     """Return a difference parameter, or say that no two bodies have it."""
     K = real("K", K)
-    # The most, ½ (1-2ν), is that of a body on a rigid one.
+    # The largest, ½ (1-2ν), is that of a body on a rigid one.
     if not -1.5 < K < 1.5:
         raise ValueError(f"K is {K}, but a difference parameter lies in (-1.5, 1.5)")
     return K

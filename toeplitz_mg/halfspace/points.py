@@ -5,10 +5,8 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.values import count, positive
 
-Pair = tuple[Array, Array]
 
-
-def offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
+def offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> tuple[Array, Array]:
     """Return the points of the first column of a matrix that is symmetric along both axes.
 
     They go with ``ToeplitzOperator(c)``, for coefficients that are even in x and in y; those of
@@ -57,7 +55,7 @@ def offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
     return h1 * np.arange(n1)[:, None], h2 * np.arange(n2)[None, :]
 
 
-def all_offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> Pair:
+def all_offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> tuple[Array, Array]:
     """Return the points of all coefficients, negative lags too.
 
     They go with ``ToeplitzOperator.from_lags(lags)``, for any coefficients, such as A_xy; those of

@@ -11,8 +11,8 @@ from toeplitz_mg.multigrid_cycle.transfer import Transfer
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.preconditioners.positivity import rounding
 
-# Leftover unknowns for which a border is made at most: each takes a product and a coarse solution
-# at set-up, and two vectors. Where a fragmented mask leaves over more, the smoother has them all.
+# Most leftover unknowns for which a border is made: each takes a product and a coarse solution at
+# set-up, and two vectors. Where a fragmented mask leaves more, the smoother alone treats them.
 MOST_LEFTOVER = 16
 
 
@@ -37,9 +37,12 @@ class Border:
     unknowns : ndarray of int, of shape (p, q)
     weights : ndarray of shape (q,)
         u_j has the entries `weights` at ``unknowns[j]``.
-    V, W : ndarray of shape (p, n_H), in rows
-    S_inverse : ndarray of shape (p, p), the inverse of C - s Vᵀ W
+    V, W : ndarray of shape (p, n_H)
+        The vectors V_j and W_j, as rows.
+    S_inverse : ndarray of shape (p, p)
+        The inverse of C - s Vᵀ W.
     s : float
+        The number for which Pᵀ = s R.
     """
 
     unknowns: Array
@@ -55,8 +58,8 @@ class Border:
     ) -> "Border | None":
         """Return the border of a grid, or None where it has none or too long a one.
 
-        None too where S = C - s Vᵀ W is not positive definite, as may be where the coarse matrix
-        is not R A P: with such a border the correction would be indefinite.
+        It is None too where S = C - s Vᵀ W is not positive definite, as may be where the coarse
+        matrix is not R A P: with such a border the correction would be indefinite.
         """
         if not 0 < len(transfer.leftover) <= MOST_LEFTOVER:
             return None

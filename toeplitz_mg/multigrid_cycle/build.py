@@ -2,8 +2,7 @@
 
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg._typing import Preconditioner
-from toeplitz_mg.multigrid_cycle.coarsening import Coarsening
+from toeplitz_mg._typing import Coarsening, Preconditioner
 from toeplitz_mg.multigrid_cycle.cycle import Multigrid
 from toeplitz_mg.multigrid_cycle.definite import require_definite
 from toeplitz_mg.multigrid_cycle.hierarchy import build_levels

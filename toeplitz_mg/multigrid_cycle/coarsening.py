@@ -4,11 +4,10 @@ from collections.abc import Callable
 
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg._typing import Coarsening
 from toeplitz_mg.multigrid_cycle.interpolation import Interpolation, piecewise_constant
 from toeplitz_mg.multigrid_cycle.transfer import Transfer
 from toeplitz_mg.operators import ToeplitzOperator
-
-Coarsening = Callable[[LinearOperator], LinearOperator]  # A matrix to that of the next grid.
 
 
 def galerkin(
@@ -64,7 +63,7 @@ def rediscretised(
     operator_of_grid_shape : callable
         Maps a grid's shape to the Toeplitz operator of the same problem on that grid.
     interpolation : Interpolation
-        That of the cycle, which decides the shape of the coarse grid.
+        The interpolation of the cycle, which decides the shape of the coarse grid.
 
     Returns
     -------

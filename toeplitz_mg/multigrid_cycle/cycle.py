@@ -31,9 +31,9 @@ class Multigrid(GridOperator):
     Attributes
     ----------
     levels : tuple of Level
-        Those given, with their borders.
-    pre, post, gamma
-        As given.
+        The given levels, with their borders.
+    pre, post, gamma : int
+        The parameters.
     """
 
     def __init__(self, levels: tuple[Level, ...], pre: int, post: int, gamma: int) -> None:
@@ -42,7 +42,7 @@ class Multigrid(GridOperator):
         self.pre = pre
         self.post = post
         self.gamma = gamma
-        # From the coarsest up: the border of a level needs the cycle of the next coarser one.
+        # They are made from the coarsest up, as a border needs the cycle of the next coarser level.
         self.levels = levels[-1:]
         for level in reversed(levels[:-1]):
             assert level.transfer is not None
@@ -51,7 +51,7 @@ class Multigrid(GridOperator):
             self.levels = (replace(level, border=border), *self.levels)
 
     def apply(self, B: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `B` (see `GridOperator.apply`)."""
         dtype = np.result_type(B, self.dtype)
         X = np.empty(B.shape, dtype) if out is None else out
         shape = B.shape if B.ndim == 1 else (-1, B.shape[-1])
@@ -63,7 +63,7 @@ class Multigrid(GridOperator):
         return X
 
     def _cycle(self, levels: tuple[Level, ...], b: Array, x: Array) -> None:
-        """One cycle from a zero guess: smooth, correct on the coarse grid, smooth."""
+        """Write to x one cycle from a zero guess: smooth, correct on the coarse grid, smooth."""
         A, S = levels[0].A, levels[0].smoother
         if levels[0].transfer is None:
             apply_to_rows(S, b, x)
@@ -135,8 +135,9 @@ class Multigrid(GridOperator):
 
 def _work(levels: tuple[Level, ...], pre: int, post: int, gamma: int) -> float:
     """Return the work of one cycle, in products on the whole finest grid."""
-    # On each level: the smoothing steps; a residual before each but the first from a zero guess,
-    # and one for the coarse grid, unless the guess still is zero; those between the cycles of a W.
+    # Counted on each level are the smoothing steps; a residual before each but the first from a
+    # zero guess, and one for the coarse grid, unless the guess still is zero; and the residuals
+    # between the cycles of a W.
     points, cycles = 0.0, 1
     for k, level in enumerate(levels[:-1]):
         again = cycles - cycles // gamma if k else 0

@@ -9,7 +9,7 @@ from toeplitz_mg.preconditioners.positivity import ritz_values
 STEPS = 12  # Steps of Lanczos's method with a cycle that is in doubt: a cycle and a product each.
 # Smallest Ritz value of a cycle and its matrix that is accepted: that of a good cycle is above 0.4.
 LEAST = 0.05
-# Largest relative skewness of a cycle that is accepted, in units of the root of eps: what CG bears.
+# Largest relative skewness of a cycle that is accepted, in units of the root of eps: CG bears that.
 SKEW = 0.1
 
 
@@ -20,10 +20,10 @@ def require_definite(M: Multigrid, is_galerkin: bool) -> None:
 
         A⁻¹ - Kᵛ A⁻¹ Kᵛᵀ + Kᵛ P B Pᵀ Kᵛᵀ,
 
-    definite for certain where S converges and B is definite. So is a coarse V-cycle, by induction,
-    and a W-cycle 2 B - B A B if B A has no eigenvalue above 2, as where all coarse matrices are
-    R A P. Where a smoother may diverge, the coarse grid may make up for that: the cycle itself is
-    examined.
+    which is definite for certain where S converges and B is definite. So is a coarse V-cycle, by
+    induction, and a W-cycle 2 B - B A B if B A has no eigenvalue above 2, as where all coarse
+    matrices are R A P. Where a smoother may diverge, the coarse grid may make up for that: the
+    cycle itself is examined.
     """
     inner = M.levels[:-1]
     diverging = [k for k, level in enumerate(inner) if not level.converges]
@@ -60,7 +60,7 @@ def require_definite(M: Multigrid, is_galerkin: bool) -> None:
 
 
 def _skewness(M: Multigrid) -> float:
-    """|uᵀ M v - vᵀ M u| for two random vectors, relative to the sizes of u and M v."""
+    """Return |uᵀ M v - vᵀ M u| of two random vectors, relative to the sizes of u and M v."""
     u, v = np.random.default_rng(0).standard_normal((2, M.shape[0])).astype(M.dtype)
     Mu, Mv = M @ u, M @ v
     return float(abs(u @ Mv - v @ Mu) / (np.linalg.norm(u) * np.linalg.norm(Mv)))

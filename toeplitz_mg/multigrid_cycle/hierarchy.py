@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
-from toeplitz_mg._typing import Preconditioner
+from toeplitz_mg._typing import Coarsening, Preconditioner
 from toeplitz_mg.multigrid_cycle.border import Border
-from toeplitz_mg.multigrid_cycle.coarsening import Coarsening
 from toeplitz_mg.multigrid_cycle.interpolation import Interpolation
 from toeplitz_mg.multigrid_cycle.transfer import Transfer
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator

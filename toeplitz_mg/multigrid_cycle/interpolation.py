@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.values import unmasked
+from toeplitz_mg.values import refuse_masked
 
 # The weights (one for all elements, or one for each), the fine elements that have them, and the
 # coarse elements whose values they weigh. The first piece has all coarse elements.
@@ -40,7 +40,7 @@ class Interpolation:
     coarser: "Interpolation | None" = None
 
     def __post_init__(self) -> None:
-        numbers = unmasked("weights", self.weights)
+        numbers = refuse_masked("weights", self.weights)
         if numbers.ndim != 1 or numbers.dtype.kind not in "buif":
             raise TypeError(f"weights are {self.weights!r}, but must be real numbers")
         if not (self.coarser is None or isinstance(self.coarser, Interpolation)):
@@ -94,10 +94,10 @@ On several axes, where a number of elements is odd, they are weighed by area.
 """
 
 linear_interpolation = Interpolation((0.5, 1.0, 0.5))
-"""For a symbol with a zero of order 2 at θ = 0, such as 2 - 2 cos θ."""
+"""Linear interpolation, for a symbol with a zero of order 2 at θ = 0, such as 2 - 2 cos θ."""
 
 modulated_interpolation = Interpolation((-0.5, 1.0, -0.5), linear_interpolation)
-"""For a symbol with a zero of order 2 at θ = π, such as 2 + 2 cos θ.
+"""Weights of alternating sign, for a symbol with a zero of order 2 at θ = π, as 2 + 2 cos θ has.
 
 The coarser grids, where the zero is at θ = 0, have linear interpolation.
 """

@@ -18,11 +18,12 @@ from toeplitz_mg.multigrid_cycle.interpolation import (
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import unwrap_toeplitz
 
-# The coupling of neighbours along an axis, relative to the strongest, below which the axis is not
+# Coupling of neighbours along an axis, relative to the strongest one, below which that axis is not
 # coarsened: the smoother leaves errors that vary along it from element to element.
 WEAK_COUPLING = 0.5
 
-ByAxis = tuple[Interpolation | AreaWeighted | None, ...]  # None where an axis is not coarsened
+# The interpolation along each axis, None where it is not coarsened.
+ByAxis = tuple[Interpolation | AreaWeighted | None, ...]
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ class Transfer:
     def border_vectors(self) -> tuple[Array, Array]:
         """Unknowns, shape (p, q), and weights (q,) of p vectors that enlarge the coarse space.
 
-        At the end of a grid it is one vector, that part of the next coarse element for which there
+        At the end of a line it is one vector, the part of the next coarse element for which there
         is room; elsewhere they are the unit vectors of the unknowns left over.
         """
         if len(self.leftover) and len(self.fine_shape) == 1 and self.fine_mask is None:
@@ -193,7 +194,7 @@ def _spread(coarse: Array, fine: Array, by_axis: ByAxis) -> None:
 def _by_axis(A: ToeplitzOperator, interpolation: Interpolation) -> ByAxis:
     """Return the interpolation along each axis of `A`, or None where that is not coarsened.
 
-    Those are coarsened along which neighbours are coupled most. Where the elements are stretched,
+    The axes along which neighbours are coupled most are coarsened. Where elements are stretched,
     the smoother leaves errors that vary along the long side from element to element, which a
     grid that is coarser in that direction cannot represent.
 

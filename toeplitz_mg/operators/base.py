@@ -11,9 +11,9 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.values import unmasked
+from toeplitz_mg.values import refuse_masked
 
-NUMBERS = "fcbui"  # The kinds of dtypes that are multiplied.
+NUMBERS = "fcbui"  # Kinds of dtypes that are multiplied: real, complex, booleans, integers.
 
 
 def _check_vectors(x: Any) -> Any:
@@ -22,7 +22,7 @@ def _check_vectors(x: Any) -> Any:
         return x
     if isinstance(x, LinearOperator) or issparse(x):
         return x
-    dtype = unmasked("x", x).dtype
+    dtype = refuse_masked("x", x).dtype
     if dtype.kind not in NUMBERS:
         raise TypeError(f"x has dtype {dtype}, but must be of numbers")
     return x
@@ -85,6 +85,7 @@ class GridOperator(LinearOperator):
             `out`, or a new array of the dtype that NumPy gives to the product of a matrix and a
             vector of these dtypes.
         """
+        # Not an `abstractmethod`: its metaclass would make each isinstance(A, GridOperator) slower.
         raise NotImplementedError
 
     def converges(self, A: LinearOperator) -> bool | None:
@@ -115,7 +116,8 @@ class GridOperator(LinearOperator):
         return self
 
     def _transpose(self) -> "GridOperator":
-        return self._adjoint()  # as it is real
+        # The matrix is real.
+        return self._adjoint()
 
     # SciPy takes the numbers below a mask, and anything that has a shape.
     dot = _of_numbers("dot")
@@ -127,7 +129,7 @@ class GridOperator(LinearOperator):
 
 
 def apply_to_rows(A: LinearOperator, X: Array, out: Array | None = None) -> Array:
-    """Multiply each row of `X` by any operator, of this package or not, as `GridOperator.apply`.
+    """Multiply each row of `X` by any operator, of this package or not.
 
     Parameters
     ----------
@@ -160,7 +162,7 @@ def apply_to_rows(A: LinearOperator, X: Array, out: Array | None = None) -> Arra
 
 
 def grid_of(A: LinearOperator) -> tuple[int, ...]:
-    """Return the shape of the grid on which an operator acts: a line, where it names none."""
+    """Return the shape of the grid on which an operator acts, a line where it names none."""
     return A.grid_shape if isinstance(A, GridOperator) else (A.shape[0],)
 
 

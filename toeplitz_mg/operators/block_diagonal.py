@@ -15,9 +15,9 @@ class BlockDiagonal(GridOperator):
     Parameters
     ----------
     blocks : sequence of LinearOperator
-        Square.
+        Square matrices, one for each part.
     grid_shape : tuple of int
-        That of the whole grid, also where the blocks are those of a part of it.
+        The shape of the whole grid, also where the blocks are those of a part of it.
     """
 
     def __init__(self, blocks: Sequence[LinearOperator], grid_shape: tuple[int, ...]) -> None:
@@ -28,7 +28,7 @@ class BlockDiagonal(GridOperator):
         self.blocks = tuple(blocks)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         if out is None:
             out = np.empty(X.shape, np.result_type(X, self.dtype))
         start = 0

@@ -7,9 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.values import unmasked
+from toeplitz_mg.values import refuse_masked
 
-HEADROOM = 2.0**-8  # Share of the largest number for a row: the rest is for sums of products.
+HEADROOM = (
+    2.0**-8
+)  # Share of the largest number that a row may sum up to: the rest is for products.
 
 
 @dataclass(frozen=True)
@@ -19,8 +21,8 @@ class Coefficients:
     Parameters
     ----------
     array : ndarray
-        Where they are even in each axis those of the first column alone, shape (n1, n2, ...); else
-        all, shape (2 n1 - 1, 2 n2 - 1, ...), lag zero in the centre. It is not to be changed.
+        The first column, shape (n1, n2, ...), where the coefficients are even in each axis; else
+        all of them, shape (2 n1 - 1, 2 n2 - 1, ...), lag zero in the centre. It is read-only.
     is_even : bool
     """
 
@@ -114,7 +116,7 @@ class Coefficients:
 
 def check_coefficients(values: ArrayLike, name: str) -> Array:
     """Return `values` as a float array, or say what is wrong with them."""
-    array = unmasked(name, values)
+    array = refuse_masked(name, values)
     if array.dtype.kind not in "buif":
         raise TypeError(f"{name} has dtype {array.dtype}, but coefficients are real numbers")
     if array.dtype not in (np.float32, np.float64):
@@ -141,7 +143,7 @@ def _require_digits(name: str, sizes: Array) -> None:
             f"{most:.3g} so that no product overflows: divide the matrix, and what it is to give, "
             "by a number"
         )
-    # Some eigenvalue is as large. A product has it divided by the length of the transforms.
+    # Some eigenvalue is as large as that. The products divide it by the length of the transforms.
     largest, least = float(sizes.max()), float(numbers.tiny) * 2 ** (sizes.ndim + 1) * sizes.size
     if 0.0 < largest < least:
         raise ValueError(

@@ -143,7 +143,7 @@ class CoupledOperator(GridOperator):
         return result
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         return self._product(X, out)
 
     def _adjoint(self) -> "CoupledOperator":

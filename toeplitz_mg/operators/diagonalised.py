@@ -31,7 +31,7 @@ class DiagonalisedOperator(GridOperator):
         self.product = product
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         return self.product(X, out)
 
     def __repr__(self) -> str:

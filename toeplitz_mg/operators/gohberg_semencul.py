@@ -9,9 +9,9 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.products import GohbergSemenculProduct
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.base import GridOperator
-from toeplitz_mg.values import unmasked
+from toeplitz_mg.values import refuse_masked
 
-OVERSAMPLING = 4  # Samples on the circle per coefficient: the phase may turn 3π/4 between two.
+OVERSAMPLING = 4  # Samples on the circle for each coefficient: the phase may turn 3π/4 between two.
 
 
 class GohbergSemencul(GridOperator):
@@ -40,7 +40,7 @@ class GohbergSemencul(GridOperator):
     """
 
     def __init__(self, x: Array) -> None:
-        x = unmasked("x", x)
+        x = refuse_masked("x", x)
         if not x[0] > 0.0:
             raise np.linalg.LinAlgError(
                 f"the first entry of the inverse is {x[0]:.3g}, but of a positive definite matrix "
@@ -48,13 +48,13 @@ class GohbergSemencul(GridOperator):
             )
         self.x = x.copy()
         self.x.flags.writeable = False
-        # In the precision of float64 at first: 2 x₀ may over- or underflow a float32.
+        # This is computed in float64, as 2 x₀ may over- or underflow a float32.
         column = x.astype(np.float64) / np.sqrt(2.0 * float(x[0]))
         self._product = GohbergSemenculProduct(column, x.dtype)
         super().__init__(x.dtype, (len(x),), self._product.points / len(x))
 
     def apply(self, V: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `V` (see `GridOperator.apply`)."""
         return self._product(V, out)
 
     def __repr__(self) -> str:
@@ -102,6 +102,6 @@ class Certificate:
             return cls(False, np.inf)
         turns = np.angle(z[1:] * z[:-1].conj() / largest**2)
         resolved = np.abs(turns).max() < np.pi * (1.0 - 1.0 / OVERSAMPLING)
-        # Of the upper half of the circle, which the lower one mirrors.
+        # The turns are those on the upper half of the circle, which the lower half mirrors.
         positive = x[0] > 0.0 and resolved and abs(turns.sum()) < 1.0
         return cls(bool(positive), (largest / smallest) ** 2)

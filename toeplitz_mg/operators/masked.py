@@ -11,7 +11,7 @@ from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows, work_of
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
-from toeplitz_mg.values import unmasked
+from toeplitz_mg.values import refuse_masked
 
 
 class MaskedOperator(GridOperator):
@@ -23,8 +23,8 @@ class MaskedOperator(GridOperator):
     Parameters
     ----------
     A : ToeplitzOperator
-        An operator on a whole grid. Any LinearOperator will do that acts on vectors of all points
-        of the grid that its attribute ``grid_shape`` says, such as a DiagonalisedOperator.
+        An operator on a whole grid. Any `GridOperator` will do that acts on vectors of all points
+        of its grid, such as a DiagonalisedOperator.
     mask : array_like of bool, of shape ``A.grid_shape``
         True where there is an unknown; of coupled components one mask may do for all.
 
@@ -58,12 +58,12 @@ class MaskedOperator(GridOperator):
     """
 
     def __init__(self, A: LinearOperator, mask: ArrayLike) -> None:
-        grid_shape = getattr(A, "grid_shape", None)
-        if grid_shape is None or isinstance(A, MaskedOperator):
+        if not isinstance(A, GridOperator) or isinstance(A, MaskedOperator):
             raise TypeError(
                 f"A is a {type(A).__name__}, but a mask needs an operator on a whole grid, "
                 "such as a ToeplitzOperator"
             )
+        grid_shape = A.grid_shape
         if A.shape != (prod(grid_shape),) * 2:
             raise TypeError(
                 f"A has the shape {A.shape} on a grid {grid_shape}, of which it is a part already, "
@@ -78,19 +78,19 @@ class MaskedOperator(GridOperator):
     def toarray(self) -> Array:
         """Return the dense matrix, shape (N, N), N = ``mask.sum()``.
 
-        Of a Toeplitz matrix its entries, without any transform; of any other operator the product
-        with the unit matrix.
+        The entries of a Toeplitz matrix are copied, without any transform; any other operator is
+        multiplied with the unit matrix.
         """
         if isinstance(self.full, ToeplitzOperator | CoupledOperator):
             return self.full.block(self._index)
-        return self._matmat(np.eye(self.shape[0], dtype=self.dtype))
+        return self.apply(np.eye(self.shape[0], dtype=self.dtype)).T
 
     def astype(self, dtype: DTypeLike) -> "MaskedOperator":
         """Return the matrix in float32 or float64, or itself where it has that precision."""
         return self if self.dtype == dtype else MaskedOperator(self.full.astype(dtype), self.mask)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         if out is None:
             out = np.empty(X.shape, np.result_type(X, self.dtype))
         rows = X.reshape(-1, X.shape[-1])
@@ -119,7 +119,7 @@ def check_mask(mask: ArrayLike, grid_shape: tuple[int, ...], is_coupled: bool = 
     is_coupled : bool
         Whether the first axis of the grid counts components, of which one mask may do for all.
     """
-    mask = unmasked("mask", mask)
+    mask = refuse_masked("mask", mask)
     if is_coupled and mask.shape == grid_shape[1:]:
         mask = np.broadcast_to(mask, grid_shape)
     if mask.dtype != np.bool_:

@@ -97,7 +97,7 @@ class ToeplitzOperator(GridOperator):
         Raises
         ------
         TypeError, ValueError
-            As the class; also where a length is even, so that there is no centre.
+            For coefficients that the class refuses, and for an even length, which has no centre.
 
         Examples
         --------
@@ -133,7 +133,7 @@ class ToeplitzOperator(GridOperator):
 
     @property
     def embedding_spectrum(self) -> Array | None:
-        """The eigenvalues that a `MultilevelProduct` of this matrix needs, if at hand."""
+        """The eigenvalues that a `MultilevelProduct` of this matrix needs, or None."""
         if isinstance(self._product, MultilevelProduct) and self._product.spectrum:
             return self._product.spectrum[0][0]
         return None
@@ -144,7 +144,8 @@ class ToeplitzOperator(GridOperator):
         Parameters
         ----------
         shape : tuple of int
-            Its size along each axis, at least 2 n - 1. Lags that the matrix has not are zero.
+            The size of the circulant along each axis, at least 2 n - 1. Lags that the matrix has
+            not are zero in it.
         """
         lags = self.lags.astype(np.float64, copy=False)
         column = np.zeros(shape)
@@ -184,7 +185,7 @@ class ToeplitzOperator(GridOperator):
         return entries(self.lags, *points)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         return self._product(X, out)
 
     def _adjoint(self) -> "ToeplitzOperator":

@@ -55,7 +55,7 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     """
     column = A.lags
     for axis, n in enumerate(A.grid_shape):
-        # Lags 0 ... n // 2, then -(n - 1) // 2 ... -1.
+        # These are the lags 0 ... n // 2, then -(n - 1) // 2 ... -1.
         index = np.concatenate([np.arange(n // 2 + 1), np.arange(-((n - 1) // 2), 0)])
         column = np.take(column, index + n - 1, axis=axis)
     return _inverse(column, "Strang", precision(A, dtype))
@@ -103,7 +103,7 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     column = A.lags
     for axis, n in enumerate(A.grid_shape):
         k = np.arange(n).reshape((n,) + (1,) * (column.ndim - 1 - axis))
-        # The lags k = 0 ... n - 1, and the lags k - n, of which that of k = 0 has no weight.
+        # These are the lags k = 0 ... n - 1, and k - n, of which that of k = 0 has no weight.
         positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=axis)
         negative = np.take(column, np.arange(n) - 1, axis=axis)
         column = ((n - k) * positive + k * negative) / n

@@ -26,18 +26,18 @@ class SubdomainDeflated(GridOperator):
         parts = np.array_split(np.arange(n), n_subdomains)
         self.starts = np.array([part[0] for part in parts])
         self._sizes = np.array([len(part) for part in parts])
-        # Rows hold columns: M A Z is kept, as m rows of n.
+        # The columns of Z and of M A Z are kept as rows.
         Z = np.repeat(np.eye(n_subdomains, dtype=self.dtype), self._sizes, axis=1)
         self._MAZ = apply_to_rows(M, apply_to_rows(A, Z))
         E = self._sum(self._MAZ).T.astype(np.float64)
         self._E_inverse = np.linalg.inv(E).astype(self.dtype)
 
     def _sum(self, y: Array) -> Array:
-        """Zᵀ y for each row y."""
+        """Return Zᵀ y for each row y."""
         return np.add.reduceat(y, self.starts, axis=-1)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         Y = apply_to_rows(self.M, X, out)
         Y -= self._sum(Y) @ self._E_inverse.T @ self._MAZ
         return Y
@@ -62,7 +62,7 @@ class TransposedDeflation(GridOperator):
         self.PM = PM
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         return self.PM.apply_transpose(X, out)
 
     def _adjoint(self) -> SubdomainDeflated:

@@ -54,8 +54,8 @@ class DenseInverse(GridOperator):
         return self.rcond > 4.0 * float(np.finfo(self.dtype).eps)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
-        # In the nearest precision that LAPACK has.
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
+        # LAPACK has four precisions, of which the nearest is taken.
         dtype = np.result_type(X, self.dtype)
         if dtype.char not in "fdFD":
             dtype = np.dtype(np.complex128 if dtype.kind == "c" else np.float64)

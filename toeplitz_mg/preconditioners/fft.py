@@ -85,7 +85,7 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
 
 @restricted
 def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOperator:
-    """Return M of one component, on the whole grid: the inverse of a circulant, cut to the grid."""
+    """Return M of one component on the whole grid: the inverse of a circulant, cut to the grid."""
     dtype = precision(A, dtype)
     lengths = tuple(2 * n - 1 for n in A.grid_shape)
     is_fast = all(near_fast_length(m) == m for m in lengths)
@@ -160,7 +160,7 @@ def _sample_symbol(block: ToeplitzOperator | None, lengths: tuple[int, ...]) -> 
         positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=axis)
         negative = np.take(column, np.arange(n - 1), axis=axis)
         # What is between the lags n - 1 and 1 - n goes straight from one to the other, so that an
-        # odd block stays odd, as an even one even.
+        # odd block stays odd, and an even one even.
         ahead = length - (2 * n - 1)
         t = np.arange(1.0, ahead + 1.0) / (ahead + 1.0)
         t = t.reshape([-1 if k == axis else 1 for k in range(column.ndim)])

@@ -20,11 +20,11 @@ class ScaledIdentity(GridOperator):
         self.factor = self.dtype.type(factor)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         return np.multiply(X, self.factor, out=out)
 
     def converges(self, A: LinearOperator) -> bool:
-        """As `GridOperator.converges`: certain by a bound of the norm of `A`."""
+        """Whether the iteration x ← x + S (b - A x) converges, by a bound of the norm of `A`."""
         return float(self.factor) * unwrap_toeplitz(A)[0].norm_bound < 2.0
 
     def __repr__(self) -> str:

@@ -15,8 +15,8 @@ from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.coefficients import check_precision
 
-# Error of an eigenvalue, in units of eps times the largest: 1 to 3.8 was seen of transforms of
-# lengths up to 2^18.
+# Error of an eigenvalue, in units of eps times the largest one: 1 to 3.8 was seen with transforms
+# of lengths up to 2^18.
 ROUNDING = 4.0
 
 
@@ -99,7 +99,8 @@ def ritz_values(A: LinearOperator, M: LinearOperator, steps: int) -> Array:
 
     They come from so many steps of Lanczos's method in the inner product of A, in which M A is
     self-adjoint if M is symmetric; each step takes a product with A and one with M. The first
-    vector is the sum of a constant and a random one. NaN where the numbers are out of range.
+    vector is the sum of a constant and a random one. Where numbers are out of range the result is
+    NaN.
     """
     rng = np.random.default_rng(0)
     q = (1.0 + rng.standard_normal(A.shape[0])).astype(A.dtype)

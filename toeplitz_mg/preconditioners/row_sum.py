@@ -26,7 +26,7 @@ class RowSumModified(GridOperator):
     ----------
     M : ToeplitzOperator or MaskedOperator
     diagonal : ndarray of shape (N,)
-        sum(M) - γ, the row sums of M less γ.
+        The row sums of M less γ.
     gamma : float
         Every row sum of this operator.
     certified : bool
@@ -46,18 +46,18 @@ class RowSumModified(GridOperator):
         return self.M.toarray() - np.diag(self.diagonal)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
         change = workspace(X.shape, np.result_type(X, self.dtype))
-        np.multiply(X, self.diagonal, out=change)  # Before `out`, which may be X, is written.
+        np.multiply(X, self.diagonal, out=change)  # Now, as `out`, which is written next, may be X.
         out = apply_to_rows(self.M, X, out)
         out -= change
         return out
 
     def converges(self, A: LinearOperator) -> bool | None:
-        """As `GridOperator.converges`: expected on a large whole grid where it is certified.
+        """Whether the iteration x ← x + S (b - A x) converges, as a certified one is expected to.
 
-        There the coarser grids of multigrid tell, whose kernels are alike: to find it out would
-        take as long as two cycles.
+        On a large whole grid nothing is computed for it, which would take as long as two cycles:
+        the coarser grids of multigrid, whose kernels are alike, tell it too.
         """
         is_large_and_whole = isinstance(A, ToeplitzOperator) and A.shape[0] > DENSE
         return True if is_large_and_whole and self.certified else None
@@ -100,8 +100,8 @@ def fft_rsm_preconditioner(
 
     Notes
     -----
-    M assumes traction beyond the contact area, which is not there, so that its row sums are too
-    large at the ends. Lowering the diagonal to make them constant brings all eigenvalues of
+    M assumes unknowns beyond the grid or the mask, which are not there, so that its row sums are
+    too large at the ends. Lowering the diagonal to make them constant brings all eigenvalues of
     I - M̄ A into (-1, 1): a smoother for multigrid and, by `richardson`, a solver.
 
     M̄ is γ I plus a graph Laplacian whose weights are the negated off-diagonal coefficients of M,
@@ -121,7 +121,8 @@ def fft_rsm_preconditioner(
     """
     full, mask = unwrap_toeplitz(A)
     M = fft_preconditioner(full, dtype=dtype)
-    # Row sums by one product with the ones. Eq. 20: γ over the whole grid, also on a mask.
+    # One product with ones gives the row sums. By Eq. 20 γ is taken on the whole grid, also for a
+    # mask.
     row_sums = M @ np.ones(full.shape[0], dtype=M.dtype)
     gamma = float(row_sums.min()) if gamma is None else real("gamma", gamma)
     if not 0.0 < gamma < np.inf:

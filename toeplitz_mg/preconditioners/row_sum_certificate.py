@@ -10,10 +10,10 @@ from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.positivity import ritz_values
 
-Lag = tuple[int, ...]
+Lag = tuple[int, ...]  # The lag, or the index of a coefficient, along each axis.
 
-REACH = 5  # Unit steps from an element to the farthest that is called near.
-DENSE = 1024  # Unknowns up to which all eigenvalues are computed, in some tenths of a second.
+REACH = 5  # Most unit steps from an element to one that is called near.
+DENSE = 1024  # Most unknowns for which all eigenvalues are computed, in some tenths of a second.
 STEPS = 40  # Steps of Lanczos's method with larger matrices: two work units each.
 
 
@@ -49,7 +49,7 @@ def _at(centre: Lag, k: Any) -> Lag:
 
 
 def _near(grid_shape: tuple[int, ...]) -> list[Lag]:
-    """One of each pair of near lags k and -k; unit steps are not among them."""
+    """Return one of each pair of near lags k and -k; unit steps are not among them."""
     reach = [min(REACH, n - 1) for n in grid_shape]
     lags = product(*(range(-r, r + 1) for r in reach))
     return [k for k in lags if k > (0,) * len(k) and 2 <= sum(map(abs, k)) <= REACH]

@@ -9,7 +9,7 @@ from scipy.linalg import solve_toeplitz, solve_triangular, toeplitz
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.work import count_transforms
 
-LARGEST_BLOCK = 256  # Steps at once by Levinson's recursion: more or fewer take longer.
+LARGEST_BLOCK = 256  # Most steps that Levinson's recursion takes at once: more would take longer.
 
 
 def schur_column(c: Array) -> tuple[Array, Array]:
@@ -67,7 +67,7 @@ def schur_column(c: Array) -> tuple[Array, Array]:
     blocks: list[Array] = []
     a = np.ones(1)
     if len(c) > 1:
-        # Time goes as the number of blocks, and again as their length.
+        # One part of the time goes as the number of blocks, another as their length.
         block = min(4 * isqrt(len(c)), LARGEST_BLOCK)
         P = _steps(np.stack([c[1:], c[:-1]]) / c[0], block, blocks)
         a = np.append(P[0], 0.0)
@@ -79,14 +79,14 @@ def schur_column(c: Array) -> tuple[Array, Array]:
 def _steps(EG: Array, block: int, blocks: list[Array]) -> Array:
     """Take the steps that the residuals e and g, the rows of `EG`, are long enough for.
 
-    Returns the polynomials P₁, P₂ by which s steps turn a into P₁ a + P₂ z a*. They turn z a*
+    It returns the polynomials P₁, P₂ by which s steps turn a into P₁ a + P₂ z a*. They turn z a*
     into zˢ (P₂(1/z) a + P₁(1/z) z a*). The blocks' coefficients are appended to `blocks`.
     """
     s = EG.shape[1]
     if s <= block:
         return _block(EG, blocks)
     length = 2 * fft.next_fast_len(-(-s // 2), real=True)
-    half = length // 2  # zʰ is ±1 at the roots of unity of this length
+    half = length // 2  # Then zʰ is ±1 at the roots of unity of the length.
     count_transforms(10, length)
     P = _both_rows(fft.rfft(_steps(EG[:, :half], block, blocks), length))
     # What wraps around falls on the first half, where the residuals are zero now.
@@ -114,7 +114,8 @@ def _block(EG: Array, blocks: list[Array]) -> Array:
     # proportional to those of c = g/(g - z e) to the s coefficients that matter.
     g = np.append(g, 0.0)
     divisor = g - np.append(0.0, e)
-    if not divisor[0] > 0.0:  # the prediction error
+    if not divisor[0] > 0.0:
+        # The prediction error is not positive.
         raise np.linalg.LinAlgError(_NOT_POSITIVE)
     lower = toeplitz(divisor, np.zeros(s + 1))
     c = solve_triangular(lower, g, lower=True, check_finite=False)
@@ -123,13 +124,14 @@ def _block(EG: Array, blocks: list[Array]) -> Array:
     unit[0] = 1.0
     try:
         x = solve_toeplitz(c, unit, check_finite=False)
-    except np.linalg.LinAlgError:  # a leading block is singular
+    except np.linalg.LinAlgError:
+        # A leading block of the matrix is singular.
         raise np.linalg.LinAlgError(_NOT_POSITIVE) from None
     if not x[0] > 0.0:
         raise np.linalg.LinAlgError(_NOT_POSITIVE)
     a = x / x[0]
-    # Its polynomial of the second kind is a (2 c - 1), cut to the degree s, and P₁ the mean of it
-    # and a.
+    # The polynomial of the second kind is a (2 c - 1), cut to the degree s, and P₁ is the mean of
+    # that and a.
     length = fft.next_fast_len(2 * s + 1, real=True)
     P1 = fft.irfft(fft.rfft(a, length) * fft.rfft(c, length), length)[:s]
     return np.stack([P1, a[1:] - np.append(P1[1:], 0.0)])
@@ -139,11 +141,11 @@ _NOT_POSITIVE = "A is not positive definite, or so ill-conditioned that float64 
 
 
 def _schur_parameters(blocks: list[Array]) -> Array:
-    """Return those of all blocks, by Levinson's recursion on all of them at once."""
+    """Return the Schur parameters of all blocks, by Levinson's recursion on all of them at once."""
     if not blocks:
         return np.zeros(0)
     steps = np.array([len(c) - 1 for c in blocks])
-    C = np.zeros((steps.max() + 1, len(blocks)))  # a block a column
+    C = np.zeros((steps.max() + 1, len(blocks)))  # Each column has a block.
     for column, c in zip(C.T, blocks, strict=True):
         column[: len(c)] = c
     A = np.zeros_like(C)

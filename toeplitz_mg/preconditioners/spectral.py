@@ -18,7 +18,7 @@ from toeplitz_mg.preconditioners.positivity import is_positive, precision, requi
 from toeplitz_mg.preconditioners.schur import schur_column
 from toeplitz_mg.preconditioners.symbol import sample_symbol
 
-RESOLVED = 0.25  # Largest ‖A x - e₁‖ at which the inverse from x is as good as a better one.
+RESOLVED = 0.25  # Largest ‖A x - e₁‖ at which a better x would not make a better inverse.
 
 
 @componentwise
@@ -29,8 +29,8 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     Parameters
     ----------
     A : ToeplitzOperator, or MaskedOperator of one
-        Of one axis with more than one element. Symmetric positive definite, which is enough:
-        there is no other condition.
+        Symmetric positive definite, of one axis with more than one element. There is no other
+        condition.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. In float32 it takes
         half the memory and less time, inside an iteration in float64 too.

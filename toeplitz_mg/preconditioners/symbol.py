@@ -6,10 +6,10 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.transforms import cosine_sums
 from toeplitz_mg.operators import ToeplitzOperator
 
-STEP = 64  # Distances at which a tail is fitted, in the known lags.
+STEP = 64  # Number of known lags over the distance of the three lags at which a tail is fitted.
 NEGLIGIBLE = 1e-9  # Largest coefficient that is left out, relative to that of lag 0.
-SUMMABLE = 1.5  # Least exponent of a power of the lag that is summed over some periods.
-PERIODS = 16  # Most periods of 2 n lags over which a tail is summed, of many lags.
+SUMMABLE = 1.5  # Least exponent of a power of the lag whose sum over some periods is nearly all.
+PERIODS = 16  # Most periods of 2 n lags over which a tail is summed where n is large.
 FEW_LAGS = 2**15  # Lags over which any tail is summed: where n is small they are more periods.
 SPIKE = 0.5  # Ratio of the last two coefficients below which they tell of no slope.
 
@@ -17,7 +17,8 @@ SPIKE = 0.5  # Ratio of the last two coefficients below which they tell of no sl
 def sample_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
     """Return the symbol at θ = πk/n, k = 0 … n along each axis, n of `shape`."""
     column = A.c.astype(np.float64)
-    if not A.is_even:  # its even part, as the transforms have no other
+    if not A.is_even:
+        # The even part is taken, as the transforms have no other.
         flips = _flips(A.lags.astype(np.float64))
         column = np.mean(flips, axis=0)[tuple(slice(n - 1, None) for n in A.grid_shape)]
     alone = [axis for axis, n in enumerate(column.shape) if n > 1]
@@ -28,7 +29,7 @@ def sample_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
         return np.broadcast_to(whole, tuple(n + 1 for n in shape)).copy()
     for axis, n in enumerate(shape):
         column = continue_axis(column, axis, n)
-    # Σ over all lags of a_k cos kθ, by symmetry a cosine transform of the first column.
+    # The sum over all lags of a_k cos kθ is, by symmetry, a cosine transform of the first column.
     return cosine_sums(column)
 
 
@@ -42,9 +43,9 @@ def _flips(lags: Array) -> list[Array]:
 class _Tail:
     """Coefficients beyond the last known lag, that decay as the last of them do.
 
-    From the value, the slope and the curvature of their logarithm at a lag, as a power of a
-    linear function of the lag, or where they decay faster, as the exponential of a quadratic one:
-    for the covariances exp(-k/ℓ), exp(-k²/ℓ²) and (1 + k/ℓ)^-p.
+    They follow from the value, the slope and the curvature of their logarithm at a lag: as a power
+    of a linear function of the lag, or where they decay faster, as the exponential of a quadratic
+    one. This is exact for the covariances exp(-k/ℓ), exp(-k²/ℓ²) and (1 + k/ℓ)^-p.
     """
 
     def __init__(self, value: float, decay: float, curvature: float) -> None:
@@ -70,8 +71,9 @@ class _Tail:
         return tail
 
     def __call__(self, t: Array) -> Array:
-        """The coefficients `t` lags beyond the one where the tail was fitted."""
-        if self.curvature * 100 < self.decay**2:  # exponent above 100: an exponential
+        """Return the coefficients `t` lags beyond the one where the tail was fitted."""
+        if self.curvature * 100 < self.decay**2:
+            # The exponent would be above 100: this is an exponential function.
             log = (min(self.curvature, 0.0) * t / 2 - self.decay) * t
             return self.value * np.exp(log)
         exponent = self.decay**2 / self.curvature
@@ -80,7 +82,7 @@ class _Tail:
     def sum_periods(self, column: Array, n: int) -> Array:
         """Sum the coefficients of all lags ±k + 2nj, for k = 0 … n."""
         known = len(column)
-        beyond = max(1, known // STEP) + 1  # from the lag of the fit to the first unknown one
+        beyond = max(1, known // STEP) + 1  # Lags from that of the fit to the first unknown one.
         sums = np.zeros(2 * n)
         sums[:known] = column
         t = np.arange(2.0 * n - known) + beyond
@@ -99,17 +101,18 @@ class _Tail:
 def continue_axis(column: Array, axis: int, n: int) -> Array:
     """Continue an axis to the lags 0 … n: a coefficient that is not there is not zero.
 
-    By the parabola that goes on with the slope of the last two and is flat at lag n. But where
-    these are of so different a size that they tell of a spike, or of an end, it is zero.
+    It follows the parabola that goes on with the slope of the last two and is flat at lag n. But
+    where these are of so different a size that they tell of a spike, or of an end, it is zero.
     """
     known = column.shape[axis]
     last = np.take(column, [-1], axis=axis)
-    if known == 1:  # one element: it has no other lags
+    if known == 1:
+        # An axis of one element has no other lags.
         return np.concatenate([column, np.zeros_like(last)], axis=axis)
     before = np.take(column, [-2], axis=axis)
     slope = last - before
     is_spike = np.minimum(abs(last), abs(before)) < SPIKE * np.maximum(abs(last), abs(before))
-    ahead = n - known + 1  # steps from the last coefficient to lag n
+    ahead = n - known + 1  # Lags from the last coefficient to lag n.
     t = np.arange(1.0, ahead + 1).reshape([-1 if k == axis else 1 for k in range(column.ndim)])
     parabola = last + slope * t * (1.0 - t / (2.0 * ahead))
     return np.concatenate([column, np.where(is_spike, 0.0, parabola)], axis=axis)

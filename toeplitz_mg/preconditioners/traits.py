@@ -9,16 +9,16 @@ from toeplitz_mg.preconditioners.positivity import rounding
 from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE
 
 # `python -m comparisons.preconditioners.default_choice` measures what follows from these.
-SMOOTH = 1.9  # Ratio of the falls at two doublings of the lag: 4 of a parabola, 2 of a tent.
-FAST = 0.2  # Ratio of coefficients at a lag and at half of it: below it they decay fast.
-EXPONENTIAL = 0.01  # Relative deviation of c_(i-s) c_(i+s) from c_i² of an exponential function.
+SMOOTH = 1.9  # Largest ratio of the falls at two doublings of the lag: of a parabola 4, a tent 2.
+FAST = 0.2  # Least ratio of the coefficients at a lag and at half of it: less is fast decay.
+EXPONENTIAL = 0.01  # Largest deviation of c_(i-s) c_(i+s) from c_i², over c_i²: of exp(-k/ℓ) none.
 
 
 def decreases(c: Array) -> bool:
     """Whether coefficients are positive and decrease with the lag, until they are negligible.
 
-    As those of a half-space and of most covariances do. They tell of no isolated lag, and of no
-    zero of the symbol but where the frequency is high.
+    Those of a half-space and of most covariances do. Such coefficients tell of no isolated lag, and
+    of no zero of the symbol but where the frequency is high.
 
     Examples
     --------
@@ -48,8 +48,8 @@ def decreases_along_axes(A: ToeplitzOperator) -> bool:
 def decays_slowly(c: Array) -> bool:
     """Whether coefficients decay as a power of the lag does, or its logarithm, from lag 0 on.
 
-    Judged at the lags 0, 1, 2, 4 and so on: at each doubling they fall, by less than twice what
-    they just did, as they would where the kernel is smooth, and not to nearly nothing.
+    This is judged at the lags 0, 1, 2, 4 and so on: at each doubling they fall, by less than twice
+    what they just did, as they would where the kernel is smooth, and not to nearly nothing.
 
     Examples
     --------
@@ -89,14 +89,14 @@ def has_zero_at_start(samples: Array) -> bool:
 
 
 def has_slow_length(grid_shape: tuple[int, ...]) -> bool:
-    """Whether the transforms along an axis of a grid are slow, for a large prime factor."""
+    """Whether the transforms along an axis of a grid are slow, because of a large prime factor."""
     return any(near_fast_length(n) != n for n in grid_shape)
 
 
 def likeness_of_axes(A: ToeplitzOperator) -> float:
     """Return the coupling of neighbours along one axis over that along the other, at most 1.
 
-    Of half-spaces 1 for square elements and 0.36 for elements of 1:4.
+    Half-spaces have 1 for square elements and 0.36 for elements of 1:4.
     """
     along_axes = abs(float(A.c[1, 0])), abs(float(A.c[0, 1]))
     largest = max(along_axes)
@@ -106,7 +106,7 @@ def likeness_of_axes(A: ToeplitzOperator) -> float:
 def fragmentation(mask: Mask) -> float:
     """Return the edges between elements of a mask and others, over the root of the elements.
 
-    In two axes: the length of the edge over the root of the area. It is 4.0 of a square, 4.5 of a
+    On two axes it is the length of the edge over the root of the area: 4.0 of a square, 4.5 of a
     circle, and 7.8 of an annulus.
 
     Examples

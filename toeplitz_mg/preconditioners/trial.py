@@ -12,12 +12,12 @@ from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.vectors import axpy, norm
 from toeplitz_mg.operators import apply_to_rows
 
-# Measured by `python -m comparisons.preconditioners.default_choice`, by the cases in which the
-# choice is worse than none: with 10 steps, or a smaller advantage, wide covariances and plane
+# They are measured by `python -m comparisons.preconditioners.default_choice`, by the cases in which
+# the choice is worse than none: with 10 steps, or a smaller advantage, wide covariances and plane
 # waves mislead.
 STEPS = 20  # Most steps of conjugate gradients in a trial: each costs as much as an iteration.
-ADVANTAGE = 2.0  # How many times smaller the residual must be than without a preconditioner.
-SOLVED = 1e-8  # Relative residual at which a trial ends: what is left by then is mostly rounding.
+ADVANTAGE = 2.0  # Least quotient of the residual without a preconditioner and that with it.
+MOSTLY_ROUNDING = 1e-8  # Relative residual at which a trial ends: further falls may be rounding.
 
 
 def better_than_none(
@@ -57,9 +57,9 @@ def better_than_none(
 
 
 def _fall(A: LinearOperator, M: LinearOperator, b: Array) -> float:
-    """Return log ‖b‖/‖r‖ for the least residual r in so many steps; -inf if M is not positive.
+    """Return log ‖b‖/‖r‖ for the least residual r of all steps; -inf if M is not positive.
 
-    Where it is solved for in fewer steps, what all of them would give at that rate.
+    Where fewer steps solve the system, it is what all of them would give at that rate.
     """
     iteration = ConjugateGradients(partial(apply_to_rows, A), partial(apply_to_rows, M))
     size = least = norm(b)
@@ -74,7 +74,7 @@ def _fall(A: LinearOperator, M: LinearOperator, b: Array) -> float:
             )
         axpy(-length, iteration.product, r)
         least = min(least, norm(r))
-        if least <= SOLVED * size:
+        if least <= MOSTLY_ROUNDING * size:
             least = max(least, np.finfo(np.float64).eps * size)
             return log(size / least) * STEPS / steps
     return log(size / least)

@@ -8,7 +8,7 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.values import count, real, unmasked
+from toeplitz_mg.values import count, real, refuse_masked
 
 
 class System(NamedTuple):
@@ -57,7 +57,7 @@ def check_system(
 
 def check_numbers(name: str, values: Any) -> Array:
     """Return an array of numbers, real or complex."""
-    array = unmasked(name, values)
+    array = refuse_masked(name, values)
     if array.dtype.kind not in "buifc":
         raise TypeError(f"{name} has dtype {array.dtype}, but must be of numbers")
     return array

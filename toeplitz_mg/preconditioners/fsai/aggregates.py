@@ -13,11 +13,21 @@ from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 
 
 class Rows(NamedTuple):
-    """Rows of G in float64: those of the table, by pattern, or one for each unknown."""
+    """Rows of G in float64: those of the table, by pattern, or one for each unknown.
 
-    rows: Array  # columns of shape (K,)
-    sums: Array  # their products with c in their own component, and the other, shape (d, any)
-    place: Array  # which of them is the row of each unknown, by the place of the unknown
+    Attributes
+    ----------
+    rows : ndarray of shape (K, any)
+        The rows, as columns.
+    sums : ndarray of shape (d, any)
+        The products of the rows with c in their own component, and in the other.
+    place : ndarray of int
+        For each place the number of the row that the unknown there has.
+    """
+
+    rows: Array
+    sums: Array
+    place: Array
 
 
 def aggregate(
@@ -25,7 +35,7 @@ def aggregate(
 ) -> tuple[LevelMatrix, Array]:
     """Return the coarse Galerkin matrix E, and what makes W orthonormal, for `prolong`.
 
-    The weight c of an aggregate is its load cᵀGᵀw_J in units of that of one that is all active.
+    The weight c of an aggregate is its load cᵀGᵀw_J over the load of one that is all active.
 
     Parameters
     ----------
@@ -59,7 +69,8 @@ def aggregate(
             K = J + a * coarser.grid.size
             c[K] = loads[a] / stencil.totals[a]
             new = ~empty[a]
-            if matrix.by_table:  # what is exact where all are active need not be computed
+            if matrix.by_table:
+                # Where all cells are active, it is that of the coarser kernel exactly.
                 full = (within[a] & (place[a] == (a + 1) * stencil.patterns - 1)).all(axis=0)
                 diagonal[K[full]] = coarser.zero[a]
                 new &= ~full
@@ -89,13 +100,14 @@ def _orthonormalise(
     Parameters
     ----------
     U : two ndarrays of shape (2, h1 h2, m)
-        In the cells of either component the sums of rows with loads in their own, and the other.
+        In the cells of either component the sums of rows with loads in their own component, and
+        in the other.
     norms : two ndarrays of shape (m,)
-        Of those of their own.
+        The norms of the sums with loads in their own component.
     empty : two ndarrays of bool, of shape (m,)
-        Where a component has no unknown. It is taken for another, orthogonal vector.
+        Where a component has no unknown: its vector is taken as one orthogonal to the other.
     shape : tuple of int
-        Of the grid, for errors.
+        The shape of the grid, for errors.
     """
     there = [~none for none in empty]
     (xx, xy), (yy, yx) = U
@@ -103,9 +115,9 @@ def _orthonormalise(
     gyy = np.where(there[1], norms[1] ** 2 + np.einsum("im,im->m", xy, xy), 1.0)
     gxy = np.einsum("im,im->m", xx, xy) + np.einsum("im,im->m", yy, yx)
     gxy *= there[0] & there[1]
-    # With s² the determinant (UᵀU)^(1/2) = (UᵀU + s I)/t, its inverse (adj(UᵀU) + s I)/(s t).
+    # With s² the determinant, (UᵀU)^(1/2) is (UᵀU + s I)/t, its inverse (adj(UᵀU) + s I)/(s t).
     product = np.sqrt(gxx) * np.sqrt(gyy)
-    square = 1.0 - (gxy / product) ** 2  # of the sine of their angle
+    square = 1.0 - (gxy / product) ** 2  # This is the squared sine of their angle.
     subject = "the sine of the angle of two vectors of W is, squared,"
     require_positive(subject, float(square.min()), shape)
     s = product * np.sqrt(square)
@@ -126,7 +138,7 @@ def _diagonal(
 ) -> Array:
     """Return the diagonal of E for blocks of a component, exactly, with these entries of W.
 
-    Of a coupled component only the loads in its own are taken.
+    Where components are coupled, only the loads in the component itself are taken.
     """
     grid = stencil.grid
     loads = add_loads(grid, rows.rows[: len(grid.steps)], index, w)
@@ -136,7 +148,7 @@ def _diagonal(
         c = matrix.c.take(window)
         own = (loads**2 * (matrix.d.take(window) - stencil.zero[a] * c**2)).sum(axis=0)
         loads *= c
-    return np.asarray(own + ((stencil.own[a] @ loads) * loads).sum(axis=0))
+    return own + ((stencil.own[a] @ loads) * loads).sum(axis=0)
 
 
 def prolong(stencil: Stencil, rows: Rows, inverse: Array, at: Array) -> tuple[Array, Array]:

@@ -15,16 +15,21 @@ from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 
 @dataclass(frozen=True)
 class Options:
-    """How far a multilevel sparse approximate inverse is coarsened.
+    """The parameters of a multilevel sparse approximate inverse, but for its precision.
 
     Attributes
     ----------
+    neighbours : int, optional
+        The cells before its own that a row of G sees. By default a trial finds how many a kernel
+        needs.
     direct : int
-        As few unknowns as these are solved for directly, by a Cholesky factor of at most 3 MB.
+        Most unknowns that are solved for directly, by a Cholesky factor of at most 3 MB.
     direct_on_line : int
-        The same on a whole line, whose levels cost next to nothing.
+        Most unknowns of a whole line, whose levels cost next to nothing, that are solved for
+        directly.
     """
 
+    neighbours: int | None = None
     direct: int = 600
     direct_on_line: int = 128
 
@@ -35,14 +40,15 @@ DEFAULT = Options()
 def build(
     stencil: Stencil, matrix: LevelMatrix, dtype: np.dtype[Any], options: Options = DEFAULT
 ) -> Level | Direct:
-    """Build this level and those below.
+    """Build a level and those below it.
 
     Parameters
     ----------
     stencil : Stencil
+        What the kernel determines, the neighbours too.
     matrix : LevelMatrix
     dtype : dtype
-        Of what is applied; everything is computed in float64.
+        The precision in which it is applied; everything is computed in float64.
     options : Options
     """
     at = np.flatnonzero(matrix.active)
@@ -88,12 +94,12 @@ def _find_patterns(steps: Array, active: Array, at: Array) -> Array:
     start, stop = at[0], at[-1] + 1
     if len(steps) * len(at) < stop - start:
         bits = np.int16(1) << np.arange(len(steps) - 1, dtype=np.int16)
-        return np.asarray(bits @ active.take(steps[1:, None] + at))
+        return bits @ active.take(steps[1:, None] + at)
     pattern = np.zeros(stop - start, np.int16)
     for step in steps[:0:-1].tolist():
         pattern += pattern
         pattern |= active[start + step : stop + step]
-    return np.asarray(pattern.take(at - start))
+    return pattern.take(at - start)
 
 
 def assemble_factor(
@@ -105,7 +111,7 @@ def assemble_factor(
         G = convert(stencil.sparse_table, dtype)[rows.place.take(at)]
     else:
         G = convert(stencil.compress(rows.rows, [len(part) for part in parts]), dtype)
-    # The first place that each row might see.
+    # This is the first place that each row might see.
     lowest = [part + steps.min() for part, steps in zip(parts, stencil.steps, strict=True)]
     first, number = np.concatenate(lowest).astype(np.int32), matrix.number
     for part in split_range(len(first), 4 * CHUNK):
@@ -117,7 +123,7 @@ def assemble_factor(
 
 
 def convert(G: csr_array, dtype: np.dtype[Any]) -> csr_array:
-    """Return the same matrix in this precision; its own `astype` would look for duplicates."""
+    """Return a sparse matrix in this precision; its own `astype` would look for duplicates."""
     return csr_array((G.data.astype(dtype, copy=False), G.indices, G.indptr), G.shape)
 
 

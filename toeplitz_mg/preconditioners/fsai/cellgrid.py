@@ -7,7 +7,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 
-Pair = tuple[int, int]
+PerAxis = tuple[int, int]  # A number for each of the two axes.
 
 AGGREGATE = 16  # Cells of an aggregate, 4 x 4 where they are square: a row of G sees about as many.
 
@@ -22,7 +22,7 @@ class CellGrid:
     Attributes
     ----------
     kernel : ndarray of shape (n1, n2)
-        Coefficients, even in both axes, which say what cells are near; a line is 1 x n.
+        Coefficients, even in both axes, which say which cells are near; a line is 1 x n.
     neighbours : int
         Cells before its own that a row of G sees.
     """
@@ -35,20 +35,21 @@ class CellGrid:
         """The cell itself and those before it where the kernel is largest, shape (K, 2)."""
         near = np.abs(self.kernel[: self.neighbours + 1, : self.neighbours + 1])
         n1, n2 = near.shape
-        i, j = np.mgrid[:n1, 1 - n2 : n2].reshape(2, -1)[:, n2:]  # those before the cell
+        # These are the cells before the cell itself.
+        i, j = np.mgrid[:n1, 1 - n2 : n2].reshape(2, -1)[:, n2:]
         nearest = np.lexsort((i + np.abs(j), -near[i, np.abs(j)]))[: self.neighbours]
         before = np.stack([-i, -j], axis=-1)[nearest]
         return np.concatenate([np.zeros((1, 2), before.dtype), before])
 
     @cached_property
-    def reach(self) -> Pair:
+    def reach(self) -> PerAxis:
         """The farthest neighbour in either axis."""
         first, second = np.abs(self.offsets).max(axis=0)
         return int(first), int(second)
 
     @cached_property
-    def block(self) -> Pair:
-        """Shape of an aggregate: the kernel decays alike over its two sides."""
+    def block(self) -> PerAxis:
+        """The shape of an aggregate, over whose two sides the kernel decays alike."""
         n1, n2 = self.kernel.shape
         sides = [2**p for p in range(AGGREGATE.bit_length())]
         shapes = [(h, AGGREGATE // h) for h in sides if h < 2 * n1 and AGGREGATE // h < 2 * n2]
@@ -64,14 +65,14 @@ class CellGrid:
         )
 
     @cached_property
-    def blocks(self) -> Pair:
+    def blocks(self) -> PerAxis:
         """The number of aggregates in either axis: the grid of the next level."""
         (n1, n2), (h1, h2) = self.kernel.shape, self.block
         return -(-n1 // h1), -(-n2 // h2)
 
     @cached_property
-    def padded(self) -> Pair:
-        """Shape of the grid with its margin."""
+    def padded(self) -> PerAxis:
+        """The shape of the grid with its margin."""
         (m1, m2), (h1, h2), (p1, p2) = self.blocks, self.block, self.reach
         return p1 + m1 * h1, m2 * h2 + 2 * p2
 
@@ -89,12 +90,12 @@ class CellGrid:
 
     @cached_property
     def block_of(self) -> Array:
-        """The block of every cell; in the margin any near."""
+        """The block of every cell; in the margin any block that is near."""
         i, j = (
             ((np.arange(n, dtype=np.int32) - p) // h).clip(0, m - 1)
             for n, p, h, m in zip(self.padded, self.reach, self.block, self.blocks, strict=True)
         )
-        return np.asarray(np.add.outer(i * self.blocks[1], j).ravel())
+        return np.add.outer(i * self.blocks[1], j).ravel()
 
     @cached_property
     def inside(self) -> Array:
@@ -103,7 +104,7 @@ class CellGrid:
 
     @cached_property
     def steps(self) -> Array:
-        """From a cell to its neighbours, shape (K,)."""
+        """The steps from a cell to itself and its neighbours, shape (K,)."""
         return self._flat(self.offsets)
 
     @cached_property
@@ -113,17 +114,17 @@ class CellGrid:
 
     @cached_property
     def slots(self) -> Array:
-        """From the first cell of a block to all of them, shape (h1 h2,)."""
+        """The steps from the first cell of a block to all of its cells, shape (h1 h2,)."""
         return self._flat(np.indices(self.block).reshape(2, -1).T)
 
     @cached_property
-    def window_shape(self) -> Pair:
-        """A block and the neighbours of its cells."""
+    def window_shape(self) -> PerAxis:
+        """The shape of a window: a block and the neighbours of its cells."""
         return self.block[0] + self.reach[0], self.block[1] + 2 * self.reach[1]
 
     @cached_property
     def window_cells(self) -> Array:
-        """From the first cell of a block to those of its window, shape (window, 2)."""
+        """The offsets of the cells of a window from the first cell of its block, (window, 2)."""
         return np.indices(self.window_shape).reshape(2, -1).T - self.reach
 
     @cached_property
@@ -131,10 +132,10 @@ class CellGrid:
         """The steps from the first cell of a block to the cells of its window, shape (window,)."""
         return self._flat(self.window_cells)
 
-    def _every(self, shape: Pair, step: Pair) -> Array:
-        """The places of cells these steps apart, from the first of the grid on."""
+    def _every(self, shape: PerAxis, step: PerAxis) -> Array:
+        """Return the places of cells these steps apart, from the first of the grid on."""
         i, j = (p + h * np.arange(m) for p, h, m in zip(self.reach, step, shape, strict=True))
-        return np.asarray(np.add.outer(i * self.padded[1], j).ravel())
+        return np.add.outer(i * self.padded[1], j).ravel()
 
     def _flat(self, cells: Array) -> Array:
-        return np.asarray(cells @ np.array([self.padded[1], 1]))
+        return cells @ np.array([self.padded[1], 1])

@@ -30,15 +30,16 @@ from toeplitz_mg.operators import CoupledOperator
 from toeplitz_mg.preconditioners.fsai.neighbours import is_enough
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
 
-STRONG = 0.2  # Coupling over the kernel: that of ν = 1/3; a weaker one is not worth its set-up.
-STRONGEST = 0.36  # Coupling over the kernel, 1/3 of ν = 1/2: a stronger one takes many iterations.
-COARSE_NEIGHBOURS = 18  # Neighbours on coarse levels, where they cost little: 12 take one more.
+STRONG = 0.2  # Least coupling over the kernel, that of ν = 1/3: less is not worth its set-up.
+STRONGEST = 0.36  # Largest coupling, 1/3 for ν = 1/2: a stronger one takes many iterations.
+COARSE_NEIGHBOURS = 18  # Neighbours on coarse levels: 12, hardly cheaper, take one iteration more.
 
 
 def find_coupled_stencil(A: CoupledOperator) -> Stencil | None:
-    """Return the stencil of two components that are coupled strongly, as on a half-space, if so.
+    """Return the stencil of two components together, or None.
 
-    Each of them must be one for which few neighbours are enough.
+    It is for components that are strongly coupled, as on a half-space, and for each of which few
+    neighbours are enough.
     """
     if len(A.blocks) != 2 or not A.is_symmetric:
         return None
@@ -58,14 +59,16 @@ def find_coupled_stencil(A: CoupledOperator) -> Stencil | None:
     try:
         return stencil if all(is_enough(Stencil.of_one(kernel[a, a])) for a in (0, 1)) else None
     except np.linalg.LinAlgError:
-        return None  # what it says of the component is said where that is taken by itself
+        # What is wrong with a component is said where that is taken by itself.
+        return None
 
 
 def measure_coupling(stencil: Stencil) -> float:
-    """Return the coupling relative to the mean of A_xx and A_yy, at most, for the neighbours.
+    """Return the largest coupling with a neighbour, over the mean of A_xx and A_yy there.
 
-    On a half-space (ν/2)/(1 - ν/2), by which eigenvalues of a block diagonal preconditioner are
-    off; less where elements are long, 1:8 or more, and no neighbours are on a diagonal.
+    On a half-space it is (ν/2)/(1 - ν/2), by which the eigenvalues of a block diagonal
+    preconditioner are off 1; less where elements are long, 1:8 or more, and no neighbours are on a
+    diagonal.
     """
     i, j = np.abs(stencil.grid.offsets.T)
     return float(np.abs(stencil.kernel[0, 1, i, j] / stencil.grid.kernel[i, j]).max())

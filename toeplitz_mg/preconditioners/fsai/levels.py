@@ -36,11 +36,11 @@ class LevelMatrix:
 
     @classmethod
     def of_mask(cls, stencil: Stencil, mask: Array) -> "LevelMatrix":
-        """Return that of A, for a mask of shape (n1, n2), or (2, n1, n2) of two components."""
+        """Return the matrix of a mask, of shape (n1, n2), or (2, n1, n2) for two components."""
         grids = mask.reshape(stencil.kernel.shape[1:])
         active = np.concatenate([stencil.grid.place(grid, False) for grid in grids])
         matrix = cls(active, stencil.on_places(stencil.zero), True)
-        # Of more neighbours there are too many patterns for a table.
+        # More neighbours have too many patterns for a table.
         return matrix if stencil.neighbours <= NEIGHBOURS else matrix.without_table()
 
     def without_table(self) -> "LevelMatrix":
@@ -73,14 +73,14 @@ class Direct:
     Attributes
     ----------
     factor : ndarray of shape (N, N)
-        In Fortran's order, as LAPACK would copy it in each application.
+        The upper factor in Fortran's order: another LAPACK would copy in each application.
     """
 
     factor: Array
 
     @classmethod
     def of(cls, matrix: Array, dtype: np.dtype[Any], grid_shape: tuple[int, ...]) -> "Direct":
-        """Return that of a matrix, to be applied in this precision; `grid_shape` is for errors."""
+        """Factorise a matrix, to be applied in this precision; `grid_shape` is for errors."""
         try:
             factor, _ = cho_factor(matrix)
         except np.linalg.LinAlgError:
@@ -103,7 +103,7 @@ class Direct:
     def __call__(self, x: Array) -> Array:
         """Apply it to a vector, or to the columns of x."""
         solve = spotrs if self.factor.dtype == np.float32 else dpotrs
-        return np.asarray(solve(self.factor, x)[0])
+        return solve(self.factor, x)[0]
 
     def multiply(self, X: Array, out: Array) -> None:
         """Apply it to rows."""
@@ -139,7 +139,7 @@ class Level:
 
     @cached_property
     def transposed(self) -> tuple[csc_array, csc_array]:
-        """Views of G and W, which would take their time in each application."""
+        """Gᵀ and Wᵀ, views that would take their time if made in each application."""
         return self.G.T, self.W.T
 
     def __call__(self, x: Array) -> Array:
@@ -147,7 +147,7 @@ class Level:
         y = self.G @ x
         a = self.transposed[1] @ y
         y += self.W @ (self.coarse(a) - a)
-        return np.asarray(self.transposed[0] @ y)
+        return self.transposed[0] @ y
 
     def multiply(self, X: Array, out: Array) -> None:
         """Apply it to rows."""

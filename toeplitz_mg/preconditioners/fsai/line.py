@@ -40,8 +40,8 @@ class LineMatrix:
     kernel : ndarray of shape (n,)
         Coefficients.
     c, d, smooth : ndarray of shape (3,)
-        Of the first cell, of all others, of the last: the load of an unknown, the diagonal, and
-        what the vector of ones is on this level.
+        The load of an unknown, the diagonal, and what the vector of ones is on this level: for the
+        first cell, for all others, and for the last.
     """
 
     kernel: Array
@@ -51,20 +51,20 @@ class LineMatrix:
 
     @classmethod
     def of_kernel(cls, kernel: Array) -> "LineMatrix":
-        """Return that of a Toeplitz matrix itself."""
+        """Return the Toeplitz matrix of a kernel, which is that of the finest level."""
         return cls(kernel, np.ones(3), np.full(3, kernel[0]), np.ones(3))
 
     def lags(self, count: int) -> Array:
-        """The first coefficients; beyond the line that of its last lag."""
+        """Return the first coefficients; beyond the line that of its last lag."""
         return self.kernel[np.minimum(np.arange(count), len(self.kernel) - 1)]
 
     def matrix(self) -> Array:
-        """Return the matrix."""
+        """Return the dense matrix, shape (n, n)."""
         c, d = np.full((2, len(self.kernel)), np.stack([self.c[1:2], self.d[1:2]]))
         c[0], c[-1], d[0], d[-1] = *self.c[::2], *self.d[::2]
         matrix = toeplitz(self.kernel) * np.outer(c, c)
         np.fill_diagonal(matrix, d)
-        return np.asarray(matrix)
+        return matrix
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,8 @@ class LineLevel:
     ----------
     n : int
     G : ndarray of shape (3, 16, 32)
-        Rows of the first block, of any, and of the last, on the block before and their own.
+        The rows of the first block, of any, and of the last: their entries in the block before,
+        and in their own.
     W : ndarray of shape (3, 16)
         The vectors w of these blocks.
     coarse : LineLevel or Direct
@@ -140,7 +141,7 @@ class LineLevel:
         out[:, cut:] = (y[:, -1] @ final)[:, :rest]
 
     def _chunks(self, count: int, X: Array) -> Iterator[tuple[slice, Array]]:
-        """Yield some of so many blocks, and memory for them, the same for all."""
+        """Yield slices of so many blocks, and memory for a slice, the same for all."""
         size = min(CHUNK // BLOCK, count)
         memory = workspace((len(X) * size * BLOCK,), X.dtype)
         for start in range(0, count, size):
@@ -152,13 +153,13 @@ class LineLevel:
 def build_line(
     matrix: LineMatrix, dtype: np.dtype[Any], options: Options = DEFAULT
 ) -> LineLevel | Direct:
-    """Build this level and those below, in float64, to be applied in the precision `dtype`."""
+    """Build a level and those below it, in float64, to be applied in the precision `dtype`."""
     n = len(matrix.kernel)
     if n <= options.direct_on_line:
         return Direct.of(matrix.matrix(), dtype, (n,))
-    rest = n - (n - 1) // BLOCK * BLOCK  # cells of the last block
+    rest = n - (n - 1) // BLOCK * BLOCK  # The number of cells of the last block.
     lags = matrix.lags(2 * BLOCK + 1)
-    far = lags[2 * BLOCK]  # τ
+    far = lags[2 * BLOCK]  # This is τ of the package's description.
 
     c, d = (_windows(x, BLOCK, 0, BLOCK) for x in (matrix.c, matrix.d))
     S = (toeplitz(lags[:BLOCK]) - far) * c[:, :, np.newaxis] * c[:, np.newaxis]
@@ -191,7 +192,7 @@ def build_line(
 def _inverse_factors(matrix: LineMatrix, S: Array) -> Array:
     """Return the inverses of the Cholesky factors of some matrices."""
     try:
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(S)))
+        return np.linalg.inv(np.linalg.cholesky(S))
     except np.linalg.LinAlgError:
         eigenvalues = np.linalg.eigvalsh(S)
         raise _refusal("an eigenvalue of a neighbourhood is", eigenvalues, matrix) from None
@@ -202,7 +203,7 @@ def _refusal(subject: str, values: Array, matrix: LineMatrix) -> np.linalg.LinAl
 
 
 def _windows(x: Array, length: int, first: int, stop: int) -> Array:
-    """Return x, of the first cell, others, and the last, on three windows of cells.
+    """Return the values x, of the first cell, of others and of the last, on three windows.
 
     One begins with the first cell, at the place `first`; one is anywhere; one ends with the last,
     at the place before `stop`. Where there is no cell any number will do.
@@ -218,12 +219,12 @@ def _coarsen(matrix: LineMatrix, load: Array) -> Array:
     m = -(-n // BLOCK)
     beyond = np.full(BLOCK * m - n, matrix.kernel[-1])
     K = np.append(matrix.kernel, beyond).reshape(m, BLOCK)
-    # The means over two blocks: so many pairs of cells, one in either, have the lag k.
+    # The means over two blocks weigh each lag by the share of the pairs of cells, one in either.
     pairs = np.arange(BLOCK, 0, -1) / BLOCK**2
     means = K @ pairs
     means[1:] += K[:-1, 1:] @ pairs[:0:-1]
     means *= load.sum() ** 2
-    # The load's products by the lag between their cells.
+    # These are the sums of the load's products with each lag between their cells.
     products = np.correlate(load, load, "full")
     reach = len(load) - 1
     K = matrix.lags(BLOCK * EXACT + reach)

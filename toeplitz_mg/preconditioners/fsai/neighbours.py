@@ -21,18 +21,17 @@ from toeplitz_mg.preconditioners.fsai.refusals import require_positive
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
 from toeplitz_mg.preconditioners.positivity import for_smooth_kernels
 
-NUMBERS = NEIGHBOURS, 24, 40  # Neighbours: half of the cells within 2, 3 and 4 of a row's own.
+NUMBERS = NEIGHBOURS, 24, 40  # Neighbours to try: half of the cells within 2, 3 and 4 of the own.
 CELLS = 2**12  # Cells of the grid of a trial, a square if it can be: it has three levels.
-CELLS_OF_LINE = 2**14  # The same of one axis, where as many cells have fewer aggregates at an edge.
-SPARSE = 0.1  # Share of cells active where they are few: of still fewer each is nearly by itself.
-PART = 0.75  # Share of the grid where they are few, to have enough of them.
-REDUCTION = 1e-8  # Reduction of the residual in a trial.
-# Iterations of a trial. On large grids and any mask there are up to 1.2 times as many, for elements
-# longer than 1:100 up to 1.5 times; 16 are promised. A kernel within half an iteration of this
-# takes 14 to 16, whichever way it falls. Measured by
-# `python -m comparisons.preconditioners.neighbours`.
+CELLS_OF_LINE = 2**14  # Cells of a trial on a line, where CELLS have too few aggregates at an edge.
+SPARSE = 0.1  # Share of active cells in the sparse part: with less each is nearly by itself.
+PART = 0.75  # Share of the grid that the sparse part has, so that it has enough unknowns.
+REDUCTION = 1e-8  # Residual over the right-hand side at which a trial ends.
+# Most iterations of a trial, by `python -m comparisons.preconditioners.neighbours`. On large grids
+# and any mask there are up to 1.2 times as many, for elements longer than 1:100 up to 1.5 times; 16
+# are promised. A kernel within half an iteration of this takes 14 to 16, whichever way it falls.
 MOST = 13.6
-COARSENED = Options(direct=30)  # Few unknowns are solved for directly, so that E is coarsened too.
+COARSENED = Options(direct=30)  # So few unknowns are solved for directly that E is coarsened too.
 
 
 def select_stencil(kernel: Array) -> Stencil:

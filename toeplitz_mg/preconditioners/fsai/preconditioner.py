@@ -31,7 +31,7 @@ class MultilevelSparseInverse(GridOperator):
     Attributes
     ----------
     grid_shape : tuple of int
-        Of the whole grid.
+        The shape of the whole grid.
     mask : ndarray of bool, of shape `grid_shape`
         The cells that are unknowns.
     sizes : tuple of int
@@ -45,15 +45,16 @@ class MultilevelSparseInverse(GridOperator):
         self.mask.flags.writeable = False
         self.sizes = level.sizes
         self._level = level
-        # By operations: two real transforms of m = 2^d points, each 5/2 m log₂ m, are a product
-        # with a Toeplitz matrix along d axes, which are those longer than one.
+        # Operations are compared. A product with a Toeplitz matrix along d axes, which are those
+        # longer than one, has two real transforms of m = 2^d n points, each 5/2 m log₂ m.
         m = 2 ** axes_of(lengths) * prod(lengths)
         self.points = 2 * level.multiplications * prod(lengths) / (5 * m * log2(m))
         super().__init__(dtype, mask.shape, self.points / mask.size, level.sizes[0])
 
     def multiply(self, X: Array, out: Array) -> None:
         """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
-        if len(X) == 1:  # a sparse product with a vector is faster than with a column
+        if len(X) == 1:
+            # A sparse product with a vector is faster than one with a column.
             X, out = X[0], out[0]
         direct = out.dtype == self.dtype and out.flags.c_contiguous
         Y = out if direct else workspace(X.shape, self.dtype)
@@ -61,9 +62,7 @@ class MultilevelSparseInverse(GridOperator):
         if not direct:
             out[...] = Y
 
-    def apply(self, X: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
-        return multiply_rows(self, X, out)
+    apply = multiply_rows
 
     def __repr__(self) -> str:
         grid = " x ".join(map(str, self.grid_shape))
@@ -181,19 +180,15 @@ def fsai_preconditioner(
                 f"neighbours is {neighbours}, but must be at most {MOST_NEIGHBOURS}: a row of G "
                 "takes their number cubed in operations"
             )
-    return fsai_with_options(A, DEFAULT, neighbours=neighbours, dtype=dtype)
+    return fsai_with_options(A, Options(neighbours), dtype)
 
 
 def fsai_with_options(
-    A: LinearOperator,
-    options: Options,
-    *,
-    neighbours: int | None = None,
-    dtype: DTypeLike | None = None,
+    A: LinearOperator, options: Options, dtype: DTypeLike | None = None
 ) -> LinearOperator:
-    """Return `fsai_preconditioner`, coarsened as far as the options say."""
-    joint = None if neighbours else coupled_fsai(A, dtype, options)
-    return _fsai(A, options, neighbours, dtype) if joint is None else joint
+    """Return `fsai_preconditioner` with other parameters than its own."""
+    joint = coupled_fsai(A, dtype, options)
+    return _uncoupled_fsai(A, dtype, options) if joint is None else joint
 
 
 def coupled_fsai(
@@ -201,8 +196,9 @@ def coupled_fsai(
 ) -> MultilevelSparseInverse | None:
     """Return `fsai_preconditioner` of components together, if they are strongly coupled."""
     full, mask = unwrap(A)
-    stencil = find_coupled_stencil(full) if isinstance(full, CoupledOperator) else None
-    if stencil is None:
+    if options.neighbours or not isinstance(full, CoupledOperator):
+        return None
+    if (stencil := find_coupled_stencil(full)) is None:
         return None
     mask = np.ones(full.grid_shape, dtype=bool) if mask is None else mask
     dtype = precision(full, dtype)
@@ -211,10 +207,10 @@ def coupled_fsai(
 
 
 @componentwise
-def _fsai(
-    A: LinearOperator, options: Options, neighbours: int | None, dtype: DTypeLike | None
-) -> LinearOperator:
-    """Return the same of one component."""
+def _uncoupled_fsai(
+    A: LinearOperator, dtype: DTypeLike | None, options: Options
+) -> MultilevelSparseInverse:
+    """Return `fsai_preconditioner` of each component by itself."""
     full, mask = unwrap_toeplitz(A)
     squeezed = full.squeezed
     if len(squeezed.grid_shape) > 2:
@@ -229,10 +225,10 @@ def _fsai(
     if len(squeezed.grid_shape) == 1 and mask.all():
         level = build_line(LineMatrix.of_kernel(kernel.ravel()), dtype, options)
     else:
-        if neighbours is not None:
-            stencil = Stencil.of_one(kernel, neighbours)
-        elif np.count_nonzero(mask) <= options.direct:  # G is not needed
-            stencil = Stencil.of_one(kernel)
+        if options.neighbours is not None:
+            stencil = Stencil.of_one(kernel, options.neighbours)
+        elif np.count_nonzero(mask) <= options.direct:
+            stencil = Stencil.of_one(kernel)  # There is no G, so that neighbours do not matter.
         else:
             stencil = select_stencil(kernel)
         level = build(stencil, LevelMatrix.of_mask(stencil, mask), dtype, options)

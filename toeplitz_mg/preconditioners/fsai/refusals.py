@@ -8,7 +8,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.preconditioners.positivity import for_smooth_kernels, require_condition
 
-STEPS = 8  # Steps of inverse iteration: they give the smallest eigenvalue to some per cent.
+STEPS = 8  # Steps of inverse iteration, which give the smallest eigenvalue to some per cent.
 
 
 def require_positive(subject: str, value: float, grid_shape: tuple[int, ...]) -> None:

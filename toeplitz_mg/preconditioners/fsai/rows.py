@@ -13,11 +13,21 @@ CHUNK = 2048  # Blocks that are treated together: their arrays of some 100 doubl
 
 
 class Neighbourhood(NamedTuple):
-    """The matrix of the cells on which a row of G is supported, its own the first."""
+    """The matrix of the cells on which a row of G is supported, its own the first.
 
-    local: Array  # A less τ within a component, shape (K, K)
-    zero: Array  # the diagonal of A, shape (K,)
-    grid_shape: tuple[int, ...]  # that of the whole grid, for errors
+    Attributes
+    ----------
+    local : ndarray of shape (K, K)
+        A, less τ within a component.
+    zero : ndarray of shape (K,)
+        The diagonal of A.
+    grid_shape : tuple of int
+        The shape of the whole grid, for errors.
+    """
+
+    local: Array
+    zero: Array
+    grid_shape: tuple[int, ...]
 
 
 def tabulate_rows(near: Neighbourhood) -> Array:
@@ -51,7 +61,7 @@ def solve_rows(near: Neighbourhood, c: Array, d: Array) -> Array:
     ----------
     near : Neighbourhood
     c, d : ndarray of shape (K, m)
-        Of a cell and its neighbours; 0 and 1 where they are not active.
+        The weights and the diagonal of a cell and its neighbours; 0 and 1 where one is not active.
 
     Returns
     -------
@@ -59,11 +69,12 @@ def solve_rows(near: Neighbourhood, c: Array, d: Array) -> Array:
         S⁻¹ e / √(eᵀ S⁻¹ e), with S the matrix of these cells and e the unit vector of the first;
         zero where a neighbour is not active.
     """
-    # All systems together, entry by entry: much faster than LAPACK, one by one. With C = diag(c)
-    # it is C⁻¹ S C⁻¹ that is factorised, which is the kernel's but for its diagonal; that is
-    # infinite where a cell is not active. The first row and column, of e, are left as they are.
+    # All systems are solved together, entry by entry, which is much faster than LAPACK one by one.
+    # With C = diag(c) the matrix C⁻¹ S C⁻¹ is factorised, which is the kernel's but for its
+    # diagonal; that is infinite where a cell is not active. The first row and column are left as
+    # they are.
     K = len(c)
-    S = np.empty((K, *c.shape))  # on and below the diagonal C⁻¹ S C⁻¹, above it the factors
+    S = np.empty((K, *c.shape))  # On and below the diagonal is C⁻¹ S C⁻¹, above it the factors.
     absent = c == 0.0
     divisor = c + absent
     added = d / divisor**2 - near.zero[:, None]
@@ -94,7 +105,7 @@ def add_loads(grid: CellGrid, rows: Array, index: Array, w: Array) -> Array:
     ----------
     grid : CellGrid
     rows : ndarray of shape (K, any)
-        Columns of rows of G.
+        Rows of G, as columns.
     index : ndarray of int, shape (h1 h2, m)
         For each cell of the blocks the place of its row.
     w : ndarray of shape (h1 h2, m)
@@ -110,5 +121,5 @@ def add_loads(grid: CellGrid, rows: Array, index: Array, w: Array) -> Array:
 
 
 def split_range(m: int, size: int = CHUNK) -> Iterator[slice]:
-    """Cut range(m) into slices."""
+    """Cut range(m) into slices of a size, of which the last may be shorter."""
     return (slice(k, min(k + size, m)) for k in range(0, m, size))

@@ -19,7 +19,7 @@ from toeplitz_mg.preconditioners.fsai.refusals import require_positive
 from toeplitz_mg.preconditioners.fsai.rows import Neighbourhood, add_loads, tabulate_rows
 
 NEIGHBOURS = 12  # Cells before its own that a row of G sees: half of a 5 x 5 neighbourhood.
-EXACT = 3  # Lag, in blocks, from which on the loads of two blocks are taken as uniform.
+EXACT = 3  # Lag in blocks from which on the loads of two blocks are taken as uniform.
 OTHERS = 2  # Neighbours in the other component: with 12 of its own 2 · 2^14 patterns fill an int16.
 
 
@@ -37,7 +37,7 @@ class Stencil:
     neighbours : int
         Cells before its own that a row of G sees.
     coarse_neighbours : int
-        The same on all coarser levels.
+        Cells before its own that a row of G sees on all coarser levels.
     """
 
     kernel: Array
@@ -46,7 +46,7 @@ class Stencil:
 
     @classmethod
     def of_one(cls, kernel: Array, neighbours: int = NEIGHBOURS) -> "Stencil":
-        """Return that of one component, whose kernel is of shape (n1, n2)."""
+        """Return the stencil of one component, whose kernel is of shape (n1, n2)."""
         return cls(kernel[None, None], neighbours)
 
     @cached_property
@@ -66,25 +66,25 @@ class Stencil:
         return self.kernel[self.components, self.components, 0, 0]
 
     def on_places(self, values: Array) -> Array:
-        """Return what each component has on all of its places; of one component a view."""
+        """Return on all places the value of their component, for one component as a view."""
         size = self.grid.size
         return np.broadcast_to(values[:, None], (len(values), size)).reshape(-1)
 
     def split(self, at: Array) -> list[Array]:
-        """Return these places of each component, those of the first before those of the second."""
+        """Split ascending places into those of each component."""
         ends = [*at.searchsorted([a * self.grid.size for a in self.components[1:]]), len(at)]
         return [at[start:end] for start, end in pairwise([0, *ends])]
 
     @cached_property
     def others(self) -> Array:
-        """Which of the neighbours a row sees in the other component too: the most coupled."""
+        """The numbers of the neighbours that a row sees in the other component too."""
         if len(self.kernel) == 1:
             return np.zeros(0, int)
         return np.argsort(-np.abs(self.at(0, 1, self.grid.offsets)), kind="stable")[:OTHERS]
 
     @cached_property
     def steps(self) -> Array:
-        """From an unknown of each component to those that its row of G sees, shape (d, K)."""
+        """The steps from an unknown of each component to those that its row of G sees, (d, K)."""
         own, other = self.grid.steps, self.grid.steps[self.others]
         steps = [[*own, *(other + sign * self.grid.size)] for sign in (1, -1)]
         return np.array(steps[: len(self.kernel)])
@@ -98,8 +98,8 @@ class Stencil:
         i, j = k[..., 0], k[..., 1]
         value = self.kernel[a, b, np.minimum(np.abs(i), n1 - 1), np.minimum(np.abs(j), n2 - 1)]
         if len(self.kernel) == 1:
-            return np.asarray(value)
-        return np.asarray(np.where(np.equal(a, b), value, np.sign(i) * np.sign(j) * value))
+            return value
+        return np.where(np.equal(a, b), value, np.sign(i) * np.sign(j) * value)
 
     def matrix(self, places: Array) -> Array:
         """Return A among the unknowns of these places."""
@@ -108,11 +108,11 @@ class Stencil:
         d, n1, n2 = self.kernel.shape[1:]
         lag = np.abs(i[:, None] - i) * n2 + np.abs(j[:, None] - j)
         if d == 1:
-            return np.asarray(self.kernel.take(lag))
+            return self.kernel.take(lag)
         A = self.kernel.take(lag + (d * component[:, None] + component) * (n1 * n2))
         between = component[:, None] != component
         A[between] *= (np.sign(i[:, None] - i) * np.sign(j[:, None] - j))[between]
-        return np.asarray(A)
+        return A
 
     @cached_property
     def far(self) -> float:
@@ -124,7 +124,7 @@ class Stencil:
 
     @cached_property
     def near(self) -> tuple[Neighbourhood, ...]:
-        """What a row of G sees, in each component."""
+        """The neighbourhood that a row of G sees, in each component."""
         offsets, result = self.grid.offsets, []
         cells = np.concatenate([offsets, offsets[self.others]])
         for a in self.components:
@@ -142,7 +142,7 @@ class Stencil:
 
     @cached_property
     def patterns(self) -> int:
-        """The number of patterns of active neighbours; of the last all of them are active."""
+        """The number of patterns of active neighbours; in the last all of them are active."""
         return int(2 ** (self.steps.shape[1] - 1))
 
     @cached_property
@@ -155,7 +155,7 @@ class Stencil:
 
     @cached_property
     def table_sums(self) -> Array:
-        """Products of the rows in the table with ones in their own component, and the other."""
+        """The products of the rows in the table with ones in their own component, and the other."""
         return self.sums(self.table, np.ones((len(self.table), 1)))
 
     def sums(self, rows: Array, c: Array) -> Array:
@@ -205,18 +205,18 @@ class Stencil:
 
     @cached_property
     def totals(self) -> tuple[float, ...]:
-        """The sums of these loads."""
+        """The sum of `full_load` in each component."""
         return tuple(float(load.sum()) for load in self.full_load)
 
     @cached_property
     def coarser(self) -> "Stencil":
-        """The same for E, whose coefficients are those of aggregates that are all active."""
+        """The stencil of E, with the coefficients of aggregates that are all active."""
         grid, K = self.grid, self.kernel
         totals = np.array(self.totals)
         for axis, (m, h) in enumerate(zip(grid.blocks, grid.block, strict=True)):
             K = average_over_blocks(K, axis + 2, m, h)
         K = np.multiply.outer(totals, totals)[:, :, None, None] * K
-        # The loads' products by the lag between their cells.
+        # The loads' products are summed by the lag between their cells.
         first, second = np.array(grid.window_shape) - 1
         lags = np.indices((2 * first + 1, 2 * second + 1)).reshape(2, -1).T - (first, second)
         cell = grid.window_cells @ (2 * second + 1, 1)
@@ -226,10 +226,12 @@ class Stencil:
         for a, b in combinations_with_replacement(self.components, 2):
             loads = np.outer(self.full_load[a], self.full_load[b]).ravel()
             one = np.bincount(between, loads, len(lags)).reshape(2 * first + 1, 2 * second + 1)
-            both = one + one[::-1]  # of lags in either axis: even or odd, as A
+            # These products are made even in the lags of each axis: so E is even or odd as A is.
+            both = one + one[::-1]
             K[a, b, *near.T] = self.at(a, b, shifted) @ (both + both[:, ::-1]).ravel() / 4.0
             if a != b:
-                K[a, b, 0], K[a, b, :, 0] = 0.0, 0.0  # odd
+                # The coupling is odd in each axis.
+                K[a, b, 0], K[a, b, :, 0] = 0.0, 0.0
                 K[b, a] = K[a, b]
         return Stencil(K, self.coarse_neighbours, self.coarse_neighbours)
 
@@ -239,6 +241,6 @@ def average_over_blocks(kernel: Array, axis: int, m: int, h: int) -> Array:
     lags, last = h * np.arange(m), kernel.shape[axis] - 1
     means: Any = 0.0
     for k in range(1 - h, h):
-        pairs = h - abs(k)  # of cells, one in either block, with this lag
+        pairs = h - abs(k)  # The number of pairs of cells, one in either block, with this lag.
         means += kernel.take(np.minimum(np.abs(lags + k), last), axis) * (pairs / h**2)
-    return np.asarray(means)
+    return means
