@@ -37,8 +37,8 @@ ROUGH, QUICK_ROUGH = (256, 512, 1024), (64,)
 SECONDS = 1200.0  # Time after which a case is given up.
 LOADS = (0.006, 0.0123, 0.06, 0.2, 0.36)  # Normal forces that give 1 to 40 % of contact.
 
-
-Case = tuple[Callable[[int], Solved], Sequence[int], Sequence[int]]  # solver, sizes, quick ones
+# The solver, its sizes, and those of a quick run.
+Case = tuple[Callable[[int], Solved], Sequence[int], Sequence[int]]
 
 CASES: dict[str, Case] = {
     "Hertz, line": (theory.hertz_line, LINES, QUICK_LINES),
@@ -53,7 +53,7 @@ CASES: dict[str, Case] = {
 
 
 def rough(N: int, load: float) -> Solved:
-    """A rough surface with wavelengths from 0.5 to 1/32, or to four elements."""
+    """Solve a rough surface with wavelengths from 0.5 to 1/32, or to four elements."""
     h = 2.0 / N
     gap = rough_gap(N)
     result = normal_contact(gap, (h, h), material=UNIT, force=load)
@@ -79,12 +79,12 @@ def solve_and_count(case: str, N: int, solve: Callable[[], Solved]) -> tuple[Sol
 
 
 def grids(N: int) -> list[int]:
-    """Some even sizes from N to less than 1.2 N."""
+    """Return some even sizes from N to less than 1.2 N."""
     return [N + 2 * (k * N // 32) for k in range(4)]
 
 
 def order(errors: Sequence[float], sizes: Sequence[int]) -> float:
-    """The power of 1/N by which errors fall, by least squares."""
+    """Return the power of 1/N by which errors fall, by least squares."""
     known = [k for k, e in enumerate(errors) if e > 0.0]
     if len(known) < 2:
         return nan
@@ -96,7 +96,7 @@ def study(
     case: str, solve: Callable[[int], Solved], sizes: Sequence[int], folder: Path
 ) -> tuple[list[Row], list[Row]]:
     """Solve a case on every grid, draw the finest, return costs and errors; in a fresh process."""
-    solve(sizes[0])  # what the first call loads is not its time
+    solve(sizes[0])  # What the first call loads is not its time.
     costs: list[Row] = []
     errors: list[Row] = []
     for N in sizes:

@@ -33,7 +33,7 @@ def picture(results: Sequence[ContactResult], theory: Array | None, title: str, 
 
 
 def _profile(ax: Any, result: ContactResult, theory: Array) -> None:
-    """The traction along x through the middle."""
+    """Draw the traction along x through the middle."""
     h1, h2 = result.element
     x = surfaces.centres(theory.shape, (h1, h2))[0][:, 0]
     row = theory.shape[1] // 2

@@ -48,7 +48,7 @@ def aspher(punch: Any, tolerance: float) -> Solution:
         nu=NU,
         model=package.TrescaFriction(STICK),
     )
-    solver.set_gap(gap.reshape(N, N).T)  # its x is along the rows
+    solver.set_gap(gap.reshape(N, N).T)  # Its x is along the rows.
     solver.step(p_bar=1.0)
     start = process_time()
     result = solver.step(delta_t=(1.0, 0.0), tol_tangential=tolerance)

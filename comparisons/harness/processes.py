@@ -76,7 +76,7 @@ class FreshProcess(Generic[T]):
 def _serve(items: Callable[[], Iterator[Any]], pipe: Connection) -> None:
     """Send an item, or the error that it met, whenever one is asked for."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, resource.RLIM_INFINITY))
-    warnings.simplefilter("ignore")  # What matters of them is seen in the residual.
+    warnings.simplefilter("ignore")  # What matters of warnings is seen in the residual.
     iterator = items()
     answer: tuple[Any, str | None]
     with suppress(EOFError, OSError):  # The process that asks has ended.

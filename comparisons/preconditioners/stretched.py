@@ -31,7 +31,7 @@ DEFAULT_SIZES, QUICK_SIZES = (256,), (32,)
 
 
 def long_grid(N: int) -> Array:
-    """N/4 x 16 N elements, 64 x 4096 for N = 256."""
+    """Return the mask of N/4 x 16 N elements, 64 x 4096 for N = 256."""
     return np.ones((N // 4, 16 * N), dtype=bool)
 
 
@@ -52,13 +52,13 @@ METHODS = ("cosine", "sine", "M", "M̄", "FSAI", "V(1,1)", "default")
 
 
 def operator(case: str, kind: str, N: int) -> LinearOperator:
-    """The matrix of a case."""
+    """Return the matrix of a case."""
     area, stretch = CASES[case]
     return influence(kind, area(N), (2.0 / N, stretch * 2.0 / N))
 
 
 def measure(case: str, kind: str, N: int, methods: Sequence[str]) -> list[Row]:
-    """Every method in turn on one case; in a process of its own."""
+    """Measure every method in turn on one case; in a process of its own."""
     A = operator(case, kind, N)
     n = A.shape[0]
     constant = np.ones(n)

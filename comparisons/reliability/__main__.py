@@ -45,7 +45,7 @@ def main(tried: Mapping[str, tuple[Trial, int, int]] = PARTS) -> None:
         trials=0,
         processes=0,
     )
-    os.environ["OMP_NUM_THREADS"] = "1"  # Read where a process imports BLAS.
+    os.environ["OMP_NUM_THREADS"] = "1"  # It is read where a process imports BLAS.
     rows: list[report.Row] = []
     failures: list[report.Row] = []
     for part in arguments.parts or tried:
@@ -67,7 +67,7 @@ def main(tried: Mapping[str, tuple[Trial, int, int]] = PARTS) -> None:
 
 
 def _summary(part: str, results: Sequence[Result]) -> list[report.Row]:
-    """How often each verdict was given, by family."""
+    """Return how often each verdict was given, by family."""
     families = sorted({r.outcome.family for r in results})
     rows = []
     for family in families:

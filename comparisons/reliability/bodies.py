@@ -19,15 +19,15 @@ from toeplitz_mg.contact import (
 )
 from toeplitz_mg.contact.grid import Grid
 
-Element = tuple[float, float]
+Element = tuple[float, float]  # The size of an element, also of a line contact.
 
 TOLERANCE = 1e-8
-SLACK = 1.05  # The tolerance may be exceeded by the rounding of another product.
-MOST = 400  # Elements: the products are dense.
+SLACK = 1.05  # Tolerances that a violation may have, for the rounding of another product.
+MOST = 400  # Most elements: the products are dense.
 
 
 def contact_problem(rng: Generator) -> Outcome:
-    """Normal contact, then friction, or rolling, on one grid, checked by dense products."""
+    """Try normal contact, then friction, or rolling, on one grid; check by dense products."""
     line = rng.random() < 0.3
     shape = random_grid(rng, int(log_uniform(rng, 1, MOST)), 1 if line else 2)
     h = log_uniform(rng, 1e-4, 10.0)
@@ -67,12 +67,12 @@ def _gap(rng: Generator, shape: tuple[int, ...], element: Element, size: float) 
     points = _points(shape, element)
     far = sum((x / (np.abs(x).max() or 1.0)) ** 2 for x in points)
     if kind == 2:
-        return np.asarray(size * (far + np.zeros(shape)))
-    return np.asarray(size * (far + 0.3 * rng.random(shape)))
+        return size * (far + np.zeros(shape))
+    return size * (far + 0.3 * rng.random(shape))
 
 
 def _points(shape: tuple[int, ...], element: Element) -> tuple[Array, ...]:
-    """The centres of the elements, by axes."""
+    """Return the centres of the elements, by axes."""
     if len(shape) == 1:
         return surfaces.centres(shape[0], element[0])
     return surfaces.centres(shape, element)
@@ -94,7 +94,7 @@ def _load(
 def _normal_error(
     result: ContactResult, gap: Array, element: Element, material: tuple[float, float]
 ) -> str:
-    """What is wrong with p ≥ 0, w ≥ 0, p w = 0, or nothing."""
+    """Return what is wrong with p ≥ 0, w ≥ 0, p w = 0, or nothing."""
     p = result.traction
     A = Grid.of(p.shape, element, material, None).normal().toarray()
     u = (A @ p.ravel()).reshape(p.shape)
@@ -170,7 +170,7 @@ def _roll(
 
 
 def _coulomb_error(result: ContactResult, q: Array, slip: Array, slack: float) -> str:
-    """What is wrong with |q| ≤ g, no slip where they stick, slip along -q where they slide."""
+    """Return what is wrong with |q| ≤ g, no slip in stick, slip along -q where they slide."""
     assert result.bound is not None
     assert result.stick is not None
     assert result.sliding is not None

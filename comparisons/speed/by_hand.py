@@ -91,7 +91,7 @@ class Run(NamedTuple):
 
     cpu: float
     wall: float
-    peak_vectors: float  # of n float64
+    peak_vectors: float  # The peak of memory, in vectors of n float64.
 
 
 def run_again_and_again(set_up: SetUp, c: Array, b: Array, threads: int) -> Iterator[Run]:

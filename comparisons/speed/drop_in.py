@@ -27,14 +27,14 @@ SYMBOLS = ("contact", "fGn, H = 0.9", "0.9^k", "exp(-k/1000)", "θ²")
 SIZES = (1, 2, 3, 5, *(2**k for k in range(3, 12)), 3000, 4096, 2**13, 10007, 2**15, 2**17, 2**20)
 QUICK_SIZES = SIZES[:14]
 COLUMNS = (1, 64)
-LEVINSON_STEPS = 2**36  # n² times the columns, up to which SciPy's takes some minutes.
+LEVINSON_STEPS = 2**36  # Most steps, n² a column, of SciPy's: some minutes.
 ENOUGH = 0.3  # Seconds of one method's runs, after which there are no more turns.
-TURNS = 101  # Most turns of the two.
+TURNS = 101  # Most turns of the two methods.
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Both on one system; None where SciPy's would take too long."""
+    """What both methods took on one system; None where SciPy's would take too long."""
 
     seconds: float
     scipy_seconds: float | None

@@ -2,17 +2,13 @@
 
 import argparse
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from scipy.sparse.linalg import LinearOperator
-
 import toeplitz_mg as tmg
+from toeplitz_mg._typing import Preconditioner
 from toeplitz_mg.cli import contact_arguments, files
 from toeplitz_mg.paper.problems import TESTS
-
-Preconditioner = Callable[[LinearOperator], LinearOperator]
 
 PRECONDITIONERS: dict[str, Preconditioner] = {
     "default": tmg.default_preconditioner,

@@ -12,7 +12,7 @@ from toeplitz_mg.values import in_range
 
 CASES = ("hertz", "shift", "rolling")
 FEWEST, MOST = 8, 2**24  # Elements along the longer side: the contact needs a few to be one.
-FORCE = 100.0  # N or N/mm, where neither the force nor the approach is given.
+FORCE = 100.0  # Normal force, N or N/mm, where neither it nor the approach is given.
 
 
 @dataclass(frozen=True)
@@ -22,15 +22,15 @@ class Option:
     Attributes
     ----------
     help : str
-        With the unit, and the default where it is no plain value.
+        What the option is, with its unit, and its default where that is no plain value.
     kind : type
-        float, int, bool or Path.
+        The type of its values: float, int, bool or Path.
     most : int
         How many values it takes at most.
     cases : tuple of str
-        The cases that it is for.
+        The cases that the option is for.
     default : object
-        What it is where it is not given.
+        The value where none is given.
     positive : bool
         Whether its numbers must be positive.
     infinite : bool
@@ -101,7 +101,7 @@ METAVARS = {"output": "FIELDS.npz", "plot": "FILE"}
 
 
 def add_parser(commands: Any, **bare: Any) -> None:
-    """Add the command to the others."""
+    """Add the command `contact` to the others."""
     parser = commands.add_parser(
         "contact",
         help="contact of two elastic bodies",

@@ -112,7 +112,7 @@ class ContactResult:
             Where matplotlib is not installed.
         """
         try:
-            from matplotlib import pyplot as plt  # an extra, and slow to import
+            from matplotlib import pyplot as plt  # It is an extra, and slow to import.
         except ImportError as error:
             raise ImportError("plot() needs matplotlib: pip install 'toeplitz-mg[plot]'") from error
         if ax is None:

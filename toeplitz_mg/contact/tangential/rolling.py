@@ -218,7 +218,7 @@ def _rigid_slip(
     lateral: float,
     spin: float,
 ) -> tuple[Grid, Array, Array]:
-    """The grid, the traction bound and the rigid slip in a step of one element (Eq. 1)."""
+    """Return the grid, the traction bound and the rigid slip in a step of one element (Eq. 1)."""
     g = check_bound(bound)
     grid = Grid.of(g.shape, element, material, None)
     for name, value in (("longitudinal", longitudinal), ("lateral", lateral), ("spin", spin)):
@@ -236,7 +236,7 @@ def _rigid_slip(
 def _per_distance(
     result: ContactResult, longitudinal: float, lateral: float, spin: float
 ) -> ContactResult:
-    """The slip over the distance rolled, and the creepages."""
+    """Return the result with the slip over the distance rolled, and with the creepages."""
     assert result.slip is not None
     is_line = result.contact.ndim == 1
     creepages = longitudinal if is_line else np.array([longitudinal, lateral, spin])
