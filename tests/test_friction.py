@@ -171,7 +171,7 @@ def test_products_in_line_contact(n, most):
 @pytest.mark.parametrize("problem", [test1(300), test2(300), test3(300)], ids=lambda p: p.name)
 def test_bonded_bodies_are_the_papers_problem(problem):
     A = problem.A
-    mask = getattr(A, "mask", np.ones(300, bool))
+    mask = np.ones(300, bool) if A.shape == (300, 300) else A.mask
     shift = np.zeros(300)
     shift[mask] = problem.b
     bound = np.where(mask, np.inf, 0.0)

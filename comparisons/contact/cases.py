@@ -120,16 +120,16 @@ def analytic(cases: Mapping[str, Case], quick: bool, folder: Path) -> None:
         cost, error = in_a_fresh_process(partial(study, case, solve, sizes, folder), SECONDS)
         costs += cost
         errors += error
-        for quantity in dict.fromkeys(row["quantity"] for row in error):
-            values = [row["error"] for row in error if row["quantity"] == quantity]
+        for quantity, own in report.group(error, "quantity").items():
+            values = [row["error"] for row in own]
             row: Row = {"case": case, "quantity": quantity, "order": order(values, sizes)}
             orders.append(row | {f"N = {n}": v for n, v in zip(sizes, values, strict=True)})
     convergence(errors, folder / "convergence.png")
     report.write_csv(folder / "errors.csv", errors)
     report.write_csv(folder / "costs.csv", costs)
     report.write_csv(folder / "orders.csv", orders)
-    for case in cases:
-        show(f"{case}: errors against theory", [row for row in orders if row["case"] == case])
+    for case, own in report.group(orders, "case").items():
+        show(f"{case}: errors against theory", own)
     show("Products, iterations between changes of the areas, CPU time", costs)
 
 
@@ -183,8 +183,8 @@ def main(
     rough_surfaces(arguments.quick, arguments.output)
     rows = peers.run(peers.problems(64 if arguments.quick else 256), normal, friction)
     report.write_csv(arguments.output / "peers.csv", rows)
-    for problem in dict.fromkeys(row["problem"] for row in rows):
-        table = [peers.format_row(r) for r in rows if r["problem"] == problem]
+    for problem, own in report.group(rows, "problem").items():
+        table = [peers.format_row(row) for row in own]
         report.show(f"{problem}: each as accurate as {peers.TARGET:g} takes", table)
 
 

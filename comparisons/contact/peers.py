@@ -1,4 +1,4 @@
-"""The same contact problem by this package, `aspher` and `tamaas`, equally accurate.
+"""A contact problem by this package, by `aspher` and by `tamaas`, equally accurate.
 
 Each is asked for the loosest tolerance, in half decades, whose answer violates the conditions of
 contact by no more than the target, measured with one matrix for all: by the natural residual

@@ -200,9 +200,8 @@ def main() -> None:
     rows: list[Row] = []
     for rows in run(punches, arguments.methods or names):
         report.write_csv(arguments.output / "punch3d.csv", rows)
-    for key in dict.fromkeys((row["problem"], row["area"], row["N"]) for row in rows):
-        table = [format_row(r) for r in rows if (r["problem"], r["area"], r["N"]) == key]
-        report.show(f"{key[0]}, {key[1]}, N = {key[2]}", table)
+    for (problem, area, N), own in report.group(rows, "problem", "area", "N").items():
+        report.show(f"{problem}, {area}, N = {N}", [format_row(row) for row in own])
     if ratios := growth(rows):
         report.show("CPU time over that of half the N; allowed is n log n, times 1.25", ratios)
 

@@ -135,12 +135,12 @@ def take_turns(
     done : callable
         Tells whether a job has returned enough, from its items so far.
     method : str
-        As that of `FreshProcess`.
+        How the processes are started, as `FreshProcess` takes it.
 
     Returns
     -------
     dict
-        By the names of the jobs their items; or the reason why one met an error.
+        The items of each job by its name; or the reason why it met an error.
     """
     processes: dict[str, FreshProcess[T]] = {}
     results: dict[str, list[T]] = {}

@@ -129,9 +129,10 @@ def format_row(row: Row, sine: float) -> Row:
 
 def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
     """Return what was measured as tables of areas by methods, the fastest in bold."""
-    found: dict[tuple[str, int], dict[str, Row]] = {}
-    for row in rows:
-        found.setdefault((row["area"], row["n"]), {})[row["method"]] = row
+    found = {
+        case: {row["method"]: row for row in own}
+        for case, own in report.group(rows, "area", "n").items()
+    }
     result: dict[str, list[Row]] = {}
     for b in ("random", "constant"):
         title = f"Iterations to {TOLERANCE:.0e} / CPU seconds with set-up, {b} right-hand side"
@@ -207,8 +208,7 @@ def main(
     for rows in run(jobs, arguments.methods or tuple(PRECONDITIONERS)):
         report.write_csv(arguments.output / "areas.csv", rows)
     report.write_markdown(arguments.output / "areas.md", TITLE, tables(rows))
-    for area, n in jobs:
-        measured = [row for row in rows if (row["area"], row["n"]) == (area, n)]
+    for (area, n), measured in report.group(rows, "area", "n").items():
         sine = {row["method"]: row["random_s"] for row in measured}.get("sine", nan)
         report.show(f"{area}, n = {n}", [format_row(row, sine) for row in measured])
     drawn = [area for area in masks.FRAGMENTED if area in dict(jobs)]

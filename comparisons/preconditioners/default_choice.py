@@ -60,9 +60,8 @@ def measure(case: Case) -> Row:
 
 def by_family(rows: Sequence[Row]) -> list[Row]:
     """Return what the families have in common, a row each, and all together."""
-    families = list(dict.fromkeys(row["family"] for row in rows))
-    groups = {family: [row for row in rows if row["family"] == family] for family in families}
-    return [summary(family, own) for family, own in (*groups.items(), ("all", list(rows)))]
+    groups = report.group(rows, "family") | {"all": list(rows)}
+    return [summary(family, own) for family, own in groups.items()]
 
 
 def summary(family: str, rows: Sequence[Row]) -> Row:

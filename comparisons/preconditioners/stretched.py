@@ -103,10 +103,10 @@ def run(
 def tabulate_by_case(rows: Sequence[Row]) -> list[Row]:
     """Return a table: a line for each case, iterations (constant, random) and time by method."""
     table: list[Row] = []
-    for key in dict.fromkeys((row["case"], row["problem"], row["N"]) for row in rows):
-        line: Row = {"case": key[0], "problem": key[1], "N": key[2]}
-        for row in rows:
-            if (row["case"], row["problem"], row["N"]) == key and "random" in row:
+    for (case, problem, N), own in report.group(rows, "case", "problem", "N").items():
+        line: Row = {"case": case, "problem": problem, "N": N}
+        for row in own:
+            if "random" in row:
                 counts = f"{row['constant']}, {row['random']}"
                 line[row["method"]] = f"{counts} / {row['random_s']:.2g}"
         table.append(line)

@@ -59,8 +59,7 @@ def main(tried: Mapping[str, tuple[Trial, int, int]] = PARTS) -> None:
         report.write_csv(arguments.output / "reliability.csv", rows)
         report.write_csv(arguments.output / "failures.csv", failures)
     report.show("What was tried", [*rows, _total(rows)])
-    for part in dict.fromkeys(row["part"] for row in failures):
-        of_part = [row for row in failures if row["part"] == part]
+    for part, of_part in report.group(failures, "part").items():
         report.show(f"Failures in {part}: {len(of_part)}", of_part[:SHOWN])
     print(f"\n{len(failures)} failures")
     sys.exit(bool(failures))

@@ -19,7 +19,7 @@ from toeplitz_mg.contact import (
 )
 from toeplitz_mg.contact.grid import Grid
 
-Element = tuple[float, float]  # The size of an element, also of a line contact.
+Sides = tuple[float, float]  # The sides of an element along x and y.
 
 TOLERANCE = 1e-8
 SLACK = 1.05  # Tolerances that a violation may have, for the rounding of another product.
@@ -58,7 +58,7 @@ def contact_problem(rng: Generator) -> Outcome:
     return Outcome(kind, TOLD if told else RIGHT)
 
 
-def _gap(rng: Generator, shape: tuple[int, ...], element: Element, size: float) -> Array:
+def _gap(rng: Generator, shape: tuple[int, ...], element: Sides, size: float) -> Array:
     kind = rng.integers(4)
     if kind == 0:
         return size * rng.random(shape)
@@ -71,7 +71,7 @@ def _gap(rng: Generator, shape: tuple[int, ...], element: Element, size: float) 
     return size * (far + 0.3 * rng.random(shape))
 
 
-def _points(shape: tuple[int, ...], element: Element) -> tuple[Array, ...]:
+def _points(shape: tuple[int, ...], element: Sides) -> tuple[Array, ...]:
     """Return the centres of the elements, by axes."""
     if len(shape) == 1:
         return surfaces.centres(shape[0], element[0])
@@ -79,7 +79,7 @@ def _points(shape: tuple[int, ...], element: Element) -> tuple[Array, ...]:
 
 
 def _load(
-    rng: Generator, gap: Array, element: Element, material: tuple[float, float]
+    rng: Generator, gap: Array, element: Sides, material: tuple[float, float]
 ) -> dict[str, Any]:
     high = float(np.ptp(gap)) or element[0]
     depth = high * log_uniform(rng, 1e-3, 3.0)
@@ -92,7 +92,7 @@ def _load(
 
 
 def _normal_error(
-    result: ContactResult, gap: Array, element: Element, material: tuple[float, float]
+    result: ContactResult, gap: Array, element: Sides, material: tuple[float, float]
 ) -> str:
     """Return what is wrong with p ≥ 0, w ≥ 0, p w = 0, or nothing."""
     p = result.traction
@@ -117,7 +117,7 @@ def _shift(
     rng: Generator,
     bound: Array,
     pressed: ContactResult,
-    element: Element,
+    element: Sides,
     material: tuple[float, float],
 ) -> str:
     m = bound.ndim
@@ -148,7 +148,7 @@ def _roll(
     rng: Generator,
     bound: Array,
     pressed: ContactResult,
-    element: Element,
+    element: Sides,
     material: tuple[float, float],
 ) -> str:
     size = float(pressed.traction.max()) / material[0] * log_uniform(rng, 1e-3, 10.0)

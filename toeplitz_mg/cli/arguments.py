@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import toeplitz_mg as tmg
 from toeplitz_mg._typing import Preconditioner
 from toeplitz_mg.cli import contact_arguments, files
+from toeplitz_mg.cli.report import EXIT_STATUS
 from toeplitz_mg.paper.problems import TESTS
 
 PRECONDITIONERS: dict[str, Preconditioner] = {
@@ -23,7 +24,7 @@ PRECONDITIONERS: dict[str, Preconditioner] = {
     "spectral": tmg.spectral_preconditioner,
 }
 
-MOST = 2**40  # Elements of the paper's problems: a vector of 8 TiB, which no memory holds.
+MOST = 2**40  # Most elements of a problem of the paper: no memory holds a vector of 8 TiB.
 
 
 class Cycle(NamedTuple):
@@ -104,7 +105,7 @@ def parser() -> argparse.ArgumentParser:
         "test 1 with 2^20 unknowns, by the V(0,1) cycle with the FFT+RSM smoother. "
         "The command solve takes a system of your own, the command contact solves a contact "
         "problem.",
-        epilog="Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted.",
+        epilog=EXIT_STATUS,
         **bare,
     )
     main.add_argument("--version", action="version", version=f"toeplitz-mg {tmg.__version__}")

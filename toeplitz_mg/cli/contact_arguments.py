@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from toeplitz_mg.cli import files
+from toeplitz_mg.cli.report import EXIT_STATUS
 from toeplitz_mg.values import in_range
 
 CASES = ("hertz", "shift", "rolling")
-FEWEST, MOST = 8, 2**24  # Elements along the longer side: the contact needs a few to be one.
+FEWEST, MOST = 8, 2**24  # Limits of the elements along a side: a contact needs a few to be one.
 FORCE = 100.0  # Normal force, N or N/mm, where neither it nor the approach is given.
 
 
@@ -110,7 +111,7 @@ def add_parser(commands: Any, **bare: Any) -> None:
         "Units are N and mm.",
         epilog="A negative number with an exponent is --longitudinal=-2e-3. "
         "Files are written whole or not at all, and only where the solver has converged. "
-        "Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted.",
+        + EXIT_STATUS,
         **bare,
     )
     parser.add_argument("case", nargs="?", choices=CASES, default=None, help="what to do")

@@ -3,6 +3,8 @@
 import io
 import sys
 
+EXIT_STATUS = "Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted."
+
 
 def print_any_character() -> None:
     """Print what the terminal does not have as its number, so that no result is lost at a "²"."""

@@ -52,7 +52,7 @@ def of_pressures(grid: Grid, z: Array, p: Array, interference: float) -> tuple[s
 def of_bound(grid: Grid, contact: Array) -> tuple[str, ...]:
     """Return the doubts about a tangential problem whose bound says that this is in contact.
 
-    As it is given, the edge of the grid is of no importance.
+    Where the bound ends is given, so that the edge of the grid is of no importance.
     """
     return (*_of_resolution(contact), *_of_coupling(grid))
 

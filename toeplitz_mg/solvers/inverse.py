@@ -74,9 +74,9 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     Returns
     -------
     ToeplitzInverse
-        Of the shape and dtype of `A`, symmetric. A product, with one vector or many, costs four
-        complex transforms of length n: two work units. Its attribute `residual` is what was
-        measured; `refined` is the operator with a step of iterative refinement more.
+        A symmetric operator of the shape and dtype of `A`. A product, with one vector or many,
+        costs four complex transforms of length n: two work units. Its attribute `residual` is what
+        was measured; `refined` is the operator with a step of iterative refinement more.
 
     Raises
     ------

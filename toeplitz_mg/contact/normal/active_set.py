@@ -59,7 +59,7 @@ class Search:
     approach, force : float or None
         One of the two.
     tolerance : float
-        Of the complementarity, relative to the interference.
+        The error of the complementarity that is allowed, relative to the interference.
     progress : callable, optional
     """
 

@@ -168,7 +168,7 @@ def balance(
     movable : ndarray of bool
         The elements where the tractions may change.
     on_circle : ndarray of bool, optional
-        Of those, the elements that stay on the circle |q| = g. Then it is q + c g in the place of
+        Movable elements that stay on the circle |q| = g. Then it is q + c g in the place of
         q + c, which turns all of them by similar angles.
 
     Returns
