@@ -18,7 +18,7 @@ from toeplitz_mg.engine.lengths import near_fast_length
 @dataclass(frozen=True)
 class Case:
     name: str
-    operator: Callable[[type], LinearOperator]  # From a dtype to the operator.
+    operator: Callable[[type], LinearOperator]  # Makes the operator of a dtype.
     dense: Callable[[], np.ndarray]
     symmetric: bool = True
     positive: bool = True
@@ -197,7 +197,7 @@ def continued(c):
         fast = near_fast_length(n)
         ahead = fast - n + 1
         last, before = (np.take(c, max(n - k, 0), axis) for k in (1, 2))
-        # By the parabola that is flat at the last one, unless the last two differ too much.
+        # A parabola goes on from the last two, flat at its end, unless they differ too much.
         smaller, larger = np.sort(np.abs([last, before]), axis=0)
         is_alike = (smaller >= larger / 2) & (n > 1)
         more = [

@@ -71,7 +71,7 @@ def test_a_pipe_is_written_into(folder):
     os.mkfifo("x.npy")
     got = []
     reader = threading.Thread(target=lambda: got.append((folder / "x.npy").read_bytes()))
-    reader.daemon = True  # Where it waits in vain the test fails and does not hang.
+    reader.daemon = True  # If it waits in vain the test fails and does not hang.
     reader.start()
     assert solve("x.npy") == 0
     assert stat.S_ISFIFO(os.stat("x.npy").st_mode)
@@ -166,7 +166,7 @@ def test_what_may_not_be_written_is_refused(folder, closed, monkeypatch, capsys)
     (folder / "folder").mkdir()
     (folder / "folder" / "x.npy").write_bytes(b"old")
     (folder / "x.npy").symlink_to("folder/x.npy")
-    # Not by chmod, as to root nothing is closed.
+    # This is not done by chmod, as to root nothing is closed.
     access = os.access
     monkeypatch.setattr(os, "access", lambda p, how: not str(p).endswith(closed) and access(p, how))
     assert_refused(solve("x.npy"), f"{closed} is not writable", capsys)

@@ -61,7 +61,7 @@ def quadrature(kernel, x, y, element, nu):
         return float(total / mpmath.pi)
 
 
-# In element sizes: self, neighbours, off centre inside and out, the border, middling, far.
+# Points in element sizes: self, neighbours, off centre inside and out, border, middling, far.
 POINTS = [(0, 0), (1, 0), (0, 1), (1, 1), (0.3, -0.2), (0.5, 0.1), (2, 0.4), (-7, 3), (0.2, 17)]
 POINTS += [(1000.5, 0.25), (3e4, 2e4)]
 ELEMENTS = [(1, 1), (1, 2.5), (1, 100), (3e3, 1), (8e-6, 100), (10, 1e-6)]

@@ -88,7 +88,7 @@ def test_restriction_is_the_transpose_of_interpolation(A, interpolation):
     assert_allclose(P.T, transfer.scale * R)
     if by_area(A, interpolation):
         if isinstance(A, tmg.ToeplitzOperator):
-            assert_allclose(P.sum(axis=1), 1.0)  # Of ones it makes ones.
+            assert_allclose(P.sum(axis=1), 1.0)  # It makes ones of ones.
             assert_allclose(R.sum(axis=1), 1.0)
     elif interpolation is tmg.piecewise_constant:
         assert_allclose(R @ P, np.eye(H.shape[0]))  # The average of copies is what was copied.
@@ -213,7 +213,7 @@ def test_two_grids_correct_the_coarse_and_the_leftover_unknowns_exactly(A, inter
     coarse = np.eye(n) - Q @ np.linalg.solve(galerkin, Q.T @ dense)
     smooth = np.eye(n) - smoother @ dense
     pre, post = (np.linalg.matrix_power(smooth, k) for k in pre_post)
-    # From its levels: of this smoother, which may diverge, the algebra matters.
+    # The cycle is made of its levels: this smoother may diverge, but its algebra matters.
     levels = build_levels(A, tmg.chan_preconditioner, H.shape[0], interpolation, None)
     M = Multigrid(levels, *pre_post, gamma=1)
     assert len(M.levels) == 2 or n <= H.shape[0]
@@ -557,7 +557,7 @@ def test_a_border_belongs_to_its_level():
     leftover = [level.transfer is not None and len(level.transfer.leftover) for level in M.levels]
     assert leftover == [1, 0, 0, False]
     assert [level.border is not None for level in M.levels] == [bool(n) for n in leftover]
-    assert all(level.border is None for level in levels)  # Those that were given stay as they are.
+    assert all(level.border is None for level in levels)  # The given levels stay as they are.
     for level, given in zip(M.levels, levels, strict=True):
         assert (level.A, level.smoother, level.transfer) == (
             given.A,

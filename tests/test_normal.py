@@ -67,7 +67,7 @@ def test_hertz_line_contact():
         assert_complementary(contact)
         assert_allclose(contact.force, force, rtol=1e-12)
         assert abs(contact.area - 2 * a) <= 2 * h
-        # With the constant of plane strain: δ = 2 F (1-ν)/(πG) (ln(2 d/a) + 1/2).
+        # The constant of plane strain gives δ = 2 F (1-ν)/(πG) (ln(2 d/a) + 1/2).
         approach = 2 * force * (1 - nu) / (np.pi * G) * (np.log(2 * 20.0 / a) + 0.5)
         errors.append([abs(contact.traction.max() / p0 - 1), abs(contact.rigid / approach - 1)])
     assert np.all(np.divide(errors[:-1], errors[1:]) > 3.0)  # The error is of second order.

@@ -122,7 +122,7 @@ def test_the_choice_is_no_more_than_twice_the_work_of_the_best(name, n):
 
 def test_the_choice_is_visible():
     def method(c, b):
-        # To 1e-12 rounding would decide whether the recurrence of CG gets there.
+        # Rounding would decide whether the recurrence of CG gets to 1e-12.
         return tmg.solve_toeplitz(c, b, rtol=1e-8, full_output=True)[1].method
 
     n = 3000

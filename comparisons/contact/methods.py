@@ -179,7 +179,7 @@ def tamaas(problem: Problem, iterations: int) -> Answer:
     start = process_time()
     N = problem.N
     model = package.ModelFactory.createModel(package.model_type.basic_2d, [2.0, 2.0], [N, N])
-    # Before the operator is made, or it is that of another material.
+    # These are set before the operator is made, or it is that of another material.
     model.E, model.nu = 1.0, 0.0
     package.ModelFactory.registerNonPeriodic(model, "dcfft")
     solver = package.PolonskyKeerRey(model, -problem.gap, 1e-16)

@@ -76,7 +76,7 @@ def tamaas(punch: Any, tolerance: float) -> Solution:
     def solution(iterations: int) -> tuple[Array, float, float]:
         start = process_time()
         model = package.ModelFactory.createModel(package.model_type.basic_2d, [2.0, 2.0], [N, N])
-        # Before the operator is made, or it is that of another material.
+        # These are set before the operator is made, or it is that of another material.
         model.E, model.nu = E_STAR * (1.0 - NU**2), NU
         package.ModelFactory.registerNonPeriodic(model, "dcfft")
         solver = package.PolonskyKeerRey(model, surface, tolerance)

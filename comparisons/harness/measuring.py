@@ -19,10 +19,10 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.operators.structure import unwrap
 from toeplitz_mg.paper.problems import test1
 
-Solve = Callable[[], tuple[Array, int | None]]  # To x and the iterations, None if direct.
-Method = Callable[[Any], Solve]  # From a `System`.
-Choice = Callable[[Any], LinearOperator | None]  # From A to a preconditioner, or to none.
-Explanation = Callable[[Any], str]  # From a `System`.
+Solve = Callable[[], tuple[Array, int | None]]  # Returns x and the iterations, or None if direct.
+Method = Callable[[Any], Solve]  # Sets a `System` up.
+Choice = Callable[[Any], LinearOperator | None]  # Returns a preconditioner of A, or none.
+Explanation = Callable[[Any], str]  # Says why a `System` is not solved, or nothing.
 
 TOLERANCE = 1e-8
 MAXITER = 3000  # Iterations after which a method has not converged, unless told otherwise.

@@ -19,7 +19,7 @@ from comparisons.systems.symbols import COLUMNS
 from toeplitz_mg._typing import Array
 
 Action = Callable[[], Any]
-SetUp = Callable[[Array, Array], Action]  # From a first column and a vector.
+SetUp = Callable[[Array, Array], Action]  # Takes a first column and a vector.
 
 
 class Plain:

@@ -50,7 +50,8 @@ def annulus(N: int) -> Array:
 def rough(fraction: float, N: int, seed: int = 0) -> Array:
     """Return the highest part of a self-affine surface, Hurst exponent 0.8, in many islands."""
     q = np.hypot(np.fft.fftfreq(N)[:, None], np.fft.rfftfreq(N)[None, :]) * N
-    # The same surface for all N, but for what is shorter than an element; rolled off below 4 waves.
+    # The surface is the same for all N, up to what is shorter than an element. Waves longer than a
+    # quarter of the side are not higher than that one.
     size = np.where(q > 0.0, np.maximum(q, 4.0), np.inf) ** -1.8
     rng = np.random.default_rng(seed)
     height = np.fft.irfft2(size * np.fft.rfft2(rng.standard_normal((N, N))), (N, N))

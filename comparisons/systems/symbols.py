@@ -13,7 +13,7 @@ from scipy import fft
 from toeplitz_mg._typing import Array
 from toeplitz_mg.paper.problems import test1
 
-Column = Callable[[int], Array]  # From the length to the first column.
+Column = Callable[[int], Array]  # Returns the first column of a length.
 
 
 def fourier(f: Callable[[Array], Array], n: int) -> Array:
@@ -86,7 +86,7 @@ COLUMNS: dict[str, Column] = {
     "2 + 2 cos θ": _of_band(2.0, 1.0),
     "|θ|³": _of_symbol(lambda t: t**3),
     "θ⁴": _of_symbol(lambda t: t**4),
-    # Further ones, that the plain recipes find hard.
+    # The plain recipes find the next ones hard.
     "(2 - 2 cos θ)²": _of_band(6.0, -4.0, 1.0),
     "1/(1 + k²/100)": _of_lags(lambda k: 1 / (1 + k**2 / 100), 1e-6),
     "wide Gaussian": _wide_gaussian,

@@ -96,8 +96,8 @@ DEFAULTS: dict[str, Any] = {
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    # Without defaults, so that an option counts wherever it stands, and a stray one is seen.
-    # No abbreviations: --n would be taken for --nu.
+    # Without defaults an option counts wherever it stands, and a stray one is seen. There are no
+    # abbreviations: --n would be taken for --nu.
     bare: Any = {"argument_default": argparse.SUPPRESS, "allow_abbrev": False}
     main = argparse.ArgumentParser(
         prog="toeplitz-mg",

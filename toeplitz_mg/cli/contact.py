@@ -192,7 +192,7 @@ def _check_slides_not(case: Case) -> None:
     if o.case != "shift" or o.tangential is None:
         return
     wanted, most = math.hypot(*o.tangential), o.friction * case.theory.force
-    # By an approach the force is known by theory, within the error of the grid.
+    # Where the approach is given, theory says the force, within the error of the grid.
     if wanted >= most:
         raise ValueError(f"--tangential is {wanted:g}, but friction carries less than {most:.6g}")
 
@@ -248,9 +248,9 @@ def _tangential_figures(
     part = float(np.linalg.norm(result.force)) / carried
     share = float(result.stick.sum()) / max(1.0, float(result.contact.sum()))
     sticks, force = None, None
-    if o.case == "shift":  # By Cattaneo and Mindlin, exact for ν = 0 and line contact.
+    if o.case == "shift":  # Cattaneo and Mindlin are exact for ν = 0 and line contact.
         sticks = (1.0 - min(part, 1.0)) ** (0.5 if o.line else 2.0 / 3.0)
-    elif o.line:  # By Carter's theory.
+    elif o.line:  # Carter's theory says both.
         sticks = max(0.0, 1.0 - abs(result.rigid) * o.radius[0] / (o.friction * a))
         force = 1.0 - sticks**2
     return [

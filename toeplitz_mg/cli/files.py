@@ -221,8 +221,8 @@ def _replace(target: Path, old: os.stat_result | None, data: bytes) -> None:
     part = target.with_name(f".{secrets.token_hex(8)}.part")
     mode = 0o666 if old is None else stat.S_IMODE(old.st_mode)
     try:
-        # In the same folder, as only there one file replaces another in a single step; and never
-        # readable by more than the old one.
+        # It is in the same folder, as only there one file replaces another in a single step; and
+        # never readable by more than the old one.
         with open(part, "xb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
             if old is not None:
                 _keep_rights(part, old)

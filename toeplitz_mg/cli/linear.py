@@ -161,5 +161,5 @@ def print_report(solution: Solution, setup: float, published: str) -> None:
 
 
 def _size(v: Array) -> float:
-    # In float64, whatever v is: numbers of float32 may have a norm that is none.
+    # The norm is taken in float64, as that of numbers of float32 may be no number of float32.
     return float(norm(v.astype(np.float64, copy=False), check_finite=False))

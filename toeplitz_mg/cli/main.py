@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _fail(message: str, status: int = 2) -> int:
     """Say in one line why there is no result, and return the exit status."""
-    with suppress(OSError):  # Where not even this can be printed, the status says it.
+    with suppress(OSError):  # If not even this can be printed, the status says it.
         print(" ".join(message.splitlines()), file=sys.stderr)
     try:
         print(end="", flush=True)

@@ -182,7 +182,7 @@ class _Iterate:
             with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
                 r = self._b - apply_to_rows(A, self._x)
         exponent = max(int(exponents(v)[0]) for v in (self._b, r))
-        # With the largest entry from 1 to 2 the vectors are in the range of float32 too.
+        # The largest entry is then from 1 to 2, so that the vectors are in the range of float32.
         self.scale = 2.0 ** (exponent - 1)
         if inner is None:
             self.A = A
@@ -210,7 +210,7 @@ class _Iterate:
         return self._x if self.y is self._x else self._x + self._from_inner()
 
     def _from_inner(self) -> Array:
-        # In the precision of x: that of y may not have numbers as large, or as small.
+        # The sum is in the precision of x: that of y may not have numbers as large, or as small.
         return self.y.astype(self.dtype) * self.scale
 
     def step(self, length: float, iteration: ConjugateGradients) -> None:

@@ -28,7 +28,7 @@ class SolveInfo(NamedTuple):
     """How `solve_toeplitz` has solved a system."""
 
     method: str
-    iterations: int  # Those of CG, most of all columns; or solves by a direct method.
+    iterations: int  # Iterations of CG, most of all columns; or solves by a direct method.
     residual: float  # The largest ‖b - A x‖/‖b‖ of all columns.
     backward_error: float  # The largest ‖b - A x‖/(‖A‖₁ ‖x‖ + ‖b‖) of all columns.
 

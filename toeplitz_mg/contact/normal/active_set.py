@@ -197,7 +197,7 @@ class Search:
         """Return the nearest pressures without tension, of the given sum."""
         if self.force is None:
             return np.maximum(p, 0.0)
-        # Those of the given sum are max(p - c, 0) with the constant c that gives the sum.
+        # The nearest ones are max(p - c, 0), with the constant c that gives the sum.
         ordered = np.sort(p, axis=None)[::-1]
         c = (np.cumsum(ordered) - self.total) / np.arange(1, p.size + 1)
         return np.maximum(p - c[np.flatnonzero(ordered > c)[-1]], 0.0)

@@ -45,7 +45,7 @@ class Look(NamedTuple):
     misfit: float  # The largest size of the gap in contact.
     tension: float  # The largest negative pressure.
     violation: float  # How wrong the set is: the tension, or the depth of penetration elsewhere.
-    error: float  # That of complementarity, at a free approach without penetration.
+    error: float  # The error of complementarity, at an approach, if free, without penetration.
 
     @classmethod
     def at(cls, p: Array, gap: Array, area: Area, *, balanced: bool) -> Self:

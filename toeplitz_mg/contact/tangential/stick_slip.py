@@ -220,7 +220,7 @@ class Search(NamedTuple):
         problem, q, slide = self.problem, now.x, now.sets.slide
         T, lam, r, a0 = law.T, law.stiffness, law.r.copy(), diagonal(A.A)
         v, Av, Ad = (np.zeros_like(q) for _ in range(3))
-        # Where elements slide, λ adds to A. There M, so scaled, is too small for what is smooth.
+        # Where elements slide, λ adds to A, and M, so scaled, is too small for what is smooth.
         weight = np.where(slide, 1.0 / np.sqrt(1.0 + lam / a0), 1.0)
         local = np.where(slide, LOCAL / a0, 0.0)
 
