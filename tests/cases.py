@@ -18,7 +18,7 @@ from toeplitz_mg.engine.lengths import near_fast_length
 @dataclass(frozen=True)
 class Case:
     name: str
-    operator: Callable[[type], LinearOperator]  # of a dtype
+    operator: Callable[[type], LinearOperator]  # Makes the operator of a dtype.
     dense: Callable[[], np.ndarray]
     symmetric: bool = True
     positive: bool = True
@@ -28,7 +28,7 @@ class Case:
 
 
 def preconditioner_of_the_page():
-    """The one that `docs/architecture.md` shows, as it stands there."""
+    """Return the preconditioner that `docs/architecture.md` shows, as it stands there."""
     page = (Path(__file__).parent.parent / "docs" / "architecture.md").read_text()
     (block,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     namespace = {}
@@ -40,7 +40,7 @@ def preconditioner_of_the_page():
 
 
 def contact(*grid_shape):
-    """Half-space coefficients, square elements in two levels, thin ones in one."""
+    """Half-space coefficients, of square elements on two axes, of thin ones on one."""
     if len(grid_shape) == 1:
         (n,) = grid_shape
         x, y = halfspace.offsets((n, 1), (8.0 / n, 100.0))
@@ -50,7 +50,7 @@ def contact(*grid_shape):
 
 
 def exponential(*grid_shape):
-    """A covariance of any number of levels."""
+    """A covariance of any number of axes."""
     k = np.indices(grid_shape)
     return np.exp(-k.sum(axis=0) / 2.0)
 
@@ -71,7 +71,7 @@ def checkered(*grid_shape):
 
 
 def differences(grid_shape):
-    """i - j of every pair of points, in each level."""
+    """The differences i - j of every pair of points, along each axis."""
     points = np.indices(grid_shape).reshape(len(grid_shape), -1)
     return [np.subtract.outer(k, k) for k in points]
 
@@ -83,20 +83,20 @@ def dense_of_lags(lags):
 
 
 def dense_of_column(c):
-    """The matrix that is symmetric in every level: c[|i - j|]."""
+    """The matrix that is symmetric along every axis: c[|i - j|]."""
     return c[tuple(abs(k) for k in differences(c.shape))]
 
 
 def periodic(column):
-    """The circulant matrix of any number of levels with this first column."""
+    """The circulant matrix of any number of axes with this first column."""
     shape = column.shape
     return column[tuple(k % n for k, n in zip(differences(shape), shape, strict=True))]
 
 
 def embedded(c):
-    """First column of the circulant of size 2 n - 1 in each level."""
-    for level, n in enumerate(c.shape):
-        c = np.take(c, [*range(n), *range(n - 1, 0, -1)], axis=level)
+    """The first column of the circulant of size 2 n - 1 along each axis."""
+    for axis, n in enumerate(c.shape):
+        c = np.take(c, [*range(n), *range(n - 1, 0, -1)], axis=axis)
     return c
 
 
@@ -130,26 +130,26 @@ def tapered(c):
 
 
 def strang_column(c):
-    for level, n in enumerate(c.shape):
-        c = np.take(c, [min(k, n - k) for k in range(n)], axis=level)
+    for axis, n in enumerate(c.shape):
+        c = np.take(c, [min(k, n - k) for k in range(n)], axis=axis)
     return c
 
 
 def chan_column(c):
-    """The mean of each wrapped diagonal, level by level."""
-    for level, n in enumerate(c.shape):
+    """The mean of each wrapped diagonal, axis by axis."""
+    for axis, n in enumerate(c.shape):
         c = np.stack(
             [
-                ((n - k) * np.take(c, k, level) + k * np.take(c, (n - k) % n, level)) / n
+                ((n - k) * np.take(c, k, axis) + k * np.take(c, (n - k) % n, axis)) / n
                 for k in range(n)
             ],
-            axis=level,
+            axis=axis,
         )
     return c
 
 
 def aggregate(n):
-    """Piecewise constant interpolation from n // 2 elements to n, in one level."""
+    """Piecewise constant interpolation from n // 2 elements to n, along one axis."""
     P = np.zeros((n, max(n // 2, 1)))
     for j in range(P.shape[1]):
         P[2 * j : 2 * j + 2, j] = 1.0
@@ -187,29 +187,29 @@ def smooth_sd(A, c):
 
 
 def continued(c):
-    """Every level with the lags up to a fast length, that is half the period of the symbol."""
+    """The coefficients with lags up to a fast length along each axis, half the symbol's period."""
     if sum(n > 1 for n in c.shape) == 1 and has_simple_tail(c.ravel()):
         line = periodised(c.ravel())
-        full = np.zeros([len(line) if n > 1 else 2 for n in c.shape])  # one element has no lags
+        full = np.zeros([len(line) if n > 1 else 2 for n in c.shape])  # One element has no lags.
         full[tuple(slice(None) if n > 1 else 0 for n in c.shape)] = line
         return full
-    for level, n in enumerate(c.shape):
+    for axis, n in enumerate(c.shape):
         fast = near_fast_length(n)
         ahead = fast - n + 1
-        last, before = (np.take(c, max(n - k, 0), level) for k in (1, 2))
-        # By the parabola that is flat at the last one, unless the last two differ too much.
+        last, before = (np.take(c, max(n - k, 0), axis) for k in (1, 2))
+        # A parabola goes on from the last two, flat at its end, unless they differ too much.
         smaller, larger = np.sort(np.abs([last, before]), axis=0)
         is_alike = (smaller >= larger / 2) & (n > 1)
         more = [
             np.where(is_alike, last + (last - before) * (t - t**2 / (2 * ahead)), 0.0)
             for t in range(1, ahead + 1)
         ]
-        c = np.concatenate([c, np.stack(more, axis=level)], axis=level)
+        c = np.concatenate([c, np.stack(more, axis=axis)], axis=axis)
     return c
 
 
 def log_slope_and_curvature(c):
-    """Of the last coefficients, at the last but `step`."""
+    """The logarithmic slope and curvature of the last coefficients, at the last but `step`."""
     step = max(1, len(c) // 64)
     first, middle, last = np.log(c[-2 * step - 1 :: step])
     return step, (last - first) / (2 * step), (last - 2 * middle + first) / step**2
@@ -228,7 +228,7 @@ def periodised(c):
     """The sums over all lags k + 2 n j of the coefficients, continued by exp(αt + βt²)."""
     n = near_fast_length(len(c))
     step, slope, curvature = log_slope_and_curvature(c)
-    assert curvature <= 0.01 * slope**2  # not by a power of the lag
+    assert curvature <= 0.01 * slope**2  # It does not decay by a power of the lag.
     lags = np.arange(64 * n)
     t = lags - (len(c) - 1.0)
     curvature = min(curvature, 0.0)
@@ -245,12 +245,13 @@ def dense_trigonometric(c, wave, first):
     """Q diag(1/f) Qᵀ cut to the grid, f the symbol at θ = πk/n and Q the DCT-II or DST-II."""
     full = continued(c)
     Q, samples, kept = np.eye(1), full, np.ones(1, dtype=bool)
-    for level, n in enumerate(c.shape):
-        fast = full.shape[level] - 1
+    for axis, n in enumerate(c.shape):
+        fast = full.shape[axis] - 1
         k = np.arange(first, first + fast)
-        weights = np.where(np.arange(fast + 1) % fast == 0, 1.0, 2.0)  # lags 0 and fast count once
+        # The lags 0 and `fast` count once.
+        weights = np.where(np.arange(fast + 1) % fast == 0, 1.0, 2.0)
         cosines = weights * np.cos(np.pi * np.outer(k, np.arange(fast + 1)) / fast)
-        samples = np.moveaxis(np.tensordot(cosines, samples, (1, level)), 0, level)
+        samples = np.moveaxis(np.tensordot(cosines, samples, (1, axis)), 0, axis)
         basis = wave(np.pi * np.outer(np.arange(fast) + 0.5, k) / fast)
         Q = np.kron(Q, basis / np.linalg.norm(basis, axis=0))
         kept = np.kron(kept, np.arange(fast) < n).astype(bool)
@@ -347,7 +348,7 @@ def _operators():
         symmetric=False,
         positive=False,
     )
-    lags = dense_of_lags(random_lags(2, 3))  # any array will do: made symmetric, but not even
+    lags = dense_of_lags(random_lags(2, 3))  # Any array will do: made symmetric, but not even.
     lags = lags[:5, :5] + lags[:5, :5][::-1, ::-1]
     yield Case(
         "A symmetric, not even",
@@ -366,7 +367,7 @@ def componentwise(c, M, mask):
     yield tmg.chan_preconditioner, submatrix(np.linalg.inv(periodic(chan_column(c))), mask)
     inverse = np.linalg.inv(periodic(chan_column(tapered(c))))
     yield preconditioner_of_the_page(), submatrix(inverse, mask)
-    if sum(n > 1 for n in c.shape) <= 2:  # few unknowns are solved for directly
+    if sum(n > 1 for n in c.shape) <= 2:  # Few unknowns are solved for directly.
         A = submatrix(dense_of_column(c), mask)
         yield tmg.fsai_preconditioner, np.linalg.inv(A)
 
@@ -400,7 +401,7 @@ def _preconditioners():
                     lambda M_bar=M_bar: M_bar,
                 )
             for m in (1, 2, 3):
-                if m < len(A):  # as many subdomains as unknowns leave nothing
+                if m < len(A):  # As many subdomains as unknowns leave nothing.
                     yield Case(
                         f"P M{name_of}, {m}",
                         applied(tmg.fft_sd_preconditioner, build, n_subdomains=m),
@@ -435,10 +436,10 @@ def coupled_kernel(components, *grid_shape):
     kernel = [[None] * components for _ in range(components)]
     for i in range(components):
         kernel[i][i] = size * (1.0 + i)
-    kernel[1][0] = 0.2 * size * np.prod(np.sign(k), axis=0)  # as A_xy
+    kernel[1][0] = 0.2 * size * np.prod(np.sign(k), axis=0)  # It is odd along both axes, as A_xy.
     kernel[0][1] = np.flip(kernel[1][0])
     if components == 3:
-        kernel[2][1] = 0.3 * size * np.sign(k[0])  # as A_yz
+        kernel[2][1] = 0.3 * size * np.sign(k[0])  # It is odd along one axis, as A_yz.
         kernel[1][2] = np.flip(kernel[2][1])
     return kernel
 

@@ -15,7 +15,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # Read where NumPy is imported, after this file.
+# It is read where NumPy is imported, after this file.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.register_profile("random", database=None, deadline=None, print_blob=True)

@@ -8,7 +8,7 @@ from tests.test_fsai import both_iterations, half_space
 from tests.test_fsai_coupled import tangential
 from toeplitz_mg.paper.problems import test1 as line_contact
 
-pytestmark = pytest.mark.slow  # grids of up to 2048²
+pytestmark = pytest.mark.slow  # The grids have up to 2048² elements.
 
 
 @pytest.fixture(scope="module")
@@ -30,14 +30,14 @@ def full():
     ],
 )
 def test_on_512_squared(full, area, most):
-    """Constant and random right-hand side, to a relative residual of 1e-8."""
+    """The right-hand side is constant, or random, the relative residual 1e-8."""
     found = both_iterations(tmg.MaskedOperator(full, masks.FRAGMENTED[area](512)))
     assert found[0] <= most[0]
     assert found[1] <= most[1]
 
 
 def test_on_2048_squared():
-    """At most two more."""
+    """It takes at most two iterations more than on 512²."""
     constant, random = both_iterations(
         tmg.MaskedOperator(
             tmg.ToeplitzOperator(half_space(2048)), masks.FRAGMENTED["rough, 30 %"](2048)
@@ -56,7 +56,7 @@ def test_on_ten_thousand_islands_of_a_line():
 @pytest.mark.parametrize("ratio", [1.0, 4.0, 0.25])
 @pytest.mark.parametrize("area", ["circle", "rough, 30 %", "random, 50 %", "stripes"])
 def test_coupled_and_stretched_are_within_a_third_of_the_normal_ones(area, ratio):
-    """Of tangential components for ν = 1/2, where the coupling is strongest."""
+    """The components are tangential, for ν = 1/2, where the coupling is strongest."""
     n = 256
     mask = masks.FRAGMENTED[area](n)
     least = both_iterations(tmg.MaskedOperator(tmg.ToeplitzOperator(half_space(n)), mask))

@@ -151,7 +151,7 @@ def test_less_precision_is_that_of_the_coefficients(shape):
         assert less.dtype == np.float32
         assert_allclose(less @ x, other @ x, atol=1e-6 * np.abs(c).sum())
         assert less.astype(np.float32) is less
-        more = less.astype(np.float64)  # it has the digits of float32, and their products
+        more = less.astype(np.float64)  # It has the digits of float32, and their products.
         assert_allclose(more @ x, other.astype(np.float64) @ x, atol=1e-13 * np.abs(c).sum())
     small = tmg.MaskedOperator(A, mask).astype(np.float32)
     assert_allclose(
@@ -239,7 +239,7 @@ def test_info_is_zero_only_near_the_goal(dtype, name, with_guess):
         assert info in (0, max(len(steps), 1))
         assert info > 0 or residual <= 11 * rtol
         refused += info > 0
-    if dtype == np.float32:  # nothing is solved to 1e-11
+    if dtype == np.float32:  # In float32 nothing is solved to 1e-11.
         assert refused > 0
 
 
@@ -273,9 +273,9 @@ def test_one_product_an_iteration_and_one_to_look_at_the_result():
             _, info = tmg.cg(A, b, guess, rtol=1e-6, callback=steps.append)
         assert info == 0
         assert work.products == len(steps) + extra
-    with tmg.count_products() as work:  # the first residual is the true one
+    with tmg.count_products() as work:  # The first residual is the true one.
         _, info = tmg.cg(A, A @ np.ones(500), np.ones(500), rtol=1e-6)
-    assert (info, work.products) == (0, 2)  # one of them made b
+    assert (info, work.products) == (0, 2)  # One of the two made b.
 
 
 @pytest.mark.filterwarnings("ignore:invalid value encountered in matmul:RuntimeWarning")
@@ -290,7 +290,7 @@ def test_stops_where_a_matrix_is_not_finite(bad, with_guess):
         steps = []
         _, info = tmg.cg(A, np.ones(50), guess, M=M, inner=inner, callback=steps.append)
         if with_guess and A is good:
-            assert info == 0  # it is the solution
+            assert info == 0  # The guess is the solution.
         else:
             assert info == 1
             assert len(steps) <= 1

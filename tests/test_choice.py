@@ -31,7 +31,7 @@ def accepted(candidates, A):
 
 
 def check(selection, A, M):
-    """Whether M is what a selection says of A."""
+    """Check that M is what a selection says of A."""
     for candidate, first in accepted(selection.candidates, A):
         if candidate.is_exact or not selection.needs_trial:
             x = np.random.default_rng(3).standard_normal(A.shape[0])
@@ -89,7 +89,7 @@ def test_it_names_what_is_taken_of_others(A):
 
 
 def test_it_builds_nothing():
-    """On a grid there is no product, nor a transform; on a line that of the symbol."""
+    """It makes no product on a grid, nor a transform; on a line that of the symbol."""
     mask = masks.rough(0.3, 256)
     for A, most in (
         (tmg.MaskedOperator(tmg.ToeplitzOperator(contact(256, 256)), mask), 0.0),

@@ -111,7 +111,7 @@ def test_solves_on_a_mask(folder):
     assert np.array_equal(np.load(folder / "y.npy"), x[mask])
 
 
-def test_solves_on_a_grid_of_two_levels(folder):
+def test_solves_on_a_grid_of_two_axes(folder):
     np.save(folder / "c2.npy", contact(20, 30))
     np.save(folder / "b2.npy", np.ones((20, 30)))
     assert solve(folder, column="c2.npy", rhs="b2.npy") == 0
@@ -200,7 +200,7 @@ def test_right_hand_sides_whose_squares_over_or_underflow(folder, value):
 
 
 def test_a_mask_in_fragments_is_solved_by_default(folder):
-    """By cg with default_preconditioner: the V(0,1) cycle would not converge."""
+    """CG with default_preconditioner solves it: the V(0,1) cycle would not converge."""
     c = contact(64, 64)
     mask = masks.rough(0.3, 64)
     np.save(folder / "c.npy", c)
@@ -279,7 +279,7 @@ def test_plots(options, tmp_path, capsys):
     assert [p.name for p in tmp_path.iterdir()] == ["x.png"]
 
 
-def test_plots_of_two_levels(folder):
+def test_plots_of_two_axes(folder):
     np.save(folder / "c2.npy", contact(20, 30))
     np.save(folder / "b2.npy", np.ones((20, 30)))
     options = ["--plot", str(folder / "x.svg")]

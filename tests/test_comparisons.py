@@ -127,7 +127,7 @@ def test_growth_is_the_ratio_of_times():
     seconds = {64: 1.0, 128: 4.5, 512: 30.0}
     allowed, ratios = punch3d.growth([row | {"N": N, "cpu_s": t} for N, t in seconds.items()])
     assert ratios == row | {"N = 128": "4.5"}
-    assert allowed["N = 128"] == "5.8"  # 4 log(128²)/log(64²) · 1.25
+    assert allowed["N = 128"] == "5.8"  # It is 4 log(128²)/log(64²) · 1.25.
 
 
 def test_an_unknown_area_is_refused(monkeypatch, capsys):
@@ -153,7 +153,7 @@ def test_the_force_of_a_square_punch_is_known():
         ("square", "tangential", 0.28, 5.36112, 5e-6),
         ("square", "coupled", 0.28, 5.36517, 5e-6),
         ("square", "coupled", 0.0, 4.60919, 5e-6),
-        ("2:1", "coupled", 0.28, 7.60197, 5e-6),  # our own, as that of the annulus
+        ("2:1", "coupled", 0.28, 7.60197, 5e-6),  # It is our own, as that of the annulus.
         ("circle", "normal", 0.28, 2.0, 5e-5),
         ("circle", "coupled", 0.28, 8.0 / (2.0 - 0.28), 5e-5),
         ("annulus", "normal", 0.28, 1.9621, 1e-4),
@@ -218,7 +218,8 @@ def test_areas(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "areas.png").exists()
     written = (tmp_path / "areas.md").read_text()
     assert written.count("| checkerboard") == written.count("\n## ") == 5
-    assert written.count("**") >= 4 * (len(names) + len(areas.ON_A_LINE))  # the fastest of each
+    # The fastest of each is bold.
+    assert written.count("**") >= 4 * (len(names) + len(areas.ON_A_LINE))
 
 
 def test_areas_say_what_was_not_solved():

@@ -1,4 +1,4 @@
-"""The comparison contact_cases runs, writes what it names, and its errors are small."""
+"""The comparison contact.cases runs, writes what it names, and its errors are small."""
 
 import csv
 import sys
@@ -24,7 +24,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_quick_run_without_the_peers(folder, capsys):
-    own = {"toeplitz-mg": methods.NORMAL["toeplitz-mg"]}  # whether the peers are installed or not
+    own = {"toeplitz-mg": methods.NORMAL["toeplitz-mg"]}  # The peers may be installed or not.
     small = {case: (solve, (), (64,)) for case, (solve, _, _) in cases.CASES.items()}
     cases.main(small, normal=own, friction=own)
     printed = capsys.readouterr().out
@@ -77,7 +77,7 @@ def test_the_order_of_a_power():
     assert np.isnan(cases.order([0.0, 0.1], [2, 4]))
 
 
-@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")  # the grid is coarse
+@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")  # The grid is coarse.
 def test_violations_are_measured():
     for problem in peers.problems(16):
         answer = methods.ours(problem, 1e-10)

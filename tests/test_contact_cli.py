@@ -131,7 +131,7 @@ def test_infinite_friction_bonds(options, tmp_path, capsys):
         (["-n", "16", "--line"], []),
         (["-n", "8"], ["the contact is only 6 elements across"]),
         (
-            ["-n", "40", "--radius", "1", "100"],  # on 3 x 40 elements
+            ["-n", "40", "--radius", "1", "100"],  # The grid has 3 x 40 elements.
             ["the contact is only 3 elements across", "reaches the edge of the grid along x,"],
         ),
         (["-n", "64", "--line", "--force", "1000", "--size", "0.6722"], ["reaches the edge"]),

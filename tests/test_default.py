@@ -63,7 +63,7 @@ def test_solve_toeplitz_takes_the_same(name):
     if by_cg == "cg":
         A = tmg.ToeplitzOperator(c)
         assert taken(A) == repr(getattr(tmg, preconditioner)(A))
-    else:  # it is as good as the inverse that the default preconditioner is then
+    else:  # Its inverse is as good as what the default preconditioner then is.
         assert info.method in ("toeplitz_inverse", "scipy.linalg.solve_toeplitz")
 
 
@@ -72,8 +72,8 @@ def test_two_axes_of_slow_lengths():
     assert "SparseInverse" in taken(A)
     assert iterations(A) <= 9
     assert "cosine" in taken(tmg.ToeplitzOperator(contact(132, 132)))
-    assert "cosine" in taken(tmg.ToeplitzOperator(contact(67, 67)))  # it is small
-    assert "cosine" in taken(tmg.ToeplitzOperator(exponential(131, 131)))  # smooth
+    assert "cosine" in taken(tmg.ToeplitzOperator(contact(67, 67)))  # It is small.
+    assert "cosine" in taken(tmg.ToeplitzOperator(exponential(131, 131)))  # It is smooth.
 
 
 def test_blobs():

@@ -22,8 +22,8 @@ from toeplitz_mg.contact import (
 STEEL = (82000.0, 0.28)
 E_STAR = STEEL[0] / (1.0 - STEEL[1])
 R, FORCE = 10.0, 100.0
-RADIUS = (3.0 * FORCE * R / (4.0 * E_STAR)) ** (1.0 / 3.0)  # of the contact, by Hertz: 0.187
-LARGEST = 3.0 * FORCE / (2.0 * np.pi * RADIUS**2)  # its pressure
+RADIUS = (3.0 * FORCE * R / (4.0 * E_STAR)) ** (1.0 / 3.0)  # Radius of the contact by Hertz: 0.187.
+LARGEST = 3.0 * FORCE / (2.0 * np.pi * RADIUS**2)  # Largest pressure by Hertz.
 
 EDGE = "the contact reaches the edge of the grid along"
 REVERSED = "the bodies touch at the edge of the grid, and are farthest apart in the middle"
@@ -43,7 +43,7 @@ def pressed(gap, element=(0.01, 0.01), material=STEEL, **load):
 
 
 def said(solve):
-    """What a function returns, and the warnings that the caller sees: the same as in the result."""
+    """Return what a function does; the warnings that its caller sees are those of the result."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         result = solve()
@@ -107,8 +107,8 @@ def test_the_axis_along_which_a_contact_reaches_the_edge(shape):
 
 def test_a_round_gap_need_not_be_smooth_nor_in_the_middle():
     rough = surfaces.rough((64, 64), (0.01, 0.01), rms=1e-4)
-    moved = np.roll(sphere(128, 0.01), 32, axis=0)[:64, 32:96]  # its crest at the edge
-    for gap in (sphere() + rough, moved, np.sqrt(2.0 * R * sphere()) * 1e-2):  # and a cone
+    moved = np.roll(sphere(128, 0.01), 32, axis=0)[:64, 32:96]  # Its crest is at the edge.
+    for gap in (sphere() + rough, moved, np.sqrt(2.0 * R * sphere()) * 1e-2):  # The last is a cone.
         assert EDGE in "".join(said(lambda gap=gap: pressed(gap, force=5000.0)).warnings)
 
 
@@ -125,15 +125,15 @@ def test_slopes_in_contact():
         assert result.traction[result.contact].mean() == pytest.approx(
             0.5 * slope * E_STAR, rel=0.1
         )
-        assert_doubts(result, *doubts)  # by theory of a wedge the mean pressure is slope E*/2
+        assert_doubts(result, *doubts)  # Under a wedge the mean pressure is slope E*/2.
 
 
 @pytest.mark.parametrize("across", [1, 5, 9, 10])
 def test_elements_across_the_largest_spot(across):
     shape = (40, 30)
     bound = np.zeros(shape)
-    bound[3 : 3 + across, 4:28] = 0.3  # long, but narrow
-    bound[20::2, 1::2] = 0.3  # more, but in small spots
+    bound[3 : 3 + across, 4:28] = 0.3  # This is long, but narrow.
+    bound[20::2, 1::2] = 0.3  # This is more, but in small spots.
     doubts = (f"{COARSE} {across} element",) if across < 10 else ()
     arguments = {"element": (0.1, 0.1), "material": (1.0, 0.3)}
     creepage = {"longitudinal": 0.01}
@@ -147,7 +147,7 @@ def test_elements_across_the_largest_spot(across):
 
 @pytest.mark.parametrize("n", [64, 128, 200])
 def test_spheres_are_silent_on_all_their_grids(n):
-    h = 0.64 / n  # coarser grids, from which the first guess comes, have only a few in contact
+    h = 0.64 / n  # Coarser grids, from which the first guess comes, have only a few in contact.
     normal = said(lambda: pressed(sphere(n, h), (h, h)))
     g = 0.3 * normal.traction
     arguments = {"element": (h, h), "material": STEEL}
@@ -158,9 +158,9 @@ def test_spheres_are_silent_on_all_their_grids(n):
         assert_doubts(result)
 
 
-@pytest.mark.parametrize("force", [0.1, 0.2])  # spots of more than ten elements
+@pytest.mark.parametrize("force", [0.1, 0.2])  # The spots have more than ten elements.
 def test_rough_surfaces_end_where_the_grid_ends(force):
-    """On a part of a larger surface the edge is in doubt; where it is set back, it is not."""
+    """The edge of a part of a larger surface is in doubt; where it is set back, it is not."""
     n, h = 128, 2.0 / 128
     gap = surfaces.rough((n, n), (h, h), rms=0.01, longest=0.5, seed=1)
     result = said(lambda: pressed(gap, (h, h), (0.7, 0.3), force=force))
@@ -171,7 +171,7 @@ def test_rough_surfaces_end_where_the_grid_ends(force):
 
 def test_punches_are_silent():
     x, y = surfaces.centres((40, 30), (0.01, 0.01))
-    disc = np.where(np.hypot(x, y) < 0.1, 0.0, 0.05)  # a step beside a contact is no slope in it
+    disc = np.where(np.hypot(x, y) < 0.1, 0.0, 0.05)  # A step beside a contact is no slope in it.
     for gap in (0.0 * x, 1e-4 * x - 2e-4 * y, x**2 / (2 * R), disc, np.full(x.shape, 3.0)):
         result = said(lambda gap=gap: pressed(gap, force=50.0))
         assert gap is disc or result.contact[:, 0].any()
@@ -237,7 +237,7 @@ def test_steps_warn_once_and_all_have_it():
 
 
 def test_an_error_has_the_doubts_and_is_an_error():
-    with pytest.raises(ContactError) as error:  # no warning, though those are errors here
+    with pytest.raises(ContactError) as error:  # No warning comes, though those are errors here.
         normal_contact(
             sphere(unit=1e3), (0.01, 0.01), material=STEEL, force=1.0, max_products=1, nested=False
         )

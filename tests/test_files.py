@@ -16,7 +16,7 @@ from comparisons.harness import report
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.main import main
 
-N = 300  # unknowns: their solution has 2528 bytes, above the limit of LIMITED
+N = 300  # Unknowns of a system whose solution has 2528 bytes, above the limit of LIMITED.
 
 
 @pytest.fixture
@@ -71,7 +71,7 @@ def test_a_pipe_is_written_into(folder):
     os.mkfifo("x.npy")
     got = []
     reader = threading.Thread(target=lambda: got.append((folder / "x.npy").read_bytes()))
-    reader.daemon = True  # Where it waits in vain the test fails and does not hang.
+    reader.daemon = True  # If it waits in vain the test fails and does not hang.
     reader.start()
     assert solve("x.npy") == 0
     assert stat.S_ISFIFO(os.stat("x.npy").st_mode)
@@ -166,7 +166,7 @@ def test_what_may_not_be_written_is_refused(folder, closed, monkeypatch, capsys)
     (folder / "folder").mkdir()
     (folder / "folder" / "x.npy").write_bytes(b"old")
     (folder / "x.npy").symlink_to("folder/x.npy")
-    # Not by chmod, as to root nothing is closed.
+    # This is not done by chmod, as to root nothing is closed.
     access = os.access
     monkeypatch.setattr(os, "access", lambda p, how: not str(p).endswith(closed) and access(p, how))
     assert_refused(solve("x.npy"), f"{closed} is not writable", capsys)
@@ -175,7 +175,7 @@ def test_what_may_not_be_written_is_refused(folder, closed, monkeypatch, capsys)
 
 @contextmanager
 def printing_to(descriptor):
-    """As in a shell that has redirected the standard output."""
+    """Redirect the standard output to a file, as a shell does."""
     kept = os.dup(files.STANDARD_OUTPUT)
     os.dup2(descriptor, files.STANDARD_OUTPUT)
     try:
@@ -186,7 +186,7 @@ def printing_to(descriptor):
 
 
 def test_the_report_and_the_solution_are_two_files(folder, capsys):
-    """As in ``-o /dev/stdout | …`` and ``-o x.npy > x.npy``."""
+    """Both ``-o /dev/stdout | …`` and ``-o x.npy > x.npy`` would mix them."""
     with open("x.npy", "wb") as file, printing_to(file.fileno()):
         status = solve("x.npy")
     assert_refused(status, "x.npy is the standard output", capsys)

@@ -18,7 +18,7 @@ def spectrum(x):
 @settings(deadline=None, max_examples=300)
 @given(st.integers(1, 60), st.integers(0, 10**6), st.sampled_from([0.3, 0.03, 0.003]))
 def test_what_is_certified_is_true(n, seed, near):
-    """For zeros on both sides of the unit circle, at all distances, in clusters too."""
+    """The zeros are on both sides of the unit circle, at all distances, in clusters too."""
     rng = np.random.default_rng(seed)
     zeros = np.exp(near * rng.standard_normal(n)) * np.exp(1j * rng.choice([0.0, 0.3, 3.1], n))
     zeros *= np.exp(1j * near * rng.standard_normal(n))

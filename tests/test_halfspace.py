@@ -30,7 +30,7 @@ COUPLING = {"xz": halfspace.influence_xz, "yz": halfspace.influence_yz}
 
 
 def influence(kernel, x, y, element, constant):
-    """At G = 1, with the other constant of the kernel: ν, or K of a coupling."""
+    """The influence at G = 1, with the other constant of the kernel: ν, or K of a coupling."""
     if kernel in COUPLING:
         return COUPLING[kernel](x, y, element, G=1.0, K=constant)
     return INFLUENCE[kernel](x, y, element, G=1.0, nu=constant)
@@ -61,7 +61,7 @@ def quadrature(kernel, x, y, element, nu):
         return float(total / mpmath.pi)
 
 
-# In element sizes: self, neighbours, off centre inside and out, the border, middling, far.
+# Points in element sizes: self, neighbours, off centre inside and out, border, middling, far.
 POINTS = [(0, 0), (1, 0), (0, 1), (1, 1), (0.3, -0.2), (0.5, 0.1), (2, 0.4), (-7, 3), (0.2, 17)]
 POINTS += [(1000.5, 0.25), (3e4, 2e4)]
 ELEMENTS = [(1, 1), (1, 2.5), (1, 100), (3e3, 1), (8e-6, 100), (10, 1e-6)]
@@ -76,7 +76,7 @@ def test_against_adaptive_quadrature(kernel, element):
         x, y = tx * element[0], ty * element[1]
         value = float(influence(kernel, x, y, element, nu))
         if (tx == 0 and kernel in ("xy", "xz")) or (ty == 0 and kernel in ("xy", "yz")):
-            assert value == 0.0  # odd in x, in y
+            assert value == 0.0  # It is odd in x and in y.
             continue
         expected = quadrature(kernel, x, y, element, nu)
         assert_allclose(value, expected, rtol=1e-12, atol=0, err_msg=f"at {tx, ty} elements")
@@ -106,7 +106,7 @@ def test_matrices_are_positive_definite_and_symmetric_under_exchange(nu, element
     assert_allclose(matrix["xy"], matrix["xy"].T, atol=1e-15)
     coupled = np.block([[matrix["xx"], matrix["xy"]], [matrix["xy"], matrix["yy"]]])
     assert np.linalg.eigvalsh(matrix["zz"]).min() > 0
-    if nu >= 0:  # below zero the collocated kernels are hardly used, and not definite
+    if nu >= 0:  # Below zero the collocated kernels are hardly used, and not definite.
         assert np.linalg.eigvalsh(coupled).min() > 0
     # x and y change places.
     swapped = INFLUENCE["yy"](y, x, element[::-1], G=2.0, nu=nu)
@@ -134,7 +134,7 @@ def test_elements_add_up(kernel):
 
 
 def test_the_coupling_is_exact_at_any_point():
-    """To rounding, against its closed form in many digits: shapes, distances, edges, the axis."""
+    """It is its closed form in many digits, at all shapes, distances, edges and on the axis."""
 
     def closed_form(x, y, h1, h2):
         with mpmath.workdps(80):
@@ -172,7 +172,7 @@ def test_the_coupling_is_odd_in_its_direction_and_even_in_the_other(element):
         assert (a[39 if a is xz else 29] == 0.0).all()
         assert_array_equal(a, -a[::-1])
         assert_array_equal(a, a[:, ::-1])
-    assert (xz[:39] > 0).all()  # towards the load
+    assert (xz[:39] > 0).all()  # The displacement is towards the load.
     assert (xz[40:] < 0).all()
     swapped = halfspace.influence_xz(*points[::-1], element[::-1], G=1.0, K=0.1)
     assert_array_equal(yz, swapped)
@@ -211,7 +211,7 @@ PAIRS = [(STEEL, RUBBER), (ALUMINIUM, STEEL), ((1.0, -0.2), (3.0, 0.5))]
 
 @pytest.mark.parametrize(("first", "second"), PAIRS, ids=str)
 def test_displacement_differences_of_unequal_materials(first, second):
-    """Against each body by itself: Johnson, §3.2 and §3.6, with z into that body."""
+    """They are those of each body by itself: Johnson, §3.2 and §3.6, with z into that body."""
     element = (1, 2.5)
     G, nu = halfspace.combined_material(first, second)
     K = halfspace.difference_parameter(first, second)
@@ -251,7 +251,7 @@ def test_the_difference_parameter():
 
 @pytest.mark.parametrize(("first", "second"), PAIRS[:2], ids=str)
 def test_three_directions_are_symmetric_and_positive_definite(first, second):
-    """By reciprocity, and as the energy is."""
+    """They are symmetric by reciprocity, and positive definite as the energy is positive."""
     G, nu = halfspace.combined_material(first, second)
     K = halfspace.difference_parameter(first, second)
     element = (0.5, 1.0)

@@ -41,7 +41,7 @@ def test_a_part_of_a_grid_has_no_mask_of_the_grid():
 
 
 def test_operators_of_a_whole_grid_have_masks():
-    """Each with `grid_shape` is its dense matrix, in rows and columns of the mask."""
+    """On a mask each operator is its dense matrix, in rows and columns of the mask."""
     A, mask = whole(), random_mask(2)
     preconditioners = (
         tmg.fft_preconditioner,

@@ -88,10 +88,10 @@ def test_restriction_is_the_transpose_of_interpolation(A, interpolation):
     assert_allclose(P.T, transfer.scale * R)
     if by_area(A, interpolation):
         if isinstance(A, tmg.ToeplitzOperator):
-            assert_allclose(P.sum(axis=1), 1.0)  # of ones it makes ones
+            assert_allclose(P.sum(axis=1), 1.0)  # It makes ones of ones.
             assert_allclose(R.sum(axis=1), 1.0)
     elif interpolation is tmg.piecewise_constant:
-        assert_allclose(R @ P, np.eye(H.shape[0]))  # average of copies
+        assert_allclose(R @ P, np.eye(H.shape[0]))  # The average of copies is what was copied.
     covered = np.flatnonzero(P.any(axis=1))
     assert np.array_equal(np.setdiff1d(np.arange(A.shape[0]), covered), transfer.leftover)
 
@@ -132,12 +132,12 @@ def test_coarse_lags_by_area_are_those_of_the_mean_over_all_aggregations(n):
     index = np.arange(n)
     A = a[n - 1 + index[:, None] - index]
     mean = np.zeros((m, m))
-    for x in (np.arange(m) + 0.5) / m:  # nothing changes in between
+    for x in (np.arange(m) + 0.5) / m:  # Nothing changes in between.
         P = np.floor((index[:, None] + x) * m / n) == np.arange(m)
-        mean += P.T @ A @ P / n  # s m = n
+        mean += P.T @ A @ P / n  # Here s m = n.
     coarse = AreaWeighted().coarse_lags(a, 0)
     for k in range(m):
-        assert_allclose(np.diag(mean, k), mean[0, k])  # it is Toeplitz
+        assert_allclose(np.diag(mean, k), mean[0, k])  # It is a Toeplitz matrix.
         hat = 2 - 1 / n if k == 0 else 2 - 2 / n
         assert coarse[m - 1 + k] == pytest.approx(mean[0, k] * n / m / hat)
         assert coarse[m - 1 + k] == coarse[m - 1 - k]
@@ -213,7 +213,7 @@ def test_two_grids_correct_the_coarse_and_the_leftover_unknowns_exactly(A, inter
     coarse = np.eye(n) - Q @ np.linalg.solve(galerkin, Q.T @ dense)
     smooth = np.eye(n) - smoother @ dense
     pre, post = (np.linalg.matrix_power(smooth, k) for k in pre_post)
-    # From its levels: of this smoother, which may diverge, the algebra matters.
+    # The cycle is made of its levels: this smoother may diverge, but its algebra matters.
     levels = build_levels(A, tmg.chan_preconditioner, H.shape[0], interpolation, None)
     M = Multigrid(levels, *pre_post, gamma=1)
     assert len(M.levels) == 2 or n <= H.shape[0]
@@ -277,7 +277,8 @@ def test_the_modulated_transfer_moves_the_zero_to_the_other_end():
         tmg.modulated_interpolation,
         *[tmg.linear_interpolation] * (len(M.levels) - 2),
     ]
-    assert_allclose(M.levels[1].A.c[:3], [0.5, -0.25, 0.0], atol=1e-15)  # proportional to 2 - 2 cos
+    # It is proportional to 2 - 2 cos θ.
+    assert_allclose(M.levels[1].A.c[:3], [0.5, -0.25, 0.0], atol=1e-15)
 
 
 def test_jacobi():
@@ -556,7 +557,7 @@ def test_a_border_belongs_to_its_level():
     leftover = [level.transfer is not None and len(level.transfer.leftover) for level in M.levels]
     assert leftover == [1, 0, 0, False]
     assert [level.border is not None for level in M.levels] == [bool(n) for n in leftover]
-    assert all(level.border is None for level in levels)  # Those that were given stay as they are.
+    assert all(level.border is None for level in levels)  # The given levels stay as they are.
     for level, given in zip(M.levels, levels, strict=True):
         assert (level.A, level.smoother, level.transfer) == (
             given.A,
@@ -671,7 +672,7 @@ def test_a_mask_without_a_coarse_grid():
 def test_a_smoother_that_diverges_is_refused(n):
     A = tmg.ToeplitzOperator(np.exp(-np.indices((n, n, n)).sum(axis=0) / 2.0))
     S = tmg.fft_rsm_preconditioner(A)
-    assert S.certified == (n == 8)  # as positive definite, by its eigenvalues
+    assert S.certified == (n == 8)  # It is positive definite by its eigenvalues.
     _, info = tmg.richardson(A, np.ones(A.shape[0]), M=S, maxiter=100)
     assert info == 100
     with pytest.raises(np.linalg.LinAlgError, match="needs all below 2") as error:
@@ -700,7 +701,7 @@ def test_a_certified_smoother_that_diverges_is_refused(shift, few):
 
 
 def test_a_cycle_that_grown_rounding_makes_lopsided_is_refused():
-    """Positive definite but for rounding, which a smoother with λ = 38533 had made 2e-7."""
+    """The cycle is positive definite up to rounding, which a smoother had made 2e-7."""
     column = [[1.7941335594, -0.8970621236, 0.0]]
     A = tmg.ToeplitzOperator(column)
     S = tmg.fft_rsm_preconditioner(A)
@@ -746,7 +747,7 @@ def test_a_cycle_is_positive_definite_or_refused(smoother, gamma):
 
 
 def test_a_border_that_would_make_the_correction_indefinite_is_left_to_the_smoother():
-    """By area the coarse matrix is not R A P, and may be below it: of such a one, ten times so."""
+    """The coarse matrix by area may be below R A P: this one is ten times as far below."""
     full = tmg.ToeplitzOperator(contact(9, 9))
     mask = np.ones((9, 9), dtype=bool)
     mask[1, 0] = False
@@ -767,7 +768,7 @@ def test_a_border_that_would_make_the_correction_indefinite_is_left_to_the_smoot
 
 @pytest.mark.parametrize("c", ["log", "fGn"])
 def test_a_coarse_grid_may_make_up_for_a_smoother_that_diverges(c):
-    """Of slowly decaying kernels one smooth error grows; such a cycle is not refused."""
+    """Kernels that decay slowly let one smooth error grow; such a cycle is not refused."""
     k = np.arange(1000.0)
     of = {
         "log": np.log(1e6 / np.maximum(k, 0.2)),

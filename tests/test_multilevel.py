@@ -45,7 +45,7 @@ def test_is_the_dense_matrix(shape, components, dtype, seed):
     assert np.linalg.norm(dense, 2) <= (1 + 1e-6) * product.norm_bound
     assert product.norm_bound == pytest.approx(adjoint.norm_bound)
     expected = product(X)
-    assert np.array_equal(product(X, X), expected)  # in place
+    assert np.array_equal(product(X, X), expected)  # It works in place.
     assert np.array_equal(X, expected)
 
 

@@ -22,8 +22,8 @@ from toeplitz_mg.solvers.projected_gradients import descend
 mpl.use("Agg")
 
 STEEL = (82000.0, 0.28)
-UNIT = (0.7, 0.3)  # E* = G/(1-ν) = 1
-A = 0.6  # radius of contact on grids of [-1, 1]
+UNIT = (0.7, 0.3)  # G and ν of bodies with E* = G/(1-ν) = 1.
+A = 0.6  # Radius of contact on grids of [-1, 1].
 
 # Tests of what is solved, on grids that are meant to be small or strange.
 doubtful = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
@@ -67,10 +67,10 @@ def test_hertz_line_contact():
         assert_complementary(contact)
         assert_allclose(contact.force, force, rtol=1e-12)
         assert abs(contact.area - 2 * a) <= 2 * h
-        # With the constant of plane strain: δ = 2 F (1-ν)/(πG) (ln(2 d/a) + 1/2).
+        # The constant of plane strain gives δ = 2 F (1-ν)/(πG) (ln(2 d/a) + 1/2).
         approach = 2 * force * (1 - nu) / (np.pi * G) * (np.log(2 * 20.0 / a) + 0.5)
         errors.append([abs(contact.traction.max() / p0 - 1), abs(contact.rigid / approach - 1)])
-    assert np.all(np.divide(errors[:-1], errors[1:]) > 3.0)  # second order
+    assert np.all(np.divide(errors[:-1], errors[1:]) > 3.0)  # The error is of second order.
     assert np.max(errors[0]) < 1e-3
 
 
@@ -130,7 +130,7 @@ def test_products_for_a_sphere(load, most):
     assert sum(contact.iterations) < contact.products
 
 
-@doubtful  # a rough surface reaches the edge of its grid
+@doubtful  # A rough surface reaches the edge of its grid.
 @pytest.mark.parametrize(
     ("force", "part", "most"), [(0.0123, 0.02, 19), (0.06, 0.1, 26), (0.2, 0.28, 31)]
 )
@@ -140,7 +140,7 @@ def test_products_for_a_rough_surface(force, part, most):
     assert contact.products <= most
 
 
-@doubtful  # a rough surface reaches the edge of its grid
+@doubtful  # A rough surface reaches the edge of its grid.
 @pytest.mark.parametrize("n", [128, 256])
 def test_single_precision_does_not_limit_the_accuracy(n):
     contact = rough(n, force=0.1, tolerance=1e-13)
@@ -154,14 +154,14 @@ def test_rough_surfaces_at_any_load(force):
     contact = rough(128, force=force)
     assert 0.005 < contact.contact.mean() < 0.5
     assert_complementary(contact)
-    assert contact.gap.min() >= -1e-14  # the approach is free: nothing penetrates
+    assert contact.gap.min() >= -1e-14  # The approach is free: nothing penetrates.
     assert_allclose(contact.force, force, rtol=1e-8)
-    again = rough(128, approach=contact.rigid)  # the other way round
+    again = rough(128, approach=contact.rigid)  # Now it goes the other way round.
     assert_allclose(again.force, force, rtol=1e-5)
 
 
 @pytest.mark.slow
-@doubtful  # a rough surface reaches the edge of its grid
+@doubtful  # A rough surface reaches the edge of its grid.
 @pytest.mark.parametrize(("n", "force"), [(512, 0.006), (512, 0.36), (1024, 0.06)])
 def test_large_rough_surfaces(n, force):
     contact = rough(n, force=force)

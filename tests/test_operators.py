@@ -32,7 +32,7 @@ def random(*shape, dtype=np.float64, seed=0):
 
 
 def assert_near(actual, expected, dtype=np.float64):
-    """Equal up to rounding, relative to the largest entry."""
+    """Check that arrays are equal up to rounding, relative to the largest entry."""
     scale = np.abs(expected).max(initial=1e-300)
     assert actual.shape == expected.shape
     assert_allclose(actual / scale, expected / scale, rtol=0, atol=2e3 * np.finfo(dtype).eps)

@@ -140,7 +140,7 @@ def test_tables_7_and_9(test, log_n):
 
 @pytest.mark.parametrize("test", TESTS)
 def test_work_units(test):
-    """Counted: at most 5 a V(0,1) step of Richardson and 9 an iteration of CG with V(1,1)."""
+    """A V(0,1) step of Richardson counts at most 5, an iteration of CG with V(1,1) at most 9."""
     n = 2**15
     problem = TESTS[test](n)
     for solve, arguments, units in ((tmg.richardson, {"pre": 0}, 5), (cg, {}, 9)):

@@ -102,7 +102,7 @@ def test_iterations_of_cg(problem, preconditioner, most):
 
 @settings(deadline=None, max_examples=40)
 @given(st.integers(1, 200), st.floats(0.05, 5.0), st.floats(0.0, 1.0), st.integers(0, 9))
-@example(198, 1.9, 0.88, 5)  # the spectral factor was indefinite
+@example(198, 1.9, 0.88, 5)  # The spectral factor was indefinite.
 @example(122, 2.64, 0.26, 1)
 def test_whatever_is_built_is_positive_definite_or_refused(n, length, weight, seed):
     """Random mixtures of covariances: no preconditioner for CG is silently indefinite."""
@@ -235,7 +235,7 @@ def test_rsm_refuses_what_is_indefinite_by_a_little(c, nugget, pattern, gamma):
 
 def test_rsm_says_what_is_certified():
     """Incompressible, the tangential kernel has coefficients that nothing certain outweighs."""
-    for n, certified in ((20, True), (40, False)):  # 400 unknowns are few enough to make sure
+    for n, certified in ((20, True), (40, False)):  # 400 unknowns are few enough to make sure.
         x, y = tmg.halfspace.offsets((n, n), (1.0, 1.0))
         A = tmg.ToeplitzOperator(tmg.halfspace.influence_xx(x, y, (1.0, 1.0), G=1.0, nu=0.5))
         M_bar = tmg.fft_rsm_preconditioner(A)

@@ -76,7 +76,7 @@ def test_carter():
         x, g, result = carter(n)
         assert_rolls(result, (0.7, 0.3))
         errors.append(abs(result.force / (MU * np.pi * A**2 / 4) - 0.64))
-        ahead = A - 2 * 0.6 * A  # it sticks from the leading edge to here
+        ahead = A - 2 * 0.6 * A  # It sticks from the leading edge to here.
         assert_allclose(x[result.stick].min(), ahead, atol=2 * 2 * A / n)
         assert_allclose(x[result.stick].max(), A, atol=2 * A / n)
         theory = MU * A / 2 * (semi_ellipse(x, A) - 0.6 * semi_ellipse(x - 0.4 * A, 0.6 * A))
@@ -198,7 +198,7 @@ def test_a_step_obeys_coulombs_law_in_time():
 
 @doubtful
 def test_marching_where_the_sets_do_not_settle():
-    impatient = steady.SteadyOptions(iterations=1, patience=1)  # GMRES alone would not settle
+    impatient = steady.SteadyOptions(iterations=1, patience=1)  # GMRES alone would not settle.
     creepages = (0.05, 0.03, 0.1)
     _, result = circle(12, creepages, nested=False, options=impatient)
     assert_rolls(result, (1.0, 0.25))
@@ -215,7 +215,7 @@ def test_marching_where_the_sets_do_not_settle():
     creepages=st.tuples(*[st.floats(1e-6, 0.1) | st.floats(-0.1, -1e-6) | st.just(0.0)] * 3),
 )
 @settings(max_examples=40, deadline=None)
-@example(0, (1, 2), 1.1125369292536007e-308, (0.0, 0.1, 0.0))  # couplings that underflow
+@example(0, (1, 2), 1.1125369292536007e-308, (0.0, 0.1, 0.0))  # Its couplings underflow.
 @example(0, (1, 5), 1.175494351e-38, (0.0625, 0.0, 0.0))
 def test_coulombs_law_for_any_creepage(seed, shape, nu, creepages):
     rng = np.random.default_rng(seed)

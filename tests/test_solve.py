@@ -78,7 +78,7 @@ def test_the_backward_error_is_that_of_a_direct_method(name, n, columns):
     residual = np.linalg.norm(b - A @ x, axis=0)
     scale = np.linalg.norm(A) * np.linalg.norm(x, axis=0)
     size = np.linalg.norm(b, axis=0)
-    assert (residual <= np.maximum(1e-13 * scale, 1e-12 * size)).all()  # rtol is 1e-12
+    assert (residual <= np.maximum(1e-13 * scale, 1e-12 * size)).all()  # Here rtol is 1e-12.
     assert info.residual == pytest.approx((residual / size).max(), abs=1e-13)
     assert info.iterations <= 20
 
@@ -122,7 +122,7 @@ def test_the_choice_is_no_more_than_twice_the_work_of_the_best(name, n):
 
 def test_the_choice_is_visible():
     def method(c, b):
-        # To 1e-12 rounding would decide whether the recurrence of CG gets there.
+        # Rounding would decide whether the recurrence of CG gets to 1e-12.
         return tmg.solve_toeplitz(c, b, rtol=1e-8, full_output=True)[1].method
 
     n = 3000
@@ -159,13 +159,13 @@ def test_an_indefinite_system_is_solved_by_scipy_while_that_takes_seconds():
 def test_a_singular_system_is_an_error(n):
     for c in (np.zeros(n), np.ones(n), np.exp(-((np.arange(n) / (0.1 * n)) ** 2) / 2)):
         if n == 4 and 0 < c[1] < 1:
-            continue  # not so singular
+            continue  # It is not so singular.
         with pytest.raises(np.linalg.LinAlgError, match="A is singular"):
             tmg.solve_toeplitz(c, random(n))
 
 
 def test_an_ill_conditioned_system_is_solved_with_a_warning():
-    """By any direct method in float64 the residual is 1e-4 ... 1e-2 for θ⁴ and n = 4096."""
+    """Any direct method in float64 leaves a residual of 1e-4 to 1e-2, for θ⁴ and n = 4096."""
     c = column("θ⁴", 4096)
     with pytest.warns(scipy.linalg.LinAlgWarning, match="A is ill-conditioned"):
         _, info = tmg.solve_toeplitz(c, random(4096), full_output=True)
@@ -259,7 +259,7 @@ families = st.integers(1, 2000).flatmap(
 @settings(deadline=None, max_examples=100)
 @given(families, st.sampled_from([1, 2, 5]), st.booleans(), st.integers(0, 99))
 def test_against_cholesky(c, columns, rough, seed):
-    """Forward error within the condition number, or an error, or (ill-conditioned) a warning."""
+    """The error is within the condition number, or it is refused, or there is a warning."""
     n = len(c)
     A = scipy.linalg.toeplitz(c)
     try:

@@ -71,7 +71,7 @@ def test_in_a_package_of_another_program_too(tmp_path):
 
 
 class Terminal(io.RawIOBase):
-    """Takes what is printed until there is a word in it."""
+    """A terminal that takes what is printed until there is a word in it."""
 
     def __init__(self, last=None):
         self.printed, self.last = b"", last
@@ -88,7 +88,7 @@ class Terminal(io.RawIOBase):
 
 @pytest.fixture
 def terminal(monkeypatch):
-    """Puts an ASCII terminal in the place of the standard output."""
+    """Put an ASCII terminal in the place of the standard output."""
     connected = []
 
     def connect(last=None):
@@ -98,7 +98,7 @@ def terminal(monkeypatch):
         return buffer.raw
 
     yield connect
-    for stream in connected:  # so that it can be closed without a complaint
+    for stream in connected:  # It is to be closed without a complaint.
         stream.buffer.raw.last = None
         stream.close()
 
@@ -129,7 +129,7 @@ def test_an_ascii_terminal_shows_the_help(command, terminal):
 
 @pytest.mark.parametrize("last", [b"seconds", b"this run"])
 def test_the_result_is_written_even_where_the_report_cannot_be(last, terminal, tmp_path, capsys):
-    """So that a full disk of the log costs nothing but the log."""
+    """A full disk of the log costs nothing but the log."""
     np.save(tmp_path / "c.npy", np.array([2.0, -1.0, 0.0]))
     np.save(tmp_path / "b.npy", np.ones(3))
     names = [str(tmp_path / name) for name in ("c.npy", "b.npy")]
@@ -144,7 +144,7 @@ def test_the_result_is_written_even_where_the_report_cannot_be(last, terminal, t
 
 
 def test_a_report_that_nobody_reads_is_one_line(tmp_path):
-    """And not a traceback of the interpreter, which tries again at exit."""
+    """There is no traceback of the interpreter, which tries again at exit."""
     with open("/dev/full", "w") as full:
         result = subprocess.run(
             [sys.executable, "-m", "toeplitz_mg", "-n", "300"],

@@ -64,7 +64,7 @@ def test_knows_its_symmetry():
 
 @pytest.mark.parametrize("n", [4099, 2**14, 2**15 - 1, 2**17])
 def test_large_products(n):
-    """Against the definition, entry by entry, at a few rows."""
+    """They are those of the definition, entry by entry, at a few rows."""
     rng = np.random.default_rng(n)
     lags, x = rng.standard_normal(2 * n - 1), rng.standard_normal(n)
     y = tmg.ToeplitzOperator.from_lags(lags) @ x
@@ -185,7 +185,7 @@ def test_products_are_counted():
 @pytest.mark.parametrize("shape", [(3,), (400,), (2, 3), (20, 30)])
 def test_a_product_of_accepted_coefficients_does_not_overflow(shape, dtype):
     """The largest that are accepted multiply as others do, and larger ones are refused."""
-    c = np.full(shape, 1.0 / np.prod(shape) / 2 ** len(shape), dtype)  # rows add up to at most 1
+    c = np.full(shape, 1.0 / np.prod(shape) / 2 ** len(shape), dtype)  # Rows add up to at most 1.
     x = np.random.default_rng(0).uniform(-1.0, 1.0, c.size).astype(dtype)
     ones = np.ones(c.size, dtype)
     large = np.finfo(dtype).max / 2**9

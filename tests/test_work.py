@@ -12,7 +12,7 @@ from toeplitz_mg.paper.problems import test1, test3
 
 
 def assert_says_what_is_counted(A):
-    """Of one application, of its adjoint, and of several vectors at once."""
+    """Check the work of one application, of its adjoint, and of several vectors at once."""
     points = prod(A.grid_shape)
     for B, columns in ((A, 1), (A.H, 1), (A, 3)):
         with tmg.count_products() as work:
@@ -56,11 +56,11 @@ def test_so_it_is_where_products_are_transforms(shape):
     ids=str,
 )
 def test_so_it_is_of_cycles(options):
-    """With borders, on masks, by area, of coupled components, and with smoothers of the user's."""
+    """The cycles have borders, masks, coarse grids by area, components, or a user's smoothers."""
     square = tmg.ToeplitzOperator(contact(33, 40))
     matrices = [
         test1(2**12).A,
-        test1(3001).A,  # with borders
+        test1(3001).A,  # It has borders.
         test3(3001).A,
         square,
         tmg.MaskedOperator(square, checkered(33, 40) | (np.arange(40) > 2)),

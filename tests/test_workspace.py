@@ -130,7 +130,7 @@ def test_a_product_after_an_interrupted_one_is_right(shape, monkeypatch):
     """A part of the first product that goes on writes in the midst of the second."""
     A = tmg.ToeplitzOperator(exponential(*shape))
     x, wrong = random(A.shape[0]), np.full(A.shape[0], 1e3)
-    here, fft, do = threading.current_thread(), scipy.fft.fft, threads._do
+    here, fft, do = threading.current_thread(), scipy.fft.fft, threads.do_part
     calls = []
     monkeypatch.setattr(scipy.fft, "fft", lambda *a, **k: calls.append(0) or fft(*a, **k))
     expected = A @ x
@@ -160,8 +160,10 @@ def test_a_product_after_an_interrupted_one_is_right(shape, monkeypatch):
             ended.set()
 
     monkeypatch.setattr(scipy.fft, "fft", transform)
-    monkeypatch.setattr(threads, "_do", do_and_say_so)
-    monkeypatch.setattr(threads, "_end", lambda others: None)  # as where an interrupt hits it
+    monkeypatch.setattr(threads, "do_part", do_and_say_so)
+    monkeypatch.setattr(
+        threads, "wait_for_all", lambda others: None
+    )  # as where an interrupt hits it
     with scipy.fft.set_workers(2), pytest.raises(KeyboardInterrupt):
         A @ wrong
     calls.clear()

@@ -37,8 +37,8 @@ ROUGH, QUICK_ROUGH = (256, 512, 1024), (64,)
 SECONDS = 1200.0  # Time after which a case is given up.
 LOADS = (0.006, 0.0123, 0.06, 0.2, 0.36)  # Normal forces that give 1 to 40 % of contact.
 
-
-Case = tuple[Callable[[int], Solved], Sequence[int], Sequence[int]]  # solver, sizes, quick ones
+# The solver, its sizes, and those of a quick run.
+Case = tuple[Callable[[int], Solved], Sequence[int], Sequence[int]]
 
 CASES: dict[str, Case] = {
     "Hertz, line": (theory.hertz_line, LINES, QUICK_LINES),
@@ -53,7 +53,7 @@ CASES: dict[str, Case] = {
 
 
 def rough(N: int, load: float) -> Solved:
-    """A rough surface with wavelengths from 0.5 to 1/32, or to four elements."""
+    """Solve a rough surface with wavelengths from 0.5 to 1/32, or to four elements."""
     h = 2.0 / N
     gap = rough_gap(N)
     result = normal_contact(gap, (h, h), material=UNIT, force=load)
@@ -79,12 +79,12 @@ def solve_and_count(case: str, N: int, solve: Callable[[], Solved]) -> tuple[Sol
 
 
 def grids(N: int) -> list[int]:
-    """Some even sizes from N to less than 1.2 N."""
+    """Return some even sizes from N to less than 1.2 N."""
     return [N + 2 * (k * N // 32) for k in range(4)]
 
 
 def order(errors: Sequence[float], sizes: Sequence[int]) -> float:
-    """The power of 1/N by which errors fall, by least squares."""
+    """Return the power of 1/N by which errors fall, by least squares."""
     known = [k for k, e in enumerate(errors) if e > 0.0]
     if len(known) < 2:
         return nan
@@ -96,7 +96,7 @@ def study(
     case: str, solve: Callable[[int], Solved], sizes: Sequence[int], folder: Path
 ) -> tuple[list[Row], list[Row]]:
     """Solve a case on every grid, draw the finest, return costs and errors; in a fresh process."""
-    solve(sizes[0])  # what the first call loads is not its time
+    solve(sizes[0])  # What the first call loads is not its time.
     costs: list[Row] = []
     errors: list[Row] = []
     for N in sizes:
@@ -120,16 +120,16 @@ def analytic(cases: Mapping[str, Case], quick: bool, folder: Path) -> None:
         cost, error = in_a_fresh_process(partial(study, case, solve, sizes, folder), SECONDS)
         costs += cost
         errors += error
-        for quantity in dict.fromkeys(row["quantity"] for row in error):
-            values = [row["error"] for row in error if row["quantity"] == quantity]
+        for quantity, own in report.group(error, "quantity").items():
+            values = [row["error"] for row in own]
             row: Row = {"case": case, "quantity": quantity, "order": order(values, sizes)}
             orders.append(row | {f"N = {n}": v for n, v in zip(sizes, values, strict=True)})
     convergence(errors, folder / "convergence.png")
     report.write_csv(folder / "errors.csv", errors)
     report.write_csv(folder / "costs.csv", costs)
     report.write_csv(folder / "orders.csv", orders)
-    for case in cases:
-        show(f"{case}: errors against theory", [row for row in orders if row["case"] == case])
+    for case, own in report.group(orders, "case").items():
+        show(f"{case}: errors against theory", own)
     show("Products, iterations between changes of the areas, CPU time", costs)
 
 
@@ -183,8 +183,8 @@ def main(
     rough_surfaces(arguments.quick, arguments.output)
     rows = peers.run(peers.problems(64 if arguments.quick else 256), normal, friction)
     report.write_csv(arguments.output / "peers.csv", rows)
-    for problem in dict.fromkeys(row["problem"] for row in rows):
-        table = [peers.format_row(r) for r in rows if r["problem"] == problem]
+    for problem, own in report.group(rows, "problem").items():
+        table = [peers.format_row(row) for row in own]
         report.show(f"{problem}: each as accurate as {peers.TARGET:g} takes", table)
 
 

@@ -33,7 +33,7 @@ def picture(results: Sequence[ContactResult], theory: Array | None, title: str, 
 
 
 def _profile(ax: Any, result: ContactResult, theory: Array) -> None:
-    """The traction along x through the middle."""
+    """Draw the traction along x through the middle."""
     h1, h2 = result.element
     x = surfaces.centres(theory.shape, (h1, h2))[0][:, 0]
     row = theory.shape[1] // 2
@@ -63,14 +63,13 @@ def rough_picture(results: Sequence[ContactResult], N: int, path: Path) -> None:
 
 def convergence(errors: Sequence[Row], path: Path) -> None:
     """Draw the errors against theory over N."""
-    cases = list(dict.fromkeys(row["case"] for row in errors))
+    cases = report.group(errors, "case")
     columns = 4
     figure = Figure(figsize=(16, 4.0 * -(-len(cases) // columns)), layout="constrained")
     axes = figure.subplots(-(-len(cases) // columns), columns, squeeze=False).ravel()
-    for ax, case in zip(axes, cases, strict=False):
-        own = [row for row in errors if row["case"] == case]
-        for quantity in dict.fromkeys(row["quantity"] for row in own):
-            points = [(r["N"], abs(r["error"])) for r in own if r["quantity"] == quantity]
+    for ax, (case, own) in zip(axes, cases.items(), strict=False):
+        for quantity, curve in report.group(own, "quantity").items():
+            points = [(row["N"], abs(row["error"])) for row in curve]
             ax.loglog(*zip(*points, strict=True), "o-", label=quantity)
         sizes = np.array(sorted({row["N"] for row in own}))
         ax.loglog(sizes, 2.0 / sizes, "k:", label="2/N")

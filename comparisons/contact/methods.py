@@ -19,7 +19,7 @@ from toeplitz_mg.operators import apply_to_rows
 
 
 def rough_gap(N: int) -> Array:
-    """A rough surface on [-1, 1]², with wavelengths from 0.5 to 1/32, or to four elements."""
+    """Return a rough surface on [-1, 1]², of wavelengths from 0.5 to 1/32, or to four elements."""
     h = 2.0 / N
     shortest = max(2.0 / 64, 4.0 * h)
     return surfaces.rough((N, N), (h, h), rms=0.01, longest=0.5, shortest=shortest, seed=1)
@@ -37,7 +37,7 @@ class Problem:
     is_rough : bool
     nu : float
     shift : float
-        Along x, with friction; zero where it is pressed only.
+        The shift along x, with friction; zero where the bodies are pressed only.
     """
 
     name: str
@@ -54,12 +54,12 @@ class Problem:
 
     @property
     def material(self) -> tuple[float, float]:
-        """G and nu."""
+        """The shear modulus G and Poisson's ratio ν."""
         return 1.0 - self.nu, self.nu
 
     @cached_property
     def gap(self) -> Array:
-        """Between the bodies before they touch."""
+        """The gap between the bodies before they touch."""
         h = self.h
         return (
             rough_gap(self.N)
@@ -69,12 +69,12 @@ class Problem:
 
     @cached_property
     def matrix(self) -> Any:
-        """The displacements by the tractions."""
+        """The matrix of the displacements by the tractions."""
         grid = Grid.of((self.N, self.N), (self.h, self.h), self.material, None)
         return grid.tangential() if self.shift else grid.normal()
 
     def violation(self, q: Array, bound: Array | None) -> float:
-        """Of the conditions of contact, by tractions and by the bound on them in friction."""
+        """Return how far tractions, in friction with a bound, violate the conditions of contact."""
         u = np.asarray(apply_to_rows(self.matrix, q.reshape(-1))).reshape(q.shape)
         a0 = diagonal(self.matrix)
         if bound is not None:
@@ -97,7 +97,7 @@ class Answer(NamedTuple):
 
 
 def ours(problem: Problem, tolerance: float) -> Answer:
-    """By this package."""
+    """Solve by this package."""
     element = (problem.h, problem.h)
     arguments: Any = {"material": problem.material, "tolerance": tolerance}
     start = process_time()
@@ -112,7 +112,7 @@ def ours(problem: Problem, tolerance: float) -> Answer:
 
 
 def aspher(precond: str, problem: Problem, tolerance: float) -> Answer:
-    """Its solver by FFT, of one grid."""
+    """Solve by the FFT solver of `aspher`, on one grid."""
     import aspher as package
 
     N = problem.N
@@ -125,7 +125,7 @@ def aspher(precond: str, problem: Problem, tolerance: float) -> Answer:
 
 
 def aspher_nested(problem: Problem, tolerance: float) -> Answer:
-    """Its fastest, with the first guess from coarser grids."""
+    """Solve by the fastest of `aspher`, with the first guess from coarser grids."""
     import aspher as package
 
     N = problem.N
@@ -147,7 +147,7 @@ def aspher_nested(problem: Problem, tolerance: float) -> Answer:
 
 
 def aspher_friction(problem: Problem, tolerance: float) -> Answer:
-    """Its solver of friction; it does not say how many products it made."""
+    """Solve friction by `aspher`, which does not say how many products it made."""
     import aspher as package
 
     N = problem.N
@@ -158,7 +158,7 @@ def aspher_friction(problem: Problem, tolerance: float) -> Answer:
         nu=problem.nu,
         model=package.CoulombFriction(MU),
     )
-    solver.set_gap(problem.gap.T)  # its x is along the rows
+    solver.set_gap(problem.gap.T)  # Its x is along the rows.
     solver.step(p_bar=problem.force / 4.0, tol_normal=1e-10)
     start = process_time()
     result = solver.step(delta_t=(problem.shift, 0.0), tol_tangential=tolerance)
@@ -171,7 +171,7 @@ def aspher_friction(problem: Problem, tolerance: float) -> Answer:
 
 
 def tamaas(problem: Problem, iterations: int) -> Answer:
-    """Polonsky and Keer's method, which has no preconditioner: two products in an iteration."""
+    """Solve by `tamaas`: Polonsky and Keer's method, plain, two products in an iteration."""
     import tamaas as package
 
     package.set_log_level(package.LogLevel.error)
@@ -179,7 +179,7 @@ def tamaas(problem: Problem, iterations: int) -> Answer:
     start = process_time()
     N = problem.N
     model = package.ModelFactory.createModel(package.model_type.basic_2d, [2.0, 2.0], [N, N])
-    # Before the operator is made, or it is that of another material.
+    # These are set before the operator is made, or it is that of another material.
     model.E, model.nu = 1.0, 0.0
     package.ModelFactory.registerNonPeriodic(model, "dcfft")
     solver = package.PolonskyKeerRey(model, -problem.gap, 1e-16)
@@ -190,7 +190,8 @@ def tamaas(problem: Problem, iterations: int) -> Answer:
     return Answer(np.array(model.traction), None, iterations, 2.0 * iterations, seconds)
 
 
-Method = tuple[str, Callable[..., Answer]]  # the package that has to be there, and what calls it
+# The package that it needs, and the function that calls it.
+Method = tuple[str, Callable[..., Answer]]
 
 NORMAL: dict[str, Method] = {
     "toeplitz-mg": ("toeplitz_mg", ours),
@@ -199,7 +200,7 @@ NORMAL: dict[str, Method] = {
     "aspher, nested": ("aspher", aspher_nested),
     "tamaas": ("tamaas", tamaas),
 }
-FRICTION: dict[str, Method] = {  # That of `tamaas` couples slip with the normal gap.
+FRICTION: dict[str, Method] = {  # The friction of `tamaas` couples slip with the normal gap.
     "toeplitz-mg": ("toeplitz_mg", ours),
     "aspher, friction": ("aspher", aspher_friction),
 }

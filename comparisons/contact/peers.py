@@ -1,4 +1,4 @@
-"""The same contact problem by this package, `aspher` and `tamaas`, equally accurate.
+"""A contact problem by this package, by `aspher` and by `tamaas`, equally accurate.
 
 Each is asked for the loosest tolerance, in half decades, whose answer violates the conditions of
 contact by no more than the target, measured with one matrix for all: by the natural residual
@@ -29,7 +29,7 @@ REPEATS = 3  # Solves of which the median time counts.
 
 
 def loosest(method: Callable[..., Answer], problem: Problem) -> tuple[float, Answer]:
-    """The loosest tolerance, in half decades, that is exact enough."""
+    """Return the loosest tolerance, in half decades, that is exact enough, and the answer."""
     for k in range(8, 27):
         answer = method(problem, 10.0 ** (-k / 2))
         if problem.violation(answer.traction, answer.bound) <= TARGET:
@@ -38,7 +38,7 @@ def loosest(method: Callable[..., Answer], problem: Problem) -> tuple[float, Ans
 
 
 def fewest(method: Callable[..., Answer], problem: Problem) -> tuple[float, Answer]:
-    """The fewest iterations that are exact enough."""
+    """Return the fewest iterations that are exact enough, and the answer."""
 
     def exact(iterations: int) -> bool:
         answer = method(problem, iterations)
@@ -72,7 +72,7 @@ def measure(method: Callable[..., Answer], problem: Problem) -> Row:
 
 
 def problems(N: int) -> list[Problem]:
-    """What is compared."""
+    """Return the problems that the methods are compared on."""
     shifts = {nu: MU * (A**2 - C**2) * (2.0 - nu) / (2.0 * (1.0 - nu)) for nu in (0.0, 0.28)}
     return [
         Problem("Hertz, sphere", N),

@@ -34,7 +34,7 @@ from comparisons.harness import report
 from comparisons.harness.measuring import (
     PRECONDITIONERS,
     TOLERANCE,
-    Preconditioner,
+    Choice,
     Run,
     nothing,
     solve,
@@ -46,6 +46,7 @@ from comparisons.systems.punch import KINDS, Punch
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.products import FOURIER, DiagonalisedProduct
 from toeplitz_mg.operators.diagonalised import DiagonalisedOperator
+from toeplitz_mg.operators.structure import restrict, unwrap
 
 MAXITER = 600  # Iterations after which a method has not converged.
 SECONDS = 600.0  # Time after which a method is given up on a punch.
@@ -58,19 +59,19 @@ GROWTH = 1.25  # Growth of the time that is allowed, over that of n log n.
 
 def circulant_of_q(A: LinearOperator) -> LinearOperator:
     """Return the circulant without padding whose eigenvalues are those of the continuum, |q|."""
-    full = getattr(A, "full", A)
+    full, mask = unwrap(A)
     *_, n1, n2 = full.grid_shape
     q = np.hypot(np.fft.fftfreq(n1)[:, None], np.fft.rfftfreq(n2)[None, :])
     q[0, 0] = 0.5 * min(1.0 / n1, 1.0 / n2)
     circulant = DiagonalisedOperator(
         DiagonalisedProduct(q, (n1, n2), (n1, n2), np.float64, FOURIER), "|q|"
     )
-    return circulant if full is A else tmg.MaskedOperator(circulant, A.mask)
+    return restrict(circulant, mask)
 
 
 single = np.float32
 SHARED = ("Strang", "T. Chan", "cosine", "sine", "FSAI", "M", "M̄", "V(1,1)", "default")
-METHODS: dict[str, Preconditioner] = {
+METHODS: dict[str, Choice] = {
     "CG": nothing,
     "CG + |q| circulant": tmg.componentwise(circulant_of_q),
     **{f"CG + {name}": PRECONDITIONERS[name] for name in SHARED},
@@ -78,7 +79,7 @@ METHODS: dict[str, Preconditioner] = {
     "CG + M by component": tmg.componentwise(tmg.fft_preconditioner),
 }
 # The iteration in float32 too, inside a residual correction in float64.
-INNER: dict[str, Preconditioner] = {
+INNER: dict[str, Choice] = {
     "float32 CG + cosine": partial(tmg.cosine_preconditioner, dtype=single),
     "float32 CG + FSAI": partial(tmg.fsai_preconditioner, dtype=single),
     "float32 CG + M": partial(tmg.fft_preconditioner, dtype=single),
@@ -131,7 +132,7 @@ def measure_peer(name: str, punch: Punch, A: LinearOperator) -> Row:
 
 
 def summary(punch: Punch, x: Array, A: LinearOperator) -> Row:
-    """What is told of a solution."""
+    """Return what is told of a solution."""
     residual = punch.residual(x, A)
     note = "" if residual <= 1.1 * TOLERANCE else "not converged"
     return {"residual": residual, "force": punch.force(x), "note": note}
@@ -154,7 +155,7 @@ def run(punches: Sequence[Punch], names: Sequence[str]) -> Iterator[list[Row]]:
 
 
 def growth(rows: Sequence[Row]) -> list[Row]:
-    """CPU time over that of half the N, and what is allowed; no rows where no N is half another."""
+    """Return CPU time over that of half the N, and what is allowed, where an N is half another."""
     seconds = {(r["problem"], r["area"], r["method"], r["N"]): r["cpu_s"] for r in rows}
     sizes = {row["N"] for row in rows}
     larger = [N for N in sorted(sizes) if N // 2 in sizes]
@@ -199,9 +200,8 @@ def main() -> None:
     rows: list[Row] = []
     for rows in run(punches, arguments.methods or names):
         report.write_csv(arguments.output / "punch3d.csv", rows)
-    for key in dict.fromkeys((row["problem"], row["area"], row["N"]) for row in rows):
-        table = [format_row(r) for r in rows if (r["problem"], r["area"], r["N"]) == key]
-        report.show(f"{key[0]}, {key[1]}, N = {key[2]}", table)
+    for (problem, area, N), own in report.group(rows, "problem", "area", "N").items():
+        report.show(f"{problem}, {area}, N = {N}", [format_row(row) for row in own])
     if ratios := growth(rows):
         report.show("CPU time over that of half the N; allowed is n log n, times 1.25", ratios)
 

@@ -27,9 +27,8 @@ CORNER = 1.0 + 2.0 * 0.2966  # Power of 1/N of the error that the corners of rec
 RECTANGLES = ("square", "2:1", "4:1")
 ROUND = ("circle", "annulus")
 SIZES = (32, 48, 64, 96, 128, 192, 256, 384)  # Elements across rectangles.
-ROUND_SIZES = tuple(
-    4 * round(16 * 2 ** (k / 5)) for k in range(16)
-)  # Across round areas, 64 to 512.
+# Elements across round areas, from 64 to 512.
+ROUND_SIZES = tuple(4 * round(16 * 2 ** (k / 5)) for k in range(16))
 QUICK = 160  # Largest number of elements of a quick run.
 
 # F/(E* b δ), or F/(G b δ) where tangential, b the shorter half side or the radius. Those of the
@@ -52,7 +51,7 @@ REFERENCES: dict[tuple[str, str], float] = {
 
 
 def forces(area: str, kind: str, sizes: Sequence[int], nu: float = NU) -> Array:
-    """The force at every size."""
+    """Return the force at every size."""
     values: list[float] = []
     for N in sizes:
         punch = Punch(area, kind, N, nu)
@@ -65,7 +64,7 @@ def forces(area: str, kind: str, sizes: Sequence[int], nu: float = NU) -> Array:
 
 
 def limit(area: str, sizes: Sequence[int], forces: Array) -> tuple[float, float]:
-    """The force for N to infinity, and its standard error.
+    """Return the force for N to infinity, and its standard error.
 
     Examples
     --------

@@ -48,7 +48,7 @@ def aspher(punch: Any, tolerance: float) -> Solution:
         nu=NU,
         model=package.TrescaFriction(STICK),
     )
-    solver.set_gap(gap.reshape(N, N).T)  # its x is along the rows
+    solver.set_gap(gap.reshape(N, N).T)  # Its x is along the rows.
     solver.step(p_bar=1.0)
     start = process_time()
     result = solver.step(delta_t=(1.0, 0.0), tol_tangential=tolerance)
@@ -76,7 +76,7 @@ def tamaas(punch: Any, tolerance: float) -> Solution:
     def solution(iterations: int) -> tuple[Array, float, float]:
         start = process_time()
         model = package.ModelFactory.createModel(package.model_type.basic_2d, [2.0, 2.0], [N, N])
-        # Before the operator is made, or it is that of another material.
+        # These are set before the operator is made, or it is that of another material.
         model.E, model.nu = E_STAR * (1.0 - NU**2), NU
         package.ModelFactory.registerNonPeriodic(model, "dcfft")
         solver = package.PolonskyKeerRey(model, surface, tolerance)

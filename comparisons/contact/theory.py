@@ -15,7 +15,8 @@ from toeplitz_mg.contact import ContactResult, friction, normal_contact, rolling
 A, C = 0.6, 0.4  # Half widths of the contact and of the area of stick.
 MU = 0.3  # Coefficient of friction.
 UNIT = (0.7, 0.3)  # G and ν of bodies with E* = G/(1-ν) = 1.
-KALKER = {"C11": 4.12, "C22": 3.67, "C23": 1.47}  # Of a circle, ν = 1/4; Kalker (1990).
+# Coefficients of a circle, ν = 1/4, by Kalker (1990).
+KALKER = {"C11": 4.12, "C22": 3.67, "C23": 1.47}
 CREEPAGE = 1e-3  # Creepage of Kalker's problems; bonded rolling is linear in it.
 
 
@@ -26,9 +27,9 @@ class Solved:
     Attributes
     ----------
     results : list of ContactResult
-        One, or for Kalker's coefficients three.
+        One result, or for Kalker's coefficients three.
     errors : dict
-        Relative ones, against theory, by quantity.
+        The relative errors against theory, by quantity.
     theory : ndarray or None
         The traction, along x where it is tangential.
     """
@@ -39,12 +40,12 @@ class Solved:
 
 
 def semi_ellipse(r: Array, a: float) -> Array:
-    """√(1 - r²/a²), zero outside."""
+    """Return √(1 - r²/a²), zero outside."""
     return np.sqrt(np.maximum(0.0, 1.0 - (r / a) ** 2))
 
 
 def rms(result: ContactResult, theory: Array) -> float:
-    """The root mean square of the error of the traction, relative to that of the traction."""
+    """Return the root mean square of the error of the traction, over that of the traction."""
     q = result.traction[0] if result.traction.ndim > result.contact.ndim else result.traction
     return float(np.linalg.norm(q - theory) / np.linalg.norm(theory))
 
@@ -135,7 +136,7 @@ def cattaneo_sphere(N: int, nu: float = 0.0) -> Solved:
 
 
 def mindlin_sphere(N: int) -> Solved:
-    """The same with the two directions coupled."""
+    """A shift of a sphere, by its displacement, for ν = 0.28: the directions are coupled."""
     return cattaneo_sphere(N, 0.28)
 
 

@@ -16,26 +16,27 @@ from scipy.sparse.linalg import LinearOperator
 import toeplitz_mg as tmg
 from comparisons.harness.processes import in_a_fresh_process, peak_bytes
 from toeplitz_mg._typing import Array
+from toeplitz_mg.operators.structure import unwrap
 from toeplitz_mg.paper.problems import test1
 
-Solve = Callable[[], tuple[Array, int | None]]  # x and the iterations, None for a direct method
-Method = Callable[[Any], Solve]  # of a System
-Preconditioner = Callable[[Any], LinearOperator | None]
-Explanation = Callable[[Any], str]  # of a System
+Solve = Callable[[], tuple[Array, int | None]]  # Returns x and the iterations, or None if direct.
+Method = Callable[[Any], Solve]  # Sets a `System` up.
+Choice = Callable[[Any], LinearOperator | None]  # Returns a preconditioner of A, or none.
+Explanation = Callable[[Any], str]  # Says why a `System` is not solved, or nothing.
 
 TOLERANCE = 1e-8
 MAXITER = 3000  # Iterations after which a method has not converged, unless told otherwise.
 KILL_AFTER = 60.0  # Seconds after which a method is given up.
-CONVERGED = 1.01 * TOLERANCE  # True residual; the recurrence for it may drift a little.
+CONVERGED = 1.01 * TOLERANCE  # Largest true residual: the recurrence for it may drift a little.
 WARM_UP_SIZE = 64  # Elements of a first problem, solved before anything is measured.
 
 
 class System(Protocol):
-    """A x = b, with a name in tables."""
+    """A system A x = b, with its name in tables."""
 
     @property
     def name(self) -> str:
-        """The same for all sizes."""
+        """The name, which is the same for all sizes."""
 
     @property
     def A(self) -> LinearOperator:
@@ -43,19 +44,19 @@ class System(Protocol):
 
     @property
     def b(self) -> Array:
-        """Of shape (N,)."""
+        """The right-hand side, of shape (N,)."""
 
 
 def no_reason(problem: System) -> str:
-    """Leave it at the numbers."""
+    """Return no reason: the numbers say all."""
     return ""
 
 
 def nothing(A: LinearOperator) -> None:
-    """Precondition by nothing."""
+    """Return no preconditioner: plain CG."""
 
 
-PRECONDITIONERS: dict[str, Preconditioner] = {
+PRECONDITIONERS: dict[str, Choice] = {
     "none": nothing,
     "Strang": tmg.strang_preconditioner,
     "T. Chan": tmg.chan_preconditioner,
@@ -150,12 +151,12 @@ def iterate(
 def solve(
     A: LinearOperator,
     b: Array,
-    preconditioner: Preconditioner,
+    preconditioner: Choice,
     *arguments: Any,
     **options: Any,
 ) -> Run:
     """Set a preconditioner up and iterate to `TOLERANCE`, both timed and their work counted."""
-    n = whole(A).shape[0]
+    n = unwrap(A)[0].shape[0]
     with tmg.count_products() as setup_work:
         M, setup_s = time_call(lambda: preconditioner(A), process_time)
     with tmg.count_products() as work:
@@ -168,7 +169,7 @@ def solve(
 
 
 def by_iteration(
-    solver: Any, preconditioner: Preconditioner, problem: System, maxiter: int = MAXITER
+    solver: Any, preconditioner: Choice, problem: System, maxiter: int = MAXITER
 ) -> Solve:
     """Iterate by `cg` or `richardson` on the fast product, with a preconditioner of A."""
     M = preconditioner(problem.A)
@@ -179,11 +180,6 @@ def by_iteration(
         return x, iterations
 
     return solve
-
-
-def whole(A: LinearOperator) -> LinearOperator:
-    """Return the operator on the whole grid, of which A may be a part."""
-    return A.full if isinstance(A, tmg.MaskedOperator) else A
 
 
 @dataclass(frozen=True)
@@ -236,16 +232,15 @@ def true_residual(problem: System, x: Array) -> float:
     column, mask = column_and_mask(problem.A)
     extended = np.zeros(len(column))
     extended[mask] = x
-    with np.errstate(all="ignore"):  # of a solution that diverged
+    with np.errstate(all="ignore"):  # A solution may have diverged.
         r = problem.b - matmul_toeplitz(column, extended, check_finite=False)[mask]
         return float(np.linalg.norm(r) / np.linalg.norm(problem.b))
 
 
 def column_and_mask(A: LinearOperator) -> tuple[Array, Array]:
     """Return the first column of the Toeplitz matrix and the mask of the unknowns."""
-    if isinstance(A, tmg.MaskedOperator):
-        return A.full.c, A.mask
-    return A.c, np.ones(A.shape[0], dtype=bool)
+    full, mask = unwrap(A)
+    return full.c, np.ones(A.shape[0], dtype=bool) if mask is None else mask
 
 
 def _measure_here(contender: Contender, problem: System) -> Measurement:

@@ -76,7 +76,7 @@ class FreshProcess(Generic[T]):
 def _serve(items: Callable[[], Iterator[Any]], pipe: Connection) -> None:
     """Send an item, or the error that it met, whenever one is asked for."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, resource.RLIM_INFINITY))
-    warnings.simplefilter("ignore")  # What matters of them is seen in the residual.
+    warnings.simplefilter("ignore")  # What matters of warnings is seen in the residual.
     iterator = items()
     answer: tuple[Any, str | None]
     with suppress(EOFError, OSError):  # The process that asks has ended.
@@ -135,12 +135,12 @@ def take_turns(
     done : callable
         Tells whether a job has returned enough, from its items so far.
     method : str
-        As that of `FreshProcess`.
+        How the processes are started, as `FreshProcess` takes it.
 
     Returns
     -------
     dict
-        By the names of the jobs their items; or the reason why one met an error.
+        The items of each job by its name; or the reason why it met an error.
     """
     processes: dict[str, FreshProcess[T]] = {}
     results: dict[str, list[T]] = {}

@@ -6,7 +6,8 @@ Files are written whole or not at all, and in UTF-8, wherever the comparison run
 import argparse
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,14 @@ def options(name: str, description: str, **choices: Sequence[Any] | int) -> argp
     arguments.output.mkdir(parents=True, exist_ok=True)
     print(f"Writing to {arguments.output.resolve()}")
     return arguments
+
+
+def group(rows: Iterable[Row], *keys: str) -> dict[Any, list[Row]]:
+    """Return rows by what they have under a key, or under several, in the order of the first."""
+    groups: dict[Any, list[Row]] = {}
+    for row in rows:
+        groups.setdefault(itemgetter(*keys)(row), []).append(row)
+    return groups
 
 
 def show(title: str, rows: Sequence[Row]) -> None:

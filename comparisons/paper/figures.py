@@ -16,9 +16,9 @@ import toeplitz_mg as tmg
 from comparisons.harness.report import Row, options, show, write_csv, write_figure
 from toeplitz_mg._typing import Array
 
-Drawing = tuple[Figure, list[Row]]  # a figure and what is plotted in it
+Drawing = tuple[Figure, list[Row]]  # A figure, and the numbers that are plotted in it.
 
-N = 32  # Elements, in all figures but the third.
+N = 32  # Number of elements in all figures but the third.
 ELEMENT = np.arange(1, N + 1)
 DOTS: dict[str, Any] = {"color": "red", "marker": ".", "markersize": 7, "linewidth": 0.5}
 CIRCLES: dict[str, Any] = {
@@ -38,7 +38,7 @@ def unit_matrix(n: int) -> tmg.ToeplitzOperator:
 
 def iteration_matrix(A: tmg.ToeplitzOperator, M: LinearOperator) -> Array:
     """Return I - M A, dense."""
-    return np.asarray(np.eye(A.shape[0]) - M @ A.toarray())
+    return np.eye(A.shape[0]) - M @ A.toarray()
 
 
 def eigenpairs(R: Array) -> tuple[Array, Array]:
@@ -54,7 +54,7 @@ def eigenpairs(R: Array) -> tuple[Array, Array]:
         # All are real but for rounding.
         w, V = map(np.real, np.linalg.eig(R[:half, :half] + parity * R[:half, : half - 1 : -1]))
         V /= np.sqrt(2.0) * np.linalg.norm(V, axis=0)
-        V *= np.sign(V[abs(V).argmax(axis=0), np.arange(half)])  # the largest entry is positive
+        V *= np.sign(V[abs(V).argmax(axis=0), np.arange(half)])  # The largest entry is positive.
         values.append(w)
         vectors.append(np.vstack([V, parity * V[::-1]]))
     w, V = np.concatenate(values), np.hstack(vectors)
@@ -67,7 +67,7 @@ def spectral_radii(A: tmg.ToeplitzOperator, gammas: Array) -> Array:
     M_bar = tmg.fft_rsm_preconditioner(A)
     shifts = (gammas - M_bar.gamma)[:, np.newaxis, np.newaxis]
     R = iteration_matrix(A, M_bar) - shifts * A.toarray()
-    return np.asarray(abs(np.linalg.eigvals(R)).max(axis=1))
+    return abs(np.linalg.eigvals(R)).max(axis=1)
 
 
 def row_sums(A: tmg.ToeplitzOperator) -> tuple[Array, Array]:
@@ -151,7 +151,7 @@ def figure_07() -> Drawing:
     figure, axes = subplots(2, "element", "mode")
     columns: dict[str, ArrayLike] = {"element": ELEMENT}
     for panel, k, title in zip(axes, (2, 30), ("(a) smooth", "(b) oscillatory"), strict=True):
-        v = np.sin(k * np.pi * (ELEMENT - 0.5) / N)  # x from the left end; L is the whole width
+        v = np.sin(k * np.pi * (ELEMENT - 0.5) / N)  # Here x is from the left end.
         plot_application(panel, R, v, "R_F", f"v_{{{k}}}")
         panel.set_title(f"{title} mode $v_{{{k}}}$")
         columns |= {f"v_{k}": v, f"R_F v_{k}": R @ v}

@@ -35,7 +35,7 @@ class Cell:
     paper: published.Published | None
 
     def row(self) -> Row:
-        """The cell as a row of the CSV file."""
+        """Return the cell as a row of the CSV file."""
         return {
             "test": self.test,
             "method": self.method,
@@ -50,9 +50,9 @@ class Cell:
 
 
 def papers_cycle(problem: problems.Problem, cycle: str, smoother: Preconditioner) -> LinearOperator:
-    """The cycle as in the paper: coarse grids discretised anew, down to 2 x 1.
+    """Return the cycle as in the paper: coarse grids discretised anew, down to 2 x 1.
 
-    From its levels, as `multigrid` refuses what diverges, which Table I is about.
+    It is made of its levels, as `multigrid` refuses what diverges, which Table I is about.
     """
     coarsen = tmg.rediscretised(problem.operator_of_grid_shape)
     A: LinearOperator = problem.A
@@ -83,7 +83,7 @@ def measure(
 
 
 def spectral_radii(cycle: str) -> Iterator[tuple[int, float]]:
-    """Table I: ρ(I - B A) of the cycle B with the plain FFT smoother."""
+    """Yield n and ρ(I - B A) of Table I, B the cycle with the plain FFT smoother."""
     for n in published.SPECTRAL_RADII[cycle]:
         problem = problems.test1(n)
         B = papers_cycle(problem, cycle, tmg.fft_preconditioner)
@@ -92,7 +92,7 @@ def spectral_radii(cycle: str) -> Iterator[tuple[int, float]]:
 
 
 def table_of(runs: list[Cell]) -> list[Row]:
-    """Two rows a method, ours and the paper's: iterations (convergence factor)."""
+    """Return two rows a method, ours and the paper's: iterations (convergence factor)."""
     rows = []
     for test, method in dict.fromkeys((run.test, run.method) for run in runs):
         ours: Row = {"": f"test {test} {method}, ours"}
@@ -111,7 +111,7 @@ def table_of(runs: list[Cell]) -> list[Row]:
 
 
 def work_table(runs: list[Cell]) -> list[Row]:
-    """Table VI and the work of the solver: ours counted, the paper's for n = 2^20."""
+    """Return Table VI and the work of the solver: ours counted, the paper's for n = 2^20."""
     rows: list[Row] = []
     for run in runs:
         key = (run.test, "solver" if run.method == "solver" else run.method)

@@ -23,18 +23,19 @@ from tqdm import tqdm
 
 import toeplitz_mg as tmg
 from comparisons.harness import report
-from comparisons.harness.measuring import PRECONDITIONERS, TOLERANCE, solve, whole
+from comparisons.harness.measuring import PRECONDITIONERS, TOLERANCE, solve
 from comparisons.harness.processes import peak_bytes, prepare, row_or_note
 from comparisons.harness.report import Row
 from comparisons.systems import masks
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array
+from toeplitz_mg.operators.structure import unwrap
 from toeplitz_mg.paper.problems import test1
 
 TITLE = "Every preconditioner on areas of every kind"
 MAXITER = 150  # Iterations after which a method counts as too slow.
 SECONDS = 200.0  # Time after which a method is given up on an area.
-REPEATS = 3  # Runs of which the median counts, unless they take longer than this:
+REPEATS = 3  # Runs of which the median counts; fewer where they take `ENOUGH` seconds.
 ENOUGH = 2.0  # Seconds of runs, after which there are no more.
 SIZES = (128, 512, 2048)
 LINES = (2**14, 2**17, 2**20)
@@ -42,15 +43,15 @@ QUICK_SIZES, QUICK_LINES = (32, 64), (2048,)
 SHOWN = 512  # Elements across the grid whose tractions are drawn.
 
 ON_A_LINE: dict[str, Callable[[int], Array]] = {
-    "paper's test 3": lambda n: np.asarray((np.arange(n) // (n // 8)) % 8 != 3),
+    "paper's test 3": lambda n: (np.arange(n) // (n // 8)) % 8 != 3,
     "100 islands": partial(masks.islands, 100),
     "n/100 islands": lambda n: masks.islands(n // 100, n),
-    "random line, 50 %": lambda n: np.asarray(np.random.default_rng(1).random(n) < 0.5),
+    "random line, 50 %": lambda n: np.random.default_rng(1).random(n) < 0.5,
 }
 
 
 def operator(area: str, n: int) -> LinearOperator:
-    """The matrix of an area, in the plane or on a line."""
+    """Return the matrix of an area, in the plane or on a line."""
     if area in masks.FRAGMENTED:
         mask = masks.FRAGMENTED[area](n)
         element = (2.0 / n, 2.0 / n)
@@ -59,7 +60,7 @@ def operator(area: str, n: int) -> LinearOperator:
     else:
         mask = ON_A_LINE[area](n)
         full = test1(n).A
-    return full if mask.all() else tmg.MaskedOperator(full, mask)
+    return masks.restrict(full, mask)
 
 
 def measure(method: str, A: LinearOperator, small: LinearOperator) -> Row:
@@ -82,13 +83,13 @@ def measure(method: str, A: LinearOperator, small: LinearOperator) -> Row:
             f"{name}_s": median(run.seconds for run in runs),
             "setup_s": median(run.setup_s for run in runs),
         }
-        products += _seconds_of_products(A)  # before and after, as the machine may be shared
+        products += _seconds_of_products(A)  # Again, as the machine may be shared.
     row["product_s"] = median(products)
-    return row | {"vectors": (peak_bytes() - before) / (8 * whole(A).shape[0]), "note": ""}
+    return row | {"vectors": (peak_bytes() - before) / (8 * unwrap(A)[0].shape[0]), "note": ""}
 
 
 def _seconds_of_products(A: LinearOperator) -> list[float]:
-    """CPU seconds of some products, without a first one."""
+    """Return the CPU seconds of some products, without a first one."""
     x = A @ np.ones(A.shape[0])
     seconds: list[float] = []
     while len(seconds) < REPEATS or sum(seconds) < ENOUGH / 20:
@@ -128,9 +129,10 @@ def format_row(row: Row, sine: float) -> Row:
 
 def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
     """Return what was measured as tables of areas by methods, the fastest in bold."""
-    found: dict[tuple[str, int], dict[str, Row]] = {}
-    for row in rows:
-        found.setdefault((row["area"], row["n"]), {})[row["method"]] = row
+    found = {
+        case: {row["method"]: row for row in own}
+        for case, own in report.group(rows, "area", "n").items()
+    }
     result: dict[str, list[Row]] = {}
     for b in ("random", "constant"):
         title = f"Iterations to {TOLERANCE:.0e} / CPU seconds with set-up, {b} right-hand side"
@@ -149,7 +151,7 @@ def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
 
 
 def _format_times(area: str, n: int, own: dict[str, Row], b: str) -> Row:
-    """A row of iterations and seconds; where there is none, why."""
+    """Return a row of iterations and seconds; where there is none, why."""
     solved = {m: row[f"{b}_s"] for m, row in own.items() if isinstance(row.get(b), int)}
     best = min(solved.values(), default=nan)
     cells: Row = {"area": area, "n": n}
@@ -207,8 +209,7 @@ def main(
         report.write_csv(arguments.output / "areas.csv", rows)
     module = "comparisons.preconditioners.areas"
     report.write_markdown(arguments.output / "areas.md", TITLE, module, tables(rows))
-    for area, n in jobs:
-        measured = [row for row in rows if (row["area"], row["n"]) == (area, n)]
+    for (area, n), measured in report.group(rows, "area", "n").items():
         sine = {row["method"]: row["random_s"] for row in measured}.get("sine", nan)
         report.show(f"{area}, n = {n}", [format_row(row, sine) for row in measured])
     drawn = [area for area in masks.FRAGMENTED if area in dict(jobs)]

@@ -27,7 +27,7 @@ MAXITER = 500  # Iterations after which CG has not converged.
 RANDOM, QUICK_RANDOM = 1000, 30  # Random matrices of a full and of a quick run.
 QUICK_EVERY = 12  # A quick run takes every twelfth of the typical matrices.
 GOAL = 1.1  # Iterations over those of none, above which a preconditioner is worse than none.
-ROUNDING = 2  # Iterations more than none that are not called worse.
+ROUNDING = 2  # Iterations more than those of none that are not called worse.
 WORST = 12  # Cases with the largest ratios that are listed.
 RIGHT_HAND_SIDES = ("constant", "random")
 
@@ -60,9 +60,8 @@ def measure(case: Case) -> Row:
 
 def by_family(rows: Sequence[Row]) -> list[Row]:
     """Return what the families have in common, a row each, and all together."""
-    families = list(dict.fromkeys(row["family"] for row in rows))
-    groups = {family: [row for row in rows if row["family"] == family] for family in families}
-    return [summary(family, own) for family, own in (*groups.items(), ("all", list(rows)))]
+    groups = report.group(rows, "family") | {"all": list(rows)}
+    return [summary(family, own) for family, own in groups.items()]
 
 
 def summary(family: str, rows: Sequence[Row]) -> Row:
@@ -120,7 +119,7 @@ def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
 def main(quick_random: int = QUICK_RANDOM, quick_every: int = QUICK_EVERY) -> None:
     """Run the comparison."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ[name] = "1"  # read where a process imports BLAS
+        os.environ[name] = "1"  # It is read where a process imports BLAS.
     families = tuple(dict.fromkeys(case.family for case in (*typical(), *random_ones(RANDOM))))
     arguments = report.options("preconditioners.default_choice", f"{TITLE}.", families=families)
     cases = [*typical(), *random_ones(RANDOM)]

@@ -16,15 +16,16 @@ from comparisons.harness.report import Row
 from comparisons.systems.masks import rough
 from comparisons.systems.punch import Punch, influence
 from toeplitz_mg._typing import Array
+from toeplitz_mg.operators.structure import unwrap
 
 N, QUICK_N = 256, 32
 DENSE_N = 48  # Elements across the largest grid whose spectrum is computed, densely.
 
 
 def irregular(n: int) -> Array:
-    """A rough patch in an ellipse."""
+    """Return the mask of a rough patch in an ellipse."""
     x = (2.0 * np.arange(n) + 1.0) / n - 1.0
-    return np.asarray(rough(0.7, n) & (np.hypot(x[:, None], 1.5 * x[None, :]) < 0.95))
+    return rough(0.7, n) & (np.hypot(x[:, None], 1.5 * x[None, :]) < 0.95)
 
 
 def traction(n: int, path: Path) -> list[Row]:
@@ -73,11 +74,11 @@ def spectrum(n: int, path: Path) -> list[Row]:
 
 
 def _eigenvalues(P: Array, A: Array) -> Array:
-    """Of P A, both symmetric; real where A is positive definite."""
+    """Return the eigenvalues of P A, both symmetric; real where A is positive definite."""
     try:
-        return np.asarray(eigh(P, np.linalg.inv(A), eigvals_only=True))
+        return eigh(P, np.linalg.inv(A), eigvals_only=True)
     except np.linalg.LinAlgError:
-        return np.asarray(eigvals(P @ A).real)
+        return eigvals(P @ A).real
 
 
 def convergence(n: int, path: Path) -> list[Row]:
@@ -108,7 +109,6 @@ def residuals(
 ) -> tuple[Sequence[float], float]:
     """Return the relative residuals of CG, and the work units of an iteration."""
     M = preconditioner(A)
-    full = getattr(A, "full", A)
     with tmg.count_products() as work:
         tmg.cg(A, b, M=M, rtol=0.0, maxiter=4)
     history = [1.0]
@@ -117,7 +117,7 @@ def residuals(
         history.append(float(np.linalg.norm(b - A @ x)) / float(np.linalg.norm(b)))
 
     tmg.cg(A, b, M=M, rtol=1e-8, callback=note)
-    return history, work.units(full.shape[0]) / 4.0
+    return history, work.units(unwrap(A)[0].shape[0]) / 4.0
 
 
 def main(quick_n: int = QUICK_N) -> None:

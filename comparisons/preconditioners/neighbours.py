@@ -9,13 +9,13 @@ by which `fsai_preconditioner` chooses the number of neighbours, and the number 
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gamma, kv
 
 from comparisons.harness import report
 from comparisons.harness.report import Row
 from comparisons.systems import masks
 from toeplitz_mg import MaskedOperator, ToeplitzOperator, cg, fsai_preconditioner, halfspace
+from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.preconditioners.fsai.neighbours import (
     NUMBERS,
     count_iterations,
@@ -23,10 +23,8 @@ from toeplitz_mg.preconditioners.fsai.neighbours import (
 )
 from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 
-Array = NDArray[np.float64]
-
-SIZE, QUICK_SIZE = 128, 32  # Cells along each side of a grid; on a line their square.
-CHANCE, QUICK_CHANCE = 20, 1  # Covariances that are drawn by chance.
+SIZE, QUICK_SIZE = 128, 32  # Cells along each side of a grid; a line has their square.
+CHANCE, QUICK_CHANCE = 20, 1  # Number of covariances that are drawn by chance.
 MOST = 60  # Iterations after which a case is given up.
 
 
@@ -34,7 +32,7 @@ def matern(r: Array, nu: float, length: float, nugget: float = 0.0) -> Array:
     """Return Matérn's covariance at the distances r, the first of them zero."""
     s = np.sqrt(2.0 * nu) * np.where(r == 0.0, 1.0, r) / length
     c = np.where(r == 0.0, 1.0 + nugget, 2.0 ** (1.0 - nu) / gamma(nu) * s**nu * kv(nu, s))
-    return np.asarray(c)
+    return c
 
 
 def kernels(n: int, chance: int) -> Iterator[tuple[str, Array]]:
@@ -62,7 +60,7 @@ def kernels(n: int, chance: int) -> Iterator[tuple[str, Array]]:
         yield name, matern(plane, nu, length, nugget)
 
 
-def areas(shape: tuple[int, ...]) -> Iterator[NDArray[np.bool_]]:
+def areas(shape: tuple[int, ...]) -> Iterator[Mask]:
     """Yield masks of a grid, or of a line."""
     rng = np.random.default_rng(1)
     for density in (0.05, 0.1, 0.2, 0.5):
@@ -72,8 +70,8 @@ def areas(shape: tuple[int, ...]) -> Iterator[NDArray[np.bool_]]:
             yield mask(shape[0])
 
 
-def iterations(c: Array, neighbours: int, mask: NDArray[np.bool_]) -> int:
-    """Count those of CG; -1 where it fails."""
+def iterations(c: Array, neighbours: int, mask: Mask) -> int:
+    """Count the iterations of CG; -1 where it fails."""
     count = 0
 
     def step(_: object) -> None:

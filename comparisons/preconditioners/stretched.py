@@ -31,7 +31,7 @@ DEFAULT_SIZES, QUICK_SIZES = (256,), (32,)
 
 
 def long_grid(N: int) -> Array:
-    """N/4 x 16 N elements, 64 x 4096 for N = 256."""
+    """Return the mask of N/4 x 16 N elements, 64 x 4096 for N = 256."""
     return np.ones((N // 4, 16 * N), dtype=bool)
 
 
@@ -52,13 +52,13 @@ METHODS = ("cosine", "sine", "M", "M̄", "FSAI", "V(1,1)", "default")
 
 
 def operator(case: str, kind: str, N: int) -> LinearOperator:
-    """The matrix of a case."""
+    """Return the matrix of a case."""
     area, stretch = CASES[case]
     return influence(kind, area(N), (2.0 / N, stretch * 2.0 / N))
 
 
 def measure(case: str, kind: str, N: int, methods: Sequence[str]) -> list[Row]:
-    """Every method in turn on one case; in a process of its own."""
+    """Measure every method in turn on one case; in a process of its own."""
     A = operator(case, kind, N)
     n = A.shape[0]
     constant = np.ones(n)
@@ -103,10 +103,10 @@ def run(
 def tabulate_by_case(rows: Sequence[Row]) -> list[Row]:
     """Return a table: a line for each case, iterations (constant, random) and time by method."""
     table: list[Row] = []
-    for key in dict.fromkeys((row["case"], row["problem"], row["N"]) for row in rows):
-        line: Row = {"case": key[0], "problem": key[1], "N": key[2]}
-        for row in rows:
-            if (row["case"], row["problem"], row["N"]) == key and "random" in row:
+    for (case, problem, N), own in report.group(rows, "case", "problem", "N").items():
+        line: Row = {"case": case, "problem": problem, "N": N}
+        for row in own:
+            if "random" in row:
                 counts = f"{row['constant']}, {row['random']}"
                 line[row["method"]] = f"{counts} / {row['random_s']:.2g}"
         table.append(line)

@@ -9,6 +9,7 @@ not run at a larger n. How a run is measured is in `measuring`.
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -136,13 +137,12 @@ def cell(row: Row) -> str:
 
 def show(rows: Sequence[Row]) -> None:
     """Print a table for each size and right-hand side, methods across."""
-    for n in dict.fromkeys(row["n"] for row in rows):
-        for kind in ("constant", "random"):
+    for n, of_size in report.group(rows, "n").items():
+        for kind, own in report.group(of_size, "rhs").items():
             table: dict[str, Row] = {}
-            for row in rows:
-                if (row["n"], row["rhs"]) == (n, kind):
-                    table.setdefault(row["symbol"], {"symbol": row["symbol"]})
-                    table[row["symbol"]][row["method"]] = cell(row)
+            for row in own:
+                table.setdefault(row["symbol"], {"symbol": row["symbol"]})
+                table[row["symbol"]][row["method"]] = cell(row)
             report.show(f"n = {n}, {kind} right-hand side", list(table.values()))
     print(
         "\nIterations / work units / seconds, set-up included; (true residual) where rounding ends"
@@ -154,11 +154,10 @@ def show(rows: Sequence[Row]) -> None:
 def show_the_choice(rows: Sequence[Row]) -> None:
     """Print how the preconditioner of `solve_toeplitz` compares to the best of the others.
 
-    Of its work, the transform of A and the product that checks the result are not counted.
+    The transform of A and the product that checks the result are not counted as its work.
     """
     table = []
-    for name in dict.fromkeys(row["symbol"] for row in rows):
-        own: list[Row] = [row for row in rows if row["symbol"] == name and row["solve_units"]]
+    for name, own in report.group(filter(itemgetter("solve_units"), rows), "symbol").items():
         ratios = []
         for pick in (row for row in own if row["method"] == "solve_toeplitz"):
             others = [

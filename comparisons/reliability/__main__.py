@@ -45,7 +45,7 @@ def main(tried: Mapping[str, tuple[Trial, int, int]] = PARTS) -> None:
         trials=0,
         processes=0,
     )
-    os.environ["OMP_NUM_THREADS"] = "1"  # Read where a process imports BLAS.
+    os.environ["OMP_NUM_THREADS"] = "1"  # It is read where a process imports BLAS.
     rows: list[report.Row] = []
     failures: list[report.Row] = []
     for part in arguments.parts or tried:
@@ -59,15 +59,14 @@ def main(tried: Mapping[str, tuple[Trial, int, int]] = PARTS) -> None:
         report.write_csv(arguments.output / "reliability.csv", rows)
         report.write_csv(arguments.output / "failures.csv", failures)
     report.show("What was tried", [*rows, _total(rows)])
-    for part in dict.fromkeys(row["part"] for row in failures):
-        of_part = [row for row in failures if row["part"] == part]
+    for part, of_part in report.group(failures, "part").items():
         report.show(f"Failures in {part}: {len(of_part)}", of_part[:SHOWN])
     print(f"\n{len(failures)} failures")
     sys.exit(bool(failures))
 
 
 def _summary(part: str, results: Sequence[Result]) -> list[report.Row]:
-    """How often each verdict was given, by family."""
+    """Return how often each verdict was given, by family."""
     families = sorted({r.outcome.family for r in results})
     rows = []
     for family in families:

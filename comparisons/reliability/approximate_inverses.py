@@ -15,7 +15,7 @@ from toeplitz_mg import halfspace
 from toeplitz_mg.operators.structure import unwrap
 
 EPS = float(np.finfo(np.float64).eps)
-MOST = 256  # Unknowns: the eigenvalues of the dense matrix are computed.
+MOST = 256  # Most unknowns: the eigenvalues of the dense matrix are computed.
 DOUBT = 1e10  # Condition number from which rounding decides, in double precision.
 NEVER_REFUSE = ("spectral_preconditioner", "jacobi_preconditioner", "default_preconditioner")
 
@@ -23,17 +23,16 @@ Build = Callable[[LinearOperator], LinearOperator]
 
 
 def preconditioner(rng: Generator) -> Outcome:
-    """Any preconditioner of any matrix that it takes: positive definite, or refused."""
+    """Try any preconditioner of any matrix that it takes: positive definite, or refused."""
     dtype = np.float32 if rng.random() < 0.2 else np.float64
-    A = _coupled(rng, dtype) if rng.random() < 0.15 else _matrix(rng, dtype)
-    name, build = _choice(rng, A)
+    A = _draw_coupled(rng, dtype) if rng.random() < 0.15 else _draw_matrix(rng, dtype)
+    name, build = _choose(rng, A)
     family = f"{name}, {np.dtype(dtype)}"
     eigenvalues = np.linalg.eigvalsh(A.toarray().astype(np.float64))
     full, _ = unwrap(A)
-    whole = np.linalg.eigvalsh(
-        full.toarray().astype(np.float64)
-    )  # the rounding is that of the whole
-    doubtful = whole[0] <= whole[-1] * (1 / DOUBT if dtype == np.float64 else 1e-4)
+    # The rounding of a part of the matrix is that of the whole.
+    of_all = np.linalg.eigvalsh(full.toarray().astype(np.float64))
+    doubtful = of_all[0] <= of_all[-1] * (1 / DOUBT if dtype == np.float64 else 1e-4)
     try:
         M = build(A)
     except np.linalg.LinAlgError as error:
@@ -56,7 +55,7 @@ def preconditioner(rng: Generator) -> Outcome:
     return Outcome(family, RIGHT)
 
 
-def _matrix(rng: Generator, dtype: Any) -> tmg.ToeplitzOperator | tmg.MaskedOperator:
+def _draw_matrix(rng: Generator, dtype: Any) -> tmg.ToeplitzOperator | tmg.MaskedOperator:
     axes = int(rng.choice([1, 1, 2, 2, 3]))
     shape = random_grid(rng, int(log_uniform(rng, 1, MOST)), axes)
     _, c = random_column(rng, shape)
@@ -65,8 +64,8 @@ def _matrix(rng: Generator, dtype: Any) -> tmg.ToeplitzOperator | tmg.MaskedOper
     return tmg.MaskedOperator(A, random_mask(rng, shape)) if rng.random() < 0.4 else A
 
 
-def _coupled(rng: Generator, dtype: Any) -> tmg.CoupledOperator | tmg.MaskedOperator:
-    """The tangential components of the half-space."""
+def _draw_coupled(rng: Generator, dtype: Any) -> tmg.CoupledOperator | tmg.MaskedOperator:
+    """Return the matrix of the tangential components of a half-space."""
     n1, n2 = shape = random_grid(rng, int(log_uniform(rng, 1, MOST / 2)), 2)
     element = (1.0, log_uniform(rng, 0.1, 10.0))
     x, y = halfspace.all_offsets((n1, n2), element)
@@ -83,8 +82,8 @@ def _coupled(rng: Generator, dtype: Any) -> tmg.CoupledOperator | tmg.MaskedOper
     return tmg.MaskedOperator(A, random_mask(rng, shape)) if rng.random() < 0.5 else A
 
 
-def _choice(rng: Generator, A: LinearOperator) -> tuple[str, Build]:
-    """The name of a preconditioner that takes such a matrix, and what builds it."""
+def _choose(rng: Generator, A: LinearOperator) -> tuple[str, Build]:
+    """Return the name of a preconditioner that takes such a matrix, and what builds it."""
     full, _ = unwrap(A)
     builders: list[Build] = [
         tmg.fft_preconditioner,
@@ -104,7 +103,7 @@ def _choice(rng: Generator, A: LinearOperator) -> tuple[str, Build]:
         if axes <= 1:
             builders += [tmg.spectral_preconditioner] * 2
         if rng.random() < 0.5:
-            return "multigrid", _cycle(rng)
+            return "multigrid", _draw_cycle(rng)
         if rng.random() < 0.1:
             gamma = log_uniform(rng, 1e-25, 1.0)
             return "fft_rsm_preconditioner", partial(tmg.fft_rsm_preconditioner, gamma=gamma)
@@ -112,7 +111,7 @@ def _choice(rng: Generator, A: LinearOperator) -> tuple[str, Build]:
     return getattr(build, "__name__", "componentwise(multigrid)"), build
 
 
-def _cycle(rng: Generator) -> Build:
+def _draw_cycle(rng: Generator) -> Build:
     steps = int(rng.choice([1, 1, 2]))
     smoothers: list[Build] = [
         tmg.fft_rsm_preconditioner,

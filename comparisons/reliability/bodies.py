@@ -19,15 +19,15 @@ from toeplitz_mg.contact import (
 )
 from toeplitz_mg.contact.grid import Grid
 
-Element = tuple[float, float]
+Sides = tuple[float, float]  # The sides of an element along x and y.
 
 TOLERANCE = 1e-8
-SLACK = 1.05  # The tolerance may be exceeded by the rounding of another product.
-MOST = 400  # Elements: the products are dense.
+SLACK = 1.05  # Tolerances that a violation may have, for the rounding of another product.
+MOST = 400  # Most elements: the products are dense.
 
 
 def contact_problem(rng: Generator) -> Outcome:
-    """Normal contact, then friction, or rolling, on one grid, checked by dense products."""
+    """Try normal contact, then friction, or rolling, on one grid; check by dense products."""
     line = rng.random() < 0.3
     shape = random_grid(rng, int(log_uniform(rng, 1, MOST)), 1 if line else 2)
     h = log_uniform(rng, 1e-4, 10.0)
@@ -58,7 +58,7 @@ def contact_problem(rng: Generator) -> Outcome:
     return Outcome(kind, TOLD if told else RIGHT)
 
 
-def _gap(rng: Generator, shape: tuple[int, ...], element: Element, size: float) -> Array:
+def _gap(rng: Generator, shape: tuple[int, ...], element: Sides, size: float) -> Array:
     kind = rng.integers(4)
     if kind == 0:
         return size * rng.random(shape)
@@ -67,19 +67,19 @@ def _gap(rng: Generator, shape: tuple[int, ...], element: Element, size: float) 
     points = _points(shape, element)
     far = sum((x / (np.abs(x).max() or 1.0)) ** 2 for x in points)
     if kind == 2:
-        return np.asarray(size * (far + np.zeros(shape)))
-    return np.asarray(size * (far + 0.3 * rng.random(shape)))
+        return size * (far + np.zeros(shape))
+    return size * (far + 0.3 * rng.random(shape))
 
 
-def _points(shape: tuple[int, ...], element: Element) -> tuple[Array, ...]:
-    """The centres of the elements, by axes."""
+def _points(shape: tuple[int, ...], element: Sides) -> tuple[Array, ...]:
+    """Return the centres of the elements, by axes."""
     if len(shape) == 1:
         return surfaces.centres(shape[0], element[0])
     return surfaces.centres(shape, element)
 
 
 def _load(
-    rng: Generator, gap: Array, element: Element, material: tuple[float, float]
+    rng: Generator, gap: Array, element: Sides, material: tuple[float, float]
 ) -> dict[str, Any]:
     high = float(np.ptp(gap)) or element[0]
     depth = high * log_uniform(rng, 1e-3, 3.0)
@@ -92,9 +92,9 @@ def _load(
 
 
 def _normal_error(
-    result: ContactResult, gap: Array, element: Element, material: tuple[float, float]
+    result: ContactResult, gap: Array, element: Sides, material: tuple[float, float]
 ) -> str:
-    """What is wrong with p ≥ 0, w ≥ 0, p w = 0, or nothing."""
+    """Return what is wrong with p ≥ 0, w ≥ 0, p w = 0, or nothing."""
     p = result.traction
     A = Grid.of(p.shape, element, material, None).normal().toarray()
     u = (A @ p.ravel()).reshape(p.shape)
@@ -117,7 +117,7 @@ def _shift(
     rng: Generator,
     bound: Array,
     pressed: ContactResult,
-    element: Element,
+    element: Sides,
     material: tuple[float, float],
 ) -> str:
     m = bound.ndim
@@ -148,7 +148,7 @@ def _roll(
     rng: Generator,
     bound: Array,
     pressed: ContactResult,
-    element: Element,
+    element: Sides,
     material: tuple[float, float],
 ) -> str:
     size = float(pressed.traction.max()) / material[0] * log_uniform(rng, 1e-3, 10.0)
@@ -170,7 +170,7 @@ def _roll(
 
 
 def _coulomb_error(result: ContactResult, q: Array, slip: Array, slack: float) -> str:
-    """What is wrong with |q| ≤ g, no slip where they stick, slip along -q where they slide."""
+    """Return what is wrong with |q| ≤ g, no slip in stick, slip along -q where they slide."""
     assert result.bound is not None
     assert result.stick is not None
     assert result.sliding is not None

@@ -32,7 +32,7 @@ BUILDERS: list[Callable[[LinearOperator], LinearOperator]] = [
 
 
 def threads(rng: Generator) -> Outcome:
-    """One operator in many threads: each product is, to the last bit, that of one thread."""
+    """Try an operator in many threads: each product is, to the last bit, that of one thread."""
     axes = int(rng.integers(1, 4))
     shape = random_grid(rng, int(log_uniform(rng, 10, 4e4)), axes)
     name, c = random_column(rng, shape)
@@ -43,7 +43,7 @@ def threads(rng: Generator) -> Outcome:
     family = getattr(build, "__name__", "preconditioner").replace("<lambda>", "the matrix")
     try:
         M = build(A)
-    except (np.linalg.LinAlgError, ValueError) as error:  # not positive, or no coarse grid
+    except (np.linalg.LinAlgError, ValueError) as error:  # A is indefinite, or has no coarse grid.
         return Outcome(family, REFUSED, str(error))
     X = rng.standard_normal((VECTORS, A.shape[0]))
     expected = [M @ x for x in X]
@@ -55,7 +55,7 @@ def threads(rng: Generator) -> Outcome:
 
 
 def interrupts(rng: Generator) -> Outcome:
-    """A product that is interrupted at any moment, then one that is not: it is right."""
+    """Interrupt a product at any moment, and make another one: it is right."""
     shape = ((512, 512), (2**18,), (64, 64, 64))[rng.integers(3)]
     c = np.exp(-np.sqrt(sum(k.astype(float) for k in np.indices(shape))))
     A = tmg.ToeplitzOperator(c)
@@ -77,11 +77,11 @@ def interrupts(rng: Generator) -> Outcome:
 
 
 class _Interrupt(BaseException):
-    """As a KeyboardInterrupt, which pools of processes take for their own."""
+    """An interrupt, unlike a KeyboardInterrupt not one that pools of processes catch."""
 
 
 def _interrupt(work: Callable[[], object], after: float) -> bool:
-    """Whether some work was interrupted after so many seconds."""
+    """Interrupt some work after so many seconds; return whether that was in time."""
 
     def stop(signum: int, frame: FrameType | None) -> None:
         raise _Interrupt

@@ -29,7 +29,7 @@ PRECONDITIONERS: list[Callable[[LinearOperator], LinearOperator] | None] = [
 
 
 def drop_in(rng: Generator) -> Outcome:
-    """`solve_toeplitz` for any matrix: the backward error in long doubles, and what it says."""
+    """Try `solve_toeplitz` on any matrix: the backward error in long doubles, and what it says."""
     family, c, r = _line(rng)
     n = len(c)
     columns = int(rng.choice([1, 1, 1, 2, 5]))
@@ -65,7 +65,7 @@ def drop_in(rng: Generator) -> Outcome:
 
 
 def iteration(rng: Generator) -> Outcome:
-    """`cg` and `richardson`, plain or preconditioned: where they say converged, it is true."""
+    """Try `cg` and `richardson`, with or without M: where they say converged, it is true."""
     axes = int(rng.integers(1, 4))
     shape = random_grid(rng, int(log_uniform(rng, 1, MOST)), axes)
     name, c = random_column(rng, shape)
@@ -113,7 +113,7 @@ def iteration(rng: Generator) -> Outcome:
 
 
 def inverse(rng: Generator) -> Outcome:
-    """`toeplitz_inverse`: its residual for a vector that it has not measured."""
+    """Try `toeplitz_inverse`: its residual for a vector that it has not measured."""
     name, c = random_column(rng, (int(log_uniform(rng, 1, MOST)),))
     A = tmg.ToeplitzOperator(c)
     dense = A.toarray().astype(np.float64)
@@ -122,17 +122,17 @@ def inverse(rng: Generator) -> Outcome:
     try:
         inverse = tmg.toeplitz_inverse(A)
     except np.linalg.LinAlgError as error:
-        due = not positive or condition > 1e5  # the residual of any inverse in double precision
+        due = not positive or condition > 1e5  # No inverse in double precision does better.
         return Outcome(name, REFUSED if due else FAILED, f"condition {condition:.0e}: {error}")
     b = rng.standard_normal(len(c))
     residual, _ = _residual(dense, inverse @ b, b)
     residual /= float(np.linalg.norm(b))
-    good = residual <= 1e-8  # 1e-10 is measured for one vector, this is another
+    good = residual <= 1e-8  # The 1e-10 that it promises is measured for another vector.
     return Outcome(name, RIGHT if good else FAILED, f"residual {residual:.0e}")
 
 
 def large(rng: Generator) -> Outcome:
-    """`solve_toeplitz` for many unknowns, of all lengths, against SciPy's product."""
+    """Try `solve_toeplitz` for many unknowns, of all lengths, against SciPy's product."""
     n = int(log_uniform(rng, 1e3, 2e5))
     name, c = random_column(rng, (n,))
     b = rng.standard_normal(n) if rng.random() < 0.5 else np.ones(n)
@@ -145,9 +145,8 @@ def large(rng: Generator) -> Outcome:
             due = name in ("covariance", "slow decay", "differences")
             return Outcome(name, REFUSED if due else FAILED, f"n = {n}: {error}")
     r = b - scipy.linalg.matmul_toeplitz(c, x)
-    backward = np.linalg.norm(r) / (
-        np.abs(c).sum() * np.linalg.norm(x) + np.linalg.norm(b)
-    )  # the norm of A is at most twice that
+    # The norm of A is at most twice the sum.
+    backward = np.linalg.norm(r) / (np.abs(c).sum() * np.linalg.norm(x) + np.linalg.norm(b))
     residual = float(np.linalg.norm(r) / np.linalg.norm(b))
     if backward > BACKWARD or (residual > ILL and not told):
         note = f"n = {n}, {info.method}: residual {residual:.0e}, backward {backward:.0e}"
@@ -156,7 +155,7 @@ def large(rng: Generator) -> Outcome:
 
 
 def _line(rng: Generator) -> tuple[str, Array, Array]:
-    """A family, the first column and the first row of a matrix of one axis."""
+    """Return a family, the first column and the first row of a matrix of one axis."""
     n = int(log_uniform(rng, 1, MOST))
     kind = rng.integers(10)
     if kind < 6:
@@ -167,28 +166,28 @@ def _line(rng: Generator) -> tuple[str, Array, Array]:
     if kind == 6:
         return "general", c * (s := _range(rng)), r * s
     if kind == 7:
-        c[0] = log_uniform(rng, 1e-16, 1e-3)  # its leading blocks are nearly singular
+        c[0] = log_uniform(rng, 1e-16, 1e-3)  # Its leading blocks are nearly singular.
         return "symmetric", c, c
     if kind == 8:
-        c = np.cos(np.arange(n) * rng.uniform(0.1, 3.0))  # of rank 2
+        c = np.cos(np.arange(n) * rng.uniform(0.1, 3.0))  # It has rank 2.
         c[0] += log_uniform(rng, 1e-17, 1e-2)
         return "nearly singular", c, c
     return "indefinite", c * (s := _range(rng)), c * s
 
 
 def _range(rng: Generator) -> float:
-    """Units: mostly 1, at times of any size that floating point has."""
+    """Return a unit: mostly 1, at times of any size that floating point has."""
     return log_uniform(rng, 1e-290, 1e290) if rng.random() < 0.15 else 1.0
 
 
 def _sizes(rng: Generator, columns: int) -> Array:
-    """The sizes of right-hand sides."""
+    """Return the sizes of right-hand sides."""
     return np.array([log_uniform(rng, 1e-300, 1e300) if rng.random() < 0.15 else 1.0
                      for _ in range(columns)])  # fmt: skip
 
 
 def _errors(dense: Array, X: Array, B: Array) -> tuple[float, float]:
-    """The largest backward error and relative residual of all columns, in long doubles."""
+    """Return the largest backward error and relative residual of all columns, in long doubles."""
     backward, relative = [0.0], [0.0]
     norm = np.abs(dense.astype(np.longdouble)).sum(axis=0).max()
     for x, b in zip(X.T, B.T, strict=True):
@@ -203,7 +202,7 @@ def _errors(dense: Array, X: Array, B: Array) -> tuple[float, float]:
 
 
 def _residual(dense: Array, x: Array, b: Array) -> tuple[np.longdouble, np.longdouble]:
-    """‖b - A x‖, and the size of what its rounding is relative to, in long doubles."""
+    """Return ‖b - A x‖, and the size that its rounding is relative to, in long doubles."""
     A, x = dense.astype(np.longdouble), x.astype(np.longdouble)
     r = b.astype(np.longdouble) - A @ x
     return _norm(r), _norm(np.abs(A) @ np.abs(x)) + _norm(b)

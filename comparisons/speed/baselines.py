@@ -89,11 +89,9 @@ def format_row(row: Row) -> Row:
 
 def show(rows: Sequence[Row], sizes: Sequence[int]) -> None:
     """Print a table for each system and some sizes."""
-    for system in dict.fromkeys(row["system"] for row in rows):
-        for n in sizes:
-            table = [format_row(row) for row in rows if (row["system"], row["n"]) == (system, n)]
-            if table:
-                report.show(f"{system}, n = {n}", table)
+    shown = [row for row in rows if row["n"] in sizes]
+    for (system, n), own in report.group(shown, "system", "n").items():
+        report.show(f"{system}, n = {n}", [format_row(row) for row in own])
 
 
 def plot(rows: Sequence[Row], path: Path) -> None:
@@ -101,11 +99,10 @@ def plot(rows: Sequence[Row], path: Path) -> None:
     # A figure made without pyplot is drawn by Agg: it needs no screen.
     figure = Figure(figsize=(13, 11), layout="constrained")
     axes = figure.subplots(2, 2, sharex=True, sharey=True)
-    for ax, system in zip(axes.flat, dict.fromkeys(row["system"] for row in rows), strict=True):
+    for ax, (system, own) in zip(axes.flat, report.group(rows, "system").items(), strict=True):
         for contender, style in zip(CONTENDERS, styles(CONTENDERS), strict=True):
-            own = [r for r in rows if (r["system"], r["method"]) == (system, contender.name)]
-            n = [row["n"] for row in own if row["converged"]]
-            seconds = [row["total_s"] for row in own if row["converged"]]
+            runs = [row for row in own if row["method"] == contender.name and row["converged"]]
+            n, seconds = [row["n"] for row in runs], [row["total_s"] for row in runs]
             if n:
                 ax.plot(n, seconds, label=contender.name, **style)
         ax.set(title=system, xlabel="n", ylabel="set-up + solve, s", yscale="log")
@@ -120,7 +117,7 @@ def plot(rows: Sequence[Row], path: Path) -> None:
 def styles(contenders: Sequence[Contender]) -> list[Row]:
     """Return a line style for each contender: ours solid and bright, the others dashed."""
     bright = iter(colormaps["tab10"](np.arange(10)))
-    # Of each of its five hues the dark ones.
+    # The dark ones of each of its five hues are legible.
     muted = iter(colormaps["tab20b"]([0, 1, 4, 5, 8, 9, 12, 13, 16, 17, 18]))
     full, thin = iter("osD^vP*Xp"), iter("x+1234|<>_.")
     return [

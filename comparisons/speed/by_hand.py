@@ -91,7 +91,7 @@ class Run(NamedTuple):
 
     cpu: float
     wall: float
-    peak_vectors: float  # of n float64
+    peak_vectors: float  # The peak of memory, in vectors of n float64.
 
 
 def run_again_and_again(set_up: SetUp, c: Array, b: Array, threads: int) -> Iterator[Run]:
@@ -188,8 +188,8 @@ def show(title: str, rows: Sequence[Row], key: str, spec: str) -> None:
 def show_growth(rows: Sequence[Row]) -> None:
     """Print the exponent of time over n."""
     table = []
-    for method in dict.fromkeys(row["method"] for row in rows):
-        own = {row["n"]: row["cpu_s"] for row in rows if row["method"] == method}
+    for method, runs in report.group(rows, "method").items():
+        own = {row["n"]: row["cpu_s"] for row in runs}
         ends = [n for n in own if n >= 2**16 and not math.isnan(own[n])]
         if len(ends) > 1:
             first, last = min(ends), max(ends)
@@ -204,8 +204,7 @@ def plot(rows: Sequence[Row], title: str, path: Path) -> None:
     """Draw time over n."""
     figure = Figure(figsize=(9, 6), layout="constrained")
     ax = figure.subplots()
-    for k, method in enumerate(dict.fromkeys(row["method"] for row in rows)):
-        own = [row for row in rows if row["method"] == method]
+    for k, (method, own) in enumerate(report.group(rows, "method").items()):
         style = "--" if "plain" in method or method[0] in "LdmfSb" else "-"
         n, seconds = [row["n"] for row in own], [row["cpu_s"] for row in own]
         ax.plot(n, seconds, style, marker=".", color=f"C{k}" if k < 10 else "k", label=method)

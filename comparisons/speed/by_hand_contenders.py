@@ -19,7 +19,7 @@ from comparisons.systems.symbols import COLUMNS
 from toeplitz_mg._typing import Array
 
 Action = Callable[[], Any]
-SetUp = Callable[[Array, Array], Action]  # of a first column and a vector
+SetUp = Callable[[Array, Array], Action]  # Takes a first column and a vector.
 
 
 class Plain:
@@ -38,7 +38,7 @@ class Plain:
     def __call__(self, x: Array) -> Array:
         """Multiply a vector."""
         hat = self.spectrum * scipy.fft.rfftn(x.reshape(self.shape), self.lengths)
-        return np.asarray(scipy.fft.irfftn(hat, self.lengths)[self.cut].ravel())
+        return scipy.fft.irfftn(hat, self.lengths)[self.cut].ravel()
 
 
 class PlainCirculant:
@@ -50,27 +50,27 @@ class PlainCirculant:
 
     def __call__(self, x: Array) -> Array:
         """Multiply a vector."""
-        return np.asarray(scipy.fft.irfft(self.spectrum * scipy.fft.rfft(x), self.n))
+        return scipy.fft.irfft(self.spectrum * scipy.fft.rfft(x), self.n)
 
 
 def covariance(axes: int, n: int) -> Array:
     """Return coefficients on a grid of so many axes and n elements in all."""
     k = np.indices((round(n ** (1 / axes)),) * axes)
-    return np.asarray(np.exp(-np.sqrt((k**2).sum(axis=0))))
+    return np.exp(-np.sqrt((k**2).sum(axis=0)))
 
 
 def chan_column(c: Array) -> Array:
     """Return the first column of T. Chan's circulant."""
     n = len(c)
     k = np.arange(n)
-    return np.asarray(((n - k) * c + k * np.r_[0.0, c[:0:-1]]) / n)
+    return ((n - k) * c + k * np.r_[0.0, c[:0:-1]]) / n
 
 
 def strang_column(c: Array) -> Array:
     """Return the first column of Strang's circulant."""
     n = len(c)
     k = np.arange(n)
-    return np.asarray(c[np.minimum(k, n - k)])
+    return c[np.minimum(k, n - k)]
 
 
 def plain_product(c: Array, b: Array) -> Action:
@@ -125,7 +125,7 @@ def plain_cg(preconditioner: Callable[[Array], Any] | None, c: Array, b: Array) 
         x, info = cg(A, b, M=M, rtol=TOLERANCE, maxiter=2000)
         if info:
             raise ArithmeticError("not converged")
-        return np.asarray(x)
+        return x
 
     return solve
 

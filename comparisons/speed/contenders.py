@@ -34,7 +34,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.paper.problems import Problem
 
 MAXCYCLES = 300  # Cycles of algebraic multigrid alone, where one costs several dense products.
-DENSE_BYTES = 4e9  # A matrix larger than this is not even begun.
+DENSE_BYTES = 4e9  # Bytes of the largest dense matrix that is tried.
 BANDWIDTH = 16  # Off-diagonals on each side that the banded copy keeps.
 
 
@@ -43,7 +43,7 @@ def dense(A: LinearOperator) -> Array:
     column, mask = column_and_mask(A)
     refuse_above_limit(8.0 * len(column) ** 2)
     matrix = toeplitz(column)
-    return np.asarray(matrix if mask.all() else matrix[np.ix_(mask, mask)])
+    return matrix if mask.all() else matrix[np.ix_(mask, mask)]
 
 
 def dense_csr(A: LinearOperator) -> csr_array:

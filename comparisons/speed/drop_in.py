@@ -27,14 +27,14 @@ SYMBOLS = ("contact", "fGn, H = 0.9", "0.9^k", "exp(-k/1000)", "θ²")
 SIZES = (1, 2, 3, 5, *(2**k for k in range(3, 12)), 3000, 4096, 2**13, 10007, 2**15, 2**17, 2**20)
 QUICK_SIZES = SIZES[:14]
 COLUMNS = (1, 64)
-LEVINSON_STEPS = 2**36  # n² times the columns, up to which SciPy's takes some minutes.
+LEVINSON_STEPS = 2**36  # Most steps, n² a column, of SciPy's: some minutes.
 ENOUGH = 0.3  # Seconds of one method's runs, after which there are no more turns.
-TURNS = 101  # Most turns of the two.
+TURNS = 101  # Most turns of the two methods.
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Both on one system; None where SciPy's would take too long."""
+    """What both methods took on one system; None where SciPy's would take too long."""
 
     seconds: float
     scipy_seconds: float | None
@@ -106,15 +106,13 @@ FORMATS = {
 def show(rows: Sequence[Row]) -> None:
     """Print a table for each symbol and number of right-hand sides, and the crossovers."""
     crossovers = []
-    for name in SYMBOLS:
-        for columns in COLUMNS:
-            own = [row for row in rows if (row["symbol"], row["columns"]) == (name, columns)]
-            table = [{"n": row["n"]} | report.format_cells(row, FORMATS) for row in own]
-            report.show(f"{name}, {columns} right-hand side(s)", table)
-            faster = [row["n"] for row in own if row["ratio"] and row["ratio"] > 1.1]
-            crossovers.append(
-                {"symbol": name, "columns": columns, "faster from n =": min(faster, default="")}
-            )
+    for (name, columns), own in report.group(rows, "symbol", "columns").items():
+        table = [{"n": row["n"]} | report.format_cells(row, FORMATS) for row in own]
+        report.show(f"{name}, {columns} right-hand side(s)", table)
+        faster = [row["n"] for row in own if row["ratio"] and row["ratio"] > 1.1]
+        crossovers.append(
+            {"symbol": name, "columns": columns, "faster from n =": min(faster, default="")}
+        )
     report.show("Crossover", crossovers)
 
 
@@ -142,9 +140,11 @@ def show_inverses(n: int) -> None:
 def plot(rows: Sequence[Row], path: Path) -> None:
     """Draw time over n, a panel for each number of right-hand sides."""
     figure = Figure(figsize=(11, 5), layout="constrained")
-    for ax, columns in zip(figure.subplots(1, 2, sharey=True), COLUMNS, strict=True):
-        for k, name in enumerate(SYMBOLS):
-            own = [row for row in rows if (row["symbol"], row["columns"]) == (name, columns)]
+    panels = zip(
+        figure.subplots(1, 2, sharey=True), report.group(rows, "columns").items(), strict=True
+    )
+    for ax, (columns, of_panel) in panels:
+        for k, (name, own) in enumerate(report.group(of_panel, "symbol").items()):
             n = [row["n"] for row in own]
             ax.plot(n, [row["seconds"] for row in own], color=f"C{k}", marker="o", label=name)
             # None is not drawn.

@@ -4,76 +4,84 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg._typing import Array
+from toeplitz_mg import MaskedOperator
+from toeplitz_mg._typing import Array, Mask
+
+
+def restrict(full: LinearOperator, mask: Mask) -> LinearOperator:
+    """Return the matrix on a mask, or as it is where the mask leaves nothing out."""
+    return full if mask.all() else MaskedOperator(full, mask)
 
 
 def square(N: int) -> Array:
-    """N x N elements."""
+    """Return the mask of a square, N x N elements."""
     return np.ones((N, N), dtype=bool)
 
 
 def two_to_one(N: int) -> Array:
-    """A rectangle of 2:1, N elements long."""
+    """Return the mask of a rectangle of 2:1, N elements long."""
     return np.ones((N, N // 2), dtype=bool)
 
 
 def four_to_one(N: int) -> Array:
-    """A rectangle of 4:1, N elements long."""
+    """Return the mask of a rectangle of 4:1, N elements long."""
     return np.ones((N, N // 4), dtype=bool)
 
 
 def _radius(N: int) -> Array:
-    """The distance of the element's centres from the middle, in half sides."""
+    """Return the distances of the elements' centres from the middle, in half sides."""
     x = (2.0 * np.arange(N) + 1.0) / N - 1.0
     return np.hypot(x[:, None], x[None, :])
 
 
 def circle(N: int) -> Array:
-    """The elements whose centre is in a circle across the grid."""
-    return np.asarray(_radius(N) < 1.0)
+    """Return the mask of the elements whose centre is in a circle across the grid."""
+    return _radius(N) < 1.0
 
 
 def annulus(N: int) -> Array:
-    """That circle, without one of half its radius."""
+    """Return the mask of a circle across the grid, without one of half its radius."""
     r = _radius(N)
-    return np.asarray((r > 0.5) & (r < 1.0))
+    return (r > 0.5) & (r < 1.0)
 
 
 def rough(fraction: float, N: int, seed: int = 0) -> Array:
-    """The highest part of a self-affine surface of Hurst exponent 0.8, in many islands."""
+    """Return the highest part of a self-affine surface, Hurst exponent 0.8, in many islands."""
     q = np.hypot(np.fft.fftfreq(N)[:, None], np.fft.rfftfreq(N)[None, :]) * N
-    # The same surface for all N, but for what is shorter than an element; rolled off below 4 waves.
+    # The surface is the same for all N, up to what is shorter than an element. Waves longer than a
+    # quarter of the side are not higher than that one.
     size = np.where(q > 0.0, np.maximum(q, 4.0), np.inf) ** -1.8
     rng = np.random.default_rng(seed)
     height = np.fft.irfft2(size * np.fft.rfft2(rng.standard_normal((N, N))), (N, N))
-    return np.asarray(height > np.quantile(height, 1.0 - fraction))
+    return height > np.quantile(height, 1.0 - fraction)
 
 
 def random(fraction: float, N: int) -> Array:
-    """Each element by chance."""
-    return np.asarray(np.random.default_rng(1).random((N, N)) < fraction)
+    """Return a mask that each element is in by chance."""
+    return np.random.default_rng(1).random((N, N)) < fraction
 
 
 def stripes(N: int) -> Array:
-    """Every other line of elements."""
+    """Return the mask of every other line of elements."""
     return np.tile(np.arange(N) % 2 == 0, (N, 1))
 
 
 def checkerboard(N: int) -> Array:
-    """Every other element."""
-    return np.asarray(np.indices((N, N)).sum(axis=0) % 2 == 0)
+    """Return the mask of every other element, as on a checkerboard."""
+    return np.indices((N, N)).sum(axis=0) % 2 == 0
 
 
 def two_patches(N: int) -> Array:
-    """Two small circles in opposite corners."""
+    """Return the mask of two small circles in opposite corners."""
     x = (2.0 * np.arange(N) + 1.0) / N - 1.0
     corners = [np.hypot(x[:, None] - a, x[None, :] - a) < 0.15 for a in (-0.8, 0.8)]
-    return np.asarray(corners[0] | corners[1])
+    return corners[0] | corners[1]
 
 
 def line(N: int) -> Array:
-    """One line of elements."""
+    """Return the mask of one line of elements."""
     mask = np.zeros((N, N), dtype=bool)
     mask[N // 2] = True
     return mask
@@ -106,6 +114,6 @@ FRAGMENTED: dict[str, Callable[[int], Array]] = {
 
 
 def islands(number: int, n: int) -> Array:
-    """Intervals at random places of one axis, that cover half of it."""
+    """Return the mask of intervals at random places of one axis, that cover half of it."""
     ends = np.sort(np.random.default_rng(2).choice(n, 2 * number, replace=False))
-    return np.asarray(np.searchsorted(ends, np.arange(n), side="right") % 2 == 1)
+    return np.searchsorted(ends, np.arange(n), side="right") % 2 == 1

@@ -14,7 +14,7 @@ from scipy.sparse.linalg import LinearOperator
 from comparisons.systems import masks
 from comparisons.systems.punch import KINDS, influence
 from comparisons.systems.symbols import column, fourier
-from toeplitz_mg import MaskedOperator, ToeplitzOperator
+from toeplitz_mg import ToeplitzOperator
 from toeplitz_mg._typing import Array
 
 Shape = tuple[int, ...]
@@ -29,15 +29,10 @@ class Case:
     operator: Callable[[], LinearOperator]
 
 
-def restricted(full: LinearOperator, mask: Array) -> LinearOperator:
-    """Return the matrix on a mask, or as it is where the mask leaves nothing out."""
-    return full if mask.all() else MaskedOperator(full, mask)
-
-
 GRIDS: dict[str, Shape] = {"line": (2000,), "40 x 40": (40, 40), "12 x 12 x 12": (12, 12, 12)}
-LENGTHS = (2.0, 5.0, 10.0, 30.0, 100.0)  # of correlation, in elements
-NUGGETS = (1e-2, 1e-4)
-ELEMENTS = (1.0, 0.25, 4.0, 20.0, 100.0)  # their shape
+LENGTHS = (2.0, 5.0, 10.0, 30.0, 100.0)  # Lengths of correlation, in elements.
+NUGGETS = (1e-2, 1e-4)  # Variances of the noise on top of a covariance of variance 1.
+ELEMENTS = (1.0, 0.25, 4.0, 20.0, 100.0)  # Sides of elements along y over those along x.
 AREAS = ("full", "circle", "rough, 30 %", "random, 50 %", "stripes")
 COVARIANCES: dict[str, Callable[[Array], Array]] = {
     "Matérn 1/2": lambda r: np.exp(-r),
@@ -47,49 +42,49 @@ COVARIANCES: dict[str, Callable[[Array], Array]] = {
 
 
 def distances(shape: Shape) -> Array:
-    """The distance from the first element."""
-    return np.asarray(np.sqrt((np.indices(shape) ** 2).sum(axis=0)))
+    """Return the distances from the first element of a grid."""
+    return np.sqrt((np.indices(shape) ** 2).sum(axis=0))
 
 
 def half_space(kind: str, ratio: float, area: str) -> LinearOperator:
-    """A contact area of elements of some shape."""
+    """Return the matrix of a contact area of elements of some shape."""
     return influence(kind, masks.FRAGMENTED[area](48), (1.0, ratio))
 
 
 def some_of(shape: Shape, share: float) -> Array:
-    """A mask of this share of the elements, by chance."""
+    """Return a mask of this share of the elements, by chance."""
     mask = np.random.default_rng(7).random(shape) <= share
     mask.flat[0] = True
-    return np.asarray(mask)
+    return mask
 
 
 def of_column(c: Array, share: float = 1.0) -> LinearOperator:
-    """The matrix of a first column, on all elements or a share of them."""
-    return restricted(ToeplitzOperator(c), some_of(c.shape, share))
+    """Return the matrix of a first column, on all elements or a share of them."""
+    return masks.restrict(ToeplitzOperator(c), some_of(c.shape, share))
 
 
 def of_symbol(name: str, share: float) -> LinearOperator:
-    """One of the matrices that are known by the name of their symbol."""
+    """Return one of the matrices that are known by the name of their symbol."""
     return of_column(column(name, 1500), share)
 
 
 def covariance(
     name: str, length: float, nugget: float, shape: Shape, share: float
 ) -> LinearOperator:
-    """A stationary covariance, on all of a grid or with gaps."""
+    """Return a stationary covariance, on all of a grid or with gaps."""
     c = COVARIANCES[name](distances(shape) / length)
     c.flat[0] += nugget
     return of_column(c, share)
 
 
 def noise(hurst: float, n: int, share: float) -> LinearOperator:
-    """Fractional Gaussian noise."""
+    """Return the covariance of fractional Gaussian noise."""
     k, power = np.arange(float(n)), 2 * hurst
     return of_column(((k + 1) ** power - 2 * k**power + abs(k - 1) ** power) / 2, share)
 
 
 def laplacian(alpha: float, shift: float, shape: Shape, share: float) -> LinearOperator:
-    """The sum over the axes of the powers |2 sin θ/2|^α, and a shift."""
+    """Return the matrix whose symbol is the sum over the axes of |2 sin θ/2|^α, and a shift."""
     c = np.zeros(shape)
     for axis, n in enumerate(shape):
         line = [0] * len(shape)
@@ -100,7 +95,7 @@ def laplacian(alpha: float, shift: float, shape: Shape, share: float) -> LinearO
 
 
 def spikes(parts: tuple[float, ...], shape: Shape, share: float) -> LinearOperator:
-    """Few coefficients, at isolated lags: these parts of the lengths of a grid."""
+    """Return a matrix of few coefficients, at lags that are these parts of a grid's lengths."""
     c = np.zeros(shape)
     for k, part in enumerate(parts):
         c[tuple(int(part * n) for n in shape)] = (-1.0) ** k / (k + 1)

@@ -7,9 +7,10 @@ from scipy.signal import fftconvolve
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
-from comparisons.systems.masks import AREAS
+from comparisons.systems.masks import AREAS, restrict
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array
+from toeplitz_mg.operators.structure import unwrap
 
 G, NU = 1.0, 0.28
 KINDS = ("normal", "tangential", "coupled")
@@ -18,7 +19,7 @@ KINDS = ("normal", "tangential", "coupled")
 def influence(
     kind: str, mask: Array, element: tuple[float, float], nu: float = NU
 ) -> LinearOperator:
-    """The influence of the tractions in a mask on its displacements, for one half-space."""
+    """Return the influence of the tractions in a mask on its displacements, for one half-space."""
     even, odd = halfspace.offsets(mask.shape, element), halfspace.all_offsets(mask.shape, element)
     # The coefficients are those of two half-spaces: one of G has as much as two of 2 G.
     material = {"G": 2.0 * G, "nu": nu}
@@ -34,7 +35,7 @@ def influence(
         )
         between = tmg.ToeplitzOperator.from_lags(halfspace.influence_xy(*odd, element, **material))
         full = tmg.CoupledOperator([[xx, between], [between, yy]])
-    return full if mask.all() else tmg.MaskedOperator(full, mask)
+    return restrict(full, mask)
 
 
 @dataclass(frozen=True)
@@ -69,23 +70,23 @@ class Punch:
         return 2.0 / int(min(self.mask.shape))
 
     def operator(self) -> LinearOperator:
-        """The influence of the tractions on the displacements, for one half-space."""
+        """Return the influence of the tractions on the displacements, for one half-space."""
         return influence(self.kind, self.mask, (self.h, self.h), self.nu)
 
     def displacement(self) -> Array:
-        """The rigid displacement, of the unknowns."""
+        """Return the rigid displacement, of the unknowns."""
         u = np.ones(int(self.mask.sum()))
         return np.concatenate([u, np.zeros_like(u)]) if self.kind == "coupled" else u
 
     def force(self, tractions: Array) -> float:
-        """F/(E* b δ), or F/(G b δ) if it is tangential, b the shorter half side."""
+        """Return F/(E* b δ), or F/(G b δ) if it is tangential, b the shorter half side."""
         first = tractions[: int(self.mask.sum())]
         modulus = 2.0 * G / (1.0 - self.nu) if self.kind == "normal" else G
         return float(first.sum()) * self.h**2 / modulus
 
     def residual(self, tractions: Array, A: LinearOperator) -> float:
-        """‖u - A p‖/‖u‖, by a convolution that is not the one under test."""
-        full = getattr(A, "full", A)
+        """Return ‖u - A p‖/‖u‖, by a convolution that is not the one under test."""
+        full, _ = unwrap(A)
         blocks = full.blocks if isinstance(full, tmg.CoupledOperator) else ((full,),)
         fields = np.zeros((len(blocks), *self.mask.shape))
         fields[:, self.mask] = tractions.reshape(len(blocks), -1)

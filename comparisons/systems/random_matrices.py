@@ -15,13 +15,14 @@ from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 from scipy.special import gamma, kv
 
-from comparisons.systems.matrices import COVARIANCES, Case, Shape, distances, restricted
+from comparisons.systems.masks import restrict
+from comparisons.systems.matrices import COVARIANCES, Case, Shape, distances
 from toeplitz_mg import ToeplitzOperator, halfspace
 from toeplitz_mg._typing import Array
 
 
 def random_spikes(rng: Generator, shape: Shape) -> ToeplitzOperator:
-    """Some coefficients at any lags."""
+    """Return a matrix of some coefficients at any lags."""
     c = np.zeros(shape)
     number = int(rng.integers(1, 7))
     c.flat[rng.integers(0, c.size, number)] = rng.standard_normal(number)
@@ -37,19 +38,19 @@ def with_a_diagonal(rng: Generator, c: Array) -> ToeplitzOperator:
 
 
 def random_symbol(rng: Generator, shape: Shape) -> ToeplitzOperator:
-    """The exponential of a random function of θ, smooth or rough."""
+    """Return a matrix whose symbol is the exponential of a random function, smooth or rough."""
     lengths = tuple(2 * n for n in shape)
     waves = np.meshgrid(*(np.fft.fftfreq(m) * m for m in lengths), indexing="ij")
-    # All that has fewer waves than some, in either direction.
+    # The function is smooth where long waves are much larger than short ones.
     size = (1.0 + sum(k**2 for k in waves)) ** -rng.uniform(0.2, 2.0)
     f = fft.ifftn(size * fft.fftn(rng.standard_normal(lengths))).real
-    f = (f + np.roll(np.flip(f), 1, tuple(range(f.ndim)))) / 2  # f(-θ) = f(θ)
+    f = (f + np.roll(np.flip(f), 1, tuple(range(f.ndim)))) / 2  # So it is even: f(-θ) = f(θ).
     f *= rng.uniform(0.2, 2.0) / f.std()
     return of_samples(np.exp(f), shape)
 
 
 def random_powers(rng: Generator, shape: Shape) -> ToeplitzOperator:
-    """A symbol with a zero or a pole anywhere, and a constant."""
+    """Return a matrix whose symbol has a zero or a pole anywhere, and a constant."""
     lengths = tuple(2 * n for n in shape)
     f = np.zeros(lengths)
     for axis, m in enumerate(lengths):
@@ -61,7 +62,7 @@ def random_powers(rng: Generator, shape: Shape) -> ToeplitzOperator:
 
 
 def of_samples(f: Array, shape: Shape) -> ToeplitzOperator:
-    """The matrix whose circulant of twice the size has these eigenvalues."""
+    """Return the matrix whose circulant of twice the size has these eigenvalues."""
     lags = fft.ifftn(f).real
     for axis, n in enumerate(shape):
         lags = np.take(lags, np.arange(1 - n, n), axis)
@@ -69,7 +70,7 @@ def of_samples(f: Array, shape: Shape) -> ToeplitzOperator:
 
 
 def random_waves(rng: Generator, shape: Shape) -> ToeplitzOperator:
-    """Plane waves with or without damping, and a nugget."""
+    """Return a covariance of plane waves with or without damping, and a nugget."""
     k = np.stack(np.meshgrid(*(np.arange(1.0 - n, n) for n in shape), indexing="ij"), axis=-1)
     lags = np.zeros(k.shape[:-1])
     for _ in range(rng.integers(1, 6)):
@@ -80,14 +81,14 @@ def random_waves(rng: Generator, shape: Shape) -> ToeplitzOperator:
 
 
 def random_covariance(rng: Generator, shape: Shape) -> ToeplitzOperator:
-    """A covariance of any smoothness, stretched and turned, and a nugget."""
+    """Return a covariance of any smoothness, stretched and turned, and a nugget."""
     k = np.stack(np.meshgrid(*(np.arange(1.0 - n, n) for n in shape), indexing="ij"), axis=-1)
     axes = len(shape)
     turned = rng.standard_normal((axes, axes)) if rng.random() < 0.5 else np.eye(axes)
     length = np.exp(rng.uniform(np.log(0.5), np.log(2.0 * max(shape)), axes))
     r = np.linalg.norm(k @ turned / length, axis=-1)
     kind = rng.integers(4)
-    if kind == 3:  # the rational quadratic one
+    if kind == 3:  # It is the rational quadratic covariance.
         lags = (1 + r**2) ** -rng.uniform(0.2, 3.0)
     else:
         lags = list(COVARIANCES.values())[kind](r)
@@ -96,7 +97,7 @@ def random_covariance(rng: Generator, shape: Shape) -> ToeplitzOperator:
 
 
 def random_signs(rng: Generator, shape: Shape) -> ToeplitzOperator:
-    """Coefficients of any sign that decay or do not, on a diagonal just large enough."""
+    """Return a matrix of any signs that decays or does not, its diagonal just large enough."""
     c = rng.standard_normal(shape) * (1 + distances(shape)) ** -rng.uniform(0, 3)
     return with_a_diagonal(rng, c)
 
@@ -112,14 +113,14 @@ KERNELS = {
 
 
 def random_mask(rng: Generator, shape: Shape) -> Array:
-    """All elements, half of the times; else by chance, in islands, in one piece, in a line."""
+    """Return a mask: half of the times full, else by chance, of islands, one piece, or lines."""
     kind = rng.integers(8)
     height = rng.standard_normal(shape)
     if kind < 4:
         return np.ones(shape, dtype=bool)
     if kind == 4:
         mask = height > rng.uniform(-2, 1)
-    elif kind == 5:  # what is above a level, of a smooth surface
+    elif kind == 5:  # The part of a smooth surface above some height.
         waves = np.meshgrid(*(np.fft.fftfreq(n) * n for n in shape), indexing="ij")
         rough = (1 + sum(k**2 for k in waves)) ** -rng.uniform(0.5, 1.2)
         height = fft.ifftn(rough * fft.fftn(height)).real
@@ -131,7 +132,7 @@ def random_mask(rng: Generator, shape: Shape) -> Array:
         mask = np.zeros(shape, dtype=bool)
         mask[..., :: int(rng.integers(2, 4))] = True
     mask.flat[rng.integers(mask.size)] = True
-    return np.asarray(mask)
+    return mask
 
 
 def random_matrix(seed: int) -> LinearOperator:
@@ -145,7 +146,7 @@ def random_matrix(seed: int) -> LinearOperator:
     sides *= (elements / prod(sides)) ** (1 / axes)
     shape = tuple(max(1, round(side)) for side in sides)
     kernel = list(KERNELS.values())[seed % len(KERNELS)]
-    return restricted(kernel(rng, shape), random_mask(rng, shape))
+    return restrict(kernel(rng, shape), random_mask(rng, shape))
 
 
 def random_ones(number: int) -> Iterator[Case]:
@@ -159,12 +160,12 @@ def random_ones(number: int) -> Iterator[Case]:
 
 
 def log_uniform(rng: Generator, low: float, high: float) -> float:
-    """A number between these, all decades alike."""
+    """Return a random number between these, all decades alike."""
     return float(10.0 ** rng.uniform(np.log10(low), np.log10(high)))
 
 
 def random_grid(rng: Generator, unknowns: int, axes: int) -> Shape:
-    """A grid of one to three axes with at most so many unknowns, single elements among them."""
+    """Return a grid of one to three axes with at most so many unknowns, also of one element."""
     shape = []
     left = float(max(unknowns, 1))
     for axis in range(axes, 0, -1):
@@ -177,7 +178,7 @@ def random_grid(rng: Generator, unknowns: int, axes: int) -> Shape:
 
 
 def half_space(rng: Generator, shape: Shape) -> Array:
-    """The influence of normal or tangential tractions, for elements of any shape."""
+    """Return the influence of normal or tangential tractions, for elements of any shape."""
     element = (1.0, log_uniform(rng, 0.05, 20.0) * (100.0 if len(shape) == 1 else 1.0))
     x, y = halfspace.offsets((shape[0], shape[1] if len(shape) > 1 else 1), element)
     influence = halfspace.influence_zz if rng.random() < 0.5 else halfspace.influence_xx
@@ -186,7 +187,7 @@ def half_space(rng: Generator, shape: Shape) -> Array:
 
 
 def matern(rng: Generator, shape: Shape) -> Array:
-    """A stationary covariance: Matérn, exponential or Gaussian, with a nugget."""
+    """Return a stationary covariance: Matérn, exponential or Gaussian, with a nugget."""
     lengths = [log_uniform(rng, 0.2, 30.0) for _ in shape]
     r = np.sqrt(sum((k / s) ** 2 for k, s in zip(np.indices(shape), lengths, strict=True)))
     kind = rng.integers(4)
@@ -206,11 +207,11 @@ def matern(rng: Generator, shape: Shape) -> Array:
 
 
 def of_positive_symbol(rng: Generator, shape: Shape) -> Array:
-    """The autocorrelation of a random array, even in each axis, and a part of the unit matrix."""
+    """Return the autocorrelation of a random array, even in each axis, and a part of I."""
     size = [int(rng.integers(1, n + 1)) for n in shape]
     a = rng.standard_normal(size) * np.exp(-np.indices(size).sum(axis=0) * rng.uniform(0.0, 1.0))
     power = np.abs(np.fft.fftn(a, [2 * n for n in shape])) ** 2
-    for axis in range(len(shape)):  # even in each axis
+    for axis in range(len(shape)):  # It is made even in each axis.
         power = (power + np.roll(np.flip(power, axis), 1, axis)) / 2.0
     c = np.fft.ifftn(power).real[tuple(map(slice, shape))]
     c.flat[0] *= 1.0 + log_uniform(rng, 1e-8, 1.0)
@@ -218,7 +219,7 @@ def of_positive_symbol(rng: Generator, shape: Shape) -> Array:
 
 
 def dominant(rng: Generator, shape: Shape) -> Array:
-    """A dominant diagonal and a few coefficients of any sign at isolated lags."""
+    """Return a dominant diagonal and a few coefficients of any sign at isolated lags."""
     c = np.zeros(shape)
     for k in rng.integers(0, c.size, size=rng.integers(1, 6)):
         c.flat[k] = rng.standard_normal()
@@ -228,7 +229,7 @@ def dominant(rng: Generator, shape: Shape) -> Array:
 
 
 def slow(rng: Generator, shape: Shape) -> Array:
-    """Coefficients that decay by a power of the distance."""
+    """Return coefficients that decay by a power of the distance."""
     r = np.sqrt(sum(k.astype(float) ** 2 for k in np.indices(shape)))
     c = (1.0 + r / log_uniform(rng, 0.3, 10.0)) ** -rng.uniform(0.2, 4.0)
     c.flat[0] *= 1.0 + log_uniform(rng, 1e-6, 1.0)
@@ -236,7 +237,7 @@ def slow(rng: Generator, shape: Shape) -> Array:
 
 
 def differences(rng: Generator, shape: Shape) -> Array:
-    """A difference operator of second order, nearly singular, or with the other sign."""
+    """Return a difference operator of second order, nearly singular, or with the other sign."""
     c = np.zeros(shape)
     c.flat[0] = log_uniform(rng, 1e-9, 1.0)
     sign = rng.choice([-1.0, 1.0])
@@ -259,9 +260,9 @@ POSITIVE: dict[str, Callable[[Generator, Shape], Array]] = {
 
 
 def random_column(rng: Generator, shape: Shape) -> tuple[str, Array]:
-    """The name of a family and the first column of a matrix of it, in any units.
+    """Return the name of a family and the first column of a matrix of it, in any units.
 
-    Nearly all are positive definite; `slow` need not be.
+    Nearly all are positive definite; those of `slow` need not be.
     """
     names = [name for name in POSITIVE if name != "half-space" or len(shape) <= 2]
     name = str(rng.choice(names))

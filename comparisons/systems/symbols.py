@@ -13,13 +13,13 @@ from scipy import fft
 from toeplitz_mg._typing import Array
 from toeplitz_mg.paper.problems import test1
 
-Column = Callable[[int], Array]  # of the length
+Column = Callable[[int], Array]  # Returns the first column of a length.
 
 
 def fourier(f: Callable[[Array], Array], n: int) -> Array:
     """Return the first n Fourier coefficients of an even symbol, from 16 n samples."""
-    theta = np.pi / (8 * n) * np.arange(8 * n + 1)  # the other half is the same
-    return np.asarray(fft.irfft(f(theta), 16 * n)[:n])
+    theta = np.pi / (8 * n) * np.arange(8 * n + 1)  # The other half is the same.
+    return fft.irfft(f(theta), 16 * n)[:n]
 
 
 def _of_symbol(f: Callable[[Array], Array]) -> Column:
@@ -35,7 +35,7 @@ def _of_lags(a: Callable[[Array], Array], nugget: float = 0.0) -> Column:
     return column
 
 
-def _banded(*coefficients: float) -> Column:
+def _of_band(*coefficients: float) -> Column:
     def column(n: int) -> Array:
         c = np.zeros(max(n, len(coefficients)))
         c[: len(coefficients)] = coefficients
@@ -51,7 +51,7 @@ def _theta_squared(n: int) -> Array:
 
 def _matern(k: Array) -> Array:
     r = np.sqrt(3.0) * k / 50
-    return np.asarray((1 + r) * np.exp(-r))
+    return (1 + r) * np.exp(-r)
 
 
 def _wide_gaussian(n: int) -> Array:
@@ -60,12 +60,12 @@ def _wide_gaussian(n: int) -> Array:
 
 def _fractional_gaussian_noise(k: Array) -> Array:
     H = 0.9
-    return np.asarray(((k + 1) ** (2 * H) - 2 * k ** (2 * H) + abs(k - 1) ** (2 * H)) / 2)
+    return ((k + 1) ** (2 * H) - 2 * k ** (2 * H) + abs(k - 1) ** (2 * H)) / 2
 
 
 def _contact(n: int) -> Array:
     problem = test1(n)
-    return np.asarray(problem.A.c * problem.material.G)
+    return problem.A.c * problem.material.G
 
 
 COLUMNS: dict[str, Column] = {
@@ -82,12 +82,12 @@ COLUMNS: dict[str, Column] = {
     "|θ|": _of_symbol(lambda t: t),
     "|θ|^1.5": _of_symbol(lambda t: t**1.5),
     "θ²": _theta_squared,
-    "2 - 2 cos θ": _banded(2.0, -1.0),
-    "2 + 2 cos θ": _banded(2.0, 1.0),
+    "2 - 2 cos θ": _of_band(2.0, -1.0),
+    "2 + 2 cos θ": _of_band(2.0, 1.0),
     "|θ|³": _of_symbol(lambda t: t**3),
     "θ⁴": _of_symbol(lambda t: t**4),
-    # Further ones, that the plain recipes find hard.
-    "(2 - 2 cos θ)²": _banded(6.0, -4.0, 1.0),
+    # The plain recipes find the next ones hard.
+    "(2 - 2 cos θ)²": _of_band(6.0, -4.0, 1.0),
     "1/(1 + k²/100)": _of_lags(lambda k: 1 / (1 + k**2 / 100), 1e-6),
     "wide Gaussian": _wide_gaussian,
     "sinc": _of_lags(lambda k: np.sinc(k / 3), 1e-6),

@@ -2,17 +2,14 @@
 
 import argparse
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from scipy.sparse.linalg import LinearOperator
-
 import toeplitz_mg as tmg
+from toeplitz_mg._typing import Preconditioner
 from toeplitz_mg.cli import contact_arguments, files
+from toeplitz_mg.cli.report import EXIT_STATUS
 from toeplitz_mg.paper.problems import TESTS
-
-Preconditioner = Callable[[LinearOperator], LinearOperator]
 
 PRECONDITIONERS: dict[str, Preconditioner] = {
     "default": tmg.default_preconditioner,
@@ -27,7 +24,7 @@ PRECONDITIONERS: dict[str, Preconditioner] = {
     "spectral": tmg.spectral_preconditioner,
 }
 
-MOST = 2**40  # Elements of the paper's problems: a vector of 8 TiB, which no memory holds.
+MOST = 2**40  # Most elements of a problem of the paper: no memory holds a vector of 8 TiB.
 
 
 class Cycle(NamedTuple):
@@ -99,8 +96,8 @@ DEFAULTS: dict[str, Any] = {
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    # Without defaults, so that an option counts wherever it stands, and a stray one is seen.
-    # No abbreviations: --n would be taken for --nu.
+    # Without defaults an option counts wherever it stands, and a stray one is seen. There are no
+    # abbreviations: --n would be taken for --nu.
     bare: Any = {"argument_default": argparse.SUPPRESS, "allow_abbrev": False}
     main = argparse.ArgumentParser(
         prog="toeplitz-mg",
@@ -108,7 +105,7 @@ def parser() -> argparse.ArgumentParser:
         "test 1 with 2^20 unknowns, by the V(0,1) cycle with the FFT+RSM smoother. "
         "The command solve takes a system of your own, the command contact solves a contact "
         "problem.",
-        epilog="Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted.",
+        epilog=EXIT_STATUS,
         **bare,
     )
     main.add_argument("--version", action="version", version=f"toeplitz-mg {tmg.__version__}")

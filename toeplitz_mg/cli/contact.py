@@ -27,7 +27,7 @@ from toeplitz_mg.contact import (
 
 MARGIN = 1.3  # Side of the grid over the length of the contact by Hertz's theory.
 TANGENTIAL = "tangential traction"  # Name of the second result, where there is one.
-CREEPAGE = -0.002  # Longitudinal creepage, where none is given.
+CREEPAGE = -0.002  # Longitudinal creepage (slip over distance) where no creepage is given.
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Case:
     Attributes
     ----------
     options : Namespace
-        What the user asked for, complete.
+        What the user asked for, with the defaults.
     theory : Hertz
-        The contact that is expected.
+        The contact that Hertz's theory expects.
     shape : tuple of int
         Elements of the grid along each axis.
     h : float
@@ -80,7 +80,7 @@ class Case:
 
     @property
     def title(self) -> str:
-        """What it is."""
+        """A line that says what is solved."""
         o = self.options
         radii = " and ".join(f"{r:g}" for r in dict.fromkeys(o.radius))
         body = "cylinder" if o.line else "sphere" if len(set(o.radius)) == 1 else "ellipsoid"
@@ -89,7 +89,7 @@ class Case:
 
     @property
     def common(self) -> dict[str, Any]:
-        """What all solvers are given."""
+        """The arguments that all solvers are given."""
         o = self.options
         material = o.G, o.nu
         return {"material": material, "tolerance": o.tolerance, "progress": print_step}
@@ -134,13 +134,13 @@ class Case:
         return rolling(self.bound(pressed), self.element, **creepages, **self.common)
 
     def bound(self, pressed: ContactResult) -> Array:
-        """The traction bound of the pressures: zero outside the contact, whatever the friction."""
+        """Return the traction bound of the pressures: zero outside the contact, at any friction."""
         g = np.zeros_like(pressed.traction)
         g[pressed.contact] = self.options.friction * pressed.traction[pressed.contact]
         return g
 
     def components(self, values: Sequence[float]) -> Any:
-        """A number in line contact, else two."""
+        """Return a load along the surface: a number in line contact, else two."""
         return values[0] if self.options.line else (*values, 0.0)[:2]
 
 
@@ -158,7 +158,7 @@ def run(given: argparse.Namespace) -> int:
         _print_doubts([error.result])
         return 1
     seconds = perf_counter() - start
-    if options.output is not None:  # first, so that it does not depend on what can be printed
+    if options.output is not None:  # First, so that it does not depend on what can be printed.
         files.save_fields(options.output, fields(case, results))
     _print_report(case, results, seconds)
     if options.output is not None:
@@ -192,7 +192,7 @@ def _check_slides_not(case: Case) -> None:
     if o.case != "shift" or o.tangential is None:
         return
     wanted, most = math.hypot(*o.tangential), o.friction * case.theory.force
-    # By an approach the force is known by theory, within the error of the grid.
+    # Where the approach is given, theory says the force, within the error of the grid.
     if wanted >= most:
         raise ValueError(f"--tangential is {wanted:g}, but friction carries less than {most:.6g}")
 
@@ -200,7 +200,7 @@ def _check_slides_not(case: Case) -> None:
 def _solve(name: str, solve: Callable[[], ContactResult]) -> ContactResult:
     print(f"\n{name}\n  products   violation", flush=True)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ContactWarning)  # they are printed below the figures
+        warnings.simplefilter("ignore", ContactWarning)  # They are printed below the figures.
         result = solve()
     print_step(result.products, result.residual)
     return result
@@ -248,9 +248,9 @@ def _tangential_figures(
     part = float(np.linalg.norm(result.force)) / carried
     share = float(result.stick.sum()) / max(1.0, float(result.contact.sum()))
     sticks, force = None, None
-    if o.case == "shift":  # Cattaneo and Mindlin, for ν = 0 or line contact
+    if o.case == "shift":  # Cattaneo and Mindlin are exact for ν = 0 and line contact.
         sticks = (1.0 - min(part, 1.0)) ** (0.5 if o.line else 2.0 / 3.0)
-    elif o.line:  # Carter
+    elif o.line:  # Carter's theory says both.
         sticks = max(0.0, 1.0 - abs(result.rigid) * o.radius[0] / (o.friction * a))
         force = 1.0 - sticks**2
     return [

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from toeplitz_mg.cli import files
+from toeplitz_mg.cli.report import EXIT_STATUS
 from toeplitz_mg.values import in_range
 
 CASES = ("hertz", "shift", "rolling")
-FEWEST, MOST = 8, 2**24  # Elements along the longer side: the contact needs a few to be one.
-FORCE = 100.0  # N or N/mm, where neither the force nor the approach is given.
+FEWEST, MOST = 8, 2**24  # Limits of the elements along a side: a contact needs a few to be one.
+FORCE = 100.0  # Normal force, N or N/mm, where neither it nor the approach is given.
 
 
 @dataclass(frozen=True)
@@ -22,15 +23,15 @@ class Option:
     Attributes
     ----------
     help : str
-        With the unit, and the default where it is no plain value.
+        What the option is, with its unit, and its default where that is no plain value.
     kind : type
-        float, int, bool or Path.
+        The type of its values: float, int, bool or Path.
     most : int
         How many values it takes at most.
     cases : tuple of str
-        The cases that it is for.
+        The cases that the option is for.
     default : object
-        What it is where it is not given.
+        The value where none is given.
     positive : bool
         Whether its numbers must be positive.
     infinite : bool
@@ -101,7 +102,7 @@ METAVARS = {"output": "FIELDS.npz", "plot": "FILE"}
 
 
 def add_parser(commands: Any, **bare: Any) -> None:
-    """Add the command to the others."""
+    """Add the command `contact` to the others."""
     parser = commands.add_parser(
         "contact",
         help="contact of two elastic bodies",
@@ -110,7 +111,7 @@ def add_parser(commands: Any, **bare: Any) -> None:
         "Units are N and mm.",
         epilog="A negative number with an exponent is --longitudinal=-2e-3. "
         "Files are written whole or not at all, and only where the solver has converged. "
-        "Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted.",
+        + EXIT_STATUS,
         **bare,
     )
     parser.add_argument("case", nargs="?", choices=CASES, default=None, help="what to do")

@@ -31,7 +31,7 @@ def load(path: Path) -> Array:
     with path.open("rb") as file:
         try:
             array = np.load(file, allow_pickle=False)
-        except MemoryError:  # of the array, or of the parser of its header
+        except MemoryError:  # The array is too large, or its header.
             raise ValueError(f"{path} needs more memory than there is") from None
         except Exception as error:  # NumPy parses the header as Python, so it may be any of many.
             raise ValueError(f"{path} is not a NumPy file of numbers (.npy): {error}") from None
@@ -48,7 +48,7 @@ def check_files(written: Sequence[Path | None], read: Sequence[Path | None]) -> 
     Parameters
     ----------
     written, read : sequence of Path or None
-        What is to be written, and what is read; None stands for no file.
+        The files to be written, and those that are read; None stands for no file.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def _check_writable(path: Path) -> None:
         return
     if not os.access(path, os.W_OK):
         raise PermissionError(f"{path} is not writable")
-    with suppress(OSError):  # of a closed standard output, or one without a file
+    with suppress(OSError):  # A standard output may be closed, or without a file.
         if not stat.S_ISCHR(old.st_mode) and os.path.samestat(old, os.fstat(STANDARD_OUTPUT)):
             raise ValueError(f"{path} is the standard output, but the report is printed there")
 
@@ -100,7 +100,7 @@ def _is_same(one: Path, other: Path) -> bool:
 
 
 def _status(path: Path) -> os.stat_result | None:
-    """What `path` is, behind its links; None where there is nothing yet."""
+    """Return what `path` is, behind its links; None where there is nothing yet."""
     try:
         return path.stat()
     except FileNotFoundError:
@@ -108,7 +108,7 @@ def _status(path: Path) -> os.stat_result | None:
 
 
 def _target(path: Path) -> Path:
-    """Where a link leads, so that it stays a link to what is written."""
+    """Return where a link leads, so that it stays a link to what is written."""
     return Path(os.path.realpath(path))
 
 
@@ -116,7 +116,7 @@ def check_plotting(path: Path) -> None:
     """Raise ValueError where matplotlib is not installed, or cannot draw such a file."""
     if find_spec("matplotlib") is None:
         raise ValueError("drawing needs matplotlib: pip install 'toeplitz-mg[plot]'")
-    from matplotlib.backend_bases import FigureCanvasBase  # an extra, and slow to import
+    from matplotlib.backend_bases import FigureCanvasBase  # It is an extra.
 
     kinds = FigureCanvasBase.get_supported_filetypes()
     if path.suffix.lower().removeprefix(".") not in kinds:
@@ -172,7 +172,7 @@ def plot(
     left, right = figure.subplots(1, 2)
     # It has the name of a file, so there may be a $ in it, or bytes that are no characters.
     figure.suptitle(title.encode(errors="backslashreplace").decode(), parse_math=False)
-    grid, x = _spread(solution, mask), None if x is None else _spread(x, mask)
+    grid, x = spread(solution, mask, np.nan), None if x is None else spread(x, mask, np.nan)
     if grid.ndim == 2 and min(grid.shape) > 1:
         image = left.imshow(grid.T, origin="lower")
         figure.colorbar(image, ax=left)
@@ -191,11 +191,11 @@ def plot(
     save_figure(path, figure)
 
 
-def _spread(values: Array, mask: Array | None) -> Array:
-    """Return values on a grid, NaN outside its mask."""
+def spread(values: Array, mask: Array | None, outside: float) -> Array:
+    """Return values on the grid of a mask, with the same number everywhere outside of it."""
     if mask is None:
         return values
-    grid = np.full(mask.shape, np.nan)
+    grid = np.full(mask.shape, outside, values.dtype)
     grid[mask] = values
     return grid
 
@@ -221,8 +221,8 @@ def _replace(target: Path, old: os.stat_result | None, data: bytes) -> None:
     part = target.with_name(f".{secrets.token_hex(8)}.part")
     mode = 0o666 if old is None else stat.S_IMODE(old.st_mode)
     try:
-        # In the same folder, as only there one file replaces another in a single step; and never
-        # readable by more than the old one.
+        # It is in the same folder, as only there one file replaces another in a single step; and
+        # never readable by more than the old one.
         with open(part, "xb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
             if old is not None:
                 _keep_rights(part, old)
@@ -235,6 +235,6 @@ def _replace(target: Path, old: os.stat_result | None, data: bytes) -> None:
 
 
 def _keep_rights(part: Path, old: os.stat_result) -> None:
-    with suppress(PermissionError, AttributeError):  # for root only, and not on Windows
+    with suppress(PermissionError, AttributeError):  # Only root may, and not on Windows.
         os.chown(part, old.st_uid, old.st_gid)
     part.chmod(stat.S_IMODE(old.st_mode))

@@ -16,13 +16,13 @@ class Hertz:
     Attributes
     ----------
     half_axes : (float, float)
-        Of the contact along x and y, mm; in line contact the second is 0.
+        Half axes of the contact along x and y, mm; in line contact the second is 0.
     force : float
-        N; in line contact N/mm.
+        The force that presses, N; in line contact N/mm.
     largest : float
-        Pressure, N/mm².
+        The largest pressure, N/mm².
     approach : float or None
-        mm; in line contact it is open by a constant.
+        The approach of the bodies, mm; in line contact it is open by a constant.
     """
 
     half_axes: tuple[float, float]
@@ -32,13 +32,13 @@ class Hertz:
 
     @property
     def area(self) -> float:
-        """Of contact, mm²; in line contact its width, mm."""
+        """The area of contact, mm²; in line contact its width, mm."""
         a, b = self.half_axes
         return math.pi * a * b if b else 2.0 * a
 
     @classmethod
     def line(cls, radius: float, modulus: float, force: float) -> "Hertz":
-        """A cylinder, with the modulus E* (N/mm²)."""
+        """Return the contact of a cylinder, by its modulus E* (N/mm²) and its force."""
         a = math.sqrt(4.0 * force * radius / (math.pi * modulus))
         return cls((a, 0.0), force, 2.0 * force / (math.pi * a), None)
 
@@ -50,7 +50,7 @@ class Hertz:
         force: float | None,
         approach: float | None,
     ) -> "Hertz":
-        """An ellipsoid with the modulus E* (N/mm²), by its force or its approach."""
+        """Return the contact of an ellipsoid, by its modulus E* (N/mm²) and force or approach."""
         R1, R2 = max(radii), min(radii)
         if R1 > FLATTEST * R2:
             raise ValueError(
@@ -76,11 +76,11 @@ class Hertz:
 
 
 def _integrals(ratio: float) -> tuple[float, float]:
-    """K and D = (K - E)/e² of the elliptic integrals, by the ratio of the half axes."""
+    """Return the elliptic integrals K and D = (K - E)/e², by the ratio of the half axes."""
     return float(elliprf(0.0, ratio**2, 1.0)), float(elliprd(0.0, ratio**2, 1.0)) / 3.0
 
 
 def _radii(ratio: float) -> float:
-    """The ratio of the radii of curvature."""
+    """Return the ratio of the radii of curvature, by that of the half axes."""
     K, D = _integrals(ratio)
     return (K - D) / (ratio**2 * D)

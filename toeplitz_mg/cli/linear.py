@@ -25,20 +25,16 @@ class System:
     A: LinearOperator
     b: Array
     mask: Array | None
-    x: Array | None = None  # centres of the elements, for the plot
-    on_grid: bool = False  # whether the solution is wanted on the whole grid of the mask
+    x: Array | None = None  # The centres of the elements, mm, for the plot.
+    on_grid: bool = False  # Whether the solution is wanted on the whole grid of the mask.
 
     def residual(self, x: Array) -> float:
         """Return ‖b - A x‖ / ‖b‖."""
         return _size(self.b - self.A @ x) / _size(self.b)
 
     def on_its_grid(self, x: Array) -> Array:
-        """Return a solution as the right-hand side was given: of the unknowns, or on the grid."""
-        if not self.on_grid or self.mask is None:
-            return x
-        grid = np.zeros(self.mask.shape, x.dtype)
-        grid[self.mask] = x
-        return grid
+        """Return a solution in the shape of the right-hand side: the unknowns, or the grid."""
+        return files.spread(x, self.mask if self.on_grid else None, 0.0)
 
 
 @dataclass(frozen=True)
@@ -46,11 +42,11 @@ class Solution:
     """What an iteration has found, and what that took."""
 
     x: Array
-    residuals: list[float]  # relative to b: of the first guess, and after each iteration
-    residual: float  # the last one
+    residuals: list[float]  # ‖b - A x‖/‖b‖ of the first guess, and after each iteration.
+    residual: float  # ‖b - A x‖/‖b‖ of the solution.
     converged: bool
-    units: float  # of work
-    seconds: float
+    units: float  # The work, in products with the matrix on the whole grid.
+    seconds: float  # The time of the iteration, without that of the display.
 
 
 @dataclass
@@ -59,7 +55,7 @@ class Progress:
 
     system: System
     residuals: list[float] = field(default_factory=list)
-    points: float = 0.0  # of the products of the display
+    points: float = 0.0  # Points of the transforms that the display itself has taken.
     seconds: float = 0.0
 
     def __call__(self, x: Array) -> None:
@@ -89,7 +85,7 @@ def run(
     print(f"{system.title}\n{'CG with ' if options.solver == 'cg' else ''}{method}\n")
     solution = iterate(system, M, options)
     written = solution.converged and options.output is not None
-    if written:  # first of all, so that the solution does not depend on what can be printed
+    if written:  # First of all, so that the solution does not depend on what can be printed.
         files.save(options.output, system.on_its_grid(solution.x))
     print_report(solution, setup, published(label))
     if written:
@@ -102,7 +98,7 @@ def run(
 
 
 def check_right_hand_side(b: Array) -> None:
-    """Refuse one that has no relative residual."""
+    """Refuse a right-hand side that no residual can be relative to."""
     if not b.any():
         raise ValueError("the right-hand side is zero: there is nothing to solve")
     if not np.isfinite(_size(b)):
@@ -165,5 +161,5 @@ def print_report(solution: Solution, setup: float, published: str) -> None:
 
 
 def _size(v: Array) -> float:
-    # In float64, whatever v is: numbers of float32 may have a norm that is none.
+    # The norm is taken in float64, as that of numbers of float32 may be no number of float32.
     return float(norm(v.astype(np.float64, copy=False), check_finite=False))

@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         report.print_any_character()
         given = parser().parse_args(arguments)
         status = COMMANDS[given.command](given)
-        print(end="", flush=True)  # so that a full disk is noticed here, not at exit
+        print(end="", flush=True)  # A full disk is to be noticed here, not at exit.
         return status
     except (ValueError, TypeError, np.linalg.LinAlgError, OSError) as error:
         return _fail(f"toeplitz-mg: error: {error}")
@@ -45,11 +45,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _fail(message: str, status: int = 2) -> int:
     """Say in one line why there is no result, and return the exit status."""
-    with suppress(OSError):  # Where not even this can be printed, the status says it.
+    with suppress(OSError):  # If not even this can be printed, the status says it.
         print(" ".join(message.splitlines()), file=sys.stderr)
     try:
         print(end="", flush=True)
     except OSError:  # At exit Python would try once more, with a traceback.
-        with suppress(OSError):  # of a stream without a file
+        with suppress(OSError):  # The stream may have no file.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return status

@@ -17,11 +17,11 @@ def run(given: argparse.Namespace) -> int:
     title = f"Test {options.test} of the paper with {options.n} elements"
     mask = problem.A.mask if isinstance(problem.A, MaskedOperator) else None
     system = System(title, problem.A, problem.b, mask, problem.x)
-    return linear.run(system, options, lambda label: _published(label, options))
+    return linear.run(system, options, lambda label: _format_published(label, options))
 
 
-def _published(label: str, options: argparse.Namespace) -> str:
-    """What the paper has in the place of the last line, as far as it is legible."""
+def _format_published(label: str, options: argparse.Namespace) -> str:
+    """Return what the paper has in the place of the last line, as far as it is legible."""
     log_n = options.n.bit_length() - 1
     if options.n != 2**log_n or options.rtol != 1e-8 or options.solver == "cg":
         return ""
@@ -36,7 +36,7 @@ def _published(label: str, options: argparse.Namespace) -> str:
         return ""
     if cell is not None:
         iterations, factor = str(cell.iterations), f"{cell.factor:.4f}"
-    else:  # the cell is illegible, but Table VI gives it away
+    else:  # The cell is illegible, but Table VI gives it away.
         factor, a_step = "", 2 if is_solver else published.UNITS_PER_CYCLE[label]
         iterations = str((units or 0) // a_step)
     line = f"{'the paper':12s}{iterations:>10s}   {factor:>6s}   {units or '':>10}"

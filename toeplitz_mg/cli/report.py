@@ -3,10 +3,12 @@
 import io
 import sys
 
+EXIT_STATUS = "Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted."
+
 
 def print_any_character() -> None:
     """Print what the terminal does not have as its number, so that no result is lost at a "²"."""
-    failing = ("strict", "surrogateescape")  # Others, as by PYTHONIOENCODING, were asked for.
+    failing = ("strict", "surrogateescape")  # Any other was asked for, as by PYTHONIOENCODING.
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in failing:
         sys.stdout.reconfigure(errors="backslashreplace")
 

@@ -17,7 +17,7 @@ from toeplitz_mg.contact.products import Products
 from toeplitz_mg.solvers.projected_gradients import descend, energy
 
 STRIKES = 3  # Changes of the sets in a row without a lower energy, after which gradients descend.
-TIGHTER = 0.1  # Factor, at each of those changes, of the misfit that is left on the sets.
+TIGHTER = 0.1  # Factor of the misfit left on the sets, at a change that does not lower the energy.
 RESCUE = 40  # Steps of projected gradients: enough to leave the sets that come back.
 
 
@@ -83,9 +83,9 @@ def find_sets(
     b : ndarray
         The right-hand side in the energy ½ x·Ax - b·x.
     eta : float
-        As `Search.advance` has it in the beginning.
+        The misfit that is left on the first sets, as `Search.advance` takes it.
     tolerance : float
-        Of the residual.
+        The residual that is small enough.
     progress : callable, optional
         Called as ``progress(products, residual)`` before each change of the sets.
 
@@ -95,7 +95,7 @@ def find_sets(
     law : object
         What is wrong with it.
     iterations : tuple of int
-        Those on the sets, one after the other.
+        The iterations on the sets, one after the other.
     """
     now = Iterate(x, A(x) if x.any() else np.zeros_like(x), sets)
     strikes, lowest = 0, np.inf

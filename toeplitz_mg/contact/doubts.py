@@ -14,9 +14,11 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.halfspace import CombinedMaterial
 
 FEWEST = 10  # Elements across a contact below which its area and pressures are rough guesses.
-STEEP = 1.0  # Slope: half-spaces are for slopes far below it.
-MOSTLY = 0.5  # Share of the grid above which it is steep as a whole, and not at a few steps.
-HARD = 0.5  # Mean pressure over E*: under a sphere, where the contact is as wide as the sphere.
+STEEP = 1.0  # Slope from which the gap is steep: half-spaces are for slopes far below it.
+MOSTLY = 0.5  # Share of the grid that is steep, above which that is more than a few steps.
+# Mean pressure over E*, above which linear elasticity is no description: a sphere has it where the
+# contact is nearly as wide as the sphere.
+HARD = 0.5
 FLAT = 1e-6  # Sag of the gap between two edges, over the interference, of what is a flat punch.
 REVERSED = -0.9  # Correlation of the mean gap with a parabola: that of a reversed sphere is -1.
 UNCOUPLED = 1e-3  # Difference parameter below which the coupling is below the error of most grids.
@@ -26,7 +28,7 @@ class ContactWarning(UserWarning):
     """The answer is right for the numbers given, but they may not be what was meant.
 
     The grid may be too small or too coarse for the contact, a unit or a sign another than was
-    thought, or the problem beyond the theory of half-spaces. What `ContactResult.warnings` lists.
+    thought, or the problem beyond the theory of half-spaces. `ContactResult.warnings` lists all.
     """
 
 
@@ -50,7 +52,7 @@ def of_pressures(grid: Grid, z: Array, p: Array, interference: float) -> tuple[s
 def of_bound(grid: Grid, contact: Array) -> tuple[str, ...]:
     """Return the doubts about a tangential problem whose bound says that this is in contact.
 
-    As it is given, the edge of the grid is of no importance.
+    Where the bound ends is given, so that the edge of the grid is of no importance.
     """
     return (*_of_resolution(contact), *_of_coupling(grid))
 
@@ -63,7 +65,8 @@ def _of_units(grid: Grid, z: Array, contact: Array) -> Iterator[str]:
             f"the gap varies by {depth:.3g} on a grid of length {length:.3g}: heights and elements "
             "must be in the same unit"
         )
-    most, in_contact = 0.0, 0.0  # Share of the grid that is steep, and largest slope in contact.
+    # The share of the grid that is steep, and the largest slope in contact.
+    most, in_contact = 0.0, 0.0
     for axis, h in enumerate(grid.element[: z.ndim]):
         behind = (slice(None),) * axis
         after, before = (*behind, slice(1, None)), (*behind, slice(-1))
@@ -97,7 +100,7 @@ def _of_resolution(contact: Array) -> Iterator[str]:
 
 
 def _longest_run(contact: Array, axis: int) -> int:
-    """The largest number of elements in contact that follow each other along an axis."""
+    """Return the largest number of elements in contact that follow each other along an axis."""
     rows = np.moveaxis(contact, axis, -1)
     ends = np.zeros((*rows.shape[:-1], 1), bool)
     runs = np.concatenate([ends, rows, ends], axis=-1).ravel()
@@ -143,7 +146,7 @@ def _of_edge(z: Array, contact: Array, interference: float) -> Iterator[str]:
 
 
 def _largest_sag(z: Array, axis: int) -> float:
-    """The largest distance of the gap from the straight lines between its ends along an axis."""
+    """Return the largest distance of the gap from the lines between its ends along an axis."""
     z = np.moveaxis(z, axis, 0)
     t = np.linspace(0.0, 1.0, len(z)).reshape(-1, *(1,) * (z.ndim - 1))
     return float(np.abs(z - (1.0 - t) * z[0] - t * z[-1]).max())

@@ -56,7 +56,8 @@ class Grid:
         if not all(0.0 < h < np.inf for h in sizes):
             raise ValueError(f"element is {element}, but its sizes must be positive and finite")
         checked = halfspace.combined_material(material, material)
-        if not isinstance(material, CombinedMaterial):  # which knows what it was combined of
+        # A combined material also knows by how much its two parts differ.
+        if not isinstance(material, CombinedMaterial):
             material = checked
         for name, value in (("element", min(sizes)), ("element", max(sizes)), ("G", material.G)):
             in_range(name, value)
@@ -76,18 +77,18 @@ class Grid:
 
     @property
     def components(self) -> int:
-        """Of a tangential traction: one in line contact, two on a surface."""
+        """The components of a tangential traction: one in line contact, two on a surface."""
         return len(self.shape)
 
     def centres(self) -> tuple[Array, ...]:
-        """The centres of the elements along each axis, zero in the middle of the grid."""
+        """Return the centres of the elements along each axis, zero in the middle of the grid."""
         return tuple(
             h * (np.arange(n) - (n - 1) / 2.0)
             for n, h in zip(self.shape, self.element, strict=False)
         )
 
     def coarser(self) -> "Grid | None":
-        """The grid of elements twice the size, or None where that would be too coarse."""
+        """Return the grid of elements twice the size, or None where that would be too coarse."""
         if max(self.shape) <= COARSEST:
             return None
         halved = [n > 1 for n in self.shape] + [False] * (len(self.element) - len(self.shape))
@@ -121,7 +122,7 @@ class Grid:
     def upstream(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements one element ahead, at x + h1.
 
-        There was, one step before, what is here now, when the contact rolls towards positive x.
+        When the contact rolls towards positive x, what is here now was there one step before.
         """
         return self._tangential(1)
 
@@ -131,7 +132,8 @@ class Grid:
         def block(quadrant: Array, sign: float = 1.0) -> ToeplitzOperator:
             if ahead == 0 and sign == 1.0:
                 return ToeplitzOperator(quadrant)
-            return ToeplitzOperator.from_lags(_mirror(quadrant, sign)[2 * ahead :])  # a(d + ahead)
+            # The coefficient at the offset d is that of the kernel at d + ahead.
+            return ToeplitzOperator.from_lags(_mirror(quadrant, sign)[2 * ahead :])
 
         if len(self.element) == 1:
             return block(self._plane_strain(shape[0]))

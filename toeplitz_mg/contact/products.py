@@ -18,7 +18,7 @@ class Products:
     Parameters
     ----------
     A : LinearOperator
-        Of as many unknowns as a field has numbers.
+        A matrix of as many unknowns as a field has numbers.
     limit : int
         The number of products after which it is `exhausted`.
 

@@ -23,8 +23,8 @@ class ContactResult:
     traction : ndarray
         The pressure, or the tangential traction, N/mm².
     displacement : ndarray
-        Of both bodies together, along the traction, mm, in rolling too. In tangential contact it
-        is given, as the slip is, for the elements in contact, and zero elsewhere.
+        The displacement of both bodies together along the traction, mm, in rolling too. In
+        tangential contact it is given, as the slip is, in contact only, and zero elsewhere.
     contact : ndarray of bool
         Where the bodies touch: the pressure is positive, or the traction bound is.
     force : float or ndarray of shape (2,)
@@ -50,7 +50,7 @@ class ContactResult:
         All work, that on coarser grids, in preconditioners and in transforms of coefficients
         too, in such products.
     iterations : tuple of int
-        Of the Krylov method on this grid, between two changes of the areas.
+        Iterations of the Krylov method on this grid, between two changes of the areas.
     warnings : tuple of str
         Why the answer may not be of the problem that was meant, each of which is a
         `ContactWarning` too: the grid too small or too coarse, a unit or a sign mistaken, or
@@ -112,7 +112,7 @@ class ContactResult:
             Where matplotlib is not installed.
         """
         try:
-            from matplotlib import pyplot as plt  # an extra, and slow to import
+            from matplotlib import pyplot as plt  # It is an extra, and slow to import.
         except ImportError as error:
             raise ImportError("plot() needs matplotlib: pip install 'toeplitz-mg[plot]'") from error
         if ax is None:

@@ -28,15 +28,15 @@ def share(work: Work, count: int, points: int) -> None:
     others: list[Future[None]] = []
     try:
         for part in parts[1:]:
-            others.append(threads.submit(_do, [work], part))
+            others.append(threads.submit(do_part, [work], part))
         work(parts[0])
     finally:
-        _end(others)
+        wait_for_all(others)
     for other in others:
         other.result()
 
 
-def _do(work: list[Work], part: range) -> None:
+def do_part(work: list[Work], part: range) -> None:
     """Do a part of this one work, and let go of it.
 
     A thread keeps its arguments a moment longer than its caller waits. It must not keep a
@@ -45,7 +45,7 @@ def _do(work: list[Work], part: range) -> None:
     work.pop()(part)
 
 
-def _end(others: list[Future[None]]) -> None:
+def wait_for_all(others: list[Future[None]]) -> None:
     """Wait for all, and only then pass on an interrupt."""
     interrupt: BaseException | None = None
     while not all(other.done() for other in others):

@@ -148,7 +148,7 @@ def test3(n: int) -> Problem:
     return Problem("test 3", A, np.full(A.shape[0], 0.0008), x[mask], h, STEEL)
 
 
-TESTS = {1: test1, 2: test2, 3: test3}  # By the numbers that the paper gives them.
+TESTS = {1: test1, 2: test2, 3: test3}  # The problems by the numbers that the paper gives them.
 
 
 def _centres(n: int) -> tuple[Array, float]:

@@ -16,9 +16,10 @@ from toeplitz_mg.solvers.checks import System, check_operator, check_system
 from toeplitz_mg.solvers.scaling import exponents
 
 RELIABLE = 1e-3  # Relative error of an `inner` residual that does not disturb the iteration.
-LEAST_FALL, FIRST_FALL = 1e-5, 0.1  # Fall of an `inner` residual before it is computed anew.
-MOST_FALL = 0.5  # The same where the residual is rough: computing it more often costs too much.
-DRIFT = 10.0  # Goals that the true residual may be off: one digit, where rounding sets in.
+# Factors by which ‖r‖ falls before an `inner` residual is computed anew: the least, the first, and
+# that where the residual is rough, as to compute it more often costs too much.
+LEAST_FALL, FIRST_FALL, MOST_FALL = 1e-5, 0.1, 0.5
+DRIFT = 10.0  # Goals that the true residual may reach: one digit more, where rounding sets in.
 STARTS = 2  # Starts of the iteration: rounding that spoils the second will spoil a third.
 
 
@@ -137,7 +138,7 @@ def _descend(
         if state.iterations == system.maxiter:
             return False
         length = iteration.step(state.r)
-        if length == 0.0:  # A or M is not positive definite, or not finite
+        if length == 0.0:  # A or M is not positive definite, or not finite.
             return False
         state.step(length, iteration)
         if callback is not None:
@@ -178,10 +179,11 @@ class _Iterate:
         self._x = np.zeros(n, self.dtype) if guess is None else guess.astype(self.dtype)
         r = self._b
         if guess is not None:
-            with np.errstate(over="ignore", invalid="ignore"):  # reported by info
+            with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
                 r = self._b - apply_to_rows(A, self._x)
         exponent = max(int(exponents(v)[0]) for v in (self._b, r))
-        self.scale = 2.0 ** (exponent - 1)  # the largest entry is from 1 to 2: float32 has this
+        # The largest entry is then from 1 to 2, so that the vectors are in the range of float32.
+        self.scale = 2.0 ** (exponent - 1)
         if inner is None:
             self.A = A
             self.y, self._y_scale = self._x, self.scale
@@ -194,7 +196,7 @@ class _Iterate:
             self.y, self._y_scale = np.zeros(n, self.A.dtype), 1.0
         self.r = (r / self.scale).astype(self.y.dtype, copy=False)
         self.iterations = 0
-        self._is_true = True  # r is that of x, and not of the recurrence
+        self._is_true = True  # Whether r is that of x, and not that of the recurrence.
         self._last = norm(self.r)
         self._fall = FIRST_FALL
 
@@ -208,7 +210,7 @@ class _Iterate:
         return self._x if self.y is self._x else self._x + self._from_inner()
 
     def _from_inner(self) -> Array:
-        # In the precision of x: that of y may not have numbers as large, or as small.
+        # The sum is in the precision of x: that of y may not have numbers as large, or as small.
         return self.y.astype(self.dtype) * self.scale
 
     def step(self, length: float, iteration: ConjugateGradients) -> None:
@@ -232,7 +234,7 @@ class _Iterate:
         if self.y is not self._x:
             self._x += self._from_inner()
             self.y[:] = 0.0
-        with np.errstate(over="ignore", invalid="ignore"):  # reported by info
+        with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
             r = self._b / self.scale - apply_to_rows(self._A, self._x / self.scale)
             error = norm(r - self.r) / self._last
         self._fall = min(max(error / RELIABLE, LEAST_FALL), MOST_FALL)

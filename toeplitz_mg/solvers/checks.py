@@ -12,7 +12,7 @@ from toeplitz_mg.values import count, real, refuse_masked
 
 
 class System(NamedTuple):
-    """A x = b with a preconditioner and a first guess, checked, all vectors of shape (n,)."""
+    """A system A x = b, a preconditioner and a first guess, all checked, of shape (n,)."""
 
     A: LinearOperator
     M: LinearOperator | None

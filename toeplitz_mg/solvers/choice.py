@@ -17,7 +17,7 @@ from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.inverse import first_column
 from toeplitz_mg.solvers.system import ToeplitzSystem
 
-MOST_ITERATIONS = 16  # Of CG, after which the inverse would have cost no more than twice that.
+MOST_ITERATIONS = 16  # Most iterations of CG: the inverse costs at most twice as much.
 FEW = 2  # Most columns for which the inverse is not worth its set-up.
 LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in n³/3 operations.
 
@@ -50,10 +50,10 @@ def methods(system: ToeplitzSystem) -> Iterator[Method]:
     if not levinson_is_faster(n, columns) and system.is_symmetric:
         if columns <= FEW:
             yield from _cg_method(system.A)
-        # Whatever the symbol, if only A is positive definite.
+        # The inverse needs no more of the symbol than that A is positive definite.
         yield from _inverse_method(system.A)
         if _steps_of_levinson(n, columns) <= MOST_STEPS:
-            yield _levinson_method(system)  # A is indefinite, or singular
+            yield _levinson_method(system)  # A is indefinite, or singular.
     else:
         yield _levinson_method(system)
     if n <= LARGEST_DENSE:
@@ -75,19 +75,19 @@ def _steps_of_levinson(n: int, columns: int) -> int:
 def _cg_method(A: ToeplitzOperator) -> Iterator[Method]:
     """Yield CG with the preconditioners that `default_preconditioner` takes first of a whole line.
 
-    But not with its last resorts, the first of which is as good as the inverse, and costs as much.
+    Its last resorts are left out: the first is as good as the inverse, and costs as much.
     """
     for candidate in candidates_of_line(A):
-        with suppress(np.linalg.LinAlgError):  # its eigenvalues are not positive
+        with suppress(np.linalg.LinAlgError):  # Its eigenvalues may not be positive.
             yield Method(f"cg, {candidate.name}", partial(_cg, A, candidate.make(A)))
 
 
 def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
     try:
         G = GohbergSemencul(first_column(A))
-    except np.linalg.LinAlgError:  # A is not positive definite
+    except np.linalg.LinAlgError:  # A is not positive definite.
         return
-    yield Method("toeplitz_inverse", lambda B, rtol: (G._matvec(B), 1))
+    yield Method("toeplitz_inverse", lambda B, rtol: (G.apply(B), 1))
 
 
 def _cg(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -> tuple[Rows, int]:

@@ -9,7 +9,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.vectors import combine, dots, norm
 
 CANCELLED = 0.5  # Part of a vector's size that may be left before it is made orthogonal again.
-EXHAUSTED = 1e-14  # Size of a new basis vector at which the space holds the solution, but rounding.
+EXHAUSTED = 1e-14  # Size of a new basis vector that is rounding: the space holds the solution.
 
 
 def gmres(

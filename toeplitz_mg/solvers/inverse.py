@@ -14,7 +14,7 @@ from toeplitz_mg.preconditioners.schur import schur_column
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.values import positive
 
-SOLVED = 1e-12  # ‖e₁ - A x‖ below which a step adds rounding as likely as it removes errors.
+MOSTLY_ROUNDING = 1e-12  # ‖e₁ - A x‖ below which a step adds as much rounding as it removes.
 
 
 class ToeplitzInverse(GridOperator):
@@ -38,15 +38,15 @@ class ToeplitzInverse(GridOperator):
         self.steps = steps
         n = A.shape[0]
         v = (1.0 + np.random.default_rng(0).standard_normal(n)).astype(A.dtype)
-        self.residual = float(norm(v - A._matvec(self._matvec(v))) / norm(v))
+        self.residual = float(norm(v - A.apply(self.apply(v))) / norm(v))
 
     @property
     def refined(self) -> "ToeplitzInverse":
-        """The same with one step of iterative refinement more: 2 G - G A G, at 3 work units."""
+        """The inverse with one step of refinement more, at 3 work units: 2 G - G A G from G."""
         return ToeplitzInverse(self.A, self.G, self.steps + 1)
 
     def apply(self, V: Array, out: Array | None = None) -> Array:
-        """As `GridOperator.apply`."""
+        """Multiply each row of `V` (see `GridOperator.apply`)."""
         X = self.G.apply(V)
         for _ in range(self.steps):
             X += self.G.apply(V - self.A.apply(X))
@@ -74,9 +74,9 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     Returns
     -------
     ToeplitzInverse
-        Of the shape and dtype of `A`, symmetric. A product, with one vector or many, costs four
-        complex transforms of length n: two work units. Its attribute `residual` is what was
-        measured; `refined` is the operator with a step of iterative refinement more.
+        A symmetric operator of the shape and dtype of `A`. A product, with one vector or many,
+        costs four complex transforms of length n: two work units. Its attribute `residual` is what
+        was measured; `refined` is the operator with a step of iterative refinement more.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def first_column(A: ToeplitzOperator) -> Array:
     G = GohbergSemencul(x)
     while (size := float(norm(r))) < 0.5 * residual:
         best, residual = x, size
-        if size <= SOLVED:
+        if size <= MOSTLY_ROUNDING:
             break
         x = x + G @ r
         r = unit - A @ x

@@ -59,7 +59,7 @@ def descend(
     for _ in range(products):
         new = project(y + (b - Ay) / norm_bound)
         new_u = A(new)
-        if dot(y - new, new - x) > 0.0:  # uphill: forget the momentum
+        if dot(y - new, new - x) > 0.0:  # It went uphill: forget the momentum.
             t = 1.0
         following = (1.0 + np.sqrt(1.0 + 4.0 * t * t)) / 2.0
         momentum = (t - 1.0) / following

@@ -4,7 +4,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 
-SMALLEST = float(np.finfo(np.float64).tiny)  # Below it float64 has fewer digits than 53 bits.
+SMALLEST = float(np.finfo(np.float64).tiny)  # Smallest number of which float64 has all 53 bits.
 
 
 def exponents(a: Array) -> Array:

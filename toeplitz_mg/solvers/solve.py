@@ -28,9 +28,9 @@ class SolveInfo(NamedTuple):
     """How `solve_toeplitz` has solved a system."""
 
     method: str
-    iterations: int  # of CG, most of all columns; and corrections by a direct method
-    residual: float  # ‖b - A x‖/‖b‖, the largest of all columns
-    backward_error: float  # ‖b - A x‖/(‖A‖₁ ‖x‖ + ‖b‖), the largest of all columns
+    iterations: int  # Iterations of CG, most of all columns; or solves by a direct method.
+    residual: float  # The largest ‖b - A x‖/‖b‖ of all columns.
+    backward_error: float  # The largest ‖b - A x‖/(‖A‖₁ ‖x‖ + ‖b‖) of all columns.
 
 
 @overload
@@ -168,7 +168,8 @@ def _solve(
         )
     is_complex = c.dtype.kind == "c" or r.dtype.kind == "c"
     dtype = np.complex128 if is_complex else np.float64
-    parts = 2 if b.dtype.kind == "c" and not is_complex else 1  # Real and imaginary ones.
+    # A real matrix is solved for the real and the imaginary parts side by side.
+    parts = 2 if b.dtype.kind == "c" and not is_complex else 1
     B = b if b.ndim == 1 else b.T if b.shape[1] != 1 else b[:, 0]
     if parts == 2:
         B = np.concatenate([np.atleast_2d(B.real), np.atleast_2d(B.imag)])

@@ -12,14 +12,14 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.operators import ToeplitzOperator
 
 SHORT = 1024  # Most unknowns of which a product by its definition is as fast as one by FFT.
-SMALL = 256  # The same for several vectors, and a matrix that has to be filled.
+SMALL = 256  # Most unknowns where a filled matrix is as fast, for several vectors.
 TINY = 1e-300  # Size in the place of zero, so that the relative error of zero is zero.
 USUAL = 1e-60, 1e60  # Sizes whose products, quotients and squares neither over- nor underflow.
 
 
 @dataclass
 class ToeplitzSystem:
-    """A X = B.
+    """The system A X = B of a Toeplitz matrix A.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class ToeplitzSystem:
 
     @cached_property
     def sizes(self) -> Array | float:
-        """The norms of the right-hand sides; of zero a tiny one, as it is to be divided by."""
+        """The norms of the right-hand sides; that of zero is tiny, as it is to be divided by."""
         return norms(self.B) + TINY
 
     @property
@@ -70,7 +70,7 @@ class ToeplitzSystem:
 
     @cached_property
     def A(self) -> ToeplitzOperator:
-        """The operator, of a real matrix."""
+        """The operator of A, where A is real."""
         return ToeplitzOperator(self.c) if self.is_symmetric else ToeplitzOperator(self.c, self.r)
 
     @cached_property

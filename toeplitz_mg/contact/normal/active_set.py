@@ -22,9 +22,10 @@ from toeplitz_mg.operators import ToeplitzOperator
 
 ETA = 0.5  # Misfit that is left on a set, relative to its violation, while the energy falls.
 ROUGH = 0.2  # Tolerance on a coarser grid, relative to the detail of the gap that it does not have.
-LEAST, MOST = 1.5e-3, 1e-2  # Limits of that tolerance: a finer guess, and a rougher, save nothing.
+# Limits of the tolerance on a coarser grid: a finer guess, and a rougher, save nothing.
+LEAST, MOST = 1.5e-3, 1e-2
 DAMPING = 0.5  # Part of Jacobi's step by which the pressures follow the detail of a finer grid.
-COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is a guess only.
+COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is but a guess.
 
 
 class State(NamedTuple):
@@ -41,9 +42,9 @@ class Law(NamedTuple):
     """What is wrong with pressures and a set."""
 
     look: Look
-    touching: float  # The approach at which nothing penetrates; that which is given, if it is.
+    touching: float  # The given approach, or else that at which nothing penetrates.
     interference: float  # The depth by which the bodies would penetrate each other.
-    residual: float  # The error of complementarity, relative to that.
+    residual: float  # The error of complementarity, relative to the interference.
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class Search:
     approach, force : float or None
         One of the two.
     tolerance : float
-        Of the complementarity, relative to the interference.
+        The error of the complementarity that is allowed, relative to the interference.
     progress : callable, optional
     """
 
@@ -108,7 +109,7 @@ class Search:
         return State(now.x, now.u, law.touching, law.residual, iterations)
 
     def _first_guess(self, *, nested: bool) -> tuple[Array, Array]:
-        """Pressures and elements in contact: from a coarser grid, or a superset of the contact."""
+        """Return pressures and elements in contact: of a coarser grid, or more than in contact."""
         coarse = self._coarser() if nested else None
         if coarse is not None:
             state = coarse.run(Products(coarse.matrix, COARSE_PRODUCTS), nested=True)
@@ -120,13 +121,13 @@ class Search:
         return np.full(self.z.shape, self.total / self.z.size), np.ones(self.z.shape, bool)
 
     def _coarser(self) -> "Search | None":
-        """The problem on a coarser grid, or None where that says nothing."""
+        """Return the problem on a coarser grid, or None where that says nothing."""
         grid = self.grid.coarser()
         if grid is None:
             return None
         z = coarsen(self.z, len(grid.shape))
         if self.approach is not None and not (z < self.approach).any():
-            return None  # the averages touch nowhere
+            return None  # The averages touch nowhere.
         detail = np.abs(self.z - refine(z, self.z.shape)).max() / (np.ptp(self.z) or 1.0)
         tolerance = float(np.clip(ROUGH * detail, LEAST, MOST))
         return Search(grid, z, self.approach, self.force, tolerance)
@@ -134,7 +135,7 @@ class Search:
     def _interpolate(self, coarse: State, ratio: float) -> Array:
         """Interpolate from a coarser grid, and follow the detail that it does not have.
 
-        A step of Jacobi's iteration, without a product, as displacements are smooth.
+        That is a step of Jacobi's iteration, without a product, as displacements are smooth.
         """
         p, u = (refine(x, self.z.shape) for x in (coarse.p, coarse.u))
         p = np.maximum(ratio * p - DAMPING * (u + self.z - coarse.approach), 0.0)
@@ -176,7 +177,7 @@ class Search:
                 return now, count
         p = now.x
         C = (C & ((p > 0.0) | ((p == 0.0) & change.below))) | (~C & change.below)
-        if not C.any():  # where it would touch first
+        if not C.any():  # It goes on where the bodies would touch first.
             C = self.z == self.lowest
         if p.min() < 0.0:
             p = self._clip(p)
@@ -184,11 +185,11 @@ class Search:
         return replace(now, sets=C), count
 
     def sets_of(self, p: Array) -> Array:
-        """The elements that are pressed."""
+        """Return the elements that are pressed."""
         return p > 0.0
 
     def _clip(self, p: Array) -> Array:
-        """Pressures without tension, of the given sum: near these, if not the nearest."""
+        """Return pressures without tension, of the given sum: near these, if not the nearest."""
         p = np.maximum(p, 0.0)
         return p if self.force is None else p * (self.total / p.sum())
 
@@ -196,7 +197,7 @@ class Search:
         """Return the nearest pressures without tension, of the given sum."""
         if self.force is None:
             return np.maximum(p, 0.0)
-        # Those of the given sum are max(p - c, 0) with the constant c that gives the sum.
+        # The nearest ones are max(p - c, 0), with the constant c that gives the sum.
         ordered = np.sort(p, axis=None)[::-1]
         c = (np.cumsum(ordered) - self.total) / np.arange(1, p.size + 1)
         return np.maximum(p - c[np.flatnonzero(ordered > c)[-1]], 0.0)

@@ -17,7 +17,7 @@ from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.vectors import axpy, dot
 
 REDUCTION = 1e-5  # Reduction of the misfit for which single precision is good.
-FAR = 1e30  # Misfits beyond which no sign changes any more: single precision ends at 1e38.
+FAR = 1e30  # Size of a misfit, beyond which no sign changes: single precision ends at 1e38.
 ANSWER = 0.9  # Part of the tolerance that is left to an answer in single precision.
 SHARP = 0.1  # Part of the tolerance beyond which no set is solved more exactly.
 LONG = 50  # Iterations after which the recurrence in single precision is not trusted.
@@ -31,7 +31,7 @@ class Area:
         self.size = int(np.count_nonzero(C))
 
     def mean(self, x: Array) -> float:
-        """The mean of a field in contact."""
+        """Return the mean of a field in contact."""
         return dot(x, self.mask) / self.size
 
 
@@ -45,11 +45,11 @@ class Look(NamedTuple):
     misfit: float  # The largest size of the gap in contact.
     tension: float  # The largest negative pressure.
     violation: float  # How wrong the set is: the tension, or the depth of penetration elsewhere.
-    error: float  # Of complementarity; where the approach is free, at that without penetration.
+    error: float  # The error of complementarity, at an approach, if free, without penetration.
 
     @classmethod
     def at(cls, p: Array, gap: Array, area: Area, *, balanced: bool) -> Self:
-        """Look at pressures and their gap; where the approach is free, at that less its mean."""
+        """Look at pressures and their gap; where the approach is free, at the gap less its mean."""
         mean = 0.0
         if balanced:
             mean = area.mean(gap)
@@ -128,7 +128,7 @@ def solve_on_set(
             break
         length = iteration.step(look.r)
         if length == 0.0:
-            break  # as what is left is lost in the rounding
+            break  # What is left is lost in the rounding.
         axpy(length, iteration.direction, v)
         axpy(length, iteration.product, Av)
         count += 1

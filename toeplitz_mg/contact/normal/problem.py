@@ -50,15 +50,15 @@ def normal_contact(
         Shear modulus (N/mm²) and Poisson's ratio of both bodies; of two materials, that of
         `halfspace.combined_material`. Against a rigid body, (2 G, nu).
     approach : float
-        Of the bodies, from where the gap is given, mm.
+        The approach of the bodies, from where the gap is given, mm.
     force : float
-        N; in plane strain N/mm. Either this or the approach is given.
+        The force that presses, N; in plane strain N/mm. Either this or the approach is given.
     reference : float, optional
         In plane strain, the distance at which a line load moves nothing, mm: it decides what
         approach belongs to a force. By default the length of the grid.
     tolerance : float
-        Of the complementarity, relative to the largest interference: of the gap in contact, and
-        of the depth of penetration elsewhere. Pressures are never negative.
+        The error that is allowed, relative to the largest interference: the gap in contact, and
+        the depth of penetration elsewhere. Pressures are never negative.
     nested : bool
         Whether the first guess comes from coarser grids.
     max_products : int

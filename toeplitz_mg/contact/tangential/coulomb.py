@@ -19,8 +19,8 @@ from toeplitz_mg.engine.vectors import combine, dots
 ROUNDING = 4.0 * np.finfo(np.float64).eps  # Relative rounding of |q|, however it is computed.
 ON_BOUND = 1e-12  # Relative distance from the bound at which a traction counts as on it.
 STEPS = 100  # Steps of Newton's method for a given sum: a dozen are usual.
-HALVINGS = 40  # Halvings of such a step: after so many it moves nothing.
-BALANCED = 1e-13  # Error of the sum, relative to the sum or to that of the sizes: rounding.
+HALVINGS = 40  # Halvings of a step of Newton's method: after so many it moves nothing.
+BALANCED = 1e-13  # Error of a sum that is rounding, over it or over the sum of the sizes.
 
 
 @dataclass(frozen=True)
@@ -32,22 +32,22 @@ class Areas:
 
     @classmethod
     def of(cls, q: Array, g: Array) -> "Areas":
-        """Take what is on the bound for sliding."""
+        """Return the areas of which those on the bound slide."""
         slide = (g > 0.0) & (size(q) >= g * (1.0 - ON_BOUND))
         return cls((g > 0.0) & ~slide, slide)
 
     def exchange(self, out: Array, back: Array) -> "Areas":
-        """Let the elements `out`, which stick, slide, and `back`, which slide, stick."""
+        """Return the areas where `out` slides, which stuck, and `back` sticks, which slid."""
         return Areas((self.stick & ~out) | back, (self.slide & ~back) | out)
 
 
 def size(q: Array) -> Array:
-    """|q| in each element."""
+    """Return |q| in each element."""
     return np.abs(q[0]) if len(q) == 1 else np.hypot(q[0], q[1])
 
 
 def direction(q: Array) -> Array:
-    """q/|q|, to the last bit ±1 in one component; zero where q is."""
+    """Return q/|q|, to the last bit ±1 in one component; zero where q is."""
     a = size(q)
     return q / np.where(a > 0.0, a, 1.0)
 
@@ -67,7 +67,7 @@ def clip(q: Array, g: Array) -> Array:
 
 def scale_to_bound(q: Array, g: Array, on_circle: Array) -> Array:
     """Return tractions of the size of the bound on some elements, within it on the others."""
-    g_circle = np.where(on_circle, g, 0.0)  # elsewhere the bound may be infinite, and q zero
+    g_circle = np.where(on_circle, g, 0.0)  # Elsewhere the bound may be infinite, and q zero.
     return clip(np.where(on_circle, direction(q) * g_circle, q), g)
 
 
@@ -95,17 +95,17 @@ class Tangent:
             self._normals = np.linalg.pinv([dots(self._units, e) for e in self._units])
 
     def _project(self, v: Array) -> Array:
-        """To the tangent space, of any sum."""
+        """Project a field orthogonally to the tangents, of any sum."""
         v = np.where(self.inside, v, 0.0)
         return v - self.n * along(v, self.n)
 
     def multiplier(self, s: Array) -> Array:
-        """The uniform field nearest to `s` in these directions, as a vector of components."""
+        """Return the components of the uniform field nearest to `s` in these directions."""
         assert self._normals is not None
         return self._normals @ dots(self._units, s)
 
     def __call__(self, v: Array) -> Array:
-        """Project a field orthogonally."""
+        """Project a field orthogonally to these directions."""
         v = self._project(v)
         if self._normals is not None:
             v -= combine(self.multiplier(v), self._units)
@@ -113,7 +113,7 @@ class Tangent:
 
 
 def along(v: Array, n: Array) -> Array:
-    """v·n in each element."""
+    """Return v·n in each element."""
     return (v * n).sum(axis=0)
 
 
@@ -129,7 +129,7 @@ def make_admissible(
     if total is None:
         return q, areas
     p = balance(q, g, total, areas.stick)
-    if p is None and len(q) > 1:  # almost all slides: turn tractions on the circle too
+    if p is None and len(q) > 1:  # Almost all slides: turn tractions on the circle too.
         p = balance(q, g, total, (g > 0.0) & np.isfinite(g), areas.slide)
     if p is not None:
         return p, areas
@@ -168,7 +168,7 @@ def balance(
     movable : ndarray of bool
         The elements where the tractions may change.
     on_circle : ndarray of bool, optional
-        Of those, the elements that stay on the circle |q| = g. Then it is q + c g in the place of
+        Movable elements that stay on the circle |q| = g. Then it is q + c g in the place of
         q + c, which turns all of them by similar angles.
 
     Returns
@@ -216,7 +216,7 @@ def balance(
 
 
 def _primitive(z: Array, g: Array, circle: Array, unit: Array) -> tuple[float, Array]:
-    """A convex function of c, where z = q + c unit, and the tractions whose sum is its gradient.
+    """Return a convex function of c, z = q + c unit, and the tractions whose sum is its gradient.
 
     It is the sum of ½|z|²/unit, continued linearly where |z| > g, and linear on the circle.
     """

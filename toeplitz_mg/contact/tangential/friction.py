@@ -59,13 +59,13 @@ def friction(
         Total tangential force (Fx, Fy), or in line contact a number, N; in plane strain N/mm.
         Either this or the shift is given.
     previous : ContactResult, optional
-        What was before: of `friction` on the same grid.
+        The tractions before: a result of `friction` on the same grid.
     reference : float, optional
         In plane strain, the distance at which a line load moves nothing, mm; by default the length
         of the grid.
     tolerance : float
-        Of the slip where the bodies stick, and of its component that does not oppose the traction
-        where they slide, relative to the largest displacement. The bound holds exactly.
+        The slip that is allowed where the bodies stick, and the part of it that does not oppose
+        the traction where they slide, over the largest displacement. The bound holds exactly.
     nested : bool
         Whether the first guess comes from coarser grids.
     max_products : int

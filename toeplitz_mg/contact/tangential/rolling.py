@@ -67,9 +67,9 @@ def rolling(
     longitudinal, lateral : float
         Creepages: rigid slip along x and y over the distance rolled.
     spin : float
-        About the middle of the grid: rigid slip -φ y along x and φ x along y, 1/mm.
+        The spin φ about the middle of the grid, 1/mm: rigid slip -φ y along x, φ x along y.
     tolerance : float
-        Of Coulomb's law, as in `friction`, relative to the largest rigid slip.
+        The violation of Coulomb's law, as in `friction`, over the largest rigid slip.
     nested : bool
         Whether the first guess comes from coarser grids.
     max_products : int
@@ -82,7 +82,7 @@ def rolling(
     Returns
     -------
     ContactResult
-        With the slip over the distance rolled, and the creepages as `rigid`.
+        The result has the slip over the distance rolled, and the creepages as `rigid`.
 
     Warns
     -----
@@ -150,9 +150,9 @@ def rolling_steps(
     Parameters
     ----------
     bound, element, material, longitudinal, lateral, spin, tolerance, max_products
-        As in `rolling`.
+        The arguments of `rolling`.
     steps : int
-        How many.
+        The number of steps.
     previous : ContactResult, optional
         Tractions before the first step, of any function for tangential contact on this grid; by
         default none. So a bound that changes is followed step by step.
@@ -160,12 +160,12 @@ def rolling_steps(
     Yields
     ------
     ContactResult
-        After each step, with the slip over the distance rolled.
+        The result after each step, with the slip over the distance rolled.
 
     Warns
     -----
     ContactWarning
-        As in `rolling`, once for all steps.
+        The warnings of `rolling`, once for all steps.
 
     Raises
     ------
@@ -218,7 +218,7 @@ def _rigid_slip(
     lateral: float,
     spin: float,
 ) -> tuple[Grid, Array, Array]:
-    """The grid, the traction bound and the rigid slip in a step of one element (Eq. 1)."""
+    """Return the grid, the traction bound and the rigid slip in a step of one element (Eq. 1)."""
     g = check_bound(bound)
     grid = Grid.of(g.shape, element, material, None)
     for name, value in (("longitudinal", longitudinal), ("lateral", lateral), ("spin", spin)):
@@ -236,7 +236,7 @@ def _rigid_slip(
 def _per_distance(
     result: ContactResult, longitudinal: float, lateral: float, spin: float
 ) -> ContactResult:
-    """The slip over the distance rolled, and the creepages."""
+    """Return the result with the slip over the distance rolled, and with the creepages."""
     assert result.slip is not None
     is_line = result.contact.ndim == 1
     creepages = longitudinal if is_line else np.array([longitudinal, lateral, spin])

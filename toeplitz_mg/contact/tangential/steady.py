@@ -38,9 +38,9 @@ from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator, apply_to_ro
 from toeplitz_mg.solvers.gmres import gmres
 
 REDUCTION = 0.01  # Reduction of the residual by one solution where the problem is linearised.
-SINGLE = 1e-5  # Reduction of the residual for which single precision is good,
-LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # and the diagonals of K for which it has the range.
-BETTER = 0.9  # Factor of the best residual so far below which another one is progress.
+SINGLE = 1e-5  # Reduction of the residual for which single precision is good.
+LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Least and largest diagonal of K in its range.
+BETTER = 0.9  # Factor of the least residual so far, below which a new one is progress.
 STEP_TOLERANCE = 1e-6  # Tolerance of a step of rolling that only leads to the steady state.
 
 
@@ -167,7 +167,7 @@ def _newton_step(
     if before == 0.0:
         return np.zeros_like(r), 0
     exact = max(SHARP * problem.tolerance * law.scale, SINGLE * before)
-    if len(r) > 1 and areas.slide.any():  # the circle |q| = g is linearised
+    if len(r) > 1 and areas.slide.any():  # The circle |q| = g is linearised.
         exact = max(exact, REDUCTION * before)
 
     def goal(v: Array) -> float:

@@ -41,11 +41,11 @@ from toeplitz_mg.preconditioners.choice import is_fsai_worthwhile
 
 ETA = 1.0  # Misfit that is left on the areas, relative to their violation, while the energy falls.
 COARSE = 3e-3  # Tolerance on a coarser grid: a better guess saves no product on the finer one.
-COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is a guess only.
+COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is but a guess.
 LOCAL = 0.5  # Part of 1/a₀ added to M where elements slide, where M alone is too small.
 MOST = 200  # Iterations on fixed areas, after which rounding keeps them from the rest.
 SHARP = 0.3  # Part of the tolerance beyond which no areas are solved more exactly.
-TINY = 1e-15  # Bound, relative to the largest, below which a stiffness is that of this bound.
+TINY = 1e-15  # Least bound, relative to the largest, that a stiffness λ = |s|/g is divided by.
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,9 @@ class Problem:
     total : ndarray of shape (components,) or None
         Sum of the tractions, where the force is given.
     tolerance : float
-        Relative to the largest displacement, of b or `least`.
+        The violation that is allowed, over the largest displacement or `least`.
     least : float
+        A displacement below which none counts as the largest.
     progress : callable, optional
     """
 
@@ -76,7 +77,7 @@ class Problem:
     progress: Progress | None = None
 
     def coarser(self) -> "Problem | None":
-        """The problem on elements of twice the size, solved roughly."""
+        """Return the problem on elements of twice the size, to be solved roughly, or None."""
         grid = self.grid.coarser()
         if grid is None:
             return None
@@ -86,11 +87,11 @@ class Problem:
         return Problem(grid, g, b, total, COARSE, self.least)
 
     def uniform(self, vector: Array) -> Array:
-        """The components of a vector, to broadcast with fields."""
+        """Return the components of a vector, to broadcast with fields."""
         return vector.reshape(-1, *(1,) * self.g.ndim)
 
     def excess(self, q: Array) -> float:
-        """The largest amount by which the tractions exceed the bound, or zero."""
+        """Return the largest amount by which the tractions exceed the bound, or zero."""
         return float(np.max(size(q) - self.g, where=self.g > 0.0, initial=0.0))
 
     def balance(self, T: Tangent, s: Array) -> Array:
@@ -146,7 +147,7 @@ def linearise(problem: Problem, areas: Areas, q: Array, u: Array) -> Linearisati
     shift = np.zeros(len(q)) if problem.total is None else T.multiplier(u - b)
     target = b + problem.uniform(shift)
     minus_slip = target - u
-    against = along(minus_slip, T.n)  # Eq. 3 wants the slip to oppose the traction
+    against = along(minus_slip, T.n)  # Eq. 3 wants the slip to oppose the traction.
     g_max = float(np.max(problem.g, where=np.isfinite(problem.g), initial=0.0))
     g_slide = np.where(areas.slide, np.maximum(problem.g, TINY * g_max), 1.0)
     r = T(minus_slip)
@@ -219,7 +220,7 @@ class Search(NamedTuple):
         problem, q, slide = self.problem, now.x, now.sets.slide
         T, lam, r, a0 = law.T, law.stiffness, law.r.copy(), diagonal(A.A)
         v, Av, Ad = (np.zeros_like(q) for _ in range(3))
-        # Where elements slide, λ adds to A. There M, so scaled, is too small for what is smooth.
+        # Where elements slide, λ adds to A, and M, so scaled, is too small for what is smooth.
         weight = np.where(slide, 1.0 / np.sqrt(1.0 + lam / a0), 1.0)
         local = np.where(slide, LOCAL / a0, 0.0)
 
@@ -241,7 +242,7 @@ class Search(NamedTuple):
                 break
             length = iteration.step(r)
             if length == 0.0:
-                break  # the rest is below the rounding of other elements, as of far larger bounds
+                break  # The rest is below the rounding of elements with far larger bounds.
             axpy(length, iteration.direction, v)
             axpy(length, Ad, Av)
             axpy(-length, iteration.product, r)
@@ -250,7 +251,7 @@ class Search(NamedTuple):
 
 
 def _inverse(A: Any, contact: Array) -> Callable[[Array], Array]:
-    """An approximate inverse of A on the elements in contact."""
+    """Return an approximate inverse of A on the elements in contact."""
     if is_fsai_worthwhile(A, contact):
         with suppress(np.linalg.LinAlgError):
             return LocalInverse(A, np.broadcast_to(contact, A.grid_shape))
@@ -259,7 +260,7 @@ def _inverse(A: Any, contact: Array) -> Callable[[Array], Array]:
 
 
 def _first_guess(problem: Problem, guess: Array | None, *, nested: bool) -> tuple[Array, Areas]:
-    """Admissible tractions, and areas."""
+    """Return admissible tractions to start from, and areas."""
     g, total = problem.g, problem.total
     everything_sticks = Areas(g > 0.0, np.zeros(g.shape, bool))
     if guess is not None:

@@ -8,7 +8,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid
 
-MARGIN = 0.1  # Margin on each side over the length inside: with it the cosines approximate better.
+MARGIN = 0.1  # Margin on each side over the length inside: it helps the cosines to approximate.
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ def test_transforms(name, array, arguments, dtype):
 
 def test_what_it_has_not_scipy_does():
     expected = scipy.fft.dst(X), scipy.fft.hfft(Z), scipy.fft.dctn(Z)
-    with scipy.fft.set_backend(ducc0_backend, only=True):  # as a global backend is
+    with scipy.fft.set_backend(ducc0_backend, only=True):  # So is a global backend set.
         for result, exact in zip(
             (scipy.fft.dst(X), scipy.fft.hfft(Z), scipy.fft.dctn(Z)), expected, strict=True
         ):

@@ -97,7 +97,7 @@ def test_four_steps_are_one_transform(rows, columns, shift):
 
     spectrum = plan.spectrum(load, shift)
     j = np.arange(L)
-    exact = np.exp(-2j * np.pi * np.outer(j + shift, j) / L) @ x  # row k is the frequency k + s
+    exact = np.exp(-2j * np.pi * np.outer(j + shift, j) / L) @ x  # Row k is the frequency k + s.
     assert_allclose(spectrum.T.ravel(), exact, atol=1e-13 * L)
     y = np.empty((rows, columns), complex)
 
@@ -111,7 +111,7 @@ def test_four_steps_are_one_transform(rows, columns, shift):
 
 @pytest.mark.parametrize("n", [100, LONG, LONG + 1, 2**16, 49000])
 def test_gohberg_semencul_of_long_vectors(n):
-    rho = 0.9  # the inverse of rho^|i-j| is tridiagonal
+    rho = 0.9  # The inverse of ρ^|i-j| is tridiagonal.
     x = np.zeros(n)
     x[:2] = np.array([1.0, -rho]) / (1 - rho**2)
     V = random(2, n)
@@ -124,7 +124,8 @@ def test_gohberg_semencul_of_long_vectors(n):
     assert_allclose(single, expected / (1 - rho**2), atol=1e-3)
 
 
-@pytest.mark.parametrize("n", [67, 534, 785, 1601])  # 1, 5, 7 and 9 short of a fast length
+# They are 1, 5, 7 and 9 short of a fast length.
+@pytest.mark.parametrize("n", [67, 534, 785, 1601])
 def test_gohberg_semencul_at_slow_lengths(n):
     c = (1.0 + np.arange(n)) ** -1.1
     inverse = np.linalg.inv(toeplitz(c))
@@ -176,7 +177,7 @@ def test_a_product_maps_no_new_memory():
     for _ in range(4):
         product(x, out)
     pages = resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
-    assert pages <= 100  # of 4 kB; the vectors have 512 each
+    assert pages <= 100  # A page has 4 kB; the vectors have 512 pages each.
 
 
 @pytest.mark.parametrize("n", [LONG, 2**20, 10**6 + 3, 2**24])

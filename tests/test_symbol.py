@@ -126,7 +126,7 @@ def test_what_would_refuse_it_too_is_no_advice():
 
 
 @pytest.mark.parametrize("shape", [(24, 24), (13, 31), (6, 5, 7)], ids=str)
-def test_trigonometric_in_several_levels(shape):
+def test_trigonometric_along_several_axes(shape):
     A = tmg.ToeplitzOperator(np.exp(-np.indices(shape).sum(axis=0) / 0.8))
     for preconditioner in (tmg.cosine_preconditioner, tmg.sine_preconditioner):
         M = preconditioner(A)

@@ -25,7 +25,7 @@ each_operator = pytest.mark.parametrize("A", OPERATORS.values(), ids=OPERATORS)
 
 
 def products(A, x):
-    """Every way to multiply it with a vector, or with a matrix of that one column."""
+    """Every way to multiply an operator with a vector, or with a matrix of that one column."""
     for name in METHODS:
         method = getattr(A, name)
         yield lambda method=method, name=name: method(
