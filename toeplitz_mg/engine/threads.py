@@ -37,7 +37,7 @@ def share(work: Work, count: int, points: int) -> None:
 
 
 def do_part(work: list[Work], part: range) -> None:
-    """Do a part of this one work, and let go of it.
+    """Do a part of the work, and let go of the work.
 
     A thread keeps its arguments a moment longer than its caller waits. It must not keep a
     workspace, which the next product would have to do without.

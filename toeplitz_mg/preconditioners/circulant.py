@@ -12,7 +12,7 @@ from toeplitz_mg.engine.products import DiagonalisedProduct
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import DiagonalisedOperator
 from toeplitz_mg.operators.structure import componentwise, restricted
-from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust
+from toeplitz_mg.preconditioners.positivity import name_robust, precision, require_positive
 
 
 @componentwise
@@ -114,7 +114,7 @@ def _inverse(column: Array, name: str, dtype: np.dtype[Any]) -> DiagonalisedOper
     """Invert the circulant with the first column `column`."""
     count_transforms(1, *column.shape)
     spectrum = fft.rfftn(column.astype(np.float64, copy=False)).real
-    other = robust(column.shape) if name == "Strang" else "cg without M"
+    other = name_robust(column.shape) if name == "Strang" else "cg without M"
     require_positive(spectrum, dtype, f"{name}'s circulant has the eigenvalue", other)
     product = DiagonalisedProduct(1.0 / spectrum, column.shape, column.shape, dtype)
     return DiagonalisedOperator(product, f"inverse of {name}'s circulant")

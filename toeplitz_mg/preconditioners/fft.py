@@ -13,7 +13,7 @@ from toeplitz_mg.engine.transforms import LONG, cosine_sums
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import check_symmetric, restrict, restricted, unwrap
-from toeplitz_mg.preconditioners.positivity import precision, require_positive, robust
+from toeplitz_mg.preconditioners.positivity import name_robust, precision, require_positive
 from toeplitz_mg.preconditioners.symbol import continue_axis
 
 
@@ -102,7 +102,7 @@ def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOp
         spectrum,
         dtype,
         "the embedding of A in a circulant, which M inverts, has the eigenvalue",
-        robust(A.grid_shape),
+        name_robust(A.grid_shape),
     )
     spectrum = np.reciprocal(spectrum, out=spectrum)
     if is_exact:

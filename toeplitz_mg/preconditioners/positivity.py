@@ -77,20 +77,20 @@ def require_positive(spectrum: Array, dtype: Any, subject: str, advice: str) -> 
         )
 
 
-def robust(grid_shape: tuple[int, ...]) -> str:
+def name_robust(grid_shape: tuple[int, ...]) -> str:
     """Name what is positive definite whenever A is, for the advice of an error."""
     if axes_of(grid_shape) == 1:
         return "spectral_preconditioner(A), which is positive definite whenever A is"
     return "chan_preconditioner(A), which is positive definite whenever A is"
 
 
-def for_smooth_kernels(grid_shape: tuple[int, ...]) -> str:
+def name_for_smooth(grid_shape: tuple[int, ...]) -> str:
     """Name what takes the fewest iterations for smooth kernels, for the advice of an error."""
     if axes_of(grid_shape) == 1:
         return "use spectral_preconditioner(A), on a mask sine_preconditioner(A)"
     return (
         "take cosine_preconditioner(A), on a mask sine_preconditioner(A), and where these are "
-        f"refused use {robust(grid_shape)}"
+        f"refused use {name_robust(grid_shape)}"
     )
 
 

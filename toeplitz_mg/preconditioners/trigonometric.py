@@ -13,9 +13,9 @@ from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import componentwise, restricted
 from toeplitz_mg.preconditioners.positivity import (
     is_positive,
+    name_robust,
     precision,
     require_positive,
-    robust,
     rounding,
 )
 from toeplitz_mg.preconditioners.symbol import sample_symbol
@@ -147,7 +147,7 @@ def _invert_samples(
     shape = tuple(m - 1 for m in samples.shape)
     eigenvalues = _take_eigenvalues(samples, first, dtype)
     if not is_positive(eigenvalues, dtype):
-        advice = robust(A.grid_shape)
+        advice = name_robust(A.grid_shape)
         if is_positive(_take_eigenvalues(samples, 1 - first, dtype), dtype):
             advice = f"{other}_preconditioner(A), or {advice}"
         subject = f"the symbol of A, which the {name} preconditioner samples, has the value"
@@ -157,7 +157,7 @@ def _invert_samples(
 
 
 def _take_eigenvalues(samples: Array, first: int, dtype: np.dtype[Any]) -> Array:
-    """Return the n samples from k = 0 or 1 on, along each axis."""
+    """Return the n samples from k = `first` on, along each axis."""
     samples = samples[tuple(slice(first, first + m - 1) for m in samples.shape)]
     error = rounding(samples, dtype)
     # A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;

@@ -97,16 +97,16 @@ class Direct:
 
     @property
     def multiplications(self) -> int:
-        """Multiplications of one application."""
+        """The number of multiplications in one application."""
         return self.factor.size
 
     def __call__(self, x: Array) -> Array:
-        """Apply it to a vector, or to the columns of x."""
+        """Apply the inverse to a vector, or to the columns of x."""
         solve = spotrs if self.factor.dtype == np.float32 else dpotrs
         return solve(self.factor, x)[0]
 
     def multiply(self, X: Array, out: Array) -> None:
-        """Apply it to rows."""
+        """Apply the inverse to the rows of `X`."""
         out[...] = self(X.T).T
 
 
@@ -134,7 +134,7 @@ class Level:
 
     @property
     def multiplications(self) -> int:
-        """Multiplications of one application."""
+        """The number of multiplications in one application."""
         return 2 * int(self.G.nnz + self.W.nnz) + self.coarse.multiplications
 
     @cached_property
@@ -143,12 +143,12 @@ class Level:
         return self.G.T, self.W.T
 
     def __call__(self, x: Array) -> Array:
-        """Apply it to a vector, or to the columns of x."""
+        """Apply the inverse to a vector, or to the columns of x."""
         y = self.G @ x
         a = self.transposed[1] @ y
         y += self.W @ (self.coarse(a) - a)
         return self.transposed[0] @ y
 
     def multiply(self, X: Array, out: Array) -> None:
-        """Apply it to rows."""
+        """Apply the inverse to the rows of `X`."""
         out[...] = self(X.T).T

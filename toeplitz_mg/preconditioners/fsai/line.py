@@ -94,11 +94,11 @@ class LineLevel:
 
     @property
     def multiplications(self) -> int:
-        """Multiplications of one application."""
+        """The number of multiplications in one application."""
         return 2 * self.n * (BLOCK + 1) + self.coarse.multiplications
 
     def multiply(self, X: Array, out: Array) -> None:
-        """Apply it to rows, of shape (..., n), into `out`, contiguous, which may be X."""
+        """Apply the levels to rows, of shape (..., n), into `out`, contiguous, which may be X."""
         X, out = X.reshape(-1, self.n), out.reshape(-1, self.n)
         m = -(-self.n // BLOCK)
         cut = BLOCK * (m - 1)

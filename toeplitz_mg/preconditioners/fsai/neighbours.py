@@ -19,7 +19,7 @@ from toeplitz_mg.preconditioners.fsai.build import Options, build
 from toeplitz_mg.preconditioners.fsai.levels import LevelMatrix
 from toeplitz_mg.preconditioners.fsai.refusals import require_positive
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
-from toeplitz_mg.preconditioners.positivity import for_smooth_kernels
+from toeplitz_mg.preconditioners.positivity import name_for_smooth
 
 NUMBERS = NEIGHBOURS, 24, 40  # Neighbours to try: half of the cells within 2, 3 and 4 of the own.
 CELLS = 2**12  # Cells of the grid of a trial, a square if it can be: it has three levels.
@@ -49,7 +49,7 @@ def select_stencil(kernel: Array) -> Stencil:
     raise np.linalg.LinAlgError(
         f"conjugate gradients take more than {MOST} iterations on a trial problem with the sparse "
         f"approximate inverse of {neighbours} neighbours: too smooth a kernel for it; "
-        f"{for_smooth_kernels(kernel.shape)}. A number of neighbours that is given takes it all "
+        f"{name_for_smooth(kernel.shape)}. A number of neighbours that is given takes it all "
         "the same, in more iterations"
     )
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.preconditioners.positivity import for_smooth_kernels, require_condition
+from toeplitz_mg.preconditioners.positivity import name_for_smooth, require_condition
 
 STEPS = 8  # Steps of inverse iteration, which give the smallest eigenvalue to some per cent.
 
@@ -21,7 +21,7 @@ def refusal(subject: str, value: float, grid_shape: tuple[int, ...]) -> np.linal
     """Return the error for a kernel for which a number that must be positive is not."""
     return np.linalg.LinAlgError(
         f"{subject} {value:.3g} in the sparse approximate inverse, but must be positive: A is not "
-        f"positive definite, or too smooth a kernel for it; {for_smooth_kernels(grid_shape)}"
+        f"positive definite, or too smooth a kernel for it; {name_for_smooth(grid_shape)}"
     )
 
 
