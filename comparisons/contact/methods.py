@@ -75,7 +75,7 @@ class Problem:
 
     def violation(self, q: Array, bound: Array | None) -> float:
         """Return how far tractions, in friction with a bound, violate the conditions of contact."""
-        u = np.asarray(apply_to_rows(self.matrix, q.reshape(-1))).reshape(q.shape)
+        u = apply_to_rows(self.matrix, q.reshape(-1)).reshape(q.shape)
         a0 = diagonal(self.matrix)
         if bound is not None:
             slip = u - np.reshape([self.shift, 0.0], (2, 1, 1))

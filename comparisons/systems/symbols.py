@@ -28,7 +28,7 @@ def _of_symbol(f: Callable[[Array], Array]) -> Column:
 
 def _of_lags(a: Callable[[Array], Array], nugget: float = 0.0) -> Column:
     def column(n: int) -> Array:
-        c = np.asarray(a(np.arange(n, dtype=float)))
+        c = a(np.arange(n, dtype=float))
         c[0] += nugget
         return c
 

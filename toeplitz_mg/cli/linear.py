@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import prod
 from time import perf_counter
 from typing import Any
 
@@ -11,10 +12,12 @@ from scipy.linalg import norm
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.arguments import PRECONDITIONERS
 from toeplitz_mg.cli.report import print_step
+from toeplitz_mg.operators.base import grid_of
+from toeplitz_mg.operators.structure import unwrap
 
 
 @dataclass(frozen=True)
@@ -24,9 +27,13 @@ class System:
     title: str
     A: LinearOperator
     b: Array
-    mask: Array | None
     x: Array | None = None  # The centres of the elements, mm, for the plot.
     on_grid: bool = False  # Whether the solution is wanted on the whole grid of the mask.
+
+    @property
+    def mask(self) -> Mask | None:
+        """The unknowns among the points of the grid, or None where these are all."""
+        return unwrap(self.A)[1]
 
     def residual(self, x: Array) -> float:
         """Return ‖b - A x‖ / ‖b‖."""
@@ -140,9 +147,8 @@ def iterate(system: System, M: LinearOperator | None, options: argparse.Namespac
     residual = system.residual(x)
     # The recurrence of cg may have drifted from the true residual: the latter decides.
     converged = info == 0 and residual <= 1.01 * options.rtol
-    n = system.A.shape[0] if system.mask is None else system.mask.size
     residuals = [first, *progress.residuals]
-    return Solution(x, residuals, residual, converged, work.units(n), seconds)
+    return Solution(x, residuals, residual, converged, work.units(prod(grid_of(system.A))), seconds)
 
 
 def print_report(solution: Solution, setup: float, published: str) -> None:

@@ -2,7 +2,6 @@
 
 import argparse
 
-from toeplitz_mg import MaskedOperator
 from toeplitz_mg.cli import linear
 from toeplitz_mg.cli.arguments import complete
 from toeplitz_mg.cli.linear import System
@@ -15,8 +14,7 @@ def run(given: argparse.Namespace) -> int:
     options = complete(given)
     problem = TESTS[options.test](options.n)
     title = f"Test {options.test} of the paper with {options.n} elements"
-    mask = problem.A.mask if isinstance(problem.A, MaskedOperator) else None
-    system = System(title, problem.A, problem.b, mask, problem.x)
+    system = System(title, problem.A, problem.b, problem.x)
     return linear.run(system, options, lambda label: _format_published(label, options))
 
 

@@ -17,14 +17,12 @@ def run(given: argparse.Namespace) -> int:
     """Run the command, and return the exit status."""
     options = complete(given)
     A: LinearOperator = ToeplitzOperator(files.load(options.column))
-    mask = None
     if options.mask is not None:
-        mask = files.load(options.mask)
-        A = MaskedOperator(A, mask)
+        A = MaskedOperator(A, files.load(options.mask))
     b = _load_right_hand_side(options.rhs)
-    on_grid = mask is not None and b.shape == A.grid_shape
+    on_grid = options.mask is not None and b.shape == A.grid_shape
     if on_grid:
-        b = b[mask]
+        b = b[A.mask]
     elif b.size == A.shape[0] and b.shape in (A.grid_shape, (A.shape[0],)):
         b = b.ravel()
     else:
@@ -33,7 +31,7 @@ def run(given: argparse.Namespace) -> int:
             f"on the grid {A.grid_shape}"
         )
     title = f"{options.column} with {A.shape[0]} unknowns"
-    return linear.run(System(title, A, b, mask, on_grid=on_grid), options)
+    return linear.run(System(title, A, b, on_grid=on_grid), options)
 
 
 def _load_right_hand_side(path: Path) -> Array:

@@ -38,27 +38,27 @@ def warn(doubts: tuple[str, ...]) -> None:
         warnings.warn(doubt, ContactWarning, stacklevel=3)
 
 
-def of_pressures(grid: Grid, z: Array, p: Array, interference: float) -> tuple[str, ...]:
+def examine_pressures(grid: Grid, z: Array, p: Array, interference: float) -> tuple[str, ...]:
     """Return the doubts about the pressures `p` where the gap was `z`."""
     contact = p > 0.0
     return (
-        *_of_units(grid, z, contact),
-        *_of_resolution(contact),
-        *_of_load(grid, p, contact),
-        *_of_edge(z, contact, interference),
+        *_check_units(grid, z, contact),
+        *_check_resolution(contact),
+        *_check_load(grid, p, contact),
+        *_check_edge(z, contact, interference),
     )
 
 
-def of_bound(grid: Grid, contact: Array) -> tuple[str, ...]:
+def examine_bound(grid: Grid, contact: Array) -> tuple[str, ...]:
     """Return the doubts about a tangential problem whose bound says that this is in contact.
 
     Where the bound ends is given, so that the edge of the grid is of no importance.
     """
-    return (*_of_resolution(contact), *_of_coupling(grid))
+    return (*_check_resolution(contact), *_check_coupling(grid))
 
 
-def _of_units(grid: Grid, z: Array, contact: Array) -> Iterator[str]:
-    """Whether heights are as large as lengths: then they may be in another unit."""
+def _check_units(grid: Grid, z: Array, contact: Array) -> Iterator[str]:
+    """Yield a doubt where heights are as large as lengths: they may be in another unit."""
     length = max([n * h for n, h in zip(grid.shape, grid.element, strict=False)])
     if (depth := float(np.ptp(z))) > length:
         yield (
@@ -87,8 +87,8 @@ def _of_units(grid: Grid, z: Array, contact: Array) -> Iterator[str]:
         )
 
 
-def _of_resolution(contact: Array) -> Iterator[str]:
-    """Whether there are enough elements across the largest spot."""
+def _check_resolution(contact: Array) -> Iterator[str]:
+    """Yield a doubt where there are too few elements across the largest spot."""
     # A grid of one row of elements is a line contact, or plane strain.
     axes = [axis for axis, n in enumerate(contact.shape) if n > 1] or [0]
     across = min(_longest_run(contact, axis) for axis in axes)
@@ -108,8 +108,8 @@ def _longest_run(contact: Array, axis: int) -> int:
     return int((changes[1::2] - changes[::2]).max(initial=0))
 
 
-def _of_load(grid: Grid, p: Array, contact: Array) -> Iterator[str]:
-    """Whether the bodies are pressed so hard that linear elasticity is no description."""
+def _check_load(grid: Grid, p: Array, contact: Array) -> Iterator[str]:
+    """Yield a doubt where the pressures are too high for linear elasticity."""
     modulus = grid.material.G / (1.0 - grid.material.nu)
     mean = float(p.sum()) / max(1, int(np.count_nonzero(contact)))
     if mean > HARD * modulus:
@@ -119,8 +119,8 @@ def _of_load(grid: Grid, p: Array, contact: Array) -> Iterator[str]:
         )
 
 
-def _of_edge(z: Array, contact: Array, interference: float) -> Iterator[str]:
-    """Whether the contact would go on beyond the grid, or is where the bodies are farthest.
+def _check_edge(z: Array, contact: Array, interference: float) -> Iterator[str]:
+    """Yield a doubt where the contact may go on beyond the grid, or the gap has the wrong sign.
 
     Along an axis in which the gap is straight, flat or inclined, the bodies are meant to end where
     the grid ends, as a punch does.
@@ -162,8 +162,8 @@ def _is_farthest_in_the_middle(z: Array, axis: int) -> bool:
     return float(profile @ parabola) < REVERSED * sizes
 
 
-def _of_coupling(grid: Grid) -> Iterator[str]:
-    """Whether the pressures would change with the tangential tractions."""
+def _check_coupling(grid: Grid) -> Iterator[str]:
+    """Yield a doubt where the pressures would change with the tangential tractions."""
     K = grid.material.difference if isinstance(grid.material, CombinedMaterial) else 0.0
     if abs(K) > UNCOUPLED:
         yield (

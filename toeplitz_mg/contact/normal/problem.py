@@ -144,5 +144,5 @@ def _result(
         work=work,
         iterations=state.iterations,
         residual=state.residual,
-        warnings=doubts.of_pressures(grid, z, state.p, state.approach),
+        warnings=doubts.examine_pressures(grid, z, state.p, state.approach),
     )

@@ -172,5 +172,5 @@ def make_result(
         work=work,
         iterations=state.iterations,
         residual=state.residual,
-        warnings=doubts.of_bound(window.whole, whole_contact),
+        warnings=doubts.examine_bound(window.whole, whole_contact),
     )
