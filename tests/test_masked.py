@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.sparse.linalg import LinearOperator
+from numpy.testing import assert_allclose
+from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 import toeplitz_mg as tmg
 from tests.cases import contact, coupled, dense_of_column, half_space_kernel, submatrix
@@ -75,3 +76,14 @@ def test_a_mask_is_copied_and_cannot_be_changed():
     assert not A.mask.flags.writeable
     dense = dense_of_column(c)[::3, ::3]
     assert np.allclose(A @ np.eye(3), dense, rtol=1e-14)
+
+
+def test_an_operator_of_somebody_else_may_be_restricted():
+    """Any that says on which grid it acts."""
+    matrix = np.random.default_rng(0).standard_normal((12, 12))
+    A = aslinearoperator(matrix)
+    A.grid_shape = (3, 4)
+    mask = np.indices((3, 4)).sum(axis=0) % 3 != 1
+    at = np.flatnonzero(mask)
+    x = np.arange(1.0, len(at) + 1.0)
+    assert_allclose(tmg.MaskedOperator(A, mask) @ x, matrix[np.ix_(at, at)] @ x, rtol=1e-12)

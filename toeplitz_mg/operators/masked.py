@@ -23,8 +23,8 @@ class MaskedOperator(GridOperator):
     Parameters
     ----------
     A : ToeplitzOperator
-        An operator on a whole grid. Any `GridOperator` will do that acts on vectors of all points
-        of its grid, such as a DiagonalisedOperator.
+        An operator on a whole grid. Any LinearOperator will do that acts on vectors of all points
+        of the grid that its attribute ``grid_shape`` says, such as a DiagonalisedOperator.
     mask : array_like of bool, of shape ``A.grid_shape``
         True where there is an unknown; of coupled components one mask may do for all.
 
@@ -58,12 +58,12 @@ class MaskedOperator(GridOperator):
     """
 
     def __init__(self, A: LinearOperator, mask: ArrayLike) -> None:
-        if not isinstance(A, GridOperator) or isinstance(A, MaskedOperator):
+        grid_shape = getattr(A, "grid_shape", None)
+        if grid_shape is None or isinstance(A, MaskedOperator):
             raise TypeError(
                 f"A is a {type(A).__name__}, but a mask needs an operator on a whole grid, "
                 "such as a ToeplitzOperator"
             )
-        grid_shape = A.grid_shape
         if A.shape != (prod(grid_shape),) * 2:
             raise TypeError(
                 f"A has the shape {A.shape} on a grid {grid_shape}, of which it is a part already, "
