@@ -59,7 +59,7 @@ ALIKE = 0.5  # Least `likeness_of_axes` at which a sine transform is as good as 
 WELL_RESOLVED = 0.01  # Largest ‖A x - e₁‖ of a symbol that n coefficients of any sign resolve.
 HARDLY_RESOLVED = 100.0  # Largest ‖A x - e₁‖ at which a symbol is of use where they decrease.
 
-# `python -m comparisons.contact.cases` measures this.
+# What follows shows in `python -m comparisons.contact.cases`, by the products on rough surfaces.
 LARGE = 2**16  # Fewest elements of a grid on which an active set is worth a set-up of FSAI.
 SETTLED = 0.05  # Largest share of a set that changed where FSAI is set up: it soon changes no more.
 # Largest share of a set that changed where FSAI is kept. Where more did, a set-up, which takes as
