@@ -259,6 +259,19 @@ def dense_trigonometric(c, wave, first):
     return dense[np.ix_(kept, kept)]
 
 
+def dense_tau(c):
+    """Q diag(f) Qᵀ inverted, f the sums of a_k cos kθ at θ = πk/(n + 1) and Q the DST-I."""
+    for axis, n in enumerate(c.shape):
+        cosines = np.cos(np.pi * np.outer(np.arange(1, n + 1), np.arange(n)) / (n + 1))
+        cosines[:, 1:] *= 2.0
+        c = np.moveaxis(np.tensordot(cosines, c, (1, axis)), 0, axis)
+    Q = np.eye(1)
+    for n in c.shape:
+        k = np.arange(1, n + 1)
+        Q = np.kron(Q, np.sqrt(2 / (n + 1)) * np.sin(np.pi * np.outer(k, k) / (n + 1)))
+    return Q @ np.diag(1.0 / c.ravel()) @ Q
+
+
 def dense_spectral(c):
     """The Gohberg-Semencul formula in triangular matrices, for the spectral factor's column."""
     n = len(c)
@@ -363,6 +376,7 @@ def componentwise(c, M, mask):
     yield tmg.fft_rsm_preconditioner, dense_rsm(submatrix(M, mask), M.sum(axis=1).min())
     yield tmg.cosine_preconditioner, submatrix(dense_trigonometric(c, np.cos, 0), mask)
     yield tmg.sine_preconditioner, submatrix(dense_trigonometric(c, np.sin, 1), mask)
+    yield tmg.tau_preconditioner, submatrix(dense_tau(c), mask)
     yield tmg.strang_preconditioner, submatrix(np.linalg.inv(periodic(strang_column(c))), mask)
     yield tmg.chan_preconditioner, submatrix(np.linalg.inv(periodic(chan_column(c))), mask)
     inverse = np.linalg.inv(periodic(chan_column(tapered(c))))
@@ -373,8 +387,9 @@ def componentwise(c, M, mask):
 
 
 def is_refused(f, matrix):
-    """Whether this is an M_bar that is indefinite; that it is refused is tested elsewhere."""
-    return f is tmg.fft_rsm_preconditioner and np.linalg.eigvalsh(matrix)[0] <= 0.0
+    """Whether this is indefinite, as M_bar and τ may be; that it is refused is tested elsewhere."""
+    may_be = f in (tmg.fft_rsm_preconditioner, tmg.tau_preconditioner)
+    return may_be and np.linalg.eigvalsh(matrix)[0] <= 0.0
 
 
 def _preconditioners():

@@ -29,6 +29,7 @@ from toeplitz_mg.preconditioners import (
     sine_preconditioner,
     spectral_preconditioner,
     strang_preconditioner,
+    tau_preconditioner,
 )
 from toeplitz_mg.solvers.solve import SolveInfo, solve_toeplitz
 from toeplitz_mg.solvers.inverse import ToeplitzInverse, toeplitz_inverse
@@ -69,6 +70,7 @@ __all__ = [
     "solve_toeplitz",
     "spectral_preconditioner",
     "strang_preconditioner",
+    "tau_preconditioner",
     "toeplitz_inverse",
 ]
 __version__ = "0.1.0"

@@ -10,6 +10,7 @@ from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.jacobi import jacobi_preconditioner
 from toeplitz_mg.preconditioners.row_sum import fft_rsm_preconditioner
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
+from toeplitz_mg.preconditioners.tau import tau_preconditioner
 from toeplitz_mg.preconditioners.trigonometric import (
     cosine_preconditioner,
     sine_preconditioner,
@@ -29,4 +30,5 @@ __all__ = [
     "sine_preconditioner",
     "spectral_preconditioner",
     "strang_preconditioner",
+    "tau_preconditioner",
 ]

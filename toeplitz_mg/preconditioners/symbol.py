@@ -16,11 +16,7 @@ SPIKE = 0.5  # Ratio of the last two coefficients below which they tell of no sl
 
 def sample_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
     """Return the symbol at θ = πk/n, k = 0 … n along each axis, n of `shape`."""
-    column = A.c.astype(np.float64)
-    if not A.is_even:
-        # The even part is taken, as the transforms have no other.
-        flips = _flips(A.lags.astype(np.float64))
-        column = np.mean(flips, axis=0)[tuple(slice(n - 1, None) for n in A.grid_shape)]
+    column = average_flips(A)
     alone = [axis for axis, n in enumerate(column.shape) if n > 1]
     if len(alone) == 1 and (tail := _Tail.of(column.ravel())) is not None:
         samples = cosine_sums(tail.sum_periods(column.ravel(), shape[alone[0]]))
@@ -31,6 +27,14 @@ def sample_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
         column = continue_axis(column, axis, n)
     # The sum over all lags of a_k cos kθ is, by symmetry, a cosine transform of the first column.
     return cosine_sums(column)
+
+
+def average_flips(A: ToeplitzOperator) -> Array:
+    """Return the first column of the even part of A, as cosine transforms have no other part."""
+    if A.is_even:
+        return A.c.astype(np.float64)
+    flips = _flips(A.lags.astype(np.float64))
+    return np.mean(flips, axis=0)[tuple(slice(n - 1, None) for n in A.grid_shape)]
 
 
 def _flips(lags: Array) -> list[Array]:
