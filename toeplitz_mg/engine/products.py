@@ -153,10 +153,11 @@ class Transforms(NamedTuple):
     backward: Callable[..., Array]
 
 
-# These diagonalise circulants, and the matrices of the DCT-II and of the DST-II.
+# These diagonalise circulants, and the matrices of the DCT-II, of the DST-II and of the DST-I.
 FOURIER = Transforms(fft.rfftn, fft.irfftn)
 COSINE = Transforms(partial(fft.dctn, norm="ortho"), partial(fft.idctn, norm="ortho"))
 SINE = Transforms(partial(fft.dstn, norm="ortho"), partial(fft.idstn, norm="ortho"))
+TAU = Transforms(*[partial(fft.dstn, type=1, norm="ortho")] * 2)  # It is its own inverse.
 
 
 class DiagonalisedProduct:

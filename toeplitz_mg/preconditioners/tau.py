@@ -1,23 +1,17 @@
 """The τ preconditioner: the matrix of the DST-I that is A but for a Hankel matrix."""
 
-from functools import partial
-
 import numpy as np
 from numpy.typing import DTypeLike
-from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.engine.products import DiagonalisedProduct, Transforms
+from toeplitz_mg.engine.products import TAU, DiagonalisedProduct
 from toeplitz_mg.engine.transforms import cosine_sums
-from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
+from toeplitz_mg.operators import DiagonalisedOperator
 from toeplitz_mg.operators.structure import componentwise, restricted
 from toeplitz_mg.preconditioners.positivity import name_robust, precision, require_positive
 from toeplitz_mg.preconditioners.symbol import average_flips
 from toeplitz_mg.values import finite
-
-DST_I = partial(fft.dstn, type=1, norm="ortho")
-TAU = Transforms(DST_I, DST_I)  # The transform is its own inverse.
 
 
 @componentwise
@@ -80,11 +74,7 @@ def tau_preconditioner(
     >>> info
     0
     """
-    return _invert_tau(A, finite("shift", shift), dtype)
-
-
-def _invert_tau(A: ToeplitzOperator, shift: float, dtype: DTypeLike | None) -> DiagonalisedOperator:
-    dtype = precision(A, dtype)
+    shift, dtype = finite("shift", shift), precision(A, dtype)
     column = average_flips(A)
     shape = tuple(near_fast_length(n + 1) - 1 for n in A.grid_shape)
     padded = np.pad(column, [(0, m + 2 - n) for m, n in zip(shape, column.shape, strict=True)])

@@ -150,8 +150,9 @@ def fsai_preconditioner(
     One application costs some 30 multiplications an unknown, a few hundredths of a work unit by
     operations. Sparse products wait for memory: by time it is a tenth to a half of one.
 
-    On a line whose cells are all active its rows are all alike: there the set-up takes a tenth of a
-    product, and an application a quarter of one, at 2²⁰ unknowns.
+    On a line whose cells are all active its rows are all alike: at 2²⁰ unknowns the set-up takes a
+    tenth of the time of a product, an application a quarter of its operations and up to 0.4 of its
+    time.
 
     How it is built, and why, says the package `toeplitz_mg.preconditioners.fsai`, of a whole line
     its module `line`, of coupled components `coupled`, and of the trial problem `neighbours`.
