@@ -10,8 +10,10 @@ import scipy.linalg
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.solvers.cosine_form import CosineForm
 
-SHORT = 1024  # Most unknowns of which a product by its definition is as fast as one by FFT.
+SHORT = 640  # Most unknowns of which a product by its definition is as fast as one by FFT.
+LARGEST_COSINE = 2**16  # Most unknowns of which a product is by transforms at once, not in panels.
 SMALL = 256  # Most unknowns where a filled matrix is as fast, for several vectors.
 TINY = 1e-300  # Size in the place of zero, so that the relative error of zero is zero.
 USUAL = 1e-60, 1e60  # Sizes whose products, quotients and squares neither over- nor underflow.
@@ -66,12 +68,19 @@ class ToeplitzSystem:
     @cached_property
     def is_symmetric(self) -> bool:
         """Whether A is real and symmetric."""
-        return self.c.dtype == np.float64 and np.array_equal(self.c[1:], self.r[1:])
+        if self.c.dtype != np.float64:
+            return False
+        return self.r is self.c or np.array_equal(self.c[1:], self.r[1:])
 
     @cached_property
     def A(self) -> ToeplitzOperator:
         """The operator of A, where A is real."""
         return ToeplitzOperator(self.c) if self.is_symmetric else ToeplitzOperator(self.c, self.r)
+
+    @cached_property
+    def cosine_form(self) -> CosineForm:
+        """A by cosine transforms, where A is symmetric."""
+        return CosineForm(self.c)
 
     @cached_property
     def multiply(self) -> Callable[[Rows], Rows]:
@@ -84,6 +93,8 @@ class ToeplitzSystem:
             # A[i, j] is the lag i - j.
             A = np.ndarray((n, n), self.c.dtype, self.lags, (n - 1) * step, (step, -step)).copy()
             return lambda X: X @ A.T
+        if self.is_symmetric and n <= LARGEST_COSINE:
+            return self.cosine_form.multiply
         if self.c.dtype == np.float64:
             return self.A.apply
         return lambda X: scipy.linalg.matmul_toeplitz((self.c, self.r), X.T).T
