@@ -76,7 +76,7 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
 
 def lu_is_fastest(n: int, columns: int) -> bool:
     """Whether a dense factor is the fastest: its set-up is of n³ steps, but each column is free."""
-    return n <= SHORT and columns >= 4 + n // 16
+    return columns >= 4 + n // 16 and n <= SHORT
 
 
 def levinson_is_fastest(n: int, columns: int) -> bool:

@@ -8,13 +8,14 @@ N. Levinson, The Wiener RMS error criterion in filter design and prediction, J. 
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 
 from toeplitz_mg._typing import Array, Rows
 
-Recursion = Callable[[Array, Array], Array]  # From the lags and a right-hand side to the solution.
+Recursion = Callable[[Array, Array], Any]  # From lags and b to x and something else.
 
 
 def levinson(lags: Array, B: Rows) -> Rows:
@@ -33,8 +34,8 @@ def levinson(lags: Array, B: Rows) -> Rows:
     """
     solve = _recursion()
     if B.ndim == 1:
-        return solve(lags, B)
-    return np.stack([solve(lags, b) for b in B])
+        return solve(lags, B)[0]
+    return np.stack([solve(lags, b)[0] for b in B])
 
 
 @cache
@@ -54,12 +55,13 @@ def _recursion() -> Recursion:
                 return _public
     except Exception:  # Whatever the reason is, the public function is what it was.
         return _public
-    return lambda lags, b: compiled(lags, b)[0]
+    return compiled
 
 
-def _public(lags: Array, b: Array) -> Array:
+def _public(lags: Array, b: Array) -> tuple[Array, None]:
     n = len(b)
-    return scipy.linalg.solve_toeplitz((lags[n - 1 :], lags[n - 1 :: -1]), b, check_finite=False)
+    x = scipy.linalg.solve_toeplitz((lags[n - 1 :], lags[n - 1 :: -1]), b, check_finite=False)
+    return x, None
 
 
 def levinson_of_batch(C: Array, B: Array) -> Array:

@@ -2,6 +2,7 @@
 
 import warnings
 from cmath import isfinite
+from math import inf
 from typing import Any, Literal, NamedTuple, overload
 
 import numpy as np
@@ -184,8 +185,11 @@ def _solve(
     B = np.ascontiguousarray(B, dtype)
     if len(c) and c[0].real < 0.0:
         # The negative of both sides: that of a negative definite matrix is positive definite.
-        c, r, B = -c, -r, -B
-    system = ToeplitzSystem(c.astype(dtype, copy=False), r.astype(dtype, copy=False), B)
+        B = -B
+        c, r = (-c, -r) if r is not c else 2 * (-c,)
+    if r is not c and r.dtype != c.dtype:
+        c, r = c.astype(dtype), r.astype(dtype)
+    system = ToeplitzSystem(c, r, B)
     if B.size == 0:
         X, info = B, SolveInfo("none", 0, 0.0, 0.0)
     elif system.is_of_usual_size and isfinite(r[0]):
@@ -194,6 +198,8 @@ def _solve(
         X, info = _solve_unusual(system, rtol, parts, check_finite)
     if parts == 2:
         X = X[: len(X) // 2] + 1j * X[len(X) // 2 :]
+    elif b.ndim == 1:
+        return X, info
     return X.T.reshape(b.shape), info
 
 
@@ -246,13 +252,14 @@ def _correct(method: Method, system: ToeplitzSystem, rtol: float) -> tuple[Rows,
     """Solve, and correct the solution by that of its residual while this helps."""
     sizes = system.sizes
     X, iterations = method.solve(system.B, 0.9 * rtol)  # The recurrence of CG may drift.
-    best = X, SolveInfo(method.name, iterations, np.inf, np.inf)
+    best, least = None, inf
     while True:
         R = system.B - system.multiply(X)
         errors, scales = norms(R), system.size * norms(X)
         residual, backward_error = largest(errors / sizes), largest(errors / (scales + sizes))
-        if not backward_error < best[1].backward_error / 2:
-            return best
+        if not backward_error < least / 2:
+            return best or (X, SolveInfo(method.name, iterations, inf, inf))
+        least = backward_error
         best = X, SolveInfo(method.name, iterations, residual, backward_error)
         # Each column is as good as can be, by one error or by the other.
         if residual <= rtol or np.all(errors <= np.maximum(rtol * sizes, ROUNDING * scales)):
