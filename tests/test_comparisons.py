@@ -14,9 +14,15 @@ from comparisons.contact import punch3d, punch_limits
 from comparisons.harness.processes import in_a_fresh_process, take_turns
 from comparisons.paper import figures as paper_figures
 from comparisons.paper import tables as paper_tables
-from comparisons.preconditioners import areas, default_choice, neighbours, stretched
+from comparisons.preconditioners import (
+    areas,
+    default_choice,
+    general_symbols,
+    neighbours,
+    stretched,
+    symbols,
+)
 from comparisons.preconditioners import figures as area_figures
-from comparisons.preconditioners import symbols as general_symbols
 from comparisons.reliability import __main__ as reliability
 from comparisons.speed import baselines, by_hand, drop_in
 from comparisons.systems import matrices, random_matrices
@@ -64,18 +70,33 @@ def test_baselines(tmp_path, monkeypatch, capsys):
         assert row["converged"] == "True" or row["note"]
 
 
-def test_general_symbols(tmp_path, monkeypatch, capsys):
+def test_symbols(tmp_path, monkeypatch, capsys):
     options = ("--symbols", "contact", "θ²")
     sizes = {"quick_sizes": (32, 1200)}
-    printed = run(general_symbols, tmp_path, monkeypatch, capsys, *options, **sizes)
+    printed = run(symbols, tmp_path, monkeypatch, capsys, *options, **sizes)
     assert "The choice of solve_toeplitz" in printed
     rows = rows_of(tmp_path / "symbols.csv")
-    assert len(rows) == 2 * 2 * 2 * len(general_symbols.CONTENDERS)
+    assert len(rows) == 2 * 2 * 2 * len(symbols.CONTENDERS)
     for row in rows:
         if row["method"] in ("sine", "spectral", "V(1,1)", "solve_toeplitz"):
             assert float(row["residual"]) <= 1.01e-8
         # What is missing has its reason.
         assert row["converged"] == "True" or row["note"]
+
+
+def test_general_symbols(tmp_path, monkeypatch, capsys):
+    printed = run(general_symbols, tmp_path, monkeypatch, capsys, quick_sizes=(300,))
+    assert "nonsymmetric, n = 300" in printed
+    assert "indefinite, n = 300" in printed
+    rows = rows_of(tmp_path / "general_symbols.csv")
+    systems = sum(map(len, general_symbols.KINDS.values()))
+    assert len(rows) == systems * len(general_symbols.METHODS)
+    for row in rows:
+        assert row["note"] or float(row["seconds"]) > 0.0
+        if row["method"] in ("spectral", "inverse", "solve_toeplitz", "SciPy"):
+            assert row["note"] or float(row["residual"]) <= 1.01e-8
+        if row["method"] == "solve_toeplitz":
+            assert not row["note"]
 
 
 def test_drop_in(tmp_path, monkeypatch, capsys):
@@ -273,6 +294,7 @@ ALL = [
     paper_tables,
     paper_figures,
     baselines,
+    symbols,
     general_symbols,
     drop_in,
     by_hand,

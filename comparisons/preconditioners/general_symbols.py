@@ -34,7 +34,7 @@ QUICK_SIZES = SIZES[:2]
 LEVINSON = 2**14  # Largest n for SciPy's method, and for what falls back to it.
 RESTART = 30  # Iterations of a cycle of GMRES.
 MAXITER = 300  # Iterations after which a method is given up.
-ENOUGH = 2.0  # CPU seconds of all turns, after which there are no more.
+ENOUGH = 1.0  # CPU seconds of all turns, after which there are no more.
 TURNS = 51  # Most turns.
 EARLY = 0.2  # The quantile of all turns that is shown: others may use the machine.
 
@@ -91,20 +91,20 @@ def measure(kind: str, name: str, n: int) -> list[Row]:
     rows: list[Row] = []
     jobs: list[tuple[Row, Callable[[], Solution]]] = []
     for method, solve in METHODS.items():
-        row = {"kind": kind, "symbol": name, "n": n, "method": method, "note": ""}
+        row: Row = {"kind": kind, "symbol": name, "n": n, "method": method, "note": ""}
         rows.append(row)
         is_quadratic = method in (SCIPY, "solve_toeplitz")
         if n > LEVINSON and is_quadratic and (method == SCIPY or name == "random entries"):
             row["note"] = "takes n² operations"
             continue
-        job = partial(solve, c, r, b)
+        job: Callable[[], Solution] = partial(solve, c, r, b)
         try:
             x, row["iterations"] = job()
         except np.linalg.LinAlgError as error:
             row["note"] = str(error)
             continue
-        error = b - scipy.linalg.matmul_toeplitz((c, r), x)
-        row["residual"] = float(np.linalg.norm(error) / np.linalg.norm(b))
+        rest = b - scipy.linalg.matmul_toeplitz((c, r), x)
+        row["residual"] = float(np.linalg.norm(rest) / np.linalg.norm(b))
         jobs.append((row, job))
     spent: dict[str, list[float]] = {row["method"]: [] for row, _ in jobs}
     for _ in range(TURNS):
