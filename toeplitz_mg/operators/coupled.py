@@ -171,8 +171,11 @@ class CoupledOperator(GridOperator):
     def _transpose(self) -> "CoupledOperator":
         if self.is_symmetric:
             return self
-        blocks = [[block and block.T for block in column] for column in self._columns]
-        return CoupledOperator(blocks, product=self._product.transpose())
+        if self.dtype.kind != "c":
+            return self._adjoint()
+        return CoupledOperator(
+            [[block and block.T for block in column] for column in self._columns]
+        )
 
     @property
     def _columns(self) -> list[tuple[ToeplitzOperator | None, ...]]:

@@ -214,8 +214,9 @@ class ToeplitzOperator(GridOperator):
     def _transpose(self) -> "ToeplitzOperator":
         if self.is_symmetric:
             return self
-        coefficients = self._coefficients.transpose
-        return ToeplitzOperator(coefficients, product=self._product.transpose())
+        if self.dtype.kind != "c":
+            return self._adjoint()
+        return ToeplitzOperator(self._coefficients.transpose)
 
     def __repr__(self) -> str:
         grid = " x ".join(map(str, self.grid_shape))
@@ -226,7 +227,7 @@ class ToeplitzOperator(GridOperator):
 def _multiplication(a: Coefficients) -> ToeplitzProduct | MultilevelProduct:
     """Make the product with the matrix of these coefficients, which takes a transform."""
     a = a.squeezed
-    if a.array.ndim > 1 or a.array.dtype.kind == "c":
+    if a.array.ndim > 1:
         return MultilevelProduct.of([[a.lags]], a.array.dtype)
     column = a.column
     row = column if a.is_even else a.array[len(column) - 1 :: -1]
