@@ -62,6 +62,52 @@ def test_knows_its_symmetry():
     assert not A.is_even
 
 
+def test_complex_matrices_know_their_symmetry():
+    c = np.array([2.0, 1j, 0.5])
+    A = tmg.ToeplitzOperator(c)
+    assert np.array_equal(A.toarray(), scipy.linalg.toeplitz(c))
+    assert (A.is_hermitian, A.is_symmetric, A.is_even) == (True, False, False)
+    assert A.H is A
+    B = tmg.ToeplitzOperator(c, c)
+    assert (B.is_hermitian, B.is_symmetric, B.is_even) == (False, True, True)
+    assert B.T is B
+    C = tmg.ToeplitzOperator(c + 0.1j)  # As SciPy has it, with what is on its diagonal.
+    assert np.array_equal(C.toarray(), scipy.linalg.toeplitz(c + 0.1j))
+    assert (C.is_hermitian, C.is_symmetric) == (False, False)
+    D = tmg.ToeplitzOperator(c.real.astype(np.complex64))
+    assert (D.is_hermitian, D.is_symmetric, D.dtype) == (True, True, np.complex64)
+    assert [repr(X) for X in (A, B, C)] == [
+        f"<ToeplitzOperator 3, {kind}, complex128>"
+        for kind in ("Hermitian", "symmetric", "general")
+    ]
+    for X, dense in ((A, A.toarray()), (B, B.toarray()), (C, C.toarray())):
+        assert isinstance(X.T, tmg.ToeplitzOperator)
+        assert np.array_equal(X.T.toarray(), dense.T)
+        assert np.array_equal(X.H.toarray(), dense.conj().T)
+        assert np.array_equal(X.astype(np.complex64).toarray(), dense.astype(np.complex64))
+
+
+def test_a_complex_first_column_is_of_one_axis():
+    with pytest.raises(ValueError, match=r"c is complex and has shape \(2, 2\).*use .*from_lags"):
+        tmg.ToeplitzOperator(np.full((2, 2), 1j))
+    with pytest.raises(ValueError, match=r"coefficient \(nan\+1j\) at \(1,\)"):
+        tmg.ToeplitzOperator([1.0, complex(np.nan, 1.0)])
+
+
+@pytest.mark.parametrize("dtype", [int, np.float32, np.float64])
+def test_a_precision_that_a_complex_matrix_has_not(dtype):
+    """A real one would have no imaginary parts."""
+    A = tmg.ToeplitzOperator([4.5, 1j, 0.5])
+    rule = rf"dtype is {np.dtype(dtype)}, but must be complex64 or complex128, as A is complex"
+    for B in (A, tmg.MaskedOperator(A, [True, False, True]), tmg.CoupledOperator([[A]])):
+        with pytest.raises(TypeError, match=rule):
+            B.astype(dtype)
+    for f in (tmg.chan_preconditioner, tmg.fft_preconditioner, tmg.default_preconditioner):
+        with pytest.raises(TypeError, match=rule):
+            f(A, dtype=dtype)
+        assert f(A, dtype=np.complex64).dtype == np.complex64
+
+
 @pytest.mark.parametrize("n", [4099, 2**14, 2**15 - 1, 2**17])
 def test_large_products(n):
     """They are those of the definition, entry by entry, at a few rows."""
@@ -178,6 +224,22 @@ def test_products_are_counted():
     A @ np.ones(24)
     assert (inner.products, inner.units(24)) == (7, 7.0)
     assert (outer.products, outer.units(24)) == (9, 8.5)
+
+
+@pytest.mark.parametrize("dtype", [np.complex128, np.complex64])
+@pytest.mark.parametrize("shape", [(3,), (400,), (2, 3), (20, 30)])
+def test_a_complex_product_of_accepted_coefficients_does_not_overflow(shape, dtype):
+    rng = np.random.default_rng(0)
+    lags = np.exp(1j * rng.uniform(0.0, 6.0, [2 * n - 1 for n in shape]))
+    lags = (lags / lags.size / 2 ** len(shape)).astype(dtype)  # Rows add up to less than 1.
+    x = np.exp(1j * rng.uniform(0.0, 6.0, np.prod(shape))).astype(dtype)
+    large = np.finfo(dtype).max / 2**9
+    A, B = tmg.ToeplitzOperator.from_lags(lags), tmg.ToeplitzOperator.from_lags(large * lags)
+    expected = (A @ x).astype(np.complex128)
+    atol = 50 * np.finfo(dtype).eps * np.abs(expected).max()
+    assert_allclose((B @ x) / float(large), expected, rtol=0, atol=atol)
+    with pytest.raises(ValueError, match="so that no product overflows"):
+        tmg.ToeplitzOperator.from_lags(lags * large * 2 ** (3 + len(shape)))
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])

@@ -11,7 +11,6 @@ from scipy import fft
 from scipy.linalg import toeplitz
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.transforms import OneStep, Panels, plan_of
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
@@ -258,59 +257,3 @@ class DiagonalisedProduct:
         hat *= self.spectrum
         Y = backward(hat, s=self.fft_shape, axes=self._axes, overwrite_x=True)[self._cut]
         out[...] = Y.reshape(X.shape)
-
-
-class GohbergSemenculProduct:
-    """Multiplication by the inverse of a Toeplitz matrix, given its first column times (2 x₀)^-1/2.
-
-    Re z + J Im z, z = C Sᵀ (v + i J v), for a vector v and its reversal J v, where C and S are the
-    circulant and the skew-circulant with that column: four transforms of length n, as much work
-    as two products with a Toeplitz matrix of that size.
-
-    Where these are slow, p zeros are appended to the column and to the vectors. That is the
-    formula for a matrix of size n + p that has the one of size n as its leading block (and
-    reflection coefficients that are zero from there on). By the block elimination of its last p
-    unknowns the inverse of the block is that of the matrix without 2 Σ (Zˢ u) (Zˢ u)ᵀ, s < p,
-    where u is the column reversed, [0 x_(n-1) … x₁], and Z shifts down by one.
-
-    Parameters
-    ----------
-    column : ndarray of shape (n,), float64
-    dtype : float32 or float64
-    """
-
-    grid_shape: tuple[int, ...]
-
-    def __init__(self, column: Array, dtype: DTypeLike) -> None:
-        n = len(column)
-        m = near_fast_length(n)
-        self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), 2.0 * m
-        self._length = m
-        # The windows of length n of this vector are Zˢ u, s = p - 1 … 0.
-        self._u = np.concatenate((np.zeros(m - n), column[:0:-1])).astype(dtype)
-        plan = plan_of(m, np.float64, exact=True)
-        count_transforms(2, 2 * m)
-        eigenvalues = plan_of(m, dtype, exact=True).eigenvalues
-        column = np.concatenate((column, np.zeros(m - n)))
-        # The skew-circulant has the frequencies k - 1/2. Conjugates are those of its transpose.
-        self._factors = [
-            (0.5, eigenvalues(plan.spectrum(column, None, 0.5).conj())),
-            (0.0, eigenvalues(plan.spectrum(column, None, 0.0))),
-        ]
-
-    __call__ = multiply_rows
-
-    def multiply(self, X: Array, out: Array) -> None:
-        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
-        n, m = X.shape[1], self._length
-        plan = plan_of(m, self.dtype, exact=True)
-        if m == n:
-            plan.multiply_folded(X, self._factors, out)
-            return
-        Z = workspace((len(X), m), self.dtype)
-        Z[:, :n] = X
-        Z[:, n:] = 0.0
-        parts = [np.correlate(self._u, z, "valid") for z in Z[:, :n]]
-        plan.multiply_folded(Z, self._factors, Z)
-        for z, part, y in zip(Z, parts, out, strict=True):
-            np.subtract(z[:n], 2.0 * np.correlate(self._u, part, "valid"), out=y)
