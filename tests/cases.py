@@ -665,11 +665,16 @@ def _complex_and_general():
     for shape in ((1,), (2,), (13,), (16,), (3, 5), (4, 6), (6, 1), (2, 3, 4)):
         general = random_lags(*shape)
         general.flat[general.size // 2] += 2.0 * general.size
-        kinds = {"Hermitian": waves(*shape), "complex": complex_lags(*shape), "general": general}
+        kinds = {
+            "Hermitian": waves(*shape),
+            "Hermitian and even": waves(*shape).real.astype(np.complex128),
+            "complex": complex_lags(*shape),
+            "general": general,
+        }
         for kind, lags in kinds.items():
             if kind == "general" and max(shape) <= 2:
                 continue  # A real circulant of this size is symmetric.
-            is_hermitian = kind == "Hermitian"
+            is_hermitian = kind.startswith("Hermitian")
             mask = checkered(*shape)
             for label, build, cut in (
                 ("", of_lags(lags), np.ones(shape, bool)),
