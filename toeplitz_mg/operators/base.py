@@ -127,6 +127,8 @@ class GridOperator(LinearOperator):
     rmatvec = _of_numbers("rmatvec")
     rmatmat = _of_numbers("rmatmat")
     __rmul__ = _of_numbers("__rmul__")
+    if hasattr(LinearOperator, "rdot"):  # It is since SciPy 1.18.
+        rdot = _of_numbers("rdot")
 
 
 class Conjugate(GridOperator):

@@ -11,6 +11,7 @@ from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.operators.base import GridOperator
 from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator, name_symmetry
+from toeplitz_mg.values import refuse_masked
 
 
 class CoupledOperator(GridOperator):
@@ -147,7 +148,7 @@ class CoupledOperator(GridOperator):
     def block(self, index: Array) -> Array:
         """Return some rows and the same columns, by their positions in the flattened field."""
         size = self.shape[0] // len(self.blocks)
-        component, point = np.divmod(index, size)
+        component, point = np.divmod(refuse_masked("index", index), size)
         result = np.zeros((len(point), len(point)), self.dtype)
         for i, row in enumerate(self.blocks):
             for j, block in enumerate(row):

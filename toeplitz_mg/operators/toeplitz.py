@@ -1,5 +1,6 @@
 """Toeplitz matrices of any number of axes, as linear operators."""
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,8 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.multilevel import MultilevelProduct, entries
 from toeplitz_mg.engine.products import ToeplitzProduct
 from toeplitz_mg.operators.base import GridOperator
-from toeplitz_mg.operators.coefficients import Coefficients, check_precision
+from toeplitz_mg.operators.coefficients import Coefficients, check_precision, name_dense
+from toeplitz_mg.values import refuse_masked
 
 
 class ToeplitzOperator(GridOperator):
@@ -56,6 +58,12 @@ class ToeplitzOperator(GridOperator):
         1e-302 and 1e-32 of a million unknowns), for `r` of another length than `c`, and for
         complex `c` of several axes, which do not say what the matrix is.
 
+    Warns
+    -----
+    UserWarning
+        For a square `c` that is constant along its diagonals, as a dense Toeplitz matrix is: it is
+        taken for the first column of a matrix of two axes.
+
     Notes
     -----
     A product is exact up to rounding: any embedding in a circulant of size at least 2 n - 1
@@ -86,6 +94,15 @@ class ToeplitzOperator(GridOperator):
             self._coefficients = c
         elif r is None:
             self._coefficients = Coefficients.of_column(c)
+            dense = name_dense(self._coefficients.array)
+            if dense:
+                n = len(self._coefficients.array)
+                warnings.warn(
+                    f"c has shape {(n, n)} and is constant along its diagonals, as a dense "
+                    f"Toeplitz matrix is, but is taken for the first column of a matrix of two "
+                    f"axes and {n**2} unknowns: for the dense matrix c itself use {dense}",
+                    stacklevel=2,
+                )
         else:
             self._coefficients = Coefficients.of_column_and_row(c, r)
         a = self._coefficients
@@ -198,7 +215,10 @@ class ToeplitzOperator(GridOperator):
 
     def entries(self, rows: Array, columns: Array) -> Array:
         """Return the entries in some rows and columns, positions in the flattened grid."""
-        points = (np.unravel_index(index, self.grid_shape) for index in (rows, columns))
+        points = (
+            np.unravel_index(refuse_masked(name, index), self.grid_shape)
+            for name, index in (("rows", rows), ("columns", columns))
+        )
         return entries(self.lags, *points)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
