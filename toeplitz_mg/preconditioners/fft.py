@@ -12,11 +12,12 @@ from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.transforms import LONG, cosine_sums
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
-from toeplitz_mg.operators.structure import check_symmetric, restrict, restricted, unwrap
+from toeplitz_mg.operators.structure import averaged, check_symmetric, restrict, restricted, unwrap
 from toeplitz_mg.preconditioners.positivity import name_robust, precision, require_positive
 from toeplitz_mg.preconditioners.symbol import continue_axis
 
 
+@averaged
 def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return M, the paper's FFT preconditioner of a symmetric positive definite Toeplitz matrix.
 
