@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ class Case:
     name: str
     operator: Callable[[type], LinearOperator]  # Makes the operator of a dtype.
     dense: Callable[[], np.ndarray]
-    symmetric: bool = True
+    symmetric: bool = True  # Hermitian, where it is complex.
     positive: bool = True
 
     def __str__(self):
@@ -73,6 +74,24 @@ def checkered(*grid_shape):
     mask = np.indices(grid_shape).sum(axis=0) % 5 != 1
     mask.flat[0] = True
     return mask
+
+
+def waves(*grid_shape):
+    """The lags of a Hermitian positive definite matrix: three damped plane waves, and noise."""
+    k = np.meshgrid(*(np.arange(1 - n, n) for n in grid_shape), indexing="ij")
+    size = np.exp(-sum(map(np.abs, k)))
+    lags = sum(p * size * np.exp(1j * f * sum(k)) for p, f in ((1.0, 0.3), (0.5, 1.1), (0.2, -2.0)))
+    lags[tuple(n - 1 for n in grid_shape)] += 2.0
+    return (lags + np.flip(lags).conj()) / 2
+
+
+def complex_lags(*grid_shape):
+    """The lags of a general matrix: none is zero, and that of lag zero is the largest."""
+    shape = [2 * n - 1 for n in grid_shape]
+    rng = np.random.default_rng(sum(grid_shape))
+    lags = rng.uniform(-1.0, 1.0, shape) + 1j * rng.uniform(-1.0, 1.0, shape)
+    lags[tuple(n - 1 for n in grid_shape)] += 2.0 * lags.size
+    return lags
 
 
 # Dense definitions --------------------------------------------------------------------------
@@ -154,6 +173,31 @@ def chan_column(c):
             axis=axis,
         )
     return c
+
+
+def nearest_circulant(lags):
+    """The circulant of the means of the entries that a circulant has in common."""
+    dense = dense_of_lags(lags)
+    shape = tuple((m + 1) // 2 for m in lags.shape)
+    at = tuple(k % n for k, n in zip(differences(shape), shape, strict=True))
+    total, count = np.zeros(shape, dense.dtype), np.zeros(shape)
+    np.add.at(total, at, dense)
+    np.add.at(count, at, 1.0)
+    return periodic(total / count)
+
+
+def central_circulant(lags):
+    """The circulant of the nearest lags; of n/2 and -n/2 the mean."""
+    shape = tuple((m + 1) // 2 for m in lags.shape)
+    column = np.zeros(shape, lags.dtype)
+    for point in np.ndindex(shape):
+        nearest = [
+            sorted({k, k - n}, key=abs)[: 1 + (2 * k == n)]
+            for k, n in zip(point, shape, strict=True)
+        ]
+        chosen = np.ix_(*([k + n - 1 for k in ks] for ks, n in zip(nearest, shape, strict=True)))
+        column[point] = lags[chosen].mean()
+    return periodic(column)
 
 
 def aggregate(n):
@@ -487,13 +531,7 @@ def dense_coupled_M(kernel):
 def coupled(kernel):
     def build(dtype):
         return tmg.CoupledOperator(
-            [
-                [
-                    None if lags is None else tmg.ToeplitzOperator.from_lags(lags.astype(dtype))
-                    for lags in row
-                ]
-                for row in kernel
-            ]
+            [[None if lags is None else of_lags(lags)(dtype) for lags in row] for row in kernel]
         )
 
     return build
@@ -617,6 +655,136 @@ def _cycles():
     )
 
 
+def of_lags(lags):
+    """Make the matrix of these lags, which of a complex one are so in either precision."""
+    kind = np.complex64 if np.iscomplexobj(lags) else np.float32
+    return lambda dtype: tmg.ToeplitzOperator.from_lags(lags.astype(np.result_type(dtype, kind)))
+
+
+def masked_of(build, mask):
+    return lambda dtype: tmg.MaskedOperator(build(dtype), mask)
+
+
+def _complex_and_general():
+    """Complex matrices, Hermitian and general, and real ones that are not symmetric.
+
+    With the preconditioners that take them.
+    """
+    for shape in ((1,), (2,), (13,), (16,), (3, 5), (4, 6), (6, 1), (2, 3, 4)):
+        general = random_lags(*shape)
+        general.flat[general.size // 2] += 2.0 * general.size
+        kinds = {"Hermitian": waves(*shape), "complex": complex_lags(*shape), "general": general}
+        for kind, lags in kinds.items():
+            if kind == "general" and max(shape) <= 2:
+                continue  # A real circulant of this size is symmetric.
+            is_hermitian = kind == "Hermitian"
+            mask = checkered(*shape)
+            for label, build, cut in (
+                ("", of_lags(lags), np.ones(shape, bool)),
+                (" masked", masked_of(of_lags(lags), mask), mask),
+            ):
+                dense = submatrix(dense_of_lags(lags), cut)
+                pairs = [
+                    (tmg.chan_preconditioner, np.linalg.inv(nearest_circulant(lags))),
+                    (tmg.strang_preconditioner, np.linalg.inv(central_circulant(lags))),
+                ]
+                pairs = [(f, submatrix(matrix, cut)) for f, matrix in pairs]
+                if kind != "general":
+                    pairs.append((lambda A: A, dense))
+                if is_hermitian:
+                    M = submatrix(dense_coupled_M([[lags]]), cut)
+                    pairs += [
+                        (tmg.fft_preconditioner, M),
+                        (tmg.default_preconditioner, np.linalg.inv(dense)),
+                        (tmg.jacobi_preconditioner, None),
+                    ]
+                for f, matrix in pairs:
+                    of = f
+                    if f is tmg.jacobi_preconditioner:
+                        of, matrix = partial(f, omega=0.7), 0.7 / dense[0, 0] * np.eye(len(dense))
+                        matrix = matrix.astype(np.complex128)
+                    yield Case(
+                        f"{f.__name__} of {kind}{label} {shape}",
+                        applied(of, build),
+                        lambda matrix=matrix: matrix,
+                        symmetric=is_hermitian,
+                        positive=is_hermitian,
+                    )
+                    if kind == "complex" and shape in ((13,), (3, 5)):
+                        yield Case(
+                            f"{f.__name__}, transposed, of {kind}{label} {shape}",
+                            lambda dtype, of=of, build=build: of(build(dtype)).T,
+                            lambda matrix=matrix: matrix.T,
+                            symmetric=False,
+                            positive=False,
+                        )
+    c = complex_lags(7)[:7]
+    c = np.r_[abs(c).sum(), c[1:]]
+    yield Case(
+        "A with complex c",
+        lambda dtype: tmg.ToeplitzOperator(c.astype(np.result_type(dtype, np.complex64))),
+        lambda: scipy.linalg.toeplitz(c),
+    )
+    even = complex_lags(9)[8:]
+    yield Case(
+        "A complex and symmetric",
+        of_lags(np.r_[even[:0:-1], even]),
+        lambda: scipy.linalg.toeplitz(even, even),
+        symmetric=False,
+        positive=False,
+    )
+
+
+def _coupled_and_complex():
+    for components, shape in ((2, (3, 4)), (2, (7,)), (3, (2, 5)), (3, (5, 1))):
+        kernel = coupled_kernel(components, *shape)
+        for i in range(components):
+            kernel[i][i] = kernel[i][i] * (waves(*shape) if i else 1.0)
+        between = 0.1 * complex_lags(*shape) / kernel[0][0].size ** 2
+        kernel[1][0] = between
+        kernel[0][1] = np.flip(between).conj()
+        mask = np.stack([checkered(*shape)] * components)
+        mask[-1] &= np.arange(mask[0].size).reshape(shape) % 2 == 0
+        for label, is_masked, cut in (("", False, np.ones_like(mask)), (" masked", True, mask)):
+            build = coupled(kernel)
+            build = masked_of(build, mask) if is_masked else build
+            chan = dense_of_kernel(
+                [
+                    [kernel[i][i] if i == j else None for j in range(components)]
+                    for i in range(components)
+                ],
+                lambda lags: np.linalg.inv(nearest_circulant(lags)),
+            )
+            for f, matrix in (
+                (lambda A: A, dense_of_kernel(kernel)),
+                (tmg.fft_preconditioner, dense_coupled_M(kernel)),
+                (tmg.chan_preconditioner, chan),
+            ):
+                matrix = submatrix(matrix, cut)
+                yield Case(
+                    f"{f.__name__} coupled and Hermitian{label} {components} {shape}",
+                    applied(f, build),
+                    lambda matrix=matrix: matrix,
+                )
+        general = [list(row) for row in kernel]
+        general[0][1] = 0.2 * complex_lags(*shape)
+        build, dense = coupled(general), dense_of_kernel(general)
+        yield Case(
+            f"A coupled, complex {components} {shape}",
+            build,
+            lambda dense=dense: dense,
+            symmetric=False,
+            positive=False,
+        )
+        yield Case(
+            f"A coupled, complex, transposed {components} {shape}",
+            lambda dtype, build=build: build(dtype).T,
+            lambda dense=dense: dense.T,
+            symmetric=False,
+            positive=False,
+        )
+
+
 # Sums with diagonal matrices -----------------------------------------------------------------
 
 
@@ -625,7 +793,7 @@ def diagonals(n):
     return np.exp2(np.random.default_rng(n).uniform(-1.0, 1.0, (2, n)))
 
 
-SUMS = {  # Each with the symmetry of the result where A is symmetric.
+SUMS = {  # Each with whether it is Hermitian where A is.
     "2 A": (lambda A, D, E, one: 2 * A, True),
     "-A / 3 + I": (lambda A, D, E, one: -A / 3 + one, True),
     "2 I - A": (lambda A, D, E, one: 2 * one - A, True),
@@ -644,32 +812,33 @@ SUMS = {  # Each with the symmetry of the result where A is symmetric.
 def _sums():
     """Sums of a matrix and diagonal ones, which stand for themselves in the dense definition."""
 
-    def of_one(sum_of, A, mask):
+    def of_one(sum_of, lags, mask):
+        whole = of_lags(lags)
+        unknowns = whole if mask.all() else masked_of(whole, mask)
+        given = diagonals(np.count_nonzero(mask))
+
         def build(dtype):
-            full = tmg.ToeplitzOperator.from_lags(A.astype(dtype))
-            unknowns = full if mask.all() else tmg.MaskedOperator(full, mask)
-            n = np.count_nonzero(mask)
-            D, E = (scipy.sparse.diags_array(d.astype(dtype)) for d in diagonals(n))
-            return sum_of(unknowns, D, E, scipy.sparse.eye_array(n, dtype=dtype))
+            D, E = (scipy.sparse.diags_array(d.astype(dtype)) for d in given)
+            return sum_of(unknowns(dtype), D, E, scipy.sparse.eye_array(*D.shape, dtype=dtype))
 
         def dense():
-            matrix = submatrix(dense_of_lags(A), mask)
-            return sum_of(matrix, *map(np.diag, diagonals(len(matrix))), np.eye(len(matrix)))
+            matrix = submatrix(dense_of_lags(lags), mask)
+            return sum_of(matrix, *map(np.diag, given), np.eye(len(matrix)))
 
         return build, dense
 
-    general = {str(shape): (random_lags(*shape), False) for shape in ((13,), (3, 4), (2, 1, 3))}
-    even = {name: (lags_of(COLUMNS[name]), True) for name in ("31", "5x7")}
-    for name, (lags, is_symmetric) in (general | even).items():
+    matrices = {f"general {shape}": random_lags(*shape) for shape in ((13,), (3, 4), (2, 1, 3))}
+    matrices |= {name: lags_of(COLUMNS[name]) for name in ("31", "5x7")}
+    matrices |= {"Hermitian (9,)": waves(9), "complex (3, 4)": complex_lags(3, 4)}
+    for name, lags in matrices.items():
         shape = tuple((m + 1) // 2 for m in lags.shape)
         for label, mask in (("", np.ones(shape, bool)), (" masked", checkered(*shape))):
             for formula, (sum_of, keeps) in SUMS.items():
-                symmetric = keeps and (is_symmetric or formula == "A + A.T")
+                build, dense = of_one(sum_of, lags, mask)
+                is_hermitian = keeps and np.allclose(lags, np.flip(lags).conj())
+                is_hermitian |= formula == "A + A.T" and name.startswith("general")
                 yield Case(
-                    f"{formula}{label} {name}",
-                    *of_one(sum_of, lags, mask),
-                    symmetric=symmetric,
-                    positive=False,
+                    f"{formula}{label} {name}", build, dense, symmetric=is_hermitian, positive=False
                 )
 
 
@@ -733,6 +902,8 @@ CASES = [
     *_preconditioners(),
     *_coupled(),
     *_cycles(),
+    *_complex_and_general(),
+    *_coupled_and_complex(),
     *_sums(),
     *_preconditioners_of_sums(),
 ]

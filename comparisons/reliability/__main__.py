@@ -18,12 +18,14 @@ from comparisons.harness import report
 from comparisons.reliability.approximate_inverses import preconditioner
 from comparisons.reliability.bodies import contact_problem
 from comparisons.reliability.concurrency import interrupts, threads
+from comparisons.reliability.kinds import every_kind
 from comparisons.reliability.systems import drop_in, inverse, iteration, large
 from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, TOLD, Result, Trial, run
 
 # What is tried, and how often: quickly, and in full.
 PARTS: dict[str, tuple[Trial, int, int]] = {
     "solve_toeplitz": (drop_in, 600, 12000),
+    "kinds": (every_kind, 400, 20000),
     "large": (large, 20, 400),
     "iterations": (iteration, 300, 6000),
     "inverse": (inverse, 100, 2000),

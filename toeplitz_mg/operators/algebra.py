@@ -18,7 +18,7 @@ from toeplitz_mg._typing import Array
 
 
 def read_factor(x: Any, n: int) -> Any:
-    """Return a real number, of a diagonal sparse matrix its entries, else None.
+    """Return a number, of a diagonal sparse matrix its entries, else None.
 
     Parameters
     ----------
@@ -44,13 +44,15 @@ def read_factor(x: Any, n: int) -> Any:
     if issparse(x):
         return _read_diagonal(x, n)
     if isinstance(x, np.generic):
-        return x if x.dtype.kind in "fiub" else None
+        return x if x.dtype.kind in "fciub" else None
+    if isinstance(x, complex):
+        return x
     return float(x) if isinstance(x, Real) else None
 
 
 def _read_diagonal(x: Any, n: int) -> Array | None:
-    """Return the entries of a sparse matrix of this size if it is real and diagonal, else None."""
-    if x.shape != (n, n) or x.dtype.kind not in "fiub":
+    """Return the entries of a sparse matrix of this size if it is diagonal, else None."""
+    if x.shape != (n, n) or x.dtype.kind not in "fciub":
         return None
     entries = x.tocoo()
     rows, columns = entries.coords

@@ -21,7 +21,7 @@ class DiagonallyScaled(GridOperator):
     def __init__(self, M: LinearOperator, scale: Array) -> None:
         super().__init__(M.dtype, grid_of(M), work_of(M), M.shape[0])
         self.M = M
-        self.scale = scale.astype(self.dtype)
+        self.scale = scale.astype(self.dtype.char.lower())  # Real where M is complex, too.
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
@@ -33,6 +33,10 @@ class DiagonallyScaled(GridOperator):
 
     def _adjoint(self) -> "DiagonallyScaled":
         M = self.M.H
+        return self if M is self.M else DiagonallyScaled(M, self.scale)
+
+    def _transpose(self) -> "DiagonallyScaled":
+        M = self.M.T
         return self if M is self.M else DiagonallyScaled(M, self.scale)
 
     def __repr__(self) -> str:

@@ -16,6 +16,7 @@ from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum
 
 F = TypeVar("F", bound=Callable[..., LinearOperator])
+Check = Callable[[ToeplitzOperator | CoupledOperator], None]
 
 
 def unwrap(A: LinearOperator) -> tuple[LinearOperator, Mask | None]:
@@ -28,15 +29,48 @@ def restrict(A: LinearOperator, mask: Mask | None) -> LinearOperator:
     return A if mask is None else MaskedOperator(A, mask.reshape(A.grid_shape))
 
 
-def unwrap_toeplitz(A: LinearOperator) -> tuple[ToeplitzOperator, Mask | None]:
-    """Return the symmetric Toeplitz matrix on the whole grid, and the mask, or None.
+def check_hermitian(A: ToeplitzOperator | CoupledOperator) -> None:
+    """Raise a ValueError where a matrix is neither real and symmetric nor complex and Hermitian."""
+    if not A.is_hermitian:
+        rule = "Hermitian" if A.dtype.kind == "c" else "symmetric"
+        raise ValueError(
+            f"A is {A!r}, but must be {rule}: use chan_preconditioner(A), which takes any Toeplitz "
+            "matrix, with gmres"
+        )
+
+
+def check_symmetric(A: ToeplitzOperator | CoupledOperator) -> None:
+    """Raise a ValueError where a matrix is not real and symmetric."""
+    check_hermitian(A)
+    if A.dtype.kind == "c":
+        raise ValueError(
+            f"A is {A!r}, but must be real: use chan_preconditioner(A), which takes any Toeplitz "
+            "matrix"
+        )
+
+
+def accept_any(A: ToeplitzOperator | CoupledOperator) -> None:
+    """Raise nothing: the check of what takes any matrix."""
+
+
+def unwrap_toeplitz(
+    A: LinearOperator, check: Check = check_symmetric
+) -> tuple[ToeplitzOperator, Mask | None]:
+    """Return the Toeplitz matrix on the whole grid, and the mask, or None.
+
+    Parameters
+    ----------
+    A : LinearOperator
+    check : callable
+        Raises a ValueError for a matrix of another kind than is wanted; `check_symmetric`,
+        `check_hermitian` or `accept_any`.
 
     Raises
     ------
     TypeError
         Where `A` is neither a `ToeplitzOperator` nor a `MaskedOperator` of one.
     ValueError
-        Where it is not symmetric.
+        Where `check` does.
     """
     full, mask = unwrap(A)
     if not isinstance(full, ToeplitzOperator):
@@ -52,16 +86,8 @@ def unwrap_toeplitz(A: LinearOperator) -> tuple[ToeplitzOperator, Mask | None]:
             f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a MaskedOperator "
             f"of one{advice}"
         )
-    check_symmetric(full)
+    check(full)
     return full, mask
-
-
-def check_symmetric(A: ToeplitzOperator | CoupledOperator) -> None:
-    """Raise a ValueError where a matrix is not symmetric."""
-    if not A.is_symmetric:
-        raise ValueError(
-            f"A is {A!r}, but must be symmetric: for GMRES use its symmetric part, (A + A.T) / 2"
-        )
 
 
 def squeeze_line(A: ToeplitzOperator) -> ToeplitzOperator:
@@ -81,19 +107,30 @@ def squeeze_line(A: ToeplitzOperator) -> ToeplitzOperator:
     return line
 
 
-def averaged(function: F) -> F:
+def hermitian_part(A: Any) -> Any:
+    """Return (A + Aᴴ)/2, A itself where it is Hermitian."""
+    return A if A.H is A else (A + A.H) / 2
+
+
+def _itself(A: Any) -> Any:
+    return A
+
+
+def averaged(function: F, part: Callable[[Any], Any] = hermitian_part) -> F:
     """Return the preconditioner that of a `ToeplitzSum` is that of the matrix of `average`.
 
     Parameters
     ----------
     function : callable
-        A function of a symmetric `ToeplitzOperator` or a `MaskedOperator` of one.
+        A function of a `ToeplitzOperator` or a `MaskedOperator` of one.
+    part : callable
+        What it sees of each Toeplitz matrix, the Hermitian part by default.
 
     Returns
     -------
     callable
-        The same function, that takes a `ToeplitzSum` or a `MaskedOperator` of one too. It is
-        symmetric positive definite where that of the symmetric matrix is.
+        The same function, that takes a `ToeplitzSum` or a `MaskedOperator` of one too. What it
+        returns is symmetric positive definite where that of the Toeplitz matrix is.
 
     Raises
     ------
@@ -116,17 +153,19 @@ def averaged(function: F) -> F:
         full, mask = unwrap(A)
         if not isinstance(full, ToeplitzSum):
             return function(A, *args, **kwargs)
-        mean, scale = average(full, mask)
+        mean, scale = average(full, mask, part)
         return DiagonallyScaled(function(restrict(mean, mask), *args, **kwargs), scale)
 
     return cast(F, of_average)
 
 
-def average(A: ToeplitzSum, mask: Mask | None = None) -> tuple[ToeplitzOperator, Array]:
-    """Return a symmetric Toeplitz matrix T and the entries of a diagonal one, D T⁻¹ D ≈ A⁻¹.
+def average(
+    A: ToeplitzSum, mask: Mask | None = None, part: Callable[[Any], Any] = hermitian_part
+) -> tuple[ToeplitzOperator, Array]:
+    """Return a Toeplitz matrix T and the entries of a diagonal one, with D T⁻¹ D ≈ A⁻¹.
 
     D² is the inverse of the diagonal of A. In D A D, whose diagonal is all ones, each diagonal
-    matrix is replaced by its mean, and each Toeplitz matrix by its symmetric part. For A + D with a
+    matrix is replaced by its mean, and each Toeplitz matrix by its Hermitian part. For A + D with a
     D that is small against the diagonal of A this is A and the mean of D, for D A that of A between
     two diagonal matrices, and it goes from one to the other as the diagonal of the sum does.
 
@@ -135,6 +174,8 @@ def average(A: ToeplitzSum, mask: Mask | None = None) -> tuple[ToeplitzOperator,
     A : ToeplitzSum
     mask : ndarray of bool, optional
         The unknowns, over which the means are taken.
+    part : callable, optional
+        What to take of each Toeplitz matrix in the place of its Hermitian part.
 
     Raises
     ------
@@ -150,7 +191,7 @@ def average(A: ToeplitzSum, mask: Mask | None = None) -> tuple[ToeplitzOperator,
     Algorithms 92 (2023), for the symmetric part.
     """
     unknowns = slice(None) if mask is None else mask.ravel()
-    diagonal = A.diagonal()[unknowns].astype(np.float64)
+    diagonal = A.diagonal()[unknowns].real.astype(np.float64)
     if not diagonal.min() > 0.0:
         raise np.linalg.LinAlgError(
             f"the diagonal of A has the entry {diagonal.min():.3g}, but a preconditioner needs "
@@ -161,15 +202,10 @@ def average(A: ToeplitzSum, mask: Mask | None = None) -> tuple[ToeplitzOperator,
         weights = 1.0 / diagonal
         for factor in (left, right):
             weights = weights if factor is None else weights * factor[unknowns]
-        mean = mean + weights.mean() * symmetric_part(T)
+        mean = mean + weights.mean() * part(T)
     if A.offset is not None:
         mean = mean.plus_unit(np.mean(A.offset[unknowns] / diagonal))
     return mean.astype(A.dtype), 1.0 / np.sqrt(diagonal)
-
-
-def symmetric_part(A: Any) -> Any:
-    """Return (A + Aᵀ)/2, A itself where it is symmetric."""
-    return A if A.H is A else (A + A.H) / 2
 
 
 def symmetrised(preconditioner: F) -> F:
@@ -178,7 +214,7 @@ def symmetrised(preconditioner: F) -> F:
     @wraps(preconditioner)
     def of_part(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
         if isinstance(unwrap(A)[0], ToeplitzOperator):
-            A = symmetric_part(A)
+            A = hermitian_part(A)
         return preconditioner(A, *args, **kwargs)
 
     return cast(F, of_part)
@@ -190,13 +226,19 @@ def restricted(preconditioner: F) -> F:
     Parameters
     ----------
     preconditioner : callable
-        A function of a symmetric `ToeplitzOperator`, and of other arguments.
+        A function of a real, symmetric `ToeplitzOperator`, and of other arguments.
 
     Returns
     -------
     callable
         The same function, that takes a `MaskedOperator` of one too, and a `ToeplitzSum` as
-        `averaged` does, and refuses what is none of these, or not symmetric.
+        `averaged` does, and refuses what is none of these, or not real and
+        symmetric.
+
+    See Also
+    --------
+    restricted_hermitian : for functions that take complex Hermitian matrices too.
+    of_any_matrix : for functions that take all.
 
     Examples
     --------
@@ -209,14 +251,39 @@ def restricted(preconditioner: F) -> F:
     >>> nothing(tmg.MaskedOperator(A, [True, False, True])).shape
     (2, 2)
     """
+    return _restricted(preconditioner, check_symmetric)
 
-    @averaged
+
+def restricted_hermitian(preconditioner: F) -> F:
+    """Return what `restricted` does, of a function that takes complex Hermitian matrices too."""
+    return _restricted(preconditioner, check_hermitian)
+
+
+def of_any_matrix(preconditioner: F) -> F:
+    """Return the preconditioner of a mask and of components, whatever the matrix.
+
+    Parameters
+    ----------
+    preconditioner : callable
+        A function of a `ToeplitzOperator`, real or complex, symmetric or not, and of other
+        arguments.
+
+    Returns
+    -------
+    callable
+        The same function, that takes a `MaskedOperator` of one too, and a `CoupledOperator`, whose
+        components it treats each by itself.
+    """
+    return _of_each(_restricted(preconditioner, accept_any), accept_any)
+
+
+def _restricted(preconditioner: F, check: Check) -> F:
     @wraps(preconditioner)
     def of_mask(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
-        full, mask = unwrap_toeplitz(A)
+        full, mask = unwrap_toeplitz(A, check)
         return restrict(preconditioner(full, *args, **kwargs), mask)
 
-    return cast(F, of_mask)
+    return averaged(cast(F, of_mask), _itself if check is accept_any else hermitian_part)
 
 
 def componentwise(preconditioner: F) -> F:
@@ -244,12 +311,16 @@ def componentwise(preconditioner: F) -> F:
     >>> np.array_equal(M @ np.ones(8), np.tile(tmg.fft_preconditioner(xx) @ np.ones(4), 2))
     True
     """
+    return _of_each(preconditioner, check_hermitian)
 
+
+def _of_each(preconditioner: F, check: Check) -> F:
     @wraps(preconditioner)
     def of_each(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
         full, mask = unwrap(A)
         if not isinstance(full, CoupledOperator):
             return preconditioner(A, *args, **kwargs)
+        check(full)
         blocks = [preconditioner(block, *args, **kwargs) for block in components(full, mask)]
         return BlockDiagonal(blocks, full.grid_shape)
 
@@ -262,9 +333,8 @@ def components(full: CoupledOperator, mask: Mask | None) -> list[LinearOperator]
     Raises
     ------
     ValueError
-        Where the matrix is not symmetric, or a component has no influence on itself.
+        Where a component has no influence on itself.
     """
-    check_symmetric(full)
     parts = [None] * len(full.blocks) if mask is None else mask
     return [
         restrict(full.component(i), part)

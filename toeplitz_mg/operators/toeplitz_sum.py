@@ -9,7 +9,8 @@ from numpy.typing import DTypeLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import algebra
-from toeplitz_mg.operators.base import GridOperator
+from toeplitz_mg.operators.base import GridOperator, name_symmetry
+from toeplitz_mg.operators.coefficients import check_precision
 
 if TYPE_CHECKING:  # A ToeplitzOperator makes sums, and is made of them.
     from toeplitz_mg.operators.toeplitz import ToeplitzOperator
@@ -43,6 +44,9 @@ class ToeplitzSum(GridOperator):
     offset : ndarray of shape (N,) or None
         The entries of D.
     is_symmetric : bool
+        Equal to its transpose ``A.T``.
+    is_hermitian : bool
+        Equal to its conjugate transpose ``A.H``. Of a real matrix this is the same.
     grid_shape : tuple of int
 
     Notes
@@ -73,9 +77,10 @@ class ToeplitzSum(GridOperator):
         )
         matrices = [term.A for term in self.terms]
         super().__init__(dtype, matrices[0].grid_shape, sum(A.work for A in matrices))
-        self.is_symmetric = all(
-            any(_is_adjoint(term, other) for other in self.terms) for term in self.terms
-        )
+        self.is_symmetric = self._is(self._transposed())
+        self.is_hermitian = self._is(self._adjoint_terms())
+        if diagonal is not None and not np.isrealobj(diagonal):
+            self.is_hermitian = self.is_hermitian and not diagonal.imag.any()
 
     def scaled(self, left: Any = None, right: Any = None) -> Any:
         """Return L A R (see `GridOperator.scaled`)."""
@@ -103,12 +108,10 @@ class ToeplitzSum(GridOperator):
 
     def astype(self, dtype: DTypeLike) -> "ToeplitzSum":
         """Return the matrix in another precision, or itself where it has that one."""
+        dtype = check_precision(dtype, self.dtype)
         if self.dtype == dtype:
             return self
-        terms = (
-            Term(_cast(term.left, dtype), term.A.astype(dtype), _cast(term.right, dtype))
-            for term in self.terms
-        )
+        terms = (Term(*(_cast(part, dtype) for part in term)) for term in self.terms)
         return ToeplitzSum(terms, _cast(self.offset, dtype))
 
     def toarray(self) -> Array:
@@ -155,9 +158,20 @@ class ToeplitzSum(GridOperator):
         return out
 
     def _adjoint(self) -> "ToeplitzSum":
-        if self.is_symmetric:
-            return self
-        return ToeplitzSum((Term(right, A.H, left) for left, A, right in self.terms), self.offset)
+        return self if self.is_hermitian else ToeplitzSum(self._adjoint_terms(), _conj(self.offset))
+
+    def _transpose(self) -> "ToeplitzSum":
+        return self if self.is_symmetric else ToeplitzSum(self._transposed(), self.offset)
+
+    def _adjoint_terms(self) -> list[Term]:
+        return [Term(_conj(right), A.H, _conj(left)) for left, A, right in self.terms]
+
+    def _transposed(self) -> list[Term]:
+        return [Term(right, A.T, left) for left, A, right in self.terms]
+
+    def _is(self, terms: list[Term]) -> bool:
+        """Whether its terms are these, in any order."""
+        return all(any(_is_same_term(term, other) for other in self.terms) for term in terms)
 
     def __repr__(self) -> str:
         names = [
@@ -165,7 +179,7 @@ class ToeplitzSum(GridOperator):
             for left, _, right in self.terms
         ] + ["D"] * (self.offset is not None)
         grid = " x ".join(map(str, self.grid_shape))
-        kind = "symmetric" if self.is_symmetric else "general"
+        kind = name_symmetry(self)
         return f"<ToeplitzSum {' + '.join(names)}, {grid}, {kind}, {self.dtype}>"
 
 
@@ -226,8 +240,15 @@ def _plus(a: Array | None, b: Array | None) -> Array | None:
     return a + b
 
 
-def _cast(factor: Array | None, dtype: DTypeLike) -> Array | None:
-    return None if factor is None else factor.astype(dtype)
+def _conj(factor: Array | None) -> Array | None:
+    return factor if factor is None or factor.dtype.kind != "c" else factor.conj()
+
+
+def _cast(part: Any, dtype: np.dtype[Any]) -> Any:
+    """Return a part in the precision of a matrix: what is real of a complex one stays real."""
+    if part is None:
+        return None
+    return part.astype(dtype if part.dtype.kind == "c" else dtype.char.lower())
 
 
 def _is_same(a: Array | None, b: Array | None) -> bool:
@@ -237,10 +258,9 @@ def _is_same(a: Array | None, b: Array | None) -> bool:
     return a is b or np.array_equal(a, b)
 
 
-def _is_adjoint(term: Term, other: Term) -> bool:
-    """Whether a term is the conjugate transpose of the other."""
+def _is_same_term(term: Term, other: Term) -> bool:
     return (
-        _is_same(term.left, other.right)
-        and _is_same(term.right, other.left)
-        and term.A.H.equals(other.A)
+        _is_same(term.left, other.left)
+        and _is_same(term.right, other.right)
+        and term.A.equals(other.A)
     )

@@ -1,0 +1,135 @@
+"""Systems of every kind that `solve_toeplitz` takes, of sizes at which it has a choice."""
+
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+import scipy.linalg
+from numpy.random import Generator
+
+import toeplitz_mg as tmg
+from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, TOLD, Outcome
+from comparisons.systems.random_matrices import log_uniform, random_column
+from toeplitz_mg._typing import Array
+
+BACKWARD = 1e-11  # Backward error above which there has to be an error or a warning.
+ILL = 1e-7  # Relative residual that nobody should get without a warning (it warns from 1e-8 on).
+LARGEST = 6000  # Unknowns: what is solved by Levinson's recursion takes a tenth of a second.
+
+Line = tuple[Array, Array]  # First column and first row.
+Kind = Callable[[Generator, int], Line]
+
+
+def positive_definite(rng: Generator, n: int) -> Line:
+    """Return a symmetric positive definite matrix."""
+    _, c = random_column(rng, (n,))
+    return c, c
+
+
+def indefinite(rng: Generator, n: int) -> Line:
+    """Return a symmetric matrix less a multiple of the identity that is among its eigenvalues."""
+    _, c = random_column(rng, (n,))
+    c[0] -= rng.uniform(0.0, 1.0) * np.abs(c).sum()
+    return c, c
+
+
+def decaying(rng: Generator, n: int) -> Line:
+    """Return a matrix whose coefficients decay on each side as powers, or as exponentials."""
+    k = np.arange(n)
+    c, r = (
+        (1.0 + k) ** -rng.uniform(0.7, 3.0) * rng.choice([-1.0, 1.0]) ** k
+        if rng.random() < 0.5
+        else np.exp(-k * rng.uniform(0.001, 1.0)) * np.cos(k * rng.uniform(0.0, 3.0))
+        for _ in range(2)
+    )
+    c = c * rng.uniform(0.2, 2.0)
+    c[0] = log_uniform(rng, 0.3, 3.0)
+    return c, r * rng.uniform(0.2, 2.0)
+
+
+def fractional(rng: Generator, n: int) -> Line:
+    """Return a two-sided fractional derivative by shifted Grünwald differences, and a part of I."""
+    alpha, weight = rng.uniform(1.05, 1.95), rng.uniform(0.0, 1.0)
+    g = np.concatenate([[1.0], np.cumprod(1.0 - (alpha + 1.0) / np.arange(1.0, n + 1))])
+    ahead, back = -g[1 : n + 1], np.zeros(n)
+    back[:2] = (-g[1], -g[0])[: min(n, 2)]
+    c, r = (1.0 - weight) * ahead + weight * back, (1.0 - weight) * back + weight * ahead
+    c[0] += log_uniform(rng, 1e-6, 1.0)
+    return c, r
+
+
+def convolution(rng: Generator, n: int) -> Line:
+    """Return a band of random coefficients on a diagonal that dominates it, or does not."""
+    c, r = np.zeros((2, n))
+    for a in (c, r):
+        width = int(rng.integers(1, min(n, 40) + 1))
+        a[:width] = rng.standard_normal(width)
+    c[0] = rng.uniform(0.1, 1.5) * (np.abs(c[1:]).sum() + np.abs(r[1:]).sum()) + 1e-3
+    return c, r
+
+
+def without_symbol(rng: Generator, n: int) -> Line:
+    """Return random coefficients that do not decay."""
+    return rng.standard_normal(n), rng.standard_normal(n)
+
+
+def hermitian(rng: Generator, n: int) -> Line:
+    """Return a positive definite matrix with its symbol shifted by a phase, or plane waves."""
+    k = np.arange(n)
+    if rng.random() < 0.6:
+        _, c = random_column(rng, (n,))
+        c = c * np.exp(1j * k * rng.uniform(-np.pi, np.pi))
+    else:
+        c = np.zeros(n, complex)
+        for _ in range(rng.integers(1, 6)):
+            c += rng.exponential() * np.exp((1j * rng.uniform(-np.pi, np.pi)) * k)
+        c[0] += log_uniform(rng, 1e-4, 10.0)
+    return c, c.conj()
+
+
+def complex_decaying(rng: Generator, n: int) -> Line:
+    """Return a complex matrix whose coefficients decay on each side."""
+    k = np.arange(n)
+    c, r = decaying(rng, n)
+    turn = np.exp(1j * rng.uniform(-np.pi, np.pi, (2, 1)) * k)
+    return c * turn[0] * np.exp(1j * rng.uniform(-3.0, 3.0)), r * turn[1]
+
+
+KINDS: list[Kind] = [
+    positive_definite,
+    indefinite,
+    decaying,
+    fractional,
+    convolution,
+    without_symbol,
+    hermitian,
+    complex_decaying,
+]
+
+
+def every_kind(rng: Generator) -> Outcome:
+    """Try a system of any kind: its backward error is small, or the user is told."""
+    kind = KINDS[rng.integers(len(KINDS))]
+    n = int(log_uniform(rng, 2.0, LARGEST))
+    c, r = kind(rng, n)
+    columns = int(rng.choice([1, 1, 1, 1, 3]))
+    B = rng.standard_normal((n, columns))
+    if rng.random() < 0.2:
+        B = np.ones((n, columns)) * np.arange(1.0, columns + 1)
+    if rng.random() < 0.2:
+        B = B + 1j * rng.standard_normal((n, columns))
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        try:
+            X, info = tmg.solve_toeplitz((c, r), B, full_output=True)
+        except np.linalg.LinAlgError as error:
+            return Outcome(kind.__name__, REFUSED, f"n = {n}: {error}")
+    errors = np.linalg.norm(B - scipy.linalg.matmul_toeplitz((c, r), X), axis=0)
+    sizes = np.linalg.norm(B, axis=0)
+    norm = np.abs(c).sum() + np.abs(r[1:]).sum()
+    backward = float((errors / (norm * np.linalg.norm(X, axis=0) + sizes)).max())
+    residual = float((errors / sizes).max())
+    note = f"n = {n}, {info.method}: residual {residual:.0e}, backward error {backward:.0e}"
+    if not backward <= BACKWARD or residual > ILL:
+        return Outcome(kind.__name__, TOLD if told else FAILED, note)
+    return Outcome(kind.__name__, TOLD if told else RIGHT, note)
