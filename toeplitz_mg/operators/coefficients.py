@@ -1,5 +1,6 @@
 """Coefficients of a Toeplitz matrix: their normal form, and what they must be."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -133,6 +134,30 @@ class Coefficients:
         """The coefficients of the complex conjugate."""
         is_real = self.array.dtype.kind != "c"
         return self if is_real else Coefficients(self.array.conj(), self.is_even)
+
+    def at(self, lags: Sequence[Array]) -> Array:
+        """Return the coefficients of some lags, given along each axis."""
+        if self.is_even:
+            return self.array[tuple(map(np.abs, lags))]
+        return self.array[tuple(k + m // 2 for k, m in zip(lags, self.array.shape, strict=True))]
+
+    def times(self, factor: Any) -> "Coefficients":
+        """Multiply with a number."""
+        with np.errstate(over="ignore", invalid="ignore"):  # What overflows is refused.
+            return Coefficients(check_coefficients(self.array * factor, "lags"), self.is_even)
+
+    def plus(self, other: "Coefficients") -> "Coefficients":
+        """Add the coefficients of a matrix on the same grid."""
+        with np.errstate(over="ignore"):
+            if self.is_even and other.is_even:
+                return Coefficients(check_coefficients(self.array + other.array, "lags"), True)
+            return Coefficients.of_lags(self.lags + other.lags)
+
+    def plus_unit(self, factor: Any) -> "Coefficients":
+        """Add a multiple of the unit matrix."""
+        column = np.zeros(self.grid_shape, np.result_type(factor))
+        column.flat[0] = factor
+        return self.plus(Coefficients(column, True))
 
     def astype(self, dtype: np.dtype[Any]) -> "Coefficients":
         """Round to this precision, or say that this is not possible."""

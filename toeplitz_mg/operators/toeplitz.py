@@ -5,12 +5,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
+from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.multilevel import MultilevelProduct, entries
+from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.products import ToeplitzProduct
-from toeplitz_mg.operators.base import GridOperator
+from toeplitz_mg.operators import algebra
+from toeplitz_mg.operators.base import GridOperator, name_symmetry
 from toeplitz_mg.operators.coefficients import Coefficients, check_precision, name_dense
+from toeplitz_mg.operators.toeplitz_sum import Term, ToeplitzSum, simplify
 from toeplitz_mg.values import refuse_masked
 
 
@@ -219,7 +222,43 @@ class ToeplitzOperator(GridOperator):
             np.unravel_index(refuse_masked(name, index), self.grid_shape)
             for name, index in (("rows", rows), ("columns", columns))
         )
-        return entries(self.lags, *points)
+        return self._coefficients.at(list(map(np.subtract.outer, *points)))
+
+    def diagonal(self) -> Array:
+        """Return the entries (i, i), shape (N,), which are all the same."""
+        return np.full(self.shape[0], self.c.flat[0])
+
+    trace = algebra.trace
+    __getitem__ = algebra.take
+    __iter__ = None  # Python would count up an index of rows.
+
+    def scaled(self, left: Any = None, right: Any = None) -> Any:
+        """Return L A R: a ToeplitzOperator for numbers (see `GridOperator.scaled`)."""
+        return simplify([Term(left, self, right)])
+
+    def times(self, factor: Any) -> "ToeplitzOperator":
+        """Return the matrix times a number."""
+        return ToeplitzOperator(self._coefficients.times(factor))
+
+    def plus(self, other: Any) -> Any:
+        """Return the sum: a ToeplitzOperator with one (see `GridOperator.plus`)."""
+        if isinstance(other, np.ndarray):
+            return simplify([Term(None, self, None)], other)
+        if isinstance(other, ToeplitzSum):
+            return other.plus(self)
+        if isinstance(other, ToeplitzOperator) and other.grid_shape == self.grid_shape:
+            return ToeplitzOperator(self._coefficients.plus(other._coefficients))
+        return NotImplemented
+
+    def plus_unit(self, factor: Any) -> "ToeplitzOperator":
+        """Return the sum with a multiple of the unit matrix."""
+        return ToeplitzOperator(self._coefficients.plus_unit(factor))
+
+    def equals(self, other: LinearOperator) -> bool:
+        """Whether another operator is the same matrix."""
+        return self is other or (
+            isinstance(other, ToeplitzOperator) and np.array_equal(self.lags, other.lags)
+        )
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
@@ -252,10 +291,3 @@ def _multiplication(a: Coefficients) -> ToeplitzProduct | MultilevelProduct:
     column = a.column
     row = column if a.is_even else a.array[len(column) - 1 :: -1]
     return ToeplitzProduct.of(column, row, a.array.dtype)
-
-
-def name_symmetry(A: Any) -> str:
-    """Return what a matrix is, for its repr: symmetric, Hermitian or general."""
-    if A.is_symmetric:
-        return "symmetric"
-    return "Hermitian" if A.is_hermitian else "general"
