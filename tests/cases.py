@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ class Case:
     name: str
     operator: Callable[[type], LinearOperator]  # Makes the operator of a dtype.
     dense: Callable[[], np.ndarray]
-    symmetric: bool = True
+    symmetric: bool = True  # Hermitian, where it is complex.
     positive: bool = True
 
     def __str__(self):
@@ -65,6 +66,24 @@ def checkered(*grid_shape):
     mask = np.indices(grid_shape).sum(axis=0) % 5 != 1
     mask.flat[0] = True
     return mask
+
+
+def waves(*grid_shape):
+    """The lags of a Hermitian positive definite matrix: three damped plane waves, and noise."""
+    k = np.meshgrid(*(np.arange(1 - n, n) for n in grid_shape), indexing="ij")
+    size = np.exp(-sum(map(np.abs, k)))
+    lags = sum(p * size * np.exp(1j * f * sum(k)) for p, f in ((1.0, 0.3), (0.5, 1.1), (0.2, -2.0)))
+    lags[tuple(n - 1 for n in grid_shape)] += 2.0
+    return (lags + np.flip(lags).conj()) / 2
+
+
+def complex_lags(*grid_shape):
+    """The lags of a general matrix: none is zero, and that of lag zero is the largest."""
+    shape = [2 * n - 1 for n in grid_shape]
+    rng = np.random.default_rng(sum(grid_shape))
+    lags = rng.uniform(-1.0, 1.0, shape) + 1j * rng.uniform(-1.0, 1.0, shape)
+    lags[tuple(n - 1 for n in grid_shape)] += 2.0 * lags.size
+    return lags
 
 
 # Dense definitions --------------------------------------------------------------------------
@@ -146,6 +165,31 @@ def chan_column(c):
             axis=axis,
         )
     return c
+
+
+def nearest_circulant(lags):
+    """The circulant of the means of the entries that a circulant has in common."""
+    dense = dense_of_lags(lags)
+    shape = tuple((m + 1) // 2 for m in lags.shape)
+    at = tuple(k % n for k, n in zip(differences(shape), shape, strict=True))
+    total, count = np.zeros(shape, dense.dtype), np.zeros(shape)
+    np.add.at(total, at, dense)
+    np.add.at(count, at, 1.0)
+    return periodic(total / count)
+
+
+def central_circulant(lags):
+    """The circulant of the nearest lags; of n/2 and -n/2 the mean."""
+    shape = tuple((m + 1) // 2 for m in lags.shape)
+    column = np.zeros(shape, lags.dtype)
+    for point in np.ndindex(shape):
+        nearest = [
+            sorted({k, k - n}, key=abs)[: 1 + (2 * k == n)]
+            for k, n in zip(point, shape, strict=True)
+        ]
+        chosen = np.ix_(*([k + n - 1 for k in ks] for ks, n in zip(nearest, shape, strict=True)))
+        column[point] = lags[chosen].mean()
+    return periodic(column)
 
 
 def aggregate(n):
@@ -479,13 +523,7 @@ def dense_coupled_M(kernel):
 def coupled(kernel):
     def build(dtype):
         return tmg.CoupledOperator(
-            [
-                [
-                    None if lags is None else tmg.ToeplitzOperator.from_lags(lags.astype(dtype))
-                    for lags in row
-                ]
-                for row in kernel
-            ]
+            [[None if lags is None else of_lags(lags)(dtype) for lags in row] for row in kernel]
         )
 
     return build
@@ -609,4 +647,141 @@ def _cycles():
     )
 
 
-CASES = [*_operators(), *_preconditioners(), *_coupled(), *_cycles()]
+def of_lags(lags):
+    """Make the matrix of these lags, which of a complex one are so in either precision."""
+    kind = np.complex64 if np.iscomplexobj(lags) else np.float32
+    return lambda dtype: tmg.ToeplitzOperator.from_lags(lags.astype(np.result_type(dtype, kind)))
+
+
+def masked_of(build, mask):
+    return lambda dtype: tmg.MaskedOperator(build(dtype), mask)
+
+
+def _complex_and_general():
+    """Complex matrices, Hermitian and general, and real ones that are not symmetric.
+
+    With the preconditioners that take them.
+    """
+    for shape in ((1,), (2,), (13,), (16,), (3, 5), (4, 6), (6, 1), (2, 3, 4)):
+        general = random_lags(*shape)
+        general.flat[general.size // 2] += 2.0 * general.size
+        kinds = {"Hermitian": waves(*shape), "complex": complex_lags(*shape), "general": general}
+        for kind, lags in kinds.items():
+            if kind == "general" and max(shape) <= 2:
+                continue  # A real circulant of this size is symmetric.
+            is_hermitian = kind == "Hermitian"
+            mask = checkered(*shape)
+            for label, build, cut in (
+                ("", of_lags(lags), np.ones(shape, bool)),
+                (" masked", masked_of(of_lags(lags), mask), mask),
+            ):
+                dense = submatrix(dense_of_lags(lags), cut)
+                pairs = [
+                    (tmg.chan_preconditioner, np.linalg.inv(nearest_circulant(lags))),
+                    (tmg.strang_preconditioner, np.linalg.inv(central_circulant(lags))),
+                ]
+                pairs = [(f, submatrix(matrix, cut)) for f, matrix in pairs]
+                if kind != "general":
+                    pairs.append((lambda A: A, dense))
+                if is_hermitian:
+                    M = submatrix(dense_coupled_M([[lags]]), cut)
+                    pairs += [
+                        (tmg.fft_preconditioner, M),
+                        (tmg.default_preconditioner, np.linalg.inv(dense)),
+                        (tmg.jacobi_preconditioner, None),
+                    ]
+                for f, matrix in pairs:
+                    of = f
+                    if f is tmg.jacobi_preconditioner:
+                        of, matrix = partial(f, omega=0.7), 0.7 / dense[0, 0] * np.eye(len(dense))
+                        matrix = matrix.astype(np.complex128)
+                    yield Case(
+                        f"{f.__name__} of {kind}{label} {shape}",
+                        applied(of, build),
+                        lambda matrix=matrix: matrix,
+                        symmetric=is_hermitian,
+                        positive=is_hermitian,
+                    )
+                    if kind == "complex" and shape in ((13,), (3, 5)):
+                        yield Case(
+                            f"{f.__name__}, transposed, of {kind}{label} {shape}",
+                            lambda dtype, of=of, build=build: of(build(dtype)).T,
+                            lambda matrix=matrix: matrix.T,
+                            symmetric=False,
+                            positive=False,
+                        )
+    c = complex_lags(7)[:7]
+    c = np.r_[abs(c).sum(), c[1:]]
+    yield Case(
+        "A with complex c",
+        lambda dtype: tmg.ToeplitzOperator(c.astype(np.result_type(dtype, np.complex64))),
+        lambda: scipy.linalg.toeplitz(c),
+    )
+    even = complex_lags(9)[8:]
+    yield Case(
+        "A complex and symmetric",
+        of_lags(np.r_[even[:0:-1], even]),
+        lambda: scipy.linalg.toeplitz(even, even),
+        symmetric=False,
+        positive=False,
+    )
+
+
+def _coupled_and_complex():
+    for components, shape in ((2, (3, 4)), (2, (7,)), (3, (2, 5)), (3, (5, 1))):
+        kernel = coupled_kernel(components, *shape)
+        for i in range(components):
+            kernel[i][i] = kernel[i][i] * (waves(*shape) if i else 1.0)
+        between = 0.1 * complex_lags(*shape) / kernel[0][0].size ** 2
+        kernel[1][0] = between
+        kernel[0][1] = np.flip(between).conj()
+        mask = np.stack([checkered(*shape)] * components)
+        mask[-1] &= np.arange(mask[0].size).reshape(shape) % 2 == 0
+        for label, is_masked, cut in (("", False, np.ones_like(mask)), (" masked", True, mask)):
+            build = coupled(kernel)
+            build = masked_of(build, mask) if is_masked else build
+            chan = dense_of_kernel(
+                [
+                    [kernel[i][i] if i == j else None for j in range(components)]
+                    for i in range(components)
+                ],
+                lambda lags: np.linalg.inv(nearest_circulant(lags)),
+            )
+            for f, matrix in (
+                (lambda A: A, dense_of_kernel(kernel)),
+                (tmg.fft_preconditioner, dense_coupled_M(kernel)),
+                (tmg.chan_preconditioner, chan),
+            ):
+                matrix = submatrix(matrix, cut)
+                yield Case(
+                    f"{f.__name__} coupled and Hermitian{label} {components} {shape}",
+                    applied(f, build),
+                    lambda matrix=matrix: matrix,
+                )
+        general = [list(row) for row in kernel]
+        general[0][1] = 0.2 * complex_lags(*shape)
+        build, dense = coupled(general), dense_of_kernel(general)
+        yield Case(
+            f"A coupled, complex {components} {shape}",
+            build,
+            lambda dense=dense: dense,
+            symmetric=False,
+            positive=False,
+        )
+        yield Case(
+            f"A coupled, complex, transposed {components} {shape}",
+            lambda dtype, build=build: build(dtype).T,
+            lambda dense=dense: dense.T,
+            symmetric=False,
+            positive=False,
+        )
+
+
+CASES = [
+    *_operators(),
+    *_preconditioners(),
+    *_coupled(),
+    *_cycles(),
+    *_complex_and_general(),
+    *_coupled_and_complex(),
+]

@@ -34,6 +34,7 @@ from toeplitz_mg.preconditioners import (
 from toeplitz_mg.solvers.solve import SolveInfo, solve_toeplitz
 from toeplitz_mg.solvers.inverse import ToeplitzInverse, toeplitz_inverse
 from toeplitz_mg.solvers.cg import cg
+from toeplitz_mg.solvers.gmres import gmres
 from toeplitz_mg.solvers.richardson import richardson
 
 __all__ = [
@@ -57,6 +58,7 @@ __all__ = [
     "fft_sd_preconditioner",
     "fsai_preconditioner",
     "galerkin",
+    "gmres",
     "halfspace",
     "jacobi_preconditioner",
     "linear_interpolation",

@@ -11,7 +11,6 @@ from scipy import fft
 from scipy.linalg import toeplitz
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.transforms import OneStep, Panels, plan_of
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
@@ -21,13 +20,16 @@ DENSE = 256  # Unknowns up to which a product with the dense matrix is faster th
 
 
 class Product(Protocol):
-    """Multiplication of rows by a real matrix: what all kinds of products have in common."""
+    """Multiplication of rows by a matrix: what all kinds of products have in common."""
 
     dtype: np.dtype[Any]  # The precision of the products, whatever that of the vectors.
     points: float  # The work of a product, in grid points.
 
     def multiply(self, X: Array, out: Array) -> None:
-        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
+        """Multiply the rows of `X`, of shape (rows, N), into `out`, which may be `X`.
+
+        They are real where the matrix is, and of any kind where that is complex.
+        """
 
 
 def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array:
@@ -36,9 +38,12 @@ def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array
     It is the ``__call__`` of every product.
 
     The result has the dtype that NumPy gives to the product of a matrix and a vector of these
-    dtypes. `out` may be `X`.
+    dtypes. `out` may be `X`. A real matrix multiplies the two parts of complex vectors.
     """
-    if np.iscomplexobj(X):
+    if product.dtype.kind == "c":
+        if out is not None and out.dtype.kind != "c":
+            raise TypeError(f"out has dtype {out.dtype}, but the product is complex")
+    elif X.dtype.kind == "c":
         real, imag = multiply_rows(product, X.real), multiply_rows(product, X.imag)
         out = np.empty(X.shape, np.result_type(X, product.dtype)) if out is None else out
         out.real, out.imag = real, imag
@@ -93,6 +98,8 @@ class ToeplitzProduct:
         band = self._band and self._band[::-1]
         spectrum = None if self.spectrum is None else self.spectrum.conj()
         return ToeplitzProduct(self.grid_shape[0], self.dtype, band, spectrum)
+
+    transpose = adjoint
 
     def astype(self, dtype: DTypeLike) -> "ToeplitzProduct":
         """Return the multiplication in another precision; no transform is made."""
@@ -153,28 +160,33 @@ class Transforms(NamedTuple):
     backward: Callable[..., Array]
 
 
-# These diagonalise circulants, and the matrices of the DCT-II, of the DST-II and of the DST-I.
+# These diagonalise circulants, real and complex ones, and the matrices of the DCT-II, of the DST-II
+# and of the DST-I.
 FOURIER = Transforms(fft.rfftn, fft.irfftn)
+COMPLEX_FOURIER = Transforms(fft.fftn, fft.ifftn)
 COSINE = Transforms(partial(fft.dctn, norm="ortho"), partial(fft.idctn, norm="ortho"))
 SINE = Transforms(partial(fft.dstn, norm="ortho"), partial(fft.idstn, norm="ortho"))
 TAU = Transforms(*[partial(fft.dstn, type=1, norm="ortho")] * 2)  # It is its own inverse.
 
 
 class DiagonalisedProduct:
-    """Multiplication by a symmetric matrix that a fast transform diagonalises, as a circulant.
+    """Multiplication by a matrix that a fast transform diagonalises, as a circulant.
 
     The vectors live on a grid, are extended by zeros to the size of the matrix, and cut again.
 
     Parameters
     ----------
-    spectrum : ndarray, real
-        The eigenvalues; of a circulant the ``rfftn`` of its first column.
+    spectrum : ndarray
+        The eigenvalues, real where the matrix is Hermitian; of a circulant the ``rfftn`` of its
+        first column, or the ``fftn`` where that is complex.
     fft_shape : tuple of int
         The size of the matrix along each axis.
     grid_shape : tuple of int
         The size of the vectors, at most `fft_shape` along each axis.
-    dtype : float32 or float64
+    dtype : float32, float64, complex64 or complex128
+        That of the matrix.
     transforms : Transforms
+        Of numbers of that kind.
     """
 
     grid_shape: tuple[int, ...]
@@ -191,15 +203,29 @@ class DiagonalisedProduct:
         points = prod(grid_shape) / 2 ** axes_of(grid_shape)
         self.grid_shape, self.dtype, self.points = grid_shape, np.dtype(dtype), points
         self.transforms = transforms
-        self.spectrum = refuse_masked("spectrum", spectrum).astype(self.dtype, copy=False)
+        spectrum = refuse_masked("spectrum", spectrum)
+        char = self.dtype.char.upper() if spectrum.dtype.kind == "c" else self.dtype.char.lower()
+        self.spectrum = spectrum.astype(char, copy=False)
         self.fft_shape = fft_shape
         self._axes = tuple(range(-len(grid_shape), 0))
         self._cut: Any = (..., *(slice(n) for n in grid_shape))
 
+    @property
+    def is_hermitian(self) -> bool:
+        """Whether the eigenvalues are real."""
+        return self.spectrum.dtype.kind != "c"
+
+    def adjoint(self) -> "DiagonalisedProduct":
+        """Return the multiplication by the conjugate transpose of a circulant."""
+        spectrum = self.spectrum.conj()
+        return DiagonalisedProduct(
+            spectrum, self.fft_shape, self.grid_shape, self.dtype, self.transforms
+        )
+
     __call__ = multiply_rows
 
     def multiply(self, X: Array, out: Array) -> None:
-        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
+        """Multiply the rows of `X`, of shape (rows, N), into `out` (see `Product`)."""
         # This holds the vectors, extended by zeros. Transforms to real numbers stay in this memory.
         grid = workspace((len(X), *self.fft_shape), self.dtype)
         if self.fft_shape != self.grid_shape:
@@ -210,59 +236,3 @@ class DiagonalisedProduct:
         hat *= self.spectrum
         Y = backward(hat, s=self.fft_shape, axes=self._axes, overwrite_x=True)[self._cut]
         out[...] = Y.reshape(X.shape)
-
-
-class GohbergSemenculProduct:
-    """Multiplication by the inverse of a Toeplitz matrix, given its first column times (2 x₀)^-1/2.
-
-    Re z + J Im z, z = C Sᵀ (v + i J v), for a vector v and its reversal J v, where C and S are the
-    circulant and the skew-circulant with that column: four transforms of length n, as much work
-    as two products with a Toeplitz matrix of that size.
-
-    Where these are slow, p zeros are appended to the column and to the vectors. That is the
-    formula for a matrix of size n + p that has the one of size n as its leading block (and
-    reflection coefficients that are zero from there on). By the block elimination of its last p
-    unknowns the inverse of the block is that of the matrix without 2 Σ (Zˢ u) (Zˢ u)ᵀ, s < p,
-    where u is the column reversed, [0 x_(n-1) … x₁], and Z shifts down by one.
-
-    Parameters
-    ----------
-    column : ndarray of shape (n,), float64
-    dtype : float32 or float64
-    """
-
-    grid_shape: tuple[int, ...]
-
-    def __init__(self, column: Array, dtype: DTypeLike) -> None:
-        n = len(column)
-        m = near_fast_length(n)
-        self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), 2.0 * m
-        self._length = m
-        # The windows of length n of this vector are Zˢ u, s = p - 1 … 0.
-        self._u = np.concatenate((np.zeros(m - n), column[:0:-1])).astype(dtype)
-        plan = plan_of(m, np.float64, exact=True)
-        count_transforms(2, 2 * m)
-        eigenvalues = plan_of(m, dtype, exact=True).eigenvalues
-        column = np.concatenate((column, np.zeros(m - n)))
-        # The skew-circulant has the frequencies k - 1/2. Conjugates are those of its transpose.
-        self._factors = [
-            (0.5, eigenvalues(plan.spectrum(column, None, 0.5).conj())),
-            (0.0, eigenvalues(plan.spectrum(column, None, 0.0))),
-        ]
-
-    __call__ = multiply_rows
-
-    def multiply(self, X: Array, out: Array) -> None:
-        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
-        n, m = X.shape[1], self._length
-        plan = plan_of(m, self.dtype, exact=True)
-        if m == n:
-            plan.multiply_folded(X, self._factors, out)
-            return
-        Z = workspace((len(X), m), self.dtype)
-        Z[:, :n] = X
-        Z[:, n:] = 0.0
-        parts = [np.correlate(self._u, z, "valid") for z in Z[:, :n]]
-        plan.multiply_folded(Z, self._factors, Z)
-        for z, part, y in zip(Z, parts, out, strict=True):
-            np.subtract(z[:n], 2.0 * np.correlate(self._u, part, "valid"), out=y)

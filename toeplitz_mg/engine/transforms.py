@@ -77,19 +77,23 @@ class OneStep:
             cut *= w_conj
             out[part] = cut.real
 
-    def multiply_folded(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
-        """Write Re z + J Im z, z = C Sᵀ (v + i J v), for rows v (see `GohbergSemenculProduct`)."""
+    def multiply_in_turn(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
+        """Write the products of rows with the matrices of these shifts, the first one first.
+
+        Where `out` is real, these are their real parts.
+        """
         for part, Z in self._batches(len(X)):
-            Z.real, Z.imag = X[part], X[part, ::-1]
-            for shift, eigenvalues in factors:
-                if shift:
+            np.multiply(X[part], self.weights(factors[0][0]), out=Z, casting="same_kind")
+            for k, (shift, eigenvalues) in enumerate(factors):
+                if k and shift:
                     Z *= self.weights(shift)
                 Z = fft.fft(Z, overwrite_x=True)
-                Z *= eigenvalues
+                numbers = Z.view(eigenvalues.dtype)  # Pairs of real ones, where eigenvalues are.
+                numbers *= eigenvalues
                 Z = fft.ifft(Z, overwrite_x=True, norm="forward")
                 if shift:
-                    Z *= self.weights(shift).conj()
-            np.add(Z.real, Z.imag[:, ::-1], out=out[part])
+                    Z *= self.weights(-shift)
+            out[part] = Z if out.dtype.kind == "c" else Z.real
 
     def _batches(self, count: int) -> Iterator[tuple[slice, Array]]:
         """Yield batches of so many vectors, and memory for a batch, the same for all."""
@@ -205,24 +209,24 @@ class Panels:
 
             plan.multiply(load, [(0.25, eigenvalues)], store)
 
-    def multiply_folded(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
-        """Write Re z + J Im z, z = C Sᵀ (v + i J v), for rows v (see `GohbergSemenculProduct`)."""
+    def multiply_in_turn(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
+        """Write the products of rows with the matrices of these shifts, of which the last is 0.
+
+        Where `out` is real, these are their real parts.
+        """
         plan = self.plan
         u = plan.weights(factors[0][0])
-        z = workspace(plan.shape, plan.dtype)
         for x, y in zip(X, out, strict=True):
-            matrix = x.reshape(plan.shape)
+            x_matrix, y_matrix = x.reshape(plan.shape), y.reshape(plan.shape)
 
-            def load(columns: slice, P: Array, matrix: Array = matrix) -> None:
-                P.real, P.imag = matrix[:, columns], matrix[::-1, ::-1][:, columns]
-                P *= u
+            def load(columns: slice, P: Array, matrix: Array = x_matrix) -> None:
+                np.multiply(matrix[:, columns], u, out=P, casting="same_kind")
 
-            def store(columns: slice, Q: Array) -> None:
-                z[:, columns] = Q  # The last shift is 0, so that u is 1.
+            def store(columns: slice, Q: Array, matrix: Array = y_matrix) -> None:
+                # The last shift is 0, so that its weights are 1.
+                matrix[:, columns] = Q.conj() if matrix.dtype.kind == "c" else Q.real
 
             plan.multiply(load, factors, store)
-            Y = y.reshape(plan.shape)
-            np.subtract(z.real, z.imag[::-1, ::-1], out=Y)
 
 
 @lru_cache(maxsize=64)

@@ -34,8 +34,16 @@ class Coefficients:
 
     @classmethod
     def of_column(cls, c: ArrayLike) -> "Coefficients":
-        """Take the first column of a matrix that is symmetric in each axis."""
-        return cls(check_coefficients(c, "c").copy(), True)
+        """Take the first column of a matrix: Hermitian, and symmetric in each axis where real."""
+        column = check_coefficients(c, "c")
+        if column.dtype.kind != "c":
+            return cls(column.copy(), True)
+        if column.ndim > 1:
+            raise ValueError(
+                f"c is complex and has shape {column.shape}, but a first column tells all of a "
+                "Hermitian matrix on one axis only; for several axes use ToeplitzOperator.from_lags"
+            )
+        return cls._normal(np.concatenate([column[:0:-1].conj(), column]))
 
     @classmethod
     def of_column_and_row(cls, c: ArrayLike, r: ArrayLike) -> "Coefficients":
@@ -80,6 +88,14 @@ class Coefficients:
         return self.is_even or np.array_equal(self.array, np.flip(self.array))
 
     @property
+    def is_hermitian(self) -> bool:
+        """Whether a[-k] is the complex conjugate of a[k]."""
+        if self.array.dtype.kind != "c":
+            return self.is_symmetric
+        conjugate = self.array.conj()
+        return np.array_equal(self.array, conjugate if self.is_even else np.flip(conjugate))
+
+    @property
     def column(self) -> Array:
         """The coefficients of the lags 0 ... n - 1 along each axis."""
         if self.is_even:
@@ -109,18 +125,24 @@ class Coefficients:
         """The coefficients of the transpose."""
         return self if self.is_even else Coefficients(np.flip(self.array), False)
 
+    @property
+    def conjugate(self) -> "Coefficients":
+        """The coefficients of the complex conjugate."""
+        is_real = self.array.dtype.kind != "c"
+        return self if is_real else Coefficients(self.array.conj(), self.is_even)
+
     def astype(self, dtype: np.dtype[Any]) -> "Coefficients":
         """Round to this precision, or say that this is not possible."""
         return Coefficients(check_coefficients(self.array.astype(dtype), "lags"), self.is_even)
 
 
 def check_coefficients(values: ArrayLike, name: str) -> Array:
-    """Return `values` as a float array, or say what is wrong with them."""
+    """Return `values` as an array of real or complex numbers, or say what is wrong with them."""
     array = refuse_masked(name, values)
-    if array.dtype.kind not in "buif":
-        raise TypeError(f"{name} has dtype {array.dtype}, but coefficients are real numbers")
-    if array.dtype not in (np.float32, np.float64):
-        array = array.astype(np.float64)
+    if array.dtype.kind not in "buifc":
+        raise TypeError(f"{name} has dtype {array.dtype}, but coefficients are numbers")
+    if array.dtype.char not in "fdFD":
+        array = array.astype(np.complex128 if array.dtype.kind == "c" else np.float64)
     if array.ndim == 0 or array.size == 0:
         raise ValueError(f"{name} has shape {array.shape}, but needs at least one coefficient")
     if not np.isfinite(array).all():
@@ -153,12 +175,21 @@ def _require_digits(name: str, sizes: Array) -> None:
         )
 
 
-def check_precision(dtype: DTypeLike) -> np.dtype[Any]:
-    """Return `dtype` as one of the two that the operators have, or say that it is none."""
+def check_precision(dtype: DTypeLike, current: np.dtype[Any]) -> np.dtype[Any]:
+    """Return `dtype` as one of the two that a matrix may have, or say that it is none.
+
+    Parameters
+    ----------
+    dtype : dtype
+    current : dtype
+        That of the matrix: a real one stays real, and a complex one complex.
+    """
+    is_complex = current.kind == "c"
+    names = "complex64 or complex128, as A is complex" if is_complex else "float32 or float64"
     try:
         result = np.dtype(dtype)
     except TypeError:
-        raise TypeError(f"dtype is {dtype!r}, but must be float32 or float64") from None
-    if result not in (np.float32, np.float64):
-        raise TypeError(f"dtype is {result}, but must be float32 or float64")
+        raise TypeError(f"dtype is {dtype!r}, but must be {names}") from None
+    if result.char not in ("FD" if is_complex else "fd"):
+        raise TypeError(f"dtype is {result}, but must be {names}")
     return result

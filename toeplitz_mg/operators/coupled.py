@@ -9,7 +9,8 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.operators.base import GridOperator
-from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+from toeplitz_mg.operators.coefficients import check_precision
+from toeplitz_mg.operators.toeplitz import ToeplitzOperator, name_symmetry
 
 
 class CoupledOperator(GridOperator):
@@ -30,6 +31,9 @@ class CoupledOperator(GridOperator):
         (components, n1, ..., nd).
     blocks : tuple of tuples of ToeplitzOperator or None
     is_symmetric : bool
+        Equal to its transpose ``A.T``.
+    is_hermitian : bool
+        Equal to its conjugate transpose ``A.H``. Of a real matrix this is the same.
 
     Raises
     ------
@@ -42,8 +46,8 @@ class CoupledOperator(GridOperator):
     Notes
     -----
     One product transforms each component once, each way: the work of one product for each
-    component. Of the blocks that are symmetric, as all are of the tangential problem, the symbol
-    is real.
+    component. Of the blocks that are Hermitian, as all are of the tangential problem, the symbol
+    is real. Where one block is complex, all are multiplied as complex ones.
 
     Coefficients at the points of `halfspace.offsets` go with ``ToeplitzOperator(c)``, those at
     `halfspace.all_offsets` with ``ToeplitzOperator.from_lags(lags)``, which A_xy, as it is odd,
@@ -83,14 +87,19 @@ class CoupledOperator(GridOperator):
         dtype = np.result_type(*(block.dtype for block in given))
         super().__init__(dtype, (len(rows), *given[0].grid_shape), work=1.0)
         self.blocks = rows
-        self.is_symmetric = all(
-            _is_transpose(rows[i][j], rows[j][i]) for i in range(len(rows)) for j in range(i + 1)
-        )
+        pairs = [(rows[i][j], rows[j][i]) for i in range(len(rows)) for j in range(i + 1)]
+        self.is_symmetric = self.is_hermitian = all(_is_transpose(*pair) for pair in pairs)
+        if self.dtype.kind == "c":
+            self.is_hermitian = all(_is_transpose(*pair, conjugate=True) for pair in pairs)
         self._product = product or MultilevelProduct.of(
             [[None if block is None else block.lags for block in row] for row in rows],
             self.dtype,
-            [[block and block.embedding_spectrum for block in row] for row in rows],
+            [[block and self._spectrum_of(block) for block in row] for row in rows],
         )
+
+    def _spectrum_of(self, block: ToeplitzOperator) -> Array | None:
+        """Return the eigenvalues that the product of a block has, if it is of the same kind."""
+        return block.embedding_spectrum if block.dtype.kind == self.dtype.kind else None
 
     @property
     def norm_bound(self) -> float:
@@ -117,10 +126,17 @@ class CoupledOperator(GridOperator):
         return block
 
     def astype(self, dtype: Any) -> "CoupledOperator":
-        """Return the matrix in float32 or float64, or itself where it has that precision."""
+        """Return the matrix in another precision, or itself where it has that one."""
         if self.dtype == dtype:
             return self
-        blocks = tuple(tuple(block and block.astype(dtype) for block in row) for row in self.blocks)
+        dtype = check_precision(dtype, self.dtype)
+        real = np.dtype(dtype.char.lower())  # Real blocks of a complex matrix stay real.
+        blocks = tuple(
+            tuple(
+                block and block.astype(dtype if block.dtype.kind == "c" else real) for block in row
+            )
+            for row in self.blocks
+        )
         is_less = np.dtype(dtype).itemsize < self.dtype.itemsize
         return CoupledOperator(blocks, product=self._product.astype(dtype) if is_less else None)
 
@@ -147,17 +163,24 @@ class CoupledOperator(GridOperator):
         return self._product(X, out)
 
     def _adjoint(self) -> "CoupledOperator":
+        if self.is_hermitian:
+            return self
+        blocks = [[block and block.H for block in column] for column in self._columns]
+        return CoupledOperator(blocks, product=self._product.adjoint())
+
+    def _transpose(self) -> "CoupledOperator":
         if self.is_symmetric:
             return self
-        blocks = tuple(
-            tuple(None if block is None else block.T for block in column)
-            for column in zip(*self.blocks, strict=True)
-        )
-        return CoupledOperator(blocks, product=self._product.adjoint())
+        blocks = [[block and block.T for block in column] for column in self._columns]
+        return CoupledOperator(blocks, product=self._product.transpose())
+
+    @property
+    def _columns(self) -> list[tuple[ToeplitzOperator | None, ...]]:
+        return list(zip(*self.blocks, strict=True))
 
     def __repr__(self) -> str:
         components, *grid = self.grid_shape
-        kind = "symmetric" if self.is_symmetric else "general"
+        kind = name_symmetry(self)
         size = " x ".join(map(str, grid))
         return f"<CoupledOperator of {components} components, {size}, {kind}, {self.dtype}>"
 
@@ -189,10 +212,16 @@ def _check_blocks(blocks: tuple[tuple[ToeplitzOperator | None, ...], ...]) -> No
                 )
 
 
-def _is_transpose(block: ToeplitzOperator | None, other: ToeplitzOperator | None) -> bool:
-    """Whether a block is the transpose of the other."""
+def _is_transpose(
+    block: ToeplitzOperator | None,
+    other: ToeplitzOperator | None,
+    *,
+    conjugate: bool = False,
+) -> bool:
+    """Whether a block is the transpose of the other, or the conjugate transpose."""
     if block is None or other is None:
         return block is other
-    if block is other:
+    if block is other and block.dtype.kind != "c":
         return block.is_symmetric
-    return np.array_equal(block.lags, np.flip(other.lags))
+    lags = np.flip(other.lags)
+    return np.array_equal(block.lags, lags.conj() if conjugate else lags)

@@ -86,7 +86,7 @@ class MaskedOperator(GridOperator):
         return self.apply(np.eye(self.shape[0], dtype=self.dtype)).T
 
     def astype(self, dtype: DTypeLike) -> "MaskedOperator":
-        """Return the matrix in float32 or float64, or itself where it has that precision."""
+        """Return the matrix in another precision, or itself where it has that one."""
         return self if self.dtype == dtype else MaskedOperator(self.full.astype(dtype), self.mask)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
@@ -103,6 +103,10 @@ class MaskedOperator(GridOperator):
 
     def _adjoint(self) -> "MaskedOperator":
         full = self.full.H
+        return self if full is self.full else MaskedOperator(full, self.mask)
+
+    def _transpose(self) -> "MaskedOperator":
+        full = self.full.T
         return self if full is self.full else MaskedOperator(full, self.mask)
 
     def __repr__(self) -> str:

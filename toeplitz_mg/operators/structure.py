@@ -13,6 +13,7 @@ from toeplitz_mg.operators.masked import MaskedOperator
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
 F = TypeVar("F", bound=Callable[..., LinearOperator])
+Check = Callable[[ToeplitzOperator | CoupledOperator], None]
 
 
 def unwrap(A: LinearOperator) -> tuple[LinearOperator, Mask | None]:
@@ -25,15 +26,48 @@ def restrict(A: LinearOperator, mask: Mask | None) -> LinearOperator:
     return A if mask is None else MaskedOperator(A, mask.reshape(A.grid_shape))
 
 
-def unwrap_toeplitz(A: LinearOperator) -> tuple[ToeplitzOperator, Mask | None]:
-    """Return the symmetric Toeplitz matrix on the whole grid, and the mask, or None.
+def check_hermitian(A: ToeplitzOperator | CoupledOperator) -> None:
+    """Raise a ValueError where a matrix is neither real and symmetric nor complex and Hermitian."""
+    if not A.is_hermitian:
+        rule = "Hermitian" if A.dtype.kind == "c" else "symmetric"
+        raise ValueError(
+            f"A is {A!r}, but must be {rule}: use chan_preconditioner(A), which takes any Toeplitz "
+            "matrix, with gmres"
+        )
+
+
+def check_symmetric(A: ToeplitzOperator | CoupledOperator) -> None:
+    """Raise a ValueError where a matrix is not real and symmetric."""
+    check_hermitian(A)
+    if A.dtype.kind == "c":
+        raise ValueError(
+            f"A is {A!r}, but must be real: use chan_preconditioner(A), which takes any Toeplitz "
+            "matrix"
+        )
+
+
+def accept_any(A: ToeplitzOperator | CoupledOperator) -> None:
+    """Raise nothing: the check of what takes any matrix."""
+
+
+def unwrap_toeplitz(
+    A: LinearOperator, check: Check = check_symmetric
+) -> tuple[ToeplitzOperator, Mask | None]:
+    """Return the Toeplitz matrix on the whole grid, and the mask, or None.
+
+    Parameters
+    ----------
+    A : LinearOperator
+    check : callable
+        Raises a ValueError for a matrix of another kind than is wanted; `check_symmetric`,
+        `check_hermitian` or `accept_any`.
 
     Raises
     ------
     TypeError
         Where `A` is neither a `ToeplitzOperator` nor a `MaskedOperator` of one.
     ValueError
-        Where it is not symmetric.
+        Where `check` does.
     """
     full, mask = unwrap(A)
     if not isinstance(full, ToeplitzOperator):
@@ -45,14 +79,8 @@ def unwrap_toeplitz(A: LinearOperator) -> tuple[ToeplitzOperator, Mask | None]:
             f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a MaskedOperator "
             f"of one{advice if isinstance(full, CoupledOperator) else ''}"
         )
-    check_symmetric(full)
+    check(full)
     return full, mask
-
-
-def check_symmetric(A: ToeplitzOperator | CoupledOperator) -> None:
-    """Raise a ValueError where a matrix is not symmetric."""
-    if not A.is_symmetric:
-        raise ValueError(f"A is {A!r}, but must be symmetric")
 
 
 def squeeze_line(A: ToeplitzOperator) -> ToeplitzOperator:
@@ -78,13 +106,18 @@ def restricted(preconditioner: F) -> F:
     Parameters
     ----------
     preconditioner : callable
-        A function of a symmetric `ToeplitzOperator`, and of other arguments.
+        A function of a real, symmetric `ToeplitzOperator`, and of other arguments.
 
     Returns
     -------
     callable
         The same function, that takes a `MaskedOperator` of one too, and refuses what is neither,
-        or not symmetric.
+        or not real and symmetric.
+
+    See Also
+    --------
+    restricted_hermitian : for functions that take complex Hermitian matrices too.
+    of_any_matrix : for functions that take all.
 
     Examples
     --------
@@ -97,10 +130,36 @@ def restricted(preconditioner: F) -> F:
     >>> nothing(tmg.MaskedOperator(A, [True, False, True])).shape
     (2, 2)
     """
+    return _restricted(preconditioner, check_symmetric)
 
+
+def restricted_hermitian(preconditioner: F) -> F:
+    """Return what `restricted` does, of a function that takes complex Hermitian matrices too."""
+    return _restricted(preconditioner, check_hermitian)
+
+
+def of_any_matrix(preconditioner: F) -> F:
+    """Return the preconditioner of a mask and of components, whatever the matrix.
+
+    Parameters
+    ----------
+    preconditioner : callable
+        A function of a `ToeplitzOperator`, real or complex, symmetric or not, and of other
+        arguments.
+
+    Returns
+    -------
+    callable
+        The same function, that takes a `MaskedOperator` of one too, and a `CoupledOperator`, whose
+        components it treats each by itself.
+    """
+    return _of_each(_restricted(preconditioner, accept_any), accept_any)
+
+
+def _restricted(preconditioner: F, check: Check) -> F:
     @wraps(preconditioner)
     def of_mask(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
-        full, mask = unwrap_toeplitz(A)
+        full, mask = unwrap_toeplitz(A, check)
         return restrict(preconditioner(full, *args, **kwargs), mask)
 
     return cast(F, of_mask)
@@ -131,12 +190,16 @@ def componentwise(preconditioner: F) -> F:
     >>> np.array_equal(M @ np.ones(8), np.tile(tmg.fft_preconditioner(xx) @ np.ones(4), 2))
     True
     """
+    return _of_each(preconditioner, check_hermitian)
 
+
+def _of_each(preconditioner: F, check: Check) -> F:
     @wraps(preconditioner)
     def of_each(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
         full, mask = unwrap(A)
         if not isinstance(full, CoupledOperator):
             return preconditioner(A, *args, **kwargs)
+        check(full)
         blocks = [preconditioner(block, *args, **kwargs) for block in components(full, mask)]
         return BlockDiagonal(blocks, full.grid_shape)
 
@@ -149,9 +212,8 @@ def components(full: CoupledOperator, mask: Mask | None) -> list[LinearOperator]
     Raises
     ------
     ValueError
-        Where the matrix is not symmetric, or a component has no influence on itself.
+        Where a component has no influence on itself.
     """
-    check_symmetric(full)
     parts = [None] * len(full.blocks) if mask is None else mask
     return [
         restrict(full.component(i), part)

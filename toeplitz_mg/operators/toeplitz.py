@@ -1,5 +1,7 @@
 """Toeplitz matrices of any number of axes, as linear operators."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
@@ -11,7 +13,7 @@ from toeplitz_mg.operators.coefficients import Coefficients, check_precision
 
 
 class ToeplitzOperator(GridOperator):
-    """A real Toeplitz matrix, of one axis or several, that multiplies by FFT.
+    """A real or complex Toeplitz matrix, of one axis or several, that multiplies by FFT.
 
     Its entry for the grid points i and j depends on i - j only. On a grid of two axes it is a
     block Toeplitz matrix with Toeplitz blocks (BTTB).
@@ -19,10 +21,12 @@ class ToeplitzOperator(GridOperator):
     Parameters
     ----------
     c : array_like of shape (n,) or (n1, n2, ...)
-        First column. With one axis as in `scipy.linalg.toeplitz`; with several axes the first
-        column, as a grid, of a matrix that is symmetric along each axis.
+        First column. With one axis as in `scipy.linalg.toeplitz`, so that without `r` the first
+        row is its conjugate: the matrix is symmetric where `c` is real, and Hermitian where it is
+        complex and ``c[0]`` is real. With several axes the first column, as a grid, of a real
+        matrix that is symmetric along each axis.
     r : array_like of shape (n,), optional
-        First row of a matrix that is not symmetric; its first entry is ignored, as in
+        First row of any other matrix; its first entry is ignored, as in
         `scipy.linalg.toeplitz`. For several axes use `from_lags`.
 
     Attributes
@@ -32,26 +36,31 @@ class ToeplitzOperator(GridOperator):
     lags : ndarray of shape (2 n1 - 1, 2 n2 - 1, ...)
         The coefficients a[i - j], lag zero in the centre.
     is_symmetric : bool
+        Equal to its transpose ``A.T``.
+    is_hermitian : bool
+        Equal to its conjugate transpose ``A.H``. Of a real matrix this is the same.
     is_even : bool
         Symmetric along each axis, and so given by its first column `c` alone.
     dtype : dtype
-        float32 for float32 coefficients, float64 otherwise. A float32 vector times a float32
-        operator is float32; otherwise the product is as NumPy would promote it.
+        float32 or complex64 for coefficients in that precision, float64 or complex128 otherwise. A
+        float32 vector times a float32 operator is float32; otherwise the product is as NumPy would
+        promote it.
 
     Raises
     ------
     TypeError
-        For coefficients that are not real numbers.
+        For coefficients that are not numbers.
     ValueError
         For coefficients that are empty or not finite, or so large or so small that products
         over- or underflow (above some 1e305 in double precision and 1e36 in single; below some
-        1e-302 and 1e-32 of a million unknowns), and for `r` of another length than `c`.
+        1e-302 and 1e-32 of a million unknowns), for `r` of another length than `c`, and for
+        complex `c` of several axes, which do not say what the matrix is.
 
     Notes
     -----
     A product is exact up to rounding: any embedding in a circulant of size at least 2 n - 1
     multiplies correctly; a fast transform length is taken. It costs O(N log N), and is the work
-    unit of the paper (§5.2).
+    unit of the paper (§5.2), of a complex matrix one of complex numbers.
 
     Examples
     --------
@@ -82,7 +91,7 @@ class ToeplitzOperator(GridOperator):
         a = self._coefficients
         super().__init__(a.array.dtype, a.grid_shape, work=1.0)
         self.is_even = a.is_even
-        self.is_symmetric = a.is_symmetric
+        self.is_symmetric, self.is_hermitian = a.is_symmetric, a.is_hermitian
         self._product = product or _multiplication(a)
 
     @classmethod
@@ -92,7 +101,7 @@ class ToeplitzOperator(GridOperator):
         Parameters
         ----------
         lags : array_like of shape (2 n1 - 1, 2 n2 - 1, ...)
-            a[i - j], lag zero in the centre; any real coefficients, symmetric or not.
+            a[i - j], lag zero in the centre; any real or complex coefficients, symmetric or not.
 
         Raises
         ------
@@ -133,7 +142,9 @@ class ToeplitzOperator(GridOperator):
 
     @property
     def embedding_spectrum(self) -> Array | None:
-        """The eigenvalues that a `MultilevelProduct` of this matrix needs, or None."""
+        """The eigenvalues that a `MultilevelProduct` on this very grid needs, or None."""
+        if self._coefficients.squeezed is not self._coefficients:
+            return None
         if isinstance(self._product, MultilevelProduct) and self._product.spectrum:
             return self._product.spectrum[0][0]
         return None
@@ -147,14 +158,20 @@ class ToeplitzOperator(GridOperator):
             The size of the circulant along each axis, at least 2 n - 1. Lags that the matrix has
             not are zero in it.
         """
-        lags = self.lags.astype(np.float64, copy=False)
-        column = np.zeros(shape)
+        lags = self.lags
+        column = np.zeros(shape, np.result_type(lags, np.float64))
         column[tuple(slice(n) for n in lags.shape)] = lags
         return np.roll(column, [1 - n for n in self.grid_shape], tuple(range(lags.ndim)))
 
     def astype(self, dtype: DTypeLike) -> "ToeplitzOperator":
-        """Return the matrix in float32 or float64, or itself where it has that precision."""
-        dtype = check_precision(dtype)
+        """Return the matrix in another precision, or itself where it has that one.
+
+        Parameters
+        ----------
+        dtype : dtype
+            float32 or float64; of a complex matrix complex64 or complex128.
+        """
+        dtype = check_precision(dtype, self.dtype)
         if self.dtype == dtype:
             return self
         is_less = dtype.itemsize < self.dtype.itemsize
@@ -189,21 +206,35 @@ class ToeplitzOperator(GridOperator):
         return self._product(X, out)
 
     def _adjoint(self) -> "ToeplitzOperator":
+        if self.is_hermitian:
+            return self
+        coefficients = self._coefficients.transpose.conjugate
+        return ToeplitzOperator(coefficients, product=self._product.adjoint())
+
+    def _transpose(self) -> "ToeplitzOperator":
         if self.is_symmetric:
             return self
-        return ToeplitzOperator(self._coefficients.transpose, product=self._product.adjoint())
+        coefficients = self._coefficients.transpose
+        return ToeplitzOperator(coefficients, product=self._product.transpose())
 
     def __repr__(self) -> str:
         grid = " x ".join(map(str, self.grid_shape))
-        kind = "symmetric" if self.is_symmetric else "general"
+        kind = name_symmetry(self)
         return f"<ToeplitzOperator {grid}, {kind}, {self.dtype}>"
 
 
 def _multiplication(a: Coefficients) -> ToeplitzProduct | MultilevelProduct:
     """Make the product with the matrix of these coefficients, which takes a transform."""
     a = a.squeezed
-    if a.array.ndim > 1:
+    if a.array.ndim > 1 or a.array.dtype.kind == "c":
         return MultilevelProduct.of([[a.lags]], a.array.dtype)
     column = a.column
     row = column if a.is_even else a.array[len(column) - 1 :: -1]
     return ToeplitzProduct.of(column, row, a.array.dtype)
+
+
+def name_symmetry(A: Any) -> str:
+    """Return what a matrix is, for its repr: symmetric, Hermitian or general."""
+    if A.is_symmetric:
+        return "symmetric"
+    return "Hermitian" if A.is_hermitian else "general"

@@ -17,10 +17,11 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Mask
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
-from toeplitz_mg.operators.structure import check_symmetric, components, unwrap, unwrap_toeplitz
+from toeplitz_mg.operators.structure import check_hermitian, components, unwrap, unwrap_toeplitz
 from toeplitz_mg.preconditioners import traits
 from toeplitz_mg.preconditioners.candidates import (
     OF_ANY_LINE,
+    OF_ANY_MATRIX,
     OF_SMOOTH,
     OTHERS,
     couple,
@@ -83,7 +84,7 @@ def select_preconditioner(A: LinearOperator, solves: int = 1) -> Selection:
     Parameters
     ----------
     A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric positive definite, of any number of axes.
+        Symmetric or complex Hermitian positive definite, of any number of axes.
     solves : int
         For how many right-hand sides it is: more are worth a longer set-up.
 
@@ -134,7 +135,7 @@ def plan(A: LinearOperator, solves: int) -> Plan:
     full, mask = unwrap(A)
     if not isinstance(full, CoupledOperator):
         return _plan(A, is_worth_set_up)
-    check_symmetric(full)
+    check_hermitian(full)
     # A product of several components costs more, and so few iterations are worth more.
     parts = (_plan(component, True) for component in components(full, mask))
     return Plan(A, _of_all_components(A, mask), (), False, parts)
@@ -142,8 +143,12 @@ def plan(A: LinearOperator, solves: int) -> Plan:
 
 def _plan(A: LinearOperator, is_worth_set_up: bool) -> Plan:
     """Return what may be taken of one component."""
-    full, mask = unwrap_toeplitz(A)
+    full, mask = unwrap_toeplitz(A, check_hermitian)
     full = full.squeezed
+    if full.dtype.kind == "c":
+        # Its coefficients are not even, as those are of which most others are made.
+        of_any = chain(_of_few(A.shape[0]), [OF_ANY_MATRIX])
+        return Plan(A, of_any, (OF_ANY_MATRIX,), False, iter(()))
     if mask is not None and not mask.all():
         candidates = _of_mask(full, mask.reshape(full.grid_shape), is_worth_set_up)
     elif len(full.grid_shape) > 1:
@@ -163,7 +168,7 @@ def _of_few(unknowns: int) -> Iterator[Candidate]:
 def _of_all_components(A: LinearOperator, mask: Mask | None) -> Iterator[Candidate]:
     """Yield what may be taken of coupled components together."""
     yield from _of_few(A.shape[0])
-    if mask is not None and not mask.all():
+    if mask is not None and not mask.all() and A.dtype.kind != "c":
         reason = "a mask; of all components together, if their coupling is strong"
         yield Candidate("fsai_preconditioner", reason, couple)
 

@@ -10,7 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import BlockDiagonal
 from toeplitz_mg.operators.base import grid_of
-from toeplitz_mg.operators.structure import unwrap_toeplitz
+from toeplitz_mg.operators.structure import check_hermitian, unwrap_toeplitz
 from toeplitz_mg.preconditioners.choice import Plan, plan
 from toeplitz_mg.preconditioners.direct import NotPositiveDefinite
 from toeplitz_mg.preconditioners.jacobi import ScaledIdentity
@@ -29,7 +29,7 @@ def default_preconditioner(
     Parameters
     ----------
     A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric positive definite, of any number of axes.
+        Symmetric or complex Hermitian positive definite, of any number of axes.
     solves : int
         For how many right-hand sides it is made: more are worth a longer set-up.
     dtype : float32 or float64, optional
@@ -47,7 +47,8 @@ def default_preconditioner(
         Where A is not positive definite: of at most 600 unknowns for certain, of more where it
         shows.
     TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not symmetric, or `solves` is below 1.
+        Where `A` is no Toeplitz operator, or not symmetric or Hermitian (`chan_preconditioner` and
+        `gmres` are for those), or `solves` is below 1.
 
     See Also
     --------
@@ -77,6 +78,8 @@ def default_preconditioner(
     two, any other mask      FSAI                              7 to 10, sine 12 to 67
     three or more            cosine; on a mask sine            9 to 20
     ======================== ================================= ==============================
+
+    Of a complex matrix of more unknowns it is T. Chan's circulant.
 
     Coupled components are treated each by itself, but by FSAI on a mask together if their coupling
     is strong.
@@ -138,8 +141,8 @@ def _accept(
 
 def _none(A: LinearOperator, is_any_accepted: bool, dtype: DTypeLike | None) -> ScaledIdentity:
     """Return a multiple of the unit matrix, which is no preconditioner."""
-    full, _ = unwrap_toeplitz(A)
-    diagonal = float(full.c.flat[0])
+    full, _ = unwrap_toeplitz(A, check_hermitian)
+    diagonal = float(full.c.flat[0].real)
     if not (is_any_accepted and diagonal > 0.0):
         raise np.linalg.LinAlgError(
             f"A is {A!r}, not positive definite or nearly singular, as not even T. Chan's "

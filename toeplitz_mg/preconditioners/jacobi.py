@@ -6,7 +6,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import GridOperator
-from toeplitz_mg.operators.structure import unwrap_toeplitz
+from toeplitz_mg.operators.structure import check_hermitian, unwrap_toeplitz
 from toeplitz_mg.values import real
 
 
@@ -25,10 +25,11 @@ class ScaledIdentity(GridOperator):
 
     def converges(self, A: LinearOperator) -> bool:
         """Whether the iteration x ← x + S (b - A x) converges, by a bound of the norm of `A`."""
-        return float(self.factor) * unwrap_toeplitz(A)[0].norm_bound < 2.0
+        full, _ = unwrap_toeplitz(A, check_hermitian)
+        return float(self.factor.real) * full.norm_bound < 2.0
 
     def __repr__(self) -> str:
-        return f"<ScaledIdentity {self.shape[0]}, {self.factor:.3g}>"
+        return f"<ScaledIdentity {self.shape[0]}, {self.factor.real:.3g}>"
 
 
 def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> LinearOperator:
@@ -41,7 +42,7 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
     Parameters
     ----------
     A : ToeplitzOperator or MaskedOperator of one
-        Symmetric positive definite, of any number of axes.
+        Symmetric or Hermitian positive definite, of any number of axes.
     omega : float, optional
         By default ω/a₀ = 4/(3 ‖C‖₂), C the circulant in which `A` is embedded for its
         products: 2/3 for 2 - 2 cos θ.
@@ -56,7 +57,7 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
     numpy.linalg.LinAlgError
         Where the diagonal or `omega` is not positive.
     TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not symmetric; where `omega` is no real number.
+        Where `A` is no Toeplitz operator, or not Hermitian; where `omega` is no real number.
 
     References
     ----------
@@ -76,8 +77,8 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
     >>> info
     0
     """
-    full, _ = unwrap_toeplitz(A)
-    a0 = float(full.c.flat[0])
+    full, _ = unwrap_toeplitz(A, check_hermitian)
+    a0 = float(full.c.flat[0].real)
     if not a0 > 0.0:
         raise np.linalg.LinAlgError(
             f"the diagonal of A is {a0:.3g}, but of a positive definite matrix it is positive"

@@ -26,18 +26,18 @@ def precision(A: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None) ->
     Raises ValueError where A, or its inverse, is nearly out of the range of float32: what overflows
     there, or is rounded to zero, would be seen nowhere.
     """
-    result = check_precision(A.dtype if dtype is None else dtype)
-    if result == np.float64:
+    result = check_precision(A.dtype if dtype is None else dtype, A.dtype)
+    if result.char in "dD":
         return result
     single = np.finfo(np.float32)
     low, high = float(single.tiny / single.eps), float(single.max * single.eps)
     blocks = A.blocks if isinstance(A, CoupledOperator) else ((A,),)
     for block in (row[i] for i, row in enumerate(blocks)):
-        diagonal = 0.0 if block is None else abs(float(block.c.flat[0]))
+        diagonal = 0.0 if block is None else float(abs(block.c.flat[0]))
         if diagonal and not low <= diagonal <= high:
             raise ValueError(
-                f"the diagonal of A is {diagonal:.3g}, but for a preconditioner in float32 it must "
-                f"be between {low:.1g} and {high:.1g}: scale A"
+                f"the diagonal of A is {diagonal:.3g}, but for a preconditioner in {result} it "
+                f"must be between {low:.1g} and {high:.1g}: scale A"
             )
     return result
 
@@ -74,6 +74,19 @@ def require_positive(spectrum: Array, dtype: Any, subject: str, advice: str) -> 
         raise np.linalg.LinAlgError(
             f"{subject} {spectrum.min():.3g}, but needs all above "
             f"{rounding(spectrum, dtype):.2g}: use {advice}"
+        )
+
+
+def require_nonzero(spectrum: Array, dtype: Any, subject: str, advice: str) -> None:
+    """Raise LinAlgError where an eigenvalue is zero, within the rounding of the largest.
+
+    The message: "`subject` 1e-17, but needs all of a size above 1e-15: use `advice`".
+    """
+    sizes = np.abs(spectrum)
+    if not sizes.min() > (error := rounding(spectrum, dtype)):
+        raise np.linalg.LinAlgError(
+            f"{subject} {spectrum.flat[sizes.argmin()]:.3g}, but needs all of a size above "
+            f"{error:.2g}: use {advice}"
         )
 
 
