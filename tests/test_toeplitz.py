@@ -1,5 +1,7 @@
 """Toeplitz and masked operators: construction and what they refuse."""
 
+import re
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -130,6 +132,7 @@ def test_large_products(n):
     ),
     st.integers(1, 3),
 )
+@pytest.mark.filterwarnings("ignore:c has shape .* and is constant along its diagonals")
 def test_any_coefficients(c, columns):
     A = tmg.ToeplitzOperator(c)
     X = np.random.default_rng(0).standard_normal((c.size, columns))
@@ -200,7 +203,7 @@ def test_refuses_bad_masks(mask, error, match):
 def test_a_mask_needs_an_operator_on_a_grid():
     A = tmg.ToeplitzOperator([2.0, 1.0])
     mask = [True, True]
-    for wrong in (np.eye(2), tmg.MaskedOperator(A, mask), 2 * A):
+    for wrong in (np.eye(2), tmg.MaskedOperator(A, mask), A @ A):
         with pytest.raises(TypeError, match="needs an operator on a whole grid"):
             tmg.MaskedOperator(wrong, mask)
 
@@ -278,6 +281,38 @@ def test_the_smallest_coefficients_that_are_accepted_lose_no_digits(n, dtype):
 def test_coefficients_whose_sum_is_no_number_of_double_precision_are_refused():
     with pytest.raises(ValueError, match="sizes add up to inf"):
         tmg.ToeplitzOperator([1e308] * 9)
+
+
+@pytest.mark.parametrize("n", [2, 3, 40])
+@pytest.mark.parametrize("row", [None, "general"])
+@pytest.mark.parametrize("dtype", [np.float64, np.complex128])
+def test_a_dense_matrix_is_not_taken_for_two_axes_without_a_word(n, row, dtype):
+    rng = np.random.default_rng(0)
+    c, r = rng.standard_normal((2, n)).astype(dtype)
+    if dtype == np.complex128:
+        c, r = c + 1j * rng.standard_normal(n), r + 1j * rng.standard_normal(n)
+        c[0] = 1.0  # The diagonal of a Hermitian matrix is real.
+    dense = scipy.linalg.toeplitz(c, r if row else None)
+    A = tmg.ToeplitzOperator(dense[:, 0], dense[0] if row else None)
+    assert np.array_equal(A.toarray(), dense)
+    advised = re.escape("ToeplitzOperator(c[:, 0], c[0])" if row else "ToeplitzOperator(c[:, 0])")
+    if dtype == np.complex128:
+        with pytest.raises(ValueError, match=rf"looks like {advised}$"):
+            tmg.ToeplitzOperator(dense)
+    else:
+        message = rf"has shape \({n}, {n}\) .* {n * n} unknowns.* use {advised}$"
+        with pytest.warns(UserWarning, match=message):
+            tmg.ToeplitzOperator(dense)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 2), (5, 5), (3, 4)])
+def test_coefficients_of_two_axes_are_taken_without_a_word(shape):
+    i, j = np.indices(shape)
+    for c in (
+        *(np.exp(-(i + j) / 2.0), 1.0 / (1.0 + np.hypot(i, j)), (i == 0) * (j == 0) * 1.0),
+        *(np.zeros(shape), np.ones(shape)),
+    ):
+        assert tmg.ToeplitzOperator(c).shape == (c.size, c.size)
 
 
 def test_masked_coefficients_are_refused():

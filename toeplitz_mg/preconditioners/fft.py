@@ -15,6 +15,7 @@ from toeplitz_mg.engine.transforms import LONG, cosine_sums
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import (
+    averaged,
     check_hermitian,
     restrict,
     restricted_hermitian,
@@ -24,6 +25,7 @@ from toeplitz_mg.preconditioners.positivity import name_robust, precision, requi
 from toeplitz_mg.preconditioners.symbol import continue_axis
 
 
+@averaged
 def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return M, the paper's FFT preconditioner of a positive definite Toeplitz matrix.
 
