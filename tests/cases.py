@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from math import prod
 from pathlib import Path
 
 import numpy as np
@@ -341,10 +342,32 @@ def dense_spectral(c):
 
 def dense_inverse_of_column(x):
     """(L Lᵀ - U Uᵀ)/x₀, both lower triangular, with the columns x and (0, x reversed)."""
+    return dense_inverse_of_columns(x, x)
+
+
+def dense_inverse_of_columns(x, y):
+    """The same for a column and a row that differ, whose matrices come first and second."""
     zero = np.zeros(len(x))
-    lower = scipy.linalg.toeplitz(x, zero)
-    other = scipy.linalg.toeplitz(np.r_[0.0, x[:0:-1]], zero)
-    return (lower @ lower.T - other @ other.T) / x[0]
+    lower, upper = (scipy.linalg.toeplitz(a, zero) for a in (x, y))
+    of_y, of_x = (scipy.linalg.toeplitz(np.r_[0.0, a[:0:-1]], zero) for a in (y, x))
+    return (lower @ upper.T - of_y @ of_x.T) / x[0]
+
+
+def dense_factors(lags, half):
+    """The same of the Wiener-Hopf factors of the symbol, sampled at 2 `half` points."""
+    n, length = (len(lags) + 1) // 2, 2 * half
+    waves = np.exp(-2j * np.pi * np.outer(np.arange(length), np.arange(length)) / length)
+    f = np.exp(-2j * np.pi * np.outer(np.arange(length), np.arange(1 - n, n)) / length) @ lags
+    logarithm = np.log(abs(f)) + 1j * np.unwrap(np.angle(f))
+    cepstrum = waves.conj() @ logarithm / length
+    weights = np.r_[0.0, np.ones(half - 1), 0.5, np.zeros(half - 1)]
+    causal = waves @ (weights * cepstrum)
+    others = logarithm - cepstrum[0] - causal
+    x = (waves.conj() @ np.exp(-causal))[:n]
+    y = (waves @ np.exp(-others))[:n]  # These are the frequencies 0, -1, ...
+    scale = np.exp(-cepstrum[0])
+    dense = dense_inverse_of_columns(x * scale / x[0], y * scale / y[0])
+    return dense if np.iscomplexobj(lags) else dense.real
 
 
 # The pairs ----------------------------------------------------------------------------------
@@ -673,11 +696,16 @@ def _complex_and_general():
     for shape in ((1,), (2,), (13,), (16,), (3, 5), (4, 6), (6, 1), (2, 3, 4)):
         general = random_lags(*shape)
         general.flat[general.size // 2] += 2.0 * general.size
-        kinds = {"Hermitian": waves(*shape), "complex": complex_lags(*shape), "general": general}
+        kinds = {
+            "Hermitian": waves(*shape),
+            "Hermitian and even": waves(*shape).real.astype(np.complex128),
+            "complex": complex_lags(*shape),
+            "general": general,
+        }
         for kind, lags in kinds.items():
             if kind == "general" and max(shape) <= 2:
                 continue  # A real circulant of this size is symmetric.
-            is_hermitian = kind == "Hermitian"
+            is_hermitian = kind.startswith("Hermitian")
             mask = checkered(*shape)
             for label, build, cut in (
                 ("", of_lags(lags), np.ones(shape, bool)),
@@ -691,6 +719,13 @@ def _complex_and_general():
                 pairs = [(f, submatrix(matrix, cut)) for f, matrix in pairs]
                 if kind != "general":
                     pairs.append((lambda A: A, dense))
+                if max(shape) == prod(shape):
+                    n = max(shape)
+                    half = near_fast_length(n) if is_hermitian else scipy.fft.next_fast_len(2 * n)
+                    factors = dense_factors(lags.ravel(), half)
+                    pairs.append((tmg.spectral_preconditioner, submatrix(factors, cut)))
+                    if not label:
+                        pairs.append((tmg.toeplitz_inverse, np.linalg.inv(dense)))
                 if is_hermitian:
                     M = submatrix(dense_coupled_M([[lags]]), cut)
                     pairs += [

@@ -127,6 +127,8 @@ class GridOperator(LinearOperator):
     matmat = _of_numbers("matmat")
     rmatvec = _of_numbers("rmatvec")
     rmatmat = _of_numbers("rmatmat")
+    if hasattr(LinearOperator, "rdot"):  # It is since SciPy 1.18.
+        rdot = _of_numbers("rdot")
     __rmul__ = algebra.scaling("left", _of_numbers("__rmul__"))
     __add__ = __radd__ = algebra.add
     __rsub__ = algebra.subtract_from

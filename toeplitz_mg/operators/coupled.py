@@ -12,6 +12,7 @@ from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, name_symmetry
 from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+from toeplitz_mg.values import refuse_masked
 
 
 class CoupledOperator(GridOperator):
@@ -147,11 +148,13 @@ class CoupledOperator(GridOperator):
 
     def block(self, index: Array) -> Array:
         """Return some rows and the same columns, by their positions in the flattened field."""
+        index = refuse_masked("index", index)
         return self.entries(index, index)
 
     def entries(self, rows: Array, columns: Array) -> Array:
         """Return the entries in some rows and columns, positions in the flattened field."""
         size = self.shape[0] // len(self.blocks)
+        rows, columns = refuse_masked("rows", rows), refuse_masked("columns", columns)
         (of_row, row), (of_column, column) = np.divmod(rows, size), np.divmod(columns, size)
         result = np.zeros((len(rows), len(columns)), self.dtype)
         for i, blocks in enumerate(self.blocks):
@@ -185,8 +188,11 @@ class CoupledOperator(GridOperator):
     def _transpose(self) -> "CoupledOperator":
         if self.is_symmetric:
             return self
-        blocks = [[block and block.T for block in column] for column in self._columns]
-        return CoupledOperator(blocks, product=self._product.transpose())
+        if self.dtype.kind != "c":
+            return self._adjoint()
+        return CoupledOperator(
+            [[block and block.T for block in column] for column in self._columns]
+        )
 
     @property
     def _columns(self) -> list[tuple[ToeplitzOperator | None, ...]]:

@@ -1,5 +1,6 @@
 """Toeplitz matrices of any number of axes, as linear operators."""
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.products import ToeplitzProduct
 from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, name_symmetry
-from toeplitz_mg.operators.coefficients import Coefficients, check_precision
+from toeplitz_mg.operators.coefficients import Coefficients, check_precision, name_dense
 from toeplitz_mg.operators.toeplitz_sum import Term, ToeplitzSum, simplify
+from toeplitz_mg.values import refuse_masked
 
 
 class ToeplitzOperator(GridOperator):
@@ -59,6 +61,12 @@ class ToeplitzOperator(GridOperator):
         1e-302 and 1e-32 of a million unknowns), for `r` of another length than `c`, and for
         complex `c` of several axes, which do not say what the matrix is.
 
+    Warns
+    -----
+    UserWarning
+        For a square `c` that is constant along its diagonals, as a dense Toeplitz matrix is: it is
+        taken for the first column of a matrix of two axes.
+
     Notes
     -----
     A product is exact up to rounding: any embedding in a circulant of size at least 2 n - 1
@@ -89,6 +97,15 @@ class ToeplitzOperator(GridOperator):
             self._coefficients = c
         elif r is None:
             self._coefficients = Coefficients.of_column(c)
+            dense = name_dense(self._coefficients.array)
+            if dense:
+                n = len(self._coefficients.array)
+                warnings.warn(
+                    f"c has shape {(n, n)} and is constant along its diagonals, as a dense "
+                    f"Toeplitz matrix is, but is taken for the first column of a matrix of two "
+                    f"axes and {n**2} unknowns: for the dense matrix c itself use {dense}",
+                    stacklevel=2,
+                )
         else:
             self._coefficients = Coefficients.of_column_and_row(c, r)
         a = self._coefficients
@@ -201,7 +218,10 @@ class ToeplitzOperator(GridOperator):
 
     def entries(self, rows: Array, columns: Array) -> Array:
         """Return the entries in some rows and columns, positions in the flattened grid."""
-        points = (np.unravel_index(index, self.grid_shape) for index in (rows, columns))
+        points = (
+            np.unravel_index(refuse_masked(name, index), self.grid_shape)
+            for name, index in (("rows", rows), ("columns", columns))
+        )
         return self._coefficients.at(list(map(np.subtract.outer, *points)))
 
     def diagonal(self) -> Array:
@@ -253,8 +273,9 @@ class ToeplitzOperator(GridOperator):
     def _transpose(self) -> "ToeplitzOperator":
         if self.is_symmetric:
             return self
-        coefficients = self._coefficients.transpose
-        return ToeplitzOperator(coefficients, product=self._product.transpose())
+        if self.dtype.kind != "c":
+            return self._adjoint()
+        return ToeplitzOperator(self._coefficients.transpose)
 
     def __repr__(self) -> str:
         grid = " x ".join(map(str, self.grid_shape))
@@ -265,7 +286,7 @@ class ToeplitzOperator(GridOperator):
 def _multiplication(a: Coefficients) -> ToeplitzProduct | MultilevelProduct:
     """Make the product with the matrix of these coefficients, which takes a transform."""
     a = a.squeezed
-    if a.array.ndim > 1 or a.array.dtype.kind == "c":
+    if a.array.ndim > 1:
         return MultilevelProduct.of([[a.lags]], a.array.dtype)
     column = a.column
     row = column if a.is_even else a.array[len(column) - 1 :: -1]
