@@ -288,7 +288,7 @@ def test_fractional_problems_are_their_definition(axes):
     lines = {
         1: [lambda T: T],
         2: [lambda T: np.kron(T, np.eye(n)), lambda T: np.kron(np.eye(n), T)],
-    }
+    }[axes]
     time = (n + 1) ** -0.5 * np.eye(n**axes)
     flow = fractional.FLOWS["smooth"]
     two_sided = sum(
