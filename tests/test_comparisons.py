@@ -134,6 +134,8 @@ def test_punch3d(tmp_path, monkeypatch, capsys):
     assert len(rows) == 3 * 2 * 2 * len(methods)
     assert all(float(row["residual"]) <= 1.1e-8 for row in rows)
     assert all(float(row["peak_mb"]) >= 0.0 for row in rows)
+    # Coefficients count.
+    assert all(0.0 < float(row["matrix_s"]) < float(row["cpu_s"]) for row in rows)
     # Every method finds the same force.
     for key in {(row["problem"], row["area"], row["N"]) for row in rows}:
         own = [float(r["force"]) for r in rows if (r["problem"], r["area"], r["N"]) == key]
