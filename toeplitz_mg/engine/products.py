@@ -11,7 +11,8 @@ from scipy import fft
 from scipy.linalg import toeplitz
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.transforms import OneStep, Panels, plan_of
+from toeplitz_mg.engine.panels import Panels
+from toeplitz_mg.engine.transforms import OneStep, plan_of
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.values import refuse_masked
