@@ -197,17 +197,16 @@ def check_coefficients(values: ArrayLike, name: str) -> Array:
         where = np.argwhere(~np.isfinite(array))[0]
         at = tuple(int(k) for k in where)
         raise ValueError(f"{name} has the coefficient {array[at]} at {at}, but all must be finite")
-    with np.errstate(over="ignore"):  # The size of a complex number may overflow to inf.
-        sizes = np.abs(array)
-    _require_digits(name, sizes)
+    _require_digits(name, array)
     return array
 
 
-def _require_digits(name: str, sizes: Array) -> None:
-    """Raise ValueError where coefficients of these sizes make products over- or underflow."""
-    numbers = np.finfo(sizes.dtype)
-    with np.errstate(over="ignore"):  # It overflows to inf, which is too much.
+def _require_digits(name: str, coefficients: Array) -> None:
+    """Raise ValueError where coefficients make products over- or underflow."""
+    with np.errstate(over="ignore"):  # What overflows to inf is too much.
+        sizes = np.abs(coefficients)
         total = float(sizes.sum(dtype=np.float64))
+    numbers = np.finfo(sizes.dtype)
     most = float(numbers.max) * HEADROOM / 2**sizes.ndim
     if total > most:
         raise ValueError(
