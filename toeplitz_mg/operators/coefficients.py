@@ -167,13 +167,13 @@ class Coefficients:
 def name_dense(c: Array) -> str:
     """Return what to write for `c` if it looks like a dense Toeplitz matrix, or else nothing.
 
-    All entries of a diagonal are equal there. In the first column of a matrix of two axes this
-    makes the coefficient of the lag (1, 1) as large as that of lag zero, which no positive definite
-    matrix has. A constant array may be either.
+    It has three rows at least, and all entries of a diagonal are equal. In the first column of a
+    matrix of two axes this makes the coefficient of the lag (1, 1) as large as that of lag zero,
+    which no positive definite matrix has. A constant array may be either.
     """
     is_dense = (
         c.ndim == 2
-        and c.shape[0] == c.shape[1] > 1
+        and c.shape[0] == c.shape[1] > 2
         and c[0, 0] == c[1, 1]  # That is soon told of a large array.
         and np.array_equal(c[1:, 1:], c[:-1, :-1])
         and not (c == c[0, 0]).all()

@@ -44,8 +44,8 @@ def check_symmetric(A: ToeplitzOperator | CoupledOperator) -> None:
     check_hermitian(A)
     if A.dtype.kind == "c":
         raise ValueError(
-            f"A is {A!r}, but must be real: use chan_preconditioner(A), which takes any Toeplitz "
-            "matrix"
+            f"A is {A!r}, but must be real: use chan_preconditioner(A), which takes complex "
+            "matrices too"
         )
 
 
@@ -76,9 +76,10 @@ def unwrap_toeplitz(
     if not isinstance(full, ToeplitzOperator):
         advice = ""
         if isinstance(full, CoupledOperator):
+            check(full)
             advice = (
-                "; a preconditioner of each of its components gives componentwise, as in "
-                "componentwise(multigrid)(A)"
+                "; to treat each of its components by itself write componentwise(f)(A) for the "
+                "function f that was called, as componentwise(multigrid)(A)"
             )
         elif isinstance(full, LinearOperator):
             advice = "; diagonal matrices in it are understood as scipy.sparse.diags_array(d)"
@@ -102,7 +103,7 @@ def squeeze_line(A: ToeplitzOperator) -> ToeplitzOperator:
     if len(line.grid_shape) != 1:
         raise ValueError(
             f"A lives on the grid {A.grid_shape}, but must have one axis (with more than one "
-            "element)"
+            "element): use chan_preconditioner(A), which takes any number"
         )
     return line
 
@@ -321,7 +322,16 @@ def _of_each(preconditioner: F, check: Check) -> F:
         if not isinstance(full, CoupledOperator):
             return preconditioner(A, *args, **kwargs)
         check(full)
-        blocks = [preconditioner(block, *args, **kwargs) for block in components(full, mask)]
+        blocks = []
+        for block in components(full, mask):
+            try:
+                blocks.append(preconditioner(block, *args, **kwargs))
+            except np.linalg.LinAlgError as error:
+                error.add_note(
+                    f"This was the matrix of a component, {block!r}: what is advised for it takes "
+                    "all of them by componentwise, as in componentwise(chan_preconditioner)(A)"
+                )
+                raise
         return BlockDiagonal(blocks, full.grid_shape)
 
     return cast(F, of_each)
