@@ -27,7 +27,7 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
 
     Parameters
     ----------
-    A : ToeplitzOperator, or MaskedOperator of one
+    A : ToeplitzOperator or ToeplitzSum, or MaskedOperator of one
         Symmetric positive definite, of one axis with more than one element. There is no other
         condition.
     dtype : float32 or float64, optional
