@@ -26,7 +26,7 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Real or complex, symmetric or not, of any number of axes.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default; complex64 or
@@ -79,7 +79,7 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Real or complex, symmetric or not, of any number of axes.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default; complex64 or

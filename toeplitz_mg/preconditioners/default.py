@@ -29,7 +29,7 @@ def default_preconditioner(
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric or complex Hermitian positive definite, of any number of axes.
     solves : int
         For how many right-hand sides it is made: more are worth a longer set-up.

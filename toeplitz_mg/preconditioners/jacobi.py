@@ -43,7 +43,7 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
 
     Parameters
     ----------
-    A : ToeplitzOperator or MaskedOperator of one
+    A : ToeplitzOperator or ToeplitzSum, or MaskedOperator of one
         Symmetric or Hermitian positive definite, of any number of axes.
     omega : float, optional
         By default ω/a₀ = 4/(3 ‖C‖₂), C the circulant in which `A` is embedded for its

@@ -81,7 +81,7 @@ def fsai_preconditioner(
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of one axis or two (with more than one element), and
         symmetric along each of them.
     neighbours : int, optional
