@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, TypeVar, cast
 
+import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Mask
