@@ -3,11 +3,14 @@
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from math import prod
 from pathlib import Path
 
 import numpy as np
 import scipy.fft
 import scipy.linalg
+import scipy.sparse
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
@@ -20,7 +23,7 @@ class Case:
     name: str
     operator: Callable[[type], LinearOperator]  # Makes the operator of a dtype.
     dense: Callable[[], np.ndarray]
-    symmetric: bool = True
+    symmetric: bool = True  # Hermitian, where it is complex.
     positive: bool = True
 
     def __str__(self):
@@ -55,6 +58,13 @@ def exponential(*grid_shape):
     return np.exp(-k.sum(axis=0) / 2.0)
 
 
+def lags_of(c):
+    """All coefficients of a matrix that is symmetric along every axis."""
+    for axis, n in enumerate(c.shape):
+        c = np.take(c, np.abs(np.arange(1 - n, n)), axis=axis)
+    return c
+
+
 def random_lags(*grid_shape):
     rng = np.random.default_rng(sum(grid_shape))
     return rng.standard_normal([2 * n - 1 for n in grid_shape])
@@ -65,6 +75,24 @@ def checkered(*grid_shape):
     mask = np.indices(grid_shape).sum(axis=0) % 5 != 1
     mask.flat[0] = True
     return mask
+
+
+def waves(*grid_shape):
+    """The lags of a Hermitian positive definite matrix: three damped plane waves, and noise."""
+    k = np.meshgrid(*(np.arange(1 - n, n) for n in grid_shape), indexing="ij")
+    size = np.exp(-sum(map(np.abs, k)))
+    lags = sum(p * size * np.exp(1j * f * sum(k)) for p, f in ((1.0, 0.3), (0.5, 1.1), (0.2, -2.0)))
+    lags[tuple(n - 1 for n in grid_shape)] += 2.0
+    return (lags + np.flip(lags).conj()) / 2
+
+
+def complex_lags(*grid_shape):
+    """The lags of a general matrix: none is zero, and that of lag zero is the largest."""
+    shape = [2 * n - 1 for n in grid_shape]
+    rng = np.random.default_rng(sum(grid_shape))
+    lags = rng.uniform(-1.0, 1.0, shape) + 1j * rng.uniform(-1.0, 1.0, shape)
+    lags[tuple(n - 1 for n in grid_shape)] += 2.0 * lags.size
+    return lags
 
 
 # Dense definitions --------------------------------------------------------------------------
@@ -146,6 +174,31 @@ def chan_column(c):
             axis=axis,
         )
     return c
+
+
+def nearest_circulant(lags):
+    """The circulant of the means of the entries that a circulant has in common."""
+    dense = dense_of_lags(lags)
+    shape = tuple((m + 1) // 2 for m in lags.shape)
+    at = tuple(k % n for k, n in zip(differences(shape), shape, strict=True))
+    total, count = np.zeros(shape, dense.dtype), np.zeros(shape)
+    np.add.at(total, at, dense)
+    np.add.at(count, at, 1.0)
+    return periodic(total / count)
+
+
+def central_circulant(lags):
+    """The circulant of the nearest lags; of n/2 and -n/2 the mean."""
+    shape = tuple((m + 1) // 2 for m in lags.shape)
+    column = np.zeros(shape, lags.dtype)
+    for point in np.ndindex(shape):
+        nearest = [
+            sorted({k, k - n}, key=abs)[: 1 + (2 * k == n)]
+            for k, n in zip(point, shape, strict=True)
+        ]
+        chosen = np.ix_(*([k + n - 1 for k in ks] for ks, n in zip(nearest, shape, strict=True)))
+        column[point] = lags[chosen].mean()
+    return periodic(column)
 
 
 def aggregate(n):
@@ -289,10 +342,32 @@ def dense_spectral(c):
 
 def dense_inverse_of_column(x):
     """(L Lᵀ - U Uᵀ)/x₀, both lower triangular, with the columns x and (0, x reversed)."""
+    return dense_inverse_of_columns(x, x)
+
+
+def dense_inverse_of_columns(x, y):
+    """The same for a column and a row that differ, whose matrices come first and second."""
     zero = np.zeros(len(x))
-    lower = scipy.linalg.toeplitz(x, zero)
-    other = scipy.linalg.toeplitz(np.r_[0.0, x[:0:-1]], zero)
-    return (lower @ lower.T - other @ other.T) / x[0]
+    lower, upper = (scipy.linalg.toeplitz(a, zero) for a in (x, y))
+    of_y, of_x = (scipy.linalg.toeplitz(np.r_[0.0, a[:0:-1]], zero) for a in (y, x))
+    return (lower @ upper.T - of_y @ of_x.T) / x[0]
+
+
+def dense_factors(lags, half):
+    """The same of the Wiener-Hopf factors of the symbol, sampled at 2 `half` points."""
+    n, length = (len(lags) + 1) // 2, 2 * half
+    waves = np.exp(-2j * np.pi * np.outer(np.arange(length), np.arange(length)) / length)
+    f = np.exp(-2j * np.pi * np.outer(np.arange(length), np.arange(1 - n, n)) / length) @ lags
+    logarithm = np.log(abs(f)) + 1j * np.unwrap(np.angle(f))
+    cepstrum = waves.conj() @ logarithm / length
+    weights = np.r_[0.0, np.ones(half - 1), 0.5, np.zeros(half - 1)]
+    causal = waves @ (weights * cepstrum)
+    others = logarithm - cepstrum[0] - causal
+    x = (waves.conj() @ np.exp(-causal))[:n]
+    y = (waves @ np.exp(-others))[:n]  # These are the frequencies 0, -1, ...
+    scale = np.exp(-cepstrum[0])
+    dense = dense_inverse_of_columns(x * scale / x[0], y * scale / y[0])
+    return dense if np.iscomplexobj(lags) else dense.real
 
 
 # The pairs ----------------------------------------------------------------------------------
@@ -479,13 +554,7 @@ def dense_coupled_M(kernel):
 def coupled(kernel):
     def build(dtype):
         return tmg.CoupledOperator(
-            [
-                [
-                    None if lags is None else tmg.ToeplitzOperator.from_lags(lags.astype(dtype))
-                    for lags in row
-                ]
-                for row in kernel
-            ]
+            [[None if lags is None else of_lags(lags)(dtype) for lags in row] for row in kernel]
         )
 
     return build
@@ -609,4 +678,267 @@ def _cycles():
     )
 
 
-CASES = [*_operators(), *_preconditioners(), *_coupled(), *_cycles()]
+def of_lags(lags):
+    """Make the matrix of these lags, which of a complex one are so in either precision."""
+    kind = np.complex64 if np.iscomplexobj(lags) else np.float32
+    return lambda dtype: tmg.ToeplitzOperator.from_lags(lags.astype(np.result_type(dtype, kind)))
+
+
+def masked_of(build, mask):
+    return lambda dtype: tmg.MaskedOperator(build(dtype), mask)
+
+
+def _complex_and_general():
+    """Complex matrices, Hermitian and general, and real ones that are not symmetric.
+
+    With the preconditioners that take them.
+    """
+    for shape in ((1,), (2,), (13,), (16,), (3, 5), (4, 6), (6, 1), (2, 3, 4)):
+        general = random_lags(*shape)
+        general.flat[general.size // 2] += 2.0 * general.size
+        kinds = {
+            "Hermitian": waves(*shape),
+            "Hermitian and even": waves(*shape).real.astype(np.complex128),
+            "complex": complex_lags(*shape),
+            "general": general,
+        }
+        for kind, lags in kinds.items():
+            if kind == "general" and max(shape) <= 2:
+                continue  # A real circulant of this size is symmetric.
+            is_hermitian = kind.startswith("Hermitian")
+            mask = checkered(*shape)
+            for label, build, cut in (
+                ("", of_lags(lags), np.ones(shape, bool)),
+                (" masked", masked_of(of_lags(lags), mask), mask),
+            ):
+                dense = submatrix(dense_of_lags(lags), cut)
+                pairs = [
+                    (tmg.chan_preconditioner, np.linalg.inv(nearest_circulant(lags))),
+                    (tmg.strang_preconditioner, np.linalg.inv(central_circulant(lags))),
+                ]
+                pairs = [(f, submatrix(matrix, cut)) for f, matrix in pairs]
+                if kind != "general":
+                    pairs.append((lambda A: A, dense))
+                if max(shape) == prod(shape):
+                    n = max(shape)
+                    half = near_fast_length(n) if is_hermitian else scipy.fft.next_fast_len(2 * n)
+                    factors = dense_factors(lags.ravel(), half)
+                    pairs.append((tmg.spectral_preconditioner, submatrix(factors, cut)))
+                    if not label:
+                        pairs.append((tmg.toeplitz_inverse, np.linalg.inv(dense)))
+                if is_hermitian:
+                    M = submatrix(dense_coupled_M([[lags]]), cut)
+                    pairs += [
+                        (tmg.fft_preconditioner, M),
+                        (tmg.default_preconditioner, np.linalg.inv(dense)),
+                        (tmg.jacobi_preconditioner, None),
+                    ]
+                for f, matrix in pairs:
+                    of = f
+                    if f is tmg.jacobi_preconditioner:
+                        of, matrix = partial(f, omega=0.7), 0.7 / dense[0, 0] * np.eye(len(dense))
+                        matrix = matrix.astype(np.complex128)
+                    yield Case(
+                        f"{f.__name__} of {kind}{label} {shape}",
+                        applied(of, build),
+                        lambda matrix=matrix: matrix,
+                        symmetric=is_hermitian,
+                        positive=is_hermitian,
+                    )
+                    if kind == "complex" and shape in ((13,), (3, 5)):
+                        yield Case(
+                            f"{f.__name__}, transposed, of {kind}{label} {shape}",
+                            lambda dtype, of=of, build=build: of(build(dtype)).T,
+                            lambda matrix=matrix: matrix.T,
+                            symmetric=False,
+                            positive=False,
+                        )
+    c = complex_lags(7)[:7]
+    c = np.r_[abs(c).sum(), c[1:]]
+    yield Case(
+        "A with complex c",
+        lambda dtype: tmg.ToeplitzOperator(c.astype(np.result_type(dtype, np.complex64))),
+        lambda: scipy.linalg.toeplitz(c),
+    )
+    even = complex_lags(9)[8:]
+    yield Case(
+        "A complex and symmetric",
+        of_lags(np.r_[even[:0:-1], even]),
+        lambda: scipy.linalg.toeplitz(even, even),
+        symmetric=False,
+        positive=False,
+    )
+
+
+def _coupled_and_complex():
+    for components, shape in ((2, (3, 4)), (2, (7,)), (3, (2, 5)), (3, (5, 1))):
+        kernel = coupled_kernel(components, *shape)
+        for i in range(components):
+            kernel[i][i] = kernel[i][i] * (waves(*shape) if i else 1.0)
+        between = 0.1 * complex_lags(*shape) / kernel[0][0].size ** 2
+        kernel[1][0] = between
+        kernel[0][1] = np.flip(between).conj()
+        mask = np.stack([checkered(*shape)] * components)
+        mask[-1] &= np.arange(mask[0].size).reshape(shape) % 2 == 0
+        for label, is_masked, cut in (("", False, np.ones_like(mask)), (" masked", True, mask)):
+            build = coupled(kernel)
+            build = masked_of(build, mask) if is_masked else build
+            chan = dense_of_kernel(
+                [
+                    [kernel[i][i] if i == j else None for j in range(components)]
+                    for i in range(components)
+                ],
+                lambda lags: np.linalg.inv(nearest_circulant(lags)),
+            )
+            for f, matrix in (
+                (lambda A: A, dense_of_kernel(kernel)),
+                (tmg.fft_preconditioner, dense_coupled_M(kernel)),
+                (tmg.chan_preconditioner, chan),
+            ):
+                matrix = submatrix(matrix, cut)
+                yield Case(
+                    f"{f.__name__} coupled and Hermitian{label} {components} {shape}",
+                    applied(f, build),
+                    lambda matrix=matrix: matrix,
+                )
+        general = [list(row) for row in kernel]
+        general[0][1] = 0.2 * complex_lags(*shape)
+        build, dense = coupled(general), dense_of_kernel(general)
+        yield Case(
+            f"A coupled, complex {components} {shape}",
+            build,
+            lambda dense=dense: dense,
+            symmetric=False,
+            positive=False,
+        )
+        yield Case(
+            f"A coupled, complex, transposed {components} {shape}",
+            lambda dtype, build=build: build(dtype).T,
+            lambda dense=dense: dense.T,
+            symmetric=False,
+            positive=False,
+        )
+
+
+# Sums with diagonal matrices -----------------------------------------------------------------
+
+
+def diagonals(n):
+    """Two diagonals of entries from 1/2 to 2."""
+    return np.exp2(np.random.default_rng(n).uniform(-1.0, 1.0, (2, n)))
+
+
+SUMS = {  # Each with whether it is Hermitian where A is.
+    "2 A": (lambda A, D, E, one: 2 * A, True),
+    "-A / 3 + I": (lambda A, D, E, one: -A / 3 + one, True),
+    "2 I - A": (lambda A, D, E, one: 2 * one - A, True),
+    "A + A.T": (lambda A, D, E, one: A + A.T, True),
+    "A + D": (lambda A, D, E, one: A + D, True),
+    "D - A": (lambda A, D, E, one: D - A, True),
+    "D A": (lambda A, D, E, one: D @ A, False),
+    "A D": (lambda A, D, E, one: A @ D, False),
+    "D A D + 2 E": (lambda A, D, E, one: D @ A @ D + 2 * E, True),
+    "D A + A D": (lambda A, D, E, one: D @ A + A @ D, True),
+    "D A + E A.T + 3 I": (lambda A, D, E, one: D @ A + E @ A.T + 3 * one, False),
+    "(D A - E) / 2": (lambda A, D, E, one: (D @ A - E) / 2, False),
+}
+
+
+def _sums():
+    """Sums of a matrix and diagonal ones, which stand for themselves in the dense definition."""
+
+    def of_one(sum_of, lags, mask):
+        whole = of_lags(lags)
+        unknowns = whole if mask.all() else masked_of(whole, mask)
+        given = diagonals(np.count_nonzero(mask))
+
+        def build(dtype):
+            D, E = (scipy.sparse.diags_array(d.astype(dtype)) for d in given)
+            return sum_of(unknowns(dtype), D, E, scipy.sparse.eye_array(*D.shape, dtype=dtype))
+
+        def dense():
+            matrix = submatrix(dense_of_lags(lags), mask)
+            return sum_of(matrix, *map(np.diag, given), np.eye(len(matrix)))
+
+        return build, dense
+
+    matrices = {f"general {shape}": random_lags(*shape) for shape in ((13,), (3, 4), (2, 1, 3))}
+    matrices |= {name: lags_of(COLUMNS[name]) for name in ("31", "5x7")}
+    matrices |= {"Hermitian (9,)": waves(9), "complex (3, 4)": complex_lags(3, 4)}
+    for name, lags in matrices.items():
+        shape = tuple((m + 1) // 2 for m in lags.shape)
+        for label, mask in (("", np.ones(shape, bool)), (" masked", checkered(*shape))):
+            for formula, (sum_of, keeps) in SUMS.items():
+                build, dense = of_one(sum_of, lags, mask)
+                is_hermitian = keeps and np.allclose(lags, np.flip(lags).conj())
+                is_hermitian |= formula == "A + A.T" and name.startswith("general")
+                yield Case(
+                    f"{formula}{label} {name}", build, dense, symmetric=is_hermitian, positive=False
+                )
+
+
+def averaged(c, d, e, mask):
+    """The column of the mean of diag(d) A + diag(e), scaled to ones on the diagonal; the scale."""
+    diagonal = d * c.flat[0] + e
+    column = (d / diagonal).mean() * c
+    column.flat[0] += (e / diagonal).mean()
+    assert len(d) == np.count_nonzero(mask)
+    return column, 1.0 / np.sqrt(diagonal)
+
+
+def _preconditioners_of_sums():
+    for name in ("31", "5x7", "8x8"):
+        c = COLUMNS[name]
+        for label, mask in (("", np.ones(c.shape, bool)), (" masked", checkered(*c.shape))):
+            d, e = diagonals(np.count_nonzero(mask))
+            column, scale = averaged(c, d, e, mask)
+
+            def build(dtype, c=c, d=d, e=e, mask=mask):
+                A = toeplitz(c)(dtype)
+                A = A if mask.all() else tmg.MaskedOperator(A, mask)
+                D, E = (scipy.sparse.diags_array(x.astype(dtype)) for x in (d, e))
+                return D @ A + E
+
+            M = dense_M(column)
+            yield Case(
+                f"jacobi of D A + E{label} {name}",
+                applied(tmg.jacobi_preconditioner, build, omega=0.7),
+                lambda s=scale: 0.7 * np.diag(s**2),
+            )
+            cases = [
+                (tmg.fft_preconditioner, submatrix(M, mask)),
+                *componentwise(column, M, mask),
+            ]
+            for f, matrix in cases:
+                if not is_refused(f, matrix):
+                    yield Case(
+                        f"{f.__name__} of D A + E{label} {name}",
+                        applied(f, build),
+                        lambda matrix=matrix, s=scale: s[:, np.newaxis] * matrix * s,
+                    )
+            A, M_r = submatrix(dense_of_column(column), mask), submatrix(M, mask)
+            yield Case(
+                f"P M of D A + E{label} {name}",
+                applied(tmg.fft_sd_preconditioner, build),
+                lambda A=A, M=M_r, s=scale: s[:, np.newaxis] * dense_sd(A, M, 2) * s,
+                symmetric=False,
+                positive=False,
+            )
+            for f in (tmg.default_preconditioner, tmg.multigrid):  # Few unknowns are solved for.
+                yield Case(
+                    f"{f.__name__} of D A + E{label} {name}",
+                    applied(f, build),
+                    lambda A=A, s=scale: s[:, np.newaxis] * np.linalg.inv(A) * s,
+                )
+
+
+CASES = [
+    *_operators(),
+    *_preconditioners(),
+    *_coupled(),
+    *_cycles(),
+    *_complex_and_general(),
+    *_coupled_and_complex(),
+    *_sums(),
+    *_preconditioners_of_sums(),
+]

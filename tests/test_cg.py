@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.linalg
 import scipy.sparse.linalg
 from numpy.testing import assert_allclose
 
@@ -90,7 +91,7 @@ def test_refuses_bad_arguments():
     for arguments, error, match in (
         ({"b": b[:40]}, ValueError, "b has shape"),
         ({"b": b * np.nan}, ValueError, "b has entries"),
-        ({"b": b * 1j}, TypeError, "real numbers"),
+        ({"b": b.astype(np.longdouble)}, TypeError, "the iteration is in float32 or float64"),
         ({"b": b, "x0": b[:40]}, ValueError, "x0 has shape"),
         ({"b": b, "M": np.eye(40)}, ValueError, "M has shape"),
         ({"b": b, "rtol": -1.0}, ValueError, "rtol is -1"),
@@ -311,3 +312,71 @@ def test_what_is_no_number_in_each_element_is_refused():
         for vector in ("abc", ["1", "2", "3"], [None] * 3):
             with pytest.raises(TypeError, match="b has dtype"):
                 solver(A, vector)
+
+
+@pytest.mark.parametrize("dtype", [np.complex64, np.complex128])
+@pytest.mark.parametrize("preconditioned", [False, True])
+@pytest.mark.parametrize("with_guess", [False, True])
+def test_hermitian_matrices(dtype, preconditioned, with_guess):
+    rng = np.random.default_rng(0)
+    n = 120
+    X = (rng.standard_normal((n, n)) + 1j * rng.standard_normal((n, n))) / np.sqrt(n)
+    A = (X @ X.conj().T + np.diag(np.linspace(1.0, 50.0, n))).astype(dtype)
+    M = np.diag(1.0 / A.diagonal().real) if preconditioned else None
+    if M is not None:  # Hermitian, not symmetric.
+        phase = np.exp(1j * np.arange(n))
+        M = M + 0.001 * np.outer(phase, phase.conj())
+    b = (rng.standard_normal(n) + 1j * rng.standard_normal(n)).astype(dtype)
+    x0 = (rng.standard_normal(n) + 1j * rng.standard_normal(n)).astype(dtype)
+    rtol = 1e-4 if dtype == np.complex64 else 1e-11
+    x, info = tmg.cg(A, b, x0 if with_guess else None, M=M, rtol=rtol, maxiter=100)
+    assert info == 0
+    assert np.linalg.norm(b - A @ x) <= 10.1 * rtol * np.linalg.norm(b)
+
+
+def test_the_iterates_for_a_hermitian_matrix_are_those_of_scipy():
+    k = np.arange(300)
+    column = 0.5**k * np.exp(0.7j * k)
+    A = scipy.linalg.toeplitz(column)
+    rng = np.random.default_rng(0)
+    b = rng.standard_normal(300) + 1j * rng.standard_normal(300)
+    M = np.diag(np.linspace(0.5, 2.0, 300))
+    ours, theirs = [], []
+    for cg, iterates in ((tmg.cg, ours), (scipy.sparse.linalg.cg, theirs)):
+        cg(A, b, M=M, rtol=0.0, maxiter=8, callback=lambda x, i=iterates: i.append(x.copy()))
+    assert_allclose(ours, theirs, atol=1e-11)
+
+
+@pytest.mark.parametrize("inner", [None, np.float32])
+def test_a_real_matrix_takes_a_complex_right_hand_side(inner):
+    """The answer is that of the real and the imaginary parts side by side."""
+    A = tmg.ToeplitzOperator(0.5 ** np.arange(900))
+    M = tmg.chan_preconditioner(A)
+    b = np.random.default_rng(0).standard_normal((2, 900))
+    inside = None if inner is None else A.astype(inner)
+    z, info = tmg.cg(A, b[0] + 1j * b[1], M=M, rtol=1e-11, inner=inside)
+    assert info == 0
+    assert z.dtype == np.complex128
+    parts = [tmg.cg(A, part, M=M, rtol=1e-12)[0] for part in b]
+    assert_allclose([z.real, z.imag], parts, atol=1e-9)
+
+
+def test_an_inner_iteration_for_a_hermitian_matrix():
+    k = np.arange(200)
+    A = scipy.linalg.toeplitz(0.5**k * np.exp(0.7j * k))
+    b = np.exp(1j * k**2)
+    for size in (1e-200, 1.0, 1e200):
+        x, info = tmg.cg(A, size * b, rtol=1e-12, inner=A.astype(np.complex64))
+        assert info == 0
+        assert np.linalg.norm(b - A @ (x / size)) <= 1.01e-12 * np.linalg.norm(b)
+
+
+def test_what_is_complex_and_not_hermitian_is_reported():
+    rng = np.random.default_rng(0)
+    A = np.eye(40) + 0.1 * (rng.standard_normal((40, 40)) + 1j * rng.standard_normal((40, 40)))
+    b = rng.standard_normal(40) + 0j
+    x, info = tmg.cg(A, b, rtol=1e-10)
+    assert info > 0 or np.linalg.norm(b - A @ x) <= 1e-9 * np.linalg.norm(b)
+    x, info = tmg.cg(1j * np.eye(40), b)
+    assert info == 1
+    assert not x.any()

@@ -1,23 +1,100 @@
-"""The certificate that the inverse from a column is positive definite, and its condition."""
+"""The inverse from its first column and row, and the certificate that it is positive definite."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.linalg import toeplitz
 
 from comparisons.systems.symbols import column
 from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
 from toeplitz_mg.preconditioners.schur import schur_column
 
 
+def random(*shape, dtype=np.complex128, seed=0):
+    rng = np.random.default_rng(seed)
+    numbers = rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
+    return numbers.astype(dtype) if np.dtype(dtype).kind == "c" else numbers.real.astype(dtype)
+
+
+def matrix(n, dtype, *, hermitian=False):
+    """A matrix far from singular, whose column and row differ in size by a factor of 100."""
+    decay = (1.0 + np.arange(n)) ** -1.5
+    c, r = random(2, n, dtype=dtype) * decay
+    if hermitian:
+        c[0] = 8.0
+        return toeplitz(c)
+    return toeplitz(np.r_[8.0, 3.0 * c[1:]], np.r_[8.0, 0.03 * r[1:]])
+
+
+# The longest are 1, 5 and 9 short of a fast length.
+@pytest.mark.parametrize("n", [1, 2, 5, 64, 67, 534, 1601])
+@pytest.mark.parametrize("dtype", [np.float64, np.complex128])
+@pytest.mark.parametrize("hermitian", [False, True])
+def test_is_the_inverse_that_has_the_column_and_the_row(n, dtype, hermitian):
+    dense = np.linalg.inv(matrix(n, dtype, hermitian=hermitian))
+    x, y = dense[:, 0].copy(), dense[0]
+    x[0] = x[0].real if hermitian else x[0]
+    G = GohbergSemencul(x) if hermitian else GohbergSemencul(x, y)
+    assert (G.is_hermitian, G.dtype) == (hermitian, dtype)
+    assert_allclose(G.y, y, atol=1e-13)
+    for V in (random(n, 3, dtype=np.float64), random(n, 2)):
+        assert_allclose(G @ V, dense @ V, atol=1e-12)
+        assert_allclose(G.H @ V, dense.conj().T @ V, atol=1e-12)
+    assert (G.H is G) == hermitian
+
+
+@pytest.mark.parametrize("n", [40000, 2**17])
+@pytest.mark.parametrize("dtype", [np.float64, np.complex128])
+def test_long_ones_invert_a_bidiagonal_matrix_and_a_factor(n, dtype):
+    """Of (1 - a z)(1 - b/z) and of a matrix with one diagonal below, the inverses are known."""
+    a = dtype(0.5) if dtype is np.float64 else 0.4 + 0.3j
+    x, y = a ** np.arange(n), np.eye(1, n)[0].astype(dtype)
+    V = random(2, n, dtype=dtype)
+    expected = V.copy()  # The sums over j ≤ i of aⁱ⁻ʲ vⱼ: what is 60 apart is of no account.
+    for k in range(1, 120):
+        expected[:, k:] += a**k * V[:, :-k]
+    assert_allclose(GohbergSemencul(x, y).apply(V), expected, atol=1e-12)
+    backward = V.copy()
+    for k in range(1, 120):
+        backward[:, :-k] += a.conjugate() ** k * V[:, k:]
+    assert_allclose(GohbergSemencul(x, y).H.apply(V), backward, atol=1e-12)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.complex64])
+def test_single_precision_takes_what_is_out_of_its_range_inside(dtype):
+    """2 x₀ would overflow, or its square be zero."""
+    for scale in (2e38, 1e-30):
+        dense = np.linalg.inv(matrix(300, np.result_type(dtype, np.float64)))
+        G = GohbergSemencul(*(v.astype(dtype) for v in (dense[:, 0] * scale, dense[0] * scale)))
+        v = random(300, dtype=dtype) * dtype(1e-3)
+        product = G @ v
+        assert product.dtype == dtype
+        assert_allclose(product / scale, dense @ v, atol=1e-8)
+
+
+def test_says_what_no_inverse_has():
+    with pytest.raises(np.linalg.LinAlgError, match="first entry of the inverse is 0"):
+        GohbergSemencul(np.array([0.0, 1.0]), np.array([0.0, 1.0]))
+    with pytest.raises(np.linalg.LinAlgError, match=r"first entry of the inverse is 1\+1j"):
+        GohbergSemencul(np.array([1.0 + 1.0j, 1.0]))
+    with pytest.raises(ValueError, match=r"x has shape \(2,\) and y has \(3,\)"):
+        GohbergSemencul(np.ones(2), np.ones(3))
+    with pytest.raises(TypeError, match="y is a masked array"):
+        GohbergSemencul(np.ones(2), np.ma.masked_array([1.0, 2.0], [False, True]))
+
+
 def spectrum(x):
     dense = GohbergSemencul(x) @ np.eye(len(x))
-    return np.linalg.eigvalsh((dense + dense.T) / 2)
+    return np.linalg.eigvalsh((dense + dense.conj().T) / 2)
 
 
 @settings(deadline=None, max_examples=300)
-@given(st.integers(1, 60), st.integers(0, 10**6), st.sampled_from([0.3, 0.03, 0.003]))
-def test_what_is_certified_is_true(n, seed, near):
+@given(
+    st.integers(1, 60), st.integers(0, 10**6), st.sampled_from([0.3, 0.03, 0.003]), st.booleans()
+)
+def test_what_is_certified_is_true(n, seed, near, is_complex):
     """The zeros are on both sides of the unit circle, at all distances, in clusters too."""
     rng = np.random.default_rng(seed)
     zeros = np.exp(near * rng.standard_normal(n)) * np.exp(1j * rng.choice([0.0, 0.3, 3.1], n))
@@ -27,8 +104,13 @@ def test_what_is_certified_is_true(n, seed, near):
         zeros = np.where(abs(zeros) < 1.0, 1.0 / zeros.conj(), zeros)
     if rng.random() < 0.3:
         zeros[0] = rng.uniform(0.5, 1.01)
-    x = np.poly(np.concatenate([zeros, zeros.conj()]))[::-1].real
-    x *= np.copysign(1.0, x[0])
+    if is_complex:
+        x = np.poly(zeros)[::-1]
+        x = x * (x[0].conj() / abs(x[0]))
+        x[0] = x[0].real
+    else:
+        x = np.poly(np.concatenate([zeros, zeros.conj()]))[::-1].real
+        x *= np.copysign(1.0, x[0])
     certificate = Certificate.of(x)
     # Far from where the rounding of the eigenvalues would be as large as the smallest of them.
     if certificate.positive and certificate.condition < 1e10:
@@ -36,10 +118,12 @@ def test_what_is_certified_is_true(n, seed, near):
 
 
 @pytest.mark.parametrize("n", [2, 64, 211])
+@pytest.mark.parametrize("turn", [0.0, 1.0])
 @pytest.mark.parametrize("name", ["θ⁴ + 1", "contact", "Gaussian", "θ²", "(2 - 2 cos θ)²"])
-def test_certifies_the_inverse_of_usual_matrices(name, n):
+def test_certifies_the_inverse_of_usual_matrices(name, turn, n):
     """So it is not always in doubt; and the condition is not that of some other matrix."""
     c = column(name, n) if n > 2 else np.array([2.0, 1.0])
+    c = c * np.exp(1j * turn * np.arange(n)) if turn else c
     x, _ = schur_column(c)
     certificate = Certificate.of(x)
     assert certificate.positive
@@ -48,7 +132,13 @@ def test_certifies_the_inverse_of_usual_matrices(name, n):
     assert 0.9 * condition <= certificate.condition <= 10.0 * condition
 
 
-@pytest.mark.parametrize("x", [[1.0, 2.0], [1.0, -1.0], [1.0, 0.0, 0.0, 1.0], [-1.0, 0.0]])
+@pytest.mark.parametrize(
+    "x",
+    [
+        *([1.0, 2.0], [1.0, -1.0], [1.0, 0.0, 0.0, 1.0], [-1.0, 0.0]),
+        *([1.0, 2.0j], [1.0, -1.0j], [1.0, 0.0, 0.0, 1.0j], [-1.0 + 0j, 0.0]),
+    ],
+)
 def test_a_zero_within_or_on_the_circle_is_never_certified(x):
     assert not Certificate.of(np.array(x)).positive
 

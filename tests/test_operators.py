@@ -28,7 +28,11 @@ def dense(case):
 
 
 def random(*shape, dtype=np.float64, seed=0):
-    return np.random.default_rng(seed).standard_normal(shape).astype(dtype)
+    rng = np.random.default_rng(seed)
+    x = rng.standard_normal(shape)
+    if np.dtype(dtype).kind == "c":
+        x = x + 1j * rng.standard_normal(shape)
+    return x.astype(dtype)
 
 
 def assert_near(actual, expected, dtype=np.float64):
@@ -45,43 +49,48 @@ def test_equals_its_dense_matrix(case, A, dense, dtype):
     X = random(A.shape[1], 3, dtype=dtype)
     assert isinstance(A, LinearOperator)
     assert A.shape == dense.shape
-    assert A.dtype == dtype
-    for x in (X, X[:, :1], X[:, 0]):
+    assert A.dtype == (np.result_type(dtype, np.complex64) if np.iscomplexobj(dense) else dtype)
+    for x in (X, X[:, :1], X[:, 0], X * X.dtype.type(2) + 1j * X[::-1]):
         y = A @ x
-        assert y.dtype == dtype
+        assert y.dtype == np.result_type(x, A.dtype)
         assert_near(y, dense @ x, dtype)
 
 
 def test_adjoint_and_transpose(A, dense):
-    U, V = random(A.shape[1], 2), random(A.shape[0], 2, seed=1)
-    assert_near(A.H @ V, dense.T @ V)
+    U, V = random(A.shape[1], 2, dtype=A.dtype), random(A.shape[0], 2, dtype=A.dtype, seed=1)
+    adjoint = dense.conj().T
+    assert_near(A.H @ V, adjoint @ V)
     assert_near(A.T @ V[:, 0], dense.T @ V[:, 0])
-    assert_near(A.rmatvec(V[:, 0]), dense.T @ V[:, 0])
+    assert_near(A.rmatvec(V[:, 0]), adjoint @ V[:, 0])
     assert_near(V.T @ A, V.T @ dense)
     assert_near(A.H.H @ U, dense @ U)
+    assert_near(A.T.T @ U, dense @ U)
+    assert_near(A.T.H @ U, dense.conj() @ U)
+    assert_near(A.H.T @ U, dense.conj() @ U)
     for u, v in zip(U.T, V.T, strict=True):
-        assert_allclose((A @ u) @ v, u @ (A.H @ v), atol=1e-11 * abs(dense).max() * len(u))
+        atol = 1e-11 * abs(dense).max() * len(u)
+        assert_allclose(np.vdot(A @ u, v), np.vdot(u, A.H @ v), atol=atol)
 
 
 def test_is_symmetric_and_positive_definite_as_the_case_says(case, A, dense):
     matrix = A @ np.eye(A.shape[0])
     if case.symmetric:
         assert A.H is A
-        assert_near(matrix, matrix.T)
+        assert_near(matrix, matrix.conj().T)
     else:
-        lopsided = abs(dense - dense.T).max() > 1e-6 * abs(dense).max()
+        lopsided = abs(dense - dense.conj().T).max() > 1e-6 * abs(dense).max()
         # P M may be symmetric by chance, where there are few unknowns or one subdomain.
         assert lopsided or A.shape == (1, 1) or case.name.startswith("P M")
     if case.positive:
-        assert np.linalg.eigvalsh((matrix + matrix.T) / 2).min() > 0.0
+        assert np.linalg.eigvalsh((matrix + matrix.conj().T) / 2).min() > 0.0
 
 
 def test_linear_and_composed(A, dense):
-    x, y = random(A.shape[1]), random(A.shape[1], seed=1)
+    x, y = (random(A.shape[1], dtype=A.dtype, seed=seed) for seed in (0, 1))
     assert_near(A @ (2.0 * x - 3.0 * y), 2.0 * (dense @ x) - 3.0 * (dense @ y))
     assert_near((2 * A) @ x, 2 * dense @ x)
     assert_near((A @ A) @ x, dense @ dense @ x)
-    assert_near((A + A.H) @ x, (dense + dense.T) @ x)
+    assert_near((A + A.H) @ x, (dense + dense.conj().T) @ x)
     assert_near((-A) @ x, -dense @ x)
     assert_near((A**2) @ x, dense @ dense @ x)
 
@@ -99,7 +108,29 @@ def test_vectors_of_any_kind(A, dense):
     rows = random(2, 3, n)
     assert_near(A._matvec(rows), rows @ dense.T)
     assert_near(A._matmat(rows.mT), dense @ rows.mT)
-    assert_near(A.H._matvec(rows), rows @ dense)
+    assert_near(A.H._matvec(rows), rows @ dense.conj())
+
+
+def test_entries_are_those_of_the_dense_matrix(A, dense):
+    """Of those operators that have them at hand: the matrices themselves, and M."""
+    if not hasattr(getattr(A, "full", A), "entries"):
+        with pytest.raises(TypeError):
+            A[0, 0]
+        return
+    n, size = len(dense), abs(dense).max()
+    for i, j in ((0, 0), (-1, 0), (n // 2, n - 1), (np.int64(0), -n)):
+        assert A[i, j].shape == ()
+        assert_allclose(A[i, j], dense[i, j], rtol=0, atol=1e-12 * size)
+    for part in (np.s_[:, 0], np.s_[-1, ::-2], np.s_[1:, :3], np.s_[:, :]):
+        assert A[part].shape == dense[part].shape
+        assert_allclose(A[part], dense[part], rtol=0, atol=1e-12 * size)
+    assert_allclose(A.diagonal(), dense.diagonal(), rtol=0, atol=1e-12 * size)
+    assert_allclose(A.trace(), dense.trace(), rtol=0, atol=1e-12 * n * size)
+    for wrong in ((n, 0), (0, -n - 1), 0, (0, 0, 0), (0.5, 0), (None, 0)):
+        with pytest.raises(IndexError, match="but must"):
+            A[wrong]
+    with pytest.raises(TypeError, match="not iterable"):
+        iter(A)
 
 
 def test_is_a_value(A):

@@ -292,8 +292,59 @@ def test_refuse_what_is_no_toeplitz_operator(preconditioner):
     for wrong in (np.eye(4), A @ A, A.toarray()):
         with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
             preconditioner(wrong)
-    with pytest.raises(ValueError, match="must be symmetric"):
-        preconditioner(tmg.ToeplitzOperator([4.0, 1.0], [4.0, 2.0]))
+
+
+OF_HERMITIAN = [tmg.fft_preconditioner, tmg.jacobi_preconditioner, tmg.default_preconditioner]
+OF_ANY_MATRIX = [tmg.chan_preconditioner, tmg.strang_preconditioner]
+OF_SYMMETRIC = [
+    *(f for f in ALL if f not in OF_HERMITIAN + OF_ANY_MATRIX),
+    tmg.fsai_preconditioner,
+    tmg.multigrid,
+]
+
+
+def kinds(A):
+    """A matrix, on the whole of its grid and on a mask; and twice, as coupled components."""
+    yield A
+    yield tmg.MaskedOperator(A, np.arange(A.shape[0]) != 1)
+    yield tmg.CoupledOperator([[A, None], [None, A]])
+
+
+@pytest.mark.parametrize("f", OF_SYMMETRIC + OF_HERMITIAN, ids=lambda f: f.__name__)
+def test_what_is_not_symmetric_is_refused_with_advice(f):
+    for c, r in (([4.0, 1.0, 0.5], [4.0, 2.0, 0.5]), ([4.0, 1j, 0.5], [4.0, 1j, 0.5])):
+        rule = "Hermitian" if np.iscomplexobj(c) else "symmetric"
+        for A in kinds(tmg.ToeplitzOperator(c, r)):
+            if isinstance(A, tmg.CoupledOperator) and f in (
+                tmg.jacobi_preconditioner,
+                tmg.multigrid,
+            ):
+                continue
+            with pytest.raises(
+                ValueError, match=rf"must be {rule}: use chan_preconditioner\(A\).* with gmres"
+            ):
+                f(A)
+
+
+# τ is that of the symmetric part.
+@pytest.mark.parametrize("f", [*OF_SYMMETRIC, tmg.tau_preconditioner], ids=lambda f: f.__name__)
+def test_what_is_complex_is_refused_with_advice(f):
+    for A in kinds(tmg.ToeplitzOperator([4.0, 1j, 0.5])):
+        if isinstance(A, tmg.CoupledOperator) and f is tmg.multigrid:
+            continue
+        with pytest.raises(ValueError, match=r"but must be real: use chan_preconditioner\(A\)"):
+            f(A)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.complex128])
+@pytest.mark.parametrize(
+    ("f", "below"), [(tmg.strang_preconditioner, -1.0), (tmg.chan_preconditioner, -1.5)]
+)
+def test_a_singular_circulant_of_a_regular_matrix_is_refused(f, below, dtype):
+    """The matrix is triangular; its circulant has the first column (1, -1, 0)."""
+    A = tmg.ToeplitzOperator(np.array([1.0, below, 0.0], dtype), np.array([1.0, 0.0, 0.0], dtype))
+    with pytest.raises(np.linalg.LinAlgError, match=r"has the eigenvalue .* use gmres without M"):
+        f(A)
 
 
 @each
@@ -339,3 +390,28 @@ def test_an_argument_of_the_wrong_type_is_named(function, argument):
 def test_fsai_refuses_more_neighbours_than_can_be_of_use(neighbours):
     with pytest.raises(ValueError, match=f"neighbours is {neighbours}, but must be at most 100"):
         tmg.fsai_preconditioner(A_FEW, neighbours=neighbours)
+
+
+def general_columns(n):
+    """First columns and first rows of matrices whose symbols keep away from zero."""
+    k = np.arange(n)
+    yield (1.0 + k) ** -1.1, np.r_[1.0, 0.5 * (1.0 + k[1:]) ** -2.0]
+    yield np.r_[2.05, -1.3, np.zeros(n - 2)], np.r_[2.05, -0.7, np.zeros(n - 2)]
+    yield 1.0 / (1.0 + k), (-1.0) ** k / (1.0 + k)
+    yield np.exp((0.5j - 0.2) * k), np.exp(-(0.3j + 0.4) * k)
+
+
+def test_iterations_with_a_circulant_of_a_general_matrix_do_not_depend_on_its_size():
+    """GMRES with T. Chan's circulant, to 1e-8."""
+    counts = []
+    for n in (2**10, 2**12, 2**14):
+        rng = np.random.default_rng(n)
+        for c, r in general_columns(n):
+            A = tmg.ToeplitzOperator(c, r)
+            b, residuals = rng.standard_normal(n), []
+            M = tmg.chan_preconditioner(A)
+            x, info = tmg.gmres(A, b, M=M, rtol=1e-8, residuals=residuals)
+            assert info == 0
+            assert np.linalg.norm(b - A @ x) <= 1.01e-8 * np.linalg.norm(b)
+            counts.append(len(residuals) - 1)
+    assert max(counts) <= 10

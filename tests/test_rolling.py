@@ -15,7 +15,6 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import ContactError
 from toeplitz_mg.contact.tangential import steady
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
-from toeplitz_mg.solvers.gmres import gmres
 
 MU, A = 0.3, 0.6
 
@@ -265,19 +264,3 @@ def test_line_contact_obeys_coulombs_law():
     _, _, result = carter(100)
     assert result.displacement.shape == result.traction.shape
     assert_areas(result)
-
-
-@pytest.mark.parametrize(("dtype", "left"), [(np.float64, 1e-10), (np.float32, 1e-5)])
-def test_gmres(dtype, left):
-    rng = np.random.default_rng(0)
-    A = np.eye(30) + 0.1 * rng.standard_normal((30, 30))
-    M = np.diag(rng.uniform(0.5, 2.0, 30))
-    b = 1e-30 * rng.standard_normal((2, 3, 5))
-
-    def times(matrix):
-        return lambda x: (matrix.astype(x.dtype) @ x.ravel()).reshape(x.shape)
-
-    goal = left * np.linalg.norm(b)
-    x, iterations = gmres(times(A), times(M), b, lambda _: goal, 30, dtype)
-    assert np.linalg.norm(b.ravel() - A @ x.ravel()) <= 1.5 * goal
-    assert iterations <= 30

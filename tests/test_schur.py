@@ -8,24 +8,28 @@ from numpy.testing import assert_allclose
 from scipy.linalg import toeplitz
 
 import toeplitz_mg as tmg
-from comparisons.systems.symbols import COLUMNS, column
+from comparisons.systems.symbols import COLUMNS, HERMITIAN, column
 from toeplitz_mg.preconditioners.schur import schur_column
 
 
 def levinson(c):
     """Levinson's recursion as in any textbook: the predictor and the Schur parameters."""
-    a, error, gamma = np.ones(1), c[0], []
+    a, error, gamma = np.ones(1), c[0].real, []
     for m in range(len(c) - 1):
         gamma.append(-(a @ c[m + 1 : 0 : -1]) / error)
-        a = np.append(a, 0.0) + gamma[-1] * np.append(0.0, a[::-1])
-        error *= 1.0 - gamma[-1] ** 2
+        a = np.append(a, 0.0) + gamma[-1] * np.append(0.0, a[::-1].conj())
+        error *= 1.0 - abs(gamma[-1]) ** 2
     return a / error, np.array(gamma)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 33, 64, 65, 211, 600, 1009])
+@pytest.mark.parametrize("turn", [0.0, 1.0])
 @pytest.mark.parametrize("name", COLUMNS)
-def test_is_levinsons_recursion(name, n):
+def test_is_levinsons_recursion(name, turn, n):
+    """Of a real matrix, and of a Hermitian one, whose symbol is turned by one radian."""
     c = np.array([2.0, 0.5])[:n] if n < 3 else column(name, n)
+    if turn:
+        c = c * np.exp(1j * turn * np.arange(n))
     x, gamma = schur_column(c)
     x_levinson, gamma_levinson = levinson(c)
     condition = np.linalg.cond(toeplitz(c))
@@ -62,6 +66,19 @@ def test_refuses_what_is_not_positive_definite(n, seed, weight):
 def test_refuses_small_ones(c):
     with pytest.raises(np.linalg.LinAlgError, match="positive"):
         schur_column(np.array(c))
+
+
+def test_three_plane_waves_and_noise():
+    """No circulant has their eigenvalues: T. Chan's takes CG over 200 iterations."""
+    n = 3000
+    c = HERMITIAN["three plane waves + noise"](n)[0]
+    x, gamma = schur_column(c)
+    assert x.dtype == gamma.dtype == np.complex128
+    scale = abs(c).sum() * np.linalg.norm(x)
+    assert np.linalg.norm(toeplitz(c) @ x - np.eye(1, n)[0]) <= 1e-13 * scale
+    k = np.arange(1, n)
+    log_determinant = n * np.log(c[0].real) + np.sum((n - k) * np.log1p(-(abs(gamma) ** 2)))
+    assert log_determinant == pytest.approx(np.linalg.slogdet(toeplitz(c))[1], rel=1e-9)
 
 
 def test_takes_the_work_of_some_thirty_products():

@@ -5,28 +5,45 @@ import pytest
 from numpy.testing import assert_allclose
 
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
-from toeplitz_mg.engine.vectors import PART, axpy, combine, dot, dots, norm
+from toeplitz_mg.engine.vectors import PART, add_combination, axpy, combine, dot, dots, norm
 
 SHAPES = [(1,), (3, 4, 5), (PART,), (PART + 1,), (2, PART, 3)]
+DTYPES = [np.float32, np.float64, np.complex64, np.complex128]
+
+
+def vectors(k, shape, dtype):
+    X = np.random.default_rng(0).random((k, *shape))
+    if np.dtype(dtype).kind == "c":
+        X = X + 1j * np.random.default_rng(1).random(X.shape)
+    return X.astype(dtype)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("dtype", DTYPES)
 def test_sums_over_all_parts(shape, dtype):
-    X = np.random.default_rng(0).random((3, *shape)).astype(dtype)
-    flat = X.reshape(3, -1).astype(np.float64)
-    rtol = 1e-6 if dtype == np.float32 else 1e-12
-    assert_allclose(dot(X[0], X[1]), flat[0] @ flat[1], rtol=rtol)
-    assert_allclose(dots(X, X[2]), flat @ flat[2], rtol=rtol)
+    X = vectors(3, shape, dtype)
+    double = np.result_type(dtype, np.float64)
+    flat = X.reshape(3, -1).astype(double)
+    rtol = 1e-6 if np.finfo(dtype).bits == 32 else 1e-12
+    assert_allclose(dot(X[0], X[1]), np.vdot(flat[0], flat[1]).real, rtol=rtol)
+    assert isinstance(dot(X[0], X[1]), float)
+    assert_allclose(dots(X, X[2]), flat.conj() @ flat[2], rtol=rtol)
+    assert dots(X, X[2]).dtype == double
     assert_allclose(norm(X[0]), np.linalg.norm(flat[0]), rtol=rtol)
-    assert_allclose(combine(np.arange(3.0), X), X[1] + 2.0 * X[2], rtol=rtol)
-    assert combine(np.arange(3.0), X).dtype == dtype
+    weights = np.arange(3.0) if double == np.float64 else np.array([0.0, 1.0, 2.0j])
+    expected = X[1] + X.dtype.type(weights[2]) * X[2]
+    assert_allclose(combine(weights, X), expected, rtol=rtol)
+    assert combine(weights, X).dtype == dtype
+    y = X[0].copy()
+    add_combination(weights, X, y)
+    assert_allclose(y, X[0] + expected, rtol=rtol)
+    assert not combine(weights[:0], X[:0]).any()
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("dtype", DTYPES)
 def test_an_update_changes_one_vector_in_place(shape, dtype):
-    x, y = np.random.default_rng(0).random((2, *shape)).astype(dtype)
+    x, y = vectors(2, shape, dtype)
     x0, y0 = x.copy(), y.copy()
     axpy(0.5, x, y)
     assert_allclose(y, y0 + 0.5 * x0, rtol=1e-6)
@@ -41,6 +58,8 @@ def test_what_cannot_be_changed_in_place_is_refused():
         axpy(1.0, np.ones((2, 3)), np.asfortranarray(np.ones((2, 3))))
     with pytest.raises(ValueError, match="y is not C-contiguous"):
         axpy(1.0, np.ones(3), np.ones(6)[::2])
+    with pytest.raises(ValueError, match="y is not C-contiguous"):
+        add_combination(np.ones(2), np.ones((2, 3)), np.ones(6)[::2])
 
 
 @pytest.mark.parametrize("size", [1e-250, 1e250])
@@ -68,6 +87,21 @@ def test_steps_lead_to_the_solution_and_leave_the_residual_alone():
         r -= length * iteration.product
         assert_allclose(r.ravel(), b.ravel() - A @ x.ravel(), atol=1e-9)
     assert_allclose(x.ravel(), np.linalg.solve(A, b.ravel()), rtol=1e-6)
+
+
+def test_steps_for_a_hermitian_matrix_lead_to_the_solution():
+    rng = np.random.default_rng(0)
+    X = rng.standard_normal((12, 12)) + 1j * rng.standard_normal((12, 12))
+    A, M = X @ X.conj().T + np.eye(12), np.diag(rng.uniform(0.5, 2.0, 12))
+    b = rng.standard_normal(12) + 1j * rng.standard_normal(12)
+    x, r = np.zeros_like(b), b.copy()
+    iteration = ConjugateGradients(lambda d, out: A @ d, lambda r, out: M @ r)
+    for _ in range(12):
+        length = iteration.step(r)
+        assert isinstance(length, float)
+        x += length * iteration.direction
+        r -= length * iteration.product
+    assert_allclose(x, np.linalg.solve(A, b), rtol=1e-6)
 
 
 @pytest.mark.parametrize("bad", [-1.0, 0.0, np.nan, np.inf])

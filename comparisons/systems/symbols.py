@@ -1,4 +1,7 @@
-"""Symmetric positive definite Toeplitz matrices by name: their first columns, of any length.
+"""Toeplitz matrices by name, of any size.
+
+`COLUMNS` has the first columns of symmetric positive definite ones. `NONSYMMETRIC`, `HERMITIAN` and
+`INDEFINITE` have first columns and first rows of others, for `scipy.linalg.toeplitz`.
 
 Those named after a function of θ are the Fourier coefficients of that symbol; θ², |θ|, |θ|^1.5 and
 2 - 2 cos θ have a zero at θ = 0, 2 + 2 cos θ at π, and a condition number that grows with n.
@@ -14,6 +17,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.paper.problems import test1
 
 Column = Callable[[int], Array]  # Returns the first column of a length.
+Pair = Callable[[int], tuple[Array, Array]]  # Returns the first column and the first row.
 
 
 def fourier(f: Callable[[Array], Array], n: int) -> Array:
@@ -97,3 +101,153 @@ COLUMNS: dict[str, Column] = {
 def column(name: str, n: int) -> Array:
     """Return the first column of the matrix of that name and size."""
     return COLUMNS[name](n)
+
+
+# Nonsymmetric, with a symbol of winding number 0 --------------------------------------------
+
+
+def _fractional(alpha: float, left: float) -> Pair:
+    """Discretise a fractional diffusion by Grünwald's formula, of such a weight on the left."""
+
+    def pair(n: int) -> tuple[Array, Array]:
+        g = np.concatenate([[1.0], np.cumprod(1.0 - (alpha + 1.0) / np.arange(1.0, n + 1))])
+        column, row = -g[1:], np.zeros(n)
+        row[:2] = -g[1::-1][:n]
+        c, r = left * column + (1 - left) * row, left * row + (1 - left) * column
+        c[0] = r[0] = 1e-3 - g[1]
+        return c, r
+
+    return pair
+
+
+def _of_two_sides(column: Callable[[Array], Array], row: Callable[[Array], Array]) -> Pair:
+    def pair(n: int) -> tuple[Array, Array]:
+        k = np.arange(n, dtype=float)
+        c, r = column(k), row(k)
+        r[0] = c[0]
+        return c, r
+
+    return pair
+
+
+def _deconvolution(k: Array) -> Array:
+    return 0.97**k * np.cos(0.3 * k) + 0.1 * (k == 0)
+
+
+def _convection(n: int) -> tuple[Array, Array]:
+    return _of_band(2.05, -1.3)(n), _of_band(2.05, -0.7)(n)
+
+
+NONSYMMETRIC: dict[str, Pair] = {
+    "fractional, α = 1.5": _fractional(1.5, 0.7),
+    "fractional, α = 1.8, one-sided": _fractional(1.8, 1.0),
+    "(1+k)^-1.1 | ½(1+k)^-2": _of_two_sides(
+        lambda k: (1 + k) ** -1.1, lambda k: (1 + k) ** -2.0 / 2
+    ),
+    "convection-diffusion": _convection,
+    "1/(1+k) | (-1)^k/(1+k)": _of_two_sides(lambda k: 1 / (1 + k), lambda k: (-1.0) ** k / (1 + k)),
+    "deconvolution + 0.1": _of_two_sides(_deconvolution, lambda k: 0.6**k),
+}
+
+
+def random_pair(n: int) -> tuple[Array, Array]:
+    """Return entries without a symbol, whose winding number is not 0."""
+    c, r = np.random.default_rng(1).random((2, n))
+    r[0] = c[0]
+    return c, r
+
+
+# Hermitian positive definite ----------------------------------------------------------------
+
+
+def _hermitian(column: Column) -> Pair:
+    def pair(n: int) -> tuple[Array, Array]:
+        c = column(n).astype(complex)
+        c[0] = c[0].real
+        return c, c.conj()
+
+    return pair
+
+
+def _of_real_symbol(f: Callable[[Array], Array]) -> Pair:
+    """Take the Fourier coefficients of a real symbol that is not even, from 16 n samples."""
+
+    def column(n: int) -> Array:
+        theta = np.pi / (8 * n) * np.arange(16 * n)
+        return fft.ifft(f(theta))[:n]
+
+    return _hermitian(column)
+
+
+def _distance(theta: Array) -> Array:
+    """The distance from 1 on the circle."""
+    return np.abs(np.angle(np.exp(1j * (theta - 1.0))))
+
+
+def _modulated(k: Array) -> Array:
+    return 0.99**k * np.exp(0.7j * k) + 0.01 * (k == 0)
+
+
+def _plane_waves(k: Array) -> Array:
+    waves = ((10.0, 0.3), (5.0, 1.1), (1.0, -2.0))
+    return sum((power * np.exp(1j * f * k) for power, f in waves), 1.0 * (k == 0))
+
+
+def _modulated_noise(n: int) -> Array:
+    return column("fGn, H = 0.9", n) * np.exp(1j * np.arange(n))
+
+
+def _nonuniform_fourier(n: int) -> Array:
+    """The normal equations of nonuniform Fourier sums, c_k = Σ exp(i k t_j)/2n, 2n jittered times.
+
+    By Gaussian gridding to 4 n points (L. Greengard, J.-Y. Lee, SIAM Rev. 46 (2004)).
+    """
+    jitter = np.random.default_rng(3).uniform(-0.9, 0.9, 2 * n)
+    t = np.pi / n * (np.arange(2 * n) + jitter)
+    points, reach, width = 4 * n, 12, np.pi / n**2
+    nearest = np.round(t * points / (2 * np.pi)).astype(int)
+    grid = np.zeros(points)
+    for j in nearest + np.arange(-reach, reach + 1)[:, np.newaxis]:
+        distance = t - 2 * np.pi / points * j
+        np.add.at(grid, j % points, np.exp(-(distance**2) / (4 * width)))
+    k = np.arange(n)
+    return np.sqrt(np.pi / width) * np.exp(width * k**2) * fft.ifft(grid)[:n] / (2 * n)
+
+
+HERMITIAN: dict[str, Pair] = {
+    "exp(sin θ + cos 3θ)": _of_real_symbol(lambda t: np.exp(np.sin(t) + np.cos(3 * t))),
+    "0.99^k, modulated": _hermitian(_of_lags(_modulated)),
+    "|θ - 1|": _of_real_symbol(_distance),
+    "|θ - 1|^1.5": _of_real_symbol(lambda t: _distance(t) ** 1.5),
+    "three plane waves + noise": _hermitian(_of_lags(_plane_waves)),
+    "fGn, modulated": _hermitian(_modulated_noise),
+    "nonuniform Fourier": _hermitian(_nonuniform_fourier),
+}
+
+
+# Symmetric and indefinite -------------------------------------------------------------------
+
+
+def _shifted(name: str, shift: float) -> Pair:
+    """Take a shift off a matrix, scaled so that its diagonal is that of the others."""
+
+    def pair(n: int) -> tuple[Array, Array]:
+        c = column(name, n)
+        c = c / c[0] if name == "contact" else c.copy()
+        c[0] -= shift
+        return c, c
+
+    return pair
+
+
+SHIFTS = (
+    ("2 - 2 cos θ", 1.01),
+    ("2 - 2 cos θ", 0.1),
+    ("|θ|", 1.0),
+    ("contact", 0.3),
+    ("0.9^k", 0.5),
+    ("0.9^k", 0.06),
+)
+INDEFINITE: dict[str, Pair] = {
+    f"{name} - {shift:g}": _shifted(name, shift) for name, shift in SHIFTS
+}

@@ -11,6 +11,9 @@ from toeplitz_mg.engine.vectors import dot
 class ConjugateGradients:
     """The search directions of conjugate gradients for A x = b, preconditioned with M.
 
+    Both are symmetric positive definite, or Hermitian where the numbers are complex; the inner
+    products are real then.
+
     The iterate and its residual r = b - A x belong to the caller, who updates them after each
     step, by ``x += length * direction`` and ``r -= length * product``, and decides when to stop.
     In between r may be replaced, as by one that is computed anew.
@@ -28,9 +31,9 @@ class ConjugateGradients:
     product : ndarray
         The product A d.
     rho : float
-        r·M r of the last step; where it is not positive, M is not positive definite, or r is zero.
+        rᴴ M r of the last step; where it is not positive, M is not positive definite, or r is zero.
     curvature : float
-        d·A d of the last step; where it is not positive, A is not positive definite.
+        dᴴ A d of the last step; where it is not positive, A is not positive definite.
 
     Examples
     --------

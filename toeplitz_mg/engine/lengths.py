@@ -27,12 +27,13 @@ def _is_fast(m: int) -> bool:
     return m == 1
 
 
-def embedding_lengths(grid_shape: Sequence[int]) -> tuple[int, ...]:
+def embedding_lengths(grid_shape: Sequence[int], *, is_complex: bool = False) -> tuple[int, ...]:
     """Return the lengths of the transforms along each axis for a product on a grid.
 
-    All axes but the last are extended by zeros.
+    All axes but the last are extended by zeros; of a complex matrix the last one too.
     """
     *others, last = grid_shape
+    last = 2 * last - 1 if is_complex else last
     return (*(next_fast_len(2 * n - 1) for n in others), next_fast_len(last))
 
 

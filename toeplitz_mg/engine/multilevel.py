@@ -5,6 +5,9 @@ k + 1/4, without an extension by zeros. What is left for each frequency is a Toe
 other axes. These are extended by zeros; the transforms skip the lines that are zero on the way in,
 and those that are cut off on the way out. They work on a panel of some frequencies of the last axis
 that stays in the cache.
+
+A complex matrix has no imaginary part to spare for what goes around: of it the last axis is
+extended as the others are, and transformed at the frequencies k.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,7 +22,7 @@ from scipy.linalg import norm
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import embedding_lengths
-from toeplitz_mg.engine.products import DENSE, multiply_rows
+from toeplitz_mg.engine.products import DENSE, cast_numbers, multiply_rows
 from toeplitz_mg.engine.threads import share
 from toeplitz_mg.engine.transforms import BATCH, phase_factors
 from toeplitz_mg.engine.work import count_transforms
@@ -34,13 +37,14 @@ NARROW = 8  # Least frequencies of a panel: shorter pieces of a line take as lon
 
 
 class MultilevelProduct:
-    """Multiplication by a real Toeplitz matrix of several axes, or by blocks of such.
+    """Multiplication by a Toeplitz matrix of several axes, or by blocks of such.
 
     Parameters
     ----------
     grid_shape : tuple of int
         (components, n₁, ..., n_d).
-    dtype : float32 or float64
+    dtype : float32, float64, complex64 or complex128
+        That of the matrix: whether it is complex decides how it is embedded.
     kernel : sequence of sequences of ndarray or None
         For each pair of components (i, j) the lags, shape (2 n₁ - 1, ..., 2 n_d - 1), that take
         component j of the vector to component i of the result. The vectors have the components
@@ -63,7 +67,8 @@ class MultilevelProduct:
         self._grid = tuple(grid)
         self._kernel = kernel
         self.spectrum = spectrum
-        self.lengths = embedding_lengths(self._grid)
+        self._is_complex = self.dtype.kind == "c"
+        self.lengths = embedding_lengths(self._grid, is_complex=self._is_complex)
 
     @classmethod
     def of(
@@ -84,9 +89,10 @@ class MultilevelProduct:
         if prod(grid_shape) <= DENSE:
             return cls(grid_shape, dtype, kernel, None)
         known = known or [[None] * len(row) for row in kernel]
+        is_complex = np.dtype(dtype).kind == "c"
         spectrum = [
             [
-                _cast(_spectrum(lags) if given is None else given, dtype)
+                _cast(_spectrum(lags, is_complex) if given is None else given, dtype)
                 for lags, given in zip(*row, strict=True)
             ]
             for row in zip(kernel, known, strict=True)
@@ -94,8 +100,8 @@ class MultilevelProduct:
         return cls(grid_shape, dtype, None, spectrum)
 
     def adjoint(self) -> "MultilevelProduct":
-        """Return the multiplication by the transpose; no transform is made."""
-        kernel = self._kernel and _transpose(self._kernel, np.flip)
+        """Return the multiplication by the conjugate transpose; no transform is made."""
+        kernel = self._kernel and _transpose(self._kernel, lambda lags: np.flip(lags).conj())
         spectrum = self.spectrum and _transpose(self.spectrum, np.conj)
         return MultilevelProduct(self.grid_shape, self.dtype, kernel, spectrum)
 
@@ -107,7 +113,9 @@ class MultilevelProduct:
     @property
     def norm_bound(self) -> float:
         """A bound of the 2-norm, by the largest eigenvalues of the blocks."""
-        spectrum = self.spectrum or [[_spectrum(a) for a in row] for row in self._kernel or ()]
+        spectrum = self.spectrum or [
+            [_spectrum(lags, self._is_complex) for lags in row] for row in self._kernel or ()
+        ]
         sizes = [[0.0 if s is None else float(np.abs(s).max()) for s in row] for row in spectrum]
         # SciPy's norm scales what it squares, so that numbers of any size do not overflow.
         return float(norm(np.ravel(sizes))) * prod(self.lengths)
@@ -126,7 +134,7 @@ class MultilevelProduct:
     __call__ = multiply_rows
 
     def multiply(self, X: Array, out: Array) -> None:
-        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
+        """Multiply the rows of `X`, of shape (rows, N), into `out` (see `products.Product`)."""
         if X.shape[1] <= DENSE:
             out[...] = X.astype(self.dtype, copy=False) @ self._matrix
             return
@@ -137,7 +145,7 @@ class MultilevelProduct:
     def _multiply(self, X: Array, out: Array) -> None:
         n, L = self._grid[-1], self.lengths[-1]
         precision = np.dtype(self.dtype.char.upper())
-        w = phase_factors(L, 0.25, precision)[:n]
+        w = None if self._is_complex else phase_factors(L, 0.25, precision)[:n]
         x, y = X.reshape(-1, n), out.reshape(-1, n)
         Z = workspace((len(x), L), precision)
         shape = (len(X), self._components, *self._grid[:-1])
@@ -147,7 +155,10 @@ class MultilevelProduct:
         def rows_in(blocks: range) -> None:
             for rows in _slices(blocks, height, len(x)):
                 R = Z[rows]
-                np.multiply(x[rows], w, out=R[:, :n], casting="same_kind")
+                if w is None:
+                    R[:, :n] = x[rows]
+                else:
+                    np.multiply(x[rows], w, out=R[:, :n], casting="same_kind")
                 R[:, n:] = 0.0
                 _in_place(fft.fft, R, 1)
 
@@ -160,8 +171,11 @@ class MultilevelProduct:
                 R = Z[rows]
                 _in_place(fft.ifft, R, 1)
                 R = R[:, :n]
-                R *= w.conj()
-                y[rows] = R.real
+                if w is None:
+                    y[rows] = R
+                else:
+                    R *= w.conj()
+                    y[rows] = R.real
 
         line = len(X) * self._components * prod(self.lengths[:-1]) * precision.itemsize
         width = min(L, max(NARROW, PANEL_BYTES // line))
@@ -203,33 +217,32 @@ class MultilevelProduct:
         P[...] = Q
 
 
-def _spectrum(lags: Array | None) -> Array | None:
+def _spectrum(lags: Array | None, is_complex: bool) -> Array | None:
     """Return the eigenvalues of a block's embedding, over the lengths of the inverse transforms."""
     if lags is None or not lags.any():
         return None
     grid = [(m + 1) // 2 for m in lags.shape]
-    lengths = embedding_lengths(grid)
+    lengths = embedding_lengths(grid, is_complex=is_complex)
     count_transforms(1, *(2 * n for n in grid))
     column = np.zeros(lengths, np.complex128)
     n = grid[-1]
     inside = tuple(slice(m) for m in lags.shape[:-1])
     column[(*inside, slice(n))] = lags[..., n - 1 :]
     if n > 1:
-        column.imag[(*inside, slice(1 - n, None))] = lags[..., : n - 1]
+        around = column if is_complex else column.imag
+        around[(*inside, slice(1 - n, None))] = lags[..., : n - 1]
     column = np.roll(column, [1 - m for m in grid[:-1]], tuple(range(lags.ndim - 1)))
-    w = phase_factors(lengths[-1], 0.25, np.dtype(np.complex128))
-    column *= w / prod(lengths)
+    if is_complex:
+        column /= prod(lengths)
+    else:
+        column *= phase_factors(lengths[-1], 0.25, np.dtype(np.complex128)) / prod(lengths)
     spectrum = fft.fftn(column, overwrite_x=True)
-    return spectrum.real if np.array_equal(lags, np.flip(lags)) else spectrum
+    return spectrum.real if np.array_equal(lags, np.flip(lags).conj()) else spectrum
 
 
 def _cast(spectrum: Array | None, dtype: DTypeLike) -> Array | None:
     """Bring eigenvalues to this precision."""
-    if spectrum is None:
-        return None
-    precision = np.dtype(dtype)
-    kind = precision.char.upper() if np.iscomplexobj(spectrum) else precision
-    return np.ascontiguousarray(spectrum, kind)
+    return None if spectrum is None else np.ascontiguousarray(cast_numbers(spectrum, dtype))
 
 
 def _transpose(blocks: Kernel, of_block: Callable[[Array], Array]) -> Kernel:

@@ -11,8 +11,8 @@ from scipy import fft
 from scipy.linalg import toeplitz
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.engine.transforms import OneStep, Panels, plan_of
+from toeplitz_mg.engine.panels import Panels
+from toeplitz_mg.engine.transforms import OneStep, plan_of
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.values import refuse_masked
@@ -21,13 +21,16 @@ DENSE = 256  # Unknowns up to which a product with the dense matrix is faster th
 
 
 class Product(Protocol):
-    """Multiplication of rows by a real matrix: what all kinds of products have in common."""
+    """Multiplication of rows by a matrix: what all kinds of products have in common."""
 
     dtype: np.dtype[Any]  # The precision of the products, whatever that of the vectors.
     points: float  # The work of a product, in grid points.
 
     def multiply(self, X: Array, out: Array) -> None:
-        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
+        """Multiply the rows of `X`, of shape (rows, N), into `out`, which may be `X`.
+
+        They are real where the matrix is, and of any kind where that is complex.
+        """
 
 
 def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array:
@@ -36,9 +39,12 @@ def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array
     It is the ``__call__`` of every product.
 
     The result has the dtype that NumPy gives to the product of a matrix and a vector of these
-    dtypes. `out` may be `X`.
+    dtypes. `out` may be `X`. A real matrix multiplies the two parts of complex vectors.
     """
-    if np.iscomplexobj(X):
+    if product.dtype.kind == "c":
+        if out is not None and out.dtype.kind != "c":
+            raise TypeError(f"out has dtype {out.dtype}, but the product is complex")
+    elif X.dtype.kind == "c":
         real, imag = multiply_rows(product, X.real), multiply_rows(product, X.imag)
         out = np.empty(X.shape, np.result_type(X, product.dtype)) if out is None else out
         out.real, out.imag = real, imag
@@ -53,10 +59,10 @@ def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array
 
 
 class ToeplitzProduct:
-    """Multiplication by a real Toeplitz matrix of one axis.
+    """Multiplication by a Toeplitz matrix of one axis.
 
-    Up to `DENSE` unknowns it is by the matrix itself. A larger one is embedded in a matrix of size
-    L ≥ n that is circulant but for a factor i on what goes around: with the lags a,
+    Up to `DENSE` unknowns it is by the matrix itself. A larger real one is embedded in a matrix of
+    size L ≥ n that is circulant but for a factor i on what goes around: with the lags a,
 
         Re of the matrix with the first column a_k + i a_(k-L)    (k = 0 … L - 1)
 
@@ -64,6 +70,9 @@ class ToeplitzProduct:
     at the frequencies k + 1/4 diagonalises it: one complex transform each way, of length n in the
     place of real ones of length 2 n that are half zeros. Of a symmetric matrix the eigenvalues are
     real, Σ a_k cos kθ.
+
+    A complex matrix is embedded in the mean of a circulant and a skew-circulant of size L, with the
+    first columns a_k ± a_(k-L), which transforms at the frequencies k and k + 1/2 diagonalise.
 
     References
     ----------
@@ -74,42 +83,49 @@ class ToeplitzProduct:
     grid_shape: tuple[int, ...]
 
     def __init__(
-        self, n: int, dtype: DTypeLike, band: tuple[Array, Array] | None, spectrum: Array | None
+        self,
+        n: int,
+        dtype: DTypeLike,
+        band: tuple[Array, Array] | None,
+        spectra: tuple[Array, ...] = (),
     ) -> None:
         self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), float(n)
         self._band = band
-        self.spectrum = spectrum
+        self._spectra = (
+            spectra  # Of each matrix in which this one is embedded; none if it is small.
+        )
 
     @classmethod
     def of(cls, column: Array, row: Array, dtype: DTypeLike) -> "ToeplitzProduct":
-        """Make the product from the first column and row; the same array where it is symmetric."""
+        """Make the product from the first column and row.
+
+        They are the same array where the matrix is real and symmetric.
+        """
         n = len(column)
         if n <= DENSE:
-            return cls(n, dtype, (column, row), None)
-        return cls(n, dtype, None, _spectrum(column, row, np.dtype(dtype)))
+            return cls(n, dtype, (column, row))
+        return cls(n, dtype, None, _spectra(column, row, np.dtype(dtype)))
 
     def adjoint(self) -> "ToeplitzProduct":
-        """Return the multiplication by the transpose; no transform is made."""
-        band = self._band and self._band[::-1]
-        spectrum = None if self.spectrum is None else self.spectrum.conj()
-        return ToeplitzProduct(self.grid_shape[0], self.dtype, band, spectrum)
+        """Return the multiplication by the conjugate transpose; no transform is made."""
+        band = self._band and (self._band[1].conj(), self._band[0].conj())
+        spectra = tuple(spectrum.conj() for spectrum in self._spectra)
+        return ToeplitzProduct(self.grid_shape[0], self.dtype, band, spectra)
 
     def astype(self, dtype: DTypeLike) -> "ToeplitzProduct":
         """Return the multiplication in another precision; no transform is made."""
-        spectrum = self.spectrum
-        if spectrum is not None:
-            is_complex = np.iscomplexobj(spectrum)
-            spectrum = spectrum.astype(np.result_type(dtype, np.complex64) if is_complex else dtype)
-        return ToeplitzProduct(self.grid_shape[0], dtype, self._band, spectrum)
+        spectra = tuple(cast_numbers(spectrum, dtype) for spectrum in self._spectra)
+        return ToeplitzProduct(self.grid_shape[0], dtype, self._band, spectra)
 
     @property
     def norm_bound(self) -> float:
         """A bound of the 2-norm: that of the matrix of size L."""
-        spectrum = self.spectrum
-        if spectrum is None:
+        spectra = self._spectra
+        if not spectra:
             assert self._band is not None
-            spectrum = _spectrum(*self._band, self.dtype)
-        return float(np.abs(spectrum).max() * plan_of(self.grid_shape[0], np.float64).length)
+            spectra = _spectra(*self._band, self.dtype)
+        size = sum(float(np.abs(spectrum).max()) for spectrum in spectra)
+        return size * plan_of(self.grid_shape[0], np.float64).length
 
     @cached_property
     def _plan(self) -> OneStep | Panels:
@@ -125,25 +141,41 @@ class ToeplitzProduct:
     __call__ = multiply_rows
 
     def multiply(self, X: Array, out: Array) -> None:
-        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
-        if self.spectrum is None:
+        """Multiply the rows of `X`, of shape (rows, N), into `out` (see `Product`)."""
+        if not self._spectra:
             out[...] = X.astype(self.dtype, copy=False) @ self._matrix
+        elif len(self._spectra) == 1:
+            self._plan.multiply_real(X, self._spectra[0], out)
         else:
-            self._plan.multiply_real(X, self.spectrum, out)
+            self._plan.multiply_complex(X, self._spectra, out)
 
 
-def _spectrum(column: Array, row: Array, dtype: np.dtype[Any]) -> Array:
-    """Return the eigenvalues of the embedding of a Toeplitz matrix, as the transform needs them."""
+def _spectra(column: Array, row: Array, dtype: np.dtype[Any]) -> tuple[Array, ...]:
+    """Return the eigenvalues of the embedding of a Toeplitz matrix, as the transforms need them."""
     n = len(column)
-    plan = plan_of(n, np.float64)
+    plan, prepare = plan_of(n, np.float64), plan_of(n, dtype).eigenvalues
     count_transforms(1, 2 * plan.length)
     symmetric = row is column
-    ahead = np.zeros(plan.length + 1)
+    ahead = np.zeros(plan.length + 1, np.result_type(column, np.float64))
     ahead[:n] = column
-    back = ahead if symmetric else np.zeros(plan.length + 1)
+    back = ahead if symmetric else np.zeros_like(ahead)
     back[:n] = row
-    Z = plan.spectrum(ahead[:-1], back[:0:-1], 0.25)
-    return plan_of(n, dtype).eigenvalues(Z.real if symmetric else Z)
+    if dtype.kind != "c":
+        Z = plan.spectrum(ahead[:-1], back[:0:-1], 0.25)
+        return (prepare(Z.real if symmetric else Z),)
+    hermitian = np.array_equal(row, column.conj())
+    spectra = []
+    for shift, sign in ((0.0, 0.5), (0.5, -0.5)):
+        first = 0.5 * ahead[:-1] + sign * back[:0:-1]
+        Z = plan.spectrum(first.real, first.imag, shift)
+        spectra.append(prepare(Z.real if hermitian else Z))
+    return tuple(spectra)
+
+
+def cast_numbers(array: Array, dtype: DTypeLike) -> Array:
+    """Bring numbers, real ones or complex ones, to the precision of a dtype of either kind."""
+    char = np.dtype(dtype).char
+    return array.astype(char.upper() if array.dtype.kind == "c" else char.lower(), copy=False)
 
 
 class Transforms(NamedTuple):
@@ -153,28 +185,33 @@ class Transforms(NamedTuple):
     backward: Callable[..., Array]
 
 
-# These diagonalise circulants, and the matrices of the DCT-II, of the DST-II and of the DST-I.
+# These diagonalise circulants, real and complex ones, and the matrices of the DCT-II, of the DST-II
+# and of the DST-I.
 FOURIER = Transforms(fft.rfftn, fft.irfftn)
+COMPLEX_FOURIER = Transforms(fft.fftn, fft.ifftn)
 COSINE = Transforms(partial(fft.dctn, norm="ortho"), partial(fft.idctn, norm="ortho"))
 SINE = Transforms(partial(fft.dstn, norm="ortho"), partial(fft.idstn, norm="ortho"))
 TAU = Transforms(*[partial(fft.dstn, type=1, norm="ortho")] * 2)  # It is its own inverse.
 
 
 class DiagonalisedProduct:
-    """Multiplication by a symmetric matrix that a fast transform diagonalises, as a circulant.
+    """Multiplication by a matrix that a fast transform diagonalises, as a circulant.
 
     The vectors live on a grid, are extended by zeros to the size of the matrix, and cut again.
 
     Parameters
     ----------
-    spectrum : ndarray, real
-        The eigenvalues; of a circulant the ``rfftn`` of its first column.
+    spectrum : ndarray
+        The eigenvalues, real where the matrix is Hermitian; of a circulant the ``rfftn`` of its
+        first column, or the ``fftn`` where that is complex.
     fft_shape : tuple of int
         The size of the matrix along each axis.
     grid_shape : tuple of int
         The size of the vectors, at most `fft_shape` along each axis.
-    dtype : float32 or float64
+    dtype : float32, float64, complex64 or complex128
+        That of the matrix.
     transforms : Transforms
+        Of numbers of that kind.
     """
 
     grid_shape: tuple[int, ...]
@@ -191,15 +228,27 @@ class DiagonalisedProduct:
         points = prod(grid_shape) / 2 ** axes_of(grid_shape)
         self.grid_shape, self.dtype, self.points = grid_shape, np.dtype(dtype), points
         self.transforms = transforms
-        self.spectrum = refuse_masked("spectrum", spectrum).astype(self.dtype, copy=False)
+        self.spectrum = cast_numbers(refuse_masked("spectrum", spectrum), self.dtype)
         self.fft_shape = fft_shape
         self._axes = tuple(range(-len(grid_shape), 0))
         self._cut: Any = (..., *(slice(n) for n in grid_shape))
 
+    @property
+    def is_hermitian(self) -> bool:
+        """Whether the eigenvalues are real."""
+        return self.spectrum.dtype.kind != "c"
+
+    def adjoint(self) -> "DiagonalisedProduct":
+        """Return the multiplication by the conjugate transpose of a circulant."""
+        spectrum = self.spectrum.conj()
+        return DiagonalisedProduct(
+            spectrum, self.fft_shape, self.grid_shape, self.dtype, self.transforms
+        )
+
     __call__ = multiply_rows
 
     def multiply(self, X: Array, out: Array) -> None:
-        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
+        """Multiply the rows of `X`, of shape (rows, N), into `out` (see `Product`)."""
         # This holds the vectors, extended by zeros. Transforms to real numbers stay in this memory.
         grid = workspace((len(X), *self.fft_shape), self.dtype)
         if self.fft_shape != self.grid_shape:
@@ -210,59 +259,3 @@ class DiagonalisedProduct:
         hat *= self.spectrum
         Y = backward(hat, s=self.fft_shape, axes=self._axes, overwrite_x=True)[self._cut]
         out[...] = Y.reshape(X.shape)
-
-
-class GohbergSemenculProduct:
-    """Multiplication by the inverse of a Toeplitz matrix, given its first column times (2 x₀)^-1/2.
-
-    Re z + J Im z, z = C Sᵀ (v + i J v), for a vector v and its reversal J v, where C and S are the
-    circulant and the skew-circulant with that column: four transforms of length n, as much work
-    as two products with a Toeplitz matrix of that size.
-
-    Where these are slow, p zeros are appended to the column and to the vectors. That is the
-    formula for a matrix of size n + p that has the one of size n as its leading block (and
-    reflection coefficients that are zero from there on). By the block elimination of its last p
-    unknowns the inverse of the block is that of the matrix without 2 Σ (Zˢ u) (Zˢ u)ᵀ, s < p,
-    where u is the column reversed, [0 x_(n-1) … x₁], and Z shifts down by one.
-
-    Parameters
-    ----------
-    column : ndarray of shape (n,), float64
-    dtype : float32 or float64
-    """
-
-    grid_shape: tuple[int, ...]
-
-    def __init__(self, column: Array, dtype: DTypeLike) -> None:
-        n = len(column)
-        m = near_fast_length(n)
-        self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), 2.0 * m
-        self._length = m
-        # The windows of length n of this vector are Zˢ u, s = p - 1 … 0.
-        self._u = np.concatenate((np.zeros(m - n), column[:0:-1])).astype(dtype)
-        plan = plan_of(m, np.float64, exact=True)
-        count_transforms(2, 2 * m)
-        eigenvalues = plan_of(m, dtype, exact=True).eigenvalues
-        column = np.concatenate((column, np.zeros(m - n)))
-        # The skew-circulant has the frequencies k - 1/2. Conjugates are those of its transpose.
-        self._factors = [
-            (0.5, eigenvalues(plan.spectrum(column, None, 0.5).conj())),
-            (0.0, eigenvalues(plan.spectrum(column, None, 0.0))),
-        ]
-
-    __call__ = multiply_rows
-
-    def multiply(self, X: Array, out: Array) -> None:
-        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
-        n, m = X.shape[1], self._length
-        plan = plan_of(m, self.dtype, exact=True)
-        if m == n:
-            plan.multiply_folded(X, self._factors, out)
-            return
-        Z = workspace((len(X), m), self.dtype)
-        Z[:, :n] = X
-        Z[:, n:] = 0.0
-        parts = [np.correlate(self._u, z, "valid") for z in Z[:, :n]]
-        plan.multiply_folded(Z, self._factors, Z)
-        for z, part, y in zip(Z, parts, out, strict=True):
-            np.subtract(z[:n], 2.0 * np.correlate(self._u, part, "valid"), out=y)

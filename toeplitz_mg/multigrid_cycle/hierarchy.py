@@ -67,7 +67,7 @@ def build_levels(
         Where that last grid is too large to be solved directly, and where a smoother or a coarse
         matrix has not the shape that it must have.
     TypeError
-        Where a smoother is no linear operator, or a coarse matrix no Toeplitz operator.
+        Where a smoother is no linear operator, or complex, or a coarse matrix no Toeplitz operator.
     """
     levels: list[Level] = []
     while A.shape[0] > coarsest and (transfer := Transfer.of(A, interpolation)).has_coarse_grid:
@@ -81,6 +81,8 @@ def build_levels(
             raise
         if S.shape != A.shape:
             raise ValueError(f"the smoother has shape {S.shape}, but its matrix has {A.shape}")
+        if np.dtype(S.dtype).kind == "c":
+            raise TypeError(f"the smoother has dtype {S.dtype}, but its matrix has {A.dtype}")
         converges = _converges(A, S)
         if not converges and is_small_and_coarse:
             break

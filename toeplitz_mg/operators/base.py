@@ -11,6 +11,7 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.operators import algebra
 from toeplitz_mg.values import refuse_masked
 
 NUMBERS = "fcbui"  # Kinds of dtypes that are multiplied: real, complex, booleans, integers.
@@ -40,14 +41,15 @@ def _of_numbers(name: str) -> Callable[[Any, Any], Any]:
 
 
 class GridOperator(LinearOperator):
-    """A real square matrix that acts on a grid, or on the unknowns of a grid.
+    """A square matrix that acts on a grid, or on the unknowns of a grid.
 
     A class says in `apply` what becomes of a vector; all that SciPy asks of a `LinearOperator`
-    follows from it. It is symmetric, unless the class has an ``_adjoint`` of its own.
+    follows from it. It is Hermitian, unless the class has an ``_adjoint`` of its own: of a real
+    matrix that is symmetric.
 
     Parameters
     ----------
-    dtype : float32 or float64
+    dtype : float32, float64, complex64 or complex128
     grid_shape : tuple of int
         The shape of the whole grid.
     work : float
@@ -94,7 +96,7 @@ class GridOperator(LinearOperator):
         Parameters
         ----------
         A : LinearOperator
-            The symmetric positive definite matrix of which this is an approximate inverse.
+            The Hermitian positive definite matrix of which this is an approximate inverse.
 
         Returns
         -------
@@ -116,16 +118,65 @@ class GridOperator(LinearOperator):
         return self
 
     def _transpose(self) -> "GridOperator":
-        # The matrix is real.
-        return self._adjoint()
+        adjoint = self._adjoint()
+        return Conjugate(adjoint) if self.dtype.kind == "c" else adjoint
 
     # SciPy takes the numbers below a mask, and anything that has a shape.
-    dot = _of_numbers("dot")
+    dot = algebra.scaling("right", _of_numbers("dot"))
     matvec = _of_numbers("matvec")
     matmat = _of_numbers("matmat")
     rmatvec = _of_numbers("rmatvec")
     rmatmat = _of_numbers("rmatmat")
-    __rmul__ = _of_numbers("__rmul__")
+    if hasattr(LinearOperator, "rdot"):  # It is since SciPy 1.18.
+        rdot = _of_numbers("rdot")
+    __rmul__ = algebra.scaling("left", _of_numbers("__rmul__"))
+    __add__ = __radd__ = algebra.add
+    __rsub__ = algebra.subtract_from
+    __neg__ = algebra.negate
+    __truediv__ = algebra.divide
+
+    def scaled(self, left: Any = None, right: Any = None) -> Any:
+        """Return L A R as an operator of this package, or NotImplemented.
+
+        Parameters
+        ----------
+        left, right : number or ndarray of shape (N,), optional
+            Multiples of the unit matrix, or the entries of diagonal matrices.
+        """
+        return NotImplemented
+
+    def plus(self, other: Any) -> Any:
+        """Return the sum as an operator of this package, or NotImplemented.
+
+        Parameters
+        ----------
+        other : LinearOperator, or ndarray of shape (N,)
+            An operator, or the entries of a diagonal matrix.
+        """
+        return NotImplemented
+
+
+class Conjugate(GridOperator):
+    """The complex conjugate of a matrix, which takes x to the conjugate of A conj(x)."""
+
+    def __init__(self, A: GridOperator) -> None:
+        super().__init__(A.dtype, A.grid_shape, A.work, A.shape[0])
+        self._A = A
+
+    def apply(self, X: Array, out: Array | None = None) -> Array:
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
+        Y = self._A.apply(X.conj(), out)
+        return np.conjugate(Y, out=Y)
+
+    def _adjoint(self) -> GridOperator:
+        adjoint = self._A._adjoint()
+        return self if adjoint is self._A else Conjugate(adjoint)
+
+    def _transpose(self) -> GridOperator:
+        return self._A._adjoint()
+
+    def __repr__(self) -> str:
+        return f"<Conjugate of {self._A!r}>"
 
 
 def apply_to_rows(A: LinearOperator, X: Array, out: Array | None = None) -> Array:
@@ -157,6 +208,8 @@ def apply_to_rows(A: LinearOperator, X: Array, out: Array | None = None) -> Arra
     Y = np.asarray(A._matvec(X) if X.ndim == 1 else A._matmat(X.T).T).reshape(X.shape)
     if out is None:
         return Y
+    if Y.dtype.kind == "c" and out.dtype.kind != "c":
+        raise TypeError(f"out has dtype {out.dtype}, but the product is complex")
     out[...] = Y
     return out
 
@@ -169,3 +222,10 @@ def grid_of(A: LinearOperator) -> tuple[int, ...]:
 def work_of(A: LinearOperator) -> float:
     """Return the work of one application of an operator, 0 where it names none."""
     return A.work if isinstance(A, GridOperator) else 0.0
+
+
+def name_symmetry(A: Any) -> str:
+    """Return what a matrix is, for its repr: symmetric, Hermitian or general."""
+    if A.is_symmetric:
+        return "symmetric"
+    return "Hermitian" if A.is_hermitian else "general"

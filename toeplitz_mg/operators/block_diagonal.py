@@ -34,12 +34,19 @@ class BlockDiagonal(GridOperator):
         start = 0
         for block in self.blocks:
             part = (..., slice(start, start + block.shape[0]))
-            out[part] = apply_to_rows(block, np.ascontiguousarray(X[part]))
+            Y = apply_to_rows(block, np.ascontiguousarray(X[part]))
+            np.copyto(out[part], Y, casting="same_kind")
             start += block.shape[0]
         return out
 
     def _adjoint(self) -> "BlockDiagonal":
-        blocks = [block.H for block in self.blocks]
+        return self._of([block.H for block in self.blocks])
+
+    def _transpose(self) -> "BlockDiagonal":
+        return self._of([block.T for block in self.blocks])
+
+    def _of(self, blocks: Sequence[LinearOperator]) -> "BlockDiagonal":
+        """Return the operator of these blocks, itself where they are its own."""
         unchanged = all(a is b for a, b in zip(blocks, self.blocks, strict=True))
         return self if unchanged else BlockDiagonal(blocks, self.grid_shape)
 

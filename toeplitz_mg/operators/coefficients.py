@@ -1,5 +1,6 @@
 """Coefficients of a Toeplitz matrix: their normal form, and what they must be."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,8 +35,19 @@ class Coefficients:
 
     @classmethod
     def of_column(cls, c: ArrayLike) -> "Coefficients":
-        """Take the first column of a matrix that is symmetric in each axis."""
-        return cls(check_coefficients(c, "c").copy(), True)
+        """Take the first column of a matrix: Hermitian, and symmetric in each axis where real."""
+        column = check_coefficients(c, "c")
+        if column.dtype.kind != "c":
+            return cls(column.copy(), True)
+        if column.ndim > 1:
+            advice = "for several axes use ToeplitzOperator.from_lags"
+            if dense := name_dense(column):
+                advice += f", and for the dense Toeplitz matrix that c looks like {dense}"
+            raise ValueError(
+                f"c is complex and has shape {column.shape}, but a first column tells all of a "
+                f"Hermitian matrix on one axis only; {advice}"
+            )
+        return cls._normal(np.concatenate([column[:0:-1].conj(), column]))
 
     @classmethod
     def of_column_and_row(cls, c: ArrayLike, r: ArrayLike) -> "Coefficients":
@@ -80,6 +92,14 @@ class Coefficients:
         return self.is_even or np.array_equal(self.array, np.flip(self.array))
 
     @property
+    def is_hermitian(self) -> bool:
+        """Whether a[-k] is the complex conjugate of a[k]."""
+        if self.array.dtype.kind != "c":
+            return self.is_symmetric
+        conjugate = self.array.conj()
+        return np.array_equal(self.array, conjugate if self.is_even else np.flip(conjugate))
+
+    @property
     def column(self) -> Array:
         """The coefficients of the lags 0 ... n - 1 along each axis."""
         if self.is_even:
@@ -109,33 +129,84 @@ class Coefficients:
         """The coefficients of the transpose."""
         return self if self.is_even else Coefficients(np.flip(self.array), False)
 
+    @property
+    def conjugate(self) -> "Coefficients":
+        """The coefficients of the complex conjugate."""
+        is_real = self.array.dtype.kind != "c"
+        return self if is_real else Coefficients(self.array.conj(), self.is_even)
+
+    def at(self, lags: Sequence[Array]) -> Array:
+        """Return the coefficients of some lags, given along each axis."""
+        if self.is_even:
+            return self.array[tuple(map(np.abs, lags))]
+        return self.array[tuple(k + m // 2 for k, m in zip(lags, self.array.shape, strict=True))]
+
+    def times(self, factor: Any) -> "Coefficients":
+        """Multiply with a number."""
+        with np.errstate(over="ignore", invalid="ignore"):  # What overflows is refused.
+            return Coefficients(check_coefficients(self.array * factor, "lags"), self.is_even)
+
+    def plus(self, other: "Coefficients") -> "Coefficients":
+        """Add the coefficients of a matrix on the same grid."""
+        with np.errstate(over="ignore"):
+            if self.is_even and other.is_even:
+                return Coefficients(check_coefficients(self.array + other.array, "lags"), True)
+            return Coefficients.of_lags(self.lags + other.lags)
+
+    def plus_unit(self, factor: Any) -> "Coefficients":
+        """Add a multiple of the unit matrix."""
+        column = np.zeros(self.grid_shape, np.result_type(factor))
+        column.flat[0] = factor
+        return self.plus(Coefficients(column, True))
+
     def astype(self, dtype: np.dtype[Any]) -> "Coefficients":
         """Round to this precision, or say that this is not possible."""
         return Coefficients(check_coefficients(self.array.astype(dtype), "lags"), self.is_even)
 
 
+def name_dense(c: Array) -> str:
+    """Return what to write for `c` if it looks like a dense Toeplitz matrix, or else nothing.
+
+    It has three rows at least, and all entries of a diagonal are equal. In the first column of a
+    matrix of two axes this makes the coefficient of the lag (1, 1) as large as that of lag zero,
+    which no positive definite matrix has. A constant array may be either.
+    """
+    is_dense = (
+        c.ndim == 2
+        and c.shape[0] == c.shape[1] > 2
+        and c[0, 0] == c[1, 1]  # That is soon told of a large array.
+        and np.array_equal(c[1:, 1:], c[:-1, :-1])
+        and not (c == c[0, 0]).all()
+    )
+    if not is_dense:
+        return ""
+    is_hermitian = np.array_equal(c[0], c[:, 0].conj())
+    return f"ToeplitzOperator({'c[:, 0]' if is_hermitian else 'c[:, 0], c[0]'})"
+
+
 def check_coefficients(values: ArrayLike, name: str) -> Array:
-    """Return `values` as a float array, or say what is wrong with them."""
+    """Return `values` as an array of real or complex numbers, or say what is wrong with them."""
     array = refuse_masked(name, values)
-    if array.dtype.kind not in "buif":
-        raise TypeError(f"{name} has dtype {array.dtype}, but coefficients are real numbers")
-    if array.dtype not in (np.float32, np.float64):
-        array = array.astype(np.float64)
+    if array.dtype.kind not in "buifc":
+        raise TypeError(f"{name} has dtype {array.dtype}, but coefficients are numbers")
+    if array.dtype.char not in "fdFD":
+        array = array.astype(np.complex128 if array.dtype.kind == "c" else np.float64)
     if array.ndim == 0 or array.size == 0:
         raise ValueError(f"{name} has shape {array.shape}, but needs at least one coefficient")
     if not np.isfinite(array).all():
         where = np.argwhere(~np.isfinite(array))[0]
         at = tuple(int(k) for k in where)
         raise ValueError(f"{name} has the coefficient {array[at]} at {at}, but all must be finite")
-    _require_digits(name, np.abs(array))
+    _require_digits(name, array)
     return array
 
 
-def _require_digits(name: str, sizes: Array) -> None:
-    """Raise ValueError where coefficients of these sizes make products over- or underflow."""
-    numbers = np.finfo(sizes.dtype)
-    with np.errstate(over="ignore"):  # It overflows to inf, which is too much.
+def _require_digits(name: str, coefficients: Array) -> None:
+    """Raise ValueError where coefficients make products over- or underflow."""
+    with np.errstate(over="ignore"):  # What overflows to inf is too much.
+        sizes = np.abs(coefficients)
         total = float(sizes.sum(dtype=np.float64))
+    numbers = np.finfo(sizes.dtype)
     most = float(numbers.max) * HEADROOM / 2**sizes.ndim
     if total > most:
         raise ValueError(
@@ -153,12 +224,21 @@ def _require_digits(name: str, sizes: Array) -> None:
         )
 
 
-def check_precision(dtype: DTypeLike) -> np.dtype[Any]:
-    """Return `dtype` as one of the two that the operators have, or say that it is none."""
+def check_precision(dtype: DTypeLike, current: np.dtype[Any]) -> np.dtype[Any]:
+    """Return `dtype` as one of the two that a matrix may have, or say that it is none.
+
+    Parameters
+    ----------
+    dtype : dtype
+    current : dtype
+        That of the matrix: a real one stays real, and a complex one complex.
+    """
+    is_complex = current.kind == "c"
+    names = "complex64 or complex128, as A is complex" if is_complex else "float32 or float64"
     try:
         result = np.dtype(dtype)
     except TypeError:
-        raise TypeError(f"dtype is {dtype!r}, but must be float32 or float64") from None
-    if result not in (np.float32, np.float64):
-        raise TypeError(f"dtype is {result}, but must be float32 or float64")
+        raise TypeError(f"dtype is {dtype!r}, but must be {names}") from None
+    if result.char not in ("FD" if is_complex else "fd"):
+        raise TypeError(f"dtype is {result}, but must be {names}")
     return result

@@ -8,8 +8,11 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.multilevel import MultilevelProduct
-from toeplitz_mg.operators.base import GridOperator
+from toeplitz_mg.operators import algebra
+from toeplitz_mg.operators.base import GridOperator, name_symmetry
+from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+from toeplitz_mg.values import refuse_masked
 
 
 class CoupledOperator(GridOperator):
@@ -30,6 +33,9 @@ class CoupledOperator(GridOperator):
         (components, n1, ..., nd).
     blocks : tuple of tuples of ToeplitzOperator or None
     is_symmetric : bool
+        Equal to its transpose ``A.T``.
+    is_hermitian : bool
+        Equal to its conjugate transpose ``A.H``. Of a real matrix this is the same.
 
     Raises
     ------
@@ -42,8 +48,8 @@ class CoupledOperator(GridOperator):
     Notes
     -----
     One product transforms each component once, each way: the work of one product for each
-    component. Of the blocks that are symmetric, as all are of the tangential problem, the symbol
-    is real.
+    component. Of the blocks that are Hermitian, as all are of the tangential problem, the symbol
+    is real. Where one block is complex, all are multiplied as complex ones.
 
     Coefficients at the points of `halfspace.offsets` go with ``ToeplitzOperator(c)``, those at
     `halfspace.all_offsets` with ``ToeplitzOperator.from_lags(lags)``, which A_xy, as it is odd,
@@ -83,14 +89,19 @@ class CoupledOperator(GridOperator):
         dtype = np.result_type(*(block.dtype for block in given))
         super().__init__(dtype, (len(rows), *given[0].grid_shape), work=1.0)
         self.blocks = rows
-        self.is_symmetric = all(
-            _is_transpose(rows[i][j], rows[j][i]) for i in range(len(rows)) for j in range(i + 1)
-        )
+        pairs = [(rows[i][j], rows[j][i]) for i in range(len(rows)) for j in range(i + 1)]
+        self.is_symmetric = self.is_hermitian = all(_is_transpose(*pair) for pair in pairs)
+        if self.dtype.kind == "c":
+            self.is_hermitian = all(_is_transpose(*pair, conjugate=True) for pair in pairs)
         self._product = product or MultilevelProduct.of(
             [[None if block is None else block.lags for block in row] for row in rows],
             self.dtype,
-            [[block and block.embedding_spectrum for block in row] for row in rows],
+            [[block and self._spectrum_of(block) for block in row] for row in rows],
         )
+
+    def _spectrum_of(self, block: ToeplitzOperator) -> Array | None:
+        """Return the eigenvalues that the product of a block has, if it is of the same kind."""
+        return block.embedding_spectrum if block.dtype.kind == self.dtype.kind else None
 
     @property
     def norm_bound(self) -> float:
@@ -117,10 +128,17 @@ class CoupledOperator(GridOperator):
         return block
 
     def astype(self, dtype: Any) -> "CoupledOperator":
-        """Return the matrix in float32 or float64, or itself where it has that precision."""
+        """Return the matrix in another precision, or itself where it has that one."""
         if self.dtype == dtype:
             return self
-        blocks = tuple(tuple(block and block.astype(dtype) for block in row) for row in self.blocks)
+        dtype = check_precision(dtype, self.dtype)
+        real = np.dtype(dtype.char.lower())  # Real blocks of a complex matrix stay real.
+        blocks = tuple(
+            tuple(
+                block and block.astype(dtype if block.dtype.kind == "c" else real) for block in row
+            )
+            for row in self.blocks
+        )
         is_less = np.dtype(dtype).itemsize < self.dtype.itemsize
         return CoupledOperator(blocks, product=self._product.astype(dtype) if is_less else None)
 
@@ -130,34 +148,59 @@ class CoupledOperator(GridOperator):
 
     def block(self, index: Array) -> Array:
         """Return some rows and the same columns, by their positions in the flattened field."""
+        index = refuse_masked("index", index)
+        return self.entries(index, index)
+
+    def entries(self, rows: Array, columns: Array) -> Array:
+        """Return the entries in some rows and columns, positions in the flattened field."""
         size = self.shape[0] // len(self.blocks)
-        component, point = np.divmod(index, size)
-        result = np.zeros((len(point), len(point)), self.dtype)
-        for i, row in enumerate(self.blocks):
-            for j, block in enumerate(row):
+        rows, columns = refuse_masked("rows", rows), refuse_masked("columns", columns)
+        (of_row, row), (of_column, column) = np.divmod(rows, size), np.divmod(columns, size)
+        result = np.zeros((len(rows), len(columns)), self.dtype)
+        for i, blocks in enumerate(self.blocks):
+            for j, block in enumerate(blocks):
                 if block is not None:
-                    rows, columns = np.ix_(component == i, component == j)
-                    result[rows, columns] = block.entries(
-                        point[component == i], point[component == j]
-                    )
+                    part = block.entries(row[of_row == i], column[of_column == j])
+                    result[np.ix_(of_row == i, of_column == j)] = part
         return result
+
+    def diagonal(self) -> Array:
+        """Return the entries (i, i), shape (N,)."""
+        size = self.shape[0] // len(self.blocks)
+        zero = np.zeros(size, self.dtype)
+        own = [row[i] for i, row in enumerate(self.blocks)]
+        return np.concatenate([zero if block is None else block.diagonal() for block in own])
+
+    trace = algebra.trace
+    __getitem__ = algebra.take
+    __iter__ = None  # Python would count up an index of rows.
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
         return self._product(X, out)
 
     def _adjoint(self) -> "CoupledOperator":
+        if self.is_hermitian:
+            return self
+        blocks = [[block and block.H for block in column] for column in self._columns]
+        return CoupledOperator(blocks, product=self._product.adjoint())
+
+    def _transpose(self) -> "CoupledOperator":
         if self.is_symmetric:
             return self
-        blocks = tuple(
-            tuple(None if block is None else block.T for block in column)
-            for column in zip(*self.blocks, strict=True)
+        if self.dtype.kind != "c":
+            return self._adjoint()
+        return CoupledOperator(
+            [[block and block.T for block in column] for column in self._columns]
         )
-        return CoupledOperator(blocks, product=self._product.adjoint())
+
+    @property
+    def _columns(self) -> list[tuple[ToeplitzOperator | None, ...]]:
+        return list(zip(*self.blocks, strict=True))
 
     def __repr__(self) -> str:
         components, *grid = self.grid_shape
-        kind = "symmetric" if self.is_symmetric else "general"
+        kind = name_symmetry(self)
         size = " x ".join(map(str, grid))
         return f"<CoupledOperator of {components} components, {size}, {kind}, {self.dtype}>"
 
@@ -189,10 +232,16 @@ def _check_blocks(blocks: tuple[tuple[ToeplitzOperator | None, ...], ...]) -> No
                 )
 
 
-def _is_transpose(block: ToeplitzOperator | None, other: ToeplitzOperator | None) -> bool:
-    """Whether a block is the transpose of the other."""
+def _is_transpose(
+    block: ToeplitzOperator | None,
+    other: ToeplitzOperator | None,
+    *,
+    conjugate: bool = False,
+) -> bool:
+    """Whether a block is the transpose of the other, or the conjugate transpose."""
     if block is None or other is None:
         return block is other
-    if block is other:
+    if block is other and block.dtype.kind != "c":
         return block.is_symmetric
-    return np.array_equal(block.lags, np.flip(other.lags))
+    lags = np.flip(other.lags)
+    return np.array_equal(block.lags, lags.conj() if conjugate else lags)

@@ -1,4 +1,4 @@
-"""Symmetric matrices that a fast transform diagonalises: circulants and their trigonometric kin."""
+"""Matrices that a fast transform diagonalises: circulants and their trigonometric kin."""
 
 from math import prod
 
@@ -8,7 +8,7 @@ from toeplitz_mg.operators.base import GridOperator
 
 
 class DiagonalisedOperator(GridOperator):
-    """A symmetric matrix of any number of axes, given by its eigenvalues.
+    """A matrix of any number of axes, given by its eigenvalues.
 
     Parameters
     ----------
@@ -33,6 +33,11 @@ class DiagonalisedOperator(GridOperator):
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
         return self.product(X, out)
+
+    def _adjoint(self) -> "DiagonalisedOperator":
+        if self.product.is_hermitian:
+            return self
+        return DiagonalisedOperator(self.product.adjoint(), self.name)
 
     def __repr__(self) -> str:
         grid = " x ".join(map(str, self.grid_shape))

@@ -1,4 +1,4 @@
-"""The inverse of a symmetric Toeplitz matrix, from its first column."""
+"""The inverse of a Toeplitz matrix, from its first column and its first row."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 from scipy import fft
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.products import GohbergSemenculProduct
+from toeplitz_mg.engine.gohberg_semencul import GohbergSemenculProduct
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.base import GridOperator
 from toeplitz_mg.values import refuse_masked
@@ -15,47 +15,82 @@ OVERSAMPLING = 4  # Samples on the circle for each coefficient: the phase may tu
 
 
 class GohbergSemencul(GridOperator):
-    """The inverse of the symmetric Toeplitz matrix A, given x = A⁻¹ e₁.
+    """The inverse of a Toeplitz matrix A, given its first column and its first row.
 
-    With J the reversal, A⁻¹ v = (Re z + J Im z)/(2 x₀) where z = C Sᵀ (v + i J v), C and S the
-    circulant and the skew-circulant with the first column x. A product costs four complex
-    transforms of length n, two work units; of a slightly longer one where n has a large prime
-    factor, and so slow transforms.
+    A product costs two work units; somewhat more where n has a large prime factor, and so slow
+    transforms.
 
     Parameters
     ----------
-    x : ndarray of shape (n,), real
-        First column of the inverse; x[0] must be positive.
+    x : ndarray of shape (n,), real or complex
+        First column of the inverse, A⁻¹ e₁, whose first entry must not be zero.
+    y : ndarray of shape (n,), optional
+        First row of the inverse, A⁻ᵀ e₁; its first entry is ignored, as it is x[0]. Without it the
+        inverse is that of a symmetric positive definite matrix, or of a Hermitian one: its row is
+        x̄, and x[0] must be positive.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where x[0] is not positive: no positive definite matrix has such an inverse.
+        Where x[0] is zero, or, without `y`, not positive: no such matrix has this inverse.
+    ValueError
+        Where `x` and `y` have different lengths.
 
     References
     ----------
     I. Gohberg, A. Semencul, On the inversion of finite Toeplitz matrices and their continuous
-    analogs, Mat. Issled. 7 (1972); in circulants G. Ammar, P. Gader, A variant of the
-    Gohberg-Semencul formula involving circulant matrices, SIAM J. Matrix Anal. Appl. 12 (1991).
+    analogs, Mat. Issled. 7 (1972); in circulants see `toeplitz_mg.engine.gohberg_semencul`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.linalg import toeplitz
+    >>> A = toeplitz([2.0, 1.0, 0.0], [2.0, -1.0, 3.0])
+    >>> inverse = np.linalg.inv(A)
+    >>> G = GohbergSemencul(inverse[:, 0], inverse[0])
+    >>> bool(np.allclose(G @ np.eye(3), inverse))
+    True
     """
 
-    def __init__(self, x: Array) -> None:
+    def __init__(
+        self, x: Array, y: Array | None = None, *, product: GohbergSemenculProduct | None = None
+    ) -> None:
         x = refuse_masked("x", x)
-        if not x[0] > 0.0:
+        self.is_hermitian = y is None
+        if y is None:
+            if not (x[0].real > 0.0 and x[0].imag == 0.0):
+                raise np.linalg.LinAlgError(
+                    f"the first entry of the inverse is {x[0]:.3g}, but of a positive definite "
+                    "matrix it is positive"
+                )
+            y = x.conj() if x.dtype.kind == "c" else x
+        y = refuse_masked("y", y)
+        if y.shape != x.shape:
+            raise ValueError(f"x has shape {x.shape} and y has {y.shape}, but must have the same")
+        if x[0] == 0.0:
             raise np.linalg.LinAlgError(
-                f"the first entry of the inverse is {x[0]:.3g}, but of a positive definite matrix "
-                "it is positive"
+                "the first entry of the inverse is 0, but the formula divides by it: A without its "
+                "last row and column is singular"
             )
-        self.x = x.copy()
-        self.x.flags.writeable = False
-        # This is computed in float64, as 2 x₀ may over- or underflow a float32.
-        column = x.astype(np.float64) / np.sqrt(2.0 * float(x[0]))
-        self._product = GohbergSemenculProduct(column, x.dtype)
-        super().__init__(x.dtype, (len(x),), self._product.points / len(x))
+        dtype = np.result_type(x, y)
+        self.x = x.astype(dtype)
+        self.y = self.x if y is x else y.astype(dtype)
+        self.y[0] = self.x[0]
+        self.x.flags.writeable = self.y.flags.writeable = False
+        if product is None:
+            column, row = (a.astype(np.result_type(dtype, np.float64)) for a in (self.x, self.y))
+            product = GohbergSemenculProduct.of(column, None if self.is_hermitian else row, dtype)
+        self._product = product
+        super().__init__(dtype, product.grid_shape, product.points / len(x))
 
     def apply(self, V: Array, out: Array | None = None) -> Array:
         """Multiply each row of `V` (see `GridOperator.apply`)."""
         return self._product(V, out)
+
+    def _adjoint(self) -> "GohbergSemencul":
+        if self.is_hermitian:
+            return self
+        return GohbergSemencul(self.y.conj(), self.x.conj(), product=self._product.adjoint())
 
     def __repr__(self) -> str:
         return f"<GohbergSemencul {self.shape[0]}, {self.dtype}>"
@@ -95,13 +130,16 @@ class Certificate:
         """Sample the polynomial, at the cost of one work unit."""
         length = 2 * fft.next_fast_len(OVERSAMPLING // 2 * len(x), real=True)
         count_transforms(1, length)
-        z = fft.rfft(x.astype(np.float64), length)
+        is_complex = x.dtype.kind == "c"
+        z = (fft.fft if is_complex else fft.rfft)(x.astype(np.result_type(x, np.float64)), length)
         size = np.abs(z)
         smallest, largest = float(size.min()), float(size.max())
         if not smallest > 0.0:
             return cls(False, np.inf)
-        turns = np.angle(z[1:] * z[:-1].conj() / largest**2)
+        # Of a real x the turns are those on the upper half of the circle, which the lower half
+        # mirrors; of a complex one the last sample is followed by the first.
+        following = np.roll(z, -1) if is_complex else z[1:]
+        turns = np.angle(following * z[: len(following)].conj() / largest**2)
         resolved = np.abs(turns).max() < np.pi * (1.0 - 1.0 / OVERSAMPLING)
-        # The turns are those on the upper half of the circle, which the lower half mirrors.
-        positive = x[0] > 0.0 and resolved and abs(turns.sum()) < 1.0
+        positive = x[0].real > 0.0 and resolved and abs(turns.sum()) < 1.0
         return cls(bool(positive), (largest / smallest) ** 2)

@@ -4,15 +4,20 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, TypeVar, cast
 
+import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Mask
+from toeplitz_mg.operators.averages import average, hermitian_part
 from toeplitz_mg.operators.block_diagonal import BlockDiagonal
 from toeplitz_mg.operators.coupled import CoupledOperator
+from toeplitz_mg.operators.diagonally_scaled import DiagonallyScaled
 from toeplitz_mg.operators.masked import MaskedOperator
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum
 
 F = TypeVar("F", bound=Callable[..., LinearOperator])
+Check = Callable[[ToeplitzOperator | CoupledOperator], None]
 
 
 def unwrap(A: LinearOperator) -> tuple[LinearOperator, Mask | None]:
@@ -25,34 +30,66 @@ def restrict(A: LinearOperator, mask: Mask | None) -> LinearOperator:
     return A if mask is None else MaskedOperator(A, mask.reshape(A.grid_shape))
 
 
-def unwrap_toeplitz(A: LinearOperator) -> tuple[ToeplitzOperator, Mask | None]:
-    """Return the symmetric Toeplitz matrix on the whole grid, and the mask, or None.
+def check_hermitian(A: ToeplitzOperator | CoupledOperator) -> None:
+    """Raise a ValueError where a matrix is neither real and symmetric nor complex and Hermitian."""
+    if not A.is_hermitian:
+        rule = "Hermitian" if A.dtype.kind == "c" else "symmetric"
+        raise ValueError(
+            f"A is {A!r}, but must be {rule}: use chan_preconditioner(A), which takes any Toeplitz "
+            "matrix, with gmres"
+        )
+
+
+def check_symmetric(A: ToeplitzOperator | CoupledOperator) -> None:
+    """Raise a ValueError where a matrix is not real and symmetric."""
+    check_hermitian(A)
+    if A.dtype.kind == "c":
+        raise ValueError(
+            f"A is {A!r}, but must be real: use chan_preconditioner(A), which takes complex "
+            "matrices too"
+        )
+
+
+def accept_any(A: ToeplitzOperator | CoupledOperator) -> None:
+    """Raise nothing: the check of what takes any matrix."""
+
+
+def unwrap_toeplitz(
+    A: LinearOperator, check: Check = check_symmetric
+) -> tuple[ToeplitzOperator, Mask | None]:
+    """Return the Toeplitz matrix on the whole grid, and the mask, or None.
+
+    Parameters
+    ----------
+    A : LinearOperator
+    check : callable
+        Raises a ValueError for a matrix of another kind than is wanted; `check_symmetric`,
+        `check_hermitian` or `accept_any`.
 
     Raises
     ------
     TypeError
         Where `A` is neither a `ToeplitzOperator` nor a `MaskedOperator` of one.
     ValueError
-        Where it is not symmetric.
+        Where `check` does.
     """
     full, mask = unwrap(A)
     if not isinstance(full, ToeplitzOperator):
-        advice = (
-            "; a preconditioner of each of its components gives componentwise, as in "
-            "componentwise(multigrid)(A)"
-        )
+        advice = ""
+        if isinstance(full, CoupledOperator):
+            check(full)
+            advice = (
+                "; to treat each of its components by itself write componentwise(f)(A) for the "
+                "function f that was called, as componentwise(multigrid)(A)"
+            )
+        elif isinstance(full, LinearOperator):
+            advice = "; diagonal matrices in it are understood as scipy.sparse.diags_array(d)"
         raise TypeError(
             f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a MaskedOperator "
-            f"of one{advice if isinstance(full, CoupledOperator) else ''}"
+            f"of one{advice}"
         )
-    check_symmetric(full)
+    check(full)
     return full, mask
-
-
-def check_symmetric(A: ToeplitzOperator | CoupledOperator) -> None:
-    """Raise a ValueError where a matrix is not symmetric."""
-    if not A.is_symmetric:
-        raise ValueError(f"A is {A!r}, but must be symmetric")
 
 
 def squeeze_line(A: ToeplitzOperator) -> ToeplitzOperator:
@@ -67,9 +104,68 @@ def squeeze_line(A: ToeplitzOperator) -> ToeplitzOperator:
     if len(line.grid_shape) != 1:
         raise ValueError(
             f"A lives on the grid {A.grid_shape}, but must have one axis (with more than one "
-            "element)"
+            "element): use chan_preconditioner(A), which takes any number"
         )
     return line
+
+
+def _itself(A: Any) -> Any:
+    return A
+
+
+def averaged(function: F, part: Callable[[Any], Any] = hermitian_part) -> F:
+    """Return the preconditioner that of a `ToeplitzSum` is that of a Toeplitz matrix nearby.
+
+    Parameters
+    ----------
+    function : callable
+        A function of a `ToeplitzOperator` or a `MaskedOperator` of one.
+    part : callable
+        What it sees of each Toeplitz matrix, the Hermitian part by default.
+
+    Returns
+    -------
+    callable
+        The same function, that takes a `ToeplitzSum` or a `MaskedOperator` of one too. What it
+        returns is symmetric positive definite where that of the Toeplitz matrix is.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where an entry of the diagonal of the sum is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.sparse import diags_array
+    >>> import toeplitz_mg as tmg
+    >>> A = tmg.ToeplitzOperator([2.0, 1.0, 0.5])
+    >>> S = diags_array([1.0, 10.0, 100.0]) @ A
+    >>> tmg.jacobi_preconditioner(S, omega=1.0) @ S.diagonal()
+    array([1., 1., 1.])
+    """
+
+    @wraps(function)
+    def of_average(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
+        full, mask = unwrap(A)
+        if not isinstance(full, ToeplitzSum):
+            return function(A, *args, **kwargs)
+        mean, scale = average(full, mask, part)
+        return DiagonallyScaled(function(restrict(mean, mask), *args, **kwargs), scale)
+
+    return cast(F, of_average)
+
+
+def symmetrised(preconditioner: F) -> F:
+    """Return the preconditioner that of a matrix that is not symmetric takes the symmetric part."""
+
+    @wraps(preconditioner)
+    def of_part(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
+        if isinstance(unwrap(A)[0], ToeplitzOperator):
+            A = hermitian_part(A)
+        return preconditioner(A, *args, **kwargs)
+
+    return cast(F, of_part)
 
 
 def restricted(preconditioner: F) -> F:
@@ -78,13 +174,19 @@ def restricted(preconditioner: F) -> F:
     Parameters
     ----------
     preconditioner : callable
-        A function of a symmetric `ToeplitzOperator`, and of other arguments.
+        A function of a real, symmetric `ToeplitzOperator`, and of other arguments.
 
     Returns
     -------
     callable
-        The same function, that takes a `MaskedOperator` of one too, and refuses what is neither,
-        or not symmetric.
+        The same function, that takes a `MaskedOperator` of one too, and a `ToeplitzSum` as
+        `averaged` does, and refuses what is none of these, or not real and
+        symmetric.
+
+    See Also
+    --------
+    restricted_hermitian : for functions that take complex Hermitian matrices too.
+    of_any_matrix : for functions that take all.
 
     Examples
     --------
@@ -97,13 +199,39 @@ def restricted(preconditioner: F) -> F:
     >>> nothing(tmg.MaskedOperator(A, [True, False, True])).shape
     (2, 2)
     """
+    return _restricted(preconditioner, check_symmetric)
 
+
+def restricted_hermitian(preconditioner: F) -> F:
+    """Return what `restricted` does, of a function that takes complex Hermitian matrices too."""
+    return _restricted(preconditioner, check_hermitian)
+
+
+def of_any_matrix(preconditioner: F) -> F:
+    """Return the preconditioner of a mask and of components, whatever the matrix.
+
+    Parameters
+    ----------
+    preconditioner : callable
+        A function of a `ToeplitzOperator`, real or complex, symmetric or not, and of other
+        arguments.
+
+    Returns
+    -------
+    callable
+        The same function, that takes a `MaskedOperator` of one too, and a `CoupledOperator`, whose
+        components it treats each by itself.
+    """
+    return _of_each(_restricted(preconditioner, accept_any), accept_any)
+
+
+def _restricted(preconditioner: F, check: Check) -> F:
     @wraps(preconditioner)
     def of_mask(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
-        full, mask = unwrap_toeplitz(A)
+        full, mask = unwrap_toeplitz(A, check)
         return restrict(preconditioner(full, *args, **kwargs), mask)
 
-    return cast(F, of_mask)
+    return averaged(cast(F, of_mask), _itself if check is accept_any else hermitian_part)
 
 
 def componentwise(preconditioner: F) -> F:
@@ -131,13 +259,26 @@ def componentwise(preconditioner: F) -> F:
     >>> np.array_equal(M @ np.ones(8), np.tile(tmg.fft_preconditioner(xx) @ np.ones(4), 2))
     True
     """
+    return _of_each(preconditioner, check_hermitian)
 
+
+def _of_each(preconditioner: F, check: Check) -> F:
     @wraps(preconditioner)
     def of_each(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
         full, mask = unwrap(A)
         if not isinstance(full, CoupledOperator):
             return preconditioner(A, *args, **kwargs)
-        blocks = [preconditioner(block, *args, **kwargs) for block in components(full, mask)]
+        check(full)
+        blocks = []
+        for block in components(full, mask):
+            try:
+                blocks.append(preconditioner(block, *args, **kwargs))
+            except np.linalg.LinAlgError as error:
+                error.add_note(
+                    f"This was the matrix of a component, {block!r}: what is advised for it takes "
+                    "all of them by componentwise, as in componentwise(chan_preconditioner)(A)"
+                )
+                raise
         return BlockDiagonal(blocks, full.grid_shape)
 
     return cast(F, of_each)
@@ -149,9 +290,8 @@ def components(full: CoupledOperator, mask: Mask | None) -> list[LinearOperator]
     Raises
     ------
     ValueError
-        Where the matrix is not symmetric, or a component has no influence on itself.
+        Where a component has no influence on itself.
     """
-    check_symmetric(full)
     parts = [None] * len(full.blocks) if mask is None else mask
     return [
         restrict(full.component(i), part)

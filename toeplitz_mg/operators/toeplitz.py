@@ -1,17 +1,24 @@
 """Toeplitz matrices of any number of axes, as linear operators."""
 
+import warnings
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
+from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.multilevel import MultilevelProduct, entries
+from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.products import ToeplitzProduct
-from toeplitz_mg.operators.base import GridOperator
-from toeplitz_mg.operators.coefficients import Coefficients, check_precision
+from toeplitz_mg.operators import algebra
+from toeplitz_mg.operators.base import GridOperator, name_symmetry
+from toeplitz_mg.operators.coefficients import Coefficients, check_precision, name_dense
+from toeplitz_mg.operators.toeplitz_sum import Term, ToeplitzSum, simplify
+from toeplitz_mg.values import refuse_masked
 
 
 class ToeplitzOperator(GridOperator):
-    """A real Toeplitz matrix, of one axis or several, that multiplies by FFT.
+    """A real or complex Toeplitz matrix, of one axis or several, that multiplies by FFT.
 
     Its entry for the grid points i and j depends on i - j only. On a grid of two axes it is a
     block Toeplitz matrix with Toeplitz blocks (BTTB).
@@ -19,10 +26,12 @@ class ToeplitzOperator(GridOperator):
     Parameters
     ----------
     c : array_like of shape (n,) or (n1, n2, ...)
-        First column. With one axis as in `scipy.linalg.toeplitz`; with several axes the first
-        column, as a grid, of a matrix that is symmetric along each axis.
+        First column. With one axis as in `scipy.linalg.toeplitz`, so that without `r` the first
+        row is its conjugate: the matrix is symmetric where `c` is real, and Hermitian where it is
+        complex and ``c[0]`` is real. With several axes the first column, as a grid, of a real
+        matrix that is symmetric along each axis.
     r : array_like of shape (n,), optional
-        First row of a matrix that is not symmetric; its first entry is ignored, as in
+        First row of any other matrix; its first entry is ignored, as in
         `scipy.linalg.toeplitz`. For several axes use `from_lags`.
 
     Attributes
@@ -32,26 +41,43 @@ class ToeplitzOperator(GridOperator):
     lags : ndarray of shape (2 n1 - 1, 2 n2 - 1, ...)
         The coefficients a[i - j], lag zero in the centre.
     is_symmetric : bool
+        Equal to its transpose ``A.T``.
+    is_hermitian : bool
+        Equal to its conjugate transpose ``A.H``. Of a real matrix this is the same.
     is_even : bool
         Symmetric along each axis, and so given by its first column `c` alone.
     dtype : dtype
-        float32 for float32 coefficients, float64 otherwise. A float32 vector times a float32
-        operator is float32; otherwise the product is as NumPy would promote it.
+        float32 or complex64 for coefficients in that precision, float64 or complex128 otherwise. A
+        float32 vector times a float32 operator is float32; otherwise the product is as NumPy would
+        promote it.
 
     Raises
     ------
     TypeError
-        For coefficients that are not real numbers.
+        For coefficients that are not numbers.
     ValueError
         For coefficients that are empty or not finite, or so large or so small that products
         over- or underflow (above some 1e305 in double precision and 1e36 in single; below some
-        1e-302 and 1e-32 of a million unknowns), and for `r` of another length than `c`.
+        1e-302 and 1e-32 of a million unknowns), for `r` of another length than `c`, and for
+        complex `c` of several axes, which do not say what the matrix is.
+
+    Warns
+    -----
+    UserWarning
+        For a square `c` that is constant along its diagonals, as a dense Toeplitz matrix is: it is
+        taken for the first column of a matrix of two axes.
 
     Notes
     -----
     A product is exact up to rounding: any embedding in a circulant of size at least 2 n - 1
     multiplies correctly; a fast transform length is taken. It costs O(N log N), and is the work
-    unit of the paper (§5.2).
+    unit of the paper (§5.2), of a complex matrix one of complex numbers.
+
+    Operators are written as matrices are. ``2 * A``, ``A + B`` and ``A + s * eye_array(n)``, with
+    `scipy.sparse.eye_array`, are Toeplitz matrices again; with a diagonal matrix D, as
+    `scipy.sparse.diags_array` makes one, ``A + D`` and ``D @ A`` are a `ToeplitzSum`, which every
+    preconditioner takes. ``A[i, j]``, with slices too, ``A.diagonal()`` and ``A.trace()`` are those
+    of the dense matrix.
 
     Examples
     --------
@@ -64,6 +90,8 @@ class ToeplitzOperator(GridOperator):
            [ 0., -1.,  2.]])
     >>> (A @ np.array([1.0, 2.0, 3.0])).round(12) + 0.0
     array([0., 0., 4.])
+    >>> (A - A.T / 2)[0, :2]
+    array([ 1. , -0.5])
     """
 
     def __init__(
@@ -77,12 +105,21 @@ class ToeplitzOperator(GridOperator):
             self._coefficients = c
         elif r is None:
             self._coefficients = Coefficients.of_column(c)
+            dense = name_dense(self._coefficients.array)
+            if dense:
+                n = len(self._coefficients.array)
+                warnings.warn(
+                    f"c has shape {(n, n)} and is constant along its diagonals, as a dense "
+                    f"Toeplitz matrix is, but is taken for the first column of a matrix of two "
+                    f"axes and {n**2} unknowns: for the dense matrix c itself use {dense}",
+                    stacklevel=2,
+                )
         else:
             self._coefficients = Coefficients.of_column_and_row(c, r)
         a = self._coefficients
         super().__init__(a.array.dtype, a.grid_shape, work=1.0)
         self.is_even = a.is_even
-        self.is_symmetric = a.is_symmetric
+        self.is_symmetric, self.is_hermitian = a.is_symmetric, a.is_hermitian
         self._product = product or _multiplication(a)
 
     @classmethod
@@ -92,7 +129,7 @@ class ToeplitzOperator(GridOperator):
         Parameters
         ----------
         lags : array_like of shape (2 n1 - 1, 2 n2 - 1, ...)
-            a[i - j], lag zero in the centre; any real coefficients, symmetric or not.
+            a[i - j], lag zero in the centre; any real or complex coefficients, symmetric or not.
 
         Raises
         ------
@@ -133,7 +170,9 @@ class ToeplitzOperator(GridOperator):
 
     @property
     def embedding_spectrum(self) -> Array | None:
-        """The eigenvalues that a `MultilevelProduct` of this matrix needs, or None."""
+        """The eigenvalues that a `MultilevelProduct` on this very grid needs, or None."""
+        if self._coefficients.squeezed is not self._coefficients:
+            return None
         if isinstance(self._product, MultilevelProduct) and self._product.spectrum:
             return self._product.spectrum[0][0]
         return None
@@ -147,14 +186,20 @@ class ToeplitzOperator(GridOperator):
             The size of the circulant along each axis, at least 2 n - 1. Lags that the matrix has
             not are zero in it.
         """
-        lags = self.lags.astype(np.float64, copy=False)
-        column = np.zeros(shape)
+        lags = self.lags
+        column = np.zeros(shape, np.result_type(lags, np.float64))
         column[tuple(slice(n) for n in lags.shape)] = lags
         return np.roll(column, [1 - n for n in self.grid_shape], tuple(range(lags.ndim)))
 
     def astype(self, dtype: DTypeLike) -> "ToeplitzOperator":
-        """Return the matrix in float32 or float64, or itself where it has that precision."""
-        dtype = check_precision(dtype)
+        """Return the matrix in another precision, or itself where it has that one.
+
+        Parameters
+        ----------
+        dtype : dtype
+            float32 or float64; of a complex matrix complex64 or complex128.
+        """
+        dtype = check_precision(dtype, self.dtype)
         if self.dtype == dtype:
             return self
         is_less = dtype.itemsize < self.dtype.itemsize
@@ -181,21 +226,68 @@ class ToeplitzOperator(GridOperator):
 
     def entries(self, rows: Array, columns: Array) -> Array:
         """Return the entries in some rows and columns, positions in the flattened grid."""
-        points = (np.unravel_index(index, self.grid_shape) for index in (rows, columns))
-        return entries(self.lags, *points)
+        points = (
+            np.unravel_index(refuse_masked(name, index), self.grid_shape)
+            for name, index in (("rows", rows), ("columns", columns))
+        )
+        return self._coefficients.at(list(map(np.subtract.outer, *points)))
+
+    def diagonal(self) -> Array:
+        """Return the entries (i, i), shape (N,), which are all the same."""
+        return np.full(self.shape[0], self.c.flat[0])
+
+    trace = algebra.trace
+    __getitem__ = algebra.take
+    __iter__ = None  # Python would count up an index of rows.
+
+    def scaled(self, left: Any = None, right: Any = None) -> Any:
+        """Return L A R: a ToeplitzOperator for numbers (see `GridOperator.scaled`)."""
+        return simplify([Term(left, self, right)])
+
+    def times(self, factor: Any) -> "ToeplitzOperator":
+        """Return the matrix times a number."""
+        return ToeplitzOperator(self._coefficients.times(factor))
+
+    def plus(self, other: Any) -> Any:
+        """Return the sum: a ToeplitzOperator with one (see `GridOperator.plus`)."""
+        if isinstance(other, np.ndarray):
+            return simplify([Term(None, self, None)], other)
+        if isinstance(other, ToeplitzSum):
+            return other.plus(self)
+        if isinstance(other, ToeplitzOperator) and other.grid_shape == self.grid_shape:
+            return ToeplitzOperator(self._coefficients.plus(other._coefficients))
+        return NotImplemented
+
+    def plus_unit(self, factor: Any) -> "ToeplitzOperator":
+        """Return the sum with a multiple of the unit matrix."""
+        return ToeplitzOperator(self._coefficients.plus_unit(factor))
+
+    def equals(self, other: LinearOperator) -> bool:
+        """Whether another operator is the same matrix."""
+        return self is other or (
+            isinstance(other, ToeplitzOperator) and np.array_equal(self.lags, other.lags)
+        )
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
         return self._product(X, out)
 
     def _adjoint(self) -> "ToeplitzOperator":
+        if self.is_hermitian:
+            return self
+        coefficients = self._coefficients.transpose.conjugate
+        return ToeplitzOperator(coefficients, product=self._product.adjoint())
+
+    def _transpose(self) -> "ToeplitzOperator":
         if self.is_symmetric:
             return self
-        return ToeplitzOperator(self._coefficients.transpose, product=self._product.adjoint())
+        if self.dtype.kind != "c":
+            return self._adjoint()
+        return ToeplitzOperator(self._coefficients.transpose)
 
     def __repr__(self) -> str:
         grid = " x ".join(map(str, self.grid_shape))
-        kind = "symmetric" if self.is_symmetric else "general"
+        kind = name_symmetry(self)
         return f"<ToeplitzOperator {grid}, {kind}, {self.dtype}>"
 
 

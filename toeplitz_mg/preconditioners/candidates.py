@@ -46,7 +46,9 @@ OF_SMOOTH = Candidate.of(
     partial(fsai_preconditioner, neighbours=SMOOTH),
 )
 OF_ANY_LINE = Candidate.of(spectral_preconditioner, "as good as the inverse, whatever the symbol")
-OTHERS = tuple(
-    Candidate.of(function, "whatever the kernel")
-    for function in (sine_preconditioner, cosine_preconditioner, chan_preconditioner)
+OF_ANY_MATRIX = Candidate.of(chan_preconditioner, "whatever the kernel")
+OTHERS = (
+    Candidate.of(sine_preconditioner, "whatever the kernel"),
+    Candidate.of(cosine_preconditioner, "whatever the kernel"),
+    OF_ANY_MATRIX,
 )

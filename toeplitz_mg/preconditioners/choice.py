@@ -16,11 +16,19 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Mask
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
-from toeplitz_mg.operators.structure import check_symmetric, components, unwrap, unwrap_toeplitz
+from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator, ToeplitzSum
+from toeplitz_mg.operators.averages import average
+from toeplitz_mg.operators.structure import (
+    check_hermitian,
+    components,
+    restrict,
+    unwrap,
+    unwrap_toeplitz,
+)
 from toeplitz_mg.preconditioners import traits
 from toeplitz_mg.preconditioners.candidates import (
     OF_ANY_LINE,
+    OF_ANY_MATRIX,
     OF_SMOOTH,
     OTHERS,
     couple,
@@ -82,8 +90,8 @@ def select_preconditioner(A: LinearOperator, solves: int = 1) -> Selection:
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric positive definite, of any number of axes.
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
+        Symmetric or complex Hermitian positive definite, of any number of axes.
     solves : int
         For how many right-hand sides it is: more are worth a longer set-up.
 
@@ -120,6 +128,9 @@ def select_preconditioner(A: LinearOperator, solves: int = 1) -> Selection:
     if all are refused, the best of sine_preconditioner, cosine_preconditioner, chan_preconditioner
     and none, by a trial of 20 steps of CG
     """
+    full, mask = unwrap(A)
+    if isinstance(full, ToeplitzSum):
+        A = restrict(average(full, mask)[0], mask)
     return _list(plan(A, solves))
 
 
@@ -134,7 +145,7 @@ def plan(A: LinearOperator, solves: int) -> Plan:
     full, mask = unwrap(A)
     if not isinstance(full, CoupledOperator):
         return _plan(A, is_worth_set_up)
-    check_symmetric(full)
+    check_hermitian(full)
     # A product of several components costs more, and so few iterations are worth more.
     parts = (_plan(component, True) for component in components(full, mask))
     return Plan(A, _of_all_components(A, mask), (), False, parts)
@@ -142,17 +153,24 @@ def plan(A: LinearOperator, solves: int) -> Plan:
 
 def _plan(A: LinearOperator, is_worth_set_up: bool) -> Plan:
     """Return what may be taken of one component."""
-    full, mask = unwrap_toeplitz(A)
+    full, mask = unwrap_toeplitz(A, check_hermitian)
     full = full.squeezed
-    if mask is not None and not mask.all():
+    # What is made of even coefficients is not for a complex matrix.
+    is_complex = full.dtype.kind == "c"
+    others = (OF_ANY_MATRIX,) if is_complex else OTHERS
+    is_part = mask is not None and not mask.all()
+    if not is_part and len(full.grid_shape) == 1:
+        of_symbol = iter(()) if is_complex else candidates_of_line(full)
+        of_line = chain(_of_few(full.shape[0]), of_symbol, [OF_ANY_LINE])
+        return Plan(full, of_line, others, False, iter(()))
+    if is_complex:
+        candidates = iter(others)
+    elif mask is not None and is_part:
         candidates = _of_mask(full, mask.reshape(full.grid_shape), is_worth_set_up)
-    elif len(full.grid_shape) > 1:
-        candidates = _of_grid(full)
     else:
-        candidates = chain(_of_few(full.shape[0]), candidates_of_line(full), [OF_ANY_LINE])
-        return Plan(full, candidates, OTHERS, False, iter(()))
-    needs_trial = not traits.decreases_along_axes(full)
-    return Plan(A, chain(_of_few(A.shape[0]), candidates), OTHERS, needs_trial, iter(()))
+        candidates = _of_grid(full)
+    needs_trial = is_complex or not traits.decreases_along_axes(full)
+    return Plan(A, chain(_of_few(A.shape[0]), candidates), others, needs_trial, iter(()))
 
 
 def _of_few(unknowns: int) -> Iterator[Candidate]:
@@ -163,7 +181,7 @@ def _of_few(unknowns: int) -> Iterator[Candidate]:
 def _of_all_components(A: LinearOperator, mask: Mask | None) -> Iterator[Candidate]:
     """Yield what may be taken of coupled components together."""
     yield from _of_few(A.shape[0])
-    if mask is not None and not mask.all():
+    if mask is not None and not mask.all() and A.dtype.kind != "c":
         reason = "a mask; of all components together, if their coupling is strong"
         yield Candidate("fsai_preconditioner", reason, couple)
 

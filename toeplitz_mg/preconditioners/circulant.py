@@ -4,42 +4,49 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
-from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.products import DiagonalisedProduct
+from toeplitz_mg.engine.products import COMPLEX_FOURIER, FOURIER, DiagonalisedProduct
 from toeplitz_mg.engine.work import count_transforms
-from toeplitz_mg.operators import DiagonalisedOperator
-from toeplitz_mg.operators.structure import componentwise, restricted
-from toeplitz_mg.preconditioners.positivity import name_robust, precision, require_positive
+from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
+from toeplitz_mg.operators.structure import of_any_matrix
+from toeplitz_mg.preconditioners.positivity import (
+    LAST_RESORT,
+    name_robust,
+    precision,
+    require_nonzero,
+    require_positive,
+)
 
 
-@componentwise
-@restricted
+@of_any_matrix
 def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of Strang's circulant, which copies the central coefficients of `A`.
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric, of any number of axes.
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
+        Real or complex, symmetric or not, of any number of axes.
     dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default. In float32 it takes
-        half the memory and less time, inside an iteration in float64 too.
+        The precision in which it is kept and applied, that of `A` by default; complex64 or
+        complex128 where `A` is complex. In float32 it takes half the memory and less time, inside
+        an iteration in float64 too.
 
     Returns
     -------
     DiagonalisedOperator or MaskedOperator
-        Of the shape of `A`, symmetric positive definite. One product costs half a work
-        unit on one axis (1/2^d on d axes).
+        Of the shape of `A`. Where `A` is real and symmetric, or complex Hermitian, it is symmetric
+        or Hermitian positive definite; else it is as general as `A`, and one for `gmres`. One
+        product costs half a work unit on one axis (1/2^d on d axes).
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where the circulant is not positive definite, as happens for a positive definite `A`.
-    TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not symmetric.
+        Where the circulant is not positive definite, as happens for a positive definite `A`; of a
+        general matrix where it has an eigenvalue of zero.
+    TypeError
+        Where `A` is no Toeplitz operator.
 
     References
     ----------
@@ -57,35 +64,43 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     for axis, n in enumerate(A.grid_shape):
         # These are the lags 0 ... n // 2, then -(n - 1) // 2 ... -1.
         index = np.concatenate([np.arange(n // 2 + 1), np.arange(-((n - 1) // 2), 0)])
-        column = np.take(column, index + n - 1, axis=axis)
-    return _inverse(column, "Strang", precision(A, dtype))
+        central = np.take(column, index + n - 1, axis=axis)
+        if n % 2 == 0:  # The lags n/2 and -n/2 have one place: it has their mean.
+            middle = (slice(None),) * axis + (n // 2,)
+            other = np.take(column, n - 1 - n // 2, axis=axis)
+            central[middle] = (central[middle] + other) / 2
+        column = central
+    return _inverse(A, column, "Strang", precision(A, dtype))
 
 
-@componentwise
-@restricted
+@of_any_matrix
 def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of T. Chan's circulant, the nearest to `A` in the Frobenius norm.
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric, of any number of axes.
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
+        Real or complex, symmetric or not, of any number of axes.
     dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default. In float32 it takes
-        half the memory and less time, inside an iteration in float64 too.
+        The precision in which it is kept and applied, that of `A` by default; complex64 or
+        complex128 where `A` is complex. In float32 it takes half the memory and less time, inside
+        an iteration in float64 too.
 
     Returns
     -------
     DiagonalisedOperator or MaskedOperator
-        Of the shape of `A`, symmetric positive definite whenever `A` on the whole grid
-        is. One product costs half a work unit on one axis (1/2^d on d axes).
+        Of the shape of `A`, symmetric or Hermitian positive definite whenever `A` on the whole
+        grid is. Of a matrix that is not Hermitian it is as general as that, and one for `gmres`.
+        One product costs half a work unit on one axis (1/2^d on d axes).
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where the circulant is not positive definite, and so `A` is not either.
-    TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not symmetric.
+        Where `A` is symmetric or Hermitian and the circulant is not positive definite, so that `A`
+        is not either; of a general matrix where the circulant has an eigenvalue of zero, which it
+        may have of a regular one.
+    TypeError
+        Where `A` is no Toeplitz operator.
 
     References
     ----------
@@ -107,14 +122,22 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
         positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=axis)
         negative = np.take(column, np.arange(n) - 1, axis=axis)
         column = ((n - k) * positive + k * negative) / n
-    return _inverse(column, "T. Chan", precision(A, dtype))
+    return _inverse(A, column, "T. Chan", precision(A, dtype))
 
 
-def _inverse(column: Array, name: str, dtype: np.dtype[Any]) -> DiagonalisedOperator:
-    """Invert the circulant with the first column `column`."""
+def _inverse(
+    A: ToeplitzOperator, column: Array, name: str, dtype: np.dtype[Any]
+) -> DiagonalisedOperator:
+    """Invert the circulant with the first column `column`, which stands for A."""
     count_transforms(1, *column.shape)
-    spectrum = fft.rfftn(column.astype(np.float64, copy=False)).real
-    other = name_robust(column.shape) if name == "Strang" else "cg without M"
-    require_positive(spectrum, dtype, f"{name}'s circulant has the eigenvalue", other)
-    product = DiagonalisedProduct(1.0 / spectrum, column.shape, column.shape, dtype)
+    transforms = COMPLEX_FOURIER if dtype.kind == "c" else FOURIER
+    spectrum = transforms.forward(column.astype(np.result_type(column, np.float64), copy=False))
+    subject = f"{name}'s circulant has the eigenvalue"
+    if A.is_hermitian:
+        spectrum = spectrum.real
+        other = name_robust(column.shape) if name == "Strang" else LAST_RESORT
+        require_positive(spectrum, dtype, subject, other)
+    else:
+        require_nonzero(spectrum, dtype, subject, "gmres without M")
+    product = DiagonalisedProduct(1.0 / spectrum, column.shape, column.shape, dtype, transforms)
     return DiagonalisedOperator(product, f"inverse of {name}'s circulant")

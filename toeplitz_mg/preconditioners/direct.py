@@ -1,4 +1,4 @@
-"""The inverse of a small symmetric positive definite operator, by a Cholesky factorisation."""
+"""The inverse of a small positive definite operator, by a Cholesky factorisation."""
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -7,6 +7,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators.base import GridOperator, grid_of
+from toeplitz_mg.preconditioners.positivity import LAST_RESORT
 
 
 class NotPositiveDefinite(np.linalg.LinAlgError):
@@ -14,15 +15,15 @@ class NotPositiveDefinite(np.linalg.LinAlgError):
 
 
 class DenseInverse(GridOperator):
-    """The inverse of a small symmetric positive definite operator, by a Cholesky factorisation.
+    """The inverse of a small positive definite operator, by a Cholesky factorisation.
 
     Parameters
     ----------
     A : LinearOperator
-        With a method ``toarray()``.
-    dtype : float32 or float64, optional
-        The precision in which the factor is kept and applied, that of `A` by default. It is
-        computed in float64.
+        Symmetric or Hermitian, with a method ``toarray()``.
+    dtype : dtype, optional
+        The precision in which the factor is kept and applied, that of `A` by default; complex
+        where `A` is. It is computed in float64 or complex128.
 
     Attributes
     ----------
@@ -37,15 +38,16 @@ class DenseInverse(GridOperator):
 
     def __init__(self, A: LinearOperator, dtype: DTypeLike | None = None) -> None:
         super().__init__(A.dtype if dtype is None else dtype, grid_of(A), 0.0, A.shape[0])
-        dense = A.toarray().astype(np.float64, copy=False)
+        dense = A.toarray().astype(np.result_type(A.dtype, np.float64), copy=False)
         try:
             factor, lower = cho_factor(dense, lower=True)
-        except np.linalg.LinAlgError as error:
+        except np.linalg.LinAlgError:
             raise NotPositiveDefinite(
-                f"{A!r} is not positive definite, or nearly singular: {error}"
+                f"{A!r} is not positive definite, or nearly singular: use {LAST_RESORT}"
             ) from None
         norm = float(np.abs(dense).sum(axis=0).max())
-        self.rcond = float(lapack.dpocon(factor, norm, uplo="L")[0])
+        estimate = lapack.zpocon if factor.dtype.kind == "c" else lapack.dpocon
+        self.rcond = float(estimate(factor, norm, uplo="L")[0])
         self._factor = factor.astype(self.dtype), lower
 
     @property
@@ -64,7 +66,7 @@ class DenseInverse(GridOperator):
         rows = solution.T.reshape(X.shape)
         if out is None:
             return rows
-        out[...] = rows
+        np.copyto(out, rows, casting="same_kind")
         return out
 
     def __repr__(self) -> str:

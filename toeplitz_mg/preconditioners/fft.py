@@ -8,30 +8,40 @@ from numpy.typing import DTypeLike
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
+from toeplitz_mg.engine.products import COMPLEX_FOURIER, FOURIER, Transforms
 from toeplitz_mg.engine.transforms import LONG, cosine_sums
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
-from toeplitz_mg.operators.structure import check_symmetric, restrict, restricted, unwrap
+from toeplitz_mg.operators.structure import (
+    averaged,
+    check_hermitian,
+    restrict,
+    restricted_hermitian,
+    unwrap,
+)
 from toeplitz_mg.preconditioners.positivity import name_robust, precision, require_positive
 from toeplitz_mg.preconditioners.symbol import continue_axis
 
 
+@averaged
 def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
-    """Return M, the paper's FFT preconditioner of a symmetric positive definite Toeplitz matrix.
+    """Return M, the paper's FFT preconditioner of a positive definite Toeplitz matrix.
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric, of any number of axes.
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
+        Symmetric or complex Hermitian, of any number of axes.
     dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default. In float32 it takes
-        half the memory and less time, inside an iteration in float64 too.
+        The precision in which it is kept and applied, that of `A` by default; complex64 or
+        complex128 where `A` is complex. In float32 it takes half the memory and less time, inside
+        an iteration in float64 too.
 
     Returns
     -------
     ToeplitzOperator, CoupledOperator or MaskedOperator
-        M ≈ A⁻¹, of the shape of `A`, symmetric positive definite, so that it may
+        M ≈ A⁻¹, of the shape of `A`, symmetric or Hermitian positive definite, so that it may
         precondition `scipy.sparse.linalg.cg`. One product costs one work unit. On a mask it is
         the restriction M_r of the M of the whole grid (paper, §5.4).
 
@@ -42,7 +52,7 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
         a zero. `spectral_preconditioner` on one axis, and `chan_preconditioner` on any number,
         are positive definite for every positive definite `A`.
     TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not symmetric.
+        Where `A` is no Toeplitz operator, or not Hermitian.
 
     Notes
     -----
@@ -83,16 +93,18 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
     return _invert_toeplitz(A, dtype)
 
 
-@restricted
+@restricted_hermitian
 def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOperator:
     """Return M of one component on the whole grid: the inverse of a circulant, cut to the grid."""
     dtype = precision(A, dtype)
     lengths = tuple(2 * n - 1 for n in A.grid_shape)
     is_fast = all(near_fast_length(m) == m for m in lengths)
-    is_exact = is_fast or not A.is_even or A.shape[0] < LONG
+    is_even = A.is_even and A.dtype.kind != "c"
+    is_exact = is_fast or not is_even or A.shape[0] < LONG
+    transforms = _transforms_for(A)
     if is_exact:
         count_transforms(2, *lengths)
-        spectrum = fft.rfftn(A.circulant(lengths)).real
+        spectrum = transforms.forward(A.circulant(lengths)).real
     else:
         column = A.c.astype(np.float64, copy=False)
         for axis, n in enumerate(A.grid_shape):
@@ -106,16 +118,25 @@ def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOp
     )
     spectrum = np.reciprocal(spectrum, out=spectrum)
     if is_exact:
-        inverse = fft.irfftn(spectrum, lengths)
+        inverse = transforms.backward(spectrum, lengths)
     else:
         inverse = cosine_sums(spectrum)
         inverse /= prod(2 * (m - 1) for m in spectrum.shape)
     inverse = inverse.astype(dtype, copy=False)
-    if A.is_even:
+    if is_even:
         return ToeplitzOperator(inverse[tuple(slice(n) for n in A.grid_shape)])
     lags = fft.fftshift(inverse)
-    # The mean is symmetric to the last bit.
-    return ToeplitzOperator.from_lags((lags + np.flip(lags)) / 2)
+    return ToeplitzOperator.from_lags(_make_hermitian(lags))
+
+
+def _transforms_for(A: ToeplitzOperator | CoupledOperator) -> Transforms:
+    """Return the transforms that diagonalise circulants of the kind of A."""
+    return COMPLEX_FOURIER if A.dtype.kind == "c" else FOURIER
+
+
+def _make_hermitian(lags: Array) -> Array:
+    """Return coefficients that are Hermitian but for rounding as such, to the last bit."""
+    return (lags + np.flip(lags).conj()) / 2
 
 
 def _invert_coupled(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:
@@ -126,14 +147,17 @@ def _invert_coupled(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:
     numpy.linalg.LinAlgError
         Where that is not positive definite.
     ValueError
-        Where A is not symmetric, or the block of a component on itself is zero.
+        Where A is not Hermitian, or the block of a component on itself is zero.
     """
-    check_symmetric(A)
+    check_hermitian(A)
     components, *grid = A.grid_shape
     for i in range(components):
         A.component(i)  # This refuses a block that is zero.
     lengths = tuple(near_fast_length(2 * n - 1) for n in grid)
-    S: list[list[Any]] = [[_sample_symbol(block, lengths) for block in row] for row in A.blocks]
+    transforms = _transforms_for(A)
+    S: list[list[Any]] = [
+        [_sample_symbol(block, lengths, transforms) for block in row] for row in A.blocks
+    ]
     _invert_matrices(S, np.result_type(A.dtype, dtype))
     inside = np.ix_(*(np.arange(1 - n, n) for n in grid))
     blocks: list[list[ToeplitzOperator | None]] = [[None] * components for _ in range(components)]
@@ -142,20 +166,22 @@ def _invert_coupled(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:
             if np.ndim(S[i][j]) == 0:
                 continue  # The block is zero.
             count_transforms(1, *lengths)
-            lags = fft.irfftn(S[i][j], lengths)[inside]
+            lags = transforms.backward(S[i][j], lengths)[inside]
             S[i][j] = S[j][i] = 0.0  # It is of no more use, and large.
             if i == j:
-                lags = (lags + np.flip(lags)) / 2  # The mean is symmetric to the last bit.
+                lags = _make_hermitian(lags)
             block = ToeplitzOperator.from_lags(lags.astype(dtype))
-            blocks[i][j], blocks[j][i] = block, block.T
+            blocks[i][j], blocks[j][i] = block, block.H
     return CoupledOperator(blocks)
 
 
-def _sample_symbol(block: ToeplitzOperator | None, lengths: tuple[int, ...]) -> Any:
+def _sample_symbol(
+    block: ToeplitzOperator | None, lengths: tuple[int, ...], transforms: Transforms
+) -> Any:
     """Return the eigenvalues of the circulant that embeds a block; 0 where there is none."""
     if block is None:
         return 0.0
-    column = block.lags.astype(np.float64)
+    column = block.lags.astype(np.result_type(block.dtype, np.float64))
     for axis, (n, length) in enumerate(zip(block.grid_shape, lengths, strict=True)):
         positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=axis)
         negative = np.take(column, np.arange(n - 1), axis=axis)
@@ -168,8 +194,8 @@ def _sample_symbol(block: ToeplitzOperator | None, lengths: tuple[int, ...]) -> 
         between = first + t * (np.take(column, [0], axis=axis) - first)
         column = np.concatenate([positive, between, negative], axis=axis)
     count_transforms(1, *lengths)
-    symbol = fft.rfftn(column)
-    return symbol.real if block.is_symmetric else symbol
+    symbol = transforms.forward(column)
+    return symbol.real if block.is_hermitian else symbol
 
 
 def _invert_matrices(S: list[list[Any]], dtype: Any) -> None:

@@ -6,7 +6,8 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import GridOperator
-from toeplitz_mg.operators.structure import unwrap_toeplitz
+from toeplitz_mg.operators.structure import averaged, check_hermitian, unwrap_toeplitz
+from toeplitz_mg.preconditioners.positivity import require_positive_diagonal
 from toeplitz_mg.values import real
 
 
@@ -25,12 +26,14 @@ class ScaledIdentity(GridOperator):
 
     def converges(self, A: LinearOperator) -> bool:
         """Whether the iteration x ← x + S (b - A x) converges, by a bound of the norm of `A`."""
-        return float(self.factor) * unwrap_toeplitz(A)[0].norm_bound < 2.0
+        full, _ = unwrap_toeplitz(A, check_hermitian)
+        return float(self.factor.real) * full.norm_bound < 2.0
 
     def __repr__(self) -> str:
-        return f"<ScaledIdentity {self.shape[0]}, {self.factor:.3g}>"
+        return f"<ScaledIdentity {self.shape[0]}, {self.factor.real:.3g}>"
 
 
+@averaged
 def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> LinearOperator:
     """Return ω/a₀ times the unit matrix: a damped Jacobi, or Richardson, smoother.
 
@@ -40,8 +43,8 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
 
     Parameters
     ----------
-    A : ToeplitzOperator or MaskedOperator of one
-        Symmetric positive definite, of any number of axes.
+    A : ToeplitzOperator or ToeplitzSum, or MaskedOperator of one
+        Symmetric or Hermitian positive definite, of any number of axes.
     omega : float, optional
         By default ω/a₀ = 4/(3 ‖C‖₂), C the circulant in which `A` is embedded for its
         products: 2/3 for 2 - 2 cos θ.
@@ -56,7 +59,7 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
     numpy.linalg.LinAlgError
         Where the diagonal or `omega` is not positive.
     TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not symmetric; where `omega` is no real number.
+        Where `A` is no Toeplitz operator, or not Hermitian; where `omega` is no real number.
 
     References
     ----------
@@ -76,12 +79,9 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
     >>> info
     0
     """
-    full, _ = unwrap_toeplitz(A)
-    a0 = float(full.c.flat[0])
-    if not a0 > 0.0:
-        raise np.linalg.LinAlgError(
-            f"the diagonal of A is {a0:.3g}, but of a positive definite matrix it is positive"
-        )
+    full, _ = unwrap_toeplitz(A, check_hermitian)
+    a0 = float(full.c.flat[0].real)
+    require_positive_diagonal(a0)
     factor = 4.0 / 3.0 / full.norm_bound if omega is None else real("omega", omega) / a0
     if not 0.0 < factor < np.inf:
         raise np.linalg.LinAlgError(

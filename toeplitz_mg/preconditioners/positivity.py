@@ -18,6 +18,8 @@ from toeplitz_mg.operators.coefficients import check_precision
 # Error of an eigenvalue, in units of eps times the largest one: 1 to 3.8 was seen with transforms
 # of lengths up to 2^18.
 ROUNDING = 4.0
+# What is left where no preconditioner is: the end of the advice of all refusals.
+LAST_RESORT = "cg without M, or gmres where A is not positive definite"
 
 
 def precision(A: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None) -> np.dtype[Any]:
@@ -26,20 +28,29 @@ def precision(A: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None) ->
     Raises ValueError where A, or its inverse, is nearly out of the range of float32: what overflows
     there, or is rounded to zero, would be seen nowhere.
     """
-    result = check_precision(A.dtype if dtype is None else dtype)
-    if result == np.float64:
+    result = check_precision(A.dtype if dtype is None else dtype, A.dtype)
+    if result.char in "dD":
         return result
     single = np.finfo(np.float32)
     low, high = float(single.tiny / single.eps), float(single.max * single.eps)
     blocks = A.blocks if isinstance(A, CoupledOperator) else ((A,),)
     for block in (row[i] for i, row in enumerate(blocks)):
-        diagonal = 0.0 if block is None else abs(float(block.c.flat[0]))
+        diagonal = 0.0 if block is None else float(abs(block.c.flat[0]))
         if diagonal and not low <= diagonal <= high:
             raise ValueError(
-                f"the diagonal of A is {diagonal:.3g}, but for a preconditioner in float32 it must "
-                f"be between {low:.1g} and {high:.1g}: scale A"
+                f"the diagonal of A is {diagonal:.3g}, but for a preconditioner in {result} it "
+                f"must be between {low:.1g} and {high:.1g}: scale A"
             )
     return result
+
+
+def require_positive_diagonal(diagonal: float) -> None:
+    """Raise LinAlgError where the diagonal of A tells that A is not positive definite."""
+    if not diagonal > 0.0:
+        raise np.linalg.LinAlgError(
+            f"the diagonal of A is {diagonal:.3g}, but of a positive definite matrix it is "
+            f"positive: use {LAST_RESORT}"
+        )
 
 
 def is_positive(spectrum: Array, dtype: Any) -> bool:
@@ -58,7 +69,7 @@ def require_condition(condition: float, dtype: Any, subject: str, advice: str) -
     The message: "`subject` has a condition number of 1e9, with which …: use `advice`", or float64.
     """
     if not ROUNDING * float(np.finfo(dtype).eps) * condition < 1.0:
-        single = np.dtype(dtype) == np.float32
+        single = np.dtype(dtype).char in "fF"
         raise np.linalg.LinAlgError(
             f"{subject} has a condition number of up to {condition:.1e}, with which rounding in "
             f"{np.dtype(dtype)} may make it indefinite: use {'float64' if single else advice}"
@@ -77,6 +88,19 @@ def require_positive(spectrum: Array, dtype: Any, subject: str, advice: str) -> 
         )
 
 
+def require_nonzero(spectrum: Array, dtype: Any, subject: str, advice: str) -> None:
+    """Raise LinAlgError where an eigenvalue is zero, within the rounding of the largest.
+
+    The message: "`subject` 1e-17, but needs all of a size above 1e-15: use `advice`".
+    """
+    sizes = np.abs(spectrum)
+    if not sizes.min() > (error := rounding(spectrum, dtype)):
+        raise np.linalg.LinAlgError(
+            f"{subject} {spectrum.flat[sizes.argmin()]:.3g}, but needs all of a size above "
+            f"{error:.2g}: use {advice}"
+        )
+
+
 def name_robust(grid_shape: tuple[int, ...]) -> str:
     """Name what is positive definite whenever A is, for the advice of an error."""
     if axes_of(grid_shape) == 1:
@@ -87,7 +111,10 @@ def name_robust(grid_shape: tuple[int, ...]) -> str:
 def name_for_smooth(grid_shape: tuple[int, ...]) -> str:
     """Name what takes the fewest iterations for smooth kernels, for the advice of an error."""
     if axes_of(grid_shape) == 1:
-        return "use spectral_preconditioner(A), on a mask sine_preconditioner(A)"
+        return (
+            "use spectral_preconditioner(A), on a mask sine_preconditioner(A) where that is not "
+            "refused"
+        )
     return (
         "take cosine_preconditioner(A), on a mask sine_preconditioner(A), and where these are "
         f"refused use {name_robust(grid_shape)}"

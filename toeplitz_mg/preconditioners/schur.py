@@ -1,5 +1,6 @@
 """The first column of the inverse, by the superfast generalised Schur algorithm."""
 
+from collections.abc import Callable
 from math import isqrt
 
 import numpy as np
@@ -8,6 +9,7 @@ from scipy.linalg import solve_toeplitz, solve_triangular, toeplitz
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.preconditioners.positivity import LAST_RESORT, require_positive_diagonal
 
 LARGEST_BLOCK = 256  # Most steps that Levinson's recursion takes at once: more would take longer.
 
@@ -20,27 +22,29 @@ def schur_column(c: Array) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    c : ndarray of float64, of shape (n,)
+    c : ndarray of float64 or complex128, of shape (n,)
+        A is symmetric or Hermitian, and c₀ real.
 
     Returns
     -------
     x : ndarray of shape (n,)
         A⁻¹ e₁.
     gamma : ndarray of shape (n - 1,)
-        The Schur parameters (reflection coefficients). All lie in (-1, 1), and
-        det A = c₀ⁿ Π (1 - γₖ²)ⁿ⁻ᵏ, k = 1 … n - 1.
+        The Schur parameters (reflection coefficients). All are smaller than 1, and
+        det A = c₀ⁿ Π (1 - |γₖ|²)ⁿ⁻ᵏ, k = 1 … n - 1.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where a Schur parameter is not in (-1, 1), so that A is not positive definite; or is not
-        so in the arithmetic of float64.
+        Where a Schur parameter is not smaller than 1, so that A is not positive definite; or is
+        not so in the arithmetic of float64.
 
     Notes
     -----
-    Levinson's recursion, for the polynomial a of the prediction error and its reversal a*,
+    Levinson's recursion, for the polynomial a of the prediction error and its reversal a*, of
+    conjugate coefficients,
 
-        a ← a + γ z a*,      z a* ← z (γ a + z a*),      γ = -e₀/g₀,
+        a ← a + γ z a*,      z a* ← z (γ̄ a + z a*),      γ = -e₀/g₀,
 
     takes γ from their residuals, the series e and g, which a step combines in the same way. The
     steps of half an interval depend on half of the coefficients only. So the second half starts
@@ -60,43 +64,52 @@ def schur_column(c: Array) -> tuple[Array, Array]:
     >>> gamma
     array([-0.5       , -0.33333333])
     """
-    if not c[0] > 0.0:
-        raise np.linalg.LinAlgError(
-            f"the diagonal of A is {c[0]:.3g}, but of a positive definite matrix it is positive"
-        )
+    diagonal = float(c[0].real)
+    require_positive_diagonal(diagonal)
     blocks: list[Array] = []
-    a = np.ones(1)
+    a = np.ones(1, c.dtype)
     if len(c) > 1:
         # One part of the time goes as the number of blocks, another as their length.
         block = min(4 * isqrt(len(c)), LARGEST_BLOCK)
-        P = _steps(np.stack([c[1:], c[:-1]]) / c[0], block, blocks)
+        P = _steps(np.stack([c[1:], c[:-1]]) / diagonal, block, blocks)
         a = np.append(P[0], 0.0)
         a[1:] += P[1]
+        a[0] = 1.0  # It is that, but for rounding, which may be complex.
     gamma = _schur_parameters(blocks)
-    return a / (a @ c), gamma
+    return a / np.vdot(c, a).real, gamma
 
 
 def _steps(EG: Array, block: int, blocks: list[Array]) -> Array:
     """Take the steps that the residuals e and g, the rows of `EG`, are long enough for.
 
     It returns the polynomials P₁, P₂ by which s steps turn a into P₁ a + P₂ z a*. They turn z a*
-    into zˢ (P₂(1/z) a + P₁(1/z) z a*). The blocks' coefficients are appended to `blocks`.
+    into zˢ (P₂(1/z) a + P₁(1/z) z a*), with conjugate coefficients. The residuals that each
+    block starts from are appended to `blocks`.
     """
     s = EG.shape[1]
     if s <= block:
         return _block(EG, blocks)
-    length = 2 * fft.next_fast_len(-(-s // 2), real=True)
+    forward, backward = _transforms(EG)
+    length = 2 * fft.next_fast_len(-(-s // 2), real=forward is fft.rfft)
     half = length // 2  # Then zʰ is ±1 at the roots of unity of the length.
     count_transforms(10, length)
-    P = _both_rows(fft.rfft(_steps(EG[:, :half], block, blocks), length))
+    P = _both_rows(forward(_steps(EG[:, :half], block, blocks), length))
     # What wraps around falls on the first half, where the residuals are zero now.
-    EG = fft.irfft(_product(P, fft.rfft(EG, length)), length)[:, half:s]
-    Q = _both_rows(fft.rfft(_steps(EG, block, blocks), length))
-    return fft.irfft(_product(P.swapaxes(0, 1), Q[0]), length)[:, :s]
+    EG = backward(_product(P, forward(EG, length)), length)[:, half:s]
+    Q = _both_rows(forward(_steps(EG, block, blocks), length))
+    return backward(_product(P.swapaxes(0, 1), Q[0]), length)[:, :s]
+
+
+def _transforms(a: Array) -> tuple[Callable[..., Array], Callable[..., Array]]:
+    """Return the transform, and its inverse, for numbers such as these."""
+    return (fft.fft, fft.ifft) if a.dtype.kind == "c" else (fft.rfft, fft.irfft)
 
 
 def _both_rows(P: Array) -> Array:
-    """Return the transform of [[P₁, P₂], [zʰ P₂(1/z), zʰ P₁(1/z)]] from that of P₁, P₂."""
+    """Return the transform of [[P₁, P₂], [zʰ P₂(1/z), zʰ P₁(1/z)]] from that of P₁, P₂.
+
+    The coefficients of the second row are conjugate.
+    """
     reverse = P[::-1].conj()
     reverse[:, 1::2] *= -1.0
     return np.stack([P, reverse])
@@ -108,18 +121,18 @@ def _product(P: Array, v: Array) -> Array:
 
 def _block(EG: Array, blocks: list[Array]) -> Array:
     """Take the steps by Levinson's recursion, for the Toeplitz matrix that has these residuals."""
+    blocks.append(EG)
     s = EG.shape[1]
     e, g = EG
     # The residuals at the start, e = (c₁ …) and g = (c₀ …), have g = c₀ + z e. So e and g are
     # proportional to those of c = g/(g - z e) to the s coefficients that matter.
     g = np.append(g, 0.0)
     divisor = g - np.append(0.0, e)
-    if not divisor[0] > 0.0:
+    if not divisor[0].real > 0.0:
         # The prediction error is not positive.
         raise np.linalg.LinAlgError(_NOT_POSITIVE)
     lower = toeplitz(divisor, np.zeros(s + 1))
     c = solve_triangular(lower, g, lower=True, check_finite=False)
-    blocks.append(c)
     unit = np.zeros(s + 1)
     unit[0] = 1.0
     try:
@@ -127,36 +140,40 @@ def _block(EG: Array, blocks: list[Array]) -> Array:
     except np.linalg.LinAlgError:
         # A leading block of the matrix is singular.
         raise np.linalg.LinAlgError(_NOT_POSITIVE) from None
-    if not x[0] > 0.0:
+    if not x[0].real > 0.0:
         raise np.linalg.LinAlgError(_NOT_POSITIVE)
     a = x / x[0]
     # The polynomial of the second kind is a (2 c - 1), cut to the degree s, and P₁ is the mean of
     # that and a.
-    length = fft.next_fast_len(2 * s + 1, real=True)
-    P1 = fft.irfft(fft.rfft(a, length) * fft.rfft(c, length), length)[:s]
+    forward, backward = _transforms(EG)
+    length = fft.next_fast_len(2 * s + 1, real=forward is fft.rfft)
+    P1 = backward(forward(a, length) * forward(c, length), length)[:s]
     return np.stack([P1, a[1:] - np.append(P1[1:], 0.0)])
 
 
-_NOT_POSITIVE = "A is not positive definite, or so ill-conditioned that float64 cannot tell"
+_NOT_POSITIVE = (
+    f"A is not positive definite, or so ill-conditioned that float64 cannot tell: use {LAST_RESORT}"
+)
 
 
 def _schur_parameters(blocks: list[Array]) -> Array:
-    """Return the Schur parameters of all blocks, by Levinson's recursion on all of them at once."""
+    """Return the Schur parameters of all blocks, by Schur's recursion on all of them at once."""
     if not blocks:
         return np.zeros(0)
-    steps = np.array([len(c) - 1 for c in blocks])
-    C = np.zeros((steps.max() + 1, len(blocks)))  # Each column has a block.
-    for column, c in zip(C.T, blocks, strict=True):
-        column[: len(c)] = c
-    A = np.zeros_like(C)
-    A[0] = 1.0
-    error = C[0].copy()
-    gamma = np.zeros((steps.max(), len(blocks)))
-    for m in range(len(gamma)):
-        gamma[m] = -np.einsum("kb,kb->b", A[: m + 1], C[m + 1 : 0 : -1]) / error
-        gamma[m, steps <= m] = 0.0
-        if not np.abs(gamma[m]).max() < 1.0:
-            raise np.linalg.LinAlgError(_NOT_POSITIVE)
-        A[: m + 2] += gamma[m] * A[m + 1 :: -1]
-        error *= 1.0 - gamma[m] ** 2
+    steps = np.array([EG.shape[1] for EG in blocks])
+    E, G = np.zeros((2, steps.max(), len(blocks)), blocks[0].dtype)  # Each column has a block.
+    for k, EG in enumerate(blocks):
+        E[: steps[k], k], G[: steps[k], k] = EG
+    gamma = np.zeros_like(E)
+    with np.errstate(all="ignore"):  # After a parameter that is not below 1 comes anything.
+        for m in range(len(gamma)):
+            gamma[m] = -E[0] / G[0]
+            gamma[m, steps <= m] = 0.0
+            change = gamma[m].conj() * E
+            E += gamma[m] * G
+            G += change
+            # The first e is zero now, and z a* is shifted by one.
+            E, G = E[1:], G[:-1]
+    if not np.abs(gamma).max() < 1.0:
+        raise np.linalg.LinAlgError(_NOT_POSITIVE)
     return np.concatenate([g[:s] for g, s in zip(gamma.T, steps, strict=True)])

@@ -11,6 +11,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.vectors import axpy, norm
 from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.preconditioners.positivity import LAST_RESORT
 
 # They are measured by `python -m comparisons.preconditioners.default_choice`, by the cases in which
 # the choice is worse than none: with 10 steps, or a smaller advantage, wide covariances and plane
@@ -28,7 +29,7 @@ def better_than_none(
     Parameters
     ----------
     A : LinearOperator
-        Symmetric positive definite.
+        Symmetric or Hermitian positive definite.
     none : LinearOperator
         A multiple of the unit matrix.
     others : sequence of LinearOperator
@@ -45,11 +46,13 @@ def better_than_none(
         Where A is found not to be positive definite.
     """
     n = A.shape[0]
-    rhs = np.ones(n), np.random.default_rng(0).standard_normal(n)
-    without = [_fall(A, none, b.astype(A.dtype)) for b in rhs]
+    noise = np.random.default_rng(0).standard_normal((2, n))
+    random = noise[0] + 1j * noise[1] if np.dtype(A.dtype).kind == "c" else noise[0]
+    rhs = [b.astype(A.dtype) for b in (np.ones(n), random)]
+    without = [_fall(A, none, b) for b in rhs]
     best, most = none, log(ADVANTAGE)
     for M in others:
-        falls = (_fall(A, M, b.astype(A.dtype)) for b in rhs)
+        falls = (_fall(A, M, b) for b in rhs)
         gain = min(fall - other for fall, other in zip(falls, without, strict=True))
         if gain > most:
             best, most = M, gain
@@ -70,7 +73,8 @@ def _fall(A: LinearOperator, M: LinearOperator, b: Array) -> float:
             return -inf
         if length == 0.0:
             raise np.linalg.LinAlgError(
-                f"A is not positive definite: for some vector xᵀ A x is {iteration.curvature:.3g}"
+                f"A is not positive definite: for some vector xᴴ A x is "
+                f"{iteration.curvature:.3g}: use {LAST_RESORT}"
             )
         axpy(-length, iteration.product, r)
         least = min(least, norm(r))

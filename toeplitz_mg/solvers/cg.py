@@ -12,8 +12,8 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.vectors import axpy, norm
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.solvers.checks import System, check_operator, check_system
-from toeplitz_mg.solvers.scaling import exponents
+from toeplitz_mg.solvers.checks import System, check_operator, check_precision, check_system
+from toeplitz_mg.solvers.iterate import Iterate
 
 RELIABLE = 1e-3  # Relative error of an `inner` residual that does not disturb the iteration.
 # Factors by which ‖r‖ falls before an `inner` residual is computed anew: the least, the first, and
@@ -34,6 +34,7 @@ def cg(
     M: Any = None,
     callback: Callable[[Array], object] | None = None,
     inner: Any = None,
+    residuals: list[float] | None = None,
 ) -> tuple[Array, int]:
     """Solve A x = b by conjugate gradients, as `scipy.sparse.linalg.cg` does, but faster.
 
@@ -45,7 +46,7 @@ def cg(
     Parameters
     ----------
     A : array_like, sparse matrix or LinearOperator, of shape (n, n)
-        Real, symmetric positive definite.
+        Symmetric positive definite, or Hermitian positive definite.
     b : array_like of shape (n,) or (n, 1)
     x0 : array_like of shape (n,) or (n, 1), optional
         First guess, zero by default. It is not changed.
@@ -57,7 +58,8 @@ def cg(
     maxiter : int, optional
         Most iterations, 10 n by default.
     M : array_like, sparse matrix or LinearOperator, optional
-        Approximate inverse of `A`, symmetric positive definite. It may be in float32.
+        Approximate inverse of `A`, symmetric or Hermitian positive definite. It may be in
+        float32.
     callback : callable, optional
         Called as ``callback(xk)`` with the iterate after each iteration. The array is used again:
         copy what is to be kept.
@@ -68,6 +70,11 @@ def cg(
         thousands, as with two axes. There it takes as many iterations to the same residual, in
         4/5 of the time. Where the condition number is above 1e6 it does not pay. `M` had
         best be in that precision too.
+    residuals : list, optional
+        It is filled with ‖b - A x‖₂ of the first guess and after each iteration, so that there are
+        ``len(residuals) - 1`` iterations. What was in it is lost. The norms are those of the
+        recurrence, but for those that are computed: the first one, and the last where it has
+        converged.
 
     Returns
     -------
@@ -85,7 +92,13 @@ def cg(
         For shapes that do not match, numbers that are not finite, negative tolerances, or
         `maxiter` below 1.
     TypeError
-        For what is not real, or a `maxiter` that is no integer.
+        For what is not of numbers, or not in single or double precision, a `maxiter` that is no
+        integer, or `residuals` that are no list.
+
+    See Also
+    --------
+    gmres : for a matrix that is not positive definite
+    richardson
 
     References
     ----------
@@ -97,15 +110,16 @@ def cg(
     >>> import numpy as np
     >>> import toeplitz_mg as tmg
     >>> A = tmg.ToeplitzOperator(1.0 / (1.0 + np.arange(1000)))
-    >>> x, info = tmg.cg(A, np.ones(1000), M=tmg.fft_preconditioner(A), rtol=1e-8, maxiter=10)
-    >>> info
-    0
+    >>> b, M, residuals = np.ones(1000), tmg.fft_preconditioner(A), []
+    >>> x, info = tmg.cg(A, b, M=M, rtol=1e-8, maxiter=10, residuals=residuals)
+    >>> info, len(residuals) - 1 <= 10, residuals[-1] <= 1e-7 * residuals[0]
+    (0, True, True)
     """
-    system = check_system(A, b, x0, M, rtol, atol, maxiter)
-    state = _Iterate(system, inner)
+    system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals)
+    state = _Descent(system, inner)
+    if state.whole.size_of_b == 0.0:
+        return state.whole.zero()
     goal = state.goal(rtol, atol)
-    if goal == 0.0 and not system.b.any():
-        return np.zeros(len(system.b), state.dtype), 0
     for _ in range(STARTS):
         if not _descend(state, system, goal, callback):
             return state.x, max(state.iterations, 1)
@@ -122,25 +136,27 @@ def cg_by_recurrence(
     It is for those who compute the residual of the result themselves, and correct it.
     """
     system = check_system(A, b, None, M, rtol, 0.0, maxiter)
-    state = _Iterate(system, None)
+    state = _Descent(system, None)
     converged = _descend(state, system, state.goal(rtol, 0.0), None)
     return state.x, state.iterations, converged
 
 
 def _descend(
-    state: "_Iterate", system: System, goal: float, callback: Callable[[Array], object] | None
+    state: "_Descent", system: System, goal: float, callback: Callable[[Array], object] | None
 ) -> bool:
     """Iterate from r anew; whether the recurrence for the residual reaches the goal."""
     M = system.M
     precondition = _return_same if M is None else partial(apply_to_rows, M)
     iteration = ConjugateGradients(partial(apply_to_rows, state.A), precondition)
-    while not state.residual(goal) <= goal:
+    size = state.residual(goal)
+    while not size <= goal:
         if state.iterations == system.maxiter:
             return False
         length = iteration.step(state.r)
         if length == 0.0:  # A or M is not positive definite, or not finite.
             return False
         state.step(length, iteration)
+        size = state.residual(goal)
         if callback is not None:
             callback(state.x)
     return True
@@ -150,95 +166,96 @@ def _return_same(r: Array, out: Array) -> Array:
     return r
 
 
-def _check_inner(inner: Any) -> LinearOperator:
+def _check_inner(inner: Any, system: System) -> LinearOperator:
     try:
-        return check_operator("inner", inner)
+        B = check_operator("inner", inner)
     except TypeError:
         raise TypeError(
             f"inner is {inner!r}, but must be A in less precision, as A.astype(np.float32)"
         ) from None
+    if B.shape != system.A.shape:
+        raise ValueError(f"inner has shape {B.shape}, but A has {system.A.shape}")
+    kinds = "fdFD" if system.dtype.kind == "c" else "fd"
+    if np.dtype(B.dtype).char not in kinds:
+        raise TypeError(
+            f"inner has dtype {B.dtype}, but must be A in less precision, and A and b give the "
+            f"dtype {system.dtype}"
+        )
+    return B
 
 
-class _Iterate:
-    """The solution and its residual, for an iteration that may have less precision.
+class _Descent:
+    """The iterate of conjugate gradients, which may have less precision than the solution.
 
-    The residual, and what is made of it, are divided by a power of two, so that no square of them
-    over- or underflows: that changes no digit. It is A (y_scale y) + scale r = b - A (what is in x
+    What is solved for in less precision is y, where A (y_scale y) + scale r = b - A (what is in x
     already); without `inner` y is x itself.
     """
 
     def __init__(self, system: System, inner: Any) -> None:
-        A, b, guess = system.A, system.b, system.x0
-        n = len(b)
-        self.dtype = np.result_type(A.dtype, b.dtype, b.dtype if guess is None else guess.dtype)
-        if self.dtype.char not in "fd":
-            raise TypeError(
-                f"A and b give the dtype {self.dtype}, but the iteration is for real numbers"
-            )
-        self._A, self._b = A, b.astype(self.dtype, copy=False)
-        self._x = np.zeros(n, self.dtype) if guess is None else guess.astype(self.dtype)
-        r = self._b
-        if guess is not None:
-            with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
-                r = self._b - apply_to_rows(A, self._x)
-        exponent = max(int(exponents(v)[0]) for v in (self._b, r))
-        # The largest entry is then from 1 to 2, so that the vectors are in the range of float32.
-        self.scale = 2.0 ** (exponent - 1)
+        dtype = check_precision(system)
+        A = system.A if inner is None else _check_inner(inner, system)
+        whole = Iterate(system)
+        self.whole, self.A = whole, A
+        self._goes_within = inner is not None
+        self.goal = whole.goal
         if inner is None:
-            self.A = A
-            self.y, self._y_scale = self._x, self.scale
+            self.y, self._y_scale, self.r = whole.x, whole.scale, whole.r
         else:
-            self.A = _check_inner(inner)
-            if self.A.shape != A.shape:
-                raise ValueError(f"inner has shape {self.A.shape}, but A has {A.shape}")
-            if np.dtype(self.A.dtype).char not in "fd":
-                raise TypeError(f"inner has dtype {self.A.dtype}, but must be of real numbers")
-            self.y, self._y_scale = np.zeros(n, self.A.dtype), 1.0
-        self.r = (r / self.scale).astype(self.y.dtype, copy=False)
-        self.iterations = 0
+            less = np.result_type(A.dtype, np.complex64) if dtype.kind == "c" else A.dtype
+            self.y, self._y_scale = np.zeros(len(whole.x), less), 1.0
+            self.r = whole.r.astype(less)
         self._is_true = True  # Whether r is that of x, and not that of the recurrence.
         self._last = norm(self.r)
         self._fall = FIRST_FALL
 
-    def goal(self, rtol: float, atol: float) -> float:
-        """Return what ‖r‖ is to be."""
-        return max(rtol * norm(self._b / self.scale), atol / self.scale)
+    @property
+    def iterations(self) -> int:
+        """How many there have been."""
+        return self.whole.iterations
 
     @property
     def x(self) -> Array:
         """The solution so far."""
-        return self._x if self.y is self._x else self._x + self._from_inner()
+        x = self.whole.x
+        return x + self._from_inner() if self._goes_within else x
 
     def _from_inner(self) -> Array:
         # The sum is in the precision of x: that of y may not have numbers as large, or as small.
-        return self.y.astype(self.dtype) * self.scale
+        return self.y.astype(self.whole.x.dtype) * self.whole.scale
 
     def step(self, length: float, iteration: ConjugateGradients) -> None:
         """Go so far along the direction of an iteration."""
         axpy(length * self._y_scale, iteration.direction, self.y)
         axpy(-length, iteration.product, self.r)
-        self.iterations += 1
+        self.whole.iterations += 1
         self._is_true = False
 
     def residual(self, goal: float) -> float:
         """Return ‖r‖ by the recurrence; of an `inner` computed anew where that is not reliable."""
         size = norm(self.r)
-        if self.y is self._x or size > max(goal, self._fall * self._last):
-            return size
-        return self.true_residual()
+        if self._goes_within and size <= max(goal, self._fall * self._last):
+            return self.true_residual()
+        self.whole.record(size)
+        return size
 
     def true_residual(self) -> float:
         """Compute r anew, unless it is as new, and return ‖r‖."""
-        if self._is_true:
-            return norm(self.r)
-        if self.y is not self._x:
-            self._x += self._from_inner()
-            self.y[:] = 0.0
-        with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
-            r = self._b / self.scale - apply_to_rows(self._A, self._x / self.scale)
-            error = norm(r - self.r) / self._last
-        self._fall = min(max(error / RELIABLE, LEAST_FALL), MOST_FALL)
-        self.r[:] = r
-        self._is_true = True
-        self._last = norm(self.r)
+        if not self._is_true:
+            self._compute_residual()
+            self._is_true = True
+            self._last = norm(self.r)
+        self.whole.record(self._last)
         return self._last
+
+    def _compute_residual(self) -> None:
+        whole = self.whole
+        if not self._goes_within:
+            whole.compute_residual()
+            return
+        whole.x += self._from_inner()
+        self.y[:] = 0.0
+        whole.compute_residual()
+        with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
+            error = norm(whole.r - self.r) / self._last
+        self._fall = min(max(error / RELIABLE, LEAST_FALL), MOST_FALL)
+        self.r[:] = whole.r

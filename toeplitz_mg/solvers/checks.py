@@ -19,6 +19,8 @@ class System(NamedTuple):
     b: Array
     x0: Array | None
     maxiter: int
+    residuals: list[float]
+    dtype: np.dtype[Any]  # That of the solution.
 
 
 def check_system(
@@ -29,6 +31,7 @@ def check_system(
     rtol: float,
     atol: float,
     maxiter: int | None,
+    residuals: list[float] | None = None,
 ) -> System:
     """Return a system with vectors of shape (n,), or say what is wrong with it.
 
@@ -38,7 +41,8 @@ def check_system(
         For shapes that do not match, numbers that are not finite, negative tolerances, or
         `maxiter` below 1.
     TypeError
-        For vectors that are not of numbers, or a `maxiter` that is no integer.
+        For vectors that are not of numbers, a `maxiter` that is no integer, or `residuals` that
+        are no list.
     """
     A = check_operator("A", A)
     n = A.shape[0]
@@ -52,7 +56,28 @@ def check_system(
             raise ValueError(f"{name} is {tolerance}, but must be finite and not negative")
     maxiter = 10 * n if maxiter is None else count("maxiter", maxiter)
     guess = None if x0 is None else _vector(x0, "x0", n)
-    return System(A, M, _vector(b, "b", n), guess, maxiter)
+    if residuals is None:
+        residuals = []
+    elif not isinstance(residuals, list):
+        raise TypeError(
+            f"residuals is {residuals!r}, but must be a list, which will be filled: make one by "
+            "residuals = []"
+        )
+    b = _vector(b, "b", n)
+    dtype = np.result_type(A.dtype, b.dtype, b.dtype if guess is None else guess.dtype)
+    if M is not None and M.dtype.kind == "c":
+        dtype = np.result_type(dtype, np.complex64)
+    return System(A, M, b, guess, maxiter, residuals, dtype)
+
+
+def check_precision(system: System) -> np.dtype[Any]:
+    """Return the dtype of the solution, which must be one that BLAS has."""
+    if system.dtype.char not in "fdFD":
+        raise TypeError(
+            f"A and b give the dtype {system.dtype}, but the iteration is in float32 or float64, "
+            "real or complex"
+        )
+    return system.dtype
 
 
 def check_numbers(name: str, values: Any) -> Array:

@@ -11,11 +11,10 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Rows
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.preconditioners.choice import candidates_of_line
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
-from toeplitz_mg.solvers.inverse import first_column
+from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.levinson import levinson
 from toeplitz_mg.solvers.machine import WINDOW, cosine_over_levinson
 from toeplitz_mg.solvers.system import LARGEST_COSINE, ToeplitzSystem
@@ -117,7 +116,7 @@ def _cg_method(A: ToeplitzOperator) -> Iterator[Method]:
 
 def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
     try:
-        G = GohbergSemencul(first_column(A))
+        G = first_columns(A).inverse
     except np.linalg.LinAlgError:  # A is not positive definite.
         return
     yield Method("toeplitz_inverse", lambda B, rtol: (G.apply(B), 1))

@@ -1,44 +1,100 @@
-"""GMRES, preconditioned from the right: one product in an iteration, and none beside."""
+"""GMRES, preconditioned from the right, so that the true residual is what stops it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike
+from numpy.typing import ArrayLike
+from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.vectors import combine, dots, norm
+from toeplitz_mg._typing import Array, Multiply
+from toeplitz_mg.engine.krylov_space import KrylovSpace
+from toeplitz_mg.engine.vectors import combine, norm
+from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.solvers.checks import System, check_precision, check_system
+from toeplitz_mg.solvers.iterate import Iterate
+from toeplitz_mg.values import count
 
-CANCELLED = 0.5  # Part of a vector's size that may be left before it is made orthogonal again.
-EXHAUSTED = 1e-14  # Size of a new basis vector that is rounding: the space holds the solution.
+RESTART = 20  # Most iterations of a cycle, as in SciPy: there are 28 vectors then.
+STAGNANT = 0.999  # Factor by which a cycle is to reduce the residual, for another one to follow.
 
 
 def gmres(
-    A: Callable[[Array], Array],
-    M: Callable[[Array], Array],
-    b: Array,
-    goal: Callable[[Array], float],
-    max_iterations: int,
-    dtype: DTypeLike,
+    A: Any,
+    b: ArrayLike,
+    x0: ArrayLike | None = None,
+    *,
+    rtol: float = 1e-5,
+    atol: float = 0.0,
+    restart: int | None = None,
+    maxiter: int | None = None,
+    M: Any = None,
+    callback: Callable[[Any], object] | None = None,
+    callback_type: str | None = None,
+    residuals: list[float] | None = None,
 ) -> tuple[Array, int]:
-    """Solve A x = b by GMRES, with A M in the place of A.
+    """Solve A x = b by GMRES, for any matrix, as `scipy.sparse.linalg.gmres` does.
+
+    SciPy preconditions from the left, and so makes the residual least after the multiplication
+    with `M`. Here it is ‖b - A x‖₂ itself that is made least, in each iteration, and that says
+    when to stop.
 
     Parameters
     ----------
-    A, M : callable
-        Products of a field with the matrix, and with an approximation of its inverse.
-    b : ndarray
-        A field of any shape, not zero.
-    goal : callable
-        Called with each iterate x; ‖b - A x‖₂ may be as large as what it returns.
-    max_iterations : int
-    dtype : float32 or float64
-        The precision of the fields that `A` and `M` are given, and of the two bases, which are
-        kept: 2 `max_iterations` fields.
+    A : array_like, sparse matrix or LinearOperator, of shape (n, n)
+        Real or complex, symmetric or not.
+    b : array_like of shape (n,) or (n, 1)
+    x0 : array_like of shape (n,) or (n, 1), optional
+        First guess, zero by default. It is not changed.
+    rtol, atol : float
+        It has converged where ‖b - A x‖₂ ≤ max(rtol ‖b‖₂, atol). A recurrence tells that norm in
+        each iteration; at the end of a cycle it is computed, and only that decides.
+    restart : int, optional
+        Most iterations of a cycle, ``min(20, n)`` by default, after which the next one starts from
+        the residual. It keeps ``restart + 1`` vectors, and at most seven beside them: by default
+        28, of 224 MiB in 2^20 real unknowns.
+    maxiter : int, optional
+        Most cycles, 10 n by default.
+    M : array_like, sparse matrix or LinearOperator, optional
+        Approximate inverse of `A`, that need not be symmetric. It may be in less precision.
+    callback : callable, optional
+        What it is called with, `callback_type` has to say.
+    callback_type : {"x", "pr_norm"}, optional
+        With "x" it is ``callback(xk)`` with the iterate after each cycle; with "pr_norm"
+        ``callback(norm)`` with ‖b - A x‖₂/‖b‖₂ after each iteration.
+    residuals : list, optional
+        It is filled with ‖b - A x‖₂ of the first guess and after each iteration, so that there are
+        ``len(residuals) - 1`` iterations. What was in it is lost. The norms are those of the
+        recurrence, but for those that are computed: the first one, and the last one of each cycle.
 
     Returns
     -------
-    x : ndarray of the shape of `b`, float64
-    iterations : int
+    x : ndarray of shape (n,)
+    info : int
+        0 where it has converged. Otherwise the iterations done, of all cycles (at least 1): the
+        cycles are used up; or a cycle has not reduced the residual, or by less than 0.1 %, as with
+        a singular matrix, near rounding, or with too short a cycle; or `A` or `M` is found not to
+        be finite. `x` is then the iterate of the least residual.
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not match, numbers that are not finite, negative tolerances, `restart`
+        or `maxiter` below 1, or a `callback` of another type than these two.
+    TypeError
+        For what is not of numbers, or not in single or double precision, a `restart` or `maxiter`
+        that is no integer, or `residuals` that are no list.
+
+    See Also
+    --------
+    cg : for a symmetric or Hermitian positive definite matrix, in less memory
+    richardson
+
+    Notes
+    -----
+    An iteration takes one product with `A` and one with `M`, and makes a vector orthogonal to all
+    others of the cycle. A cycle takes one product more with each of the two.
 
     References
     ----------
@@ -47,32 +103,77 @@ def gmres(
 
     Examples
     --------
-    >>> A = np.array([[2.0, 1.0], [0.0, 1.0]])
-    >>> b = np.array([3.0, 1.0])
-    >>> x, iterations = gmres(lambda x: A @ x, lambda x: x, b, lambda x: 1e-12, 2, np.float64)
-    >>> x.round(12), iterations
-    (array([1., 1.]), 2)
+    >>> import numpy as np
+    >>> import toeplitz_mg as tmg
+    >>> k = np.arange(1000)
+    >>> A = tmg.ToeplitzOperator((1.0 + k) ** -1.1, 0.5 * (1.0 + k) ** -2.0)
+    >>> residuals = []
+    >>> x, info = tmg.gmres(A, np.ones(1000), residuals=residuals)
+    >>> info, len(residuals) - 1 <= 20, residuals[-1] <= 1e-5 * residuals[0]
+    (0, True, True)
     """
-    beta = norm(b)
-    basis = np.empty((max_iterations + 1, *b.shape), dtype)
-    directions = np.empty((max_iterations, *b.shape), dtype)
-    basis[0] = b / beta
-    H, rhs = np.zeros((max_iterations + 1, max_iterations)), np.zeros(max_iterations + 1)
-    rhs[0] = 1.0
-    for k in range(max_iterations):
-        directions[k] = M(basis[k])
-        w = A(directions[k]).astype(dtype)
-        size, before = norm(w), np.inf
-        while size < CANCELLED * before:
-            h = dots(basis[: k + 1], w)
-            w -= combine(h, basis[: k + 1])
-            H[: k + 1, k] += h
-            size, before = norm(w), size
-        H[k + 1, k] = size
-        y, *_ = np.linalg.lstsq(H[: k + 2, : k + 1], rhs[: k + 2])
-        residual = beta * float(np.linalg.norm(rhs[: k + 2] - H[: k + 2, : k + 1] @ y))
-        x = beta * combine(y, directions[: k + 1]).astype(np.float64)
-        if residual <= goal(x) or size <= EXHAUSTED:
-            break
-        basis[k + 1] = w / size
-    return x, k + 1
+    system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals)
+    dtype, n = check_precision(system), len(system.b)
+    restart = min(n, RESTART if restart is None else count("restart", restart))
+    if callback is not None and callback_type not in ("x", "pr_norm"):
+        raise ValueError(
+            f"callback_type is {callback_type!r}, but must be 'x', to call back with the iterate "
+            "after each cycle, or 'pr_norm', with the relative residual after each iteration"
+        )
+    state = Iterate(system)
+    if state.size_of_b == 0.0:
+        return state.zero()
+    goal, residual = state.goal(rtol, atol), norm(state.r)
+    state.record(residual)
+    space = KrylovSpace(_product(system), (n,), dtype, restart)
+    cycles, before = 0, np.inf
+    while not residual <= goal:
+        if cycles == system.maxiter or not residual < STAGNANT * before:
+            return state.x, max(state.iterations, 1)
+        before = residual
+        with np.errstate(over="ignore", invalid="ignore"):  # It is told by `info`.
+            for least in _extend(space, state.r, restart, goal):
+                state.iterations += 1
+                state.record(least)
+                if callback is not None and callback_type == "pr_norm":
+                    callback(least / state.size_of_b)
+            residual = _correct(state, space, system.M, before)
+        cycles += 1
+        state.record(residual)
+        if callback is not None and callback_type == "x":
+            callback(state.x)
+    return state.x, 0
+
+
+def _product(system: System) -> Multiply:
+    """Return the products with A M, or with A."""
+    A, M = system.A, system.M
+    if M is None:
+        return partial(apply_to_rows, A)
+    between = np.empty(len(system.b), system.dtype)
+    return lambda v, out: apply_to_rows(A, apply_to_rows(M, v, between), out)
+
+
+def _extend(space: KrylovSpace, r: Array, most: int, goal: float) -> Iterator[float]:
+    """Search a space that grows until it holds a solution, and yield the least residuals."""
+    space.begin(r)
+    while space.dimension < most:
+        least = space.extend()
+        yield least
+        if least <= goal:  # It is 0 where nothing more is to be had.
+            return
+
+
+def _correct(state: Iterate, space: KrylovSpace, M: LinearOperator | None, before: float) -> float:
+    """Add to x the best in the space, if it is better, and return the norm of the residual."""
+    z = combine(space.weights(), space.basis)
+    if M is not None:
+        apply_to_rows(M, z, z)
+    z *= state.scale
+    x = state.x
+    state.x = x + z
+    residual = state.compute_residual()
+    if residual < before:
+        return residual
+    state.x = x
+    return before

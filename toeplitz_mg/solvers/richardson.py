@@ -10,7 +10,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.solvers.checks import check_system
-from toeplitz_mg.solvers.scaling import exponents
+from toeplitz_mg.solvers.iterate import Iterate
 
 PATIENCE = 100  # Iterations without a smaller residual, after which none is expected.
 
@@ -25,6 +25,7 @@ def richardson(
     maxiter: int | None = None,
     M: Any = None,
     callback: Callable[[Array], object] | None = None,
+    residuals: list[float] | None = None,
 ) -> tuple[Array, int]:
     """Solve A x = b by x ← x + M (b - A x) (paper, Eq. 11).
 
@@ -47,6 +48,9 @@ def richardson(
     callback : callable, optional
         Called as ``callback(xk)`` with the iterate after each iteration. The array is used again:
         copy what is to be kept.
+    residuals : list, optional
+        It is filled with ‖b - A x‖₂ of the first guess and after each iteration, so that there are
+        ``len(residuals) - 1`` iterations. What was in it is lost.
 
     Returns
     -------
@@ -62,7 +66,12 @@ def richardson(
         For shapes that do not match, numbers that are not finite, negative tolerances, or
         `maxiter` below 1.
     TypeError
-        For `b` or `x0` that are not of numbers, or a `maxiter` that is no integer.
+        For `b` or `x0` that are not of numbers, a `maxiter` that is no integer, or `residuals`
+        that are no list.
+
+    See Also
+    --------
+    cg, gmres
 
     Notes
     -----
@@ -75,48 +84,34 @@ def richardson(
     >>> import toeplitz_mg as tmg
     >>> problem = tmg.contact.problems.test1(1024)
     >>> M = tmg.multigrid(problem.A, pre=0, post=1)
-    >>> x, info = tmg.richardson(problem.A, problem.b, M=M, rtol=1e-8)
-    >>> info
-    0
+    >>> residuals = []
+    >>> x, info = tmg.richardson(problem.A, problem.b, M=M, rtol=1e-8, residuals=residuals)
+    >>> info, len(residuals) - 1 < 20, residuals[-1] <= 1e-8 * residuals[0]
+    (0, True, True)
     """
-    A, M, b, guess, maxiter = check_system(A, b, x0, M, rtol, atol, maxiter)
-    n = len(b)
-    dtype = np.result_type(A.dtype, b.dtype, b.dtype if guess is None else guess.dtype)
-    if M is not None and M.dtype.kind == "c":
-        dtype = np.result_type(dtype, np.complex64)
-    x = np.zeros(n, dtype) if guess is None else guess.astype(dtype)
-    r = b.astype(dtype)
-    # What is not finite is reported, not warned of.
-    with np.errstate(over="ignore", invalid="ignore"):
-        if guess is not None:
-            r -= apply_to_rows(A, x)
-    # b and r are divided by a power of two, which changes no digit, and prevents overflow.
-    scale = 2.0 ** (max(int(exponents(v)[0]) for v in (b, r)) - 1)
-    b, r = b / scale, r / scale
-
-    size = norm(b)
-    if size == 0.0:
-        return np.zeros_like(x), 0
-    goal = max(rtol * size, atol / scale)
-    residual = norm(r)
-    limit = max(residual, size) / np.finfo(dtype).eps
-    iterations, best, best_at = 0, residual, 0
+    system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals)
+    state = Iterate(system)
+    if state.size_of_b == 0.0:
+        return state.zero()
+    x, r, M = state.x, state.r, system.M
+    goal, residual = state.goal(rtol, atol), norm(r)
+    limit = max(residual, state.size_of_b) / np.finfo(x.dtype).eps
+    best, best_at = residual, 0
+    state.record(residual)
     while not residual <= goal:
-        stagnates = iterations - best_at >= PATIENCE
-        if iterations == maxiter or stagnates or not residual <= limit:
-            return x, max(iterations, 1)
-        with np.errstate(over="ignore", invalid="ignore"):
+        stagnates = state.iterations - best_at >= PATIENCE
+        if state.iterations == system.maxiter or stagnates or not residual <= limit:
+            return x, max(state.iterations, 1)
+        with np.errstate(over="ignore", invalid="ignore"):  # It is reported, not warned of.
             if M is not None:
                 apply_to_rows(M, r, r)
-            r *= scale
+            r *= state.scale
             x += r
-            np.divide(x, scale, out=r)
-            apply_to_rows(A, r, r)
-            np.subtract(b, r, out=r)
-            residual = norm(r)
-        iterations += 1
+        residual = state.compute_residual()
+        state.iterations += 1
+        state.record(residual)
         if residual < best:
-            best, best_at = residual, iterations
+            best, best_at = residual, state.iterations
         if callback is not None:
             callback(x)
     return x, 0

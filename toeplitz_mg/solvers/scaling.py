@@ -8,7 +8,12 @@ SMALLEST = float(np.finfo(np.float64).tiny)  # Smallest number of which float64 
 
 
 def exponents(a: Array) -> Array:
-    """Return the powers of two that scale the rows of `a` to numbers from 1/2 to 1."""
+    """Return the powers of two that scale the rows of `a` to numbers from 1/2 to 1.
+
+    Of complex numbers that is so for the larger of all real and imaginary parts.
+    """
+    if a.dtype.kind == "c":  # The absolute value of a number may overflow.
+        return np.maximum(exponents(a.real), exponents(a.imag))
     powers = np.frexp(np.abs(a).max(axis=-1, keepdims=True, initial=0.0))[1]
     # Beyond these the scale itself, or its inverse, would over- or underflow.
     return np.clip(powers, -1000, 1000)

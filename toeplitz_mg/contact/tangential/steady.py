@@ -32,10 +32,10 @@ from toeplitz_mg.contact.tangential.stick_slip import (
     refine_guess,
     solve,
 )
-from toeplitz_mg.engine.vectors import norm
+from toeplitz_mg.engine.krylov_space import KrylovSpace
+from toeplitz_mg.engine.vectors import combine, norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator, apply_to_rows
-from toeplitz_mg.solvers.gmres import gmres
 
 REDUCTION = 0.01  # Reduction of the residual by one solution where the problem is linearised.
 SINGLE = 1e-5  # Reduction of the residual for which single precision is good.
@@ -173,14 +173,22 @@ def _newton_step(
     def goal(v: Array) -> float:
         return max(exact, k0 * problem.excess(q + v) * before / float(np.abs(r).max()))
 
-    return gmres(
-        lambda v: T(K(v)) + lam * v,
-        lambda v: T(weight * apply_to_rows(M, (weight * T(v)).reshape(-1)).reshape(v.shape)),
-        r,
-        goal,
-        min(options.iterations, max(1, K.limit - K.count)),
-        M.dtype,
-    )
+    most = min(options.iterations, max(1, K.limit - K.count))
+    # All of them are kept, so that the goal of each iterate is told without a product more.
+    directions = np.empty((most, *r.shape), M.dtype)
+
+    def multiply(v: Array, out: Array) -> Array:
+        d = directions[space.dimension]
+        d[...] = T(weight * apply_to_rows(M, (weight * T(v)).reshape(-1)).reshape(v.shape))
+        return T(K(d)) + lam * d
+
+    space = KrylovSpace(multiply, r.shape, M.dtype, most)
+    space.begin(r)
+    while True:
+        least = space.extend()
+        v = combine(space.weights(), directions[: space.dimension]).astype(np.float64)
+        if least <= goal(v) or space.dimension == most:
+            return v, space.dimension
 
 
 def _shift(areas: Areas) -> float:

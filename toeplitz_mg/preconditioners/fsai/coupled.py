@@ -41,7 +41,7 @@ def find_coupled_stencil(A: CoupledOperator) -> Stencil | None:
     It is for components that are strongly coupled, as on a half-space, and for each of which few
     neighbours are enough.
     """
-    if len(A.blocks) != 2 or not A.is_symmetric:
+    if len(A.blocks) != 2 or not A.is_symmetric or A.dtype.kind == "c":
         return None
     (x, xy), (_, y) = A.blocks
     if x is None or y is None or xy is None or len(x.grid_shape) != 2:

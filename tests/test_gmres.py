@@ -1,0 +1,325 @@
+"""gmres: SciPy's signature, the true residual, honest failure."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+import scipy.sparse
+import scipy.sparse.linalg
+from numpy.testing import assert_allclose
+
+import toeplitz_mg as tmg
+
+DTYPES = [np.float32, np.float64, np.complex64, np.complex128]
+
+
+def matrix(n, dtype=np.float64):
+    """No symmetry, a condition number of some tens."""
+    rng = np.random.default_rng(0)
+    A = np.eye(n) + 0.6 / np.sqrt(n) * rng.standard_normal((n, n))
+    if np.dtype(dtype).kind == "c":
+        A = A + 0.4j / np.sqrt(n) * rng.standard_normal((n, n))
+    return A.astype(dtype)
+
+
+def vector(n, dtype=np.float64, seed=1):
+    rng = np.random.default_rng(seed)
+    b = rng.standard_normal(n)
+    return (b + 1j * rng.standard_normal(n) if np.dtype(dtype).kind == "c" else b).astype(dtype)
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("with_guess", [False, True])
+@pytest.mark.parametrize("restart", [None, 5, 60])
+def test_solves_to_the_true_residual(dtype, with_guess, restart):
+    A, b = matrix(60, dtype), vector(60, dtype)
+    M = np.diag(np.linspace(0.5, 2.0, 60)).astype(dtype)
+    x0 = vector(60, dtype, seed=2) if with_guess else None
+    rtol = 1e-4 if np.finfo(dtype).bits == 32 else 1e-11
+    x, info = tmg.gmres(A, b, x0, M=M, rtol=rtol, restart=restart)
+    assert info == 0
+    assert x.dtype == dtype
+    # 1.1: the residual that is computed has a rounding of its own.
+    assert np.linalg.norm(b - A @ x) <= 1.1 * rtol * np.linalg.norm(b)
+
+
+@pytest.mark.parametrize(("restart", "maxiter"), [(3, 4), (15, 2)])
+def test_the_iterates_are_those_of_scipy(restart, maxiter):
+    """Without a preconditioner left and right are the same."""
+    A, b = matrix(50), vector(50)
+    ours, theirs = [], []
+    for gmres, iterates in ((tmg.gmres, ours), (scipy.sparse.linalg.gmres, theirs)):
+        x, info = gmres(
+            A,
+            b,
+            rtol=1e-13,
+            restart=restart,
+            maxiter=maxiter,
+            callback=lambda x, i=iterates: i.append(x.copy()),
+            callback_type="x",
+        )
+        assert info > 0
+        assert_allclose(x, iterates[-1])
+    assert len(ours) == maxiter
+    assert_allclose(ours, theirs, atol=1e-10)
+
+
+@pytest.mark.parametrize("restart", [4, 30])
+def test_callbacks_and_history(restart):
+    A, b = matrix(50), vector(50)
+    M = np.diag(np.linspace(0.5, 2.0, 50))
+    norms, residuals = [], []
+    x, info = tmg.gmres(
+        A,
+        b,
+        M=M,
+        rtol=1e-9,
+        restart=restart,
+        callback=norms.append,
+        callback_type="pr_norm",
+        residuals=residuals,
+    )
+    assert info == 0
+    size = np.linalg.norm(b)
+    # The recurrence tells the true residual.
+    assert_allclose(residuals[1:], size * np.array(norms), atol=1e-12 * size)
+    assert_allclose(residuals[-1], np.linalg.norm(b - A @ x), rtol=1e-4)
+    assert (np.diff(residuals) <= 1e-14 * size).all()
+    # And it stops at once.
+    assert residuals[-1] <= 1e-9 * size < residuals[-2]
+    for k in (1, 3, 7):
+        y, _ = tmg.gmres(A, b, M=M, rtol=residuals[k] * (1 + 1e-9) / size, restart=restart)
+        assert_allclose(np.linalg.norm(b - A @ y), residuals[k], rtol=1e-9)
+
+
+def test_a_callback_says_with_what_it_is_to_be_called():
+    for callback_type in (None, "legacy"):
+        with pytest.raises(ValueError, match=r"callback_type is .*, but must be 'x'"):
+            tmg.gmres(np.eye(3), np.ones(3), callback=print, callback_type=callback_type)
+
+
+def test_takes_what_scipy_takes():
+    A, b = matrix(30), vector(30)
+    expected = np.linalg.solve(A, b)
+    for operator in (A, scipy.sparse.csr_array(A), scipy.sparse.linalg.aslinearoperator(A)):
+        for rhs in (b, b[:, None], list(b)):
+            x, info = tmg.gmres(operator, rhs, rtol=1e-12, restart=30)
+            assert info == 0
+            assert_allclose(x, expected, atol=1e-10)
+    z, info = tmg.gmres(A, 1j * b, rtol=1e-12, restart=30)
+    assert info == 0
+    assert_allclose(z, 1j * expected, atol=1e-10)
+    z, info = tmg.gmres(A, b, M=np.diag(np.exp(1j * np.arange(30))), rtol=1e-12, restart=30)
+    assert info == 0
+    assert_allclose(z, expected, atol=1e-10)
+
+
+def test_toeplitz_matrices_without_symmetry():
+    k = np.arange(500)
+    A = tmg.ToeplitzOperator((1.0 + k) ** -1.1, 0.5 * (1.0 + k) ** -2.0)
+    # The inverse of the triangular matrix of the first column, cut to 100 entries.
+    M = tmg.ToeplitzOperator(np.where(k < 100, np.linalg.solve(A.toarray(), k == 0), 0.0), 0.0 * k)
+    b = vector(500)
+    counts = []
+    for preconditioner in (None, M):
+        residuals = []
+        x, info = tmg.gmres(A, b, M=preconditioner, rtol=1e-10, residuals=residuals)
+        assert info == 0
+        assert np.linalg.norm(b - A @ x) <= 1.001e-10 * np.linalg.norm(b)
+        counts.append(len(residuals))
+    assert 2 * counts[1] < counts[0]
+    z, info = tmg.gmres(A, b + 1j * b[::-1], M=M, rtol=1e-10)
+    assert info == 0
+    assert np.linalg.norm(b + 1j * b[::-1] - A @ z) <= 1.001e-10 * np.linalg.norm([b, b])
+
+
+def test_complex_toeplitz_matrices():
+    k = np.arange(500)
+    column, row = 0.5**k * np.exp(0.7j * k), 0.4**k * np.exp(0.2j * k)
+    b = vector(500, np.complex128)
+    for A in (tmg.ToeplitzOperator(column, row), tmg.ToeplitzOperator(column)):
+        M = tmg.chan_preconditioner(A)
+        counts = []
+        for preconditioner in (None, M):
+            residuals = []
+            x, info = tmg.gmres(A, b, M=preconditioner, rtol=1e-10, residuals=residuals)
+            assert info == 0
+            assert np.linalg.norm(b - A @ x) <= 1.001e-10 * np.linalg.norm(b)
+            counts.append(len(residuals))
+        assert counts[1] <= counts[0] / 2
+    x, info = tmg.cg(A, b, M=M, rtol=1e-10)  # The second one is Hermitian positive definite.
+    assert info == 0
+    assert np.linalg.norm(b - A @ x) <= 1e-9 * np.linalg.norm(b)
+
+
+@pytest.mark.parametrize("restart", [None, 7])
+def test_one_product_an_iteration_and_one_a_cycle(restart):
+    A = tmg.ToeplitzOperator(0.6 ** np.arange(500), 0.3 ** np.arange(500))
+    b = vector(500)
+    for guess, first in ((None, 0), (np.ones(500), 1)):
+        residuals, cycles = [], []
+        with tmg.count_products() as work:
+            _, info = tmg.gmres(
+                A,
+                b,
+                guess,
+                rtol=1e-7,
+                restart=restart,
+                residuals=residuals,
+                callback=cycles.append,
+                callback_type="x",
+            )
+        assert info == 0
+        assert work.products == len(residuals) - 1 + len(cycles) + first
+
+
+@pytest.mark.parametrize("power", [-900, -700, 700, 1000])
+@pytest.mark.parametrize("with_guess", [False, True])
+def test_a_power_of_two_scales_every_iterate_and_changes_no_digit(power, with_guess):
+    """Squares of these numbers are 0 or inf in float64."""
+    A, x0, b = matrix(40), vector(40, seed=2), vector(40)
+    ours, scaled = [], []
+    for scale, history in ((1.0, ours), (2.0**power, scaled)):
+        guess = scale * x0 if with_guess else None
+        residuals = []
+        x, info = tmg.gmres(A, scale * b, guess, rtol=1e-9, restart=8, residuals=residuals)
+        assert info == 0
+        history.extend([*(x / scale), *(np.array(residuals) / scale)])
+    assert np.array_equal(ours, scaled)
+
+
+@pytest.mark.parametrize("of_A", [1e-300, 1e-200, 1e200, 1e300])
+def test_matrices_tiny_and_huge(of_A):
+    A, b = matrix(40), vector(40)
+    x, info = tmg.gmres(of_A * A, of_A * b, rtol=1e-10)
+    assert info == 0
+    assert np.linalg.norm(b - A @ x) <= 1.001e-10 * np.linalg.norm(b)
+
+
+@pytest.mark.parametrize("complex_part", [1.0, 1.0 + 1.0j])
+def test_the_largest_numbers_there_are(complex_part):
+    """The absolute value of the complex one overflows."""
+    b = 1.5e308 * complex_part * np.array([1.0, 0.5])
+    for solver in (tmg.gmres, tmg.cg, tmg.richardson):
+        x, info = solver(np.diag([1.0, 0.75]), b, rtol=1e-12, maxiter=100)
+        assert info == 0
+        assert_allclose(x / 1e308, b / 1e308 / [1.0, 0.75])
+
+
+@pytest.mark.parametrize(("of_A", "of_b"), [(1e-300, 1e10), (1e200, 1e-200)])
+def test_a_solution_out_of_range_has_not_converged(of_A, of_b):
+    _, info = tmg.gmres(of_A * matrix(10), of_b * vector(10), maxiter=50)
+    assert info > 0
+
+
+def test_stagnation_is_reported():
+    """A shift by one: GMRES finds nothing before the n-th iteration."""
+    A, b = np.roll(np.eye(30), 1, axis=0), np.eye(30)[0]
+    residuals = []
+    x, info = tmg.gmres(A, b, restart=10, residuals=residuals)
+    assert (info, len(residuals) - 1) == (10, 10)
+    assert np.linalg.norm(b - A @ x) <= 1.0
+    _, info = tmg.gmres(A, b, restart=30)
+    assert info == 0
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_stagnation_at_rounding_is_reported(dtype):
+    A, b = matrix(60, dtype), vector(60, dtype)
+    residuals = []
+    x, info = tmg.gmres(A, b, rtol=1e-20, residuals=residuals)
+    assert 0 < info == len(residuals) - 1 < 300
+    assert_allclose(residuals[-1], np.linalg.norm(b - A @ x), rtol=0.5)
+    assert residuals[-1] <= 100 * np.finfo(dtype).eps * np.linalg.norm(b)
+
+
+def test_too_few_cycles_are_reported():
+    A, b = matrix(60), vector(60)
+    residuals = []
+    x, info = tmg.gmres(A, b, rtol=1e-12, restart=3, maxiter=2, residuals=residuals)
+    assert info == len(residuals) - 1 == 6
+    assert_allclose(residuals[-1], np.linalg.norm(b - A @ x))
+
+
+def test_singular_matrices():
+    A = np.diag([1.0, 2.0, 0.0])
+    x, info = tmg.gmres(A, [1.0, 1.0, 0.0], rtol=1e-12)
+    assert info == 0
+    assert_allclose(x, [1.0, 0.5, 0.0], atol=1e-15)
+    x, info = tmg.gmres(A, [1.0, 1.0, 1.0])
+    assert info > 0
+    assert_allclose(np.linalg.norm([1.0, 1.0, 1.0] - A @ x), 1.0)
+    nilpotent = np.array([[0.0, 1.0], [0.0, 0.0]])
+    for b in ([1.0, 0.0], [0.0, 1.0]):
+        x, info = tmg.gmres(nilpotent, b)
+        assert info > 0
+        assert np.linalg.norm(b - nilpotent @ x) <= 1.0
+    x, info = tmg.gmres(np.zeros((3, 3)), [1.0, 2.0, 3.0])
+    assert info == 1
+    assert not x.any()
+
+
+@pytest.mark.filterwarnings("ignore:invalid value encountered in matmul:RuntimeWarning")
+@pytest.mark.parametrize("bad", [np.inf, -np.inf, np.nan])
+@pytest.mark.parametrize("with_guess", [False, True])
+def test_stops_where_a_matrix_is_not_finite(bad, with_guess):
+    good = np.eye(50)
+    spoilt = good.copy()
+    spoilt[3, 4] = bad
+    guess = 0.5 * np.ones(50) if with_guess else None
+    for A, M in ((spoilt, None), (good, spoilt)):
+        residuals = []
+        x, info = tmg.gmres(A, np.ones(50), guess, M=M, residuals=residuals)
+        assert info == 1
+        assert len(residuals) <= 2
+        assert np.isfinite(x).all()
+
+
+def test_the_guess_may_be_the_solution_and_is_not_changed():
+    A, x0 = matrix(30), np.ones(30)
+    x, info = tmg.gmres(A, A @ x0, x0)
+    assert info == 0
+    assert np.array_equal(x, x0)
+    tmg.gmres(A, vector(30), x0)
+    assert (x0 == 1.0).all()
+    zero, info = tmg.gmres(A, np.zeros(30), x0)
+    assert info == 0
+    assert not zero.any()
+
+
+def test_the_memory_is_bounded():
+    n = 2**16
+    A = tmg.ToeplitzOperator(0.9 ** np.arange(n), 0.8 ** np.arange(n))
+    b = vector(n)
+    A @ b  # Its memory for products is kept.
+    tracemalloc.start()
+    try:
+        residuals = []
+        tmg.gmres(A, b, rtol=1e-12, residuals=residuals)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert len(residuals) > 20
+    assert peak <= 30 * b.nbytes
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "match"),
+    [
+        ({"b": np.ones(4)}, ValueError, r"b has shape \(4,\), but A has \(3, 3\)"),
+        ({"x0": np.ones(4)}, ValueError, r"x0 has shape \(4,\)"),
+        ({"b": [1.0, np.nan, 0.0]}, ValueError, "b has entries that are not finite"),
+        ({"b": ["a", "b", "c"]}, TypeError, "b has dtype"),
+        ({"b": np.ones(3, np.longdouble)}, TypeError, "in float32 or float64, real or complex"),
+        ({"rtol": -1e-8}, ValueError, "rtol is -1e-08, but must be finite and not negative"),
+        ({"restart": 0}, ValueError, "restart is 0, but must be at least 1"),
+        ({"restart": 2.5}, TypeError, r"restart is 2\.5, but must be an integer"),
+        ({"maxiter": 0}, ValueError, "maxiter is 0, but must be at least 1"),
+        ({"M": np.eye(2)}, ValueError, r"M has shape \(2, 2\), but A has \(3, 3\)"),
+        ({"A": np.ones((3, 2))}, ValueError, "must be square"),
+    ],
+)
+def test_refuses_bad_arguments(arguments, error, match):
+    arguments = {"A": np.eye(3), "b": np.ones(3)} | arguments
+    with pytest.raises(error, match=match):
+        tmg.gmres(arguments.pop("A"), arguments.pop("b"), **arguments)

@@ -1,0 +1,81 @@
+"""What all iterations have in common: the history of the residuals."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import toeplitz_mg as tmg
+
+SOLVERS = [tmg.cg, tmg.richardson, tmg.gmres]
+A = tmg.ToeplitzOperator(1.0 / (1.0 + np.arange(200)))
+M = tmg.fft_rsm_preconditioner(A)
+
+
+def vector(is_complex=False):
+    rng = np.random.default_rng(0)
+    return rng.standard_normal(200) + 1j * is_complex * rng.standard_normal(200)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("with_guess", [False, True])
+@pytest.mark.parametrize("size", [1.0, 1e-200, 1e200])
+def test_residuals_are_those_of_all_iterates(solver, with_guess, size):
+    b = size * vector().real
+    x0 = size * np.ones(200) if with_guess else None
+    residuals = [1.0, 2.0]
+    x, info = solver(A, b, x0, M=M, rtol=1e-10, residuals=residuals)
+    assert info == 0
+    first = b if x0 is None else b - A @ x0
+    assert_allclose(residuals[0] / size, np.linalg.norm(first / size), rtol=1e-12)
+    last = np.linalg.norm(b / size - A @ (x / size))
+    # The last one is computed; it has rounding of its own.
+    assert_allclose(residuals[-1] / size, last, atol=1e-13)
+    assert residuals[-1] / size <= 1e-9 * np.linalg.norm(b / size)
+
+
+@pytest.mark.parametrize("solver", [tmg.cg, tmg.richardson])
+@pytest.mark.parametrize("is_complex", [False, True])
+def test_one_entry_for_each_iterate(solver, is_complex):
+    b = vector(is_complex) if is_complex else vector().real
+    residuals, true = [], [np.linalg.norm(b)]
+
+    def look(x):
+        true.append(np.linalg.norm(b - A @ x))
+        assert len(residuals) == len(true)
+
+    _, info = solver(A, b, M=M, rtol=1e-8, residuals=residuals, callback=look)
+    assert info == 0
+    assert_allclose(residuals, true, atol=1e-12)
+    _, info = solver(A, b, M=M, rtol=1e-8, residuals=residuals, maxiter=3)
+    assert (info, len(residuals)) == (3, 4)
+
+
+def test_the_history_of_an_iteration_in_less_precision():
+    b, residuals, true = vector().real, [], [np.linalg.norm(vector().real)]
+    _, info = tmg.cg(
+        A,
+        b,
+        M=M,
+        rtol=1e-10,
+        inner=A.astype(np.float32),
+        residuals=residuals,
+        callback=lambda x: true.append(np.linalg.norm(b - A @ x)),
+    )
+    assert info == 0
+    # What is not computed may be wrong by 0.1 %, or by the rounding of float32.
+    assert_allclose(residuals, true, rtol=0.05)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_zero_right_hand_side_has_a_history_of_one(solver):
+    residuals = [3.0]
+    x, info = solver(A, np.zeros(200), np.ones(200), residuals=residuals)
+    assert (info, residuals) == (0, [0.0])
+    assert not x.any()
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("residuals", [(), np.zeros(3), True, {}])
+def test_only_a_list_is_filled(solver, residuals):
+    with pytest.raises(TypeError, match=r"residuals is .*, but must be a list"):
+        solver(A, vector().real, residuals=residuals)

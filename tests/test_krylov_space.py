@@ -1,0 +1,96 @@
+"""The space of GMRES: an orthonormal basis, and the least residual in it."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from toeplitz_mg.engine.krylov_space import KrylovSpace
+from toeplitz_mg.engine.vectors import combine
+
+DTYPES = [np.float32, np.float64, np.complex64, np.complex128]
+
+
+def system(shape, dtype):
+    """A field, and products with a matrix that has no symmetry."""
+    rng = np.random.default_rng(0)
+    n = int(np.prod(shape))
+    A, r = np.eye(n) + 0.1 * rng.standard_normal((n, n)), rng.standard_normal(shape)
+    if np.dtype(dtype).kind == "c":
+        A = A + 0.1j * rng.standard_normal((n, n))
+        r = r + 1j * rng.standard_normal(shape)
+    A, r = A.astype(dtype), r.astype(dtype)
+    return A, r, lambda v, out: (A @ v.ravel()).reshape(v.shape)
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("shape", [(30,), (2, 3, 5)])
+def test_the_residual_is_the_least_of_the_space(dtype, shape):
+    A, r, multiply = system(shape, dtype)
+    rounding = 1e4 * np.finfo(dtype).eps
+    space = KrylovSpace(multiply, shape, dtype, 12)
+    space.begin(r)
+    powers = [r.ravel() / np.linalg.norm(r)]
+    for k in range(1, 13):
+        least = space.extend()
+        assert space.dimension == k
+        V = space.basis.reshape(k, -1)
+        assert_allclose(V.conj() @ V.T, np.eye(k), atol=rounding)
+        # The space is that of r, A r, A² r, ...
+        powers[-1] -= V.T @ (V.conj() @ powers[-1])
+        assert np.linalg.norm(powers[-1]) <= rounding
+        powers.append(A @ V[-1])
+        # The least residual is that of a dense least-squares problem.
+        y = np.linalg.lstsq(A @ V.T, r.ravel())[0]
+        expected = np.linalg.norm(r.ravel() - A @ (V.T @ y))
+        x = combine(space.weights(), space.basis)
+        assert_allclose(np.linalg.norm(r - multiply(x, x)), expected, atol=rounding)
+        assert_allclose(least, expected, atol=rounding)
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_the_whole_space_holds_the_solution(dtype):
+    A, r, multiply = system((30,), dtype)
+    space = KrylovSpace(multiply, (30,), dtype, 30)
+    for size in (1e-30, 1.0, 1e30):
+        b = r * r.dtype.type(size)
+        space.begin(b)
+        for _ in range(30):
+            least = space.extend()
+        assert least == 0.0
+        x = combine(space.weights() / size, space.basis)
+        assert_allclose(A @ x, r, atol=1e4 * np.finfo(dtype).eps)
+
+
+def test_a_basis_is_orthogonal_where_products_cancel():
+    """A matrix that is nearly the unit matrix: a product is the last vector but for 1e-8."""
+    rng = np.random.default_rng(0)
+    E = rng.standard_normal((40, 40))
+    space = KrylovSpace(lambda v, out: v + 1e-8 * (E @ v), (40,), np.float64, 10)
+    space.begin(rng.standard_normal(40))
+    for _ in range(10):
+        space.extend()
+    assert_allclose(space.basis @ space.basis.T, np.eye(10), atol=1e-12)
+
+
+def test_a_space_that_cannot_grow():
+    # Eigenvalues 1 and 2 only: two dimensions hold the solution.
+    A = np.diag([1.0, 2.0, 1.0, 2.0])
+    space = KrylovSpace(lambda v, out: A @ v, (4,), np.float64, 4)
+    space.begin(np.array([1.0, 2.0, 3.0, 4.0]))
+    assert space.extend() > 0.0
+    assert space.extend() == 0.0
+    assert_allclose(combine(space.weights(), space.basis), [1.0, 1.0, 3.0, 2.0])
+    # A product that is zero.
+    space = KrylovSpace(lambda v, out: 0.0 * v, (4,), np.float64, 4)
+    space.begin(np.ones(4))
+    assert space.extend() == 0.0
+    assert not space.weights().any()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_product_that_is_not_finite_is_left_out(bad):
+    space = KrylovSpace(lambda v, out: bad * np.ones(4), (4,), np.float64, 4)
+    space.begin(np.ones(4))
+    assert space.extend() == 0.0
+    assert space.dimension == 0
+    assert not combine(space.weights(), space.basis).any()

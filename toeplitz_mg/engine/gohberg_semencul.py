@@ -1,0 +1,141 @@
+"""Multiplication by the inverse of a Toeplitz matrix, in circulants and skew-circulants."""
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import DTypeLike
+from scipy.linalg import norm
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.lengths import near_fast_length
+from toeplitz_mg.engine.products import multiply_rows
+from toeplitz_mg.engine.transforms import plan_of
+from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.engine.workspace import workspace
+
+Term = list[tuple[float, Array]]  # Shifts and eigenvalues of the factors, the first one first.
+
+
+class GohbergSemenculProduct:
+    """Multiplication by the inverse of a Toeplitz matrix, given its first column x and row y.
+
+    With the circulants C and the skew-circulants S that have such a first column it is
+
+        (C(x) S(y)ᵀ + C(y)ᵀ S(x))/(2 x₀),
+
+    and of real x and y the real part of (C(x) - i C(y)ᵀ) (S(y)ᵀ + i S(x))/(2 x₀): four transforms
+    of length n, as much work as two products with a Toeplitz matrix of that size. Of complex x and
+    y both terms take four, and a product with their matrix takes twice as many too. Where y = x̄,
+    with the eigenvalues p + i q of C(x) and s + i t of S(x), these are those of a matrix p times
+    one of s, and of q times t; and of a real x both as the real part of p - q times s - t.
+
+    Where these are slow, p zeros are appended to x, to y and to the vectors. That is the formula
+    for a matrix of size n + p that has the one of size n as its leading block (and reflection
+    coefficients that are zero from there on). By the block elimination of its last p unknowns the
+    inverse of the block is that of the matrix without Σ (Zˢ w) (Zˢ u)ᵀ/x₀, s < p, where u is the
+    column reversed, [0 x_(n-1) … x₁], w the row reversed, and Z shifts down by one.
+
+    Parameters
+    ----------
+    terms : list of list of (float, ndarray)
+        The matrices whose sum, or the real part of it, is the inverse.
+    ends : (ndarray, ndarray), of shape (n + p - 1,)
+        Vectors whose windows of length n are Zˢ u and Zˢ w, s = p - 1 … 0, divided by numbers
+        whose product is 2 x₀.
+    n : int
+    dtype : float32, float64, complex64 or complex128
+
+    References
+    ----------
+    G. Ammar, P. Gader, A variant of the Gohberg-Semencul formula involving circulant matrices,
+    SIAM J. Matrix Anal. Appl. 12 (1991).
+    """
+
+    grid_shape: tuple[int, ...]
+
+    def __init__(
+        self, terms: list[Term], ends: tuple[Array, Array], n: int, dtype: DTypeLike
+    ) -> None:
+        self._terms, self._ends, self._length = terms, ends, len(ends[0]) + 1
+        self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), 2.0 * self._length
+
+    @classmethod
+    def of(cls, x: Array, y: Array | None, dtype: DTypeLike) -> "GohbergSemenculProduct":
+        """Make the product from x and y in double precision; y is None where it is x̄."""
+        n, m = len(x), near_fast_length(len(x))
+        # They are divided by numbers whose product is 2 x₀, which may be out of the range of
+        # float32, and that make their sizes equal: the rounding of a sum is that of the larger.
+        size = 1.0 if y is None else sqrt(norm(x) / norm(y))
+        root = sqrt(2.0 * abs(x[0]))
+        u = _extend(x / (root * size), m)
+        w = u.conj() if y is None else _extend(y * (size / root * abs(x[0]) / x[0]), m)
+        plan = plan_of(m, np.float64, exact=True)
+        eigenvalues = plan_of(m, dtype, exact=True).eigenvalues
+
+        def transform(a: Array) -> list[Array]:
+            # The skew-circulant has the frequencies k - 1/2.
+            # Two complex transforms; beside the real products these are twice as long as real ones.
+            count_transforms(2, m if a.dtype.kind == "c" else 2 * m)
+            imag = a.imag if a.dtype.kind == "c" else None
+            return [plan.spectrum(a.real, imag, shift) for shift in (0.5, 0.0)]
+
+        is_complex = np.dtype(dtype).kind == "c"
+        skew, circulant = transform(u)
+        if y is not None:
+            # The eigenvalues of a transpose are the conjugates of those of the conjugate matrix.
+            row_skew, row_circulant = map(np.conj, transform(w.conj()))
+            if is_complex:
+                pairs = [(row_skew, circulant), (skew, row_circulant)]
+            else:
+                pairs = [(row_skew + 1j * skew, circulant - 1j * row_circulant)]
+        elif is_complex:
+            pairs = [(2.0 * skew.real, circulant.real), (2.0 * skew.imag, circulant.imag)]
+        else:
+            pairs = [(2.0 * (skew.real - skew.imag), circulant.real - circulant.imag)]
+        terms = [[(0.5, eigenvalues(first)), (0.0, eigenvalues(last))] for first, last in pairs]
+        return cls(terms, (u[:0:-1].astype(dtype), w[:0:-1].astype(dtype)), n, dtype)
+
+    def adjoint(self) -> "GohbergSemenculProduct":
+        """Return the multiplication by the adjoint; no transform is made."""
+        # Its column is ȳ and its row x̄.
+        terms = [[(shift, values.conj()) for shift, values in term] for term in self._terms[::-1]]
+        u, w = self._ends
+        (n,) = self.grid_shape
+        return GohbergSemenculProduct(terms, (w.conj(), u.conj()), n, self.dtype)
+
+    __call__ = multiply_rows
+
+    def multiply(self, X: Array, out: Array) -> None:
+        """Multiply the rows of `X`, of shape (rows, N), into `out`, which may be `X`."""
+        n, m = X.shape[1], self._length
+        if m == n:
+            self._sum(X, out)
+            return
+        Z = workspace((len(X), m), self.dtype)
+        Z[:, :n] = X
+        Z[:, n:] = 0.0
+        u, w = self._ends
+        parts = [np.correlate(u, z.conj(), "valid") for z in Z[:, :n]]
+        self._sum(Z, Z)
+        for z, part, y in zip(Z, parts, out, strict=True):
+            np.subtract(z[:n], 2.0 * np.correlate(w, part.conj(), "valid"), out=y)
+
+    def _sum(self, X: Array, out: Array) -> None:
+        """Multiply rows of the length of the transforms."""
+        plan = plan_of(self._length, self.dtype, exact=True)
+        *others, last = self._terms
+        rest = []
+        for term in others:
+            Y = workspace(X.shape, self.dtype)
+            plan.multiply_in_turn(X, term, Y)
+            rest.append(Y)
+        plan.multiply_in_turn(X, last, out)
+        for Y in rest:
+            out += Y
+
+
+def _extend(a: Array, length: int) -> Array:
+    """Append zeros."""
+    extended = np.zeros(length, a.dtype)
+    extended[: len(a)] = a
+    return extended

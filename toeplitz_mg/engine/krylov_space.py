@@ -1,0 +1,135 @@
+"""The space that GMRES searches, one dimension more with each product."""
+
+from collections.abc import Callable
+from math import isfinite
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from toeplitz_mg._typing import Array, Multiply
+from toeplitz_mg.engine.vectors import add_combination, dots, norm
+
+CANCELLED = 0.5  # Part of a vector's size that may be left before it is made orthogonal again.
+ROUNDING = 10.0  # Machine epsilons that are left of a product which the space holds already.
+
+
+class KrylovSpace:
+    """An orthonormal basis of r, A r, A² r, ..., and what in this space makes ‖r - A x‖ least.
+
+    Parameters
+    ----------
+    multiply : callable
+        Products with A. It is called with a vector and with memory of its shape in which it may
+        return the result.
+    shape : tuple of int
+        That of the vectors, which may be fields.
+    dtype : float32, float64, complex64 or complex128
+    most : int
+        The largest dimension; one vector more is kept.
+
+    Attributes
+    ----------
+    dimension : int
+
+    Notes
+    -----
+    The products are ``A basis[:k] = H basis[:k + 1]``. The residual is r's part that is orthogonal
+    to them: along the vector g that is orthogonal to the columns of H, and whose entries follow one
+    from the other. So ‖r - A x‖ = ‖r‖/‖g‖, where g₀ = 1.
+
+    References
+    ----------
+    Y. Saad, M. H. Schultz, GMRES: a generalized minimal residual algorithm for solving
+    nonsymmetric linear systems, SIAM J. Sci. Stat. Comput. 7 (1986); E. H. Ayachour, A fast
+    implementation for GMRES method, J. Comput. Appl. Math. 159 (2003), for the residual.
+
+    Examples
+    --------
+    >>> from toeplitz_mg.engine.vectors import combine
+    >>> A, r = np.array([[2.0, 1.0], [0.0, 1.0]]), np.array([3.0, 1.0])
+    >>> space = KrylovSpace(lambda v, out: A @ v, r.shape, r.dtype, 2)
+    >>> space.begin(r)
+    >>> while space.extend() > 1e-12:
+    ...     pass
+    >>> combine(space.weights(), space.basis).round(12)
+    array([1., 1.])
+    """
+
+    def __init__(
+        self,
+        multiply: Multiply,
+        shape: tuple[int, ...],
+        dtype: DTypeLike,
+        most: int,
+    ) -> None:
+        self._multiply: Callable[[Array, Array], Array] = multiply
+        self._vectors = np.empty((most + 1, *shape), dtype)
+        double = np.result_type(self._vectors, np.float64)
+        self._H = np.zeros((most + 1, most), double)
+        self._g = np.zeros(most + 1, double)
+        self._exhausted = ROUNDING * float(np.finfo(self._vectors.dtype).eps)
+        self._size = 0.0
+        self.dimension = 0
+
+    @property
+    def basis(self) -> Array:
+        """The basis, shape (dimension, ...)."""
+        return self._vectors[: self.dimension]
+
+    def begin(self, r: Array) -> None:
+        """Start from a residual, which is not zero and not changed."""
+        self._size = norm(r)
+        np.divide(r, self._size, out=self._vectors[0])
+        self._H[...] = 0.0
+        self._g[0] = 1.0
+        self.dimension = 0
+
+    def extend(self) -> float:
+        """Add a dimension by one product.
+
+        Returns
+        -------
+        float
+            The least norm ‖r - A x‖ of all x in the space. It is 0 where the space can grow no
+            more: where it holds the solution, if A is not singular, or where a product is not
+            finite.
+        """
+        k = self.dimension
+        V, H, g = self._vectors, self._H, self._g
+        w = V[k + 1]
+        product = self._multiply(V[k], w)
+        if product is not w:
+            w[...] = product
+        whole = norm(w)
+        if not isfinite(whole):
+            return 0.0
+        # A product with a good approximation of A⁻¹ cancels with the last vector above all: first
+        # by itself, it leaves less of that to do twice.
+        self._subtract(slice(k, k + 1), w)
+        size, before = norm(w), np.inf
+        while size < CANCELLED * before:
+            self._subtract(slice(k + 1), w)
+            size, before = norm(w), size
+        self.dimension = k + 1
+        if size <= self._exhausted * whole:
+            return 0.0
+        H[k + 1, k] = size
+        w /= size
+        g[k + 1] = -np.dot(g[: k + 1], H[: k + 1, k]) / size
+        return self._size / norm(g[: k + 2])
+
+    def _subtract(self, some: slice, w: Array) -> None:
+        """Subtract from a product its parts along some of the basis, and put them down in H."""
+        h = dots(self._vectors[some], w)
+        add_combination(-h, self._vectors[some], w)
+        self._H[some, self.dimension] += h
+
+    def weights(self) -> Array:
+        """Return the weights of the basis in the x that makes ‖r - A x‖ least."""
+        k = self.dimension
+        if k == 0:
+            return np.zeros(0)
+        first = np.zeros(k + 1)
+        first[0] = 1.0
+        y: Array = np.linalg.lstsq(self._H[: k + 1, :k], first)[0]
+        return self._size * y

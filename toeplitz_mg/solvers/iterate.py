@@ -1,0 +1,70 @@
+"""What all iterations have in common: an iterate, its true residual, and their history."""
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.vectors import norm
+from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.solvers.checks import System
+from toeplitz_mg.solvers.scaling import exponents
+
+
+class Iterate:
+    """The first guess for x, and its residual, both to be changed by an iteration.
+
+    The residual, and what is made of it, are divided by a power of two, so that no square of them
+    over- or underflows: that changes no digit.
+
+    Parameters
+    ----------
+    system : System
+        Its list `residuals` is filled: norms ‖b - A x‖₂, of the first guess and of each iterate.
+
+    Attributes
+    ----------
+    x : ndarray
+    b, r : ndarray
+        The right-hand side and the residual, divided by `scale`.
+    scale : float
+    size_of_b : float
+        The norm of `b`.
+    iterations : int
+        How many there have been, for whoever iterates to count.
+    """
+
+    def __init__(self, system: System) -> None:
+        A, b, guess, dtype = system.A, system.b, system.x0, system.dtype
+        self._A, self._residuals = A, system.residuals
+        self.iterations = 0
+        self.x = np.zeros(len(b), dtype) if guess is None else guess.astype(dtype)
+        exponent = int(exponents(b)[0])
+        if guess is not None:
+            with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
+                r = b - apply_to_rows(A, self.x)
+            exponent = max(exponent, int(exponents(r)[0]))
+        # The largest entry is then from 1 to 2, so that the vectors are in the range of float32.
+        self.scale = 2.0 ** (exponent - 1)
+        self.b = (b / self.scale).astype(dtype, copy=False)
+        self.r = self.b.copy() if guess is None else (r / self.scale).astype(dtype, copy=False)
+        self.size_of_b = norm(self.b)
+
+    def goal(self, rtol: float, atol: float) -> float:
+        """Return what the norm of `r` is to be."""
+        return max(rtol * self.size_of_b, atol / self.scale)
+
+    def zero(self) -> tuple[Array, int]:
+        """Return what an iteration returns where b is zero."""
+        self._residuals[:] = [0.0]
+        return np.zeros_like(self.x), 0
+
+    def compute_residual(self) -> float:
+        """Compute `r` by a product with A, and return its norm."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            np.divide(self.x, self.scale, out=self.r)
+            apply_to_rows(self._A, self.r, self.r)
+            np.subtract(self.b, self.r, out=self.r)
+        return norm(self.r)
+
+    def record(self, size: float) -> None:
+        """Put down the norm of `r` for this iteration, in the place of what is there for it."""
+        self._residuals[self.iterations :] = [size * self.scale]
