@@ -14,6 +14,7 @@ from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.choice import candidates_of_line
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
+from toeplitz_mg.solvers.cosine_form import fast_length
 from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.levinson import levinson
 from toeplitz_mg.solvers.machine import WINDOW, cosine_over_levinson
@@ -28,6 +29,7 @@ MOST_STEPS = 2**32  # Most steps of Levinson's recursion: a column of 65,536 unk
 SHORT = 256  # Most unknowns where Levinson's recursion is the fastest for a column, on any machine.
 LONG = 1024  # Fewest unknowns where CG in the DCT domain is, on any machine.
 CALLS = 9.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
+SLOW = 1.5  # Time of CG in the DCT domain for a slow length, over that for a fast one.
 COSINE_NUMBERS = 20_000  # Most numbers in all columns where that is faster than the inverse.
 STEPS_OF_CG = 1_400_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
 STEPS_OF_INVERSE = 3_000_000  # The same for the inverse.
@@ -89,6 +91,8 @@ def levinson_is_fastest(n: int, columns: int) -> bool:
         return n <= SHORT
     steps = columns * (n / WINDOW) ** 2
     of_cosine = (CALLS + columns * n / WINDOW) / (CALLS + 1.0)
+    if fast_length(n) > n:
+        of_cosine *= SLOW
     return steps <= of_cosine * cosine_over_levinson()
 
 
