@@ -27,7 +27,8 @@ MOST_STEPS = 2**32  # Most steps of Levinson's recursion: a column of 65,536 unk
 # `python -m comparisons.speed.drop_in` measures both sides of these.
 SHORT = 256  # Most unknowns where Levinson's recursion is the fastest for a column, on any machine.
 LONG = 1024  # Fewest unknowns where CG in the DCT domain is, on any machine.
-COSINE_NUMBERS = 2**16  # Most numbers in all columns where that is faster than the inverse.
+CALLS = 9.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
+COSINE_NUMBERS = 20_000  # Most numbers in all columns where that is faster than the inverse.
 STEPS_OF_CG = 1_400_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
 STEPS_OF_INVERSE = 3_000_000  # The same for the inverse.
 
@@ -75,25 +76,25 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
 
 def lu_is_fastest(n: int, columns: int) -> bool:
     """Whether a dense factor is the fastest: its set-up is of n³ steps, but each column is free."""
-    return columns >= 4 + n // 16 and n <= SHORT
+    return columns >= 4 + n // 32 and n <= SHORT
 
 
 def levinson_is_fastest(n: int, columns: int) -> bool:
     """Whether Levinson's recursion is faster than any other method for a symmetric matrix.
 
-    It takes n² steps for a column. CG in the DCT domain takes calls that cost as much as `WINDOW`
-    numbers do, and a time in proportion to the numbers.
+    It takes n² steps for a column. CG in the DCT domain takes calls, which cost as much as `CALLS`
+    columns of `WINDOW` numbers do, and a time in proportion to the numbers.
     """
     if n <= SHORT or n >= LONG:
         return n <= SHORT
     steps = columns * (n / WINDOW) ** 2
-    of_cosine = (1.0 + columns * n / WINDOW) / 2.0
+    of_cosine = (CALLS + columns * n / WINDOW) / (CALLS + 1.0)
     return steps <= of_cosine * cosine_over_levinson()
 
 
 def cosine_is_faster_than_inverse(n: int, columns: int) -> bool:
     """Whether CG in the DCT domain is faster than anything that may follow it."""
-    return n <= LARGEST_COSINE and (columns == 1 or columns * n <= COSINE_NUMBERS)
+    return n <= LARGEST_COSINE and (columns <= FEW or columns * n <= COSINE_NUMBERS)
 
 
 def _cosine_method(system: ToeplitzSystem) -> Iterator[Method]:
