@@ -83,7 +83,10 @@ def test_drop_in(tmp_path, monkeypatch, capsys):
     assert "Crossover" in printed
     assert (tmp_path / "drop_in.png").read_bytes().startswith(b"\x89PNG")
     rows = rows_of(tmp_path / "drop_in.csv")
-    assert {row["method"] for row in rows} == {"scipy.linalg.solve_toeplitz", "toeplitz_inverse"}
+    assert {row["method"] for row in rows} >= {
+        "scipy.linalg.solve_toeplitz",
+        "scipy.linalg.lu_solve",
+    }
     assert all(float(row["residual"]) <= 1e-10 for row in rows)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import DTypeLike
 from scipy import fft
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.fourstep import FourStep, four_step
+from toeplitz_mg.engine.fourstep import FourStep, Load, four_step
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
 
@@ -27,6 +27,10 @@ class OneStep:
     @cached_property
     def _quarter(self) -> tuple[Array, Array]:
         return self.weights(0.25), self.weights(-0.25)
+
+    @cached_property
+    def _half(self) -> tuple[Array, Array]:
+        return self.weights(0.5), self.weights(-0.5)
 
     def weights(self, shift: float) -> Array:
         """Return the factors exp(-2πi j s/L) of a shift, shape (L,)."""
@@ -76,6 +80,25 @@ class OneStep:
             cut = Z if n == self.length else Z[:, :n]
             cut *= w_conj
             out[part] = cut.real
+
+    def multiply_complex(self, X: Array, eigenvalues: tuple[Array, ...], out: Array) -> None:
+        """Write the sums of the products of rows with the matrices of the shifts 0 and 1/2."""
+        n, L = X.shape[1], self.length
+        w, w_conj = (weights[:n] for weights in self._half)
+        size = max(1, min(BATCH // (2 * L), len(X)))
+        memory = workspace((2, size, L), self.dtype)
+        for start in range(0, len(X), size):
+            x = X[start : start + size]
+            Z = memory[:, : len(x)]
+            Z[0, :, :n] = x
+            np.multiply(x, w, out=Z[1, :, :n], casting="same_kind")
+            Z[:, :, n:] = 0.0
+            Z = fft.fft(Z, overwrite_x=True)
+            for half, factors in zip(Z, eigenvalues, strict=True):
+                half.view(factors.dtype)[...] *= factors
+            Z = fft.ifft(Z, overwrite_x=True, norm="forward")[:, :, :n]
+            Z[1] *= w_conj
+            np.add(Z[0], Z[1], out=out[start : start + size], casting="same_kind")
 
     def multiply_in_turn(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
         """Write the products of rows with the matrices of these shifts, the first one first.
@@ -185,29 +208,59 @@ class Panels:
     def multiply_real(self, X: Array, eigenvalues: Array, out: Array) -> None:
         """Write the real parts of the products of rows with the matrix of the shift 1/4."""
         plan = self.plan
-        columns_of, n = plan.shape[1], X.shape[1]
-        whole, rest = divmod(n, columns_of)  # The full rows of the matrix, and what is left.
         u = plan.weights(0.25)
         for x, y in zip(X, out, strict=True):
-            x_matrix = x[: n - rest].reshape(whole, columns_of)
-            y_matrix = y[: n - rest].reshape(whole, columns_of)
+            matrix, tail = self._fold(y)
 
-            def load(columns: slice, P: Array, x: Array = x, matrix: Array = x_matrix) -> None:
-                P[:whole] = matrix[:, columns]
-                P[:whole] *= u[:whole]
-                if whole < len(P):
-                    P[whole:] = 0.0
-                    tail = x[n - rest :][columns]
-                    P[whole, : len(tail)] = tail * u[whole, 0]
-
-            def store(columns: slice, Q: Array, y: Array = y, matrix: Array = y_matrix) -> None:
+            def store(columns: slice, Q: Array, matrix: Array = matrix, tail: Array = tail) -> None:
                 Q *= u
+                whole = len(matrix)
                 matrix[:, columns] = Q.real[:whole]
-                if rest:
-                    tail = y[n - rest :][columns]
-                    tail[...] = Q.real[whole, : len(tail)]
+                if len(tail):
+                    end = tail[columns]
+                    end[...] = Q.real[whole, : len(end)]
 
-            plan.multiply(load, [(0.25, eigenvalues)], store)
+            plan.multiply(self._loader(x, u), [(0.25, eigenvalues)], store)
+
+    def multiply_complex(self, X: Array, eigenvalues: tuple[Array, ...], out: Array) -> None:
+        """Write the sums of the products of rows with the matrices of the shifts 0 and 1/2."""
+        plan = self.plan
+        z = workspace(plan.shape, plan.dtype)
+
+        def store(columns: slice, Q: Array) -> None:
+            np.conjugate(Q, out=z[:, columns])  # The shift is 0, so that u is 1.
+
+        def add(columns: slice, Q: Array) -> None:
+            Q *= u
+            z[:, columns] += np.conjugate(Q, out=Q)
+
+        u = plan.weights(0.5)
+        for x, y in zip(X, out, strict=True):
+            plan.multiply(self._loader(x, None), [(0.0, eigenvalues[0])], store)
+            plan.multiply(self._loader(x, u), [(0.5, eigenvalues[1])], add)
+            y[...] = z.reshape(-1)[: len(y)]
+
+    def _fold(self, x: Array) -> tuple[Array, Array]:
+        """Return the full rows of a vector as a matrix, and what is left."""
+        columns = self.plan.shape[1]
+        whole = len(x) // columns
+        return x[: whole * columns].reshape(whole, columns), x[whole * columns :]
+
+    def _loader(self, x: Array, u: Array | None) -> Load:
+        """Return what fills panels with a vector, times u where there is one, and then zeros."""
+        matrix, tail = self._fold(x)
+        whole = len(matrix)
+
+        def load(columns: slice, P: Array) -> None:
+            P[:whole] = matrix[:, columns]
+            if whole < len(P):
+                P[whole:] = 0.0
+                end = tail[columns]
+                P[whole, : len(end)] = end
+            if u is not None:
+                P *= u
+
+        return load
 
     def multiply_in_turn(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
         """Write the products of rows with the matrices of these shifts, of which the last is 0.

@@ -22,9 +22,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.halfspace.integrals import integral_x, integral_xy, integrals
+from toeplitz_mg.halfspace.expansion import Kernel
+from toeplitz_mg.halfspace.integrals import ONE, XX, XY, X
 from toeplitz_mg.halfspace.materials import check_difference, check_material
 from toeplitz_mg.halfspace.points import check_element
+from toeplitz_mg.halfspace.rectangles import integrate
 from toeplitz_mg.values import positive, refuse_masked
 
 
@@ -62,8 +64,7 @@ def influence_zz(
     1.1222
     """
     G, nu = check_material(G, nu)
-    one, _, _ = integrals(*_at(x, y, element))
-    return _displacement((1.0 - nu) * one, G)
+    return _displacement({ONE: 1.0 - nu}, x, y, element, G)
 
 
 def influence_xx(
@@ -101,8 +102,7 @@ def influence_xx(
     0.95387
     """
     G, nu = check_material(G, nu)
-    one, xx, _ = integrals(*_at(x, y, element))
-    return _displacement((1.0 - nu) * one + nu * xx, G)
+    return _displacement({ONE: 1.0 - nu, XX: nu}, x, y, element, G)
 
 
 def influence_yy(
@@ -136,8 +136,7 @@ def influence_yy(
     0.95387
     """
     G, nu = check_material(G, nu)
-    one, _, yy = integrals(*_at(x, y, element))
-    return _displacement((1.0 - nu) * one + nu * yy, G)
+    return _displacement({ONE: 1.0 - nu, XX: nu}, x, y, element, G, exchanged=True)
 
 
 def influence_xy(
@@ -175,7 +174,7 @@ def influence_xy(
     0.03188
     """
     G, nu = check_material(G, nu)
-    return _displacement(nu * integral_xy(*_at(x, y, element)), G)
+    return _displacement({XY: nu}, x, y, element, G)
 
 
 def influence_xz(
@@ -222,7 +221,7 @@ def influence_xz(
     -0.03134
     """
     G, K = positive("G", G), check_difference(K)
-    return _displacement(-K * integral_x(*_at(x, y, element)), G)
+    return _displacement({X: -K}, x, y, element, G)
 
 
 def influence_yz(
@@ -265,28 +264,30 @@ def influence_yz(
     -0.03134
     """
     G, K = positive("G", G), check_difference(K)
-    x, y, h1, h2 = _at(x, y, element)
-    return _displacement(-K * integral_x(y, x, h2, h1), G)
+    return _displacement({X: -K}, x, y, element, G, exchanged=True)
 
 
-def _displacement(integral: Array, G: float) -> Array:
-    # An integral at a single point may be a scalar, but an array is returned there too.
-    return np.asarray(integral / (np.pi * G))
-
-
-def _at(
-    x: ArrayLike, y: ArrayLike, element: tuple[float, float]
-) -> tuple[Array, Array, float, float]:
-    """Return the arguments of the integrals: points, broadcast, and the sizes of the element."""
-    x, y = np.broadcast_arrays(_points("x", x), _points("y", y))
-    return x, y, *check_element(element)
+def _displacement(
+    kernel: Kernel,
+    x: ArrayLike,
+    y: ArrayLike,
+    element: tuple[float, float],
+    G: float,
+    *,
+    exchanged: bool = False,
+) -> Array:
+    """Return 1/(πG) times the integral of a kernel, in which x and y may be exchanged."""
+    h1, h2 = check_element(element)
+    x, y = _points("x", x), _points("y", y)
+    weights = {monomial: weight / (np.pi * G) for monomial, weight in kernel.items()}
+    return integrate(weights, y, x, h2, h1) if exchanged else integrate(weights, x, y, h1, h2)
 
 
 def _points(name: str, values: ArrayLike) -> Array:
     array = refuse_masked(name, values)
     if array.dtype.kind not in "buif":
         raise TypeError(f"{name} has dtype {array.dtype}, but coordinates are real numbers")
-    array = array.astype(np.float64)
+    array = array.astype(np.float64, copy=False)
     if not np.isfinite(array).all():
         raise ValueError(f"{name} has coordinates that are not finite")
     return array

@@ -12,36 +12,54 @@ from functools import cache
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.halfspace.expansion import Kernel
 
 # Pairs of a distance t, in sizes of the rectangle, and the nodes of Gauss's rule from there on: the
 # integrand is analytic in an ellipse whose half axes add up to ϱ = 2 t + √(4 t² - 1) half sizes,
 # and the rule errs by ϱ^(-2 nodes).
 GAUSS = ((2.0, 10), (16.0, 5), (100.0, 3))
 
+# From the first k on, the k-th ∫ ln|s| is ln k - Σ 1/(2j (2j+1) (2k)^2j) with so many terms: the
+# next is 1e-20.
+LOG_SERIES = (16, 5)
+BLOCK = 2**13  # Points of a block, whose dozen of passes then stay in the cache.
 
-def integrals(x: Array, y: Array, h1: float, h2: float) -> tuple[Array, Array, Array]:
-    """Return ∬ 1/ρ, ∬ x²/ρ³ and ∬ y²/ρ³ over the rectangle h1 × h2 about the origin.
+ONE, XX, XY, X = (0, 0, 1), (2, 0, 3), (1, 1, 3), (1, 0, 2)  # 1/ρ, x²/ρ³, x y/ρ³ and x/ρ².
 
-    ρ, and x and y in the integrands, go from the point to the element of area; `x` and `y` are
-    arrays of one shape, the results have that shape.
+
+def integrate_exactly(kernel: Kernel, x: Array, y: Array, h1: float, h2: float) -> Array:
+    """Return the integral of a kernel over the rectangle h1 × h2 about the origin.
+
+    `x` and `y`, of shape (points,), go from the rectangle's centre to the points, and x and y in
+    the kernel's monomials from an element of area; `ONE` and `XX` may be together.
     """
+    if XY in kernel:
+        return kernel[XY] * _integral_xy(x, y, h1, h2)
+    if X in kernel:
+        return kernel[X] * _integral_x(x, y, h1, h2)
+    one, xx = _integrals(x, y, h1, h2)
+    return kernel.get(ONE, 0.0) * one + kernel.get(XX, 0.0) * xx
+
+
+def _integrals(x: Array, y: Array, h1: float, h2: float) -> tuple[Array, Array]:
+    """Return ∬ 1/ρ and ∬ x²/ρ³."""
     # The integrals are even in x and in y, to the last bit.
-    shape, x, y = x.shape, np.abs(x.ravel()), np.abs(y.ravel())
+    x, y = np.abs(x), np.abs(y)
     t1, t2 = x / h1, y / h2
-    one, xx, yy = (np.empty_like(x) for _ in range(3))
+    one, xx = np.empty_like(x), np.empty_like(x)
     near = np.maximum(t1, t2) < GAUSS[0][0]
-    one[near], xx[near], yy[near] = _over_corners(x[near], y[near], h1, h2)
+    one[near], xx[near] = _over_corners(x[near], y[near], h1, h2)
     ends = [t for t, _ in GAUSS[1:]] + [np.inf]
     for (start, nodes), end in zip(GAUSS, ends, strict=True):
         far = (t1 >= t2) & (start <= t1) & (t1 < end)
-        one[far], xx[far], yy[far] = _gauss_in_x(x[far], y[far], h1, h2, nodes)
+        one[far], xx[far], _ = _gauss_in_x(x[far], y[far], h1, h2, nodes)
         far = (t2 > t1) & (start <= t2) & (t2 < end)
-        one[far], yy[far], xx[far] = _gauss_in_x(y[far], x[far], h2, h1, nodes)
-    return one.reshape(shape), xx.reshape(shape), yy.reshape(shape)
+        one[far], _, xx[far] = _gauss_in_x(y[far], x[far], h2, h1, nodes)
+    return one, xx
 
 
-def integral_xy(x: Array, y: Array, h1: float, h2: float) -> Array:
-    """Return ∬ x y/ρ³ over the rectangle h1 × h2 about the origin, at the points (x, y)."""
+def _integral_xy(x: Array, y: Array, h1: float, h2: float) -> Array:
+    """Return ∬ x y/ρ³."""
     (X1, X2), (Y1, Y2) = _sides(x, h1), _sides(y, h2)
     # It is -[[ρ]] over the corners, each difference by a - b = (a² - b²)/(a + b): exact everywhere.
     r11, r12, r21, r22 = np.hypot(X1, Y1), np.hypot(X1, Y2), np.hypot(X2, Y1), np.hypot(X2, Y2)
@@ -49,12 +67,9 @@ def integral_xy(x: Array, y: Array, h1: float, h2: float) -> Array:
     return 4.0 * x * h1 * y * h2 * sums / ((r11 + r21) * (r12 + r22))
 
 
-def integral_x(x: Array, y: Array, h1: float, h2: float) -> Array:
-    """Return ∬ x/ρ² over the rectangle h1 × h2 about the origin, at the points (x, y).
-
-    ρ, and x in the integrand, go from the element of area to the point.
-    """
-    shape, sign, x, y = x.shape, np.sign(x.ravel()), np.abs(x.ravel()), np.abs(y.ravel())
+def _integral_x(x: Array, y: Array, h1: float, h2: float) -> Array:
+    """Return ∬ x/ρ²."""
+    sign, x, y = np.sign(x), np.abs(x), np.abs(y)
     # What the rectangle has behind a point inside cancels as much of it ahead, and is left out.
     # The rest has one sign. This is its width, and the distance of its middle.
     width, middle = np.minimum(2.0 * x, h1), np.maximum(x, h1 / 2.0)
@@ -72,23 +87,34 @@ def integral_x(x: Array, y: Array, h1: float, h2: float) -> Array:
         far = (passed == k) & ~in_x
         X, Y = x[far], y[far]
         integral[far] = h2 * sum(w * _x_along_x(X, Y + s * h2, h1) for s, w in _gauss(nodes))
-    return (sign * integral).reshape(shape)
+    return sign * integral
 
 
-def integral_log(k: Array) -> Array:
-    """Return ∫ ln|s| ds from k - ½ to k + ½, for k = 0, 1, 2 and so on."""
-    right, left = k + 0.5, k - 0.5
-    integral = right * np.log(right) - left * np.log(np.abs(left)) - 1.0
-    for t, nodes in GAUSS:
-        far = k >= t
-        integral[far] = sum(w * np.log(k[far] + s) for s, w in _gauss(nodes))
+def integral_log(n: int) -> Array:
+    """Return ∫ ln|s| ds from k - ½ to k + ½, for k = 0 ... n - 1."""
+    integral = np.empty(n)
+    k = np.arange(min(n, LOG_SERIES[0]), dtype=np.float64)
+    right, left = k + 0.5, np.abs(k - 0.5)
+    near = right * np.log(right) - (k - 0.5) * np.log(left) - 1.0
+    t, nodes = GAUSS[0]
+    near[k >= t] = sum(w * np.log(k[k >= t] + s) for s, w in _gauss(nodes))
+    integral[: len(k)] = near
+    for start in range(len(k), n, BLOCK):
+        k = np.arange(start, min(start + BLOCK, n), dtype=np.float64)
+        part = integral[start : start + BLOCK]
+        e, rest = 1.0 / (k * k), np.zeros_like(k)
+        for j in range(LOG_SERIES[1], 0, -1):
+            rest += 1.0 / (2 * j * (2 * j + 1) * 4**j)
+            rest *= e
+        np.log(k, out=part)
+        part -= rest
     return integral
 
 
-def _over_corners(x: Array, y: Array, h1: float, h2: float) -> tuple[Array, Array, Array]:
-    """Return, as differences over the corners, ∬ 1/ρ, ∬ x²/ρ³ and ∬ y²/ρ³.
+def _over_corners(x: Array, y: Array, h1: float, h2: float) -> tuple[Array, Array]:
+    """Return, as differences over the corners, ∬ 1/ρ and ∬ x²/ρ³.
 
-    They are [[Y asinh(X/|Y|)]] and [[X asinh(Y/|X|)]], and before them their sum.
+    The latter and ∬ y²/ρ³ are [[Y asinh(X/|Y|)]] and [[X asinh(Y/|X|)]], the former is their sum.
     """
 
     def term(a: Array, b: Array) -> Array:
@@ -98,7 +124,7 @@ def _over_corners(x: Array, y: Array, h1: float, h2: float) -> tuple[Array, Arra
     (X1, X2), (Y1, Y2) = _sides(x, h1), _sides(y, h2)
     xx = term(Y2, X2) - term(Y2, X1) - term(Y1, X2) + term(Y1, X1)
     yy = term(X2, Y2) - term(X2, Y1) - term(X1, Y2) + term(X1, Y1)
-    return xx + yy, xx, yy
+    return xx + yy, xx
 
 
 def _gauss_in_x(x: Array, y: Array, h1: float, h2: float, nodes: int) -> tuple[Array, Array, Array]:

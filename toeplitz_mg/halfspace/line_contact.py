@@ -57,11 +57,13 @@ def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, referenc
     G, nu = check_material(G, nu)
     n, h = count("n", n), positive("h", h)
     d = positive("reference", reference)
-    logarithm = np.log(d / h) - integral_log(np.arange(n, dtype=np.float64))
+    integral = integral_log(n)
+    logarithm = np.subtract(np.log(d / h), integral, out=integral)
     # Below the capacity only a few strips may still be positive definite.
     if d <= n * h / 4.0 and (n > FEW or np.linalg.eigvalsh(toeplitz(logarithm))[0] <= 0.0):
         raise ValueError(
             f"reference is {d:g}, but must exceed the logarithmic capacity n h/4 = {n * h / 4:g} "
             "of the contact area for the matrix to be positive definite"
         )
-    return 2.0 * (1.0 - nu) / (np.pi * G) * h * logarithm
+    logarithm *= 2.0 * (1.0 - nu) / (np.pi * G) * h
+    return logarithm

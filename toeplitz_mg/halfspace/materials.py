@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from toeplitz_mg.values import positive, real
+from toeplitz_mg.values import positive, real, refuse_masked
 
 
 class Material(NamedTuple):
@@ -112,7 +112,9 @@ def _check_body(material: Any) -> Material:
         G, nu = material
     except (TypeError, ValueError):
         raise TypeError(f"material is {material!r}, but must be (G, nu)") from None
-    return check_material(G, nu)
+    checked = check_material(G, nu)
+    refuse_masked("material", material)
+    return checked
 
 
 def check_material(G: float, nu: float) -> Material:

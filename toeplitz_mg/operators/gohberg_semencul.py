@@ -128,13 +128,16 @@ class Certificate:
         """Sample the polynomial, at the cost of one work unit."""
         length = 2 * fft.next_fast_len(OVERSAMPLING // 2 * len(x), real=True)
         count_transforms(1, length)
-        z = fft.rfft(x.astype(np.float64), length)
+        is_complex = x.dtype.kind == "c"
+        z = (fft.fft if is_complex else fft.rfft)(x.astype(np.result_type(x, np.float64)), length)
         size = np.abs(z)
         smallest, largest = float(size.min()), float(size.max())
         if not smallest > 0.0:
             return cls(False, np.inf)
-        turns = np.angle(z[1:] * z[:-1].conj() / largest**2)
+        # Of a real x the turns are those on the upper half of the circle, which the lower half
+        # mirrors; of a complex one the last sample is followed by the first.
+        following = np.roll(z, -1) if is_complex else z[1:]
+        turns = np.angle(following * z[: len(following)].conj() / largest**2)
         resolved = np.abs(turns).max() < np.pi * (1.0 - 1.0 / OVERSAMPLING)
-        # The turns are those on the upper half of the circle, which the lower half mirrors.
-        positive = x[0] > 0.0 and resolved and abs(turns.sum()) < 1.0
+        positive = x[0].real > 0.0 and resolved and abs(turns.sum()) < 1.0
         return cls(bool(positive), (largest / smallest) ** 2)

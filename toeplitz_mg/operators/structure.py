@@ -4,13 +4,16 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, TypeVar, cast
 
+import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg._typing import Mask
+from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.operators.block_diagonal import BlockDiagonal
 from toeplitz_mg.operators.coupled import CoupledOperator
+from toeplitz_mg.operators.diagonally_scaled import DiagonallyScaled
 from toeplitz_mg.operators.masked import MaskedOperator
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum
 
 F = TypeVar("F", bound=Callable[..., LinearOperator])
 Check = Callable[[ToeplitzOperator | CoupledOperator], None]
@@ -71,13 +74,17 @@ def unwrap_toeplitz(
     """
     full, mask = unwrap(A)
     if not isinstance(full, ToeplitzOperator):
-        advice = (
-            "; a preconditioner of each of its components gives componentwise, as in "
-            "componentwise(multigrid)(A)"
-        )
+        advice = ""
+        if isinstance(full, CoupledOperator):
+            advice = (
+                "; a preconditioner of each of its components gives componentwise, as in "
+                "componentwise(multigrid)(A)"
+            )
+        elif isinstance(full, LinearOperator):
+            advice = "; diagonal matrices in it are understood as scipy.sparse.diags_array(d)"
         raise TypeError(
             f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a MaskedOperator "
-            f"of one{advice if isinstance(full, CoupledOperator) else ''}"
+            f"of one{advice}"
         )
     check(full)
     return full, mask
@@ -100,6 +107,119 @@ def squeeze_line(A: ToeplitzOperator) -> ToeplitzOperator:
     return line
 
 
+def hermitian_part(A: Any) -> Any:
+    """Return (A + Aᴴ)/2, A itself where it is Hermitian."""
+    return A if A.H is A else (A + A.H) / 2
+
+
+def _itself(A: Any) -> Any:
+    return A
+
+
+def averaged(function: F, part: Callable[[Any], Any] = hermitian_part) -> F:
+    """Return the preconditioner that of a `ToeplitzSum` is that of the matrix of `average`.
+
+    Parameters
+    ----------
+    function : callable
+        A function of a `ToeplitzOperator` or a `MaskedOperator` of one.
+    part : callable
+        What it sees of each Toeplitz matrix, the Hermitian part by default.
+
+    Returns
+    -------
+    callable
+        The same function, that takes a `ToeplitzSum` or a `MaskedOperator` of one too. What it
+        returns is symmetric positive definite where that of the Toeplitz matrix is.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where an entry of the diagonal of the sum is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.sparse import diags_array
+    >>> import toeplitz_mg as tmg
+    >>> A = tmg.ToeplitzOperator([2.0, 1.0, 0.5])
+    >>> S = diags_array([1.0, 10.0, 100.0]) @ A
+    >>> tmg.jacobi_preconditioner(S, omega=1.0) @ S.diagonal()
+    array([1., 1., 1.])
+    """
+
+    @wraps(function)
+    def of_average(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
+        full, mask = unwrap(A)
+        if not isinstance(full, ToeplitzSum):
+            return function(A, *args, **kwargs)
+        mean, scale = average(full, mask, part)
+        return DiagonallyScaled(function(restrict(mean, mask), *args, **kwargs), scale)
+
+    return cast(F, of_average)
+
+
+def average(
+    A: ToeplitzSum, mask: Mask | None = None, part: Callable[[Any], Any] = hermitian_part
+) -> tuple[ToeplitzOperator, Array]:
+    """Return a Toeplitz matrix T and the entries of a diagonal one, with D T⁻¹ D ≈ A⁻¹.
+
+    D² is the inverse of the diagonal of A. In D A D, whose diagonal is all ones, each diagonal
+    matrix is replaced by its mean, and each Toeplitz matrix by its Hermitian part. For A + D with a
+    D that is small against the diagonal of A this is A and the mean of D, for D A that of A between
+    two diagonal matrices, and it goes from one to the other as the diagonal of the sum does.
+
+    Parameters
+    ----------
+    A : ToeplitzSum
+    mask : ndarray of bool, optional
+        The unknowns, over which the means are taken.
+    part : callable, optional
+        What to take of each Toeplitz matrix in the place of its Hermitian part.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where the diagonal is not positive.
+
+    References
+    ----------
+    X. Huang, X.-L. Lin, M. K. Ng, H.-W. Sun, Spectral analysis for preconditioning of
+    multi-dimensional Riesz fractional diffusion equations, Numer. Math. Theor. Meth. Appl. 15
+    (2022). X.-L. Lin, X. Huang, M. K. Ng, H.-W. Sun, A τ-preconditioner for a non-symmetric linear
+    system arising from multi-dimensional Riemann-Liouville fractional diffusion equation, Numer.
+    Algorithms 92 (2023), for the symmetric part.
+    """
+    unknowns = slice(None) if mask is None else mask.ravel()
+    diagonal = A.diagonal()[unknowns].real.astype(np.float64)
+    if not diagonal.min() > 0.0:
+        raise np.linalg.LinAlgError(
+            f"the diagonal of A has the entry {diagonal.min():.3g}, but a preconditioner needs "
+            "all positive: use GMRES without one"
+        )
+    mean: Any = 0
+    for left, T, right in A.terms:
+        weights = 1.0 / diagonal
+        for factor in (left, right):
+            weights = weights if factor is None else weights * factor[unknowns]
+        mean = mean + weights.mean() * part(T)
+    if A.offset is not None:
+        mean = mean.plus_unit(np.mean(A.offset[unknowns] / diagonal))
+    return mean.astype(A.dtype), 1.0 / np.sqrt(diagonal)
+
+
+def symmetrised(preconditioner: F) -> F:
+    """Return the preconditioner that of a matrix that is not symmetric takes the symmetric part."""
+
+    @wraps(preconditioner)
+    def of_part(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
+        if isinstance(unwrap(A)[0], ToeplitzOperator):
+            A = hermitian_part(A)
+        return preconditioner(A, *args, **kwargs)
+
+    return cast(F, of_part)
+
+
 def restricted(preconditioner: F) -> F:
     """Return the preconditioner that on a mask is the restriction of that of the whole grid.
 
@@ -111,8 +231,9 @@ def restricted(preconditioner: F) -> F:
     Returns
     -------
     callable
-        The same function, that takes a `MaskedOperator` of one too, and refuses what is neither,
-        or not real and symmetric.
+        The same function, that takes a `MaskedOperator` of one too, and a `ToeplitzSum` as
+        `averaged` does, and refuses what is none of these, or not real and
+        symmetric.
 
     See Also
     --------
@@ -162,7 +283,7 @@ def _restricted(preconditioner: F, check: Check) -> F:
         full, mask = unwrap_toeplitz(A, check)
         return restrict(preconditioner(full, *args, **kwargs), mask)
 
-    return cast(F, of_mask)
+    return averaged(cast(F, of_mask), _itself if check is accept_any else hermitian_part)
 
 
 def componentwise(preconditioner: F) -> F:

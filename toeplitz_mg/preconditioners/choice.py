@@ -16,8 +16,15 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Mask
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
-from toeplitz_mg.operators.structure import check_hermitian, components, unwrap, unwrap_toeplitz
+from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator, ToeplitzSum
+from toeplitz_mg.operators.structure import (
+    average,
+    check_hermitian,
+    components,
+    restrict,
+    unwrap,
+    unwrap_toeplitz,
+)
 from toeplitz_mg.preconditioners import traits
 from toeplitz_mg.preconditioners.candidates import (
     OF_ANY_LINE,
@@ -121,6 +128,9 @@ def select_preconditioner(A: LinearOperator, solves: int = 1) -> Selection:
     if all are refused, the best of sine_preconditioner, cosine_preconditioner, chan_preconditioner
     and none, by a trial of 20 steps of CG
     """
+    full, mask = unwrap(A)
+    if isinstance(full, ToeplitzSum):
+        A = restrict(average(full, mask)[0], mask)
     return _list(plan(A, solves))
 
 

@@ -10,7 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import BlockDiagonal
 from toeplitz_mg.operators.base import grid_of
-from toeplitz_mg.operators.structure import check_hermitian, unwrap_toeplitz
+from toeplitz_mg.operators.structure import averaged, check_hermitian, unwrap_toeplitz
 from toeplitz_mg.preconditioners.choice import Plan, plan
 from toeplitz_mg.preconditioners.direct import NotPositiveDefinite
 from toeplitz_mg.preconditioners.jacobi import ScaledIdentity
@@ -21,6 +21,7 @@ from toeplitz_mg.preconditioners.trial import better_than_none
 logger = logging.getLogger(__name__)
 
 
+@averaged
 def default_preconditioner(
     A: LinearOperator, *, solves: int = 1, dtype: DTypeLike | None = None
 ) -> LinearOperator:

@@ -6,7 +6,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import GridOperator
-from toeplitz_mg.operators.structure import check_hermitian, unwrap_toeplitz
+from toeplitz_mg.operators.structure import averaged, check_hermitian, unwrap_toeplitz
 from toeplitz_mg.values import real
 
 
@@ -32,6 +32,7 @@ class ScaledIdentity(GridOperator):
         return f"<ScaledIdentity {self.shape[0]}, {self.factor.real:.3g}>"
 
 
+@averaged
 def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> LinearOperator:
     """Return ω/a₀ times the unit matrix: a damped Jacobi, or Richardson, smoother.
 

@@ -58,7 +58,7 @@ def require_condition(condition: float, dtype: Any, subject: str, advice: str) -
     The message: "`subject` has a condition number of 1e9, with which …: use `advice`", or float64.
     """
     if not ROUNDING * float(np.finfo(dtype).eps) * condition < 1.0:
-        single = np.dtype(dtype) == np.float32
+        single = np.dtype(dtype).char in "fF"
         raise np.linalg.LinAlgError(
             f"{subject} has a condition number of up to {condition:.1e}, with which rounding in "
             f"{np.dtype(dtype)} may make it indefinite: use {'float64' if single else advice}"

@@ -76,6 +76,7 @@ def schur_column(c: Array) -> tuple[Array, Array]:
         P = _steps(np.stack([c[1:], c[:-1]]) / diagonal, block, blocks)
         a = np.append(P[0], 0.0)
         a[1:] += P[1]
+        a[0] = 1.0  # It is that, but for rounding, which may be complex.
     gamma = _schur_parameters(blocks)
     return a / np.vdot(c, a).real, gamma
 

@@ -1,28 +1,27 @@
 """The spectral (Wiener-Hopf) factor of the symbol, as a preconditioner that sees both ends."""
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import DTypeLike
-from scipy.linalg import norm
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.transforms import cosine_sums, sine_sums
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
-from toeplitz_mg.operators.structure import componentwise, restricted, squeeze_line
+from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
+from toeplitz_mg.operators.structure import of_any_matrix, squeeze_line
+from toeplitz_mg.preconditioners.columns import RESOLVED, Columns
 from toeplitz_mg.preconditioners.positivity import is_positive, precision, require_condition
 from toeplitz_mg.preconditioners.schur import schur_column
 from toeplitz_mg.preconditioners.symbol import sample_symbol
+from toeplitz_mg.preconditioners.wiener_hopf import (
+    ADVICE,
+    factor_positive_symbol,
+    factor_symbol,
+)
 
-RESOLVED = 0.25  # Largest ‖A x - e₁‖ at which a better x would not make a better inverse.
 
-
-@componentwise
-@restricted
+@of_any_matrix
 def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of a Toeplitz matrix from the spectral factor of the symbol of A.
 
@@ -80,36 +79,52 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     >>> info
     0
     """
-    double = squeeze_line(A).astype(np.float64)
-    factor = factor_column(double, sample_symbol(double, (near_fast_length(len(double.c)),)))
+    return inverse_of_factor(A, approximate_columns(A), dtype=dtype)
+
+
+def approximate_columns(A: ToeplitzOperator) -> Columns:
+    """Return columns that make a preconditioner: those of the factors, or exact ones."""
+    line = double_line(A)
+    if not A.is_hermitian:
+        return _of_general(line)
+    if line.dtype.kind == "c":
+        factor = factor_positive_symbol(line)
+    else:
+        factor = factor_column(line, sample_symbol(line, (near_fast_length(len(line.c)),)))
     if factor is None or not factor.is_inverse:
-        return schur_inverse(A, dtype=dtype)
-    return inverse_of_factor(A, factor, dtype=dtype)
+        return exact_columns(line)
+    return factor
 
 
-@dataclass(frozen=True)
-class Factor:
-    """An approximation x of A⁻¹ e₁, and ‖A x - e₁‖."""
+def double_line(A: ToeplitzOperator) -> ToeplitzOperator:
+    """Return a matrix of one axis in double precision, without axes of one element."""
+    return squeeze_line(A).astype(np.result_type(A.dtype, np.float64))
 
-    x: Array
-    residual: float
 
-    @cached_property
-    def certificate(self) -> Certificate:
-        """What is known of the inverse that has this column."""
-        return Certificate.of(self.x)
+def exact_columns(A: ToeplitzOperator) -> Columns:
+    """Return the column of a Hermitian positive definite matrix, by the Schur algorithm."""
+    return Columns(A, schur_column(A.c)[0])
 
-    @property
-    def is_inverse(self) -> bool:
-        """Whether x gives an inverse as good as a better one, positive definite for certain."""
-        return self.residual <= RESOLVED and self.certificate.positive
+
+def _of_general(A: ToeplitzOperator) -> Columns:
+    columns = factor_symbol(A)
+    if not columns.is_inverse:
+        columns = columns.improve()
+    if not columns.is_inverse:
+        raise np.linalg.LinAlgError(
+            f"the Wiener-Hopf factors of A give a column of the inverse with the residual "
+            f"{columns.residual:.2g}, but need {RESOLVED:g}: {ADVICE}"
+        )
+    return columns
 
 
 def inverse_of_factor(
-    A: ToeplitzOperator, factor: Factor, *, dtype: DTypeLike | None = None
+    A: ToeplitzOperator, factor: Columns, *, dtype: DTypeLike | None = None
 ) -> GohbergSemencul:
-    """Return the inverse of A from a column, or refuse it where rounding may make it indefinite."""
+    """Return the inverse of A from columns, or refuse it where rounding may make it indefinite."""
     dtype = precision(A, dtype)
+    if factor.w is not None:
+        return GohbergSemencul(factor.x.astype(dtype), factor.w.conj().astype(dtype))
     condition = factor.certificate.condition
     require_condition(condition, dtype, "the inverse of A", "chan_preconditioner(A)")
     return GohbergSemencul(factor.x.astype(dtype))
@@ -117,11 +132,10 @@ def inverse_of_factor(
 
 def schur_inverse(A: ToeplitzOperator, *, dtype: DTypeLike | None = None) -> GohbergSemencul:
     """Return the inverse of a line from its exact column, by the Schur algorithm."""
-    column = schur_column(squeeze_line(A).c.astype(np.float64))[0]
-    return inverse_of_factor(A, Factor(column, 0.0), dtype=dtype)
+    return inverse_of_factor(A, exact_columns(double_line(A)), dtype=dtype)
 
 
-def factor_column(A: ToeplitzOperator, samples: Array) -> Factor | None:
+def factor_column(A: ToeplitzOperator, samples: Array) -> Columns | None:
     """Approximate A⁻¹ e₁ by the spectral factor, or return None where the symbol has none.
 
     The samples are those at θ = πk/m, k = 0 … m, the eigenvalues of a circulant of size 2m.
@@ -135,7 +149,4 @@ def factor_column(A: ToeplitzOperator, samples: Array) -> Factor | None:
     phi = sine_sums(cosine_sums(np.log(samples)) / (4 * m))
     size = 1.0 / np.sqrt(samples)
     q = (cosine_sums(size * np.cos(phi)) - sine_sums(size * np.sin(phi)))[:n] / (2 * m)
-    x = q[0] * q
-    r = A @ x
-    r[0] -= 1.0
-    return Factor(x, float(norm(r)))
+    return Columns(A, q[0] * q)

@@ -12,7 +12,7 @@ from toeplitz_mg.engine.products import multiply_rows
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import CoupledOperator, GridOperator
-from toeplitz_mg.operators.structure import componentwise, unwrap, unwrap_toeplitz
+from toeplitz_mg.operators.structure import averaged, componentwise, unwrap, unwrap_toeplitz
 from toeplitz_mg.preconditioners.fsai.build import DEFAULT, Options, build
 from toeplitz_mg.preconditioners.fsai.coupled import find_coupled_stencil
 from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
@@ -73,6 +73,7 @@ class MultilevelSparseInverse(GridOperator):
         )
 
 
+@averaged
 def fsai_preconditioner(
     A: LinearOperator, *, neighbours: int | None = None, dtype: DTypeLike | None = None
 ) -> LinearOperator:

@@ -1,0 +1,98 @@
+"""Integrals of a kernel over a rectangle at many points: by blocks, each from afar or from near."""
+
+from collections.abc import Iterator
+from math import frexp, hypot, prod
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.halfspace.expansion import REACH, Kernel, polynomials, sum_series
+from toeplitz_mg.halfspace.integrals import BLOCK, integrate_exactly
+
+FARTHEST = 2.0**500  # Units whose squares do not overflow.
+
+
+def integrate(kernel: Kernel, x: Array, y: Array, h1: float, h2: float) -> Array:
+    """Return the integral of a kernel over the rectangle h1 × h2 about the origin.
+
+    Parameters
+    ----------
+    kernel : dict
+        The weights of its monomials, in x and y from the element of area to the point.
+    x, y : ndarray
+        The points; they broadcast.
+    h1, h2 : float
+
+    Returns
+    -------
+    ndarray of float64
+        To rounding, relative to each integral.
+
+    Notes
+    -----
+    The series of a block is as long as its nearest point needs. Points too near for any series, on
+    most grids a few, are computed by themselves.
+    """
+    # A unit that is a power of two rounds nothing, and lengths in it have squares. The integral of
+    # a kernel of degree -1 is in proportion to it.
+    unit = 2.0 ** (frexp(hypot(h1, h2))[1] - 1)
+    kernel = {monomial: weight * unit for monomial, weight in kernel.items()}
+    h1, h2 = h1 / unit, h2 / unit
+    P = polynomials(kernel, h1, h2)
+    reach = {order: (t * hypot(h1, h2) / 2.0) ** 2 for order, t in REACH.items()}
+    shape = np.broadcast_shapes(x.shape, y.shape)
+    points = [np.broadcast_to(np.atleast_1d(axis), shape or 1) for axis in (x, y)]
+    integral = np.empty(shape or 1)
+    for block in _blocks([slice(0, n) for n in integral.shape]):
+        x, y = (axis[block] / unit for axis in points)
+        with np.errstate(over="ignore"):
+            r2 = x * x + y * y
+        far = (r2 >= min(reach.values())) & (r2 < FARTHEST**2)
+        if far.all():
+            integral[block] = _from_afar(kernel, P, reach, x, y, r2)
+            continue
+        part, near = integral[block], ~far
+        part[near] = integrate_exactly(kernel, x[near], y[near], h1, h2)
+        if far.any():
+            part[far] = _from_afar(kernel, P, reach, x[far], y[far], r2[far])
+    return integral.reshape(shape)
+
+
+def _from_afar(
+    kernel: Kernel,
+    P: list[list[float]],
+    reach: dict[int, float],
+    x: Array,
+    y: Array,
+    r2: Array,
+) -> Array:
+    """Return x^p y^q/ρ^(p+q+1) Σ_k ρ^(-2k) P_k(x²/ρ²), p and q of 0 and 1."""
+    nearest = r2.min()
+    order = min(k for k, least in reach.items() if least <= nearest)
+    e = np.divide(1.0, r2, out=r2)
+    u = x * x
+    u *= e
+    value = sum_series(P[: order + 1], u, e)
+    i, j, _ = next(iter(kernel))
+    if i % 2:
+        value *= x
+    if j % 2:
+        value *= y
+    if i % 2 + j % 2 > 0:
+        value *= e
+    if i % 2 + j % 2 != 1:
+        value *= np.sqrt(e, out=e)
+    return value
+
+
+def _blocks(part: list[slice]) -> Iterator[tuple[slice, ...]]:
+    """Halve the longest axis of a part of an array, until it is small."""
+    lengths = [axis.stop - axis.start for axis in part]
+    if prod(lengths) <= BLOCK:
+        if prod(lengths) > 0:
+            yield tuple(part)
+        return
+    k = int(np.argmax(lengths))
+    middle = part[k].start + lengths[k] // 2
+    for half in (slice(part[k].start, middle), slice(middle, part[k].stop)):
+        yield from _blocks([*part[:k], half, *part[k + 1 :]])
