@@ -17,9 +17,7 @@ class _TooSlow(Exception):
     """GMRES converges too slowly."""
 
 
-def solve_by_gmres(
-    A: LinearOperator, M: LinearOperator, B: Rows, rtol: float
-) -> tuple[Rows, int]:
+def solve_by_gmres(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -> tuple[Rows, int]:
     """Solve for each row of B, and return the most iterations of all.
 
     Raises

@@ -12,6 +12,15 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Rows
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.choice import candidates_of_line
+from toeplitz_mg.preconditioners.circulant import (
+    chan_eigenvalues,
+    chan_preconditioner,
+    signed_chan_inverse,
+)
+from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
+from toeplitz_mg.preconditioners.traits import has_symbol
+from toeplitz_mg.preconditioners.trigonometric import signed_cosine_inverse
+from toeplitz_mg.solvers.by_gmres import solve_by_gmres
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.inverse import first_columns
@@ -25,6 +34,7 @@ LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in 
 MOST_STEPS = 2**32  # Most steps of Levinson's recursion: a column of 65,536 unknowns.
 
 # `python -m comparisons.speed.drop_in` measures both sides of these.
+GENERAL = 2048  # Fewest unknowns where GMRES is faster than Levinson's recursion, on any machine.
 SHORT = 256  # Most unknowns where Levinson's recursion is the fastest for a column, on any machine.
 LONG = 1024  # Fewest unknowns where CG in the DCT domain is, on any machine.
 COSINE_NUMBERS = 2**16  # Most numbers in all columns where that is faster than the inverse.
@@ -50,6 +60,8 @@ def methods(system: ToeplitzSystem) -> Iterator[Method]:
         return
     if system.is_symmetric and not levinson_is_fastest(n, columns):
         yield from _methods_of_symmetric(system)
+    elif not system.is_symmetric and n >= GENERAL:
+        yield from _methods_of_general(system)
     else:
         yield _levinson_method(system)
     if n <= LARGEST_DENSE:
@@ -69,13 +81,52 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
         yield from _cg_method(system.A)
     # The inverse needs no more of the symbol than that A is positive definite.
     yield from _inverse_method(system.A)
-    if steps <= MOST_STEPS:
-        yield _levinson_method(system)  # A is indefinite, or singular.
+    yield from _methods_of_indefinite(system)
+
+
+def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
+    """Yield what may solve a system that is complex, or not symmetric."""
+    A = system.A
+    if A.is_hermitian:
+        if system.columns <= FEW:
+            yield from _method(partial(_cg, A), "cg", A, spectral_preconditioner)
+        yield from _inverse_method(A)
+        yield from _methods_of_indefinite(system)
+        return
+    if has_symbol(chan_eigenvalues(A)):
+        if system.columns <= FEW:
+            for preconditioner in (chan_preconditioner, spectral_preconditioner):
+                yield from _method(partial(solve_by_gmres, A), "gmres", A, preconditioner)
+        yield from _inverse_method(A)
+    yield from _dense_methods(system)
+
+
+def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
+    """Yield what may solve a symmetric or Hermitian system that is not positive definite."""
+    A = system.A
+    if not lu_is_faster_than_levinson(len(system.c), system.columns):
+        of_kind = signed_cosine_inverse if system.is_symmetric else signed_chan_inverse
+        yield from _method(partial(solve_by_gmres, A), "gmres", A, of_kind)
+    yield from _dense_methods(system)
+
+
+def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
+    """Yield what needs no more of A than that it is a Toeplitz matrix."""
+    n, columns = len(system.c), system.columns
+    if n <= LARGEST_DENSE and lu_is_faster_than_levinson(n, columns):
+        yield _lu_method(system)
+    elif columns * n**2 <= MOST_STEPS:
+        yield _levinson_method(system)
+
+
+def lu_is_faster_than_levinson(n: int, columns: int) -> bool:
+    """Whether a dense factor is faster: its set-up is of n³ steps, but each column is free."""
+    return columns >= 4 + n // 16
 
 
 def lu_is_fastest(n: int, columns: int) -> bool:
-    """Whether a dense factor is the fastest: its set-up is of n³ steps, but each column is free."""
-    return columns >= 4 + n // 16 and n <= SHORT
+    """Whether a dense factor is the fastest of all."""
+    return n <= SHORT and lu_is_faster_than_levinson(n, columns)
 
 
 def levinson_is_fastest(n: int, columns: int) -> bool:
@@ -111,6 +162,18 @@ def _cg_method(A: ToeplitzOperator) -> Iterator[Method]:
     for candidate in candidates_of_line(A):
         with suppress(np.linalg.LinAlgError):  # Its eigenvalues may not be positive.
             yield Method(f"cg, {candidate.name}", partial(_cg, A, candidate.make(A)))
+
+
+def _method(
+    solve: Callable[[LinearOperator, Rows, float], tuple[Rows, int]],
+    name: str,
+    A: ToeplitzOperator,
+    preconditioner: Callable[[ToeplitzOperator], LinearOperator],
+) -> Iterator[Method]:
+    """Yield an iteration with a preconditioner, if there is such a one of A."""
+    with suppress(np.linalg.LinAlgError):
+        M = preconditioner(A)
+        yield Method(f"{name}, {preconditioner.__name__}", partial(solve, M))
 
 
 def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
