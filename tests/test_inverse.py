@@ -25,7 +25,7 @@ def test_is_the_inverse(name, n):
     assert np.linalg.norm(B - A @ (A_inverse @ B)) <= 1e-9 * np.linalg.norm(B)
 
 
-@pytest.mark.parametrize("n", [3, 64, 300, 1009])
+@pytest.mark.parametrize("n", [3, 64, 401])
 @pytest.mark.parametrize("name", [*NONSYMMETRIC, *HERMITIAN])
 def test_is_the_inverse_of_nonsymmetric_and_hermitian_matrices(name, n):
     A = tmg.ToeplitzOperator(*{**NONSYMMETRIC, **HERMITIAN}[name](n))

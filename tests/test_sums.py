@@ -27,7 +27,8 @@ PRECONDITIONERS = [
     tmg.strang_preconditioner,
     tmg.tau_preconditioner,
 ]
-OF_ANY = (tmg.chan_preconditioner, tmg.strang_preconditioner)  # They need no symmetric part.
+# They need no symmetric part.
+OF_ANY = (tmg.chan_preconditioner, tmg.strang_preconditioner, tmg.spectral_preconditioner)
 OF_SYMMETRIC = [f for f in PRECONDITIONERS if f not in OF_ANY]
 each = pytest.mark.parametrize("preconditioner", PRECONDITIONERS, ids=lambda f: f.__name__)
 

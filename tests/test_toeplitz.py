@@ -281,6 +281,8 @@ def test_the_smallest_coefficients_that_are_accepted_lose_no_digits(n, dtype):
 def test_coefficients_whose_sum_is_no_number_of_double_precision_are_refused():
     with pytest.raises(ValueError, match="sizes add up to inf"):
         tmg.ToeplitzOperator([1e308] * 9)
+    with pytest.raises(ValueError, match="sizes add up to inf"):
+        tmg.ToeplitzOperator([1.0, 1.5e308 * (1.0 + 1.0j)])
 
 
 @pytest.mark.parametrize("n", [2, 3, 40])

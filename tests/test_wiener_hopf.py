@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import solve
-from scipy.sparse.linalg import gmres
 
 import toeplitz_mg as tmg
 from comparisons.systems.symbols import HERMITIAN, NONSYMMETRIC, random_pair
@@ -22,12 +21,10 @@ def general(kind, n):
 def iterations(A, M):
     b = np.random.default_rng(1).standard_normal(A.shape[0]).astype(A.dtype)
     residuals = []
-    x, info = gmres(
-        A, b, M=M, rtol=1e-8, restart=60, callback=residuals.append, callback_type="pr_norm"
-    )
+    solver = tmg.cg if A.is_hermitian else tmg.gmres
+    _, info = solver(A, b, M=M, rtol=1e-8, residuals=residuals)
     assert info == 0
-    assert np.linalg.norm(b - A @ x) <= 1e-7 * np.linalg.norm(b)
-    return len(residuals)
+    return len(residuals) - 1
 
 
 @pytest.mark.parametrize("n", [1, 2, 40, 600])
@@ -109,7 +106,7 @@ def test_takes_few_iterations_for_hermitian_matrices(name):
     """Three plane waves and noise too, which T. Chan's circulant takes over 200 for."""
     for n in (500, 4001):
         A = tmg.ToeplitzOperator(*HERMITIAN[name](n))
-        assert iterations(A, tmg.spectral_preconditioner(A)) <= 12
+        assert iterations(A, tmg.spectral_preconditioner(A)) <= 10
 
 
 def test_refuses_a_hermitian_matrix_that_is_not_positive_definite():

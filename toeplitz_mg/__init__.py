@@ -2,7 +2,7 @@
 
 # Before all others, as they take the time in which Ctrl-C may come.
 from toeplitz_mg import startup  # noqa: F401, I001
-from toeplitz_mg import contact, halfspace
+from toeplitz_mg import contact, fractional, halfspace
 from toeplitz_mg.multigrid_cycle import (
     Interpolation,
     Multigrid,
@@ -56,6 +56,7 @@ __all__ = [
     "fft_preconditioner",
     "fft_rsm_preconditioner",
     "fft_sd_preconditioner",
+    "fractional",
     "fsai_preconditioner",
     "galerkin",
     "gmres",

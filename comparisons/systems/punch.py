@@ -20,21 +20,10 @@ def influence(
     kind: str, mask: Array, element: tuple[float, float], nu: float = NU
 ) -> LinearOperator:
     """Return the influence of the tractions in a mask on its displacements, for one half-space."""
-    even, odd = halfspace.offsets(mask.shape, element), halfspace.all_offsets(mask.shape, element)
-    # The coefficients are those of two half-spaces: one of G has as much as two of 2 G.
-    material = {"G": 2.0 * G, "nu": nu}
-    full: LinearOperator
-    if kind == "normal":
-        full = tmg.ToeplitzOperator(halfspace.influence_zz(*even, element, **material))
-    elif kind == "tangential":
-        full = tmg.ToeplitzOperator(halfspace.influence_xx(*even, element, **material))
-    else:
-        xx, yy = (
-            tmg.ToeplitzOperator(a(*even, element, **material))
-            for a in (halfspace.influence_xx, halfspace.influence_yy)
-        )
-        between = tmg.ToeplitzOperator.from_lags(halfspace.influence_xy(*odd, element, **material))
-        full = tmg.CoupledOperator([[xx, between], [between, yy]])
+    # The matrix is that of two half-spaces: one of G has as much as two of 2 G.
+    material = halfspace.Material(2.0 * G, nu)
+    directions = {"normal": "z", "tangential": "x", "coupled": "xy"}[kind]
+    full = halfspace.influence_matrix(directions, mask.shape, element, material)
     return restrict(full, mask)
 
 

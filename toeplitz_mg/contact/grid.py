@@ -8,11 +8,11 @@ import numpy as np
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.halfspace import CombinedMaterial, Material
+from toeplitz_mg.halfspace.matrices import quadrant
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.values import field, in_range, positive
 
 COARSEST = 32  # Elements along the longest axis from which nested iteration coarsens no further.
-NEGLIGIBLE = 1e-17  # Poisson's ratio on which no digit of a displacement in float64 depends.
 
 
 @dataclass(frozen=True)
@@ -98,77 +98,32 @@ class Grid:
 
     def normal(self) -> ToeplitzOperator:
         """Return the matrix of the normal displacements by the pressures (Eq. 6-7)."""
-        return ToeplitzOperator(self.normal_coefficients())
+        return self._matrix("z")
 
     def normal_coefficients(self) -> Array:
         """Return the first column of the matrix of normal contact, in the shape of the grid."""
-        if len(self.element) == 1:
-            return self._plane_strain(self.shape[0])
-        h, other = self.element
-        if len(self.shape) == 1 or h != other:
-            return self._quadrant(halfspace.influence_zz, self.shape)
-        # On square elements the coefficient at the offset (j, i) is that at (i, j).
-        n, m = max(self.shape), min(self.shape)
-        i, j = np.tril_indices(n, m=m)
-        c = np.empty((n, n))
-        G, nu = self.material
-        c[i, j] = c[j, i] = halfspace.influence_zz(h * i, h * j, (h, h), G=G, nu=nu)
-        return c[tuple(slice(k) for k in self.shape)]
+        return quadrant("zz", self.shape, self.element, self.material, self.reference)
 
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
-        return self._tangential(0)
+        return self._matrix("xy"[: self.components])
 
     def upstream(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements one element ahead, at x + h1.
 
         When the contact rolls towards positive x, what is here now was there one step before.
         """
-        return self._tangential(1)
+        return self._matrix("xy"[: self.components], ahead=1)
 
-    def _tangential(self, ahead: int) -> ToeplitzOperator | CoupledOperator:
-        shape = (self.shape[0] + ahead, *self.shape[1:])
-
-        def block(quadrant: Array, sign: float = 1.0) -> ToeplitzOperator:
-            if ahead == 0 and sign == 1.0:
-                return ToeplitzOperator(quadrant)
-            # The coefficient at the offset d is that of the kernel at d + ahead.
-            return ToeplitzOperator.from_lags(_mirror(quadrant, sign)[2 * ahead :])
-
-        if len(self.element) == 1:
-            return block(self._plane_strain(shape[0]))
-        xx = self._quadrant(halfspace.influence_xx, shape)
-        if len(shape) == 1:
-            return block(xx)
-        is_square = shape[0] == shape[1] and self.element[0] == self.element[1]
-        yy = xx.T if is_square else self._quadrant(halfspace.influence_yy, shape)
-        xy = self._quadrant(halfspace.influence_xy, shape)
-        cross = block(xy, -1.0) if xy.any() else None  # There is none for a Poisson's ratio of 0.
-        return CoupledOperator([[block(xx), cross], [cross, block(yy)]])
-
-    def _plane_strain(self, n: int) -> Array:
-        G, nu = self.material
-        return halfspace.line_contact_coefficients(
-            n, self.element[0], G=G, nu=nu, reference=self.reference
+    def _matrix(self, directions: str, ahead: int = 0) -> Any:
+        return halfspace.influence_matrix(
+            directions,
+            self.shape,
+            self.element,
+            self.material,
+            reference=self.reference,
+            ahead=ahead,
         )
-
-    def _quadrant(self, influence: Any, shape: tuple[int, ...]) -> Array:
-        """Return the coefficients at the offsets that are not negative."""
-        h1, h2 = self.element
-        x, y = halfspace.offsets((shape[0], shape[1] if len(shape) == 2 else 1), (h1, h2))
-        G, nu = self.material
-        if abs(nu) < NEGLIGIBLE:
-            nu = 0.0  # A coupling in proportion to it may be too small to be multiplied.
-        return influence(x, y, (h1, h2), G=G, nu=nu).reshape(shape)
-
-
-def _mirror(quadrant: Array, sign: float) -> Array:
-    """Return the coefficients at all offsets, of a kernel even (1) or odd (-1) along each axis."""
-    for axis in range(quadrant.ndim):
-        negative = sign * np.flip(quadrant, axis)
-        inside = tuple(slice(-1) if k == axis else slice(None) for k in range(quadrant.ndim))
-        quadrant = np.concatenate([negative[inside], quadrant], axis=axis)
-    return quadrant
 
 
 def coarsen(x: Array, axes: int = 2) -> Array:

@@ -1,4 +1,4 @@
-"""The elastic half-space: influence coefficients, elastic constants, points of a grid."""
+"""The elastic half-space: its matrices, influence coefficients and elastic constants."""
 
 from toeplitz_mg.halfspace.influence import (
     influence_xx,
@@ -15,6 +15,7 @@ from toeplitz_mg.halfspace.materials import (
     combined_material,
     difference_parameter,
 )
+from toeplitz_mg.halfspace.matrices import influence_matrix
 from toeplitz_mg.halfspace.points import all_offsets, offsets
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "all_offsets",
     "combined_material",
     "difference_parameter",
+    "influence_matrix",
     "influence_xx",
     "influence_xy",
     "influence_xz",

@@ -197,7 +197,9 @@ def check_coefficients(values: ArrayLike, name: str) -> Array:
         where = np.argwhere(~np.isfinite(array))[0]
         at = tuple(int(k) for k in where)
         raise ValueError(f"{name} has the coefficient {array[at]} at {at}, but all must be finite")
-    _require_digits(name, np.abs(array))
+    with np.errstate(over="ignore"):  # The size of a complex number may overflow to inf.
+        sizes = np.abs(array)
+    _require_digits(name, sizes)
     return array
 
 

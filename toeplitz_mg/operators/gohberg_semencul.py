@@ -25,9 +25,9 @@ class GohbergSemencul(GridOperator):
     x : ndarray of shape (n,), real or complex
         First column of the inverse, A⁻¹ e₁, whose first entry must not be zero.
     y : ndarray of shape (n,), optional
-        First row of the inverse, A⁻ᵀ e₁, with the first entry of `x`. Without it the inverse is
-        that of a symmetric positive definite matrix, or of a Hermitian one: its row is x̄, and
-        x[0] must be positive.
+        First row of the inverse, A⁻ᵀ e₁; its first entry is ignored, as it is x[0]. Without it the
+        inverse is that of a symmetric positive definite matrix, or of a Hermitian one: its row is
+        x̄, and x[0] must be positive.
 
     Raises
     ------
@@ -74,9 +74,10 @@ class GohbergSemencul(GridOperator):
             )
         dtype = np.result_type(x, y)
         self.x, self.y = x.astype(dtype), y.astype(dtype)
+        self.y[0] = self.x[0]
         self.x.flags.writeable = self.y.flags.writeable = False
         if product is None:
-            column, row = (a.astype(np.result_type(dtype, np.float64)) for a in (x, y))
+            column, row = (a.astype(np.result_type(dtype, np.float64)) for a in (self.x, self.y))
             product = GohbergSemenculProduct.of(column, None if self.is_hermitian else row, dtype)
         self._product = product
         super().__init__(dtype, product.grid_shape, product.points / len(x))

@@ -61,12 +61,14 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     """
     column = A.lags
     for axis, n in enumerate(A.grid_shape):
-        k = np.arange(n)
-        # These are the lags k and k - n, whichever is nearer to 0, and of both n/2 the mean.
-        nearest, other = (np.where(k > half, k - n, k) for half in (n // 2, (n - 1) // 2))
-        column = (
-            np.take(column, nearest + n - 1, axis=axis) + np.take(column, other + n - 1, axis=axis)
-        ) / 2
+        # These are the lags 0 ... n // 2, then -(n - 1) // 2 ... -1.
+        index = np.concatenate([np.arange(n // 2 + 1), np.arange(-((n - 1) // 2), 0)])
+        central = np.take(column, index + n - 1, axis=axis)
+        if n % 2 == 0:  # The lags n/2 and -n/2 have one place: it has their mean.
+            middle = (slice(None),) * axis + (n // 2,)
+            other = np.take(column, n - 1 - n // 2, axis=axis)
+            central[middle] = (central[middle] + other) / 2
+        column = central
     return _inverse(A, column, "Strang", precision(A, dtype))
 
 

@@ -80,7 +80,8 @@ def default_preconditioner(
     three or more            cosine; on a mask sine            9 to 20
     ======================== ================================= ==============================
 
-    Of a complex matrix of more unknowns it is T. Chan's circulant.
+    Of a complex matrix of more unknowns it is the spectral factor on the whole of a line; else T.
+    Chan's circulant, if it is better than nothing.
 
     Coupled components are treated each by itself, but by FSAI on a mask together if their coupling
     is strong.

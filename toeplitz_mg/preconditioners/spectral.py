@@ -23,46 +23,57 @@ from toeplitz_mg.preconditioners.wiener_hopf import (
 
 @of_any_matrix
 def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
-    """Return the inverse of a Toeplitz matrix from the spectral factor of the symbol of A.
+    """Return the inverse of a Toeplitz matrix from the factors of the symbol of A.
 
     Parameters
     ----------
-    A : ToeplitzOperator, or MaskedOperator of one
-        Symmetric positive definite, of one axis with more than one element. There is no other
-        condition.
+    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+        Of one axis with more than one element. If it is symmetric, or Hermitian, it is positive
+        definite, and there is no other condition. Else its symbol has no zero and the winding
+        number 0, as where the diagonal dominates, or the symbol has a positive real part.
     dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default. In float32 it takes
-        half the memory and less time, inside an iteration in float64 too.
+        The precision in which it is kept and applied, that of `A` by default; complex64 or
+        complex128 where `A` is complex. In float32 it takes half the memory and less time, inside
+        an iteration in float64 too.
 
     Returns
     -------
     GohbergSemencul or MaskedOperator
-        Of the shape of `A`, symmetric. One product costs two work units.
+        Of the shape of `A`, symmetric or Hermitian positive definite where that is, and else one
+        for `gmres`. One product costs two work units.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where A is not positive definite, or so ill-conditioned that float64 cannot tell, or that
-        rounding in `dtype` may make its inverse indefinite.
+        Where A is symmetric or Hermitian and not positive definite, or so ill-conditioned that
+        float64 cannot tell, or that rounding in `dtype` may make its inverse indefinite. Of
+        another matrix where the symbol winds around zero, or where its factors are no use with so
+        few unknowns: `chan_preconditioner` may be.
     ValueError
-        Where `A` has several axes, or is not symmetric.
+        Where `A` has several axes.
     TypeError
         Where `A` is no Toeplitz operator.
 
     Notes
     -----
-    The symbol is f = |g|² with g causal: the causal half of the cepstrum, the Fourier
-    coefficients of log f, is that of log g. With the coefficients q of 1/g, q₀ q is the first
-    column of the inverse of the half-infinite matrix; the Gohberg-Semencul formula makes of its
-    first n entries an approximate inverse with two ends. It costs one work unit to be made, and
-    two to be checked: by its product with A, and for being positive definite, which it is exactly
-    if the polynomial with these coefficients has no zero in the closed unit disc.
+    Of a symmetric or Hermitian matrix the symbol is f = |g|² with g causal: the causal half of the
+    cepstrum, the Fourier coefficients of log f, is that of log g. With the coefficients q of 1/g,
+    q₀ q is the first column of the inverse of the half-infinite matrix; the Gohberg-Semencul
+    formula makes of its first n entries an approximate inverse with two ends. It costs one work
+    unit to be made, and two to be checked: by its product with A, and for being positive definite,
+    which it is exactly if the polynomial with these coefficients has no zero in the closed unit
+    disc.
 
     The symbol is sampled by embedding A in a circulant. That has eigenvalues that are not
     positive where the symbol has a zero, or is not resolved by n lags, as for a covariance whose
     correlation length is not small against n. There, where the column misses A x = e₁ by more than
     one quarter, and where such a zero is not ruled out, the column is computed exactly, by
     `toeplitz_mg.preconditioners.schur`, at some 30 work units in 2^20 unknowns and fewer in less.
+
+    Another matrix has two factors, not one: see `toeplitz_mg.preconditioners.wiener_hopf`.
+    These give the first column of the inverse and the first row, at some eight work units, and
+    both are checked by their products with A. Where they miss by more than one quarter, one step
+    of Newton's method is tried.
 
     References
     ----------
@@ -83,7 +94,10 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
 
 
 def approximate_columns(A: ToeplitzOperator) -> Columns:
-    """Return columns that make a preconditioner: those of the factors, or exact ones."""
+    """Return columns that make a preconditioner: those of the factors, or exact ones.
+
+    A LinAlgError says why a matrix that is not Hermitian has none.
+    """
     line = double_line(A)
     if not A.is_hermitian:
         return _of_general(line)

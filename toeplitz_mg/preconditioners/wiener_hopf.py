@@ -46,9 +46,9 @@ def factor_symbol(A: ToeplitzOperator) -> Columns:
     logarithm = _logarithm(f, is_complex)
     cepstrum = backward(logarithm, length)
     mean = cepstrum[0]
-    causal = forward(_keep_causal(cepstrum))
-    x = backward(np.exp(-causal), length)[:n]
-    y = backward(np.exp(causal + mean - logarithm), length)
+    inverse = np.exp(-forward(_keep_causal(cepstrum)))
+    x = backward(inverse, length)[:n]
+    y = backward(1.0 / (f * inverse), length)
     row = np.concatenate([y[:1], y[:-n:-1]])
     scale = np.exp(-mean) / (f[0] if is_complex else f[0].real)
     # Both begin with 1, but for the frequencies that are beyond the samples.

@@ -10,6 +10,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.solvers.batch import is_faster_at_once, solve_at_once
 from toeplitz_mg.solvers.checks import check_numbers
 from toeplitz_mg.solvers.choice import Method, methods
 from toeplitz_mg.solvers.scaling import exponents, scale_back
@@ -133,7 +134,9 @@ def solve_toeplitz(
     else:
         r = c  # The same array: that A is symmetric needs no look at the numbers.
     is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
-    with np.errstate(over="ignore", invalid="ignore"):  # It is seen in the residual.
+    with np.errstate(
+        over="ignore", invalid="ignore", divide="ignore"
+    ):  # It is seen in the residual.
         x, info = (_solve_batch if is_batch else _solve)(c, r, b, check_finite, rtol)
     if info.residual > max(ILL_CONDITIONED, rtol):
         warnings.warn(
@@ -159,12 +162,30 @@ def _solve_batch(
     batch = np.broadcast_shapes(c.shape[:-1], r.shape[:-1], b.shape[:-core])
     if 0 in batch:
         raise ValueError(f"the batch has shape {batch}, but must not be empty")
+    is_symmetric = r is c or (c.shape == r.shape and np.array_equal(c[..., 1:], r[..., 1:]))
     c, r, b = (
         np.broadcast_to(a, batch + a.shape[a.ndim - k :]) for a, k in ((c, 1), (r, 1), (b, core))
     )
-    solutions = [_solve(c[k], r[k], b[k], check_finite, rtol) for k in np.ndindex(batch)]
-    x = np.stack([x for x, _ in solutions]).reshape(b.shape)
-    return x, max((info for _, info in solutions), key=lambda info: info.residual)
+    x = np.empty(b.shape, np.result_type(c, r, b))
+    rest, infos = np.ones(batch, bool), []
+    n = c.shape[-1]
+    is_plain = is_symmetric and x.dtype == np.float64 and x.size > 0 and n == b.shape[-core]
+    if is_plain and is_faster_at_once(rest.size, n):
+        found = solve_at_once(c.reshape(-1, n), b.reshape(rest.size, n, -1))
+        good = (found.residuals <= rtol) | (
+            (found.backward_errors <= ROUNDING) & (found.residuals <= SINGULAR)
+        )
+        x[...] = found.x.reshape(b.shape)
+        rest[...] = ~good.reshape(batch)
+        if good.any():
+            worst = int(np.argmax(np.where(good, found.residuals, -1.0)))
+            errors = float(found.residuals[worst]), float(found.backward_errors[worst])
+            infos.append(SolveInfo("levinson for all at once", 1, *errors))
+    for k in np.argwhere(rest):
+        own = tuple(k)
+        x[own], info = _solve(c[own], r[own], b[own], check_finite, rtol)
+        infos.append(info)
+    return x, max(infos, key=lambda info: info.residual)
 
 
 def _solve(

@@ -1,0 +1,153 @@
+"""The matrix of a grid of elements, from its shape, their size and the two materials."""
+
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.halfspace.influence import (
+    influence_xx,
+    influence_xy,
+    influence_xz,
+    influence_yy,
+    influence_yz,
+    influence_zz,
+)
+from toeplitz_mg.halfspace.line_contact import line_contact_coefficients
+from toeplitz_mg.halfspace.materials import CombinedMaterial, Material, check_material
+from toeplitz_mg.halfspace.points import offsets
+from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
+
+# The blocks on and above the diagonal, and whether they are even (1) or odd (-1) in x and in y.
+KERNELS: dict[str, tuple[Any, tuple[int, int]]] = {
+    "xx": (influence_xx, (1, 1)),
+    "xy": (influence_xy, (-1, -1)),
+    "xz": (influence_xz, (-1, 1)),
+    "yy": (influence_yy, (1, 1)),
+    "yz": (influence_yz, (1, -1)),
+    "zz": (influence_zz, (1, 1)),
+}
+NEGLIGIBLE = 1e-17  # Size of ν and K on which no digit of a displacement in float64 depends.
+
+
+def influence_matrix(
+    directions: str,
+    grid_shape: tuple[int, ...],
+    element: tuple[float, ...],
+    material: Material,
+    *,
+    reference: float | None = None,
+    ahead: int = 0,
+) -> ToeplitzOperator | CoupledOperator:
+    """Return the matrix of the displacements of a surface by the tractions on it.
+
+    Parameters
+    ----------
+    directions : str
+        Of the displacements and the tractions: one or several of x, y and z, in this order. "z" is
+        normal contact, "xy" the tangential problem, "xyz" both, coupled where the bodies differ.
+    grid_shape : (int, int) or (int,)
+        n₁ × n₂ elements; n₁ strips across x.
+    element : (float, float) or (float,)
+        Size h₁ × h₂ of an element, mm; of strips their width and length, or their width where they
+        are of infinite length, which is plane strain.
+    material : Material or (G, nu)
+        Shear modulus (N/mm²) and Poisson's ratio of both bodies; of two materials, that of
+        `combined_material`.
+    reference : float, optional
+        In plane strain, the distance at which a line load moves nothing, mm; the length of the
+        grid by default.
+    ahead : int, optional
+        The displacements are those so many elements further along x.
+
+    Returns
+    -------
+    ToeplitzOperator
+        Of one direction; vectors are fields flattened in C order, mm per N/mm².
+    CoupledOperator
+        Of several directions; vectors have the components one after the other.
+
+    Raises
+    ------
+    ValueError
+        For directions, an element or a material that there is none of, and for several directions
+        in plane strain.
+    TypeError
+        For what is no number.
+
+    See Also
+    --------
+    influence_zz, influence_xx, influence_xy, influence_xz, line_contact_coefficients
+
+    Notes
+    -----
+    Each kernel is even or odd in x and in y, so that it is evaluated in one quadrant.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> steel = (82000.0, 0.28)  # G in N/mm², Poisson's ratio
+    >>> halfspace.influence_matrix("z", (32, 16), (0.25, 0.5), steel)
+    <ToeplitzOperator 32 x 16, symmetric, float64>
+    >>> halfspace.influence_matrix("xy", (32, 16), (0.25, 0.5), steel)
+    <CoupledOperator of 2 components, 32 x 16, symmetric, float64>
+    """
+    if not directions or directions != "".join(d for d in "xyz" if d in directions):
+        raise ValueError(
+            f"directions is {directions!r}, but must be one or several of x, y and z, as 'xy'"
+        )
+    shape = (grid_shape[0] + ahead, *grid_shape[1:])
+    if len(element) == 1 and (directions not in ("x", "z") or len(shape) != 1):
+        raise ValueError(
+            f"directions is {directions!r} on a grid of shape {grid_shape}, but plane strain "
+            "(an element of one size) has one axis, and x or z for a direction"
+        )
+    if reference is None:
+        reference = element[0] * grid_shape[0]
+    blocks: dict[str, ToeplitzOperator | None] = {}
+    for name, (_, parity) in KERNELS.items():
+        if set(name) <= set(directions):
+            c = quadrant(name, shape, element, material, reference)
+            blocks[name] = block = _operator(c, parity, ahead) if c.any() else None
+            # By reciprocity, what is odd in one of x and y has the other sign the other way round.
+            is_odd = parity[0] != parity[1]
+            blocks[name[::-1]] = _operator(-c, parity, ahead) if block and is_odd else block
+    if len(directions) == 1 and (only := blocks[2 * directions]):
+        return only
+    return CoupledOperator([[blocks[i + j] for j in directions] for i in directions])
+
+
+def quadrant(
+    name: str,
+    shape: tuple[int, ...],
+    element: tuple[float, ...],
+    material: Material,
+    reference: float,
+) -> Array:
+    """Return the coefficients of two directions, as "zz", at offsets that are not negative."""
+    G, nu = check_material(*material)
+    if len(element) == 1:
+        return line_contact_coefficients(shape[0], element[0], G=G, nu=nu, reference=reference)
+    K = material.difference if isinstance(material, CombinedMaterial) else 0.0
+    constant = ("K", K) if name in ("xz", "yz") else ("nu", nu)
+    # What couples two directions may be too small to be multiplied.
+    value = 0.0 if abs(constant[1]) < NEGLIGIBLE else constant[1]
+    x, y = offsets((shape[0], shape[1] if len(shape) == 2 else 1), (element[0], element[1]))
+    c: Array = KERNELS[name][0](x, y, element, G=G, **{constant[0]: value})
+    return c.reshape(shape)
+
+
+def _operator(c: Array, parity: tuple[int, ...], ahead: int) -> ToeplitzOperator:
+    """Return the matrix of coefficients that are even or odd in each axis."""
+    if ahead == 0 and set(parity[: c.ndim]) == {1}:
+        return ToeplitzOperator(c)
+    lags = np.empty([2 * n - 1 for n in c.shape])
+    lags[tuple(slice(n - 1, None) for n in c.shape)] = c
+    for axis, n in enumerate(c.shape):
+        # The axes before this one are complete.
+        behind = [slice(m - 1, None) for m in c.shape[axis + 1 :]]
+        before = [slice(None)] * axis
+        at = (*before, slice(n, None), *behind)
+        lags[(*before, slice(n - 1), *behind)] = parity[axis] * np.flip(lags[at], axis)
+    # The coefficient at the offset d is that of the kernel at d + ahead.
+    return ToeplitzOperator.from_lags(lags[2 * ahead :])
