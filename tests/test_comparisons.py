@@ -104,7 +104,7 @@ def test_general_symbols(tmp_path, monkeypatch, capsys):
 
 def test_drop_in(tmp_path, monkeypatch, capsys):
     printed = run(drop_in, tmp_path, monkeypatch, capsys, quick_sizes=(1, 5, 300))
-    assert "Crossover" in printed
+    assert "The largest ratios" in printed
     assert (tmp_path / "drop_in.png").read_bytes().startswith(b"\x89PNG")
     rows = rows_of(tmp_path / "drop_in.csv")
     assert {row["method"] for row in rows} >= {
@@ -112,6 +112,8 @@ def test_drop_in(tmp_path, monkeypatch, capsys):
         "scipy.linalg.lu_solve",
     }
     assert all(float(row["residual"]) <= 1e-10 for row in rows)
+    ratios = [float(row[f"ratio{key}"]) for row in rows for key in ("", "_half", "_twice")]
+    assert min(ratios) > 0.0
 
 
 def test_speed_by_hand(tmp_path, monkeypatch, capsys):

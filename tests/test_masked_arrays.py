@@ -1,13 +1,15 @@
 """Masked arrays are refused by all that is public: nothing is to be made of the numbers below."""
 
+import functools
 from operator import matmul, mul
 
 import numpy as np
 import pytest
+import scipy.sparse
 import scipy.sparse.linalg
 
 import toeplitz_mg as tmg
-from toeplitz_mg import contact, halfspace
+from toeplitz_mg import contact, fractional, halfspace
 from toeplitz_mg.contact import problems, surfaces
 
 A = tmg.ToeplitzOperator(0.5 ** np.arange(4.0))
@@ -151,6 +153,18 @@ USES = {
             },
         )
     ],
+    "influence_matrix": [
+        (
+            functools.partial(halfspace.influence_matrix, "z"),
+            {"grid_shape": SHAPE, "element": ELEMENT, "material": STEEL},
+        ),
+        (
+            functools.partial(halfspace.influence_matrix, "x", (4,), (1.0,), STEEL),
+            {"reference": 9.0, "ahead": 1},
+        ),
+    ],
+    "riesz_coefficients": [(fractional.riesz_coefficients, {"order": 1.5, "n": 4})],
+    "grunwald_coefficients": [(fractional.grunwald_coefficients, {"order": 1.5, "n": 4})],
     "centres": [(surfaces.centres, {"shape": SHAPE, "element": ELEMENT})],
     "sphere": [(surfaces.sphere, {"shape": SHAPE, "element": ELEMENT, "radius": 9.0})],
     "ellipsoid": [(surfaces.ellipsoid, {"shape": SHAPE, "element": ELEMENT, "radii": (9.0, 9.0)})],
@@ -176,7 +190,8 @@ USES = {
 WITHOUT_NUMBERS = {
     *("ContactError", "ContactResult", "ContactWarning", "CombinedMaterial", "Material"),
     *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "ToeplitzInverse"),
-    *("componentwise", "count_products", "contact", "halfspace", "problems", "surfaces"),
+    *("componentwise", "count_products", "contact", "fractional", "halfspace", "problems"),
+    "surfaces",
     *("linear_interpolation", "modulated_interpolation", "piecewise_constant"),
 }
 
@@ -207,7 +222,7 @@ def test_all_that_is_public_is_tried():
     public = {*tmg.__all__, *contact.__all__, *halfspace.__all__}
     public |= {
         name
-        for module in (surfaces, problems)
+        for module in (surfaces, problems, fractional)
         for name, value in vars(module).items()
         if getattr(value, "__module__", "") == module.__name__
         and not isinstance(value, type)
@@ -255,5 +270,28 @@ PRODUCTS = {
 def test_products_with_what_is_masked_are_refused(operator, product):
     for x in (ONES, np.ones((4, 1)), np.ones((1, 4))):
         for masked in maskings(x):
+            with pytest.raises(TypeError, match="masked"):
+                product(operator, masked)
+
+
+@pytest.mark.parametrize("operator", OPERATORS.values(), ids=OPERATORS)
+def test_sums_and_quotients_with_what_is_masked_are_refused(operator):
+    for masked in (np.ma.masked, np.ma.masked_array(2.0), np.ma.masked_array(np.eye(4))):
+        for combine in (
+            lambda A, x: A / x,
+            lambda A, x: A + x,
+            lambda A, x: x + A,
+            lambda A, x: A - x,
+            lambda A, x: x - A,
+        ):
+            with pytest.raises(TypeError, match="masked"):
+                combine(operator, masked)
+
+
+def test_products_with_sums_and_multiples_refuse_what_is_masked():
+    masked = np.ma.masked_array(ONES, ~MASK)
+    diagonal = scipy.sparse.diags_array([1.0, 2.0, 3.0, 4.0])
+    for operator in (2.0 * A, -A, A / 2.0, A + A, A - 2.0 * A, A + diagonal, diagonal @ A):
+        for product in PRODUCTS.values():
             with pytest.raises(TypeError, match="masked"):
                 product(operator, masked)

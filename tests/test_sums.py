@@ -11,7 +11,7 @@ from scipy.sparse.linalg import LinearOperator, aslinearoperator
 import toeplitz_mg as tmg
 from tests.cases import checkered, contact, diagonals, exponential, random_lags
 from toeplitz_mg.operators import DiagonallyScaled, ToeplitzSum
-from toeplitz_mg.operators.structure import average
+from toeplitz_mg.operators.averages import average
 
 PRECONDITIONERS = [
     tmg.chan_preconditioner,

@@ -285,7 +285,7 @@ def test_coefficients_whose_sum_is_no_number_of_double_precision_are_refused():
         tmg.ToeplitzOperator([1.0, 1.5e308 * (1.0 + 1.0j)])
 
 
-@pytest.mark.parametrize("n", [2, 3, 40])
+@pytest.mark.parametrize("n", [3, 4, 40])
 @pytest.mark.parametrize("row", [None, "general"])
 @pytest.mark.parametrize("dtype", [np.float64, np.complex128])
 def test_a_dense_matrix_is_not_taken_for_two_axes_without_a_word(n, row, dtype):

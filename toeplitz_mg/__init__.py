@@ -13,7 +13,7 @@ from toeplitz_mg.multigrid_cycle import (
     piecewise_constant,
     rediscretised,
 )
-from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
+from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator, ToeplitzSum
 from toeplitz_mg.engine.work import ProductCount, count_products
 from toeplitz_mg.preconditioners import (
     chan_preconditioner,
@@ -46,6 +46,7 @@ __all__ = [
     "SolveInfo",
     "ToeplitzInverse",
     "ToeplitzOperator",
+    "ToeplitzSum",
     "cg",
     "chan_preconditioner",
     "componentwise",

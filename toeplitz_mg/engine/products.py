@@ -11,7 +11,8 @@ from scipy import fft
 from scipy.linalg import toeplitz
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.transforms import OneStep, Panels, plan_of
+from toeplitz_mg.engine.panels import Panels
+from toeplitz_mg.engine.transforms import OneStep, plan_of
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.values import refuse_masked
@@ -162,11 +163,12 @@ def _spectra(column: Array, row: Array, dtype: np.dtype[Any]) -> tuple[Array, ..
     if dtype.kind != "c":
         Z = plan.spectrum(ahead[:-1], back[:0:-1], 0.25)
         return (prepare(Z.real if symmetric else Z),)
+    hermitian = np.array_equal(row, column.conj())
     spectra = []
-    for shift, sign in ((0.0, 1.0), (0.5, -1.0)):
-        first = (ahead[:-1] + sign * back[:0:-1]) / 2
+    for shift, sign in ((0.0, 0.5), (0.5, -0.5)):
+        first = 0.5 * ahead[:-1] + sign * back[:0:-1]
         Z = plan.spectrum(first.real, first.imag, shift)
-        spectra.append(prepare(Z.real if np.array_equal(row, column.conj()) else Z))
+        spectra.append(prepare(Z.real if hermitian else Z))
     return tuple(spectra)
 
 

@@ -28,7 +28,7 @@ def multigrid(
 
     Parameters
     ----------
-    A : ToeplitzOperator or MaskedOperator of one
+    A : ToeplitzOperator or ToeplitzSum, or MaskedOperator of one
         Symmetric positive definite, of any number of axes, of any size.
     smoother : callable
         Maps the matrix of a level to an approximate inverse S, a LinearOperator; a smoothing step

@@ -15,6 +15,7 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.values import refuse_masked
 
 
 def read_factor(x: Any, n: int) -> Any:
@@ -28,6 +29,8 @@ def read_factor(x: Any, n: int) -> Any:
 
     Raises
     ------
+    TypeError
+        For a masked array.
     ValueError
         Where a diagonal has entries that are not finite.
 
@@ -41,6 +44,8 @@ def read_factor(x: Any, n: int) -> Any:
     """
     if type(x) is np.ndarray:  # This is a vector, or several.
         return None
+    if np.ma.isMaskedArray(x):
+        refuse_masked("x", x)
     if issparse(x):
         return _read_diagonal(x, n)
     if isinstance(x, np.generic):

@@ -167,13 +167,13 @@ class Coefficients:
 def name_dense(c: Array) -> str:
     """Return what to write for `c` if it looks like a dense Toeplitz matrix, or else nothing.
 
-    All entries of a diagonal are equal there. In the first column of a matrix of two axes this
-    makes the coefficient of the lag (1, 1) as large as that of lag zero, which no positive definite
-    matrix has. A constant array may be either.
+    It has three rows at least, and all entries of a diagonal are equal. In the first column of a
+    matrix of two axes this makes the coefficient of the lag (1, 1) as large as that of lag zero,
+    which no positive definite matrix has. A constant array may be either.
     """
     is_dense = (
         c.ndim == 2
-        and c.shape[0] == c.shape[1] > 1
+        and c.shape[0] == c.shape[1] > 2
         and c[0, 0] == c[1, 1]  # That is soon told of a large array.
         and np.array_equal(c[1:, 1:], c[:-1, :-1])
         and not (c == c[0, 0]).all()
@@ -197,17 +197,16 @@ def check_coefficients(values: ArrayLike, name: str) -> Array:
         where = np.argwhere(~np.isfinite(array))[0]
         at = tuple(int(k) for k in where)
         raise ValueError(f"{name} has the coefficient {array[at]} at {at}, but all must be finite")
-    with np.errstate(over="ignore"):  # The size of a complex number may overflow to inf.
-        sizes = np.abs(array)
-    _require_digits(name, sizes)
+    _require_digits(name, array)
     return array
 
 
-def _require_digits(name: str, sizes: Array) -> None:
-    """Raise ValueError where coefficients of these sizes make products over- or underflow."""
-    numbers = np.finfo(sizes.dtype)
-    with np.errstate(over="ignore"):  # It overflows to inf, which is too much.
+def _require_digits(name: str, coefficients: Array) -> None:
+    """Raise ValueError where coefficients make products over- or underflow."""
+    with np.errstate(over="ignore"):  # What overflows to inf is too much.
+        sizes = np.abs(coefficients)
         total = float(sizes.sum(dtype=np.float64))
+    numbers = np.finfo(sizes.dtype)
     most = float(numbers.max) * HEADROOM / 2**sizes.ndim
     if total > most:
         raise ValueError(

@@ -63,7 +63,7 @@ class GohbergSemencul(GridOperator):
                     f"the first entry of the inverse is {x[0]:.3g}, but of a positive definite "
                     "matrix it is positive"
                 )
-            y = x.conj()
+            y = x.conj() if x.dtype.kind == "c" else x
         y = refuse_masked("y", y)
         if y.shape != x.shape:
             raise ValueError(f"x has shape {x.shape} and y has {y.shape}, but must have the same")
@@ -73,7 +73,8 @@ class GohbergSemencul(GridOperator):
                 "last row and column is singular"
             )
         dtype = np.result_type(x, y)
-        self.x, self.y = x.astype(dtype), y.astype(dtype)
+        self.x = x.astype(dtype)
+        self.y = self.x if y is x else y.astype(dtype)
         self.y[0] = self.x[0]
         self.x.flags.writeable = self.y.flags.writeable = False
         if product is None:

@@ -7,7 +7,8 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg._typing import Array, Mask
+from toeplitz_mg._typing import Mask
+from toeplitz_mg.operators.averages import average, hermitian_part
 from toeplitz_mg.operators.block_diagonal import BlockDiagonal
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.diagonally_scaled import DiagonallyScaled
@@ -44,8 +45,8 @@ def check_symmetric(A: ToeplitzOperator | CoupledOperator) -> None:
     check_hermitian(A)
     if A.dtype.kind == "c":
         raise ValueError(
-            f"A is {A!r}, but must be real: use chan_preconditioner(A), which takes any Toeplitz "
-            "matrix"
+            f"A is {A!r}, but must be real: use chan_preconditioner(A), which takes complex "
+            "matrices too"
         )
 
 
@@ -76,9 +77,10 @@ def unwrap_toeplitz(
     if not isinstance(full, ToeplitzOperator):
         advice = ""
         if isinstance(full, CoupledOperator):
+            check(full)
             advice = (
-                "; a preconditioner of each of its components gives componentwise, as in "
-                "componentwise(multigrid)(A)"
+                "; to treat each of its components by itself write componentwise(f)(A) for the "
+                "function f that was called, as componentwise(multigrid)(A)"
             )
         elif isinstance(full, LinearOperator):
             advice = "; diagonal matrices in it are understood as scipy.sparse.diags_array(d)"
@@ -102,14 +104,9 @@ def squeeze_line(A: ToeplitzOperator) -> ToeplitzOperator:
     if len(line.grid_shape) != 1:
         raise ValueError(
             f"A lives on the grid {A.grid_shape}, but must have one axis (with more than one "
-            "element)"
+            "element): use chan_preconditioner(A), which takes any number"
         )
     return line
-
-
-def hermitian_part(A: Any) -> Any:
-    """Return (A + Aᴴ)/2, A itself where it is Hermitian."""
-    return A if A.H is A else (A + A.H) / 2
 
 
 def _itself(A: Any) -> Any:
@@ -117,7 +114,7 @@ def _itself(A: Any) -> Any:
 
 
 def averaged(function: F, part: Callable[[Any], Any] = hermitian_part) -> F:
-    """Return the preconditioner that of a `ToeplitzSum` is that of the matrix of `average`.
+    """Return the preconditioner that of a `ToeplitzSum` is that of a Toeplitz matrix nearby.
 
     Parameters
     ----------
@@ -157,55 +154,6 @@ def averaged(function: F, part: Callable[[Any], Any] = hermitian_part) -> F:
         return DiagonallyScaled(function(restrict(mean, mask), *args, **kwargs), scale)
 
     return cast(F, of_average)
-
-
-def average(
-    A: ToeplitzSum, mask: Mask | None = None, part: Callable[[Any], Any] = hermitian_part
-) -> tuple[ToeplitzOperator, Array]:
-    """Return a Toeplitz matrix T and the entries of a diagonal one, with D T⁻¹ D ≈ A⁻¹.
-
-    D² is the inverse of the diagonal of A. In D A D, whose diagonal is all ones, each diagonal
-    matrix is replaced by its mean, and each Toeplitz matrix by its Hermitian part. For A + D with a
-    D that is small against the diagonal of A this is A and the mean of D, for D A that of A between
-    two diagonal matrices, and it goes from one to the other as the diagonal of the sum does.
-
-    Parameters
-    ----------
-    A : ToeplitzSum
-    mask : ndarray of bool, optional
-        The unknowns, over which the means are taken.
-    part : callable, optional
-        What to take of each Toeplitz matrix in the place of its Hermitian part.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        Where the diagonal is not positive.
-
-    References
-    ----------
-    X. Huang, X.-L. Lin, M. K. Ng, H.-W. Sun, Spectral analysis for preconditioning of
-    multi-dimensional Riesz fractional diffusion equations, Numer. Math. Theor. Meth. Appl. 15
-    (2022). X.-L. Lin, X. Huang, M. K. Ng, H.-W. Sun, A τ-preconditioner for a non-symmetric linear
-    system arising from multi-dimensional Riemann-Liouville fractional diffusion equation, Numer.
-    Algorithms 92 (2023), for the symmetric part.
-    """
-    unknowns = slice(None) if mask is None else mask.ravel()
-    diagonal = A.diagonal()[unknowns].real.astype(np.float64)
-    if not diagonal.min() > 0.0:
-        raise np.linalg.LinAlgError(
-            f"the diagonal of A has the entry {diagonal.min():.3g}, but a preconditioner needs "
-            "all positive: use GMRES without one"
-        )
-    mean: Any = 0
-    for left, T, right in A.terms:
-        weights = 1.0 / diagonal
-        for factor in (left, right):
-            weights = weights if factor is None else weights * factor[unknowns]
-        mean = mean + weights.mean() * part(T)
-    if A.offset is not None:
-        mean = mean.plus_unit(np.mean(A.offset[unknowns] / diagonal))
-    return mean.astype(A.dtype), 1.0 / np.sqrt(diagonal)
 
 
 def symmetrised(preconditioner: F) -> F:
@@ -321,7 +269,16 @@ def _of_each(preconditioner: F, check: Check) -> F:
         if not isinstance(full, CoupledOperator):
             return preconditioner(A, *args, **kwargs)
         check(full)
-        blocks = [preconditioner(block, *args, **kwargs) for block in components(full, mask)]
+        blocks = []
+        for block in components(full, mask):
+            try:
+                blocks.append(preconditioner(block, *args, **kwargs))
+            except np.linalg.LinAlgError as error:
+                error.add_note(
+                    f"This was the matrix of a component, {block!r}: what is advised for it takes "
+                    "all of them by componentwise, as in componentwise(chan_preconditioner)(A)"
+                )
+                raise
         return BlockDiagonal(blocks, full.grid_shape)
 
     return cast(F, of_each)

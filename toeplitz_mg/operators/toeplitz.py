@@ -73,6 +73,12 @@ class ToeplitzOperator(GridOperator):
     multiplies correctly; a fast transform length is taken. It costs O(N log N), and is the work
     unit of the paper (§5.2), of a complex matrix one of complex numbers.
 
+    Operators are written as matrices are. ``2 * A``, ``A + B`` and ``A + s * eye_array(n)``, with
+    `scipy.sparse.eye_array`, are Toeplitz matrices again; with a diagonal matrix D, as
+    `scipy.sparse.diags_array` makes one, ``A + D`` and ``D @ A`` are a `ToeplitzSum`, which every
+    preconditioner takes. ``A[i, j]``, with slices too, ``A.diagonal()`` and ``A.trace()`` are those
+    of the dense matrix.
+
     Examples
     --------
     >>> import numpy as np
@@ -84,6 +90,8 @@ class ToeplitzOperator(GridOperator):
            [ 0., -1.,  2.]])
     >>> (A @ np.array([1.0, 2.0, 3.0])).round(12) + 0.0
     array([0., 0., 4.])
+    >>> (A - A.T / 2)[0, :2]
+    array([ 1. , -0.5])
     """
 
     def __init__(

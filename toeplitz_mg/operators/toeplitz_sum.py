@@ -51,8 +51,15 @@ class ToeplitzSum(GridOperator):
 
     Notes
     -----
-    A product costs one work unit for each Toeplitz matrix. A preconditioner of it is that of a
-    symmetric Toeplitz matrix nearby (see `average`).
+    A product costs one work unit for each Toeplitz matrix.
+
+    A preconditioner of a sum S is that of one Toeplitz matrix, between two diagonal ones. These are
+    the inverse square roots of the diagonal of S, with which it becomes all ones; then each
+    diagonal matrix is replaced by its mean, and each Toeplitz matrix by its symmetric part, but for
+    the preconditioners that take any matrix. So it is symmetric positive definite, for `cg` where S
+    is symmetric and for `gmres` where it is not, and independent of n where the coefficients are
+    smooth. It is refused where the diagonal of S is not positive. (See
+    `toeplitz_mg.operators.averages.average`.)
 
     Examples
     --------
@@ -77,10 +84,10 @@ class ToeplitzSum(GridOperator):
         )
         matrices = [term.A for term in self.terms]
         super().__init__(dtype, matrices[0].grid_shape, sum(A.work for A in matrices))
-        self.is_symmetric = self._is(self._transposed())
-        self.is_hermitian = self._is(self._adjoint_terms())
-        if diagonal is not None and not np.isrealobj(diagonal):
-            self.is_hermitian = self.is_hermitian and not diagonal.imag.any()
+        self.is_symmetric = self.is_hermitian = self._is(self._transposed())
+        if dtype.kind == "c":
+            is_real = diagonal is None or not diagonal.imag.any()
+            self.is_hermitian = is_real and self._is(self._adjoint_terms())
 
     def scaled(self, left: Any = None, right: Any = None) -> Any:
         """Return L A R (see `GridOperator.scaled`)."""

@@ -17,8 +17,8 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Mask
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator, ToeplitzSum
+from toeplitz_mg.operators.averages import average
 from toeplitz_mg.operators.structure import (
-    average,
     check_hermitian,
     components,
     restrict,
@@ -92,7 +92,7 @@ def select_preconditioner(A: LinearOperator, solves: int = 1) -> Selection:
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric or complex Hermitian positive definite, of any number of axes.
     solves : int
         For how many right-hand sides it is: more are worth a longer set-up.

@@ -12,6 +12,7 @@ from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import of_any_matrix
 from toeplitz_mg.preconditioners.positivity import (
+    LAST_RESORT,
     name_robust,
     precision,
     require_nonzero,
@@ -25,7 +26,7 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Real or complex, symmetric or not, of any number of axes.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default; complex64 or
@@ -78,7 +79,7 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Real or complex, symmetric or not, of any number of axes.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default; complex64 or
@@ -156,7 +157,7 @@ def _inverse(
     if A.is_hermitian:
         spectrum = spectrum.real
     if A.is_hermitian and is_definite:
-        other = name_robust(column.shape) if name == "Strang" else "cg without M"
+        other = name_robust(column.shape) if name == "Strang" else LAST_RESORT
         require_positive(spectrum, dtype, subject, other)
     else:
         require_nonzero(spectrum, dtype, subject, "gmres without M")

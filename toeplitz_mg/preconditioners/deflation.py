@@ -79,7 +79,7 @@ def fft_sd_preconditioner(A: LinearOperator, n_subdomains: int | None = None) ->
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of any number of axes.
     n_subdomains : int, optional
         Consecutive parts of the unknowns, as equal as they can be; by default 2, as in the paper,

@@ -75,7 +75,7 @@ def fft_rsm_preconditioner(
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of any number of axes.
     gamma : float, optional
         The row sum γ, positive. By default the smallest row sum of M on the whole grid (paper,

@@ -9,6 +9,7 @@ from scipy.linalg import solve_toeplitz, solve_triangular, toeplitz
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.preconditioners.positivity import LAST_RESORT, require_positive_diagonal
 
 LARGEST_BLOCK = 256  # Most steps that Levinson's recursion takes at once: more would take longer.
 
@@ -64,10 +65,7 @@ def schur_column(c: Array) -> tuple[Array, Array]:
     array([-0.5       , -0.33333333])
     """
     diagonal = float(c[0].real)
-    if not diagonal > 0.0:
-        raise np.linalg.LinAlgError(
-            f"the diagonal of A is {diagonal:.3g}, but of a positive definite matrix it is positive"
-        )
+    require_positive_diagonal(diagonal)
     blocks: list[Array] = []
     a = np.ones(1, c.dtype)
     if len(c) > 1:
@@ -153,7 +151,9 @@ def _block(EG: Array, blocks: list[Array]) -> Array:
     return np.stack([P1, a[1:] - np.append(P1[1:], 0.0)])
 
 
-_NOT_POSITIVE = "A is not positive definite, or so ill-conditioned that float64 cannot tell"
+_NOT_POSITIVE = (
+    f"A is not positive definite, or so ill-conditioned that float64 cannot tell: use {LAST_RESORT}"
+)
 
 
 def _schur_parameters(blocks: list[Array]) -> Array:

@@ -27,7 +27,7 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Of one axis with more than one element. If it is symmetric, or Hermitian, it is positive
         definite, and there is no other condition. Else its symbol has no zero and the winding
         number 0, as where the diagonal dominates, or the symbol has a positive real part.

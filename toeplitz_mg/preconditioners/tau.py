@@ -21,7 +21,7 @@ def tau_preconditioner(
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one, or a sum with diagonals
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Of any number of axes. Where it is not symmetric, as the derivatives of Riemann and
         Liouville are not, τ is that of its symmetric part, which has to be positive definite.
     shift : float
@@ -54,7 +54,7 @@ def tau_preconditioner(
     the Riesz derivatives of orders 1 to 2 those of τ(A)⁻¹A lie between ½ and 3/2, for any n.
     Where a length n + 1 has a prime factor above 61, a slightly longer matrix is inverted, and
     cut. With variable coefficients, as of ``D1 @ A + D2 @ A.T + s * I``, it is the matrix between
-    two diagonal ones (see `toeplitz_mg.operators.structure.average`).
+    two diagonal ones (see `toeplitz_mg.operators.averages.average`).
 
     References
     ----------

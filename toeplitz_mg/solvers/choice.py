@@ -21,7 +21,7 @@ from toeplitz_mg.preconditioners.positivity import rounding
 from toeplitz_mg.preconditioners.selection import Candidate
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
 from toeplitz_mg.preconditioners.traits import has_symbol
-from toeplitz_mg.preconditioners.trigonometric import signed_cosine_inverse
+from toeplitz_mg.preconditioners.trigonometric import signed_inverse
 from toeplitz_mg.solvers.attempts import solve_by_cg, solve_by_gmres
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.inverse import first_columns
@@ -36,7 +36,8 @@ LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in 
 GENERAL = 2048  # Fewest unknowns where GMRES is faster than Levinson's recursion, on any machine.
 SHORT = 256  # Most unknowns where Levinson's recursion is the fastest for a column, on any machine.
 LONG = 1024  # Fewest unknowns where CG in the DCT domain is, on any machine.
-COSINE_NUMBERS = 2**16  # Most numbers in all columns where that is faster than the inverse.
+CALLS = 9.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
+COSINE_NUMBERS = 20_000  # Most numbers in all columns where that is faster than the inverse.
 STEPS_OF_CG = 1_400_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
 STEPS_OF_INVERSE = 3_000_000  # The same for the inverse.
 
@@ -109,7 +110,7 @@ def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
     A = system.A
     if not lu_is_faster_than_levinson(len(system.c), system.columns):
         if system.is_symmetric:
-            yield from _gmres_method(A, signed_cosine_inverse, "cosine of both signs")
+            yield from _gmres_method(A, signed_inverse, "samples of both signs")
         else:
             yield from _gmres_method(A, signed_chan_inverse, "circulant of both signs")
     yield from _dense_methods(system)
@@ -135,7 +136,7 @@ def may_be_definite(A: ToeplitzOperator) -> bool:
 
 def lu_is_faster_than_levinson(n: int, columns: int) -> bool:
     """Whether a dense factor is faster: its set-up is of n³ steps, but each column is free."""
-    return columns >= 4 + n // 16
+    return columns >= 4 + n // 32
 
 
 def lu_is_fastest(n: int, columns: int) -> bool:
@@ -146,19 +147,19 @@ def lu_is_fastest(n: int, columns: int) -> bool:
 def levinson_is_fastest(n: int, columns: int) -> bool:
     """Whether Levinson's recursion is faster than any other method for a symmetric matrix.
 
-    It takes n² steps for a column. CG in the DCT domain takes calls that cost as much as `WINDOW`
-    numbers do, and a time in proportion to the numbers.
+    It takes n² steps for a column. CG in the DCT domain takes calls, which cost as much as `CALLS`
+    columns of `WINDOW` numbers do, and a time in proportion to the numbers.
     """
     if n <= SHORT or n >= LONG:
         return n <= SHORT
     steps = columns * (n / WINDOW) ** 2
-    of_cosine = (1.0 + columns * n / WINDOW) / 2.0
+    of_cosine = (CALLS + columns * n / WINDOW) / (CALLS + 1.0)
     return steps <= of_cosine * cosine_over_levinson()
 
 
 def cosine_is_faster_than_inverse(n: int, columns: int) -> bool:
     """Whether CG in the DCT domain is faster than anything that may follow it."""
-    return n <= LARGEST_COSINE and (columns == 1 or columns * n <= COSINE_NUMBERS)
+    return n <= LARGEST_COSINE and (columns <= FEW or columns * n <= COSINE_NUMBERS)
 
 
 def _cosine_method(system: ToeplitzSystem) -> Iterator[Method]:

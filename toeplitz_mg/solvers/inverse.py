@@ -130,7 +130,10 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     """
     full, mask = unwrap_toeplitz(A, accept_any)
     if mask is not None:
-        raise TypeError("A is a MaskedOperator, whose inverse the formula does not give")
+        raise TypeError(
+            "A is a MaskedOperator, whose inverse the formula does not give: use cg, or gmres, "
+            "with chan_preconditioner(A)"
+        )
     line = double_line(full)
     if rtol is None:
         rtol = 1e-10 if full.dtype.char in "dD" else 1e-3

@@ -81,7 +81,7 @@ def fsai_preconditioner(
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of one axis or two (with more than one element), and
         symmetric along each of them.
     neighbours : int, optional
@@ -216,9 +216,13 @@ def _uncoupled_fsai(
     full, mask = unwrap_toeplitz(A)
     squeezed = full.squeezed
     if len(squeezed.grid_shape) > 2:
-        raise ValueError(f"A is {full!r}, but must have one axis or two")
+        raise ValueError(
+            f"A is {full!r}, but must have one axis or two: use default_preconditioner(A)"
+        )
     if not full.is_even:
-        raise ValueError(f"A is {full!r}, but must be symmetric along each axis")
+        raise ValueError(
+            f"A is {full!r}, but must be symmetric along each axis: use chan_preconditioner(A)"
+        )
     if mask is None:
         mask = np.ones(full.grid_shape, dtype=bool)
     dtype = precision(full, dtype)
