@@ -4,11 +4,13 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from math import prod
 from pathlib import Path
 
 import numpy as np
 import scipy.fft
 import scipy.linalg
+import scipy.sparse
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
@@ -54,6 +56,13 @@ def exponential(*grid_shape):
     """A covariance of any number of axes."""
     k = np.indices(grid_shape)
     return np.exp(-k.sum(axis=0) / 2.0)
+
+
+def lags_of(c):
+    """All coefficients of a matrix that is symmetric along every axis."""
+    for axis, n in enumerate(c.shape):
+        c = np.take(c, np.abs(np.arange(1 - n, n)), axis=axis)
+    return c
 
 
 def random_lags(*grid_shape):
@@ -333,10 +342,32 @@ def dense_spectral(c):
 
 def dense_inverse_of_column(x):
     """(L Lᵀ - U Uᵀ)/x₀, both lower triangular, with the columns x and (0, x reversed)."""
+    return dense_inverse_of_columns(x, x)
+
+
+def dense_inverse_of_columns(x, y):
+    """The same for a column and a row that differ, whose matrices come first and second."""
     zero = np.zeros(len(x))
-    lower = scipy.linalg.toeplitz(x, zero)
-    other = scipy.linalg.toeplitz(np.r_[0.0, x[:0:-1]], zero)
-    return (lower @ lower.T - other @ other.T) / x[0]
+    lower, upper = (scipy.linalg.toeplitz(a, zero) for a in (x, y))
+    of_y, of_x = (scipy.linalg.toeplitz(np.r_[0.0, a[:0:-1]], zero) for a in (y, x))
+    return (lower @ upper.T - of_y @ of_x.T) / x[0]
+
+
+def dense_factors(lags, half):
+    """The same of the Wiener-Hopf factors of the symbol, sampled at 2 `half` points."""
+    n, length = (len(lags) + 1) // 2, 2 * half
+    waves = np.exp(-2j * np.pi * np.outer(np.arange(length), np.arange(length)) / length)
+    f = np.exp(-2j * np.pi * np.outer(np.arange(length), np.arange(1 - n, n)) / length) @ lags
+    logarithm = np.log(abs(f)) + 1j * np.unwrap(np.angle(f))
+    cepstrum = waves.conj() @ logarithm / length
+    weights = np.r_[0.0, np.ones(half - 1), 0.5, np.zeros(half - 1)]
+    causal = waves @ (weights * cepstrum)
+    others = logarithm - cepstrum[0] - causal
+    x = (waves.conj() @ np.exp(-causal))[:n]
+    y = (waves @ np.exp(-others))[:n]  # These are the frequencies 0, -1, ...
+    scale = np.exp(-cepstrum[0])
+    dense = dense_inverse_of_columns(x * scale / x[0], y * scale / y[0])
+    return dense if np.iscomplexobj(lags) else dense.real
 
 
 # The pairs ----------------------------------------------------------------------------------
@@ -665,11 +696,16 @@ def _complex_and_general():
     for shape in ((1,), (2,), (13,), (16,), (3, 5), (4, 6), (6, 1), (2, 3, 4)):
         general = random_lags(*shape)
         general.flat[general.size // 2] += 2.0 * general.size
-        kinds = {"Hermitian": waves(*shape), "complex": complex_lags(*shape), "general": general}
+        kinds = {
+            "Hermitian": waves(*shape),
+            "Hermitian and even": waves(*shape).real.astype(np.complex128),
+            "complex": complex_lags(*shape),
+            "general": general,
+        }
         for kind, lags in kinds.items():
             if kind == "general" and max(shape) <= 2:
                 continue  # A real circulant of this size is symmetric.
-            is_hermitian = kind == "Hermitian"
+            is_hermitian = kind.startswith("Hermitian")
             mask = checkered(*shape)
             for label, build, cut in (
                 ("", of_lags(lags), np.ones(shape, bool)),
@@ -683,6 +719,13 @@ def _complex_and_general():
                 pairs = [(f, submatrix(matrix, cut)) for f, matrix in pairs]
                 if kind != "general":
                     pairs.append((lambda A: A, dense))
+                if max(shape) == prod(shape):
+                    n = max(shape)
+                    half = near_fast_length(n) if is_hermitian else scipy.fft.next_fast_len(2 * n)
+                    factors = dense_factors(lags.ravel(), half)
+                    pairs.append((tmg.spectral_preconditioner, submatrix(factors, cut)))
+                    if not label:
+                        pairs.append((tmg.toeplitz_inverse, np.linalg.inv(dense)))
                 if is_hermitian:
                     M = submatrix(dense_coupled_M([[lags]]), cut)
                     pairs += [
@@ -777,6 +820,118 @@ def _coupled_and_complex():
         )
 
 
+# Sums with diagonal matrices -----------------------------------------------------------------
+
+
+def diagonals(n):
+    """Two diagonals of entries from 1/2 to 2."""
+    return np.exp2(np.random.default_rng(n).uniform(-1.0, 1.0, (2, n)))
+
+
+SUMS = {  # Each with whether it is Hermitian where A is.
+    "2 A": (lambda A, D, E, one: 2 * A, True),
+    "-A / 3 + I": (lambda A, D, E, one: -A / 3 + one, True),
+    "2 I - A": (lambda A, D, E, one: 2 * one - A, True),
+    "A + A.T": (lambda A, D, E, one: A + A.T, True),
+    "A + D": (lambda A, D, E, one: A + D, True),
+    "D - A": (lambda A, D, E, one: D - A, True),
+    "D A": (lambda A, D, E, one: D @ A, False),
+    "A D": (lambda A, D, E, one: A @ D, False),
+    "D A D + 2 E": (lambda A, D, E, one: D @ A @ D + 2 * E, True),
+    "D A + A D": (lambda A, D, E, one: D @ A + A @ D, True),
+    "D A + E A.T + 3 I": (lambda A, D, E, one: D @ A + E @ A.T + 3 * one, False),
+    "(D A - E) / 2": (lambda A, D, E, one: (D @ A - E) / 2, False),
+}
+
+
+def _sums():
+    """Sums of a matrix and diagonal ones, which stand for themselves in the dense definition."""
+
+    def of_one(sum_of, lags, mask):
+        whole = of_lags(lags)
+        unknowns = whole if mask.all() else masked_of(whole, mask)
+        given = diagonals(np.count_nonzero(mask))
+
+        def build(dtype):
+            D, E = (scipy.sparse.diags_array(d.astype(dtype)) for d in given)
+            return sum_of(unknowns(dtype), D, E, scipy.sparse.eye_array(*D.shape, dtype=dtype))
+
+        def dense():
+            matrix = submatrix(dense_of_lags(lags), mask)
+            return sum_of(matrix, *map(np.diag, given), np.eye(len(matrix)))
+
+        return build, dense
+
+    matrices = {f"general {shape}": random_lags(*shape) for shape in ((13,), (3, 4), (2, 1, 3))}
+    matrices |= {name: lags_of(COLUMNS[name]) for name in ("31", "5x7")}
+    matrices |= {"Hermitian (9,)": waves(9), "complex (3, 4)": complex_lags(3, 4)}
+    for name, lags in matrices.items():
+        shape = tuple((m + 1) // 2 for m in lags.shape)
+        for label, mask in (("", np.ones(shape, bool)), (" masked", checkered(*shape))):
+            for formula, (sum_of, keeps) in SUMS.items():
+                build, dense = of_one(sum_of, lags, mask)
+                is_hermitian = keeps and np.allclose(lags, np.flip(lags).conj())
+                is_hermitian |= formula == "A + A.T" and name.startswith("general")
+                yield Case(
+                    f"{formula}{label} {name}", build, dense, symmetric=is_hermitian, positive=False
+                )
+
+
+def averaged(c, d, e, mask):
+    """The column of the mean of diag(d) A + diag(e), scaled to ones on the diagonal; the scale."""
+    diagonal = d * c.flat[0] + e
+    column = (d / diagonal).mean() * c
+    column.flat[0] += (e / diagonal).mean()
+    assert len(d) == np.count_nonzero(mask)
+    return column, 1.0 / np.sqrt(diagonal)
+
+
+def _preconditioners_of_sums():
+    for name in ("31", "5x7", "8x8"):
+        c = COLUMNS[name]
+        for label, mask in (("", np.ones(c.shape, bool)), (" masked", checkered(*c.shape))):
+            d, e = diagonals(np.count_nonzero(mask))
+            column, scale = averaged(c, d, e, mask)
+
+            def build(dtype, c=c, d=d, e=e, mask=mask):
+                A = toeplitz(c)(dtype)
+                A = A if mask.all() else tmg.MaskedOperator(A, mask)
+                D, E = (scipy.sparse.diags_array(x.astype(dtype)) for x in (d, e))
+                return D @ A + E
+
+            M = dense_M(column)
+            yield Case(
+                f"jacobi of D A + E{label} {name}",
+                applied(tmg.jacobi_preconditioner, build, omega=0.7),
+                lambda s=scale: 0.7 * np.diag(s**2),
+            )
+            cases = [
+                (tmg.fft_preconditioner, submatrix(M, mask)),
+                *componentwise(column, M, mask),
+            ]
+            for f, matrix in cases:
+                if not is_refused(f, matrix):
+                    yield Case(
+                        f"{f.__name__} of D A + E{label} {name}",
+                        applied(f, build),
+                        lambda matrix=matrix, s=scale: s[:, np.newaxis] * matrix * s,
+                    )
+            A, M_r = submatrix(dense_of_column(column), mask), submatrix(M, mask)
+            yield Case(
+                f"P M of D A + E{label} {name}",
+                applied(tmg.fft_sd_preconditioner, build),
+                lambda A=A, M=M_r, s=scale: s[:, np.newaxis] * dense_sd(A, M, 2) * s,
+                symmetric=False,
+                positive=False,
+            )
+            for f in (tmg.default_preconditioner, tmg.multigrid):  # Few unknowns are solved for.
+                yield Case(
+                    f"{f.__name__} of D A + E{label} {name}",
+                    applied(f, build),
+                    lambda A=A, s=scale: s[:, np.newaxis] * np.linalg.inv(A) * s,
+                )
+
+
 CASES = [
     *_operators(),
     *_preconditioners(),
@@ -784,4 +939,6 @@ CASES = [
     *_cycles(),
     *_complex_and_general(),
     *_coupled_and_complex(),
+    *_sums(),
+    *_preconditioners_of_sums(),
 ]

@@ -9,17 +9,26 @@ from functools import partial
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 from comparisons.contact import punch3d, punch_limits
 from comparisons.harness.processes import in_a_fresh_process, take_turns
 from comparisons.paper import figures as paper_figures
 from comparisons.paper import tables as paper_tables
-from comparisons.preconditioners import areas, default_choice, neighbours, stretched
+from comparisons.preconditioners import (
+    areas,
+    default_choice,
+    fractional_diffusion,
+    general_symbols,
+    neighbours,
+    stretched,
+    symbols,
+)
 from comparisons.preconditioners import figures as area_figures
-from comparisons.preconditioners import symbols as general_symbols
 from comparisons.reliability import __main__ as reliability
 from comparisons.speed import baselines, by_hand, drop_in
-from comparisons.systems import matrices, random_matrices
+from comparisons.systems import fractional, matrices, random_matrices
+from toeplitz_mg.fractional import grunwald_coefficients, riesz_coefficients
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
 
@@ -64,13 +73,13 @@ def test_baselines(tmp_path, monkeypatch, capsys):
         assert row["converged"] == "True" or row["note"]
 
 
-def test_general_symbols(tmp_path, monkeypatch, capsys):
+def test_symbols(tmp_path, monkeypatch, capsys):
     options = ("--symbols", "contact", "θ²")
     sizes = {"quick_sizes": (32, 1200)}
-    printed = run(general_symbols, tmp_path, monkeypatch, capsys, *options, **sizes)
+    printed = run(symbols, tmp_path, monkeypatch, capsys, *options, **sizes)
     assert "The choice of solve_toeplitz" in printed
     rows = rows_of(tmp_path / "symbols.csv")
-    assert len(rows) == 2 * 2 * 2 * len(general_symbols.CONTENDERS)
+    assert len(rows) == 2 * 2 * 2 * len(symbols.CONTENDERS)
     for row in rows:
         if row["method"] in ("sine", "spectral", "V(1,1)", "solve_toeplitz"):
             assert float(row["residual"]) <= 1.01e-8
@@ -78,13 +87,33 @@ def test_general_symbols(tmp_path, monkeypatch, capsys):
         assert row["converged"] == "True" or row["note"]
 
 
+def test_general_symbols(tmp_path, monkeypatch, capsys):
+    printed = run(general_symbols, tmp_path, monkeypatch, capsys, quick_sizes=(300,))
+    assert "nonsymmetric, n = 300" in printed
+    assert "indefinite, n = 300" in printed
+    rows = rows_of(tmp_path / "general_symbols.csv")
+    systems = sum(map(len, general_symbols.KINDS.values()))
+    assert len(rows) == systems * len(general_symbols.METHODS)
+    for row in rows:
+        assert row["note"] or float(row["seconds"]) > 0.0
+        if row["method"] in ("spectral", "inverse", "solve_toeplitz", "SciPy"):
+            assert row["note"] or float(row["residual"]) <= 1.01e-8
+        if row["method"] == "solve_toeplitz":
+            assert not row["note"]
+
+
 def test_drop_in(tmp_path, monkeypatch, capsys):
     printed = run(drop_in, tmp_path, monkeypatch, capsys, quick_sizes=(1, 5, 300))
-    assert "Crossover" in printed
+    assert "The largest ratios" in printed
     assert (tmp_path / "drop_in.png").read_bytes().startswith(b"\x89PNG")
     rows = rows_of(tmp_path / "drop_in.csv")
-    assert {row["method"] for row in rows} == {"scipy.linalg.solve_toeplitz", "toeplitz_inverse"}
+    assert {row["method"] for row in rows} >= {
+        "scipy.linalg.solve_toeplitz",
+        "scipy.linalg.lu_solve",
+    }
     assert all(float(row["residual"]) <= 1e-10 for row in rows)
+    ratios = [float(row[f"ratio{key}"]) for row in rows for key in ("", "_half", "_twice")]
+    assert min(ratios) > 0.0
 
 
 def test_speed_by_hand(tmp_path, monkeypatch, capsys):
@@ -243,6 +272,64 @@ def test_area_figures(tmp_path, monkeypatch, capsys):
         assert float(row["smallest"]) > 0.0
 
 
+def test_fractional_diffusion(tmp_path, monkeypatch, capsys):
+    problems = ("Riesz, steady", "two-sided constant, steady", "two-sided smooth, time step")
+    options = ("--problems", *problems, "--orders", "1.5")
+    extent = {"quick_sizes": {1: (63, 1023), 2: (31,)}, "quick_levels": {1: 8, 2: 4}}
+    printed = run(fractional_diffusion, tmp_path, monkeypatch, capsys, *options, **extent)
+    assert "for a constant load; 9 are allowed" in printed
+    rows = rows_of(tmp_path / "fractional_diffusion.csv")
+    assert len(rows) == 3 * 3 * len(fractional_diffusion.METHODS)
+    for row in rows:
+        assert float(row["residual"]) <= 1.1e-8
+        assert (row["published"] == "≤ 15") == (row["problem"][:5] + row["method"] == "Riesztau")
+    assert len(rows_of(tmp_path / "tau.csv")) == 2 * 2
+
+
+def test_fractional_diffusion_fails_where_tau_takes_more(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(fractional_diffusion, "MOST", {"constant": 2, "random": 2})
+    with pytest.raises(SystemExit, match="for a constant load, but 2 are allowed"):
+        run(
+            fractional_diffusion,
+            tmp_path,
+            monkeypatch,
+            capsys,
+            *("--problems", "Riesz, steady", "--orders", "1.5", "--methods", "tau"),
+            quick_sizes={1: (63,)},
+            quick_levels={1: 5},
+        )
+
+
+@pytest.mark.parametrize("axes", [1, 2])
+def test_fractional_problems_are_their_definition(axes):
+    """Kronecker products of dense matrices, between dense diagonal ones."""
+    n, order = 7, 1.5
+    x = np.arange(1, n + 1) / (n + 1)
+    grids = [grid.ravel() for grid in np.meshgrid(*[x] * axes, indexing="ij")]
+    G = scipy.linalg.toeplitz(*grunwald_coefficients(order, n))
+    R = scipy.linalg.toeplitz(riesz_coefficients(order, n))
+    lines = {
+        1: [lambda T: T],
+        2: [lambda T: np.kron(T, np.eye(n)), lambda T: np.kron(np.eye(n), T)],
+    }[axes]
+    time = (n + 1) ** -0.5 * np.eye(n**axes)
+    flow = fractional.FLOWS["smooth"]
+    two_sided = sum(
+        np.diag(flow.left(x, order)) @ of_line(G) + np.diag(flow.right(x, order)) @ of_line(G.T)
+        for x, of_line in zip(grids, lines, strict=True)
+    )
+    varied = np.diag(np.exp(2.0 * np.mean(grids, axis=0)))
+    riesz = sum(of_line(R) for of_line in lines)
+    for name, expected in (
+        ("Riesz, steady", riesz),
+        ("Riesz e^2x, time step", varied @ riesz + time),
+        ("two-sided smooth, steady", two_sided),
+        ("two-sided smooth, time step", two_sided + time),
+    ):
+        S = fractional.PROBLEMS[axes][name](order, n)
+        assert np.allclose(S.toarray(), expected)
+
+
 def test_reliability(tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit) as caught:
         run(reliability, tmp_path, monkeypatch, capsys, "--trials", "2", "--processes", "1")
@@ -275,11 +362,13 @@ ALL = [
     paper_tables,
     paper_figures,
     baselines,
+    symbols,
     general_symbols,
     drop_in,
     by_hand,
     areas,
     neighbours,
+    fractional_diffusion,
 ]
 
 

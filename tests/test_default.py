@@ -302,3 +302,59 @@ def test_what_it_refuses():
         tmg.select_preconditioner(A, solves=0)
     with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
         tmg.select_preconditioner(tmg.cosine_preconditioner(A))
+
+
+# Complex matrices -----------------------------------------------------------------------------
+
+
+def complex_iterations(A, M):
+    """Iterations of cg to 1e-8, for a random right-hand side."""
+    rng = np.random.default_rng(0)
+    n = A.shape[0]
+    iterates = []
+    _, info = tmg.cg(
+        A,
+        rng.standard_normal(n) + 1j * rng.standard_normal(n),
+        M=M,
+        rtol=1e-8,
+        maxiter=400,
+        callback=lambda x: iterates.append(None),
+    )
+    assert info == 0
+    return len(iterates)
+
+
+def plane_waves(n):
+    k = np.arange(n)
+    c = 10.0 * np.exp(0.3j * k) + 5.0 * np.exp(1.1j * k) + np.exp(-2j * k)
+    return tmg.ToeplitzOperator(c + (k == 0))
+
+
+@pytest.mark.parametrize("n", [1000, 4096])
+def test_of_a_complex_line_it_is_the_inverse_whatever_the_symbol(n):
+    k = np.arange(n)
+    for A in (plane_waves(n), tmg.ToeplitzOperator(0.99**k * np.exp(0.7j * k) + 0.01 * (k == 0))):
+        M = tmg.default_preconditioner(A)
+        assert M.dtype == np.complex128
+        assert complex_iterations(A, M) <= 8
+
+
+@pytest.mark.parametrize("masked", [False, True])
+def test_of_a_complex_grid_it_is_better_than_none(masked):
+    """Two damped plane waves on a grid: neither is even."""
+    k1, k2 = np.meshgrid(np.arange(-59, 60), np.arange(-39, 40), indexing="ij")
+    size = np.exp(-np.hypot(k1, k2) / 3.0)
+    lags = size * (np.exp(1j * (0.3 * k1 + 0.1 * k2)) + 0.5 * np.exp(1j * (0.8 * k2 - k1)))
+    A = tmg.ToeplitzOperator.from_lags((lags + np.flip(lags).conj()) / 2)
+    if masked:
+        A = tmg.MaskedOperator(A, np.random.default_rng(1).random(A.grid_shape) < 0.9)
+    M = tmg.default_preconditioner(A)
+    assert "chan_preconditioner" in repr(tmg.select_preconditioner(A))
+    assert complex_iterations(A, M) <= 0.7 * complex_iterations(A, None)
+
+
+def test_complex_matrices_that_are_not_positive_definite_are_refused():
+    c = np.r_[1.0, 0.9j, np.full(998, 0.01j)]
+    for n in (10, 1000):
+        with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):
+            tmg.default_preconditioner(tmg.ToeplitzOperator(c[:n]))

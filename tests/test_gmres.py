@@ -133,6 +133,25 @@ def test_toeplitz_matrices_without_symmetry():
     assert np.linalg.norm(b + 1j * b[::-1] - A @ z) <= 1.001e-10 * np.linalg.norm([b, b])
 
 
+def test_complex_toeplitz_matrices():
+    k = np.arange(500)
+    column, row = 0.5**k * np.exp(0.7j * k), 0.4**k * np.exp(0.2j * k)
+    b = vector(500, np.complex128)
+    for A in (tmg.ToeplitzOperator(column, row), tmg.ToeplitzOperator(column)):
+        M = tmg.chan_preconditioner(A)
+        counts = []
+        for preconditioner in (None, M):
+            residuals = []
+            x, info = tmg.gmres(A, b, M=preconditioner, rtol=1e-10, residuals=residuals)
+            assert info == 0
+            assert np.linalg.norm(b - A @ x) <= 1.001e-10 * np.linalg.norm(b)
+            counts.append(len(residuals))
+        assert counts[1] <= counts[0] / 2
+    x, info = tmg.cg(A, b, M=M, rtol=1e-10)  # The second one is Hermitian positive definite.
+    assert info == 0
+    assert np.linalg.norm(b - A @ x) <= 1e-9 * np.linalg.norm(b)
+
+
 @pytest.mark.parametrize("restart", [None, 7])
 def test_one_product_an_iteration_and_one_a_cycle(restart):
     A = tmg.ToeplitzOperator(0.6 ** np.arange(500), 0.3 ** np.arange(500))

@@ -87,12 +87,14 @@ def test_says_what_no_inverse_has():
 
 def spectrum(x):
     dense = GohbergSemencul(x) @ np.eye(len(x))
-    return np.linalg.eigvalsh((dense + dense.T) / 2)
+    return np.linalg.eigvalsh((dense + dense.conj().T) / 2)
 
 
 @settings(deadline=None, max_examples=300)
-@given(st.integers(1, 60), st.integers(0, 10**6), st.sampled_from([0.3, 0.03, 0.003]))
-def test_what_is_certified_is_true(n, seed, near):
+@given(
+    st.integers(1, 60), st.integers(0, 10**6), st.sampled_from([0.3, 0.03, 0.003]), st.booleans()
+)
+def test_what_is_certified_is_true(n, seed, near, is_complex):
     """The zeros are on both sides of the unit circle, at all distances, in clusters too."""
     rng = np.random.default_rng(seed)
     zeros = np.exp(near * rng.standard_normal(n)) * np.exp(1j * rng.choice([0.0, 0.3, 3.1], n))
@@ -102,8 +104,13 @@ def test_what_is_certified_is_true(n, seed, near):
         zeros = np.where(abs(zeros) < 1.0, 1.0 / zeros.conj(), zeros)
     if rng.random() < 0.3:
         zeros[0] = rng.uniform(0.5, 1.01)
-    x = np.poly(np.concatenate([zeros, zeros.conj()]))[::-1].real
-    x *= np.copysign(1.0, x[0])
+    if is_complex:
+        x = np.poly(zeros)[::-1]
+        x = x * (x[0].conj() / abs(x[0]))
+        x[0] = x[0].real
+    else:
+        x = np.poly(np.concatenate([zeros, zeros.conj()]))[::-1].real
+        x *= np.copysign(1.0, x[0])
     certificate = Certificate.of(x)
     # Far from where the rounding of the eigenvalues would be as large as the smallest of them.
     if certificate.positive and certificate.condition < 1e10:
@@ -111,10 +118,12 @@ def test_what_is_certified_is_true(n, seed, near):
 
 
 @pytest.mark.parametrize("n", [2, 64, 211])
+@pytest.mark.parametrize("turn", [0.0, 1.0])
 @pytest.mark.parametrize("name", ["θ⁴ + 1", "contact", "Gaussian", "θ²", "(2 - 2 cos θ)²"])
-def test_certifies_the_inverse_of_usual_matrices(name, n):
+def test_certifies_the_inverse_of_usual_matrices(name, turn, n):
     """So it is not always in doubt; and the condition is not that of some other matrix."""
     c = column(name, n) if n > 2 else np.array([2.0, 1.0])
+    c = c * np.exp(1j * turn * np.arange(n)) if turn else c
     x, _ = schur_column(c)
     certificate = Certificate.of(x)
     assert certificate.positive
@@ -123,7 +132,13 @@ def test_certifies_the_inverse_of_usual_matrices(name, n):
     assert 0.9 * condition <= certificate.condition <= 10.0 * condition
 
 
-@pytest.mark.parametrize("x", [[1.0, 2.0], [1.0, -1.0], [1.0, 0.0, 0.0, 1.0], [-1.0, 0.0]])
+@pytest.mark.parametrize(
+    "x",
+    [
+        *([1.0, 2.0], [1.0, -1.0], [1.0, 0.0, 0.0, 1.0], [-1.0, 0.0]),
+        *([1.0, 2.0j], [1.0, -1.0j], [1.0, 0.0, 0.0, 1.0j], [-1.0 + 0j, 0.0]),
+    ],
+)
 def test_a_zero_within_or_on_the_circle_is_never_certified(x):
     assert not Certificate.of(np.array(x)).positive
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
-from comparisons.systems.symbols import column
+from comparisons.systems.symbols import HERMITIAN, NONSYMMETRIC, column
 from tests.cases import contact
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 
@@ -23,6 +23,30 @@ def test_is_the_inverse(name, n):
     assert_allclose(A_inverse @ np.eye(n), dense, atol=1e-14 * condition * abs(dense).max())
     B = np.random.default_rng(7).standard_normal((n, 5))
     assert np.linalg.norm(B - A @ (A_inverse @ B)) <= 1e-9 * np.linalg.norm(B)
+
+
+@pytest.mark.parametrize("n", [3, 64, 401])
+@pytest.mark.parametrize("name", [*NONSYMMETRIC, *HERMITIAN])
+def test_is_the_inverse_of_nonsymmetric_and_hermitian_matrices(name, n):
+    A = tmg.ToeplitzOperator(*{**NONSYMMETRIC, **HERMITIAN}[name](n))
+    A_inverse = tmg.toeplitz_inverse(A)
+    assert A_inverse.residual <= 1e-10
+    assert (A_inverse.H is A_inverse) == (name in HERMITIAN)
+    assert A_inverse.H.residual <= 1e-10
+    dense = np.linalg.inv(A.toarray())
+    atol = 1e-14 * np.linalg.cond(A.toarray()) * abs(dense).max()
+    assert_allclose(A_inverse @ np.eye(n), dense, atol=atol)
+    assert_allclose(A_inverse.H @ np.eye(n), dense.conj().T, atol=atol)
+
+
+@pytest.mark.parametrize("name", ["convection-diffusion", "three plane waves + noise"])
+def test_so_it_is_after_refinement(name):
+    A = tmg.ToeplitzOperator(*{**NONSYMMETRIC, **HERMITIAN}[name](200))
+    refined = tmg.toeplitz_inverse(A).refined
+    dense = np.linalg.inv(A.toarray())
+    assert_allclose(refined @ np.eye(200), dense, atol=1e-12 * abs(dense).max())
+    assert_allclose(refined.H @ np.eye(200), dense.conj().T, atol=1e-12 * abs(dense).max())
+    assert refined.work == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize("name", ["contact", "fGn, H = 0.9"])
@@ -70,6 +94,16 @@ def test_float32_has_a_goal_of_its_own():
     assert (A_inverse @ np.ones(300, np.float32)).dtype == np.float32
 
 
+@pytest.mark.parametrize("pair", [NONSYMMETRIC["convection-diffusion"], HERMITIAN["|θ - 1|"]])
+def test_so_have_general_matrices(pair):
+    c, r = pair(300)
+    single = np.complex64 if c.dtype.kind == "c" else np.float32
+    A_inverse = tmg.toeplitz_inverse(tmg.ToeplitzOperator(c.astype(single), r.astype(single)))
+    assert A_inverse.dtype == single
+    assert A_inverse.residual <= 1e-3
+    assert (A_inverse @ np.ones(300, single)).dtype == single
+
+
 def test_refuses_bad_arguments():
     A = tmg.ToeplitzOperator([2.0, 1.0])
     with pytest.raises(TypeError, match="MaskedOperator"):
@@ -77,7 +111,7 @@ def test_refuses_bad_arguments():
     with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
         tmg.toeplitz_inverse(np.eye(2))
     with pytest.raises(ValueError, match="must have one axis"):
-        tmg.toeplitz_inverse(tmg.ToeplitzOperator(np.eye(2)))
+        tmg.toeplitz_inverse(tmg.ToeplitzOperator([[2.0, 1.0], [0.5, 0.1]]))
     for rtol in (0.0, -1.0, np.nan):
         with pytest.raises(ValueError, match="rtol is"):
             tmg.toeplitz_inverse(A, rtol=rtol)

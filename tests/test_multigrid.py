@@ -791,3 +791,10 @@ def test_setting_up_is_cheap(smoother, units):
     with tmg.count_products() as work:
         tmg.multigrid(A, **({"smoother": smoother} if smoother else {}))
     assert work.units(4096) <= units
+
+
+def test_a_complex_smoother_is_refused():
+    """It would make a cycle for a real matrix complex."""
+    A = tmg.ToeplitzOperator(contact(600))
+    with pytest.raises(TypeError, match=r"the smoother has dtype complex128, but its matrix"):
+        tmg.multigrid(A, smoother=lambda A: aslinearoperator(1j * np.eye(A.shape[0])))

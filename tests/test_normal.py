@@ -362,7 +362,7 @@ def test_refuses_other_types():
         ({"max_products": 1.5}, "max_products is 1.5, but must be an integer"),
         ({"gap": [np.ma.masked_greater([0.0, 2.0], 1.0)] * 2}, "gap is a masked array"),
         ({"element": (1.0, np.ma.masked)}, "element is a masked array"),
-        ({"material": np.ma.masked_less([1.0, 0.3], 0.5)}, "use contact.Material"),
+        ({"material": np.ma.masked_less([1.0, 0.3], 0.5)}, "material is a masked array"),
         ({"force": np.ma.masked_greater(2.0, 1.0)}, "force is a masked array"),
         ({"force": None, "approach": np.ma.masked}, "approach is a masked array"),
         ({"tolerance": np.ma.masked}, "tolerance is a masked array"),
@@ -481,7 +481,7 @@ def test_rough_surface_has_its_spectrum():
 def test_surfaces_refuse_what_makes_no_sense(options):
     with pytest.raises(ValueError, match=r"hurst is|no wavelength|rms is"):
         surfaces.rough((8, 8), (1.0, 1.0), **({"rms": 1.0} | options))
-    with pytest.raises(ValueError, match="radii is"):
+    with pytest.raises(ValueError, match="radius is"):
         surfaces.sphere((8, 8), (1.0, 1.0), radius=-1.0)
     with pytest.raises(ValueError, match=r"radii is .* must be \(R1, R2\)"):
         surfaces.ellipsoid((8, 8), (1.0, 1.0), radii=(1.0, 2.0, 3.0))

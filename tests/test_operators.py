@@ -111,6 +111,28 @@ def test_vectors_of_any_kind(A, dense):
     assert_near(A.H._matvec(rows), rows @ dense.conj())
 
 
+def test_entries_are_those_of_the_dense_matrix(A, dense):
+    """Of those operators that have them at hand: the matrices themselves, and M."""
+    if not hasattr(getattr(A, "full", A), "entries"):
+        with pytest.raises(TypeError):
+            A[0, 0]
+        return
+    n, size = len(dense), abs(dense).max()
+    for i, j in ((0, 0), (-1, 0), (n // 2, n - 1), (np.int64(0), -n)):
+        assert A[i, j].shape == ()
+        assert_allclose(A[i, j], dense[i, j], rtol=0, atol=1e-12 * size)
+    for part in (np.s_[:, 0], np.s_[-1, ::-2], np.s_[1:, :3], np.s_[:, :]):
+        assert A[part].shape == dense[part].shape
+        assert_allclose(A[part], dense[part], rtol=0, atol=1e-12 * size)
+    assert_allclose(A.diagonal(), dense.diagonal(), rtol=0, atol=1e-12 * size)
+    assert_allclose(A.trace(), dense.trace(), rtol=0, atol=1e-12 * n * size)
+    for wrong in ((n, 0), (0, -n - 1), 0, (0, 0, 0), (0.5, 0), (None, 0)):
+        with pytest.raises(IndexError, match="but must"):
+            A[wrong]
+    with pytest.raises(TypeError, match="not iterable"):
+        iter(A)
+
+
 def test_is_a_value(A):
     """It leaves its argument alone, returns what may be changed, pickles, and prints in a line."""
     x = random(A.shape[1])

@@ -57,6 +57,37 @@ def test_products_equal_their_definition_to_rounding(n, symmetric):
     assert_allclose(transposed.adjoint()(X), product(X), rtol=0, atol=1e-14 * np.abs(exact).max())
 
 
+@pytest.mark.parametrize("hermitian", [True, False])
+@pytest.mark.parametrize("n", LENGTHS)
+def test_complex_products_equal_their_definition_to_rounding(n, hermitian):
+    lags = random(2 * n - 1) + 1j * random(2 * n - 1, seed=2)
+    lags = lags + lags[::-1].conj() if hermitian else lags
+    X = random(3, n, seed=1) + 1j * random(3, n, seed=3)
+    product = product_of(lags, np.complex128)
+    adjoint = product.adjoint()
+    for of, a in ((product, lags), (adjoint, lags[::-1].conj())):
+        for x in (X, X.real):
+            exact = definition(a, x)
+            assert np.abs(of(x) - exact).max() <= 2e-14 * np.abs(exact).max()
+    exact = definition(lags, X)
+    single = product_of(lags, np.complex64)(X.astype(np.complex64))
+    assert single.dtype == np.complex64
+    assert np.abs(single - exact).max() <= 4e-6 * np.abs(exact).max()
+    assert np.array_equal(product.astype(np.complex64)(X.astype(np.complex64)), single)
+    Y = X.copy()
+    assert np.array_equal(product(Y, Y), product(X))  # It works in place.
+    with pytest.raises(TypeError, match="out has dtype float64, but the product is complex"):
+        product(X.real, np.empty((3, n)))
+
+
+def test_complex_products_have_a_bound():
+    for n in (7, 300):
+        lags = random(2 * n - 1) + 1j * random(2 * n - 1, seed=2)
+        product = product_of(lags, np.complex128)
+        norm = np.linalg.norm(toeplitz(lags[n - 1 :], lags[n - 1 :: -1]), 2)
+        assert norm <= product.norm_bound == pytest.approx(product.adjoint().norm_bound)
+
+
 @pytest.mark.parametrize("n", [DENSE, 1000, 40000])
 def test_the_result_may_replace_the_vector(n):
     product = product_of(lags_of(n, True), np.float64)
@@ -153,11 +184,12 @@ def test_one_operator_in_many_threads(n):
 def test_a_product_by_several_threads(n):
     A = tmg.ToeplitzOperator(1.0 / (1.0 + np.arange(n)))
     M = tmg.spectral_preconditioner(A)
+    C = tmg.ToeplitzOperator(np.exp(1j * np.arange(n)) / (1.0 + np.arange(n)))
     x = random(n)
-    y, z = A @ x, M @ x
+    expected = [B @ x for B in (A, M, C)]
     with scipy.fft.set_workers(3):
-        assert_allclose(A @ x, y, rtol=0, atol=1e-13 * np.abs(y).max())
-        assert_allclose(M @ x, z, rtol=0, atol=1e-13 * np.abs(z).max())
+        for B, y in zip((A, M, C), expected, strict=True):
+            assert_allclose(B @ x, y, rtol=0, atol=1e-13 * np.abs(y).max())
 
 
 def test_operators_pickle():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.sparse import diags_array, eye_array
 
 import toeplitz_mg as tmg
 from tests.cases import contact, dense_tau
@@ -54,6 +55,25 @@ def test_a_shift_is_one_of_the_eigenvalues(shift):
     shifted[0] += shift
     M = tmg.tau_preconditioner(tmg.ToeplitzOperator(c), shift=shift)
     assert_allclose(M @ np.eye(40), dense_tau(shifted), atol=1e-12)
+
+
+def test_it_is_that_of_the_symmetric_part():
+    c, r = 0.5 ** np.arange(20.0), 0.3 ** np.arange(20.0)
+    G = tmg.ToeplitzOperator(c, r)
+    expected = dense_tau((c + r) / 2)
+    assert_allclose(tmg.tau_preconditioner(G) @ np.eye(20), expected, atol=1e-12)
+    mask = np.arange(20) % 5 != 1
+    M = tmg.tau_preconditioner(tmg.MaskedOperator(G, mask))
+    assert_allclose(M @ np.eye(mask.sum()), expected[np.ix_(mask, mask)], atol=1e-12)
+
+
+def test_a_shift_of_a_sum_is_one_of_its_terms():
+    A = tmg.ToeplitzOperator(riesz(1.5, 40))
+    S = diags_array(np.linspace(1.0, 2.0, 40)) @ A
+    M = tmg.tau_preconditioner(S, shift=0.3)
+    assert_allclose(
+        M @ np.eye(40), tmg.tau_preconditioner(S + 0.3 * eye_array(40)) @ np.eye(40), atol=1e-12
+    )
 
 
 def test_what_is_not_positive_definite_is_refused():

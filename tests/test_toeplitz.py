@@ -1,5 +1,7 @@
 """Toeplitz and masked operators: construction and what they refuse."""
 
+import re
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -62,6 +64,52 @@ def test_knows_its_symmetry():
     assert not A.is_even
 
 
+def test_complex_matrices_know_their_symmetry():
+    c = np.array([2.0, 1j, 0.5])
+    A = tmg.ToeplitzOperator(c)
+    assert np.array_equal(A.toarray(), scipy.linalg.toeplitz(c))
+    assert (A.is_hermitian, A.is_symmetric, A.is_even) == (True, False, False)
+    assert A.H is A
+    B = tmg.ToeplitzOperator(c, c)
+    assert (B.is_hermitian, B.is_symmetric, B.is_even) == (False, True, True)
+    assert B.T is B
+    C = tmg.ToeplitzOperator(c + 0.1j)  # As SciPy has it, with what is on its diagonal.
+    assert np.array_equal(C.toarray(), scipy.linalg.toeplitz(c + 0.1j))
+    assert (C.is_hermitian, C.is_symmetric) == (False, False)
+    D = tmg.ToeplitzOperator(c.real.astype(np.complex64))
+    assert (D.is_hermitian, D.is_symmetric, D.dtype) == (True, True, np.complex64)
+    assert [repr(X) for X in (A, B, C)] == [
+        f"<ToeplitzOperator 3, {kind}, complex128>"
+        for kind in ("Hermitian", "symmetric", "general")
+    ]
+    for X, dense in ((A, A.toarray()), (B, B.toarray()), (C, C.toarray())):
+        assert isinstance(X.T, tmg.ToeplitzOperator)
+        assert np.array_equal(X.T.toarray(), dense.T)
+        assert np.array_equal(X.H.toarray(), dense.conj().T)
+        assert np.array_equal(X.astype(np.complex64).toarray(), dense.astype(np.complex64))
+
+
+def test_a_complex_first_column_is_of_one_axis():
+    with pytest.raises(ValueError, match=r"c is complex and has shape \(2, 2\).*use .*from_lags"):
+        tmg.ToeplitzOperator(np.full((2, 2), 1j))
+    with pytest.raises(ValueError, match=r"coefficient \(nan\+1j\) at \(1,\)"):
+        tmg.ToeplitzOperator([1.0, complex(np.nan, 1.0)])
+
+
+@pytest.mark.parametrize("dtype", [int, np.float32, np.float64])
+def test_a_precision_that_a_complex_matrix_has_not(dtype):
+    """A real one would have no imaginary parts."""
+    A = tmg.ToeplitzOperator([4.5, 1j, 0.5])
+    rule = rf"dtype is {np.dtype(dtype)}, but must be complex64 or complex128, as A is complex"
+    for B in (A, tmg.MaskedOperator(A, [True, False, True]), tmg.CoupledOperator([[A]])):
+        with pytest.raises(TypeError, match=rule):
+            B.astype(dtype)
+    for f in (tmg.chan_preconditioner, tmg.fft_preconditioner, tmg.default_preconditioner):
+        with pytest.raises(TypeError, match=rule):
+            f(A, dtype=dtype)
+        assert f(A, dtype=np.complex64).dtype == np.complex64
+
+
 @pytest.mark.parametrize("n", [4099, 2**14, 2**15 - 1, 2**17])
 def test_large_products(n):
     """They are those of the definition, entry by entry, at a few rows."""
@@ -84,6 +132,7 @@ def test_large_products(n):
     ),
     st.integers(1, 3),
 )
+@pytest.mark.filterwarnings("ignore:c has shape .* and is constant along its diagonals")
 def test_any_coefficients(c, columns):
     A = tmg.ToeplitzOperator(c)
     X = np.random.default_rng(0).standard_normal((c.size, columns))
@@ -154,7 +203,7 @@ def test_refuses_bad_masks(mask, error, match):
 def test_a_mask_needs_an_operator_on_a_grid():
     A = tmg.ToeplitzOperator([2.0, 1.0])
     mask = [True, True]
-    for wrong in (np.eye(2), tmg.MaskedOperator(A, mask), 2 * A):
+    for wrong in (np.eye(2), tmg.MaskedOperator(A, mask), A @ A):
         with pytest.raises(TypeError, match="needs an operator on a whole grid"):
             tmg.MaskedOperator(wrong, mask)
 
@@ -178,6 +227,22 @@ def test_products_are_counted():
     A @ np.ones(24)
     assert (inner.products, inner.units(24)) == (7, 7.0)
     assert (outer.products, outer.units(24)) == (9, 8.5)
+
+
+@pytest.mark.parametrize("dtype", [np.complex128, np.complex64])
+@pytest.mark.parametrize("shape", [(3,), (400,), (2, 3), (20, 30)])
+def test_a_complex_product_of_accepted_coefficients_does_not_overflow(shape, dtype):
+    rng = np.random.default_rng(0)
+    lags = np.exp(1j * rng.uniform(0.0, 6.0, [2 * n - 1 for n in shape]))
+    lags = (lags / lags.size / 2 ** len(shape)).astype(dtype)  # Rows add up to less than 1.
+    x = np.exp(1j * rng.uniform(0.0, 6.0, np.prod(shape))).astype(dtype)
+    large = np.finfo(dtype).max / 2**9
+    A, B = tmg.ToeplitzOperator.from_lags(lags), tmg.ToeplitzOperator.from_lags(large * lags)
+    expected = (A @ x).astype(np.complex128)
+    atol = 50 * np.finfo(dtype).eps * np.abs(expected).max()
+    assert_allclose((B @ x) / float(large), expected, rtol=0, atol=atol)
+    with pytest.raises(ValueError, match="so that no product overflows"):
+        tmg.ToeplitzOperator.from_lags(lags * large * 2 ** (3 + len(shape)))
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
@@ -216,6 +281,40 @@ def test_the_smallest_coefficients_that_are_accepted_lose_no_digits(n, dtype):
 def test_coefficients_whose_sum_is_no_number_of_double_precision_are_refused():
     with pytest.raises(ValueError, match="sizes add up to inf"):
         tmg.ToeplitzOperator([1e308] * 9)
+    with pytest.raises(ValueError, match="sizes add up to inf"):
+        tmg.ToeplitzOperator([1.0, 1.5e308 * (1.0 + 1.0j)])
+
+
+@pytest.mark.parametrize("n", [3, 4, 40])
+@pytest.mark.parametrize("row", [None, "general"])
+@pytest.mark.parametrize("dtype", [np.float64, np.complex128])
+def test_a_dense_matrix_is_not_taken_for_two_axes_without_a_word(n, row, dtype):
+    rng = np.random.default_rng(0)
+    c, r = rng.standard_normal((2, n)).astype(dtype)
+    if dtype == np.complex128:
+        c, r = c + 1j * rng.standard_normal(n), r + 1j * rng.standard_normal(n)
+        c[0] = 1.0  # The diagonal of a Hermitian matrix is real.
+    dense = scipy.linalg.toeplitz(c, r if row else None)
+    A = tmg.ToeplitzOperator(dense[:, 0], dense[0] if row else None)
+    assert np.array_equal(A.toarray(), dense)
+    advised = re.escape("ToeplitzOperator(c[:, 0], c[0])" if row else "ToeplitzOperator(c[:, 0])")
+    if dtype == np.complex128:
+        with pytest.raises(ValueError, match=rf"looks like {advised}$"):
+            tmg.ToeplitzOperator(dense)
+    else:
+        message = rf"has shape \({n}, {n}\) .* {n * n} unknowns.* use {advised}$"
+        with pytest.warns(UserWarning, match=message):
+            tmg.ToeplitzOperator(dense)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 2), (5, 5), (3, 4)])
+def test_coefficients_of_two_axes_are_taken_without_a_word(shape):
+    i, j = np.indices(shape)
+    for c in (
+        *(np.exp(-(i + j) / 2.0), 1.0 / (1.0 + np.hypot(i, j)), (i == 0) * (j == 0) * 1.0),
+        *(np.zeros(shape), np.ones(shape)),
+    ):
+        assert tmg.ToeplitzOperator(c).shape == (c.size, c.size)
 
 
 def test_masked_coefficients_are_refused():

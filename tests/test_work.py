@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
-from tests.cases import CASES, checkered, contact
+from tests.cases import CASES, checkered, contact, waves
 from toeplitz_mg.paper.problems import test1, test3
 
 
@@ -48,6 +48,24 @@ def test_so_it_is_where_products_are_transforms(shape):
     if len(shape) == 1:
         assert_says_what_is_counted(tmg.spectral_preconditioner(A))
         assert_says_what_is_counted(tmg.toeplitz_inverse(A))
+
+
+@pytest.mark.parametrize("shape", [(5000,), (70, 70), (20, 20, 20)])
+def test_so_it_is_of_complex_and_of_general_ones(shape):
+    rng = np.random.default_rng(0)
+    hermitian = tmg.ToeplitzOperator.from_lags(waves(*shape))
+    general = tmg.ToeplitzOperator.from_lags(rng.uniform(1.0, 2.0, waves(*shape).shape))
+    assert_says_what_is_counted(tmg.chan_preconditioner(general))
+    for B in (hermitian, tmg.MaskedOperator(hermitian, rng.random(shape) < 0.9)):
+        assert_says_what_is_counted(B)
+        assert_says_what_is_counted(B.T)
+        for preconditioner in (
+            tmg.fft_preconditioner,
+            tmg.chan_preconditioner,
+            tmg.jacobi_preconditioner,
+        ):
+            assert_says_what_is_counted(preconditioner(B))
+            assert_says_what_is_counted(preconditioner(B).T)
 
 
 @pytest.mark.parametrize(

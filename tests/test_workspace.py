@@ -240,7 +240,7 @@ def test_nested_cycles_are_their_dense_definition():
     tried = 0
     for case in CASES:
         S = case.dense()
-        if len(S) % 2 or len(S) == 2:
+        if len(S) % 2 or len(S) == 2 or np.iscomplexobj(S):
             continue
         size, (pre, post) = np.linalg.norm(S, 2), next(steps)
         A = tmg.ToeplitzOperator(exponential(len(S)))

@@ -2,7 +2,7 @@
 
 # Before all others, as they take the time in which Ctrl-C may come.
 from toeplitz_mg import startup  # noqa: F401, I001
-from toeplitz_mg import contact, halfspace
+from toeplitz_mg import contact, fractional, halfspace
 from toeplitz_mg.multigrid_cycle import (
     Interpolation,
     Multigrid,
@@ -13,7 +13,7 @@ from toeplitz_mg.multigrid_cycle import (
     piecewise_constant,
     rediscretised,
 )
-from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
+from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator, ToeplitzSum
 from toeplitz_mg.engine.work import ProductCount, count_products
 from toeplitz_mg.preconditioners import (
     chan_preconditioner,
@@ -46,6 +46,7 @@ __all__ = [
     "SolveInfo",
     "ToeplitzInverse",
     "ToeplitzOperator",
+    "ToeplitzSum",
     "cg",
     "chan_preconditioner",
     "componentwise",
@@ -56,6 +57,7 @@ __all__ = [
     "fft_preconditioner",
     "fft_rsm_preconditioner",
     "fft_sd_preconditioner",
+    "fractional",
     "fsai_preconditioner",
     "galerkin",
     "gmres",

@@ -51,6 +51,8 @@ def count(name: str, value: Any, least: int = 1) -> int:
 
 def refuse_masked(name: str, values: Any) -> Array:
     """Return an array of any dtype; refuse a masked array, whose masked numbers mean nothing."""
+    if type(values) is np.ndarray:  # Sooner than by what follows, which a small system would feel.
+        return values
     if _is_masked(values):
         raise TypeError(f"{name} is a masked array, but must have a value in each element")
     return np.asarray(values)

@@ -1,14 +1,23 @@
-"""`toeplitz_mg.solve_toeplitz` against `scipy.linalg.solve_toeplitz`: time, residual, crossover.
+"""`toeplitz_mg.solve_toeplitz` against the faster of two rivals, at every size.
 
-For n = 1 … 2²⁰, one and 64 right-hand sides at random. Each pair is timed in a fresh process, the
-two in turns, one thread; medians. SciPy's is not run where it would take minutes.
+The rivals: `scipy.linalg.solve_toeplitz`, and what one writes by hand on `scipy.fft`, CG with
+T. Chan's circulant. CPU time on one thread, set-ups and the check of our residual included; the
+contenders in turns in one process, a fresh one for each symbol and decade; low quantiles.
+
+What `solve_toeplitz` chooses by a ratio of two times is shown as it is, and as it would be where
+Levinson's recursion costs half or twice as much beside all else: the ratio is then fixed by the
+environment variable, and to the times of those who call the recursion so much of it is added.
 """
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
+from itertools import groupby
 from pathlib import Path
-from statistics import median
+from time import process_time
+from typing import NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 import scipy.linalg
@@ -17,60 +26,121 @@ from tqdm import tqdm
 
 import toeplitz_mg as tmg
 from comparisons.harness import report
-from comparisons.harness.measuring import time_call
+from comparisons.harness.measuring import TOLERANCE, time_call
 from comparisons.harness.processes import in_a_fresh_process, prepare
 from comparisons.harness.report import Row
+from comparisons.speed.by_hand_contenders import chan_column, plain_cg
 from comparisons.systems.symbols import column
 from toeplitz_mg._typing import Array
+from toeplitz_mg.solvers.levinson import levinson
+from toeplitz_mg.solvers.machine import VARIABLE, cosine_over_levinson
 
 SYMBOLS = ("contact", "fGn, H = 0.9", "0.9^k", "exp(-k/1000)", "θ²")
-SIZES = (1, 2, 3, 5, *(2**k for k in range(3, 12)), 3000, 4096, 2**13, 10007, 2**15, 2**17, 2**20)
-QUICK_SIZES = SIZES[:14]
+A_DECADE = 24  # Sizes in each decade beyond the first 40.
+SIZES = (*range(1, 41), *(round(10 ** (k / A_DECADE)) for k in range(39, 6 * A_DECADE + 1)))
+QUICK_SIZES = (*range(1, 41, 3), *SIZES[40:80:4])
 COLUMNS = (1, 64)
-LEVINSON_STEPS = 2**36  # Most steps, n² a column, of SciPy's: some minutes.
-ENOUGH = 0.3  # Seconds of one method's runs, after which there are no more turns.
-TURNS = 101  # Most turns of the two methods.
+FACTORS = (1.0, 0.5, 2.0)  # How much more Levinson's recursion costs: 1 is as it is.
+LEVINSON_STEPS = 2**28  # Most steps, n² a column, of SciPy's, and so n = 16,384.
+BY_HAND = range(100, 2**17)  # Sizes for the rival by hand, which is far behind at the others.
+ENOUGH = 0.2  # CPU seconds of all contenders' runs, after which there are no more turns.
+TURNS = 40  # Most turns.
+SHORTEST = 0.001  # CPU seconds of the runs of one turn, so that the clock resolves them.
+QUANTILE = 0.2  # Share of the turns that are faster: the others were disturbed.
+
+
+RECURSIVE = "scipy.linalg.solve_toeplitz"  # The method that is Levinson's recursion.
+
+
+class Contender(NamedTuple):
+    """What is timed, and the ratio of two times that is fixed for it."""
+
+    run: Callable[[], object]
+    ratio: str = "1"
 
 
 @dataclass(frozen=True)
 class Pair:
-    """What both methods took on one system; None where SciPy's would take too long."""
+    """What `solve_toeplitz` and its rivals took on one system; None where one was not run."""
 
     seconds: float
     scipy_seconds: float | None
-    ratio: float | None
-    added_us: float | None
+    by_hand_seconds: float | None
+    ratio: float | None  # To the faster rival.
+    ratio_half: float | None  # The same where Levinson's recursion costs half as much.
+    ratio_twice: float | None
     method: str
     iterations: int
     residual: float
-    scipy_residual: float | None
 
 
-def measure(name: str, n: int, columns: int) -> Pair:
-    """Time both in this process, in turns, after a first run of each."""
+def measure(name: str, sizes: Sequence[int], columns: int) -> list[Pair]:
+    """Time all contenders in this process."""
+    ratio = cosine_over_levinson()
+    return [measure_one(name, n, columns, ratio) for n in sizes]
+
+
+def measure_one(name: str, n: int, columns: int, ratio: float) -> Pair:
+    """Time all contenders on one system, in turns, after a first run of each."""
     c = column(name, n)
     b = np.random.default_rng(0).standard_normal((n, columns) if columns > 1 else n)
-    ours = partial(tmg.solve_toeplitz, c, b)
-    scipys = partial(scipy.linalg.solve_toeplitz, c, b)
-    with_scipy = columns * n**2 <= LEVINSON_STEPS
-    (x, info), first = time_call(partial(tmg.solve_toeplitz, c, b, full_output=True))
-    x_scipy, first_scipy = time_call(scipys) if with_scipy else (None, 0.0)
-    turns = max(1, min(TURNS, round(ENOUGH / max(first, first_scipy))))
-    pairs = [
-        (time_call(ours)[1], time_call(scipys)[1] if with_scipy and turns > 1 else first_scipy)
-        for _ in range(turns)
-    ]
-    seconds, scipy_seconds = (median(values) for values in zip(*pairs, strict=True))
+    lags, rows = np.concatenate([c[:0:-1], c]), np.ascontiguousarray(b.T)
+    infos: dict[float, tmg.SolveInfo] = {}
+    contenders: dict[str, Contender] = {}
+    reached = 0.0
+    for factor in FACTORS:
+        fixed = str(ratio / factor)
+        with patch.dict(os.environ, {VARIABLE: fixed}):
+            x, info = tmg.solve_toeplitz(c, b, rtol=TOLERANCE, full_output=True)
+        contenders.setdefault(
+            info.method, Contender(partial(tmg.solve_toeplitz, c, b, rtol=TOLERANCE), fixed)
+        )
+        infos[factor] = info
+        reached = max(reached, residual(c, x, b))
+    if columns * n**2 <= LEVINSON_STEPS:
+        contenders["scipy"] = Contender(partial(scipy.linalg.solve_toeplitz, c, b))
+        contenders["recursion"] = Contender(partial(levinson, lags, rows))
+    if columns == 1 and n in BY_HAND:
+        contenders["by hand"] = Contender(plain_cg(chan_column, c, b))
+    seconds = time_in_turns(contenders)
+
+    def compare(factor: float) -> float | None:
+        more = (factor - 1.0) * seconds.get("recursion", 0.0)
+        method = infos[factor].method
+        rivals = [seconds[key] for key in ("by hand",) if key in seconds]
+        rivals += [seconds[key] + more for key in ("scipy",) if key in seconds]
+        ours = seconds[method] + (more if method == RECURSIVE else 0.0)
+        return ours / min(rivals) if rivals else None
+
     return Pair(
-        seconds=seconds,
-        scipy_seconds=scipy_seconds if with_scipy else None,
-        ratio=scipy_seconds / seconds if with_scipy else None,
-        added_us=(seconds - scipy_seconds) * 1e6 if with_scipy else None,
-        method=info.method,
-        iterations=info.iterations,
-        residual=residual(c, x, b),
-        scipy_residual=None if x_scipy is None else residual(c, x_scipy, b),
+        seconds=seconds[infos[1.0].method],
+        scipy_seconds=seconds.get("scipy"),
+        by_hand_seconds=seconds.get("by hand"),
+        ratio=compare(1.0),
+        ratio_half=compare(0.5),
+        ratio_twice=compare(2.0),
+        method=infos[1.0].method,
+        iterations=infos[1.0].iterations,
+        residual=reached,
     )
+
+
+def time_in_turns(contenders: Mapping[str, Contender]) -> dict[str, float]:
+    """Return the CPU seconds of each."""
+    repeats, turn = {}, 0.0
+    for key, (run, _) in contenders.items():
+        first = time_call(run, process_time)[1]
+        repeats[key] = max(1, round(SHORTEST / max(first, 1e-6)))
+        turn += repeats[key] * first
+    times: dict[str, list[float]] = {key: [] for key in contenders}
+    for _ in range(max(1, min(TURNS, round(ENOUGH / turn)))):
+        for key, (run, ratio) in contenders.items():
+            with patch.dict(os.environ, {VARIABLE: ratio}):
+                start = process_time()
+                for _ in range(repeats[key]):
+                    run()
+                times[key].append((process_time() - start) / repeats[key])
+    return {key: float(np.quantile(t, QUANTILE, method="lower")) for key, t in times.items()}
 
 
 def residual(c: Array, x: Array, b: Array) -> float:
@@ -82,11 +152,16 @@ def residual(c: Array, x: Array, b: Array) -> float:
 def run(sizes: Sequence[int], path: Path) -> list[Row]:
     """Measure all, and keep the table on disk up to date."""
     rows: list[Row] = []
-    jobs = [(name, n, k) for name in SYMBOLS for k in COLUMNS for n in sizes if k * n <= 2**22]
-    for name, n, columns in tqdm(jobs, unit="pair"):
+    jobs = []
+    for name in SYMBOLS:
+        for k in COLUMNS:
+            some = [n for n in sizes if k * n <= 2**22]
+            jobs += [(name, k, list(own)) for _, own in groupby(some, lambda n: len(str(n)))]
+    for name, columns, own in tqdm(jobs, unit="decade"):
         # A process of its own for each: what one leaves behind is not the time of the next.
-        pair = in_a_fresh_process(partial(measure, name, n, columns))
-        rows.append({"symbol": name, "n": n, "columns": columns, **asdict(pair)})
+        pairs = in_a_fresh_process(partial(measure, name, own, columns))
+        for n, pair in zip(own, pairs, strict=True):
+            rows.append({"symbol": name, "n": n, "columns": columns, **asdict(pair)})
         report.write_csv(path, rows)
     return rows
 
@@ -94,26 +169,28 @@ def run(sizes: Sequence[int], path: Path) -> list[Row]:
 FORMATS = {
     "seconds": ".2g",
     "scipy_seconds": ".2g",
-    "ratio": ".3g",
-    "added_us": ".0f",
+    "by_hand_seconds": ".2g",
+    "ratio": ".2f",
+    "ratio_half": ".2f",
+    "ratio_twice": ".2f",
     "method": "s",
     "iterations": "d",
     "residual": ".0e",
-    "scipy_residual": ".0e",
 }
 
 
 def show(rows: Sequence[Row]) -> None:
-    """Print a table for each symbol and number of right-hand sides, and the crossovers."""
-    crossovers = []
+    """Print a table for each symbol and number of right-hand sides, and the largest ratios."""
+    worst = []
     for (name, columns), own in report.group(rows, "symbol", "columns").items():
         table = [{"n": row["n"]} | report.format_cells(row, FORMATS) for row in own]
         report.show(f"{name}, {columns} right-hand side(s)", table)
-        faster = [row["n"] for row in own if row["ratio"] and row["ratio"] > 1.1]
-        crossovers.append(
-            {"symbol": name, "columns": columns, "faster from n =": min(faster, default="")}
-        )
-    report.show("Crossover", crossovers)
+        line: Row = {"symbol": name, "columns": columns}
+        for key in ("ratio", "ratio_half", "ratio_twice"):
+            ratios = [(row[key], row["n"]) for row in own if row[key] is not None]
+            line[key] = "{:.2f} at {}".format(*max(ratios))
+        worst.append(line)
+    report.show("The largest ratios to the faster rival, and where", worst)
 
 
 def show_inverses(n: int) -> None:

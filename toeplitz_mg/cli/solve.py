@@ -16,7 +16,7 @@ from toeplitz_mg.cli.linear import System
 def run(given: argparse.Namespace) -> int:
     """Run the command, and return the exit status."""
     options = complete(given)
-    A: LinearOperator = ToeplitzOperator(files.load(options.column))
+    A: LinearOperator = ToeplitzOperator(_load_real(options.column))
     if options.mask is not None:
         A = MaskedOperator(A, files.load(options.mask))
     b = _load_right_hand_side(options.rhs)
@@ -34,10 +34,15 @@ def run(given: argparse.Namespace) -> int:
     return linear.run(System(title, A, b, on_grid=on_grid), options)
 
 
+def _load_real(path: Path) -> Array:
+    array = files.load(path)
+    if array.dtype.kind not in "buif":
+        raise ValueError(f"{path} has dtype {array.dtype}, but must be of real numbers")
+    return array
+
+
 def _load_right_hand_side(path: Path) -> Array:
-    b = files.load(path)
-    if b.dtype.kind not in "buif":
-        raise ValueError(f"{path} has dtype {b.dtype}, but must be of real numbers")
+    b = _load_real(path)
     if not np.isfinite(b).all():
         raise ValueError(f"{path} has entries that are not finite")
     return b.astype(np.float32 if b.dtype == np.float32 else np.float64)

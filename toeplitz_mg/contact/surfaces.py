@@ -5,7 +5,7 @@ import numpy as np
 from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.halfspace import Material
-from toeplitz_mg.values import count, positive, real
+from toeplitz_mg.values import count, positive, real, refuse_masked
 
 
 def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]:
@@ -56,7 +56,7 @@ def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: floa
     array([[0.01],
            [0.01]])
     """
-    return ellipsoid(shape, element, radii=(radius, radius))
+    return ellipsoid(shape, element, radii=(positive("radius", radius), radius))
 
 
 def ellipsoid(
@@ -83,9 +83,9 @@ def ellipsoid(
     >>> surfaces.ellipsoid((2, 1), (2.0, 2.0), radii=(50.0, 500.0)).ravel()
     array([0.01, 0.01])
     """
-    if np.size(shape) != 2:
+    if refuse_masked("shape", shape).size != 2:
         raise ValueError(f"shape is {shape}, but must be (n1, n2)")
-    if np.size(radii) != 2:
+    if refuse_masked("radii", radii).size != 2:
         raise ValueError(f"radii is {radii}, but must be (R1, R2)")
     x, y = centres(shape, element)
     R1, R2 = (positive("radii", radius) for radius in radii)
@@ -214,6 +214,7 @@ def rough(
 
 
 def _grid(shape: int | tuple[int, ...], element: Element) -> Grid:
+    refuse_masked("shape", shape)
     sizes = tuple(shape) if np.iterable(shape) else (shape,)
     counts = tuple(count("shape", n) for n in sizes)
     return Grid.of(counts, element, Material.from_shear(1.0, 0.0), None)

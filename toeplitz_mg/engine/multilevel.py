@@ -6,8 +6,8 @@ other axes. These are extended by zeros; the transforms skip the lines that are 
 and those that are cut off on the way out. They work on a panel of some frequencies of the last axis
 that stays in the cache.
 
-A complex matrix, of one axis or several, has no imaginary part to spare for what goes around: of it
-the last axis is extended as the others are, and transformed at the frequencies k.
+A complex matrix has no imaginary part to spare for what goes around: of it the last axis is
+extended as the others are, and transformed at the frequencies k.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -22,7 +22,7 @@ from scipy.linalg import norm
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import embedding_lengths
-from toeplitz_mg.engine.products import DENSE, multiply_rows
+from toeplitz_mg.engine.products import DENSE, cast_numbers, multiply_rows
 from toeplitz_mg.engine.threads import share
 from toeplitz_mg.engine.transforms import BATCH, phase_factors
 from toeplitz_mg.engine.work import count_transforms
@@ -103,14 +103,6 @@ class MultilevelProduct:
         """Return the multiplication by the conjugate transpose; no transform is made."""
         kernel = self._kernel and _transpose(self._kernel, lambda lags: np.flip(lags).conj())
         spectrum = self.spectrum and _transpose(self.spectrum, np.conj)
-        return MultilevelProduct(self.grid_shape, self.dtype, kernel, spectrum)
-
-    def transpose(self) -> "MultilevelProduct":
-        """Return the multiplication by the transpose; no transform is made."""
-        if not self._is_complex:
-            return self.adjoint()
-        kernel = self._kernel and _transpose(self._kernel, np.flip)
-        spectrum = self.spectrum and _transpose(self.spectrum, _negate_frequencies)
         return MultilevelProduct(self.grid_shape, self.dtype, kernel, spectrum)
 
     def astype(self, dtype: DTypeLike) -> "MultilevelProduct":
@@ -248,19 +240,9 @@ def _spectrum(lags: Array | None, is_complex: bool) -> Array | None:
     return spectrum.real if np.array_equal(lags, np.flip(lags).conj()) else spectrum
 
 
-def _negate_frequencies(spectrum: Array) -> Array:
-    """Return the eigenvalues of the transpose of a circulant."""
-    axes = tuple(range(spectrum.ndim))
-    return np.roll(np.flip(spectrum), (1,) * len(axes), axes)
-
-
 def _cast(spectrum: Array | None, dtype: DTypeLike) -> Array | None:
     """Bring eigenvalues to this precision."""
-    if spectrum is None:
-        return None
-    precision = np.dtype(dtype)
-    kind = precision.char.upper() if np.iscomplexobj(spectrum) else precision.char.lower()
-    return np.ascontiguousarray(spectrum, kind)
+    return None if spectrum is None else np.ascontiguousarray(cast_numbers(spectrum, dtype))
 
 
 def _transpose(blocks: Kernel, of_block: Callable[[Array], Array]) -> Kernel:

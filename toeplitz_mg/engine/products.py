@@ -11,7 +11,8 @@ from scipy import fft
 from scipy.linalg import toeplitz
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.transforms import OneStep, Panels, plan_of
+from toeplitz_mg.engine.panels import Panels
+from toeplitz_mg.engine.transforms import OneStep, plan_of
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.values import refuse_masked
@@ -58,10 +59,10 @@ def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array
 
 
 class ToeplitzProduct:
-    """Multiplication by a real Toeplitz matrix of one axis.
+    """Multiplication by a Toeplitz matrix of one axis.
 
-    Up to `DENSE` unknowns it is by the matrix itself. A larger one is embedded in a matrix of size
-    L ≥ n that is circulant but for a factor i on what goes around: with the lags a,
+    Up to `DENSE` unknowns it is by the matrix itself. A larger real one is embedded in a matrix of
+    size L ≥ n that is circulant but for a factor i on what goes around: with the lags a,
 
         Re of the matrix with the first column a_k + i a_(k-L)    (k = 0 … L - 1)
 
@@ -69,6 +70,9 @@ class ToeplitzProduct:
     at the frequencies k + 1/4 diagonalises it: one complex transform each way, of length n in the
     place of real ones of length 2 n that are half zeros. Of a symmetric matrix the eigenvalues are
     real, Σ a_k cos kθ.
+
+    A complex matrix is embedded in the mean of a circulant and a skew-circulant of size L, with the
+    first columns a_k ± a_(k-L), which transforms at the frequencies k and k + 1/2 diagonalise.
 
     References
     ----------
@@ -79,44 +83,49 @@ class ToeplitzProduct:
     grid_shape: tuple[int, ...]
 
     def __init__(
-        self, n: int, dtype: DTypeLike, band: tuple[Array, Array] | None, spectrum: Array | None
+        self,
+        n: int,
+        dtype: DTypeLike,
+        band: tuple[Array, Array] | None,
+        spectra: tuple[Array, ...] = (),
     ) -> None:
         self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), float(n)
         self._band = band
-        self.spectrum = spectrum
+        self._spectra = (
+            spectra  # Of each matrix in which this one is embedded; none if it is small.
+        )
 
     @classmethod
     def of(cls, column: Array, row: Array, dtype: DTypeLike) -> "ToeplitzProduct":
-        """Make the product from the first column and row; the same array where it is symmetric."""
+        """Make the product from the first column and row.
+
+        They are the same array where the matrix is real and symmetric.
+        """
         n = len(column)
         if n <= DENSE:
-            return cls(n, dtype, (column, row), None)
-        return cls(n, dtype, None, _spectrum(column, row, np.dtype(dtype)))
+            return cls(n, dtype, (column, row))
+        return cls(n, dtype, None, _spectra(column, row, np.dtype(dtype)))
 
     def adjoint(self) -> "ToeplitzProduct":
-        """Return the multiplication by the transpose; no transform is made."""
-        band = self._band and self._band[::-1]
-        spectrum = None if self.spectrum is None else self.spectrum.conj()
-        return ToeplitzProduct(self.grid_shape[0], self.dtype, band, spectrum)
-
-    transpose = adjoint
+        """Return the multiplication by the conjugate transpose; no transform is made."""
+        band = self._band and (self._band[1].conj(), self._band[0].conj())
+        spectra = tuple(spectrum.conj() for spectrum in self._spectra)
+        return ToeplitzProduct(self.grid_shape[0], self.dtype, band, spectra)
 
     def astype(self, dtype: DTypeLike) -> "ToeplitzProduct":
         """Return the multiplication in another precision; no transform is made."""
-        spectrum = self.spectrum
-        if spectrum is not None:
-            is_complex = np.iscomplexobj(spectrum)
-            spectrum = spectrum.astype(np.result_type(dtype, np.complex64) if is_complex else dtype)
-        return ToeplitzProduct(self.grid_shape[0], dtype, self._band, spectrum)
+        spectra = tuple(cast_numbers(spectrum, dtype) for spectrum in self._spectra)
+        return ToeplitzProduct(self.grid_shape[0], dtype, self._band, spectra)
 
     @property
     def norm_bound(self) -> float:
         """A bound of the 2-norm: that of the matrix of size L."""
-        spectrum = self.spectrum
-        if spectrum is None:
+        spectra = self._spectra
+        if not spectra:
             assert self._band is not None
-            spectrum = _spectrum(*self._band, self.dtype)
-        return float(np.abs(spectrum).max() * plan_of(self.grid_shape[0], np.float64).length)
+            spectra = _spectra(*self._band, self.dtype)
+        size = sum(float(np.abs(spectrum).max()) for spectrum in spectra)
+        return size * plan_of(self.grid_shape[0], np.float64).length
 
     @cached_property
     def _plan(self) -> OneStep | Panels:
@@ -132,25 +141,41 @@ class ToeplitzProduct:
     __call__ = multiply_rows
 
     def multiply(self, X: Array, out: Array) -> None:
-        """Multiply the rows of `X`, real, of shape (rows, N), into `out`, which may be `X`."""
-        if self.spectrum is None:
+        """Multiply the rows of `X`, of shape (rows, N), into `out` (see `Product`)."""
+        if not self._spectra:
             out[...] = X.astype(self.dtype, copy=False) @ self._matrix
+        elif len(self._spectra) == 1:
+            self._plan.multiply_real(X, self._spectra[0], out)
         else:
-            self._plan.multiply_real(X, self.spectrum, out)
+            self._plan.multiply_complex(X, self._spectra, out)
 
 
-def _spectrum(column: Array, row: Array, dtype: np.dtype[Any]) -> Array:
-    """Return the eigenvalues of the embedding of a Toeplitz matrix, as the transform needs them."""
+def _spectra(column: Array, row: Array, dtype: np.dtype[Any]) -> tuple[Array, ...]:
+    """Return the eigenvalues of the embedding of a Toeplitz matrix, as the transforms need them."""
     n = len(column)
-    plan = plan_of(n, np.float64)
+    plan, prepare = plan_of(n, np.float64), plan_of(n, dtype).eigenvalues
     count_transforms(1, 2 * plan.length)
     symmetric = row is column
-    ahead = np.zeros(plan.length + 1)
+    ahead = np.zeros(plan.length + 1, np.result_type(column, np.float64))
     ahead[:n] = column
-    back = ahead if symmetric else np.zeros(plan.length + 1)
+    back = ahead if symmetric else np.zeros_like(ahead)
     back[:n] = row
-    Z = plan.spectrum(ahead[:-1], back[:0:-1], 0.25)
-    return plan_of(n, dtype).eigenvalues(Z.real if symmetric else Z)
+    if dtype.kind != "c":
+        Z = plan.spectrum(ahead[:-1], back[:0:-1], 0.25)
+        return (prepare(Z.real if symmetric else Z),)
+    hermitian = np.array_equal(row, column.conj())
+    spectra = []
+    for shift, sign in ((0.0, 0.5), (0.5, -0.5)):
+        first = 0.5 * ahead[:-1] + sign * back[:0:-1]
+        Z = plan.spectrum(first.real, first.imag, shift)
+        spectra.append(prepare(Z.real if hermitian else Z))
+    return tuple(spectra)
+
+
+def cast_numbers(array: Array, dtype: DTypeLike) -> Array:
+    """Bring numbers, real ones or complex ones, to the precision of a dtype of either kind."""
+    char = np.dtype(dtype).char
+    return array.astype(char.upper() if array.dtype.kind == "c" else char.lower(), copy=False)
 
 
 class Transforms(NamedTuple):
@@ -203,9 +228,7 @@ class DiagonalisedProduct:
         points = prod(grid_shape) / 2 ** axes_of(grid_shape)
         self.grid_shape, self.dtype, self.points = grid_shape, np.dtype(dtype), points
         self.transforms = transforms
-        spectrum = refuse_masked("spectrum", spectrum)
-        char = self.dtype.char.upper() if spectrum.dtype.kind == "c" else self.dtype.char.lower()
-        self.spectrum = spectrum.astype(char, copy=False)
+        self.spectrum = cast_numbers(refuse_masked("spectrum", spectrum), self.dtype)
         self.fft_shape = fft_shape
         self._axes = tuple(range(-len(grid_shape), 0))
         self._cut: Any = (..., *(slice(n) for n in grid_shape))

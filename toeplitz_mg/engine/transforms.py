@@ -1,4 +1,4 @@
-"""Transforms of rows: short ones at once, long ones in four steps, and what is done with them."""
+"""Transforms of rows: short ones at once, long ones in `panels`, and what is done with them."""
 
 from collections.abc import Iterator
 from functools import cached_property, lru_cache
@@ -9,7 +9,8 @@ from numpy.typing import DTypeLike
 from scipy import fft
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.fourstep import FourStep, four_step
+from toeplitz_mg.engine.fourstep import four_step
+from toeplitz_mg.engine.panels import Panels
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
 
@@ -27,6 +28,10 @@ class OneStep:
     @cached_property
     def _quarter(self) -> tuple[Array, Array]:
         return self.weights(0.25), self.weights(-0.25)
+
+    @cached_property
+    def _half(self) -> tuple[Array, Array]:
+        return self.weights(0.5), self.weights(-0.5)
 
     def weights(self, shift: float) -> Array:
         """Return the factors exp(-2πi j s/L) of a shift, shape (L,)."""
@@ -77,6 +82,25 @@ class OneStep:
             cut *= w_conj
             out[part] = cut.real
 
+    def multiply_complex(self, X: Array, eigenvalues: tuple[Array, ...], out: Array) -> None:
+        """Write the sums of the products of rows with the matrices of the shifts 0 and 1/2."""
+        n, L = X.shape[1], self.length
+        w, w_conj = (weights[:n] for weights in self._half)
+        size = max(1, min(BATCH // (2 * L), len(X)))
+        memory = workspace((2, size, L), self.dtype)
+        for start in range(0, len(X), size):
+            x = X[start : start + size]
+            Z = memory[:, : len(x)]
+            Z[0, :, :n] = x
+            np.multiply(x, w, out=Z[1, :, :n], casting="same_kind")
+            Z[:, :, n:] = 0.0
+            Z = fft.fft(Z, overwrite_x=True)
+            for half, factors in zip(Z, eigenvalues, strict=True):
+                half.view(factors.dtype)[...] *= factors
+            Z = fft.ifft(Z, overwrite_x=True, norm="forward")[:, :, :n]
+            Z[1] *= w_conj
+            np.add(Z[0], Z[1], out=out[start : start + size], casting="same_kind")
+
     def multiply_in_turn(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
         """Write the products of rows with the matrices of these shifts, the first one first.
 
@@ -110,134 +134,15 @@ def phase_factors(length: int, shift: float, dtype: np.dtype[Any]) -> Array:
     return np.asarray(np.exp(-2j * np.pi * shift / length * np.arange(length)), dtype)
 
 
-class Panels:
-    """Transforms of long rows by `FourStep`, one row after the other."""
-
-    def __init__(self, plan: FourStep) -> None:
-        self.plan = plan
-        self.length = plan.length
-
-    def spectrum(self, real: Array, imag: Array | None, shift: float) -> Array:
-        """Transform a vector at the frequencies k + s, in the order of the plan.
-
-        Parameters
-        ----------
-        real, imag : ndarray of shape (L,)
-            The parts of the vector; None in the place of the imaginary one where it is zero.
-        shift : float
-            The shift s.
-        """
-        X = real.reshape(self.plan.shape)
-        Y = None if imag is None else imag.reshape(self.plan.shape)
-        u = self.plan.weights(shift)
-
-        def load(columns: slice, P: Array) -> None:
-            P.real = X[:, columns]
-            P.imag = 0.0 if Y is None else Y[:, columns]
-            P *= u
-
-        return self.plan.spectrum(load, shift)
-
-    def eigenvalues(self, spectrum: Array) -> Array:
-        """Prepare a spectrum for the products."""
-        return self.plan.eigenvalues(spectrum)
-
-    def cosine_sums(self, a: Array) -> Array:
-        """Return what the function `cosine_sums` does, for a of shape (L + 1,), L even."""
-        return self._sums(a, 1.0)
-
-    def sine_sums(self, a: Array) -> Array:
-        """Return what the function `sine_sums` does, for a of shape (L + 1,), zero at both ends."""
-        return self._sums(a, -1.0)
-
-    def _sums(self, a: Array, sign: float) -> Array:
-        """Transform an even or odd sequence of period 2 L.
-
-        The sums for even k are the transform of e_j = a_j ± a_(L-j); those for odd k are that of
-        o_j = a_j ∓ a_(L-j), at the frequencies k + 1/2. For an even sequence both are real, for an
-        odd one imaginary: one transform, of e + i o w, has both.
-        """
-        L = self.length
-        ahead, back = (x.reshape(self.plan.shape) for x in (a[:-1], a[:0:-1]))
-        rows, columns_of = self.plan.shape
-        u = 1j * np.exp(-1j * np.pi / rows * np.arange(rows))[:, np.newaxis]
-        v = np.exp(-1j * np.pi / L * np.arange(columns_of))
-
-        def load(columns: slice, P: Array) -> None:
-            x, y = ahead[:, columns], back[:, columns] * sign
-            np.multiply(x - y, u, out=P)
-            P *= v[columns]
-            real = P.real
-            real += x
-            real += y
-
-        Z = self.plan.spectrum(load, 0.0)
-        # A pair has the sums for k = 2 m and 2 m + 1, m = k₁ + N₁ k₂. The second half of the
-        # spectrum follows from the first.
-        half = -(-columns_of // 2) + 1
-        pairs = np.empty((half, rows), np.complex128)
-        self.plan.transpose(Z[:, :half], pairs)
-        if sign < 0.0:
-            # The even part is imaginary, and of the other sign; the odd part is real.
-            pairs *= 1j
-        return pairs.view(np.float64).ravel()[: L + 1]
-
-    def multiply_real(self, X: Array, eigenvalues: Array, out: Array) -> None:
-        """Write the real parts of the products of rows with the matrix of the shift 1/4."""
-        plan = self.plan
-        columns_of, n = plan.shape[1], X.shape[1]
-        whole, rest = divmod(n, columns_of)  # The full rows of the matrix, and what is left.
-        u = plan.weights(0.25)
-        for x, y in zip(X, out, strict=True):
-            x_matrix = x[: n - rest].reshape(whole, columns_of)
-            y_matrix = y[: n - rest].reshape(whole, columns_of)
-
-            def load(columns: slice, P: Array, x: Array = x, matrix: Array = x_matrix) -> None:
-                P[:whole] = matrix[:, columns]
-                P[:whole] *= u[:whole]
-                if whole < len(P):
-                    P[whole:] = 0.0
-                    tail = x[n - rest :][columns]
-                    P[whole, : len(tail)] = tail * u[whole, 0]
-
-            def store(columns: slice, Q: Array, y: Array = y, matrix: Array = y_matrix) -> None:
-                Q *= u
-                matrix[:, columns] = Q.real[:whole]
-                if rest:
-                    tail = y[n - rest :][columns]
-                    tail[...] = Q.real[whole, : len(tail)]
-
-            plan.multiply(load, [(0.25, eigenvalues)], store)
-
-    def multiply_in_turn(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
-        """Write the products of rows with the matrices of these shifts, of which the last is 0.
-
-        Where `out` is real, these are their real parts.
-        """
-        plan = self.plan
-        u = plan.weights(factors[0][0])
-        for x, y in zip(X, out, strict=True):
-            x_matrix, y_matrix = x.reshape(plan.shape), y.reshape(plan.shape)
-
-            def load(columns: slice, P: Array, matrix: Array = x_matrix) -> None:
-                np.multiply(matrix[:, columns], u, out=P, casting="same_kind")
-
-            def store(columns: slice, Q: Array, matrix: Array = y_matrix) -> None:
-                # The last shift is 0, so that its weights are 1.
-                matrix[:, columns] = Q.conj() if matrix.dtype.kind == "c" else Q.real
-
-            plan.multiply(load, factors, store)
-
-
 @lru_cache(maxsize=64)
-def _plan(n: int, precision: str, exact: bool) -> "OneStep | Panels":
+def _plan(n: int, precision: str, exact: bool) -> OneStep | Panels:
     if n < LONG:
         return OneStep(n if exact else fft.next_fast_len(n), precision)
     plan = four_step(n, precision)
     return OneStep(n, precision) if exact and plan.length != n else Panels(plan)
 
 
-def plan_of(n: int, dtype: DTypeLike, *, exact: bool = False) -> "OneStep | Panels":
+def plan_of(n: int, dtype: DTypeLike, *, exact: bool = False) -> OneStep | Panels:
     """Return the transforms for vectors of length n: of that length, or of a fast one above it."""
     return _plan(n, np.result_type(dtype, np.complex64).char, exact)
 

@@ -5,7 +5,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from toeplitz_mg.values import positive, real
+from toeplitz_mg.values import positive, real, refuse_masked
 
 WANTED = "a contact.Material, or two of them, (first, second)"  # What is said where it is not.
 
@@ -224,6 +224,7 @@ def combine(material: Any) -> CombinedMaterial:
         return material
     if isinstance(material, Material):
         return combined_material(material, material)
+    refuse_masked("material", material)
     try:
         first, second = material
     except (TypeError, ValueError):

@@ -17,6 +17,7 @@ from toeplitz_mg.halfspace.line_contact import line_contact_coefficients
 from toeplitz_mg.halfspace.materials import CombinedMaterial, combine
 from toeplitz_mg.halfspace.points import offsets
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
+from toeplitz_mg.values import refuse_masked
 
 # The blocks on and above the diagonal, and whether they are even (1) or odd (-1) in x and in y.
 KERNELS: dict[str, tuple[Any, tuple[int, int]]] = {
@@ -95,6 +96,8 @@ def influence_matrix(
         raise ValueError(
             f"directions is {directions!r}, but must be one or several of x, y and z, as 'xy'"
         )
+    for name, value in (("grid_shape", grid_shape), ("element", element), ("ahead", ahead)):
+        refuse_masked(name, value)
     bodies = combine(material)
     shape = (grid_shape[0] + ahead, *grid_shape[1:])
     if len(element) == 1 and (directions not in ("x", "z") or len(shape) != 1):

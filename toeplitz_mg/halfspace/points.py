@@ -3,7 +3,7 @@
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.values import count, positive
+from toeplitz_mg.values import count, positive, refuse_masked
 
 
 def offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> tuple[Array, Array]:
@@ -95,12 +95,12 @@ def all_offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> tu
 
 def check_element(element: tuple[float, float]) -> tuple[float, float]:
     """Return the two sizes of an element, or say what is wrong with them."""
-    if np.shape(element) != (2,):
+    if refuse_masked("element", element).shape != (2,):
         raise ValueError(f"element is {element}, but an element has the two sizes h1 and h2")
     return positive("element[0]", element[0]), positive("element[1]", element[1])
 
 
 def _grid(grid_shape: tuple[int, int]) -> tuple[int, int]:
-    if np.shape(grid_shape) != (2,):
+    if refuse_masked("grid_shape", grid_shape).shape != (2,):
         raise ValueError(f"grid_shape is {grid_shape}, but the surface has the two axes x and y")
     return count("grid_shape[0]", grid_shape[0]), count("grid_shape[1]", grid_shape[1])

@@ -7,11 +7,12 @@ from toeplitz_mg.multigrid_cycle.cycle import Multigrid
 from toeplitz_mg.multigrid_cycle.definite import require_definite
 from toeplitz_mg.multigrid_cycle.hierarchy import build_levels
 from toeplitz_mg.multigrid_cycle.interpolation import Interpolation, piecewise_constant
-from toeplitz_mg.operators.structure import unwrap_toeplitz
+from toeplitz_mg.operators.structure import averaged, unwrap_toeplitz
 from toeplitz_mg.preconditioners import fft_rsm_preconditioner
 from toeplitz_mg.values import count
 
 
+@averaged
 def multigrid(
     A: LinearOperator,
     *,
@@ -27,7 +28,7 @@ def multigrid(
 
     Parameters
     ----------
-    A : ToeplitzOperator or MaskedOperator of one
+    A : ToeplitzOperator or ToeplitzSum, or MaskedOperator of one
         Symmetric positive definite, of any number of axes, of any size.
     smoother : callable
         Maps the matrix of a level to an approximate inverse S, a LinearOperator; a smoothing step

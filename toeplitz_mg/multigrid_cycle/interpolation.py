@@ -65,13 +65,13 @@ class Interpolation:
 
     def coarse_mask(self, mask: Array, axis: int) -> Array:
         """Return the coarse elements all of whose fine elements are active."""
-        n = mask.shape[axis]
+        n = refuse_masked("mask", mask).shape[axis]
         parts = np.array([mask[at(axis, fine)] for _, fine, _ in self.pieces(n)])
         return np.all(parts, axis=0)
 
     def coarse_lags(self, lags: Array, axis: int) -> Array:
         """Return the lags of R A P."""
-        n = (lags.shape[axis] + 1) // 2
+        n = (refuse_masked("lags", lags).shape[axis] + 1) // 2
         m = self.coarse_length(n)
         reach = len(self.weights) - 1
         weights = (np.convolve(self.weights, self.weights[::-1]) / 2.0).tolist()

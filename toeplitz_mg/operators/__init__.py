@@ -4,15 +4,19 @@ from toeplitz_mg.operators.base import GridOperator, apply_to_rows
 from toeplitz_mg.operators.block_diagonal import BlockDiagonal
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.diagonalised import DiagonalisedOperator
+from toeplitz_mg.operators.diagonally_scaled import DiagonallyScaled
 from toeplitz_mg.operators.masked import MaskedOperator
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum
 
 __all__ = [
     "BlockDiagonal",
     "CoupledOperator",
     "DiagonalisedOperator",
+    "DiagonallyScaled",
     "GridOperator",
     "MaskedOperator",
     "ToeplitzOperator",
+    "ToeplitzSum",
     "apply_to_rows",
 ]

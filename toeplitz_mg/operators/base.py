@@ -11,6 +11,7 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.operators import algebra
 from toeplitz_mg.values import refuse_masked
 
 NUMBERS = "fcbui"  # Kinds of dtypes that are multiplied: real, complex, booleans, integers.
@@ -121,12 +122,38 @@ class GridOperator(LinearOperator):
         return Conjugate(adjoint) if self.dtype.kind == "c" else adjoint
 
     # SciPy takes the numbers below a mask, and anything that has a shape.
-    dot = _of_numbers("dot")
+    dot = algebra.scaling("right", _of_numbers("dot"))
     matvec = _of_numbers("matvec")
     matmat = _of_numbers("matmat")
     rmatvec = _of_numbers("rmatvec")
     rmatmat = _of_numbers("rmatmat")
-    __rmul__ = _of_numbers("__rmul__")
+    if hasattr(LinearOperator, "rdot"):  # It is since SciPy 1.18.
+        rdot = _of_numbers("rdot")
+    __rmul__ = algebra.scaling("left", _of_numbers("__rmul__"))
+    __add__ = __radd__ = algebra.add
+    __rsub__ = algebra.subtract_from
+    __neg__ = algebra.negate
+    __truediv__ = algebra.divide
+
+    def scaled(self, left: Any = None, right: Any = None) -> Any:
+        """Return L A R as an operator of this package, or NotImplemented.
+
+        Parameters
+        ----------
+        left, right : number or ndarray of shape (N,), optional
+            Multiples of the unit matrix, or the entries of diagonal matrices.
+        """
+        return NotImplemented
+
+    def plus(self, other: Any) -> Any:
+        """Return the sum as an operator of this package, or NotImplemented.
+
+        Parameters
+        ----------
+        other : LinearOperator, or ndarray of shape (N,)
+            An operator, or the entries of a diagonal matrix.
+        """
+        return NotImplemented
 
 
 class Conjugate(GridOperator):
@@ -195,3 +222,10 @@ def grid_of(A: LinearOperator) -> tuple[int, ...]:
 def work_of(A: LinearOperator) -> float:
     """Return the work of one application of an operator, 0 where it names none."""
     return A.work if isinstance(A, GridOperator) else 0.0
+
+
+def name_symmetry(A: Any) -> str:
+    """Return what a matrix is, for its repr: symmetric, Hermitian or general."""
+    if A.is_symmetric:
+        return "symmetric"
+    return "Hermitian" if A.is_hermitian else "general"

@@ -1,5 +1,6 @@
 """Coefficients of a Toeplitz matrix: their normal form, and what they must be."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,9 +40,12 @@ class Coefficients:
         if column.dtype.kind != "c":
             return cls(column.copy(), True)
         if column.ndim > 1:
+            advice = "for several axes use ToeplitzOperator.from_lags"
+            if dense := name_dense(column):
+                advice += f", and for the dense Toeplitz matrix that c looks like {dense}"
             raise ValueError(
                 f"c is complex and has shape {column.shape}, but a first column tells all of a "
-                "Hermitian matrix on one axis only; for several axes use ToeplitzOperator.from_lags"
+                f"Hermitian matrix on one axis only; {advice}"
             )
         return cls._normal(np.concatenate([column[:0:-1].conj(), column]))
 
@@ -131,9 +135,53 @@ class Coefficients:
         is_real = self.array.dtype.kind != "c"
         return self if is_real else Coefficients(self.array.conj(), self.is_even)
 
+    def at(self, lags: Sequence[Array]) -> Array:
+        """Return the coefficients of some lags, given along each axis."""
+        if self.is_even:
+            return self.array[tuple(map(np.abs, lags))]
+        return self.array[tuple(k + m // 2 for k, m in zip(lags, self.array.shape, strict=True))]
+
+    def times(self, factor: Any) -> "Coefficients":
+        """Multiply with a number."""
+        with np.errstate(over="ignore", invalid="ignore"):  # What overflows is refused.
+            return Coefficients(check_coefficients(self.array * factor, "lags"), self.is_even)
+
+    def plus(self, other: "Coefficients") -> "Coefficients":
+        """Add the coefficients of a matrix on the same grid."""
+        with np.errstate(over="ignore"):
+            if self.is_even and other.is_even:
+                return Coefficients(check_coefficients(self.array + other.array, "lags"), True)
+            return Coefficients.of_lags(self.lags + other.lags)
+
+    def plus_unit(self, factor: Any) -> "Coefficients":
+        """Add a multiple of the unit matrix."""
+        column = np.zeros(self.grid_shape, np.result_type(factor))
+        column.flat[0] = factor
+        return self.plus(Coefficients(column, True))
+
     def astype(self, dtype: np.dtype[Any]) -> "Coefficients":
         """Round to this precision, or say that this is not possible."""
         return Coefficients(check_coefficients(self.array.astype(dtype), "lags"), self.is_even)
+
+
+def name_dense(c: Array) -> str:
+    """Return what to write for `c` if it looks like a dense Toeplitz matrix, or else nothing.
+
+    It has three rows at least, and all entries of a diagonal are equal. In the first column of a
+    matrix of two axes this makes the coefficient of the lag (1, 1) as large as that of lag zero,
+    which no positive definite matrix has. A constant array may be either.
+    """
+    is_dense = (
+        c.ndim == 2
+        and c.shape[0] == c.shape[1] > 2
+        and c[0, 0] == c[1, 1]  # That is soon told of a large array.
+        and np.array_equal(c[1:, 1:], c[:-1, :-1])
+        and not (c == c[0, 0]).all()
+    )
+    if not is_dense:
+        return ""
+    is_hermitian = np.array_equal(c[0], c[:, 0].conj())
+    return f"ToeplitzOperator({'c[:, 0]' if is_hermitian else 'c[:, 0], c[0]'})"
 
 
 def check_coefficients(values: ArrayLike, name: str) -> Array:
@@ -149,15 +197,16 @@ def check_coefficients(values: ArrayLike, name: str) -> Array:
         where = np.argwhere(~np.isfinite(array))[0]
         at = tuple(int(k) for k in where)
         raise ValueError(f"{name} has the coefficient {array[at]} at {at}, but all must be finite")
-    _require_digits(name, np.abs(array))
+    _require_digits(name, array)
     return array
 
 
-def _require_digits(name: str, sizes: Array) -> None:
-    """Raise ValueError where coefficients of these sizes make products over- or underflow."""
-    numbers = np.finfo(sizes.dtype)
-    with np.errstate(over="ignore"):  # It overflows to inf, which is too much.
+def _require_digits(name: str, coefficients: Array) -> None:
+    """Raise ValueError where coefficients make products over- or underflow."""
+    with np.errstate(over="ignore"):  # What overflows to inf is too much.
+        sizes = np.abs(coefficients)
         total = float(sizes.sum(dtype=np.float64))
+    numbers = np.finfo(sizes.dtype)
     most = float(numbers.max) * HEADROOM / 2**sizes.ndim
     if total > most:
         raise ValueError(

@@ -8,9 +8,11 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.multilevel import MultilevelProduct
-from toeplitz_mg.operators.base import GridOperator
+from toeplitz_mg.operators import algebra
+from toeplitz_mg.operators.base import GridOperator, name_symmetry
 from toeplitz_mg.operators.coefficients import check_precision
-from toeplitz_mg.operators.toeplitz import ToeplitzOperator, name_symmetry
+from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+from toeplitz_mg.values import refuse_masked
 
 
 class CoupledOperator(GridOperator):
@@ -146,17 +148,32 @@ class CoupledOperator(GridOperator):
 
     def block(self, index: Array) -> Array:
         """Return some rows and the same columns, by their positions in the flattened field."""
+        index = refuse_masked("index", index)
+        return self.entries(index, index)
+
+    def entries(self, rows: Array, columns: Array) -> Array:
+        """Return the entries in some rows and columns, positions in the flattened field."""
         size = self.shape[0] // len(self.blocks)
-        component, point = np.divmod(index, size)
-        result = np.zeros((len(point), len(point)), self.dtype)
-        for i, row in enumerate(self.blocks):
-            for j, block in enumerate(row):
+        rows, columns = refuse_masked("rows", rows), refuse_masked("columns", columns)
+        (of_row, row), (of_column, column) = np.divmod(rows, size), np.divmod(columns, size)
+        result = np.zeros((len(rows), len(columns)), self.dtype)
+        for i, blocks in enumerate(self.blocks):
+            for j, block in enumerate(blocks):
                 if block is not None:
-                    rows, columns = np.ix_(component == i, component == j)
-                    result[rows, columns] = block.entries(
-                        point[component == i], point[component == j]
-                    )
+                    part = block.entries(row[of_row == i], column[of_column == j])
+                    result[np.ix_(of_row == i, of_column == j)] = part
         return result
+
+    def diagonal(self) -> Array:
+        """Return the entries (i, i), shape (N,)."""
+        size = self.shape[0] // len(self.blocks)
+        zero = np.zeros(size, self.dtype)
+        own = [row[i] for i, row in enumerate(self.blocks)]
+        return np.concatenate([zero if block is None else block.diagonal() for block in own])
+
+    trace = algebra.trace
+    __getitem__ = algebra.take
+    __iter__ = None  # Python would count up an index of rows.
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
@@ -171,8 +188,11 @@ class CoupledOperator(GridOperator):
     def _transpose(self) -> "CoupledOperator":
         if self.is_symmetric:
             return self
-        blocks = [[block and block.T for block in column] for column in self._columns]
-        return CoupledOperator(blocks, product=self._product.transpose())
+        if self.dtype.kind != "c":
+            return self._adjoint()
+        return CoupledOperator(
+            [[block and block.T for block in column] for column in self._columns]
+        )
 
     @property
     def _columns(self) -> list[tuple[ToeplitzOperator | None, ...]]:

@@ -25,9 +25,9 @@ class GohbergSemencul(GridOperator):
     x : ndarray of shape (n,), real or complex
         First column of the inverse, A⁻¹ e₁, whose first entry must not be zero.
     y : ndarray of shape (n,), optional
-        First row of the inverse, A⁻ᵀ e₁, with the first entry of `x`. Without it the inverse is
-        that of a symmetric positive definite matrix, or of a Hermitian one: its row is x̄, and
-        x[0] must be positive.
+        First row of the inverse, A⁻ᵀ e₁; its first entry is ignored, as it is x[0]. Without it the
+        inverse is that of a symmetric positive definite matrix, or of a Hermitian one: its row is
+        x̄, and x[0] must be positive.
 
     Raises
     ------
@@ -63,7 +63,7 @@ class GohbergSemencul(GridOperator):
                     f"the first entry of the inverse is {x[0]:.3g}, but of a positive definite "
                     "matrix it is positive"
                 )
-            y = x.conj()
+            y = x.conj() if x.dtype.kind == "c" else x
         y = refuse_masked("y", y)
         if y.shape != x.shape:
             raise ValueError(f"x has shape {x.shape} and y has {y.shape}, but must have the same")
@@ -73,10 +73,12 @@ class GohbergSemencul(GridOperator):
                 "last row and column is singular"
             )
         dtype = np.result_type(x, y)
-        self.x, self.y = x.astype(dtype), y.astype(dtype)
+        self.x = x.astype(dtype)
+        self.y = self.x if y is x else y.astype(dtype)
+        self.y[0] = self.x[0]
         self.x.flags.writeable = self.y.flags.writeable = False
         if product is None:
-            column, row = (a.astype(np.result_type(dtype, np.float64)) for a in (x, y))
+            column, row = (a.astype(np.result_type(dtype, np.float64)) for a in (self.x, self.y))
             product = GohbergSemenculProduct.of(column, None if self.is_hermitian else row, dtype)
         self._product = product
         super().__init__(dtype, product.grid_shape, product.points / len(x))
@@ -128,13 +130,16 @@ class Certificate:
         """Sample the polynomial, at the cost of one work unit."""
         length = 2 * fft.next_fast_len(OVERSAMPLING // 2 * len(x), real=True)
         count_transforms(1, length)
-        z = fft.rfft(x.astype(np.float64), length)
+        is_complex = x.dtype.kind == "c"
+        z = (fft.fft if is_complex else fft.rfft)(x.astype(np.result_type(x, np.float64)), length)
         size = np.abs(z)
         smallest, largest = float(size.min()), float(size.max())
         if not smallest > 0.0:
             return cls(False, np.inf)
-        turns = np.angle(z[1:] * z[:-1].conj() / largest**2)
+        # Of a real x the turns are those on the upper half of the circle, which the lower half
+        # mirrors; of a complex one the last sample is followed by the first.
+        following = np.roll(z, -1) if is_complex else z[1:]
+        turns = np.angle(following * z[: len(following)].conj() / largest**2)
         resolved = np.abs(turns).max() < np.pi * (1.0 - 1.0 / OVERSAMPLING)
-        # The turns are those on the upper half of the circle, which the lower half mirrors.
-        positive = x[0] > 0.0 and resolved and abs(turns.sum()) < 1.0
+        positive = x[0].real > 0.0 and resolved and abs(turns.sum()) < 1.0
         return cls(bool(positive), (largest / smallest) ** 2)

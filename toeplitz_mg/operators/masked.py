@@ -1,6 +1,7 @@
 """Rows and columns of an operator on a part of its grid: extend, multiply, restrict."""
 
 from math import prod
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
@@ -8,9 +9,11 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows, work_of
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum
 from toeplitz_mg.values import refuse_masked
 
 
@@ -81,13 +84,58 @@ class MaskedOperator(GridOperator):
         The entries of a Toeplitz matrix are copied, without any transform; any other operator is
         multiplied with the unit matrix.
         """
-        if isinstance(self.full, ToeplitzOperator | CoupledOperator):
-            return self.full.block(self._index)
+        if isinstance(self.full, ToeplitzOperator | CoupledOperator | ToeplitzSum):
+            return self.full.entries(self._index, self._index)
         return self.apply(np.eye(self.shape[0], dtype=self.dtype)).T
 
     def astype(self, dtype: DTypeLike) -> "MaskedOperator":
         """Return the matrix in another precision, or itself where it has that one."""
         return self if self.dtype == dtype else MaskedOperator(self.full.astype(dtype), self.mask)
+
+    def scaled(self, left: Any = None, right: Any = None) -> Any:
+        """Return L A R, on the same mask (see `GridOperator.scaled`)."""
+        if not isinstance(self.full, GridOperator):
+            return NotImplemented
+        return self._restrict(self.full.scaled(self._extend(left), self._extend(right)))
+
+    def plus(self, other: Any) -> Any:
+        """Return the sum, on the same mask (see `GridOperator.plus`)."""
+        if not isinstance(self.full, GridOperator):
+            return NotImplemented
+        if isinstance(other, np.ndarray):
+            return self._restrict(self.full.plus(self._extend(other)))
+        if isinstance(other, MaskedOperator) and np.array_equal(other.mask, self.mask):
+            return self._restrict(self.full.plus(other.full))
+        return NotImplemented
+
+    def _extend(self, factor: Any) -> Any:
+        """Return a diagonal of the whole grid, with the mean where there is no unknown."""
+        if np.ndim(factor) == 0:
+            return factor
+        # A constant one stays constant. No number but those on the mask is ever of use.
+        grid = np.full(self.mask.size, factor.mean(), np.result_type(factor, np.float32))
+        grid[self._index] = factor
+        return grid
+
+    def _restrict(self, full: Any) -> Any:
+        return full if full is NotImplemented else MaskedOperator(full, self.mask)
+
+    def entries(self, rows: Array, columns: Array) -> Array:
+        """Return the entries in some rows and columns, by their positions among the unknowns."""
+        return self._whole().entries(self._index[rows], self._index[columns])
+
+    def diagonal(self) -> Array:
+        """Return the entries (i, i), shape (N,)."""
+        return self._whole().diagonal()[self._index]
+
+    trace = algebra.trace
+    __getitem__ = algebra.take
+    __iter__ = None  # Python would count up an index of rows.
+
+    def _whole(self) -> Any:
+        if not hasattr(self.full, "entries"):
+            raise TypeError(f"{self.full!r} has no entries at hand: multiply it with unit vectors")
+        return self.full
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""

@@ -4,13 +4,17 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, TypeVar, cast
 
+import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Mask
+from toeplitz_mg.operators.averages import average, hermitian_part
 from toeplitz_mg.operators.block_diagonal import BlockDiagonal
 from toeplitz_mg.operators.coupled import CoupledOperator
+from toeplitz_mg.operators.diagonally_scaled import DiagonallyScaled
 from toeplitz_mg.operators.masked import MaskedOperator
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum
 
 F = TypeVar("F", bound=Callable[..., LinearOperator])
 Check = Callable[[ToeplitzOperator | CoupledOperator], None]
@@ -41,8 +45,8 @@ def check_symmetric(A: ToeplitzOperator | CoupledOperator) -> None:
     check_hermitian(A)
     if A.dtype.kind == "c":
         raise ValueError(
-            f"A is {A!r}, but must be real: use chan_preconditioner(A), which takes any Toeplitz "
-            "matrix"
+            f"A is {A!r}, but must be real: use chan_preconditioner(A), which takes complex "
+            "matrices too"
         )
 
 
@@ -71,13 +75,18 @@ def unwrap_toeplitz(
     """
     full, mask = unwrap(A)
     if not isinstance(full, ToeplitzOperator):
-        advice = (
-            "; a preconditioner of each of its components gives componentwise, as in "
-            "componentwise(multigrid)(A)"
-        )
+        advice = ""
+        if isinstance(full, CoupledOperator):
+            check(full)
+            advice = (
+                "; to treat each of its components by itself write componentwise(f)(A) for the "
+                "function f that was called, as componentwise(multigrid)(A)"
+            )
+        elif isinstance(full, LinearOperator):
+            advice = "; diagonal matrices in it are understood as scipy.sparse.diags_array(d)"
         raise TypeError(
             f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a MaskedOperator "
-            f"of one{advice if isinstance(full, CoupledOperator) else ''}"
+            f"of one{advice}"
         )
     check(full)
     return full, mask
@@ -95,9 +104,68 @@ def squeeze_line(A: ToeplitzOperator) -> ToeplitzOperator:
     if len(line.grid_shape) != 1:
         raise ValueError(
             f"A lives on the grid {A.grid_shape}, but must have one axis (with more than one "
-            "element)"
+            "element): use chan_preconditioner(A), which takes any number"
         )
     return line
+
+
+def _itself(A: Any) -> Any:
+    return A
+
+
+def averaged(function: F, part: Callable[[Any], Any] = hermitian_part) -> F:
+    """Return the preconditioner that of a `ToeplitzSum` is that of a Toeplitz matrix nearby.
+
+    Parameters
+    ----------
+    function : callable
+        A function of a `ToeplitzOperator` or a `MaskedOperator` of one.
+    part : callable
+        What it sees of each Toeplitz matrix, the Hermitian part by default.
+
+    Returns
+    -------
+    callable
+        The same function, that takes a `ToeplitzSum` or a `MaskedOperator` of one too. What it
+        returns is symmetric positive definite where that of the Toeplitz matrix is.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where an entry of the diagonal of the sum is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.sparse import diags_array
+    >>> import toeplitz_mg as tmg
+    >>> A = tmg.ToeplitzOperator([2.0, 1.0, 0.5])
+    >>> S = diags_array([1.0, 10.0, 100.0]) @ A
+    >>> tmg.jacobi_preconditioner(S, omega=1.0) @ S.diagonal()
+    array([1., 1., 1.])
+    """
+
+    @wraps(function)
+    def of_average(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
+        full, mask = unwrap(A)
+        if not isinstance(full, ToeplitzSum):
+            return function(A, *args, **kwargs)
+        mean, scale = average(full, mask, part)
+        return DiagonallyScaled(function(restrict(mean, mask), *args, **kwargs), scale)
+
+    return cast(F, of_average)
+
+
+def symmetrised(preconditioner: F) -> F:
+    """Return the preconditioner that of a matrix that is not symmetric takes the symmetric part."""
+
+    @wraps(preconditioner)
+    def of_part(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
+        if isinstance(unwrap(A)[0], ToeplitzOperator):
+            A = hermitian_part(A)
+        return preconditioner(A, *args, **kwargs)
+
+    return cast(F, of_part)
 
 
 def restricted(preconditioner: F) -> F:
@@ -111,8 +179,9 @@ def restricted(preconditioner: F) -> F:
     Returns
     -------
     callable
-        The same function, that takes a `MaskedOperator` of one too, and refuses what is neither,
-        or not real and symmetric.
+        The same function, that takes a `MaskedOperator` of one too, and a `ToeplitzSum` as
+        `averaged` does, and refuses what is none of these, or not real and
+        symmetric.
 
     See Also
     --------
@@ -162,7 +231,7 @@ def _restricted(preconditioner: F, check: Check) -> F:
         full, mask = unwrap_toeplitz(A, check)
         return restrict(preconditioner(full, *args, **kwargs), mask)
 
-    return cast(F, of_mask)
+    return averaged(cast(F, of_mask), _itself if check is accept_any else hermitian_part)
 
 
 def componentwise(preconditioner: F) -> F:
@@ -200,7 +269,16 @@ def _of_each(preconditioner: F, check: Check) -> F:
         if not isinstance(full, CoupledOperator):
             return preconditioner(A, *args, **kwargs)
         check(full)
-        blocks = [preconditioner(block, *args, **kwargs) for block in components(full, mask)]
+        blocks = []
+        for block in components(full, mask):
+            try:
+                blocks.append(preconditioner(block, *args, **kwargs))
+            except np.linalg.LinAlgError as error:
+                error.add_note(
+                    f"This was the matrix of a component, {block!r}: what is advised for it takes "
+                    "all of them by componentwise, as in componentwise(chan_preconditioner)(A)"
+                )
+                raise
         return BlockDiagonal(blocks, full.grid_shape)
 
     return cast(F, of_each)

@@ -1,15 +1,20 @@
 """Toeplitz matrices of any number of axes, as linear operators."""
 
+import warnings
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
+from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.multilevel import MultilevelProduct, entries
+from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.products import ToeplitzProduct
-from toeplitz_mg.operators.base import GridOperator
-from toeplitz_mg.operators.coefficients import Coefficients, check_precision
+from toeplitz_mg.operators import algebra
+from toeplitz_mg.operators.base import GridOperator, name_symmetry
+from toeplitz_mg.operators.coefficients import Coefficients, check_precision, name_dense
+from toeplitz_mg.operators.toeplitz_sum import Term, ToeplitzSum, simplify
+from toeplitz_mg.values import refuse_masked
 
 
 class ToeplitzOperator(GridOperator):
@@ -56,11 +61,23 @@ class ToeplitzOperator(GridOperator):
         1e-302 and 1e-32 of a million unknowns), for `r` of another length than `c`, and for
         complex `c` of several axes, which do not say what the matrix is.
 
+    Warns
+    -----
+    UserWarning
+        For a square `c` that is constant along its diagonals, as a dense Toeplitz matrix is: it is
+        taken for the first column of a matrix of two axes.
+
     Notes
     -----
     A product is exact up to rounding: any embedding in a circulant of size at least 2 n - 1
     multiplies correctly; a fast transform length is taken. It costs O(N log N), and is the work
     unit of the paper (§5.2), of a complex matrix one of complex numbers.
+
+    Operators are written as matrices are. ``2 * A``, ``A + B`` and ``A + s * eye_array(n)``, with
+    `scipy.sparse.eye_array`, are Toeplitz matrices again; with a diagonal matrix D, as
+    `scipy.sparse.diags_array` makes one, ``A + D`` and ``D @ A`` are a `ToeplitzSum`, which every
+    preconditioner takes. ``A[i, j]``, with slices too, ``A.diagonal()`` and ``A.trace()`` are those
+    of the dense matrix.
 
     Examples
     --------
@@ -73,6 +90,8 @@ class ToeplitzOperator(GridOperator):
            [ 0., -1.,  2.]])
     >>> (A @ np.array([1.0, 2.0, 3.0])).round(12) + 0.0
     array([0., 0., 4.])
+    >>> (A - A.T / 2)[0, :2]
+    array([ 1. , -0.5])
     """
 
     def __init__(
@@ -86,6 +105,15 @@ class ToeplitzOperator(GridOperator):
             self._coefficients = c
         elif r is None:
             self._coefficients = Coefficients.of_column(c)
+            dense = name_dense(self._coefficients.array)
+            if dense:
+                n = len(self._coefficients.array)
+                warnings.warn(
+                    f"c has shape {(n, n)} and is constant along its diagonals, as a dense "
+                    f"Toeplitz matrix is, but is taken for the first column of a matrix of two "
+                    f"axes and {n**2} unknowns: for the dense matrix c itself use {dense}",
+                    stacklevel=2,
+                )
         else:
             self._coefficients = Coefficients.of_column_and_row(c, r)
         a = self._coefficients
@@ -198,8 +226,47 @@ class ToeplitzOperator(GridOperator):
 
     def entries(self, rows: Array, columns: Array) -> Array:
         """Return the entries in some rows and columns, positions in the flattened grid."""
-        points = (np.unravel_index(index, self.grid_shape) for index in (rows, columns))
-        return entries(self.lags, *points)
+        points = (
+            np.unravel_index(refuse_masked(name, index), self.grid_shape)
+            for name, index in (("rows", rows), ("columns", columns))
+        )
+        return self._coefficients.at(list(map(np.subtract.outer, *points)))
+
+    def diagonal(self) -> Array:
+        """Return the entries (i, i), shape (N,), which are all the same."""
+        return np.full(self.shape[0], self.c.flat[0])
+
+    trace = algebra.trace
+    __getitem__ = algebra.take
+    __iter__ = None  # Python would count up an index of rows.
+
+    def scaled(self, left: Any = None, right: Any = None) -> Any:
+        """Return L A R: a ToeplitzOperator for numbers (see `GridOperator.scaled`)."""
+        return simplify([Term(left, self, right)])
+
+    def times(self, factor: Any) -> "ToeplitzOperator":
+        """Return the matrix times a number."""
+        return ToeplitzOperator(self._coefficients.times(factor))
+
+    def plus(self, other: Any) -> Any:
+        """Return the sum: a ToeplitzOperator with one (see `GridOperator.plus`)."""
+        if isinstance(other, np.ndarray):
+            return simplify([Term(None, self, None)], other)
+        if isinstance(other, ToeplitzSum):
+            return other.plus(self)
+        if isinstance(other, ToeplitzOperator) and other.grid_shape == self.grid_shape:
+            return ToeplitzOperator(self._coefficients.plus(other._coefficients))
+        return NotImplemented
+
+    def plus_unit(self, factor: Any) -> "ToeplitzOperator":
+        """Return the sum with a multiple of the unit matrix."""
+        return ToeplitzOperator(self._coefficients.plus_unit(factor))
+
+    def equals(self, other: LinearOperator) -> bool:
+        """Whether another operator is the same matrix."""
+        return self is other or (
+            isinstance(other, ToeplitzOperator) and np.array_equal(self.lags, other.lags)
+        )
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
@@ -214,8 +281,9 @@ class ToeplitzOperator(GridOperator):
     def _transpose(self) -> "ToeplitzOperator":
         if self.is_symmetric:
             return self
-        coefficients = self._coefficients.transpose
-        return ToeplitzOperator(coefficients, product=self._product.transpose())
+        if self.dtype.kind != "c":
+            return self._adjoint()
+        return ToeplitzOperator(self._coefficients.transpose)
 
     def __repr__(self) -> str:
         grid = " x ".join(map(str, self.grid_shape))
@@ -226,15 +294,8 @@ class ToeplitzOperator(GridOperator):
 def _multiplication(a: Coefficients) -> ToeplitzProduct | MultilevelProduct:
     """Make the product with the matrix of these coefficients, which takes a transform."""
     a = a.squeezed
-    if a.array.ndim > 1 or a.array.dtype.kind == "c":
+    if a.array.ndim > 1:
         return MultilevelProduct.of([[a.lags]], a.array.dtype)
     column = a.column
     row = column if a.is_even else a.array[len(column) - 1 :: -1]
     return ToeplitzProduct.of(column, row, a.array.dtype)
-
-
-def name_symmetry(A: Any) -> str:
-    """Return what a matrix is, for its repr: symmetric, Hermitian or general."""
-    if A.is_symmetric:
-        return "symmetric"
-    return "Hermitian" if A.is_hermitian else "general"

@@ -16,8 +16,15 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Mask
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
-from toeplitz_mg.operators.structure import check_hermitian, components, unwrap, unwrap_toeplitz
+from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator, ToeplitzSum
+from toeplitz_mg.operators.averages import average
+from toeplitz_mg.operators.structure import (
+    check_hermitian,
+    components,
+    restrict,
+    unwrap,
+    unwrap_toeplitz,
+)
 from toeplitz_mg.preconditioners import traits
 from toeplitz_mg.preconditioners.candidates import (
     OF_ANY_LINE,
@@ -83,7 +90,7 @@ def select_preconditioner(A: LinearOperator, solves: int = 1) -> Selection:
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric or complex Hermitian positive definite, of any number of axes.
     solves : int
         For how many right-hand sides it is: more are worth a longer set-up.
@@ -121,6 +128,9 @@ def select_preconditioner(A: LinearOperator, solves: int = 1) -> Selection:
     if all are refused, the best of sine_preconditioner, cosine_preconditioner, chan_preconditioner
     and none, by a trial of 20 steps of CG
     """
+    full, mask = unwrap(A)
+    if isinstance(full, ToeplitzSum):
+        A = restrict(average(full, mask)[0], mask)
     return _list(plan(A, solves))
 
 
@@ -145,19 +155,22 @@ def _plan(A: LinearOperator, is_worth_set_up: bool) -> Plan:
     """Return what may be taken of one component."""
     full, mask = unwrap_toeplitz(A, check_hermitian)
     full = full.squeezed
-    if full.dtype.kind == "c":
-        # Its coefficients are not even, as those are of which most others are made.
-        of_any = chain(_of_few(A.shape[0]), [OF_ANY_MATRIX])
-        return Plan(A, of_any, (OF_ANY_MATRIX,), False, iter(()))
-    if mask is not None and not mask.all():
+    # What is made of even coefficients is not for a complex matrix.
+    is_complex = full.dtype.kind == "c"
+    others = (OF_ANY_MATRIX,) if is_complex else OTHERS
+    is_part = mask is not None and not mask.all()
+    if not is_part and len(full.grid_shape) == 1:
+        of_symbol = iter(()) if is_complex else candidates_of_line(full)
+        of_line = chain(_of_few(full.shape[0]), of_symbol, [OF_ANY_LINE])
+        return Plan(full, of_line, others, False, iter(()))
+    if is_complex:
+        candidates = iter(others)
+    elif mask is not None and is_part:
         candidates = _of_mask(full, mask.reshape(full.grid_shape), is_worth_set_up)
-    elif len(full.grid_shape) > 1:
-        candidates = _of_grid(full)
     else:
-        candidates = chain(_of_few(full.shape[0]), candidates_of_line(full), [OF_ANY_LINE])
-        return Plan(full, candidates, OTHERS, False, iter(()))
-    needs_trial = not traits.decreases_along_axes(full)
-    return Plan(A, chain(_of_few(A.shape[0]), candidates), OTHERS, needs_trial, iter(()))
+        candidates = _of_grid(full)
+    needs_trial = is_complex or not traits.decreases_along_axes(full)
+    return Plan(A, chain(_of_few(A.shape[0]), candidates), others, needs_trial, iter(()))
 
 
 def _of_few(unknowns: int) -> Iterator[Candidate]:

@@ -12,6 +12,7 @@ from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import of_any_matrix
 from toeplitz_mg.preconditioners.positivity import (
+    LAST_RESORT,
     name_robust,
     precision,
     require_nonzero,
@@ -25,7 +26,7 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Real or complex, symmetric or not, of any number of axes.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default; complex64 or
@@ -61,12 +62,14 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     """
     column = A.lags
     for axis, n in enumerate(A.grid_shape):
-        k = np.arange(n)
-        # These are the lags k and k - n, whichever is nearer to 0, and of both n/2 the mean.
-        nearest, other = (np.where(k > half, k - n, k) for half in (n // 2, (n - 1) // 2))
-        column = (
-            np.take(column, nearest + n - 1, axis=axis) + np.take(column, other + n - 1, axis=axis)
-        ) / 2
+        # These are the lags 0 ... n // 2, then -(n - 1) // 2 ... -1.
+        index = np.concatenate([np.arange(n // 2 + 1), np.arange(-((n - 1) // 2), 0)])
+        central = np.take(column, index + n - 1, axis=axis)
+        if n % 2 == 0:  # The lags n/2 and -n/2 have one place: it has their mean.
+            middle = (slice(None),) * axis + (n // 2,)
+            other = np.take(column, n - 1 - n // 2, axis=axis)
+            central[middle] = (central[middle] + other) / 2
+        column = central
     return _inverse(A, column, "Strang", precision(A, dtype))
 
 
@@ -76,7 +79,7 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Real or complex, symmetric or not, of any number of axes.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default; complex64 or
@@ -132,7 +135,7 @@ def _inverse(
     subject = f"{name}'s circulant has the eigenvalue"
     if A.is_hermitian:
         spectrum = spectrum.real
-        other = name_robust(column.shape) if name == "Strang" else "cg without M"
+        other = name_robust(column.shape) if name == "Strang" else LAST_RESORT
         require_positive(spectrum, dtype, subject, other)
     else:
         require_nonzero(spectrum, dtype, subject, "gmres without M")

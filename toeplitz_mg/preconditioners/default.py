@@ -10,17 +10,18 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import BlockDiagonal
 from toeplitz_mg.operators.base import grid_of
-from toeplitz_mg.operators.structure import check_hermitian, unwrap_toeplitz
+from toeplitz_mg.operators.structure import averaged, check_hermitian, unwrap_toeplitz
 from toeplitz_mg.preconditioners.choice import Plan, plan
 from toeplitz_mg.preconditioners.direct import NotPositiveDefinite
 from toeplitz_mg.preconditioners.jacobi import ScaledIdentity
-from toeplitz_mg.preconditioners.positivity import precision
+from toeplitz_mg.preconditioners.positivity import LAST_RESORT, precision
 from toeplitz_mg.preconditioners.selection import Candidate
 from toeplitz_mg.preconditioners.trial import better_than_none
 
 logger = logging.getLogger(__name__)
 
 
+@averaged
 def default_preconditioner(
     A: LinearOperator, *, solves: int = 1, dtype: DTypeLike | None = None
 ) -> LinearOperator:
@@ -28,7 +29,7 @@ def default_preconditioner(
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric or complex Hermitian positive definite, of any number of axes.
     solves : int
         For how many right-hand sides it is made: more are worth a longer set-up.
@@ -79,7 +80,8 @@ def default_preconditioner(
     three or more            cosine; on a mask sine            9 to 20
     ======================== ================================= ==============================
 
-    Of a complex matrix of more unknowns it is T. Chan's circulant.
+    Of a complex matrix of more unknowns it is the spectral factor on the whole of a line; else T.
+    Chan's circulant, if it is better than nothing.
 
     Coupled components are treated each by itself, but by FSAI on a mask together if their coupling
     is strong.
@@ -146,7 +148,7 @@ def _none(A: LinearOperator, is_any_accepted: bool, dtype: DTypeLike | None) -> 
     if not (is_any_accepted and diagonal > 0.0):
         raise np.linalg.LinAlgError(
             f"A is {A!r}, not positive definite or nearly singular, as not even T. Chan's "
-            "circulant is positive definite: use cg without M"
+            f"circulant is positive definite: use {LAST_RESORT}"
         )
     # A power of two: the iterates are those without a preconditioner, to the last bit.
     scale = 2.0 ** -round(log2(diagonal))

@@ -5,7 +5,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows, grid_of, work_of
-from toeplitz_mg.operators.structure import check_symmetric, unwrap
+from toeplitz_mg.operators.structure import averaged, check_symmetric, unwrap
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.values import count
 
@@ -73,12 +73,13 @@ class TransposedDeflation(GridOperator):
         return f"<TransposedDeflation of {self.PM!r}>"
 
 
+@averaged
 def fft_sd_preconditioner(A: LinearOperator, n_subdomains: int | None = None) -> SubdomainDeflated:
     """Return P M, the FFT preconditioner deflated by the constants on subdomains.
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of any number of axes.
     n_subdomains : int, optional
         Consecutive parts of the unknowns, as equal as they can be; by default 2, as in the paper,

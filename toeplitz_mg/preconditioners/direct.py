@@ -7,6 +7,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators.base import GridOperator, grid_of
+from toeplitz_mg.preconditioners.positivity import LAST_RESORT
 
 
 class NotPositiveDefinite(np.linalg.LinAlgError):
@@ -40,9 +41,9 @@ class DenseInverse(GridOperator):
         dense = A.toarray().astype(np.result_type(A.dtype, np.float64), copy=False)
         try:
             factor, lower = cho_factor(dense, lower=True)
-        except np.linalg.LinAlgError as error:
+        except np.linalg.LinAlgError:
             raise NotPositiveDefinite(
-                f"{A!r} is not positive definite, or nearly singular: {error}"
+                f"{A!r} is not positive definite, or nearly singular: use {LAST_RESORT}"
             ) from None
         norm = float(np.abs(dense).sum(axis=0).max())
         estimate = lapack.zpocon if factor.dtype.kind == "c" else lapack.dpocon

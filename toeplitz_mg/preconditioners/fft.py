@@ -15,6 +15,7 @@ from toeplitz_mg.engine.transforms import LONG, cosine_sums
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import (
+    averaged,
     check_hermitian,
     restrict,
     restricted_hermitian,
@@ -24,12 +25,13 @@ from toeplitz_mg.preconditioners.positivity import name_robust, precision, requi
 from toeplitz_mg.preconditioners.symbol import continue_axis
 
 
+@averaged
 def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return M, the paper's FFT preconditioner of a positive definite Toeplitz matrix.
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric or complex Hermitian, of any number of axes.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default; complex64 or
@@ -97,7 +99,8 @@ def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOp
     dtype = precision(A, dtype)
     lengths = tuple(2 * n - 1 for n in A.grid_shape)
     is_fast = all(near_fast_length(m) == m for m in lengths)
-    is_exact = is_fast or not A.is_even or A.shape[0] < LONG
+    is_even = A.is_even and A.dtype.kind != "c"
+    is_exact = is_fast or not is_even or A.shape[0] < LONG
     transforms = _transforms_for(A)
     if is_exact:
         count_transforms(2, *lengths)
@@ -120,7 +123,7 @@ def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOp
         inverse = cosine_sums(spectrum)
         inverse /= prod(2 * (m - 1) for m in spectrum.shape)
     inverse = inverse.astype(dtype, copy=False)
-    if A.is_even:
+    if is_even:
         return ToeplitzOperator(inverse[tuple(slice(n) for n in A.grid_shape)])
     lags = fft.fftshift(inverse)
     return ToeplitzOperator.from_lags(_make_hermitian(lags))

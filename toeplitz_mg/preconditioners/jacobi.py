@@ -6,7 +6,8 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import GridOperator
-from toeplitz_mg.operators.structure import check_hermitian, unwrap_toeplitz
+from toeplitz_mg.operators.structure import averaged, check_hermitian, unwrap_toeplitz
+from toeplitz_mg.preconditioners.positivity import require_positive_diagonal
 from toeplitz_mg.values import real
 
 
@@ -32,6 +33,7 @@ class ScaledIdentity(GridOperator):
         return f"<ScaledIdentity {self.shape[0]}, {self.factor.real:.3g}>"
 
 
+@averaged
 def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> LinearOperator:
     """Return ω/a₀ times the unit matrix: a damped Jacobi, or Richardson, smoother.
 
@@ -41,7 +43,7 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
 
     Parameters
     ----------
-    A : ToeplitzOperator or MaskedOperator of one
+    A : ToeplitzOperator or ToeplitzSum, or MaskedOperator of one
         Symmetric or Hermitian positive definite, of any number of axes.
     omega : float, optional
         By default ω/a₀ = 4/(3 ‖C‖₂), C the circulant in which `A` is embedded for its
@@ -79,10 +81,7 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
     """
     full, _ = unwrap_toeplitz(A, check_hermitian)
     a0 = float(full.c.flat[0].real)
-    if not a0 > 0.0:
-        raise np.linalg.LinAlgError(
-            f"the diagonal of A is {a0:.3g}, but of a positive definite matrix it is positive"
-        )
+    require_positive_diagonal(a0)
     factor = 4.0 / 3.0 / full.norm_bound if omega is None else real("omega", omega) / a0
     if not 0.0 < factor < np.inf:
         raise np.linalg.LinAlgError(

@@ -18,6 +18,8 @@ from toeplitz_mg.operators.coefficients import check_precision
 # Error of an eigenvalue, in units of eps times the largest one: 1 to 3.8 was seen with transforms
 # of lengths up to 2^18.
 ROUNDING = 4.0
+# What is left where no preconditioner is: the end of the advice of all refusals.
+LAST_RESORT = "cg without M, or gmres where A is not positive definite"
 
 
 def precision(A: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None) -> np.dtype[Any]:
@@ -42,6 +44,15 @@ def precision(A: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None) ->
     return result
 
 
+def require_positive_diagonal(diagonal: float) -> None:
+    """Raise LinAlgError where the diagonal of A tells that A is not positive definite."""
+    if not diagonal > 0.0:
+        raise np.linalg.LinAlgError(
+            f"the diagonal of A is {diagonal:.3g}, but of a positive definite matrix it is "
+            f"positive: use {LAST_RESORT}"
+        )
+
+
 def is_positive(spectrum: Array, dtype: Any) -> bool:
     """Whether all eigenvalues are positive, beyond the rounding of the largest."""
     return float(spectrum.min()) > rounding(spectrum, dtype)
@@ -58,7 +69,7 @@ def require_condition(condition: float, dtype: Any, subject: str, advice: str) -
     The message: "`subject` has a condition number of 1e9, with which …: use `advice`", or float64.
     """
     if not ROUNDING * float(np.finfo(dtype).eps) * condition < 1.0:
-        single = np.dtype(dtype) == np.float32
+        single = np.dtype(dtype).char in "fF"
         raise np.linalg.LinAlgError(
             f"{subject} has a condition number of up to {condition:.1e}, with which rounding in "
             f"{np.dtype(dtype)} may make it indefinite: use {'float64' if single else advice}"
@@ -100,7 +111,10 @@ def name_robust(grid_shape: tuple[int, ...]) -> str:
 def name_for_smooth(grid_shape: tuple[int, ...]) -> str:
     """Name what takes the fewest iterations for smooth kernels, for the advice of an error."""
     if axes_of(grid_shape) == 1:
-        return "use spectral_preconditioner(A), on a mask sine_preconditioner(A)"
+        return (
+            "use spectral_preconditioner(A), on a mask sine_preconditioner(A) where that is not "
+            "refused"
+        )
     return (
         "take cosine_preconditioner(A), on a mask sine_preconditioner(A), and where these are "
         f"refused use {name_robust(grid_shape)}"

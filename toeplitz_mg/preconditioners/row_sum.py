@@ -8,7 +8,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator, apply_to_rows
 from toeplitz_mg.operators.base import grid_of, work_of
-from toeplitz_mg.operators.structure import componentwise, restrict, unwrap_toeplitz
+from toeplitz_mg.operators.structure import averaged, componentwise, restrict, unwrap_toeplitz
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.preconditioners.positivity import rounding
 from toeplitz_mg.preconditioners.row_sum_certificate import (
@@ -67,6 +67,7 @@ class RowSumModified(GridOperator):
 
 
 @componentwise
+@averaged
 def fft_rsm_preconditioner(
     A: LinearOperator, gamma: float | None = None, *, dtype: DTypeLike | None = None
 ) -> LinearOperator:
@@ -74,7 +75,7 @@ def fft_rsm_preconditioner(
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of any number of axes.
     gamma : float, optional
         The row sum γ, positive. By default the smallest row sum of M on the whole grid (paper,

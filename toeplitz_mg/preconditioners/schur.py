@@ -9,6 +9,7 @@ from scipy.linalg import solve_toeplitz, solve_triangular, toeplitz
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.preconditioners.positivity import LAST_RESORT, require_positive_diagonal
 
 LARGEST_BLOCK = 256  # Most steps that Levinson's recursion takes at once: more would take longer.
 
@@ -64,10 +65,7 @@ def schur_column(c: Array) -> tuple[Array, Array]:
     array([-0.5       , -0.33333333])
     """
     diagonal = float(c[0].real)
-    if not diagonal > 0.0:
-        raise np.linalg.LinAlgError(
-            f"the diagonal of A is {diagonal:.3g}, but of a positive definite matrix it is positive"
-        )
+    require_positive_diagonal(diagonal)
     blocks: list[Array] = []
     a = np.ones(1, c.dtype)
     if len(c) > 1:
@@ -76,6 +74,7 @@ def schur_column(c: Array) -> tuple[Array, Array]:
         P = _steps(np.stack([c[1:], c[:-1]]) / diagonal, block, blocks)
         a = np.append(P[0], 0.0)
         a[1:] += P[1]
+        a[0] = 1.0  # It is that, but for rounding, which may be complex.
     gamma = _schur_parameters(blocks)
     return a / np.vdot(c, a).real, gamma
 
@@ -84,8 +83,8 @@ def _steps(EG: Array, block: int, blocks: list[Array]) -> Array:
     """Take the steps that the residuals e and g, the rows of `EG`, are long enough for.
 
     It returns the polynomials P₁, P₂ by which s steps turn a into P₁ a + P₂ z a*. They turn z a*
-    into zˢ (P₂(1/z) a + P₁(1/z) z a*), with conjugate coefficients. What `_block` finds for each
-    block is appended to `blocks`.
+    into zˢ (P₂(1/z) a + P₁(1/z) z a*), with conjugate coefficients. The residuals that each
+    block starts from are appended to `blocks`.
     """
     s = EG.shape[1]
     if s <= block:
@@ -122,6 +121,7 @@ def _product(P: Array, v: Array) -> Array:
 
 def _block(EG: Array, blocks: list[Array]) -> Array:
     """Take the steps by Levinson's recursion, for the Toeplitz matrix that has these residuals."""
+    blocks.append(EG)
     s = EG.shape[1]
     e, g = EG
     # The residuals at the start, e = (c₁ …) and g = (c₀ …), have g = c₀ + z e. So e and g are
@@ -133,7 +133,6 @@ def _block(EG: Array, blocks: list[Array]) -> Array:
         raise np.linalg.LinAlgError(_NOT_POSITIVE)
     lower = toeplitz(divisor, np.zeros(s + 1))
     c = solve_triangular(lower, g, lower=True, check_finite=False)
-    blocks.append(c)
     unit = np.zeros(s + 1)
     unit[0] = 1.0
     try:
@@ -152,26 +151,29 @@ def _block(EG: Array, blocks: list[Array]) -> Array:
     return np.stack([P1, a[1:] - np.append(P1[1:], 0.0)])
 
 
-_NOT_POSITIVE = "A is not positive definite, or so ill-conditioned that float64 cannot tell"
+_NOT_POSITIVE = (
+    f"A is not positive definite, or so ill-conditioned that float64 cannot tell: use {LAST_RESORT}"
+)
 
 
 def _schur_parameters(blocks: list[Array]) -> Array:
-    """Return the Schur parameters of all blocks, by Levinson's recursion on all of them at once."""
+    """Return the Schur parameters of all blocks, by Schur's recursion on all of them at once."""
     if not blocks:
         return np.zeros(0)
-    steps = np.array([len(c) - 1 for c in blocks])
-    C = np.zeros((steps.max() + 1, len(blocks)), blocks[0].dtype)  # Each column has a block.
-    for column, c in zip(C.T, blocks, strict=True):
-        column[: len(c)] = c
-    A = np.zeros_like(C)
-    A[0] = 1.0
-    error = C[0].real.copy()
-    gamma = np.zeros((steps.max(), len(blocks)), C.dtype)
-    for m in range(len(gamma)):
-        gamma[m] = -np.einsum("kb,kb->b", A[: m + 1], C[m + 1 : 0 : -1]) / error
-        gamma[m, steps <= m] = 0.0
-        if not np.abs(gamma[m]).max() < 1.0:
-            raise np.linalg.LinAlgError(_NOT_POSITIVE)
-        A[: m + 2] += gamma[m] * A[m + 1 :: -1].conj()
-        error *= 1.0 - np.abs(gamma[m]) ** 2
+    steps = np.array([EG.shape[1] for EG in blocks])
+    E, G = np.zeros((2, steps.max(), len(blocks)), blocks[0].dtype)  # Each column has a block.
+    for k, EG in enumerate(blocks):
+        E[: steps[k], k], G[: steps[k], k] = EG
+    gamma = np.zeros_like(E)
+    with np.errstate(all="ignore"):  # After a parameter that is not below 1 comes anything.
+        for m in range(len(gamma)):
+            gamma[m] = -E[0] / G[0]
+            gamma[m, steps <= m] = 0.0
+            change = gamma[m].conj() * E
+            E += gamma[m] * G
+            G += change
+            # The first e is zero now, and z a* is shifted by one.
+            E, G = E[1:], G[:-1]
+    if not np.abs(gamma).max() < 1.0:
+        raise np.linalg.LinAlgError(_NOT_POSITIVE)
     return np.concatenate([g[:s] for g, s in zip(gamma.T, steps, strict=True)])

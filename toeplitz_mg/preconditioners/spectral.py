@@ -1,69 +1,79 @@
 """The spectral (Wiener-Hopf) factor of the symbol, as a preconditioner that sees both ends."""
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import DTypeLike
-from scipy.linalg import norm
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.transforms import cosine_sums, sine_sums
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
-from toeplitz_mg.operators.structure import componentwise, restricted, squeeze_line
+from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
+from toeplitz_mg.operators.structure import of_any_matrix, squeeze_line
+from toeplitz_mg.preconditioners.columns import RESOLVED, Columns
 from toeplitz_mg.preconditioners.positivity import is_positive, precision, require_condition
 from toeplitz_mg.preconditioners.schur import schur_column
 from toeplitz_mg.preconditioners.symbol import sample_symbol
+from toeplitz_mg.preconditioners.wiener_hopf import (
+    ADVICE,
+    factor_positive_symbol,
+    factor_symbol,
+)
 
-RESOLVED = 0.25  # Largest ‖A x - e₁‖ at which a better x would not make a better inverse.
 
-
-@componentwise
-@restricted
+@of_any_matrix
 def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
-    """Return the inverse of a Toeplitz matrix from the spectral factor of the symbol of A.
+    """Return the inverse of a Toeplitz matrix from the factors of the symbol of A.
 
     Parameters
     ----------
-    A : ToeplitzOperator, or MaskedOperator of one
-        Symmetric positive definite, of one axis with more than one element. There is no other
-        condition.
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
+        Of one axis with more than one element. If it is symmetric, or Hermitian, it is positive
+        definite, and there is no other condition. Else its symbol has no zero and the winding
+        number 0, as where the diagonal dominates, or the symbol has a positive real part.
     dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default. In float32 it takes
-        half the memory and less time, inside an iteration in float64 too.
+        The precision in which it is kept and applied, that of `A` by default; complex64 or
+        complex128 where `A` is complex. In float32 it takes half the memory and less time, inside
+        an iteration in float64 too.
 
     Returns
     -------
     GohbergSemencul or MaskedOperator
-        Of the shape of `A`, symmetric. One product costs two work units.
+        Of the shape of `A`, symmetric or Hermitian positive definite where that is, and else one
+        for `gmres`. One product costs two work units.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where A is not positive definite, or so ill-conditioned that float64 cannot tell, or that
-        rounding in `dtype` may make its inverse indefinite.
+        Where A is symmetric or Hermitian and not positive definite, or so ill-conditioned that
+        float64 cannot tell, or that rounding in `dtype` may make its inverse indefinite. Of
+        another matrix where the symbol winds around zero, or where its factors are no use with so
+        few unknowns: `chan_preconditioner` may be.
     ValueError
-        Where `A` has several axes, or is not symmetric.
+        Where `A` has several axes.
     TypeError
         Where `A` is no Toeplitz operator.
 
     Notes
     -----
-    The symbol is f = |g|² with g causal: the causal half of the cepstrum, the Fourier
-    coefficients of log f, is that of log g. With the coefficients q of 1/g, q₀ q is the first
-    column of the inverse of the half-infinite matrix; the Gohberg-Semencul formula makes of its
-    first n entries an approximate inverse with two ends. It costs one work unit to be made, and
-    two to be checked: by its product with A, and for being positive definite, which it is exactly
-    if the polynomial with these coefficients has no zero in the closed unit disc.
+    Of a symmetric or Hermitian matrix the symbol is f = |g|² with g causal: the causal half of the
+    cepstrum, the Fourier coefficients of log f, is that of log g. With the coefficients q of 1/g,
+    q₀ q is the first column of the inverse of the half-infinite matrix; the Gohberg-Semencul
+    formula makes of its first n entries an approximate inverse with two ends. It costs one work
+    unit to be made, and two to be checked: by its product with A, and for being positive definite,
+    which it is exactly if the polynomial with these coefficients has no zero in the closed unit
+    disc.
 
     The symbol is sampled by embedding A in a circulant. That has eigenvalues that are not
     positive where the symbol has a zero, or is not resolved by n lags, as for a covariance whose
     correlation length is not small against n. There, where the column misses A x = e₁ by more than
     one quarter, and where such a zero is not ruled out, the column is computed exactly, by
     `toeplitz_mg.preconditioners.schur`, at some 30 work units in 2^20 unknowns and fewer in less.
+
+    Another matrix has two factors, not one: see `toeplitz_mg.preconditioners.wiener_hopf`.
+    These give the first column of the inverse and the first row, at some eight work units, and
+    both are checked by their products with A. Where they miss by more than one quarter, one step
+    of Newton's method is tried.
 
     References
     ----------
@@ -80,36 +90,55 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     >>> info
     0
     """
-    double = squeeze_line(A).astype(np.float64)
-    factor = factor_column(double, sample_symbol(double, (near_fast_length(len(double.c)),)))
+    return inverse_of_factor(A, approximate_columns(A), dtype=dtype)
+
+
+def approximate_columns(A: ToeplitzOperator) -> Columns:
+    """Return columns that make a preconditioner: those of the factors, or exact ones.
+
+    A LinAlgError says why a matrix that is not Hermitian has none.
+    """
+    line = double_line(A)
+    if not A.is_hermitian:
+        return _of_general(line)
+    if line.dtype.kind == "c":
+        factor = factor_positive_symbol(line)
+    else:
+        factor = factor_column(line, sample_symbol(line, (near_fast_length(len(line.c)),)))
     if factor is None or not factor.is_inverse:
-        return schur_inverse(A, dtype=dtype)
-    return inverse_of_factor(A, factor, dtype=dtype)
+        return exact_columns(line)
+    return factor
 
 
-@dataclass(frozen=True)
-class Factor:
-    """An approximation x of A⁻¹ e₁, and ‖A x - e₁‖."""
+def double_line(A: ToeplitzOperator) -> ToeplitzOperator:
+    """Return a matrix of one axis in double precision, without axes of one element."""
+    return squeeze_line(A).astype(np.result_type(A.dtype, np.float64))
 
-    x: Array
-    residual: float
 
-    @cached_property
-    def certificate(self) -> Certificate:
-        """What is known of the inverse that has this column."""
-        return Certificate.of(self.x)
+def exact_columns(A: ToeplitzOperator) -> Columns:
+    """Return the column of a Hermitian positive definite matrix, by the Schur algorithm."""
+    return Columns(A, schur_column(A.c)[0])
 
-    @property
-    def is_inverse(self) -> bool:
-        """Whether x gives an inverse as good as a better one, positive definite for certain."""
-        return self.residual <= RESOLVED and self.certificate.positive
+
+def _of_general(A: ToeplitzOperator) -> Columns:
+    columns = factor_symbol(A)
+    if not columns.is_inverse:
+        columns = columns.improve()
+    if not columns.is_inverse:
+        raise np.linalg.LinAlgError(
+            f"the Wiener-Hopf factors of A give a column of the inverse with the residual "
+            f"{columns.residual:.2g}, but need {RESOLVED:g}: {ADVICE}"
+        )
+    return columns
 
 
 def inverse_of_factor(
-    A: ToeplitzOperator, factor: Factor, *, dtype: DTypeLike | None = None
+    A: ToeplitzOperator, factor: Columns, *, dtype: DTypeLike | None = None
 ) -> GohbergSemencul:
-    """Return the inverse of A from a column, or refuse it where rounding may make it indefinite."""
+    """Return the inverse of A from columns, or refuse it where rounding may make it indefinite."""
     dtype = precision(A, dtype)
+    if factor.w is not None:
+        return GohbergSemencul(factor.x.astype(dtype), factor.w.conj().astype(dtype))
     condition = factor.certificate.condition
     require_condition(condition, dtype, "the inverse of A", "chan_preconditioner(A)")
     return GohbergSemencul(factor.x.astype(dtype))
@@ -117,11 +146,10 @@ def inverse_of_factor(
 
 def schur_inverse(A: ToeplitzOperator, *, dtype: DTypeLike | None = None) -> GohbergSemencul:
     """Return the inverse of a line from its exact column, by the Schur algorithm."""
-    column = schur_column(squeeze_line(A).c.astype(np.float64))[0]
-    return inverse_of_factor(A, Factor(column, 0.0), dtype=dtype)
+    return inverse_of_factor(A, exact_columns(double_line(A)), dtype=dtype)
 
 
-def factor_column(A: ToeplitzOperator, samples: Array) -> Factor | None:
+def factor_column(A: ToeplitzOperator, samples: Array) -> Columns | None:
     """Approximate A⁻¹ e₁ by the spectral factor, or return None where the symbol has none.
 
     The samples are those at θ = πk/m, k = 0 … m, the eigenvalues of a circulant of size 2m.
@@ -135,7 +163,4 @@ def factor_column(A: ToeplitzOperator, samples: Array) -> Factor | None:
     phi = sine_sums(cosine_sums(np.log(samples)) / (4 * m))
     size = 1.0 / np.sqrt(samples)
     q = (cosine_sums(size * np.cos(phi)) - sine_sums(size * np.sin(phi)))[:n] / (2 * m)
-    x = q[0] * q
-    r = A @ x
-    r[0] -= 1.0
-    return Factor(x, float(norm(r)))
+    return Columns(A, q[0] * q)

@@ -7,15 +7,13 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.products import TAU, DiagonalisedProduct
 from toeplitz_mg.engine.transforms import cosine_sums
-from toeplitz_mg.operators import DiagonalisedOperator
-from toeplitz_mg.operators.structure import componentwise, restricted
+from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator, ToeplitzSum
+from toeplitz_mg.operators.structure import componentwise, restricted, symmetrised, unwrap
 from toeplitz_mg.preconditioners.positivity import name_robust, precision, require_positive
 from toeplitz_mg.preconditioners.symbol import average_flips
 from toeplitz_mg.values import finite
 
 
-@componentwise
-@restricted
 def tau_preconditioner(
     A: LinearOperator, *, shift: float = 0.0, dtype: DTypeLike | None = None
 ) -> LinearOperator:
@@ -23,8 +21,9 @@ def tau_preconditioner(
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
-        Symmetric positive definite, of any number of axes.
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
+        Of any number of axes. Where it is not symmetric, as the derivatives of Riemann and
+        Liouville are not, τ is that of its symmetric part, which has to be positive definite.
     shift : float
         A multiple of the unit matrix that A itself lacks, as that of an implicit step in time:
         the preconditioner is then one of A + shift I.
@@ -42,7 +41,7 @@ def tau_preconditioner(
     numpy.linalg.LinAlgError
         Where an eigenvalue of τ(A) + shift I is not positive.
     TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not symmetric; where `shift` is no finite number.
+        Where `A` is no Toeplitz operator; where `shift` is no finite number.
 
     See Also
     --------
@@ -54,14 +53,17 @@ def tau_preconditioner(
     lag, and as eigenvalues the sum of a[k] cos kθ over all lags, at θ = πk/(n+1), k = 1 … n. For
     the Riesz derivatives of orders 1 to 2 those of τ(A)⁻¹A lie between ½ and 3/2, for any n.
     Where a length n + 1 has a prime factor above 61, a slightly longer matrix is inverted, and
-    cut.
+    cut. With variable coefficients, as of ``D1 @ A + D2 @ A.T + s * I``, it is the matrix between
+    two diagonal ones (see `toeplitz_mg.operators.averages.average`).
 
     References
     ----------
     D. Bini, F. Di Benedetto, A new preconditioner for the parallel solution of positive definite
     Toeplitz systems, SPAA (1990). X. Huang, X.-L. Lin, M. K. Ng, H.-W. Sun, Spectral analysis for
     preconditioning of multi-dimensional Riesz fractional diffusion equations, Numer. Math. Theor.
-    Meth. Appl. 15 (2022).
+    Meth. Appl. 15 (2022). X.-L. Lin, X. Huang, M. K. Ng, H.-W. Sun, A τ-preconditioner for a
+    non-symmetric linear system arising from multi-dimensional Riemann-Liouville fractional
+    diffusion equation, Numer. Algorithms 92 (2023).
 
     Examples
     --------
@@ -74,7 +76,18 @@ def tau_preconditioner(
     >>> info
     0
     """
-    shift, dtype = finite("shift", shift), precision(A, dtype)
+    shift = finite("shift", shift)
+    if isinstance(unwrap(A)[0], ToeplitzSum):  # It is scaled, and so would the shift be.
+        A, shift = A.plus(np.full(A.shape[0], shift, A.dtype)), 0.0
+    return _tau(A, shift, dtype)
+
+
+@componentwise
+@symmetrised
+@restricted
+def _tau(A: ToeplitzOperator, shift: float, dtype: DTypeLike | None) -> DiagonalisedOperator:
+    """Return the preconditioner of one component, on the whole grid."""
+    dtype = precision(A, dtype)
     column = average_flips(A)
     shape = tuple(near_fast_length(n + 1) - 1 for n in A.grid_shape)
     padded = np.pad(column, [(0, m + 2 - n) for m, n in zip(shape, column.shape, strict=True)])

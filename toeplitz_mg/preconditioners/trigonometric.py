@@ -28,7 +28,7 @@ def cosine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of any number of axes.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. In float32 it takes
@@ -79,7 +79,7 @@ def sine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of any number of axes.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default. In float32 it takes

@@ -1,24 +1,33 @@
 """The inverse of a Toeplitz matrix as an operator: one solve, then as cheap as two products."""
 
 from contextlib import suppress
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import norm
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
-from toeplitz_mg.operators.structure import squeeze_line, unwrap_toeplitz
+from toeplitz_mg.operators.structure import accept_any, unwrap_toeplitz
 from toeplitz_mg.preconditioners.choice import candidates_for_inverse
-from toeplitz_mg.preconditioners.schur import schur_column
+from toeplitz_mg.preconditioners.columns import Columns
+from toeplitz_mg.preconditioners.spectral import (
+    approximate_columns,
+    double_line,
+    exact_columns,
+)
+from toeplitz_mg.preconditioners.wiener_hopf import factor_positive_symbol
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.values import positive
 
 MOSTLY_ROUNDING = 1e-12  # ‖e₁ - A x‖ below which a step adds as much rounding as it removes.
+FEW = 256  # Unknowns up to which any matrix is solved with directly.
+STALLED = 1e-6  # ‖e₁ - A x‖ at which the steps had better start from an exact column.
 
 
 class ToeplitzInverse(GridOperator):
-    """The inverse of a symmetric positive definite Toeplitz matrix.
+    """The inverse of a Toeplitz matrix.
 
     Attributes
     ----------
@@ -27,8 +36,6 @@ class ToeplitzInverse(GridOperator):
         The inverse by the formula alone.
     steps : int
         Steps of iterative refinement in each product.
-    residual : float
-        ‖v - A A⁻¹v‖/‖v‖, measured for a vector v that is a constant and as much random.
     """
 
     def __init__(self, A: ToeplitzOperator, G: GohbergSemencul, steps: int) -> None:
@@ -36,9 +43,12 @@ class ToeplitzInverse(GridOperator):
         self.A = A
         self.G = G
         self.steps = steps
-        n = A.shape[0]
-        v = (1.0 + np.random.default_rng(0).standard_normal(n)).astype(A.dtype)
-        self.residual = float(norm(v - A.apply(self.apply(v))) / norm(v))
+
+    @cached_property
+    def residual(self) -> float:
+        """‖v - A A⁻¹v‖/‖v‖, measured for a vector v that is a constant and as much random."""
+        v = (1.0 + np.random.default_rng(0).standard_normal(self.shape[0])).astype(self.dtype)
+        return norm(v - self.A.apply(self.apply(v))) / norm(v)
 
     @property
     def refined(self) -> "ToeplitzInverse":
@@ -55,6 +65,9 @@ class ToeplitzInverse(GridOperator):
         out[...] = X
         return out
 
+    def _adjoint(self) -> "ToeplitzInverse":
+        return self if self.G.is_hermitian else ToeplitzInverse(self.A.H, self.G.H, self.steps)
+
     def __repr__(self) -> str:
         refined = f", refined {self.steps}x" if self.steps else ""
         return f"<ToeplitzInverse {self.shape[0]}{refined}, residual {self.residual:.1e}>"
@@ -66,25 +79,27 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     Parameters
     ----------
     A : ToeplitzOperator
-        Symmetric positive definite, of one axis with more than one element.
+        Of one axis with more than one element: positive definite, if it is symmetric or Hermitian;
+        else with a symbol that has Wiener-Hopf factors, as `spectral_preconditioner` needs it.
     rtol : float, optional
-        The relative residual ‖b - A x‖/‖b‖ that x = A⁻¹ b is to have; by default 1e-10, and for
-        float32 1e-3.
+        The relative residual ‖b - A x‖/‖b‖ that x = A⁻¹ b is to have; by default 1e-10, and in
+        single precision 1e-3.
 
     Returns
     -------
     ToeplitzInverse
-        A symmetric operator of the shape and dtype of `A`. A product, with one vector or many,
-        costs four complex transforms of length n: two work units. Its attribute `residual` is what
+        An operator of the shape and dtype of `A`, symmetric or Hermitian where that is. A product,
+        with one vector or many, costs two work units. Its attribute `residual` is what
         was measured; `refined` is the operator with a step of iterative refinement more.
 
     Raises
     ------
     numpy.linalg.LinAlgError
         Where the residual measured is above `rtol`, also after one step of refinement: the matrix
-        is not positive definite, or too ill-conditioned for what was asked.
+        is not positive definite, or too ill-conditioned for what was asked. Where the symbol of a
+        matrix that is not Hermitian has no factors, or these are no use with n unknowns.
     ValueError
-        Where `A` has several axes, or is not symmetric; where `rtol` is not positive.
+        Where `A` has several axes; where `rtol` is not positive.
     TypeError
         Where `A` is no ToeplitzOperator.
 
@@ -93,7 +108,9 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     The first column x = A⁻¹ e₁ is solved for by CG to 1e-6, with `spectral_preconditioner`, or
     with `fsai_preconditioner` where the coefficients decay slowly, or else by the Schur algorithm,
     and then corrected by the inverse that it gives until its residual is 1e-12, or decreases no
-    more.
+    more. Of a complex matrix, or one that is not symmetric, what the factors of the symbol give is
+    corrected in the same way, the first row too, and the inverse with it: by Newton's method, with
+    three to five steps.
     Where the formula alone does not meet `rtol` and one step of refinement does, the refined
     operator is returned.
 
@@ -111,50 +128,78 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     >>> bool(np.linalg.norm(A @ (A_inverse @ B) - B) <= 1e-10 * np.linalg.norm(B))
     True
     """
-    full, mask = unwrap_toeplitz(A)
+    full, mask = unwrap_toeplitz(A, accept_any)
     if mask is not None:
-        raise TypeError("A is a MaskedOperator, whose inverse the formula does not give")
-    line = squeeze_line(full)
+        raise TypeError(
+            "A is a MaskedOperator, whose inverse the formula does not give: use cg, or gmres, "
+            "with chan_preconditioner(A)"
+        )
+    line = double_line(full)
     if rtol is None:
-        rtol = 1e-10 if full.dtype == np.float64 else 1e-3
+        rtol = 1e-10 if full.dtype.char in "dD" else 1e-3
     rtol = positive("rtol", rtol)
-    x = first_column(line.astype(np.float64))
-    inverse = ToeplitzInverse(full, GohbergSemencul(x.astype(full.dtype)), 0)
+    G = first_columns(line).inverse
+    if full.dtype != line.dtype:
+        row = None if G.is_hermitian else G.y.astype(full.dtype)
+        G = GohbergSemencul(G.x.astype(full.dtype), row)
+    inverse = ToeplitzInverse(full, G, 0)
     if not inverse.residual <= rtol:
         inverse = inverse.refined
     if not inverse.residual <= rtol:
+        rule = "not positive definite, or " if full.is_hermitian else ""
         raise np.linalg.LinAlgError(
             f"the residual achieved is {inverse.residual:.1e}, but {rtol:.1e} was asked for: A is "
-            "not positive definite, or too ill-conditioned"
+            f"{rule}too ill-conditioned"
         )
     return inverse
 
 
-def first_column(A: ToeplitzOperator) -> Array:
-    """Solve A x = e₁ as well as float64 allows."""
+def first_columns(A: ToeplitzOperator) -> Columns:
+    """Solve A x = e₁, and Aᴴ w = e₁ unless A is Hermitian, as well as float64 allows."""
+    if not A.is_hermitian:
+        return _correct(_of_general(A))
+    start = _by_factor(A) if A.dtype.kind == "c" else _by_cg(A)
+    if start is not None and (columns := _correct(start)).residual <= STALLED:
+        return columns
+    return _correct(exact_columns(A))
+
+
+def _of_general(A: ToeplitzOperator) -> Columns:
+    """Take the columns of the factors, or solve for them directly where they are few."""
+    try:
+        return approximate_columns(A)
+    except np.linalg.LinAlgError:
+        if A.shape[0] > FEW:
+            raise
+    dense = A.toarray()
+    unit = np.eye(1, len(dense))[0]
+    return Columns(A, np.linalg.solve(dense, unit), np.linalg.solve(dense.conj().T, unit))
+
+
+def _correct(columns: Columns) -> Columns:
+    """Take steps of Newton's method while they help."""
+    while columns.residual > MOSTLY_ROUNDING:
+        better = columns.improve()
+        if not better.residual < 0.5 * columns.residual:
+            break
+        columns = better
+    return columns
+
+
+def _by_factor(A: ToeplitzOperator) -> Columns | None:
+    """Take the column of the spectral factor of a complex matrix, or None where it is no use."""
+    factor = factor_positive_symbol(A)
+    return factor if factor is not None and factor.is_inverse else None
+
+
+def _by_cg(A: ToeplitzOperator) -> Columns | None:
+    """Solve A x = e₁ by CG to 1e-6, or return None where no preconditioner leads there soon."""
     unit = np.zeros(A.shape[0])
     unit[0] = 1.0
-    x = _by_cg(A, unit)
-    if x is None:
-        x = schur_column(A.c)[0]
-    best, residual, r = x, np.inf, unit - A @ x
-    # The column gives an inverse, and that corrects the column, at 3 work units a step.
-    G = GohbergSemencul(x)
-    while (size := float(norm(r))) < 0.5 * residual:
-        best, residual = x, size
-        if size <= MOSTLY_ROUNDING:
-            break
-        x = x + G @ r
-        r = unit - A @ x
-    return best
-
-
-def _by_cg(A: ToeplitzOperator, unit: Array) -> Array | None:
-    """Solve A x = e₁ by CG to 1e-6, or return None where no preconditioner leads there soon."""
     for candidate in candidates_for_inverse(A):
         with suppress(np.linalg.LinAlgError):
             M = candidate.make(A)
             x, _, converged = cg_by_recurrence(A, unit, M=M, rtol=1e-6, maxiter=50)
             if converged:
-                return x
+                return Columns(A, x)
     return None

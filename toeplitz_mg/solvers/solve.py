@@ -2,6 +2,7 @@
 
 import warnings
 from cmath import isfinite
+from math import inf
 from typing import Any, Literal, NamedTuple, overload
 
 import numpy as np
@@ -9,6 +10,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.solvers.batch import is_faster_at_once, solve_at_once
 from toeplitz_mg.solvers.checks import check_numbers
 from toeplitz_mg.solvers.choice import Method, methods
 from toeplitz_mg.solvers.scaling import exponents, scale_back
@@ -61,8 +63,8 @@ def solve_toeplitz(
 ) -> Array | tuple[Array, SolveInfo]:
     """Solve A x = b for a Toeplitz matrix A: the drop-in for `scipy.linalg.solve_toeplitz`.
 
-    A symmetric positive definite system takes O(n log n) operations, or O(n log² n) at worst, in
-    the place of O(n²). All others are solved as SciPy does.
+    A large symmetric positive definite system takes O(n log n) operations, or O(n log² n) at worst,
+    in the place of O(n²). All others are solved as SciPy does.
 
     Parameters
     ----------
@@ -105,7 +107,10 @@ def solve_toeplitz(
     Notes
     -----
     The residual of every answer is computed, and corrected if need be. The file
-    ``solvers/choice.py`` says which method is taken, and why.
+    ``solvers/choice.py`` says which method is taken, and why. Between n = 256 and n = 1024 that
+    depends on the time of one method over that of another, measured once in a process, within some
+    milliseconds. The environment variable ``TOEPLITZ_MG_COSINE_OVER_LEVINSON`` fixes this ratio, so
+    that every run gives the same bits: 1e-9 and 1e9 always take the one or the other.
 
     Examples
     --------
@@ -122,9 +127,16 @@ def solve_toeplitz(
         raise ValueError(f"rtol is {rtol}, but must be between 0 and 1")
     c, r = c_or_cr if isinstance(c_or_cr, tuple) else (c_or_cr, None)
     c, b = _numbers(c, "c"), _numbers(b, "b")
-    r = c.conj() if r is None else _numbers(r, "r")
+    if r is not None:
+        r = _numbers(r, "r")
+    elif c.dtype.kind == "c":
+        r = c.conj()
+    else:
+        r = c  # The same array: that A is symmetric needs no look at the numbers.
     is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
-    with np.errstate(over="ignore", invalid="ignore"):  # It is seen in the residual.
+    with np.errstate(
+        over="ignore", invalid="ignore", divide="ignore"
+    ):  # It is seen in the residual.
         x, info = (_solve_batch if is_batch else _solve)(c, r, b, check_finite, rtol)
     if info.residual > max(ILL_CONDITIONED, rtol):
         warnings.warn(
@@ -150,12 +162,30 @@ def _solve_batch(
     batch = np.broadcast_shapes(c.shape[:-1], r.shape[:-1], b.shape[:-core])
     if 0 in batch:
         raise ValueError(f"the batch has shape {batch}, but must not be empty")
+    is_symmetric = r is c or (c.shape == r.shape and np.array_equal(c[..., 1:], r[..., 1:]))
     c, r, b = (
         np.broadcast_to(a, batch + a.shape[a.ndim - k :]) for a, k in ((c, 1), (r, 1), (b, core))
     )
-    solutions = [_solve(c[k], r[k], b[k], check_finite, rtol) for k in np.ndindex(batch)]
-    x = np.stack([x for x, _ in solutions]).reshape(b.shape)
-    return x, max((info for _, info in solutions), key=lambda info: info.residual)
+    x = np.empty(b.shape, np.result_type(c, r, b))
+    rest, infos = np.ones(batch, bool), []
+    n = c.shape[-1]
+    is_plain = is_symmetric and x.dtype == np.float64 and x.size > 0 and n == b.shape[-core]
+    if is_plain and is_faster_at_once(rest.size, n):
+        found = solve_at_once(c.reshape(-1, n), b.reshape(rest.size, n, -1))
+        good = (found.residuals <= rtol) | (
+            (found.backward_errors <= ROUNDING) & (found.residuals <= SINGULAR)
+        )
+        x[...] = found.x.reshape(b.shape)
+        rest[...] = ~good.reshape(batch)
+        if good.any():
+            worst = int(np.argmax(np.where(good, found.residuals, -1.0)))
+            errors = float(found.residuals[worst]), float(found.backward_errors[worst])
+            infos.append(SolveInfo("levinson for all at once", 1, *errors))
+    for k in np.argwhere(rest):
+        own = tuple(k)
+        x[own], info = _solve(c[own], r[own], b[own], check_finite, rtol)
+        infos.append(info)
+    return x, max(infos, key=lambda info: info.residual)
 
 
 def _solve(
@@ -176,8 +206,11 @@ def _solve(
     B = np.ascontiguousarray(B, dtype)
     if len(c) and c[0].real < 0.0:
         # The negative of both sides: that of a negative definite matrix is positive definite.
-        c, r, B = -c, -r, -B
-    system = ToeplitzSystem(c.astype(dtype, copy=False), r.astype(dtype, copy=False), B)
+        B = -B
+        c, r = (-c, -r) if r is not c else 2 * (-c,)
+    if r is not c and r.dtype != c.dtype:
+        c, r = c.astype(dtype), r.astype(dtype)
+    system = ToeplitzSystem(c, r, B)
     if B.size == 0:
         X, info = B, SolveInfo("none", 0, 0.0, 0.0)
     elif system.is_of_usual_size and isfinite(r[0]):
@@ -186,6 +219,8 @@ def _solve(
         X, info = _solve_unusual(system, rtol, parts, check_finite)
     if parts == 2:
         X = X[: len(X) // 2] + 1j * X[len(X) // 2 :]
+    elif b.ndim == 1:
+        return X, info
     return X.T.reshape(b.shape), info
 
 
@@ -238,13 +273,14 @@ def _correct(method: Method, system: ToeplitzSystem, rtol: float) -> tuple[Rows,
     """Solve, and correct the solution by that of its residual while this helps."""
     sizes = system.sizes
     X, iterations = method.solve(system.B, 0.9 * rtol)  # The recurrence of CG may drift.
-    best = X, SolveInfo(method.name, iterations, np.inf, np.inf)
+    best, least = None, inf
     while True:
         R = system.B - system.multiply(X)
         errors, scales = norms(R), system.size * norms(X)
         residual, backward_error = largest(errors / sizes), largest(errors / (scales + sizes))
-        if not backward_error < best[1].backward_error / 2:
-            return best
+        if not backward_error < least / 2:
+            return best or (X, SolveInfo(method.name, iterations, inf, inf))
+        least = backward_error
         best = X, SolveInfo(method.name, iterations, residual, backward_error)
         # Each column is as good as can be, by one error or by the other.
         if residual <= rtol or np.all(errors <= np.maximum(rtol * sizes, ROUNDING * scales)):

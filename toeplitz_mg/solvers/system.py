@@ -1,8 +1,6 @@
 """A Toeplitz system of any size, with the quickest product of its matrix."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from math import sqrt
 
 import numpy as np
@@ -10,48 +8,46 @@ import scipy.linalg
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.solvers.cosine_form import CosineForm
 
-SHORT = 1024  # Most unknowns of which a product by its definition is as fast as one by FFT.
+SHORT = 800  # Most unknowns of which a product by its definition is as fast as one by FFT.
+LARGEST_COSINE = 2**16  # Most unknowns of which a product is by transforms at once, not in panels.
 SMALL = 256  # Most unknowns where a filled matrix is as fast, for several vectors.
 TINY = 1e-300  # Size in the place of zero, so that the relative error of zero is zero.
 USUAL = 1e-60, 1e60  # Sizes whose products, quotients and squares neither over- nor underflow.
 
 
-@dataclass
 class ToeplitzSystem:
     """The system A X = B of a Toeplitz matrix A.
 
-    Attributes
+    Parameters
     ----------
     c, r : ndarray of shape (n,), float64 or complex128
-        First column and first row of A.
+        First column and first row of A; the same array where A is known to be symmetric.
     B : ndarray of shape (n,) or (columns, n)
         One right-hand side, or some, as rows.
+
+    Attributes
+    ----------
+    columns : int
+        The number of right-hand sides.
+    lags : ndarray of shape (2 n - 1,)
+        The coefficients a[i - j], lag zero in the centre.
+    size : float
+        A bound of ‖A‖₁: the sum of all coefficients without their signs.
+    sizes : ndarray of shape (columns,), or float
+        The norms of the right-hand sides; that of zero is tiny, as it is to be divided by.
+    is_symmetric : bool
+        Whether A is real and symmetric.
     """
 
-    c: Array
-    r: Array
-    B: Rows
-
-    @property
-    def columns(self) -> int:
-        """The number of right-hand sides."""
-        return 1 if self.B.ndim == 1 else len(self.B)
-
-    @cached_property
-    def lags(self) -> Array:
-        """The coefficients a[i - j], lag zero in the centre."""
-        return np.concatenate([self.r[:0:-1], self.c])
-
-    @cached_property
-    def size(self) -> float:
-        """A bound of ‖A‖₁: the sum of all coefficients without their signs."""
-        return float(np.add.reduce(np.abs(self.lags)))
-
-    @cached_property
-    def sizes(self) -> Array | float:
-        """The norms of the right-hand sides; that of zero is tiny, as it is to be divided by."""
-        return norms(self.B) + TINY
+    def __init__(self, c: Array, r: Array, B: Rows) -> None:
+        self.c, self.r, self.B = c, r, B
+        self.columns = 1 if B.ndim == 1 else len(B)
+        self.lags = np.concatenate([r[:0:-1], c])
+        self.size = float(np.add.reduce(np.abs(self.lags)))
+        self.sizes = norms(B) + TINY
+        self.is_symmetric = c.dtype == np.float64 and (r is c or np.array_equal(c[1:], r[1:]))
 
     @property
     def is_of_usual_size(self) -> bool:
@@ -64,35 +60,42 @@ class ToeplitzSystem:
         return bool(low < self.sizes.min() and self.sizes.max() < high)
 
     @cached_property
-    def is_symmetric(self) -> bool:
-        """Whether A is real and symmetric."""
-        return self.c.dtype == np.float64 and np.array_equal(self.c[1:], self.r[1:])
-
-    @cached_property
     def A(self) -> ToeplitzOperator:
         """The operator of A, where A is real."""
         return ToeplitzOperator(self.c) if self.is_symmetric else ToeplitzOperator(self.c, self.r)
 
     @cached_property
-    def multiply(self) -> Callable[[Rows], Rows]:
-        """The product of A with rows, as cheap as can be for its size."""
+    def cosine_form(self) -> CosineForm:
+        """A by cosine transforms, where A is symmetric."""
+        return CosineForm(self.c)
+
+    def multiply(self, X: Rows) -> Rows:
+        """Multiply rows by A, as cheaply as can be for its size."""
         n = len(self.c)
-        if self.B.ndim == 1 and n <= SHORT:
-            return partial(np.convolve, self.lags, mode="valid")
+        if X.ndim == 1 and n <= SHORT:
+            return np.convolve(self.lags, X, "valid")
         if n <= SMALL:
-            (step,) = self.lags.strides
-            # A[i, j] is the lag i - j.
-            A = np.ndarray((n, n), self.c.dtype, self.lags, (n - 1) * step, (step, -step)).copy()
-            return lambda X: X @ A.T
+            return X @ self._dense.T
+        if self.is_symmetric and n <= LARGEST_COSINE:
+            return self.cosine_form.multiply(X)
         if self.c.dtype == np.float64:
-            return self.A.apply
-        return lambda X: scipy.linalg.matmul_toeplitz((self.c, self.r), X.T).T
+            return self.A.apply(X)
+        return scipy.linalg.matmul_toeplitz((self.c, self.r), X.T).T
+
+    @cached_property
+    def _dense(self) -> Array:
+        n, (step,) = len(self.c), self.lags.strides
+        # A[i, j] is the lag i - j.
+        A = np.ndarray((n, n), self.c.dtype, self.lags, (n - 1) * step, (step, -step))
+        return A.copy()
 
 
 def norms(X: Rows) -> Array | float:
     """Return the 2-norms of rows, or that of one vector, sooner than what prevents overflow."""
     # Python's own numbers are quicker than NumPy's, which matters where n is small.
-    return sqrt(np.vdot(X, X).real) if X.ndim == 1 else np.sqrt(np.vecdot(X, X).real)
+    if X.ndim > 1:
+        return np.sqrt(np.vecdot(X, X).real)
+    return sqrt(X.dot(X) if X.dtype == np.float64 else np.vdot(X, X).real)
 
 
 def largest(values: Array | float) -> float:

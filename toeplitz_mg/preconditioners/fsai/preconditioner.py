@@ -12,7 +12,7 @@ from toeplitz_mg.engine.products import multiply_rows
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import CoupledOperator, GridOperator
-from toeplitz_mg.operators.structure import componentwise, unwrap, unwrap_toeplitz
+from toeplitz_mg.operators.structure import averaged, componentwise, unwrap, unwrap_toeplitz
 from toeplitz_mg.preconditioners.fsai.build import DEFAULT, Options, build
 from toeplitz_mg.preconditioners.fsai.coupled import find_coupled_stencil
 from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
@@ -73,6 +73,7 @@ class MultilevelSparseInverse(GridOperator):
         )
 
 
+@averaged
 def fsai_preconditioner(
     A: LinearOperator, *, neighbours: int | None = None, dtype: DTypeLike | None = None
 ) -> LinearOperator:
@@ -80,7 +81,7 @@ def fsai_preconditioner(
 
     Parameters
     ----------
-    A : ToeplitzOperator, or CoupledOperator, or MaskedOperator of one
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of one axis or two (with more than one element), and
         symmetric along each of them.
     neighbours : int, optional
@@ -215,9 +216,13 @@ def _uncoupled_fsai(
     full, mask = unwrap_toeplitz(A)
     squeezed = full.squeezed
     if len(squeezed.grid_shape) > 2:
-        raise ValueError(f"A is {full!r}, but must have one axis or two")
+        raise ValueError(
+            f"A is {full!r}, but must have one axis or two: use default_preconditioner(A)"
+        )
     if not full.is_even:
-        raise ValueError(f"A is {full!r}, but must be symmetric along each axis")
+        raise ValueError(
+            f"A is {full!r}, but must be symmetric along each axis: use chan_preconditioner(A)"
+        )
     if mask is None:
         mask = np.ones(full.grid_shape, dtype=bool)
     dtype = precision(full, dtype)

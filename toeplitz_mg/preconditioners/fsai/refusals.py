@@ -34,4 +34,4 @@ def require_definite(matrix: Array, inverse: Callable[[Array], Array], dtype: An
     for _ in range(STEPS):
         v = inverse(v / np.linalg.norm(v))
     condition = float(np.abs(matrix).sum(axis=0).max() * np.linalg.norm(v))
-    require_condition(condition, dtype, "the coarsest matrix", "sine_preconditioner(A)")
+    require_condition(condition, dtype, "the coarsest matrix", "chan_preconditioner(A)")

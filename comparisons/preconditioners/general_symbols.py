@@ -1,0 +1,176 @@
+"""Nonsymmetric, Hermitian and indefinite matrices: iterations, time beside SciPy's, true residual.
+
+GMRES, or CG where the matrix is Hermitian, to 1e-8 with each preconditioner that takes it, the
+inverse, `solve_toeplitz` with ``rtol=1e-8``, and Levinson's recursion as SciPy has it. The time is
+that of the processor, from the coefficients to the solution, all methods in turns in one process.
+The symbols are in `systems.symbols`.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from tqdm import tqdm
+
+import toeplitz_mg as tmg
+from comparisons.harness import report
+from comparisons.harness.measuring import TOLERANCE, time_call
+from comparisons.harness.processes import in_a_fresh_process, prepare
+from comparisons.harness.report import Row
+from comparisons.systems.symbols import HERMITIAN, INDEFINITE, NONSYMMETRIC, random_pair
+from toeplitz_mg._typing import Array
+
+KINDS = {
+    "nonsymmetric": {**NONSYMMETRIC, "random entries": random_pair},
+    "Hermitian": HERMITIAN,
+    "indefinite": INDEFINITE,
+}
+SIZES = tuple(2**k for k in (10, 12, 14, 17, 20))
+QUICK_SIZES = SIZES[:2]
+LEVINSON = 2**14  # Largest n for SciPy's method, and for what falls back to it.
+RESTART = 30  # Iterations of a cycle of GMRES.
+MAXITER = 300  # Iterations after which a method is given up.
+ENOUGH = 1.0  # CPU seconds of all turns, after which there are no more.
+TURNS = 51  # Most turns.
+EARLY = 0.2  # The quantile of all turns that is shown: others may use the machine.
+
+Solution = tuple[Array, int | None]  # x, and the iterations where there are any.
+Method = Callable[[Array, Array, Array], Solution]  # From the first column and row, and b.
+
+
+def iterate(preconditioner: Any, c: Array, r: Array, b: Array) -> Solution:
+    """Solve by CG or GMRES."""
+    A = tmg.ToeplitzOperator(c, r)
+    M = preconditioner(A)
+    residuals: list[float] = []
+    options = {"M": M, "rtol": TOLERANCE, "residuals": residuals}
+    if A.is_hermitian:
+        x, _ = tmg.cg(A, b, maxiter=MAXITER, **options)
+    else:
+        x, _ = tmg.gmres(A, b, restart=RESTART, maxiter=MAXITER // RESTART, **options)
+    return x, len(residuals) - 1
+
+
+def invert(c: Array, r: Array, b: Array) -> Solution:
+    """Solve by the inverse."""
+    return tmg.toeplitz_inverse(tmg.ToeplitzOperator(c, r), rtol=TOLERANCE) @ b, None
+
+
+def drop_in(c: Array, r: Array, b: Array) -> Solution:
+    """Solve by what `solve_toeplitz` takes."""
+    x, info = tmg.solve_toeplitz((c, r), b, rtol=TOLERANCE, full_output=True)
+    return x, info.iterations
+
+
+def levinson(c: Array, r: Array, b: Array) -> Solution:
+    """Solve by SciPy's method."""
+    return scipy.linalg.solve_toeplitz((c, r), b), None
+
+
+SCIPY = "SciPy"
+METHODS: dict[str, Method] = {
+    "T. Chan": partial(iterate, tmg.chan_preconditioner),
+    "spectral": partial(iterate, tmg.spectral_preconditioner),
+    "inverse": invert,
+    "solve_toeplitz": drop_in,
+    SCIPY: levinson,
+}
+
+
+def measure(kind: str, name: str, n: int) -> list[Row]:
+    """Measure all methods on one system, in turns, in this process."""
+    c, r = KINDS[kind][name](n)
+    rng = np.random.default_rng(0)
+    b = rng.standard_normal(n)
+    if c.dtype.kind == "c":
+        b = b + 1j * rng.standard_normal(n)
+    rows: list[Row] = []
+    jobs: list[tuple[Row, Callable[[], Solution]]] = []
+    for method, solve in METHODS.items():
+        row: Row = {"kind": kind, "symbol": name, "n": n, "method": method, "note": ""}
+        rows.append(row)
+        is_quadratic = method in (SCIPY, "solve_toeplitz")
+        if n > LEVINSON and is_quadratic and (method == SCIPY or name == "random entries"):
+            row["note"] = "takes n² operations"
+            continue
+        job: Callable[[], Solution] = partial(solve, c, r, b)
+        try:
+            x, row["iterations"] = job()
+        except np.linalg.LinAlgError as error:
+            row["note"] = str(error)
+            continue
+        rest = b - scipy.linalg.matmul_toeplitz((c, r), x)
+        row["residual"] = float(np.linalg.norm(rest) / np.linalg.norm(b))
+        jobs.append((row, job))
+    spent: dict[str, list[float]] = {row["method"]: [] for row, _ in jobs}
+    for _ in range(TURNS):
+        for row, job in jobs:
+            spent[row["method"]].append(time_call(job, process_time)[1])
+        if sum(map(sum, spent.values())) > ENOUGH:
+            break
+    seconds = {method: float(np.quantile(times, EARLY)) for method, times in spent.items()}
+    for row, _ in jobs:
+        row["seconds"] = seconds[row["method"]]
+        if SCIPY in seconds:
+            row["speed-up"] = seconds[SCIPY] / row["seconds"]
+    return rows
+
+
+def run(kinds: Sequence[str], sizes: Sequence[int], path: Path) -> list[Row]:
+    """Measure all, and keep the table on disk up to date."""
+    rows: list[Row] = []
+    jobs = [(kind, name, n) for kind in kinds for name in KINDS[kind] for n in sizes]
+    for job in tqdm(jobs, unit="system"):
+        # A process of its own for each: what one leaves behind is not the time of the next.
+        rows += in_a_fresh_process(partial(measure, *job))
+        report.write_csv(path, rows)
+    return rows
+
+
+def cell(row: Row) -> str:
+    """Return the iterations, the time and the residual, or what there is of them."""
+    if "seconds" not in row:
+        return "-"
+    iterations = row["iterations"]
+    count = "direct" if iterations is None else str(iterations)
+    if iterations is not None and iterations >= MAXITER:
+        count = f"> {MAXITER}"
+    ratio, seconds = row.get("speed-up"), row["seconds"]
+    time = f"{seconds:.2g} s" if ratio is None or row["method"] == SCIPY else f"{ratio:.3g} x"
+    return f"{count} / {time} / {row['residual']:.0e}"
+
+
+def show(rows: Sequence[Row]) -> None:
+    """Print a table for each kind and size, methods across."""
+    for (kind, n), own in report.group(rows, "kind", "n").items():
+        table: dict[str, Row] = {}
+        for row in own:
+            table.setdefault(row["symbol"], {"symbol": row["symbol"]})
+            table[row["symbol"]][row["method"]] = cell(row)
+        report.show(f"{kind}, n = {n}", list(table.values()))
+    print(
+        "\nIterations / CPU time of SciPy's over that of the method, set-up included, or seconds "
+        "where\nSciPy's takes too long / true residual. - : refused, or not tried."
+    )
+
+
+def main(quick_sizes: Sequence[int] = QUICK_SIZES) -> None:
+    """Run the comparison."""
+    prepare("comparisons.preconditioners.general_symbols")
+    arguments = report.options(
+        "preconditioners.general_symbols",
+        "Matrices that are not symmetric positive definite.",
+        kinds=tuple(KINDS),
+        sizes=SIZES,
+    )
+    sizes = arguments.sizes or (quick_sizes if arguments.quick else SIZES)
+    rows = run(arguments.kinds or tuple(KINDS), sizes, arguments.output / "general_symbols.csv")
+    show(rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,140 @@
+"""The advice of an error is one that helps: followed on the refused matrix, it leads to x."""
+
+import re
+
+import numpy as np
+import pytest
+
+import toeplitz_mg as tmg
+from tests.cases import checkered
+
+
+def line(n):
+    """Matrices of one axis that some preconditioner refuses, positive definite or not."""
+    k = np.arange(n)
+    zero, one, two = (1.0 * (k == j) for j in range(3))
+    return {
+        "2 - 2 cos θ": (2.0 * zero - one, True),
+        "2 + 2 cos θ": (2.0 * zero + one, True),
+        "(2 - 2 cos θ)²": (6.0 * zero - 4.0 * one + two, True),
+        "contact": (1.0 / (1.0 + k), True),
+        "wide Matérn": ((1.0 + 4.0 * k / n) * np.exp(-4.0 * k / n), True),
+        "narrow Gaussian": (np.exp(-(k**2) / 4.0), True),
+        "plane wave": (np.cos(0.7 * k) + 1e-3 * zero, True),
+        "indefinite": (zero + 0.9 * one, False),
+        "negative": (-1.0 / (1.0 + k), False),
+    }
+
+
+def plane(shape):
+    """The same of two axes."""
+    i, j = np.indices(shape)
+    zero, one = 1.0 * (i + j == 0), 1.0 * (i + j == 1)
+    return {
+        "Laplacian": (4.0 * zero - one, True),
+        "contact": (1.0 / (1.0 + np.hypot(i, j)), True),
+        "Gaussian": (np.exp(-(i**2 + j**2) / 4.0), True),
+        "indefinite": (zero + 0.5 * one, False),
+        "negative": (-1.0 / (1.0 + np.hypot(i, j)), False),
+    }
+
+
+def matrices():
+    for grid, kernels in ((40, line(40)), (300, line(300)), ((12, 10), plane((12, 10)))):
+        for name, (c, is_definite) in kernels.items():
+            A = tmg.ToeplitzOperator(c)
+            yield f"{name} {grid}", A, is_definite
+            mask = checkered(*c.shape)
+            if is_definite:  # That of the rest is not told by that of the whole.
+                yield f"masked {name} {grid}", tmg.MaskedOperator(A, mask), True
+            if c.size < 150:
+                weak = tmg.ToeplitzOperator.from_lags(0.3 * A.lags)
+                coupled = tmg.CoupledOperator([[A, weak], [weak, A]])
+                yield f"coupled {name} {grid}", coupled, is_definite
+
+
+def general():
+    k = np.arange(60)
+    yield "no symmetry", tmg.ToeplitzOperator(0.5**k, 0.3**k)
+    yield "complex", tmg.ToeplitzOperator(0.5**k * np.exp(0.7j * k), 0.3**k)
+    yield "Hermitian", tmg.ToeplitzOperator(0.5**k * np.exp(0.7j * k))
+    A = tmg.ToeplitzOperator(0.5**k, 0.3**k)
+    yield "coupled, no symmetry", tmg.CoupledOperator([[A, None], [None, A]])
+    yield "masked, no symmetry", tmg.MaskedOperator(A, k % 4 > 0)
+
+
+PRECONDITIONERS = {
+    name: function
+    for name, function in vars(tmg).items()
+    if name.endswith("_preconditioner") and name != "select_preconditioner"
+} | {"multigrid": tmg.multigrid, "toeplitz_inverse": tmg.toeplitz_inverse}
+
+
+def refusal(make, A):
+    """What a preconditioner says where it is refused, or None."""
+    try:
+        make(A)
+    except (ValueError, TypeError) as error:  # LinAlgError is a ValueError.
+        return str(error), "\n".join(getattr(error, "__notes__", ()))
+    return None
+
+
+def advised(message, called):
+    """The functions that a message names, of which one that is called f is the one called."""
+    names = re.findall(r"\b(\w+_preconditioner|multigrid)\(A\)", message)
+    yield from (getattr(tmg, name) for name in names)
+    for name in re.findall(r"componentwise\((\w+)\)\(A\)", message):
+        yield tmg.componentwise(called if name == "f" else getattr(tmg, name))
+
+
+def follow(make, A, depth=3):
+    """Follow the advice: "made" where it leads to a preconditioner, or its last words."""
+    refused = refusal(make, A)
+    if refused is None:
+        return {"made"}
+    message, _ = refused
+    further = list(advised(message, make))
+    if not further or depth == 0:
+        return {message}
+    return set().union(*(follow(other, A, depth - 1) for other in further))
+
+
+def solves_by_gmres(A, M=None):
+    n = A.shape[0]
+    b = np.random.default_rng(0).standard_normal(n)
+    x, info = tmg.gmres(A, b, M=M, rtol=1e-6, restart=n)
+    return info == 0 and np.linalg.norm(b - A @ x) <= 1.001e-6 * np.linalg.norm(b)
+
+
+@pytest.mark.parametrize(
+    ("A", "is_definite"),
+    [pytest.param(A, is_definite, id=name) for name, A, is_definite in matrices()],
+)
+def test_advice_leads_to_a_preconditioner_or_to_gmres(A, is_definite):
+    for name, make in PRECONDITIONERS.items():
+        refused = refusal(make, A)
+        if refused is None:
+            continue
+        ends = follow(make, A)
+        if is_definite:
+            # Where a function is advised, it leads on.
+            assert "made" in ends or not list(advised(refused[0], make)), (name, ends)
+        elif "made" not in ends and name != "toeplitz_inverse":
+            assert any("or gmres where A is not positive definite" in end for end in ends), name
+    if not is_definite:
+        assert solves_by_gmres(A)
+
+
+@pytest.mark.parametrize("A", [pytest.param(A, id=name) for name, A in general()])
+def test_advice_for_a_general_matrix_is_a_preconditioner_of_gmres(A):
+    for make in PRECONDITIONERS.values():
+        refused = refusal(make, A)
+        if refused is None:
+            continue
+        functions = list(advised(refused[0], make))
+        assert functions, refused
+        for function in functions:
+            if refusal(function, A) is None:
+                assert solves_by_gmres(A, function(A))
+            else:
+                assert "made" in follow(function, A)

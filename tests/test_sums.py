@@ -1,0 +1,370 @@
+"""Sums of Toeplitz and diagonal matrices: what stays Toeplitz, and what preconditions the rest."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy import sparse
+from scipy.sparse.linalg import LinearOperator, aslinearoperator
+
+import toeplitz_mg as tmg
+from tests.cases import checkered, contact, diagonals, exponential, random_lags
+from toeplitz_mg.operators import DiagonallyScaled, ToeplitzSum
+from toeplitz_mg.operators.averages import average
+
+PRECONDITIONERS = [
+    tmg.chan_preconditioner,
+    tmg.cosine_preconditioner,
+    tmg.default_preconditioner,
+    tmg.fft_preconditioner,
+    tmg.fft_rsm_preconditioner,
+    tmg.fsai_preconditioner,
+    tmg.jacobi_preconditioner,
+    tmg.multigrid,
+    tmg.sine_preconditioner,
+    tmg.spectral_preconditioner,
+    tmg.strang_preconditioner,
+    tmg.tau_preconditioner,
+]
+# They need no symmetric part.
+OF_ANY = (tmg.chan_preconditioner, tmg.strang_preconditioner, tmg.spectral_preconditioner)
+OF_SYMMETRIC = [f for f in PRECONDITIONERS if f not in OF_ANY]
+each = pytest.mark.parametrize("preconditioner", PRECONDITIONERS, ids=lambda f: f.__name__)
+
+
+def covariance(n):
+    """A matrix of which each preconditioner exists."""
+    return tmg.ToeplitzOperator(0.5 ** np.arange(n))
+
+
+def diags(d):
+    return sparse.diags_array(d, dtype=d.dtype)
+
+
+# What stays Toeplitz ----------------------------------------------------------------------------
+
+FORMS = {
+    "2 A": lambda A, one: 2 * A,
+    "A 2": lambda A, one: A * 2,
+    "-A": lambda A, one: -A,
+    "A / 2": lambda A, one: A / 2,
+    "A + 3 I": lambda A, one: A + 3 * one,
+    "3 I + A": lambda A, one: 3 * one + A,
+    "A - 3 I": lambda A, one: A - 3 * one,
+    "3 I - A": lambda A, one: 3 * one - A,
+    "A + A.T": lambda A, one: A + A.T,
+    "A - A.T / 2": lambda A, one: A - A.T / 2,
+    "(3 I) A": lambda A, one: (3 * one) @ A,
+    "A (3 I)": lambda A, one: A @ (3 * one),
+    "sum": lambda A, one: sum([A, A.T, one]),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("grid_shape", [(1,), (7,), (3, 4), (2, 1, 3)])
+@pytest.mark.parametrize("is_even", [True, False])
+def test_what_stays_toeplitz_is_a_toeplitz_operator(form, grid_shape, is_even):
+    A = tmg.ToeplitzOperator.from_lags(random_lags(*grid_shape))
+    if is_even:
+        A = tmg.ToeplitzOperator(A.c)
+    n = A.shape[0]
+    for one in (sparse.eye_array(n), sparse.identity(n), sparse.eye_array(n, format="csr")):
+        result = FORMS[form](A, one)
+        assert isinstance(result, tmg.ToeplitzOperator)
+        assert result.grid_shape == grid_shape
+        expected = FORMS[form](A.toarray(), one.toarray())
+        assert_allclose(result.toarray(), expected, rtol=1e-14, atol=1e-14)
+
+
+def test_a_sum_whose_diagonals_cancel_is_a_toeplitz_operator_again():
+    A, d = covariance(9), diagonals(9)[0]
+    assert isinstance(A + diags(d) - diags(d), tmg.ToeplitzOperator)
+    product = diags(d) @ A @ diags(1 / d)
+    assert isinstance(product, ToeplitzSum)
+    back = diags(1 / d) @ product @ diags(d)
+    assert_allclose(back.toarray(), A.toarray(), rtol=1e-14)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize(
+    "factor", [2, 2.5, True, np.float32(2), np.float64(2), np.int64(3), np.float16(3)]
+)
+def test_the_precision_is_that_of_numpy(dtype, factor):
+    A = covariance(5).astype(dtype)
+    for of in (lambda A, x: A * x, lambda A, x: x * A, lambda A, x: A / x):
+        result, expected = of(A, factor), of(A.toarray(), factor)
+        assert result.dtype == expected.dtype
+        assert_allclose(result.toarray(), expected, rtol=4 * np.finfo(expected.dtype).eps)
+    for d in (diagonals(5)[0].astype(np.float32), diagonals(5)[0], np.arange(5), np.ones(5)):
+        for of in (lambda A, D: A + D, lambda A, D: D @ A, lambda A, D: A @ D):
+            expected = of(A.toarray(), np.diag(d))
+            assert of(A, diags(d)).dtype == expected.dtype
+
+
+def test_complex_numbers_and_diagonals_make_complex_matrices():
+    A = tmg.ToeplitzOperator(0.5 ** np.arange(6.0), 0.3 ** np.arange(6.0))
+    d, e = diagonals(6)
+    z = d + 1j * e
+    assert isinstance(2j * A, tmg.ToeplitzOperator)
+    for sum_of in (
+        lambda A, D, one: (1 + 2j) * A - 1j * one,
+        lambda A, D, one: D @ A + A @ D,
+        lambda A, D, one: D @ A @ D.conj() + (1 + 1j) * one,
+        lambda A, D, one: (D @ A / 1j + D).T,
+        lambda A, D, one: D @ (2j * A + one),
+    ):
+        S, dense = (
+            sum_of(A, diags(z), sparse.eye_array(6)),
+            sum_of(A.toarray(), np.diag(z), np.eye(6)),
+        )
+        for matrix, expected in ((S, dense), (S.T, dense.T), (S.H, dense.conj().T)):
+            assert matrix.dtype == np.complex128
+            assert_allclose(matrix.toarray(), expected, atol=1e-14)
+            assert_allclose(matrix @ np.eye(6), expected, atol=1e-14)
+        assert_allclose(S.astype(np.complex64).toarray(), dense, rtol=1e-6, atol=1e-6)
+    H = tmg.ToeplitzOperator(0.5 ** np.arange(6) * np.exp(1j * np.arange(6)))
+    S = diags(z) @ H @ diags(z.conj()) + diags(d)
+    assert S.H is S
+    assert "Hermitian" in repr(S)
+    assert not (S + diags(z)).is_hermitian
+
+
+@pytest.mark.parametrize("preconditioner", [tmg.chan_preconditioner, tmg.default_preconditioner])
+def test_sums_of_hermitian_matrices_are_preconditioned(preconditioner):
+    n = 700
+    A = tmg.ToeplitzOperator(0.5 ** np.arange(n) * np.exp(1j * np.arange(n)))
+    x = np.linspace(0.0, 1.0, n)
+    D, E = diags(1.0 + x), diags(2.0 + np.cos(9.0 * x))
+    for S in (A + D, D @ A @ D + E):
+        M = preconditioner(S)
+        assert M.H is M
+        assert solved(tmg.cg, S, M)
+    S = D @ A + E @ A.T + sparse.eye_array(n)
+    assert solved(tmg.gmres, S, preconditioner(S))
+
+
+def test_circulants_of_sums_are_of_the_whole_matrix():
+    """T. Chan's sees what is not symmetric, so that it takes fewer iterations."""
+    n = 1000
+    G = tmg.ToeplitzOperator((1.0 + np.arange(n)) ** -1.1, np.r_[1.0, np.zeros(n - 1)])
+    S = diags(1.0 + np.linspace(0.0, 1.0, n)) @ G
+    counts = []
+    for M in (tmg.chan_preconditioner(S), tmg.chan_preconditioner((S + S.T) / 2)):
+        residuals = []
+        _, info = tmg.gmres(S, np.ones(n), M=M, rtol=1e-8, residuals=residuals)
+        assert info == 0
+        counts.append(len(residuals))
+    assert counts[0] < counts[1]
+
+
+def test_a_rational_number_is_a_number():
+    A = covariance(4)
+    assert_allclose((Fraction(1, 3) * A).toarray(), A.toarray() / 3)
+    assert_allclose((A / Fraction(1, 3)).toarray(), 3 * A.toarray())
+
+
+def test_what_it_is_not_for():
+    A = covariance(4)
+    for other in (covariance(5), sparse.eye_array(5), diags(np.arange(5.0)) @ covariance(5)):
+        for total in (lambda x: A + x, lambda x: A - x, lambda x: x + A, lambda x: x - A):
+            with pytest.raises(ValueError, match="shape mismatch"):
+                total(other)
+    with pytest.raises(ValueError, match=r"[Dd]imension mismatch"):
+        A @ sparse.eye_array(5)
+    for number in (1, 0.5, np.float64(2)):
+        with pytest.raises(TypeError, match="support"):
+            A + number
+    with pytest.raises(ZeroDivisionError, match="is divided by 0"):
+        A / 0
+    with pytest.raises(ValueError, match="must be finite"):
+        np.inf * A
+    with pytest.raises(ValueError, match="add up to"):
+        1e308 * A
+    with pytest.raises(ValueError, match="a diagonal has nan at 2, but all entries must be finite"):
+        A + diags(np.array([1.0, 2.0, np.nan, 3.0]))
+
+
+def test_what_is_no_diagonal_matrix_is_composed_by_scipy():
+    A = covariance(4)
+    B = sparse.csr_array(np.arange(16.0).reshape(4, 4))
+    grid = tmg.ToeplitzOperator(exponential(2, 2))
+    for result, expected in (
+        (A + B, A.toarray() + B.toarray()),
+        (B - A, B.toarray() - A.toarray()),
+        (A + aslinearoperator(B), A.toarray() + B.toarray()),
+        (A + grid, A.toarray() + grid.toarray()),
+        (A @ A, A.toarray() @ A.toarray()),
+    ):
+        assert isinstance(result, LinearOperator)
+        assert_allclose(result @ np.eye(4), expected)
+    with pytest.raises(TypeError, match=r"is a _SumLinearOperator, .*diags_array\(d\)"):
+        tmg.chan_preconditioner(aslinearoperator(sparse.eye_array(4)) + A)
+
+
+@pytest.mark.parametrize("format", ["dia", "csr", "csc", "coo", "lil"])
+def test_a_diagonal_matrix_may_have_any_format(format):
+    A, d = covariance(6), diagonals(6)[0]
+    for D in (diags(d).asformat(format), sparse.diags(d).asformat(format)):
+        assert_allclose((D @ A + D).toarray(), np.diag(d) @ A.toarray() + np.diag(d))
+    zero_beside = sparse.dia_array((np.array([d, 0 * d]), [0, 1]), shape=(6, 6))
+    assert isinstance(A + zero_beside, ToeplitzSum)
+
+
+def test_a_constant_diagonal_costs_nothing():
+    A = covariance(300)
+    D = diags(np.full(300, 2.0))
+    for S in (A, A + D, D @ A, D @ A @ D + A.T @ D + D):
+        with tmg.count_products() as work:
+            S @ np.ones(300)
+        assert work.units(300) == 1.0
+
+
+def test_terms_between_the_same_diagonals_are_one_product():
+    A, B = covariance(8), tmg.ToeplitzOperator(contact(8))
+    D = diags(diagonals(8)[0])
+    assert len((D @ A + D @ B - D @ A.T).terms) == 1
+    assert len((D @ A + B @ D).terms) == 2
+    assert (-(D @ A @ D)).is_symmetric
+
+
+def test_arguments_are_left_alone():
+    d = np.arange(1.0, 5.0)
+    S = covariance(4) + diags(d)
+    before = S.toarray()
+    d[:] = 0.0
+    assert_allclose(S.toarray(), before)
+
+
+# Masks ------------------------------------------------------------------------------------------
+
+
+def test_a_sum_on_a_mask_is_the_mask_of_a_sum():
+    mask = checkered(5, 7)
+    full, general = (tmg.ToeplitzOperator(exponential(5, 7)), random_lags(5, 7))
+    B = tmg.ToeplitzOperator.from_lags(general)
+    d, e = diagonals(35)
+    on_mask = [tmg.MaskedOperator(A, mask) for A in (full, B)]
+    D, E, D_m, E_m = diags(d), diags(e), diags(d[mask.ravel()]), diags(e[mask.ravel()])
+    whole = tmg.MaskedOperator(D @ full + B @ E - 2 * B + E, mask)
+    part = D_m @ on_mask[0] + on_mask[1] @ E_m - 2 * on_mask[1] + E_m
+    assert isinstance(part, tmg.MaskedOperator)
+    assert_allclose(part.toarray(), whole.toarray(), rtol=1e-14, atol=1e-14)
+    assert isinstance((on_mask[0] + sparse.eye_array(mask.sum())).full, tmg.ToeplitzOperator)
+    other = tmg.MaskedOperator(full, np.roll(mask, 1))
+    assert not isinstance(on_mask[0] + other, tmg.MaskedOperator)
+
+
+def test_means_are_taken_on_the_mask():
+    A, mask = covariance(40), checkered(40)
+    d = np.where(mask, 1.0, 1e6) * (2.0 + np.sin(np.arange(40)))
+    of_whole = average(A + diags(d), mask)
+    of_part = average((tmg.MaskedOperator(A, mask) + diags(d[mask])).full, mask)
+    assert_allclose(of_whole[0].c, of_part[0].c)
+    assert_allclose(of_whole[1], of_part[1])
+
+
+# Preconditioners --------------------------------------------------------------------------------
+
+
+def solved(iterate, S, M):
+    b = np.random.default_rng(0).standard_normal(S.shape[0])
+    x, info = iterate(S, b, M=M, rtol=1e-10)
+    return info == 0 and np.linalg.norm(b - S @ x) <= 1e-8 * np.linalg.norm(b)
+
+
+@each
+@pytest.mark.parametrize("is_masked", [False, True])
+def test_every_preconditioner_takes_sums(preconditioner, is_masked):
+    n = 700
+    A = covariance(n)
+    if is_masked:
+        A = tmg.MaskedOperator(A, checkered(n))
+    x = np.linspace(0.0, 1.0, A.shape[0])
+    D, E = diags(1.0 + x), diags(2.0 + np.cos(9.0 * x))
+    for S in (A + D, D @ A @ D, D @ A + A @ D, A / 2 + E):
+        M = preconditioner(S)
+        assert isinstance(M, DiagonallyScaled)
+        assert solved(tmg.cg, S, M)
+        assert np.linalg.eigvalsh(M @ np.eye(len(x))).min() > 0.0
+    for S in (D @ A, A @ D, D @ A + E @ A.T + sparse.eye_array(len(x))):
+        assert solved(tmg.gmres, S, preconditioner(S))
+
+
+@pytest.mark.parametrize("preconditioner", OF_SYMMETRIC, ids=lambda f: f.__name__)
+def test_the_symmetric_part_is_preconditioned(preconditioner):
+    """A sum that is not symmetric has the preconditioner of its symmetric part."""
+    G = tmg.ToeplitzOperator(0.5 ** np.arange(300.0), 0.3 ** np.arange(300.0))
+    D, E = map(diags, diagonals(300))
+    S = D @ G + G.T @ E + D
+    M = preconditioner(S)
+    assert M.H is M
+    assert_allclose(M @ np.ones(300), preconditioner((S + S.T) / 2) @ np.ones(300), rtol=1e-9)
+    assert np.linalg.eigvalsh(M @ np.eye(300)).min() > 0.0
+
+
+def test_the_average_is_the_matrix_itself_where_it_can_be():
+    A, d = covariance(50), diagonals(50)[0]
+    mean, scale = average(diags(d) @ A @ diags(d))
+    assert_allclose(mean.c, A.c / A.c[0], atol=1e-15)
+    assert_allclose(scale, 1.0 / d)
+    mean, scale = average(A + diags(1e-12 * d))
+    assert_allclose(mean.c, A.c, atol=1e-11)
+
+
+def test_scaling_takes_fewer_iterations_than_the_mean():
+    """Where the diagonal varies by factors of 100, whichever of A and D is the larger."""
+    n = 2000
+    A = tmg.ToeplitzOperator(np.r_[2.0, -1.0, np.zeros(n - 2)])
+    rng = np.random.default_rng(0)
+    b = rng.standard_normal(n)
+    for size in (1e-2, 1.0, 1e2):
+        d = size * 100.0 ** rng.random(n)
+        S, of_mean = A + diags(d), A + d.mean() * sparse.eye_array(n)
+        counts = []
+        for M in (tmg.sine_preconditioner(S), tmg.sine_preconditioner(of_mean)):
+            steps = []
+            _, info = tmg.cg(S, b, M=M, rtol=1e-8, callback=steps.append)
+            assert info == 0
+            counts.append(len(steps))
+        assert counts[0] < counts[1]
+
+
+@each
+def test_what_is_not_positive_definite_is_refused(preconditioner):
+    A = covariance(300)
+    wave = diags(0.01 * np.cos(np.arange(300)))
+    with pytest.raises(np.linalg.LinAlgError, match=r"the diagonal of A has the entry -.*: use"):
+        preconditioner(A - 2 * sparse.eye_array(300) + wave)
+    if preconditioner is not tmg.jacobi_preconditioner:
+        # The least eigenvalue of A is near 1/3.
+        with pytest.raises(np.linalg.LinAlgError):
+            preconditioner(A - 0.6 * sparse.eye_array(300) + wave)
+
+
+def test_a_matrix_that_is_not_symmetric_is_refused_with_advice():
+    G = tmg.ToeplitzOperator(0.5 ** np.arange(30.0), 0.3 ** np.arange(30.0))
+    with pytest.raises(ValueError, match="must be symmetric: use chan_preconditioner"):
+        tmg.cosine_preconditioner(G)
+    assert solved(tmg.gmres, G, tmg.cosine_preconditioner((G + G.T) / 2))
+
+
+def test_the_choice_of_a_sum_is_that_of_its_average():
+    S = covariance(3000) + diags(diagonals(3000)[0])
+    assert repr(tmg.select_preconditioner(S)) == repr(tmg.select_preconditioner(average(S)[0]))
+
+
+def test_a_sum_in_less_precision():
+    S = covariance(500) + diags(diagonals(500)[0])
+    assert S.astype(np.float64) is S
+    single = S.astype(np.float32)
+    M = tmg.chan_preconditioner(S, dtype=np.float32)
+    assert single.dtype == M.dtype == np.float32
+    x, info = tmg.cg(S, np.ones(500), M=M, inner=single, rtol=1e-12)
+    assert info == 0
+    assert np.linalg.norm(S @ x - 1.0) <= 1e-12 * np.linalg.norm(np.ones(500))
+
+
+def test_an_inverse_is_of_a_toeplitz_matrix_only():
+    with pytest.raises(TypeError, match="is a ToeplitzSum, but must be a ToeplitzOperator"):
+        tmg.toeplitz_inverse(covariance(5) + diags(diagonals(5)[0]))

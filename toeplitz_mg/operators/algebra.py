@@ -1,0 +1,141 @@
+"""What +, -, *, /, @ and [] make of operators, as of the matrices that they are.
+
+A class says in `scaled` and `plus` what numbers, diagonal matrices and operators of its kind make
+of it. Where it does not, SciPy composes operators, of which no preconditioner is known.
+"""
+
+from collections.abc import Callable
+from functools import wraps
+from numbers import Real
+from operator import index as integer
+from typing import Any
+
+import numpy as np
+from scipy.sparse import issparse
+from scipy.sparse.linalg import LinearOperator, aslinearoperator
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.values import refuse_masked
+
+
+def read_factor(x: Any, n: int) -> Any:
+    """Return a number, of a diagonal sparse matrix its entries, else None.
+
+    Parameters
+    ----------
+    x : object
+    n : int
+        The number of rows that the matrix must have.
+
+    Raises
+    ------
+    TypeError
+        For a masked array.
+    ValueError
+        Where a diagonal has entries that are not finite.
+
+    Examples
+    --------
+    >>> from scipy.sparse import diags_array
+    >>> read_factor(diags_array([1.0, 2.0]), 2)
+    array([1., 2.])
+    >>> read_factor(2, 2)
+    2.0
+    """
+    if type(x) is np.ndarray:  # This is a vector, or several.
+        return None
+    if np.ma.isMaskedArray(x):
+        refuse_masked("x", x)
+    if issparse(x):
+        return _read_diagonal(x, n)
+    if isinstance(x, np.generic):
+        return x if x.dtype.kind in "fciub" else None
+    if isinstance(x, complex):
+        return x
+    return float(x) if isinstance(x, Real) else None
+
+
+def _read_diagonal(x: Any, n: int) -> Array | None:
+    """Return the entries of a sparse matrix of this size if it is diagonal, else None."""
+    if x.shape != (n, n) or x.dtype.kind not in "fciub":
+        return None
+    entries = x.tocoo()
+    rows, columns = entries.coords
+    if entries.data[rows != columns].any():
+        return None
+    diagonal = np.array(x.diagonal())
+    if not np.isfinite(diagonal).all():
+        k = int(np.argmin(np.isfinite(diagonal)))
+        raise ValueError(f"a diagonal has {diagonal[k]} at {k}, but all entries must be finite")
+    return diagonal
+
+
+def scaling(side: str, method: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Return a method of multiplication that scales by numbers and diagonals, left or right."""
+
+    @wraps(method)
+    def multiply(A: Any, x: Any) -> Any:
+        factor = read_factor(x, A.shape[0])
+        product = NotImplemented if factor is None else A.scaled(**{side: factor})
+        return method(A, x) if product is NotImplemented else product
+
+    return multiply
+
+
+def add(A: Any, x: Any) -> Any:
+    """Return A + x, for an operator or a sparse matrix; and for 0, with which `sum` begins."""
+    factor = read_factor(x, A.shape[0])
+    if factor is not None and np.ndim(factor) == 0:
+        return NotImplemented if factor else A
+    total = A.plus(x if factor is None else factor)
+    if total is not NotImplemented:
+        return total
+    return LinearOperator.__add__(A, aslinearoperator(x) if issparse(x) else x)
+
+
+def subtract_from(A: Any, x: Any) -> Any:
+    """Return x - A."""
+    return add(-A, x)
+
+
+def negate(A: Any) -> Any:
+    """Return -A."""
+    return -1 * A
+
+
+def divide(A: Any, x: Any) -> Any:
+    """Return A / x, for a number."""
+    factor = read_factor(x, 0)
+    if factor is None:
+        return LinearOperator.__truediv__(A, x)
+    if not factor:
+        raise ZeroDivisionError(f"{A!r} is divided by {x}")
+    # A number of NumPy would give a quotient in its own precision.
+    return A * np.divide(1.0, factor, dtype=np.result_type(A.dtype, factor))
+
+
+def trace(A: Any) -> Any:
+    """Return the sum of the entries (i, i)."""
+    return A.diagonal().sum()
+
+
+def take(A: Any, index: Any) -> Any:
+    """Return the entry ``A[i, j]``; with slices a dense part of the matrix."""
+    if not isinstance(index, tuple) or len(index) != 2:
+        raise IndexError(f"the index is {index!r}, but must have a row and a column, as A[0, 1]")
+    rows, columns = map(_positions, ("row", "column"), index, A.shape)
+    part = A.entries(np.atleast_1d(rows), np.atleast_1d(columns))
+    return part.reshape(np.shape(rows) + np.shape(columns))[()]
+
+
+def _positions(name: str, index: Any, length: int) -> Any:
+    """Return an index, or those of a slice, as counted from 0."""
+    if isinstance(index, slice):
+        return np.arange(length)[index]
+    try:
+        k = integer(index)
+    except TypeError:
+        raise IndexError(f"the {name} is {index!r}, but must be an integer or a slice") from None
+    if not -length <= k < length:
+        raise IndexError(f"the {name} is {k}, but must lie between {-length} and {length - 1}")
+    return k % length

@@ -1,0 +1,64 @@
+"""A Toeplitz matrix near a sum with diagonal ones, between two diagonal ones."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array, Mask
+from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum
+
+
+def hermitian_part(A: Any) -> Any:
+    """Return (A + Aᴴ)/2, A itself where it is Hermitian."""
+    return A if A.H is A else (A + A.H) / 2
+
+
+def average(
+    A: ToeplitzSum, mask: Mask | None = None, part: Callable[[Any], Any] = hermitian_part
+) -> tuple[ToeplitzOperator, Array]:
+    """Return a Toeplitz matrix T and the entries of a diagonal one, with D T⁻¹ D ≈ A⁻¹.
+
+    D² is the inverse of the diagonal of A. In D A D, whose diagonal is all ones, each diagonal
+    matrix is replaced by its mean, and each Toeplitz matrix by its Hermitian part. For A + D with a
+    D that is small against the diagonal of A this is A and the mean of D, for D A that of A between
+    two diagonal matrices, and it goes from one to the other as the diagonal of the sum does.
+
+    Parameters
+    ----------
+    A : ToeplitzSum
+    mask : ndarray of bool, optional
+        The unknowns, over which the means are taken.
+    part : callable, optional
+        What to take of each Toeplitz matrix in the place of its Hermitian part.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where the diagonal is not positive.
+
+    References
+    ----------
+    X. Huang, X.-L. Lin, M. K. Ng, H.-W. Sun, Spectral analysis for preconditioning of
+    multi-dimensional Riesz fractional diffusion equations, Numer. Math. Theor. Meth. Appl. 15
+    (2022). X.-L. Lin, X. Huang, M. K. Ng, H.-W. Sun, A τ-preconditioner for a non-symmetric linear
+    system arising from multi-dimensional Riemann-Liouville fractional diffusion equation, Numer.
+    Algorithms 92 (2023), for the symmetric part.
+    """
+    unknowns = slice(None) if mask is None else mask.ravel()
+    diagonal = A.diagonal()[unknowns].real.astype(np.float64)
+    if not diagonal.min() > 0.0:
+        raise np.linalg.LinAlgError(
+            f"the diagonal of A has the entry {diagonal.min():.3g}, but a preconditioner needs "
+            "all positive: use GMRES without one"
+        )
+    mean: Any = 0
+    for left, T, right in A.terms:
+        weights = 1.0 / diagonal
+        for factor in (left, right):
+            weights = weights if factor is None else weights * factor[unknowns]
+        mean = mean + weights.mean() * part(T)
+    if A.offset is not None:
+        mean = mean.plus_unit(np.mean(A.offset[unknowns] / diagonal))
+    return mean.astype(A.dtype), 1.0 / np.sqrt(diagonal)

@@ -1,0 +1,273 @@
+"""Sums of Toeplitz matrices between diagonal ones, and of a diagonal: variable coefficients."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.operators import algebra
+from toeplitz_mg.operators.base import GridOperator, name_symmetry
+from toeplitz_mg.operators.coefficients import check_precision
+
+if TYPE_CHECKING:  # A ToeplitzOperator makes sums, and is made of them.
+    from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+
+
+class Term(NamedTuple):
+    """The product of a diagonal matrix, a Toeplitz matrix and another diagonal one."""
+
+    left: Any  # The entries, or a number; None is the unit matrix.
+    A: "ToeplitzOperator"
+    right: Any
+
+
+class ToeplitzSum(GridOperator):
+    """A sum Σ L A R + D of Toeplitz matrices A between diagonal ones, and of a diagonal one.
+
+    It comes of ``A + D``, ``D @ A``, ``A @ D`` and their sums, where D is a diagonal matrix of
+    SciPy, as `scipy.sparse.diags_array` and `scipy.sparse.eye_array` make. What stays Toeplitz in
+    them, as with a constant diagonal, stays a ToeplitzOperator.
+
+    Parameters
+    ----------
+    terms : iterable of Term
+        Their matrices live on one grid, and no two have the same L and R.
+    diagonal : ndarray of shape (N,), optional
+        The entries of D, by default zero.
+
+    Attributes
+    ----------
+    terms : tuple of Term
+    offset : ndarray of shape (N,) or None
+        The entries of D.
+    is_symmetric : bool
+        Equal to its transpose ``A.T``.
+    is_hermitian : bool
+        Equal to its conjugate transpose ``A.H``. Of a real matrix this is the same.
+    grid_shape : tuple of int
+
+    Notes
+    -----
+    A product costs one work unit for each Toeplitz matrix.
+
+    A preconditioner of a sum S is that of one Toeplitz matrix, between two diagonal ones. These are
+    the inverse square roots of the diagonal of S, with which it becomes all ones; then each
+    diagonal matrix is replaced by its mean, and each Toeplitz matrix by its symmetric part, but for
+    the preconditioners that take any matrix. So it is symmetric positive definite, for `cg` where S
+    is symmetric and for `gmres` where it is not, and independent of n where the coefficients are
+    smooth. It is refused where the diagonal of S is not positive. (See
+    `toeplitz_mg.operators.averages.average`.)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.sparse import diags_array
+    >>> import toeplitz_mg as tmg
+    >>> A = tmg.ToeplitzOperator([2.0, -1.0, 0.0])
+    >>> S = diags_array([1.0, 2.0, 3.0]) @ A + diags_array([0.0, 0.0, 1.0])
+    >>> S
+    <ToeplitzSum D A + D, 3, general, float64>
+    >>> S.toarray()
+    array([[ 2., -1.,  0.],
+           [-2.,  4., -2.],
+           [ 0., -3.,  7.]])
+    """
+
+    def __init__(self, terms: Iterable[Term], diagonal: Array | None = None) -> None:
+        self.terms, self.offset = tuple(terms), diagonal
+        parts = [part for term in self.terms for part in term if part is not None]
+        dtype = np.result_type(
+            *(part.dtype for part in parts), *([] if diagonal is None else [diagonal.dtype])
+        )
+        matrices = [term.A for term in self.terms]
+        super().__init__(dtype, matrices[0].grid_shape, sum(A.work for A in matrices))
+        self.is_symmetric = self.is_hermitian = self._is(self._transposed())
+        if dtype.kind == "c":
+            is_real = diagonal is None or not diagonal.imag.any()
+            self.is_hermitian = is_real and self._is(self._adjoint_terms())
+
+    def scaled(self, left: Any = None, right: Any = None) -> Any:
+        """Return L A R (see `GridOperator.scaled`)."""
+        terms: tuple[Term, ...] = self.terms
+        offset = self.offset
+        for D, is_left in ((left, True), (right, False)):
+            offset = None if offset is None else _times(offset, D)
+            if (constant := constant_of(D)) is not None:
+                # Not into a diagonal, so that terms stay alike and symmetric.
+                terms = tuple(Term(L, A.times(constant), R) for L, A, R in terms)
+            elif is_left:
+                terms = tuple(Term(_times(D, L), A, R) for L, A, R in terms)
+            else:
+                terms = tuple(Term(L, A, _times(R, D)) for L, A, R in terms)
+        return simplify(terms, offset)
+
+    def plus(self, other: Any) -> Any:
+        """Return the sum (see `GridOperator.plus`)."""
+        if isinstance(other, np.ndarray):
+            return simplify(self.terms, _plus(self.offset, other))
+        if not isinstance(other, GridOperator) or other.grid_shape != self.grid_shape:
+            return NotImplemented
+        terms, offset = terms_of(other)
+        return simplify(self.terms + terms, _plus(self.offset, offset)) if terms else NotImplemented
+
+    def astype(self, dtype: DTypeLike) -> "ToeplitzSum":
+        """Return the matrix in another precision, or itself where it has that one."""
+        dtype = check_precision(dtype, self.dtype)
+        if self.dtype == dtype:
+            return self
+        terms = (Term(*(_cast(part, dtype) for part in term)) for term in self.terms)
+        return ToeplitzSum(terms, _cast(self.offset, dtype))
+
+    def toarray(self) -> Array:
+        """Return the matrix as a dense array of shape (N, N), without any transform."""
+        index = np.arange(self.shape[0])
+        return self.entries(index, index)
+
+    def entries(self, rows: Array, columns: Array) -> Array:
+        """Return the entries in some rows and columns, positions in the flattened grid."""
+        total = np.zeros((len(rows), len(columns)), self.dtype)
+        if self.offset is not None:
+            total += np.where(np.equal.outer(rows, columns), self.offset[columns], 0)
+        for left, A, right in self.terms:
+            part = A.entries(rows, columns)
+            part = part if left is None else left[rows, np.newaxis] * part
+            total += part if right is None else part * right[columns]
+        return total
+
+    def diagonal(self) -> Array:
+        """Return the entries (i, i), shape (N,)."""
+        total = np.zeros(self.shape[0], self.dtype)
+        for left, A, right in self.terms:
+            total += _times(_times(left, A.diagonal()), right)
+        return total if self.offset is None else total + self.offset
+
+    trace = algebra.trace
+    __getitem__ = algebra.take
+    __iter__ = None  # Python would count up an index of rows.
+
+    def apply(self, X: Array, out: Array | None = None) -> Array:
+        """Multiply each row of `X` (see `GridOperator.apply`)."""
+        if out is None:
+            out = np.empty(X.shape, np.result_type(X, self.dtype))
+        total = workspace(X.shape, out.dtype)
+        np.multiply(X, 0.0 if self.offset is None else self.offset, out=total)
+        part = workspace(X.shape, out.dtype)
+        for left, A, right in self.terms:
+            np.multiply(X, 1.0 if right is None else right, out=part)
+            A.apply(part, part)
+            if left is not None:
+                part *= left
+            total += part
+        out[...] = total
+        return out
+
+    def _adjoint(self) -> "ToeplitzSum":
+        return self if self.is_hermitian else ToeplitzSum(self._adjoint_terms(), _conj(self.offset))
+
+    def _transpose(self) -> "ToeplitzSum":
+        return self if self.is_symmetric else ToeplitzSum(self._transposed(), self.offset)
+
+    def _adjoint_terms(self) -> list[Term]:
+        return [Term(_conj(right), A.H, _conj(left)) for left, A, right in self.terms]
+
+    def _transposed(self) -> list[Term]:
+        return [Term(right, A.T, left) for left, A, right in self.terms]
+
+    def _is(self, terms: list[Term]) -> bool:
+        """Whether its terms are these, in any order."""
+        return all(any(_is_same_term(term, other) for other in self.terms) for term in terms)
+
+    def __repr__(self) -> str:
+        names = [
+            f"{'D ' * (left is not None)}A{' D' * (right is not None)}"
+            for left, _, right in self.terms
+        ] + ["D"] * (self.offset is not None)
+        grid = " x ".join(map(str, self.grid_shape))
+        kind = name_symmetry(self)
+        return f"<ToeplitzSum {' + '.join(names)}, {grid}, {kind}, {self.dtype}>"
+
+
+def terms_of(A: Any) -> tuple[tuple[Term, ...], Array | None]:
+    """Return the terms of a sum and its diagonal, or of a Toeplitz matrix; of others none."""
+    if isinstance(A, ToeplitzSum):
+        return A.terms, A.offset
+    # Only a Toeplitz matrix has lags.
+    return ((Term(None, A, None),) if hasattr(A, "lags") else ()), None
+
+
+def simplify(terms: Iterable[Term], diagonal: Array | None = None) -> Any:
+    """Return a sum as a ToeplitzOperator where it is one, else as a ToeplitzSum of few terms.
+
+    Numbers, and diagonals that are constant, are multiplied into the Toeplitz matrices, and those
+    between the same diagonals are added.
+    """
+    simple: list[Term] = []
+    for left, A, right in terms:
+        for factor in map(constant_of, (left, right)):
+            A = A if factor is None else A.times(factor)
+        left, right = (
+            None if constant_of(factor) is not None else factor for factor in (left, right)
+        )
+        for k, other in enumerate(simple):
+            if _is_same(left, other.left) and _is_same(right, other.right):
+                simple[k] = Term(left, other.A.plus(A), right)
+                break
+        else:
+            simple.append(Term(left, A, right))
+    constant = constant_of(diagonal)
+    for k, (left, A, right) in enumerate(simple):
+        if constant is not None and left is None and right is None:
+            simple[k], diagonal = Term(None, A.plus_unit(constant), None), None
+    if len(simple) == 1 and simple[0].left is None and simple[0].right is None and diagonal is None:
+        return simple[0].A
+    return ToeplitzSum(simple, diagonal)
+
+
+def constant_of(factor: Any) -> Any:
+    """Return the number that a factor is, as a diagonal of equal entries; else None."""
+    if np.ndim(factor) == 0:
+        return factor
+    return factor[0] if (factor == factor[0]).all() else None
+
+
+def _times(a: Any, b: Any) -> Any:
+    """Multiply factors, of which None is the unit matrix."""
+    if a is None or b is None:
+        return b if a is None else a
+    return a * b
+
+
+def _plus(a: Array | None, b: Array | None) -> Array | None:
+    """Add diagonals, of which None is zero."""
+    if a is None or b is None:
+        return b if a is None else a
+    return a + b
+
+
+def _conj(factor: Array | None) -> Array | None:
+    return factor if factor is None or factor.dtype.kind != "c" else factor.conj()
+
+
+def _cast(part: Any, dtype: np.dtype[Any]) -> Any:
+    """Return a part in the precision of a matrix: what is real of a complex one stays real."""
+    if part is None:
+        return None
+    return part.astype(dtype if part.dtype.kind == "c" else dtype.char.lower())
+
+
+def _is_same(a: Array | None, b: Array | None) -> bool:
+    """Whether two diagonals are the same, of which None is the unit matrix."""
+    if a is None or b is None:
+        return a is b
+    return a is b or np.array_equal(a, b)
+
+
+def _is_same_term(term: Term, other: Term) -> bool:
+    return (
+        _is_same(term.left, other.left)
+        and _is_same(term.right, other.right)
+        and term.A.equals(other.A)
+    )

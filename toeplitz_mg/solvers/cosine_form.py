@@ -1,0 +1,247 @@
+"""A symmetric Toeplitz matrix, and what approximates its inverse, in the domain of the DCT-II.
+
+With C the DCT-II and D the alternating signs A is ½ (Cᵀ Λ C + D Cᵀ Λ' C D), where Λ and Λ' are
+samples of one function: the eigenvalues of any circulant of twice the size that has the lags of A.
+So a product takes four transforms of real vectors, and of x in that domain three more than none.
+
+References
+----------
+G. Heinig, A. Bojanczyk, Transformation techniques for Toeplitz and Toeplitz-plus-Hankel matrices,
+Linear Algebra Appl. 254 (1997), for C A Cᵀ as a Cauchy-like matrix; A. L. Andrew, Eigenvectors of
+certain matrices, Linear Algebra Appl. 7 (1973), for the even and the odd part of a vector.
+"""
+
+from functools import lru_cache
+from itertools import count
+from typing import NamedTuple
+
+import numpy as np
+
+# They take half the time of those of scipy.fft where vectors are short; that of the call is theirs.
+from scipy.fftpack import dct, dst, idct
+from scipy.linalg.lapack import dpotrf, dpotri
+
+from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.engine.lengths import near_fast_length
+from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.preconditioners.positivity import is_positive
+
+STEEP = 0.5  # Slope of the last two coefficients, over the last, that is none of a smooth function.
+LOWEST = 64  # Frequencies of which the inverse is that of A itself: beyond some 32 few are gained.
+
+
+class CosineForm:
+    """A symmetric Toeplitz matrix by cosine transforms of a fast length.
+
+    That length m is n, or where n is a slow one, a longer one with the vector in its middle: the
+    flip of the long vector is then that of the short one.
+
+    Parameters
+    ----------
+    c : ndarray of shape (n,), float64
+        First column, with n of 2 at least.
+
+    Attributes
+    ----------
+    samples : ndarray of shape (m + 1,)
+        The eigenvalues at θ = πk/m of the circulant of size 2 m.
+    """
+
+    def __init__(self, c: Array) -> None:
+        n = len(c)
+        m = fast_length(n)
+        self.n = n
+        self.m = m
+        start = (m - n) // 2
+        self.middle = slice(start, start + n)
+        # The lags of c and of what may follow it, and all of them with Fejér's weights.
+        self._lags = np.empty((2, m + 1))
+        lags, weighted = self._lags
+        lags[:n] = c
+        lags[n:] = _continue(c, m - n + 1)
+        np.multiply(lags, 1.0 - np.arange(m + 1) / m, out=weighted)
+        count_transforms(2, m)
+        self.samples, self._fejer = dct(self._lags, 1)
+        # Half the samples in the order of the DCT and in that of the DCT of alternating signs.
+        half = 0.5 * self.samples
+        self._cosine, self._sine = half[:-1], half[:0:-1].copy()
+        self.signs = np.ones(m)
+        self.signs[1::2] = -1.0
+
+    def alternated(self) -> "CosineForm":
+        """Return the form of D A D, whose symbol is f(π - θ): every second lag has another sign."""
+        return CosineForm(self._lags[0, : self.n] * self.signs[: self.n])
+
+    def multiply(self, X: Rows) -> Rows:
+        """Multiply rows of length n by A."""
+        count_transforms(4 * (X.size // self.n), self.m)
+        Y = np.empty((2, *X.shape[:-1], self.m))
+        Y[:] = self._extend(X)
+        Y[1] *= self.signs
+        Y = dct(Y, norm="ortho", overwrite_x=True)
+        Y[0] *= self._cosine
+        Y[1] *= self._sine
+        Y = idct(Y, norm="ortho", overwrite_x=True)
+        Y[1] *= self.signs
+        return np.add(Y[0], Y[1])[..., self.middle]
+
+    def transform(self, X: Rows) -> Rows:
+        """Return rows of length n in the domain of the transform, of length m."""
+        return dct(self._extend(X), norm="ortho")
+
+    def transform_back(self, Y: Rows) -> Rows:
+        """Return the rows of length n that rows in the domain of the transform stand for."""
+        return idct(Y, norm="ortho")[..., self.middle]
+
+    def multiply_transformed(self, P: Rows) -> Rows:
+        """Multiply rows in the domain of the transform by A."""
+        Y = idct(P, norm="ortho")
+        Y *= self.signs
+        Y = dct(Y, norm="ortho", overwrite_x=True)
+        Y *= self._sine
+        Y = idct(Y, norm="ortho", overwrite_x=True)
+        Y *= self.signs
+        if self.m > self.n:
+            Y += idct(self._cosine * P, norm="ortho", overwrite_x=True)
+            return self._cut(Y)
+        Y = dct(Y, norm="ortho", overwrite_x=True)
+        Y += self._cosine * P
+        return Y
+
+    def cut(self, P: Rows) -> None:
+        """Cut what rows in the domain of the transform have outside of the middle, in place."""
+        if self.m > self.n:
+            P[...] = self._cut(idct(P, norm="ortho"))
+
+    def count_iterations(self, iterations: int, rows: int) -> None:
+        """Count the transforms of so many iterations, and those of the vectors to and fro."""
+        each = 4 if self.m == self.n else 7
+        count_transforms((each * iterations + 2) * rows, self.m)
+
+    def lowest_blocks(self) -> Array:
+        """Return C A Cᵀ of the lowest frequencies, shape (2, k, k): the even ones, and the odd."""
+        table = _table(self.m)
+        count_transforms(1, self.m)
+        S = np.zeros(LOWEST)  # Twice the sums of c_j sin jθ over 0 < j < m.
+        S[1:] = dst(self._lags[0, 1 : self.m], 1)[: LOWEST - 1]
+        N = table.kernel * by_parity(S)
+        B = N + N.swapaxes(1, 2)
+        diagonals = B.reshape(2, 1, -1)[:, :, :: LOWEST // 2 + 1]
+        diagonals[...] = by_parity(self._fejer[:LOWEST] - table.of_diagonal * S)
+        return B
+
+    @property
+    def has_zero_at_end(self) -> bool:
+        """Whether the symbol has a zero at θ = π."""
+        d, c, b, a = self.samples[-4:].tolist()
+        return a + b < (b + 2.0 * c + d) / 4.0  # The means at the last one and two before it.
+
+    def _extend(self, X: Rows) -> Rows:
+        """Return rows of length m with rows of length n in the middle, zero elsewhere."""
+        if self.m == self.n:
+            return X
+        extended = np.zeros((*X.shape[:-1], self.m))
+        extended[..., self.middle] = X
+        return extended
+
+    def _cut(self, Y: Rows) -> Rows:
+        """Transform rows of length m, and zeros in the place of what is not in the middle."""
+        Y[..., : self.middle.start] = 0.0
+        Y[..., self.middle.stop :] = 0.0
+        return dct(Y, norm="ortho", overwrite_x=True)
+
+
+class ApproximateInverse:
+    """The inverse of a `CosineForm` in the domain of the transform, the sines left out.
+
+    Its eigenvalues are those of the symbol, but for the lowest frequencies, where zeros and poles
+    of the symbol are: of these it has the inverse of the block of C A Cᵀ itself.
+
+    Attributes
+    ----------
+    diagonal : ndarray of shape (m,)
+        Its eigenvalues, zero for the lowest frequencies.
+    lowest : ndarray of shape (2, k, k)
+        Its blocks for those, of even and of odd ones.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where it is not positive definite.
+    """
+
+    def __init__(self, form: CosineForm) -> None:
+        f = form.samples[LOWEST - 1 :]
+        if not is_positive(f, np.float64):
+            raise np.linalg.LinAlgError("a sample of the symbol is not positive")
+        self.diagonal = np.zeros(form.m)
+        # That lags end at n - 1 adds (-1)^k times something smooth: a mean of neighbours has not.
+        np.divide(4.0, 2.0 * f[1:-1] + f[:-2] + f[2:], out=self.diagonal[LOWEST:])
+        self.lowest = np.empty((2, LOWEST // 2, LOWEST // 2))
+        for block, inverse in zip(form.lowest_blocks(), self.lowest, strict=True):
+            _invert(block, inverse)
+
+
+def _invert(B: Array, out: Array) -> None:
+    """Invert a symmetric positive definite matrix; raise LinAlgError where it is not."""
+    factor, not_positive = dpotrf(B)
+    upper, singular = dpotri(factor, overwrite_c=True)
+    if not_positive or singular:
+        raise np.linalg.LinAlgError("the block of the lowest frequencies is not positive definite")
+    np.add(upper, upper.T, out=out)  # What is below the diagonal of `upper` is zero.
+    out.ravel()[:: len(B) + 1] *= 0.5
+
+
+def by_parity(X: Rows) -> Array:
+    """Return a view of the lowest even and odd frequencies of rows, shape (2, rows, k)."""
+    return X[..., :LOWEST].reshape(-1, LOWEST // 2, 2).transpose(2, 0, 1)
+
+
+def _continue(c: Array, number: int) -> Array | float:
+    """Return numbers for so many lags that A has not, for which any are right.
+
+    They follow the parabola that is flat at the last of them. But where the last two of A tell of
+    no slope, they are zero.
+    """
+    before, last = c[-2:].tolist()
+    slope = last - before
+    if abs(slope) > STEEP * abs(last):
+        return 0.0
+    t = np.arange(1.0, number + 1.0)
+    return last + slope * t * (1.0 - t / (2.0 * number))
+
+
+@lru_cache(maxsize=64)
+def fast_length(n: int) -> int:
+    """Return n, or where its transforms are slow, a length that is above it by an even number."""
+    if near_fast_length(n) == n:
+        return n
+    return next(m for m in count(n, 2) if 210**12 % m == 0)  # No prime factor is above 7.
+
+
+class _Table(NamedTuple):
+    """What the entries of C A Cᵀ at the lowest frequencies are made of."""
+
+    kernel: Array  # Shape (2, k, k): its columns times the sums, plus the transpose, are the block.
+    of_diagonal: Array  # Shape (2 k,): times the sums it is taken from Fejér's for the diagonal.
+
+
+@lru_cache(maxsize=64)
+def _table(m: int) -> _Table:
+    """Make the table for a length m, for sums S_i = 2 Σ c_j sin jθ_i.
+
+    C A Cᵀ has the entries (e_i v_j - v_i e_j)/(cos θ_i - cos θ_j) where i - j is even and not zero,
+    with e_i = w_i cos θ_i/2 and v_i = -w_i S_i sin θ_i/2.
+    """
+    theta = np.pi / m * np.arange(LOWEST)
+    w = np.full(LOWEST, np.sqrt(2.0 / m))
+    w[0] = np.sqrt(1.0 / m)
+    a = by_parity(np.cos(theta / 2)).swapaxes(1, 2) * by_parity(np.sin(theta / 2))
+    # The difference of the cosines, without cancellation, is twice this.
+    difference = a.swapaxes(1, 2) ** 2 - a**2
+    difference.reshape(2, -1)[:, :: LOWEST // 2 + 1] = np.inf
+    weights = by_parity(w)
+    kernel = 0.5 * weights.swapaxes(1, 2) * weights * a / difference
+    of_diagonal = np.zeros(LOWEST)
+    of_diagonal[1:] = 1.0 / (m * np.sin(theta[1:]))
+    return _Table(kernel, of_diagonal)
