@@ -9,9 +9,16 @@ from toeplitz_mg.cli import contact as contact_cli
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.hertz import Hertz
 from toeplitz_mg.cli.main import main
-from toeplitz_mg.contact import ContactError, friction, normal_contact, rolling, surfaces
+from toeplitz_mg.contact import (
+    ContactError,
+    Material,
+    friction,
+    normal_contact,
+    rolling,
+    surfaces,
+)
 
-STEEL = (82000.0, 0.28)
+STEEL = Material.from_shear(82000.0, 0.28)
 
 
 def read(path):

@@ -12,6 +12,7 @@ from toeplitz_mg.cli.main import main
 from toeplitz_mg.contact import (
     ContactError,
     ContactWarning,
+    Material,
     friction,
     normal_contact,
     rolling,
@@ -19,8 +20,8 @@ from toeplitz_mg.contact import (
     surfaces,
 )
 
-STEEL = (82000.0, 0.28)
-E_STAR = STEEL[0] / (1.0 - STEEL[1])
+STEEL = Material.from_shear(82000.0, 0.28)
+E_STAR = STEEL.E_star / 2.0
 R, FORCE = 10.0, 100.0
 RADIUS = (3.0 * FORCE * R / (4.0 * E_STAR)) ** (1.0 / 3.0)  # Radius of the contact by Hertz: 0.187.
 LARGEST = 3.0 * FORCE / (2.0 * np.pi * RADIUS**2)  # Largest pressure by Hertz.
@@ -135,7 +136,7 @@ def test_elements_across_the_largest_spot(across):
     bound[3 : 3 + across, 4:28] = 0.3  # This is long, but narrow.
     bound[20::2, 1::2] = 0.3  # This is more, but in small spots.
     doubts = (f"{COARSE} {across} element",) if across < 10 else ()
-    arguments = {"element": (0.1, 0.1), "material": (1.0, 0.3)}
+    arguments = {"element": (0.1, 0.1), "material": Material.from_shear(1.0, 0.3)}
     creepage = {"longitudinal": 0.01}
     for g in (bound, bound.T):
         assert_doubts(said(lambda g=g: friction(g, shift=(1e-3, 0), **arguments)), *doubts)
@@ -163,10 +164,10 @@ def test_rough_surfaces_end_where_the_grid_ends(force):
     """The edge of a part of a larger surface is in doubt; where it is set back, it is not."""
     n, h = 128, 2.0 / 128
     gap = surfaces.rough((n, n), (h, h), rms=0.01, longest=0.5, seed=1)
-    result = said(lambda: pressed(gap, (h, h), (0.7, 0.3), force=force))
+    result = said(lambda: pressed(gap, (h, h), Material.from_shear(0.7, 0.3), force=force))
     assert_doubts(result, f"{EDGE} x and y")
     gap[0] = gap[-1] = gap[:, 0] = gap[:, -1] = 0.3
-    assert_doubts(said(lambda: pressed(gap, (h, h), (0.7, 0.3), force=force)))
+    assert_doubts(said(lambda: pressed(gap, (h, h), Material.from_shear(0.7, 0.3), force=force)))
 
 
 def test_punches_are_silent():
@@ -186,7 +187,7 @@ def test_bodies_apart_are_silent_unless_the_gap_is_strange():
 
 def test_where_a_bound_ends_is_no_matter():
     (x,) = surfaces.centres(20, 0.1)
-    arguments = {"element": 0.1, "material": (1.0, 0.3)}
+    arguments = {"element": 0.1, "material": Material.from_shear(1.0, 0.3)}
     assert_doubts(said(lambda: friction(np.sqrt(1 - x**2), shift=0.01, **arguments)))
     assert_doubts(said(lambda: friction(np.full(20, np.inf), shift=0.01, **arguments)))
     assert_doubts(said(lambda: friction(np.zeros(20), shift=0.01, **arguments)))
@@ -194,7 +195,7 @@ def test_where_a_bound_ends_is_no_matter():
 
 # Unlike materials -----------------------------------------------------------------------------
 
-RUBBER = (3.0, 0.45)
+RUBBER = Material.from_shear(3.0, 0.45)
 
 
 def test_friction_of_unlike_materials_leaves_the_coupling_out():
@@ -211,7 +212,9 @@ def test_friction_of_unlike_materials_leaves_the_coupling_out():
 
 def test_friction_of_like_materials_is_not_coupled():
     g = np.full((12, 12), 0.3)
-    for bodies in ((STEEL, STEEL), ((3.0, 0.5), (1.0, 0.5)), (STEEL, (82001.0, 0.28))):
+    incompressible = Material.from_shear(3.0, 0.5), Material.from_shear(1.0, 0.5)
+    alike = STEEL, Material.from_shear(82001.0, 0.28)
+    for bodies in ((STEEL, STEEL), incompressible, alike):
         material = halfspace.combined_material(*bodies)
         assert_doubts(
             said(lambda m=material: friction(g, (0.1, 0.1), material=m, shift=(1e-3, 0.0)))
@@ -227,7 +230,8 @@ def test_combined_materials_are_checked_all_the_same():
 
 
 def test_steps_warn_once_and_all_have_it():
-    g, arguments = np.full(5, 0.3), {"element": 0.1, "material": (1.0, 0.3), "longitudinal": 0.1}
+    g, material = np.full(5, 0.3), Material.from_shear(1.0, 0.3)
+    arguments = {"element": 0.1, "material": material, "longitudinal": 0.1}
     with pytest.warns(ContactWarning) as caught:
         results = list(rolling_steps(g, steps=3, **arguments))
     assert len(caught) == 1

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from toeplitz_mg import halfspace
-from toeplitz_mg.contact import surfaces
+from toeplitz_mg.contact import Material, surfaces
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.problem import normal_contact
 from toeplitz_mg.contact.products import Products
@@ -36,7 +36,7 @@ def line(n, **arguments):
     """A Hertzian line contact on [-1, 1], R = 1, G/(1-ν) = 1: its bound g, and friction."""
     (x,) = surfaces.centres(n, 2.0 / n)
     g = MU * A / 2 * semi_ellipse(x, A)
-    return x, g, friction(g, 2.0 / n, material=(0.7, 0.3), **arguments)
+    return x, g, friction(g, 2.0 / n, material=Material.from_shear(0.7, 0.3), **arguments)
 
 
 def circle(n, nu, **arguments):
@@ -44,7 +44,11 @@ def circle(n, nu, **arguments):
     x, y = surfaces.centres((n, n), (2.0 / n, 2.0 / n))
     r = np.hypot(x, y)
     g = MU * 2 * A / np.pi * semi_ellipse(r, A)
-    return r, g, friction(g, (2.0 / n, 2.0 / n), material=(1.0 - nu, nu), **arguments)
+    return (
+        r,
+        g,
+        friction(g, (2.0 / n, 2.0 / n), material=Material.from_shear(1.0 - nu, nu), **arguments),
+    )
 
 
 def assert_areas(result):
@@ -104,7 +108,7 @@ def test_cattaneo_in_line_contact():
     errors = []
     for n in (64, 256, 1024):
         x, g, result = line(n, force=part * MU * np.pi * A**2 / 4)
-        assert_coulomb(result, (0.7, 0.3))
+        assert_coulomb(result, Material.from_shear(0.7, 0.3))
         assert_allclose(result.force, part * MU * np.pi * A**2 / 4, rtol=1e-9)
         assert abs(result.stick.sum() * 2.0 / n - 2 * c) <= 4.0 / n
         theory = MU * A / 2 * (semi_ellipse(x, A) - c / A * semi_ellipse(x, c))
@@ -119,7 +123,7 @@ def test_cattaneo_and_mindlin_in_a_circle():
     for nu, error in theory_of.items():
         force = MU * 4 / 3 * A**3 * (1 - (c / A) ** 3)
         r, g, result = circle(128, nu, force=(force, 0.0))
-        assert_coulomb(result, (1.0 - nu, nu))
+        assert_coulomb(result, Material.from_shear(1.0 - nu, nu))
         assert_allclose(result.force, [force, 0.0], rtol=1e-9, atol=1e-9 * force)
         assert abs(np.sqrt(result.stick.sum() * (2 / 128) ** 2 / np.pi) - c) < 2 / 128
         theory = MU * 2 * A / np.pi * (semi_ellipse(r, A) - c / A * semi_ellipse(r, c))
@@ -132,7 +136,7 @@ def test_cattaneo_and_mindlin_in_a_circle():
 def test_without_coupling_the_traction_follows_the_shift(nu):
     _, g, result = circle(64, nu, shift=(0.04, 0.03))
     angle = result.traction[1] * 4 - result.traction[0] * 3
-    assert_coulomb(result, (1.0 - nu, nu))
+    assert_coulomb(result, Material.from_shear(1.0 - nu, nu))
     assert (np.abs(angle).max() < 1e-8 * g.max()) == (nu == 0.0)
 
 
@@ -149,7 +153,7 @@ def test_products_in_a_circle(nu, n, most):
 @doubtful  # A rough surface reaches the edge of its grid.
 @pytest.mark.parametrize(("nu", "most"), [(0.0, 40), (0.28, 52)])
 def test_products_for_a_rough_surface(nu, most):
-    n, h, force, material = 256, 2.0 / 256, 0.2, (1.0 - nu, nu)
+    n, h, force, material = 256, 2.0 / 256, 0.2, Material.from_shear(1.0 - nu, nu)
     gap = surfaces.rough((n, n), (h, h), rms=0.01, longest=0.5, shortest=4 * h, seed=1)
     g = MU * normal_contact(gap, (h, h), material=material, force=force).traction
     result = friction(g, (h, h), material=material, force=(0.7 * MU * force, 0.0))
@@ -189,8 +193,8 @@ def test_bonded_bodies_are_the_papers_problem(problem):
 
 def test_bonded_bodies_with_a_force():
     bound = np.full((20, 12), np.inf)
-    result = friction(bound, (1.0, 2.0), material=(1.0, 0.3), force=(3.0, -1.0))
-    assert_coulomb(result, (1.0, 0.3))
+    result = friction(bound, (1.0, 2.0), material=Material.from_shear(1.0, 0.3), force=(3.0, -1.0))
+    assert_coulomb(result, Material.from_shear(1.0, 0.3))
     assert_allclose(result.force, [3.0, -1.0], rtol=1e-10)
 
 
@@ -200,8 +204,10 @@ def test_bonded_bodies_with_a_force():
 def test_the_solution_in_one_component_is_that_of_bounded_least_squares():
     rng = np.random.default_rng(5)
     g, shift = rng.random(40), rng.standard_normal(40)
-    result = friction(g, 0.1, material=(1.0, 0.2), shift=shift, tolerance=1e-12)
-    L = np.linalg.cholesky(Grid.of((40,), 0.1, (1.0, 0.2), None).tangential().toarray())
+    result = friction(g, 0.1, material=Material.from_shear(1.0, 0.2), shift=shift, tolerance=1e-12)
+    L = np.linalg.cholesky(
+        Grid.of((40,), 0.1, Material.from_shear(1.0, 0.2), None).tangential().toarray()
+    )
     b = scipy.linalg.solve_triangular(L, shift, lower=True)
     expected = scipy.optimize.lsq_linear(L.T, b, (-g, g), method="bvls", tol=1e-14).x
     assert_allclose(result.traction, expected, atol=1e-8)
@@ -211,8 +217,12 @@ def test_the_solution_in_one_component_is_that_of_bounded_least_squares():
 def test_the_solution_in_two_components_has_the_least_energy():
     rng = np.random.default_rng(6)
     g = rng.random((8, 8))
-    result = friction(g, (0.3, 0.2), material=(1.0, 0.4), shift=(0.3, -0.2), tolerance=1e-11)
-    product = Products(Grid.of(g.shape, (0.3, 0.2), (1.0, 0.4), None).tangential(), 10**6)
+    result = friction(
+        g, (0.3, 0.2), material=Material.from_shear(1.0, 0.4), shift=(0.3, -0.2), tolerance=1e-11
+    )
+    product = Products(
+        Grid.of(g.shape, (0.3, 0.2), Material.from_shear(1.0, 0.4), None).tangential(), 10**6
+    )
     b = np.broadcast_to(np.reshape([0.3, -0.2], (2, 1, 1)), (2, 8, 8))
     q, _ = descend(product, b, 0.0 * b, lambda x: clip(x, g), product.A.norm_bound, 3000)
     assert_allclose(result.traction, q, atol=1e-6)
@@ -236,7 +246,9 @@ def test_coulombs_law_for_any_load_and_history(seed, shape, nu, mu, load, part, 
     G, h = 10.0 ** rng.uniform(-1, 5), 10.0 ** rng.uniform(-3, 1)
     element = (h, h * 10 ** rng.uniform(-1, 1))
     gap = h * rng.random(shape)
-    contact = normal_contact(gap, element, material=(G, nu), approach=h * rng.uniform(0.2, 2.0))
+    contact = normal_contact(
+        gap, element, material=Material.from_shear(G, nu), approach=h * rng.uniform(0.2, 2.0)
+    )
     g = mu * contact.traction
     if not g.any():
         return
@@ -244,17 +256,22 @@ def test_coulombs_law_for_any_load_and_history(seed, shape, nu, mu, load, part, 
     direction = np.array([np.cos(angle), np.sin(angle)])[: len(shape)]
     if is_force:
         force = direction * part * g.sum() * np.prod(element)
-        result = friction(g, element, material=(G, nu), force=force)
+        result = friction(g, element, material=Material.from_shear(G, nu), force=force)
         assert_allclose(result.force, force, rtol=1e-8, atol=1e-8 * np.abs(force).max())
     else:
-        result = friction(g, element, material=(G, nu), shift=direction * load * h)
-    assert_coulomb(result, (G, nu))
+        result = friction(
+            g, element, material=Material.from_shear(G, nu), shift=direction * load * h
+        )
+    assert_coulomb(result, Material.from_shear(G, nu))
     g = g * rng.uniform(0.5, 1.5)  # The pressure changes, and comes back.
     after = friction(
-        g, element, material=(G, nu), shift=-rng.uniform(0, 2) * direction * load * h,
+        g,
+        element,
+        material=Material.from_shear(G, nu),
+        shift=-rng.uniform(0, 2) * direction * load * h,
         previous=result,
-    )  # fmt: skip
-    assert_coulomb(after, (G, nu), result)
+    )
+    assert_coulomb(after, Material.from_shear(G, nu), result)
 
 
 # Histories ----------------------------------------------------------------------------------
@@ -266,17 +283,26 @@ def test_unloading_is_loading_backwards_with_twice_the_bound():
     _, g, loaded = line(200, force=0.7 * full, tolerance=1e-11)
     h = 2.0 / 200
     unloaded = friction(
-        g, h, material=(0.7, 0.3), force=0.1 * full, previous=loaded, tolerance=1e-11
+        g,
+        h,
+        material=Material.from_shear(0.7, 0.3),
+        force=0.1 * full,
+        previous=loaded,
+        tolerance=1e-11,
     )
-    reverse = friction(2 * g, h, material=(0.7, 0.3), force=0.6 * full, tolerance=1e-11)
+    reverse = friction(
+        2 * g, h, material=Material.from_shear(0.7, 0.3), force=0.6 * full, tolerance=1e-11
+    )
     assert_allclose(unloaded.traction, loaded.traction - reverse.traction, atol=1e-7 * g.max())
 
 
 def test_nothing_moves_without_a_load():
     _, g, loaded = circle(24, 0.3, shift=(0.05, 0.02))
-    again = friction(g, loaded.element, material=(0.7, 0.3), shift=(0.0, 0.0), previous=loaded)
+    again = friction(
+        g, loaded.element, material=Material.from_shear(0.7, 0.3), shift=(0.0, 0.0), previous=loaded
+    )
     assert_allclose(again.traction, loaded.traction, atol=1e-6 * g.max())
-    still = friction(g, loaded.element, material=(0.7, 0.3), shift=(0.0, 0.0))
+    still = friction(g, loaded.element, material=Material.from_shear(0.7, 0.3), shift=(0.0, 0.0))
     assert not still.traction.any()
     assert still.stick.sum() == (g > 0).sum()
 
@@ -286,7 +312,7 @@ def test_nothing_moves_without_a_load():
 def test_a_contact_that_shrinks_keeps_nothing_outside(is_line, most):
     # The elements that leave the contact carry nothing, whether the others stick or not.
     shape, element = ((40,), 0.1) if is_line else ((24, 20), (0.1, 0.1))
-    material = (1.0, 0.3)
+    material = Material.from_shear(1.0, 0.3)
     r = np.sqrt(sum(x**2 for x in surfaces.centres(shape, element)))
     force = 10.0 if is_line else (6.0, 2.0)
     before = friction(np.where(r < 0.9, most, 0.0), element, material=material, force=force)
@@ -301,7 +327,7 @@ def test_a_contact_that_shrinks_keeps_nothing_outside(is_line, most):
 @pytest.mark.parametrize("shape", [(60,), (14, 8)])
 def test_a_bound_that_falls_far_below_the_tractions(shape):
     rng = np.random.default_rng(2)
-    element, material = (0.1,) * len(shape), (1.0, 0.3)
+    element, material = (0.1,) * len(shape), Material.from_shear(1.0, 0.3)
     for ratio in (1.5, 10.0, 100.0):
         g = np.maximum(0.0, rng.random(shape) - 0.3)
         force = 0.9 * g.sum() * np.prod(element) * np.eye(len(shape))
@@ -318,7 +344,7 @@ def test_a_bound_that_falls_far_below_the_tractions(shape):
 def test_almost_all_slides(seed, missing, decades):
     rng = np.random.default_rng(seed)
     g = 10.0 ** rng.uniform(-decades, 0, (13, 11))
-    element, material = (0.1, 0.1), (1.0, 0.49)
+    element, material = (0.1, 0.1), Material.from_shear(1.0, 0.49)
     before = friction(rng.random(g.shape), element, material=material, shift=(0.03, 0.01))
     force = (1.0 - missing) * 0.01 * g.sum() * np.array([0.6, -0.8])
     after = friction(g, element, material=material, force=force, previous=before)
@@ -331,8 +357,8 @@ def test_almost_all_slides(seed, missing, decades):
 def test_tiny_bounds_do_no_harm():
     g = np.random.default_rng(0).random((12, 9))
     g[::3] = 1e-20
-    result = friction(g, (1.0, 1.0), material=(1.0, 0.3), shift=(0.3, 0.1))
-    assert_coulomb(result, (1.0, 0.3))
+    result = friction(g, (1.0, 1.0), material=Material.from_shear(1.0, 0.3), shift=(0.3, 0.1))
+    assert_coulomb(result, Material.from_shear(1.0, 0.3))
     assert result.sliding[::3].all()
 
 
@@ -349,7 +375,7 @@ def test_tiny_bounds_do_no_harm():
 def test_bounds_over_many_decades(decades):
     # What is left to solve is on elements of tiny bounds, whose search directions round to zero.
     g = 10.0 ** np.array(decades, float)
-    element, material = (0.1, 0.1), (1.0, 0.3)
+    element, material = (0.1, 0.1), Material.from_shear(1.0, 0.3)
     force = 0.999999 * 0.01 * g.sum() * np.array([0.6, -0.8])
     try:
         result = friction(g, element, material=material, force=force, max_products=60)
@@ -361,7 +387,7 @@ def test_bounds_over_many_decades(decades):
 
 
 def test_frictionless_bodies_slide():
-    result = friction(np.zeros(5), 1.0, material=(1.0, 0.3), shift=1.0)
+    result = friction(np.zeros(5), 1.0, material=Material.from_shear(1.0, 0.3), shift=1.0)
     assert not result.traction.any()
     assert not result.contact.any()
 
@@ -387,7 +413,7 @@ def test_frictionless_bodies_slide():
 )
 def test_refuses_what_makes_no_sense(change, message):
     arguments = {
-        "bound": np.ones(2), "element": 1.0, "material": (1.0, 0.3), "shift": 1.0
+        "bound": np.ones(2), "element": 1.0, "material": Material.from_shear(1.0, 0.3), "shift": 1.0
     } | change  # fmt: skip
     with pytest.raises(ValueError, match=message):
         friction(arguments.pop("bound"), arguments.pop("element"), **arguments)
@@ -395,12 +421,14 @@ def test_refuses_what_makes_no_sense(change, message):
 
 @doubtful
 def test_refuses_another_history():
-    contact = normal_contact(np.zeros(3), 1.0, material=(1.0, 0.3), force=1.0)
+    contact = normal_contact(np.zeros(3), 1.0, material=Material.from_shear(1.0, 0.3), force=1.0)
     with pytest.raises(ValueError, match="previous is a normal contact"):
-        friction(np.ones(3), 1.0, material=(1.0, 0.3), shift=1.0, previous=contact)
-    other = friction(np.ones(4), 1.0, material=(1.0, 0.3), shift=1.0)
+        friction(
+            np.ones(3), 1.0, material=Material.from_shear(1.0, 0.3), shift=1.0, previous=contact
+        )
+    other = friction(np.ones(4), 1.0, material=Material.from_shear(1.0, 0.3), shift=1.0)
     with pytest.raises(ValueError, match=r"previous has \(4,\) elements"):
-        friction(np.ones(3), 1.0, material=(1.0, 0.3), shift=1.0, previous=other)
+        friction(np.ones(3), 1.0, material=Material.from_shear(1.0, 0.3), shift=1.0, previous=other)
 
 
 @pytest.mark.parametrize(
@@ -416,7 +444,7 @@ def test_refuses_another_history():
 )
 def test_refuses_other_types(change, message):
     arguments = {
-        "bound": np.ones(2), "element": 1.0, "material": (1.0, 0.3), "shift": 1.0
+        "bound": np.ones(2), "element": 1.0, "material": Material.from_shear(1.0, 0.3), "shift": 1.0
     } | change  # fmt: skip
     with pytest.raises(TypeError, match=message):
         friction(arguments.pop("bound"), arguments.pop("element"), **arguments)
@@ -471,7 +499,7 @@ def test_nearest_tractions_are_zero_where_the_bound_is():
 
 
 def test_operators_are_those_of_the_half_space():
-    grid = Grid.of((4, 3), (0.5, 0.8), (2.0, 0.3), None)
+    grid = Grid.of((4, 3), (0.5, 0.8), Material.from_shear(2.0, 0.3), None)
     x, y = surfaces.centres((4, 3), (0.5, 0.8))
     dx, dy = (np.subtract.outer(c.ravel(), c.ravel()) for c in (x, y))
     influence = [

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import toeplitz_mg as tmg
 from toeplitz_mg import halfspace
+from toeplitz_mg.halfspace import Material
 
 KERNELS = {
     "zz": lambda x, y, r, nu: (1 - nu) / r,
@@ -193,11 +194,13 @@ def test_from_afar_the_coupling_is_that_of_a_point_load(element):
 
 
 def test_combined_materials():
-    steel, rubber = halfspace.Material(82000.0, 0.28), halfspace.Material(0.3, 0.49)
-    G, nu = halfspace.combined_material(steel, rubber)
+    steel, rubber = Material.from_shear(82000.0, 0.28), Material.from_shear(0.3, 0.49)
+    both = halfspace.combined_material(steel, rubber)
+    G, nu = both.G, both.nu
     assert_allclose(1 / G, (1 / 82000 + 1 / 0.3) / 2)
     assert_allclose(nu / G, (0.28 / 82000 + 0.49 / 0.3) / 2)
-    assert_allclose(halfspace.combined_material(rubber, rubber), rubber)
+    assert_allclose(1 / both.E_star, 1 / steel.E_star + 1 / rubber.E_star)
+    assert halfspace.combined_material(rubber, rubber) == halfspace.CombinedMaterial(0.3, 0.49)
     # The displacement difference is the mean of what each pair of equal bodies gives.
     args = (0.3, 1.2, (1.0, 2.0))
     for influence in INFLUENCE.values():
@@ -205,22 +208,29 @@ def test_combined_materials():
         assert_allclose(influence(*args, G=G, nu=nu), np.mean(each))
 
 
-STEEL, RUBBER, ALUMINIUM = (82000.0, 0.28), (0.3, 0.49), (26000.0, 0.33)
-PAIRS = [(STEEL, RUBBER), (ALUMINIUM, STEEL), ((1.0, -0.2), (3.0, 0.5))]
+STEEL, RUBBER = Material.from_shear(82000.0, 0.28), Material.from_shear(0.3, 0.49)
+ALUMINIUM = Material(E=70000.0, nu=0.33)
+PAIRS = [
+    (STEEL, RUBBER),
+    (ALUMINIUM, STEEL),
+    (Material.from_shear(1.0, -0.2), Material.from_shear(3.0, 0.5)),
+]
 
 
 @pytest.mark.parametrize(("first", "second"), PAIRS, ids=str)
 def test_displacement_differences_of_unequal_materials(first, second):
     """They are those of each body by itself: Johnson, §3.2 and §3.6, with z into that body."""
     element = (1, 2.5)
-    G, nu = halfspace.combined_material(first, second)
+    both = halfspace.combined_material(first, second)
+    G, nu = both.G, both.nu
     K = halfspace.difference_parameter(first, second)
     for tx, ty in ((0.5, 0.25), (1e4, -2e4)):
         x, y = tx * element[0], ty * element[1]
         for kernel in KERNELS | COUPLINGS:
             bodies = [
-                quadrature(kernel, x, y, element, 1 - 2 * v if kernel in COUPLINGS else v) / g
-                for g, v in (first, second)
+                quadrature(kernel, x, y, element, 1 - 2 * m.nu if kernel in COUPLINGS else m.nu)
+                / m.G
+                for m in (first, second)
             ]
             # The second body is loaded the other way; its z axis points away from the first.
             if kernel in COUPLINGS:
@@ -238,21 +248,21 @@ def test_the_difference_parameter():
         assert K == -halfspace.difference_parameter(second, first) != 0.0
         assert halfspace.difference_parameter(first, first) == 0.0
     # On a rigid body; of an incompressible and a rigid one.
-    assert_allclose(halfspace.difference_parameter((1.0, 0.3), (1e20, 0.3)), (1 - 2 * 0.3) / 2)
-    assert halfspace.difference_parameter((1.0, 0.5), (1e20, 0.5)) == 0.0
-    with pytest.raises(ValueError, match=r"G is 0\.0"):
-        halfspace.difference_parameter((1.0, 0.3), (0.0, 0.3))
-    for material in (1.0, (1.0, 0.3, 0.3)):
-        with pytest.raises(TypeError, match=r"material is .*, but must be \(G, nu\)"):
-            halfspace.difference_parameter(material, (1.0, 0.3))
-    with pytest.raises(ValueError, match=r"nu is 0\.6"):
-        halfspace.difference_parameter((1.0, 0.6), (1.0, 0.3))
+    rigid = Material.rigid()
+    assert_allclose(
+        halfspace.difference_parameter(Material.from_shear(1.0, 0.3), rigid), (1 - 2 * 0.3) / 2
+    )
+    assert halfspace.difference_parameter(Material.from_shear(1.0, 0.5), rigid) == 0.0
+    for material in (1.0, (1.0, 0.3), (1.0, 0.3, 0.3)):
+        with pytest.raises(TypeError, match=r"material is .*, but must be a contact\.Material"):
+            halfspace.difference_parameter(material, STEEL)
 
 
 @pytest.mark.parametrize(("first", "second"), PAIRS[:2], ids=str)
 def test_three_directions_are_symmetric_and_positive_definite(first, second):
     """They are symmetric by reciprocity, and positive definite as the energy is positive."""
-    G, nu = halfspace.combined_material(first, second)
+    both = halfspace.combined_material(first, second)
+    G, nu = both.G, both.nu
     K = halfspace.difference_parameter(first, second)
     element = (0.5, 1.0)
     points = halfspace.all_offsets((6, 5), element)
@@ -272,9 +282,9 @@ def test_a_circle_under_pressure_draws_in():
     s = h * np.arange(-64, 65)
     inside = s[:, None] ** 2 + s**2 < 1
     X, Y = (grid[inside] for grid in np.meshgrid(s, s, indexing="ij"))
-    rigid = (1e30, 0.3)
-    combined = halfspace.combined_material((G, nu), rigid)
-    K = halfspace.difference_parameter((G, nu), rigid)
+    bodies = Material.from_shear(G, nu), Material.rigid()
+    combined = halfspace.combined_material(*bodies)
+    K = halfspace.difference_parameter(*bodies)
     for x, y in ((0.25, 0.5), (-0.5, 0.0), (1.0, 1.0), (3.0, -2.0)):
         r2 = x**2 + y**2
         for kernel, t in (("xz", x), ("yz", y)):

@@ -15,7 +15,7 @@ from toeplitz_mg.contact import problems, surfaces
 A = tmg.ToeplitzOperator(0.5 ** np.arange(4.0))
 SQUARE = tmg.ToeplitzOperator(0.5 ** np.indices((2, 3)).sum(axis=0))
 ONES, GRID, MASK = np.ones(4), np.ones((2, 2)), np.array([True, True, False, True])
-SHAPE, ELEMENT, STEEL = (2, 2), (1.0, 1.0), (82000.0, 0.28)
+SHAPE, ELEMENT, STEEL = (2, 2), (1.0, 1.0), contact.Material(E=210000.0, nu=0.28)
 POINTS = {"x": ONES, "y": ONES, "element": ELEMENT, "G": 1.0}
 CONTACT = {"element": ELEMENT, "material": STEEL, "tolerance": 1e-8, "max_products": 99}
 SOLVER = {"A": A.toarray(), "b": ONES, "x0": ONES, "M": np.eye(4), "rtol": 1e-5, "atol": 0.0}
@@ -124,6 +124,13 @@ USES = {
             {"n": 4, "h": 1.0, "G": 1.0, "nu": 0.3, "reference": 1.0},
         )
     ],
+    "Material": [
+        (contact.Material, {"E": 210000.0, "nu": 0.28}),
+        (contact.Material.from_shear, {"G": 82000.0, "nu": 0.28}),
+    ],
+    "CombinedMaterial": [
+        (halfspace.CombinedMaterial, {"G": 82000.0, "nu": 0.28, "difference": 0.1})
+    ],
     "combined_material": [(halfspace.combined_material, {"first": STEEL, "second": STEEL})],
     "difference_parameter": [(halfspace.difference_parameter, {"first": STEEL, "second": STEEL})],
     "normal_contact": [
@@ -188,7 +195,7 @@ USES = {
 }
 # What takes no numbers: results and records, warnings, modules, wrappers, and a counter.
 WITHOUT_NUMBERS = {
-    *("ContactError", "ContactResult", "ContactWarning", "CombinedMaterial", "Material"),
+    *("ContactError", "ContactResult", "ContactWarning"),
     *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "ToeplitzInverse"),
     *("componentwise", "count_products", "contact", "fractional", "halfspace", "problems"),
     "surfaces",

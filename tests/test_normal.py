@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from scipy.special import ellipe, ellipk
 
 import toeplitz_mg as tmg
-from toeplitz_mg.contact import surfaces
+from toeplitz_mg.contact import Material, surfaces
 from toeplitz_mg.contact.grid import Grid, coarsen, refine
 from toeplitz_mg.contact.inverse import LocalInverse
 from toeplitz_mg.contact.normal.problem import normal_contact
@@ -21,8 +21,8 @@ from toeplitz_mg.solvers.projected_gradients import descend
 
 mpl.use("Agg")
 
-STEEL = (82000.0, 0.28)
-UNIT = (0.7, 0.3)  # G and ν of bodies with E* = G/(1-ν) = 1.
+STEEL = Material.from_shear(82000.0, 0.28)
+UNIT = Material.from_shear(0.7, 0.3)  # G and ν of bodies with E* = G/(1-ν) = 1.
 A = 0.6  # Radius of contact on grids of [-1, 1].
 
 # Tests of what is solved, on grids that are meant to be small or strange.
@@ -56,7 +56,7 @@ def rough(n, **load):
 
 
 def test_hertz_line_contact():
-    G, nu, R, a = *STEEL, 500.0, 4.0
+    G, nu, R, a = STEEL.G, STEEL.nu, 500.0, 4.0
     force = np.pi * a**2 * G / (4 * R * (1 - nu))
     p0 = 2 * force / (np.pi * a)
     errors = []
@@ -221,7 +221,7 @@ def test_any_surface_and_load(seed, shape, G, nu, roughness, load, is_force):
         arguments = {"force": load * G * length**2}
     else:
         arguments = {"approach": gap.min() + load * roughness * length}
-    contact = normal_contact(gap, element, material=(G, nu), **arguments)
+    contact = normal_contact(gap, element, material=Material.from_shear(G, nu), **arguments)
     assert_complementary(contact)
     if is_force:
         assert_allclose(contact.force, arguments["force"], rtol=1e-8)
@@ -247,7 +247,9 @@ def test_units_beyond_single_precision(G, length):
     def pressed(G, length):
         element = (0.05 * length, 0.05 * length)
         gap = surfaces.sphere((40, 40), element, radius=length)
-        return normal_contact(gap, element, material=(G, 0.3), approach=0.3 * length)
+        return normal_contact(
+            gap, element, material=Material.from_shear(G, 0.3), approach=0.3 * length
+        )
 
     contact, expected = pressed(G, length), pressed(1.0, 1.0)
     assert contact.products == expected.products
@@ -313,8 +315,7 @@ def test_one_element():
         ({"element": (1.0, 1.0, 1.0)}, "element is"),
         ({"element": [[1.0], [1.0]]}, "element is"),
         ({"element": (1.0, np.inf)}, "element is"),
-        ({"material": (0.0, 0.3)}, "G is 0"),
-        ({"material": (1.0, 0.6)}, "nu is 0.6"),
+        ({"material": (Material.rigid(), Material.rigid())}, "both bodies are rigid"),
         ({"force": None}, "one of the two"),
         ({"approach": 1.0}, "one of the two"),
         ({"force": 0.0}, "force is 0"),
@@ -323,7 +324,7 @@ def test_one_element():
         ({"reference": 1.0}, "reference is 1.0"),
         ({"gap": np.full((2, 3), 1e-300)}, "gap is of size 1e-300"),
         ({"force": 1e200}, "force is of size 1e"),
-        ({"material": (1e-300, 0.3)}, "G is of size 1e-300"),
+        ({"material": Material.from_shear(1e-300, 0.3)}, "G is of size 1e-300"),
         ({"tolerance": 0.0}, "tolerance is 0"),
         ({"max_products": 0}, "max_products is 0"),
     ],
@@ -347,9 +348,12 @@ def test_refuses_other_types():
         ({"gap": np.ma.masked_greater(np.zeros((2, 3)), 1.0)}, "gap is a masked array"),
         ({"element": "a"}, "element has dtype <U1"),
         ({"element": None}, "element has dtype object"),
-        ({"material": 82000.0}, r"material is 82000.0, but must be \(G, nu\)"),
-        ({"material": "steel"}, r"material is 'steel', but must be \(G, nu\)"),
-        ({"material": ("a", 0.3)}, "G is 'a', but must be a real number"),
+        ({"material": 82000.0}, r"material is 82000.0, but must be a contact.Material"),
+        ({"material": "steel"}, r"material is 'steel', but must be a contact.Material"),
+        ({"material": (82000.0, 0.28)}, r"use contact.Material\(E=82000.0, nu=0.28\) for Young"),
+        ({"material": (82000.0, 0.28)}, r"contact.Material.from_shear\(82000.0, 0.28\) for the sh"),
+        ({"material": (STEEL, 0.28)}, "material is 0.28, but must be a contact.Material"),
+        ({"material": (STEEL,) * 3}, "but must be a contact.Material, or two of them"),
         ({"force": "10"}, "force is '10', but must be a real number"),
         ({"force": 1j}, "force is 1j, but must be a real number"),
         ({"force": [1.0]}, r"force is \[1.0\], but must be a real number"),
@@ -358,7 +362,7 @@ def test_refuses_other_types():
         ({"max_products": 1.5}, "max_products is 1.5, but must be an integer"),
         ({"gap": [np.ma.masked_greater([0.0, 2.0], 1.0)] * 2}, "gap is a masked array"),
         ({"element": (1.0, np.ma.masked)}, "element is a masked array"),
-        ({"material": np.ma.masked_less([1.0, 0.3], 0.5)}, "nu is a masked array"),
+        ({"material": np.ma.masked_less([1.0, 0.3], 0.5)}, "material is a masked array"),
         ({"force": np.ma.masked_greater(2.0, 1.0)}, "force is a masked array"),
         ({"force": None, "approach": np.ma.masked}, "approach is a masked array"),
         ({"tolerance": np.ma.masked}, "tolerance is a masked array"),
@@ -477,7 +481,7 @@ def test_rough_surface_has_its_spectrum():
 def test_surfaces_refuse_what_makes_no_sense(options):
     with pytest.raises(ValueError, match=r"hurst is|no wavelength|rms is"):
         surfaces.rough((8, 8), (1.0, 1.0), **({"rms": 1.0} | options))
-    with pytest.raises(ValueError, match="radii is"):
+    with pytest.raises(ValueError, match="radius is"):
         surfaces.sphere((8, 8), (1.0, 1.0), radius=-1.0)
     with pytest.raises(ValueError, match=r"radii is .* must be \(R1, R2\)"):
         surfaces.ellipsoid((8, 8), (1.0, 1.0), radii=(1.0, 2.0, 3.0))

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from tests.test_friction import assert_areas, assert_slip, doubtful, semi_ellipse
 from toeplitz_mg import halfspace
-from toeplitz_mg.contact import surfaces
+from toeplitz_mg.contact import Material, surfaces
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import ContactError
 from toeplitz_mg.contact.tangential import steady
@@ -24,7 +24,9 @@ def carter(n, part=0.6, **arguments):
     h = 2 * A / n
     (x,) = surfaces.centres(n + n // 2, h)
     g = MU * A / 2 * semi_ellipse(x, A)
-    result = rolling(g, h, material=(0.7, 0.3), longitudinal=-MU * (A - part * A), **arguments)
+    result = rolling(
+        g, h, material=Material.from_shear(0.7, 0.3), longitudinal=-MU * (A - part * A), **arguments
+    )
     return x, g, result
 
 
@@ -35,7 +37,7 @@ def circle(n, creepages, nu=0.25, bound=None, **arguments):
     g = MU * 2 * A / np.pi * semi_ellipse(r, A) if bound is None else np.where(r < A, bound, 0.0)
     names = ("longitudinal", "lateral", "spin")
     creepages = dict(zip(names, creepages, strict=True))
-    return g, rolling(g, (h, h), material=(1.0, nu), **creepages, **arguments)
+    return g, rolling(g, (h, h), material=Material.from_shear(1.0, nu), **creepages, **arguments)
 
 
 def assert_rolls(result, material, before=None, tolerance=1e-8):
@@ -73,7 +75,7 @@ def test_carter():
     errors = []
     for n in (50, 200, 800):
         x, g, result = carter(n)
-        assert_rolls(result, (0.7, 0.3))
+        assert_rolls(result, Material.from_shear(0.7, 0.3))
         errors.append(abs(result.force / (MU * np.pi * A**2 / 4) - 0.64))
         ahead = A - 2 * 0.6 * A  # It sticks from the leading edge to here.
         assert_allclose(x[result.stick].min(), ahead, atol=2 * 2 * A / n)
@@ -97,7 +99,7 @@ def test_kalkers_coefficients():
     for k in range(3):
         creepages = 1e-3 * np.eye(3)[k]
         _, result = circle(96, creepages, bound=np.inf)
-        assert_rolls(result, (1.0, 0.25))
+        assert_rolls(result, Material.from_shear(1.0, 0.25))
         coefficients.append(-result.force / (1e-3 * A**2))
     (C11, zero), (nothing, C22), (none, C23) = coefficients
     assert_allclose([C11, C22, C23 / A], [4.12, 3.67, 1.47], rtol=0.03)
@@ -126,7 +128,7 @@ def test_large_creepage_slides_everywhere():
 )
 def test_products_in_a_circle(creepages, most):
     _, result = circle(128, creepages)
-    assert_rolls(result, (1.0, 0.25))
+    assert_rolls(result, Material.from_shear(1.0, 0.25))
     assert result.products <= most
     assert result.work < 3 * most
 
@@ -143,14 +145,18 @@ def test_nested_grids_change_the_work_only():
 def test_the_steady_state_is_the_limit_of_many_steps():
     g, result = circle(16, (0.05, 0.03, 0.1))
     x = {"longitudinal": 0.05, "lateral": 0.03, "spin": 0.1}
-    steps = list(rolling_steps(g, result.element, material=(1.0, 0.25), steps=80, **x))
+    steps = list(
+        rolling_steps(g, result.element, material=Material.from_shear(1.0, 0.25), steps=80, **x)
+    )
     away = [np.abs(step.traction - result.traction).max() for step in steps]
     assert away[-1] < 1e-6 * g.max()
     assert away[0] > 0.1 * g.max()
     assert_allclose(steps[-1].slip, result.slip, atol=1e-6)
     assert_allclose(steps[-1].displacement, result.displacement, atol=1e-6)
     # The steady state stays.
-    (after,) = rolling_steps(g, result.element, material=(1.0, 0.25), steps=1, previous=result, **x)
+    (after,) = rolling_steps(
+        g, result.element, material=Material.from_shear(1.0, 0.25), steps=1, previous=result, **x
+    )
     assert_allclose(after.traction, result.traction, atol=1e-6 * g.max())
 
 
@@ -163,16 +169,16 @@ def test_a_contact_one_element_long(contact, bound):
     # Its elements do not couple x and y, but those that were there one element ago do.
     g = np.zeros((40, 40) if contact[0].start else (1, 9))
     g[contact] = bound
-    case = {"material": (1.0, 0.3), "longitudinal": 0.02, "lateral": 0.1}
+    case = {"material": Material.from_shear(1.0, 0.3), "longitudinal": 0.02, "lateral": 0.1}
     result = rolling(g, (1.0, 1.0), **case)
-    assert_rolls(result, (1.0, 0.3))
+    assert_rolls(result, Material.from_shear(1.0, 0.3))
     *_, last = rolling_steps(g, (1.0, 1.0), steps=100, **case)
     assert_allclose(last.traction, result.traction, atol=1e-6 * np.abs(result.traction).max())
 
 
 def test_the_matrix_of_steady_rolling_is_that_of_the_half_space():
     for shape in ((1, 5), (4, 3)):
-        grid = Grid.of(shape, (0.5, 0.8), (2.0, 0.3), None)
+        grid = Grid.of(shape, (0.5, 0.8), Material.from_shear(2.0, 0.3), None)
         K = steady.subtract_operators(grid.tangential(), grid.upstream())
         assert_allclose(
             K @ np.eye(K.shape[0]), influences(grid, 0.0) - influences(grid, 0.5), atol=1e-14
@@ -182,8 +188,8 @@ def test_the_matrix_of_steady_rolling_is_that_of_the_half_space():
 def test_a_step_obeys_coulombs_law_in_time():
     x, g, _ = carter(40)
     h = x[1] - x[0]
-    grid = Grid.of(g.shape, h, (0.7, 0.3), None)
-    steps = rolling_steps(g, h, material=(0.7, 0.3), longitudinal=-0.1, steps=3)
+    grid = Grid.of(g.shape, h, Material.from_shear(0.7, 0.3), None)
+    steps = rolling_steps(g, h, material=Material.from_shear(0.7, 0.3), longitudinal=-0.1, steps=3)
     before = np.zeros_like(g)
     for step in steps:
         # Equation 8, at the points that move with the material
@@ -191,7 +197,7 @@ def test_a_step_obeys_coulombs_law_in_time():
         u = grid.tangential() @ step.traction
         assert_allclose(step.slip[g > 0], slip[g > 0] / h, atol=1e-12)
         assert_allclose(step.displacement[g > 0], u[g > 0], atol=1e-9)
-        assert_rolls(step, (0.7, 0.3), before)
+        assert_rolls(step, Material.from_shear(0.7, 0.3), before)
         before = step.traction
 
 
@@ -200,7 +206,7 @@ def test_marching_where_the_sets_do_not_settle():
     impatient = steady.SteadyOptions(iterations=1, patience=1)  # GMRES alone would not settle.
     creepages = (0.05, 0.03, 0.1)
     _, result = circle(12, creepages, nested=False, options=impatient)
-    assert_rolls(result, (1.0, 0.25))
+    assert_rolls(result, Material.from_shear(1.0, 0.25))
     assert_allclose(result.traction, circle(12, creepages)[1].traction, atol=1e-7)
 
 
@@ -223,8 +229,8 @@ def test_coulombs_law_for_any_creepage(seed, shape, nu, creepages):
     creepages = creepages[0] if len(shape) == 1 else np.array(creepages) / [1, 1, h * max(shape)]
     names = ("longitudinal", "lateral", "spin")
     given = dict(zip(names, np.atleast_1d(creepages).tolist(), strict=False))
-    result = rolling(g, (h, 2 * h), material=(1.0, nu), **given)
-    assert_rolls(result, (1.0, nu))
+    result = rolling(g, (h, 2 * h), material=Material.from_shear(1.0, nu), **given)
+    assert_rolls(result, Material.from_shear(1.0, nu))
 
 
 @pytest.mark.parametrize(
@@ -239,20 +245,20 @@ def test_coulombs_law_for_any_creepage(seed, shape, nu, creepages):
 )
 def test_refuses_what_makes_no_sense(change, message):
     with pytest.raises(ValueError, match=message):
-        rolling(np.ones(4), 1.0, material=(1.0, 0.3), **change)
+        rolling(np.ones(4), 1.0, material=Material.from_shear(1.0, 0.3), **change)
 
 
 @pytest.mark.parametrize("value", ["a", 1j, None, [1e-3]])
 def test_refuses_creepages_that_are_no_numbers(value):
     with pytest.raises(TypeError, match=r"longitudinal is .*, but must be a real number"):
-        rolling(np.ones(4), 1.0, material=(1.0, 0.3), longitudinal=value)
+        rolling(np.ones(4), 1.0, material=Material.from_shear(1.0, 0.3), longitudinal=value)
 
 
 def test_refuses_bad_steps():
     with pytest.raises(ValueError, match="steps is 0"):
-        rolling_steps(np.ones(4), 1.0, material=(1.0, 0.3), steps=0)
+        rolling_steps(np.ones(4), 1.0, material=Material.from_shear(1.0, 0.3), steps=0)
     with pytest.raises(TypeError, match=r"steps is 1\.5, but must be an integer"):
-        rolling_steps(np.ones(4), 1.0, material=(1.0, 0.3), steps=1.5)
+        rolling_steps(np.ones(4), 1.0, material=Material.from_shear(1.0, 0.3), steps=1.5)
 
 
 def test_failure_is_an_error_that_says_what_is_violated():

@@ -11,7 +11,7 @@ import numpy as np
 
 from comparisons.contact.theory import MU, A
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact import friction, normal_contact, surfaces
+from toeplitz_mg.contact import Material, friction, normal_contact, surfaces
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.tangential.coulomb import clip
 from toeplitz_mg.contact.tangential.stick_slip import diagonal
@@ -53,9 +53,9 @@ class Problem:
         return 2.0 / self.N
 
     @property
-    def material(self) -> tuple[float, float]:
-        """The shear modulus G and Poisson's ratio ν."""
-        return 1.0 - self.nu, self.nu
+    def material(self) -> Material:
+        """Both bodies, of E* = 1."""
+        return Material.from_shear(1.0 - self.nu, self.nu)
 
     @cached_property
     def gap(self) -> Array:

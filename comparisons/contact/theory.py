@@ -10,11 +10,18 @@ import numpy as np
 from scipy.special import ellipe, ellipk
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact import ContactResult, friction, normal_contact, rolling, surfaces
+from toeplitz_mg.contact import (
+    ContactResult,
+    Material,
+    friction,
+    normal_contact,
+    rolling,
+    surfaces,
+)
 
 A, C = 0.6, 0.4  # Half widths of the contact and of the area of stick.
 MU = 0.3  # Coefficient of friction.
-UNIT = (0.7, 0.3)  # G and ν of bodies with E* = G/(1-ν) = 1.
+UNIT = Material.from_shear(0.7, 0.3)  # Of both bodies: E* = G/(1-ν) = 1.
 # Coefficients of a circle, ν = 1/4, by Kalker (1990).
 KALKER = {"C11": 4.12, "C22": 3.67, "C23": 1.47}
 CREEPAGE = 1e-3  # Creepage of Kalker's problems; bonded rolling is linear in it.
@@ -124,7 +131,7 @@ def cattaneo_sphere(N: int, nu: float = 0.0) -> Solved:
     r = np.hypot(*surfaces.centres((N, N), (h, h)))
     g = MU * 2.0 * A / np.pi * semi_ellipse(r, A)
     shift = MU * (A**2 - C**2) * (2.0 - nu) / (2.0 * (1.0 - nu))
-    result = friction(g, (h, h), material=(1.0 - nu, nu), shift=(shift, 0.0))
+    result = friction(g, (h, h), material=Material.from_shear(1.0 - nu, nu), shift=(shift, 0.0))
     theory = g - MU * 2.0 * C / np.pi * semi_ellipse(r, C)
     assert result.stick is not None
     errors = {
@@ -163,7 +170,10 @@ def kalker(N: int) -> Solved:
     g = np.where(r < A, np.inf, 0.0)
     names = ("longitudinal", "lateral", "spin")
     creepages: list[dict[str, Any]] = [{name: CREEPAGE} for name in names]
-    results = [rolling(g, (h, h), material=(1.0, 0.25), **creepage) for creepage in creepages]
+    results = [
+        rolling(g, (h, h), material=Material.from_shear(1.0, 0.25), **creepage)
+        for creepage in creepages
+    ]
     # F_x = -G a² C11 ξ, F_y = -G a² (C22 η + a C23 φ)
     forces = results[0].force[0], results[1].force[1], results[2].force[1] / A
     errors = {

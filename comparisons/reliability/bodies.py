@@ -12,6 +12,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import (
     ContactError,
     ContactResult,
+    Material,
     friction,
     normal_contact,
     rolling,
@@ -32,7 +33,7 @@ def contact_problem(rng: Generator) -> Outcome:
     shape = random_grid(rng, int(log_uniform(rng, 1, MOST)), 1 if line else 2)
     h = log_uniform(rng, 1e-4, 10.0)
     element = (h, h * log_uniform(rng, 0.2, 5.0))
-    material = (log_uniform(rng, 1e-1, 1e6), float(rng.uniform(0.0, 0.5)))
+    material = Material.from_shear(log_uniform(rng, 1e-1, 1e6), float(rng.uniform(0.0, 0.5)))
     height = h * log_uniform(rng, 1e-4, 10.0)
     gap = _gap(rng, shape, element, height)
     load = _load(rng, gap, element, material)
@@ -78,22 +79,18 @@ def _points(shape: tuple[int, ...], element: Sides) -> tuple[Array, ...]:
     return surfaces.centres(shape, element)
 
 
-def _load(
-    rng: Generator, gap: Array, element: Sides, material: tuple[float, float]
-) -> dict[str, Any]:
+def _load(rng: Generator, gap: Array, element: Sides, material: Material) -> dict[str, Any]:
     high = float(np.ptp(gap)) or element[0]
     depth = high * log_uniform(rng, 1e-3, 3.0)
     if rng.random() < 0.5:
         return {"approach": float(gap.min()) + depth}
-    G, nu = material
+    E_star = material.E_star / 2.0  # Of two equal bodies.
     width = element[0] * gap.shape[0]
     across = element[1] * gap.shape[1] if gap.ndim == 2 else 1.0
-    return {"force": G / (1.0 - nu) * depth * (np.sqrt(width * across) if gap.ndim == 2 else 1.0)}
+    return {"force": E_star * depth * (np.sqrt(width * across) if gap.ndim == 2 else 1.0)}
 
 
-def _normal_error(
-    result: ContactResult, gap: Array, element: Sides, material: tuple[float, float]
-) -> str:
+def _normal_error(result: ContactResult, gap: Array, element: Sides, material: Material) -> str:
     """Return what is wrong with p ≥ 0, w ≥ 0, p w = 0, or nothing."""
     p = result.traction
     A = Grid.of(p.shape, element, material, None).normal().toarray()
@@ -118,7 +115,7 @@ def _shift(
     bound: Array,
     pressed: ContactResult,
     element: Sides,
-    material: tuple[float, float],
+    material: Material,
 ) -> str:
     m = bound.ndim
     direction = rng.standard_normal(m)
@@ -149,9 +146,9 @@ def _roll(
     bound: Array,
     pressed: ContactResult,
     element: Sides,
-    material: tuple[float, float],
+    material: Material,
 ) -> str:
-    size = float(pressed.traction.max()) / material[0] * log_uniform(rng, 1e-3, 10.0)
+    size = float(pressed.traction.max()) / material.G * log_uniform(rng, 1e-3, 10.0)
     creepages: dict[str, Any] = {"longitudinal": size * rng.standard_normal()}
     if bound.ndim == 2:
         creepages["lateral"] = size * rng.standard_normal()

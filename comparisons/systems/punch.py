@@ -20,8 +20,7 @@ def influence(
     kind: str, mask: Array, element: tuple[float, float], nu: float = NU
 ) -> LinearOperator:
     """Return the influence of the tractions in a mask on its displacements, for one half-space."""
-    # The matrix is that of two half-spaces: one of G has as much as two of 2 G.
-    material = halfspace.Material(2.0 * G, nu)
+    material = halfspace.Material.from_shear(G, nu), halfspace.Material.rigid()
     directions = {"normal": "z", "tangential": "x", "coupled": "xy"}[kind]
     full = halfspace.influence_matrix(directions, mask.shape, element, material)
     return restrict(full, mask)

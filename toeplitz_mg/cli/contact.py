@@ -19,6 +19,7 @@ from toeplitz_mg.contact import (
     ContactError,
     ContactResult,
     ContactWarning,
+    Material,
     friction,
     normal_contact,
     rolling,
@@ -91,7 +92,7 @@ class Case:
     def common(self) -> dict[str, Any]:
         """The arguments that all solvers are given."""
         o = self.options
-        material = o.G, o.nu
+        material = Material.from_shear(o.G, o.nu)
         return {"material": material, "tolerance": o.tolerance, "progress": print_step}
 
     def solve(self) -> dict[str, ContactResult]:

@@ -7,12 +7,14 @@ from toeplitz_mg.contact.result import ContactError, ContactResult
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
+from toeplitz_mg.halfspace import Material
 from toeplitz_mg.paper import problems
 
 __all__ = [
     "ContactError",
     "ContactResult",
     "ContactWarning",
+    "Material",
     "SteadyOptions",
     "friction",
     "normal_contact",

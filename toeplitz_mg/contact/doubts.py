@@ -11,7 +11,6 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.halfspace import CombinedMaterial
 
 FEWEST = 10  # Elements across a contact below which its area and pressures are rough guesses.
 STEEP = 1.0  # Slope from which the gap is steep: half-spaces are for slopes far below it.
@@ -110,7 +109,7 @@ def _longest_run(contact: Array, axis: int) -> int:
 
 def _check_load(grid: Grid, p: Array, contact: Array) -> Iterator[str]:
     """Yield a doubt where the pressures are too high for linear elasticity."""
-    modulus = grid.material.G / (1.0 - grid.material.nu)
+    modulus = grid.material.E_star
     mean = float(p.sum()) / max(1, int(np.count_nonzero(contact)))
     if mean > HARD * modulus:
         yield (
@@ -164,7 +163,7 @@ def _is_farthest_in_the_middle(z: Array, axis: int) -> bool:
 
 def _check_coupling(grid: Grid) -> Iterator[str]:
     """Yield a doubt where the pressures would change with the tangential tractions."""
-    K = grid.material.difference if isinstance(grid.material, CombinedMaterial) else 0.0
+    K = grid.material.difference
     if abs(K) > UNCOUPLED:
         yield (
             f"the materials are unlike (difference parameter {K:.3g}), but the coupling of normal "

@@ -7,7 +7,8 @@ import numpy as np
 
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element
-from toeplitz_mg.halfspace import CombinedMaterial, Material
+from toeplitz_mg.halfspace import CombinedMaterial
+from toeplitz_mg.halfspace.materials import combine
 from toeplitz_mg.halfspace.matrices import quadrant
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.values import field, in_range, positive
@@ -26,15 +27,15 @@ class Grid:
     element : tuple of float
         (h1, h2), the size of an element; of strips (h, b), their width and length, or (h,) where
         they are of infinite length, which is plane strain.
-    material : Material
-        For two materials, that of `halfspace.combined_material`.
+    material : CombinedMaterial
+        Of the two bodies.
     reference : float
         In plane strain, the distance at which a line load moves nothing.
     """
 
     shape: tuple[int, ...]
     element: tuple[float, ...]
-    material: Material
+    material: CombinedMaterial
     reference: float
 
     @classmethod
@@ -55,10 +56,7 @@ class Grid:
             )
         if not all(0.0 < h < np.inf for h in sizes):
             raise ValueError(f"element is {element}, but its sizes must be positive and finite")
-        checked = halfspace.combined_material(material, material)
-        # A combined material also knows by how much its two parts differ.
-        if not isinstance(material, CombinedMaterial):
-            material = checked
+        material = combine(material)
         for name, value in (("element", min(sizes)), ("element", max(sizes)), ("G", material.G)):
             in_range(name, value)
         if reference is None:

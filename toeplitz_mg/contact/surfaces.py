@@ -217,4 +217,4 @@ def _grid(shape: int | tuple[int, ...], element: Element) -> Grid:
     refuse_masked("shape", shape)
     sizes = tuple(shape) if np.iterable(shape) else (shape,)
     counts = tuple(count("shape", n) for n in sizes)
-    return Grid.of(counts, element, Material(1.0, 0.0), None)
+    return Grid.of(counts, element, Material.from_shear(1.0, 0.0), None)

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.halfspace.expansion import Kernel
 from toeplitz_mg.halfspace.integrals import ONE, XX, XY, X
-from toeplitz_mg.halfspace.materials import check_difference, check_material
+from toeplitz_mg.halfspace.materials import check_constants, check_difference
 from toeplitz_mg.halfspace.points import check_element
 from toeplitz_mg.halfspace.rectangles import integrate
 from toeplitz_mg.values import positive, refuse_masked
@@ -63,7 +63,7 @@ def influence_zz(
     >>> float(halfspace.influence_zz(0.0, 0.0, (1.0, 1.0), G=1.0, nu=0.0).round(6))
     1.1222
     """
-    G, nu = check_material(G, nu)
+    G, nu = check_constants(G, nu)
     return _displacement({ONE: 1.0 - nu}, x, y, element, G)
 
 
@@ -101,7 +101,7 @@ def influence_xx(
     >>> float(halfspace.influence_xx(0.0, 0.0, (1.0, 1.0), G=1.0, nu=0.3).round(6))
     0.95387
     """
-    G, nu = check_material(G, nu)
+    G, nu = check_constants(G, nu)
     return _displacement({ONE: 1.0 - nu, XX: nu}, x, y, element, G)
 
 
@@ -135,7 +135,7 @@ def influence_yy(
     >>> float(halfspace.influence_yy(0.0, 0.0, (1.0, 1.0), G=1.0, nu=0.3).round(6))
     0.95387
     """
-    G, nu = check_material(G, nu)
+    G, nu = check_constants(G, nu)
     return _displacement({ONE: 1.0 - nu, XX: nu}, x, y, element, G, exchanged=True)
 
 
@@ -173,7 +173,7 @@ def influence_xy(
     >>> float(halfspace.influence_xy(1.0, 1.0, (1.0, 1.0), G=1.0, nu=0.3).round(6))
     0.03188
     """
-    G, nu = check_material(G, nu)
+    G, nu = check_constants(G, nu)
     return _displacement({XY: nu}, x, y, element, G)
 
 

@@ -5,7 +5,7 @@ from scipy.linalg import toeplitz
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.halfspace.integrals import integral_log
-from toeplitz_mg.halfspace.materials import check_material
+from toeplitz_mg.halfspace.materials import check_constants
 from toeplitz_mg.values import count, positive
 
 FEW = 200  # Most strips whose eigenvalues are computed where their sign is in doubt.
@@ -54,7 +54,7 @@ def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, referenc
     >>> halfspace.line_contact_coefficients(2, 1.0, G=1.0, nu=0.5, reference=1.0).round(6)
     array([0.538945, 0.014397])
     """
-    G, nu = check_material(G, nu)
+    G, nu = check_constants(G, nu)
     n, h = count("n", n), positive("h", h)
     d = positive("reference", reference)
     integral = integral_log(n)

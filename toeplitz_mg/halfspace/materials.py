@@ -1,56 +1,161 @@
 """Elastic constants: of one body, and combined of two in contact."""
 
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
 
 from toeplitz_mg.values import positive, real, refuse_masked
 
+WANTED = "a contact.Material, or two of them, (first, second)"  # What is said where it is not.
 
-class Material(NamedTuple):
-    """Elastic constants: of a body, or combined of two.
+
+@dataclass(frozen=True, init=False)
+class Material:
+    """An elastic body: isotropic, homogeneous, thick beside the contact.
+
+    Parameters
+    ----------
+    E : float
+        Young's modulus, N/mm².
+    nu : float
+        Poisson's ratio.
 
     Attributes
     ----------
     G : float
         Shear modulus, N/mm².
     nu : float
-        Poisson's ratio.
+    E : float
+    E_star : float
+        E/(1-ν²), the modulus of the contact with a rigid body; of two bodies 1/E* is the sum.
+
+    Raises
+    ------
+    ValueError
+        For a modulus that is not positive or a Poisson's ratio outside (-1, 0.5].
+    TypeError
+        For what is no real number.
+
+    See Also
+    --------
+    Material.from_shear : from the shear modulus.
+    Material.rigid : a body that does not deform.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import contact
+    >>> steel = contact.Material(E=210000.0, nu=0.28)
+    >>> steel
+    Material(E=210000, nu=0.28)
+    >>> round(steel.G), round(steel.E_star)
+    (82031, 227865)
     """
 
     G: float
     nu: float
 
+    def __init__(self, *, E: float, nu: float) -> None:
+        E, nu = positive("E", E), check_ratio(nu)
+        self._set(E / (2.0 * (1.0 + nu)), nu)
 
-class CombinedMaterial(Material):
-    """Elastic constants combined of two unlike bodies: a pair (G, nu), and how unlike they are.
+    @classmethod
+    def from_shear(cls, G: float, nu: float) -> Self:
+        """Return the body of this shear modulus, N/mm², and this Poisson's ratio.
+
+        Examples
+        --------
+        >>> from toeplitz_mg import contact
+        >>> contact.Material.from_shear(82000.0, 0.28)
+        Material(E=209920, nu=0.28)
+        """
+        return cls._of(positive("G", G), check_ratio(nu))
+
+    @classmethod
+    def rigid(cls) -> Self:
+        """Return the body that does not deform; only one of two may be it.
+
+        Examples
+        --------
+        >>> from toeplitz_mg import contact
+        >>> contact.Material.rigid().E_star
+        inf
+        """
+        return cls._of(np.inf, 0.0)
+
+    @classmethod
+    def _of(cls, G: float, nu: float) -> Self:
+        body = object.__new__(cls)
+        body._set(G, nu)
+        return body
+
+    def _set(self, G: float, nu: float) -> None:
+        object.__setattr__(self, "G", G)
+        object.__setattr__(self, "nu", nu)
+
+    @property
+    def E(self) -> float:
+        """Young's modulus, N/mm²."""
+        return 2.0 * self.G * (1.0 + self.nu)
+
+    @property
+    def E_star(self) -> float:
+        """The modulus of the contact with a rigid body, E/(1-ν²), N/mm²."""
+        return 2.0 * self.G / (1.0 - self.nu)
+
+    def __repr__(self) -> str:
+        if np.isinf(self.G):
+            return "Material.rigid()"
+        return f"Material(E={self.E:.10g}, nu={self.nu:.10g})"
+
+
+@dataclass(frozen=True)
+class CombinedMaterial:
+    """Elastic constants of two bodies in contact (see `combined_material`).
 
     Attributes
     ----------
+    G, nu : float
+        Shear modulus (N/mm²) and Poisson's ratio of two equal bodies that displace as much.
     difference : float
-        Their `difference_parameter`. It couples the normal and the tangential problem.
+        The `difference_parameter`: it couples the normal and the tangential problem.
+    E_star : float
+        Modulus of the normal contact, G/(1-ν), N/mm²: 1/E* is the sum of both bodies'.
     """
 
+    G: float
+    nu: float
     difference: float = 0.0
 
+    def __post_init__(self) -> None:
+        check_constants(self.G, self.nu)
+        check_difference(self.difference)
 
-def combined_material(first: Material, second: Material) -> Material:
+    @property
+    def E_star(self) -> float:
+        """Modulus of the normal contact of both, N/mm²."""
+        return self.G / (1.0 - self.nu)
+
+
+def combined_material(first: Material, second: Material) -> CombinedMaterial:
     """Combine the constants of two bodies in contact: 1/G and ν/G are averaged.
 
     Parameters
     ----------
-    first, second : Material or (G, nu)
+    first, second : Material
 
     Returns
     -------
-    Material
-        1/G = ½ (1/G₁ + 1/G₂), ν/G = ½ (ν₁/G₁ + ν₂/G₂). Where the materials are equal, theirs.
-        Where normal and tangential problems are coupled, a `CombinedMaterial`, that says how much.
+    CombinedMaterial
+        1/G = ½ (1/G₁ + 1/G₂), ν/G = ½ (ν₁/G₁ + ν₂/G₂), of equal bodies theirs; and the
+        `difference_parameter`.
 
     Raises
     ------
     ValueError
-        For a shear modulus that is not positive or a Poisson's ratio outside (-1, 0.5].
+        For two rigid bodies.
     TypeError
-        For what is not two real numbers.
+        For what is not a `Material`.
 
     Notes
     -----
@@ -59,18 +164,24 @@ def combined_material(first: Material, second: Material) -> Material:
 
     Examples
     --------
-    >>> from toeplitz_mg import halfspace
-    >>> halfspace.combined_material((82000.0, 0.28), (82000.0, 0.28))
-    Material(G=82000.0, nu=0.28)
+    >>> from toeplitz_mg import contact, halfspace
+    >>> steel = contact.Material.from_shear(82000.0, 0.28)
+    >>> halfspace.combined_material(steel, steel)
+    CombinedMaterial(G=82000.0, nu=0.28, difference=0.0)
+    >>> halfspace.combined_material(steel, contact.Material.rigid()).G
+    164000.0
     """
-    (G1, nu1), (G2, nu2) = _check_body(first), _check_body(second)
-    G = 2.0 / (1.0 / G1 + 1.0 / G2)
-    nu = G / 2.0 * (nu1 / G1 + nu2 / G2)
-    if (K := difference_parameter(first, second)) == 0.0:
-        return Material(G, nu)
-    combined = CombinedMaterial(G, nu)
-    combined.difference = K
-    return combined
+    for body in (first, second):
+        if not isinstance(body, Material):
+            raise TypeError(f"material is {body!r}, but must be {WANTED}")
+    if np.isinf(first.G) and np.isinf(second.G):
+        raise ValueError("both bodies are rigid, but one must be elastic")
+    if first == second:
+        return CombinedMaterial(first.G, first.nu)
+    G = 2.0 / (1.0 / first.G + 1.0 / second.G)
+    nu = min(0.5, G / 2.0 * (first.nu / first.G + second.nu / second.G))  # Despite rounding.
+    K = G / 4.0 * ((1.0 - 2.0 * first.nu) / first.G - (1.0 - 2.0 * second.nu) / second.G)
+    return CombinedMaterial(G, nu, K)
 
 
 def difference_parameter(first: Material, second: Material) -> float:
@@ -78,7 +189,7 @@ def difference_parameter(first: Material, second: Material) -> float:
 
     Parameters
     ----------
-    first, second : Material or (G, nu)
+    first, second : Material
 
     Returns
     -------
@@ -88,41 +199,56 @@ def difference_parameter(first: Material, second: Material) -> float:
 
     Raises
     ------
-    ValueError
-        For a shear modulus that is not positive or a Poisson's ratio outside (-1, 0.5].
-    TypeError
-        For what is not two real numbers.
+    ValueError, TypeError
+        For bodies that `combined_material` refuses.
 
     Examples
     --------
-    >>> from toeplitz_mg import halfspace
-    >>> halfspace.difference_parameter((82000.0, 0.28), (82000.0, 0.28))
-    0.0
-    >>> round(halfspace.difference_parameter((1.0, 0.25), (82000.0, 0.28)), 6)
-    0.249994
+    >>> from toeplitz_mg import contact, halfspace
+    >>> soft, rigid = contact.Material.from_shear(1.0, 0.25), contact.Material.rigid()
+    >>> halfspace.difference_parameter(soft, rigid)
+    0.25
     """
-    (G1, nu1), (G2, nu2) = _check_body(first), _check_body(second)
-    G = 2.0 / (1.0 / G1 + 1.0 / G2)
-    return G / 4.0 * ((1.0 - 2.0 * nu1) / G1 - (1.0 - 2.0 * nu2) / G2)
+    return combined_material(first, second).difference
 
 
-def _check_body(material: Any) -> Material:
-    """Return the constants of a body, as the user gave them."""
-    try:
-        G, nu = material
-    except (TypeError, ValueError):
-        raise TypeError(f"material is {material!r}, but must be (G, nu)") from None
-    checked = check_material(G, nu)
+def combine(material: Any) -> CombinedMaterial:
+    """Return the combined constants of what a user gave for the bodies, or say what is wrong.
+
+    Parameters
+    ----------
+    material : Material, (Material, Material) or CombinedMaterial
+        Of both bodies; of each of the two; or combined before.
+    """
+    if isinstance(material, CombinedMaterial):
+        return material
+    if isinstance(material, Material):
+        return combined_material(material, material)
     refuse_masked("material", material)
-    return checked
+    try:
+        first, second = material
+    except (TypeError, ValueError):
+        raise TypeError(f"material is {material!r}, but must be {WANTED}") from None
+    if not isinstance(first, Material) and not isinstance(second, Material):
+        raise TypeError(
+            f"material is {material!r}, but a pair does not say which modulus it has: use "
+            f"contact.Material(E={first!r}, nu={second!r}) for Young's modulus or "
+            f"contact.Material.from_shear({first!r}, {second!r}) for the shear modulus"
+        )
+    return combined_material(first, second)
 
 
-def check_material(G: float, nu: float) -> Material:
-    """Return the two constants, or say which of them no elastic body has."""
-    G, nu = positive("G", G), real("nu", nu)
+def check_ratio(nu: float) -> float:
+    """Return a Poisson's ratio, or say that no elastic body has it."""
+    nu = real("nu", nu)
     if not -1.0 < nu <= 0.5:
         raise ValueError(f"nu is {nu}, but Poisson's ratio lies in (-1, 0.5]")
-    return Material(G, nu)
+    return nu
+
+
+def check_constants(G: float, nu: float) -> tuple[float, float]:
+    """Return the two constants of a kernel, or say which of them no elastic body has."""
+    return positive("G", G), check_ratio(nu)
 
 
 def check_difference(K: float) -> float:

@@ -14,7 +14,7 @@ from toeplitz_mg.halfspace.influence import (
     influence_zz,
 )
 from toeplitz_mg.halfspace.line_contact import line_contact_coefficients
-from toeplitz_mg.halfspace.materials import CombinedMaterial, Material, check_material
+from toeplitz_mg.halfspace.materials import CombinedMaterial, combine
 from toeplitz_mg.halfspace.points import offsets
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.values import refuse_masked
@@ -35,7 +35,7 @@ def influence_matrix(
     directions: str,
     grid_shape: tuple[int, ...],
     element: tuple[float, ...],
-    material: Material,
+    material: Any,
     *,
     reference: float | None = None,
     ahead: int = 0,
@@ -52,9 +52,8 @@ def influence_matrix(
     element : (float, float) or (float,)
         Size h₁ × h₂ of an element, mm; of strips their width and length, or their width where they
         are of infinite length, which is plane strain.
-    material : Material or (G, nu)
-        Shear modulus (N/mm²) and Poisson's ratio of both bodies; of two materials, that of
-        `combined_material`.
+    material : Material or (Material, Material)
+        Of both bodies, or of the first and the second.
     reference : float, optional
         In plane strain, the distance at which a line load moves nothing, mm; the length of the
         grid by default.
@@ -74,7 +73,7 @@ def influence_matrix(
         For directions, an element or a material that there is none of, and for several directions
         in plane strain.
     TypeError
-        For what is no number.
+        For what is no number, and no `Material`.
 
     See Also
     --------
@@ -86,8 +85,8 @@ def influence_matrix(
 
     Examples
     --------
-    >>> from toeplitz_mg import halfspace
-    >>> steel = (82000.0, 0.28)  # G in N/mm², Poisson's ratio
+    >>> from toeplitz_mg import contact, halfspace
+    >>> steel = contact.Material(E=210000.0, nu=0.28)  # N/mm²
     >>> halfspace.influence_matrix("z", (32, 16), (0.25, 0.5), steel)
     <ToeplitzOperator 32 x 16, symmetric, float64>
     >>> halfspace.influence_matrix("xy", (32, 16), (0.25, 0.5), steel)
@@ -97,9 +96,9 @@ def influence_matrix(
         raise ValueError(
             f"directions is {directions!r}, but must be one or several of x, y and z, as 'xy'"
         )
-    given = {"grid_shape": grid_shape, "element": element, "material": material, "ahead": ahead}
-    for name, value in given.items():
+    for name, value in (("grid_shape", grid_shape), ("element", element), ("ahead", ahead)):
         refuse_masked(name, value)
+    bodies = combine(material)
     shape = (grid_shape[0] + ahead, *grid_shape[1:])
     if len(element) == 1 and (directions not in ("x", "z") or len(shape) != 1):
         raise ValueError(
@@ -111,7 +110,7 @@ def influence_matrix(
     blocks: dict[str, ToeplitzOperator | None] = {}
     for name, (_, parity) in KERNELS.items():
         if set(name) <= set(directions):
-            c = quadrant(name, shape, element, material, reference)
+            c = quadrant(name, shape, element, bodies, reference)
             blocks[name] = block = _operator(c, parity, ahead) if c.any() else None
             # By reciprocity, what is odd in one of x and y has the other sign the other way round.
             is_odd = parity[0] != parity[1]
@@ -125,14 +124,13 @@ def quadrant(
     name: str,
     shape: tuple[int, ...],
     element: tuple[float, ...],
-    material: Material,
+    material: CombinedMaterial,
     reference: float,
 ) -> Array:
     """Return the coefficients of two directions, as "zz", at offsets that are not negative."""
-    G, nu = check_material(*material)
+    G, nu, K = material.G, material.nu, material.difference
     if len(element) == 1:
         return line_contact_coefficients(shape[0], element[0], G=G, nu=nu, reference=reference)
-    K = material.difference if isinstance(material, CombinedMaterial) else 0.0
     constant = ("K", K) if name in ("xz", "yz") else ("nu", nu)
     # What couples two directions may be too small to be multiplied.
     value = 0.0 if abs(constant[1]) < NEGLIGIBLE else constant[1]

@@ -10,8 +10,8 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.values import count
 
-STEEL = halfspace.Material(G=82000.0, nu=0.28)
-RUBBER = halfspace.Material(G=0.3, nu=0.49)
+STEEL = halfspace.Material.from_shear(82000.0, 0.28)
+RUBBER = halfspace.Material.from_shear(0.3, 0.49)
 A_HALF, B_HALF = 4.0, 50.0  # Half sides of the potential contact area along x and y, mm.
 
 

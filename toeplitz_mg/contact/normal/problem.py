@@ -46,9 +46,8 @@ def normal_contact(
     element : (float, float) or float
         Size (h1, h2) of an element, mm. In line contact the width and the length of the strips,
         or the width alone: plane strain, with forces per mm of length.
-    material : Material or (G, nu)
-        Shear modulus (N/mm²) and Poisson's ratio of both bodies; of two materials, that of
-        `halfspace.combined_material`. Against a rigid body, (2 G, nu).
+    material : Material or (Material, Material)
+        Of both bodies, or of the first and the second (see `contact.Material`).
     approach : float
         The approach of the bodies, from where the gap is given, mm.
     force : float
@@ -95,11 +94,11 @@ def normal_contact(
     --------
     Hertz: a steel sphere of 10 mm on a steel plate.
 
-    >>> from toeplitz_mg.contact import normal_contact
-    >>> from toeplitz_mg.contact import surfaces
+    >>> from toeplitz_mg.contact import Material, normal_contact, surfaces
+    >>> steel = Material(E=210000.0, nu=0.28)  # N/mm²
     >>> gap = surfaces.sphere((64, 64), (0.01, 0.01), radius=10.0)
-    >>> contact = normal_contact(gap, (0.01, 0.01), material=(82000.0, 0.28), force=100.0)
-    >>> E_star = 82000.0 / (1.0 - 0.28)
+    >>> contact = normal_contact(gap, (0.01, 0.01), material=steel, force=100.0)
+    >>> E_star = steel.E_star / 2.0  # Of two bodies of steel.
     >>> a = (3 * 100.0 * 10.0 / (4 * E_star)) ** (1 / 3)
     >>> f"{contact.rigid:.5f} mm, {a**2 / 10.0:.5f} by Hertz"
     '0.00351 mm, 0.00351 by Hertz'

@@ -48,9 +48,8 @@ def friction(
     element : (float, float) or float
         Size (h1, h2) of an element, mm. In line contact the width and the length of the strips,
         or the width alone: plane strain, with forces per mm of length.
-    material : Material or (G, nu)
-        Shear modulus (N/mm²) and Poisson's ratio of both bodies; of two materials, that of
-        `halfspace.combined_material`.
+    material : Material or (Material, Material)
+        Of both bodies, or of the first and the second (see `contact.Material`).
     shift : array_like
         Rigid shift of the bodies, since the previous tractions if there are such, mm: (δx, δy), or
         in line contact a number. Tractions and displacements point along it. It may be a field,
@@ -80,8 +79,8 @@ def friction(
     Warns
     -----
     ContactWarning
-        Where the contact is less than 10 elements across; and where the `material` is combined of
-        unlike ones, as the coupling of normal and tangential tractions is left out.
+        Where the contact is less than 10 elements across; and where the two bodies are unlike,
+        as the coupling of normal and tangential tractions is left out.
         `ContactResult.warnings` lists them.
 
     Raises
@@ -98,15 +97,14 @@ def friction(
 
     >>> import numpy as np
     >>> from toeplitz_mg.contact import surfaces
-    >>> from toeplitz_mg.contact import normal_contact
-    >>> from toeplitz_mg.contact import friction
-    >>> steel, element = (82000.0, 0.28), (0.01, 0.01)
+    >>> from toeplitz_mg.contact import Material, friction, normal_contact
+    >>> steel, element = Material.from_shear(82000.0, 0.28), (0.01, 0.01)
     >>> gap = surfaces.sphere((64, 64), element, radius=10.0)
     >>> contact = normal_contact(gap, element, material=steel, force=100.0)
     >>> shifted = friction(0.3 * contact.traction, element, material=steel, force=(15.0, 0.0))
     >>> bool(shifted.stick.any() and shifted.sliding.any())
     True
-    >>> a, (G, nu) = np.sqrt(contact.rigid * 10.0), steel
+    >>> a, G, nu = np.sqrt(contact.rigid * 10.0), steel.G, steel.nu
     >>> exact = 3 * 30.0 * 2 * (2 - nu) / (16 * G * a) * (1 - (1 - 15.0 / 30.0) ** (2 / 3))
     >>> f"{shifted.rigid[0] * 1e3:.3f} µm, {exact * 1e3:.3f} by theory"
     '0.466 µm, 0.466 by theory'

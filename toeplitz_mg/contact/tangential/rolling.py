@@ -61,9 +61,8 @@ def rolling(
     element : (float, float) or float
         Size (h1, h2) of an element, mm. In line contact the width and the length of the strips,
         or the width alone: plane strain, with forces per mm of length.
-    material : Material or (G, nu)
-        Shear modulus (N/mm²) and Poisson's ratio of both bodies; of two materials, that of
-        `halfspace.combined_material`.
+    material : Material or (Material, Material)
+        Of both bodies, or of the first and the second (see `contact.Material`).
     longitudinal, lateral : float
         Creepages: rigid slip along x and y over the distance rolled.
     spin : float
@@ -87,8 +86,8 @@ def rolling(
     Warns
     -----
     ContactWarning
-        Where the contact is less than 10 elements across; and where the `material` is combined of
-        unlike ones, as the coupling of normal and tangential tractions is left out.
+        Where the contact is less than 10 elements across; and where the two bodies are unlike,
+        as the coupling of normal and tangential tractions is left out.
         `ContactResult.warnings` lists them.
 
     Raises
@@ -104,12 +103,12 @@ def rolling(
 
     >>> import numpy as np
     >>> from toeplitz_mg.contact import surfaces
-    >>> from toeplitz_mg.contact import rolling
+    >>> from toeplitz_mg.contact import Material, rolling
     >>> mu, a, R, G, nu = 0.3, 4.0, 500.0, 82000.0, 0.28
     >>> (x,) = surfaces.centres(200, 0.05)
     >>> p = G / (1 - nu) * np.sqrt(np.maximum(a**2 - x**2, 0.0)) / (2 * R)
     >>> creepage = -mu * (a - 0.6 * a) / R
-    >>> rolled = rolling(mu * p, 0.05, material=(G, nu), longitudinal=creepage)
+    >>> rolled = rolling(mu * p, 0.05, material=Material.from_shear(G, nu), longitudinal=creepage)
     >>> bool(abs(rolled.force / (mu * p.sum() * 0.05) - (1 - 0.6**2)) < 0.01)
     True
     """
@@ -177,9 +176,9 @@ def rolling_steps(
     Examples
     --------
     >>> import numpy as np
-    >>> from toeplitz_mg.contact import rolling, rolling_steps
+    >>> from toeplitz_mg.contact import Material, rolling, rolling_steps
     >>> x = np.linspace(-0.95, 0.95, 20)
-    >>> case = dict(element=0.1, material=(1.0, 0.3), longitudinal=-0.1)
+    >>> case = dict(element=0.1, material=Material.from_shear(1.0, 0.3), longitudinal=-0.1)
     >>> g = 0.3 * np.sqrt(1 - x**2)
     >>> *_, last = rolling_steps(g, steps=60, **case)
     >>> bool(np.allclose(last.traction, rolling(g, **case).traction, atol=1e-6))

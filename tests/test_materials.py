@@ -1,0 +1,101 @@
+"""Elastic bodies: two spellings of the modulus, a rigid one, and pairs of them."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from toeplitz_mg import halfspace
+from toeplitz_mg.contact import Material, friction, normal_contact, rolling, surfaces
+
+
+def test_both_spellings_are_of_the_same_body():
+    steel = Material(E=210000.0, nu=0.3)
+    assert_allclose(steel.G, 210000.0 / 2.6, rtol=1e-15)
+    assert_allclose(steel.E, 210000.0, rtol=1e-15)
+    assert_allclose(steel.E_star, 210000.0 / (1 - 0.3**2), rtol=1e-15)
+    again = Material.from_shear(steel.G, 0.3)
+    assert again == steel
+    assert hash(again) == hash(steel)
+    assert repr(steel) == "Material(E=210000, nu=0.3)"
+    for twin in (pickle.loads(pickle.dumps(steel)), copy.deepcopy(steel), eval(repr(steel))):
+        assert twin == steel
+
+
+def test_a_material_cannot_be_changed():
+    with pytest.raises(AttributeError):
+        Material(E=1.0, nu=0.3).G = 2.0
+
+
+def test_a_rigid_body():
+    rigid, rubber = Material.rigid(), Material(E=3.0, nu=0.49)
+    assert np.isinf([rigid.G, rigid.E, rigid.E_star]).all()
+    assert repr(rigid) == "Material.rigid()"
+    both = halfspace.combined_material(rubber, rigid)
+    assert_allclose(both.E_star, rubber.E_star, rtol=1e-15)
+    assert_allclose(both.nu, rubber.nu, rtol=1e-15)
+    # It is what a body is on that is far stiffer than it.
+    stiff = halfspace.combined_material(rubber, Material(E=3e20, nu=0.2))
+    assert_allclose([both.G, both.nu, both.difference], [stiff.G, stiff.nu, stiff.difference])
+    with pytest.raises(ValueError, match="both bodies are rigid, but one must be elastic"):
+        halfspace.combined_material(rigid, rigid)
+
+
+def test_a_sphere_on_a_rigid_flat_by_hertz():
+    steel, element, R, F = Material(E=210000.0, nu=0.3), (0.01, 0.01), 10.0, 200.0
+    gap = surfaces.sphere((96, 96), element, radius=R)
+    for material, E_star in (
+        (steel, steel.E_star / 2),
+        ((steel, steel), steel.E_star / 2),
+        ((steel, Material.rigid()), steel.E_star),
+        ((Material.rigid(), steel), steel.E_star),
+    ):
+        pressed = normal_contact(gap, element, material=material, force=F)
+        approach = (9 * F**2 / (16 * R * E_star**2)) ** (1 / 3)
+        assert_allclose(pressed.rigid, approach, rtol=2e-3)
+
+
+def test_a_pair_of_equal_bodies_is_the_body():
+    one, two = Material(E=3.0, nu=0.4), (Material(E=3.0, nu=0.4), Material(E=3.0, nu=0.4))
+    g = np.full((12, 12), 0.1)
+    for solve in (
+        lambda m: friction(g, (0.1, 0.1), material=m, shift=(1e-3, 0.0)),
+        lambda m: rolling(g, (0.1, 0.1), material=m, lateral=1e-3),
+    ):
+        assert np.array_equal(solve(one).traction, solve(two).traction)
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "match"),
+    [
+        (lambda: Material(E=0.0, nu=0.3), ValueError, "E is 0.0, but must be positive"),
+        (lambda: Material(E=np.inf, nu=0.3), ValueError, "E is inf"),
+        (lambda: Material(E=1.0, nu=0.6), ValueError, "nu is 0.6, but Poisson's ratio"),
+        (lambda: Material(E=1.0, nu=-1.0), ValueError, "nu is -1.0"),
+        (lambda: Material(E="a", nu=0.3), TypeError, "E is 'a', but must be a real number"),
+        (lambda: Material.from_shear(-1.0, 0.3), ValueError, "G is -1.0"),
+        (lambda: Material.from_shear(1.0, np.nan), ValueError, "nu is nan"),
+        (lambda: Material.from_shear(np.ma.masked, 0.3), TypeError, "G is a masked array"),
+        (lambda: halfspace.CombinedMaterial(1.0, 0.3, 2.0), ValueError, "K is 2.0"),
+    ],
+)
+def test_what_no_body_is_made_of(make, error, match):
+    with pytest.raises(error, match=match):
+        make()
+
+
+def test_a_bare_pair_is_refused_with_both_spellings():
+    """Taken for a shear modulus, Young's modulus is silently 2.6 times too stiff."""
+    g, pair = np.full((4, 4), 0.1), (210000.0, 0.3)
+    for solve in (
+        lambda: normal_contact(g, (1.0, 1.0), material=pair, force=1.0),
+        lambda: friction(g, (1.0, 1.0), material=pair, shift=(0.1, 0.0)),
+        lambda: rolling(g, (1.0, 1.0), material=pair, lateral=0.1),
+        lambda: halfspace.influence_matrix("z", (4, 4), (1.0, 1.0), pair),
+    ):
+        with pytest.raises(TypeError) as caught:
+            solve()
+        assert "contact.Material(E=210000.0, nu=0.3)" in str(caught.value)
+        assert "contact.Material.from_shear(210000.0, 0.3)" in str(caught.value)
