@@ -111,7 +111,7 @@ def test_drop_in(tmp_path, monkeypatch, capsys):
         "scipy.linalg.solve_toeplitz",
         "scipy.linalg.lu_solve",
     }
-    assert all(float(row["residual"]) <= 1e-10 for row in rows)
+    assert all(float(row["residual"]) <= drop_in.TOLERANCE for row in rows)
     ratios = [float(row[f"ratio{key}"]) for row in rows for key in ("", "_half", "_twice")]
     assert min(ratios) > 0.0
 

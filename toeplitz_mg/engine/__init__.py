@@ -12,6 +12,6 @@ The way of one ``A @ x``, from `operators.base`, which hands over x as rows:
 5. `workspace` gives the memory for it, the same again and again; `threads` shares the panels among
    as many threads as `scipy.fft.set_workers` says.
 
-What a transform diagonalises without any embedding (circulants, trigonometric matrices, the formula
-of Gohberg and Semencul) is a product of `products` too.
+What a transform diagonalises without any embedding (circulants, trigonometric matrices) is a
+product of `products` too, and the formula of Gohberg and Semencul one of `gohberg_semencul`.
 """

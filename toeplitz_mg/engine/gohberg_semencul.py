@@ -4,12 +4,12 @@ from math import sqrt
 
 import numpy as np
 from numpy.typing import DTypeLike
-from scipy.linalg import norm
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.products import multiply_rows
 from toeplitz_mg.engine.transforms import plan_of
+from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
 
@@ -25,9 +25,11 @@ class GohbergSemenculProduct:
 
     and of real x and y the real part of (C(x) - i C(y)ᵀ) (S(y)ᵀ + i S(x))/(2 x₀): four transforms
     of length n, as much work as two products with a Toeplitz matrix of that size. Of complex x and
-    y both terms take four, and a product with their matrix takes twice as many too. Where y = x̄,
-    with the eigenvalues p + i q of C(x) and s + i t of S(x), these are those of a matrix p times
-    one of s, and of q times t; and of a real x both as the real part of p - q times s - t.
+    y each term takes four, and a product with their matrix takes twice as many too.
+
+    Where y = x̄ all eigenvalues can be real. With p + i q those of C(x) and s + i t those of S(x),
+    the terms are the matrices of 2 p and s, and of 2 q and t, multiplied; of a real x their sum is
+    the real part of one product, of the matrices of p - q and 2 (s - t).
 
     Where these are slow, p zeros are appended to x, to y and to the vectors. That is the formula
     for a matrix of size n + p that has the one of size n as its leading block (and reflection
@@ -73,8 +75,8 @@ class GohbergSemenculProduct:
         eigenvalues = plan_of(m, dtype, exact=True).eigenvalues
 
         def transform(a: Array) -> list[Array]:
-            # The skew-circulant has the frequencies k - 1/2.
-            # Two complex transforms; beside the real products these are twice as long as real ones.
+            # The skew-circulant has the frequencies k + 1/2. A complex transform has the work of
+            # one for a complex matrix, and of a real one of twice the length for a real matrix.
             count_transforms(2, m if a.dtype.kind == "c" else 2 * m)
             imag = a.imag if a.dtype.kind == "c" else None
             return [plan.spectrum(a.real, imag, shift) for shift in (0.5, 0.0)]

@@ -35,6 +35,7 @@ from toeplitz_mg.preconditioners.candidates import (
     factorise,
     quick_fsai,
 )
+from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
 from toeplitz_mg.preconditioners.selection import Candidate, Selection
@@ -51,6 +52,7 @@ from toeplitz_mg.preconditioners.trigonometric import (
     sine_inverse,
     sine_preconditioner,
 )
+from toeplitz_mg.preconditioners.wiener_hopf import factor_positive_symbol
 from toeplitz_mg.values import count
 
 # `python -m comparisons.preconditioners.areas` measures both sides of these:
@@ -225,6 +227,21 @@ def candidates_of_line(A: ToeplitzOperator) -> Iterator[Candidate]:
         elif factor.residual <= HARDLY_RESOLVED:
             # As wide as the matrix, with a simple tail: 2 to 6 iterations.
             yield Candidate.of(cosine_preconditioner, "a wide covariance", by_cosine)
+
+
+def candidates_of_complex_line(A: ToeplitzOperator) -> Iterator[Candidate]:
+    """Yield the preconditioners of a whole line that is complex and Hermitian.
+
+    That in the middle may take many iterations, as for plane waves and noise; the last one is as
+    good as the inverse, and its set-up takes as long as some 20 iterations.
+    """
+    A = A.astype(np.complex128)
+    factor = factor_positive_symbol(A)
+    if factor is not None and factor.is_inverse:
+        of_factor = partial(inverse_of_factor, factor=factor)
+        yield Candidate.of(spectral_preconditioner, "a symbol that is resolved", of_factor)
+    yield Candidate.of(chan_preconditioner, "next to no set-up")
+    yield Candidate.of(spectral_preconditioner, "whatever the symbol", schur_inverse)
 
 
 def candidates_for_inverse(A: ToeplitzOperator) -> Iterator[Candidate]:

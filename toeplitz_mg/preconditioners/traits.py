@@ -11,6 +11,7 @@ from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE
 # `python -m comparisons.preconditioners.default_choice` measures what follows from these.
 SMOOTH = 1.9  # Largest ratio of the falls at two doublings of the lag: of a parabola 4, a tent 2.
 FAST = 0.2  # Least ratio of the coefficients at a lag and at half of it: less is fast decay.
+JUMPS = 0.1  # Largest share of jumps of the phase: of random coefficients it is one half.
 EXPONENTIAL = 0.01  # Largest deviation of c_(i-s) c_(i+s) from c_i², over c_i²: of exp(-k/ℓ) none.
 
 
@@ -86,6 +87,24 @@ def has_zero_at_start(samples: Array) -> bool:
         first < second / 2
         and second <= samples[2:].min(initial=np.inf) + rounding(samples, samples.dtype)
     )
+
+
+def has_symbol(samples: Array) -> bool:
+    """Whether samples, on a circle, are those of a function of the frequency that they resolve.
+
+    Its phase turns by less than a right angle from nearly each sample to the next. Those of
+    coefficients that do not decay, as of random ones, turn by any angle.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> has_symbol(np.fft.rfft(0.9 ** np.arange(1000)))
+    True
+    >>> has_symbol(np.fft.rfft(np.random.default_rng(0).standard_normal(1000)))
+    False
+    """
+    turned = (samples[1:] * samples[:-1].conj()).real < 0.0
+    return bool(np.count_nonzero(turned) <= JUMPS * len(samples))
 
 
 def has_slow_length(grid_shape: tuple[int, ...]) -> bool:

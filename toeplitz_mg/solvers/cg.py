@@ -129,15 +129,22 @@ def cg(
 
 
 def cg_by_recurrence(
-    A: LinearOperator, b: Array, *, M: LinearOperator, rtol: float, maxiter: int
+    A: LinearOperator,
+    b: Array,
+    *,
+    M: LinearOperator,
+    rtol: float,
+    maxiter: int,
+    residuals: list[float] | None = None,
+    callback: Callable[[Array], object] | None = None,
 ) -> tuple[Array, int, bool]:
     """Return what `cg` finds by the recurrence alone, its iterations, and whether it converged.
 
     It is for those who compute the residual of the result themselves, and correct it.
     """
-    system = check_system(A, b, None, M, rtol, 0.0, maxiter)
+    system = check_system(A, b, None, M, rtol, 0.0, maxiter, residuals)
     state = _Descent(system, None)
-    converged = _descend(state, system, state.goal(rtol, 0.0), None)
+    converged = _descend(state, system, state.goal(rtol, 0.0), callback)
     return state.x, state.iterations, converged
 
 

@@ -11,20 +11,29 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Rows
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.preconditioners.choice import candidates_of_line
-from toeplitz_mg.solvers.cg import cg_by_recurrence
+from toeplitz_mg.preconditioners.choice import candidates_of_complex_line, candidates_of_line
+from toeplitz_mg.preconditioners.circulant import (
+    chan_eigenvalues,
+    chan_preconditioner,
+    signed_chan_inverse,
+)
+from toeplitz_mg.preconditioners.positivity import rounding
+from toeplitz_mg.preconditioners.selection import Candidate
+from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
+from toeplitz_mg.preconditioners.traits import has_symbol
+from toeplitz_mg.preconditioners.trigonometric import signed_inverse
+from toeplitz_mg.solvers.attempts import solve_by_cg, solve_by_gmres
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.levinson import levinson
 from toeplitz_mg.solvers.machine import WINDOW, cosine_over_levinson
 from toeplitz_mg.solvers.system import LARGEST_COSINE, ToeplitzSystem
 
-MOST_ITERATIONS = 16  # Most iterations of CG: the inverse costs at most twice as much.
 FEW = 2  # Most columns for which the inverse is not worth its set-up.
 LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in n³/3 operations.
-MOST_STEPS = 2**32  # Most steps of Levinson's recursion: a column of 65,536 unknowns.
 
 # `python -m comparisons.speed.drop_in` measures both sides of these.
+GENERAL = 2048  # Fewest unknowns where GMRES is faster than Levinson's recursion, on any machine.
 SHORT = 256  # Most unknowns where Levinson's recursion is the fastest for a column, on any machine.
 LONG = 1024  # Fewest unknowns where CG in the DCT domain is, on any machine.
 CALLS = 9.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
@@ -51,8 +60,10 @@ def methods(system: ToeplitzSystem) -> Iterator[Method]:
         return
     if system.is_symmetric and not levinson_is_fastest(n, columns):
         yield from _methods_of_symmetric(system)
+    elif not system.is_symmetric and n >= GENERAL:
+        yield from _methods_of_general(system)
     else:
-        yield _levinson_method(system)
+        yield from _dense_methods(system)
     if n <= LARGEST_DENSE:
         # Levinson's recursion fails where a leading block is singular, or nearly so.
         yield _lu_method(system)
@@ -66,17 +77,71 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
     if steps <= (STEPS_OF_CG if columns <= FEW else STEPS_OF_INVERSE):
         yield _levinson_method(system)
         return
+    if not may_be_definite(system.A):
+        yield from _methods_of_indefinite(system)
+        return
     if columns <= FEW:
-        yield from _cg_method(system.A)
+        yield from _cg_methods(system.A, candidates_of_line(system.A))
     # The inverse needs no more of the symbol than that A is positive definite.
     yield from _inverse_method(system.A)
-    if steps <= MOST_STEPS:
-        yield _levinson_method(system)  # A is indefinite, or singular.
+    yield from _methods_of_indefinite(system)
+
+
+def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
+    """Yield what may solve a system that is complex, or not symmetric."""
+    A = system.A
+    if A.is_hermitian:
+        if may_be_definite(A):
+            if system.columns <= FEW:
+                yield from _cg_methods(A, candidates_of_complex_line(A))
+            yield from _inverse_method(A)
+        yield from _methods_of_indefinite(system)
+        return
+    if has_symbol(chan_eigenvalues(A)):
+        if system.columns <= FEW:
+            yield from _gmres_method(A, chan_preconditioner, "chan_preconditioner")
+            yield from _gmres_method(A, spectral_preconditioner, "spectral_preconditioner")
+        yield from _inverse_method(A)
+    yield from _dense_methods(system)
+
+
+def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
+    """Yield what may solve a symmetric or Hermitian system that is not positive definite."""
+    A = system.A
+    if not lu_is_faster_than_levinson(len(system.c), system.columns):
+        if system.is_symmetric:
+            yield from _gmres_method(A, signed_inverse, "samples of both signs")
+        else:
+            yield from _gmres_method(A, signed_chan_inverse, "circulant of both signs")
+    yield from _dense_methods(system)
+
+
+def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
+    """Yield what needs no more of A than that it is a Toeplitz matrix."""
+    n, columns = len(system.c), system.columns
+    if n <= LARGEST_DENSE and lu_is_faster_than_levinson(n, columns):
+        yield _lu_method(system)
+    else:
+        yield _levinson_method(system)
+
+
+def may_be_definite(A: ToeplitzOperator) -> bool:
+    """Whether T. Chan's circulant does not tell that a Hermitian matrix is indefinite.
+
+    Its eigenvalues are Rayleigh quotients of A.
+    """
+    eigenvalues = chan_eigenvalues(A).real
+    return bool(eigenvalues.min() > -rounding(eigenvalues, A.dtype))
+
+
+def lu_is_faster_than_levinson(n: int, columns: int) -> bool:
+    """Whether a dense factor is faster: its set-up is of n³ steps, but each column is free."""
+    return columns >= 4 + n // 32
 
 
 def lu_is_fastest(n: int, columns: int) -> bool:
-    """Whether a dense factor is the fastest: its set-up is of n³ steps, but each column is free."""
-    return columns >= 4 + n // 32 and n <= SHORT
+    """Whether a dense factor is the fastest of all."""
+    return n <= SHORT and lu_is_faster_than_levinson(n, columns)
 
 
 def levinson_is_fastest(n: int, columns: int) -> bool:
@@ -104,14 +169,21 @@ def _cosine_method(system: ToeplitzSystem) -> Iterator[Method]:
         yield Method("cg in the DCT domain", solver.solve)
 
 
-def _cg_method(A: ToeplitzOperator) -> Iterator[Method]:
-    """Yield CG with the preconditioners that `default_preconditioner` takes first of a whole line.
-
-    Its last resorts are left out: the first is as good as the inverse, and costs as much.
-    """
-    for candidate in candidates_of_line(A):
+def _cg_methods(A: ToeplitzOperator, candidates: Iterator[Candidate]) -> Iterator[Method]:
+    """Yield CG with these preconditioners."""
+    for candidate in candidates:
         with suppress(np.linalg.LinAlgError):  # Its eigenvalues may not be positive.
-            yield Method(f"cg, {candidate.name}", partial(_cg, A, candidate.make(A)))
+            M = candidate.make(A)
+            yield Method(f"cg, {candidate.name}", partial(solve_by_cg, A, M))
+
+
+def _gmres_method(
+    A: ToeplitzOperator, preconditioner: Callable[[ToeplitzOperator], LinearOperator], name: str
+) -> Iterator[Method]:
+    """Yield GMRES with a preconditioner, if there is such a one of A."""
+    with suppress(np.linalg.LinAlgError):
+        M = preconditioner(A)
+        yield Method(f"gmres, {name}", partial(solve_by_gmres, A, M))
 
 
 def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
@@ -120,19 +192,6 @@ def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
     except np.linalg.LinAlgError:  # A is not positive definite.
         return
     yield Method("toeplitz_inverse", lambda B, rtol: (G.apply(B), 1))
-
-
-def _cg(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -> tuple[Rows, int]:
-    X = np.empty_like(B)
-    most = 0
-    for x, b in zip(np.atleast_2d(X), np.atleast_2d(B), strict=True):
-        x[:], iterations, converged = cg_by_recurrence(
-            A, b, M=M, rtol=rtol, maxiter=MOST_ITERATIONS
-        )
-        if not converged:
-            raise np.linalg.LinAlgError(f"cg has not converged in {MOST_ITERATIONS} iterations")
-        most = max(most, iterations)
-    return X, most
 
 
 def _levinson_method(system: ToeplitzSystem) -> Method:

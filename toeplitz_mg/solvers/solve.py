@@ -30,7 +30,7 @@ class SolveInfo(NamedTuple):
     """How `solve_toeplitz` has solved a system."""
 
     method: str
-    iterations: int  # Iterations of CG, most of all columns; or solves by a direct method.
+    iterations: int  # Iterations, most of all columns; or solves by a direct method.
     residual: float  # The largest ‖b - A x‖/‖b‖ of all columns.
     backward_error: float  # The largest ‖b - A x‖/(‖A‖₁ ‖x‖ + ‖b‖) of all columns.
 
@@ -63,8 +63,10 @@ def solve_toeplitz(
 ) -> Array | tuple[Array, SolveInfo]:
     """Solve A x = b for a Toeplitz matrix A: the drop-in for `scipy.linalg.solve_toeplitz`.
 
-    A large symmetric positive definite system takes O(n log n) operations, or O(n log² n) at worst,
-    in the place of O(n²). All others are solved as SciPy does.
+    A large system takes O(n log n) operations in the place of O(n²), whether the matrix is
+    symmetric or not, real or complex, definite or not, if its coefficients are those of a symbol
+    that n of them resolve; and O(n log² n) where it is positive definite. Others are solved as
+    SciPy does, and small ones too.
 
     Parameters
     ----------
@@ -90,8 +92,7 @@ def solve_toeplitz(
     ------
     numpy.linalg.LinAlgError
         Where no method gives an x with a backward error below 2e-12 and a residual below
-        0.1 ‖b‖: A is singular, numerically or exactly, or indefinite and too large for Levinson's
-        recursion.
+        0.1 ‖b‖: A is singular, numerically or exactly.
     TypeError
         For what is not numbers.
     ValueError
@@ -264,9 +265,7 @@ def _try_methods(system: ToeplitzSystem, rtol: float) -> tuple[Rows, SolveInfo]:
         )
     if best and best[1].backward_error <= ACCEPTED and best[1].residual <= SINGULAR:
         return best
-    raise np.linalg.LinAlgError(
-        "A is singular, exactly or numerically, or too large and not positive definite" + tried
-    )
+    raise np.linalg.LinAlgError("A is singular, exactly or numerically" + tried)
 
 
 def _correct(method: Method, system: ToeplitzSystem, rtol: float) -> tuple[Rows, SolveInfo]:

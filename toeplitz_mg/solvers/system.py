@@ -4,7 +4,6 @@ from functools import cached_property
 from math import sqrt
 
 import numpy as np
-import scipy.linalg
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.operators import ToeplitzOperator
@@ -61,7 +60,7 @@ class ToeplitzSystem:
 
     @cached_property
     def A(self) -> ToeplitzOperator:
-        """The operator of A, where A is real."""
+        """The operator of A."""
         return ToeplitzOperator(self.c) if self.is_symmetric else ToeplitzOperator(self.c, self.r)
 
     @cached_property
@@ -78,9 +77,7 @@ class ToeplitzSystem:
             return X @ self._dense.T
         if self.is_symmetric and n <= LARGEST_COSINE:
             return self.cosine_form.multiply(X)
-        if self.c.dtype == np.float64:
-            return self.A.apply(X)
-        return scipy.linalg.matmul_toeplitz((self.c, self.r), X.T).T
+        return self.A.apply(X)
 
     @cached_property
     def _dense(self) -> Array:

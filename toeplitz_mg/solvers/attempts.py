@@ -1,0 +1,122 @@
+"""Iterations as methods of `solve_toeplitz`: they are given up where they converge too slowly."""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.solvers.cg import cg_by_recurrence
+from toeplitz_mg.solvers.gmres import gmres
+
+MOST_OF_CG = 16  # Most iterations of CG: the inverse costs at most twice as much.
+MOST_OF_GMRES = 30  # Most iterations of GMRES, and so vectors: 240 MiB in 2^20 real unknowns.
+# ‖b - A x‖/‖b‖ that is to be reached after so many iterations. Where it is not, what follows, an
+# exact inverse or Levinson's recursion, is sooner there.
+EXPECTED = {10: 1e-2, 20: 1e-5}
+USEFUL = 1e-6  # ‖b - A x‖/‖b‖ at which rounding may have stopped it: the caller corrects that.
+
+Attempt = Callable[[Array], tuple[Array, int]]
+
+
+class _TooSlow(Exception):
+    """An iteration converges too slowly."""
+
+
+class _Watch:
+    """The norms of the residuals of an iteration, and what is expected of them."""
+
+    def __init__(self) -> None:
+        self.residuals: list[float] = []
+
+    def __call__(self, iterate: object) -> None:
+        """Look at the iteration after each step."""
+        if self.iterations in EXPECTED and self.reduction > EXPECTED[self.iterations]:
+            raise _TooSlow
+
+    @property
+    def iterations(self) -> int:
+        return max(len(self.residuals) - 1, 0)
+
+    @property
+    def reduction(self) -> float:
+        """The last residual over the first."""
+        return self.residuals[-1] / self.residuals[0] if self.iterations else 0.0
+
+    def failure(self, name: str) -> np.linalg.LinAlgError:
+        """Return the error that says how far the iteration has come."""
+        return np.linalg.LinAlgError(
+            f"{name} has reached {self.reduction:.1e} ‖b‖ in {self.iterations} iterations"
+        )
+
+
+def solve_by_cg(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -> tuple[Rows, int]:
+    """Solve for each row of B by conjugate gradients, and return the most iterations of all.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where it converges too slowly for any of them.
+    """
+
+    def attempt(b: Array) -> tuple[Array, int]:
+        watch = _Watch()
+        try:
+            x, iterations, converged = cg_by_recurrence(
+                A,
+                b,
+                M=M,
+                rtol=rtol,
+                maxiter=MOST_OF_CG,
+                residuals=watch.residuals,
+                callback=watch,
+            )
+        except _TooSlow:
+            raise watch.failure("cg") from None
+        if not converged:
+            raise watch.failure("cg")
+        return x, iterations
+
+    return _solve_rows(attempt, B)
+
+
+def solve_by_gmres(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -> tuple[Rows, int]:
+    """Solve for each row of B by GMRES, and return the most iterations of all.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where it converges too slowly for any of them.
+    """
+
+    def attempt(b: Array) -> tuple[Array, int]:
+        watch = _Watch()
+        info = 1
+        try:
+            x, info = gmres(
+                A,
+                b,
+                M=M,
+                rtol=rtol,
+                restart=MOST_OF_GMRES,
+                maxiter=1,
+                callback=watch,
+                callback_type="pr_norm",
+                residuals=watch.residuals,
+            )
+        except _TooSlow:
+            raise watch.failure("gmres") from None
+        if info > 0 and not watch.reduction <= USEFUL:
+            raise watch.failure("gmres")
+        return x, watch.iterations
+
+    return _solve_rows(attempt, B)
+
+
+def _solve_rows(attempt: Attempt, B: Rows) -> tuple[Rows, int]:
+    X = np.empty_like(B)
+    most = 0
+    for x, b in zip(np.atleast_2d(X), np.atleast_2d(B), strict=True):
+        x[:], iterations = attempt(b)
+        most = max(most, iterations)
+    return X, most
