@@ -12,6 +12,7 @@ extended as the others are, and transformed at the frequencies k.
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
+from itertools import product as combinations
 from math import prod
 from typing import Any
 
@@ -225,13 +226,17 @@ def _spectrum(lags: Array | None, is_complex: bool) -> Array | None:
     lengths = embedding_lengths(grid, is_complex=is_complex)
     count_transforms(1, *(2 * n for n in grid))
     column = np.zeros(lengths, np.complex128)
-    n = grid[-1]
-    inside = tuple(slice(m) for m in lags.shape[:-1])
-    column[(*inside, slice(n))] = lags[..., n - 1 :]
-    if n > 1:
-        around = column if is_complex else column.imag
-        around[(*inside, slice(1 - n, None))] = lags[..., : n - 1]
-    column = np.roll(column, [1 - m for m in grid[:-1]], tuple(range(lags.ndim - 1)))
+    around = column if is_complex else column.imag
+    # Along each axis the lags from 0 on are in front, and then those below 0 behind. Of a real
+    # matrix both may be in the same places of the last axis, as real and imaginary parts.
+    halves = [
+        [(slice(n), slice(n - 1, None)), (slice(1 - n, None), slice(n - 1))][: min(n, 2)]
+        for n in grid
+    ]
+    for parts in combinations(*halves):
+        to, of = zip(*parts, strict=True)
+        is_behind = of[-1].stop is not None
+        (around if is_behind else column)[to] = lags[of]
     if is_complex:
         column /= prod(lengths)
     else:
