@@ -11,6 +11,7 @@ from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, name_symmetry
 from toeplitz_mg.operators.coefficients import check_precision
+from toeplitz_mg.values import refuse_masked
 
 if TYPE_CHECKING:  # A ToeplitzOperator makes sums, and is made of them.
     from toeplitz_mg.operators.toeplitz import ToeplitzOperator
@@ -77,6 +78,7 @@ class ToeplitzSum(GridOperator):
     """
 
     def __init__(self, terms: Iterable[Term], diagonal: Array | None = None) -> None:
+        diagonal = None if diagonal is None else refuse_masked("diagonal", diagonal)
         self.terms, self.offset = tuple(terms), diagonal
         parts = [part for term in self.terms for part in term if part is not None]
         dtype = np.result_type(
