@@ -11,6 +11,8 @@ import toeplitz_mg as tmg
 from comparisons.systems.symbols import COLUMNS, HERMITIAN, column
 from toeplitz_mg.preconditioners.schur import schur_column
 
+SLOW = pytest.mark.slow  # The condition number of a dense matrix takes nearly all the time.
+
 
 def levinson(c):
     """Levinson's recursion as in any textbook: the predictor and the Schur parameters."""
@@ -22,7 +24,7 @@ def levinson(c):
     return a / error, np.array(gamma)
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 33, 64, 65, 211, 600, 1009])
+@pytest.mark.parametrize("n", [1, 2, 3, 33, 64, 65, 211, 600, pytest.param(1009, marks=SLOW)])
 @pytest.mark.parametrize("turn", [0.0, 1.0])
 @pytest.mark.parametrize("name", COLUMNS)
 def test_is_levinsons_recursion(name, turn, n):

@@ -36,7 +36,7 @@ LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in 
 # `python -m comparisons.speed.drop_in` measures both sides of these.
 GENERAL = 2048  # Fewest unknowns where GMRES is faster than Levinson's recursion, on any machine.
 SHORT = 256  # Most unknowns where Levinson's recursion is the fastest for a column, on any machine.
-LONG = 1024  # Fewest unknowns where CG in the DCT domain is, on any machine.
+LONG = 2048  # Fewest unknowns where CG in the DCT domain is, on any machine.
 CALLS = 9.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
 SLOW = 1.5  # Time of CG in the DCT domain for a slow length, over that for a fast one.
 COSINE_NUMBERS = 20_000  # Most numbers in all columns where that is faster than the inverse.

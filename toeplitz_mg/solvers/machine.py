@@ -1,6 +1,6 @@
 """The one fact about a machine that `solve_toeplitz` chooses by: a ratio of two times.
 
-Where n is between some 256 and 1024, Levinson's recursion, which is compiled and takes n² steps,
+Where n is between some 256 and 2048, Levinson's recursion, which is compiled and takes n² steps,
 and CG in the DCT domain, which takes some hundred calls of Python and few numbers each, take about
 as long. Which is faster depends on the machine, and so on its ratio.
 """
@@ -17,7 +17,7 @@ from toeplitz_mg.solvers.levinson import levinson
 
 VARIABLE = "TOEPLITZ_MG_COSINE_OVER_LEVINSON"  # The environment variable that fixes the ratio.
 WINDOW = 512  # Unknowns of the system whose times are compared.
-TURNS = 5  # Turns of the two, of which the shortest times count: some milliseconds in all.
+TURNS = 9  # Turns of the two, of which the shortest times count: some milliseconds in all.
 
 
 def cosine_over_levinson() -> float:
