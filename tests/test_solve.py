@@ -255,6 +255,9 @@ def test_refuses_bad_arguments():
                 solve(c, b)
             with pytest.raises(ValueError, match=r"finite|infs or NaNs"):
                 solve(b, c)
+    for parts in (([1.0],), ([1.0], [1.0], [1.0])):
+        with pytest.raises(ValueError, match=r"c_or_cr is a tuple of [13], but must be \(c, r\)"):
+            solve(parts, [1.0])
     with pytest.raises(TypeError, match="b has dtype"):
         solve([1.0], None)
     with pytest.raises(TypeError, match="c has dtype"):

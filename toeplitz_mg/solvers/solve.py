@@ -126,7 +126,14 @@ def solve_toeplitz(
     """
     if not 0.0 < real("rtol", rtol) < 1.0:
         raise ValueError(f"rtol is {rtol}, but must be between 0 and 1")
-    c, r = c_or_cr if isinstance(c_or_cr, tuple) else (c_or_cr, None)
+    c, r = c_or_cr, None
+    if isinstance(c_or_cr, tuple):
+        if len(c_or_cr) != 2:
+            raise ValueError(
+                f"c_or_cr is a tuple of {len(c_or_cr)}, but must be (c, r), the first column and "
+                "the first row; a column alone is an array or a list"
+            )
+        c, r = c_or_cr
     c, b = _numbers(c, "c"), _numbers(b, "b")
     if r is not None:
         r = _numbers(r, "r")
