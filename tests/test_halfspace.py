@@ -65,7 +65,7 @@ def quadrature(kernel, x, y, element, nu):
 # Points in element sizes: self, neighbours, off centre inside and out, border, middling, far.
 POINTS = [(0, 0), (1, 0), (0, 1), (1, 1), (0.3, -0.2), (0.5, 0.1), (2, 0.4), (-7, 3), (0.2, 17)]
 POINTS += [(1000.5, 0.25), (3e4, 2e4)]
-ELEMENTS = [(1, 1), (1, 2.5), (1, 100), (3e3, 1), (8e-6, 100), (10, 1e-6)]
+ELEMENTS = [(1, 1), (1, 2.5), (3e3, 1), (8e-6, 100)]  # Others are in test_rectangles.py.
 
 
 @pytest.mark.slow

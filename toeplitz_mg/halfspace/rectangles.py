@@ -30,8 +30,10 @@ def integrate(kernel: Kernel, x: Array, y: Array, h1: float, h2: float) -> Array
 
     Notes
     -----
-    The series of a block is as long as its nearest point needs. Points too near for any series, on
-    most grids a few, are computed by themselves.
+    The series of a point is as long as its distance needs, whatever points there are beside it: so
+    the integrals at points that mirror each other are the same to the last bit, as a matrix that
+    is symmetric has them. Points too near for any series, on most grids a few, are computed by
+    themselves.
     """
     # A unit that is a power of two rounds nothing, and lengths in it have squares. The integral of
     # a kernel of degree -1 is in proportion to it.
@@ -66,13 +68,31 @@ def _from_afar(
     y: Array,
     r2: Array,
 ) -> Array:
+    """Return the integrals by series, each as long as the distance of its point needs."""
+    nearest, farthest = _order(reach, r2.min()), _order(reach, r2.max())
+    if nearest == farthest:
+        return _sum(kernel, P[: nearest + 1], x, y, r2)
+    value = np.empty_like(r2)
+    begins = dict(sorted(reach.items(), reverse=True))  # Where a series begins to be long enough.
+    begins = {order: least for order, least in begins.items() if farthest <= order <= nearest}
+    ends = [*list(begins.values())[1:], np.inf]
+    for (order, least), end in zip(begins.items(), ends, strict=True):
+        part = (least <= r2) & (r2 < end)
+        value[part] = _sum(kernel, P[: order + 1], x[part], y[part], r2[part])
+    return value
+
+
+def _order(reach: dict[int, float], r2: float) -> int:
+    """Return the order of the shortest series that is long enough."""
+    return min(order for order, least in reach.items() if least <= r2)
+
+
+def _sum(kernel: Kernel, P: list[list[float]], x: Array, y: Array, r2: Array) -> Array:
     """Return x^p y^q/ρ^(p+q+1) Σ_k ρ^(-2k) P_k(x²/ρ²), p and q of 0 and 1."""
-    nearest = r2.min()
-    order = min(k for k, least in reach.items() if least <= nearest)
     e = np.divide(1.0, r2, out=r2)
     u = x * x
     u *= e
-    value = sum_series(P[: order + 1], u, e)
+    value = sum_series(P, u, e)
     i, j, _ = next(iter(kernel))
     if i % 2:
         value *= x
