@@ -323,3 +323,9 @@ def test_refuses_bad_arguments(arguments, error, match):
     arguments = {"A": np.eye(3), "b": np.ones(3)} | arguments
     with pytest.raises(error, match=match):
         tmg.gmres(arguments.pop("A"), arguments.pop("b"), **arguments)
+
+
+def test_norms_that_are_called_back_are_of_what_is_solved():
+    norms = []
+    tmg.gmres(np.ones((3, 3)), [1.0, 2.0, 3.0], callback=norms.append, callback_type="pr_norm")
+    assert min(norms) > 0.3  # A singular matrix leaves that much of b.

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.linalg import toeplitz
 
+import toeplitz_mg as tmg
 from comparisons.systems.symbols import column
 from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
 from toeplitz_mg.preconditioners.schur import schur_column
@@ -151,3 +152,14 @@ def test_one_transform_at_four_points_a_coefficient_is_no_limit_of_certainty():
         x = np.poly(np.concatenate([pair, pair.conj(), np.full(n - 5, 3.0)]))[::-1].real
         x *= np.copysign(1.0, x[0])
         assert not Certificate.of(x).positive
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e200])
+def test_what_is_certain_does_not_depend_on_the_unit(size):
+    c = (1.0 + np.arange(300)) ** -1.3
+    with tmg.count_products() as work:
+        M = tmg.spectral_preconditioner(tmg.ToeplitzOperator(c * size))
+    with tmg.count_products() as usual:
+        tmg.spectral_preconditioner(tmg.ToeplitzOperator(c))
+    assert work.points == usual.points
+    assert_allclose(M.x * size, tmg.spectral_preconditioner(tmg.ToeplitzOperator(c)).x, rtol=1e-9)

@@ -175,6 +175,10 @@ def test_what_it_is_not_for():
     for number in (1, 0.5, np.float64(2)):
         with pytest.raises(TypeError, match="support"):
             A + number
+    for array in (np.ones(4), np.ones(2), np.array(1.0), A.toarray()):
+        for total in (lambda x: A + x, lambda x: A - x, lambda x: x + A, lambda x: x - A):
+            with pytest.raises(TypeError):  # It is a vector or dense, but no diagonal matrix.
+                total(array)
     with pytest.raises(ZeroDivisionError, match="is divided by 0"):
         A / 0
     with pytest.raises(ValueError, match="must be finite"):
@@ -183,6 +187,22 @@ def test_what_it_is_not_for():
         1e308 * A
     with pytest.raises(ValueError, match="a diagonal has nan at 2, but all entries must be finite"):
         A + diags(np.array([1.0, 2.0, np.nan, 3.0]))
+
+
+@pytest.mark.parametrize("dtype", [np.int8, np.uint8, np.int32, bool, np.float32, np.longdouble])
+def test_diagonals_of_any_numbers_do_not_overflow(dtype):
+    A = covariance(4)
+    D = sparse.dia_array((np.array([[100, 50, 3, 4]]).astype(dtype), [0]), shape=(4, 4))
+    dense, d = A.toarray(), D.toarray().astype(np.float64)
+    for result, expected in (
+        ((A + D) + D, dense + 2 * d),
+        (D @ (D @ A), d @ d @ dense),
+        (D @ (A + D), d @ (dense + d)),
+        (A - D, dense - d),
+        (D - A, d - dense),
+    ):
+        assert result.dtype == np.float64
+        assert_allclose(result.toarray(), expected, rtol=1e-12)
 
 
 def test_what_is_no_diagonal_matrix_is_composed_by_scipy():

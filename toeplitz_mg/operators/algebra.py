@@ -63,7 +63,10 @@ def _read_diagonal(x: Any, n: int) -> Array | None:
     rows, columns = entries.coords
     if entries.data[rows != columns].any():
         return None
-    diagonal = np.array(x.diagonal())
+    # Sums and products of integers and booleans would overflow, or saturate.
+    dtype = x.dtype if x.dtype.char in "fdFD" else "D" if x.dtype.kind == "c" else "d"
+    diagonal = np.zeros(n, dtype)
+    np.add.at(diagonal, rows, entries.data)
     if not np.isfinite(diagonal).all():
         k = int(np.argmin(np.isfinite(diagonal)))
         raise ValueError(f"a diagonal has {diagonal[k]} at {k}, but all entries must be finite")
@@ -87,10 +90,22 @@ def add(A: Any, x: Any) -> Any:
     factor = read_factor(x, A.shape[0])
     if factor is not None and np.ndim(factor) == 0:
         return NotImplemented if factor else A
-    total = A.plus(x if factor is None else factor)
-    if total is not NotImplemented:
-        return total
+    other = x if factor is None else factor
+    # An array of the user's is a vector or a dense matrix, but no diagonal one.
+    if factor is not None or isinstance(x, LinearOperator):
+        total = A.plus(other)
+        if total is not NotImplemented:
+            return total
     return LinearOperator.__add__(A, aslinearoperator(x) if issparse(x) else x)
+
+
+def subtract(A: Any, x: Any) -> Any:
+    """Return A - x."""
+    if not issparse(x):
+        return LinearOperator.__sub__(A, x)
+    # Not A + (-x): that is another number where x is of unsigned integers.
+    difference = add(-A, x)
+    return NotImplemented if difference is NotImplemented else -difference
 
 
 def subtract_from(A: Any, x: Any) -> Any:

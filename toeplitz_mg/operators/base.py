@@ -131,6 +131,7 @@ class GridOperator(LinearOperator):
         rdot = _of_numbers("rdot")
     __rmul__ = algebra.scaling("left", _of_numbers("__rmul__"))
     __add__ = __radd__ = algebra.add
+    __sub__ = algebra.subtract
     __rsub__ = algebra.subtract_from
     __neg__ = algebra.negate
     __truediv__ = algebra.divide

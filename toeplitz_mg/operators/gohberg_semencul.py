@@ -139,7 +139,8 @@ class Certificate:
         # Of a real x the turns are those on the upper half of the circle, which the lower half
         # mirrors; of a complex one the last sample is followed by the first.
         following = np.roll(z, -1) if is_complex else z[1:]
-        turns = np.angle(following * z[: len(following)].conj() / largest**2)
+        turns = np.angle((following / largest) * (z[: len(following)].conj() / largest))
         resolved = np.abs(turns).max() < np.pi * (1.0 - 1.0 / OVERSAMPLING)
         positive = x[0].real > 0.0 and resolved and abs(turns.sum()) < 1.0
-        return cls(bool(positive), (largest / smallest) ** 2)
+        ratio = largest / smallest
+        return cls(bool(positive), ratio * ratio)

@@ -120,6 +120,7 @@ def gmres(
             f"callback_type is {callback_type!r}, but must be 'x', to call back with the iterate "
             "after each cycle, or 'pr_norm', with the relative residual after each iteration"
         )
+    reports_norms = callback_type == "pr_norm"
     state = Iterate(system)
     if state.size_of_b == 0.0:
         return state.zero()
@@ -132,14 +133,17 @@ def gmres(
             return state.x, max(state.iterations, 1)
         before = residual
         with np.errstate(over="ignore", invalid="ignore"):  # It is told by `info`.
+            least = before
             for least in _extend(space, state.r, restart, goal):
                 state.iterations += 1
                 state.record(least)
-                if callback is not None and callback_type == "pr_norm":
+                if callback is not None and reports_norms and least > goal:
                     callback(least / state.size_of_b)
             residual = _correct(state, space, system.M, before)
         cycles += 1
         state.record(residual)
+        if callback is not None and reports_norms and least <= goal:  # It is told once it is known.
+            callback(residual / state.size_of_b)
         if callback is not None and callback_type == "x":
             callback(state.x)
     return state.x, 0

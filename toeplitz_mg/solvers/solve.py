@@ -2,7 +2,7 @@
 
 import warnings
 from cmath import isfinite
-from math import inf
+from math import inf, isnan
 from typing import Any, Literal, NamedTuple, overload
 
 import numpy as np
@@ -142,9 +142,7 @@ def solve_toeplitz(
     else:
         r = c  # The same array: that A is symmetric needs no look at the numbers.
     is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
-    with np.errstate(
-        over="ignore", invalid="ignore", divide="ignore"
-    ):  # It is seen in the residual.
+    with np.errstate(all="ignore"):  # It is seen in the residual.
         x, info = (_solve_batch if is_batch else _solve)(c, r, b, check_finite, rtol)
     if info.residual > max(ILL_CONDITIONED, rtol):
         warnings.warn(
@@ -193,7 +191,8 @@ def _solve_batch(
         own = tuple(k)
         x[own], info = _solve(c[own], r[own], b[own], check_finite, rtol)
         infos.append(info)
-    return x, max(infos, key=lambda info: info.residual)
+    # What is not a number is the worst.
+    return x, max(infos, key=lambda info: inf if isnan(info.residual) else info.residual)
 
 
 def _solve(
