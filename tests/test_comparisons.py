@@ -117,7 +117,7 @@ def test_drop_in(tmp_path, monkeypatch, capsys):
 
 
 def test_speed_by_hand(tmp_path, monkeypatch, capsys):
-    one = replace(by_hand.QUICK, products=(64,), solves=(64,), threaded=(64,), seconds=0.001)
+    one = replace(by_hand.QUICK, products=(64,), solves=(64,), threaded=(64,), seconds=0.0)
     printed = run(by_hand, tmp_path, monkeypatch, capsys, quick=one)
     for title in ("One product", "physical limit", "peak memory", "Further right-hand sides"):
         assert title in printed

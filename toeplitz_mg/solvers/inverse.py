@@ -97,7 +97,8 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     numpy.linalg.LinAlgError
         Where the residual measured is above `rtol`, also after one step of refinement: the matrix
         is not positive definite, or too ill-conditioned for what was asked. Where the symbol of a
-        matrix that is not Hermitian has no factors, or these are no use with n unknowns.
+        matrix that is not Hermitian, of more than 256 unknowns, has no factors, or these are no
+        use with so few unknowns.
     ValueError
         Where `A` has several axes; where `rtol` is not positive.
     TypeError
