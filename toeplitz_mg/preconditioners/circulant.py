@@ -7,7 +7,7 @@ from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.products import COMPLEX_FOURIER, FOURIER, DiagonalisedProduct, Transforms
+from toeplitz_mg.engine.products import COMPLEX_FOURIER, FOURIER, DiagonalisedProduct
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import of_any_matrix
@@ -70,7 +70,7 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
             other = np.take(column, n - 1 - n // 2, axis=axis)
             central[middle] = (central[middle] + other) / 2
         column = central
-    return _inverse(A, column, "Strang", precision(A, dtype))
+    return _definite_inverse(A, _transform(column), "Strang", dtype)
 
 
 @of_any_matrix
@@ -115,24 +115,32 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     >>> (C @ np.array([3.0, 3.0, 3.0])).round(12)
     array([1., 1., 1.])
     """
-    return _inverse(A, _average_column(A), "T. Chan", precision(A, dtype))
+    return _definite_inverse(A, chan_eigenvalues(A), "T. Chan", dtype)
 
 
-def signed_chan_inverse(A: ToeplitzOperator) -> DiagonalisedOperator:
-    """Return what `chan_preconditioner` does, of an indefinite matrix too, for GMRES."""
-    return _inverse(A, _average_column(A), "T. Chan", precision(A, None), is_definite=False)
+def chan_inverse(A: ToeplitzOperator, eigenvalues: Array) -> DiagonalisedOperator:
+    """Return what `chan_preconditioner` does, of an indefinite matrix too, for GMRES.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator
+    eigenvalues : ndarray
+        What `chan_eigenvalues` returns of it.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where one is zero.
+    """
+    return _inverse(A, eigenvalues, "T. Chan", A.dtype)
 
 
 def chan_eigenvalues(A: ToeplitzOperator) -> Array:
     """Return the eigenvalues of T. Chan's circulant: means of the symbol around θ = 2πk/n.
 
-    Of a real matrix they are those of k ≤ n/2 along the last axis.
+    They are real where A is Hermitian. Of a real matrix they are those of k ≤ n/2 along the last
+    axis.
     """
-    return _transform(_average_column(A))
-
-
-def _average_column(A: ToeplitzOperator) -> Array:
-    """Return the first column of T. Chan's circulant: the means of the diagonals that it joins."""
     column = A.lags
     for axis, n in enumerate(A.grid_shape):
         k = np.arange(n).reshape((n,) + (1,) * (column.ndim - 1 - axis))
@@ -140,38 +148,36 @@ def _average_column(A: ToeplitzOperator) -> Array:
         positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=axis)
         negative = np.take(column, np.arange(n) - 1, axis=axis)
         column = ((n - k) * positive + k * negative) / n
-    return column
+    eigenvalues = _transform(column)
+    return eigenvalues.real if A.is_hermitian else eigenvalues
+
+
+def _definite_inverse(
+    A: ToeplitzOperator, eigenvalues: Array, name: str, dtype: DTypeLike | None
+) -> DiagonalisedOperator:
+    """Invert a circulant that is to be positive definite where A is Hermitian."""
+    dtype = precision(A, dtype)
+    if A.is_hermitian:
+        eigenvalues = eigenvalues.real
+        other = name_robust(A.grid_shape) if name == "Strang" else LAST_RESORT
+        require_positive(eigenvalues, dtype, f"{name}'s circulant has the eigenvalue", other)
+    return _inverse(A, eigenvalues, name, dtype)
 
 
 def _inverse(
-    A: ToeplitzOperator,
-    column: Array,
-    name: str,
-    dtype: np.dtype[Any],
-    *,
-    is_definite: bool = True,
+    A: ToeplitzOperator, eigenvalues: Array, name: str, dtype: np.dtype[Any]
 ) -> DiagonalisedOperator:
-    """Invert the circulant with the first column `column`, which stands for A."""
-    spectrum = _transform(column)
+    """Invert the circulant with these eigenvalues, which stands for A."""
     subject = f"{name}'s circulant has the eigenvalue"
-    if A.is_hermitian:
-        spectrum = spectrum.real
-    if A.is_hermitian and is_definite:
-        other = name_robust(column.shape) if name == "Strang" else LAST_RESORT
-        require_positive(spectrum, dtype, subject, other)
-    else:
-        require_nonzero(spectrum, dtype, subject, "gmres without M")
-    transforms = _transforms(column)
-    product = DiagonalisedProduct(1.0 / spectrum, column.shape, column.shape, dtype, transforms)
+    require_nonzero(eigenvalues, dtype, subject, "gmres without M")
+    transforms = COMPLEX_FOURIER if dtype.kind == "c" else FOURIER
+    shape = A.grid_shape
+    product = DiagonalisedProduct(1.0 / eigenvalues, shape, shape, dtype, transforms)
     return DiagonalisedOperator(product, f"inverse of {name}'s circulant")
 
 
 def _transform(column: Array) -> Array:
     """Return the eigenvalues of the circulant with this first column."""
     count_transforms(1, *column.shape)
-    column = column.astype(np.result_type(column, np.float64), copy=False)
-    return _transforms(column).forward(column)
-
-
-def _transforms(column: Array) -> Transforms:
-    return COMPLEX_FOURIER if column.dtype.kind == "c" else FOURIER
+    transforms = COMPLEX_FOURIER if column.dtype.kind == "c" else FOURIER
+    return transforms.forward(column.astype(np.result_type(column, np.float64), copy=False))

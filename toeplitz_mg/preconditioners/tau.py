@@ -92,11 +92,12 @@ def _tau(A: ToeplitzOperator, shift: float, dtype: DTypeLike | None) -> Diagonal
     shape = tuple(near_fast_length(n + 1) - 1 for n in A.grid_shape)
     padded = np.pad(column, [(0, m + 2 - n) for m, n in zip(shape, column.shape, strict=True)])
     eigenvalues = cosine_sums(padded)[(slice(1, -1),) * padded.ndim] + shift
+    of_shifted = ", with A + shift * eye_array(n) in the place of A" if shift else ""
     require_positive(
         eigenvalues,
         dtype,
         "τ(A) + shift I, which the τ preconditioner inverts, has the eigenvalue",
-        name_robust(A.grid_shape),
+        name_robust(A.grid_shape) + of_shifted,
     )
     product = DiagonalisedProduct(1.0 / eigenvalues, shape, A.grid_shape, dtype, TAU)
     return DiagonalisedOperator(product, "τ")

@@ -2,20 +2,19 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import partial
+from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg
+from scipy.linalg import get_lapack_funcs, lu_solve, toeplitz
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg._typing import Rows
+from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.choice import candidates_of_complex_line, candidates_of_line
 from toeplitz_mg.preconditioners.circulant import (
     chan_eigenvalues,
-    chan_preconditioner,
-    signed_chan_inverse,
+    chan_inverse,
 )
 from toeplitz_mg.preconditioners.positivity import rounding
 from toeplitz_mg.preconditioners.selection import Candidate
@@ -57,18 +56,12 @@ def methods(system: ToeplitzSystem) -> Iterator[Method]:
     The next one is asked for only where one has failed.
     """
     n, columns = len(system.c), system.columns
-    if lu_is_fastest(n, columns):
-        yield _lu_method(system)
-        return
     if system.is_symmetric and not levinson_is_fastest(n, columns):
         yield from _methods_of_symmetric(system)
     elif not system.is_symmetric and n >= GENERAL:
         yield from _methods_of_general(system)
     else:
         yield from _dense_methods(system)
-    if n <= LARGEST_DENSE:
-        # Levinson's recursion fails where a leading block is singular, or nearly so.
-        yield _lu_method(system)
 
 
 def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
@@ -77,9 +70,9 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
     if cosine_is_faster_than_inverse(n, columns):
         yield from _cosine_method(system)
     if steps <= (STEPS_OF_CG if columns <= FEW else STEPS_OF_INVERSE):
-        yield _levinson_method(system)
+        yield from _dense_methods(system)
         return
-    if not may_be_definite(system.A):
+    if not may_be_definite(chan_eigenvalues(system.A)):
         yield from _methods_of_indefinite(system)
         return
     if columns <= FEW:
@@ -91,59 +84,52 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
 
 def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a system that is complex, or not symmetric."""
-    A = system.A
+    A, eigenvalues = system.A, chan_eigenvalues(system.A)
+    by_chan = partial(chan_inverse, eigenvalues=eigenvalues)
     if A.is_hermitian:
-        if may_be_definite(A):
+        if may_be_definite(eigenvalues):
             if system.columns <= FEW:
                 yield from _cg_methods(A, candidates_of_complex_line(A))
             yield from _inverse_method(A)
-        yield from _methods_of_indefinite(system)
-        return
-    if has_symbol(chan_eigenvalues(A)):
+        if not lu_is_faster_than_levinson(len(system.c), system.columns):
+            yield from _gmres_method(A, by_chan, "circulant of both signs")
+    elif has_symbol(eigenvalues):
         if system.columns <= FEW:
-            yield from _gmres_method(A, chan_preconditioner, "chan_preconditioner")
+            yield from _gmres_method(A, by_chan, "chan_preconditioner")
             yield from _gmres_method(A, spectral_preconditioner, "spectral_preconditioner")
         yield from _inverse_method(A)
     yield from _dense_methods(system)
 
 
 def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
-    """Yield what may solve a symmetric or Hermitian system that is not positive definite."""
-    A = system.A
+    """Yield what may solve a symmetric system that is not positive definite."""
     if not lu_is_faster_than_levinson(len(system.c), system.columns):
-        if system.is_symmetric:
-            yield from _gmres_method(A, signed_inverse, "samples of both signs")
-        else:
-            yield from _gmres_method(A, signed_chan_inverse, "circulant of both signs")
+        yield from _gmres_method(system.A, signed_inverse, "samples of both signs")
     yield from _dense_methods(system)
 
 
 def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what needs no more of A than that it is a Toeplitz matrix."""
     n, columns = len(system.c), system.columns
-    if n <= LARGEST_DENSE and lu_is_faster_than_levinson(n, columns):
-        yield _lu_method(system)
-    else:
-        yield _levinson_method(system)
+    is_small = n <= LARGEST_DENSE
+    if not (is_small and lu_is_faster_than_levinson(n, columns)):
+        yield Method("scipy.linalg.solve_toeplitz", lambda B, rtol: (levinson(system.lags, B), 1))
+    if is_small:
+        # Levinson's recursion fails where a leading block is singular, or nearly so.
+        yield Method("scipy.linalg.lu_solve", _factorise(system))
 
 
-def may_be_definite(A: ToeplitzOperator) -> bool:
-    """Whether T. Chan's circulant does not tell that a Hermitian matrix is indefinite.
+def may_be_definite(eigenvalues: Array) -> bool:
+    """Whether the eigenvalues of T. Chan's circulant do not tell that a matrix is indefinite.
 
-    Its eigenvalues are Rayleigh quotients of A.
+    They are Rayleigh quotients of it.
     """
-    eigenvalues = chan_eigenvalues(A).real
-    return bool(eigenvalues.min() > -rounding(eigenvalues, A.dtype))
+    return bool(eigenvalues.min() > -rounding(eigenvalues, eigenvalues.dtype))
 
 
 def lu_is_faster_than_levinson(n: int, columns: int) -> bool:
     """Whether a dense factor is faster: its set-up is of n³ steps, but each column is free."""
     return columns >= 4 + n // 32
-
-
-def lu_is_fastest(n: int, columns: int) -> bool:
-    """Whether a dense factor is the fastest of all."""
-    return n <= SHORT and lu_is_faster_than_levinson(n, columns)
 
 
 def levinson_is_fastest(n: int, columns: int) -> bool:
@@ -198,13 +184,18 @@ def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
     yield Method("toeplitz_inverse", lambda B, rtol: (G.apply(B), 1))
 
 
-def _levinson_method(system: ToeplitzSystem) -> Method:
-    return Method("scipy.linalg.solve_toeplitz", lambda B, rtol: (levinson(system.lags, B), 1))
+def _factorise(system: ToeplitzSystem) -> Callable[[Rows, float], tuple[Rows, int]]:
+    """Return the solutions by a dense factor, which is made for the first of them."""
 
+    @cache
+    def factor() -> tuple[Array, Array]:
+        getrf = get_lapack_funcs("getrf", dtype=system.c.dtype)
+        lu, pivots, info = getrf(toeplitz(system.c, system.r), overwrite_a=True)
+        if info > 0:
+            raise np.linalg.LinAlgError("A is singular")
+        return lu, pivots
 
-def _lu_method(system: ToeplitzSystem) -> Method:
-    return Method("scipy.linalg.lu_solve", partial(_lu, system))
+    def solve(B: Rows, rtol: float) -> tuple[Rows, int]:
+        return lu_solve(factor(), B.T, check_finite=False).T, 1
 
-
-def _lu(system: ToeplitzSystem, B: Rows, rtol: float) -> tuple[Rows, int]:
-    return np.linalg.solve(scipy.linalg.toeplitz(system.c, system.r), B.T).T, 1
+    return solve
