@@ -228,6 +228,15 @@ def test_a_singular_system_is_an_error(n):
             tmg.solve_toeplitz(c, random(n))
 
 
+@pytest.mark.parametrize("systems", [1, 100])
+def test_a_solution_that_is_so_large_that_its_residual_is_rounding_is_none(systems):
+    """Of the matrix of ones but for rounding, ‖A‖ ‖x‖ is over ‖b‖/ε: the residual tells nothing."""
+    c = np.ones((systems, 2))
+    c[:, 1] -= 2.0**-53
+    with pytest.raises(np.linalg.LinAlgError, match="A is singular"):
+        tmg.solve_toeplitz(c, np.tile([[1.0], [-1.0]], (systems, 1, 1)))
+
+
 def test_an_ill_conditioned_system_is_solved_with_a_warning():
     """Any direct method in float64 leaves a residual of 1e-4 to 1e-2, for θ⁴ and n = 4096."""
     c = column("θ⁴", 4096)

@@ -6,7 +6,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.solvers.levinson import levinson_of_batch
-from toeplitz_mg.solvers.system import USUAL
+from toeplitz_mg.solvers.system import EPS, USUAL
 
 # `python -m comparisons.speed.drop_in` measures both sides of these.
 LARGEST = 64  # Most unknowns of a system: above some 100 SciPy's recursion is as fast for each.
@@ -21,8 +21,9 @@ class Solutions(NamedTuple):
     ----------
     x : ndarray of shape (systems, n, k)
     residuals, backward_errors : ndarray of shape (systems,)
-        The largest of all columns (see `SolveInfo`); not a number where there is no solution, or
-        where the sizes of numbers are unusual.
+        The largest of all columns (see `SolveInfo`); not a number where there is no solution,
+        where the sizes of numbers are unusual, or where x is so large that its residual is
+        rounding.
     """
 
     x: Array
@@ -67,5 +68,6 @@ def _errors(c: Array, x: Array, b: Array) -> tuple[Array, Array]:
     of_A = np.abs(lags).sum(axis=0)
     low, high = USUAL
     is_usual = (low < of_A) & (of_A < high) & (low < of_b) & (of_b < high)
-    residuals = np.where(is_usual, errors / of_b, np.nan)
+    is_known = is_usual & (EPS * of_A * of_x <= of_b)
+    residuals = np.where(is_known, errors / of_b, np.nan)
     return residuals.max(axis=0), (errors / (of_A * of_x + of_b)).max(axis=0)

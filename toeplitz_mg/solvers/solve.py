@@ -14,10 +14,9 @@ from toeplitz_mg.solvers.batch import is_faster_at_once, solve_at_once
 from toeplitz_mg.solvers.checks import check_numbers
 from toeplitz_mg.solvers.choice import Method, methods
 from toeplitz_mg.solvers.scaling import exponents, scale_back
-from toeplitz_mg.solvers.system import ToeplitzSystem, largest, norms
+from toeplitz_mg.solvers.system import EPS, ToeplitzSystem, largest, norms
 from toeplitz_mg.values import real
 
-EPS = float(np.finfo(np.float64).eps)
 ROUNDING = 16 * EPS  # Backward error at which no correction can be expected to help.
 GOOD = 64 * EPS  # Backward error at which no other method is tried.
 ACCEPTED = 1e4 * EPS  # Largest backward error of an answer.
@@ -283,6 +282,8 @@ def _correct(method: Method, system: ToeplitzSystem, rtol: float) -> tuple[Rows,
         R = system.B - system.multiply(X)
         errors, scales = norms(R), system.size * norms(X)
         residual, backward_error = largest(errors / sizes), largest(errors / (scales + sizes))
+        if np.any(EPS * scales > sizes):
+            raise np.linalg.LinAlgError("x is so large that its residual is rounding")
         if not backward_error < least / 2:
             return best or (X, SolveInfo(method.name, iterations, inf, inf))
         least = backward_error

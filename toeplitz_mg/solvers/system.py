@@ -9,6 +9,7 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.solvers.cosine_form import CosineForm
 
+EPS = float(np.finfo(np.float64).eps)
 SHORT = 800  # Most unknowns of which a product by its definition is as fast as one by FFT.
 LARGEST_COSINE = 2**16  # Most unknowns of which a product is by transforms at once, not in panels.
 SMALL = 256  # Most unknowns where a filled matrix is as fast, for several vectors.
