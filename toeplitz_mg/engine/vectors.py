@@ -6,16 +6,23 @@ operations of NumPy's own that are not here, as ``x *= a``, use one thread anywa
 
 A vector may be a field of any shape, real or complex. The sums of its parts are added in double
 precision.
+
+The functions are for vectors that this process has. `Vectors` has them as methods, for vectors of
+which each of several processes has a part: iterations take their inner products from there.
 """
 
+from collections.abc import Callable, Sequence
 from functools import cache
-from math import hypot
+from math import hypot, inf
 from typing import Any
 
 import numpy as np
 from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array
+
+# From a number, or an array of them, to those of all processes, in the same order in each of them.
+Gather = Callable[[Any], Sequence[Any]]
 
 PART = 2**13  # Numbers of a part: OpenBLAS shares a vector of more than 10,000 among threads.
 
@@ -57,12 +64,12 @@ def norm(x: Array) -> float:
         x = x.reshape(-1)
     nrm2 = _blas("nrm2", x.dtype.char)
     if x.size <= PART:
-        return float(nrm2(x))
+        return float(nrm2(x)) if x.size else 0.0
     return hypot(*(nrm2(x[k : k + PART]) for k in range(0, x.size, PART)))
 
 
-def axpy(a: complex, x: Array, y: Array) -> None:
-    """Add a x to y, in place.
+def axpy(a: complex, x: Array, y: Array) -> Array:
+    """Add a x to y, in place, and return y.
 
     Parameters
     ----------
@@ -72,14 +79,14 @@ def axpy(a: complex, x: Array, y: Array) -> None:
         It is changed, and must be C-contiguous.
     """
     _require_contiguous(y)
-    if y.ndim > 1:
-        x, y = x.reshape(-1), y.reshape(-1)
+    x_line, y_line = (x.reshape(-1), y.reshape(-1)) if y.ndim > 1 else (x, y)
     add = _blas("axpy", y.dtype.char)
-    if y.size <= PART:
-        add(x, y, a=a)
-        return
+    if 0 < y.size <= PART:
+        add(x_line, y_line, a=a)
+        return y
     for k in range(0, y.size, PART):
-        add(x[k : k + PART], y[k : k + PART], a=a)
+        add(x_line[k : k + PART], y_line[k : k + PART], a=a)
+    return y
 
 
 def combine(weights: Array, X: Array) -> Array:
@@ -131,3 +138,66 @@ def _require_contiguous(y: Array) -> None:
 @cache
 def _blas(name: str, dtype: str) -> Any:
     return get_blas_funcs(name, dtype=dtype)
+
+
+def _alone(number: Any) -> Sequence[Any]:
+    return (number,)
+
+
+class Vectors:
+    """Operations with vectors of which each process has a part; alone, it has all of it.
+
+    All numbers that are returned are those of the whole vectors, and the same bits in each process,
+    so that no process leaves a loop alone. Updates are of the parts.
+
+    Parameters
+    ----------
+    gather : callable, optional
+        Takes a number, or an array, and returns those of all processes, in the same order in each.
+
+    Examples
+    --------
+    >>> Vectors().dot(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+    11.0
+    >>> with_another = Vectors(lambda number: [number, 9.0])  # That is what the other one has.
+    >>> with_another.dot(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+    20.0
+    """
+
+    def __init__(self, gather: Gather = _alone) -> None:
+        self.gather = gather
+
+    def dot(self, x: Array, y: Array) -> float:
+        """Return the inner product of two vectors; of complex ones its real part."""
+        return sum(self.gather(dot(x, y)))
+
+    def dots(self, X: Array, y: Array) -> Array:
+        """Return the inner products of the vectors along the first axis of X with another."""
+        return np.sum(self.gather(dots(X, y)), axis=0)
+
+    def norm(self, x: Array) -> float:
+        """Return the 2-norm of a vector; no square of a number over- or underflows."""
+        return hypot(*self.gather(norm(x)))
+
+    def sum(self, x: Array) -> float:
+        """Return the sum of the numbers of a field."""
+        return sum(self.gather(float(x.sum())))
+
+    def min(self, x: Array) -> float:
+        """Return the least number of a field, infinity where it has none."""
+        return min(self.gather(float(x.min(initial=inf))))
+
+    def max(self, x: Array) -> float:
+        """Return the largest number of a field, minus infinity where it has none."""
+        return max(self.gather(float(x.max(initial=-inf))))
+
+    def count(self, x: Array) -> int:
+        """Return how many numbers of a field are not zero."""
+        return int(sum(self.gather(int(np.count_nonzero(x)))))
+
+    axpy = staticmethod(axpy)
+    combine = staticmethod(combine)
+    add_combination = staticmethod(add_combination)
+
+
+PLAIN = Vectors()  # Of vectors that this process has alone.
