@@ -140,8 +140,20 @@ def _blas(name: str, dtype: str) -> Any:
     return get_blas_funcs(name, dtype=dtype)
 
 
-def _alone(number: Any) -> Sequence[Any]:
-    return (number,)
+def _sum(x: Array) -> float:
+    return float(x.sum())
+
+
+def _min(x: Array) -> float:
+    return float(x.min(initial=inf))
+
+
+def _max(x: Array) -> float:
+    return float(x.max(initial=-inf))
+
+
+def _count(x: Array) -> int:
+    return int(np.count_nonzero(x))
 
 
 class Vectors:
@@ -155,6 +167,19 @@ class Vectors:
     gather : callable, optional
         Takes a number, or an array, and returns those of all processes, in the same order in each.
 
+    Attributes
+    ----------
+    gather : callable
+    dot, dots, norm : callable
+        As the functions of this module.
+    sum, min, max : callable
+        From a real field to its sum, its least and its largest number; infinity, or minus
+        infinity, where it has none.
+    count : callable
+        From a field to how many of its numbers are not zero.
+    axpy, combine, add_combination : callable
+        The functions of this module.
+
     Examples
     --------
     >>> Vectors().dot(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
@@ -164,36 +189,21 @@ class Vectors:
     20.0
     """
 
-    def __init__(self, gather: Gather = _alone) -> None:
-        self.gather = gather
+    def __init__(self, gather: Gather | None = None) -> None:
+        self.gather: Gather = gather or (lambda number: (number,))
 
-    def dot(self, x: Array, y: Array) -> float:
-        """Return the inner product of two vectors; of complex ones its real part."""
-        return sum(self.gather(dot(x, y)))
+        def of_parts(combine: Callable[[Sequence[Any]], Any], of_part: Any) -> Any:
+            if gather is None:  # In a small system one call more is a part of the time.
+                return of_part
+            return lambda *vectors: combine(gather(of_part(*vectors)))
 
-    def dots(self, X: Array, y: Array) -> Array:
-        """Return the inner products of the vectors along the first axis of X with another."""
-        return np.sum(self.gather(dots(X, y)), axis=0)
-
-    def norm(self, x: Array) -> float:
-        """Return the 2-norm of a vector; no square of a number over- or underflows."""
-        return hypot(*self.gather(norm(x)))
-
-    def sum(self, x: Array) -> float:
-        """Return the sum of the numbers of a field."""
-        return sum(self.gather(float(x.sum())))
-
-    def min(self, x: Array) -> float:
-        """Return the least number of a field, infinity where it has none."""
-        return min(self.gather(float(x.min(initial=inf))))
-
-    def max(self, x: Array) -> float:
-        """Return the largest number of a field, minus infinity where it has none."""
-        return max(self.gather(float(x.max(initial=-inf))))
-
-    def count(self, x: Array) -> int:
-        """Return how many numbers of a field are not zero."""
-        return int(sum(self.gather(int(np.count_nonzero(x)))))
+        self.dot: Callable[[Array, Array], float] = of_parts(sum, dot)
+        self.dots: Callable[[Array, Array], Array] = of_parts(sum, dots)
+        self.norm: Callable[[Array], float] = of_parts(lambda norms: hypot(*norms), norm)
+        self.sum: Callable[[Array], float] = of_parts(sum, _sum)
+        self.min: Callable[[Array], float] = of_parts(min, _min)
+        self.max: Callable[[Array], float] = of_parts(max, _max)
+        self.count: Callable[[Array], int] = of_parts(lambda counts: int(sum(counts)), _count)
 
     axpy = staticmethod(axpy)
     combine = staticmethod(combine)
