@@ -2,11 +2,10 @@
 
 import pytest
 
-from tests.slabs.ranks import needs_ranks, run_on_ranks
-
-pytestmark = needs_ranks
+from tests.slabs.ranks import run_on_ranks, with_ranks
 
 
+@with_ranks
 @pytest.mark.parametrize("ranks", [1, 2, 3, 4])
 @pytest.mark.parametrize("cases", ["rows", "products", "solves"])
 def test_on_ranks(cases, ranks):
