@@ -6,16 +6,23 @@ operations of NumPy's own that are not here, as ``x *= a``, use one thread anywa
 
 A vector may be a field of any shape, real or complex. The sums of its parts are added in double
 precision.
+
+The functions are for vectors that this process has. `Vectors` has them as methods, for vectors of
+which each of several processes has a part: iterations take their inner products from there.
 """
 
+from collections.abc import Callable, Sequence
 from functools import cache
-from math import hypot
+from math import hypot, inf
 from typing import Any
 
 import numpy as np
 from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array
+
+# From a number, or an array of them, to those of all processes, in the same order in each of them.
+Gather = Callable[[Any], Sequence[Any]]
 
 PART = 2**13  # Numbers of a part: OpenBLAS shares a vector of more than 10,000 among threads.
 
@@ -57,12 +64,12 @@ def norm(x: Array) -> float:
         x = x.reshape(-1)
     nrm2 = _blas("nrm2", x.dtype.char)
     if x.size <= PART:
-        return float(nrm2(x))
+        return float(nrm2(x)) if x.size else 0.0
     return hypot(*(nrm2(x[k : k + PART]) for k in range(0, x.size, PART)))
 
 
-def axpy(a: complex, x: Array, y: Array) -> None:
-    """Add a x to y, in place.
+def axpy(a: complex, x: Array, y: Array) -> Array:
+    """Add a x to y, in place, and return y.
 
     Parameters
     ----------
@@ -72,14 +79,14 @@ def axpy(a: complex, x: Array, y: Array) -> None:
         It is changed, and must be C-contiguous.
     """
     _require_contiguous(y)
-    if y.ndim > 1:
-        x, y = x.reshape(-1), y.reshape(-1)
+    x_line, y_line = (x.reshape(-1), y.reshape(-1)) if y.ndim > 1 else (x, y)
     add = _blas("axpy", y.dtype.char)
-    if y.size <= PART:
-        add(x, y, a=a)
-        return
+    if 0 < y.size <= PART:
+        add(x_line, y_line, a=a)
+        return y
     for k in range(0, y.size, PART):
-        add(x[k : k + PART], y[k : k + PART], a=a)
+        add(x_line[k : k + PART], y_line[k : k + PART], a=a)
+    return y
 
 
 def combine(weights: Array, X: Array) -> Array:
@@ -131,3 +138,76 @@ def _require_contiguous(y: Array) -> None:
 @cache
 def _blas(name: str, dtype: str) -> Any:
     return get_blas_funcs(name, dtype=dtype)
+
+
+def _sum(x: Array) -> float:
+    return float(x.sum())
+
+
+def _min(x: Array) -> float:
+    return float(x.min(initial=inf))
+
+
+def _max(x: Array) -> float:
+    return float(x.max(initial=-inf))
+
+
+def _count(x: Array) -> int:
+    return int(np.count_nonzero(x))
+
+
+class Vectors:
+    """Operations with vectors of which each process has a part; alone, it has all of it.
+
+    All numbers that are returned are those of the whole vectors, and the same bits in each process,
+    so that no process leaves a loop alone. Updates are of the parts.
+
+    Parameters
+    ----------
+    gather : callable, optional
+        Takes a number, or an array, and returns those of all processes, in the same order in each.
+
+    Attributes
+    ----------
+    gather : callable
+    dot, dots, norm : callable
+        As the functions of this module.
+    sum, min, max : callable
+        From a real field to its sum, its least and its largest number; infinity, or minus
+        infinity, where it has none.
+    count : callable
+        From a field to how many of its numbers are not zero.
+    axpy, combine, add_combination : callable
+        The functions of this module.
+
+    Examples
+    --------
+    >>> Vectors().dot(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+    11.0
+    >>> with_another = Vectors(lambda number: [number, 9.0])  # That is what the other one has.
+    >>> with_another.dot(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+    20.0
+    """
+
+    def __init__(self, gather: Gather | None = None) -> None:
+        self.gather: Gather = gather or (lambda number: (number,))
+
+        def of_parts(combine: Callable[[Sequence[Any]], Any], of_part: Any) -> Any:
+            if gather is None:  # In a small system one call more is a part of the time.
+                return of_part
+            return lambda *vectors: combine(gather(of_part(*vectors)))
+
+        self.dot: Callable[[Array, Array], float] = of_parts(sum, dot)
+        self.dots: Callable[[Array, Array], Array] = of_parts(sum, dots)
+        self.norm: Callable[[Array], float] = of_parts(lambda norms: hypot(*norms), norm)
+        self.sum: Callable[[Array], float] = of_parts(sum, _sum)
+        self.min: Callable[[Array], float] = of_parts(min, _min)
+        self.max: Callable[[Array], float] = of_parts(max, _max)
+        self.count: Callable[[Array], int] = of_parts(lambda counts: int(sum(counts)), _count)
+
+    axpy = staticmethod(axpy)
+    combine = staticmethod(combine)
+    add_combination = staticmethod(add_combination)
+
+
+PLAIN = Vectors()  # Of vectors that this process has alone.

@@ -11,6 +11,7 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.vectors import PLAIN, Vectors
 from toeplitz_mg.operators import algebra
 from toeplitz_mg.values import refuse_masked
 
@@ -62,7 +63,11 @@ class GridOperator(LinearOperator):
     ----------
     grid_shape : tuple of int
     work : float
+    vectors : Vectors
+        The inner products and the updates of the vectors that it multiplies.
     """
+
+    vectors: Vectors = PLAIN
 
     def __init__(
         self, dtype: DTypeLike, grid_shape: tuple[int, ...], work: float, size: int | None = None
@@ -185,7 +190,7 @@ def apply_to_rows(A: LinearOperator, X: Array, out: Array | None = None) -> Arra
 
     Parameters
     ----------
-    A : LinearOperator of shape (n, n)
+    A : LinearOperator of shape (n, n), or what has `apply` and `vectors` as a GridOperator has
     X : ndarray of shape (n,) or (k, n)
     out : ndarray of the shape of `X`, optional
         Where the result is written. It may be `X`.
@@ -203,7 +208,7 @@ def apply_to_rows(A: LinearOperator, X: Array, out: Array | None = None) -> Arra
     array([[1., 3.],
            [2., 4.]])
     """
-    if isinstance(A, GridOperator):
+    if isinstance(A, GridOperator) or hasattr(A, "vectors"):
         return A.apply(X, out)
     # An operator that the user made from functions may return (n, 1) or an np.matrix.
     Y = np.asarray(A._matvec(X) if X.ndim == 1 else A._matmat(X.T).T).reshape(X.shape)
@@ -223,6 +228,11 @@ def grid_of(A: LinearOperator) -> tuple[int, ...]:
 def work_of(A: LinearOperator) -> float:
     """Return the work of one application of an operator, 0 where it names none."""
     return A.work if isinstance(A, GridOperator) else 0.0
+
+
+def vectors_of(A: Any) -> Vectors:
+    """Return the operations with the vectors of an operator, or of a matrix."""
+    return getattr(A, "vectors", PLAIN)
 
 
 def name_symmetry(A: Any) -> str:

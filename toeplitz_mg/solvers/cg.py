@@ -10,9 +10,14 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
-from toeplitz_mg.engine.vectors import axpy, norm
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.solvers.checks import System, check_operator, check_precision, check_system
+from toeplitz_mg.solvers.checks import (
+    System,
+    check_operator,
+    check_place,
+    check_precision,
+    check_system,
+)
 from toeplitz_mg.solvers.iterate import Iterate
 
 RELIABLE = 1e-3  # Relative error of an `inner` residual that does not disturb the iteration.
@@ -154,7 +159,8 @@ def _descend(
     """Iterate from r anew; whether the recurrence for the residual reaches the goal."""
     M = system.M
     precondition = _return_same if M is None else partial(apply_to_rows, M)
-    iteration = ConjugateGradients(partial(apply_to_rows, state.A), precondition)
+    multiply = partial(apply_to_rows, state.A)
+    iteration = ConjugateGradients(multiply, precondition, system.vectors)
     size = state.residual(goal)
     while not size <= goal:
         if state.iterations == system.maxiter:
@@ -180,6 +186,7 @@ def _check_inner(inner: Any, system: System) -> LinearOperator:
         raise TypeError(
             f"inner is {inner!r}, but must be A in less precision, as A.astype(np.float32)"
         ) from None
+    check_place("inner", B, system.A)
     if B.shape != system.A.shape:
         raise ValueError(f"inner has shape {B.shape}, but A has {system.A.shape}")
     kinds = "fdFD" if system.dtype.kind == "c" else "fd"
@@ -202,7 +209,7 @@ class _Descent:
         dtype = check_precision(system)
         A = system.A if inner is None else _check_inner(inner, system)
         whole = Iterate(system)
-        self.whole, self.A = whole, A
+        self.whole, self.A, self._vectors = whole, A, system.vectors
         self._goes_within = inner is not None
         self.goal = whole.goal
         if inner is None:
@@ -212,7 +219,7 @@ class _Descent:
             self.y, self._y_scale = np.zeros(len(whole.x), less), 1.0
             self.r = whole.r.astype(less)
         self._is_true = True  # Whether r is that of x, and not that of the recurrence.
-        self._last = norm(self.r)
+        self._last = self._vectors.norm(self.r)
         self._fall = FIRST_FALL
 
     @property
@@ -232,14 +239,14 @@ class _Descent:
 
     def step(self, length: float, iteration: ConjugateGradients) -> None:
         """Go so far along the direction of an iteration."""
-        axpy(length * self._y_scale, iteration.direction, self.y)
-        axpy(-length, iteration.product, self.r)
+        self._vectors.axpy(length * self._y_scale, iteration.direction, self.y)
+        self._vectors.axpy(-length, iteration.product, self.r)
         self.whole.iterations += 1
         self._is_true = False
 
     def residual(self, goal: float) -> float:
         """Return ‖r‖ by the recurrence; of an `inner` computed anew where that is not reliable."""
-        size = norm(self.r)
+        size = self._vectors.norm(self.r)
         if self._goes_within and size <= max(goal, self._fall * self._last):
             return self.true_residual()
         self.whole.record(size)
@@ -250,7 +257,7 @@ class _Descent:
         if not self._is_true:
             self._compute_residual()
             self._is_true = True
-            self._last = norm(self.r)
+            self._last = self._vectors.norm(self.r)
         self.whole.record(self._last)
         return self._last
 
@@ -263,6 +270,6 @@ class _Descent:
         self.y[:] = 0.0
         whole.compute_residual()
         with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
-            error = norm(whole.r - self.r) / self._last
+            error = self._vectors.norm(whole.r - self.r) / self._last
         self._fall = min(max(error / RELIABLE, LEAST_FALL), MOST_FALL)
         self.r[:] = whole.r

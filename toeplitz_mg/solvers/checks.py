@@ -8,6 +8,8 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.vectors import Vectors
+from toeplitz_mg.operators.base import vectors_of
 from toeplitz_mg.values import count, real, refuse_masked
 
 
@@ -21,6 +23,7 @@ class System(NamedTuple):
     maxiter: int
     residuals: list[float]
     dtype: np.dtype[Any]  # That of the solution.
+    vectors: Vectors
 
 
 def check_system(
@@ -42,15 +45,42 @@ def check_system(
         `maxiter` below 1.
     TypeError
         For vectors that are not of numbers, a `maxiter` that is no integer, or `residuals` that
-        are no list.
+        are no list, or for operators of which one is on ranks and the other is not.
     """
+    slab = getattr(A, "slab", None)
+    if slab is None:
+        return _check_alone(A, b, x0, M, rtol, atol, maxiter, residuals)
+    with slab.agree() as same:  # The other ranks would wait for one that raises an error alone.
+        system = _check_alone(A, b, x0, M, rtol, atol, maxiter, residuals)
+        same["rtol, atol, maxiter"] = rtol, atol, maxiter
+        same["the dtype of A, M, b and x0"] = system.dtype
+        same["whether there is a preconditioner"] = M is not None
+        same["whether there is a first guess"] = x0 is not None
+    if maxiter is None:
+        # There are 10 for each unknown, also for those of other ranks.
+        system = system._replace(maxiter=int(sum(system.vectors.gather(system.maxiter))))
+    return system
+
+
+def _check_alone(
+    A: Any,
+    b: ArrayLike,
+    x0: ArrayLike | None,
+    M: Any,
+    rtol: float,
+    atol: float,
+    maxiter: int | None,
+    residuals: list[float] | None,
+) -> System:
     A = check_operator("A", A)
     n = A.shape[0]
     if A.shape != (n, n):
         raise ValueError(f"A has shape {A.shape}, but must be square")
     M = None if M is None else check_operator("M", M)
-    if M is not None and M.shape != A.shape:
-        raise ValueError(f"M has shape {M.shape}, but A has {A.shape}")
+    if M is not None:
+        check_place("M", M, A)
+        if M.shape != A.shape:
+            raise ValueError(f"M has shape {M.shape}, but A has {A.shape}")
     for name, tolerance in (("rtol", rtol), ("atol", atol)):
         if not 0.0 <= real(name, tolerance) < np.inf:
             raise ValueError(f"{name} is {tolerance}, but must be finite and not negative")
@@ -67,7 +97,7 @@ def check_system(
     dtype = np.result_type(A.dtype, b.dtype, b.dtype if guess is None else guess.dtype)
     if M is not None and M.dtype.kind == "c":
         dtype = np.result_type(dtype, np.complex64)
-    return System(A, M, b, guess, maxiter, residuals, dtype)
+    return System(A, M, b, guess, maxiter, residuals, dtype, vectors_of(A))
 
 
 def check_precision(system: System) -> np.dtype[Any]:
@@ -88,8 +118,23 @@ def check_numbers(name: str, values: Any) -> Array:
     return array
 
 
+def check_place(name: str, M: Any, A: Any) -> None:
+    """Refuse an operator that is not on the same ranks as A, or on none as it."""
+    if getattr(M, "slab", None) is not getattr(A, "slab", None):
+        raise TypeError(
+            f"{name} is {M!r}, and A is {A!r}, but both must be of toeplitz_mg.slabs, on the same "
+            "slab, or none of them"
+        )
+
+
 def check_operator(name: str, A: Any) -> LinearOperator:
-    """Return a matrix, dense or sparse, or what has products, as an operator of numbers."""
+    """Return a matrix, dense or sparse, or what has products, as an operator of numbers.
+
+    What has `vectors` of its own, as an operator of this package or of one of its slabs, is
+    returned as it is.
+    """
+    if hasattr(A, "vectors"):
+        return A
     if not hasattr(A, "matvec"):
         if not issparse(A):
             A = check_numbers(name, A)

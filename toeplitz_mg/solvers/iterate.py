@@ -3,7 +3,6 @@
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.solvers.checks import System
 from toeplitz_mg.solvers.scaling import exponents
@@ -30,23 +29,26 @@ class Iterate:
         The norm of `b`.
     iterations : int
         How many there have been, for whoever iterates to count.
+    vectors : Vectors
+        The inner products and updates of A's vectors.
     """
 
     def __init__(self, system: System) -> None:
         A, b, guess, dtype = system.A, system.b, system.x0, system.dtype
         self._A, self._residuals = A, system.residuals
-        self.iterations = 0
+        self.iterations, self.vectors = 0, system.vectors
         self.x = np.zeros(len(b), dtype) if guess is None else guess.astype(dtype)
         exponent = int(exponents(b)[0])
         if guess is not None:
             with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
                 r = b - apply_to_rows(A, self.x)
             exponent = max(exponent, int(exponents(r)[0]))
+        exponent = max(self.vectors.gather(exponent))
         # The largest entry is then from 1 to 2, so that the vectors are in the range of float32.
         self.scale = 2.0 ** (exponent - 1)
         self.b = (b / self.scale).astype(dtype, copy=False)
         self.r = self.b.copy() if guess is None else (r / self.scale).astype(dtype, copy=False)
-        self.size_of_b = norm(self.b)
+        self.size_of_b = self.vectors.norm(self.b)
 
     def goal(self, rtol: float, atol: float) -> float:
         """Return what the norm of `r` is to be."""
@@ -63,7 +65,7 @@ class Iterate:
             np.divide(self.x, self.scale, out=self.r)
             apply_to_rows(self._A, self.r, self.r)
             np.subtract(self.b, self.r, out=self.r)
-        return norm(self.r)
+        return self.vectors.norm(self.r)
 
     def record(self, size: float) -> None:
         """Put down the norm of `r` for this iteration, in the place of what is there for it."""

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.solvers.checks import check_system
 from toeplitz_mg.solvers.iterate import Iterate
@@ -94,7 +93,7 @@ def richardson(
     if state.size_of_b == 0.0:
         return state.zero()
     x, r, M = state.x, state.r, system.M
-    goal, residual = state.goal(rtol, atol), norm(r)
+    goal, residual = state.goal(rtol, atol), state.vectors.norm(r)
     limit = max(residual, state.size_of_b) / np.finfo(x.dtype).eps
     best, best_at = residual, 0
     state.record(residual)
