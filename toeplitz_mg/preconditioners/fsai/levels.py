@@ -124,12 +124,12 @@ class Level:
         The local factor. Its rows and columns are the unknowns in the order of their places.
     W : csr_array
         The tentative prolongator.
-    coarse : Level or Direct
+    coarse : Level or Direct, or what is alike
     """
 
     G: csr_array
     W: csr_array
-    coarse: "Level | Direct"
+    coarse: Any
 
     @property
     def sizes(self) -> tuple[int, ...]:
