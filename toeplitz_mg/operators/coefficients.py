@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -186,6 +187,16 @@ def name_dense(c: Array) -> str:
 
 def check_coefficients(values: ArrayLike, name: str) -> Array:
     """Return `values` as an array of real or complex numbers, or say what is wrong with them."""
+    array = check_finite(values, name)
+    with np.errstate(over="ignore"):  # What overflows to inf is too much.
+        sizes = np.abs(array)
+        total = float(sizes.sum(dtype=np.float64))
+    require_digits(name, sizes.dtype, array.shape, total, float(sizes.max()))
+    return array
+
+
+def check_finite(values: ArrayLike, name: str) -> Array:
+    """Return `values` as an array of finite numbers, of a dtype that a matrix may have."""
     array = refuse_masked(name, values)
     if array.dtype.kind not in "buifc":
         raise TypeError(f"{name} has dtype {array.dtype}, but coefficients are numbers")
@@ -197,17 +208,26 @@ def check_coefficients(values: ArrayLike, name: str) -> Array:
         where = np.argwhere(~np.isfinite(array))[0]
         at = tuple(int(k) for k in where)
         raise ValueError(f"{name} has the coefficient {array[at]} at {at}, but all must be finite")
-    _require_digits(name, array)
     return array
 
 
-def _require_digits(name: str, coefficients: Array) -> None:
-    """Raise ValueError where coefficients make products over- or underflow."""
-    with np.errstate(over="ignore"):  # What overflows to inf is too much.
-        sizes = np.abs(coefficients)
-        total = float(sizes.sum(dtype=np.float64))
-    numbers = np.finfo(sizes.dtype)
-    most = float(numbers.max) * HEADROOM / 2**sizes.ndim
+def require_digits(
+    name: str, dtype: DTypeLike, shape: tuple[int, ...], total: float, largest: float
+) -> None:
+    """Raise ValueError where coefficients make products over- or underflow.
+
+    Parameters
+    ----------
+    name : str
+    dtype : float32 or float64
+        That of the sizes of the coefficients.
+    shape : tuple of int
+        That of all coefficients.
+    total, largest : float
+        The sum of their sizes, and the largest.
+    """
+    numbers = np.finfo(dtype)
+    most = float(numbers.max) * HEADROOM / 2 ** len(shape)
     if total > most:
         raise ValueError(
             f"{name} has coefficients whose sizes add up to {total:.3g}, but must be at most "
@@ -215,7 +235,7 @@ def _require_digits(name: str, coefficients: Array) -> None:
             "by a number"
         )
     # Some eigenvalue is as large as that. The products divide it by the length of the transforms.
-    largest, least = float(sizes.max()), float(numbers.tiny) * 2 ** (sizes.ndim + 1) * sizes.size
+    least = float(numbers.tiny) * 2 ** (len(shape) + 1) * prod(shape)
     if 0.0 < largest < least:
         raise ValueError(
             f"{name} has coefficients of size {largest:.3g} at most, but must have one of "
