@@ -17,6 +17,7 @@ from math import hypot, inf
 from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array
@@ -140,7 +141,8 @@ def _blas(name: str, dtype: str) -> Any:
     return get_blas_funcs(name, dtype=dtype)
 
 
-def _alone(number: Any) -> Sequence[Any]:
+def alone(number: Any) -> Sequence[Any]:
+    """Return the numbers of all processes, which is the one there is."""
     return (number,)
 
 
@@ -164,7 +166,7 @@ class Vectors:
     20.0
     """
 
-    def __init__(self, gather: Gather = _alone) -> None:
+    def __init__(self, gather: Gather = alone) -> None:
         self.gather = gather
 
     def dot(self, x: Array, y: Array) -> float:
@@ -195,6 +197,27 @@ class Vectors:
         """Return how many numbers of a field are not zero."""
         return int(sum(self.gather(int(np.count_nonzero(x)))))
 
+    def peak(self, x: Array) -> float:
+        """Return the largest size of a number, or of a real or imaginary part; 0 of none."""
+        parts = (x.real, x.imag) if x.dtype.kind == "c" else (x,)
+        return max(self.gather(max(float(np.abs(part).max(initial=0.0)) for part in parts)))
+
+    def copy(self, x: Array, out: Array) -> Array:
+        """Return `out`, with the numbers of x."""
+        out[...] = x
+        return out
+
+    def zeros(self, x: Array, dtype: DTypeLike) -> Array:
+        """Return a vector of zeros as long as another."""
+        return np.zeros(x.shape, dtype)
+
+    def cast(self, x: Array, dtype: DTypeLike) -> Array:
+        """Return a vector in another precision, itself where it has that one."""
+        return x.astype(dtype, copy=False)
+
+    # These return what they compute, in `out`, their last argument: vectors that cannot be changed
+    # have no other way.
+    divide, subtract, empty = np.divide, np.subtract, staticmethod(np.empty_like)
     axpy = staticmethod(axpy)
     combine = staticmethod(combine)
     add_combination = staticmethod(add_combination)
