@@ -83,8 +83,7 @@ class ConjugateGradients:
         if is_first:
             self.direction = self._vectors.copy(z, self.direction)
         else:
-            self.direction *= self.rho / previous
-            self.direction += z
+            self.direction = self._vectors.aypx(self.rho / previous, z, self.direction)
         self.product = self._multiply(self.direction, self.product)
         self.curvature = self._vectors.dot(self.direction, self.product)
         return self.rho / self.curvature if 0.0 < self.curvature < inf else 0.0

@@ -20,6 +20,7 @@ from toeplitz_mg.engine.products import (
     DiagonalisedProduct,
     ToeplitzProduct,
 )
+from toeplitz_mg.engine.threads import share_rows
 from toeplitz_mg.engine.transforms import cosine_sums
 from toeplitz_mg.engine.vectors import PLAIN
 from toeplitz_mg.engine.workspace import workspace
@@ -98,15 +99,27 @@ class NumPy:
     def extend(self, X: Array, cells: tuple[Array, Any], out: Array) -> Array:
         """Extend rows of unknowns to the grid, by zeros, in the precision of `out`."""
         index, size = cells
-        rows = X.reshape(-1, X.shape[-1])
-        grid = workspace((len(rows), size), out.dtype)
-        grid[...] = 0.0
-        grid[:, index] = rows
+        x = X.reshape(-1, X.shape[-1])
+        grid = workspace((len(x), size), out.dtype)
+
+        def fill(part: slice) -> None:
+            # The part of the grid up to the first unknown of the next one is zero but for these.
+            start = index[part.start] if part.start else 0
+            stop = index[part.stop] if part.stop < len(index) else size
+            grid[:, start:stop] = 0.0
+            grid[:, index[part]] = x[:, part]
+
+        share_rows(fill, index)
         return grid
 
     def restrict(self, grid: Array, cells: tuple[Array, Any], out: Array) -> Array:
         """Return the unknowns of rows on the grid, in `out`."""
-        out[...] = grid[:, cells[0]].reshape(out.shape)
+        index, y = cells[0], out.reshape(-1, out.shape[-1])
+
+        def fill(part: slice) -> None:
+            y[:, part] = grid[:, index[part]]
+
+        share_rows(fill, index)
         return out
 
     def copy(self, array: Array) -> Array:

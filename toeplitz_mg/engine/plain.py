@@ -19,7 +19,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import embedding_lengths
 from toeplitz_mg.engine.library import library_of, refuse_mixed
 from toeplitz_mg.engine.products import Transforms
-from toeplitz_mg.engine.vectors import Gather, alone
+from toeplitz_mg.engine.vectors import Gather
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 
 try:
@@ -304,8 +304,9 @@ class PlainDiagonalised:
 class PlainVectors:
     """Operations with vectors, of which each process has a part (see `vectors.Vectors`)."""
 
-    def __init__(self, library: Plain, gather: Gather = alone) -> None:
-        self.library, self.gather = library, gather
+    def __init__(self, library: Plain, gather: Gather | None = None) -> None:
+        self.library = library
+        self.gather: Gather = gather or (lambda number: (number,))
 
     def dot(self, x: Any, y: Any) -> float:
         """Return the inner product of two vectors; of complex ones its real part."""
@@ -327,6 +328,12 @@ class PlainVectors:
     def axpy(self, a: float, x: Any, y: Any) -> Any:
         """Return y + a x."""
         y += a * x
+        return y
+
+    def aypx(self, a: float, x: Any, y: Any) -> Any:
+        """Return a y + x."""
+        y *= a
+        y += x
         return y
 
     def copy(self, x: Any, out: Any) -> Any:

@@ -1,6 +1,5 @@
 """Checks of what the iterations are given."""
 
-from contextlib import AbstractContextManager, nullcontext
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,22 +48,19 @@ def check_system(
         For vectors that are not of numbers, a `maxiter` that is no integer, or `residuals` that
         are no list, or for operators of which one is on ranks and the other is not.
     """
-    with _agreement(A) as same:
+    slab = getattr(A, "slab", None)
+    if slab is None:
+        return _check_alone(A, b, x0, M, rtol, atol, maxiter, residuals)
+    with slab.agree() as same:  # The other ranks would wait for one that raises an error alone.
         system = _check_alone(A, b, x0, M, rtol, atol, maxiter, residuals)
         same["rtol, atol, maxiter"] = rtol, atol, maxiter
-        same["the dtype of A, M, b and x0"] = str(system.dtype)
+        same["the dtype of A, M, b and x0"] = system.dtype
         same["whether there is a preconditioner"] = M is not None
         same["whether there is a first guess"] = x0 is not None
     if maxiter is None:
         # There are 10 for each unknown, also for those of other ranks.
         system = system._replace(maxiter=int(sum(system.vectors.gather(system.maxiter))))
     return system
-
-
-def _agreement(A: Any) -> AbstractContextManager[dict[str, Any]]:
-    """Return what makes all ranks raise the error of one of them, where A is on ranks."""
-    slab = getattr(A, "slab", None)
-    return nullcontext({}) if slab is None else slab.agree()
 
 
 def _check_alone(
