@@ -54,7 +54,7 @@ class ConjugateGradients:
         self, multiply: Multiply, precondition: Multiply, vectors: Vectors = PLAIN
     ) -> None:
         self._multiply, self._precondition = multiply, precondition
-        self._dot = vectors.dot
+        self._dot, self._aypx = vectors.dot, vectors.aypx
         self.direction: Array = np.empty(0)
         self.product: Array = self.direction
         self.rho = self.curvature = 0.0
@@ -83,8 +83,7 @@ class ConjugateGradients:
         if is_first:
             self.direction[...] = z
         else:
-            self.direction *= self.rho / previous
-            self.direction += z
+            self.direction = self._aypx(self.rho / previous, z, self.direction)
         self.product = self._multiply(self.direction, self.product)
         self.curvature = self._dot(self.direction, self.product)
         return self.rho / self.curvature if 0.0 < self.curvature < inf else 0.0

@@ -25,7 +25,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import embedding_lengths
 from toeplitz_mg.engine.products import DENSE, cast_numbers, multiply_rows
 from toeplitz_mg.engine.threads import share
-from toeplitz_mg.engine.transforms import BATCH, phase_factors
+from toeplitz_mg.engine.transforms import in_batches, phase_factors
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
 
@@ -139,9 +139,7 @@ class MultilevelProduct:
         if X.shape[1] <= DENSE:
             out[...] = X.astype(self.dtype, copy=False) @ self._matrix
             return
-        batch = max(1, BATCH // prod(self.lengths))
-        for start in range(0, len(X), batch):
-            self._multiply(X[start : start + batch], out[start : start + batch])
+        in_batches(self._multiply, X, out, self._components * prod(self.lengths))
 
     def _multiply(self, X: Array, out: Array) -> None:
         n = self._grid[-1]

@@ -1,8 +1,9 @@
 """Inner products and updates of vectors, part by part, for all iterations.
 
 For a long vector BLAS takes as many threads as it has, which wait for each other, and then for more
-to do on the cores that the products need. So it is given parts that are too short for that. The
-operations of NumPy's own that are not here, as ``x *= a``, use one thread anyway.
+to do on the cores that the products need. So it is given parts that are too short for that. What
+threads do for us, as many as `scipy.fft.set_workers` says, is done in larger pieces by NumPy: calls
+as short as those of BLAS would leave them to wait for the interpreter.
 
 A vector may be a field of any shape, real or complex. The sums of its parts are added in double
 precision.
@@ -13,13 +14,15 @@ which each of several processes has a part: iterations take their inner products
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from math import hypot, inf
+from math import hypot, inf, sqrt
 from typing import Any
 
 import numpy as np
 from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.threads import WORTH_THREADS, share_rows, share_slices
+from toeplitz_mg.engine.workspace import workspace
 
 # From a number, or an array of them, to those of all processes, in the same order in each of them.
 Gather = Callable[[Any], Sequence[Any]]
@@ -53,9 +56,18 @@ def dots(X: Array, y: Array) -> Array:
         n = y.size // PART * PART
         rest = np.vecdot(X[:, n:], y[n:])
         X, y = X[:, :n].reshape(len(X), -1, PART), y[:n].reshape(-1, PART)
+    if y.size < WORTH_THREADS:
+        sums = np.vecdot(X, y)
+    else:
+        sums = np.empty(X.shape[:-1], X.dtype)
+
+        def work(rows: slice) -> None:
+            np.vecdot(X[:, rows], y[rows], out=sums[:, rows])
+
+        share_rows(work, y)
     # The sum of rows has a smaller rounding error than that over all of a field at once.
     double = np.result_type(X, np.float64)
-    return np.vecdot(X, y).reshape(len(X), -1).sum(axis=1, dtype=double) + rest
+    return sums.reshape(len(X), -1).sum(axis=1, dtype=double) + rest
 
 
 def norm(x: Array) -> float:
@@ -65,6 +77,13 @@ def norm(x: Array) -> float:
     nrm2 = _blas("nrm2", x.dtype.char)
     if x.size <= PART:
         return float(nrm2(x)) if x.size else 0.0
+    if x.size >= WORTH_THREADS:
+        limits = np.finfo(x.dtype)
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            square = dot(x, x)
+        # Squares that underflow are lost in the rounding of such a sum.
+        if x.size * float(limits.tiny) / float(limits.eps) < square < inf:
+            return sqrt(square)
     return hypot(*(nrm2(x[k : k + PART]) for k in range(0, x.size, PART)))
 
 
@@ -80,12 +99,44 @@ def axpy(a: complex, x: Array, y: Array) -> Array:
     """
     _require_contiguous(y)
     x_line, y_line = (x.reshape(-1), y.reshape(-1)) if y.ndim > 1 else (x, y)
+    if y.size >= WORTH_THREADS:
+
+        def work(piece: slice) -> None:
+            product = workspace((y_line[piece].size,), y.dtype)
+            np.multiply(x_line[piece], a, out=product)
+            y_line[piece] += product
+
+        a = y.dtype.type(a)
+        share_rows(work, y_line)
+        return y
     add = _blas("axpy", y.dtype.char)
     if 0 < y.size <= PART:
         add(x_line, y_line, a=a)
         return y
     for k in range(0, y.size, PART):
         add(x_line[k : k + PART], y_line[k : k + PART], a=a)
+    return y
+
+
+def aypx(a: complex, x: Array, y: Array) -> Array:
+    """Multiply y by a and add x, in place, and return y.
+
+    Parameters
+    ----------
+    a : float or complex
+    x : ndarray
+    y : ndarray of the shape and the dtype of `x`
+        It is changed, and must be C-contiguous.
+    """
+    _require_contiguous(y)
+    x_line, y_line = (x.reshape(-1), y.reshape(-1)) if y.ndim > 1 else (x, y)
+
+    def work(piece: slice) -> None:
+        part = y_line[piece]
+        part *= a
+        part += x_line[piece]
+
+    share_rows(work, y_line)
     return y
 
 
@@ -125,9 +176,12 @@ def add_combination(weights: Array, X: Array, y: Array) -> None:
                 add(row[k : k + PART], y[k : k + PART], a=weight)
         return
     weights = weights.astype(y.dtype)
-    for k in range(0, y.size, PART):
+
+    def work(part: slice) -> None:
         # This is done without BLAS, and so without its threads.
-        y[k : k + PART] += np.einsum("k,kj->j", weights, rows[:, k : k + PART])
+        y[part] += np.einsum("k,kj->j", weights, rows[:, part])
+
+    share_slices(work, y.size, PART, rows.size)
 
 
 def _require_contiguous(y: Array) -> None:
@@ -177,7 +231,7 @@ class Vectors:
         infinity, where it has none.
     count : callable
         From a field to how many of its numbers are not zero.
-    axpy, combine, add_combination : callable
+    axpy, aypx, combine, add_combination : callable
         The functions of this module.
 
     Examples
@@ -206,6 +260,7 @@ class Vectors:
         self.count: Callable[[Array], int] = of_parts(lambda counts: int(sum(counts)), _count)
 
     axpy = staticmethod(axpy)
+    aypx = staticmethod(aypx)
     combine = staticmethod(combine)
     add_combination = staticmethod(add_combination)
 

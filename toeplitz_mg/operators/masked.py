@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Mask
+from toeplitz_mg.engine.threads import share_rows
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows, work_of
@@ -141,12 +142,23 @@ class MaskedOperator(GridOperator):
         """Multiply each row of `X` (see `GridOperator.apply`)."""
         if out is None:
             out = np.empty(X.shape, np.result_type(X, self.dtype))
-        rows = X.reshape(-1, X.shape[-1])
-        grid = workspace((len(rows), self.full.shape[1]), out.dtype)
-        grid[...] = 0.0
-        grid[:, self._index] = rows
+        x, y = (rows.reshape(-1, X.shape[-1]) for rows in (X, out))
+        grid = workspace((len(x), self.full.shape[1]), out.dtype)
+        index = self._index
+
+        def extend(part: slice) -> None:
+            # The part of the grid up to the first unknown of the next one is zero but for these.
+            start = index[part.start] if part.start else 0
+            stop = index[part.stop] if part.stop < len(index) else grid.shape[1]
+            grid[:, start:stop] = 0.0
+            grid[:, index[part]] = x[:, part]
+
+        def restrict(part: slice) -> None:
+            y[:, part] = grid[:, index[part]]
+
+        share_rows(extend, index)
         apply_to_rows(self.full, grid, grid)
-        out[...] = grid[:, self._index].reshape(X.shape)
+        share_rows(restrict, index)
         return out
 
     def _adjoint(self) -> "MaskedOperator":

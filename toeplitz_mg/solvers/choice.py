@@ -14,7 +14,8 @@ from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.choice import candidates_of_complex_line, candidates_of_line
 from toeplitz_mg.preconditioners.circulant import (
     chan_eigenvalues,
-    chan_inverse,
+    smooth_eigenvalues,
+    smooth_inverse,
 )
 from toeplitz_mg.preconditioners.positivity import rounding
 from toeplitz_mg.preconditioners.selection import Candidate
@@ -84,18 +85,19 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
 
 def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a system that is complex, or not symmetric."""
-    A, eigenvalues = system.A, chan_eigenvalues(system.A)
-    by_chan = partial(chan_inverse, eigenvalues=eigenvalues)
+    A = system.A
     if A.is_hermitian:
-        if may_be_definite(eigenvalues):
+        if may_be_definite(chan_eigenvalues(A)):
             if system.columns <= FEW:
                 yield from _cg_methods(A, candidates_of_complex_line(A))
             yield from _inverse_method(A)
         if not lu_is_faster_than_levinson(len(system.c), system.columns):
-            yield from _gmres_method(A, by_chan, "circulant of both signs")
-    elif has_symbol(eigenvalues):
+            by_circulant = partial(smooth_inverse, eigenvalues=smooth_eigenvalues(A))
+            yield from _gmres_method(A, by_circulant, "circulant of both signs")
+    elif has_symbol(eigenvalues := smooth_eigenvalues(A)):
         if system.columns <= FEW:
-            yield from _gmres_method(A, by_chan, "chan_preconditioner")
+            by_circulant = partial(smooth_inverse, eigenvalues=eigenvalues)
+            yield from _gmres_method(A, by_circulant, "circulant")
             yield from _gmres_method(A, spectral_preconditioner, "spectral_preconditioner")
         yield from _inverse_method(A)
     yield from _dense_methods(system)

@@ -161,6 +161,7 @@ def make_result(
         traction=whole(q),
         displacement=whole(np.where(contact, state.u, 0.0)),
         contact=whole_contact,
+        area=problem.grid.vectors.count(contact) * problem.grid.area,
         force=float(total[0]) if is_line else total,
         rigid=float(state.shift[0]) if is_line else state.shift,
         slip=whole(np.where(contact, slip, 0.0)),

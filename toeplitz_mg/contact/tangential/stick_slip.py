@@ -12,7 +12,6 @@ converges for ν = 0 alone.)
 """
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -22,7 +21,7 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.contact.active_sets import Iterate, find_sets
 from toeplitz_mg.contact.grid import Grid, coarsen, refine
-from toeplitz_mg.contact.inverse import LocalInverse
+from toeplitz_mg.contact.inverse import invert_locally
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.tangential.coulomb import (
     Areas,
@@ -36,8 +35,6 @@ from toeplitz_mg.contact.tangential.coulomb import (
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.vectors import axpy
 from toeplitz_mg.operators import CoupledOperator, apply_to_rows
-from toeplitz_mg.preconditioners import cosine_preconditioner
-from toeplitz_mg.preconditioners.choice import is_fsai_worthwhile
 
 ETA = 1.0  # Misfit that is left on the areas, relative to their violation, while the energy falls.
 COARSE = 3e-3  # Tolerance on a coarser grid: a better guess saves no product on the finer one.
@@ -171,7 +168,7 @@ def solve(problem: Problem, A: Products, guess: Array | None, *, nested: bool) -
         Whether to start from the solution on coarser grids, where there is no guess.
     """
     q, areas = _first_guess(problem, guess, nested=nested)
-    search = Search(problem, _inverse(A.A, problem.g > 0.0))
+    search = Search(problem, _inverse(problem.grid, A.A, problem.g > 0.0))
     b, tolerance, progress = problem.b, problem.tolerance, problem.progress
     now, law, iterations = find_sets(
         search, A, q, areas, b=b, eta=ETA, tolerance=tolerance, progress=progress
@@ -250,12 +247,11 @@ class Search(NamedTuple):
         return v, Av, count
 
 
-def _inverse(A: Any, contact: Array) -> Callable[[Array], Array]:
+def _inverse(grid: Grid, A: Any, contact: Array) -> Callable[[Array], Array]:
     """Return an approximate inverse of A on the elements in contact."""
-    if is_fsai_worthwhile(A, contact):
-        with suppress(np.linalg.LinAlgError):
-            return LocalInverse(A, np.broadcast_to(contact, A.grid_shape))
-    M = cosine_preconditioner(A)
+    if (local := invert_locally(grid, A, contact)) is not None:
+        return local
+    M = grid.invert_by_cosine(A)
     return lambda r: apply_to_rows(M, r.reshape(-1)).reshape(r.shape)
 
 
