@@ -1,5 +1,6 @@
 """The potential contact area: a grid of elements on the half-space, and its matrices."""
 
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
@@ -105,6 +106,10 @@ class Grid:
         element = tuple(2.0 * h if two else h for h, two in zip(self.element, halved, strict=True))
         return Grid(shape, element, self.material, self.reference)
 
+    def agree(self) -> AbstractContextManager[dict[str, Any]]:
+        """Return what checks of arguments are made in (see `slabs.Slab.agree`)."""
+        return nullcontext({})
+
     def coarsen(self, x: Array) -> Array:
         """Return the averages of a field, of any components, on the coarser grid."""
         return coarsen(x, len(self.shape))
@@ -153,6 +158,11 @@ class Grid:
     def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid on some elements."""
         return quick_fsai(MaskedOperator(A, C), dtype=dtype)
+
+    def diagonal(self, A: Any) -> float:
+        """Return the entry on the diagonal of a matrix of this grid, of the first component."""
+        first = A.component(0) if isinstance(A, CoupledOperator) else A
+        return float(first.c.flat[0])
 
     def _matrix(self, directions: str, ahead: int = 0) -> Any:
         return halfspace.influence_matrix(

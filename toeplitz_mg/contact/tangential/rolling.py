@@ -188,7 +188,7 @@ def rolling_steps(
     check_iteration(tolerance, max_products)
     steps = count("steps", steps)
     about = doubts.examine_bound(grid, g > 0.0)
-    q = np.zeros_like(w) if previous is None else check_previous(previous, grid)
+    q = np.zeros_like(w) if previous is None else check_previous(previous, grid.element, w.shape)
     window = Window.around(grid, (g > 0.0) | q.any(axis=0))
     q, g, w, grid = window.cut(q), window.cut(g), window.cut(w), window.grid
 

@@ -27,7 +27,6 @@ from toeplitz_mg.contact.tangential.stick_slip import (
     Linearisation,
     Problem,
     State,
-    diagonal,
     linearise,
     refine_guess,
     solve,
@@ -122,7 +121,7 @@ def find_steady_state(
     q, areas = _first_guess(problem, nested=nested, options=options)
     vectors = problem.vectors
     u = K(q) if vectors.count(q) else np.zeros_like(q)
-    k0 = diagonal(K.A)
+    k0 = problem.grid.diagonal(K.A)
     dtype = np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64
     M, shift = None, 0.0
     best, patience = np.inf, options.patience
@@ -162,7 +161,7 @@ def _newton_step(
 ) -> tuple[Array, int]:
     """Return a change of the tractions, and the iterations."""
     T, lam, r, vectors = law.T, law.stiffness, law.r, problem.vectors
-    k0 = diagonal(K.A)
+    k0 = problem.grid.diagonal(K.A)
     weight = np.where(areas.slide, 1.0 / np.sqrt(1.0 + lam / k0), 1.0)
     before = vectors.norm(r)
     if before == 0.0:
