@@ -9,6 +9,7 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element, Mask
+from toeplitz_mg.contact.steady_matrices import invert_shifted, subtract_operators
 from toeplitz_mg.engine.vectors import PLAIN, Vectors
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.materials import combine
@@ -150,6 +151,14 @@ class Grid:
         When the contact rolls towards positive x, what is here now was there one step before.
         """
         return self._matrix("xy"[: self.components], ahead=1)
+
+    def steady(self, A: Any) -> Any:
+        """Return the matrix of steady rolling, A - S with A and S = `tangential` and `upstream`."""
+        return subtract_operators(A, self.upstream())
+
+    def invert_shifted(self, K: Any, shift: float, dtype: DTypeLike) -> Any:
+        """Return an approximate inverse of the matrix of steady rolling."""
+        return invert_shifted(K, shift).astype(dtype)
 
     def invert_by_cosine(self, A: Any, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid."""

@@ -349,6 +349,11 @@ class SlabProduct:
         return self._passes.spectrum[0][0]
 
     @property
+    def points(self) -> int:
+        """The points of the transforms, by which the eigenvalues are divided."""
+        return prod(self._passes.lengths)
+
+    @property
     def norm_bound(self) -> float:
         """A bound of the 2-norm, which is the largest of those of the frequencies of a rank."""
         return max(self.slab.gather(self._passes.norm_bound))

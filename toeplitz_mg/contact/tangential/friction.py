@@ -122,7 +122,7 @@ def friction(
 def shift_bodies(
     grid: Grid,
     g: Array,
-    window_around: Callable[[Grid, Array], Window],
+    window_around: Callable[[Any, Array], Any],
     shift: ArrayLike | None,
     force: ArrayLike | None,
     previous: ContactResult | None,
