@@ -17,12 +17,12 @@ from toeplitz_mg.preconditioners.circulant import (
     smooth_eigenvalues,
     smooth_inverse,
 )
-from toeplitz_mg.preconditioners.positivity import rounding
+from toeplitz_mg.preconditioners.positivity import is_positive, rounding
 from toeplitz_mg.preconditioners.selection import Candidate
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
-from toeplitz_mg.preconditioners.traits import has_symbol
+from toeplitz_mg.preconditioners.traits import has_symbol, is_nearly_white
 from toeplitz_mg.preconditioners.trigonometric import signed_inverse
-from toeplitz_mg.solvers.attempts import solve_by_cg, solve_by_gmres
+from toeplitz_mg.solvers.attempts import PATIENT, USUAL, solve_by_cg, solve_by_gmres
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.cosine_form import fast_length
 from toeplitz_mg.solvers.inverse import first_columns
@@ -87,9 +87,9 @@ def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a system that is complex, or not symmetric."""
     A = system.A
     if A.is_hermitian:
-        if may_be_definite(chan_eigenvalues(A)):
+        if may_be_definite(means := chan_eigenvalues(A)):
             if system.columns <= FEW:
-                yield from _cg_methods(A, candidates_of_complex_line(A))
+                yield from _methods_of_hermitian(A, means)
             yield from _inverse_method(A)
         if not lu_is_faster_than_levinson(len(system.c), system.columns):
             by_circulant = partial(smooth_inverse, eigenvalues=smooth_eigenvalues(A))
@@ -101,6 +101,21 @@ def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
             yield from _gmres_method(A, spectral_preconditioner, "spectral_preconditioner")
         yield from _inverse_method(A)
     yield from _dense_methods(system)
+
+
+def _methods_of_hermitian(A: ToeplitzOperator, means: Array) -> Iterator[Method]:
+    """Yield what may solve a complex system of few columns, if it is positive definite.
+
+    Of those symbols that n coefficients resolve the circulant takes more iterations than the
+    factor does, but next to no set-up.
+    """
+    if is_nearly_white(means):
+        yield Method("cg", partial(solve_by_cg, A, None, patience=PATIENT))
+    samples = smooth_eigenvalues(A)
+    with suppress(np.linalg.LinAlgError):
+        M = smooth_inverse(A, samples if is_positive(samples, A.dtype) else means)
+        yield Method("cg, circulant", partial(solve_by_cg, A, M, patience=USUAL))
+    yield from _cg_methods(A, candidates_of_complex_line(A))
 
 
 def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
