@@ -6,7 +6,7 @@ them, `solve_toeplitz` and `toeplitz_inverse` ask for those of a whole line, and
 `toeplitz_mg.contact` ask whether FSAI is worth its set-up.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import chain
 from typing import NamedTuple
@@ -305,10 +305,19 @@ def _why_fsai(A: ToeplitzOperator, mask: Mask) -> str | None:
 
 
 def is_fsai_worthwhile(
-    A: ToeplitzOperator | CoupledOperator, mask: Mask, change: float = 0.0
+    elements: int, fragmentation: Callable[[], float], change: float = 0.0
 ) -> bool:
-    """Whether FSAI is worth its set-up on a set of unknowns, a share of which has just changed."""
-    return change <= SETTLED and A.shape[0] >= LARGE and traits.fragmentation(mask) > COMPACT
+    """Whether FSAI is worth its set-up on a set of unknowns, a share of which has just changed.
+
+    Parameters
+    ----------
+    elements : int
+        Those of the grid, of all components.
+    fragmentation : callable
+        Returns that of the set: it takes long enough to be asked for last.
+    change : float, optional
+    """
+    return change <= SETTLED and elements >= LARGE and fragmentation() > COMPACT
 
 
 def is_fsai_kept(change: float) -> bool:

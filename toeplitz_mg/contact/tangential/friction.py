@@ -18,7 +18,7 @@ from toeplitz_mg.contact.checks import (
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import ContactResult, check_converged
-from toeplitz_mg.contact.tangential.coulomb import clip, project
+from toeplitz_mg.contact.tangential.coulomb import clip, project, sum_components
 from toeplitz_mg.contact.tangential.stick_slip import Problem, State, solve
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
@@ -130,8 +130,8 @@ def friction(
         guess, least = None, 0.0
         if previous is not None:
             u = products(before)
-            guess = project(clip(before, g), g, total)
-            b, least = b + u, float(np.abs(u).max())
+            guess = project(clip(before, g), g, total, grid.vectors)
+            b, least = b + u, grid.vectors.max(np.abs(u))
         problem = Problem(window.grid, g, b, total, tolerance, least, progress)
         state = solve(problem, products, guess, nested=nested)
     result = make_result(problem, state, window, products.count, work.units(b.size))
@@ -155,12 +155,13 @@ def make_result(
         x = window.extend(x)
         return x[0] if is_line else x
 
-    total = problem.grid.area * q.reshape(len(q), -1).sum(axis=1)
+    total = problem.grid.area * sum_components(q, problem.vectors)
     return ContactResult(
         element=problem.grid.element,
         traction=whole(q),
         displacement=whole(np.where(contact, state.u, 0.0)),
         contact=whole_contact,
+        area=problem.grid.vectors.count(contact) * problem.grid.area,
         force=float(total[0]) if is_line else total,
         rigid=float(state.shift[0]) if is_line else state.shift,
         slip=whole(np.where(contact, slip, 0.0)),

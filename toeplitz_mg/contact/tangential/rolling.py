@@ -200,7 +200,7 @@ def rolling_steps(
             with count_products() as work:
                 products = Products(A, max_products)
                 b = apply_to_rows(S, q.reshape(-1)).reshape(q.shape) - w
-                problem = Problem(grid, g, b, None, tolerance, float(np.abs(w).max()))
+                problem = Problem(grid, g, b, None, tolerance, grid.vectors.max(np.abs(w)))
                 state = solve(problem, products, clip(q, g), nested=False)
             q = state.q
             result = make_result(problem, state, window, products.count + 1, work.units(w.size))

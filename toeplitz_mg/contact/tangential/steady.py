@@ -33,7 +33,7 @@ from toeplitz_mg.contact.tangential.stick_slip import (
     solve,
 )
 from toeplitz_mg.engine.krylov_space import KrylovSpace
-from toeplitz_mg.engine.vectors import combine, norm
+from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator, apply_to_rows
 
@@ -120,7 +120,8 @@ def find_steady_state(
     """
     g, b = problem.g, problem.b
     q, areas = _first_guess(problem, nested=nested, options=options)
-    u = K(q) if q.any() else np.zeros_like(q)
+    vectors = problem.vectors
+    u = K(q) if vectors.count(q) else np.zeros_like(q)
     k0 = diagonal(K.A)
     dtype = np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64
     M, shift = None, 0.0
@@ -132,14 +133,14 @@ def find_steady_state(
             return State(q, u, areas, law.shift, law.residual, tuple(iterations))
         if problem.progress is not None:
             problem.progress(K.count, law.residual)
-        if shift != (shift := _shift(areas)) or M is None:
+        if shift != (shift := _shift(areas, vectors)) or M is None:
             M = invert_shifted(K.A, shift).astype(dtype)
         v, count = _newton_step(problem, law, areas, q, K, M, options)
         iterations.append(count)
         q = q + v
         out = areas.stick & (size(q) > g)
         on_circle = areas.slide | out
-        q, _ = make_admissible(q, g, areas, on_circle, None)
+        q, _ = make_admissible(q, g, areas, on_circle, None, vectors)
         u = K(q)
         back = areas.slide & (along(b - u, law.T.n) < 0.0)
         areas = areas.exchange(out, back)
@@ -160,18 +161,19 @@ def _newton_step(
     options: SteadyOptions,
 ) -> tuple[Array, int]:
     """Return a change of the tractions, and the iterations."""
-    T, lam, r = law.T, law.stiffness, law.r
+    T, lam, r, vectors = law.T, law.stiffness, law.r, problem.vectors
     k0 = diagonal(K.A)
     weight = np.where(areas.slide, 1.0 / np.sqrt(1.0 + lam / k0), 1.0)
-    before = norm(r)
+    before = vectors.norm(r)
     if before == 0.0:
         return np.zeros_like(r), 0
+    largest = vectors.max(np.abs(r))
     exact = max(SHARP * problem.tolerance * law.scale, SINGLE * before)
-    if len(r) > 1 and areas.slide.any():  # The circle |q| = g is linearised.
+    if len(r) > 1 and vectors.count(areas.slide):  # The circle |q| = g is linearised.
         exact = max(exact, REDUCTION * before)
 
     def goal(v: Array) -> float:
-        return max(exact, k0 * problem.excess(q + v) * before / float(np.abs(r).max()))
+        return max(exact, k0 * problem.excess(q + v) * before / largest)
 
     most = min(options.iterations, max(1, K.limit - K.count))
     # All of them are kept, so that the goal of each iterate is told without a product more.
@@ -182,22 +184,22 @@ def _newton_step(
         d[...] = T(weight * apply_to_rows(M, (weight * T(v)).reshape(-1)).reshape(v.shape))
         return T(K(d)) + lam * d
 
-    space = KrylovSpace(multiply, r.shape, M.dtype, most)
+    space = KrylovSpace(multiply, r.shape, M.dtype, most, vectors)
     space.begin(r)
     while True:
         least = space.extend()
-        v = combine(space.weights(), directions[: space.dimension]).astype(np.float64)
+        v = vectors.combine(space.weights(), directions[: space.dimension]).astype(np.float64)
         if least <= goal(v) or space.dimension == most:
             return v, space.dimension
 
 
-def _shift(areas: Areas) -> float:
+def _shift(areas: Areas, vectors: Vectors) -> float:
     """Return the shift of the symbol, from 0.04 where all sticks to 0.32 where all slides.
 
     Both ends, and what is between, were found by experiment. It is rounded to a power of two times
     0.04, so that the inverse is set up a few times only.
     """
-    sliding = float(areas.slide.sum()) / max(1.0, float((areas.slide | areas.stick).sum()))
+    sliding = vectors.count(areas.slide) / max(1, vectors.count(areas.slide | areas.stick))
     return float(0.04 * 2.0 ** np.round(np.log2(1.0 + 7.5 * sliding**3)))
 
 

@@ -37,7 +37,7 @@ class LevelMatrix:
     @classmethod
     def of_mask(cls, stencil: Stencil, mask: Array) -> "LevelMatrix":
         """Return the matrix of a mask, of shape (n1, n2), or (2, n1, n2) for two components."""
-        grids = mask.reshape(stencil.kernel.shape[1:])
+        grids = mask.reshape(len(stencil.kernel), -1, stencil.grid.shape[1])
         active = np.concatenate([stencil.grid.place(grid, False) for grid in grids])
         matrix = cls(active, stencil.on_places(stencil.zero), True)
         # More neighbours have too many patterns for a table.
@@ -60,10 +60,14 @@ class LevelMatrix:
     @property
     def number(self) -> Array:
         """The number of the unknown in each place, in the order of their places."""
-        at = np.flatnonzero(self.active)
-        number = np.zeros(len(self.c), np.int32)
-        number[at] = np.arange(len(at), dtype=np.int32)
-        return number
+        return number_places(np.flatnonzero(self.active), len(self.c))
+
+
+def number_places(at: Array, size: int) -> Array:
+    """Return for each of so many places its number among these, 0 where it is none of them."""
+    number = np.zeros(size, np.int32)
+    number[at] = np.arange(len(at), dtype=np.int32)
+    return number
 
 
 @dataclass(frozen=True)
@@ -120,12 +124,12 @@ class Level:
         The local factor. Its rows and columns are the unknowns in the order of their places.
     W : csr_array
         The tentative prolongator.
-    coarse : Level or Direct
+    coarse : Level or Direct, or what is alike
     """
 
     G: csr_array
     W: csr_array
-    coarse: "Level | Direct"
+    coarse: Any
 
     @property
     def sizes(self) -> tuple[int, ...]:
