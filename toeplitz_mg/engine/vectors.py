@@ -18,6 +18,7 @@ from math import hypot, inf, sqrt
 from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array
@@ -206,6 +207,11 @@ def _max(x: Array) -> float:
     return float(x.max(initial=-inf))
 
 
+def _peak(x: Array) -> float:
+    parts = (x.real, x.imag) if x.dtype.kind == "c" else (x,)
+    return max(float(np.abs(part).max(initial=0.0)) for part in parts)
+
+
 def _count(x: Array) -> int:
     return int(np.count_nonzero(x))
 
@@ -229,6 +235,8 @@ class Vectors:
     sum, min, max : callable
         From a real field to its sum, its least and its largest number; infinity, or minus
         infinity, where it has none.
+    peak : callable
+        From a vector to the largest size of its numbers, or of their real and imaginary parts.
     count : callable
         From a field to how many of its numbers are not zero.
     axpy, aypx, combine, add_combination : callable
@@ -257,8 +265,25 @@ class Vectors:
         self.sum: Callable[[Array], float] = of_parts(sum, _sum)
         self.min: Callable[[Array], float] = of_parts(min, _min)
         self.max: Callable[[Array], float] = of_parts(max, _max)
+        self.peak: Callable[[Array], float] = of_parts(max, _peak)
         self.count: Callable[[Array], int] = of_parts(lambda counts: int(sum(counts)), _count)
 
+    def copy(self, x: Array, out: Array) -> Array:
+        """Return `out`, with the numbers of x."""
+        out[...] = x
+        return out
+
+    def zeros(self, x: Array, dtype: DTypeLike) -> Array:
+        """Return a vector of zeros as long as another."""
+        return np.zeros(x.shape, dtype)
+
+    def cast(self, x: Array, dtype: DTypeLike) -> Array:
+        """Return a vector in another precision, itself where it has that one."""
+        return x.astype(dtype, copy=False)
+
+    # These return what they compute, in `out`, their last argument: vectors that cannot be changed
+    # have no other way.
+    divide, subtract, empty = np.divide, np.subtract, staticmethod(np.empty_like)
     axpy = staticmethod(axpy)
     aypx = staticmethod(aypx)
     combine = staticmethod(combine)

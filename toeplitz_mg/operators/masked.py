@@ -8,10 +8,9 @@ from numpy.typing import ArrayLike, DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Mask
-from toeplitz_mg.engine.threads import share_rows
-from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.operators import algebra
-from toeplitz_mg.operators.base import GridOperator, apply_to_rows, work_of
+from toeplitz_mg.operators.base import GridOperator, apply_to_rows, library_for, work_of
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum
@@ -75,9 +74,12 @@ class MaskedOperator(GridOperator):
                 "preconditioner, of the whole grid"
             )
         self.full = A
+        mask = library_of(mask).to_numpy(mask)
         self.mask = check_mask(mask, grid_shape, isinstance(A, CoupledOperator))
         self._index = np.flatnonzero(self.mask)
-        super().__init__(A.dtype, grid_shape, work_of(A), len(self._index))
+        library = library_for(A)
+        super().__init__(A.dtype, grid_shape, work_of(A), len(self._index), library)
+        self._cells = library.cells(self._index, self.mask.size)
 
     def toarray(self) -> Array:
         """Return the dense matrix, shape (N, N), N = ``mask.sum()``.
@@ -140,26 +142,11 @@ class MaskedOperator(GridOperator):
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
+        library = self.library
         if out is None:
-            out = np.empty(X.shape, np.result_type(X, self.dtype))
-        x, y = (rows.reshape(-1, X.shape[-1]) for rows in (X, out))
-        grid = workspace((len(x), self.full.shape[1]), out.dtype)
-        index = self._index
-
-        def extend(part: slice) -> None:
-            # The part of the grid up to the first unknown of the next one is zero but for these.
-            start = index[part.start] if part.start else 0
-            stop = index[part.stop] if part.stop < len(index) else grid.shape[1]
-            grid[:, start:stop] = 0.0
-            grid[:, index[part]] = x[:, part]
-
-        def restrict(part: slice) -> None:
-            y[:, part] = grid[:, index[part]]
-
-        share_rows(extend, index)
-        apply_to_rows(self.full, grid, grid)
-        share_rows(restrict, index)
-        return out
+            out = library.allocate(X, self.dtype)
+        grid = library.extend(X, self._cells, out)
+        return library.restrict(apply_to_rows(self.full, grid, grid), self._cells, out)
 
     def _adjoint(self) -> "MaskedOperator":
         full = self.full.H

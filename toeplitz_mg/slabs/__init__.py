@@ -1,5 +1,6 @@
 """Grids cut into slabs of rows, one for each rank of MPI: the package's names for a cluster."""
 
+from toeplitz_mg.slabs.fsai import fsai_preconditioner
 from toeplitz_mg.slabs.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
 from toeplitz_mg.slabs.preconditioners import (
     cosine_preconditioner,
@@ -15,5 +16,6 @@ __all__ = [
     "ToeplitzOperator",
     "cosine_preconditioner",
     "fft_preconditioner",
+    "fsai_preconditioner",
     "sine_preconditioner",
 ]

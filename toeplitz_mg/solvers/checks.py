@@ -8,9 +8,10 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.library import NUMPY, Library
 from toeplitz_mg.engine.vectors import Vectors
-from toeplitz_mg.operators.base import vectors_of
-from toeplitz_mg.values import count, real, refuse_masked
+from toeplitz_mg.operators.base import library_for, vectors_of
+from toeplitz_mg.values import count, real
 
 
 class System(NamedTuple):
@@ -87,7 +88,8 @@ def _check_alone(
         if not 0.0 <= real(name, tolerance) < np.inf:
             raise ValueError(f"{name} is {tolerance}, but must be finite and not negative")
     maxiter = 10 * n if maxiter is None else count("maxiter", maxiter)
-    guess = None if x0 is None else _vector(x0, "x0", n)
+    library = library_for(A)
+    guess = None if x0 is None else _vector(x0, "x0", n, library)
     if residuals is None:
         residuals = []
     elif not isinstance(residuals, list):
@@ -95,8 +97,8 @@ def _check_alone(
             f"residuals is {residuals!r}, but must be a list, which will be filled: make one by "
             "residuals = []"
         )
-    b = _vector(b, "b", n)
-    dtype = np.result_type(A.dtype, b.dtype, b.dtype if guess is None else guess.dtype)
+    b = _vector(b, "b", n, library)
+    dtype = np.result_type(A.dtype, *(library.dtype(v) for v in (b, guess) if v is not None))
     if M is not None and M.dtype.kind == "c":
         dtype = np.result_type(dtype, np.complex64)
     return System(A, M, b, guess, maxiter, residuals, dtype, vectors_of(A))
@@ -112,10 +114,10 @@ def check_precision(system: System) -> np.dtype[Any]:
     return system.dtype
 
 
-def check_numbers(name: str, values: Any) -> Array:
-    """Return an array of numbers, real or complex."""
-    array = refuse_masked(name, values)
-    if array.dtype.kind not in "buifc":
+def check_numbers(name: str, values: Any, library: Library = NUMPY) -> Array:
+    """Return an array of numbers, real or complex, of a library."""
+    array = library.read(name, values)
+    if library.dtype(array).kind not in "buifc":
         raise TypeError(f"{name} has dtype {array.dtype}, but must be of numbers")
     return array
 
@@ -126,6 +128,12 @@ def check_place(name: str, M: Any, A: Any) -> None:
         raise TypeError(
             f"{name} is {M!r}, and A is {A!r}, but both must be of toeplitz_mg.slabs, on the same "
             "slab, or none of them"
+        )
+    theirs, ours = library_for(M), library_for(A)
+    if theirs is not ours:
+        raise TypeError(
+            f"{name} has arrays of {theirs.name}, and A of {ours.name}, but both must have arrays "
+            "of one library"
         )
 
 
@@ -147,12 +155,12 @@ def check_operator(name: str, A: Any) -> LinearOperator:
     return aslinearoperator(A)
 
 
-def _vector(values: ArrayLike, name: str, n: int) -> Array:
-    array = check_numbers(name, values)
+def _vector(values: ArrayLike, name: str, n: int, library: Library) -> Array:
+    array, xp = check_numbers(name, values, library), library.xp
     if array.shape not in ((n,), (n, 1)):
         raise ValueError(f"{name} has shape {array.shape}, but A has {(n, n)}")
-    if not np.isfinite(array).all():
+    if not xp.all(xp.isfinite(array)):
         raise ValueError(f"{name} has entries that are not finite")
-    if array.dtype.kind in "bui" or array.dtype == np.float16:
-        array = array.astype(np.float64)
-    return array.reshape(n)
+    if library.dtype(array).kind in "bui" or library.dtype(array) == np.float16:
+        array = library.cast(array, np.float64)
+    return xp.reshape(array, (n,))
