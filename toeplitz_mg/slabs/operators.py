@@ -160,6 +160,11 @@ class ToeplitzOperator(SlabOperator):
         self.is_symmetric = prod(parity) == 1 and behind is None
         self.product = product or SlabProduct(slab, [[_spectrum(self)]], self.dtype)
 
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: that of the matrix in which the products embed this one."""
+        return self.product.norm_bound
+
     def astype(self, dtype: DTypeLike) -> "ToeplitzOperator":
         """Return the matrix in another precision, or itself where it has that one."""
         dtype = check_precision(dtype, self.dtype)
@@ -231,6 +236,11 @@ class CoupledOperator(SlabOperator):
         super().__init__(slab, dtype, (components, *slab.local))
         spectra = [[block and block.product.spectrum for block in row] for row in self.blocks]
         self.product = SlabProduct(slab, spectra, self.dtype)
+
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: that of the matrix in which the products embed this one."""
+        return self.product.norm_bound
 
     def astype(self, dtype: DTypeLike) -> "CoupledOperator":
         """Return the matrix in another precision, or itself where it has that one."""
@@ -337,6 +347,16 @@ class SlabProduct:
         """The eigenvalues of the first pair of components."""
         assert self._passes.spectrum is not None
         return self._passes.spectrum[0][0]
+
+    @property
+    def points(self) -> int:
+        """The points of the transforms, by which the eigenvalues are divided."""
+        return prod(self._passes.lengths)
+
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm, which is the largest of those of the frequencies of a rank."""
+        return max(self.slab.gather(self._passes.norm_bound))
 
     def astype(self, dtype: DTypeLike) -> "SlabProduct":
         """Return the multiplication in another precision; no transform is made."""
