@@ -2,6 +2,20 @@
 
 from toeplitz_mg.slabs.fsai import fsai_preconditioner
 from toeplitz_mg.slabs.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
+from toeplitz_mg.slabs.preconditioners import (
+    cosine_preconditioner,
+    fft_preconditioner,
+    sine_preconditioner,
+)
 from toeplitz_mg.slabs.slab import Slab
 
-__all__ = ["CoupledOperator", "MaskedOperator", "Slab", "ToeplitzOperator", "fsai_preconditioner"]
+__all__ = [
+    "CoupledOperator",
+    "MaskedOperator",
+    "Slab",
+    "ToeplitzOperator",
+    "cosine_preconditioner",
+    "fft_preconditioner",
+    "fsai_preconditioner",
+    "sine_preconditioner",
+]
