@@ -1,7 +1,6 @@
 """A communicator that counts what leaves a rank."""
 
 from collections import Counter
-
 from typing import Any, NoReturn
 
 from mpi4py import MPI

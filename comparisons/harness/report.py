@@ -38,7 +38,12 @@ def options(
             kind = str if isinstance(values, str) else int
             name_of = "TEXT" if kind is str else "NUMBER"
             parser.add_argument(
-                f"--{choice}", type=kind, default=values, metavar=name_of, help="%(default)s", **many
+                f"--{choice}",
+                type=kind,
+                default=values,
+                metavar=name_of,
+                help="%(default)s",
+                **many,
             )
             continue
         parser.add_argument(

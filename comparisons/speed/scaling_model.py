@@ -12,7 +12,6 @@ PRODUCT_BYTES = 300.0  # Bytes an unknown between processor and memory, of a pro
 FSAI_BYTES = 420.0  # The same of the rest of an iteration with FSAI: its matrices, and vectors.
 COSINE_BYTES = 155.0  # The same of an iteration with the cosine transform.
 VECTORS = 20  # Vectors that a solve with a transform needs, of float64; 5 % more than measured.
-ITERATIONS = {"FSAI": 10, "cosine": 20}  # To a relative residual of 1e-8.
 
 
 class Node(NamedTuple):
@@ -24,7 +23,7 @@ class Node(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """Seconds of a product, all of it and of its messages; of solves, and bytes."""
+    """Seconds of a product and of its messages, of iterations of CG; bytes of a node, a message."""
 
     product: float
     exchange: float
@@ -47,8 +46,8 @@ def predict(node: Node, nodes: int, n: int) -> Prediction:
     return Prediction(
         product,
         exchange,
-        ITERATIONS["FSAI"] * fsai,
-        ITERATIONS["cosine"] * cosine,
+        fsai,
+        cosine,
         8.0 * VECTORS * own,
         16.0 * own / nodes,
     )
