@@ -109,10 +109,18 @@ class Slab:
         height : int
             A divisor of `unit`, so that no row is made of those of two ranks.
         """
-        coarse = Slab.__new__(Slab)
-        coarse.comm = self.comm
-        coarse._set(shape, self.unit // height, -(-self.starts // height))
-        return coarse
+        return self._alike(shape, self.unit // height, -(-self.starts // height))
+
+    def longer(self, length: int) -> "Slab":
+        """Return the slab of a grid of so many rows in all: the last rank has the new ones."""
+        starts = np.append(self.starts[:-1], length)
+        return self._alike((length, *self.shape[1:]), 1, starts)
+
+    def _alike(self, shape: tuple[int, ...], unit: int, starts: Array) -> "Slab":
+        slab = Slab.__new__(Slab)
+        slab.comm = self.comm
+        slab._set(shape, unit, starts)
+        return slab
 
     def lags(self, element: tuple[float, float]) -> tuple[Array, Array]:
         """Return the points of the first column for this rank's rows (see `halfspace.offsets`).
@@ -348,6 +356,11 @@ class Slab:
         """
         above = self.shift(x[len(x) - count :], count if self.comm.rank else 0, 1)
         return np.concatenate([above, x])
+
+    @property
+    def name(self) -> str:
+        """The grid and the ranks: the same words on all ranks."""
+        return f"{' x '.join(map(str, self.shape))} on {self.comm.size} ranks"
 
     def __repr__(self) -> str:
         start, stop = self.rows.start, self.rows.stop
