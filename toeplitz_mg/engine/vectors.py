@@ -273,9 +273,9 @@ class Vectors:
         out[...] = x
         return out
 
-    def zeros(self, x: Array, dtype: DTypeLike) -> Array:
-        """Return a vector of zeros as long as another."""
-        return np.zeros(x.shape, dtype)
+    def zeros(self, x: Array, dtype: DTypeLike | None = None) -> Array:
+        """Return a vector of zeros as long as another, in its precision or another one."""
+        return np.zeros(x.shape, x.dtype if dtype is None else dtype)
 
     def cast(self, x: Array, dtype: DTypeLike) -> Array:
         """Return a vector in another precision, itself where it has that one."""
