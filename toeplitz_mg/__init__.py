@@ -32,6 +32,7 @@ from toeplitz_mg.preconditioners import (
     tau_preconditioner,
 )
 from toeplitz_mg.solvers.solve import SolveInfo, solve_toeplitz
+from toeplitz_mg.solvers.determinant import toeplitz_logdet
 from toeplitz_mg.solvers.inverse import ToeplitzInverse, toeplitz_inverse
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.gmres import gmres
@@ -76,5 +77,6 @@ __all__ = [
     "strang_preconditioner",
     "tau_preconditioner",
     "toeplitz_inverse",
+    "toeplitz_logdet",
 ]
 __version__ = "0.1.0"

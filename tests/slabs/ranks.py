@@ -22,7 +22,8 @@ needs_ranks = [
 
 def run_on_ranks(ranks, *arguments):
     """Run ``python -m mpi4py ...`` on so many ranks; return its exit status and what it printed."""
-    command = [MPIEXEC, "-n", str(ranks), sys.executable, "-m", "mpi4py", *arguments]
+    python = [sys.executable, "-W", "error", "-m", "mpi4py"]
+    command = [MPIEXEC, "-n", str(ranks), *python, *arguments]
     process = subprocess.Popen(
         command,
         cwd=ROOT,

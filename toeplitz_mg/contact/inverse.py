@@ -50,9 +50,10 @@ def invert_locally(
     dtype : float32 or float64, optional
         The precision in which FSAI is kept and applied, that of `A` by default.
     """
-    if not is_fsai_worthwhile(prod(A.grid_shape), partial(grid.fragmentation, C), change):
-        return None
     components = A.grid_shape[: len(A.grid_shape) - len(grid.shape)]
+    elements = prod(components) * prod(grid.shape)
+    if not is_fsai_worthwhile(elements, partial(grid.fragmentation, C), change):
+        return None
     C = np.broadcast_to(C, (*components, *C.shape))
     try:
         return LocalInverse(grid.invert_by_fsai(A, C, dtype), C)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextvars import copy_context
 from functools import lru_cache
+from typing import Any
 
 from scipy import fft
 
@@ -64,7 +65,8 @@ def share(work: Work, count: int, points: int) -> None:
         for part in parts[1:]:
             pool = _threads(threads - 1, os.getpid())
             # The context has what NumPy does about overflow.
-            others.append(pool.submit(copy_context().run, do_part, [do], part))
+            context: Any = copy_context()
+            others.append(pool.submit(context.run, do_part, [do], part))
         with fft.set_workers(1):
             do(parts[0])
     finally:

@@ -203,6 +203,18 @@ def name_dense(c: Array) -> str:
 
 def check_coefficients(values: ArrayLike, name: str) -> Array:
     """Return `values` as an array of real or complex numbers, or say what is wrong with them."""
+    array = check_finite(values, name)
+    library = library_of(array)
+    xp = library.xp
+    with np.errstate(over="ignore"):  # What overflows to inf is too much.
+        sizes = xp.abs(array)
+        total = float(xp.sum(sizes, dtype=library.native(np.float64)))
+    require_digits(name, library.dtype(sizes), array.shape, total, float(xp.max(sizes)))
+    return array
+
+
+def check_finite(values: ArrayLike, name: str) -> Array:
+    """Return `values` as an array of finite numbers, of a dtype that a matrix may have."""
     library = library_of(values)
     array = library.read(name, values)
     dtype = library.dtype(array)
@@ -217,18 +229,26 @@ def check_coefficients(values: ArrayLike, name: str) -> Array:
         where = np.argwhere(~np.isfinite(array))[0]
         at = tuple(int(k) for k in where)
         raise ValueError(f"{name} has the coefficient {array[at]} at {at}, but all must be finite")
-    _require_digits(name, array)
     return array
 
 
-def _require_digits(name: str, coefficients: Array) -> None:
-    """Raise ValueError where coefficients make products over- or underflow."""
-    xp = (library := library_of(coefficients)).xp
-    with np.errstate(over="ignore"):  # What overflows to inf is too much.
-        sizes = xp.abs(coefficients)
-        total = float(xp.sum(sizes, dtype=library.native(np.float64)))
-    numbers = np.finfo(library.dtype(sizes))
-    most = float(numbers.max) * HEADROOM / 2**sizes.ndim
+def require_digits(
+    name: str, dtype: DTypeLike, shape: tuple[int, ...], total: float, largest: float
+) -> None:
+    """Raise ValueError where coefficients make products over- or underflow.
+
+    Parameters
+    ----------
+    name : str
+    dtype : float32 or float64
+        That of the sizes of the coefficients.
+    shape : tuple of int
+        That of all coefficients.
+    total, largest : float
+        The sum of their sizes, and the largest.
+    """
+    numbers = np.finfo(dtype)
+    most = float(numbers.max) * HEADROOM / 2 ** len(shape)
     if total > most:
         raise ValueError(
             f"{name} has coefficients whose sizes add up to {total:.3g}, but must be at most "
@@ -236,8 +256,7 @@ def _require_digits(name: str, coefficients: Array) -> None:
             "by a number"
         )
     # Some eigenvalue is as large as that. The products divide it by the length of the transforms.
-    least = float(numbers.tiny) * 2 ** (sizes.ndim + 1) * prod(sizes.shape)
-    largest = float(xp.max(sizes))
+    least = float(numbers.tiny) * 2 ** (len(shape) + 1) * prod(shape)
     if 0.0 < largest < least:
         raise ValueError(
             f"{name} has coefficients of size {largest:.3g} at most, but must have one of "

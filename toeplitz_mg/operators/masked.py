@@ -170,6 +170,14 @@ def check_mask(mask: ArrayLike, grid_shape: tuple[int, ...], is_coupled: bool = 
     is_coupled : bool
         Whether the first axis of the grid counts components, of which one mask may do for all.
     """
+    checked = check_booleans(mask, grid_shape, is_coupled)
+    if not checked.any():
+        raise ValueError(f"mask of shape {checked.shape} is nowhere true: there are no unknowns")
+    return checked
+
+
+def check_booleans(mask: ArrayLike, grid_shape: tuple[int, ...], is_coupled: bool = False) -> Mask:
+    """Return what `check_mask` does, also of a mask that is nowhere true."""
     mask = refuse_masked("mask", mask)
     if is_coupled and mask.shape == grid_shape[1:]:
         mask = np.broadcast_to(mask, grid_shape)
@@ -177,8 +185,6 @@ def check_mask(mask: ArrayLike, grid_shape: tuple[int, ...], is_coupled: bool = 
         raise TypeError(f"mask has dtype {mask.dtype}, but must be of booleans")
     if mask.shape != grid_shape:
         raise ValueError(f"mask has shape {mask.shape}, but A lives on the grid {grid_shape}")
-    if not mask.any():
-        raise ValueError(f"mask of shape {mask.shape} is nowhere true: there are no unknowns")
     mask = mask.copy()
     mask.flags.writeable = False
     return mask

@@ -35,7 +35,6 @@ from toeplitz_mg.preconditioners.candidates import (
     factorise,
     quick_fsai,
 )
-from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
 from toeplitz_mg.preconditioners.selection import Candidate, Selection
@@ -230,17 +229,15 @@ def candidates_of_line(A: ToeplitzOperator) -> Iterator[Candidate]:
 
 
 def candidates_of_complex_line(A: ToeplitzOperator) -> Iterator[Candidate]:
-    """Yield the preconditioners of a whole line that is complex and Hermitian.
+    """Yield the preconditioners of a whole line that is complex and Hermitian, but for circulants.
 
-    That in the middle may take many iterations, as for plane waves and noise; the last one is as
-    good as the inverse, and its set-up takes as long as some 20 iterations.
+    The last one is as good as the inverse, and its set-up takes as long as some 20 iterations.
     """
     A = A.astype(np.complex128)
     factor = factor_positive_symbol(A)
     if factor is not None and factor.is_inverse:
         of_factor = partial(inverse_of_factor, factor=factor)
         yield Candidate.of(spectral_preconditioner, "a symbol that is resolved", of_factor)
-    yield Candidate.of(chan_preconditioner, "next to no set-up")
     yield Candidate.of(spectral_preconditioner, "whatever the symbol", schur_inverse)
 
 

@@ -30,19 +30,21 @@ def precision(A: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None) ->
     there, or is rounded to zero, would be seen nowhere.
     """
     result = check_precision(A.dtype if dtype is None else dtype, A.dtype)
-    if result.char in "dD":
-        return result
-    single = np.finfo(np.float32)
-    low, high = float(single.tiny / single.eps), float(single.max * single.eps)
     blocks = A.blocks if isinstance(A, CoupledOperator) else ((A,),)
     for block in (row[i] for i, row in enumerate(blocks)):
-        diagonal = 0.0 if block is None else abs(complex(block.diagonal_entry))
-        if diagonal and not low <= diagonal <= high:
-            raise ValueError(
-                f"the diagonal of A is {diagonal:.3g}, but for a preconditioner in {result} it "
-                f"must be between {low:.1g} and {high:.1g}: scale A"
-            )
+        require_range(0.0 if block is None else abs(complex(block.diagonal_entry)), result)
     return result
+
+
+def require_range(diagonal: float, dtype: np.dtype[Any]) -> None:
+    """Raise ValueError where a preconditioner of this precision is nearly out of its range."""
+    single = np.finfo(np.float32)
+    low, high = float(single.tiny / single.eps), float(single.max * single.eps)
+    if dtype.char in "fF" and diagonal and not low <= diagonal <= high:
+        raise ValueError(
+            f"the diagonal of A is {diagonal:.3g}, but for a preconditioner in {dtype} it must be "
+            f"between {low:.1g} and {high:.1g}: scale A"
+        )
 
 
 def require_positive_diagonal(diagonal: float) -> None:

@@ -71,7 +71,11 @@ def schur_column(c: Array) -> tuple[Array, Array]:
     if len(c) > 1:
         # One part of the time goes as the number of blocks, another as their length.
         block = min(4 * isqrt(len(c)), LARGEST_BLOCK)
-        P = _steps(np.stack([c[1:], c[:-1]]) / diagonal, block, blocks)
+        try:
+            P = _steps(np.stack([c[1:], c[:-1]]) / diagonal, block, blocks)
+        except np.linalg.LinAlgError:
+            _schur_parameters(blocks)  # It says after how many steps.
+            raise
         a = np.append(P[0], 0.0)
         a[1:] += P[1]
         a[0] = 1.0  # It is that, but for rounding, which may be complex.
@@ -151,8 +155,10 @@ def _block(EG: Array, blocks: list[Array]) -> Array:
     return np.stack([P1, a[1:] - np.append(P1[1:], 0.0)])
 
 
+# A covariance needs what it is meant to have; of another matrix there are other methods.
+ADVICE = f"add to c[0] (a nugget, as noise in the data makes it), or use {LAST_RESORT}"
 _NOT_POSITIVE = (
-    f"A is not positive definite, or so ill-conditioned that float64 cannot tell: use {LAST_RESORT}"
+    f"A is not positive definite, or so ill-conditioned that float64 cannot tell: {ADVICE}"
 )
 
 
@@ -174,6 +180,10 @@ def _schur_parameters(blocks: list[Array]) -> Array:
             G += change
             # The first e is zero now, and z a* is shifted by one.
             E, G = E[1:], G[:-1]
-    if not np.abs(gamma).max() < 1.0:
-        raise np.linalg.LinAlgError(_NOT_POSITIVE)
-    return np.concatenate([g[:s] for g, s in zip(gamma.T, steps, strict=True)])
+    gamma = np.concatenate([g[:s] for g, s in zip(gamma.T, steps, strict=True)])
+    if (n := int(np.argmin(np.append(np.abs(gamma) < 1.0, False)))) < len(gamma):
+        raise np.linalg.LinAlgError(
+            f"the leading {n + 2} x {n + 2} block of A is not positive definite, or so "
+            f"ill-conditioned that float64 cannot tell: {ADVICE}"
+        )
+    return gamma

@@ -180,16 +180,41 @@ class Slab:
         low, high = np.max(self.gather(own), axis=0).tolist()
         return -low, high
 
-    def everywhere(self, x: Array) -> Array:
+    def everywhere(self, x: Array, lengths: Array | None = None) -> Array:
         """Return the rows of all ranks, one after the other, on each of them.
 
         It is for what is small: nothing of the size of the grid may go this way.
+
+        Parameters
+        ----------
+        x : ndarray of shape (rows, ...)
+        lengths : ndarray of int, shape (ranks,), optional
+            The number of rows of each rank. Where it is known one message less is sent.
         """
-        lengths = [int(length) for length in self.gather(len(x))]
-        whole = np.empty((sum(lengths), *x.shape[1:]), x.dtype)
-        sizes = [length * prod(x.shape[1:]) for length in lengths]
-        self.comm.Allgatherv(np.ascontiguousarray(x), [whole, sizes])
+        if self.comm.size == 1:
+            return x
+        if lengths is None:
+            lengths = np.array(self.gather(len(x)), int)
+        whole = np.empty((int(lengths.sum()), *x.shape[1:]), x.dtype)
+        self.comm.Allgatherv(np.ascontiguousarray(x), [whole, lengths * prod(x.shape[1:])])
         return whole
+
+    def exchange(self, x: Array, starts: Array, lengths: Array, expected: Array) -> Array:
+        """Send each rank some rows, and return those that all ranks send, one after the other.
+
+        Parameters
+        ----------
+        x : ndarray of shape (rows, ...)
+        starts, lengths : ndarray of int, shape (ranks,)
+            Which rows each rank is sent.
+        expected : ndarray of int, shape (ranks,)
+            How many each of them sends.
+        """
+        size = prod(x.shape[1:])
+        got = np.empty((int(expected.sum()), *x.shape[1:]), x.dtype)
+        sent = [np.ascontiguousarray(x), (lengths * size, starts * size)]
+        self.comm.Alltoallv(sent, [got, expected * size])
+        return got
 
     def columns(self, n: int) -> slice:
         """Return which of n columns this rank has between `to_columns` and `to_rows`."""

@@ -138,7 +138,7 @@ def cg_by_recurrence(
     A: LinearOperator,
     b: Array,
     *,
-    M: LinearOperator,
+    M: LinearOperator | None,
     rtol: float,
     maxiter: int,
     residuals: list[float] | None = None,

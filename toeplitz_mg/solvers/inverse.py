@@ -20,6 +20,7 @@ from toeplitz_mg.preconditioners.spectral import (
 )
 from toeplitz_mg.preconditioners.wiener_hopf import factor_positive_symbol
 from toeplitz_mg.solvers.cg import cg_by_recurrence
+from toeplitz_mg.solvers.szego import LogDeterminant, diagonal_sums, log_determinant, sharpen
 from toeplitz_mg.values import positive
 
 MOSTLY_ROUNDING = 1e-12  # ‖e₁ - A x‖ below which a step adds as much rounding as it removes.
@@ -50,6 +51,42 @@ class ToeplitzInverse(GridOperator):
         """‖v - A A⁻¹v‖/‖v‖, measured for a vector v that is a constant and as much random."""
         v = (1.0 + np.random.default_rng(0).standard_normal(self.shape[0])).astype(self.dtype)
         return norm(v - self.A.apply(self.apply(v))) / norm(v)
+
+    @property
+    def logdet(self) -> float:
+        """The logarithm of det A, of a positive definite A (see `toeplitz_logdet`)."""
+        return self._logdet.value
+
+    @property
+    def logdet_error(self) -> float:
+        """An estimate of the absolute error of `logdet`, which is rather too large."""
+        return self._logdet.error
+
+    @cached_property
+    def diagonal_sums(self) -> Array:
+        """Σ_i (A⁻¹)_(i,i+k), k = 0 … n - 1, shape (n,), of a positive definite A.
+
+        Of a real A they are the derivatives of log det A: by c[0] the first of them, and by c[k]
+        twice the one of k. The derivative by any parameter of c is their inner product with that of
+        c. They cost some six work units.
+        """
+        sums = diagonal_sums(self._column.x)
+        sums.flags.writeable = False
+        return sums
+
+    @cached_property
+    def _column(self) -> Columns:
+        """The column of the inverse, in double precision, as exact as that allows."""
+        if not self.A.is_hermitian:
+            raise TypeError(
+                f"A is {self.A!r}, but the log-determinant and the sums of diagonals are known of "
+                "a matrix only that is symmetric, or Hermitian, and positive definite"
+            )
+        return sharpen(Columns(double_line(self.A), self.G.x.astype(np.result_type(self.G.x, 0.0))))
+
+    @cached_property
+    def _logdet(self) -> LogDeterminant:
+        return log_determinant(self._column)
 
     @property
     def refined(self) -> "ToeplitzInverse":

@@ -1,0 +1,189 @@
+"""Log-determinants and their derivatives, against dense matrices and longer numbers."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+import scipy.linalg
+from numpy.testing import assert_allclose
+
+import toeplitz_mg as tmg
+from comparisons.systems.symbols import HERMITIAN, NONSYMMETRIC, column
+from toeplitz_mg.solvers import szego
+from toeplitz_mg.solvers.inverse import first_columns
+
+
+def fractional_noise(n, H):
+    k = np.arange(n, dtype=float)
+    return ((k + 1) ** (2 * H) - 2 * k ** (2 * H) + abs(k - 1) ** (2 * H)) / 2
+
+
+def matern(n, length):
+    r = np.sqrt(3.0) * np.arange(n) / length
+    return (1 + r) * np.exp(-r)
+
+
+# Of condition numbers up to 10⁷ at n = 1500.
+NAMES = (
+    *("θ⁴ + 1", "(1+k)^-1.1", "cos k/(k+1)", "0.9^k", "exp(-k/1000)", "Gaussian", "contact"),
+    *("|θ|", "|θ|^1.5", "2 - 2 cos θ", "2 + 2 cos θ"),
+)
+COVARIANCES = {name: partial(column, name) for name in NAMES} | {
+    "fGn, H = 0.3": lambda n: fractional_noise(n, 0.3),
+    "fGn, H = 0.75": lambda n: fractional_noise(n, 0.75),
+    "fGn, H = 0.99": lambda n: fractional_noise(n, 0.99),
+    "Matérn 3/2, ℓ = 5": lambda n: matern(n, 5.0),
+    "Matérn 3/2, ℓ = 20": lambda n: matern(n, 20.0),
+}
+each_covariance = pytest.mark.parametrize("name", COVARIANCES)
+
+
+def covariance(name, n):
+    c = COVARIANCES[name](n)
+    return c / c[0]
+
+
+def dense_sums(A):
+    """Σ_i (A⁻¹)_(i,i+k), by a dense inverse."""
+    inverse = np.linalg.inv(A)
+    return np.array([np.trace(inverse, k) for k in range(len(A))])
+
+
+@each_covariance
+@pytest.mark.parametrize("n", [1, 2, 3, 64, 65, 1500])
+def test_is_that_of_the_dense_matrix(name, n):
+    c = covariance(name, n)
+    factor = np.linalg.cholesky(scipy.linalg.toeplitz(c))
+    dense = 2.0 * np.log(factor.diagonal()).sum()
+    assert tmg.toeplitz_logdet(c) == pytest.approx(dense, rel=1e-12, abs=1e-14)
+
+
+@each_covariance
+@pytest.mark.parametrize("n", [2, 100, 700])
+def test_of_an_inverse_too_and_the_error_is_below_what_it_says(name, n):
+    c = covariance(name, n)
+    inverse = tmg.toeplitz_inverse(tmg.ToeplitzOperator(c))
+    dense = 2.0 * np.log(np.linalg.cholesky(scipy.linalg.toeplitz(c)).diagonal()).sum()
+    assert abs(inverse.logdet - dense) <= inverse.logdet_error
+    assert inverse.logdet_error <= 1e-11 * abs(dense)
+
+
+@each_covariance
+@pytest.mark.parametrize("n", [1, 2, 3, 100, 701])
+def test_diagonal_sums_are_those_of_the_dense_inverse(name, n):
+    c = covariance(name, n)
+    inverse = tmg.toeplitz_inverse(tmg.ToeplitzOperator(c))
+    sums = dense_sums(scipy.linalg.toeplitz(c))
+    assert_allclose(inverse.diagonal_sums, sums, rtol=0, atol=1e-10 * abs(sums).max())
+
+
+@pytest.mark.parametrize("n", [100, 1000])
+def test_diagonal_sums_are_derivatives(n):
+    """Of log det (A + t B) by t, for any Toeplitz matrix B."""
+    c, change = covariance("fGn, H = 0.75", n), covariance("Matérn 3/2, ℓ = 5", n)
+    sums = tmg.toeplitz_inverse(tmg.ToeplitzOperator(c)).diagonal_sums
+    slope = sums[0] * change[0] + 2.0 * sums[1:] @ change[1:]
+    h = 1e-4
+    ahead, back = (tmg.toeplitz_logdet(c + t * change) for t in (h, -h))
+    assert (ahead - back) / (2 * h) == pytest.approx(slope, rel=1e-6)
+
+
+@pytest.mark.parametrize("n", [2, 65, 900])
+@pytest.mark.parametrize("name", HERMITIAN)
+def test_of_hermitian_matrices(name, n):
+    c, r = HERMITIAN[name](n)
+    A = scipy.linalg.toeplitz(c, r)
+    dense = np.linalg.slogdet(A)[1]
+    assert tmg.toeplitz_logdet(c) == pytest.approx(dense, rel=1e-11, abs=1e-12)
+    sums, exact = tmg.toeplitz_inverse(tmg.ToeplitzOperator(c)).diagonal_sums, dense_sums(A)
+    assert_allclose(sums, exact, rtol=0, atol=1e-10 * abs(exact).max())
+
+
+@pytest.mark.parametrize("phi", [0.5, -0.9, 0.999])
+def test_of_long_autoregressive_series_is_that_of_their_prediction_errors(phi):
+    n = 200_003
+    exact = (n - 1) * np.log1p(-(phi**2))
+    assert tmg.toeplitz_logdet(phi ** np.arange(n)) == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["fGn, H = 0.99", "contact", "|θ|", "2 + 2 cos θ"])
+def test_the_series_is_the_sum_of_the_prediction_errors(name):
+    n = 5000
+    columns = szego.sharpen(first_columns(tmg.ToeplitzOperator(covariance(name, n))))
+    by_series = szego._sum_cepstrum(columns)
+    by_schur = szego._sum_schur_parameters(columns)
+    assert by_series is not None
+    assert abs(by_series.value - by_schur.value) <= by_series.error + by_schur.error
+
+
+def test_a_real_zero_is_divided_out():
+    rng = np.random.default_rng(0)
+    for rho in (0.999, -0.99):
+        factor = np.append(1.0, 0.2 * rng.standard_normal(200) * 0.9 ** np.arange(200))
+        a = np.convolve(factor, [1.0, -rho])
+        quotient, part = szego._divide_by_real_zero(a)
+        if rho < 0:
+            quotient = quotient * np.where(np.arange(201) % 2, -1.0, 1.0)
+        assert_allclose(quotient, factor, atol=1e-11)
+        # log(1 - ρ z) = -Σ ρᵏ zᵏ/k, so that Σ k ℓₖ² has this more.
+        whole, rest = szego._Series.of(a, 2**16).total, szego._Series.of(factor, 2**12).total
+        assert part == pytest.approx(whole - rest, rel=1e-9)
+
+
+def test_what_float64_does_not_reach_is_said():
+    c = np.sinc(np.arange(2000) / 3.0) + 1e-9 * (np.arange(2000) == 0)
+    with pytest.warns(scipy.linalg.LinAlgWarning, match=r"error of up to .*larger c\[0\]"):
+        value = tmg.toeplitz_logdet(c)
+    assert value == pytest.approx(np.linalg.slogdet(scipy.linalg.toeplitz(c))[1], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("c", "n"),
+    [
+        ([1.0, 2.0], 2),
+        ([1.0, 0.5, 0.9, -0.9], 4),
+        (np.r_[1.0, np.full(299, 0.2), 3.0, np.zeros(500)], 301),
+        (np.r_[1.0, np.full(1999, 0.2), 3.0, np.zeros(500)], 2001),
+    ],
+)
+def test_refuses_what_is_not_positive_definite_and_says_by_which_n(c, n):
+    with pytest.raises(np.linalg.LinAlgError, match=rf"leading {n} x {n} block .* nugget"):
+        tmg.toeplitz_logdet(c)
+
+
+def test_refuses_what_is_not_so_in_float64():
+    with pytest.raises(np.linalg.LinAlgError, match=r"leading \d+ x \d+ block .* nugget"):
+        tmg.toeplitz_logdet(np.exp(-((np.arange(3000) / 100) ** 2)))
+
+
+@pytest.mark.parametrize("c", [[-1.0], [0.0, 0.0]])
+def test_refuses_a_diagonal_that_is_not_positive(c):
+    with pytest.raises(np.linalg.LinAlgError, match="diagonal"):
+        tmg.toeplitz_logdet(c)
+
+
+def test_refuses_bad_arguments():
+    with pytest.raises(ValueError, match="must have one axis"):
+        tmg.toeplitz_logdet([[2.0, 1.0], [0.5, 0.1]])
+    with pytest.raises(ValueError, match="must be real"):
+        tmg.toeplitz_logdet([2.0 + 1.0j, 1.0])
+    with pytest.raises(ValueError, match="finite"):
+        tmg.toeplitz_logdet([2.0, np.nan])
+    general = tmg.toeplitz_inverse(tmg.ToeplitzOperator(*NONSYMMETRIC["convection-diffusion"](50)))
+    for name in ("logdet", "logdet_error", "diagonal_sums"):
+        with pytest.raises(TypeError, match="positive definite"):
+            getattr(general, name)
+
+
+def test_takes_single_precision_for_what_it_is():
+    c = covariance("fGn, H = 0.75", 300).astype(np.float32)
+    exact = np.linalg.slogdet(scipy.linalg.toeplitz(c.astype(float)))[1]
+    assert tmg.toeplitz_logdet(c) == pytest.approx(exact, rel=1e-12)
+    assert tmg.toeplitz_inverse(tmg.ToeplitzOperator(c)).logdet == pytest.approx(exact, rel=1e-12)
+
+
+def test_the_work_is_that_of_a_few_products():
+    n = 2**16
+    with tmg.count_products() as work:
+        tmg.toeplitz_logdet(covariance("fGn, H = 0.75", n))
+    assert work.units(n) <= 45
