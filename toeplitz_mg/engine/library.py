@@ -60,6 +60,10 @@ class NumPy:
         """Return the dtype of the library for one of NumPy's."""
         return dtype
 
+    def number(self, factor: Any) -> Any:
+        """Return a number that an array may be multiplied with."""
+        return factor
+
     def keep(self, array: Array) -> Array:
         """Return an array that nobody is to change."""
         array.flags.writeable = False

@@ -92,6 +92,10 @@ class Plain:
         """Return 0, 1, ... n - 1, in double precision."""
         return self.xp.arange(n, dtype=self.native(np.float64), device=self.device)
 
+    def number(self, factor: Any) -> Any:
+        """Return a number that an array may be multiplied with: Python's."""
+        return np.asarray(factor).item()
+
     def keep(self, array: Any) -> Any:
         """Return an array that nobody is to change."""
         return array
@@ -375,7 +379,7 @@ class PlainVectors:
         """Return a vector in another precision, itself where it has that one."""
         return self.library.cast(x, dtype)
 
-    def empty(self, x: Any) -> Any:
+    def empty(self, x: Any, out: Any = None) -> Any:
         """Return what has the shape and the dtype of a vector."""
         return x
 

@@ -75,7 +75,7 @@ class _Tail:
         if curvature * SUMMABLE > decay**2:
             return None
         tail = cls(1.0, decay, curvature)
-        tail.value = last[-1] / float(tail(np.array(step)))
+        tail.value = float(last[-1]) / float(tail(np.array(step)))
         return tail
 
     def __call__(self, t: Array) -> Array:
