@@ -8,7 +8,7 @@ pytestmark = needs_ranks
 
 
 @pytest.mark.parametrize("ranks", [1, 2, 3, 4])
-@pytest.mark.parametrize("cases", ["rows", "products", "solves", "fsai", "saving"])
+@pytest.mark.parametrize("cases", ["rows", "products", "solves", "fsai", "saving", "gathering"])
 def test_on_ranks(cases, ranks):
     status, printed = run_on_ranks(ranks, "-m", "tests.slabs", cases)
     assert status == 0, printed
