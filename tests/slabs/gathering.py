@@ -67,9 +67,9 @@ def everything(comm, rows):
 
 
 def allocate(size):
-    x = np.ones(size)
+    x = np.empty(size)
     del x
-    return np.ones(size // 2)
+    return np.empty(size // 2)
 
 
 def test_memory_is_measured(comm):

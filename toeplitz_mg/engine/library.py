@@ -60,6 +60,10 @@ class NumPy:
         """Return the dtype of the library for one of NumPy's."""
         return dtype
 
+    def number(self, factor: Any) -> Any:
+        """Return a number that an array may be multiplied with."""
+        return factor
+
     def keep(self, array: Array) -> Array:
         """Return an array that nobody is to change."""
         array.flags.writeable = False
@@ -125,6 +129,18 @@ class NumPy:
     def copy(self, array: Array) -> Array:
         """Return an array in one piece."""
         return np.ascontiguousarray(array)
+
+    def real(self, array: Array) -> Array:
+        """Return the real part of numbers, themselves where they are real."""
+        return array.real
+
+    def invert(self, array: Array) -> Array:
+        """Return the inverses of numbers, in the place of these where that can be."""
+        return np.reciprocal(array, out=array)
+
+    def arange(self, n: int) -> Array:
+        """Return 0, 1, ... n - 1, in double precision."""
+        return np.arange(float(n))
 
     def conj(self, array: Array) -> Array:
         """Return the complex conjugate of numbers."""
