@@ -2,13 +2,14 @@
 
 import pytest
 
-from tests.slabs.ranks import needs_ranks, run_on_ranks
-
-pytestmark = needs_ranks
+from tests.slabs.ranks import run_on_ranks, with_ranks
 
 
+@with_ranks
 @pytest.mark.parametrize("ranks", [1, 2, 3, 4])
-@pytest.mark.parametrize("cases", ["rows", "products", "fsai"])
+@pytest.mark.parametrize(
+    "cases", ["rows", "products", "solves", "fsai", "saving", "pressing", "sliding"]
+)
 def test_on_ranks(cases, ranks):
     status, printed = run_on_ranks(ranks, "-m", "tests.slabs", cases)
     assert status == 0, printed

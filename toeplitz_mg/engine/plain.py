@@ -9,7 +9,7 @@ one at a time, so that little more than the vectors is ever held. No array is wr
 
 from collections.abc import Callable
 from functools import lru_cache, partial
-from math import hypot, pi, prod, sqrt
+from math import hypot, inf, pi, prod, sqrt
 from typing import Any
 
 import numpy as np
@@ -346,6 +346,18 @@ class PlainVectors:
         xp, is_complex = self.library.xp, self.library.dtype(x).kind == "c"
         parts = [xp.real(x), xp.imag(x)] if is_complex else [x]
         return max(self.gather(max(float(xp.max(xp.abs(p))) if x.size else 0.0 for p in parts)))
+
+    def min(self, x: Any) -> float:
+        """Return the least number of a real field."""
+        return min(self.gather(float(self.library.xp.min(x)) if x.size else inf))
+
+    def max(self, x: Any) -> float:
+        """Return the largest number of a real field."""
+        return max(self.gather(float(self.library.xp.max(x)) if x.size else -inf))
+
+    def count(self, x: Any) -> int:
+        """Return how many numbers of a field are not zero."""
+        return int(sum(self.gather(int(self.library.xp.count_nonzero(x)))))
 
     def axpy(self, a: float, x: Any, y: Any) -> Any:
         """Return y + a x."""

@@ -20,8 +20,8 @@ def sample_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
     xp = (library := A.library).xp
     alone = [axis for axis, n in enumerate(column.shape) if n > 1]
     line = xp.reshape(column, (-1,))
-    if len(alone) == 1 and (tail := _Tail.of(line)) is not None:
-        samples = library.cosine_sums(tail.sum_periods(line, shape[alone[0]]))
+    if len(alone) == 1 and (sums := sum_tail(line, shape[alone[0]])) is not None:
+        samples = library.cosine_sums(sums)
         # An axis of one element has no other lags: its samples are the same.
         lengths = tuple(-1 if axis in alone else 1 for axis in range(column.ndim))
         whole = xp.broadcast_to(xp.reshape(samples, lengths), tuple(n + 1 for n in shape))
@@ -30,6 +30,15 @@ def sample_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
         column = continue_axis(column, axis, n)
     # The sum over all lags of a_k cos kθ is, by symmetry, a cosine transform of the first column.
     return library.cosine_sums(column)
+
+
+def sum_tail(column: Array, n: int) -> Array | None:
+    """Sum the coefficients of one axis, and those of its tail, over all lags ±k + 2nj, k = 0 … n.
+
+    None where there is no tail, or one too slow to be summed.
+    """
+    tail = _Tail.of(column)
+    return None if tail is None else tail.sum_periods(column, n)
 
 
 def average_flips(A: ToeplitzOperator) -> Array:

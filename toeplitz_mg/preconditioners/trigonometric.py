@@ -10,6 +10,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.engine.products import COSINE, SINE, DiagonalisedProduct
+from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import componentwise, restricted
 from toeplitz_mg.preconditioners.positivity import (
@@ -204,11 +205,19 @@ def _invert_samples(
 
 def _take_eigenvalues(samples: Array, first: int, dtype: np.dtype[Any]) -> Array:
     """Return the n samples from k = `first` on, along each axis."""
-    samples = samples[tuple(slice(first, first + m - 1) for m in samples.shape)]
-    error = rounding(samples, dtype)
-    # A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
-    # the lowest are as good as that rounding.
-    xp = library_of(samples).xp
-    if xp.min(samples) > -error and xp.count_nonzero(samples < 25.0 * error) > 1:
-        samples = xp.maximum(samples, 1.01 * error)
+    return lift_lowest(samples[tuple(slice(first, first + m - 1) for m in samples.shape)], dtype)
+
+
+def lift_lowest(samples: Array, dtype: np.dtype[Any], vectors: Vectors | None = None) -> Array:
+    """Lift samples that are lost in rounding to what that is, unless one of them is negative.
+
+    A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
+    the lowest are as good as that rounding.
+    """
+    library = library_of(samples)
+    vectors = vectors or library.vectors
+    low, high = vectors.min(samples), vectors.max(samples)
+    error = rounding(np.array([low, high]), dtype)
+    if low > -error and vectors.count(samples < 25.0 * error) > 1:
+        samples = library.xp.maximum(samples, 1.01 * error)
     return samples

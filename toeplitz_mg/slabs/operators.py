@@ -8,7 +8,7 @@ There is no multigrid on slabs: a cycle moves six times the bytes of an iteratio
 gradients with `fsai_preconditioner`, and takes more of them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import prod
 from typing import Any
 
@@ -25,7 +25,7 @@ from toeplitz_mg.engine.work import count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators.coefficients import check_finite, check_precision, require_digits
 from toeplitz_mg.operators.masked import check_booleans
-from toeplitz_mg.slabs.slab import Slab
+from toeplitz_mg.slabs.slab import Slab, Turn
 from toeplitz_mg.values import refuse_masked
 
 TURN_BYTES = 2**23  # Bytes of the columns that a rank has at a time.
@@ -126,7 +126,7 @@ class ToeplitzOperator(SlabOperator):
     >>> slab, element = slabs.Slab(MPI.COMM_WORLD, (32, 16)), (0.25, 0.5)
     >>> x, y = slab.lags(element)
     >>> A = slabs.ToeplitzOperator(halfspace.influence_zz(x, y, element, G=1.0, nu=0.28), slab)
-    >>> pressure, info = cg(A, np.ones(A.shape[0]), rtol=1e-8)
+    >>> pressure, info = cg(A, np.ones(A.shape[0]), M=slabs.sine_preconditioner(A))
     >>> info
     0
     """
@@ -184,7 +184,7 @@ class ToeplitzOperator(SlabOperator):
 
     def __repr__(self) -> str:
         kind = "symmetric" if self.is_symmetric else "general"
-        return f"<ToeplitzOperator on {self.slab!r}, {kind}, {self.dtype}>"
+        return f"<ToeplitzOperator {self.slab.name}, {kind}, {self.dtype}>"
 
 
 class CoupledOperator(SlabOperator):
@@ -256,7 +256,7 @@ class CoupledOperator(SlabOperator):
         self.product.multiply(x, y)
 
     def __repr__(self) -> str:
-        return f"<CoupledOperator of {len(self.blocks)} components on {self.slab!r}, {self.dtype}>"
+        return f"<CoupledOperator of {len(self.blocks)} components {self.slab.name}, {self.dtype}>"
 
 
 class MaskedOperator(SlabOperator):
@@ -315,7 +315,7 @@ class MaskedOperator(SlabOperator):
         y[...] = grid[self._index]
 
     def __repr__(self) -> str:
-        return f"<MaskedOperator {self.shape[0]} of {self.mask.size} points of {self.full!r}>"
+        return f"<MaskedOperator of {self.full!r}>"  # The same on all ranks, for errors.
 
 
 class SlabProduct:
@@ -370,7 +370,7 @@ class SlabProduct:
         Z = passes.rows_in(x.reshape(x.size // n, n))
         parts = Z.reshape(self._components, *slab.local[:-1], Z.shape[-1])
         first = 0
-        for turn in _turns(slab, passes.lengths, self._components * Z.itemsize):
+        for turn in turns_of(slab, passes.lengths, self._components * Z.itemsize):
             width = turn[slab.comm.rank][1] - turn[slab.comm.rank][0]
             C = workspace((self._components, *slab.shape[:-1], width), Z.dtype)
             for part, columns in zip(parts, C, strict=True):
@@ -382,7 +382,7 @@ class SlabProduct:
         passes.rows_out(Z, y.reshape(y.size // n, n))
 
 
-def _turns(slab: Slab, lengths: tuple[int, ...], number: int) -> Any:
+def turns_of(slab: Slab, lengths: tuple[int, ...], number: int) -> Iterator[Turn]:
     """Return turns of columns, each number of which has so many bytes."""
     return slab.turns(lengths[-1], max(NARROW, TURN_BYTES // (number * prod(lengths[:-1]))))
 
@@ -398,7 +398,7 @@ def _spectrum(A: ToeplitzOperator) -> Array:
     kind = np.float64 if A.is_symmetric else np.complex128
     spectrum = np.empty((*lengths[:-1], own.stop - own.start), kind)
     sign = 1 if A.behind is not None else A.parity[0]
-    for turn in _turns(slab, lengths, np.dtype(np.complex128).itemsize):
+    for turn in turns_of(slab, lengths, np.dtype(np.complex128).itemsize):
         columns = [slab.to_columns(half, turn) for half in halves]
         S = _embed(columns[0], sign * columns[-1], 0, lengths[0])
         S = fft.fft(S, axis=0, overwrite_x=True)

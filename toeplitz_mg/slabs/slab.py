@@ -9,14 +9,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from math import inf, prod
+from os import PathLike
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.halfspace.points import check_element
+from toeplitz_mg.slabs.files import save_rows
 from toeplitz_mg.values import count
 
 UNITS = (64, 16, 4, 1)  # Rows that may stay together: the cells of FSAI grow fourfold a level.
@@ -106,10 +109,18 @@ class Slab:
         height : int
             A divisor of `unit`, so that no row is made of those of two ranks.
         """
-        coarse = Slab.__new__(Slab)
-        coarse.comm = self.comm
-        coarse._set(shape, self.unit // height, -(-self.starts // height))
-        return coarse
+        return self._alike(shape, self.unit // height, -(-self.starts // height))
+
+    def longer(self, length: int) -> "Slab":
+        """Return the slab of a grid of so many rows in all: the last rank has the new ones."""
+        starts = np.append(self.starts[:-1], length)
+        return self._alike((length, *self.shape[1:]), 1, starts)
+
+    def _alike(self, shape: tuple[int, ...], unit: int, starts: Array) -> "Slab":
+        slab = Slab.__new__(Slab)
+        slab.comm = self.comm
+        slab._set(shape, unit, starts)
+        return slab
 
     def lags(self, element: tuple[float, float]) -> tuple[Array, Array]:
         """Return the points of the first column for this rank's rows (see `halfspace.offsets`).
@@ -133,6 +144,33 @@ class Slab:
     def sum(self, x: Array) -> float:
         """Return the sum of a field of which each rank has its part: the same on all ranks."""
         return self.vectors.sum(np.asarray(x))
+
+    def save(self, path: str | PathLike[str], x: ArrayLike) -> None:
+        """Write a field to a ``.npy`` file, each rank its rows, on a disk that all of them see.
+
+        It is written beside what is there, and replaces it when all ranks have written theirs: the
+        file is whole, or as it was.
+
+        Parameters
+        ----------
+        path : str or PathLike
+            The same on all ranks; a link stays a link. An old file is replaced, and its rights are
+            kept.
+        x : array_like of shape ``slab.local``, or (components, ...) of that
+            Of numbers.
+
+        Raises
+        ------
+        OSError
+            On all ranks, where one could not write.
+        TypeError, ValueError
+            On all ranks, where `x` is not of numbers, or not on this rank's rows.
+
+        See Also
+        --------
+        numpy.load : reads it; ``np.load(path, mmap_mode="r")[slab.rows]`` this rank's rows alone.
+        """
+        save_rows(self, path, x)
 
     @contextmanager
     def agree(self) -> Iterator[dict[str, Any]]:
@@ -318,6 +356,11 @@ class Slab:
         """
         above = self.shift(x[len(x) - count :], count if self.comm.rank else 0, 1)
         return np.concatenate([above, x])
+
+    @property
+    def name(self) -> str:
+        """The grid and the ranks: the same words on all ranks."""
+        return f"{' x '.join(map(str, self.shape))} on {self.comm.size} ranks"
 
     def __repr__(self) -> str:
         start, stop = self.rows.start, self.rows.stop
