@@ -1,11 +1,24 @@
 """Operations with vectors, part by part, and the steps of conjugate gradients."""
 
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
-from toeplitz_mg.engine.vectors import PART, add_combination, axpy, combine, dot, dots, norm
+from toeplitz_mg.engine.vectors import (
+    PART,
+    PLAIN,
+    Vectors,
+    add_combination,
+    axpy,
+    combine,
+    dot,
+    dots,
+    norm,
+)
 
 SHAPES = [(1,), (3, 4, 5), (PART,), (PART + 1,), (2, PART, 3)]
 DTYPES = [np.float32, np.float64, np.complex64, np.complex128]
@@ -113,3 +126,54 @@ def test_a_step_has_no_length_where_a_matrix_is_not_positive_definite(bad):
     of_M = ConjugateGradients(lambda d, out: d, lambda r, out: bad * r)
     assert of_M.step(r) == 0.0
     assert_allclose(of_M.rho, 3 * bad)
+
+
+def on_two_processes(work):
+    """What `work` returns in two processes, here threads, called with the vectors of each."""
+    numbers, meeting = [None, None], Barrier(2, timeout=30)
+
+    def vectors_of(own):
+        def gather(number):
+            numbers[own] = number
+            meeting.wait()
+            both = list(numbers)
+            meeting.wait()  # Before one of them writes its next number.
+            return both
+
+        return Vectors(gather)
+
+    with ThreadPoolExecutor(2) as threads:
+        return list(threads.map(lambda k: work(vectors_of(k), k), range(2)))
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("cut", [0, 1, 40, PART + 60])
+def test_two_processes_find_the_numbers_of_the_whole_vectors(dtype, cut):
+    X = vectors(3, (2 * PART,), dtype) - 0.5
+
+    def measure(of, k):
+        x, y, z = X[:, cut:] if k else X[:, :cut]
+        numbers = [of.dot(x, y), *of.dots(np.stack([x, y]), z), of.norm(x)]
+        if x.dtype.kind == "f":
+            numbers += [of.sum(x), of.min(x), of.max(x), of.count(x > 0.0)]
+        return numbers
+
+    of_0, of_1 = on_two_processes(measure)
+    rtol = 1e-5 if np.finfo(dtype).bits == 32 else 1e-12
+    assert of_0 == of_1
+    assert_allclose(of_0, measure_whole(X), rtol=rtol, atol=100 * rtol)
+
+
+def measure_whole(X):
+    x, y, z = X.astype(np.result_type(X, np.float64))
+    numbers = [np.vdot(x, y).real, np.vdot(x, z), np.vdot(y, z), np.linalg.norm(x)]
+    if X.dtype.kind == "f":
+        numbers += [x.sum(), x.min(), x.max(), np.count_nonzero(x > 0.0)]
+    return numbers
+
+
+def test_alone_the_numbers_are_those_of_the_functions():
+    X = vectors(3, (PART + 5,), np.float64)
+    assert PLAIN.dot(X[0], X[1]) == dot(X[0], X[1])
+    assert np.array_equal(PLAIN.dots(X, X[1]), dots(X, X[1]))
+    assert PLAIN.norm(X[0]) == norm(X[0])

@@ -97,7 +97,8 @@ def find_sets(
     iterations : tuple of int
         The iterations on the sets, one after the other.
     """
-    now = Iterate(x, A(x) if x.any() else np.zeros_like(x), sets)
+    vectors = A.vectors
+    now = Iterate(x, A(x) if vectors.count(x) else np.zeros_like(x), sets)
     strikes, lowest = 0, np.inf
     iterations: list[int] = []
     while True:
@@ -108,15 +109,15 @@ def find_sets(
             now = replace(now, u=A(now.x), is_exact=True)
             continue
         if strikes == STRIKES:
-            x, u = descend(A, b, now.x, search.project, A.A.norm_bound, RESCUE)
+            x, u = descend(A, b, now.x, search.project, A.A.norm_bound, RESCUE, vectors)
             now, strikes = Iterate(x, u, search.sets_of(x)), 0
-            lowest = min(lowest, energy(x, u, b))
+            lowest = min(lowest, energy(x, u, b, vectors))
             continue
         if progress is not None:
             progress(A.count, law.residual)
         now, count = search.advance(A, now, law, eta)
         iterations.append(count)
-        reached = energy(now.x, now.u, b)
+        reached = energy(now.x, now.u, b, vectors)
         strikes = 0 if reached < lowest else strikes + 1
         eta = TIGHTER * eta if strikes else eta
         lowest = min(lowest, reached)

@@ -6,6 +6,7 @@ for them at their own input and answer; the coarser grids within are nobody's co
 
 import warnings
 from collections.abc import Iterator
+from math import prod
 
 import numpy as np
 
@@ -42,9 +43,9 @@ def examine_pressures(grid: Grid, z: Array, p: Array, interference: float) -> tu
     contact = p > 0.0
     return (
         *_check_units(grid, z, contact),
-        *_check_resolution(contact),
+        *_check_resolution(grid, contact),
         *_check_load(grid, p, contact),
-        *_check_edge(z, contact, interference),
+        *_check_edge(grid, z, contact, interference),
     )
 
 
@@ -53,13 +54,14 @@ def examine_bound(grid: Grid, contact: Array) -> tuple[str, ...]:
 
     Where the bound ends is given, so that the edge of the grid is of no importance.
     """
-    return (*_check_resolution(contact), *_check_coupling(grid))
+    return (*_check_resolution(grid, contact), *_check_coupling(grid))
 
 
 def _check_units(grid: Grid, z: Array, contact: Array) -> Iterator[str]:
     """Yield a doubt where heights are as large as lengths: they may be in another unit."""
+    vectors = grid.vectors
     length = max([n * h for n, h in zip(grid.shape, grid.element, strict=False)])
-    if (depth := float(np.ptp(z))) > length:
+    if (depth := vectors.max(z) - vectors.min(z)) > length:
         yield (
             f"the gap varies by {depth:.3g} on a grid of length {length:.3g}: heights and elements "
             "must be in the same unit"
@@ -67,13 +69,13 @@ def _check_units(grid: Grid, z: Array, contact: Array) -> Iterator[str]:
     # The share of the grid that is steep, and the largest slope in contact.
     most, in_contact = 0.0, 0.0
     for axis, h in enumerate(grid.element[: z.ndim]):
-        behind = (slice(None),) * axis
-        after, before = (*behind, slice(1, None)), (*behind, slice(-1))
-        slopes = np.abs(z[after] - z[before]) / h
+        heights, touching = grid.lines(z, axis), grid.lines(contact, axis)
+        slopes = np.abs(heights[..., 1:] - heights[..., :-1]) / h
         # A step beside the contact, as at the rim of a punch, is no slope in it.
-        pairs = contact[after] & contact[before]
-        most = max(most, np.count_nonzero(slopes > STEEP) / max(1, slopes.size))
-        in_contact = max(in_contact, float(np.max(slopes, where=pairs, initial=0.0)))
+        pairs = touching[..., 1:] & touching[..., :-1]
+        steps = prod(grid.shape) - prod(grid.shape) // grid.shape[axis]
+        most = max(most, vectors.count(slopes > STEEP) / max(1, steps))
+        in_contact = max(in_contact, vectors.max(np.where(pairs, slopes, 0.0)))
     if in_contact > STEEP:
         yield (
             f"the gap has slopes up to {in_contact:.3g} in contact, but half-spaces have slopes "
@@ -86,11 +88,11 @@ def _check_units(grid: Grid, z: Array, contact: Array) -> Iterator[str]:
         )
 
 
-def _check_resolution(contact: Array) -> Iterator[str]:
+def _check_resolution(grid: Grid, contact: Array) -> Iterator[str]:
     """Yield a doubt where there are too few elements across the largest spot."""
     # A grid of one row of elements is a line contact, or plane strain.
-    axes = [axis for axis, n in enumerate(contact.shape) if n > 1] or [0]
-    across = min(_longest_run(contact, axis) for axis in axes)
+    axes = [axis for axis, n in enumerate(grid.shape) if n > 1] or [0]
+    across = min(_longest_run(grid, contact, axis) for axis in axes)
     if 0 < across < FEWEST:
         yield (
             f"the contact is only {across} element{'s' * (across > 1)} across: smaller elements, "
@@ -98,19 +100,19 @@ def _check_resolution(contact: Array) -> Iterator[str]:
         )
 
 
-def _longest_run(contact: Array, axis: int) -> int:
+def _longest_run(grid: Grid, contact: Array, axis: int) -> int:
     """Return the largest number of elements in contact that follow each other along an axis."""
-    rows = np.moveaxis(contact, axis, -1)
-    ends = np.zeros((*rows.shape[:-1], 1), bool)
-    runs = np.concatenate([ends, rows, ends], axis=-1).ravel()
+    lines = grid.lines(contact, axis)
+    ends = np.zeros((*lines.shape[:-1], 1), bool)
+    runs = np.concatenate([ends, lines, ends], axis=-1).ravel()
     changes = np.flatnonzero(runs[1:] != runs[:-1])
-    return int((changes[1::2] - changes[::2]).max(initial=0))
+    return int(max(grid.vectors.gather(int((changes[1::2] - changes[::2]).max(initial=0)))))
 
 
 def _check_load(grid: Grid, p: Array, contact: Array) -> Iterator[str]:
     """Yield a doubt where the pressures are too high for linear elasticity."""
     modulus = grid.material.E_star
-    mean = float(p.sum()) / max(1, int(np.count_nonzero(contact)))
+    mean = grid.vectors.sum(p) / max(1, grid.vectors.count(contact))
     if mean > HARD * modulus:
         yield (
             f"the mean pressure is {mean / modulus:.3g} E*, but linear elasticity is for pressures "
@@ -118,7 +120,7 @@ def _check_load(grid: Grid, p: Array, contact: Array) -> Iterator[str]:
         )
 
 
-def _check_edge(z: Array, contact: Array, interference: float) -> Iterator[str]:
+def _check_edge(grid: Grid, z: Array, contact: Array, interference: float) -> Iterator[str]:
     """Yield a doubt where the contact may go on beyond the grid, or the gap has the wrong sign.
 
     Along an axis in which the gap is straight, flat or inclined, the bodies are meant to end where
@@ -126,12 +128,12 @@ def _check_edge(z: Array, contact: Array, interference: float) -> Iterator[str]:
     """
     touched = [
         axis
-        for axis, n in enumerate(z.shape)
+        for axis, n in enumerate(grid.shape)
         if n > 1
-        and contact.take([0, -1], axis).any()
-        and _largest_sag(z, axis) > FLAT * interference
+        and grid.vectors.count(grid.lines(contact, axis)[..., [0, -1]])
+        and _largest_sag(grid, z, axis) > FLAT * interference
     ]
-    if touched and all(_is_farthest_in_the_middle(z, axis) for axis in touched):
+    if touched and all(_is_farthest_in_the_middle(grid, z, axis) for axis in touched):
         yield (
             "the bodies touch at the edge of the grid, and are farthest apart in the middle: "
             "the gap is positive where they are apart, so that its sign may be the wrong one"
@@ -144,17 +146,19 @@ def _check_edge(z: Array, contact: Array, interference: float) -> Iterator[str]:
         )
 
 
-def _largest_sag(z: Array, axis: int) -> float:
+def _largest_sag(grid: Grid, z: Array, axis: int) -> float:
     """Return the largest distance of the gap from the lines between its ends along an axis."""
-    z = np.moveaxis(z, axis, 0)
-    t = np.linspace(0.0, 1.0, len(z)).reshape(-1, *(1,) * (z.ndim - 1))
-    return float(np.abs(z - (1.0 - t) * z[0] - t * z[-1]).max())
+    z = grid.lines(z, axis)
+    t = np.linspace(0.0, 1.0, z.shape[-1])
+    return grid.vectors.max(np.abs(z - (1.0 - t) * z[..., :1] - t * z[..., -1:]))
 
 
-def _is_farthest_in_the_middle(z: Array, axis: int) -> bool:
+def _is_farthest_in_the_middle(grid: Grid, z: Array, axis: int) -> bool:
     """Whether the mean gap along an axis is nearly a parabola that is high in the middle."""
-    profile = z.mean(axis=tuple(k for k in range(z.ndim) if k != axis))
-    profile = profile - profile.mean()
+    lines = grid.lines(z, axis)
+    own = lines.reshape(-1, lines.shape[-1]).sum(axis=0)
+    profile = np.sum(grid.vectors.gather(own), axis=0)
+    profile -= profile.mean()
     parabola = np.linspace(-1.0, 1.0, len(profile)) ** 2
     parabola -= parabola.mean()
     sizes = float(np.linalg.norm(profile) * np.linalg.norm(parabola))

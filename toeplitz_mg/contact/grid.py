@@ -1,16 +1,23 @@
 """The potential contact area: a grid of elements on the half-space, and its matrices."""
 
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from toeplitz_mg import halfspace
-from toeplitz_mg._typing import Array, Element
+from toeplitz_mg._typing import Array, Element, Mask
+from toeplitz_mg.contact.steady_matrices import invert_shifted, subtract_operators
+from toeplitz_mg.engine.vectors import PLAIN, Vectors
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.materials import combine
 from toeplitz_mg.halfspace.matrices import quadrant
-from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
+from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
+from toeplitz_mg.preconditioners.candidates import quick_fsai
+from toeplitz_mg.preconditioners.traits import fragmentation
+from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner
 from toeplitz_mg.values import field, in_range, positive
 
 COARSEST = 32  # Elements along the longest axis from which nested iteration coarsens no further.
@@ -19,6 +26,9 @@ COARSEST = 32  # Elements along the longest axis from which nested iteration coa
 @dataclass(frozen=True)
 class Grid:
     """Elements on a surface, and the material below.
+
+    What the searches do with more than one element is here and in `vectors`, so that they need not
+    know whether a field is in one piece. `toeplitz_mg.slabs` has a grid that is not.
 
     Attributes
     ----------
@@ -31,8 +41,11 @@ class Grid:
         Of the two bodies.
     reference : float
         In plane strain, the distance at which a line load moves nothing.
+    vectors : Vectors
+        The inner products, sums and extremes of fields.
     """
 
+    vectors: ClassVar[Vectors] = PLAIN
     shape: tuple[int, ...]
     element: tuple[float, ...]
     material: CombinedMaterial
@@ -94,6 +107,26 @@ class Grid:
         element = tuple(2.0 * h if two else h for h, two in zip(self.element, halved, strict=True))
         return Grid(shape, element, self.material, self.reference)
 
+    def agree(self) -> AbstractContextManager[dict[str, Any]]:
+        """Return what checks of arguments are made in (see `slabs.Slab.agree`)."""
+        return nullcontext({})
+
+    def coarsen(self, x: Array) -> Array:
+        """Return the averages of a field, of any components, on the coarser grid."""
+        return coarsen(x, len(self.shape))
+
+    def refine(self, x: Array) -> Array:
+        """Interpolate a field, of any components, from the coarser grid."""
+        return refine(x, self.shape)
+
+    def lines(self, x: Array, axis: int) -> Array:
+        """Return the lines of a field along an axis, as the last axis."""
+        return np.moveaxis(x, axis, -1)
+
+    def fragmentation(self, C: Mask) -> float:
+        """Return how long the edge of some elements is (see `traits.fragmentation`)."""
+        return fragmentation(C)
+
     def normal(self) -> ToeplitzOperator:
         """Return the matrix of the normal displacements by the pressures (Eq. 6-7)."""
         return self._matrix("z")
@@ -101,6 +134,12 @@ class Grid:
     def normal_coefficients(self) -> Array:
         """Return the first column of the matrix of normal contact, in the shape of the grid."""
         return quadrant("zz", self.shape, self.element, self.material, self.reference)
+
+    def scaled_normal(self) -> tuple[ToeplitzOperator, float]:
+        """Return the matrix of normal contact over its diagonal, and that."""
+        c = self.normal_coefficients()
+        unit = float(c.flat[0])
+        return ToeplitzOperator(c / unit), unit
 
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
@@ -112,6 +151,27 @@ class Grid:
         When the contact rolls towards positive x, what is here now was there one step before.
         """
         return self._matrix("xy"[: self.components], ahead=1)
+
+    def steady(self, A: Any) -> Any:
+        """Return the matrix of steady rolling, A - S with A and S = `tangential` and `upstream`."""
+        return subtract_operators(A, self.upstream())
+
+    def invert_shifted(self, K: Any, shift: float, dtype: DTypeLike) -> Any:
+        """Return an approximate inverse of the matrix of steady rolling."""
+        return invert_shifted(K, shift).astype(dtype)
+
+    def invert_by_cosine(self, A: Any, dtype: DTypeLike | None = None) -> Any:
+        """Return an approximate inverse of a matrix of this grid."""
+        return cosine_preconditioner(A, dtype=dtype)
+
+    def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
+        """Return an approximate inverse of a matrix of this grid on some elements."""
+        return quick_fsai(MaskedOperator(A, C), dtype=dtype)
+
+    def diagonal(self, A: Any) -> float:
+        """Return the entry on the diagonal of a matrix of this grid, of the first component."""
+        first = A.component(0) if isinstance(A, CoupledOperator) else A
+        return float(first.c.flat[0])
 
     def _matrix(self, directions: str, ahead: int = 0) -> Any:
         return halfspace.influence_matrix(

@@ -1,17 +1,16 @@
 """Approximate inverses on areas of contact: by a cosine transform, on fragmented ones by FSAI."""
 
-from contextlib import suppress
+from functools import partial
+from math import prod
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator, apply_to_rows
-from toeplitz_mg.preconditioners.candidates import quick_fsai
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.operators import ToeplitzOperator, apply_to_rows
 from toeplitz_mg.preconditioners.choice import is_fsai_kept, is_fsai_worthwhile
-from toeplitz_mg.preconditioners.symbol import sample_symbol
-from toeplitz_mg.preconditioners.trigonometric import cosine_inverse
 
 
 class LocalInverse:
@@ -19,22 +18,13 @@ class LocalInverse:
 
     Parameters
     ----------
-    A : ToeplitzOperator or CoupledOperator
+    P : LinearOperator
+        An approximate inverse on the elements.
     C : ndarray of bool, of the shape of a field
-    dtype : float32 or float64, optional
-        The precision in which FSAI is kept and applied, that of `A` by default.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        As `fsai_preconditioner`.
     """
 
-    def __init__(
-        self, A: ToeplitzOperator | CoupledOperator, C: Array, dtype: DTypeLike | None = None
-    ) -> None:
-        self.C = C
-        self._P = quick_fsai(MaskedOperator(A, C), dtype=dtype)
+    def __init__(self, P: Any, C: Array) -> None:
+        self.C, self._P = C, P
         self._elements = np.flatnonzero(C)
 
     def __call__(self, r: Array) -> Array:
@@ -44,13 +34,41 @@ class LocalInverse:
         return y.reshape(r.shape)
 
 
+def invert_locally(
+    grid: Grid, A: Any, C: Array, *, change: float = 0.0, dtype: DTypeLike | None = None
+) -> LocalInverse | None:
+    """Return FSAI on some elements, or None where it is refused, or not worth its set-up.
+
+    Parameters
+    ----------
+    grid : Grid
+    A : ToeplitzOperator or CoupledOperator
+        A matrix of the grid.
+    C : ndarray of bool, of the shape of the grid
+    change : float
+        The share of the elements that has just changed.
+    dtype : float32 or float64, optional
+        The precision in which FSAI is kept and applied, that of `A` by default.
+    """
+    components = A.grid_shape[: len(A.grid_shape) - len(grid.shape)]
+    elements = prod(components) * prod(grid.shape)
+    if not is_fsai_worthwhile(elements, partial(grid.fragmentation, C), change):
+        return None
+    C = np.broadcast_to(C, (*components, *C.shape))
+    try:
+        return LocalInverse(grid.invert_by_fsai(A, C, dtype), C)
+    except np.linalg.LinAlgError:
+        return None
+
+
 class Inverse:
     """An approximate inverse for sets that change.
 
     Parameters
     ----------
+    grid : Grid
     A : ToeplitzOperator
-        Its diagonal is 1.
+        A matrix of the grid, whose diagonal is 1.
 
     Attributes
     ----------
@@ -58,26 +76,23 @@ class Inverse:
         Single precision, unless A is too ill-conditioned for that, as it is of very long elements.
     """
 
-    def __init__(self, A: ToeplitzOperator) -> None:
-        self._A = A
-        self._before = np.zeros(A.grid_shape, bool)
+    def __init__(self, grid: Grid, A: ToeplitzOperator) -> None:
+        self._grid, self._A = grid, A
+        self._before: Array | None = None
         self._local: LocalInverse | None = None
-        symbol = sample_symbol(A, tuple(near_fast_length(n) for n in A.grid_shape))
         try:
-            self._cosine = cosine_inverse(A, symbol, np.float32)
-        except np.linalg.LinAlgError:  # the symbol sinks into the rounding
-            self._cosine = cosine_inverse(A, symbol)
+            self._cosine = grid.invert_by_cosine(A, np.float32)
+        except np.linalg.LinAlgError:  # The symbol sinks into the rounding.
+            self._cosine = grid.invert_by_cosine(A)
         self.dtype = self._cosine.dtype
 
     def fit(self, C: Array) -> None:
         """Choose for a set: FSAI of one that is alike is kept, and else it is set up anew."""
         before, self._before = self._before, C
-        if self._local is not None and is_fsai_kept(_measure_change(C, self._local.C)):
+        if self._local is not None and is_fsai_kept(self._measure_change(C, self._local.C)):
             return
-        self._local = None
-        if is_fsai_worthwhile(self._A, C, _measure_change(C, before)):
-            with suppress(np.linalg.LinAlgError):
-                self._local = LocalInverse(self._A, C, self.dtype)
+        change = 1.0 if before is None else self._measure_change(C, before)
+        self._local = invert_locally(self._grid, self._A, C, change=change, dtype=self.dtype)
 
     def __call__(self, r: Array) -> Array:
         """Apply it to a field that is zero outside of the set; the result is not."""
@@ -85,7 +100,6 @@ class Inverse:
             return self._local(r)
         return apply_to_rows(self._cosine, r.reshape(-1)).reshape(r.shape)
 
-
-def _measure_change(C: Array, before: Array) -> float:
-    """Return the elements that differ, as a share of those of the set."""
-    return int(np.count_nonzero(C ^ before)) / int(np.count_nonzero(C))
+    def _measure_change(self, C: Array, before: Array) -> float:
+        """Return the elements that differ, as a share of those of the set."""
+        return self._grid.vectors.count(C ^ before) / self._grid.vectors.count(C)

@@ -6,7 +6,9 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.operators.base import vectors_of
 
 
 class Products:
@@ -32,6 +34,11 @@ class Products:
         self.A = A
         self.count = 0
         self.limit = limit
+
+    @property
+    def vectors(self) -> Vectors:
+        """The inner products, sums and extremes of the fields."""
+        return vectors_of(self.A)
 
     @cached_property
     def _single(self) -> LinearOperator:

@@ -1,7 +1,6 @@
 """What a contact problem has for an answer, and the error where it has none."""
 
 from dataclasses import dataclass
-from math import prod
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,8 @@ class ContactResult:
         tangential contact it is given, as the slip is, in contact only, and zero elsewhere.
     contact : ndarray of bool
         Where the bodies touch: the pressure is positive, or the traction bound is.
+    area : float
+        The area of contact, mm²; in plane strain its width, mm.
     force : float or ndarray of shape (2,)
         The sum of the traction, N; in plane strain N per mm of length.
     rigid : float or ndarray
@@ -66,6 +67,7 @@ class ContactResult:
     traction: Array
     displacement: Array
     contact: Array
+    area: float
     force: Any
     rigid: Any
     gap: Array | None = None
@@ -82,11 +84,6 @@ class ContactResult:
     def sliding(self) -> Array | None:
         """In tangential contact, where the bodies slide on each other."""
         return None if self.stick is None else self.contact & ~self.stick
-
-    @property
-    def area(self) -> float:
-        """The area of contact, mm²; in plane strain its width, mm."""
-        return float(np.count_nonzero(self.contact) * prod(self.element))
 
     @property
     def magnitude(self) -> Array:

@@ -5,7 +5,7 @@ from math import inf
 import numpy as np
 
 from toeplitz_mg._typing import Array, Multiply
-from toeplitz_mg.engine.vectors import dot
+from toeplitz_mg.engine.vectors import PLAIN, Vectors
 
 
 class ConjugateGradients:
@@ -23,6 +23,8 @@ class ConjugateGradients:
     multiply, precondition : callable
         Products with A and with M. They are called with a vector and with memory of its shape in
         which they may return the result; `precondition` may also return the vector itself.
+    vectors : Vectors, optional
+        The inner products and updates.
 
     Attributes
     ----------
@@ -48,8 +50,11 @@ class ConjugateGradients:
     array([1. , 0.5])
     """
 
-    def __init__(self, multiply: Multiply, precondition: Multiply) -> None:
+    def __init__(
+        self, multiply: Multiply, precondition: Multiply, vectors: Vectors = PLAIN
+    ) -> None:
         self._multiply, self._precondition = multiply, precondition
+        self._vectors = vectors
         self.direction: Array = np.empty(0)
         self.product: Array = self.direction
         self.rho = self.curvature = 0.0
@@ -70,16 +75,15 @@ class ConjugateGradients:
         """
         is_first = self.rho == 0.0
         if is_first:
-            self.direction, self.product = (np.empty(r.shape, r.dtype) for _ in range(2))
+            self.direction, self.product = (self._vectors.empty(r) for _ in range(2))
         z = self._precondition(r, self.product)
-        self.rho, previous = dot(r, z), self.rho
+        self.rho, previous = self._vectors.dot(r, z), self.rho
         if not 0.0 < self.rho < inf:
             return 0.0
         if is_first:
-            self.direction[...] = z
+            self.direction = self._vectors.copy(z, self.direction)
         else:
-            self.direction *= self.rho / previous
-            self.direction += z
+            self.direction = self._vectors.aypx(self.rho / previous, z, self.direction)
         self.product = self._multiply(self.direction, self.product)
-        self.curvature = dot(self.direction, self.product)
+        self.curvature = self._vectors.dot(self.direction, self.product)
         return self.rho / self.curvature if 0.0 < self.curvature < inf else 0.0

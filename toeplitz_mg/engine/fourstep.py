@@ -137,10 +137,13 @@ class FourStep:
 
         By panels, as Z may have rows that all go to the same part of the cache.
         """
-        count = -(-len(out) // self.width)
-        for columns, P in self._panels(range(count), len(out)):
-            P[...] = Z[:, columns]
-            out[columns] = P.T
+
+        def work(panels: range) -> None:
+            for columns, P in self._panels(panels, len(out)):
+                P[...] = Z[:, columns]
+                out[columns] = P.T
+
+        share(work, -(-len(out) // self.width), out.size)
 
     def _columns_in(self, W: Array, load: Load) -> None:
         def work(panels: range) -> None:
@@ -205,13 +208,13 @@ class FourStep:
         first, step = _twiddles(rows, columns, self.height, shift, self.dtype)
         row = step  # Any value will do, as the first block makes its own.
         memory = workspace((self.height, columns), self.dtype)
-        for block in blocks:
+        # From the last anchor on: what a block has must not depend on the first one of its thread.
+        for block in range(blocks.start // ANCHOR * ANCHOR, blocks.stop):
             start = block * self.height
             stop = min(rows, start + self.height)
-            if (block - blocks.start) % ANCHOR:
-                row = row * step
-            else:
-                row = _row_of_twiddles(start, columns, self.length)
+            row = row * step if block % ANCHOR else _row_of_twiddles(start, columns, self.length)
+            if block < blocks.start:
+                continue
             T = memory[: stop - start]
             np.multiply(first[: stop - start], row.astype(self.dtype, copy=False), out=T)
             yield slice(start, stop), T

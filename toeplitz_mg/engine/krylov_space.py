@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array, Multiply
-from toeplitz_mg.engine.vectors import add_combination, dots, norm
+from toeplitz_mg.engine.vectors import PLAIN, Vectors, norm
 
 CANCELLED = 0.5  # Part of a vector's size that may be left before it is made orthogonal again.
 ROUNDING = 10.0  # Machine epsilons that are left of a product which the space holds already.
@@ -26,6 +26,8 @@ class KrylovSpace:
     dtype : float32, float64, complex64 or complex128
     most : int
         The largest dimension; one vector more is kept.
+    vectors : Vectors, optional
+        The inner products and updates of the vectors.
 
     Attributes
     ----------
@@ -61,7 +63,9 @@ class KrylovSpace:
         shape: tuple[int, ...],
         dtype: DTypeLike,
         most: int,
+        vectors: Vectors = PLAIN,
     ) -> None:
+        self._of = vectors
         self._multiply: Callable[[Array, Array], Array] = multiply
         self._vectors = np.empty((most + 1, *shape), dtype)
         double = np.result_type(self._vectors, np.float64)
@@ -78,7 +82,7 @@ class KrylovSpace:
 
     def begin(self, r: Array) -> None:
         """Start from a residual, which is not zero and not changed."""
-        self._size = norm(r)
+        self._size = self._of.norm(r)
         np.divide(r, self._size, out=self._vectors[0])
         self._H[...] = 0.0
         self._g[0] = 1.0
@@ -100,16 +104,16 @@ class KrylovSpace:
         product = self._multiply(V[k], w)
         if product is not w:
             w[...] = product
-        whole = norm(w)
+        whole = self._of.norm(w)
         if not isfinite(whole):
             return 0.0
         # A product with a good approximation of A⁻¹ cancels with the last vector above all: first
         # by itself, it leaves less of that to do twice.
         self._subtract(slice(k, k + 1), w)
-        size, before = norm(w), np.inf
+        size, before = self._of.norm(w), np.inf
         while size < CANCELLED * before:
             self._subtract(slice(k + 1), w)
-            size, before = norm(w), size
+            size, before = self._of.norm(w), size
         self.dimension = k + 1
         if size <= self._exhausted * whole:
             return 0.0
@@ -120,8 +124,8 @@ class KrylovSpace:
 
     def _subtract(self, some: slice, w: Array) -> None:
         """Subtract from a product its parts along some of the basis, and put them down in H."""
-        h = dots(self._vectors[some], w)
-        add_combination(-h, self._vectors[some], w)
+        h = self._of.dots(self._vectors[some], w)
+        self._of.add_combination(-h, self._vectors[some], w)
         self._H[some, self.dimension] += h
 
     def weights(self) -> Array:

@@ -25,7 +25,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import embedding_lengths
 from toeplitz_mg.engine.products import DENSE, cast_numbers, multiply_rows
 from toeplitz_mg.engine.threads import share
-from toeplitz_mg.engine.transforms import BATCH, phase_factors
+from toeplitz_mg.engine.transforms import in_batches, phase_factors
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
 
@@ -117,7 +117,10 @@ class MultilevelProduct:
         spectrum = self.spectrum or [
             [_spectrum(lags, self._is_complex) for lags in row] for row in self._kernel or ()
         ]
-        sizes = [[0.0 if s is None else float(np.abs(s).max()) for s in row] for row in spectrum]
+        sizes = [
+            [0.0 if s is None else float(np.abs(s).max(initial=0.0)) for s in row]
+            for row in spectrum
+        ]
         # SciPy's norm scales what it squares, so that numbers of any size do not overflow.
         return float(norm(np.ravel(sizes))) * prod(self.lengths)
 
@@ -139,21 +142,21 @@ class MultilevelProduct:
         if X.shape[1] <= DENSE:
             out[...] = X.astype(self.dtype, copy=False) @ self._matrix
             return
-        batch = max(1, BATCH // prod(self.lengths))
-        for start in range(0, len(X), batch):
-            self._multiply(X[start : start + batch], out[start : start + batch])
+        in_batches(self._multiply, X, out, self._components * prod(self.lengths))
 
     def _multiply(self, X: Array, out: Array) -> None:
-        n, L = self._grid[-1], self.lengths[-1]
-        precision = np.dtype(self.dtype.char.upper())
-        w = None if self._is_complex else phase_factors(L, 0.25, precision)[:n]
-        x, y = X.reshape(-1, n), out.reshape(-1, n)
-        Z = workspace((len(x), L), precision)
-        shape = (len(X), self._components, *self._grid[:-1])
-        matrix = Z.reshape(*shape, L)
-        height = max(1, BLOCK_BYTES // (L * precision.itemsize))
+        n = self._grid[-1]
+        Z = self.rows_in(X.reshape(-1, n))
+        self.columns_through(Z.reshape(len(X), self._components, *self._grid[:-1], -1))
+        self.rows_out(Z, out.reshape(-1, n))
 
-        def rows_in(blocks: range) -> None:
+    def rows_in(self, x: Array) -> Array:
+        """Transform lines along the last axis, shape (rows, n), to all frequencies, (rows, L)."""
+        n, L, w = self._grid[-1], self.lengths[-1], self._phases
+        Z = workspace((len(x), L), self.precision)
+        height = max(1, BLOCK_BYTES // (L * Z.itemsize))
+
+        def work(blocks: range) -> None:
             for rows in _slices(blocks, height, len(x)):
                 R = Z[rows]
                 if w is None:
@@ -163,12 +166,36 @@ class MultilevelProduct:
                 R[:, n:] = 0.0
                 _in_place(fft.fft, R, 1)
 
-        def columns_through(panels: range) -> None:
-            for columns in _slices(panels, width, L):
-                self._panel(matrix[..., columns], columns)
+        share(work, -(-len(x) // height), Z.size)
+        return Z
 
-        def rows_out(blocks: range) -> None:
-            for rows in _slices(blocks, height, len(x)):
+    def columns_through(self, matrix: Array, first: int = 0) -> None:
+        """Multiply frequencies of the last axis by their matrices of the others, in place.
+
+        Parameters
+        ----------
+        matrix : ndarray of shape (rows, components, n₁, ..., frequencies)
+        first : int
+            The place in the spectrum of the first of these frequencies.
+        """
+        count = matrix.shape[-1]
+        line = len(matrix) * self._components * prod(self.lengths[:-1]) * matrix.itemsize
+        width = max(1, min(count, max(NARROW, PANEL_BYTES // line)))
+
+        def work(panels: range) -> None:
+            for columns in _slices(panels, width, count):
+                frequencies = slice(first + columns.start, first + columns.stop)
+                self._panel(matrix[..., columns], frequencies)
+
+        share(work, -(-count // width), matrix.size)
+
+    def rows_out(self, Z: Array, y: Array) -> None:
+        """Transform what `rows_in` has returned back, into lines of shape (rows, n)."""
+        n, L, w = self._grid[-1], self.lengths[-1], self._phases
+        height = max(1, BLOCK_BYTES // (L * Z.itemsize))
+
+        def work(blocks: range) -> None:
+            for rows in _slices(blocks, height, len(y)):
                 R = Z[rows]
                 _in_place(fft.ifft, R, 1)
                 R = R[:, :n]
@@ -178,11 +205,19 @@ class MultilevelProduct:
                     R *= w.conj()
                     y[rows] = R.real
 
-        line = len(X) * self._components * prod(self.lengths[:-1]) * precision.itemsize
-        width = min(L, max(NARROW, PANEL_BYTES // line))
-        share(rows_in, -(-len(x) // height), Z.size)
-        share(columns_through, -(-L // width), Z.size)
-        share(rows_out, -(-len(x) // height), Z.size)
+        share(work, -(-len(y) // height), Z.size)
+
+    @property
+    def precision(self) -> np.dtype[Any]:
+        """The complex dtype of the frequencies."""
+        return np.dtype(self.dtype.char.upper())
+
+    @property
+    def _phases(self) -> Array | None:
+        """The factors that shift the frequencies by 1/4; None of a complex matrix."""
+        if self._is_complex:
+            return None
+        return phase_factors(self.lengths[-1], 0.25, self.precision)[: self._grid[-1]]
 
     def _panel(self, part: Array, columns: slice) -> None:
         """Multiply some frequencies of the last axis, in place."""

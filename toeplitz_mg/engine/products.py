@@ -12,7 +12,8 @@ from scipy.linalg import toeplitz
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.panels import Panels
-from toeplitz_mg.engine.transforms import OneStep, plan_of
+from toeplitz_mg.engine.threads import share_rows
+from toeplitz_mg.engine.transforms import OneStep, in_batches, plan_of
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.values import refuse_masked
@@ -231,7 +232,8 @@ class DiagonalisedProduct:
         self.spectrum = cast_numbers(refuse_masked("spectrum", spectrum), self.dtype)
         self.fft_shape = fft_shape
         self._axes = tuple(range(-len(grid_shape), 0))
-        self._cut: Any = (..., *(slice(n) for n in grid_shape))
+        # The first axis is taken by parts, which are cut where these are.
+        self._cut: Any = (..., *(slice(n) for n in grid_shape[1:]))
 
     @property
     def is_hermitian(self) -> bool:
@@ -249,13 +251,28 @@ class DiagonalisedProduct:
 
     def multiply(self, X: Array, out: Array) -> None:
         """Multiply the rows of `X`, of shape (rows, N), into `out` (see `Product`)."""
+        in_batches(self._multiply, X, out, prod(self.fft_shape))
+
+    def _multiply(self, X: Array, out: Array) -> None:
         # This holds the vectors, extended by zeros. Transforms to real numbers stay in this memory.
         grid = workspace((len(X), *self.fft_shape), self.dtype)
-        if self.fft_shape != self.grid_shape:
-            grid[...] = 0.0
-        grid[self._cut] = X.reshape(-1, *self.grid_shape)
+        x, y = (rows.reshape(-1, *self.grid_shape) for rows in (X, out))
         forward, backward = self.transforms
+
+        def fill(part: slice) -> None:
+            to, of = grid[:, part], x[:, part]
+            if self.fft_shape != self.grid_shape:
+                to[...] = 0.0
+            to[:, : of.shape[1]][self._cut] = of
+
+        def scale(part: slice) -> None:
+            hat[:, part] *= self.spectrum[part]
+
+        def cut(part: slice) -> None:
+            y[:, part] = Y[:, part][self._cut]
+
+        share_rows(fill, grid[0])
         hat = forward(grid, axes=self._axes, overwrite_x=True)
-        hat *= self.spectrum
-        Y = backward(hat, s=self.fft_shape, axes=self._axes, overwrite_x=True)[self._cut]
-        out[...] = Y.reshape(X.shape)
+        share_rows(scale, hat[0])
+        Y = backward(hat, s=self.fft_shape, axes=self._axes, overwrite_x=True)
+        share_rows(cut, y[0])

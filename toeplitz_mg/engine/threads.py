@@ -1,39 +1,100 @@
-"""A loop that `scipy.fft.set_workers` shares among threads."""
+"""A loop that `scipy.fft.set_workers` shares among threads.
+
+What the threads do must not depend on how many there are: the parts of a sum are cut by their size,
+and a part that a thread does is what any other would make of it. So results have the same bits.
+"""
 
 import os
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextvars import copy_context
 from functools import lru_cache
+from typing import Any
 
 from scipy import fft
+
+from toeplitz_mg._typing import Array
 
 Work = Callable[[range], None]  # Does the parts that have these numbers.
 
 WORTH_THREADS = 2**17  # Numbers of a transform from which on threads make it faster.
+PIECE = 2**15  # Numbers that a thread does at once: what comes in between stays in the cache.
+# Pieces for each thread: one that has the core to itself takes those of another that has not.
+PIECES = 4
 
 
 def share(work: Work, count: int, points: int) -> None:
     """Do all parts, by as many threads as ``scipy.fft.set_workers`` says.
 
-    Where a part raises, or this thread is interrupted, the others are ended first: they write to
-    arrays of the caller.
+    Within the work each thread is one: neither transforms nor a loop within are shared again. Where
+    there is one part only, what it does may be. Where a part raises, or this thread is interrupted,
+    the others are ended first: they write to arrays of the caller.
+
+    Parameters
+    ----------
+    work : callable
+        It is called with a range of some parts.
+    count : int
+        The number of parts.
+    points : int
+        The numbers of all parts, which say whether threads are worth it.
     """
-    workers = min(fft.get_workers(), count)
-    if workers == 1 or points < WORTH_THREADS:
+    threads = fft.get_workers()
+    is_large = points >= WORTH_THREADS
+    if threads == 1 or (count <= 1 and is_large):
         work(range(count))
         return
-    bounds = [count * k // workers for k in range(workers + 1)]
+    workers = min(threads, count) if is_large else 1
+    pieces = min(count, PIECES * workers) if workers > 1 else 1
+    bounds = [count * k // pieces for k in range(pieces + 1)]
     parts = list(map(range, bounds[:-1], bounds[1:]))
-    threads = _threads(workers - 1, os.getpid())
+    # Each thread begins with a piece of its own, and then takes the next that nobody has.
+    parts, rest = parts[:workers], parts[: workers - 1 : -1]
+
+    def do(part: range) -> None:
+        work(part)
+        while rest:
+            try:
+                part = rest.pop()
+            except IndexError:  # Another thread was quicker.
+                return
+            work(part)
+
     others: list[Future[None]] = []
     try:
         for part in parts[1:]:
-            others.append(threads.submit(do_part, [work], part))
-        work(parts[0])
+            pool = _threads(threads - 1, os.getpid())
+            # The context has what NumPy does about overflow.
+            context: Any = copy_context()
+            others.append(pool.submit(context.run, do_part, [do], part))
+        with fft.set_workers(1):
+            do(parts[0])
     finally:
+        rest.clear()
         wait_for_all(others)
     for other in others:
         other.result()
+
+
+def share_slices(work: Callable[[slice], None], length: int, size: int, points: int) -> None:
+    """Do the slices of a size, of which the last may be shorter, as `share` does parts."""
+
+    def do(blocks: range) -> None:
+        for block in blocks:
+            work(slice(block * size, min(length, (block + 1) * size)))
+
+    if length <= size and fft.get_workers() == 1:
+        work(slice(0, length))  # In a small system each call more is a part of the time.
+        return
+    share(do, -(-length // size), points)
+
+
+def share_rows(work: Callable[[slice], None], field: Array) -> None:
+    """Do slices of the first axis of a field, of a `PIECE` each; of a small field all at once."""
+    if field.size < WORTH_THREADS:
+        work(slice(0, len(field)))
+    else:
+        share_slices(work, len(field), max(1, PIECE * len(field) // field.size), field.size)
 
 
 def do_part(work: list[Work], part: range) -> None:

@@ -1,6 +1,6 @@
 """Transforms of rows: short ones at once, long ones in `panels`, and what is done with them."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -11,6 +11,7 @@ from scipy import fft
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.fourstep import four_step
 from toeplitz_mg.engine.panels import Panels
+from toeplitz_mg.engine.threads import WORTH_THREADS, share_slices
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
 
@@ -64,8 +65,10 @@ class OneStep:
         w, w_conj = self._quarter
         if n < self.length:
             w, w_conj = w[:n], w_conj[:n]
-        for part, Z in self._batches(len(X)):
+
+        def work(part: slice) -> None:
             x = X[part]
+            Z = workspace((len(x), self.length), self.dtype)
             cut = Z if n == self.length else Z[:, :n]
             if x.dtype == out.dtype:
                 np.multiply(x, w, out=cut)
@@ -82,15 +85,16 @@ class OneStep:
             cut *= w_conj
             out[part] = cut.real
 
+        self._share(work, len(X))
+
     def multiply_complex(self, X: Array, eigenvalues: tuple[Array, ...], out: Array) -> None:
         """Write the sums of the products of rows with the matrices of the shifts 0 and 1/2."""
         n, L = X.shape[1], self.length
         w, w_conj = (weights[:n] for weights in self._half)
-        size = max(1, min(BATCH // (2 * L), len(X)))
-        memory = workspace((2, size, L), self.dtype)
-        for start in range(0, len(X), size):
-            x = X[start : start + size]
-            Z = memory[:, : len(x)]
+
+        def work(part: slice) -> None:
+            x = X[part]
+            Z = workspace((2, len(x), L), self.dtype)
             Z[0, :, :n] = x
             np.multiply(x, w, out=Z[1, :, :n], casting="same_kind")
             Z[:, :, n:] = 0.0
@@ -99,14 +103,18 @@ class OneStep:
                 half.view(factors.dtype)[...] *= factors
             Z = fft.ifft(Z, overwrite_x=True, norm="forward")[:, :, :n]
             Z[1] *= w_conj
-            np.add(Z[0], Z[1], out=out[start : start + size], casting="same_kind")
+            np.add(Z[0], Z[1], out=out[part], casting="same_kind")
+
+        self._share(work, len(X), 2)
 
     def multiply_in_turn(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
         """Write the products of rows with the matrices of these shifts, the first one first.
 
         Where `out` is real, these are their real parts.
         """
-        for part, Z in self._batches(len(X)):
+
+        def work(part: slice) -> None:
+            Z = workspace((len(X[part]), self.length), self.dtype)
             np.multiply(X[part], self.weights(factors[0][0]), out=Z, casting="same_kind")
             for k, (shift, eigenvalues) in enumerate(factors):
                 if k and shift:
@@ -119,13 +127,12 @@ class OneStep:
                     Z *= self.weights(-shift)
             out[part] = Z if out.dtype.kind == "c" else Z.real
 
-    def _batches(self, count: int) -> Iterator[tuple[slice, Array]]:
-        """Yield batches of so many vectors, and memory for a batch, the same for all."""
-        size = max(1, min(BATCH // self.length, count))
-        memory = workspace((size, self.length), self.dtype)
-        for start in range(0, count, size):
-            stop = min(start + size, count)
-            yield slice(start, stop), memory[: stop - start]
+        self._share(work, len(X))
+
+    def _share(self, work: Callable[[slice], None], count: int, transforms: int = 1) -> None:
+        """Do the work for batches of so many vectors, of which each has so many transforms."""
+        length = transforms * self.length
+        share_slices(work, count, max(1, BATCH // length), count * length)
 
 
 @lru_cache(maxsize=64)
@@ -145,6 +152,30 @@ def _plan(n: int, precision: str, exact: bool) -> OneStep | Panels:
 def plan_of(n: int, dtype: DTypeLike, *, exact: bool = False) -> OneStep | Panels:
     """Return the transforms for vectors of length n: of that length, or of a fast one above it."""
     return _plan(n, np.result_type(dtype, np.complex64).char, exact)
+
+
+def in_batches(multiply: Callable[[Array, Array], None], X: Array, out: Array, size: int) -> None:
+    """Multiply rows into `out`, short ones in batches that threads share.
+
+    A long row is multiplied by itself, by what is shared itself.
+
+    Parameters
+    ----------
+    multiply : callable
+        Takes some rows, and where their products go.
+    X, out : ndarray of shape (rows, N)
+    size : int
+        The numbers of the transform of a row.
+    """
+
+    def work(rows: slice) -> None:
+        multiply(X[rows], out[rows])
+
+    if size < WORTH_THREADS:
+        share_slices(work, len(X), max(1, BATCH // size), len(X) * size)
+        return
+    for k in range(len(X)):
+        work(slice(k, k + 1))
 
 
 def cosine_sums(column: Array) -> Array:

@@ -1,21 +1,32 @@
 """Inner products and updates of vectors, part by part, for all iterations.
 
 For a long vector BLAS takes as many threads as it has, which wait for each other, and then for more
-to do on the cores that the products need. So it is given parts that are too short for that. The
-operations of NumPy's own that are not here, as ``x *= a``, use one thread anyway.
+to do on the cores that the products need. So it is given parts that are too short for that. What
+threads do for us, as many as `scipy.fft.set_workers` says, is done in larger pieces by NumPy: calls
+as short as those of BLAS would leave them to wait for the interpreter.
 
 A vector may be a field of any shape, real or complex. The sums of its parts are added in double
 precision.
+
+The functions are for vectors that this process has. `Vectors` has them as methods, for vectors of
+which each of several processes has a part: iterations take their inner products from there.
 """
 
+from collections.abc import Callable, Sequence
 from functools import cache
-from math import hypot
+from math import hypot, inf, sqrt
 from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.threads import WORTH_THREADS, share_rows, share_slices
+from toeplitz_mg.engine.workspace import workspace
+
+# From a number, or an array of them, to those of all processes, in the same order in each of them.
+Gather = Callable[[Any], Sequence[Any]]
 
 PART = 2**13  # Numbers of a part: OpenBLAS shares a vector of more than 10,000 among threads.
 
@@ -46,9 +57,18 @@ def dots(X: Array, y: Array) -> Array:
         n = y.size // PART * PART
         rest = np.vecdot(X[:, n:], y[n:])
         X, y = X[:, :n].reshape(len(X), -1, PART), y[:n].reshape(-1, PART)
+    if y.size < WORTH_THREADS:
+        sums = np.vecdot(X, y)
+    else:
+        sums = np.empty(X.shape[:-1], X.dtype)
+
+        def work(rows: slice) -> None:
+            np.vecdot(X[:, rows], y[rows], out=sums[:, rows])
+
+        share_rows(work, y)
     # The sum of rows has a smaller rounding error than that over all of a field at once.
     double = np.result_type(X, np.float64)
-    return np.vecdot(X, y).reshape(len(X), -1).sum(axis=1, dtype=double) + rest
+    return sums.reshape(len(X), -1).sum(axis=1, dtype=double) + rest
 
 
 def norm(x: Array) -> float:
@@ -57,12 +77,19 @@ def norm(x: Array) -> float:
         x = x.reshape(-1)
     nrm2 = _blas("nrm2", x.dtype.char)
     if x.size <= PART:
-        return float(nrm2(x))
+        return float(nrm2(x)) if x.size else 0.0
+    if x.size >= WORTH_THREADS:
+        limits = np.finfo(x.dtype)
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            square = dot(x, x)
+        # Squares that underflow are lost in the rounding of such a sum.
+        if x.size * float(limits.tiny) / float(limits.eps) < square < inf:
+            return sqrt(square)
     return hypot(*(nrm2(x[k : k + PART]) for k in range(0, x.size, PART)))
 
 
-def axpy(a: complex, x: Array, y: Array) -> None:
-    """Add a x to y, in place.
+def axpy(a: complex, x: Array, y: Array) -> Array:
+    """Add a x to y, in place, and return y.
 
     Parameters
     ----------
@@ -72,14 +99,46 @@ def axpy(a: complex, x: Array, y: Array) -> None:
         It is changed, and must be C-contiguous.
     """
     _require_contiguous(y)
-    if y.ndim > 1:
-        x, y = x.reshape(-1), y.reshape(-1)
+    x_line, y_line = (x.reshape(-1), y.reshape(-1)) if y.ndim > 1 else (x, y)
+    if y.size >= WORTH_THREADS:
+
+        def work(piece: slice) -> None:
+            product = workspace((y_line[piece].size,), y.dtype)
+            np.multiply(x_line[piece], a, out=product)
+            y_line[piece] += product
+
+        a = y.dtype.type(a)
+        share_rows(work, y_line)
+        return y
     add = _blas("axpy", y.dtype.char)
-    if y.size <= PART:
-        add(x, y, a=a)
-        return
+    if 0 < y.size <= PART:
+        add(x_line, y_line, a=a)
+        return y
     for k in range(0, y.size, PART):
-        add(x[k : k + PART], y[k : k + PART], a=a)
+        add(x_line[k : k + PART], y_line[k : k + PART], a=a)
+    return y
+
+
+def aypx(a: complex, x: Array, y: Array) -> Array:
+    """Multiply y by a and add x, in place, and return y.
+
+    Parameters
+    ----------
+    a : float or complex
+    x : ndarray
+    y : ndarray of the shape and the dtype of `x`
+        It is changed, and must be C-contiguous.
+    """
+    _require_contiguous(y)
+    x_line, y_line = (x.reshape(-1), y.reshape(-1)) if y.ndim > 1 else (x, y)
+
+    def work(piece: slice) -> None:
+        part = y_line[piece]
+        part *= a
+        part += x_line[piece]
+
+    share_rows(work, y_line)
+    return y
 
 
 def combine(weights: Array, X: Array) -> Array:
@@ -118,9 +177,12 @@ def add_combination(weights: Array, X: Array, y: Array) -> None:
                 add(row[k : k + PART], y[k : k + PART], a=weight)
         return
     weights = weights.astype(y.dtype)
-    for k in range(0, y.size, PART):
+
+    def work(part: slice) -> None:
         # This is done without BLAS, and so without its threads.
-        y[k : k + PART] += np.einsum("k,kj->j", weights, rows[:, k : k + PART])
+        y[part] += np.einsum("k,kj->j", weights, rows[:, part])
+
+    share_slices(work, y.size, PART, rows.size)
 
 
 def _require_contiguous(y: Array) -> None:
@@ -131,3 +193,101 @@ def _require_contiguous(y: Array) -> None:
 @cache
 def _blas(name: str, dtype: str) -> Any:
     return get_blas_funcs(name, dtype=dtype)
+
+
+def _sum(x: Array) -> float:
+    return float(x.sum())
+
+
+def _min(x: Array) -> float:
+    return float(x.min(initial=inf))
+
+
+def _max(x: Array) -> float:
+    return float(x.max(initial=-inf))
+
+
+def _peak(x: Array) -> float:
+    parts = (x.real, x.imag) if x.dtype.kind == "c" else (x,)
+    return max(float(np.abs(part).max(initial=0.0)) for part in parts)
+
+
+def _count(x: Array) -> int:
+    return int(np.count_nonzero(x))
+
+
+class Vectors:
+    """Operations with vectors of which each process has a part; alone, it has all of it.
+
+    All numbers that are returned are those of the whole vectors, and the same bits in each process,
+    so that no process leaves a loop alone. Updates are of the parts.
+
+    Parameters
+    ----------
+    gather : callable, optional
+        Takes a number, or an array, and returns those of all processes, in the same order in each.
+
+    Attributes
+    ----------
+    gather : callable
+    dot, dots, norm : callable
+        As the functions of this module.
+    sum, min, max : callable
+        From a real field to its sum, its least and its largest number; infinity, or minus
+        infinity, where it has none.
+    peak : callable
+        From a vector to the largest size of its numbers, or of their real and imaginary parts.
+    count : callable
+        From a field to how many of its numbers are not zero.
+    axpy, aypx, combine, add_combination : callable
+        The functions of this module.
+
+    Examples
+    --------
+    >>> Vectors().dot(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+    11.0
+    >>> with_another = Vectors(lambda number: [number, 9.0])  # That is what the other one has.
+    >>> with_another.dot(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+    20.0
+    """
+
+    def __init__(self, gather: Gather | None = None) -> None:
+        self.gather: Gather = gather or (lambda number: (number,))
+
+        def of_parts(combine: Callable[[Sequence[Any]], Any], of_part: Any) -> Any:
+            if gather is None:  # In a small system one call more is a part of the time.
+                return of_part
+            return lambda *vectors: combine(gather(of_part(*vectors)))
+
+        self.dot: Callable[[Array, Array], float] = of_parts(sum, dot)
+        self.dots: Callable[[Array, Array], Array] = of_parts(sum, dots)
+        self.norm: Callable[[Array], float] = of_parts(lambda norms: hypot(*norms), norm)
+        self.sum: Callable[[Array], float] = of_parts(sum, _sum)
+        self.min: Callable[[Array], float] = of_parts(min, _min)
+        self.max: Callable[[Array], float] = of_parts(max, _max)
+        self.peak: Callable[[Array], float] = of_parts(max, _peak)
+        self.count: Callable[[Array], int] = of_parts(lambda counts: int(sum(counts)), _count)
+
+    def copy(self, x: Array, out: Array) -> Array:
+        """Return `out`, with the numbers of x."""
+        out[...] = x
+        return out
+
+    def zeros(self, x: Array, dtype: DTypeLike) -> Array:
+        """Return a vector of zeros as long as another."""
+        return np.zeros(x.shape, dtype)
+
+    def cast(self, x: Array, dtype: DTypeLike) -> Array:
+        """Return a vector in another precision, itself where it has that one."""
+        return x.astype(dtype, copy=False)
+
+    # These return what they compute, in `out`, their last argument: vectors that cannot be changed
+    # have no other way.
+    divide, subtract, empty = np.divide, np.subtract, staticmethod(np.empty_like)
+    axpy = staticmethod(axpy)
+    aypx = staticmethod(aypx)
+    combine = staticmethod(combine)
+    add_combination = staticmethod(add_combination)
+
+
+PLAIN = Vectors()  # Of vectors that this process has alone.

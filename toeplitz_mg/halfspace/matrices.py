@@ -128,15 +128,22 @@ def quadrant(
     reference: float,
 ) -> Array:
     """Return the coefficients of two directions, as "zz", at offsets that are not negative."""
-    G, nu, K = material.G, material.nu, material.difference
     if len(element) == 1:
+        G, nu = material.G, material.nu
         return line_contact_coefficients(shape[0], element[0], G=G, nu=nu, reference=reference)
-    constant = ("K", K) if name in ("xz", "yz") else ("nu", nu)
+    x, y = offsets((shape[0], shape[1] if len(shape) == 2 else 1), (element[0], element[1]))
+    return evaluate(name, x, y, element, material).reshape(shape)
+
+
+def evaluate(
+    name: str, x: Array, y: Array, element: tuple[float, ...], material: CombinedMaterial
+) -> Array:
+    """Return the coefficients of two directions, as "zz", on a surface, at any offsets."""
+    constant = ("K", material.difference) if name in ("xz", "yz") else ("nu", material.nu)
     # What couples two directions may be too small to be multiplied.
     value = 0.0 if abs(constant[1]) < NEGLIGIBLE else constant[1]
-    x, y = offsets((shape[0], shape[1] if len(shape) == 2 else 1), (element[0], element[1]))
-    c: Array = KERNELS[name][0](x, y, element, G=G, **{constant[0]: value})
-    return c.reshape(shape)
+    c: Array = KERNELS[name][0](x, y, element, G=material.G, **{constant[0]: value})
+    return c
 
 
 def _operator(c: Array, parity: tuple[int, ...], ahead: int) -> ToeplitzOperator:

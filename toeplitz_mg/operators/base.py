@@ -11,8 +11,9 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.library import NUMPY, Library
+from toeplitz_mg.engine.vectors import PLAIN, Vectors
 from toeplitz_mg.operators import algebra
-from toeplitz_mg.values import refuse_masked
 
 NUMBERS = "fcbui"  # Kinds of dtypes that are multiplied: real, complex, booleans, integers.
 
@@ -23,7 +24,7 @@ def _check_vectors(x: Any) -> Any:
         return x
     if isinstance(x, LinearOperator) or issparse(x):
         return x
-    dtype = refuse_masked("x", x).dtype
+    dtype = NUMPY.read("x", x).dtype
     if dtype.kind not in NUMBERS:
         raise TypeError(f"x has dtype {dtype}, but must be of numbers")
     return x
@@ -35,9 +36,25 @@ def _of_numbers(name: str) -> Callable[[Any, Any], Any]:
 
     @wraps(method)
     def multiply(A: Any, x: Any) -> Any:
-        return method(A, _check_vectors(x))
+        if A.library is NUMPY:
+            return method(A, _check_vectors(x))
+        return _multiply(name, A, A.library.read("x", x))
 
     return multiply
+
+
+def _multiply(name: str, A: "GridOperator", x: Any) -> Any:
+    """Do what one of SciPy's methods does, with another library's array, which SciPy may copy."""
+    from_left = name in ("rdot", "__rmul__")
+    columns = x.ndim > 1 and not from_left
+    if x.ndim not in ((1, 2) if "dot" in name or from_left else (1 + ("mat" in name[-3:]),)) or (
+        x.shape[-2 if columns else -1] != A.shape[0]
+    ):
+        raise ValueError(f"x has shape {tuple(x.shape)}, but the operator {A.shape}")
+    if from_left:
+        return A._transpose().apply(x)
+    B = A._adjoint() if name[0] == "r" else A
+    return B.apply(x.mT).mT if columns else B.apply(x)
 
 
 class GridOperator(LinearOperator):
@@ -57,20 +74,35 @@ class GridOperator(LinearOperator):
         unit of the paper, §5.2).
     size : int, optional
         The number of unknowns, where they are not all points of the grid.
+    library : Library, optional
+        That of the arrays it multiplies, NumPy by default. The dtype is NumPy's in any case.
 
     Attributes
     ----------
     grid_shape : tuple of int
     work : float
+    library : Library
+    vectors : Vectors
+        The inner products and the updates of the vectors that it multiplies.
     """
 
     def __init__(
-        self, dtype: DTypeLike, grid_shape: tuple[int, ...], work: float, size: int | None = None
+        self,
+        dtype: DTypeLike,
+        grid_shape: tuple[int, ...],
+        work: float,
+        size: int | None = None,
+        library: Library = NUMPY,
     ) -> None:
         n = prod(grid_shape) if size is None else size
         super().__init__(np.dtype(dtype), (n, n))
         self.grid_shape = grid_shape
         self.work = work
+        self.library = library
+
+    @property
+    def vectors(self) -> Any:
+        return self.library.vectors
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X`, without the checks of ``A @ x``.
@@ -185,7 +217,7 @@ def apply_to_rows(A: LinearOperator, X: Array, out: Array | None = None) -> Arra
 
     Parameters
     ----------
-    A : LinearOperator of shape (n, n)
+    A : LinearOperator of shape (n, n), or what has `apply` and `vectors` as a GridOperator has
     X : ndarray of shape (n,) or (k, n)
     out : ndarray of the shape of `X`, optional
         Where the result is written. It may be `X`.
@@ -203,7 +235,7 @@ def apply_to_rows(A: LinearOperator, X: Array, out: Array | None = None) -> Arra
     array([[1., 3.],
            [2., 4.]])
     """
-    if isinstance(A, GridOperator):
+    if isinstance(A, GridOperator) or hasattr(A, "vectors"):
         return A.apply(X, out)
     # An operator that the user made from functions may return (n, 1) or an np.matrix.
     Y = np.asarray(A._matvec(X) if X.ndim == 1 else A._matmat(X.T).T).reshape(X.shape)
@@ -223,6 +255,16 @@ def grid_of(A: LinearOperator) -> tuple[int, ...]:
 def work_of(A: LinearOperator) -> float:
     """Return the work of one application of an operator, 0 where it names none."""
     return A.work if isinstance(A, GridOperator) else 0.0
+
+
+def vectors_of(A: Any) -> Vectors:
+    """Return the operations with the vectors of an operator, or of a matrix."""
+    return getattr(A, "vectors", PLAIN)
+
+
+def library_for(A: Any) -> Library:
+    """Return the library of the arrays that an operator, or a matrix, multiplies."""
+    return getattr(A, "library", NUMPY)
 
 
 def name_symmetry(A: Any) -> str:

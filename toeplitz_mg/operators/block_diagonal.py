@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.operators.base import GridOperator, apply_to_rows, work_of
+from toeplitz_mg.operators.base import GridOperator, apply_to_rows, library_for, work_of
 
 
 class BlockDiagonal(GridOperator):
@@ -24,20 +24,18 @@ class BlockDiagonal(GridOperator):
         size = sum(block.shape[0] for block in blocks)
         # Each block works on the grid of one component.
         work = sum(map(work_of, blocks)) / grid_shape[0]
-        super().__init__(np.result_type(*(block.dtype for block in blocks)), grid_shape, work, size)
+        dtype, library = np.result_type(*(b.dtype for b in blocks)), library_for(blocks[0])
+        super().__init__(dtype, grid_shape, work, size, library)
         self.blocks = tuple(blocks)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
-        if out is None:
-            out = np.empty(X.shape, np.result_type(X, self.dtype))
-        start = 0
+        parts, start = [], 0
         for block in self.blocks:
-            part = (..., slice(start, start + block.shape[0]))
-            Y = apply_to_rows(block, np.ascontiguousarray(X[part]))
-            np.copyto(out[part], Y, casting="same_kind")
+            x = self.library.copy(X[..., start : start + block.shape[0]])
+            parts.append(apply_to_rows(block, x))
             start += block.shape[0]
-        return out
+        return self.library.join(parts, out)
 
     def _adjoint(self) -> "BlockDiagonal":
         return self._of([block.H for block in self.blocks])

@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from math import prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.values import refuse_masked
+from toeplitz_mg.engine.library import Library, library_of
 
 HEADROOM = (
     2.0**-8
@@ -31,14 +33,25 @@ class Coefficients:
     is_even: bool
 
     def __post_init__(self) -> None:
-        self.array.flags.writeable = False
+        self.library.keep(self.array)
+
+    @cached_property
+    def library(self) -> Library:
+        """The library that the array is of."""
+        return library_of(self.array)
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """NumPy's dtype of the coefficients."""
+        return self.library.dtype(self.array)
 
     @classmethod
     def of_column(cls, c: ArrayLike) -> "Coefficients":
         """Take the first column of a matrix: Hermitian, and symmetric in each axis where real."""
         column = check_coefficients(c, "c")
-        if column.dtype.kind != "c":
-            return cls(column.copy(), True)
+        xp = (library := library_of(column)).xp
+        if library.dtype(column).kind != "c":
+            return cls(xp.asarray(column, copy=True), True)
         if column.ndim > 1:
             advice = "for several axes use ToeplitzOperator.from_lags"
             if dense := name_dense(column):
@@ -47,7 +60,7 @@ class Coefficients:
                 f"c is complex and has shape {column.shape}, but a first column tells all of a "
                 f"Hermitian matrix on one axis only; {advice}"
             )
-        return cls._normal(np.concatenate([column[:0:-1].conj(), column]))
+        return cls._normal(xp.concat([xp.conj(xp.flip(column[1:])), column]))
 
     @classmethod
     def of_column_and_row(cls, c: ArrayLike, r: ArrayLike) -> "Coefficients":
@@ -62,7 +75,8 @@ class Coefficients:
             raise ValueError(
                 f"c has {len(column)} entries and r has {len(row)}, but the matrix is square"
             )
-        return cls._normal(np.concatenate([row[:0:-1], column]))
+        xp = (library := library_of(column)).xp
+        return cls._normal(xp.concat([xp.flip(library.read("r", row)[1:]), column]))
 
     @classmethod
     def of_lags(cls, lags: ArrayLike) -> "Coefficients":
@@ -76,10 +90,11 @@ class Coefficients:
 
     @classmethod
     def _normal(cls, lags: Array) -> "Coefficients":
-        general = cls(lags.view(), False)
-        if all(np.array_equal(lags, np.flip(lags, k)) for k in range(lags.ndim)):
-            return cls(general.column.copy(), True)
-        return cls(lags.copy(), False)
+        general = cls(lags[...], False)
+        xp = general.library.xp
+        if all(xp.all(lags == xp.flip(lags, axis=k)) for k in range(lags.ndim)):
+            return cls(xp.asarray(general.column, copy=True), True)
+        return cls(xp.asarray(lags, copy=True), False)
 
     @property
     def grid_shape(self) -> tuple[int, ...]:
@@ -89,15 +104,17 @@ class Coefficients:
     @property
     def is_symmetric(self) -> bool:
         """Whether a[-k] = a[k]."""
-        return self.is_even or np.array_equal(self.array, np.flip(self.array))
+        xp = self.library.xp
+        return self.is_even or bool(xp.all(self.array == xp.flip(self.array)))
 
     @property
     def is_hermitian(self) -> bool:
         """Whether a[-k] is the complex conjugate of a[k]."""
-        if self.array.dtype.kind != "c":
+        if self.dtype.kind != "c":
             return self.is_symmetric
-        conjugate = self.array.conj()
-        return np.array_equal(self.array, conjugate if self.is_even else np.flip(conjugate))
+        xp = self.library.xp
+        conjugate = xp.conj(self.array)
+        return bool(xp.all(self.array == (conjugate if self.is_even else xp.flip(conjugate))))
 
     @property
     def column(self) -> Array:
@@ -111,9 +128,10 @@ class Coefficients:
         """All coefficients, lag zero in the centre."""
         if not self.is_even:
             return self.array
-        lags = self.array
-        for axis, n in enumerate(self.grid_shape):
-            lags = np.take(lags, np.abs(np.arange(1 - n, n)), axis=axis)
+        lags, xp = self.array, self.library.xp
+        for axis in range(lags.ndim):
+            behind = xp.flip(lags[(slice(None),) * axis + (slice(1, None), ...)], axis=axis)
+            lags = xp.concat([behind, lags], axis=axis)
         return lags
 
     @property
@@ -122,24 +140,25 @@ class Coefficients:
         lengths = [m for m in self.array.shape if m > 1] or [1]
         if len(lengths) == self.array.ndim:
             return self
-        return Coefficients(self.array.reshape(lengths), self.is_even)
+        return Coefficients(self.library.xp.reshape(self.array, tuple(lengths)), self.is_even)
 
     @property
     def transpose(self) -> "Coefficients":
         """The coefficients of the transpose."""
-        return self if self.is_even else Coefficients(np.flip(self.array), False)
+        return self if self.is_even else Coefficients(self.library.xp.flip(self.array), False)
 
     @property
     def conjugate(self) -> "Coefficients":
         """The coefficients of the complex conjugate."""
-        is_real = self.array.dtype.kind != "c"
-        return self if is_real else Coefficients(self.array.conj(), self.is_even)
+        is_real = self.dtype.kind != "c"
+        return self if is_real else Coefficients(self.library.xp.conj(self.array), self.is_even)
 
     def at(self, lags: Sequence[Array]) -> Array:
-        """Return the coefficients of some lags, given along each axis."""
+        """Return the coefficients of some lags, given along each axis, as NumPy's array."""
+        array = self.library.to_numpy(self.array)
         if self.is_even:
-            return self.array[tuple(map(np.abs, lags))]
-        return self.array[tuple(k + m // 2 for k, m in zip(lags, self.array.shape, strict=True))]
+            return array[tuple(map(np.abs, lags))]
+        return array[tuple(k + m // 2 for k, m in zip(lags, array.shape, strict=True))]
 
     def times(self, factor: Any) -> "Coefficients":
         """Multiply with a number."""
@@ -157,11 +176,12 @@ class Coefficients:
         """Add a multiple of the unit matrix."""
         column = np.zeros(self.grid_shape, np.result_type(factor))
         column.flat[0] = factor
-        return self.plus(Coefficients(column, True))
+        return self.plus(Coefficients(self.library.from_numpy(column), True))
 
     def astype(self, dtype: np.dtype[Any]) -> "Coefficients":
         """Round to this precision, or say that this is not possible."""
-        return Coefficients(check_coefficients(self.array.astype(dtype), "lags"), self.is_even)
+        array = self.library.cast(self.array, dtype)
+        return Coefficients(check_coefficients(array, "lags"), self.is_even)
 
 
 def name_dense(c: Array) -> str:
@@ -171,14 +191,11 @@ def name_dense(c: Array) -> str:
     matrix of two axes this makes the coefficient of the lag (1, 1) as large as that of lag zero,
     which no positive definite matrix has. A constant array may be either.
     """
-    is_dense = (
-        c.ndim == 2
-        and c.shape[0] == c.shape[1] > 2
-        and c[0, 0] == c[1, 1]  # That is soon told of a large array.
-        and np.array_equal(c[1:, 1:], c[:-1, :-1])
-        and not (c == c[0, 0]).all()
-    )
-    if not is_dense:
+    # That of two entries is soon told of a large array.
+    if c.ndim != 2 or not c.shape[0] == c.shape[1] > 2 or c[0, 0] != c[1, 1]:
+        return ""
+    c = library_of(c).to_numpy(c)
+    if not np.array_equal(c[1:, 1:], c[:-1, :-1]) or (c == c[0, 0]).all():
         return ""
     is_hermitian = np.array_equal(c[0], c[:, 0].conj())
     return f"ToeplitzOperator({'c[:, 0]' if is_hermitian else 'c[:, 0], c[0]'})"
@@ -186,28 +203,52 @@ def name_dense(c: Array) -> str:
 
 def check_coefficients(values: ArrayLike, name: str) -> Array:
     """Return `values` as an array of real or complex numbers, or say what is wrong with them."""
-    array = refuse_masked(name, values)
-    if array.dtype.kind not in "buifc":
-        raise TypeError(f"{name} has dtype {array.dtype}, but coefficients are numbers")
-    if array.dtype.char not in "fdFD":
-        array = array.astype(np.complex128 if array.dtype.kind == "c" else np.float64)
-    if array.ndim == 0 or array.size == 0:
-        raise ValueError(f"{name} has shape {array.shape}, but needs at least one coefficient")
-    if not np.isfinite(array).all():
-        where = np.argwhere(~np.isfinite(array))[0]
-        at = tuple(int(k) for k in where)
-        raise ValueError(f"{name} has the coefficient {array[at]} at {at}, but all must be finite")
-    _require_digits(name, array)
+    array = check_finite(values, name)
+    library = library_of(array)
+    xp = library.xp
+    with np.errstate(over="ignore"):  # What overflows to inf is too much.
+        sizes = xp.abs(array)
+        total = float(xp.sum(sizes, dtype=library.native(np.float64)))
+    require_digits(name, library.dtype(sizes), array.shape, total, float(xp.max(sizes)))
     return array
 
 
-def _require_digits(name: str, coefficients: Array) -> None:
-    """Raise ValueError where coefficients make products over- or underflow."""
-    with np.errstate(over="ignore"):  # What overflows to inf is too much.
-        sizes = np.abs(coefficients)
-        total = float(sizes.sum(dtype=np.float64))
-    numbers = np.finfo(sizes.dtype)
-    most = float(numbers.max) * HEADROOM / 2**sizes.ndim
+def check_finite(values: ArrayLike, name: str) -> Array:
+    """Return `values` as an array of finite numbers, of a dtype that a matrix may have."""
+    library = library_of(values)
+    array = library.read(name, values)
+    dtype = library.dtype(array)
+    if dtype.kind not in "buifc":
+        raise TypeError(f"{name} has dtype {array.dtype}, but coefficients are numbers")
+    if dtype.char not in "fdFD":
+        array = library.cast(array, np.complex128 if dtype.kind == "c" else np.float64)
+    if array.ndim == 0 or prod(array.shape) == 0:
+        raise ValueError(f"{name} has shape {array.shape}, but needs at least one coefficient")
+    if not library.xp.all(library.xp.isfinite(array)):
+        array = library.to_numpy(array)
+        where = np.argwhere(~np.isfinite(array))[0]
+        at = tuple(int(k) for k in where)
+        raise ValueError(f"{name} has the coefficient {array[at]} at {at}, but all must be finite")
+    return array
+
+
+def require_digits(
+    name: str, dtype: DTypeLike, shape: tuple[int, ...], total: float, largest: float
+) -> None:
+    """Raise ValueError where coefficients make products over- or underflow.
+
+    Parameters
+    ----------
+    name : str
+    dtype : float32 or float64
+        That of the sizes of the coefficients.
+    shape : tuple of int
+        That of all coefficients.
+    total, largest : float
+        The sum of their sizes, and the largest.
+    """
+    numbers = np.finfo(dtype)
+    most = float(numbers.max) * HEADROOM / 2 ** len(shape)
     if total > most:
         raise ValueError(
             f"{name} has coefficients whose sizes add up to {total:.3g}, but must be at most "
@@ -215,7 +256,7 @@ def _require_digits(name: str, coefficients: Array) -> None:
             "by a number"
         )
     # Some eigenvalue is as large as that. The products divide it by the length of the transforms.
-    largest, least = float(sizes.max()), float(numbers.tiny) * 2 ** (sizes.ndim + 1) * sizes.size
+    least = float(numbers.tiny) * 2 ** (len(shape) + 1) * prod(shape)
     if 0.0 < largest < least:
         raise ValueError(
             f"{name} has coefficients of size {largest:.3g} at most, but must have one of "

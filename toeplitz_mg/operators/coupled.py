@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, name_symmetry
 from toeplitz_mg.operators.coefficients import check_precision
@@ -76,7 +75,7 @@ class CoupledOperator(GridOperator):
         self,
         blocks: Sequence[Sequence[ToeplitzOperator | None]],
         *,
-        product: MultilevelProduct | None = None,
+        product: Any = None,
     ) -> None:
         try:
             rows = tuple(map(tuple, blocks))
@@ -87,14 +86,15 @@ class CoupledOperator(GridOperator):
         _check_blocks(rows)
         given = [block for row in rows for block in row if block is not None]
         dtype = np.result_type(*(block.dtype for block in given))
-        super().__init__(dtype, (len(rows), *given[0].grid_shape), work=1.0)
+        library = given[0].library
+        super().__init__(dtype, (len(rows), *given[0].grid_shape), work=1.0, library=library)
         self.blocks = rows
         pairs = [(rows[i][j], rows[j][i]) for i in range(len(rows)) for j in range(i + 1)]
         self.is_symmetric = self.is_hermitian = all(_is_transpose(*pair) for pair in pairs)
         if self.dtype.kind == "c":
             self.is_hermitian = all(_is_transpose(*pair, conjugate=True) for pair in pairs)
-        self._product = product or MultilevelProduct.of(
-            [[None if block is None else block.lags for block in row] for row in rows],
+        self._product = product or library.coupled(
+            [[block and block.coefficients for block in row] for row in rows],
             self.dtype,
             [[block and self._spectrum_of(block) for block in row] for row in rows],
         )
@@ -225,6 +225,7 @@ def _check_blocks(blocks: tuple[tuple[ToeplitzOperator | None, ...], ...]) -> No
                     "or None"
                 )
             first = first or block
+            first.library.read(f"c of blocks[{i}][{j}]", block.c)
             if block.grid_shape != first.grid_shape:
                 raise ValueError(
                     f"blocks[{i}][{j}] lives on the grid {block.grid_shape}, but another on "
@@ -243,5 +244,6 @@ def _is_transpose(
         return block is other
     if block is other and block.dtype.kind != "c":
         return block.is_symmetric
-    lags = np.flip(other.lags)
-    return np.array_equal(block.lags, lags.conj() if conjugate else lags)
+    library, lags = other.library, other.library.xp.flip(other.lags)
+    lags = library.conj(lags) if conjugate else lags
+    return bool(library.xp.all(block.lags == lags))

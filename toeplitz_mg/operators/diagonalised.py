@@ -1,9 +1,10 @@
 """Matrices that a fast transform diagonalises: circulants and their trigonometric kin."""
 
 from math import prod
+from typing import Any
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.products import DiagonalisedProduct
+from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.operators.base import GridOperator
 
 
@@ -24,9 +25,10 @@ class DiagonalisedOperator(GridOperator):
     grid_shape : tuple of int
     """
 
-    def __init__(self, product: DiagonalisedProduct, name: str) -> None:
+    def __init__(self, product: Any, name: str) -> None:
         work = product.points / prod(product.grid_shape)
-        super().__init__(product.dtype, product.grid_shape, work)
+        library = library_of(product.spectrum)
+        super().__init__(product.dtype, product.grid_shape, work, library=library)
         self.name = name
         self.product = product
 

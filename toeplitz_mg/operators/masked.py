@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike, DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Mask
-from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.operators import algebra
-from toeplitz_mg.operators.base import GridOperator, apply_to_rows, work_of
+from toeplitz_mg.operators.base import GridOperator, apply_to_rows, library_for, work_of
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum
@@ -74,9 +74,12 @@ class MaskedOperator(GridOperator):
                 "preconditioner, of the whole grid"
             )
         self.full = A
+        mask = library_of(mask).to_numpy(mask)
         self.mask = check_mask(mask, grid_shape, isinstance(A, CoupledOperator))
         self._index = np.flatnonzero(self.mask)
-        super().__init__(A.dtype, grid_shape, work_of(A), len(self._index))
+        library = library_for(A)
+        super().__init__(A.dtype, grid_shape, work_of(A), len(self._index), library)
+        self._cells = library.cells(self._index, self.mask.size)
 
     def toarray(self) -> Array:
         """Return the dense matrix, shape (N, N), N = ``mask.sum()``.
@@ -139,15 +142,11 @@ class MaskedOperator(GridOperator):
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
+        library = self.library
         if out is None:
-            out = np.empty(X.shape, np.result_type(X, self.dtype))
-        rows = X.reshape(-1, X.shape[-1])
-        grid = workspace((len(rows), self.full.shape[1]), out.dtype)
-        grid[...] = 0.0
-        grid[:, self._index] = rows
-        apply_to_rows(self.full, grid, grid)
-        out[...] = grid[:, self._index].reshape(X.shape)
-        return out
+            out = library.allocate(X, self.dtype)
+        grid = library.extend(X, self._cells, out)
+        return library.restrict(apply_to_rows(self.full, grid, grid), self._cells, out)
 
     def _adjoint(self) -> "MaskedOperator":
         full = self.full.H
@@ -171,6 +170,14 @@ def check_mask(mask: ArrayLike, grid_shape: tuple[int, ...], is_coupled: bool = 
     is_coupled : bool
         Whether the first axis of the grid counts components, of which one mask may do for all.
     """
+    checked = check_booleans(mask, grid_shape, is_coupled)
+    if not checked.any():
+        raise ValueError(f"mask of shape {checked.shape} is nowhere true: there are no unknowns")
+    return checked
+
+
+def check_booleans(mask: ArrayLike, grid_shape: tuple[int, ...], is_coupled: bool = False) -> Mask:
+    """Return what `check_mask` does, also of a mask that is nowhere true."""
     mask = refuse_masked("mask", mask)
     if is_coupled and mask.shape == grid_shape[1:]:
         mask = np.broadcast_to(mask, grid_shape)
@@ -178,8 +185,6 @@ def check_mask(mask: ArrayLike, grid_shape: tuple[int, ...], is_coupled: bool = 
         raise TypeError(f"mask has dtype {mask.dtype}, but must be of booleans")
     if mask.shape != grid_shape:
         raise ValueError(f"mask has shape {mask.shape}, but A lives on the grid {grid_shape}")
-    if not mask.any():
-        raise ValueError(f"mask of shape {mask.shape} is nowhere true: there are no unknowns")
     mask = mask.copy()
     mask.flags.writeable = False
     return mask

@@ -9,7 +9,6 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.multilevel import MultilevelProduct
-from toeplitz_mg.engine.products import ToeplitzProduct
 from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, name_symmetry
 from toeplitz_mg.operators.coefficients import Coefficients, check_precision, name_dense
@@ -99,7 +98,7 @@ class ToeplitzOperator(GridOperator):
         c: ArrayLike | Coefficients,
         r: ArrayLike | None = None,
         *,
-        product: ToeplitzProduct | MultilevelProduct | None = None,
+        product: Any = None,
     ) -> None:
         if isinstance(c, Coefficients):
             self._coefficients = c
@@ -107,7 +106,7 @@ class ToeplitzOperator(GridOperator):
             self._coefficients = Coefficients.of_column(c)
             dense = name_dense(self._coefficients.array)
             if dense:
-                n = len(self._coefficients.array)
+                n = self._coefficients.array.shape[0]
                 warnings.warn(
                     f"c has shape {(n, n)} and is constant along its diagonals, as a dense "
                     f"Toeplitz matrix is, but is taken for the first column of a matrix of two "
@@ -117,10 +116,10 @@ class ToeplitzOperator(GridOperator):
         else:
             self._coefficients = Coefficients.of_column_and_row(c, r)
         a = self._coefficients
-        super().__init__(a.array.dtype, a.grid_shape, work=1.0)
+        super().__init__(a.dtype, a.grid_shape, work=1.0, library=a.library)
         self.is_even = a.is_even
         self.is_symmetric, self.is_hermitian = a.is_symmetric, a.is_hermitian
-        self._product = product or _multiplication(a)
+        self._product = product or a.library.multiplication(a.squeezed)
 
     @classmethod
     def from_lags(cls, lags: ArrayLike) -> "ToeplitzOperator":
@@ -187,9 +186,10 @@ class ToeplitzOperator(GridOperator):
             not are zero in it.
         """
         lags = self.lags
-        column = np.zeros(shape, np.result_type(lags, np.float64))
-        column[tuple(slice(n) for n in lags.shape)] = lags
-        return np.roll(column, [1 - n for n in self.grid_shape], tuple(range(lags.ndim)))
+        library = self.library
+        column = library.pad(library.cast(lags, np.result_type(self.dtype, np.float64)), shape)
+        shifts = tuple(1 - n for n in self.grid_shape)
+        return library.xp.roll(column, shifts, axis=tuple(range(lags.ndim)))
 
     def astype(self, dtype: DTypeLike) -> "ToeplitzOperator":
         """Return the matrix in another precision, or itself where it has that one.
@@ -205,6 +205,11 @@ class ToeplitzOperator(GridOperator):
         is_less = dtype.itemsize < self.dtype.itemsize
         product = self._product.astype(dtype) if is_less else None
         return ToeplitzOperator(self._coefficients.astype(dtype), product=product)
+
+    @property
+    def coefficients(self) -> Coefficients:
+        """The coefficients, in their normal form."""
+        return self._coefficients
 
     def toarray(self) -> Array:
         """Return the matrix as a dense array of shape (N, N), without any transform."""
@@ -234,7 +239,7 @@ class ToeplitzOperator(GridOperator):
 
     def diagonal(self) -> Array:
         """Return the entries (i, i), shape (N,), which are all the same."""
-        return np.full(self.shape[0], self.c.flat[0])
+        return np.full(self.shape[0], self._coefficients.at([0] * len(self.grid_shape)))
 
     trace = algebra.trace
     __getitem__ = algebra.take
@@ -265,7 +270,10 @@ class ToeplitzOperator(GridOperator):
     def equals(self, other: LinearOperator) -> bool:
         """Whether another operator is the same matrix."""
         return self is other or (
-            isinstance(other, ToeplitzOperator) and np.array_equal(self.lags, other.lags)
+            isinstance(other, ToeplitzOperator)
+            and self.library is other.library
+            and self.lags.shape == other.lags.shape
+            and bool(self.library.xp.all(self.lags == other.lags))
         )
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
@@ -289,13 +297,3 @@ class ToeplitzOperator(GridOperator):
         grid = " x ".join(map(str, self.grid_shape))
         kind = name_symmetry(self)
         return f"<ToeplitzOperator {grid}, {kind}, {self.dtype}>"
-
-
-def _multiplication(a: Coefficients) -> ToeplitzProduct | MultilevelProduct:
-    """Make the product with the matrix of these coefficients, which takes a transform."""
-    a = a.squeezed
-    if a.array.ndim > 1:
-        return MultilevelProduct.of([[a.lags]], a.array.dtype)
-    column = a.column
-    row = column if a.is_even else a.array[len(column) - 1 :: -1]
-    return ToeplitzProduct.of(column, row, a.array.dtype)

@@ -6,7 +6,7 @@ them, `solve_toeplitz` and `toeplitz_inverse` ask for those of a whole line, and
 `toeplitz_mg.contact` ask whether FSAI is worth its set-up.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import chain
 from typing import NamedTuple
@@ -35,7 +35,6 @@ from toeplitz_mg.preconditioners.candidates import (
     factorise,
     quick_fsai,
 )
-from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
 from toeplitz_mg.preconditioners.selection import Candidate, Selection
@@ -230,17 +229,15 @@ def candidates_of_line(A: ToeplitzOperator) -> Iterator[Candidate]:
 
 
 def candidates_of_complex_line(A: ToeplitzOperator) -> Iterator[Candidate]:
-    """Yield the preconditioners of a whole line that is complex and Hermitian.
+    """Yield the preconditioners of a whole line that is complex and Hermitian, but for circulants.
 
-    That in the middle may take many iterations, as for plane waves and noise; the last one is as
-    good as the inverse, and its set-up takes as long as some 20 iterations.
+    The last one is as good as the inverse, and its set-up takes as long as some 20 iterations.
     """
     A = A.astype(np.complex128)
     factor = factor_positive_symbol(A)
     if factor is not None and factor.is_inverse:
         of_factor = partial(inverse_of_factor, factor=factor)
         yield Candidate.of(spectral_preconditioner, "a symbol that is resolved", of_factor)
-    yield Candidate.of(chan_preconditioner, "next to no set-up")
     yield Candidate.of(spectral_preconditioner, "whatever the symbol", schur_inverse)
 
 
@@ -308,10 +305,19 @@ def _why_fsai(A: ToeplitzOperator, mask: Mask) -> str | None:
 
 
 def is_fsai_worthwhile(
-    A: ToeplitzOperator | CoupledOperator, mask: Mask, change: float = 0.0
+    elements: int, fragmentation: Callable[[], float], change: float = 0.0
 ) -> bool:
-    """Whether FSAI is worth its set-up on a set of unknowns, a share of which has just changed."""
-    return change <= SETTLED and A.shape[0] >= LARGE and traits.fragmentation(mask) > COMPACT
+    """Whether FSAI is worth its set-up on a set of unknowns, a share of which has just changed.
+
+    Parameters
+    ----------
+    elements : int
+        Those of the grid, of all components.
+    fragmentation : callable
+        Returns that of the set: it takes long enough to be asked for last.
+    change : float, optional
+    """
+    return change <= SETTLED and elements >= LARGE and fragmentation() > COMPACT
 
 
 def is_fsai_kept(change: float) -> bool:

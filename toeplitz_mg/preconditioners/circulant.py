@@ -1,5 +1,6 @@
 """Circulant preconditioners by Strang and by T. Chan: the baselines to beat."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -118,21 +119,17 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     return _definite_inverse(A, chan_eigenvalues(A), "T. Chan", dtype)
 
 
-def chan_inverse(A: ToeplitzOperator, eigenvalues: Array) -> DiagonalisedOperator:
-    """Return what `chan_preconditioner` does, of an indefinite matrix too, for GMRES.
+def smooth_inverse(A: ToeplitzOperator, eigenvalues: Array) -> DiagonalisedOperator:
+    """Return the inverse of the circulant with the eigenvalues that `smooth_eigenvalues` returns.
 
-    Parameters
-    ----------
-    A : ToeplitzOperator
-    eigenvalues : ndarray
-        What `chan_eigenvalues` returns of it.
+    A matrix of any kind has it, one that is indefinite too: it is for GMRES.
 
     Raises
     ------
     numpy.linalg.LinAlgError
         Where one is zero.
     """
-    return _inverse(A, eigenvalues, "T. Chan", A.dtype)
+    return _inverse(A, eigenvalues, "the smooth", A.dtype)
 
 
 def chan_eigenvalues(A: ToeplitzOperator) -> Array:
@@ -141,13 +138,32 @@ def chan_eigenvalues(A: ToeplitzOperator) -> Array:
     They are real where A is Hermitian. Of a real matrix they are those of k ≤ n/2 along the last
     axis.
     """
+    return _eigenvalues(A, lambda t: 1.0 - t)
+
+
+def smooth_eigenvalues(A: ToeplitzOperator) -> Array:
+    """Return samples of the symbol that are as near to it as its coefficients allow.
+
+    They are those of its sum over the lags of A, and where such a sum oscillates, as these end, the
+    means of neighbours do not: a quarter of those at θ ± π/n and a half of that at θ, where
+    θ = 2πk/n. T. Chan's means are over a wider part of the symbol, so that they do not see the
+    bottom of a zero, but they are never below it. The format is that of `chan_eigenvalues`.
+    """
+    return _eigenvalues(A, lambda t: 0.5 + 0.5 * np.cos(np.pi * t))
+
+
+def _eigenvalues(A: ToeplitzOperator, window: Callable[[Array], Array]) -> Array:
+    """Return the eigenvalues of the circulant whose first column has the lags k and k - n.
+
+    These have the weights w(k/n) and w(1 - k/n) = 1 - w(k/n) of a window.
+    """
     column = A.lags
     for axis, n in enumerate(A.grid_shape):
-        k = np.arange(n).reshape((n,) + (1,) * (column.ndim - 1 - axis))
-        # These are the lags k = 0 ... n - 1, and k - n, of which that of k = 0 has no weight.
+        w = window(np.arange(n) / n).reshape((n,) + (1,) * (column.ndim - 1 - axis))
+        # The lag k - n of k = 0 is none of A, and has no weight.
         positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=axis)
         negative = np.take(column, np.arange(n) - 1, axis=axis)
-        column = ((n - k) * positive + k * negative) / n
+        column = w * positive + (1.0 - w) * negative
     eigenvalues = _transform(column)
     return eigenvalues.real if A.is_hermitian else eigenvalues
 

@@ -29,19 +29,30 @@ def precision(A: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None) ->
     there, or is rounded to zero, would be seen nowhere.
     """
     result = check_precision(A.dtype if dtype is None else dtype, A.dtype)
-    if result.char in "dD":
-        return result
-    single = np.finfo(np.float32)
-    low, high = float(single.tiny / single.eps), float(single.max * single.eps)
     blocks = A.blocks if isinstance(A, CoupledOperator) else ((A,),)
     for block in (row[i] for i, row in enumerate(blocks)):
-        diagonal = 0.0 if block is None else float(abs(block.c.flat[0]))
-        if diagonal and not low <= diagonal <= high:
-            raise ValueError(
-                f"the diagonal of A is {diagonal:.3g}, but for a preconditioner in {result} it "
-                f"must be between {low:.1g} and {high:.1g}: scale A"
-            )
+        require_range(0.0 if block is None else float(abs(block.c.flat[0])), result)
     return result
+
+
+def require_range(diagonal: float, dtype: np.dtype[Any]) -> None:
+<<<<<<< HEAD
+    """Raise ValueError where a preconditioner of this precision is nearly out of its range."""
+=======
+    """Raise ValueError where the diagonal of A is nearly out of the range of float32, if that."""
+>>>>>>> core
+    single = np.finfo(np.float32)
+    low, high = float(single.tiny / single.eps), float(single.max * single.eps)
+    if dtype.char in "fF" and diagonal and not low <= diagonal <= high:
+        raise ValueError(
+<<<<<<< HEAD
+            f"the diagonal of A is {diagonal:.3g}, but for a preconditioner in {dtype} it must be "
+            f"between {low:.1g} and {high:.1g}: scale A"
+=======
+            f"the diagonal of A is {diagonal:.3g}, but for a preconditioner in {dtype} it "
+            f"must be between {low:.1g} and {high:.1g}: scale A"
+>>>>>>> core
+        )
 
 
 def require_positive_diagonal(diagonal: float) -> None:

@@ -18,8 +18,8 @@ def sample_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
     """Return the symbol at θ = πk/n, k = 0 … n along each axis, n of `shape`."""
     column = average_flips(A)
     alone = [axis for axis, n in enumerate(column.shape) if n > 1]
-    if len(alone) == 1 and (tail := _Tail.of(column.ravel())) is not None:
-        samples = cosine_sums(tail.sum_periods(column.ravel(), shape[alone[0]]))
+    if len(alone) == 1 and (sums := sum_tail(column.ravel(), shape[alone[0]])) is not None:
+        samples = cosine_sums(sums)
         # An axis of one element has no other lags: its samples are the same.
         whole = samples.reshape([-1 if axis in alone else 1 for axis in range(column.ndim)])
         return np.broadcast_to(whole, tuple(n + 1 for n in shape)).copy()
@@ -27,6 +27,15 @@ def sample_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
         column = continue_axis(column, axis, n)
     # The sum over all lags of a_k cos kθ is, by symmetry, a cosine transform of the first column.
     return cosine_sums(column)
+
+
+def sum_tail(column: Array, n: int) -> Array | None:
+    """Sum the coefficients of one axis, and those of its tail, over all lags ±k + 2nj, k = 0 … n.
+
+    None where there is no tail, or one too slow to be summed.
+    """
+    tail = _Tail.of(column)
+    return None if tail is None else tail.sum_periods(column, n)
 
 
 def average_flips(A: ToeplitzOperator) -> Array:

@@ -11,6 +11,7 @@ from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE
 # `python -m comparisons.preconditioners.default_choice` measures what follows from these.
 SMOOTH = 1.9  # Largest ratio of the falls at two doublings of the lag: of a parabola 4, a tent 2.
 FAST = 0.2  # Least ratio of the coefficients at a lag and at half of it: less is fast decay.
+WHITE = 3.0  # Largest ratio of the eigenvalues in the middle nine tenths: of |θ| it is 9.
 JUMPS = 0.1  # Largest share of jumps of the phase: of random coefficients it is one half.
 EXPONENTIAL = 0.01  # Largest deviation of c_(i-s) c_(i+s) from c_i², over c_i²: of exp(-k/ℓ) none.
 
@@ -105,6 +106,24 @@ def has_symbol(samples: Array) -> bool:
     """
     turned = (samples[1:] * samples[:-1].conj()).real < 0.0
     return bool(np.count_nonzero(turned) <= JUMPS * len(samples))
+
+
+def is_nearly_white(eigenvalues: Array) -> bool:
+    """Whether the eigenvalues of a positive definite matrix are alike, but for a few.
+
+    These may be of any size, as those of plane waves in noise: CG finds them by itself. The
+    eigenvalues are those of T. Chan's circulant, where no few of them are near zero by chance.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> is_nearly_white(np.r_[1000.0, np.linspace(1.0, 2.0, 100)])
+    True
+    >>> is_nearly_white(np.linspace(0.0, 1.0, 100))
+    False
+    """
+    low, high = np.quantile(eigenvalues, (0.1, 0.9))
+    return bool(high <= WHITE * low)
 
 
 def has_slow_length(grid_shape: tuple[int, ...]) -> bool:

@@ -9,6 +9,7 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.products import COSINE, SINE, DiagonalisedProduct, Transforms
+from toeplitz_mg.engine.vectors import PLAIN, Vectors
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import componentwise, restricted
 from toeplitz_mg.preconditioners.positivity import (
@@ -202,10 +203,17 @@ def _invert_samples(
 
 def _take_eigenvalues(samples: Array, first: int, dtype: np.dtype[Any]) -> Array:
     """Return the n samples from k = `first` on, along each axis."""
-    samples = samples[tuple(slice(first, first + m - 1) for m in samples.shape)]
-    error = rounding(samples, dtype)
-    # A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
-    # the lowest are as good as that rounding.
-    if samples.min() > -error and np.count_nonzero(samples < 25.0 * error) > 1:
+    return lift_lowest(samples[tuple(slice(first, first + m - 1) for m in samples.shape)], dtype)
+
+
+def lift_lowest(samples: Array, dtype: np.dtype[Any], vectors: Vectors = PLAIN) -> Array:
+    """Lift samples that are lost in rounding to what that is, unless one of them is negative.
+
+    A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
+    the lowest are as good as that rounding.
+    """
+    low, high = vectors.min(samples), vectors.max(samples)
+    error = rounding(np.array([low, high]), dtype)
+    if low > -error and vectors.count(samples < 25.0 * error) > 1:
         samples = np.maximum(samples, 1.01 * error)
     return samples

@@ -1,6 +1,8 @@
 """Iterations as methods of `solve_toeplitz`: they are given up where they converge too slowly."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from math import inf
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
@@ -9,11 +11,28 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.gmres import gmres
 
-MOST_OF_CG = 16  # Most iterations of CG: the inverse costs at most twice as much.
-MOST_OF_GMRES = 30  # Most iterations of GMRES, and so vectors: 240 MiB in 2^20 real unknowns.
-# ‖b - A x‖/‖b‖ that is to be reached after so many iterations. Where it is not, what follows, an
-# exact inverse or Levinson's recursion, is sooner there.
-EXPECTED = {10: 1e-2, 20: 1e-5}
+
+class Patience(NamedTuple):
+    """How long an iteration is worth waiting for, before what follows is sooner there.
+
+    That is an exact inverse, or Levinson's recursion.
+
+    Attributes
+    ----------
+    most : int
+        Most iterations.
+    expected : dict
+        ‖b - A x‖/‖b‖ that is to be reached after so many iterations.
+    """
+
+    most: int
+    expected: Mapping[int, float]
+
+
+BRIEF = Patience(16, {10: 1e-2})  # The inverse of a real matrix costs at most twice as much.
+USUAL = Patience(24, {10: 1e-2, 20: 1e-5})  # That of a complex one costs more.
+PATIENT = Patience(60, {10: 1e-2, 20: 1e-4})  # The same, where an iteration is a product alone.
+OF_GMRES = Patience(30, USUAL.expected)  # And so vectors: 240 MiB in 2^20 real unknowns.
 USEFUL = 1e-6  # ‖b - A x‖/‖b‖ at which rounding may have stopped it: the caller corrects that.
 
 Attempt = Callable[[Array], tuple[Array, int]]
@@ -26,12 +45,13 @@ class _TooSlow(Exception):
 class _Watch:
     """The norms of the residuals of an iteration, and what is expected of them."""
 
-    def __init__(self) -> None:
+    def __init__(self, patience: Patience) -> None:
         self.residuals: list[float] = []
+        self._expected = patience.expected
 
     def __call__(self, iterate: object) -> None:
         """Look at the iteration after each step."""
-        if self.iterations in EXPECTED and self.reduction > EXPECTED[self.iterations]:
+        if self.reduction > self._expected.get(self.iterations, inf):
             raise _TooSlow
 
     @property
@@ -50,7 +70,13 @@ class _Watch:
         )
 
 
-def solve_by_cg(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -> tuple[Rows, int]:
+def solve_by_cg(
+    A: LinearOperator,
+    M: LinearOperator | None,
+    B: Rows,
+    rtol: float,
+    patience: Patience = BRIEF,
+) -> tuple[Rows, int]:
     """Solve for each row of B by conjugate gradients, and return the most iterations of all.
 
     Raises
@@ -60,14 +86,14 @@ def solve_by_cg(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -> t
     """
 
     def attempt(b: Array) -> tuple[Array, int]:
-        watch = _Watch()
+        watch = _Watch(patience)
         try:
             x, iterations, converged = cg_by_recurrence(
                 A,
                 b,
                 M=M,
                 rtol=rtol,
-                maxiter=MOST_OF_CG,
+                maxiter=patience.most,
                 residuals=watch.residuals,
                 callback=watch,
             )
@@ -90,7 +116,7 @@ def solve_by_gmres(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -
     """
 
     def attempt(b: Array) -> tuple[Array, int]:
-        watch = _Watch()
+        watch = _Watch(OF_GMRES)
         info = 1
         try:
             x, info = gmres(
@@ -98,7 +124,7 @@ def solve_by_gmres(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -
                 b,
                 M=M,
                 rtol=rtol,
-                restart=MOST_OF_GMRES,
+                restart=OF_GMRES.most,
                 maxiter=1,
                 callback=watch,
                 callback_type="pr_norm",

@@ -1,6 +1,7 @@
 """Preconditioned conjugate gradients that allocate nothing in an iteration."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -10,9 +11,14 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
-from toeplitz_mg.engine.vectors import axpy, norm
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.solvers.checks import System, check_operator, check_precision, check_system
+from toeplitz_mg.solvers.checks import (
+    System,
+    check_operator,
+    check_place,
+    check_precision,
+    check_system,
+)
 from toeplitz_mg.solvers.iterate import Iterate
 
 RELIABLE = 1e-3  # Relative error of an `inner` residual that does not disturb the iteration.
@@ -132,7 +138,7 @@ def cg_by_recurrence(
     A: LinearOperator,
     b: Array,
     *,
-    M: LinearOperator,
+    M: LinearOperator | None,
     rtol: float,
     maxiter: int,
     residuals: list[float] | None = None,
@@ -154,7 +160,8 @@ def _descend(
     """Iterate from r anew; whether the recurrence for the residual reaches the goal."""
     M = system.M
     precondition = _return_same if M is None else partial(apply_to_rows, M)
-    iteration = ConjugateGradients(partial(apply_to_rows, state.A), precondition)
+    multiply = partial(apply_to_rows, state.A)
+    iteration = ConjugateGradients(multiply, precondition, system.vectors)
     size = state.residual(goal)
     while not size <= goal:
         if state.iterations == system.maxiter:
@@ -180,6 +187,7 @@ def _check_inner(inner: Any, system: System) -> LinearOperator:
         raise TypeError(
             f"inner is {inner!r}, but must be A in less precision, as A.astype(np.float32)"
         ) from None
+    check_place("inner", B, system.A)
     if B.shape != system.A.shape:
         raise ValueError(f"inner has shape {B.shape}, but A has {system.A.shape}")
     kinds = "fdFD" if system.dtype.kind == "c" else "fd"
@@ -191,29 +199,41 @@ def _check_inner(inner: Any, system: System) -> LinearOperator:
     return B
 
 
+@dataclass
+class _Inner:
+    """A change of the solution, and its residual, in less precision."""
+
+    x: Array
+    r: Array
+    scale: float = 1.0
+
+
 class _Descent:
     """The iterate of conjugate gradients, which may have less precision than the solution.
 
-    What is solved for in less precision is y, where A (y_scale y) + scale r = b - A (what is in x
-    already); without `inner` y is x itself.
+    What is solved for in less precision is y, where A y + r = (b - A x)/scale, with the `x` and
+    the scale of the `Iterate`; without `inner` it is that one itself.
     """
 
     def __init__(self, system: System, inner: Any) -> None:
         dtype = check_precision(system)
         A = system.A if inner is None else _check_inner(inner, system)
-        whole = Iterate(system)
-        self.whole, self.A = whole, A
-        self._goes_within = inner is not None
+        self.whole = whole = Iterate(system)
+        self.A, self._vectors, self._goes_within = A, system.vectors, inner is not None
         self.goal = whole.goal
-        if inner is None:
-            self.y, self._y_scale, self.r = whole.x, whole.scale, whole.r
-        else:
+        self._inner: Iterate | _Inner = whole
+        if inner is not None:
             less = np.result_type(A.dtype, np.complex64) if dtype.kind == "c" else A.dtype
-            self.y, self._y_scale = np.zeros(len(whole.x), less), 1.0
-            self.r = whole.r.astype(less)
+            y, r = (self._vectors.zeros(whole.x, less) for _ in range(2))
+            self._inner = _Inner(y, self._vectors.copy(whole.r, r))
         self._is_true = True  # Whether r is that of x, and not that of the recurrence.
-        self._last = norm(self.r)
+        self._last = self._vectors.norm(self.r)
         self._fall = FIRST_FALL
+
+    @property
+    def r(self) -> Array:
+        """The residual, in the precision of the iteration."""
+        return self._inner.r
 
     @property
     def iterations(self) -> int:
@@ -228,18 +248,20 @@ class _Descent:
 
     def _from_inner(self) -> Array:
         # The sum is in the precision of x: that of y may not have numbers as large, or as small.
-        return self.y.astype(self.whole.x.dtype) * self.whole.scale
+        whole = self.whole
+        return self._vectors.copy(self._inner.x, self._vectors.empty(whole.x)) * whole.scale
 
     def step(self, length: float, iteration: ConjugateGradients) -> None:
         """Go so far along the direction of an iteration."""
-        axpy(length * self._y_scale, iteration.direction, self.y)
-        axpy(-length, iteration.product, self.r)
+        inner, add = self._inner, self._vectors.axpy
+        inner.x = add(length * inner.scale, iteration.direction, inner.x)
+        inner.r = add(-length, iteration.product, inner.r)
         self.whole.iterations += 1
         self._is_true = False
 
     def residual(self, goal: float) -> float:
         """Return ‖r‖ by the recurrence; of an `inner` computed anew where that is not reliable."""
-        size = norm(self.r)
+        size = self._vectors.norm(self.r)
         if self._goes_within and size <= max(goal, self._fall * self._last):
             return self.true_residual()
         self.whole.record(size)
@@ -250,7 +272,7 @@ class _Descent:
         if not self._is_true:
             self._compute_residual()
             self._is_true = True
-            self._last = norm(self.r)
+            self._last = self._vectors.norm(self.r)
         self.whole.record(self._last)
         return self._last
 
@@ -260,9 +282,9 @@ class _Descent:
             whole.compute_residual()
             return
         whole.x += self._from_inner()
-        self.y[:] = 0.0
+        self._inner.x = self._vectors.zeros(self._inner.x, self._inner.x.dtype)
         whole.compute_residual()
         with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
-            error = norm(whole.r - self.r) / self._last
+            error = self._vectors.norm(whole.r - self.r) / self._last
         self._fall = min(max(error / RELIABLE, LEAST_FALL), MOST_FALL)
-        self.r[:] = whole.r
+        self._inner.r = self._vectors.copy(whole.r, self.r)

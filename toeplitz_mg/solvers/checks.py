@@ -8,7 +8,10 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.values import count, real, refuse_masked
+from toeplitz_mg.engine.library import NUMPY, Library
+from toeplitz_mg.engine.vectors import Vectors
+from toeplitz_mg.operators.base import library_for, vectors_of
+from toeplitz_mg.values import count, real
 
 
 class System(NamedTuple):
@@ -21,6 +24,7 @@ class System(NamedTuple):
     maxiter: int
     residuals: list[float]
     dtype: np.dtype[Any]  # That of the solution.
+    vectors: Vectors
 
 
 def check_system(
@@ -42,20 +46,50 @@ def check_system(
         `maxiter` below 1.
     TypeError
         For vectors that are not of numbers, a `maxiter` that is no integer, or `residuals` that
-        are no list.
+        are no list, or for operators of which one is on ranks and the other is not.
     """
+    slab = getattr(A, "slab", None)
+    if slab is None:
+        return _check_alone(A, b, x0, M, rtol, atol, maxiter, residuals)
+    with slab.agree() as same:  # The other ranks would wait for one that raises an error alone.
+        system = _check_alone(A, b, x0, M, rtol, atol, maxiter, residuals)
+        if system.dtype.kind == "c":
+            raise TypeError(f"A and b give the dtype {system.dtype}, but on slabs all is real")
+        same["rtol, atol, maxiter"] = rtol, atol, maxiter
+        same["the dtype of A, M, b and x0"] = system.dtype
+        same["whether there is a preconditioner"] = M is not None
+        same["whether there is a first guess"] = x0 is not None
+    if maxiter is None:
+        # There are 10 for each unknown, also for those of other ranks.
+        system = system._replace(maxiter=int(sum(system.vectors.gather(system.maxiter))))
+    return system
+
+
+def _check_alone(
+    A: Any,
+    b: ArrayLike,
+    x0: ArrayLike | None,
+    M: Any,
+    rtol: float,
+    atol: float,
+    maxiter: int | None,
+    residuals: list[float] | None,
+) -> System:
     A = check_operator("A", A)
     n = A.shape[0]
     if A.shape != (n, n):
         raise ValueError(f"A has shape {A.shape}, but must be square")
     M = None if M is None else check_operator("M", M)
-    if M is not None and M.shape != A.shape:
-        raise ValueError(f"M has shape {M.shape}, but A has {A.shape}")
+    if M is not None:
+        check_place("M", M, A)
+        if M.shape != A.shape:
+            raise ValueError(f"M has shape {M.shape}, but A has {A.shape}")
     for name, tolerance in (("rtol", rtol), ("atol", atol)):
         if not 0.0 <= real(name, tolerance) < np.inf:
             raise ValueError(f"{name} is {tolerance}, but must be finite and not negative")
     maxiter = 10 * n if maxiter is None else count("maxiter", maxiter)
-    guess = None if x0 is None else _vector(x0, "x0", n)
+    library = library_for(A)
+    guess = None if x0 is None else _vector(x0, "x0", n, library)
     if residuals is None:
         residuals = []
     elif not isinstance(residuals, list):
@@ -63,11 +97,11 @@ def check_system(
             f"residuals is {residuals!r}, but must be a list, which will be filled: make one by "
             "residuals = []"
         )
-    b = _vector(b, "b", n)
-    dtype = np.result_type(A.dtype, b.dtype, b.dtype if guess is None else guess.dtype)
+    b = _vector(b, "b", n, library)
+    dtype = np.result_type(A.dtype, *(library.dtype(v) for v in (b, guess) if v is not None))
     if M is not None and M.dtype.kind == "c":
         dtype = np.result_type(dtype, np.complex64)
-    return System(A, M, b, guess, maxiter, residuals, dtype)
+    return System(A, M, b, guess, maxiter, residuals, dtype, vectors_of(A))
 
 
 def check_precision(system: System) -> np.dtype[Any]:
@@ -80,16 +114,37 @@ def check_precision(system: System) -> np.dtype[Any]:
     return system.dtype
 
 
-def check_numbers(name: str, values: Any) -> Array:
-    """Return an array of numbers, real or complex."""
-    array = refuse_masked(name, values)
-    if array.dtype.kind not in "buifc":
+def check_numbers(name: str, values: Any, library: Library = NUMPY) -> Array:
+    """Return an array of numbers, real or complex, of a library."""
+    array = library.read(name, values)
+    if library.dtype(array).kind not in "buifc":
         raise TypeError(f"{name} has dtype {array.dtype}, but must be of numbers")
     return array
 
 
+def check_place(name: str, M: Any, A: Any) -> None:
+    """Refuse an operator that is not on the same ranks as A, or on none as it."""
+    if getattr(M, "slab", None) is not getattr(A, "slab", None):
+        raise TypeError(
+            f"{name} is {M!r}, and A is {A!r}, but both must be of toeplitz_mg.slabs, on the same "
+            "slab, or none of them"
+        )
+    theirs, ours = library_for(M), library_for(A)
+    if theirs is not ours:
+        raise TypeError(
+            f"{name} has arrays of {theirs.name}, and A of {ours.name}, but both must have arrays "
+            "of one library"
+        )
+
+
 def check_operator(name: str, A: Any) -> LinearOperator:
-    """Return a matrix, dense or sparse, or what has products, as an operator of numbers."""
+    """Return a matrix, dense or sparse, or what has products, as an operator of numbers.
+
+    What has `vectors` of its own, as an operator of this package or of one of its slabs, is
+    returned as it is.
+    """
+    if hasattr(A, "vectors"):
+        return A
     if not hasattr(A, "matvec"):
         if not issparse(A):
             A = check_numbers(name, A)
@@ -100,12 +155,12 @@ def check_operator(name: str, A: Any) -> LinearOperator:
     return aslinearoperator(A)
 
 
-def _vector(values: ArrayLike, name: str, n: int) -> Array:
-    array = check_numbers(name, values)
+def _vector(values: ArrayLike, name: str, n: int, library: Library) -> Array:
+    array, xp = check_numbers(name, values, library), library.xp
     if array.shape not in ((n,), (n, 1)):
         raise ValueError(f"{name} has shape {array.shape}, but A has {(n, n)}")
-    if not np.isfinite(array).all():
+    if not xp.all(xp.isfinite(array)):
         raise ValueError(f"{name} has entries that are not finite")
-    if array.dtype.kind in "bui" or array.dtype == np.float16:
-        array = array.astype(np.float64)
-    return array.reshape(n)
+    if library.dtype(array).kind in "bui" or library.dtype(array) == np.float16:
+        array = library.cast(array, np.float64)
+    return xp.reshape(array, (n,))

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs, lu_solve, toeplitz
@@ -14,14 +14,14 @@ from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.choice import candidates_of_complex_line, candidates_of_line
 from toeplitz_mg.preconditioners.circulant import (
     chan_eigenvalues,
-    chan_inverse,
+    smooth_inverse,
 )
-from toeplitz_mg.preconditioners.positivity import rounding
+from toeplitz_mg.preconditioners.positivity import is_positive, rounding
 from toeplitz_mg.preconditioners.selection import Candidate
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
-from toeplitz_mg.preconditioners.traits import has_symbol
+from toeplitz_mg.preconditioners.traits import has_symbol, is_nearly_white
 from toeplitz_mg.preconditioners.trigonometric import signed_inverse
-from toeplitz_mg.solvers.attempts import solve_by_cg, solve_by_gmres
+from toeplitz_mg.solvers.attempts import PATIENT, USUAL, solve_by_cg, solve_by_gmres
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.cosine_form import fast_length
 from toeplitz_mg.solvers.inverse import first_columns
@@ -84,27 +84,43 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
 
 def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a system that is complex, or not symmetric."""
-    A, eigenvalues = system.A, chan_eigenvalues(system.A)
-    by_chan = partial(chan_inverse, eigenvalues=eigenvalues)
-    if A.is_hermitian:
-        if may_be_definite(eigenvalues):
+    by_gmres = partial(_circulant_method, system, system.samples, solve_by_gmres)
+    if system.is_hermitian:
+        if may_be_definite(means := chan_eigenvalues(system.A)):
             if system.columns <= FEW:
-                yield from _cg_methods(A, candidates_of_complex_line(A))
-            yield from _inverse_method(A)
+                yield from _methods_of_hermitian(system, means)
+            yield from _inverse_method(system.A)
         if not lu_is_faster_than_levinson(len(system.c), system.columns):
-            yield from _gmres_method(A, by_chan, "circulant of both signs")
-    elif has_symbol(eigenvalues):
+            yield from by_gmres("gmres, circulant of both signs")
+    elif has_symbol(system.samples):
         if system.columns <= FEW:
-            yield from _gmres_method(A, by_chan, "chan_preconditioner")
-            yield from _gmres_method(A, spectral_preconditioner, "spectral_preconditioner")
-        yield from _inverse_method(A)
+            yield from by_gmres("gmres, circulant")
+            yield from _gmres_method(
+                system.A, spectral_preconditioner, "gmres, spectral_preconditioner"
+            )
+        yield from _inverse_method(system.A)
     yield from _dense_methods(system)
+
+
+def _methods_of_hermitian(system: ToeplitzSystem, means: Array) -> Iterator[Method]:
+    """Yield what may solve a complex system of few columns, if it is positive definite.
+
+    Of those symbols that n coefficients resolve the circulant takes more iterations than the
+    factor does, but next to no set-up.
+    """
+    A, samples = system.A, system.samples
+    if is_nearly_white(means):
+        yield Method("cg", partial(solve_by_cg, A, None, patience=PATIENT))
+    by_cg = partial(solve_by_cg, patience=USUAL)
+    eigenvalues = samples if is_positive(samples, A.dtype) else means
+    yield from _circulant_method(system, eigenvalues, by_cg, "cg, circulant")
+    yield from _cg_methods(A, candidates_of_complex_line(A))
 
 
 def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a symmetric system that is not positive definite."""
     if not lu_is_faster_than_levinson(len(system.c), system.columns):
-        yield from _gmres_method(system.A, signed_inverse, "samples of both signs")
+        yield from _gmres_method(system.A, signed_inverse, "gmres, samples of both signs")
     yield from _dense_methods(system)
 
 
@@ -167,13 +183,26 @@ def _cg_methods(A: ToeplitzOperator, candidates: Iterator[Candidate]) -> Iterato
             yield Method(f"cg, {candidate.name}", partial(solve_by_cg, A, M))
 
 
+def _circulant_method(
+    system: ToeplitzSystem, eigenvalues: Array, solve: Any, name: str
+) -> Iterator[Method]:
+    """Yield an iteration with a circulant, in the Fourier domain where products are fast there."""
+    with suppress(np.linalg.LinAlgError):  # An eigenvalue may be zero.
+        form = system.fourier_form
+        if form is None:
+            M = smooth_inverse(system.A, eigenvalues)
+            yield Method(name, partial(solve, system.A, M))
+        else:
+            yield Method(name, form.within(partial(solve, form.A, form.inverse(eigenvalues))))
+
+
 def _gmres_method(
     A: ToeplitzOperator, preconditioner: Callable[[ToeplitzOperator], LinearOperator], name: str
 ) -> Iterator[Method]:
     """Yield GMRES with a preconditioner, if there is such a one of A."""
     with suppress(np.linalg.LinAlgError):
         M = preconditioner(A)
-        yield Method(f"gmres, {name}", partial(solve_by_gmres, A, M))
+        yield Method(name, partial(solve_by_gmres, A, M))
 
 
 def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:

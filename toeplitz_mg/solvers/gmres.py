@@ -112,6 +112,8 @@ def gmres(
     >>> info, len(residuals) - 1 <= 20, residuals[-1] <= 1e-5 * residuals[0]
     (0, True, True)
     """
+    if hasattr(A, "slab"):
+        raise TypeError(f"A is {A!r}, but gmres takes no operator on slabs: use cg, or richardson")
     system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals)
     dtype, n = check_precision(system), len(system.b)
     restart = min(n, RESTART if restart is None else count("restart", restart))

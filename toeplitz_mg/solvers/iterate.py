@@ -3,10 +3,9 @@
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.solvers.checks import System
-from toeplitz_mg.solvers.scaling import exponents
+from toeplitz_mg.solvers.scaling import power_above
 
 
 class Iterate:
@@ -30,23 +29,29 @@ class Iterate:
         The norm of `b`.
     iterations : int
         How many there have been, for whoever iterates to count.
+    vectors : Vectors
+        The inner products and updates of A's vectors.
     """
 
     def __init__(self, system: System) -> None:
         A, b, guess, dtype = system.A, system.b, system.x0, system.dtype
         self._A, self._residuals = A, system.residuals
-        self.iterations = 0
-        self.x = np.zeros(len(b), dtype) if guess is None else guess.astype(dtype)
-        exponent = int(exponents(b)[0])
+        self.iterations, self.vectors = 0, system.vectors
+        vectors = self.vectors
+        self.x, peak = vectors.zeros(b, dtype), vectors.peak(b)
         if guess is not None:
+            self.x = vectors.copy(guess, self.x)
             with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
                 r = b - apply_to_rows(A, self.x)
-            exponent = max(exponent, int(exponents(r)[0]))
+            peak = max(peak, vectors.peak(r))
         # The largest entry is then from 1 to 2, so that the vectors are in the range of float32.
-        self.scale = 2.0 ** (exponent - 1)
-        self.b = (b / self.scale).astype(dtype, copy=False)
-        self.r = self.b.copy() if guess is None else (r / self.scale).astype(dtype, copy=False)
-        self.size_of_b = norm(self.b)
+        self.scale = 2.0 ** (int(power_above(peak)) - 1)
+        self.b = vectors.cast(b / self.scale, dtype)
+        if guess is None:
+            self.r = vectors.copy(self.b, vectors.empty(self.b))
+        else:
+            self.r = vectors.cast(r / self.scale, dtype)
+        self.size_of_b = vectors.norm(self.b)
 
     def goal(self, rtol: float, atol: float) -> float:
         """Return what the norm of `r` is to be."""
@@ -55,15 +60,15 @@ class Iterate:
     def zero(self) -> tuple[Array, int]:
         """Return what an iteration returns where b is zero."""
         self._residuals[:] = [0.0]
-        return np.zeros_like(self.x), 0
+        return self.vectors.zeros(self.x, self.x.dtype), 0
 
     def compute_residual(self) -> float:
         """Compute `r` by a product with A, and return its norm."""
         with np.errstate(over="ignore", invalid="ignore"):
-            np.divide(self.x, self.scale, out=self.r)
-            apply_to_rows(self._A, self.r, self.r)
-            np.subtract(self.b, self.r, out=self.r)
-        return norm(self.r)
+            r = self.vectors.divide(self.x, self.scale, self.r)
+            r = apply_to_rows(self._A, r, r)
+            self.r = self.vectors.subtract(self.b, r, r)
+        return self.vectors.norm(self.r)
 
     def record(self, size: float) -> None:
         """Put down the norm of `r` for this iteration, in the place of what is there for it."""

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.vectors import dot
+from toeplitz_mg.engine.vectors import PLAIN, Vectors
 
 
 def descend(
@@ -15,6 +15,7 @@ def descend(
     project: Callable[[Array], Array],
     norm_bound: float,
     products: int,
+    vectors: Vectors = PLAIN,
 ) -> tuple[Array, Array]:
     """Lower the energy ½ x·Ax - b·x within a convex set, by Nesterov's method.
 
@@ -32,6 +33,8 @@ def descend(
         At least the largest eigenvalue of `A`.
     products : int
         The number of steps, each of which makes one product; there is one before them.
+    vectors : Vectors, optional
+        The inner products of the fields.
 
     Returns
     -------
@@ -54,23 +57,23 @@ def descend(
     array([1., 0.])
     """
     u = A(x)
-    best, lowest = (x, u), energy(x, u, b)
+    best, lowest = (x, u), energy(x, u, b, vectors)
     y, Ay, t = x, u, 1.0
     for _ in range(products):
         new = project(y + (b - Ay) / norm_bound)
         new_u = A(new)
-        if dot(y - new, new - x) > 0.0:  # It went uphill: forget the momentum.
+        if vectors.dot(y - new, new - x) > 0.0:  # It went uphill: forget the momentum.
             t = 1.0
         following = (1.0 + np.sqrt(1.0 + 4.0 * t * t)) / 2.0
         momentum = (t - 1.0) / following
         y, Ay = new + momentum * (new - x), new_u + momentum * (new_u - u)
         x, u, t = new, new_u, following
-        reached = energy(x, u, b)
+        reached = energy(x, u, b, vectors)
         if reached < lowest:
             best, lowest = (x, u), reached
     return best
 
 
-def energy(x: Array, u: Array, b: Array) -> float:
+def energy(x: Array, u: Array, b: Array, vectors: Vectors) -> float:
     """Return ½ x·Ax - b·x, where u = A x."""
-    return dot(x, 0.5 * u - b)
+    return vectors.dot(x, 0.5 * u - b)

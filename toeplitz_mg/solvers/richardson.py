@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.solvers.checks import check_system
 from toeplitz_mg.solvers.iterate import Iterate
@@ -93,25 +92,24 @@ def richardson(
     state = Iterate(system)
     if state.size_of_b == 0.0:
         return state.zero()
-    x, r, M = state.x, state.r, system.M
-    goal, residual = state.goal(rtol, atol), norm(r)
-    limit = max(residual, state.size_of_b) / np.finfo(x.dtype).eps
+    M = system.M
+    goal, residual = state.goal(rtol, atol), state.vectors.norm(state.r)
+    limit = max(residual, state.size_of_b) / np.finfo(system.dtype).eps
     best, best_at = residual, 0
     state.record(residual)
     while not residual <= goal:
         stagnates = state.iterations - best_at >= PATIENCE
         if state.iterations == system.maxiter or stagnates or not residual <= limit:
-            return x, max(state.iterations, 1)
+            return state.x, max(state.iterations, 1)
         with np.errstate(over="ignore", invalid="ignore"):  # It is reported, not warned of.
-            if M is not None:
-                apply_to_rows(M, r, r)
+            r = state.r if M is None else apply_to_rows(M, state.r, state.r)
             r *= state.scale
-            x += r
+            state.x += r
         residual = state.compute_residual()
         state.iterations += 1
         state.record(residual)
         if residual < best:
             best, best_at = residual, state.iterations
         if callback is not None:
-            callback(x)
-    return x, 0
+            callback(state.x)
+    return state.x, 0

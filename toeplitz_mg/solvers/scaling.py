@@ -1,5 +1,7 @@
 """Scaling by powers of two, which changes no digit, so that no square over- or underflows."""
 
+from typing import Any
+
 import numpy as np
 
 from toeplitz_mg._typing import Array
@@ -14,9 +16,13 @@ def exponents(a: Array) -> Array:
     """
     if a.dtype.kind == "c":  # The absolute value of a number may overflow.
         return np.maximum(exponents(a.real), exponents(a.imag))
-    powers = np.frexp(np.abs(a).max(axis=-1, keepdims=True, initial=0.0))[1]
+    return power_above(np.abs(a).max(axis=-1, keepdims=True, initial=0.0))
+
+
+def power_above(size: Any) -> Any:
+    """Return the power of two that scales a size, or sizes, to numbers from 1/2 to 1."""
     # Beyond these the scale itself, or its inverse, would over- or underflow.
-    return np.clip(powers, -1000, 1000)
+    return np.clip(np.frexp(size)[1], -1000, 1000)
 
 
 def scale_back(X: Array, powers: Array, parts: int = 1) -> Array:

@@ -282,7 +282,7 @@ def _correct(method: Method, system: ToeplitzSystem, rtol: float) -> tuple[Rows,
         R = system.B - system.multiply(X)
         errors, scales = norms(R), system.size * norms(X)
         residual, backward_error = largest(errors / sizes), largest(errors / (scales + sizes))
-        if np.any(EPS * scales > sizes):
+        if largest(EPS * scales / sizes) > 1.0:
             raise np.linalg.LinAlgError("x is so large that its residual is rounding")
         if not backward_error < least / 2:
             return best or (X, SolveInfo(method.name, iterations, inf, inf))

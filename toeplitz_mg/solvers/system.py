@@ -7,7 +7,9 @@ import numpy as np
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.preconditioners.circulant import smooth_eigenvalues
 from toeplitz_mg.solvers.cosine_form import CosineForm
+from toeplitz_mg.solvers.fourier_form import FourierForm, has_fourier_form
 
 EPS = float(np.finfo(np.float64).eps)
 SHORT = 800  # Most unknowns of which a product by its definition is as fast as one by FFT.
@@ -49,6 +51,12 @@ class ToeplitzSystem:
         self.sizes = norms(B) + TINY
         self.is_symmetric = c.dtype == np.float64 and (r is c or np.array_equal(c[1:], r[1:]))
 
+    @cached_property
+    def is_hermitian(self) -> bool:
+        """Whether A is Hermitian, of complex numbers, or real and symmetric."""
+        c, r = self.c, self.r
+        return c[0].imag == 0.0 and np.array_equal(c[1:], r[1:].conj())
+
     @property
     def is_of_usual_size(self) -> bool:
         """Whether all numbers are finite, and it can be solved as it is, without scaling."""
@@ -69,15 +77,31 @@ class ToeplitzSystem:
         """A by cosine transforms, where A is symmetric."""
         return CosineForm(self.c)
 
+    @cached_property
+    def fourier_form(self) -> FourierForm | None:
+        """A by Fourier transforms, or None where they are slow, or slower than other products."""
+        return FourierForm(self.c, self.r) if has_fourier_form(len(self.c)) else None
+
+    @cached_property
+    def samples(self) -> Array:
+        """Samples of the symbol, as `smooth_eigenvalues` returns them."""
+        if self.fourier_form is None:
+            return smooth_eigenvalues(self.A)
+        samples = self.fourier_form.samples
+        return samples.real if self.is_hermitian else samples
+
     def multiply(self, X: Rows) -> Rows:
         """Multiply rows by A, as cheaply as can be for its size."""
         n = len(self.c)
         if X.ndim == 1 and n <= SHORT:
-            return np.convolve(self.lags, X, "valid")
+            # This is `numpy.convolve`, which for some unknowns takes twice as long.
+            return np.correlate(self.lags, X[::-1].conj(), "valid")
         if n <= SMALL:
             return X @ self._dense.T
         if self.is_symmetric and n <= LARGEST_COSINE:
             return self.cosine_form.multiply(X)
+        if not self.is_symmetric and self.fourier_form is not None:
+            return self.fourier_form.multiply(X)
         return self.A.apply(X)
 
     @cached_property

@@ -8,13 +8,14 @@ Pressures are in units of the displacement that an element gives itself: the dia
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import prod
 from typing import NamedTuple
 
 import numpy as np
 
 from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.contact.active_sets import Iterate, find_sets
-from toeplitz_mg.contact.grid import Grid, coarsen, refine
+from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.inverse import Inverse
 from toeplitz_mg.contact.normal.inner import Area, Look, solve_on_set
 from toeplitz_mg.contact.products import Products
@@ -71,18 +72,18 @@ class Search:
     progress: Progress | None = None
 
     @cached_property
-    def _coefficients(self) -> Array:
-        return self.grid.normal_coefficients()
+    def _scaled(self) -> tuple[ToeplitzOperator, float]:
+        return self.grid.scaled_normal()
+
+    @property
+    def matrix(self) -> ToeplitzOperator:
+        """The matrix whose diagonal is 1."""
+        return self._scaled[0]
 
     @property
     def unit(self) -> float:
         """The displacement of an element by a unit pressure on it."""
-        return float(self._coefficients.flat[0])
-
-    @cached_property
-    def matrix(self) -> ToeplitzOperator:
-        """The matrix whose diagonal is 1."""
-        return ToeplitzOperator(self._coefficients / self.unit)
+        return self._scaled[1]
 
     @property
     def total(self) -> float:
@@ -92,12 +93,12 @@ class Search:
 
     @cached_property
     def _inverse(self) -> Inverse:
-        return Inverse(self.matrix)
+        return Inverse(self.grid, self.matrix)
 
     @cached_property
     def lowest(self) -> float:
         """The gap where the bodies are nearest."""
-        return float(self.z.min())
+        return self.grid.vectors.min(self.z)
 
     def run(self, A: Products, *, nested: bool) -> State:
         """Find the pressures and the area of contact, with a first guess from coarser grids."""
@@ -114,21 +115,23 @@ class Search:
         if coarse is not None:
             state = coarse.run(Products(coarse.matrix, COARSE_PRODUCTS), nested=True)
             p = self._interpolate(state, self.unit / coarse.unit)
-            if p.any():
+            if self.grid.vectors.count(p):
                 return p, p > 0.0
         if self.approach is not None:
             return np.zeros(self.z.shape), self.z < self.approach
-        return np.full(self.z.shape, self.total / self.z.size), np.ones(self.z.shape, bool)
+        everywhere = self.total / prod(self.grid.shape)
+        return np.full(self.z.shape, everywhere), np.ones(self.z.shape, bool)
 
     def _coarser(self) -> "Search | None":
         """Return the problem on a coarser grid, or None where that says nothing."""
         grid = self.grid.coarser()
         if grid is None:
             return None
-        z = coarsen(self.z, len(grid.shape))
-        if self.approach is not None and not (z < self.approach).any():
+        z, vectors = self.grid.coarsen(self.z), self.grid.vectors
+        if self.approach is not None and not grid.vectors.count(z < self.approach):
             return None  # The averages touch nowhere.
-        detail = np.abs(self.z - refine(z, self.z.shape)).max() / (np.ptp(self.z) or 1.0)
+        detail = vectors.max(np.abs(self.z - self.grid.refine(z)))
+        detail /= vectors.max(self.z) - self.lowest or 1.0
         tolerance = float(np.clip(ROUGH * detail, LEAST, MOST))
         return Search(grid, z, self.approach, self.force, tolerance)
 
@@ -137,15 +140,15 @@ class Search:
 
         That is a step of Jacobi's iteration, without a product, as displacements are smooth.
         """
-        p, u = (refine(x, self.z.shape) for x in (coarse.p, coarse.u))
+        p, u = (self.grid.refine(x) for x in (coarse.p, coarse.u))
         p = np.maximum(ratio * p - DAMPING * (u + self.z - coarse.approach), 0.0)
-        if self.force is not None and p.any():
-            p *= self.total / p.sum()
+        if self.force is not None and self.grid.vectors.count(p):
+            p *= self.total / self.grid.vectors.sum(p)
         return p
 
     def look(self, now: Iterate) -> Law:
         """Return what is wrong with pressures and a set."""
-        area = Area(now.sets, np.float64)
+        area = Area(now.sets, np.float64, self.grid.vectors)
         if self.approach is None:
             look = Look.at(now.x, now.u + self.z, area, balanced=True)
             approach, touching = look.mean, look.mean + look.lowest
@@ -177,9 +180,9 @@ class Search:
                 return now, count
         p = now.x
         C = (C & ((p > 0.0) | ((p == 0.0) & change.below))) | (~C & change.below)
-        if not C.any():  # It goes on where the bodies would touch first.
+        if not A.vectors.count(C):  # It goes on where the bodies would touch first.
             C = self.z == self.lowest
-        if p.min() < 0.0:
+        if A.vectors.min(p) < 0.0:
             p = self._clip(p)
             return Iterate(p, A(p), C), count
         return replace(now, sets=C), count
@@ -191,13 +194,18 @@ class Search:
     def _clip(self, p: Array) -> Array:
         """Return pressures without tension, of the given sum: near these, if not the nearest."""
         p = np.maximum(p, 0.0)
-        return p if self.force is None else p * (self.total / p.sum())
+        return p if self.force is None else p * (self.total / self.grid.vectors.sum(p))
 
     def project(self, p: Array) -> Array:
         """Return the nearest pressures without tension, of the given sum."""
         if self.force is None:
             return np.maximum(p, 0.0)
-        # The nearest ones are max(p - c, 0), with the constant c that gives the sum.
-        ordered = np.sort(p, axis=None)[::-1]
-        c = (np.cumsum(ordered) - self.total) / np.arange(1, p.size + 1)
-        return np.maximum(p - c[np.flatnonzero(ordered > c)[-1]], 0.0)
+        # The nearest ones are max(p - c, 0), with the constant c that gives the sum. Newton's
+        # method finds it from below: each step leaves out the elements that would be below zero.
+        c, vectors = -np.inf, self.grid.vectors
+        while True:
+            left = p > c
+            following = (vectors.sum(p * left) - self.total) / vectors.count(left)
+            if not following > c:
+                return np.maximum(p - c, 0.0)
+            c = following

@@ -14,7 +14,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.inverse import Inverse
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
-from toeplitz_mg.engine.vectors import axpy, dot
+from toeplitz_mg.engine.vectors import Vectors
 
 REDUCTION = 1e-5  # Reduction of the misfit for which single precision is good.
 FAR = 1e30  # Size of a misfit, beyond which no sign changes: single precision ends at 1e38.
@@ -26,13 +26,14 @@ LONG = 50  # Iterations after which the recurrence in single precision is not tr
 class Area:
     """Elements in contact, with a mask to multiply by: that is faster than to index by them."""
 
-    def __init__(self, C: Array, dtype: DTypeLike) -> None:
+    def __init__(self, C: Array, dtype: DTypeLike, vectors: Vectors) -> None:
         self.mask = C.astype(dtype)
-        self.size = int(np.count_nonzero(C))
+        self.size = vectors.count(C)
+        self.vectors = vectors
 
     def mean(self, x: Array) -> float:
         """Return the mean of a field in contact."""
-        return dot(x, self.mask) / self.size
+        return self.vectors.dot(x, self.mask) / self.size
 
 
 class Look(NamedTuple):
@@ -54,10 +55,10 @@ class Look(NamedTuple):
         if balanced:
             mean = area.mean(gap)
             gap = gap - mean
-        r = gap * area.mask
-        low, high = float(r.min()), float(r.max())
-        least = float((gap - r).min())
-        lowest, tension = min(low, least), max(0.0, -float(p.min()))
+        r, vectors = gap * area.mask, area.vectors
+        low, high = vectors.min(r), vectors.max(r)
+        least = vectors.min(gap - r)
+        lowest, tension = min(low, least), max(0.0, -vectors.min(p))
         misfit, violation = max(high, -low), max(tension, -least)
         error = max(high - lowest, tension) if balanced else max(misfit, violation)
         return cls(gap, np.negative(r, out=r), mean, lowest, misfit, tension, violation, error)
@@ -106,7 +107,8 @@ def solve_on_set(
         Whether the sum of the pressures is given, so that the change has the sum zero, and the
         approach is free.
     """
-    area = Area(C, M.dtype)
+    vectors = A.vectors
+    area = Area(C, M.dtype, vectors)
     unit = max(now.misfit, tolerance)
     p0, gap0 = (np.clip(x * (1.0 / unit), -FAR, FAR).astype(M.dtype) for x in (p, now.gap))
     v, Av = (np.zeros(p.shape, M.dtype) for _ in range(2))
@@ -118,7 +120,7 @@ def solve_on_set(
         y *= area.mask
         return y
 
-    iteration = ConjugateGradients(A, precondition)
+    iteration = ConjugateGradients(A, precondition, vectors)
     count = 0
     while True:
         look = Look.at(p0 + v, gap0 + Av, area, balanced=balanced)
@@ -129,10 +131,10 @@ def solve_on_set(
         length = iteration.step(look.r)
         if length == 0.0:
             break  # What is left is lost in the rounding.
-        axpy(length, iteration.direction, v)
-        axpy(length, iteration.product, Av)
+        v = vectors.axpy(length, iteration.direction, v)
+        Av = vectors.axpy(length, iteration.product, Av)
         count += 1
     dp, du = (x.astype(np.float64) * unit for x in (v, Av))
     if balanced:
-        dp -= dp.sum() / area.size * area.mask
+        dp -= np.where(C, vectors.sum(dp) / area.size, 0.0)
     return Change(dp, du, look.gap < 0.0, is_solved and not is_answer, count)

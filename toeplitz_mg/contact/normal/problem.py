@@ -105,38 +105,55 @@ def normal_contact(
     """
     z = field("gap", gap)
     grid = Grid.of(z.shape, element, material, reference)
-    load = check_load(z, approach, force)
-    check_iteration(tolerance, max_products, progress)
+    result = press(grid, z, approach, force, tolerance, nested, max_products, progress)
+    doubts.warn(check_converged(result, tolerance).warnings)
+    return result
+
+
+def press(
+    grid: Grid,
+    z: Array,
+    approach: float | None,
+    force: float | None,
+    tolerance: float,
+    nested: bool,
+    max_products: int,
+    progress: Progress | None,
+) -> ContactResult:
+    """Return what `normal_contact` finds for the gap `z`, converged or not."""
+    with grid.agree() as same:
+        force = check_load(z, approach, force)
+        check_iteration(tolerance, max_products, progress)
+        same["approach"], same["force"], same["nested"] = approach, force, bool(nested)
+        same["tolerance"], same["max_products"] = tolerance, max_products
     # A large distance would bury the interference in its rounding.
-    distance = float(z.min())
+    distance = grid.vectors.min(z)
     z = z - distance
     if approach is not None:
         approach = float(approach) - distance
         if approach <= 0.0:
             nothing = np.zeros(z.shape)
-            result = _result(grid, z, State(nothing, nothing, approach), 0, 0.0, distance)
-            doubts.warn(result.warnings)
-            return result
+            return _result(grid, z, State(nothing, nothing, approach), 0, 0.0, distance)
         in_range("the interference", approach)
     with count_products() as work:
-        search = Search(grid, z, approach, load, tolerance, progress)
+        search = Search(grid, z, approach, force, tolerance, progress)
         products = Products(search.matrix, max_products)
         state = search.run(products, nested=nested)
         state = state._replace(p=state.p / search.unit)
-    result = _result(grid, z, state, products.count, work.units(z.size), distance)
-    doubts.warn(check_converged(result, tolerance).warnings)
-    return result
+    return _result(grid, z, state, products.count, work.units(z.size), distance)
 
 
 def _result(
     grid: Grid, z: Array, state: State, products: int, work: float, distance: float
 ) -> ContactResult:
+    contact = state.p > 0.0
     return ContactResult(
         element=grid.element,
         traction=state.p,
         displacement=state.u,
-        contact=state.p > 0.0,
-        force=float(state.p.sum() * grid.area),
+        contact=contact,
+        area=grid.vectors.count(contact) * grid.area,
+        force=grid.vectors.sum(state.p) * grid.area,
         rigid=state.approach + distance,
         gap=state.u + z - state.approach,
         products=products,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.vectors import combine, dots
+from toeplitz_mg.engine.vectors import Vectors
 
 ROUNDING = 4.0 * np.finfo(np.float64).eps  # Relative rounding of |q|, however it is computed.
 ON_BOUND = 1e-12  # Relative distance from the bound at which a traction counts as on it.
@@ -81,9 +81,12 @@ class Tangent:
         Admissible, |q| = g where it slides.
     balanced : bool
         Whether the sum of the tractions is given, so that the changes have the sum zero.
+    vectors : Vectors
+        The inner products of fields.
     """
 
-    def __init__(self, areas: Areas, q: Array, *, balanced: bool) -> None:
+    def __init__(self, areas: Areas, q: Array, vectors: Vectors, *, balanced: bool) -> None:
+        self._vectors = vectors
         self.inside = areas.stick | areas.slide
         self.n = np.where(areas.slide, direction(q), 0.0)
         self._normals: Array | None = None
@@ -92,7 +95,7 @@ class Tangent:
             for k in range(len(q)):
                 units[k, k] = 1.0
             self._units = np.stack([self._project(e) for e in units])
-            self._normals = np.linalg.pinv([dots(self._units, e) for e in self._units])
+            self._normals = np.linalg.pinv([vectors.dots(self._units, e) for e in self._units])
 
     def _project(self, v: Array) -> Array:
         """Project a field orthogonally to the tangents, of any sum."""
@@ -102,13 +105,13 @@ class Tangent:
     def multiplier(self, s: Array) -> Array:
         """Return the components of the uniform field nearest to `s` in these directions."""
         assert self._normals is not None
-        return self._normals @ dots(self._units, s)
+        return self._normals @ self._vectors.dots(self._units, s)
 
     def __call__(self, v: Array) -> Array:
         """Project a field orthogonally to these directions."""
         v = self._project(v)
         if self._normals is not None:
-            v -= combine(self.multiplier(v), self._units)
+            v -= self._vectors.combine(self.multiplier(v), self._units)
         return v
 
 
@@ -118,7 +121,7 @@ def along(v: Array, n: Array) -> Array:
 
 
 def make_admissible(
-    q: Array, g: Array, areas: Areas, on_circle: Array, total: Array | None
+    q: Array, g: Array, areas: Areas, on_circle: Array, total: Array | None, vectors: Vectors
 ) -> tuple[Array, Areas]:
     """Scale tractions to the bound on some elements, and restore the sum of all.
 
@@ -128,32 +131,38 @@ def make_admissible(
     q = scale_to_bound(q, g, on_circle)
     if total is None:
         return q, areas
-    p = balance(q, g, total, areas.stick)
+    p = balance(q, g, total, areas.stick, None, vectors)
     if p is None and len(q) > 1:  # Almost all slides: turn tractions on the circle too.
-        p = balance(q, g, total, (g > 0.0) & np.isfinite(g), areas.slide)
+        p = balance(q, g, total, (g > 0.0) & np.isfinite(g), areas.slide, vectors)
     if p is not None:
         return p, areas
-    q = project(q, g, total)
+    q = project(q, g, total, vectors)
     return q, Areas.of(q, g)
 
 
-def project(q: Array, g: Array, total: Array | None) -> Array:
+def project(q: Array, g: Array, total: Array | None, vectors: Vectors) -> Array:
     """Return the nearest tractions within the bound, of a given sum if there is one."""
     if total is None:
         return clip(q, g)
-    p = balance(np.where(g > 0.0, q, 0.0), g, total, g > 0.0)
+    p = balance(np.where(g > 0.0, q, 0.0), g, total, g > 0.0, None, vectors)
     # Too close to where all slides for the nearest: some that have the sum.
-    return spread(total, g) if p is None else p
+    return spread(total, g, vectors) if p is None else p
 
 
-def spread(total: Array, g: Array) -> Array:
+def spread(total: Array, g: Array, vectors: Vectors) -> Array:
     """Return tractions of a given sum in proportion to the bound; where some are bonded, there."""
-    share = np.isinf(g).astype(np.float64) if np.isinf(g).any() else g
-    return total.reshape(-1, *(1,) * g.ndim) * (share / share.sum())
+    bonded = np.isinf(g)
+    share = bonded.astype(np.float64) if vectors.count(bonded) else g
+    return total.reshape(-1, *(1,) * g.ndim) * (share / vectors.sum(share))
 
 
 def balance(
-    q: Array, g: Array, total: Array, movable: Array, on_circle: Array | None = None
+    q: Array,
+    g: Array,
+    total: Array,
+    movable: Array,
+    on_circle: Array | None,
+    vectors: Vectors,
 ) -> Array | None:
     """Give tractions a sum, by clip(q + c, g) where they are movable, with a constant c.
 
@@ -167,9 +176,11 @@ def balance(
         The sum that they shall have.
     movable : ndarray of bool
         The elements where the tractions may change.
-    on_circle : ndarray of bool, optional
+    on_circle : ndarray of bool or None
         Movable elements that stay on the circle |q| = g. Then it is q + c g in the place of
         q + c, which turns all of them by similar angles.
+    vectors : Vectors
+        The sums of fields.
 
     Returns
     -------
@@ -177,18 +188,18 @@ def balance(
         None where the movable elements cannot carry what is missing.
     """
     m = len(q)
-    rest = total - np.where(movable, 0.0, q).reshape(m, -1).sum(axis=1)
+    rest = total - sum_components(np.where(movable, 0.0, q), vectors)
     z, g_m = q[:, movable], g[movable]
     circle, unit = np.zeros(g_m.shape, bool), np.ones_like(g_m)
     if on_circle is not None:
         circle, unit = on_circle[movable], g_m
-    if not np.linalg.norm(rest) < g_m.sum() * (1.0 - ON_BOUND):
+    if not np.linalg.norm(rest) < vectors.sum(g_m) * (1.0 - ON_BOUND):
         return None
     # The sum is the gradient of a convex function of c: Newton's method, with a search along it.
     c = np.zeros(m)
-    value, p = _primitive(z, g_m, circle, unit)
-    missing = rest - p.sum(axis=1)
-    goal = BALANCED * max(float(np.linalg.norm(total)), float(size(p).sum()))
+    value, p = _primitive(z, g_m, circle, unit, vectors)
+    missing = rest - sum_components(p, vectors)
+    goal = BALANCED * max(float(np.linalg.norm(total)), vectors.sum(size(p)))
     for _ in range(STEPS):
         error = float(np.linalg.norm(missing))
         if error <= goal:
@@ -200,12 +211,13 @@ def balance(
         outside = circle | (a > g_m)
         n = np.where(outside, direction(y), 0.0)
         weight = unit * np.where(outside, g_m / np.where(a > 0.0, a, 1.0), 1.0)
-        H = weight.sum() * np.eye(m) - (weight * n) @ n.T
-        move = np.linalg.solve(H + 1e-9 * weight.sum() * np.eye(m), missing)
+        weights = vectors.sum(weight)
+        H = weights * np.eye(m) - np.sum(vectors.gather((weight * n) @ n.T), axis=0)
+        move = np.linalg.solve(H + 1e-9 * weights * np.eye(m), missing)
         for step in 0.5 ** np.arange(float(HALVINGS)):
             trial = c + step * move
-            new, p = _primitive(z + trial[:, None] * unit, g_m, circle, unit)
-            missing = rest - p.sum(axis=1)
+            new, p = _primitive(z + trial[:, None] * unit, g_m, circle, unit, vectors)
+            missing = rest - sum_components(p, vectors)
             descends = new - trial @ rest < value - c @ rest
             if descends or np.linalg.norm(missing) < 0.5 * error:
                 break
@@ -215,11 +227,18 @@ def balance(
     return None
 
 
-def _primitive(z: Array, g: Array, circle: Array, unit: Array) -> tuple[float, Array]:
+def sum_components(q: Array, vectors: Vectors) -> Array:
+    """Return the sum of each component of a field."""
+    return np.sum(vectors.gather(q.reshape(len(q), -1).sum(axis=1)), axis=0)
+
+
+def _primitive(
+    z: Array, g: Array, circle: Array, unit: Array, vectors: Vectors
+) -> tuple[float, Array]:
     """Return a convex function of c, z = q + c unit, and the tractions whose sum is its gradient.
 
     It is the sum of ½|z|²/unit, continued linearly where |z| > g, and linear on the circle.
     """
     a = size(z)
     inside = np.where(circle, g, np.minimum(a, g))
-    return float((inside * (a - 0.5 * inside) / unit).sum()), scale_to_bound(z, g, circle)
+    return vectors.sum(inside * (a - 0.5 * inside) / unit), scale_to_bound(z, g, circle)

@@ -12,17 +12,15 @@ converges for ν = 0 alone.)
 """
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.contact.active_sets import Iterate, find_sets
-from toeplitz_mg.contact.grid import Grid, coarsen, refine
-from toeplitz_mg.contact.inverse import LocalInverse
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.inverse import invert_locally
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.tangential.coulomb import (
     Areas,
@@ -34,10 +32,8 @@ from toeplitz_mg.contact.tangential.coulomb import (
     spread,
 )
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
-from toeplitz_mg.engine.vectors import axpy
-from toeplitz_mg.operators import CoupledOperator, apply_to_rows
-from toeplitz_mg.preconditioners import cosine_preconditioner
-from toeplitz_mg.preconditioners.choice import is_fsai_worthwhile
+from toeplitz_mg.engine.vectors import Vectors
+from toeplitz_mg.operators import apply_to_rows
 
 ETA = 1.0  # Misfit that is left on the areas, relative to their violation, while the energy falls.
 COARSE = 3e-3  # Tolerance on a coarser grid: a better guess saves no product on the finer one.
@@ -81,10 +77,14 @@ class Problem:
         grid = self.grid.coarser()
         if grid is None:
             return None
-        axes = len(grid.shape)
-        g, b = coarsen(self.g, axes), coarsen(self.b, axes)
+        g, b = self.grid.coarsen(self.g), self.grid.coarsen(self.b)
         total = None if self.total is None else self.total * (self.grid.area / grid.area)
         return Problem(grid, g, b, total, COARSE, self.least)
+
+    @property
+    def vectors(self) -> Vectors:
+        """The inner products, sums and extremes of fields."""
+        return self.grid.vectors
 
     def uniform(self, vector: Array) -> Array:
         """Return the components of a vector, to broadcast with fields."""
@@ -92,7 +92,7 @@ class Problem:
 
     def excess(self, q: Array) -> float:
         """Return the largest amount by which the tractions exceed the bound, or zero."""
-        return float(np.max(size(q) - self.g, where=self.g > 0.0, initial=0.0))
+        return max(0.0, self.vectors.max(np.where(self.g > 0.0, size(q) - self.g, 0.0)))
 
     def balance(self, T: Tangent, s: Array) -> Array:
         """Return minus a slip, less the shift that belongs to it where the force is given."""
@@ -142,17 +142,17 @@ class Linearisation:
 
 def linearise(problem: Problem, areas: Areas, q: Array, u: Array) -> Linearisation:
     """Linearise Coulomb's law about the tractions q, with the displacements u = A q."""
-    contact, b = problem.g > 0.0, problem.b
-    T = Tangent(areas, q, balanced=problem.total is not None)
+    contact, b, vectors = problem.g > 0.0, problem.b, problem.vectors
+    T = Tangent(areas, q, vectors, balanced=problem.total is not None)
     shift = np.zeros(len(q)) if problem.total is None else T.multiplier(u - b)
     target = b + problem.uniform(shift)
     minus_slip = target - u
     against = along(minus_slip, T.n)  # Eq. 3 wants the slip to oppose the traction.
-    g_max = float(np.max(problem.g, where=np.isfinite(problem.g), initial=0.0))
+    g_max = vectors.max(np.where(np.isfinite(problem.g), problem.g, 0.0))
     g_slide = np.where(areas.slide, np.maximum(problem.g, TINY * g_max), 1.0)
     r = T(minus_slip)
-    scale = max(problem.least, float(np.max(size(target), where=contact, initial=0.0)))
-    violation = max(float(size(r).max()), -float(against.min()))
+    scale = max(problem.least, vectors.max(np.where(contact, size(target), 0.0)))
+    violation = max(vectors.max(size(r)), -vectors.min(against))
     residual = violation / scale if scale > 0.0 else 0.0
     stiffness = np.maximum(against, 0.0) / g_slide
     return Linearisation(T, shift, minus_slip, stiffness, r, scale, residual)
@@ -171,7 +171,7 @@ def solve(problem: Problem, A: Products, guess: Array | None, *, nested: bool) -
         Whether to start from the solution on coarser grids, where there is no guess.
     """
     q, areas = _first_guess(problem, guess, nested=nested)
-    search = Search(problem, _inverse(A.A, problem.g > 0.0))
+    search = Search(problem, _inverse(problem.grid, A.A, problem.g > 0.0))
     b, tolerance, progress = problem.b, problem.tolerance, problem.progress
     now, law, iterations = find_sets(
         search, A, q, areas, b=b, eta=ETA, tolerance=tolerance, progress=progress
@@ -193,21 +193,21 @@ class Search(NamedTuple):
         self, A: Products, now: Iterate, law: Linearisation, eta: float
     ) -> tuple[Iterate, int]:
         """Make a step of Newton's method on the areas, and change them."""
-        problem, areas, T = self.problem, now.sets, law.T
+        problem, areas, T, vectors = self.problem, now.sets, law.T, self.problem.vectors
         v, Av, count = self._newton_step(A, now, law, eta)
         q, u = now.x + v, now.u + Av
         out = areas.stick & (size(q) > problem.g)
         back = areas.slide & (along(problem.balance(T, problem.b - u), T.n) < 0.0)
         on_circle = areas.slide | out
         areas = areas.exchange(out, back)
-        if out.any() or (len(q) > 1 and on_circle.any()):
-            q, areas = make_admissible(q, problem.g, areas, on_circle, problem.total)
+        if vectors.count(out) or (len(q) > 1 and vectors.count(on_circle)):
+            q, areas = make_admissible(q, problem.g, areas, on_circle, problem.total, vectors)
             u = A(q)
         return Iterate(q, u, areas), count
 
     def project(self, q: Array) -> Array:
         """Return the nearest tractions within the bound, of the given sum."""
-        return project(q, self.problem.g, self.problem.total)
+        return project(q, self.problem.g, self.problem.total, self.problem.vectors)
 
     def sets_of(self, q: Array) -> Areas:
         """Return the areas of which those on the bound slide."""
@@ -218,7 +218,7 @@ class Search(NamedTuple):
     ) -> tuple[Array, Array, int]:
         """Return a change of the tractions, that of the displacements, and the iterations."""
         problem, q, slide = self.problem, now.x, now.sets.slide
-        T, lam, r, a0 = law.T, law.stiffness, law.r.copy(), diagonal(A.A)
+        T, lam, r, a0 = law.T, law.stiffness, law.r.copy(), problem.grid.diagonal(A.A)
         v, Av, Ad = (np.zeros_like(q) for _ in range(3))
         # Where elements slide, λ adds to A, and M, so scaled, is too small for what is smooth.
         weight = np.where(slide, 1.0 / np.sqrt(1.0 + lam / a0), 1.0)
@@ -231,31 +231,31 @@ class Search(NamedTuple):
             y = weight * r
             return T(weight * (self.M(y) + local * y))
 
-        iteration, count = ConjugateGradients(multiply, precondition), 0
+        vectors = problem.vectors
+        iteration, count = ConjugateGradients(multiply, precondition, vectors), 0
         while count < MOST and not A.exhausted:
             # Three things may be wrong with the set, and with the linearisation: |q| > g where it
             # sticks, |q| > g where it slides (the circle is curved), and slip along the traction.
             excess = a0 * problem.excess(q + v)
             along_n = along(problem.balance(T, law.minus_slip - Av), T.n)
-            wrong = max(excess, -float(along_n.min()))
-            if np.abs(r).max() <= max(SHARP * problem.tolerance * law.scale, eta * wrong):
+            wrong = max(excess, -vectors.min(along_n))
+            if vectors.max(np.abs(r)) <= max(SHARP * problem.tolerance * law.scale, eta * wrong):
                 break
             length = iteration.step(r)
             if length == 0.0:
                 break  # The rest is below the rounding of elements with far larger bounds.
-            axpy(length, iteration.direction, v)
-            axpy(length, Ad, Av)
-            axpy(-length, iteration.product, r)
+            v = vectors.axpy(length, iteration.direction, v)
+            Av = vectors.axpy(length, Ad, Av)
+            r = vectors.axpy(-length, iteration.product, r)
             count += 1
         return v, Av, count
 
 
-def _inverse(A: Any, contact: Array) -> Callable[[Array], Array]:
+def _inverse(grid: Grid, A: Any, contact: Array) -> Callable[[Array], Array]:
     """Return an approximate inverse of A on the elements in contact."""
-    if is_fsai_worthwhile(A, contact):
-        with suppress(np.linalg.LinAlgError):
-            return LocalInverse(A, np.broadcast_to(contact, A.grid_shape))
-    M = cosine_preconditioner(A)
+    if (local := invert_locally(grid, A, contact)) is not None:
+        return local
+    M = grid.invert_by_cosine(A)
     return lambda r: apply_to_rows(M, r.reshape(-1)).reshape(r.shape)
 
 
@@ -271,20 +271,15 @@ def _first_guess(problem: Problem, guess: Array | None, *, nested: bool) -> tupl
         return refine_guess(problem, solve(coarse, A, None, nested=True))
     if total is None:
         return np.zeros(problem.b.shape), everything_sticks
-    return spread(total, g), everything_sticks
+    return spread(total, g, problem.vectors), everything_sticks
 
 
 def refine_guess(problem: Problem, coarse: State) -> tuple[Array, Areas]:
     """Return admissible tractions and areas from those of a coarser grid."""
     g = problem.g
     contact = g > 0.0
-    q = np.where(contact, refine(coarse.q, g.shape), 0.0)
-    slide = refine(coarse.areas.slide.astype(np.float64), g.shape) > 0.5
+    q = np.where(contact, problem.grid.refine(coarse.q), 0.0)
+    slide = problem.grid.refine(coarse.areas.slide.astype(np.float64)) > 0.5
     slide &= contact & np.isfinite(g) & (size(q) > 0.0)
-    return make_admissible(q, g, Areas(contact & ~slide, slide), slide, problem.total)
-
-
-def diagonal(A: LinearOperator) -> float:
-    """Return the entry on the diagonal, of the first component."""
-    first = A.component(0) if isinstance(A, CoupledOperator) else A
-    return float(first.c.flat[0])
+    areas = Areas(contact & ~slide, slide)
+    return make_admissible(q, g, areas, slide, problem.total, problem.vectors)

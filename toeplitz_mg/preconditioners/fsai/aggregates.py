@@ -31,7 +31,7 @@ class Rows(NamedTuple):
 
 
 def aggregate(
-    stencil: Stencil, matrix: LevelMatrix, rows: Rows, at: Array
+    stencil: Stencil, coarser: Stencil, matrix: LevelMatrix, rows: Rows, at: Array
 ) -> tuple[LevelMatrix, Array]:
     """Return the coarse Galerkin matrix E, and what makes W orthonormal, for `prolong`.
 
@@ -39,13 +39,14 @@ def aggregate(
 
     Parameters
     ----------
-    stencil : Stencil
+    stencil, coarser : Stencil
+        Of this level, and of E, whose cells are the aggregates of the cells here.
     matrix : LevelMatrix
     rows : Rows
     at : ndarray of int
         The places of the unknowns.
     """
-    grid, coarser = stencil.grid, stencil.coarser
+    grid = stencil.grid
     d = len(stencil.components)
     c, diagonal = np.zeros(d * coarser.grid.size), np.ones(d * coarser.grid.size)
     inverse = np.zeros((1 if d == 1 else 3, coarser.grid.size))
@@ -151,16 +152,18 @@ def _diagonal(
     return own + ((stencil.own[a] @ loads) * loads).sum(axis=0)
 
 
-def prolong(stencil: Stencil, rows: Rows, inverse: Array, at: Array) -> tuple[Array, Array]:
+def prolong(
+    stencil: Stencil, coarser: Stencil, rows: Rows, inverse: Array, at: Array
+) -> tuple[Array, Array]:
     """Return the entries of W in the rows of these places, and the places of their columns.
 
     Both are of shape (m, d), with the component of the row first.
     """
-    sums, size = rows.sums, stencil.coarser.grid.size
+    sums, size = rows.sums, coarser.grid.size
     entries, columns = [], []
     for a, part in enumerate(stencil.split(at)):
         block = stencil.grid.block_of.take(part - a * stencil.grid.size)
-        J = stencil.coarser.grid.inside.take(block)
+        J = coarser.grid.inside.take(block)
         place = rows.place.take(part)
         own = sums[0].take(place)
         if len(sums) == 1:

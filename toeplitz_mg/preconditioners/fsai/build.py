@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.preconditioners.fsai.aggregates import Rows, aggregate, prolong
-from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
+from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix, number_places
 from toeplitz_mg.preconditioners.fsai.rows import CHUNK, solve_rows, split_range
 from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 
@@ -54,15 +54,26 @@ def build(
     at = np.flatnonzero(matrix.active)
     if len(at) <= options.direct:
         return Direct.of(_dense(stencil, matrix, at), dtype, stencil.grid.kernel.shape)
+    G, W, E = build_factors(stencil, stencil.coarser, matrix, at, dtype)
+    return Level(G, W, build(stencil.coarser, E, dtype, options))
+
+
+def build_factors(
+    stencil: Stencil, coarser: Stencil, matrix: LevelMatrix, at: Array, dtype: np.dtype[Any]
+) -> tuple[csr_array, csr_array, LevelMatrix]:
+    """Return the rows of G and W of the unknowns in these places, and E.
+
+    The columns of G are all unknowns, those of W the unknowns of E, which is of the aggregates that
+    some of these places are in, on the cells of `coarser`.
+    """
     rows = compute_rows(stencil, matrix, at)
-    E, inverse = aggregate(stencil, matrix, rows, at)
-    coarse = build(stencil.coarser, E, dtype, options)
-    w, columns = prolong(stencil, rows, inverse, at)
+    E, inverse = aggregate(stencil, coarser, matrix, rows, at)
+    w, columns = prolong(stencil, coarser, rows, inverse, at)
     columns = E.number.take(columns)
     starts = np.arange(0, w.size + 1, w.shape[1], dtype=np.int32)
     entries = w.ravel().astype(dtype, copy=False)
-    W = csr_array((entries, columns.ravel(), starts), (len(at), coarse.sizes[0]))
-    return Level(assemble_factor(stencil, matrix, rows, at, dtype), W, coarse)
+    W = csr_array((entries, columns.ravel(), starts), (len(at), E.count))
+    return assemble_factor(stencil, matrix, rows, at, dtype), W, E
 
 
 def compute_rows(stencil: Stencil, matrix: LevelMatrix, at: Array) -> Rows:
@@ -84,7 +95,7 @@ def compute_rows(stencil: Stencil, matrix: LevelMatrix, at: Array) -> Rows:
             own = slice(start + some.start, start + some.stop)
             rows[own], sums[:, own] = found.T, stencil.sums(found, c)
         start += len(places)
-    return Rows(rows.T, sums, matrix.number)
+    return Rows(rows.T, sums, number_places(at, len(matrix.c)))
 
 
 def _find_patterns(steps: Array, active: Array, at: Array) -> Array:
@@ -105,7 +116,7 @@ def _find_patterns(steps: Array, active: Array, at: Array) -> Array:
 def assemble_factor(
     stencil: Stencil, matrix: LevelMatrix, rows: Rows, at: Array, dtype: np.dtype[Any]
 ) -> csr_array:
-    """Return G, whose rows and columns are the unknowns in these places."""
+    """Return rows of G, those of the unknowns in these places."""
     parts = stencil.split(at)
     if matrix.by_table:
         G = convert(stencil.sparse_table, dtype)[rows.place.take(at)]
@@ -119,7 +130,7 @@ def assemble_factor(
         columns = G.indices[starts[0] : starts[-1]]
         columns += np.repeat(first[part], np.diff(starts))
         number.take(columns, out=columns, mode="clip")
-    return csr_array((G.data, G.indices, G.indptr), (len(at), len(at)))
+    return csr_array((G.data, G.indices, G.indptr), (len(at), matrix.count))
 
 
 def convert(G: csr_array, dtype: np.dtype[Any]) -> csr_array:

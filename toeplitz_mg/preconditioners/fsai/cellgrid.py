@@ -25,10 +25,19 @@ class CellGrid:
         Coefficients, even in both axes, which say which cells are near; a line is 1 x n.
     neighbours : int
         Cells before its own that a row of G sees.
+    part : (m1, m2), optional
+        The shape of the cells that are here, some rows of the whole grid; by default all.
     """
 
     kernel: Array
     neighbours: int
+    part: PerAxis | None = None
+
+    @property
+    def shape(self) -> PerAxis:
+        """The shape of the cells that are here."""
+        n1, n2 = self.kernel.shape
+        return self.part or (n1, n2)
 
     @cached_property
     def offsets(self) -> Array:
@@ -67,7 +76,7 @@ class CellGrid:
     @cached_property
     def blocks(self) -> PerAxis:
         """The number of aggregates in either axis: the grid of the next level."""
-        (n1, n2), (h1, h2) = self.kernel.shape, self.block
+        (n1, n2), (h1, h2) = self.shape, self.block
         return -(-n1 // h1), -(-n2 // h2)
 
     @cached_property
@@ -77,10 +86,13 @@ class CellGrid:
         return p1 + m1 * h1, m2 * h2 + 2 * p2
 
     def place(self, grid: Array, margin: float) -> Array:
-        """Return the grid with a margin of this value, flattened."""
-        (n1, n2), (p1, p2) = self.kernel.shape, self.reach
+        """Return the grid with a margin of this value, flattened.
+
+        Rows of the whole grid above those that are here may come with them, into the margin.
+        """
+        (n1, n2), (p1, p2) = self.shape, self.reach
         padded: Array = np.full(self.padded, margin, grid.dtype)
-        padded[p1 : p1 + n1, p2 : p2 + n2] = grid.reshape(n1, n2)
+        padded[p1 + n1 - len(grid) : p1 + n1, p2 : p2 + n2] = grid
         return padded.ravel()
 
     @cached_property
@@ -100,7 +112,7 @@ class CellGrid:
     @cached_property
     def inside(self) -> Array:
         """The places of the cells of the grid."""
-        return self._every(self.kernel.shape, (1, 1)).astype(np.int32)
+        return self._every(self.shape, (1, 1)).astype(np.int32)
 
     @cached_property
     def steps(self) -> Array:

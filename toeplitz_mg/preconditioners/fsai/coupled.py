@@ -26,6 +26,7 @@ The neighbours and aggregates are alike in both components: those of the mean of
 
 import numpy as np
 
+from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import CoupledOperator
 from toeplitz_mg.preconditioners.fsai.neighbours import is_enough
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
@@ -52,7 +53,11 @@ def find_coupled_stencil(A: CoupledOperator) -> Stencil | None:
         return None
     n1, n2 = x.grid_shape
     between = between[n1 - 1 :, n2 - 1 :]
-    kernel = np.array([[x.c, between], [between, y.c]], np.float64)
+    return select_coupled_stencil(np.array([[x.c, between], [between, y.c]], np.float64))
+
+
+def select_coupled_stencil(kernel: Array) -> Stencil | None:
+    """Return the stencil of a kernel of two components, odd between them, or None."""
     stencil = Stencil(kernel, NEIGHBOURS, COARSE_NEIGHBOURS)
     if not STRONG < measure_coupling(stencil) < STRONGEST:
         return None

@@ -175,14 +175,20 @@ def fsai_preconditioner(
     >>> info
     0
     """
-    if neighbours is not None:
-        neighbours = count("neighbours", neighbours)
-        if neighbours > MOST_NEIGHBOURS:
-            raise ValueError(
-                f"neighbours is {neighbours}, but must be at most {MOST_NEIGHBOURS}: a row of G "
-                "takes their number cubed in operations"
-            )
-    return fsai_with_options(A, Options(neighbours), dtype)
+    return fsai_with_options(A, Options(check_neighbours(neighbours)), dtype)
+
+
+def check_neighbours(neighbours: int | None) -> int | None:
+    """Return how many neighbours a row of G has, or raise an error that says what is wrong."""
+    if neighbours is None:
+        return None
+    neighbours = count("neighbours", neighbours)
+    if neighbours > MOST_NEIGHBOURS:
+        raise ValueError(
+            f"neighbours is {neighbours}, but must be at most {MOST_NEIGHBOURS}: a row of G "
+            "takes their number cubed in operations"
+        )
+    return neighbours
 
 
 def fsai_with_options(

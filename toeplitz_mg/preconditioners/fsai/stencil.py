@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.preconditioners.fsai.cellgrid import AGGREGATE, CellGrid
+from toeplitz_mg.preconditioners.fsai.cellgrid import AGGREGATE, CellGrid, PerAxis
 from toeplitz_mg.preconditioners.fsai.refusals import require_positive
 from toeplitz_mg.preconditioners.fsai.rows import Neighbourhood, add_loads, tabulate_rows
 
@@ -38,11 +38,15 @@ class Stencil:
         Cells before its own that a row of G sees.
     coarse_neighbours : int
         Cells before its own that a row of G sees on all coarser levels.
+    part : (m1, m2), optional
+        The shape of the cells that are here, where they are but some rows of the whole grid. The
+        kernel may then end where nothing sees more of it (but `coarser` and `matrix` need it all).
     """
 
     kernel: Array
     neighbours: int = NEIGHBOURS
     coarse_neighbours: int = NEIGHBOURS
+    part: PerAxis | None = None
 
     @classmethod
     def of_one(cls, kernel: Array, neighbours: int = NEIGHBOURS) -> "Stencil":
@@ -53,7 +57,7 @@ class Stencil:
     def grid(self) -> CellGrid:
         """The cells of either component: neighbours and aggregates are those of the mean kernel."""
         own = [self.kernel[a, a] for a in self.components]
-        return CellGrid(own[0] if len(own) == 1 else sum(own) / 2.0, self.neighbours)
+        return CellGrid(own[0] if len(own) == 1 else sum(own) / 2.0, self.neighbours, self.part)
 
     @cached_property
     def components(self) -> range:
@@ -211,36 +215,56 @@ class Stencil:
     @cached_property
     def coarser(self) -> "Stencil":
         """The stencil of E, with the coefficients of aggregates that are all active."""
-        grid, K = self.grid, self.kernel
-        totals = np.array(self.totals)
-        for axis, (m, h) in enumerate(zip(grid.blocks, grid.block, strict=True)):
-            K = average_over_blocks(K, axis + 2, m, h)
-        K = np.multiply.outer(totals, totals)[:, :, None, None] * K
-        # The loads' products are summed by the lag between their cells.
-        first, second = np.array(grid.window_shape) - 1
-        lags = np.indices((2 * first + 1, 2 * second + 1)).reshape(2, -1).T - (first, second)
-        cell = grid.window_cells @ (2 * second + 1, 1)
-        between = (cell[:, None] - cell + len(lags) // 2).ravel()
-        near = np.indices([min(m, EXACT) for m in grid.blocks]).reshape(2, -1).T
-        shifted = (near * grid.block)[:, None] + lags
-        for a, b in combinations_with_replacement(self.components, 2):
-            loads = np.outer(self.full_load[a], self.full_load[b]).ravel()
-            one = np.bincount(between, loads, len(lags)).reshape(2 * first + 1, 2 * second + 1)
-            # These products are made even in the lags of each axis: so E is even or odd as A is.
-            both = one + one[::-1]
-            K[a, b, *near.T] = self.at(a, b, shifted) @ (both + both[:, ::-1]).ravel() / 4.0
-            if a != b:
-                # The coupling is odd in each axis.
-                K[a, b, 0], K[a, b, :, 0] = 0.0, 0.0
-                K[b, a] = K[a, b]
+        K = self.coarsen(self.kernel, range(self.grid.blocks[0]), 0, self.kernel.shape[2])
         return Stencil(K, self.coarse_neighbours, self.coarse_neighbours)
 
+    def coarsen(self, kernel: Array, blocks: range, first: int, stop: int) -> Array:
+        """Return the coefficients of E for some lags in the first axis, counted in blocks.
 
-def average_over_blocks(kernel: Array, axis: int, m: int, h: int) -> Array:
-    """Return the means over pairs of blocks of h cells along one axis, for m lags of blocks."""
-    lags, last = h * np.arange(m), kernel.shape[axis] - 1
+        Parameters
+        ----------
+        kernel : ndarray of shape (d, d, rows, n2)
+            Coefficients from the row `first` on, as far as blocks with these lags see them.
+        blocks : range
+        first, stop : int
+            Beyond the row before `stop` all are as that one.
+        """
+        grid, (m2, h2) = self.grid, (self.grid.blocks[1], self.grid.block[1])
+        totals, h1 = np.array(self.totals), grid.block[0]
+        K = average_over_blocks(kernel, 2, h1 * np.array(blocks, int), h1, first, stop)
+        K = average_over_blocks(K, 3, h2 * np.arange(m2), h2, 0, kernel.shape[3])
+        K = np.multiply.outer(totals, totals)[:, :, None, None] * K
+        # The loads' products are summed by the lag between their cells.
+        i1, i2 = np.array(grid.window_shape) - 1
+        lags = np.indices((2 * i1 + 1, 2 * i2 + 1)).reshape(2, -1).T - (i1, i2)
+        cell = grid.window_cells @ (2 * i2 + 1, 1)
+        between = (cell[:, None] - cell + len(lags) // 2).ravel()
+        exact = len(range(blocks.start, min(blocks.stop, EXACT))), min(m2, EXACT)
+        here = np.indices(exact).reshape(2, -1).T
+        shifted = (np.add(here, (blocks.start, 0)) * grid.block)[:, None] + lags
+        for a, b in combinations_with_replacement(self.components, 2):
+            loads = np.outer(self.full_load[a], self.full_load[b]).ravel()
+            one = np.bincount(between, loads, len(lags)).reshape(2 * i1 + 1, 2 * i2 + 1)
+            # These products are made even in the lags of each axis: so E is even or odd as A is.
+            both = one + one[::-1]
+            K[a, b, *here.T] = self.at(a, b, shifted) @ (both + both[:, ::-1]).ravel() / 4.0
+            if a != b:
+                # The coupling is odd in each axis.
+                K[a, b, : int(blocks.start == 0)], K[a, b, :, 0] = 0.0, 0.0
+                K[b, a] = K[a, b]
+        return K
+
+
+def average_over_blocks(
+    kernel: Array, axis: int, lags: Array, h: int, first: int, stop: int
+) -> Array:
+    """Return the means over pairs of blocks of h cells along one axis, with these lags.
+
+    The coefficients begin with the lag `first`; from `stop` on they are as the last before it.
+    """
     means: Any = 0.0
     for k in range(1 - h, h):
         pairs = h - abs(k)  # The number of pairs of cells, one in either block, with this lag.
-        means += kernel.take(np.minimum(np.abs(lags + k), last), axis) * (pairs / h**2)
+        near = np.minimum(np.abs(lags + k), stop - 1) - first
+        means += kernel.take(near, axis) * (pairs / h**2)
     return means

@@ -1,0 +1,263 @@
+"""Products on slabs are those of one process."""
+
+from functools import partial
+
+import numpy as np
+
+import toeplitz_mg as tmg
+from tests.slabs.ranks import refuses
+from toeplitz_mg import halfspace, slabs
+
+# Odd and prime lengths, one column, few rows for each rank, lengths that are 5-smooth and not.
+SHAPES = [(4, 5), (17, 13), (64, 64), (97, 1), (31, 128), (130, 7), (5, 4, 6), (9, 1, 7), (8, 7, 1)]
+ELEMENT = (0.5, 0.25)
+NU = 0.28
+
+
+def tolerance(dtype):
+    return 1e-14 if dtype == np.float64 else 2e-6
+
+
+def assert_near(x, expected, tolerance):
+    """Assert that this rank's part is right, relative to the largest number of all."""
+    assert x.shape == expected.shape
+    largest = max(np.abs(expected).max(initial=0.0), 1e-300)
+    assert np.abs(x - expected).max(initial=0.0) <= tolerance * largest
+
+
+def assert_rows(slab, x, whole, tolerance):
+    """Assert that x are the rows of this rank of a field that every rank knows."""
+    rows = whole[..., slab.rows, *[slice(None)] * (len(slab.shape) - 1)]
+    assert np.abs(x.reshape(rows.shape) - rows).max() <= tolerance * np.abs(whole).max()
+
+
+def kernel(shape):
+    """Coefficients of a symmetric positive definite matrix, not separable."""
+    k = np.indices(shape)
+    return 1.0 / (1.0 + np.sqrt((k**2 * 1.3).sum(axis=0)))
+
+
+def lags_of(c, parity, behind=None):
+    """All coefficients, from those of lags that are not negative."""
+    for axis in reversed(range(c.ndim)):
+        other = np.moveaxis(c if behind is None or axis else behind, axis, 0)[:0:-1]
+        sign = parity[axis] if behind is None or axis else 1
+        c, front = np.moveaxis(c, axis, 0), sign * other
+        c = np.moveaxis(np.concatenate([front, c]), 0, axis)
+        if behind is not None and axis:
+            b = np.moveaxis(behind, axis, 0)
+            behind = np.moveaxis(np.concatenate([sign * b[:0:-1], b]), 0, axis)
+    return c
+
+
+def with_fewer_ranks_than_rows(comm, shapes):
+    return [shape for shape in shapes if shape[0] >= comm.size] + [(1, 300)] * (comm.size == 1)
+
+
+def test_a_product_is_that_of_one_process(comm):
+    for shape in with_fewer_ranks_than_rows(comm, SHAPES):
+        slab, c, x = slabs.Slab(comm, shape), kernel(shape), np.random.default_rng(0).random(shape)
+        for dtype in (np.float64, np.float32):
+            A = slabs.ToeplitzOperator(c[slab.rows].astype(dtype), slab)
+            y = A @ x[slab.rows].ravel().astype(dtype)
+            assert y.dtype == dtype
+            whole = (tmg.ToeplitzOperator(c) @ x.ravel()).reshape(shape)
+            assert_rows(slab, y, whole, tolerance(dtype))
+
+
+def test_a_product_of_many_turns_is_that_of_one(comm):
+    shape = (40, 130)
+    slab, c = slabs.Slab(comm, shape), kernel(shape)
+    A = slabs.ToeplitzOperator(c[slab.rows], slab)
+    x = np.random.default_rng(0).random(A.shape[0])
+    y, comm_calls = A @ x, comm.calls["Alltoallv"]
+    slabs.operators.TURN_BYTES, bytes_before = 1, slabs.operators.TURN_BYTES
+    try:
+        B = slabs.ToeplitzOperator(c[slab.rows], slab)
+        assert np.array_equal(B @ x, y)
+    finally:
+        slabs.operators.TURN_BYTES = bytes_before
+    assert comm.calls["Alltoallv"] > 2 * comm_calls
+
+
+def test_coefficients_that_are_odd_or_neither(comm):
+    rng = np.random.default_rng(0)
+    for shape, parity in [((12, 9), (-1, 1)), ((12, 9), (-1, -1)), ((8, 5, 6), (1, -1, 1))]:
+        c = rng.random(shape)
+        for axis, sign in enumerate(parity):
+            if sign < 0:
+                np.moveaxis(c, axis, 0)[0] = 0.0
+        behind = rng.random(shape)
+        behind[0] = c[0]
+        slab, x = slabs.Slab(comm, shape), rng.random(shape)
+        for other in (None, behind):
+            if other is not None and parity[0] < 0:
+                parity = (1, *parity[1:])
+            lags = lags_of(c, parity, other)
+            rows = None if other is None else other[slab.rows]
+            A = slabs.ToeplitzOperator(c[slab.rows], slab, parity=parity, behind=rows)
+            serial = tmg.ToeplitzOperator.from_lags(lags)
+            assert A.is_symmetric == serial.is_symmetric
+            whole = (serial @ x.ravel()).reshape(shape)
+            assert_rows(slab, A @ x[slab.rows].ravel(), whole, 1e-14)
+
+
+def serial_and_slabs(slab, dtype=np.float64, nu=NU, element=ELEMENT):
+    """The matrix of two coupled components, of one process and of these ranks."""
+    parts = {"xx": (1, 1), "xy": (-1, -1), "yy": (1, 1)}
+    x, y = halfspace.offsets(slab.shape, element)
+    own = slab.lags(element)
+    serial, ours = {}, {}
+    for name, parity in parts.items():
+        influence = partial(getattr(halfspace, f"influence_{name}"), G=1.0, nu=nu)
+        lags = lags_of(influence(x, y, element), parity)
+        serial[name] = tmg.ToeplitzOperator.from_lags(lags)
+        c = influence(*own, element).astype(dtype)
+        ours[name] = slabs.ToeplitzOperator(c, slab, parity=parity)
+    arrange = [["xx", "xy"], ["xy", "yy"]]
+    return (
+        tmg.CoupledOperator([[serial[name] for name in row] for row in arrange]),
+        slabs.CoupledOperator([[ours[name] for name in row] for row in arrange]),
+    )
+
+
+def test_coupled_components_are_those_of_one_process(comm):
+    for shape in with_fewer_ranks_than_rows(comm, [(8, 8), (17, 12), (65, 3)]):
+        slab, x = slabs.Slab(comm, shape), np.random.default_rng(0).random((2, *shape))
+        for dtype in (np.float64, np.float32):
+            serial, A = serial_and_slabs(slab, dtype)
+            whole = (serial @ x.ravel()).reshape(x.shape)
+            y = A @ x[:, slab.rows].ravel().astype(dtype)
+            assert_rows(slab, y, whole, tolerance(dtype))
+        assert_rows(slab, A.astype(np.float64) @ x[:, slab.rows].ravel(), whole, 2e-6)
+
+
+def test_components_without_influence_on_each_other(comm):
+    shape = (9, 6)
+    slab, c = slabs.Slab(comm, shape), kernel(shape)
+    block, whole = slabs.ToeplitzOperator(c[slab.rows], slab), tmg.ToeplitzOperator(c)
+    A = slabs.CoupledOperator([[block, None], [None, block]])
+    x = np.random.default_rng(0).random((2, *shape))
+    expected = np.stack([(whole @ part.ravel()).reshape(shape) for part in x])
+    assert_rows(slab, A @ x[:, slab.rows].ravel(), expected, 1e-14)
+
+
+def test_each_rank_evaluates_its_own_rows_to_the_same_bits(comm):
+    for shape in [(12, 7), (64, 32)]:
+        slab = slabs.Slab(comm, shape)
+        own, whole = slab.lags(ELEMENT), halfspace.offsets(shape, ELEMENT)
+        for name in ("zz", "xx", "xy"):
+            influence = getattr(halfspace, f"influence_{name}")
+            c = influence(*own, ELEMENT, G=1.0, nu=NU)
+            assert c.shape == slab.local
+            assert np.array_equal(c, influence(*whole, ELEMENT, G=1.0, nu=NU)[slab.rows])
+
+
+def test_a_mask_is_that_of_one_process(comm):
+    shape = (16, 11)
+    slab, c = slabs.Slab(comm, shape), kernel(shape)
+    full, whole = slabs.ToeplitzOperator(c[slab.rows], slab), tmg.ToeplitzOperator(c)
+    rng = np.random.default_rng(0)
+    island = np.zeros(shape, bool)  # On one rank: the others have no unknown.
+    island[-2:, 3:6] = True
+    for mask in (rng.random(shape) < 0.5, island, np.ones(shape, bool)):
+        x = np.where(mask, rng.random(shape), 0.0)
+        y = np.zeros(shape)
+        y[mask] = tmg.MaskedOperator(whole, mask) @ x[mask]
+        own = mask[slab.rows]
+        for dtype in (np.float64, np.float32):
+            A = slabs.MaskedOperator(full, own).astype(dtype)
+            z = np.zeros(slab.local)
+            z[own] = A @ x[slab.rows][own].astype(dtype)
+            assert_rows(slab, z, y, tolerance(dtype))
+
+
+def test_a_mask_of_components(comm):
+    shape = (12, 9)
+    slab = slabs.Slab(comm, shape)
+    serial, ours = serial_and_slabs(slab)
+    rng = np.random.default_rng(0)
+    for mask in (rng.random((2, *shape)) < 0.5, rng.random(shape) < 0.5):
+        both = np.broadcast_to(mask, (2, *shape))
+        x = np.where(both, rng.random((2, *shape)), 0.0)
+        y = np.zeros(x.shape)
+        y[both] = tmg.MaskedOperator(serial, mask) @ x[both]
+        A = slabs.MaskedOperator(ours, mask[..., slab.rows, :])
+        z = np.zeros((2, *slab.local))
+        z[A.mask] = A @ x[:, slab.rows][A.mask]
+        assert_rows(slab, z, y, 1e-14)
+
+
+def test_rows_of_vectors(comm):
+    shape = (9, 6)
+    slab, c = slabs.Slab(comm, shape), kernel(shape)
+    A = slabs.ToeplitzOperator(c[slab.rows], slab)
+    X = np.random.default_rng(0).random((3, A.shape[0]))
+    Y = A.apply(X)
+    for x, y in zip(X, Y, strict=True):
+        assert np.array_equal(A @ x, y)
+    assert A.apply(X, X) is X
+    assert np.array_equal(X, Y)
+
+
+def test_bytes_of_a_product(comm):
+    """32 (1 - 1/P) for each unknown in double precision, times the transform's length over n."""
+    P, shape = comm.size, (60, 64)
+    slab, c = slabs.Slab(comm, shape), kernel(shape)
+    for dtype, bytes_of_one in ((np.float64, 32), (np.float32, 16)):
+        A = slabs.ToeplitzOperator(c[slab.rows].astype(dtype), slab)
+        comm.reset()
+        A.apply(np.ones(A.shape[0], dtype))
+        assert set(comm.calls) == {"Alltoallv"}
+        sent = comm.sent
+        assert sum(slab.gather(sent)) <= bytes_of_one * (1 - 1 / P) * 60 * 64 + 1e-6
+
+
+def test_wrong_coefficients_are_refused_by_all(comm):
+    slab, last = slabs.Slab(comm, (12, 8)), comm.size - 1
+    c = kernel((12, 8))[slab.rows]
+    is_last = comm.rank == last
+
+    def make(c, **options):
+        return lambda: slabs.ToeplitzOperator(c, slab, **options)
+
+    text = f"rank {last}: c has shape ("
+    refuses(comm, ValueError, text, make(c[:, :7] if is_last else c))
+    bad = np.where(is_last, np.nan, c)
+    refuses(comm, ValueError, f"rank {last}: c has the coefficient nan", make(bad))
+    refuses(comm, TypeError, "on slabs coefficients are real", make(c + 1j))
+    refuses(comm, ValueError, "add up to inf", make(np.full(c.shape, 1e308)))
+    refuses(comm, ValueError, "parity is (1,)", make(c, parity=(1,)))
+    refuses(comm, ValueError, "rank 0: parity is (-1, 1)", make(c, parity=(-1, 1)))
+    refuses(comm, ValueError, "behind has shape (2, 8)", make(c, behind=np.ones((2, 8))))
+    if last:
+        text = f"the dtype of c is float64 on rank 0 and float32 on rank {last}"
+        refuses(comm, ValueError, text, make(c.astype(np.float32) if is_last else c))
+
+
+def test_coefficients_may_be_tiny_far_away(comm):
+    slab = slabs.Slab(comm, (64, 4))
+    i = np.arange(64)[slab.rows, None]
+    c = np.exp(-12.0 * i) * np.exp(-np.arange(4.0))
+    A = slabs.ToeplitzOperator(c, slab)
+    assert np.isfinite(A @ np.ones(A.shape[0])).all()
+
+
+def test_wrong_vectors_and_masks_are_refused_by_all(comm):
+    slab, last = slabs.Slab(comm, (12, 8)), comm.size - 1
+    A = slabs.ToeplitzOperator(kernel((12, 8))[slab.rows], slab)
+    is_last, n = comm.rank == last, A.shape[0]
+    x = np.ones(n - is_last)
+    refuses(comm, ValueError, f"rank {last}: x has shape ", lambda: A @ x)
+    refuses(comm, TypeError, "x has dtype complex128", lambda: A @ np.ones(n, complex))
+    mask = np.ones(slab.local, int if is_last else bool)
+    text = f"rank {last}: mask has dtype int64"
+    refuses(comm, TypeError, text, lambda: slabs.MaskedOperator(A, mask))
+    nothing = np.zeros(slab.local, bool)
+    text = "mask is nowhere true on any rank"
+    refuses(comm, ValueError, text, lambda: slabs.MaskedOperator(A, nothing))
+    B = slabs.MaskedOperator(A, ~nothing)
+    text = "A is a MaskedOperator, but must be"
+    refuses(comm, TypeError, text, lambda: slabs.MaskedOperator(B, ~nothing))
+    text = "blocks has 1 rows of [2] blocks"
+    refuses(comm, ValueError, text, lambda: slabs.CoupledOperator([[A, A]]))

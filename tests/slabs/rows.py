@@ -1,0 +1,169 @@
+"""The rows of a rank, and what is exchanged."""
+
+from functools import partial
+
+import numpy as np
+
+from tests.slabs.ranks import refuses
+from toeplitz_mg.slabs import Slab
+
+SHAPES = [(4, 1), (5, 7), (16, 3), (97, 4, 5), (130, 2), (1030, 2)]
+
+
+def grid_of(shape):
+    """A grid of which every rank knows all."""
+    return np.random.default_rng(0).random(shape)
+
+
+def test_every_row_has_one_rank(comm):
+    for shape in SHAPES:
+        slab = Slab(comm, shape)
+        rows = slab.everywhere(np.arange(slab.rows.start, slab.rows.stop))
+        assert np.array_equal(rows, np.arange(shape[0]))
+        assert slab.local == grid_of(shape)[slab.rows].shape
+        assert slab.starts[comm.rank] == slab.rows.start
+        assert (slab.starts[1:-1] % slab.unit == 0).all()
+        sizes = np.diff(slab.starts)
+        assert sizes.max() <= sizes.mean() * 17 / 16 + slab.unit
+
+
+def test_units_grow_with_the_rows_of_a_rank(comm):
+    assert Slab(comm, (16 * comm.size, 3)).unit == 1
+    assert Slab(comm, (64 * comm.size, 3)).unit == 4
+    assert Slab(comm, (2**10 * comm.size, 3)).unit == 64
+
+
+def test_columns_are_those_of_the_grid_and_come_back(comm):
+    for shape in SHAPES:
+        slab, X = Slab(comm, shape), grid_of(shape)
+        for dtype in (np.float32, np.complex128):
+            Y = X.astype(dtype)
+            own = np.ascontiguousarray(Y[slab.rows])
+            C = slab.to_columns(own)
+            assert np.array_equal(C, Y[..., slab.columns(shape[-1])])
+            back = slab.to_rows(C, np.zeros_like(own))
+            assert np.array_equal(back, own)
+
+
+def test_turns_take_every_column_once(comm):
+    shape = (9, 3, 41)
+    slab, X = Slab(comm, shape), grid_of(shape)
+    own = X[slab.rows]
+    for width in (1, 2, 5, 100):
+        back, columns = np.zeros_like(own), []
+        for turn in slab.turns(shape[-1], width):
+            (a, b) = turn[comm.rank]
+            assert b - a <= width
+            C = slab.to_columns(own, turn, np.empty((*shape[:-1], b - a)))
+            assert np.array_equal(C, X[..., a:b])
+            slab.to_rows(2.0 * C, back, turn)
+            columns += range(a, b)
+        assert columns == list(range(*slab.columns(shape[-1]).indices(shape[-1])))
+        assert np.array_equal(back, 2.0 * own)
+
+
+def test_bytes_of_an_exchange(comm):
+    slab = Slab(comm, (24, 12))
+    P = comm.size
+    comm.reset()
+    slab.to_columns(np.zeros(slab.local))
+    sent = comm.sent
+    assert P * sum(slab.gather(sent)) == 8 * 24 * 12 * (P - 1)
+
+
+def test_rows_of_the_rank_before(comm):
+    slab, X = Slab(comm, (16, 3)), grid_of((16, 3))
+    above = slab.with_rows_above(X[slab.rows], 2)
+    assert np.array_equal(above, X[max(0, slab.rows.start - 2) : slab.rows.stop])
+    below = slab.shift(X[slab.rows][:1], int(comm.rank < comm.size - 1), -1)
+    assert np.array_equal(below, X[slab.rows.stop : slab.rows.stop + 1])
+
+
+def test_coarser_rows_are_of_whole_units(comm):
+    slab = Slab(comm, (101, 5), unit=4)
+    coarse = slab.coarser((51, 3), 2)
+    assert coarse.unit == 2
+    assert np.array_equal(coarse.starts[:-1], slab.starts[:-1] // 2)
+    assert coarse.starts[-1] == 51
+
+
+def test_numbers_are_the_same_bits_on_all_ranks(comm):
+    slab = Slab(comm, (97, 3))
+    X = grid_of((97, 3)) - 0.5
+    x = X[slab.rows]
+    numbers = [slab.sum(x), slab.vectors.norm(x), slab.vectors.dot(x, x), *slab.extent(x)]
+    assert len(set(comm.allgather(tuple(numbers)))) == 1
+    np.testing.assert_allclose(
+        numbers, [X.sum(), np.linalg.norm(X), (X * X).sum(), X.min(), X.max()], rtol=1e-13
+    )
+    assert slab.gather(comm.rank) == list(range(comm.size))
+    assert slab.vectors.count(x > 0) == np.count_nonzero(X > 0)
+
+
+def test_numbers_where_only_one_rank_has_any(comm):
+    slab = Slab(comm, (8, 3))
+    for rank in range(comm.size):
+        x = np.array([-3.0, 4.0]) if comm.rank == rank else np.empty(0)
+        assert slab.extent(x) == (-3.0, 4.0)
+        assert slab.vectors.norm(x) == 5.0
+        assert slab.vectors.min(x) == -3.0
+        assert np.array_equal(slab.everywhere(x), [-3.0, 4.0])
+    assert slab.extent(np.empty(0)) == (np.inf, -np.inf)
+
+
+def test_lags_are_those_of_the_rows(comm):
+    slab = Slab(comm, (9, 4))
+    x, y = slab.lags((0.5, 2.0))
+    assert np.array_equal(x[:, 0], 0.5 * np.arange(9)[slab.rows])
+    assert np.array_equal(y[0], 2.0 * np.arange(4))
+    refuses(comm, ValueError, "element is (1.0,)", lambda: slab.lags((1.0,)))
+
+
+def test_a_refusal_of_one_rank_is_one_of_all(comm):
+    slab = Slab(comm, (8, 3))
+
+    def refuse(kind):
+        with slab.agree():
+            if comm.rank == comm.size - 1:
+                raise kind("its rows are wrong")
+
+    for kind in (ValueError, TypeError, OSError, np.linalg.LinAlgError):
+        refuses(comm, kind, f"rank {comm.size - 1}: its rows are wrong", partial(refuse, kind))
+
+
+def test_what_is_not_the_same_is_refused(comm):
+    slab = Slab(comm, (8, 3))
+
+    def differ():
+        with slab.agree() as same:
+            same["rtol"] = 1e-8 if comm.rank == 0 else 1e-5
+
+    if comm.size == 1:
+        differ()
+    else:
+        text = "rtol is 1e-08 on rank 0 and 1e-05 on rank 1, but must be the same on all"
+        refuses(comm, ValueError, text, differ)
+
+
+def test_wrong_grids_are_refused(comm):
+    P = comm.size
+    refuses(comm, TypeError, "each number of shape is 2.5", lambda: Slab(comm, (2.5, 3)))
+    refuses(comm, ValueError, "shape is ()", lambda: Slab(comm, ()))
+    refuses(comm, ValueError, "unit is 0", lambda: Slab(comm, (5, 3), unit=0))
+    if P > 1:
+        text = f"the grid ({P - 1}, 64) has {P - 1} rows, but each of {P} ranks needs one at least"
+        refuses(comm, ValueError, text, lambda: Slab(comm, (P - 1, 64)))
+        text = f"has {4 * P - 4} rows, {P - 1} units of 4 rows, but each"
+        refuses(comm, ValueError, text, lambda: Slab(comm, (4 * P - 4, 64), unit=4))
+        text = "the shape of the grid is (8, 8) on rank 0 and (9, 8) on rank 1"
+        refuses(comm, ValueError, text, lambda: Slab(comm, (8 + (comm.rank == 1), 8)))
+
+
+def test_what_is_no_communicator_is_refused(comm):
+    for wrong in (None, 4, comm.Get_group()):
+        refuses(
+            comm,
+            TypeError,
+            "must be a communicator, as MPI.COMM_WORLD",
+            partial(Slab, wrong, (8, 3)),
+        )

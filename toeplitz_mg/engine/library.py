@@ -1,0 +1,169 @@
+"""Whose arrays are multiplied: NumPy's, or those of another library. It is chosen here alone.
+
+What is written for arrays of any library takes its functions from `xp`, and what libraries do not
+have in common from a `Library`: `NUMPY`, which has the engine of this package, or one of
+`plain.Plain`, whose products are plain passes over whole arrays, as a GPU wants them.
+"""
+
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.multilevel import MultilevelProduct
+from toeplitz_mg.engine.products import (
+    COMPLEX_FOURIER,
+    COSINE,
+    FOURIER,
+    SINE,
+    DiagonalisedProduct,
+    ToeplitzProduct,
+)
+from toeplitz_mg.engine.threads import share_rows
+from toeplitz_mg.engine.transforms import cosine_sums
+from toeplitz_mg.engine.vectors import PLAIN
+from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.values import refuse_masked
+
+if TYPE_CHECKING:
+    from toeplitz_mg.engine.plain import Plain
+
+Library: TypeAlias = "NumPy | Plain"
+
+
+class NumPy:
+    """The library of NumPy's arrays, and of all that NumPy makes arrays of, as lists."""
+
+    name, xp, vectors = "numpy", np, PLAIN
+    fourier, complex_fourier, cosine, sine = FOURIER, COMPLEX_FOURIER, COSINE, SINE
+    diagonalise, cosine_sums = staticmethod(DiagonalisedProduct), staticmethod(cosine_sums)
+
+    def __reduce__(self) -> str:
+        return "NUMPY"
+
+    def read(self, name: str, values: Any) -> Array:
+        """Return an array of this library, or say whose it is."""
+        if is_foreign(values):
+            refuse_mixed(name, library_of(values), self)
+        return refuse_masked(name, values)
+
+    def dtype(self, array: Array) -> np.dtype[Any]:
+        """Return NumPy's dtype for that of an array."""
+        return array.dtype
+
+    def cast(self, array: Array, dtype: DTypeLike) -> Array:
+        """Return an array in the precision of one of NumPy's dtypes, itself where it has that."""
+        return array.astype(dtype, copy=False)
+
+    def native(self, dtype: DTypeLike) -> DTypeLike:
+        """Return the dtype of the library for one of NumPy's."""
+        return dtype
+
+    def keep(self, array: Array) -> Array:
+        """Return an array that nobody is to change."""
+        array.flags.writeable = False
+        return array
+
+    def to_numpy(self, array: Array) -> Array:
+        """Return an array of NumPy's, in the memory of the processor."""
+        return array
+
+    from_numpy = to_numpy
+
+    def multiplication(self, a: Any) -> ToeplitzProduct | MultilevelProduct:
+        """Make the product with the matrix of some `Coefficients`, which takes a transform."""
+        if a.array.ndim > 1:
+            return MultilevelProduct.of([[a.lags]], a.dtype)
+        column = a.column
+        row = column if a.is_even else a.array[len(column) - 1 :: -1]
+        return ToeplitzProduct.of(column, row, a.dtype)
+
+    def coupled(self, blocks: Any, dtype: DTypeLike, known: Any) -> MultilevelProduct:
+        """Make the product with a matrix of such blocks, some of whose eigenvalues are known."""
+        lags = [[a and a.lags for a in row] for row in blocks]
+        return MultilevelProduct.of(lags, dtype, known)
+
+    def pad(self, array: Array, shape: tuple[int, ...]) -> Array:
+        """Extend an array by zeros behind its last axes."""
+        if array.shape[-len(shape) :] == shape:
+            return array
+        padded = np.zeros((*array.shape[: -len(shape)], *shape), array.dtype)
+        padded[(..., *map(slice, array.shape[-len(shape) :]))] = array
+        return padded
+
+    def cells(self, index: Array, size: int) -> tuple[Array, Any]:
+        """Prepare the unknowns of a mask, by their positions among the points of the grid."""
+        return index, size
+
+    def extend(self, X: Array, cells: tuple[Array, Any], out: Array) -> Array:
+        """Extend rows of unknowns to the grid, by zeros, in the precision of `out`."""
+        index, size = cells
+        x = X.reshape(-1, X.shape[-1])
+        grid = workspace((len(x), size), out.dtype)
+
+        def fill(part: slice) -> None:
+            # The part of the grid up to the first unknown of the next one is zero but for these.
+            start = index[part.start] if part.start else 0
+            stop = index[part.stop] if part.stop < len(index) else size
+            grid[:, start:stop] = 0.0
+            grid[:, index[part]] = x[:, part]
+
+        share_rows(fill, index)
+        return grid
+
+    def restrict(self, grid: Array, cells: tuple[Array, Any], out: Array) -> Array:
+        """Return the unknowns of rows on the grid, in `out`."""
+        index, y = cells[0], out.reshape(-1, out.shape[-1])
+
+        def fill(part: slice) -> None:
+            y[:, part] = grid[:, index[part]]
+
+        share_rows(fill, index)
+        return out
+
+    def copy(self, array: Array) -> Array:
+        """Return an array in one piece."""
+        return np.ascontiguousarray(array)
+
+    def conj(self, array: Array) -> Array:
+        """Return the complex conjugate of numbers."""
+        return array.conj()
+
+    def join(self, parts: list[Array], out: Array | None) -> Array:
+        """Put the columns of some arrays side by side."""
+        return np.concatenate(parts, axis=-1, out=out, casting="same_kind")
+
+    def allocate(self, X: Array, dtype: DTypeLike) -> Array:
+        """Return memory for the product of rows with a matrix of a dtype."""
+        return np.empty(X.shape, np.result_type(X, dtype))
+
+
+NUMPY = NumPy()
+
+
+def is_foreign(values: Any) -> bool:
+    """Whether this is an array, and not of NumPy."""
+    if type(values) is np.ndarray:  # Sooner than by what follows, as small systems would feel.
+        return False
+    if isinstance(values, np.ndarray | np.generic | list | tuple | float | int):
+        return False
+    home = type(values).__module__.partition(".")[0]
+    return home in ("cupy", "torch") or hasattr(values, "__array_namespace__")
+
+
+def library_of(values: Any) -> "Library":
+    """Return the library of an array; of all that is no array it is NumPy's."""
+    if not is_foreign(values):
+        return NUMPY
+    from toeplitz_mg.engine.plain import Plain  # This needs array-api-compat.
+
+    return Plain.of(values)
+
+
+def refuse_mixed(name: str, theirs: Any, ours: Any) -> None:
+    """Raise a TypeError for an array of another library than those it would meet."""
+    raise TypeError(
+        f"{name} is an array of {theirs.name}, but the operator has arrays of {ours.name}: all "
+        "must be of one library"
+    )

@@ -1,0 +1,289 @@
+"""The multilevel sparse approximate inverse on slabs: rows of G see cells above, aggregates none.
+
+Each rank builds the rows of G and W of its unknowns by the functions of the serial package, from
+the coefficients that are near, and from the unknowns in its rows and as many above as a row of G
+reaches. Nothing else of the neighbours is needed, as an aggregate is of one rank: on each level the
+cuts between ranks are rounded to whole aggregates, which moves some rows at most. So an application
+exchanges a few rows a rank and level, each way, and no transform is made of anything.
+
+The aggregates are the next level, cut as the ranks have them. Their number is divided by 16 with
+each level: soon all ranks can have all of them, and do the same with them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.preconditioners.fsai.build import Options, build, build_factors
+from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
+from toeplitz_mg.preconditioners.fsai.stencil import Stencil
+from toeplitz_mg.slabs.slab import Slab
+
+NEAR = 256  # Lags along each axis of the coefficients that a stencil with 100 neighbours sees.
+TRIAL = 2**14  # Cells of the largest grid on which it is tried how many neighbours are enough.
+REPEATED = 1 / 64  # Most cells that all ranks have of a level, together, over those of the grid.
+
+
+class Windows:
+    """Intervals of a vector that ranks see, of which each rank owns another.
+
+    Parameters
+    ----------
+    slab : Slab
+    owned : ndarray of int, shape (P + 1,)
+        Where the part of each rank begins, and the end.
+    first, stop : ndarray of int, shape (P,)
+        The interval that each rank sees.
+    """
+
+    def __init__(self, slab: Slab, owned: Array, first: Array, stop: Array) -> None:
+        rank = slab.comm.rank
+        low, high = owned[rank], owned[rank + 1]
+        self.slab, self.total = slab, int(owned[-1])
+        self.owned, self.seen = int(high - low), int(stop[rank] - first[rank])
+        begin = np.maximum(first, low)
+        self._lengths = np.maximum(np.minimum(stop, high) - begin, 0)
+        self._starts = np.where(self._lengths > 0, begin - low, 0)
+        overlap = np.minimum(owned[1:], stop[rank]) - np.maximum(owned[:-1], first[rank])
+        self._expected = np.maximum(overlap, 0)
+
+    def spread(self, x: Array) -> Array:
+        """Return what this rank sees, from what each rank owns."""
+        return self.slab.exchange(x, self._starts, self._lengths, self._expected)
+
+    def collect(self, x: Array) -> Array:
+        """Return the sums of what all ranks have for what this rank owns: `spread`, transposed."""
+        starts = np.cumsum(self._expected) - self._expected
+        got = self.slab.exchange(x, starts, self._expected, self._lengths)
+        total, end = np.zeros((self.owned, *x.shape[1:]), x.dtype), 0
+        for rank in np.flatnonzero(self._lengths):
+            start, length = self._starts[rank], self._lengths[rank]
+            total[start : start + length] += got[end : end + length]
+            end += length
+        return total
+
+
+@dataclass(frozen=True)
+class SlabMatrix:
+    """What a rank has of the matrix of a level.
+
+    Attributes
+    ----------
+    slab : Slab
+    starts : ndarray of int, shape (P + 1,)
+        The first row of each rank, and the number of rows.
+    stencil : Stencil
+        Of the coefficients that are near.
+    kernel : ndarray of shape (d, d, rows, n2)
+        This rank's rows of the coefficients.
+    c, d : ndarray of shape (d, rows, n2)
+        The weights and the diagonal of the cells in them; of A itself a mask, and None.
+    """
+
+    slab: Slab
+    starts: Array
+    stencil: Stencil
+    kernel: Array
+    c: Array
+    d: Array | None = None
+
+    def count_unknowns(self) -> Array:
+        """Return the number of unknowns in each component above each row, shape (d, n1 + 1)."""
+        counts = self.slab.everywhere(np.count_nonzero(self.c, axis=2).T, np.diff(self.starts))
+        return np.pad(np.cumsum(counts, axis=0), ((1, 0), (0, 0))).T
+
+    def on_places(self, stencil: Stencil, exchange: Callable[[Array], Array]) -> LevelMatrix:
+        """Return it on the places of a stencil, of the rows that an exchange gives."""
+        c, place = _of_rows(exchange, self.c), stencil.grid.place
+        if self.d is None:
+            return LevelMatrix.of_mask(stencil, c)
+        d = _of_rows(exchange, self.d)
+        weights, diagonal = ([place(x, edge) for x in X] for X, edge in ((c, 0.0), (d, 1.0)))
+        return LevelMatrix(np.concatenate(weights), np.concatenate(diagonal))
+
+
+def find_near(slab: Slab, starts: Array, kernel: Array) -> Array:
+    """Return the coefficients that are near, the same on all ranks."""
+    n1, n2 = int(starts[-1]), kernel.shape[3]
+    rows, columns = max(NEAR, TRIAL // n2), max(NEAR, TRIAL // n1)
+    counts = np.diff(np.minimum(starts, rows))
+    mine = kernel[:, :, : counts[slab.comm.rank], :columns]
+    return _of_rows(lambda x: slab.everywhere(x, counts), mine)
+
+
+@dataclass(frozen=True)
+class SlabLevel:
+    """A level of which each rank has the rows of G and of W of its unknowns.
+
+    Attributes
+    ----------
+    windows : tuple of Windows
+        For each component the unknowns that the rows of G see.
+    level : Level
+        The columns of its G are these.
+    """
+
+    windows: tuple[Windows, ...]
+    level: Level
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """The number of unknowns on each level, of all ranks."""
+        return (sum(w.total for w in self.windows), *self.level.coarse.sizes)
+
+    def __call__(self, x: Array) -> Array:
+        """Apply the inverse to this rank's part of a vector."""
+        parts = _split(x, [w.owned for w in self.windows])
+        y = self.level(_join([w.spread(x) for w, x in zip(self.windows, parts, strict=True)]))
+        parts = _split(y, [w.seen for w in self.windows])
+        return _join([w.collect(y) for w, y in zip(self.windows, parts, strict=True)])
+
+
+@dataclass(frozen=True)
+class CommonLevel:
+    """A level that all ranks have, and apply alike.
+
+    Attributes
+    ----------
+    slab : Slab
+    counts : ndarray of int, shape (d, P)
+        The number of unknowns of each rank, in each component.
+    level : Level or Direct
+    """
+
+    slab: Slab
+    counts: Array
+    level: Level | Direct
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """The number of unknowns on each level."""
+        return self.level.sizes
+
+    def __call__(self, x: Array) -> Array:
+        """Apply the inverse to this rank's part of a vector."""
+        rank = self.slab.comm.rank
+        parts = _split(x, self.counts[:, rank])
+        whole = [self.slab.everywhere(x, n) for x, n in zip(parts, self.counts, strict=True)]
+        parts = _split(self.level(_join(whole)), self.counts.sum(axis=1))
+        ends = np.cumsum(self.counts, axis=1)[:, rank]
+        own = zip(parts, ends - self.counts[:, rank], ends, strict=True)
+        return _join([y[start:end] for y, start, end in own])
+
+
+def build_on_slab(
+    matrix: SlabMatrix, options: Options, dtype: np.dtype[Any], most: float
+) -> SlabLevel | CommonLevel:
+    """Build a level and those below it.
+
+    Parameters
+    ----------
+    matrix : SlabMatrix
+    options : Options
+    dtype : dtype
+        The precision in which it is applied.
+    most : float
+        The number of cells up to which all ranks have a level.
+    """
+    slab, starts, stencil, ends = (
+        matrix.slab,
+        matrix.starts,
+        matrix.stencil,
+        matrix.count_unknowns(),
+    )
+    rank, n1, (d, _, n2) = slab.comm.rank, int(starts[-1]), matrix.c.shape
+    counts = np.diff(ends[:, starts], axis=1)
+    if slab.comm.size > 1 and counts.sum() <= options.direct:
+        return CommonLevel(slab, counts, _direct(matrix, counts, dtype))
+    if slab.comm.size == 1 or n1 * n2 <= most:
+        with slab.agree():
+            exchange = partial(slab.everywhere, lengths=np.diff(starts))
+            whole = replace(stencil, kernel=_of_rows(exchange, matrix.kernel))
+            level = build(whole, matrix.on_places(whole, exchange), dtype, options)
+        return CommonLevel(slab, counts, level)
+    # On this level a rank has the rows of whole aggregates. Rows of G see so many more above.
+    h, p = stencil.grid.block[0], stencil.grid.reach[0]
+    cuts = np.append(np.minimum((starts[:-1] + h // 2) // h * h, n1), n1)
+    first = _begin(cuts[:-1] - p, cuts)
+    stencil = replace(stencil, part=(int(cuts[rank + 1] - cuts[rank]), n2))
+    seen = matrix.on_places(stencil, Windows(slab, starts, first, cuts[1:]).spread)
+    own = seen.active.copy().reshape(d, -1)
+    own[:, : p * stencil.grid.padded[1]] = False
+    coarser = _coarsen(matrix, stencil, cuts)
+    with slab.agree():
+        G, W, E = build_factors(stencil, coarser.stencil, seen, np.flatnonzero(own), dtype)
+    inside, shape = coarser.stencil.grid.inside, coarser.c.shape
+    c, e = (x.reshape(d, -1).take(inside, axis=1).reshape(shape) for x in (E.c, E.d))
+    windows = tuple(Windows(slab, end[starts], end[first], end[cuts[1:]]) for end in ends)
+    coarser = replace(coarser, stencil=replace(coarser.stencil, part=None), c=c, d=e)
+    del seen, own, E, c, e
+    return SlabLevel(windows, Level(G, W, build_on_slab(coarser, options, dtype, most)))
+
+
+def _coarsen(matrix: SlabMatrix, stencil: Stencil, cuts: Array) -> SlabMatrix:
+    """Return the next level, with the coefficients and the stencil of this rank's aggregates."""
+    slab, rank, n1, h = matrix.slab, matrix.slab.comm.rank, int(cuts[-1]), stencil.grid.block[0]
+    starts = -(-cuts // h)
+    stops = np.minimum(h * starts, n1)
+    first = _begin(h * starts[:-1] - h + 1, stops)
+    kernel = _of_rows(Windows(slab, matrix.starts, first, stops[1:]).spread, matrix.kernel)
+    blocks = range(int(starts[rank]), int(starts[rank + 1]))
+    kernel = stencil.coarsen(kernel, blocks, int(first[rank]), n1)
+    near, neighbours = find_near(slab, starts, kernel), stencil.coarse_neighbours
+    coarser = Stencil(near, neighbours, neighbours, (len(blocks), kernel.shape[3]))
+    return SlabMatrix(slab, starts, coarser, kernel, kernel[0])
+
+
+def _direct(matrix: SlabMatrix, counts: Array, dtype: np.dtype[Any]) -> Direct:
+    """Return the inverse of the matrix, from what ranks have of the coefficients."""
+    slab, starts = matrix.slab, matrix.starts
+    component, i, j = np.nonzero(matrix.c)
+    c = matrix.c[component, i, j].astype(float)
+    d = matrix.stencil.zero[component] if matrix.d is None else matrix.d[component, i, j]
+    mine = _split(
+        np.stack([i + starts[slab.comm.rank], j, c, d], axis=1), counts[:, slab.comm.rank]
+    )
+    whole = [slab.everywhere(x, n) for x, n in zip(mine, counts, strict=True)]
+    component = np.repeat(np.arange(len(counts)), counts.sum(axis=1))
+    i, j, c, d = np.concatenate(whole).T
+    step_i, step_j = (x.astype(int)[:, None] - x.astype(int) for x in (i, j))
+    # Each rank has the entries of which it has the coefficients.
+    owner = starts[1:].searchsorted(np.abs(step_i).ravel(), side="right")
+    order, of_rank = np.argsort(owner, kind="stable"), np.bincount(owner, minlength=slab.comm.size)
+    end = of_rank[: slab.comm.rank + 1].sum()
+    row, column = np.divmod(order[end - of_rank[slab.comm.rank] : end], len(c))
+    a, b = component[row], component[column]
+    lag = np.abs(step_i[row, column]) - starts[slab.comm.rank], np.abs(step_j[row, column])
+    E = np.empty(owner.size)
+    E[order] = slab.everywhere(matrix.kernel[a, b, *lag], of_rank)
+    E = E.reshape(len(c), len(c))
+    between = component[:, None] != component
+    E[between] *= (np.sign(step_i) * np.sign(step_j))[between]
+    E *= c
+    E *= c[:, None]
+    np.fill_diagonal(E, d)
+    with slab.agree():
+        return Direct.of(E, dtype, (int(starts[-1]), matrix.c.shape[2]))
+
+
+def _begin(first: Array, cuts: Array) -> Array:
+    """Return where the window of each rank begins: in the grid, and empty where it has no rows."""
+    return np.where(cuts[1:] > cuts[:-1], np.maximum(first, 0), cuts[1:])
+
+
+def _of_rows(exchange: Callable[[Array], Array], x: Array) -> Array:
+    """Return what an exchange of rows makes of those along the last axis but one."""
+    return np.moveaxis(exchange(np.ascontiguousarray(np.moveaxis(x, -2, 0))), 0, -2)
+
+
+def _split(x: Array, counts: Any) -> list[Array]:
+    """Return the part of each component."""
+    return np.split(x, np.cumsum(counts)[:-1])
+
+
+def _join(parts: list[Array]) -> Array:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)

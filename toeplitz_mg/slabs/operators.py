@@ -1,0 +1,458 @@
+"""Toeplitz matrices on slabs: each rank multiplies its own rows.
+
+They are no `scipy.sparse.linalg.LinearOperator` and have no ``matvec``: the inner products of
+SciPy's iterations would be those of one rank. `toeplitz_mg.cg` and `toeplitz_mg.richardson` take
+their inner products from the operator.
+
+There is no multigrid on slabs: a cycle moves six times the bytes of an iteration of conjugate
+gradients with `fsai_preconditioner`, and takes more of them.
+"""
+
+from collections.abc import Iterator, Sequence
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
+from scipy import fft
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.lengths import embedding_lengths
+from toeplitz_mg.engine.multilevel import NARROW, MultilevelProduct
+from toeplitz_mg.engine.products import cast_numbers
+from toeplitz_mg.engine.transforms import phase_factors
+from toeplitz_mg.engine.work import count_transforms, count_work
+from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.operators.coefficients import check_finite, check_precision, require_digits
+from toeplitz_mg.operators.masked import check_booleans
+from toeplitz_mg.slabs.slab import Slab, Turn
+from toeplitz_mg.values import refuse_masked
+
+TURN_BYTES = 2**23  # Bytes of the columns that a rank has at a time.
+
+
+class SlabOperator:
+    """What a rank has of a square matrix: it multiplies this rank's part of a vector.
+
+    Every rank has to take part in a product.
+
+    Attributes
+    ----------
+    slab : Slab
+    grid_shape : tuple of int
+        The shape of this rank's part of the grid.
+    shape : (int, int)
+        The unknowns of this rank, twice.
+    dtype : dtype
+    vectors : Vectors
+        Inner products and updates of the vectors that it multiplies, over all ranks.
+    """
+
+    def __init__(
+        self, slab: Slab, dtype: DTypeLike, grid_shape: tuple[int, ...], size: int | None = None
+    ) -> None:
+        self.slab, self.vectors = slab, slab.vectors
+        self.dtype, self.grid_shape = np.dtype(dtype), grid_shape
+        self.shape = (prod(grid_shape) if size is None else size,) * 2
+
+    def apply(self, X: Array, out: Array | None = None) -> Array:
+        """Multiply each row of `X`, without the checks of ``A @ x``.
+
+        Parameters
+        ----------
+        X : ndarray of shape (..., n)
+            Real; n may be 0.
+        out : ndarray of the shape of `X`, optional
+            Where the result is written. It may be `X`.
+        """
+        if out is None:
+            out = np.empty(X.shape, np.result_type(X, self.dtype))
+        rows = (prod(X.shape[:-1]), X.shape[-1])
+        for x, y in zip(X.reshape(rows), out.reshape(rows), strict=True):
+            self.multiply(x, y)
+        return out
+
+    def multiply(self, x: Array, y: Array) -> None:
+        """Multiply a vector into another, which may be the same."""
+        raise NotImplementedError
+
+    def __matmul__(self, x: ArrayLike) -> Array:
+        with self.slab.agree() as same:
+            vector = refuse_masked("x", x)
+            if vector.dtype.kind not in "buif":
+                raise TypeError(f"x has dtype {vector.dtype}, but must be of real numbers")
+            if vector.shape != self.shape[:1]:
+                raise ValueError(f"x has shape {vector.shape}, but A has {self.shape}")
+            same["the dtype of x"] = vector.dtype
+        return self.apply(vector)
+
+
+class ToeplitzOperator(SlabOperator):
+    """A real Toeplitz matrix of two axes or more, that multiplies by FFT.
+
+    Parameters
+    ----------
+    c : array_like of shape ``slab.local``
+        This rank's rows of the first column: the coefficients of the lags that are not negative.
+    slab : Slab
+    parity : tuple of {1, -1}, optional
+        Whether the coefficients are even (1) or odd (-1) in each axis, as those of A_xy are odd in
+        both. All are even by default.
+    behind : array_like of shape ``slab.local``, optional
+        This rank's rows of the coefficients of lags along the first axis that are not positive,
+        from 0 down, where they are neither even nor odd in it.
+
+    Attributes
+    ----------
+    c, parity, behind
+    is_even : bool
+        Symmetric along each axis, and so given by `c` alone.
+    is_symmetric : bool
+
+    Raises
+    ------
+    ValueError, TypeError
+        On all ranks where `toeplitz_mg.ToeplitzOperator` refuses the coefficients of one, where
+        they have another shape than this rank's rows, or where the ranks differ about the matrix.
+
+    See Also
+    --------
+    toeplitz_mg.ToeplitzOperator
+
+    Examples
+    --------
+    >>> from mpi4py import MPI
+    >>> from toeplitz_mg import cg, halfspace, slabs
+    >>> slab, element = slabs.Slab(MPI.COMM_WORLD, (32, 16)), (0.25, 0.5)
+    >>> x, y = slab.lags(element)
+    >>> A = slabs.ToeplitzOperator(halfspace.influence_zz(x, y, element, G=1.0, nu=0.28), slab)
+    >>> pressure, info = cg(A, np.ones(A.shape[0]), M=slabs.sine_preconditioner(A))
+    >>> info
+    0
+    """
+
+    def __init__(
+        self,
+        c: ArrayLike,
+        slab: Slab,
+        *,
+        parity: tuple[int, ...] | None = None,
+        behind: ArrayLike | None = None,
+        product: "SlabProduct | None" = None,
+    ) -> None:
+        parity = (1,) * len(slab.shape) if parity is None else tuple(parity)
+        with slab.agree() as same:
+            if len(slab.shape) == 1:
+                raise ValueError(f"the grid is {slab.shape}, but must have two axes or more")
+            self.c = _check_rows("c", c, slab)
+            self.behind = None if behind is None else _check_rows("behind", behind, slab)
+            _check_parity(self.c, parity, slab)
+            same["the dtype of c"], same["parity"] = self.c.dtype, parity
+            same["whether behind is given"] = behind is not None
+        sizes = np.abs(self.c)
+        with np.errstate(over="ignore"):  # What overflows to inf is too much.
+            total = slab.vectors.sum(sizes) * 2.0 ** len(slab.shape)
+        largest = slab.vectors.max(sizes)
+        require_digits("c", self.c.dtype, tuple(2 * n - 1 for n in slab.shape), total, largest)
+        super().__init__(slab, self.c.dtype, slab.local)
+        self.parity = parity
+        self.is_even = set(parity) == {1} and behind is None
+        self.is_symmetric = prod(parity) == 1 and behind is None
+        self.product = product or SlabProduct(slab, [[_spectrum(self)]], self.dtype)
+
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: that of the matrix in which the products embed this one."""
+        return self.product.norm_bound
+
+    def astype(self, dtype: DTypeLike) -> "ToeplitzOperator":
+        """Return the matrix in another precision, or itself where it has that one."""
+        dtype = check_precision(dtype, self.dtype)
+        if self.dtype == dtype:
+            return self
+        return ToeplitzOperator(
+            self.c.astype(dtype),
+            self.slab,
+            parity=self.parity,
+            behind=None if self.behind is None else self.behind.astype(dtype),
+            product=self.product.astype(dtype) if dtype.itemsize < self.dtype.itemsize else None,
+        )
+
+    def multiply(self, x: Array, y: Array) -> None:
+        """Multiply a vector into another, which may be the same."""
+        self.product.multiply(x, y)
+
+    def __repr__(self) -> str:
+        kind = "symmetric" if self.is_symmetric else "general"
+        return f"<ToeplitzOperator {self.slab.name}, {kind}, {self.dtype}>"
+
+
+class CoupledOperator(SlabOperator):
+    """A square array of Toeplitz matrices, between the components of a field on one grid.
+
+    The vectors hold this rank's rows of one component after the other.
+
+    Parameters
+    ----------
+    blocks : sequence of sequences of ToeplitzOperator or None
+        ``blocks[i][j]`` takes component j of the vector to component i of the result; None is
+        zero. All live on one slab.
+
+    Attributes
+    ----------
+    blocks : tuple of tuples of ToeplitzOperator or None
+
+    Raises
+    ------
+    TypeError
+        Where a block is no ToeplitzOperator of this module.
+    ValueError
+        Where the array is not square, or the blocks live on several slabs.
+
+    See Also
+    --------
+    toeplitz_mg.CoupledOperator
+    """
+
+    def __init__(self, blocks: Sequence[Sequence[ToeplitzOperator | None]]) -> None:
+        self.blocks = tuple(map(tuple, blocks))
+        given = [block for row in self.blocks for block in row if block is not None]
+        if not given or not all(isinstance(block, ToeplitzOperator) for block in given):
+            raise TypeError(
+                f"blocks is {blocks!r}, but must have rows of ToeplitzOperator of "
+                "toeplitz_mg.slabs, or None, as [[xx, xy], [xy, yy]]"
+            )
+        slab, components = given[0].slab, len(self.blocks)
+        with slab.agree() as same:
+            same["which blocks there are"] = [[b is not None for b in row] for row in self.blocks]
+            if any(len(row) != components for row in self.blocks):
+                raise ValueError(
+                    f"blocks has {components} rows of {[len(row) for row in self.blocks]} blocks, "
+                    "but must be square"
+                )
+            if any(block.slab is not slab for block in given):
+                raise ValueError("the blocks live on several slabs, but must live on one")
+        dtype = np.result_type(*(block.dtype for block in given))
+        super().__init__(slab, dtype, (components, *slab.local))
+        spectra = [[block and block.product.spectrum for block in row] for row in self.blocks]
+        self.product = SlabProduct(slab, spectra, self.dtype)
+
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: that of the matrix in which the products embed this one."""
+        return self.product.norm_bound
+
+    def astype(self, dtype: DTypeLike) -> "CoupledOperator":
+        """Return the matrix in another precision, or itself where it has that one."""
+        dtype = check_precision(dtype, self.dtype)
+        if self.dtype == dtype:
+            return self
+        return CoupledOperator(
+            [[block and block.astype(dtype) for block in row] for row in self.blocks]
+        )
+
+    def multiply(self, x: Array, y: Array) -> None:
+        """Multiply a vector into another, which may be the same."""
+        self.product.multiply(x, y)
+
+    def __repr__(self) -> str:
+        return f"<CoupledOperator of {len(self.blocks)} components {self.slab.name}, {self.dtype}>"
+
+
+class MaskedOperator(SlabOperator):
+    """The rows and columns of an operator where a mask is true, on this rank's rows.
+
+    Parameters
+    ----------
+    A : SlabOperator
+        On the whole grid.
+    mask : array_like of bool, of shape ``A.grid_shape``
+        True where there is an unknown; of coupled components one mask may do for all. It may be
+        nowhere true on some ranks.
+
+    Attributes
+    ----------
+    full : SlabOperator
+        `A`.
+    mask : ndarray of bool
+
+    Raises
+    ------
+    TypeError, ValueError
+        On all ranks, where the mask of one is not of booleans, or has another shape, or where it is
+        nowhere true on any; or where `A` is not of this module, or on a mask already.
+
+    See Also
+    --------
+    toeplitz_mg.MaskedOperator
+    """
+
+    def __init__(self, A: Any, mask: ArrayLike) -> None:
+        if not isinstance(A, SlabOperator) or isinstance(A, MaskedOperator):
+            raise TypeError(
+                f"A is a {type(A).__name__}, but must be an operator of toeplitz_mg.slabs on a "
+                "whole grid"
+            )
+        with A.slab.agree():
+            self.mask = check_booleans(mask, A.grid_shape, isinstance(A, CoupledOperator))
+        if not A.vectors.count(self.mask):
+            raise ValueError("mask is nowhere true on any rank: there are no unknowns")
+        self.full = A
+        self._index = np.flatnonzero(self.mask)
+        super().__init__(A.slab, A.dtype, A.grid_shape, len(self._index))
+
+    def astype(self, dtype: DTypeLike) -> "MaskedOperator":
+        """Return the matrix in another precision, or itself where it has that one."""
+        full: Any = self.full
+        return self if self.dtype == dtype else MaskedOperator(full.astype(dtype), self.mask)
+
+    def multiply(self, x: Array, y: Array) -> None:
+        """Multiply a vector into another, which may be the same."""
+        grid = workspace((self.full.shape[0],), y.dtype)
+        grid[...] = 0.0
+        grid[self._index] = x
+        self.full.multiply(grid, grid)
+        y[...] = grid[self._index]
+
+    def __repr__(self) -> str:
+        return f"<MaskedOperator of {self.full!r}>"  # The same on all ranks, for errors.
+
+
+class SlabProduct:
+    """Multiplication of this rank's rows by a Toeplitz matrix, or by blocks of such.
+
+    The three passes of `MultilevelProduct`, rows in, columns through and rows out, with an exchange
+    between them. It is made in turns, so that a rank has few columns at a time.
+
+    Parameters
+    ----------
+    slab : Slab
+    spectrum : list of lists of ndarray or None
+        For each pair of components the eigenvalues of the embedding, as that class has them, of
+        this rank's frequencies of the last axis.
+    dtype : float32 or float64
+    """
+
+    def __init__(self, slab: Slab, spectrum: Any, dtype: DTypeLike) -> None:
+        self.slab = slab
+        self._components = len(spectrum)
+        casts = [
+            [s if s is None else np.ascontiguousarray(cast_numbers(s, dtype)) for s in row]
+            for row in spectrum
+        ]
+        self._passes = MultilevelProduct((self._components, *slab.shape), dtype, None, casts)
+
+    @property
+    def spectrum(self) -> Array | None:
+        """The eigenvalues of the first pair of components."""
+        assert self._passes.spectrum is not None
+        return self._passes.spectrum[0][0]
+
+    @property
+    def points(self) -> int:
+        """The points of the transforms, by which the eigenvalues are divided."""
+        return prod(self._passes.lengths)
+
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm, which is the largest of those of the frequencies of a rank."""
+        return max(self.slab.gather(self._passes.norm_bound))
+
+    def astype(self, dtype: DTypeLike) -> "SlabProduct":
+        """Return the multiplication in another precision; no transform is made."""
+        return SlabProduct(self.slab, self._passes.spectrum, dtype)
+
+    def multiply(self, x: Array, y: Array) -> None:
+        """Multiply a vector into another, which may be the same."""
+        slab, passes = self.slab, self._passes
+        count_work(1, float(x.size))
+        n = slab.shape[-1]
+        Z = passes.rows_in(x.reshape(x.size // n, n))
+        parts = Z.reshape(self._components, *slab.local[:-1], Z.shape[-1])
+        first = 0
+        for turn in turns_of(slab, passes.lengths, self._components * Z.itemsize):
+            width = turn[slab.comm.rank][1] - turn[slab.comm.rank][0]
+            C = workspace((self._components, *slab.shape[:-1], width), Z.dtype)
+            for part, columns in zip(parts, C, strict=True):
+                slab.to_columns(part, turn, columns)
+            passes.columns_through(C[np.newaxis], first)
+            for part, columns in zip(parts, C, strict=True):
+                slab.to_rows(columns, part, turn)
+            first += width
+        passes.rows_out(Z, y.reshape(y.size // n, n))
+
+
+def turns_of(slab: Slab, lengths: tuple[int, ...], number: int) -> Iterator[Turn]:
+    """Return turns of columns, each number of which has so many bytes."""
+    return slab.turns(lengths[-1], max(NARROW, TURN_BYTES // (number * prod(lengths[:-1]))))
+
+
+def _spectrum(A: ToeplitzOperator) -> Array:
+    """Return the eigenvalues of the embedding for this rank's frequencies of the last axis."""
+    slab, lengths = A.slab, embedding_lengths(A.slab.shape)
+    count_transforms(1, *(2 * n for n in slab.local))
+    halves = [
+        _transform_rows(half, A.parity, lengths) for half in (A.c, A.behind) if half is not None
+    ]
+    own = slab.columns(lengths[-1])
+    kind = np.float64 if A.is_symmetric else np.complex128
+    spectrum = np.empty((*lengths[:-1], own.stop - own.start), kind)
+    sign = 1 if A.behind is not None else A.parity[0]
+    for turn in turns_of(slab, lengths, np.dtype(np.complex128).itemsize):
+        columns = [slab.to_columns(half, turn) for half in halves]
+        S = _embed(columns[0], sign * columns[-1], 0, lengths[0])
+        S = fft.fft(S, axis=0, overwrite_x=True)
+        first, stop = turn[slab.comm.rank]
+        spectrum[..., first - own.start : stop - own.start] = S.real if A.is_symmetric else S
+    return spectrum
+
+
+def _transform_rows(c: Array, parity: tuple[int, ...], lengths: tuple[int, ...]) -> Array:
+    """Transform all axes of a rank's coefficients but the first."""
+    n, L = c.shape[-1], lengths[-1]
+    Z = np.zeros((*c.shape[:-1], L), np.complex128)
+    Z[..., :n] = c
+    # What goes around the last axis is imaginary (see `ToeplitzProduct`).
+    Z.imag[..., L - n + 1 :] = parity[-1] * c[..., :0:-1]
+    Z *= phase_factors(L, 0.25, Z.dtype) / prod(lengths)
+    Z = fft.fft(Z, overwrite_x=True)
+    for axis in range(1, c.ndim - 1):
+        Z = fft.fft(_embed(Z, parity[axis] * Z, axis, lengths[axis]), axis=axis, overwrite_x=True)
+    return Z
+
+
+def _embed(ahead: Array, behind: Array, axis: int, length: int) -> Array:
+    """Return the first column of a circulant of this length, from the lags of both signs."""
+    ahead, behind = np.moveaxis(ahead, axis, 0), np.moveaxis(behind, axis, 0)
+    n = len(ahead)
+    column = np.zeros((length, *ahead.shape[1:]), ahead.dtype)
+    column[:n] = ahead
+    column[length - n + 1 :] = behind[:0:-1]
+    return np.moveaxis(column, 0, axis)
+
+
+def _check_rows(name: str, values: ArrayLike, slab: Slab) -> Array:
+    """Return this rank's rows of real coefficients, or say what is wrong with them."""
+    c = refuse_masked(name, values)
+    if c.shape != slab.local:
+        raise ValueError(f"{name} has shape {c.shape}, but this rank's rows have {slab.local}")
+    c = check_finite(c, name)
+    if c.dtype.kind == "c":
+        raise TypeError(f"{name} has dtype {c.dtype}, but on slabs coefficients are real")
+    return c
+
+
+def _check_parity(c: Array, parity: tuple[int, ...], slab: Slab) -> None:
+    if len(parity) != len(slab.shape) or not set(parity) <= {1, -1}:
+        raise ValueError(
+            f"parity is {parity}, but must say 1 (even) or -1 (odd) for each axis of {slab.shape}"
+        )
+    for axis, sign in enumerate(parity):
+        zero = slice(
+            0, int(axis > 0 or slab.rows.start == 0)
+        )  # The lag zero, where this rank has it.
+        if sign < 0 and np.moveaxis(c, axis, 0)[zero].any():
+            raise ValueError(
+                f"parity is {parity}, but where c is odd, along axis {axis}, its coefficients of "
+                "the lag zero must be zero"
+            )

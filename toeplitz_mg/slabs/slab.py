@@ -1,0 +1,359 @@
+"""A grid cut into slabs of rows, one for each rank: what is moved, and what is summed.
+
+Every rank runs the same program on its own rows, which are plain arrays. No other file sends
+messages. A condition on which the next message depends rests on gathered numbers only, which are
+the same bits on all ranks: otherwise one would wait for ever for a message that no other sends.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from itertools import pairwise
+from math import inf, prod
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.vectors import Vectors
+from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.halfspace.points import check_element
+from toeplitz_mg.values import count
+
+UNITS = (64, 16, 4, 1)  # Rows that may stay together: the cells of FSAI grow fourfold a level.
+SHARE = 16  # Units that a rank has at least, so that one more of them is not felt.
+REFUSALS = (np.linalg.LinAlgError, ValueError, TypeError, OSError)  # What all ranks raise alike.
+
+Turn = Sequence[tuple[int, int]]  # The first and the last but one column of each rank.
+
+
+class Slab:
+    """The rows of a grid that this rank has.
+
+    Parameters
+    ----------
+    comm : mpi4py.MPI.Intracomm
+        As ``MPI.COMM_WORLD``.
+    shape : tuple of int
+        That of the whole grid: (n₁, n₂, ...), or (n,).
+    unit : int, optional
+        Rows that stay together, by default so many that slabs of FSAI have whole cells on several
+        levels, and all ranks about as many rows.
+
+    Attributes
+    ----------
+    comm, shape, unit
+    rows : slice
+        Those of this rank.
+    local : tuple of int
+        The shape of this rank's part of the grid.
+    starts : ndarray of int, of shape (ranks + 1,)
+        The first row of each rank, and n₁.
+    vectors : Vectors
+        Inner products and the like of vectors of which each rank has its part.
+
+    Raises
+    ------
+    ImportError
+        Without mpi4py.
+    TypeError
+        Where `comm` is no communicator, or a number is no integer.
+    ValueError
+        Where there are more ranks than units of rows, or the ranks differ about the grid.
+
+    Examples
+    --------
+    >>> from mpi4py import MPI
+    >>> slab = Slab(MPI.COMM_WORLD, (1000, 500))
+    >>> slab
+    <Slab of the grid (1000, 500): rows 0 to 999 on rank 0>
+    >>> slab.sum(np.ones(slab.local))
+    500000.0
+    """
+
+    def __init__(self, comm: Any, shape: tuple[int, ...], *, unit: int | None = None) -> None:
+        self.comm = _check_communicator(comm)
+        ranks = comm.size
+        with self.agree() as same:
+            shape = tuple(count("each number of shape", n) for n in shape)
+            if not shape:
+                raise ValueError("shape is (), but a grid has one axis at least")
+            if unit is None:
+                unit = next((k for k in UNITS if shape[0] >= SHARE * k * ranks), 1)
+            units = -(-shape[0] // count("unit", unit))
+            if ranks > units:
+                of_units = "" if unit == 1 else f", {units} units of {unit} rows"
+                raise ValueError(
+                    f"the grid {shape} has {shape[0]} rows{of_units}, but each of {ranks} ranks "
+                    "needs one at least: use fewer ranks, or make the longest axis the first one"
+                )
+            same["the shape of the grid"], same["unit"] = shape, unit
+        self._set(shape, unit, np.minimum(unit * _cuts(units, ranks), shape[0]))
+
+    def _set(self, shape: tuple[int, ...], unit: int, starts: Array) -> None:
+        self.shape, self.unit, self.starts = shape, unit, starts
+        first, end = starts[self.comm.rank : self.comm.rank + 2].tolist()
+        self.rows = slice(first, end)
+        self.local = (end - first, *shape[1:])
+        self.vectors = Vectors(self.gather)
+
+    def coarser(self, shape: tuple[int, ...], height: int) -> "Slab":
+        """Return the slab of a coarser grid, each row of which is made of so many of this one.
+
+        Parameters
+        ----------
+        shape : tuple of int
+            That of the coarser grid.
+        height : int
+            A divisor of `unit`, so that no row is made of those of two ranks.
+        """
+        return self._alike(shape, self.unit // height, -(-self.starts // height))
+
+    def longer(self, length: int) -> "Slab":
+        """Return the slab of a grid of so many rows in all: the last rank has the new ones."""
+        starts = np.append(self.starts[:-1], length)
+        return self._alike((length, *self.shape[1:]), 1, starts)
+
+    def _alike(self, shape: tuple[int, ...], unit: int, starts: Array) -> "Slab":
+        slab = Slab.__new__(Slab)
+        slab.comm = self.comm
+        slab._set(shape, unit, starts)
+        return slab
+
+    def lags(self, element: tuple[float, float]) -> tuple[Array, Array]:
+        """Return the points of the first column for this rank's rows (see `halfspace.offsets`).
+
+        Parameters
+        ----------
+        element : (float, float)
+            Size h₁ × h₂ of an element.
+
+        Returns
+        -------
+        x, y : ndarray of shape (rows, 1) and (1, n₂)
+            The centres i h₁ and j h₂, of the rows i of this rank.
+        """
+        h1, h2 = check_element(element)
+        if len(self.shape) != 2:
+            raise ValueError(f"the grid is {self.shape}, but the surface has the two axes x and y")
+        i, j = np.arange(self.rows.start, self.rows.stop), np.arange(self.shape[1])
+        return h1 * i[:, None], h2 * j[None, :]
+
+    def sum(self, x: Array) -> float:
+        """Return the sum of a field of which each rank has its part: the same on all ranks."""
+        return self.vectors.sum(np.asarray(x))
+
+    @contextmanager
+    def agree(self) -> Iterator[dict[str, Any]]:
+        """Do what may be refused on some ranks only, so that all ranks raise the same error.
+
+        Without it the others would wait for ever for the rank that has raised one.
+
+        Yields
+        ------
+        dict
+            To be filled with what has to be the same on all ranks, by its name; otherwise it is a
+            ValueError.
+        """
+        same: dict[str, Any] = {}
+        refusal: Exception | None = None
+        try:
+            yield same
+        except REFUSALS as error:
+            refusal = error
+        kind = next((k for k in REFUSALS if isinstance(refusal, k)), None)
+        told = self.comm.allgather((kind, str(refusal), same))
+        for rank, (kind, text, _) in enumerate(told):
+            if kind is not None:
+                raise kind(f"rank {rank}: {text}") from refusal
+        first = told[0][2]
+        for rank, (_, _, other) in enumerate(told):
+            for name, value in first.items():
+                if other[name] != value:
+                    raise ValueError(
+                        f"{name} is {value} on rank 0 and {other[name]} on rank {rank}, but must "
+                        "be the same on all"
+                    )
+
+    def gather(self, number: Any) -> Sequence[Any]:
+        """Return a number, or an array of numbers, of each rank, in the order of the ranks."""
+        own = np.asarray(number)
+        own = own.astype(np.result_type(own, np.float64), copy=False)
+        numbers = np.empty((self.comm.size, *own.shape), own.dtype)
+        self.comm.Allgather(np.ascontiguousarray(own), numbers)
+        return numbers.tolist() if own.ndim == 0 else list(numbers)
+
+    def extent(self, x: Array) -> tuple[float, float]:
+        """Return the least and the largest number of a field; of an empty one inf and -inf."""
+        own = np.array([-x.min(initial=inf), x.max(initial=-inf)])
+        low, high = np.max(self.gather(own), axis=0).tolist()
+        return -low, high
+
+    def everywhere(self, x: Array, lengths: Array | None = None) -> Array:
+        """Return the rows of all ranks, one after the other, on each of them.
+
+        It is for what is small: nothing of the size of the grid may go this way.
+
+        Parameters
+        ----------
+        x : ndarray of shape (rows, ...)
+        lengths : ndarray of int, shape (ranks,), optional
+            The number of rows of each rank. Where it is known one message less is sent.
+        """
+        if self.comm.size == 1:
+            return x
+        if lengths is None:
+            lengths = np.array(self.gather(len(x)), int)
+        whole = np.empty((int(lengths.sum()), *x.shape[1:]), x.dtype)
+        self.comm.Allgatherv(np.ascontiguousarray(x), [whole, lengths * prod(x.shape[1:])])
+        return whole
+
+    def exchange(self, x: Array, starts: Array, lengths: Array, expected: Array) -> Array:
+        """Send each rank some rows, and return those that all ranks send, one after the other.
+
+        Parameters
+        ----------
+        x : ndarray of shape (rows, ...)
+        starts, lengths : ndarray of int, shape (ranks,)
+            Which rows each rank is sent.
+        expected : ndarray of int, shape (ranks,)
+            How many each of them sends.
+        """
+        size = prod(x.shape[1:])
+        got = np.empty((int(expected.sum()), *x.shape[1:]), x.dtype)
+        sent = [np.ascontiguousarray(x), (lengths * size, starts * size)]
+        self.comm.Alltoallv(sent, [got, expected * size])
+        return got
+
+    def columns(self, n: int) -> slice:
+        """Return which of n columns this rank has between `to_columns` and `to_rows`."""
+        return slice(*_cuts(n, self.comm.size)[self.comm.rank : self.comm.rank + 2].tolist())
+
+    def turns(self, n: int, width: int) -> Iterator[Turn]:
+        """Cut n columns into turns, in each of which a rank has at most `width` of its own."""
+        cuts = _cuts(n, self.comm.size).tolist()
+        of_ranks = list(pairwise(cuts))
+        turns = max(1, -(-max(b - a for a, b in of_ranks) // width))
+        for k in range(turns):
+            yield [(a + (b - a) * k // turns, a + (b - a) * (k + 1) // turns) for a, b in of_ranks]
+
+    def to_columns(self, Z: Array, turn: Turn | None = None, out: Array | None = None) -> Array:
+        """Exchange all columns of this rank's rows for all rows of this rank's columns.
+
+        Parameters
+        ----------
+        Z : ndarray of shape (rows, ..., n)
+        turn : list of (int, int), optional
+            The columns of each rank, by default all of `columns`.
+        out : ndarray of shape (n₁, ..., k), C-contiguous, optional
+
+        Returns
+        -------
+        ndarray of shape (n₁, ..., k)
+            The k columns of this rank.
+        """
+        turn = turn or next(self.turns(Z.shape[-1], Z.shape[-1]))
+        own = turn[self.comm.rank]
+        if out is None:
+            out = np.empty((self.shape[0], *Z.shape[1:-1], own[1] - own[0]), Z.dtype)
+        sizes = self._sizes(turn, Z)
+        sent = workspace((sum(sizes),), Z.dtype)
+        for part, (a, b) in self._pieces(sent, turn, Z):
+            part[...] = Z[..., a:b]
+        self.comm.Alltoallv([sent, sizes], [out, self._sizes_of_rows(out)])
+        return out
+
+    def to_rows(self, C: Array, out: Array, turn: Turn | None = None) -> Array:
+        """Exchange back what `to_columns` has returned, into the array that it was given.
+
+        Parameters
+        ----------
+        C : ndarray of shape (n₁, ..., k)
+        out : ndarray of shape (rows, ..., n)
+            Of it the columns of the turn are written.
+        turn : list of (int, int), optional
+
+        Returns
+        -------
+        ndarray
+            `out`.
+        """
+        turn = turn or next(self.turns(out.shape[-1], out.shape[-1]))
+        sizes = self._sizes(turn, out)
+        got = workspace((sum(sizes),), out.dtype)
+        self.comm.Alltoallv([np.ascontiguousarray(C), self._sizes_of_rows(C)], [got, sizes])
+        for part, (a, b) in self._pieces(got, turn, out):
+            out[..., a:b] = part
+        return out
+
+    def _sizes(self, turn: Turn, Z: Array) -> list[int]:
+        return [prod(Z.shape[:-1]) * (b - a) for a, b in turn]
+
+    def _sizes_of_rows(self, C: Array) -> list[int]:
+        return [int(rows) * prod(C.shape[1:]) for rows in np.diff(self.starts)]
+
+    def _pieces(self, flat: Array, turn: Turn, Z: Array) -> Iterator[tuple[Array, tuple[int, int]]]:
+        """Yield each rank's piece of a message, as an array, and the columns of it."""
+        end = 0
+        for size, (a, b) in zip(self._sizes(turn, Z), turn, strict=True):
+            start, end = end, end + size
+            yield flat[start:end].reshape(*Z.shape[:-1], b - a), (a, b)
+
+    def shift(self, x: Array, count: int, step: int) -> Array:
+        """Send rows to a neighbour, and return those that the other neighbour sends.
+
+        Parameters
+        ----------
+        x : ndarray of shape (k, ...)
+            What is sent to the next rank (step 1) or to the one before (step -1), if there is one.
+        count : int
+            The length of what comes from the other side: 0 where there is no rank.
+        step : {1, -1}
+        """
+        from mpi4py import MPI
+
+        there, back = (
+            rank if 0 <= rank < self.comm.size else MPI.PROC_NULL
+            for rank in (self.comm.rank + step, self.comm.rank - step)
+        )
+        got = np.empty((count, *x.shape[1:]), x.dtype)
+        self.comm.Sendrecv(np.ascontiguousarray(x), there, recvbuf=got, source=back)
+        return got
+
+    def with_rows_above(self, x: Array, count: int) -> Array:
+        """Return this rank's rows and so many before them, as far as there are any.
+
+        No rank may have fewer rows than that.
+        """
+        above = self.shift(x[len(x) - count :], count if self.comm.rank else 0, 1)
+        return np.concatenate([above, x])
+
+    @property
+    def name(self) -> str:
+        """The grid and the ranks: the same words on all ranks."""
+        return f"{' x '.join(map(str, self.shape))} on {self.comm.size} ranks"
+
+    def __repr__(self) -> str:
+        start, stop = self.rows.start, self.rows.stop
+        return (
+            f"<Slab of the grid {self.shape}: rows {start} to {stop - 1} on rank {self.comm.rank}>"
+        )
+
+
+def _check_communicator(comm: Any) -> Any:
+    try:
+        from mpi4py import MPI
+    except ImportError as error:
+        raise ImportError(
+            'toeplitz_mg.slabs needs mpi4py, but it is not there: pip install "toeplitz-mg[mpi]"'
+        ) from error
+    if not isinstance(comm, MPI.Intracomm) or comm == MPI.COMM_NULL:
+        raise TypeError(
+            f"comm is a {type(comm).__name__}, but must be a communicator, as MPI.COMM_WORLD of "
+            "mpi4py"
+        )
+    return comm
+
+
+def _cuts(n: int, parts: int) -> Array:
+    """Return where n things are cut into parts of about the same size, shape (parts + 1,)."""
+    return np.array([n * k // parts for k in range(parts + 1)])
