@@ -36,22 +36,13 @@ def precision(A: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None) ->
 
 
 def require_range(diagonal: float, dtype: np.dtype[Any]) -> None:
-<<<<<<< HEAD
-    """Raise ValueError where a preconditioner of this precision is nearly out of its range."""
-=======
     """Raise ValueError where the diagonal of A is nearly out of the range of float32, if that."""
->>>>>>> core
     single = np.finfo(np.float32)
     low, high = float(single.tiny / single.eps), float(single.max * single.eps)
     if dtype.char in "fF" and diagonal and not low <= diagonal <= high:
         raise ValueError(
-<<<<<<< HEAD
-            f"the diagonal of A is {diagonal:.3g}, but for a preconditioner in {dtype} it must be "
-            f"between {low:.1g} and {high:.1g}: scale A"
-=======
             f"the diagonal of A is {diagonal:.3g}, but for a preconditioner in {dtype} it "
             f"must be between {low:.1g} and {high:.1g}: scale A"
->>>>>>> core
         )
 
 

@@ -9,14 +9,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from math import inf, prod
+from os import PathLike
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.halfspace.points import check_element
+from toeplitz_mg.slabs.files import save_rows
 from toeplitz_mg.values import count
 
 UNITS = (64, 16, 4, 1)  # Rows that may stay together: the cells of FSAI grow fourfold a level.
@@ -141,6 +144,33 @@ class Slab:
     def sum(self, x: Array) -> float:
         """Return the sum of a field of which each rank has its part: the same on all ranks."""
         return self.vectors.sum(np.asarray(x))
+
+    def save(self, path: str | PathLike[str], x: ArrayLike) -> None:
+        """Write a field to a ``.npy`` file, each rank its rows, on a disk that all of them see.
+
+        It is written beside what is there, and replaces it when all ranks have written theirs: the
+        file is whole, or as it was.
+
+        Parameters
+        ----------
+        path : str or PathLike
+            The same on all ranks; a link stays a link. An old file is replaced, and its rights are
+            kept.
+        x : array_like of shape ``slab.local``, or (components, ...) of that
+            Of numbers.
+
+        Raises
+        ------
+        OSError
+            On all ranks, where one could not write.
+        TypeError, ValueError
+            On all ranks, where `x` is not of numbers, or not on this rank's rows.
+
+        See Also
+        --------
+        numpy.load : reads it; ``np.load(path, mmap_mode="r")[slab.rows]`` this rank's rows alone.
+        """
+        save_rows(self, path, x)
 
     @contextmanager
     def agree(self) -> Iterator[dict[str, Any]]:
