@@ -280,9 +280,13 @@ class Vectors:
         out[...] = x
         return out
 
-    def zeros(self, x: Array, dtype: DTypeLike) -> Array:
-        """Return a vector of zeros as long as another."""
-        return np.zeros(x.shape, dtype)
+    def empty(self, x: Array, out: Array | None = None) -> Array:
+        """Return memory for a vector like x: `out`, where that is given."""
+        return np.empty_like(x) if out is None else out
+
+    def zeros(self, x: Array, dtype: DTypeLike | None = None) -> Array:
+        """Return a vector of zeros as long as another, in its precision or another one."""
+        return np.zeros(x.shape, x.dtype if dtype is None else dtype)
 
     def cast(self, x: Array, dtype: DTypeLike) -> Array:
         """Return a vector in another precision, itself where it has that one."""
@@ -290,7 +294,7 @@ class Vectors:
 
     # These return what they compute, in `out`, their last argument: vectors that cannot be changed
     # have no other way.
-    divide, subtract, empty = np.divide, np.subtract, staticmethod(np.empty_like)
+    divide, subtract = np.divide, np.subtract
     axpy = staticmethod(axpy)
     aypx = staticmethod(aypx)
     combine = staticmethod(combine)
