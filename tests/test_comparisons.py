@@ -27,6 +27,7 @@ from comparisons.preconditioners import (
 from comparisons.preconditioners import figures as area_figures
 from comparisons.reliability import __main__ as reliability
 from comparisons.speed import baselines, by_hand, drop_in, gpu
+from comparisons.speed import threads as speed_of_threads
 from comparisons.systems import fractional, matrices, random_matrices
 from toeplitz_mg.fractional import grunwald_coefficients, riesz_coefficients
 
@@ -140,6 +141,19 @@ def test_speed_by_hand(tmp_path, monkeypatch, capsys):
     for name in names:
         for row in rows_of(tmp_path / name):
             assert float(row["cpu_s"]) > 0.0 or row["note"]
+
+
+def test_speed_of_threads(tmp_path, monkeypatch, capsys):
+    one = speed_of_threads.Extent((384,), turns=1)
+    printed = run(speed_of_threads, tmp_path, monkeypatch, capsys, quick=one)
+    assert "Load of the machine" in printed
+    rows = rows_of(tmp_path / "threads.csv")
+    assert {row["workers"] for row in rows} == {"1", "2"}
+    assert {"bare transforms", "bare triads"} < {row["task"] for row in rows}
+    for row in rows:
+        assert 0.0 <= float(row["serial_share"]) <= 1.0
+        assert 1.0 <= float(row["on_16"]) <= float(row["on_64"]) <= 64.0
+    assert "serial_share" in (tmp_path / "threads.md").read_text()
 
 
 def test_punch3d(tmp_path, monkeypatch, capsys):
