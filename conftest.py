@@ -2,5 +2,6 @@
 
 from importlib.util import find_spec
 
-# The examples of this package are run on one rank, where there is mpi4py.
-collect_ignore_glob = [] if find_spec("mpi4py") else ["toeplitz_mg/slabs/*"]
+# What imports mpi4py: the examples of the package are run on one rank.
+ON_RANKS = ["toeplitz_mg/slabs/*", "comparisons/harness/counting.py"]
+collect_ignore_glob = [] if find_spec("mpi4py") else ON_RANKS

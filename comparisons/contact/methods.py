@@ -14,7 +14,6 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import Material, friction, normal_contact, surfaces
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.tangential.coulomb import clip
-from toeplitz_mg.contact.tangential.stick_slip import diagonal
 from toeplitz_mg.operators import apply_to_rows
 
 
@@ -67,16 +66,20 @@ class Problem:
             else surfaces.sphere((self.N, self.N), (h, h), radius=1.0)
         )
 
+    @property
+    def grid(self) -> Grid:
+        """The elements."""
+        return Grid.of((self.N, self.N), (self.h, self.h), self.material, None)
+
     @cached_property
     def matrix(self) -> Any:
         """The matrix of the displacements by the tractions."""
-        grid = Grid.of((self.N, self.N), (self.h, self.h), self.material, None)
-        return grid.tangential() if self.shift else grid.normal()
+        return self.grid.tangential() if self.shift else self.grid.normal()
 
     def violation(self, q: Array, bound: Array | None) -> float:
         """Return how far tractions, in friction with a bound, violate the conditions of contact."""
         u = apply_to_rows(self.matrix, q.reshape(-1)).reshape(q.shape)
-        a0 = diagonal(self.matrix)
+        a0 = self.grid.diagonal(self.matrix)
         if bound is not None:
             slip = u - np.reshape([self.shift, 0.0], (2, 1, 1))
             return float(a0 * np.abs(q - clip(q - slip / a0, bound)).max() / self.shift)

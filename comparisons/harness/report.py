@@ -20,18 +20,31 @@ from toeplitz_mg.cli.report import print_any_character
 Row = dict[str, Any]
 
 
-def options(name: str, description: str, **choices: Sequence[Any] | int) -> argparse.Namespace:
+def options(
+    name: str, description: str, **choices: Sequence[Any] | int | str
+) -> argparse.Namespace:
     """Parse ``--quick``, ``--output`` and the choices, make the output folder and name it.
 
     `name` is that of the module in `comparisons`, like "paper.tables".
     Each of `choices` is an option that takes one or more of its values; None without it. One that
-    is an integer takes an integer, and is this one without it.
+    is an integer or a string takes another one, and one that is a list takes any numbers; they are
+    as given here without it.
     """
     parser = argparse.ArgumentParser(prog=f"python -m comparisons.{name}", description=description)
     parser.add_argument("--quick", action="store_true", help="small sizes only, within a minute")
     for choice, values in choices.items():
-        if isinstance(values, int):
-            parser.add_argument(f"--{choice}", type=int, default=values, metavar="NUMBER")
+        if isinstance(values, int | str | list):
+            many: dict[str, Any] = {"nargs": "+"} if isinstance(values, list) else {}
+            kind = str if isinstance(values, str) else int
+            name_of = "TEXT" if kind is str else "NUMBER"
+            parser.add_argument(
+                f"--{choice}",
+                type=kind,
+                default=values,
+                metavar=name_of,
+                help="%(default)s",
+                **many,
+            )
             continue
         parser.add_argument(
             f"--{choice}",

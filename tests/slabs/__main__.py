@@ -15,7 +15,7 @@ from tests.slabs.counting import MPI, CountingCommunicator
 def main():
     comm = CountingCommunicator(MPI.COMM_WORLD)
     for name in sys.argv[1:]:
-        for case, test in vars(import_module(f"tests.slabs.{name}")).items():
+        for case, test in list(vars(import_module(f"tests.slabs.{name}")).items()):
             if case.startswith("test_"):
                 run(f"{name}.{case}", test, comm)
 

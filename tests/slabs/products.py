@@ -102,17 +102,17 @@ def test_coefficients_that_are_odd_or_neither(comm):
             assert_rows(slab, A @ x[slab.rows].ravel(), whole, 1e-14)
 
 
-def serial_and_slabs(slab, dtype=np.float64):
+def serial_and_slabs(slab, dtype=np.float64, nu=NU, element=ELEMENT):
     """The matrix of two coupled components, of one process and of these ranks."""
     parts = {"xx": (1, 1), "xy": (-1, -1), "yy": (1, 1)}
-    x, y = halfspace.offsets(slab.shape, ELEMENT)
-    own = slab.lags(ELEMENT)
+    x, y = halfspace.offsets(slab.shape, element)
+    own = slab.lags(element)
     serial, ours = {}, {}
     for name, parity in parts.items():
-        influence = partial(getattr(halfspace, f"influence_{name}"), G=1.0, nu=NU)
-        lags = lags_of(influence(x, y, ELEMENT), parity)
+        influence = partial(getattr(halfspace, f"influence_{name}"), G=1.0, nu=nu)
+        lags = lags_of(influence(x, y, element), parity)
         serial[name] = tmg.ToeplitzOperator.from_lags(lags)
-        c = influence(*own, ELEMENT).astype(dtype)
+        c = influence(*own, element).astype(dtype)
         ours[name] = slabs.ToeplitzOperator(c, slab, parity=parity)
     arrange = [["xx", "xy"], ["xy", "yy"]]
     return (

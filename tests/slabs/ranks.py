@@ -14,10 +14,10 @@ MPIEXEC = Path(sysconfig.get_path("scripts")) / "mpiexec"
 LIMIT = 60  # Seconds after which ranks are taken to wait for each other.
 ROOT = Path(__file__).parent.parent.parent
 
-needs_ranks = [
-    pytest.mark.skipif(find_spec("mpi4py") is None, reason="mpi4py is not installed"),
-    pytest.mark.skipif(not MPIEXEC.exists(), reason="this environment has no mpiexec: as of mpich"),
-]
+with_ranks = pytest.mark.skipif(
+    find_spec("mpi4py") is None or not MPIEXEC.exists(),
+    reason="mpi4py, or the mpiexec of a wheel such as mpich, is not installed",
+)
 
 
 def run_on_ranks(ranks, *arguments):

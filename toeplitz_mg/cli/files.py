@@ -2,7 +2,6 @@
 
 import io
 import os
-import secrets
 import stat
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -14,6 +13,13 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import ContactResult
+from toeplitz_mg.whole_files import (
+    check_folder,
+    find_part,
+    find_status,
+    find_target,
+    new_part,
+)
 
 STANDARD_OUTPUT = 1  # File descriptor of where the report is printed.
 
@@ -71,21 +77,17 @@ def check_files(written: Sequence[Path | None], read: Sequence[Path | None]) -> 
 
 def _check_writable(path: Path) -> None:
     """Raise OSError where `path` could not be written, or is where the report is printed."""
-    old = _status(path)
+    old = find_status(path)
     if old is None or stat.S_ISREG(old.st_mode):
-        folder = _target(path).parent
-        if not folder.is_dir():
-            raise FileNotFoundError(f"{folder} is no folder, so {path.name} cannot be written")
-        if not os.access(folder, os.W_OK | os.X_OK):
-            raise PermissionError(f"{folder} is not writable, so {path.name} cannot be written")
+        check_folder(path)
     elif stat.S_ISDIR(old.st_mode):
         raise IsADirectoryError(f"{path} is a folder, but a file is to be written")
     elif not (stat.S_ISFIFO(old.st_mode) or stat.S_ISCHR(old.st_mode)):
         raise OSError(f"{path} is neither a file nor a pipe nor a device of characters")
+    elif not os.access(path, os.W_OK):
+        raise PermissionError(f"{path} is not writable")
     if old is None:
         return
-    if not os.access(path, os.W_OK):
-        raise PermissionError(f"{path} is not writable")
     with suppress(OSError):  # A standard output may be closed, or without a file.
         if not stat.S_ISCHR(old.st_mode) and os.path.samestat(old, os.fstat(STANDARD_OUTPUT)):
             raise ValueError(f"{path} is the standard output, but the report is printed there")
@@ -93,23 +95,10 @@ def _check_writable(path: Path) -> None:
 
 def _is_same(one: Path, other: Path) -> bool:
     """Tell whether two paths are one file, by whatever links, or would be."""
-    a, b = _status(one), _status(other)
+    a, b = find_status(one), find_status(other)
     if a is None or b is None:
-        return _target(one) == _target(other)
+        return find_target(one) == find_target(other)
     return os.path.samestat(a, b)
-
-
-def _status(path: Path) -> os.stat_result | None:
-    """Return what `path` is, behind its links; None where there is nothing yet."""
-    try:
-        return path.stat()
-    except FileNotFoundError:
-        return None
-
-
-def _target(path: Path) -> Path:
-    """Return where a link leads, so that it stays a link to what is written."""
-    return Path(os.path.realpath(path))
 
 
 def check_plotting(path: Path) -> None:
@@ -206,9 +195,9 @@ def write(path: Path, data: bytes) -> None:
     Where it cannot be written an OSError is raised, and a file that was there is as it was.
     """
     try:
-        old = _status(path)
+        old = find_status(path)
         if old is None or stat.S_ISREG(old.st_mode):
-            _replace(_target(path), old, data)
+            _replace(find_target(path), old, data)
         else:
             with path.open("wb") as file:
                 file.write(data)
@@ -218,23 +207,10 @@ def write(path: Path, data: bytes) -> None:
 
 def _replace(target: Path, old: os.stat_result | None, data: bytes) -> None:
     """Put a file in the place of an old one, or where there was none."""
-    part = target.with_name(f".{secrets.token_hex(8)}.part")
-    mode = 0o666 if old is None else stat.S_IMODE(old.st_mode)
+    part = find_part(target)
     try:
-        # It is in the same folder, as only there one file replaces another in a single step; and
-        # never readable by more than the old one.
-        with open(part, "xb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
-            if old is not None:
-                _keep_rights(part, old)
+        with new_part(part, old) as file:
             file.write(data)
-            file.flush()
-            os.fsync(file.fileno())  # A full disk may be noticed only here.
         os.replace(part, target)
     finally:
         part.unlink(missing_ok=True)
-
-
-def _keep_rights(part: Path, old: os.stat_result) -> None:
-    with suppress(PermissionError, AttributeError):  # Only root may, and not on Windows.
-        os.chown(part, old.st_uid, old.st_gid)
-    part.chmod(stat.S_IMODE(old.st_mode))

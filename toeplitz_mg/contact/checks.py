@@ -51,14 +51,13 @@ def check_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:
     raise ValueError(f"shift has shape {array.shape}, but must have {allowed}")
 
 
-def check_force(force: Any, g: Array, grid: Grid) -> Array:
-    """Return the sum of the tractions, by components, that a force needs."""
+def check_force(force: Any, most: float, grid: Grid) -> Array:
+    """Return the sum of the tractions, by components, that a force needs; `most` can be carried."""
     m, area = grid.components, grid.area
     total = np.atleast_1d(field("force", force)) / area
     if total.shape != (m,) or not np.isfinite(total).all():
         wanted = "(Fx, Fy)" if m == 2 else "a number"
         raise ValueError(f"force is {force}, but must be {wanted}, and finite")
-    most = float(g.sum())
     if not np.linalg.norm(total) < most:
         raise ValueError(
             f"force is {force}, but must be less than the traction bound carries: {most * area:g}"
@@ -66,19 +65,21 @@ def check_force(force: Any, g: Array, grid: Grid) -> Array:
     return total
 
 
-def check_previous(previous: ContactResult, grid: Grid) -> Array:
-    """Return the tractions of a tangential contact on the same grid, of shape (components, ...)."""
+def check_previous(
+    previous: ContactResult, element: tuple[float, ...], shape: tuple[int, ...]
+) -> Array:
+    """Return the tractions of a tangential contact on the same grid, in that shape."""
     if not isinstance(previous, ContactResult):
         kind = type(previous).__name__
         raise TypeError(f"previous is of type {kind}, but must be a ContactResult")
     if previous.stick is None:
         raise ValueError("previous is a normal contact, but must be one with friction")
-    if previous.contact.shape != grid.shape or previous.element != grid.element:
+    if previous.contact.shape != shape[1:] or previous.element != element:
         raise ValueError(
             f"previous has {previous.contact.shape} elements of {previous.element}, but the grid "
-            f"has {grid.shape} of {grid.element}"
+            f"has {shape[1:]} of {element}"
         )
-    return previous.traction.reshape(grid.components, *grid.shape)
+    return previous.traction.reshape(shape)
 
 
 def check_iteration(tolerance: float, max_products: int, progress: Any = None) -> None:

@@ -1,5 +1,6 @@
 """The potential contact area: a grid of elements on the half-space, and its matrices."""
 
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
@@ -8,6 +9,7 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element, Mask
+from toeplitz_mg.contact.steady_matrices import invert_shifted, subtract_operators
 from toeplitz_mg.engine.vectors import PLAIN, Vectors
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.materials import combine
@@ -105,6 +107,10 @@ class Grid:
         element = tuple(2.0 * h if two else h for h, two in zip(self.element, halved, strict=True))
         return Grid(shape, element, self.material, self.reference)
 
+    def agree(self) -> AbstractContextManager[dict[str, Any]]:
+        """Return what checks of arguments are made in (see `slabs.Slab.agree`)."""
+        return nullcontext({})
+
     def coarsen(self, x: Array) -> Array:
         """Return the averages of a field, of any components, on the coarser grid."""
         return coarsen(x, len(self.shape))
@@ -146,6 +152,14 @@ class Grid:
         """
         return self._matrix("xy"[: self.components], ahead=1)
 
+    def steady(self, A: Any) -> Any:
+        """Return the matrix of steady rolling, A - S with A and S = `tangential` and `upstream`."""
+        return subtract_operators(A, self.upstream())
+
+    def invert_shifted(self, K: Any, shift: float, dtype: DTypeLike) -> Any:
+        """Return an approximate inverse of the matrix of steady rolling."""
+        return invert_shifted(K, shift).astype(dtype)
+
     def invert_by_cosine(self, A: Any, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid."""
         return cosine_preconditioner(A, dtype=dtype)
@@ -153,6 +167,11 @@ class Grid:
     def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid on some elements."""
         return quick_fsai(MaskedOperator(A, C), dtype=dtype)
+
+    def diagonal(self, A: Any) -> float:
+        """Return the entry on the diagonal of a matrix of this grid, of the first component."""
+        first = A.component(0) if isinstance(A, CoupledOperator) else A
+        return float(first.c.flat[0])
 
     def _matrix(self, directions: str, ahead: int = 0) -> Any:
         return halfspace.influence_matrix(

@@ -117,7 +117,10 @@ class MultilevelProduct:
         spectrum = self.spectrum or [
             [_spectrum(lags, self._is_complex) for lags in row] for row in self._kernel or ()
         ]
-        sizes = [[0.0 if s is None else float(np.abs(s).max()) for s in row] for row in spectrum]
+        sizes = [
+            [0.0 if s is None else float(np.abs(s).max(initial=0.0)) for s in row]
+            for row in spectrum
+        ]
         # SciPy's norm scales what it squares, so that numbers of any size do not overflow.
         return float(norm(np.ravel(sizes))) * prod(self.lengths)
 

@@ -6,6 +6,7 @@ from math import frexp, hypot, prod
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.threads import share
 from toeplitz_mg.halfspace.expansion import REACH, Kernel, polynomials, sum_series
 from toeplitz_mg.halfspace.integrals import BLOCK, integrate_exactly
 
@@ -45,18 +46,23 @@ def integrate(kernel: Kernel, x: Array, y: Array, h1: float, h2: float) -> Array
     shape = np.broadcast_shapes(x.shape, y.shape)
     points = [np.broadcast_to(np.atleast_1d(axis), shape or 1) for axis in (x, y)]
     integral = np.empty(shape or 1)
-    for block in _blocks([slice(0, n) for n in integral.shape]):
-        x, y = (axis[block] / unit for axis in points)
-        with np.errstate(over="ignore"):
-            r2 = x * x + y * y
-        far = (r2 >= min(reach.values())) & (r2 < FARTHEST**2)
-        if far.all():
-            integral[block] = _from_afar(kernel, P, reach, x, y, r2)
-            continue
-        part, near = integral[block], ~far
-        part[near] = integrate_exactly(kernel, x[near], y[near], h1, h2)
-        if far.any():
-            part[far] = _from_afar(kernel, P, reach, x[far], y[far], r2[far])
+    blocks = list(_blocks([slice(0, n) for n in integral.shape]))
+
+    def work(numbers: range) -> None:
+        for block in blocks[numbers.start : numbers.stop]:
+            x, y = (axis[block] / unit for axis in points)
+            with np.errstate(over="ignore"):
+                r2 = x * x + y * y
+            far = (r2 >= min(reach.values())) & (r2 < FARTHEST**2)
+            if far.all():
+                integral[block] = _from_afar(kernel, P, reach, x, y, r2)
+                continue
+            part, near = integral[block], ~far
+            part[near] = integrate_exactly(kernel, x[near], y[near], h1, h2)
+            if far.any():
+                part[far] = _from_afar(kernel, P, reach, x[far], y[far], r2[far])
+
+    share(work, len(blocks), integral.size)
     return integral.reshape(shape)
 
 

@@ -7,7 +7,7 @@ from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.products import COMPLEX_FOURIER, FOURIER, DiagonalisedProduct
+from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import of_any_matrix
@@ -61,16 +61,17 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     >>> (C @ np.array([3.0, 3.0, 3.0])).round(12)
     array([1., 1., 1.])
     """
-    column = A.lags
+    column, xp = A.lags, A.library.xp
     for axis, n in enumerate(A.grid_shape):
-        # These are the lags 0 ... n // 2, then -(n - 1) // 2 ... -1.
-        index = np.concatenate([np.arange(n // 2 + 1), np.arange(-((n - 1) // 2), 0)])
-        central = np.take(column, index + n - 1, axis=axis)
+
+        def lags(start: int, stop: int, axis: int = axis, n: int = n, a: Any = column) -> Any:
+            return a[(slice(None),) * axis + (slice(n - 1 + start, n - 1 + stop), ...)]
+
+        half = n // 2
+        parts = [lags(0, (n + 1) // 2), lags(-((n - 1) // 2), 0)]
         if n % 2 == 0:  # The lags n/2 and -n/2 have one place: it has their mean.
-            middle = (slice(None),) * axis + (n // 2,)
-            other = np.take(column, n - 1 - n // 2, axis=axis)
-            central[middle] = (central[middle] + other) / 2
-        column = central
+            parts.insert(1, (lags(half, half + 1) + lags(-half, 1 - half)) / 2)
+        column = xp.concat(parts, axis=axis)
     return _definite_inverse(A, _transform(column), "Strang", dtype)
 
 
@@ -138,15 +139,19 @@ def chan_eigenvalues(A: ToeplitzOperator) -> Array:
     They are real where A is Hermitian. Of a real matrix they are those of k ≤ n/2 along the last
     axis.
     """
-    column = A.lags
+    library = A.library
+    column: Any = A.lags
     for axis, n in enumerate(A.grid_shape):
-        k = np.arange(n).reshape((n,) + (1,) * (column.ndim - 1 - axis))
-        # These are the lags k = 0 ... n - 1, and k - n, of which that of k = 0 has no weight.
-        positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=axis)
-        negative = np.take(column, np.arange(n) - 1, axis=axis)
-        column = ((n - k) * positive + k * negative) / n
+        w = (1.0 - np.arange(n) / n).reshape((n,) + (1,) * (column.ndim - 1 - axis))
+        w = library.from_numpy(w)
+        before = (slice(None),) * axis
+        positive = column[(*before, slice(n - 1, None), ...)]
+        # The lag k - n of k = 0 is none of A, and has no weight.
+        none = positive[(*before, slice(n - 1, None), ...)]
+        negative = library.xp.concat([none, column[(*before, slice(n - 1), ...)]], axis=axis)
+        column = w * positive + (1.0 - w) * negative
     eigenvalues = _transform(column)
-    return eigenvalues.real if A.is_hermitian else eigenvalues
+    return library.real(eigenvalues) if A.is_hermitian else eigenvalues
 
 
 def smooth_eigenvalues(A: ToeplitzOperator) -> Array:
@@ -187,7 +192,7 @@ def _definite_inverse(
     """Invert a circulant that is to be positive definite where A is Hermitian."""
     dtype = precision(A, dtype)
     if A.is_hermitian:
-        eigenvalues = eigenvalues.real
+        eigenvalues = A.library.real(eigenvalues)
         other = name_robust(A.grid_shape) if name == "Strang" else LAST_RESORT
         require_positive(eigenvalues, dtype, f"{name}'s circulant has the eigenvalue", other)
     return _inverse(A, eigenvalues, name, dtype)
@@ -199,14 +204,15 @@ def _inverse(
     """Invert the circulant with these eigenvalues, which stands for A."""
     subject = f"{name}'s circulant has the eigenvalue"
     require_nonzero(eigenvalues, dtype, subject, "gmres without M")
-    transforms = COMPLEX_FOURIER if dtype.kind == "c" else FOURIER
-    shape = A.grid_shape
-    product = DiagonalisedProduct(1.0 / eigenvalues, shape, shape, dtype, transforms)
+    shape, library = A.grid_shape, A.library
+    transforms = library.complex_fourier if dtype.kind == "c" else library.fourier
+    product = library.diagonalise(1.0 / eigenvalues, shape, shape, dtype, transforms)
     return DiagonalisedOperator(product, f"inverse of {name}'s circulant")
 
 
 def _transform(column: Array) -> Array:
     """Return the eigenvalues of the circulant with this first column."""
     count_transforms(1, *column.shape)
-    transforms = COMPLEX_FOURIER if column.dtype.kind == "c" else FOURIER
-    return transforms.forward(column.astype(np.result_type(column, np.float64), copy=False))
+    dtype = (library := library_of(column)).dtype(column)
+    transforms = library.complex_fourier if dtype.kind == "c" else library.fourier
+    return transforms.forward(library.cast(column, np.result_type(dtype, np.float64)))

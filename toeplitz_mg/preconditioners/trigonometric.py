@@ -8,7 +8,8 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.engine.products import COSINE, SINE, DiagonalisedProduct, Transforms
+from toeplitz_mg.engine.library import library_of
+from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import componentwise, restricted
 from toeplitz_mg.preconditioners.positivity import (
@@ -121,14 +122,14 @@ def cosine_inverse(
     A: ToeplitzOperator, samples: Array, dtype: DTypeLike | None = None
 ) -> DiagonalisedOperator:
     """Return `cosine_preconditioner` for samples of the symbol at θ = πk/n, k = 0 … n."""
-    return _invert_samples(A, samples, COSINE, 0, dtype)
+    return _invert_samples(A, samples, ("cosine", "sine"), 0, dtype)
 
 
 def sine_inverse(
     A: ToeplitzOperator, samples: Array, dtype: DTypeLike | None = None
 ) -> DiagonalisedOperator:
     """Return `sine_preconditioner` for samples of the symbol at θ = πk/n, k = 0 … n."""
-    return _invert_samples(A, samples, SINE, 1, dtype)
+    return _invert_samples(A, samples, ("sine", "cosine"), 1, dtype)
 
 
 def _sample_symbol(A: ToeplitzOperator) -> Array:
@@ -138,12 +139,13 @@ def _sample_symbol(A: ToeplitzOperator) -> Array:
 def _invert_samples(
     A: ToeplitzOperator,
     samples: Array,
-    transforms: Transforms,
+    names: tuple[str, str],
     first: int,
     dtype: DTypeLike | None,
 ) -> DiagonalisedOperator:
     dtype = precision(A, dtype)
-    name, other = ("cosine", "sine") if transforms is COSINE else ("sine", "cosine")
+    (name, other), library = names, A.library
+    transforms = library.sine if first else library.cosine
     shape = tuple(m - 1 for m in samples.shape)
     eigenvalues = _take_eigenvalues(samples, first, dtype)
     if not is_positive(eigenvalues, dtype):
@@ -152,16 +154,25 @@ def _invert_samples(
             advice = f"{other}_preconditioner(A), or {advice}"
         subject = f"the symbol of A, which the {name} preconditioner samples, has the value"
         require_positive(eigenvalues, dtype, subject, advice)
-    product = DiagonalisedProduct(1.0 / eigenvalues, shape, A.grid_shape, dtype, transforms)
+    product = library.diagonalise(1.0 / eigenvalues, shape, A.grid_shape, dtype, transforms)
     return DiagonalisedOperator(product, f"{name} transform")
 
 
 def _take_eigenvalues(samples: Array, first: int, dtype: np.dtype[Any]) -> Array:
     """Return the n samples from k = `first` on, along each axis."""
-    samples = samples[tuple(slice(first, first + m - 1) for m in samples.shape)]
-    error = rounding(samples, dtype)
-    # A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
-    # the lowest are as good as that rounding.
-    if samples.min() > -error and np.count_nonzero(samples < 25.0 * error) > 1:
-        samples = np.maximum(samples, 1.01 * error)
+    return lift_lowest(samples[tuple(slice(first, first + m - 1) for m in samples.shape)], dtype)
+
+
+def lift_lowest(samples: Array, dtype: np.dtype[Any], vectors: Vectors | None = None) -> Array:
+    """Lift samples that are lost in rounding to what that is, unless one of them is negative.
+
+    A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
+    the lowest are as good as that rounding.
+    """
+    library = library_of(samples)
+    vectors = vectors or library.vectors
+    low, high = vectors.min(samples), vectors.max(samples)
+    error = rounding(np.array([low, high]), dtype)
+    if low > -error and vectors.count(samples < 25.0 * error) > 1:
+        samples = library.xp.maximum(samples, 1.01 * error)
     return samples

@@ -32,7 +32,7 @@ from toeplitz_mg.slabs.operators import (
 )
 from toeplitz_mg.slabs.slab import Slab
 
-Blocks = Sequence[Sequence[ToeplitzOperator | None]]
+Blocks = Sequence[Sequence[Any]]  # Of ToeplitzOperator or None.
 
 REPEATED = 1 / 64  # Most cells of a level that all ranks have, together, over those of the grid.
 
@@ -127,31 +127,34 @@ def fsai_preconditioner(
     _require_symmetric(full, blocks)
     mask = np.ones(full.grid_shape, bool) if A is full else A.mask
     joint = None if options.neighbours else _joint(blocks, mask)
-    parts = [joint] if joint else _alone(blocks, mask.reshape(len(blocks), -1), options)
+    parts = [(joint, options)] if joint else _alone(blocks, mask.reshape(len(blocks), -1), options)
     with slab.agree():
-        for kernel in (part.stencil.kernel for part in parts):
+        for kernel in (part.stencil.kernel for part, _ in parts):
             for a in range(len(kernel)):
                 require_range(abs(float(kernel[a, a, 0, 0])), precision)
     most = REPEATED * prod(slab.shape) / slab.comm.size
-    levels = [build_on_slab(part, precision, _options(part, options), most) for part in parts]
-    counts = [int(np.count_nonzero(part.c)) for part in parts]
+    levels = [build_on_slab(*part, precision, most) for part in parts]
+    counts = [int(np.count_nonzero(part.c)) for part, _ in parts]
     return SlabSparseInverse(levels, counts, slab, precision, full.grid_shape)
 
 
 def _require_symmetric(full: SlabOperator, blocks: Blocks) -> None:
     """Raise ValueError where a matrix is not symmetric, or a component not along each axis."""
     if sum(n > 1 for n in full.slab.shape) > 2:
-        raise ValueError(f"A is {full!r}, but must have one axis or two: use fft_preconditioner(A)")
+        raise ValueError(
+            f"A lives on the grid {full.slab.shape}, but must have one axis or two: use "
+            "fft_preconditioner(A)"
+        )
     for i, row in enumerate(blocks):
         if row[i] is None:
             raise ValueError(f"the block of component {i} on itself is zero")
         if not row[i].is_even:
-            raise ValueError(f"A is {row[i]!r}, but must be symmetric along each axis")
+            raise ValueError(f"the block ({i}, {i}) of A is not symmetric along each axis")
         for j in range(i):
             if not _is_transpose(row[j], blocks[j][i]):
                 raise ValueError(
-                    f"A is {full!r}, but must be symmetric: its blocks ({i}, {j}) and ({j}, {i}) "
-                    "are not each other's transpose"
+                    f"A is not symmetric: its blocks ({i}, {j}) and ({j}, {i}) are not each "
+                    "other's transpose"
                 )
 
 
@@ -207,11 +210,11 @@ def _joint(blocks: Blocks, mask: Array) -> SlabMatrix | None:
     return SlabMatrix(slab, slab.starts, stencil, kernel, mask)
 
 
-def _alone(blocks: Blocks, mask: Array, options: Options) -> list[SlabMatrix]:
-    """Return the matrix of each component that has unknowns, by itself."""
+def _alone(blocks: Blocks, mask: Array, options: Options) -> list[tuple[SlabMatrix, Options]]:
+    """Return the matrix of each component that has unknowns, by itself, and its options."""
     matrices = []
     for i, row in enumerate(blocks):
-        A, own = row[i], mask[i]
+        A, own, some = row[i], mask[i], options
         slab, (starts, shape) = A.slab, _rows(A.slab)
         if not (unknowns := slab.vectors.count(own)):
             continue
@@ -220,18 +223,14 @@ def _alone(blocks: Blocks, mask: Array, options: Options) -> list[SlabMatrix]:
         is_line = 1 in (starts[-1], shape[1])
         with slab.agree() as same:
             if is_line and unknowns == starts[-1] * shape[1]:
+                # This is what the serial one of a whole line is, whose rows are all alike.
                 stencil = Stencil(near, AGGREGATE - 1, AGGREGATE - 1)
+                some = replace(options, direct=options.direct_on_line)
             elif options.neighbours or unknowns <= options.direct:
                 stencil = Stencil(near, options.neighbours or NEIGHBOURS)
             else:
                 trial = near[0, 0].reshape(1, -1) if is_line else near[0, 0]
                 stencil = Stencil(near, select_stencil(trial).neighbours)
             same["how many neighbours are enough"] = stencil.neighbours
-        matrices.append(SlabMatrix(slab, starts, stencil, kernel, own.reshape(1, *shape)))
+        matrices.append((SlabMatrix(slab, starts, stencil, kernel, own.reshape(1, *shape)), some))
     return matrices
-
-
-def _options(matrix: SlabMatrix, options: Options) -> Options:
-    """Return the options of one matrix: those of a whole line are others."""
-    is_whole_line = matrix.stencil.coarse_neighbours == AGGREGATE - 1
-    return replace(options, direct=options.direct_on_line) if is_whole_line else options

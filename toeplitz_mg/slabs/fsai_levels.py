@@ -176,16 +176,16 @@ class CommonLevel:
 
 
 def build_on_slab(
-    matrix: SlabMatrix, dtype: np.dtype[Any], options: Options, most: float
+    matrix: SlabMatrix, options: Options, dtype: np.dtype[Any], most: float
 ) -> SlabLevel | CommonLevel:
     """Build a level and those below it.
 
     Parameters
     ----------
     matrix : SlabMatrix
+    options : Options
     dtype : dtype
         The precision in which it is applied.
-    options : Options
     most : float
         The number of cells up to which all ranks have a level.
     """
@@ -221,7 +221,7 @@ def build_on_slab(
     windows = tuple(Windows(slab, end[starts], end[first], end[cuts[1:]]) for end in ends)
     coarser = replace(coarser, stencil=replace(coarser.stencil, part=None), c=c, d=e)
     del seen, own, E, c, e
-    return SlabLevel(windows, Level(G, W, build_on_slab(coarser, dtype, options, most)))
+    return SlabLevel(windows, Level(G, W, build_on_slab(coarser, options, dtype, most)))
 
 
 def _coarsen(matrix: SlabMatrix, stencil: Stencil, cuts: Array) -> SlabMatrix:

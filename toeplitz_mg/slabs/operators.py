@@ -8,7 +8,7 @@ There is no multigrid on slabs: a cycle moves six times the bytes of an iteratio
 gradients with `fsai_preconditioner`, and takes more of them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import prod
 from typing import Any
 
@@ -18,14 +18,16 @@ from scipy import fft
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import embedding_lengths
+from toeplitz_mg.engine.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.multilevel import NARROW, MultilevelProduct
 from toeplitz_mg.engine.products import cast_numbers
 from toeplitz_mg.engine.transforms import phase_factors
 from toeplitz_mg.engine.work import count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.coefficients import check_finite, check_precision, require_digits
 from toeplitz_mg.operators.masked import check_booleans
-from toeplitz_mg.slabs.slab import Slab
+from toeplitz_mg.slabs.slab import Slab, Turn
 from toeplitz_mg.values import refuse_masked
 
 TURN_BYTES = 2**23  # Bytes of the columns that a rank has at a time.
@@ -49,9 +51,17 @@ class SlabOperator:
     """
 
     def __init__(
-        self, slab: Slab, dtype: DTypeLike, grid_shape: tuple[int, ...], size: int | None = None
+        self,
+        slab: Slab,
+        dtype: DTypeLike,
+        grid_shape: tuple[int, ...],
+        size: int | None = None,
+        library: Library = NUMPY,
     ) -> None:
-        self.slab, self.vectors = slab, slab.vectors
+        self.slab, self.library = slab, library
+        self.vectors: Any = slab.vectors
+        if library is not NUMPY:
+            self.vectors = library.vectors_of(slab.gather)
         self.dtype, self.grid_shape = np.dtype(dtype), grid_shape
         self.shape = (prod(grid_shape) if size is None else size,) * 2
 
@@ -66,24 +76,22 @@ class SlabOperator:
             Where the result is written. It may be `X`.
         """
         if out is None:
-            out = np.empty(X.shape, np.result_type(X, self.dtype))
-        rows = (prod(X.shape[:-1]), X.shape[-1])
-        for x, y in zip(X.reshape(rows), out.reshape(rows), strict=True):
-            self.multiply(x, y)
-        return out
+            out = self.library.allocate(X, self.dtype)
+        return self.library.each(self.multiply, X, out)
 
-    def multiply(self, x: Array, y: Array) -> None:
-        """Multiply a vector into another, which may be the same."""
+    def multiply(self, x: Array, y: Array) -> Any:
+        """Multiply a vector into another, which may be the same; return it, if that cannot be."""
         raise NotImplementedError
 
     def __matmul__(self, x: ArrayLike) -> Array:
         with self.slab.agree() as same:
-            vector = refuse_masked("x", x)
-            if vector.dtype.kind not in "buif":
+            vector = self.library.read("x", x)
+            dtype = self.library.dtype(vector)
+            if dtype.kind not in "buif":
                 raise TypeError(f"x has dtype {vector.dtype}, but must be of real numbers")
             if vector.shape != self.shape[:1]:
                 raise ValueError(f"x has shape {vector.shape}, but A has {self.shape}")
-            same["the dtype of x"] = vector.dtype
+            same["the dtype of x"] = dtype
         return self.apply(vector)
 
 
@@ -94,6 +102,8 @@ class ToeplitzOperator(SlabOperator):
     ----------
     c : array_like of shape ``slab.local``
         This rank's rows of the first column: the coefficients of the lags that are not negative.
+        Of an array of CuPy, torch or JAX the transforms are those of that library, on the device
+        where it is.
     slab : Slab
     parity : tuple of {1, -1}, optional
         Whether the coefficients are even (1) or odd (-1) in each axis, as those of A_xy are odd in
@@ -126,7 +136,7 @@ class ToeplitzOperator(SlabOperator):
     >>> slab, element = slabs.Slab(MPI.COMM_WORLD, (32, 16)), (0.25, 0.5)
     >>> x, y = slab.lags(element)
     >>> A = slabs.ToeplitzOperator(halfspace.influence_zz(x, y, element, G=1.0, nu=0.28), slab)
-    >>> pressure, info = cg(A, np.ones(A.shape[0]), rtol=1e-8)
+    >>> pressure, info = cg(A, np.ones(A.shape[0]), M=slabs.sine_preconditioner(A))
     >>> info
     0
     """
@@ -144,7 +154,9 @@ class ToeplitzOperator(SlabOperator):
         with slab.agree() as same:
             if len(slab.shape) == 1:
                 raise ValueError(f"the grid is {slab.shape}, but must have two axes or more")
-            self.c = _check_rows("c", c, slab)
+            library = library_of(c)
+            self.c = _check_rows("c", library.to_numpy(library.read("c", c)), slab)
+            same["the library of c"] = library.name
             self.behind = None if behind is None else _check_rows("behind", behind, slab)
             _check_parity(self.c, parity, slab)
             same["the dtype of c"], same["parity"] = self.c.dtype, parity
@@ -154,11 +166,21 @@ class ToeplitzOperator(SlabOperator):
             total = slab.vectors.sum(sizes) * 2.0 ** len(slab.shape)
         largest = slab.vectors.max(sizes)
         require_digits("c", self.c.dtype, tuple(2 * n - 1 for n in slab.shape), total, largest)
-        super().__init__(slab, self.c.dtype, slab.local)
+        super().__init__(slab, self.c.dtype, slab.local, library=library)
         self.parity = parity
         self.is_even = set(parity) == {1} and behind is None
         self.is_symmetric = prod(parity) == 1 and behind is None
         self.product = product or SlabProduct(slab, [[_spectrum(self)]], self.dtype)
+        self._multiply = self.product.multiply
+        if library is not NUMPY:
+            from toeplitz_mg.slabs.arrays import PlainSlabProduct  # This needs array-api-compat.
+
+            self._multiply = PlainSlabProduct(library, slab, self.product).multiply
+
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: that of the matrix in which the products embed this one."""
+        return self.product.norm_bound
 
     def astype(self, dtype: DTypeLike) -> "ToeplitzOperator":
         """Return the matrix in another precision, or itself where it has that one."""
@@ -166,20 +188,20 @@ class ToeplitzOperator(SlabOperator):
         if self.dtype == dtype:
             return self
         return ToeplitzOperator(
-            self.c.astype(dtype),
+            self.library.from_numpy(self.c.astype(dtype)),
             self.slab,
             parity=self.parity,
             behind=None if self.behind is None else self.behind.astype(dtype),
             product=self.product.astype(dtype) if dtype.itemsize < self.dtype.itemsize else None,
         )
 
-    def multiply(self, x: Array, y: Array) -> None:
-        """Multiply a vector into another, which may be the same."""
-        self.product.multiply(x, y)
+    def multiply(self, x: Array, y: Array) -> Any:
+        """Multiply a vector into another, which may be the same; return it, if that cannot be."""
+        return self._multiply(x, y)
 
     def __repr__(self) -> str:
         kind = "symmetric" if self.is_symmetric else "general"
-        return f"<ToeplitzOperator on {self.slab!r}, {kind}, {self.dtype}>"
+        return f"<ToeplitzOperator {self.slab.name}, {kind}, {self.dtype}>"
 
 
 class CoupledOperator(SlabOperator):
@@ -217,6 +239,8 @@ class CoupledOperator(SlabOperator):
                 f"blocks is {blocks!r}, but must have rows of ToeplitzOperator of "
                 "toeplitz_mg.slabs, or None, as [[xx, xy], [xy, yy]]"
             )
+        for block in given:
+            require_numpy(block, "a CoupledOperator on slabs")
         slab, components = given[0].slab, len(self.blocks)
         with slab.agree() as same:
             same["which blocks there are"] = [[b is not None for b in row] for row in self.blocks]
@@ -232,6 +256,11 @@ class CoupledOperator(SlabOperator):
         spectra = [[block and block.product.spectrum for block in row] for row in self.blocks]
         self.product = SlabProduct(slab, spectra, self.dtype)
 
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: that of the matrix in which the products embed this one."""
+        return self.product.norm_bound
+
     def astype(self, dtype: DTypeLike) -> "CoupledOperator":
         """Return the matrix in another precision, or itself where it has that one."""
         dtype = check_precision(dtype, self.dtype)
@@ -246,7 +275,7 @@ class CoupledOperator(SlabOperator):
         self.product.multiply(x, y)
 
     def __repr__(self) -> str:
-        return f"<CoupledOperator of {len(self.blocks)} components on {self.slab!r}, {self.dtype}>"
+        return f"<CoupledOperator of {len(self.blocks)} components {self.slab.name}, {self.dtype}>"
 
 
 class MaskedOperator(SlabOperator):
@@ -283,6 +312,7 @@ class MaskedOperator(SlabOperator):
                 f"A is a {type(A).__name__}, but must be an operator of toeplitz_mg.slabs on a "
                 "whole grid"
             )
+        require_numpy(A, "a mask on slabs")
         with A.slab.agree():
             self.mask = check_booleans(mask, A.grid_shape, isinstance(A, CoupledOperator))
         if not A.vectors.count(self.mask):
@@ -305,7 +335,7 @@ class MaskedOperator(SlabOperator):
         y[...] = grid[self._index]
 
     def __repr__(self) -> str:
-        return f"<MaskedOperator {self.shape[0]} of {self.mask.size} points of {self.full!r}>"
+        return f"<MaskedOperator of {self.full!r}>"  # The same on all ranks, for errors.
 
 
 class SlabProduct:
@@ -338,6 +368,26 @@ class SlabProduct:
         assert self._passes.spectrum is not None
         return self._passes.spectrum[0][0]
 
+    @property
+    def spectra(self) -> Any:
+        """The eigenvalues of all pairs."""
+        return self._passes.spectrum
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """The precision of the products."""
+        return self._passes.dtype
+
+    @property
+    def points(self) -> int:
+        """The points of the transforms, by which the eigenvalues are divided."""
+        return prod(self._passes.lengths)
+
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm, which is the largest of those of the frequencies of a rank."""
+        return max(self.slab.gather(self._passes.norm_bound))
+
     def astype(self, dtype: DTypeLike) -> "SlabProduct":
         """Return the multiplication in another precision; no transform is made."""
         return SlabProduct(self.slab, self._passes.spectrum, dtype)
@@ -350,7 +400,7 @@ class SlabProduct:
         Z = passes.rows_in(x.reshape(x.size // n, n))
         parts = Z.reshape(self._components, *slab.local[:-1], Z.shape[-1])
         first = 0
-        for turn in _turns(slab, passes.lengths, self._components * Z.itemsize):
+        for turn in turns_of(slab, passes.lengths, self._components * Z.itemsize):
             width = turn[slab.comm.rank][1] - turn[slab.comm.rank][0]
             C = workspace((self._components, *slab.shape[:-1], width), Z.dtype)
             for part, columns in zip(parts, C, strict=True):
@@ -362,7 +412,7 @@ class SlabProduct:
         passes.rows_out(Z, y.reshape(y.size // n, n))
 
 
-def _turns(slab: Slab, lengths: tuple[int, ...], number: int) -> Any:
+def turns_of(slab: Slab, lengths: tuple[int, ...], number: int) -> Iterator[Turn]:
     """Return turns of columns, each number of which has so many bytes."""
     return slab.turns(lengths[-1], max(NARROW, TURN_BYTES // (number * prod(lengths[:-1]))))
 
@@ -378,7 +428,7 @@ def _spectrum(A: ToeplitzOperator) -> Array:
     kind = np.float64 if A.is_symmetric else np.complex128
     spectrum = np.empty((*lengths[:-1], own.stop - own.start), kind)
     sign = 1 if A.behind is not None else A.parity[0]
-    for turn in _turns(slab, lengths, np.dtype(np.complex128).itemsize):
+    for turn in turns_of(slab, lengths, np.dtype(np.complex128).itemsize):
         columns = [slab.to_columns(half, turn) for half in halves]
         S = _embed(columns[0], sign * columns[-1], 0, lengths[0])
         S = fft.fft(S, axis=0, overwrite_x=True)

@@ -9,14 +9,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from math import inf, prod
+from os import PathLike
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.halfspace.points import check_element
+from toeplitz_mg.slabs.files import save_rows
 from toeplitz_mg.values import count
 
 UNITS = (64, 16, 4, 1)  # Rows that may stay together: the cells of FSAI grow fourfold a level.
@@ -106,10 +109,18 @@ class Slab:
         height : int
             A divisor of `unit`, so that no row is made of those of two ranks.
         """
-        coarse = Slab.__new__(Slab)
-        coarse.comm = self.comm
-        coarse._set(shape, self.unit // height, -(-self.starts // height))
-        return coarse
+        return self._alike(shape, self.unit // height, -(-self.starts // height))
+
+    def longer(self, length: int) -> "Slab":
+        """Return the slab of a grid of so many rows in all: the last rank has the new ones."""
+        starts = np.append(self.starts[:-1], length)
+        return self._alike((length, *self.shape[1:]), 1, starts)
+
+    def _alike(self, shape: tuple[int, ...], unit: int, starts: Array) -> "Slab":
+        slab = Slab.__new__(Slab)
+        slab.comm = self.comm
+        slab._set(shape, unit, starts)
+        return slab
 
     def lags(self, element: tuple[float, float]) -> tuple[Array, Array]:
         """Return the points of the first column for this rank's rows (see `halfspace.offsets`).
@@ -133,6 +144,33 @@ class Slab:
     def sum(self, x: Array) -> float:
         """Return the sum of a field of which each rank has its part: the same on all ranks."""
         return self.vectors.sum(np.asarray(x))
+
+    def save(self, path: str | PathLike[str], x: ArrayLike) -> None:
+        """Write a field to a ``.npy`` file, each rank its rows, on a disk that all of them see.
+
+        It is written beside what is there, and replaces it when all ranks have written theirs: the
+        file is whole, or as it was.
+
+        Parameters
+        ----------
+        path : str or PathLike
+            The same on all ranks; a link stays a link. An old file is replaced, and its rights are
+            kept.
+        x : array_like of shape ``slab.local``, or (components, ...) of that
+            Of numbers.
+
+        Raises
+        ------
+        OSError
+            On all ranks, where one could not write.
+        TypeError, ValueError
+            On all ranks, where `x` is not of numbers, or not on this rank's rows.
+
+        See Also
+        --------
+        numpy.load : reads it; ``np.load(path, mmap_mode="r")[slab.rows]`` this rank's rows alone.
+        """
+        save_rows(self, path, x)
 
     @contextmanager
     def agree(self) -> Iterator[dict[str, Any]]:
@@ -251,7 +289,8 @@ class Slab:
         sent = workspace((sum(sizes),), Z.dtype)
         for part, (a, b) in self._pieces(sent, turn, Z):
             part[...] = Z[..., a:b]
-        self.comm.Alltoallv([sent, sizes], [out, self._sizes_of_rows(out)])
+        out[self.rows] = Z[..., slice(*own)]
+        self.comm.Alltoallv([sent, sizes], [out, self._places_of_rows(out)])
         return out
 
     def to_rows(self, C: Array, out: Array, turn: Turn | None = None) -> Array:
@@ -272,23 +311,52 @@ class Slab:
         turn = turn or next(self.turns(out.shape[-1], out.shape[-1]))
         sizes = self._sizes(turn, out)
         got = workspace((sum(sizes),), out.dtype)
-        self.comm.Alltoallv([np.ascontiguousarray(C), self._sizes_of_rows(C)], [got, sizes])
+        self.comm.Alltoallv([np.ascontiguousarray(C), self._places_of_rows(C)], [got, sizes])
         for part, (a, b) in self._pieces(got, turn, out):
             out[..., a:b] = part
+        out[..., slice(*turn[self.comm.rank])] = C[self.rows]
         return out
 
-    def _sizes(self, turn: Turn, Z: Array) -> list[int]:
-        return [prod(Z.shape[:-1]) * (b - a) for a, b in turn]
+    def exchange_columns(self, Z: Any, library: Any) -> Any:
+        """Return all rows of this rank's columns, as `to_columns`, of any library's array."""
+        (turn,) = self.turns(Z.shape[-1], Z.shape[-1])
+        xp, (a, b) = library.xp, turn[self.comm.rank]
+        sent = xp.concat([xp.reshape(Z[..., a:b], (-1,)) for a, b in turn])
+        shape = (self.shape[0], *Z.shape[1:-1], b - a)
+        rows = [int(rows) * prod(shape[1:]) for rows in np.diff(self.starts)]
+        return xp.reshape(library.exchange(self.comm, sent, self._sizes(turn, Z), rows), shape)
 
-    def _sizes_of_rows(self, C: Array) -> list[int]:
-        return [int(rows) * prod(C.shape[1:]) for rows in np.diff(self.starts)]
+    def exchange_rows(self, C: Any, n: int, library: Any) -> Any:
+        """Return all n columns of this rank's rows, as `to_rows`, of any library's array."""
+        (turn,) = self.turns(n, n)
+        xp, shape = library.xp, (self.local[0], *C.shape[1:-1])
+        sizes = [prod(shape) * (b - a) for a, b in turn]
+        sent = xp.reshape(C, (-1,))
+        got = library.exchange(self.comm, sent, self._sizes_of_rows(C), sizes)
+        ends = [sum(sizes[:k]) for k in range(len(sizes) + 1)]
+        parts = [xp.reshape(got[i:j], (*shape, -1)) for i, j in pairwise(ends) if j > i]
+        return xp.concat(parts, axis=-1)
+
+    def _sizes(self, turn: Turn, Z: Array) -> list[int]:
+        """Return what goes to each rank; 0 to this one, whose own is copied once, here."""
+        sizes = [prod(Z.shape[:-1]) * (b - a) for a, b in turn]
+        sizes[self.comm.rank] = 0
+        return sizes
+
+    def _places_of_rows(self, C: Array) -> tuple[list[int], list[int]]:
+        """Return how many numbers each rank has of C, 0 of this one, and where they begin."""
+        places = self.starts * prod(C.shape[1:])
+        sizes = np.diff(places).tolist()
+        sizes[self.comm.rank] = 0
+        return sizes, places[:-1].tolist()
 
     def _pieces(self, flat: Array, turn: Turn, Z: Array) -> Iterator[tuple[Array, tuple[int, int]]]:
-        """Yield each rank's piece of a message, as an array, and the columns of it."""
+        """Yield each other rank's piece of a message, as an array, and the columns of it."""
         end = 0
         for size, (a, b) in zip(self._sizes(turn, Z), turn, strict=True):
             start, end = end, end + size
-            yield flat[start:end].reshape(*Z.shape[:-1], b - a), (a, b)
+            if size:
+                yield flat[start:end].reshape(*Z.shape[:-1], b - a), (a, b)
 
     def shift(self, x: Array, count: int, step: int) -> Array:
         """Send rows to a neighbour, and return those that the other neighbour sends.
@@ -318,6 +386,11 @@ class Slab:
         """
         above = self.shift(x[len(x) - count :], count if self.comm.rank else 0, 1)
         return np.concatenate([above, x])
+
+    @property
+    def name(self) -> str:
+        """The grid and the ranks: the same words on all ranks."""
+        return f"{' x '.join(map(str, self.shape))} on {self.comm.size} ranks"
 
     def __repr__(self) -> str:
         start, stop = self.rows.start, self.rows.stop

@@ -53,6 +53,8 @@ def check_system(
         return _check_alone(A, b, x0, M, rtol, atol, maxiter, residuals)
     with slab.agree() as same:  # The other ranks would wait for one that raises an error alone.
         system = _check_alone(A, b, x0, M, rtol, atol, maxiter, residuals)
+        if system.dtype.kind == "c":
+            raise TypeError(f"A and b give the dtype {system.dtype}, but on slabs all is real")
         same["rtol, atol, maxiter"] = rtol, atol, maxiter
         same["the dtype of A, M, b and x0"] = system.dtype
         same["whether there is a preconditioner"] = M is not None

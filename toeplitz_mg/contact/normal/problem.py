@@ -7,7 +7,6 @@ The pressures p and the gap w = A p + z - δ (Eq. 6-7) are complementary:
 The elements in contact are found by `active_set`, from a first guess on coarser grids.
 """
 
-from math import prod
 from typing import Any
 
 import numpy as np
@@ -106,9 +105,7 @@ def normal_contact(
     """
     z = field("gap", gap)
     grid = Grid.of(z.shape, element, material, reference)
-    load = check_load(z, approach, force)
-    check_iteration(tolerance, max_products, progress)
-    result = press(grid, z, approach, load, tolerance, nested, max_products, progress)
+    result = press(grid, z, approach, force, tolerance, nested, max_products, progress)
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
 
@@ -123,7 +120,12 @@ def press(
     max_products: int,
     progress: Progress | None,
 ) -> ContactResult:
-    """Return what `normal_contact` finds for arguments that are checked, converged or not."""
+    """Return what `normal_contact` finds for the gap `z`, converged or not."""
+    with grid.agree() as same:
+        force = check_load(z, approach, force)
+        check_iteration(tolerance, max_products, progress)
+        same["approach"], same["force"], same["nested"] = approach, force, bool(nested)
+        same["tolerance"], same["max_products"] = tolerance, max_products
     # A large distance would bury the interference in its rounding.
     distance = grid.vectors.min(z)
     z = z - distance
@@ -138,7 +140,7 @@ def press(
         products = Products(search.matrix, max_products)
         state = search.run(products, nested=nested)
         state = state._replace(p=state.p / search.unit)
-    return _result(grid, z, state, products.count, work.units(prod(grid.shape)), distance)
+    return _result(grid, z, state, products.count, work.units(z.size), distance)
 
 
 def _result(

@@ -1,5 +1,6 @@
 """Friction: tangential tractions of two half-spaces in contact that are shifted (Eq. 1-3)."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -111,19 +112,41 @@ def friction(
     """
     g = check_bound(bound)
     grid = Grid.of(g.shape, element, material, reference)
-    check_iteration(tolerance, max_products, progress)
-    if (shift is None) == (force is None):
-        raise ValueError(
-            f"shift is {shift!r} and force is {force!r}, but one of the two must be given"
-        )
-    b = np.zeros((grid.components, *grid.shape))
-    before = b if previous is None else check_previous(previous, grid)
-    total = None
-    if shift is None:
-        total = check_force(force, g, grid)
-    else:
-        b = b + check_shift(shift, b.shape)
-    window = Window.around(grid, (g > 0.0) | before.any(axis=0))
+    result = shift_bodies(
+        grid, g, Window.around, shift, force, previous, tolerance, nested, max_products, progress
+    )
+    doubts.warn(check_converged(result, tolerance).warnings)
+    return result
+
+
+def shift_bodies(
+    grid: Grid,
+    g: Array,
+    window_around: Callable[[Any, Array], Any],
+    shift: ArrayLike | None,
+    force: ArrayLike | None,
+    previous: ContactResult | None,
+    tolerance: float,
+    nested: bool,
+    max_products: int,
+    progress: Progress | None,
+) -> ContactResult:
+    """Return what `friction` finds for the traction bound `g`, converged or not."""
+    b = np.zeros((grid.components, *g.shape))
+    with grid.agree() as same:
+        check_iteration(tolerance, max_products, progress)
+        if (shift is None) == (force is None):
+            raise ValueError(
+                f"shift is {shift!r} and force is {force!r}, but one of the two must be given"
+            )
+        before = b if previous is None else check_previous(previous, grid.element, b.shape)
+        if shift is not None:
+            b = b + check_shift(shift, b.shape)
+        same["force"], same["nested"] = np.array(force).tolist(), bool(nested)
+        same["tolerance"], same["max_products"] = tolerance, max_products
+        same["whether there is a previous contact"] = previous is not None
+    total = None if force is None else check_force(force, grid.vectors.sum(g), grid)
+    window = window_around(grid, (g > 0.0) | before.any(axis=0))
     g, b, before = (window.cut(x) for x in (g, b, before))
     with count_products() as work:
         products = Products(window.grid.tangential(), max_products)
@@ -135,11 +158,10 @@ def friction(
         problem = Problem(window.grid, g, b, total, tolerance, least, progress)
         state = solve(problem, products, guess, nested=nested)
     result = make_result(problem, state, window, products.count, work.units(b.size))
-    if shift is not None:
-        given = np.array(shift, dtype=np.float64)
-        result = replace(result, rigid=float(given) if given.ndim == 0 else given)
-    doubts.warn(check_converged(result, tolerance).warnings)
-    return result
+    if shift is None:
+        return result
+    given = np.array(shift, dtype=np.float64)
+    return replace(result, rigid=float(given) if given.ndim == 0 else given)
 
 
 def make_result(

@@ -10,7 +10,7 @@ matrix, though not symmetric: the steady state is found directly, without marchi
 are those of `friction`, and GMRES takes the place of conjugate gradients.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -28,7 +28,6 @@ from toeplitz_mg.contact.tangential.friction import make_result
 from toeplitz_mg.contact.tangential.steady import (
     SteadyOptions,
     find_steady_state,
-    subtract_operators,
 )
 from toeplitz_mg.contact.tangential.stick_slip import Problem, solve
 from toeplitz_mg.contact.tangential.window import Window
@@ -112,13 +111,38 @@ def rolling(
     >>> bool(abs(rolled.force / (mu * p.sum() * 0.05) - (1 - 0.6**2)) < 0.01)
     True
     """
-    grid, g, w = _rigid_slip(bound, element, material, longitudinal, lateral, spin)
-    check_iteration(tolerance, max_products, progress)
+    g = check_bound(bound)
+    grid = Grid.of(g.shape, element, material, None)
+    creepages = longitudinal, lateral, spin
+    result = roll(
+        grid, g, Window.around, creepages, tolerance, nested, max_products, progress, options
+    )
+    doubts.warn(check_converged(result, tolerance).warnings)
+    return result
+
+
+def roll(
+    grid: Grid,
+    g: Array,
+    window_around: Callable[[Any, Array], Any],
+    creepages: tuple[float, float, float],
+    tolerance: float,
+    nested: bool,
+    max_products: int,
+    progress: Progress | None,
+    options: SteadyOptions | None,
+) -> ContactResult:
+    """Return what `rolling` finds for the traction bound `g`, converged or not."""
+    with grid.agree() as same:
+        w = _rigid_slip(grid, *creepages)
+        check_iteration(tolerance, max_products, progress)
+        same["the creepages"], same["options"], same["nested"] = creepages, options, bool(nested)
+        same["tolerance"], same["max_products"] = tolerance, max_products
     with count_products() as work:
-        window = Window.around(grid, g > 0.0)
+        window = window_around(grid, g > 0.0)
         g, w, grid = window.cut(g), window.cut(w), window.grid
         A = grid.tangential()
-        products = Products(subtract_operators(A, grid.upstream()), max_products)
+        products = Products(grid.steady(A), max_products)
         problem = Problem(grid, g, -w, None, tolerance, progress=progress)
         state = find_steady_state(
             problem, products, nested=nested, options=options or SteadyOptions()
@@ -126,9 +150,7 @@ def rolling(
         u = np.where(g > 0.0, apply_to_rows(A, state.q.reshape(-1)).reshape(w.shape), 0.0)
     result = make_result(problem, state, window, products.count + 1, work.units(w.size))
     result = replace(result, displacement=window.extend(u).reshape(result.traction.shape))
-    result = _per_distance(result, longitudinal, lateral, spin)
-    doubts.warn(check_converged(result, tolerance).warnings)
-    return result
+    return _per_distance(result, *creepages)
 
 
 def rolling_steps(
@@ -184,11 +206,13 @@ def rolling_steps(
     >>> bool(np.allclose(last.traction, rolling(g, **case).traction, atol=1e-6))
     True
     """
-    grid, g, w = _rigid_slip(bound, element, material, longitudinal, lateral, spin)
+    g = check_bound(bound)
+    grid = Grid.of(g.shape, element, material, None)
+    w = _rigid_slip(grid, longitudinal, lateral, spin)
     check_iteration(tolerance, max_products)
     steps = count("steps", steps)
     about = doubts.examine_bound(grid, g > 0.0)
-    q = np.zeros_like(w) if previous is None else check_previous(previous, grid)
+    q = np.zeros_like(w) if previous is None else check_previous(previous, grid.element, w.shape)
     window = Window.around(grid, (g > 0.0) | q.any(axis=0))
     q, g, w, grid = window.cut(q), window.cut(g), window.cut(w), window.grid
 
@@ -209,27 +233,18 @@ def rolling_steps(
     return march(q)
 
 
-def _rigid_slip(
-    bound: ArrayLike,
-    element: Element,
-    material: Any,
-    longitudinal: float,
-    lateral: float,
-    spin: float,
-) -> tuple[Grid, Array, Array]:
-    """Return the grid, the traction bound and the rigid slip in a step of one element (Eq. 1)."""
-    g = check_bound(bound)
-    grid = Grid.of(g.shape, element, material, None)
+def _rigid_slip(grid: Grid, longitudinal: float, lateral: float, spin: float) -> Array:
+    """Return the rigid slip in a step of one element (Eq. 1)."""
     for name, value in (("longitudinal", longitudinal), ("lateral", lateral), ("spin", spin)):
         in_range(name, abs(finite(name, value)))
         if grid.components == 1 and value and name != "longitudinal":
             raise ValueError(f"{name} is {value}, but line contact has longitudinal creepage only")
-    if grid.components == 1:
-        w = np.full((1, *g.shape), float(longitudinal))
+    x, *y = np.meshgrid(*grid.centres(), indexing="ij")
+    if y:
+        w = np.stack([longitudinal - spin * y[0], lateral + spin * x])
     else:
-        x, y = np.meshgrid(*grid.centres(), indexing="ij")
-        w = np.stack([longitudinal - spin * y, lateral + spin * x])
-    return grid, g, w * grid.element[0]
+        w = np.full((1, *x.shape), float(longitudinal))
+    return w * grid.element[0]
 
 
 def _per_distance(

@@ -12,10 +12,8 @@ there by (1 + λ/k₀)^(-1/2) from both sides.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
@@ -27,15 +25,13 @@ from toeplitz_mg.contact.tangential.stick_slip import (
     Linearisation,
     Problem,
     State,
-    diagonal,
     linearise,
     refine_guess,
     solve,
 )
 from toeplitz_mg.engine.krylov_space import KrylovSpace
 from toeplitz_mg.engine.vectors import Vectors
-from toeplitz_mg.engine.work import count_transforms
-from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator, apply_to_rows
+from toeplitz_mg.operators import apply_to_rows
 
 REDUCTION = 0.01  # Reduction of the residual by one solution where the problem is linearised.
 SINGLE = 1e-5  # Reduction of the residual for which single precision is good.
@@ -61,48 +57,6 @@ class SteadyOptions:
     patience: int = 30
 
 
-def subtract_operators(A: Any, S: Any) -> Any:
-    """Return A - S, of Toeplitz operators or coupled ones; None is zero, as in their blocks."""
-    if S is None:
-        return A
-    if isinstance(S, CoupledOperator):
-        pairs = (zip(*rows, strict=True) for rows in zip(A.blocks, S.blocks, strict=True))
-        return CoupledOperator([[subtract_operators(a, s) for a, s in row] for row in pairs])
-    # On a single row of elements S couples the components, and A does not.
-    return ToeplitzOperator.from_lags(-S.lags if A is None else A.lags - S.lags)
-
-
-def invert_shifted(K: LinearOperator, shift: float) -> LinearOperator:
-    """Return the inverse of K + shift max|symbol|, of a circulant that embeds it, cut to the grid.
-
-    Parameters
-    ----------
-    K : ToeplitzOperator or CoupledOperator
-        The matrix of steady rolling. The components of a coupled one are inverted each by itself.
-    shift : float
-        The shift of the symbol, relative to its largest value.
-
-    Returns
-    -------
-    ToeplitzOperator or CoupledOperator
-    """
-    if not isinstance(K, CoupledOperator):
-        return _invert(K, shift)
-    # The coupling between components is weak: inverted too, it saves no iteration.
-    inverses = [_invert(K.component(i), shift) for i in range(len(K.blocks))]
-    return CoupledOperator(
-        [[M if i == j else None for j in range(len(inverses))] for i, M in enumerate(inverses)]
-    )
-
-
-def _invert(K: ToeplitzOperator, shift: float) -> ToeplitzOperator:
-    lengths = tuple(fft.next_fast_len(2 * n - 1, real=True) for n in K.grid_shape)
-    count_transforms(2, *lengths)
-    symbol = fft.rfftn(K.circulant(lengths))
-    kernel = fft.irfftn(1.0 / (symbol + shift * np.abs(symbol).max()), lengths)
-    return ToeplitzOperator.from_lags(kernel[np.ix_(*(np.arange(1 - n, n) for n in K.grid_shape))])
-
-
 def find_steady_state(
     problem: Problem, K: Products, *, nested: bool, options: SteadyOptions
 ) -> State:
@@ -122,7 +76,7 @@ def find_steady_state(
     q, areas = _first_guess(problem, nested=nested, options=options)
     vectors = problem.vectors
     u = K(q) if vectors.count(q) else np.zeros_like(q)
-    k0 = diagonal(K.A)
+    k0 = problem.grid.diagonal(K.A)
     dtype = np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64
     M, shift = None, 0.0
     best, patience = np.inf, options.patience
@@ -134,7 +88,7 @@ def find_steady_state(
         if problem.progress is not None:
             problem.progress(K.count, law.residual)
         if shift != (shift := _shift(areas, vectors)) or M is None:
-            M = invert_shifted(K.A, shift).astype(dtype)
+            M = problem.grid.invert_shifted(K.A, shift, dtype)
         v, count = _newton_step(problem, law, areas, q, K, M, options)
         iterations.append(count)
         q = q + v
@@ -162,7 +116,7 @@ def _newton_step(
 ) -> tuple[Array, int]:
     """Return a change of the tractions, and the iterations."""
     T, lam, r, vectors = law.T, law.stiffness, law.r, problem.vectors
-    k0 = diagonal(K.A)
+    k0 = problem.grid.diagonal(K.A)
     weight = np.where(areas.slide, 1.0 / np.sqrt(1.0 + lam / k0), 1.0)
     before = vectors.norm(r)
     if before == 0.0:
@@ -210,14 +164,14 @@ def _first_guess(problem: Problem, *, nested: bool, options: SteadyOptions) -> t
     # The rigid slip in a step is in proportion to the step.
     grid = coarse.grid
     coarse = replace(coarse, b=coarse.b * (grid.element[0] / problem.grid.element[0]))
-    K = Products(subtract_operators(grid.tangential(), grid.upstream()), COARSE_PRODUCTS)
+    K = Products(grid.steady(grid.tangential()), COARSE_PRODUCTS)
     return refine_guess(problem, find_steady_state(coarse, K, nested=True, options=options))
 
 
 def _roll_on(problem: Problem, q: Array, K: Products) -> tuple[Array, Areas]:
     """Roll over the length of the grid step by step (Eq. 8): slow, but towards the steady state."""
     A, S = problem.grid.tangential(), problem.grid.upstream()
-    for _ in range(problem.g.shape[0]):
+    for _ in range(problem.grid.shape[0]):
         b = problem.b + apply_to_rows(S, q.reshape(-1)).reshape(q.shape)
         products = Products(A, K.limit - K.count)
         step = replace(

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.contact.active_sets import Iterate, find_sets
@@ -34,7 +33,7 @@ from toeplitz_mg.contact.tangential.coulomb import (
 )
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.vectors import Vectors
-from toeplitz_mg.operators import CoupledOperator, apply_to_rows
+from toeplitz_mg.operators import apply_to_rows
 
 ETA = 1.0  # Misfit that is left on the areas, relative to their violation, while the energy falls.
 COARSE = 3e-3  # Tolerance on a coarser grid: a better guess saves no product on the finer one.
@@ -219,7 +218,7 @@ class Search(NamedTuple):
     ) -> tuple[Array, Array, int]:
         """Return a change of the tractions, that of the displacements, and the iterations."""
         problem, q, slide = self.problem, now.x, now.sets.slide
-        T, lam, r, a0 = law.T, law.stiffness, law.r.copy(), diagonal(A.A)
+        T, lam, r, a0 = law.T, law.stiffness, law.r.copy(), problem.grid.diagonal(A.A)
         v, Av, Ad = (np.zeros_like(q) for _ in range(3))
         # Where elements slide, λ adds to A, and M, so scaled, is too small for what is smooth.
         weight = np.where(slide, 1.0 / np.sqrt(1.0 + lam / a0), 1.0)
@@ -284,9 +283,3 @@ def refine_guess(problem: Problem, coarse: State) -> tuple[Array, Areas]:
     slide &= contact & np.isfinite(g) & (size(q) > 0.0)
     areas = Areas(contact & ~slide, slide)
     return make_admissible(q, g, areas, slide, problem.total, problem.vectors)
-
-
-def diagonal(A: LinearOperator) -> float:
-    """Return the entry on the diagonal, of the first component."""
-    first = A.component(0) if isinstance(A, CoupledOperator) else A
-    return float(first.c.flat[0])

@@ -2,16 +2,22 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_factor
 from scipy.linalg.lapack import dpotrs, spotrs
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import csr_array
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.threads import WORTH_THREADS, share
+from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.preconditioners.fsai.refusals import refusal, require_definite
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
+
+BLOCK = 2**15  # Rows of a block of a sparse matrix: enough of them that threads do not wait.
+WIDE = 1.5  # Columns that all blocks reach, over those that there are, beyond which there is one.
 
 
 @dataclass(frozen=True)
@@ -114,22 +120,114 @@ class Direct:
         out[...] = self(X.T).T
 
 
-@dataclass(frozen=True)
+class Block(NamedTuple):
+    """Some rows of a sparse matrix."""
+
+    rows: slice
+    columns: slice  # Those that its entries reach.
+    own: slice  # Those of them that no other block reaches.
+    matrix: csr_array
+
+
+class Blocks:
+    """A sparse matrix in blocks of rows, which threads share, and which do not depend on these.
+
+    Parameters
+    ----------
+    matrix : csr_array
+        Its arrays are taken over, and changed.
+    """
+
+    def __init__(self, matrix: csr_array) -> None:
+        self.shape, self.nnz = matrix.shape, matrix.nnz
+        n, m = matrix.shape
+        cuts = np.append(np.arange(0, n, BLOCK if n >= WORTH_THREADS else n), n)
+        first, stop = _find_reach(matrix, cuts)
+        if (stop - first).sum() > WIDE * m:
+            # The rows of a component see those of another, so that a block would reach half of all.
+            cuts, first, stop = np.array([0, n]), np.array([0]), np.array([m])
+        begin = np.maximum(first, np.maximum.accumulate(np.append(0, stop[:-1]))).clip(max=stop)
+        end = np.minimum.accumulate(np.append(first[1:], m)[::-1])[::-1].clip(begin, stop)
+        self._blocks = []
+        for k in range(len(first)):
+            a, b = matrix.indptr[cuts[k]], matrix.indptr[cuts[k + 1]]
+            near = matrix.indices[a:b]
+            near -= near.dtype.type(first[k])
+            block = csr_array(
+                (matrix.data[a:b], near, matrix.indptr[cuts[k] : cuts[k + 1] + 1] - a),
+                (cuts[k + 1] - cuts[k], stop[k] - first[k]),
+            )
+            parts = cuts[k : k + 2], (first[k], stop[k]), (begin[k], end[k])
+            rows, columns, own = (slice(int(i), int(j)) for i, j in parts)
+            self._blocks.append(Block(rows, columns, own, block))
+
+    def toarray(self) -> Array:
+        """Return the dense matrix."""
+        dense = np.zeros(self.shape, self._blocks[0].matrix.dtype)
+        for block in self._blocks:
+            dense[block.rows, block.columns] = block.matrix.toarray()
+        return dense
+
+    def multiply(self, x: Array, y: Array, *, add: bool = False) -> None:
+        """Write the product with a vector, or with the columns of x, to y, or add it."""
+
+        def work(blocks: range) -> None:
+            for block in self._blocks[blocks.start : blocks.stop]:
+                product = block.matrix @ x[block.columns]
+                if add:
+                    y[block.rows] += product
+                else:
+                    y[block.rows] = product
+
+        share(work, len(self._blocks), self.shape[0])
+
+    def multiply_transposed(self, y: Array, x: Array) -> None:
+        """Write the product of the transpose with y, or with its columns, to x."""
+        products: list[Any] = [None] * len(self._blocks)
+
+        def work(blocks: range) -> None:
+            for k in blocks:
+                rows, columns, own, matrix = self._blocks[k]
+                products[k] = product = matrix.T @ y[rows]
+                x[own] = product[own.start - columns.start : own.stop - columns.start]
+
+        share(work, len(self._blocks), self.shape[0])
+        # What several blocks reach is added here, in their order.
+        done = 0
+        for block in self._blocks:
+            x[done : block.own.start] = 0.0
+            done = block.own.stop
+        x[done:] = 0.0
+        for (_, columns, own, _), product in zip(self._blocks, products, strict=True):
+            x[columns.start : own.start] += product[: own.start - columns.start]
+            x[own.stop : columns.stop] += product[own.stop - columns.start :]
+
+
+def _find_reach(matrix: csr_array, cuts: Array) -> tuple[Array, Array]:
+    """Return the first column that the rows between these reach, and that behind the last."""
+    first, stop = [], []
+    for a, b in pairwise(matrix.indptr[cuts].tolist()):
+        near = matrix.indices[a:b]
+        first.append(near.min(initial=matrix.shape[1]))
+        stop.append(near.max(initial=-1) + 1)
+    return np.minimum(first, stop), np.array(stop)
+
+
 class Level:
     """Gᵀ (I - W Wᵀ + W E⁻¹ Wᵀ) G, with the next level for E⁻¹.
 
-    Attributes
+    Parameters
     ----------
     G : csr_array
-        The local factor. Its rows and columns are the unknowns in the order of their places.
+        The local factor. Its rows are the unknowns in the order of their places. Its arrays, and
+        those of W, are taken over.
     W : csr_array
         The tentative prolongator.
     coarse : Level or Direct, or what is alike
     """
 
-    G: csr_array
-    W: csr_array
-    coarse: Any
+    def __init__(self, G: csr_array, W: csr_array, coarse: Any) -> None:
+        self.G, self.W, self.coarse = Blocks(G), Blocks(W), coarse
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -141,18 +239,20 @@ class Level:
         """The number of multiplications in one application."""
         return 2 * int(self.G.nnz + self.W.nnz) + self.coarse.multiplications
 
-    @cached_property
-    def transposed(self) -> tuple[csc_array, csc_array]:
-        """Gᵀ and Wᵀ, views that would take their time if made in each application."""
-        return self.G.T, self.W.T
-
     def __call__(self, x: Array) -> Array:
         """Apply the inverse to a vector, or to the columns of x."""
-        y = self.G @ x
-        a = self.transposed[1] @ y
-        y += self.W @ (self.coarse(a) - a)
-        return self.transposed[0] @ y
+        z = np.empty_like(x)
+        self._apply(x, z)
+        return z
 
     def multiply(self, X: Array, out: Array) -> None:
-        """Apply the inverse to the rows of `X`."""
-        out[...] = self(X.T).T
+        """Apply the inverse to the rows of `X`, into `out`, which may be `X`."""
+        self._apply(X.T, out.T)
+
+    def _apply(self, x: Array, z: Array) -> None:
+        y = workspace((self.G.shape[0], *x.shape[1:]), x.dtype)
+        a = workspace((self.W.shape[1], *x.shape[1:]), x.dtype)
+        self.G.multiply(x, y)
+        self.W.multiply_transposed(y, a)
+        self.W.multiply(self.coarse(a) - a, y, add=True)
+        self.G.multiply_transposed(y, z)

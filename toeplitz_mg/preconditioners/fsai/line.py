@@ -12,15 +12,14 @@ makes it fast: at 2²⁰ unknowns sparse matrices take seventy times the set-up 
 times the application.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from math import prod
 from typing import Any
 
 import numpy as np
 from scipy.linalg import toeplitz
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.threads import share_slices
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.preconditioners.fsai.build import DEFAULT, Options
 from toeplitz_mg.preconditioners.fsai.cellgrid import AGGREGATE as BLOCK
@@ -111,13 +110,17 @@ class LineLevel:
         w_first, w, w_last = self.W
         y = workspace((len(X), m, BLOCK), X.dtype)
         a = workspace((len(X), m), X.dtype)
-        for blocks, part in self._chunks(m - 1, X):
+
+        def forward(blocks: slice) -> None:
             np.matmul(x[:, blocks], own.T, out=y[:, blocks])
             previous = slice(max(blocks.start - 1, 0), blocks.stop - 1)
-            part = part[:, : previous.stop - previous.start]
+            part = workspace((len(X), previous.stop - previous.start, BLOCK), X.dtype)
             np.matmul(x[:, previous], before.T, out=part)
             y[:, previous.start + 1 : blocks.stop] += part
             np.matmul(y[:, blocks], w, out=a[:, blocks])
+
+        size = CHUNK // BLOCK
+        share_slices(forward, m - 1, size, X.size)
         y[:, 0] = x[:, 0] @ first.T
         y[:, -1] = x[:, -1] @ final_before.T + last @ final.T
         a[:, 0], a[:, -1] = y[:, 0] @ w_first, y[:, -1] @ w_last
@@ -127,27 +130,26 @@ class LineLevel:
         e -= a
         y[:, 0] += e[:, :1] * w_first
         y[:, -1] += e[:, -1:] * w_last
+        e[:, 0] = e[:, -1] = 0.0  # These two are done.
         z = out[:, :cut].reshape(-1, m - 1, BLOCK)
-        for blocks, part in self._chunks(m - 1, X):
-            inner = slice(blocks.start + 1, min(blocks.stop + 1, m - 1))
-            part_of_inner = part[:, : inner.stop - inner.start]
-            np.multiply(e[:, inner, np.newaxis], w, out=part_of_inner)
-            y[:, inner] += part_of_inner
-            np.matmul(y[:, blocks], own, out=z[:, blocks])
-            np.matmul(y[:, blocks.start + 1 : blocks.stop + 1], before, out=part)
-            z[:, blocks] += part
-        z[:, 0] = y[:, 0] @ first + y[:, 1] @ before
-        z[:, -1] = y[:, -2] @ own + y[:, -1] @ final_before
-        out[:, cut:] = (y[:, -1] @ final)[:, :rest]
 
-    def _chunks(self, count: int, X: Array) -> Iterator[tuple[slice, Array]]:
-        """Yield slices of so many blocks, and memory for a slice, the same for all."""
-        size = min(CHUNK // BLOCK, count)
-        memory = workspace((len(X) * size * BLOCK,), X.dtype)
-        for start in range(0, count, size):
-            stop = min(start + size, count)
-            shape = (len(X), stop - start, BLOCK)
-            yield slice(start, stop), memory[: prod(shape)].reshape(shape)
+        def sum_of(blocks: slice) -> Array:
+            part = workspace((len(X), blocks.stop - blocks.start, BLOCK), X.dtype)
+            np.multiply(e[:, blocks, np.newaxis], w, out=part)
+            part += y[:, blocks]
+            return part
+
+        def back(blocks: slice) -> None:
+            part = sum_of(slice(blocks.start, blocks.stop + 1))
+            np.matmul(part[:, :-1], own, out=z[:, blocks])
+            product = workspace(part[:, 1:].shape, X.dtype)
+            z[:, blocks] += np.matmul(part[:, 1:], before, out=product)
+
+        share_slices(back, m - 1, size, X.size)
+        second, last_but_one = sum_of(slice(1, 2))[:, 0], sum_of(slice(m - 2, m - 1))[:, 0]
+        z[:, 0] = y[:, 0] @ first + second @ before
+        z[:, -1] = last_but_one @ own + y[:, -1] @ final_before
+        out[:, cut:] = (y[:, -1] @ final)[:, :rest]
 
 
 def build_line(

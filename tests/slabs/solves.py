@@ -1,0 +1,268 @@
+"""Preconditioners and solves on slabs are those of one process, iteration by iteration."""
+
+from functools import partial
+
+import numpy as np
+
+import toeplitz_mg as tmg
+from comparisons.systems import masks
+from tests.slabs.products import (
+    SHAPES,
+    assert_rows,
+    kernel,
+    serial_and_slabs,
+    tolerance,
+    with_fewer_ranks_than_rows,
+)
+from tests.slabs.ranks import refuses
+from toeplitz_mg import halfspace, slabs
+
+NAMES = ["fft_preconditioner", "cosine_preconditioner", "sine_preconditioner"]
+N = 32  # Elements across the grids of all areas.
+RTOL = 1e-5  # The default. On fragmented areas rounding, amplified, may tip later iterations.
+FIRST = 9  # Residuals that rounding does not reach.
+
+
+def test_a_preconditioner_is_that_of_one_process(comm):
+    shapes = [*SHAPES, (200, 200)]  # The last one is large, and 2 n - 1 is slow.
+    for shape in with_fewer_ranks_than_rows(comm, shapes):
+        slab, c = slabs.Slab(comm, shape), kernel(shape)
+        x = np.random.default_rng(0).random(shape)
+        A, whole = slabs.ToeplitzOperator(c[slab.rows], slab), tmg.ToeplitzOperator(c)
+        for name in NAMES:
+            for dtype in (np.float64, np.float32):
+                serial = getattr(tmg, name)(whole, dtype=dtype)
+                M = getattr(slabs, name)(A, dtype=dtype)
+                y = M @ x[slab.rows].ravel()
+                assert M.dtype == dtype
+                assert_rows(slab, y, (serial @ x.ravel()).reshape(shape), tolerance(dtype))
+
+
+def test_the_preconditioner_of_a_large_grid_of_slow_lengths_inverts_a_longer_circulant(comm):
+    shape = (182, 183)  # 363 = 3 · 11², but 365 = 5 · 73.
+    slab, c = slabs.Slab(comm, shape), kernel(shape)
+    x = np.random.default_rng(0).random(shape)
+    serial = tmg.fft_preconditioner(tmg.ToeplitzOperator(c)) @ x.ravel()
+    M = slabs.fft_preconditioner(slabs.ToeplitzOperator(c[slab.rows], slab))
+    assert_rows(slab, M @ x[slab.rows].ravel(), serial.reshape(shape), 1e-14)
+
+
+def test_preconditioners_of_components_take_each_by_itself(comm):
+    slab = slabs.Slab(comm, (24, 10))
+    serial, ours = serial_and_slabs(slab)
+    x = np.random.default_rng(0).random((2, *slab.shape))
+    mask = np.random.default_rng(1).random(x.shape) < 0.6
+    for name in NAMES:
+        by_itself = tmg.componentwise(getattr(tmg, name))(serial) @ x.ravel()
+        M = getattr(slabs, name)(ours)
+        assert_rows(slab, M @ x[:, slab.rows].ravel(), by_itself.reshape(x.shape), 1e-14)
+        A = slabs.MaskedOperator(ours, mask[:, slab.rows])
+        assert getattr(slabs, name)(A).shape == A.shape
+
+
+def test_bytes_of_preconditioners(comm):
+    """32 (1 - 1/P) for each unknown, 16 by real transforms, half of these in single precision."""
+    P, shape = comm.size, (60, 64)
+    slab, c = slabs.Slab(comm, shape), kernel(shape)
+    A = slabs.ToeplitzOperator(c[slab.rows], slab)
+    for name, bytes_of_one in zip(NAMES, (32, 16, 16), strict=True):
+        for dtype, share in ((np.float64, 1.0), (np.float32, 0.5)):
+            M = getattr(slabs, name)(A, dtype=dtype)
+            comm.reset()
+            M.apply(np.ones(A.shape[0], dtype))
+            assert set(comm.calls) == {"Alltoallv"}
+            sent = comm.sent
+            most = share * bytes_of_one * (1 - 1 / P) * 60 * 64
+            assert sum(slab.gather(sent)) <= most + 1e-6
+
+
+def residuals_of(A, b, **options):
+    residuals = []
+    x, info = tmg.cg(A, b, rtol=RTOL, residuals=residuals, maxiter=200, **options)
+    assert info == 0
+    return x, residuals
+
+
+def area_and_its_rows(comm, mask):
+    slab, element = slabs.Slab(comm, mask.shape), (2.0 / N, 2.0 / N)
+    influence = partial(halfspace.influence_zz, element=element, G=1.0, nu=0.28)
+    whole = tmg.ToeplitzOperator(influence(*halfspace.offsets(mask.shape, element)))
+    full = slabs.ToeplitzOperator(influence(*slab.lags(element)), slab)
+    own = mask[slab.rows]
+    return tmg.MaskedOperator(whole, mask), slabs.MaskedOperator(full, own), own
+
+
+def test_cg_takes_the_iterations_of_one_process_on_every_area(comm):
+    for name, area in masks.FRAGMENTED.items():
+        mask = area(N)
+        serial, A, own = area_and_its_rows(comm, mask)
+        b = np.where(mask, np.random.default_rng(0).standard_normal(mask.shape), 0.0)
+        rows = b[A.slab.rows][own]
+        for method in [None, *NAMES]:
+            M, W = (method and getattr(package, method) for package in (tmg, slabs))
+            expected, before = residuals_of(serial, b[mask], M=M and M(serial))
+            x, residuals = residuals_of(A, rows, M=W and W(A))
+            # Without a preconditioner the most fragmented areas are within rounding's reach.
+            assert abs(len(residuals) - len(before)) <= (method is None), (name, method)
+            np.testing.assert_allclose(residuals[:FIRST], before[:FIRST], rtol=1e-6)
+            whole = np.zeros(mask.shape)
+            whole[mask] = expected
+            error = np.abs(x - whole[A.slab.rows][own]).max(initial=0.0)
+            assert error <= 10 * RTOL * np.abs(expected).max()
+
+
+def test_cg_in_less_precision_within_takes_the_iterations_of_one_process(comm):
+    mask = masks.FRAGMENTED["circle"](N)
+    serial, A, own = area_and_its_rows(comm, mask)
+    for method in NAMES:
+        of_serial, of_A = (
+            {
+                "M": getattr(package, method)(matrix, dtype=np.float32),
+                "inner": matrix.astype(np.float32),
+            }
+            for package, matrix in ((tmg, serial), (slabs, A))
+        )
+        expected, before = residuals_of(serial, np.ones(serial.shape[0]), **of_serial)
+        x, residuals = residuals_of(A, np.ones(A.shape[0]), **of_A)
+        assert len(residuals) == len(before)
+        whole = np.zeros(mask.shape)
+        whole[mask] = expected
+        error = np.abs(x - whole[A.slab.rows][own]).max(initial=0.0)
+        assert error <= 10 * RTOL * np.abs(expected).max()
+
+
+def test_an_iteration_adds_three_numbers_to_its_products(comm):
+    mask = masks.FRAGMENTED["circle"](N)
+    _, A, _ = area_and_its_rows(comm, mask)
+    M, b, calls = slabs.cosine_preconditioner(A), np.ones(A.shape[0]), []
+
+    def count(x):
+        calls.append(dict(comm.calls))
+
+    comm.reset()
+    _, info = tmg.cg(A, b, M=M, rtol=RTOL, callback=count)
+    assert info == 0
+    numbers = np.diff([made["Allgather"] for made in calls])
+    assert (numbers == 3).all()
+    assert all(made["allgather"] == 1 for made in calls)
+    steps = np.diff([made["Alltoallv"] for made in calls])
+    assert (steps == 4).all()
+
+
+def test_islands_on_one_rank(comm):
+    """Each rank in turn is the only one that has unknowns."""
+    for k in range(comm.size):
+        mask = np.zeros((8 * comm.size, 12), bool)
+        mask[8 * k + 2 : 8 * k + 6, 3:9] = True
+        slab, c = slabs.Slab(comm, mask.shape), kernel(mask.shape)
+        A = slabs.MaskedOperator(slabs.ToeplitzOperator(c[slab.rows], slab), mask[slab.rows])
+        serial = tmg.MaskedOperator(tmg.ToeplitzOperator(c), mask)
+        expected, before = residuals_of(serial, np.ones(serial.shape[0]))
+        for options in ({}, {"inner": A.astype(np.float32)}, {"M": slabs.sine_preconditioner(A)}):
+            x, residuals = residuals_of(A, np.ones(A.shape[0]), **options)
+            np.testing.assert_allclose(x, expected if len(x) else [], rtol=100 * RTOL)
+            if not options:
+                assert len(residuals) == len(before)
+
+
+def test_a_first_guess_and_a_zero_right_hand_side(comm):
+    slab, c = slabs.Slab(comm, (12, 9)), kernel((12, 9))
+    A = slabs.ToeplitzOperator(c[slab.rows], slab)
+    b = A @ np.ones(A.shape[0])
+    x, info = tmg.cg(A, b, np.ones(A.shape[0]), rtol=1e-10)
+    assert info == 0
+    np.testing.assert_allclose(x, 1.0, rtol=1e-9)
+    x, info = tmg.cg(A, np.zeros(A.shape[0]))
+    assert info == 0
+    assert not x.any()
+    on_one = np.where(comm.rank == 0, np.eye(1, A.shape[0])[0], 0.0)
+    x, info = tmg.cg(A, on_one, rtol=1e-10)
+    assert info == 0
+    error = A @ x - on_one
+    assert slab.vectors.norm(error) <= 1e-9
+
+
+def test_numbers_of_any_size(comm):
+    slab, c = slabs.Slab(comm, (12, 9)), kernel((12, 9))
+    A = slabs.ToeplitzOperator(c[slab.rows], slab)
+    # Of some ranks the right-hand side is so small that its square is zero.
+    sizes = np.where(comm.rank == comm.size - 1, 1e200, 1e-250)
+    x, info = tmg.cg(A, np.full(A.shape[0], sizes), M=slabs.fft_preconditioner(A), rtol=1e-8)
+    assert info == 0
+    assert np.isfinite(x).all()
+
+
+def test_richardson_takes_the_iterations_of_one_process(comm):
+    shape = (24, 9)
+    slab, c = slabs.Slab(comm, shape), kernel(shape)
+    c.flat[0] += 8.0
+    A, whole = slabs.ToeplitzOperator(c[slab.rows], slab), tmg.ToeplitzOperator(c)
+    counts = []
+    for package, matrix in ((tmg, whole), (slabs, A)):
+        residuals, M = [], package.cosine_preconditioner(matrix)
+        b = np.ones(matrix.shape[0])
+        _, info = tmg.richardson(matrix, b, M=M, rtol=1e-8, residuals=residuals)
+        assert info == 0
+        counts.append(len(residuals))
+    assert counts[0] == counts[1]
+
+
+def test_what_is_not_positive_definite_is_refused_by_all(comm):
+    shape = (12, 16)
+    slab = slabs.Slab(comm, shape)
+    i, j = np.indices(shape)
+    c = np.where(i + j == 1, 1.0, 0.0)[slab.rows]
+    A = slabs.ToeplitzOperator(c, slab)
+    for name in NAMES:
+        text = "but needs all above"
+        refuses(comm, np.linalg.LinAlgError, text, partial(getattr(slabs, name), A))
+    _, info = tmg.cg(A, np.ones(A.shape[0]))
+    assert set(comm.allgather(info)) == {info}
+    odd = np.random.default_rng(0).random(shape)
+    odd[0] = odd[:, 0] = 0.0
+    B = slabs.ToeplitzOperator(odd[slab.rows], slab, parity=(-1, -1))
+    refuses(comm, ValueError, "but must be even", lambda: slabs.fft_preconditioner(B))
+    refuses(comm, TypeError, "A is a ndarray", lambda: slabs.fft_preconditioner(np.eye(3)))
+
+
+def test_wrong_systems_are_refused_by_all(comm):
+    last, shape = comm.size - 1, (12, 16)
+    slab, c = slabs.Slab(comm, shape), kernel(shape)
+    A, is_last = slabs.ToeplitzOperator(c[slab.rows], slab), comm.rank == comm.size - 1
+    n = A.shape[0]
+
+    def solve(b, **options):
+        return lambda: tmg.cg(A, b, **options)
+
+    b = np.ones(n)
+    text = f"rank {last}: b has shape"
+    refuses(comm, ValueError, text, solve(b[: n - is_last]))
+    text = f"rank {last}: b has entries that are not finite"
+    refuses(comm, ValueError, text, solve(np.where(is_last, np.nan, b)))
+    refuses(comm, ValueError, "rtol is -1", solve(b, rtol=-1.0))
+    refuses(comm, ValueError, "rank 0: maxiter is 0", solve(b, maxiter=0))
+    refuses(comm, TypeError, "A and b give the dtype complex128", solve(b + 1j))
+    serial = tmg.ToeplitzOperator(kernel(slab.local))
+    text = "but both must be of toeplitz_mg.slabs, on the same slab, or none of them"
+    refuses(comm, TypeError, text, solve(b, M=serial))
+    refuses(comm, TypeError, text, solve(b, inner=serial.astype(np.float32)))
+    refuses(comm, TypeError, text, lambda: tmg.cg(serial, b, M=A))
+    other = slabs.Slab(comm, shape)
+    B = slabs.ToeplitzOperator(c[other.rows], other)
+    refuses(comm, TypeError, text, solve(b, M=B))
+    refuses(comm, TypeError, "gmres takes no operator on slabs", lambda: tmg.gmres(A, b))
+    if last:
+        text = "rtol, atol, maxiter is (1e-08, 0.0, None) on rank 0 and (0.0001, 0.0, None) on"
+        refuses(comm, ValueError, text, solve(b, rtol=1e-4 if is_last else 1e-8))
+        text = "whether there is a preconditioner is True on rank 0 and False on rank"
+        M = slabs.fft_preconditioner(A)
+        refuses(comm, ValueError, text, solve(b, M=None if is_last else M))
+
+
+def test_iterations_of_scipy_refuse_what_is_on_slabs(comm):
+    from scipy.sparse.linalg import cg
+
+    slab, c = slabs.Slab(comm, (12, 9)), kernel((12, 9))
+    A = slabs.ToeplitzOperator(c[slab.rows], slab)
+    assert not hasattr(A, "matvec")
+    refuses(comm, TypeError, "type not understood", lambda: cg(A, np.ones(A.shape[0])))

@@ -1,0 +1,196 @@
+"""Threads: whatever number `scipy.fft.set_workers` says, all results have the same bits."""
+
+import sys
+import threading
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import scipy.fft
+
+import toeplitz_mg as tmg
+from tests.cases import CASES, contact
+from toeplitz_mg import halfspace
+from toeplitz_mg.contact import Material, normal_contact, surfaces
+from toeplitz_mg.engine import threads
+from toeplitz_mg.engine.fourstep import FourStep
+from toeplitz_mg.engine.panels import Panels
+from toeplitz_mg.engine.vectors import PLAIN
+
+WORKERS = 1, 2, 3
+STEEL = Material(E=210000.0, nu=0.28)
+
+
+SMALL = {"WORTH_THREADS": 16, "PIECE": 16, "BATCH": 64, "CHUNK": 32, "BLOCK": 16}
+SMALL |= {"PANEL_BYTES": 1024, "BLOCK_BYTES": 1024, "NARROW": 1}
+
+
+@pytest.fixture
+def eager(monkeypatch):
+    """Share what is small, in small pieces, so that every loop is shared that can be."""
+    for name, module in list(sys.modules.items()):
+        if name.startswith("toeplitz_mg."):
+            for constant in SMALL.keys() & vars(module).keys():
+                # In `line` a block is an aggregate.
+                if (name.rpartition(".")[2], constant) != ("line", "BLOCK"):
+                    monkeypatch.setattr(module, constant, SMALL[constant])
+
+
+def assert_same_bits(compute, message=""):
+    """Compute arrays with each number of threads, and compare them to the last bit."""
+    results = []
+    for workers in WORKERS:
+        with scipy.fft.set_workers(workers):
+            results.append(compute())
+    for a, b in pairwise(results):
+        np.testing.assert_array_equal(a, b, err_msg=message, strict=True)
+
+
+@pytest.mark.usefixtures("eager")
+@pytest.mark.parametrize(("dtype", "step"), [(np.float64, 1), (np.float32, 8)])
+def test_every_operator_has_the_same_bits(dtype, step):
+    """Its set-up, its products with one vector and with several."""
+    rng = np.random.default_rng(0)
+    for case in CASES[::step]:
+        x, X = (rng.standard_normal((len(case.dense()), k)).astype(dtype) for k in (1, 5))
+
+        def multiply(case=case, x=x, X=X):
+            A = case.operator(dtype)
+            return np.hstack([A @ x, A @ X])
+
+        assert_same_bits(multiply, str(case))
+
+
+@pytest.mark.parametrize("n", [2**17, 150001])
+def test_long_products_have_the_same_bits(n):
+    k = np.arange(n)
+    real, hermitian = 1.0 / (1.0 + k), np.exp(1j * k) / (1.0 + k) ** 2
+    x = np.random.default_rng(0).standard_normal(n)
+
+    def multiply():
+        A, H = tmg.ToeplitzOperator(real), tmg.ToeplitzOperator(hermitian)
+        operators = A, H, A.astype(np.float32), tmg.spectral_preconditioner(A)
+        others = tmg.fsai_preconditioner(A), tmg.fft_preconditioner(A), tmg.chan_preconditioner(A)
+        return np.stack([M @ x for M in operators + others])
+
+    assert_same_bits(multiply)
+
+
+def test_pieces_of_a_transform_may_begin_anywhere():
+    """Its twiddle factors are made one from the other, from the last anchor on."""
+    plan = Panels(FourStep(512, 300, np.complex128, height=2))
+    x = np.random.default_rng(0).standard_normal(plan.length)
+    assert_same_bits(lambda: plan.spectrum(x, None, 0.25).copy())
+
+
+@pytest.mark.parametrize("shape", [(2**17,), (400, 700)])
+@pytest.mark.parametrize("choose", [tmg.default_preconditioner, tmg.fsai_preconditioner])
+def test_cg_has_the_same_bits(shape, choose):
+    c = contact(*shape)
+    mask = np.random.default_rng(0).random(shape) < 0.7
+    for A in (tmg.ToeplitzOperator(c), tmg.MaskedOperator(tmg.ToeplitzOperator(c), mask)):
+        b = np.random.default_rng(1).standard_normal(A.shape[0])
+
+        def solve(A=A, b=b):
+            x, info = tmg.cg(A, b, M=choose(A), rtol=1e-10)
+            assert info == 0
+            return x
+
+        assert_same_bits(solve)
+
+
+@pytest.mark.parametrize("size", [4096, 2**17, 2**18 + 5])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.complex128])
+def test_vectors_have_the_same_bits(size, dtype):
+    rng = np.random.default_rng(0)
+    X = (
+        (rng.standard_normal((3, size)) + 1j * rng.standard_normal((3, size))).astype(
+            dtype, casting="unsafe"
+        )
+        if np.dtype(dtype).kind == "c"
+        else rng.standard_normal((3, size)).astype(dtype)
+    )
+    weights = np.arange(3.0)
+
+    def combine():
+        y = PLAIN.aypx(0.3, X[0], PLAIN.axpy(0.7, X[1], X[2].copy()))
+        numbers = [PLAIN.dot(X[0], y), PLAIN.norm(y), *PLAIN.dots(X, y)]
+        return np.concatenate([y, PLAIN.combine(weights, X), numbers])
+
+    assert_same_bits(combine)
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e-150, 1e-30, 1.0, 1e30, 1e150, 1e200])
+def test_the_norm_of_a_long_vector_neither_over_nor_underflows(size):
+    x = np.random.default_rng(0).standard_normal(2**17)
+    assert PLAIN.norm(size * x) == pytest.approx(size * np.linalg.norm(x), rel=1e-12)
+    for bad in (np.inf, np.nan):
+        x[7] = bad
+        np.testing.assert_equal(PLAIN.norm(x), bad)
+
+
+@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+@pytest.mark.parametrize("is_eager", [True, False])
+def test_contact_has_the_same_bits(is_eager, request):
+    shape = (400, 350)
+    if is_eager:
+        request.getfixturevalue("eager")
+        shape = (70, 60)
+    gap = surfaces.rough(shape, (0.1, 0.1), rms=0.002, seed=1)
+
+    def solve():
+        found = normal_contact(gap, (0.1, 0.1), material=STEEL, approach=0.003)
+        return np.stack([found.traction, found.gap, found.displacement])
+
+    assert_same_bits(solve)
+
+
+def test_coefficients_have_the_same_bits():
+    x, y = halfspace.offsets((500, 300), (0.5, 0.2))
+    assert_same_bits(lambda: halfspace.influence_xx(x, y, (0.5, 0.2), G=1.0, nu=0.3))
+
+
+# The loop itself ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("workers", WORKERS)
+@pytest.mark.parametrize("points", [1, threads.WORTH_THREADS])
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 100])
+def test_each_part_is_done_once(count, points, workers):
+    done = []
+    with scipy.fft.set_workers(workers):
+        threads.share(done.extend, count, points)
+        assert scipy.fft.get_workers() == workers
+    assert sorted(done) == list(range(count))
+
+
+def test_a_thread_that_does_a_part_is_one():
+    """What it does is not shared again, neither by us nor by SciPy."""
+    seen = []
+
+    def work(parts):
+        here = threading.get_ident()
+        within = []
+        threads.share(lambda _: within.append(threading.get_ident()), 8, threads.WORTH_THREADS)
+        seen.append((scipy.fft.get_workers(), set(within) == {here}))
+
+    with scipy.fft.set_workers(3):
+        threads.share(work, 12, threads.WORTH_THREADS)
+        assert set(seen) == {(1, True)}
+        seen.clear()
+        threads.share(lambda _: seen.append(scipy.fft.get_workers()), 12, 1)
+        assert seen == [1]  # A small one is not shared, and neither are its transforms.
+        threads.share(lambda _: seen.append(scipy.fft.get_workers()), 1, threads.WORTH_THREADS)
+        assert seen == [1, 3]  # The only part is, as it may be.
+
+
+def test_threads_treat_overflow_as_the_caller_does():
+    huge = np.full(threads.WORTH_THREADS, 1e300)
+    with scipy.fft.set_workers(3):
+        for how, raises in (("ignore", False), ("raise", True)):
+            with np.errstate(over=how):
+                if raises:
+                    with pytest.raises(FloatingPointError):
+                        threads.share_rows(lambda part: huge[part] * huge[part], huge)
+                else:
+                    threads.share_rows(lambda part: huge[part] * huge[part], huge)

@@ -1,0 +1,91 @@
+"""Files that all ranks write together: whole or not at all."""
+
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.values import refuse_masked
+from toeplitz_mg.whole_files import (
+    check_folder,
+    complete,
+    find_part,
+    find_status,
+    find_target,
+    new_part,
+)
+
+
+def save_rows(slab: Any, path: str | os.PathLike[str], x: Any) -> None:
+    """Write a field of which each rank has its rows, to one ``.npy`` file (see `Slab.save`)."""
+    path = Path(path)
+    with slab.agree() as same:
+        x = refuse_masked("x", x)
+        _check(path, x, slab)
+        same["path"], same["the dtype of x"] = str(path), x.dtype
+        same["the number of axes of x"] = x.ndim
+    components = x.shape[: x.ndim - len(slab.local)]
+    token = int(slab.gather(int.from_bytes(os.urandom(6), "big"))[0])  # That of rank 0.
+    target = find_target(path)
+    part = find_part(target, f"{token:012x}")
+    try:
+        with _together(slab, path):
+            start = _begin(part, path, x, (*components, *slab.shape)) if not slab.comm.rank else 0
+        start = int(slab.gather(start)[0])
+        with _together(slab, path):
+            _write(part, start, x.reshape(prod(components), *slab.local), slab)
+        with _together(slab, path):
+            if not slab.comm.rank:
+                os.replace(part, target)
+    finally:
+        if not slab.comm.rank:
+            part.unlink(missing_ok=True)
+
+
+@contextmanager
+def _together(slab: Any, path: Path) -> Iterator[None]:
+    """Let all ranks raise an OSError of one, with the name of the file."""
+    with slab.agree():
+        try:
+            yield
+        except OSError as error:
+            raise OSError(f"{path} cannot be written: {error.strerror or error}") from error
+
+
+def _check(path: Path, x: Array, slab: Any) -> None:
+    """Refuse what is no field on this rank's rows, or could not be written."""
+    if x.dtype.kind not in "buifc":
+        raise TypeError(f"x has dtype {x.dtype}, but must be of numbers")
+    if x.shape[-len(slab.local) :] != slab.local:
+        raise ValueError(f"x has shape {x.shape}, but must end in that of its rows, {slab.local}")
+    if slab.comm.rank == 0:
+        old = find_status(path)
+        if old is not None and not stat.S_ISREG(old.st_mode):
+            raise OSError(f"{path} is no regular file, but ranks can write no other together")
+        check_folder(path)
+
+
+def _begin(part: Path, path: Path, x: Array, shape: tuple[int, ...]) -> int:
+    """Make a file of the whole size, and return where its numbers begin."""
+    header = {"descr": np.lib.format.dtype_to_descr(x.dtype), "fortran_order": False}
+    with new_part(part, find_status(path)) as file:
+        np.lib.format.write_array_header_1_0(file, {**header, "shape": shape})
+        start = file.tell()
+        file.truncate(start + prod(shape) * x.itemsize)
+    return start
+
+
+def _write(part: Path, start: int, X: Array, slab: Any) -> None:
+    """Write this rank's rows of each component where they belong."""
+    row = prod(slab.shape[1:]) * X.itemsize
+    with open(part, "r+b") as file:
+        for k, x in enumerate(X):
+            file.seek(start + (k * slab.shape[0] + slab.rows.start) * row)
+            file.write(np.ascontiguousarray(x).data)
+        complete(file)
