@@ -139,10 +139,9 @@ def chan_eigenvalues(A: ToeplitzOperator) -> Array:
     They are real where A is Hermitian. Of a real matrix they are those of k ≤ n/2 along the last
     axis.
     """
-    library = A.library
-    column: Any = A.lags
+    column, library = A.lags, A.library
     for axis, n in enumerate(A.grid_shape):
-        w = (1.0 - np.arange(n) / n).reshape((n,) + (1,) * (column.ndim - 1 - axis))
+        w = 1.0 - np.arange(n).reshape((n,) + (1,) * (column.ndim - 1 - axis)) / n
         w = library.from_numpy(w)
         before = (slice(None),) * axis
         positive = column[(*before, slice(n - 1, None), ...)]
