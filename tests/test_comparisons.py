@@ -27,7 +27,7 @@ from comparisons.preconditioners import (
 )
 from comparisons.preconditioners import figures as area_figures
 from comparisons.reliability import __main__ as reliability
-from comparisons.speed import baselines, by_hand, drop_in
+from comparisons.speed import baselines, by_hand, drop_in, gpu
 from comparisons.systems import fractional, matrices, random_matrices
 from toeplitz_mg.fractional import grunwald_coefficients, riesz_coefficients
 
@@ -128,6 +128,19 @@ def test_drop_in(tmp_path, monkeypatch, capsys):
     assert all(float(row["residual"]) <= drop_in.TOLERANCE for row in rows)
     ratios = [float(row[f"ratio{key}"]) for row in rows for key in ("", "_half", "_twice")]
     assert min(ratios) > 0.0
+
+
+def test_gpu(tmp_path, monkeypatch, capsys):
+    """On a library of the processor, so that nothing is said about a GPU."""
+    pytest.importorskip("array_api_strict")
+    chosen = "--library", "array_api_strict"
+    printed = run(gpu, tmp_path, monkeypatch, capsys, *chosen, quick_sizes=(24,))
+    assert "array_api_strict on a CPU, no GPU" in printed
+    (row,) = rows_of(tmp_path / "gpu.csv")
+    assert float(row["error"]) <= 1e-14
+    assert row["iterations"] == row["iterations_numpy"]
+    assert float(row["ratio"]) > 0.0
+    assert float(row["bytes_an_unknown"]) > 0.0
 
 
 def test_speed_by_hand(tmp_path, monkeypatch, capsys):
@@ -380,6 +393,7 @@ ALL = [
     general_symbols,
     drop_in,
     by_hand,
+    gpu,
     areas,
     neighbours,
     fractional_diffusion,

@@ -74,16 +74,16 @@ class ConjugateGradients:
             no such step then.
         """
         is_first = self.rho == 0.0
-        if is_first:
-            self.direction, self.product = (self._vectors.empty(r) for _ in range(2))
+        self.product = self._vectors.empty(r, None if is_first else self.product)
         z = self._precondition(r, self.product)
         self.rho, previous = self._vectors.dot(r, z), self.rho
         if not 0.0 < self.rho < inf:
             return 0.0
         if is_first:
-            self.direction = self._vectors.copy(z, self.direction)
+            self.direction = self._vectors.copy(z, self._vectors.empty(r))
         else:
             self.direction = self._vectors.aypx(self.rho / previous, z, self.direction)
+        del z  # Vectors that cannot be changed take memory for it, which the product may have.
         self.product = self._multiply(self.direction, self.product)
         self.curvature = self._vectors.dot(self.direction, self.product)
         return self.rho / self.curvature if 0.0 < self.curvature < inf else 0.0

@@ -9,7 +9,7 @@ one at a time, so that little more than the vectors is ever held. No array is wr
 
 from collections.abc import Callable
 from functools import lru_cache, partial
-from math import hypot, pi, prod, sqrt
+from math import hypot, inf, pi, prod, sqrt
 from typing import Any
 
 import numpy as np
@@ -40,8 +40,8 @@ class Plain:
         self.xp, self.device = xp, device
         self.name = xp.__name__.removeprefix("array_api_compat.")
         self.vectors = PlainVectors(self)
-        self.fourier = Transforms(xp.fft.rfftn, xp.fft.irfftn)
-        self.complex_fourier = Transforms(xp.fft.fftn, xp.fft.ifftn)
+        self.fourier = Transforms(xp.fft.rfftn, self._of_complex(xp.fft.irfftn))
+        self.complex_fourier = Transforms(xp.fft.fftn, self._of_complex(xp.fft.ifftn))
         self.cosine = Transforms(*(partial(self._each, f) for f in (dct, idct)))
         self.sine = Transforms(*(partial(self._each, f) for f in (dst, idst)))
         self.diagonalise = partial(PlainDiagonalised, self)
@@ -79,6 +79,22 @@ class Plain:
     def conj(self, array: Any) -> Any:
         """Return the complex conjugate of numbers, themselves where they are real."""
         return self.xp.conj(array) if self.dtype(array).kind == "c" else array
+
+    def real(self, array: Any) -> Any:
+        """Return the real part of numbers, themselves where they are real."""
+        return self.xp.real(array) if self.dtype(array).kind == "c" else array
+
+    def invert(self, array: Any) -> Any:
+        """Return the inverses of numbers."""
+        return 1.0 / array
+
+    def arange(self, n: int) -> Any:
+        """Return 0, 1, ... n - 1, in double precision."""
+        return self.xp.arange(n, dtype=self.native(np.float64), device=self.device)
+
+    def number(self, factor: Any) -> Any:
+        """Return a number that an array may be multiplied with: Python's."""
+        return np.asarray(factor).item()
 
     def keep(self, array: Any) -> Any:
         """Return an array that nobody is to change."""
@@ -118,7 +134,7 @@ class Plain:
 
     def phases(self, length: int, angle: float, dtype: DTypeLike) -> Any:
         """Return exp(-i k angle), k = 0 ... length - 1."""
-        k = self.cast(self.xp.arange(length, device=self.device), np.complex128)
+        k = self.cast(self.arange(length), np.complex128)
         return self.cast(self.xp.exp(k * (-1j * angle)), dtype)
 
     def cells(self, index: Array, size: int) -> tuple[Any, Any]:
@@ -141,6 +157,30 @@ class Plain:
         """Return an array as it is: it need not be in one piece."""
         return array
 
+    def vectors_of(self, gather: Gather) -> "PlainVectors":
+        """Return the operations with vectors of which each process has a part."""
+        return PlainVectors(self, gather)
+
+    def each(self, multiply: Any, X: Any, out: Any) -> Any:
+        """Return the product with each row of X, of the dtype of `out`."""
+        rows = self.xp.reshape(X, (prod(X.shape[:-1]), X.shape[-1]))
+        Y = self.xp.stack([multiply(rows[k, ...], None) for k in range(rows.shape[0])])
+        return self.xp.astype(self.xp.reshape(Y, X.shape), out.dtype, copy=False)
+
+    def exchange(self, comm: Any, array: Any, sizes: Any, expected: Any) -> Any:
+        """Send parts of an array to all processes, and return those that they send, in one line.
+
+        mpi4py writes to arrays of CuPy and torch. Those of others come and go by the host's memory.
+        """
+        direct = compat.is_cupy_array(array) or compat.is_torch_array(array)
+        # MPI knows of no streams. (CuPy's devices have this; it is not tried.)
+        getattr(self.device, "synchronize", lambda: None)()
+        sent = array if direct else np.ascontiguousarray(self.to_numpy(array))
+        make = partial(self.xp.empty, device=self.device) if direct else np.empty
+        got = make((sum(expected),), dtype=sent.dtype)
+        comm.Alltoallv([sent, sizes], [got, expected])
+        return got if direct else self.from_numpy(got)
+
     def join(self, parts: list[Any], out: Any) -> Any:
         """Put the columns of some arrays side by side."""
         return self.xp.concat(parts, axis=-1)
@@ -148,6 +188,13 @@ class Plain:
     def allocate(self, X: Any, dtype: DTypeLike) -> Any:
         """Return what has the shape and the dtype of the product with a matrix of a dtype."""
         return self.cast(X, np.result_type(self.dtype(X), dtype))
+
+    def _of_complex(self, transform: Any) -> Any:
+        """Return a transform of complex numbers that takes real ones too."""
+        complex64 = self.xp.complex64
+        return lambda a, **options: transform(
+            self.xp.astype(a, self.xp.result_type(a.dtype, complex64), copy=False), **options
+        )
 
     def cosine_sums(self, column: Any) -> Any:
         """Return f_k = Σ a_j cos(πjk/n) over all lags (see `transforms.cosine_sums`)."""
@@ -311,8 +358,7 @@ class PlainVectors:
     def dot(self, x: Any, y: Any) -> float:
         """Return the inner product of two vectors; of complex ones its real part."""
         library, xp = self.library, self.library.xp
-        terms = library.conj(x) * y
-        terms = xp.real(terms) if library.dtype(terms).kind == "c" else terms
+        terms = library.real(library.conj(x) * y)
         return sum(self.gather(float(xp.sum(terms, dtype=library.native(np.float64)))))
 
     def norm(self, x: Any) -> float:
@@ -324,6 +370,18 @@ class PlainVectors:
         xp, is_complex = self.library.xp, self.library.dtype(x).kind == "c"
         parts = [xp.real(x), xp.imag(x)] if is_complex else [x]
         return max(self.gather(max(float(xp.max(xp.abs(p))) if x.size else 0.0 for p in parts)))
+
+    def min(self, x: Any) -> float:
+        """Return the least number of a real field."""
+        return min(self.gather(float(self.library.xp.min(x)) if x.size else inf))
+
+    def max(self, x: Any) -> float:
+        """Return the largest number of a real field."""
+        return max(self.gather(float(self.library.xp.max(x)) if x.size else -inf))
+
+    def count(self, x: Any) -> int:
+        """Return how many numbers of a field are not zero."""
+        return int(sum(self.gather(int(self.library.xp.count_nonzero(x)))))
 
     def axpy(self, a: float, x: Any, y: Any) -> Any:
         """Return y + a x."""
@@ -348,15 +406,16 @@ class PlainVectors:
         """Return x - y."""
         return x - y
 
-    def zeros(self, x: Any, dtype: DTypeLike) -> Any:
-        """Return a vector of zeros as long as another."""
-        return self.library.xp.zeros_like(x, dtype=self.library.native(dtype))
+    def zeros(self, x: Any, dtype: DTypeLike | None = None) -> Any:
+        """Return a vector of zeros as long as another, in its precision or another one."""
+        native = x.dtype if dtype is None else self.library.native(dtype)
+        return self.library.xp.zeros_like(x, dtype=native)
 
     def cast(self, x: Any, dtype: DTypeLike) -> Any:
         """Return a vector in another precision, itself where it has that one."""
         return self.library.cast(x, dtype)
 
-    def empty(self, x: Any) -> Any:
+    def empty(self, x: Any, out: Any = None) -> Any:
         """Return what has the shape and the dtype of a vector."""
         return x
 

@@ -195,25 +195,32 @@ def _blas(name: str, dtype: str) -> Any:
     return get_blas_funcs(name, dtype=dtype)
 
 
-def _sum(x: Array) -> float:
-    return float(x.sum())
+def _reduce(of_part: Callable[[Array], Any], combine: Callable[[list[Any]], Any]) -> Any:
+    """Return the function that combines the numbers of the pieces of a field, in their order."""
+
+    def reduce(x: Array) -> Any:
+        if x.size < WORTH_THREADS:
+            return of_part(x)
+        numbers: dict[int, Any] = {}
+
+        def work(part: slice) -> None:
+            numbers[part.start] = of_part(x[part])
+
+        share_rows(work, x)
+        return combine([numbers[start] for start in sorted(numbers)])
+
+    return reduce
 
 
-def _min(x: Array) -> float:
-    return float(x.min(initial=inf))
-
-
-def _max(x: Array) -> float:
-    return float(x.max(initial=-inf))
+_sum = _reduce(lambda x: float(x.sum()), sum)
+_min = _reduce(lambda x: float(x.min(initial=inf)), min)
+_max = _reduce(lambda x: float(x.max(initial=-inf)), max)
+_count = _reduce(lambda x: int(np.count_nonzero(x)), sum)
 
 
 def _peak(x: Array) -> float:
     parts = (x.real, x.imag) if x.dtype.kind == "c" else (x,)
     return max(float(np.abs(part).max(initial=0.0)) for part in parts)
-
-
-def _count(x: Array) -> int:
-    return int(np.count_nonzero(x))
 
 
 class Vectors:
@@ -273,9 +280,13 @@ class Vectors:
         out[...] = x
         return out
 
-    def zeros(self, x: Array, dtype: DTypeLike) -> Array:
-        """Return a vector of zeros as long as another."""
-        return np.zeros(x.shape, dtype)
+    def empty(self, x: Array, out: Array | None = None) -> Array:
+        """Return memory for a vector like x: `out`, where that is given."""
+        return np.empty_like(x) if out is None else out
+
+    def zeros(self, x: Array, dtype: DTypeLike | None = None) -> Array:
+        """Return a vector of zeros as long as another, in its precision or another one."""
+        return np.zeros(x.shape, x.dtype if dtype is None else dtype)
 
     def cast(self, x: Array, dtype: DTypeLike) -> Array:
         """Return a vector in another precision, itself where it has that one."""
@@ -283,7 +294,7 @@ class Vectors:
 
     # These return what they compute, in `out`, their last argument: vectors that cannot be changed
     # have no other way.
-    divide, subtract, empty = np.divide, np.subtract, staticmethod(np.empty_like)
+    divide, subtract = np.divide, np.subtract
     axpy = staticmethod(axpy)
     aypx = staticmethod(aypx)
     combine = staticmethod(combine)

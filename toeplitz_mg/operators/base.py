@@ -82,8 +82,6 @@ class GridOperator(LinearOperator):
     grid_shape : tuple of int
     work : float
     library : Library
-    vectors : Vectors
-        The inner products and the updates of the vectors that it multiplies.
     """
 
     def __init__(
@@ -102,6 +100,7 @@ class GridOperator(LinearOperator):
 
     @property
     def vectors(self) -> Any:
+        """The inner products and the updates of the vectors that it multiplies."""
         return self.library.vectors
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
@@ -265,6 +264,16 @@ def vectors_of(A: Any) -> Vectors:
 def library_for(A: Any) -> Library:
     """Return the library of the arrays that an operator, or a matrix, multiplies."""
     return getattr(A, "library", NUMPY)
+
+
+def require_numpy(A: Any, what: str) -> None:
+    """Raise a TypeError for an operator on other arrays, which `what` cannot work with."""
+    library = library_for(A)
+    if library is not NUMPY:
+        raise TypeError(
+            f"A has arrays of {library.name}, but {what} needs those of numpy: on others there are "
+            "cg and richardson, and the preconditioners fft, cosine, sine, chan and strang"
+        )
 
 
 def name_symmetry(A: Any) -> str:

@@ -66,17 +66,17 @@ class Coefficients:
     def of_column_and_row(cls, c: ArrayLike, r: ArrayLike) -> "Coefficients":
         """Take the first column and the first row of a matrix of one axis."""
         column, row = check_coefficients(c, "c"), check_coefficients(r, "r")
+        library_of(column).read("r", row)
+        xp = library_of(column).xp
         if column.ndim > 1 or row.ndim > 1:
             raise ValueError(
                 f"c and r have shapes {column.shape} and {row.shape}, but a first row is for "
                 "one axis; for several axes use ToeplitzOperator.from_lags"
             )
-        if len(row) != len(column):
-            raise ValueError(
-                f"c has {len(column)} entries and r has {len(row)}, but the matrix is square"
-            )
-        xp = (library := library_of(column)).xp
-        return cls._normal(xp.concat([xp.flip(library.read("r", row)[1:]), column]))
+        (n,), (m,) = column.shape, row.shape
+        if n != m:
+            raise ValueError(f"c has {n} entries and r has {m}, but the matrix is square")
+        return cls._normal(xp.concat([xp.flip(row[1:]), column]))
 
     @classmethod
     def of_lags(cls, lags: ArrayLike) -> "Coefficients":
@@ -163,7 +163,9 @@ class Coefficients:
     def times(self, factor: Any) -> "Coefficients":
         """Multiply with a number."""
         with np.errstate(over="ignore", invalid="ignore"):  # What overflows is refused.
-            return Coefficients(check_coefficients(self.array * factor, "lags"), self.is_even)
+            return Coefficients(
+                check_coefficients(self.array * self.library.number(factor), "lags"), self.is_even
+            )
 
     def plus(self, other: "Coefficients") -> "Coefficients":
         """Add the coefficients of a matrix on the same grid."""

@@ -9,6 +9,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Mask
 from toeplitz_mg.operators.averages import average, hermitian_part
+from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.block_diagonal import BlockDiagonal
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.diagonally_scaled import DiagonallyScaled
@@ -113,7 +114,9 @@ def _itself(A: Any) -> Any:
     return A
 
 
-def averaged(function: F, part: Callable[[Any], Any] = hermitian_part) -> F:
+def averaged(
+    function: F, part: Callable[[Any], Any] = hermitian_part, any_library: bool = False
+) -> F:
     """Return the preconditioner that of a `ToeplitzSum` is that of a Toeplitz matrix nearby.
 
     Parameters
@@ -122,6 +125,8 @@ def averaged(function: F, part: Callable[[Any], Any] = hermitian_part) -> F:
         A function of a `ToeplitzOperator` or a `MaskedOperator` of one.
     part : callable
         What it sees of each Toeplitz matrix, the Hermitian part by default.
+    any_library : bool
+        Whether it takes operators on arrays of other libraries than NumPy.
 
     Returns
     -------
@@ -148,6 +153,8 @@ def averaged(function: F, part: Callable[[Any], Any] = hermitian_part) -> F:
     @wraps(function)
     def of_average(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
         full, mask = unwrap(A)
+        if not any_library:
+            require_numpy(A, function.__name__.strip("_"))
         if not isinstance(full, ToeplitzSum):
             return function(A, *args, **kwargs)
         mean, scale = average(full, mask, part)
@@ -231,7 +238,7 @@ def _restricted(preconditioner: F, check: Check) -> F:
         full, mask = unwrap_toeplitz(A, check)
         return restrict(preconditioner(full, *args, **kwargs), mask)
 
-    return averaged(cast(F, of_mask), _itself if check is accept_any else hermitian_part)
+    return averaged(cast(F, of_mask), _itself if check is accept_any else hermitian_part, True)
 
 
 def componentwise(preconditioner: F) -> F:

@@ -207,6 +207,11 @@ class ToeplitzOperator(GridOperator):
         return ToeplitzOperator(self._coefficients.astype(dtype), product=product)
 
     @property
+    def diagonal_entry(self) -> Any:
+        """The coefficient of lag zero."""
+        return self._coefficients.library.to_numpy(self.c[(slice(1),) * self.c.ndim]).flat[0]
+
+    @property
     def coefficients(self) -> Coefficients:
         """The coefficients, in their normal form."""
         return self._coefficients
@@ -239,7 +244,7 @@ class ToeplitzOperator(GridOperator):
 
     def diagonal(self) -> Array:
         """Return the entries (i, i), shape (N,), which are all the same."""
-        return np.full(self.shape[0], self._coefficients.at([0] * len(self.grid_shape)))
+        return np.full(self.shape[0], self.diagonal_entry)
 
     trace = algebra.trace
     __getitem__ = algebra.take

@@ -9,7 +9,7 @@ from numpy.typing import DTypeLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import algebra
-from toeplitz_mg.operators.base import GridOperator, name_symmetry
+from toeplitz_mg.operators.base import GridOperator, name_symmetry, require_numpy
 from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.values import refuse_masked
 
@@ -85,6 +85,8 @@ class ToeplitzSum(GridOperator):
             *(part.dtype for part in parts), *([] if diagonal is None else [diagonal.dtype])
         )
         matrices = [term.A for term in self.terms]
+        for A in matrices:
+            require_numpy(A, "a sum with a diagonal matrix")
         super().__init__(dtype, matrices[0].grid_shape, sum(A.work for A in matrices))
         self.is_symmetric = self.is_hermitian = self._is(self._transposed())
         if dtype.kind == "c":

@@ -1,6 +1,5 @@
 """Circulant preconditioners by Strang and by T. Chan: the baselines to beat."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -8,7 +7,7 @@ from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.products import COMPLEX_FOURIER, FOURIER, DiagonalisedProduct
+from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import of_any_matrix
@@ -19,6 +18,7 @@ from toeplitz_mg.preconditioners.positivity import (
     require_nonzero,
     require_positive,
 )
+from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE
 
 
 @of_any_matrix
@@ -61,16 +61,17 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     >>> (C @ np.array([3.0, 3.0, 3.0])).round(12)
     array([1., 1., 1.])
     """
-    column = A.lags
+    column, xp = A.lags, A.library.xp
     for axis, n in enumerate(A.grid_shape):
-        # These are the lags 0 ... n // 2, then -(n - 1) // 2 ... -1.
-        index = np.concatenate([np.arange(n // 2 + 1), np.arange(-((n - 1) // 2), 0)])
-        central = np.take(column, index + n - 1, axis=axis)
+
+        def lags(start: int, stop: int, axis: int = axis, n: int = n, a: Any = column) -> Any:
+            return a[(slice(None),) * axis + (slice(n - 1 + start, n - 1 + stop), ...)]
+
+        half = n // 2
+        parts = [lags(0, (n + 1) // 2), lags(-((n - 1) // 2), 0)]
         if n % 2 == 0:  # The lags n/2 and -n/2 have one place: it has their mean.
-            middle = (slice(None),) * axis + (n // 2,)
-            other = np.take(column, n - 1 - n // 2, axis=axis)
-            central[middle] = (central[middle] + other) / 2
-        column = central
+            parts.insert(1, (lags(half, half + 1) + lags(-half, 1 - half)) / 2)
+        column = xp.concat(parts, axis=axis)
     return _definite_inverse(A, _transform(column), "Strang", dtype)
 
 
@@ -138,34 +139,50 @@ def chan_eigenvalues(A: ToeplitzOperator) -> Array:
     They are real where A is Hermitian. Of a real matrix they are those of k ≤ n/2 along the last
     axis.
     """
-    return _eigenvalues(A, lambda t: 1.0 - t)
+    column, library = A.lags, A.library
+    for axis, n in enumerate(A.grid_shape):
+        w = 1.0 - np.arange(n).reshape((n,) + (1,) * (column.ndim - 1 - axis)) / n
+        w = library.from_numpy(w)
+        before = (slice(None),) * axis
+        positive = column[(*before, slice(n - 1, None), ...)]
+        # The lag k - n of k = 0 is none of A, and has no weight.
+        none = positive[(*before, slice(n - 1, None), ...)]
+        negative = library.xp.concat([none, column[(*before, slice(n - 1), ...)]], axis=axis)
+        column = w * positive + (1.0 - w) * negative
+    eigenvalues = _transform(column)
+    return library.real(eigenvalues) if A.is_hermitian else eigenvalues
 
 
 def smooth_eigenvalues(A: ToeplitzOperator) -> Array:
-    """Return samples of the symbol that are as near to it as its coefficients allow.
+    """Return the eigenvalues of the circulant that `smooth_column` returns, A having one axis.
 
-    They are those of its sum over the lags of A, and where such a sum oscillates, as these end, the
-    means of neighbours do not: a quarter of those at θ ± π/n and a half of that at θ, where
-    θ = 2πk/n. T. Chan's means are over a wider part of the symbol, so that they do not see the
-    bottom of a zero, but they are never below it. The format is that of `chan_eigenvalues`.
+    The format is that of `chan_eigenvalues`.
     """
-    return _eigenvalues(A, lambda t: 0.5 + 0.5 * np.cos(np.pi * t))
-
-
-def _eigenvalues(A: ToeplitzOperator, window: Callable[[Array], Array]) -> Array:
-    """Return the eigenvalues of the circulant whose first column has the lags k and k - n.
-
-    These have the weights w(k/n) and w(1 - k/n) = 1 - w(k/n) of a window.
-    """
-    column = A.lags
-    for axis, n in enumerate(A.grid_shape):
-        w = window(np.arange(n) / n).reshape((n,) + (1,) * (column.ndim - 1 - axis))
-        # The lag k - n of k = 0 is none of A, and has no weight.
-        positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=axis)
-        negative = np.take(column, np.arange(n) - 1, axis=axis)
-        column = w * positive + (1.0 - w) * negative
-    eigenvalues = _transform(column)
+    n = A.shape[0]
+    eigenvalues = _transform(smooth_column(A.lags[n - 1 :], A.lags[n - 1 :: -1]))
     return eigenvalues.real if A.is_hermitian else eigenvalues
+
+
+def smooth_column(c: Array, r: Array) -> Array:
+    """Return the first column of a circulant with eigenvalues as near to the symbol as can be.
+
+    They are the sums over the lags of A at θ = 2πk/n. Such sums oscillate where the lags end before
+    they are negligible. The means of neighbours do not: a quarter of those at θ ± π/n and a half of
+    that at θ, and so they are taken there. T. Chan's means are over a wider part of the symbol.
+    They do not see the bottom of a zero, but are never below it.
+
+    Parameters
+    ----------
+    c, r : ndarray of shape (n,)
+        First column and first row of A.
+    """
+    n = len(c)
+    behind = np.append(0.0, r[:0:-1])  # The lags k - n.
+    ends = np.abs(c[n // 2 :]).sum() + np.abs(r[n // 2 :]).sum()
+    if ends <= NEGLIGIBLE * abs(c[0]):
+        return c + behind
+    weights = 0.5 + 0.5 * np.cos(np.pi / n * np.arange(n))
+    return behind + weights * (c - behind)
 
 
 def _definite_inverse(
@@ -174,7 +191,7 @@ def _definite_inverse(
     """Invert a circulant that is to be positive definite where A is Hermitian."""
     dtype = precision(A, dtype)
     if A.is_hermitian:
-        eigenvalues = eigenvalues.real
+        eigenvalues = A.library.real(eigenvalues)
         other = name_robust(A.grid_shape) if name == "Strang" else LAST_RESORT
         require_positive(eigenvalues, dtype, f"{name}'s circulant has the eigenvalue", other)
     return _inverse(A, eigenvalues, name, dtype)
@@ -186,14 +203,15 @@ def _inverse(
     """Invert the circulant with these eigenvalues, which stands for A."""
     subject = f"{name}'s circulant has the eigenvalue"
     require_nonzero(eigenvalues, dtype, subject, "gmres without M")
-    transforms = COMPLEX_FOURIER if dtype.kind == "c" else FOURIER
-    shape = A.grid_shape
-    product = DiagonalisedProduct(1.0 / eigenvalues, shape, shape, dtype, transforms)
+    shape, library = A.grid_shape, A.library
+    transforms = library.complex_fourier if dtype.kind == "c" else library.fourier
+    product = library.diagonalise(1.0 / eigenvalues, shape, shape, dtype, transforms)
     return DiagonalisedOperator(product, f"inverse of {name}'s circulant")
 
 
 def _transform(column: Array) -> Array:
     """Return the eigenvalues of the circulant with this first column."""
     count_transforms(1, *column.shape)
-    transforms = COMPLEX_FOURIER if column.dtype.kind == "c" else FOURIER
-    return transforms.forward(column.astype(np.result_type(column, np.float64), copy=False))
+    dtype = (library := library_of(column)).dtype(column)
+    transforms = library.complex_fourier if dtype.kind == "c" else library.fourier
+    return transforms.forward(library.cast(column, np.result_type(dtype, np.float64)))

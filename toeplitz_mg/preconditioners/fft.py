@@ -1,17 +1,18 @@
 """The FFT preconditioner M, a Toeplitz matrix of an interior column of A⁻¹ (paper, §3.1)."""
 
+from functools import partial
 from math import prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
-from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.engine.products import COMPLEX_FOURIER, FOURIER, Transforms
-from toeplitz_mg.engine.transforms import LONG, cosine_sums
+from toeplitz_mg.engine.library import library_of
+from toeplitz_mg.engine.products import Transforms
+from toeplitz_mg.engine.transforms import LONG
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import (
@@ -25,7 +26,7 @@ from toeplitz_mg.preconditioners.positivity import name_robust, precision, requi
 from toeplitz_mg.preconditioners.symbol import continue_axis
 
 
-@averaged
+@partial(averaged, any_library=True)
 def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return M, the paper's FFT preconditioner of a positive definite Toeplitz matrix.
 
@@ -101,42 +102,43 @@ def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOp
     is_fast = all(near_fast_length(m) == m for m in lengths)
     is_even = A.is_even and A.dtype.kind != "c"
     is_exact = is_fast or not is_even or A.shape[0] < LONG
-    transforms = _transforms_for(A)
+    transforms, library = _transforms_for(A), A.library
     if is_exact:
         count_transforms(2, *lengths)
-        spectrum = transforms.forward(A.circulant(lengths)).real
+        spectrum = library.real(transforms.forward(A.circulant(lengths)))
     else:
-        column = A.c.astype(np.float64, copy=False)
+        column = library.cast(A.c, np.float64)
         for axis, n in enumerate(A.grid_shape):
             column = continue_axis(column, axis, near_fast_length(n))
-        spectrum = cosine_sums(column)
+        spectrum = library.cosine_sums(column)
     require_positive(
         spectrum,
         dtype,
         "the embedding of A in a circulant, which M inverts, has the eigenvalue",
         name_robust(A.grid_shape),
     )
-    spectrum = np.reciprocal(spectrum, out=spectrum)
+    spectrum = library.invert(spectrum)
     if is_exact:
-        inverse = transforms.backward(spectrum, lengths)
+        inverse = transforms.backward(spectrum, s=lengths, axes=tuple(range(len(lengths))))
     else:
-        inverse = cosine_sums(spectrum)
+        inverse = library.cosine_sums(spectrum)
         inverse /= prod(2 * (m - 1) for m in spectrum.shape)
-    inverse = inverse.astype(dtype, copy=False)
+    inverse = library.cast(inverse, dtype)
     if is_even:
         return ToeplitzOperator(inverse[tuple(slice(n) for n in A.grid_shape)])
-    lags = fft.fftshift(inverse)
+    lags = library.xp.fft.fftshift(inverse)
     return ToeplitzOperator.from_lags(_make_hermitian(lags))
 
 
 def _transforms_for(A: ToeplitzOperator | CoupledOperator) -> Transforms:
     """Return the transforms that diagonalise circulants of the kind of A."""
-    return COMPLEX_FOURIER if A.dtype.kind == "c" else FOURIER
+    return A.library.complex_fourier if A.dtype.kind == "c" else A.library.fourier
 
 
 def _make_hermitian(lags: Array) -> Array:
     """Return coefficients that are Hermitian but for rounding as such, to the last bit."""
-    return (lags + np.flip(lags).conj()) / 2
+    library = library_of(lags)
+    return (lags + library.conj(library.xp.flip(lags))) / 2
 
 
 def _invert_coupled(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:
@@ -159,18 +161,20 @@ def _invert_coupled(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:
         [_sample_symbol(block, lengths, transforms) for block in row] for row in A.blocks
     ]
     _invert_matrices(S, np.result_type(A.dtype, dtype))
-    inside = np.ix_(*(np.arange(1 - n, n) for n in grid))
+    library, axes = A.library, tuple(range(len(grid)))
     blocks: list[list[ToeplitzOperator | None]] = [[None] * components for _ in range(components)]
     for i in range(components):
         for j in range(i + 1):
             if np.ndim(S[i][j]) == 0:
                 continue  # The block is zero.
             count_transforms(1, *lengths)
-            lags = transforms.backward(S[i][j], lengths)[inside]
+            lags = transforms.backward(S[i][j], s=lengths, axes=axes)
             S[i][j] = S[j][i] = 0.0  # It is of no more use, and large.
+            lags = library.xp.roll(lags, tuple(n - 1 for n in grid), axis=axes)
+            lags = lags[tuple(slice(2 * n - 1) for n in grid)]
             if i == j:
                 lags = _make_hermitian(lags)
-            block = ToeplitzOperator.from_lags(lags.astype(dtype))
+            block = ToeplitzOperator.from_lags(library.cast(lags, dtype))
             blocks[i][j], blocks[j][i] = block, block.H
     return CoupledOperator(blocks)
 
@@ -181,21 +185,23 @@ def _sample_symbol(
     """Return the eigenvalues of the circulant that embeds a block; 0 where there is none."""
     if block is None:
         return 0.0
-    column = block.lags.astype(np.result_type(block.dtype, np.float64))
+    library = block.library
+    column = library.cast(block.lags, np.result_type(block.dtype, np.float64))
     for axis, (n, length) in enumerate(zip(block.grid_shape, lengths, strict=True)):
-        positive = np.take(column, np.arange(n - 1, 2 * n - 1), axis=axis)
-        negative = np.take(column, np.arange(n - 1), axis=axis)
+        before = (slice(None),) * axis
+        positive = column[(*before, slice(n - 1, None), ...)]
+        negative = column[(*before, slice(n - 1), ...)]
         # What is between the lags n - 1 and 1 - n goes straight from one to the other, so that an
         # odd block stays odd, and an even one even.
         ahead = length - (2 * n - 1)
-        t = np.arange(1.0, ahead + 1.0) / (ahead + 1.0)
-        t = t.reshape([-1 if k == axis else 1 for k in range(column.ndim)])
-        first = np.take(column, [-1], axis=axis)
-        between = first + t * (np.take(column, [0], axis=axis) - first)
-        column = np.concatenate([positive, between, negative], axis=axis)
+        t = (library.arange(ahead) + 1.0) / (ahead + 1.0)
+        t = library.xp.reshape(t, (-1, *[1] * (column.ndim - 1 - axis)))
+        first = column[(*before, slice(2 * n - 2, None), ...)]
+        between = first + t * (column[(*before, slice(1), ...)] - first)
+        column = library.xp.concat([positive, between, negative], axis=axis)
     count_transforms(1, *lengths)
     symbol = transforms.forward(column)
-    return symbol.real if block.is_hermitian else symbol
+    return library.real(symbol) if block.is_hermitian else symbol
 
 
 def _invert_matrices(S: list[list[Any]], dtype: Any) -> None:
@@ -204,7 +210,7 @@ def _invert_matrices(S: list[list[Any]], dtype: Any) -> None:
     It is positive definite where all pivots are positive.
     """
     for k in range(len(S)):
-        pivot = S[k][k].real
+        pivot = library_of(S[k][k]).real(S[k][k])
         require_positive(
             pivot,
             dtype,

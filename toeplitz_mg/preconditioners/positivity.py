@@ -11,6 +11,7 @@ from scipy.linalg import eigvalsh_tridiagonal
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.coefficients import check_precision
@@ -31,7 +32,7 @@ def precision(A: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None) ->
     result = check_precision(A.dtype if dtype is None else dtype, A.dtype)
     blocks = A.blocks if isinstance(A, CoupledOperator) else ((A,),)
     for block in (row[i] for i, row in enumerate(blocks)):
-        require_range(0.0 if block is None else float(abs(block.c.flat[0])), result)
+        require_range(0.0 if block is None else abs(complex(block.diagonal_entry)), result)
     return result
 
 
@@ -57,12 +58,17 @@ def require_positive_diagonal(diagonal: float) -> None:
 
 def is_positive(spectrum: Array, dtype: Any) -> bool:
     """Whether all eigenvalues are positive, beyond the rounding of the largest."""
-    return float(spectrum.min()) > rounding(spectrum, dtype)
+    return _least(spectrum) > rounding(spectrum, dtype)
+
+
+def _least(spectrum: Array) -> float:
+    return float(library_of(spectrum).xp.min(spectrum))
 
 
 def rounding(spectrum: Array, dtype: Any) -> float:
     """Return the error that eigenvalues may have from the transform that gave them."""
-    return ROUNDING * float(np.finfo(dtype).eps) * float(np.abs(spectrum).max())
+    xp = library_of(spectrum).xp
+    return ROUNDING * float(np.finfo(dtype).eps) * float(xp.max(xp.abs(spectrum)))
 
 
 def require_condition(condition: float, dtype: Any, subject: str, advice: str) -> None:
@@ -85,7 +91,7 @@ def require_positive(spectrum: Array, dtype: Any, subject: str, advice: str) -> 
     """
     if not is_positive(spectrum, dtype):
         raise np.linalg.LinAlgError(
-            f"{subject} {spectrum.min():.3g}, but needs all above "
+            f"{subject} {_least(spectrum):.3g}, but needs all above "
             f"{rounding(spectrum, dtype):.2g}: use {advice}"
         )
 
@@ -95,8 +101,10 @@ def require_nonzero(spectrum: Array, dtype: Any, subject: str, advice: str) -> N
 
     The message: "`subject` 1e-17, but needs all of a size above 1e-15: use `advice`".
     """
-    sizes = np.abs(spectrum)
-    if not sizes.min() > (error := rounding(spectrum, dtype)):
+    xp = (library := library_of(spectrum)).xp
+    if not float(xp.min(xp.abs(spectrum))) > (error := rounding(spectrum, dtype)):
+        spectrum = library.to_numpy(spectrum)
+        sizes = np.abs(spectrum)
         raise np.linalg.LinAlgError(
             f"{subject} {spectrum.flat[sizes.argmin()]:.3g}, but needs all of a size above "
             f"{error:.2g}: use {advice}"

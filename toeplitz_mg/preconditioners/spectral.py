@@ -8,6 +8,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.transforms import cosine_sums, sine_sums
 from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.structure import of_any_matrix, squeeze_line
 from toeplitz_mg.preconditioners.columns import RESOLVED, Columns
@@ -90,6 +91,7 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     >>> info
     0
     """
+    require_numpy(A, "spectral_preconditioner")
     return inverse_of_factor(A, approximate_columns(A), dtype=dtype)
 
 

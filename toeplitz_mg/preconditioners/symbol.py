@@ -3,7 +3,7 @@
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.transforms import cosine_sums
+from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.operators import ToeplitzOperator
 
 STEP = 64  # Number of known lags over the distance of the three lags at which a tail is fitted.
@@ -17,16 +17,19 @@ SPIKE = 0.5  # Ratio of the last two coefficients below which they tell of no sl
 def sample_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
     """Return the symbol at θ = πk/n, k = 0 … n along each axis, n of `shape`."""
     column = average_flips(A)
+    xp = (library := A.library).xp
     alone = [axis for axis, n in enumerate(column.shape) if n > 1]
-    if len(alone) == 1 and (sums := sum_tail(column.ravel(), shape[alone[0]])) is not None:
-        samples = cosine_sums(sums)
+    line = xp.reshape(column, (-1,))
+    if len(alone) == 1 and (sums := sum_tail(line, shape[alone[0]])) is not None:
+        samples = library.cosine_sums(sums)
         # An axis of one element has no other lags: its samples are the same.
-        whole = samples.reshape([-1 if axis in alone else 1 for axis in range(column.ndim)])
-        return np.broadcast_to(whole, tuple(n + 1 for n in shape)).copy()
+        lengths = tuple(-1 if axis in alone else 1 for axis in range(column.ndim))
+        whole = xp.broadcast_to(xp.reshape(samples, lengths), tuple(n + 1 for n in shape))
+        return xp.asarray(whole, copy=True)
     for axis, n in enumerate(shape):
         column = continue_axis(column, axis, n)
     # The sum over all lags of a_k cos kθ is, by symmetry, a cosine transform of the first column.
-    return cosine_sums(column)
+    return library.cosine_sums(column)
 
 
 def sum_tail(column: Array, n: int) -> Array | None:
@@ -41,15 +44,16 @@ def sum_tail(column: Array, n: int) -> Array | None:
 def average_flips(A: ToeplitzOperator) -> Array:
     """Return the first column of the even part of A, as cosine transforms have no other part."""
     if A.is_even:
-        return A.c.astype(np.float64)
-    flips = _flips(A.lags.astype(np.float64))
-    return np.mean(flips, axis=0)[tuple(slice(n - 1, None) for n in A.grid_shape)]
+        return A.library.cast(A.c, np.float64)
+    flips = _flips(A.library.cast(A.lags, np.float64))
+    mean = sum(flips[1:], start=flips[0]) / len(flips)
+    return mean[tuple(slice(n - 1, None) for n in A.grid_shape)]
 
 
 def _flips(lags: Array) -> list[Array]:
     arrays = [lags]
     for axis in range(lags.ndim):
-        arrays += [np.flip(array, axis) for array in arrays]
+        arrays += [library_of(array).xp.flip(array, axis=axis) for array in arrays]
     return arrays
 
 
@@ -67,11 +71,11 @@ class _Tail:
     @classmethod
     def of(cls, column: Array) -> "_Tail | None":
         """Fit the tail, or return None where there is none, or one too slow to be summed."""
-        step = max(1, len(column) // STEP)
-        last = column[-2 * step - 1 :]
+        step = max(1, column.shape[0] // STEP)
+        last = library_of(column).to_numpy(column[-2 * step - 1 :])
         if (
-            len(column) < 4
-            or not last[-1] > NEGLIGIBLE * column[0]
+            column.shape[0] < 4
+            or not last[-1] > NEGLIGIBLE * float(column[0])
             or not np.all(np.diff(last) < 0)
         ):
             return None
@@ -80,7 +84,7 @@ class _Tail:
         if curvature * SUMMABLE > decay**2:
             return None
         tail = cls(1.0, decay, curvature)
-        tail.value = last[-1] / float(tail(np.array(step)))
+        tail.value = float(last[-1]) / float(tail(np.array(step)))
         return tail
 
     def __call__(self, t: Array) -> Array:
@@ -88,27 +92,22 @@ class _Tail:
         if self.curvature * 100 < self.decay**2:
             # The exponent would be above 100: this is an exponential function.
             log = (min(self.curvature, 0.0) * t / 2 - self.decay) * t
-            return self.value * np.exp(log)
+            return self.value * library_of(t).xp.exp(log)
         exponent = self.decay**2 / self.curvature
         return self.value * (1 + self.decay / exponent * t) ** -exponent
 
     def sum_periods(self, column: Array, n: int) -> Array:
         """Sum the coefficients of all lags ±k + 2nj, for k = 0 … n."""
-        known = len(column)
+        known = column.shape[0]
+        xp = (library := library_of(column)).xp
         beyond = max(1, known // STEP) + 1  # Lags from that of the fit to the first unknown one.
-        sums = np.zeros(2 * n)
-        sums[:known] = column
-        t = np.arange(2.0 * n - known) + beyond
-        sums[known:] = self(t)
+        sums = xp.concat([column, self(library.arange(2 * n - known) + beyond)])
         for period in range(1, max(PERIODS, FEW_LAGS // (2 * n))):
-            block = self(np.arange(2.0 * n) + (2 * n * period - known + beyond))
+            block = self(library.arange(2 * n) + (2 * n * period - known + beyond))
             if not block[0] > NEGLIGIBLE * column[0]:
                 break
             sums += block
-        folded = sums[: n + 1].copy()
-        folded[1:] += sums[: -n - 1 : -1]
-        folded[0] += sums[0] - column[0]
-        return folded
+        return sums[: n + 1] + xp.concat([sums[:1] - column[:1], xp.flip(sums[n:])])
 
 
 def continue_axis(column: Array, axis: int, n: int) -> Array:
@@ -118,14 +117,15 @@ def continue_axis(column: Array, axis: int, n: int) -> Array:
     where these are of so different a size that they tell of a spike, or of an end, it is zero.
     """
     known = column.shape[axis]
-    last = np.take(column, [-1], axis=axis)
+    xp = (library := library_of(column)).xp
+    last = column[(slice(None),) * axis + (slice(known - 1, None), ...)]
     if known == 1:
         # An axis of one element has no other lags.
-        return np.concatenate([column, np.zeros_like(last)], axis=axis)
-    before = np.take(column, [-2], axis=axis)
+        return xp.concat([column, xp.zeros_like(last)], axis=axis)
+    before = column[(slice(None),) * axis + (slice(known - 2, known - 1), ...)]
     slope = last - before
-    is_spike = np.minimum(abs(last), abs(before)) < SPIKE * np.maximum(abs(last), abs(before))
+    is_spike = xp.minimum(abs(last), abs(before)) < SPIKE * xp.maximum(abs(last), abs(before))
     ahead = n - known + 1  # Lags from the last coefficient to lag n.
-    t = np.arange(1.0, ahead + 1).reshape([-1 if k == axis else 1 for k in range(column.ndim)])
+    t = xp.reshape(library.arange(ahead) + 1.0, (-1, *[1] * (column.ndim - 1 - axis)))
     parabola = last + slope * t * (1.0 - t / (2.0 * ahead))
-    return np.concatenate([column, np.where(is_spike, 0.0, parabola)], axis=axis)
+    return xp.concat([column, xp.where(is_spike, xp.zeros_like(last), parabola)], axis=axis)

@@ -8,6 +8,7 @@ from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.products import TAU, DiagonalisedProduct
 from toeplitz_mg.engine.transforms import cosine_sums
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator, ToeplitzSum
+from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.structure import componentwise, restricted, symmetrised, unwrap
 from toeplitz_mg.preconditioners.positivity import name_robust, precision, require_positive
 from toeplitz_mg.preconditioners.symbol import average_flips
@@ -77,6 +78,7 @@ def tau_preconditioner(
     0
     """
     shift = finite("shift", shift)
+    require_numpy(A, "tau_preconditioner")
     if isinstance(unwrap(A)[0], ToeplitzSum):  # It is scaled, and so would the shift be.
         A, shift = A.plus(np.full(A.shape[0], shift, A.dtype)), 0.0
     return _tau(A, shift, dtype)

@@ -8,15 +8,14 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.engine.products import COSINE, SINE, DiagonalisedProduct, Transforms
-from toeplitz_mg.engine.vectors import PLAIN, Vectors
+from toeplitz_mg.engine.library import library_of
+from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import componentwise, restricted
 from toeplitz_mg.preconditioners.positivity import (
     is_positive,
     name_robust,
     precision,
-    require_nonzero,
     require_positive,
     rounding,
 )
@@ -123,57 +122,14 @@ def cosine_inverse(
     A: ToeplitzOperator, samples: Array, dtype: DTypeLike | None = None
 ) -> DiagonalisedOperator:
     """Return `cosine_preconditioner` for samples of the symbol at θ = πk/n, k = 0 … n."""
-    return _invert_samples(A, samples, COSINE, 0, dtype)
+    return _invert_samples(A, samples, ("cosine", "sine"), 0, dtype)
 
 
 def sine_inverse(
     A: ToeplitzOperator, samples: Array, dtype: DTypeLike | None = None
 ) -> DiagonalisedOperator:
     """Return `sine_preconditioner` for samples of the symbol at θ = πk/n, k = 0 … n."""
-    return _invert_samples(A, samples, SINE, 1, dtype)
-
-
-def signed_inverse(A: ToeplitzOperator) -> DiagonalisedOperator:
-    """Return the inverse of the DCT-II matrix whose eigenvalues are samples of the symbol of A.
-
-    It is `cosine_preconditioner` for a matrix that is not positive definite, with the signs that
-    the samples have. So it is none for conjugate gradients.
-
-    Parameters
-    ----------
-    A : ToeplitzOperator
-        Real and symmetric, of one axis.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        Where a sample is zero.
-
-    Notes
-    -----
-    Coefficients that alternate are those of a symbol shifted by π, as the cosines turn into sines
-    where every other one of n equations and unknowns changes its sign: so it takes the DST-II, and
-    samples the symbol of coefficients that do not alternate, whose tail is known better.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import toeplitz_mg as tmg
-    >>> A = tmg.ToeplitzOperator(np.r_[1.0, -1.0, np.zeros(998)])  # The symbol is 1 - 2 cos θ.
-    >>> x, info = tmg.gmres(A, np.ones(1000), M=signed_inverse(A), rtol=1e-8)
-    >>> info
-    0
-    """
-    alternates = float(A.c[1:] @ A.c[:-1]) < 0.0
-    if alternates:
-        samples = _sample_symbol(ToeplitzOperator(A.c * (-1.0) ** np.arange(len(A.c))))[::-1]
-    else:
-        samples = _sample_symbol(A)
-    samples, transforms = (samples[1:], SINE) if alternates else (samples[:-1], COSINE)
-    subject = "the symbol of A, which the preconditioner samples, has the value"
-    require_nonzero(samples, np.dtype(np.float64), subject, "gmres without M")
-    product = DiagonalisedProduct(1.0 / samples, samples.shape, A.grid_shape, A.dtype, transforms)
-    return DiagonalisedOperator(product, "samples of both signs")
+    return _invert_samples(A, samples, ("sine", "cosine"), 1, dtype)
 
 
 def _sample_symbol(A: ToeplitzOperator) -> Array:
@@ -183,12 +139,13 @@ def _sample_symbol(A: ToeplitzOperator) -> Array:
 def _invert_samples(
     A: ToeplitzOperator,
     samples: Array,
-    transforms: Transforms,
+    names: tuple[str, str],
     first: int,
     dtype: DTypeLike | None,
 ) -> DiagonalisedOperator:
     dtype = precision(A, dtype)
-    name, other = ("cosine", "sine") if transforms is COSINE else ("sine", "cosine")
+    (name, other), library = names, A.library
+    transforms = library.sine if first else library.cosine
     shape = tuple(m - 1 for m in samples.shape)
     eigenvalues = _take_eigenvalues(samples, first, dtype)
     if not is_positive(eigenvalues, dtype):
@@ -197,7 +154,7 @@ def _invert_samples(
             advice = f"{other}_preconditioner(A), or {advice}"
         subject = f"the symbol of A, which the {name} preconditioner samples, has the value"
         require_positive(eigenvalues, dtype, subject, advice)
-    product = DiagonalisedProduct(1.0 / eigenvalues, shape, A.grid_shape, dtype, transforms)
+    product = library.diagonalise(1.0 / eigenvalues, shape, A.grid_shape, dtype, transforms)
     return DiagonalisedOperator(product, f"{name} transform")
 
 
@@ -206,14 +163,16 @@ def _take_eigenvalues(samples: Array, first: int, dtype: np.dtype[Any]) -> Array
     return lift_lowest(samples[tuple(slice(first, first + m - 1) for m in samples.shape)], dtype)
 
 
-def lift_lowest(samples: Array, dtype: np.dtype[Any], vectors: Vectors = PLAIN) -> Array:
+def lift_lowest(samples: Array, dtype: np.dtype[Any], vectors: Vectors | None = None) -> Array:
     """Lift samples that are lost in rounding to what that is, unless one of them is negative.
 
     A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
     the lowest are as good as that rounding.
     """
+    library = library_of(samples)
+    vectors = vectors or library.vectors
     low, high = vectors.min(samples), vectors.max(samples)
     error = rounding(np.array([low, high]), dtype)
     if low > -error and vectors.count(samples < 25.0 * error) > 1:
-        samples = np.maximum(samples, 1.01 * error)
+        samples = library.xp.maximum(samples, 1.01 * error)
     return samples

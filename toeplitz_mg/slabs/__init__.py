@@ -1,5 +1,6 @@
 """Grids cut into slabs of rows, one for each rank of MPI: the package's names for a cluster."""
 
+from toeplitz_mg.slabs.contact import friction, normal_contact, rolling
 from toeplitz_mg.slabs.fsai import fsai_preconditioner
 from toeplitz_mg.slabs.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
 from toeplitz_mg.slabs.preconditioners import (
@@ -16,6 +17,9 @@ __all__ = [
     "ToeplitzOperator",
     "cosine_preconditioner",
     "fft_preconditioner",
+    "friction",
     "fsai_preconditioner",
+    "normal_contact",
+    "rolling",
     "sine_preconditioner",
 ]

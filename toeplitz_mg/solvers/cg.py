@@ -282,7 +282,7 @@ class _Descent:
             whole.compute_residual()
             return
         whole.x += self._from_inner()
-        self._inner.x = self._vectors.zeros(self._inner.x, self._inner.x.dtype)
+        self._inner.x = self._vectors.zeros(self._inner.x)
         whole.compute_residual()
         with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
             error = self._vectors.norm(whole.r - self.r) / self._last

@@ -8,6 +8,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator
+from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.structure import accept_any, unwrap_toeplitz
 from toeplitz_mg.preconditioners.choice import candidates_for_inverse
@@ -171,6 +172,7 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     >>> bool(np.linalg.norm(A @ (A_inverse @ B) - B) <= 1e-10 * np.linalg.norm(B))
     True
     """
+    require_numpy(A, "toeplitz_inverse")
     full, mask = unwrap_toeplitz(A, accept_any)
     if mask is not None:
         raise TypeError(

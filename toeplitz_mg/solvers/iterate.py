@@ -60,7 +60,7 @@ class Iterate:
     def zero(self) -> tuple[Array, int]:
         """Return what an iteration returns where b is zero."""
         self._residuals[:] = [0.0]
-        return self.vectors.zeros(self.x, self.x.dtype), 0
+        return self.vectors.zeros(self.x), 0
 
     def compute_residual(self) -> float:
         """Compute `r` by a product with A, and return its norm."""

@@ -15,7 +15,7 @@ from toeplitz_mg.solvers.checks import check_numbers
 from toeplitz_mg.solvers.choice import Method, methods
 from toeplitz_mg.solvers.scaling import exponents, scale_back
 from toeplitz_mg.solvers.system import EPS, ToeplitzSystem, largest, norms
-from toeplitz_mg.values import real
+from toeplitz_mg.values import real, refuse_masked
 
 ROUNDING = 16 * EPS  # Backward error at which no correction can be expected to help.
 GOOD = 64 * EPS  # Backward error at which no other method is tried.
@@ -155,7 +155,7 @@ def solve_toeplitz(
 
 
 def _numbers(values: ArrayLike, name: str) -> Array:
-    array = check_numbers(name, values)
+    array = check_numbers(name, refuse_masked(name, values))
     return array.astype(np.complex128 if array.dtype.kind == "c" else np.float64, copy=False)
 
 

@@ -1,0 +1,170 @@
+"""Normal contact on slabs: the same areas as on one machine, with about as many products."""
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+from tests.slabs.ranks import refuses
+from toeplitz_mg import contact, slabs
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.slabs.contact import SlabGrid
+
+STEEL = contact.Material.from_shear(82000.0, 0.28)
+SHAPES = [(40, 9), (41, 33), (130, 70), (150, 131), (257, 64)]
+
+
+def grid_on(comm, shape, unit=None):
+    """A grid in slabs, and that grid on one rank."""
+    whole = Grid.of(shape, (0.02, 0.03), STEEL, None)
+    return SlabGrid(whole, slabs.Slab(comm, shape, unit=unit)), whole
+
+
+def test_coarser_fields_are_those_of_one_rank(comm):
+    rng = np.random.default_rng(0)
+    for shape in SHAPES:
+        for components in ((), (2,)):
+            grid, whole = grid_on(comm, shape)
+            while (coarse := grid.coarser()) is not None:
+                coarser = whole.coarser()
+                assert coarse.shape == coarser.shape
+                assert coarse.element == coarser.element
+                x = rng.random((*components, *whole.shape))
+                y = rng.random((*components, *coarser.shape))
+                of_rank = slice(None)
+                if isinstance(coarse, SlabGrid):
+                    of_rank = coarse.slab.rows
+                mean = grid.coarsen(x[..., grid.slab.rows, :])
+                assert np.array_equal(mean, whole.coarsen(x)[..., of_rank, :])
+                fine = grid.refine(y[..., of_rank, :])
+                assert np.array_equal(fine, whole.refine(y)[..., grid.slab.rows, :])
+                if not isinstance(coarse, SlabGrid):
+                    break
+                grid, whole = coarse, coarser
+
+
+def test_a_grid_is_coarsened_until_every_rank_has_all_of_it(comm):
+    grid, _ = grid_on(comm, (1024, 1024))
+    sizes = []
+    while isinstance(grid, SlabGrid):
+        grid = grid.coarser()
+        sizes.append(grid.shape[0])
+    assert sizes == [512, 256, 128, 64]
+
+
+def test_lines_and_edges_are_those_of_one_rank(comm):
+    rng = np.random.default_rng(1)
+    for shape in SHAPES:
+        grid, whole = grid_on(comm, shape)
+        C = rng.random(shape) < 0.4
+        rows = grid.slab.rows
+        assert grid.fragmentation(C[rows]) == whole.fragmentation(C)
+        for axis in (0, 1):
+            lines = grid.slab.everywhere(np.ascontiguousarray(grid.lines(C[rows], axis)))
+            assert np.array_equal(lines, whole.lines(C, axis))
+
+
+def test_coefficients_are_those_of_the_rows(comm):
+    grid, whole = grid_on(comm, (150, 33))
+    A, unit = grid.scaled_normal()
+    c = whole.normal_coefficients()
+    assert unit == c[0, 0]
+    x = np.random.default_rng(2).standard_normal(whole.shape)
+    y = A.apply(x[grid.slab.rows].reshape(-1))
+    expected = (whole.normal() @ x.ravel() / unit).reshape(whole.shape)[grid.slab.rows]
+    assert_allclose(y, expected.ravel(), atol=1e-13 * np.abs(expected).max())
+
+
+def surface(kind, n):
+    """A gap on a square of n × n elements, its elements, and a force on it."""
+    element = (2.0 / n, 2.0 / n)
+    if kind == "sphere":
+        return contact.surfaces.sphere((n, n), element, radius=50.0), element, 1000.0
+    if kind == "beside":  # All contact is in the rows of the first rank.
+        gap = contact.surfaces.sphere((n, n), element, radius=50.0)
+        return np.roll(gap, n // 8 - n // 2, axis=0), element, 1.0
+    return contact.surfaces.rough((n, n), element, rms=0.002), element, 300.0
+
+
+def assert_same(comm, kind, n, by, **options):
+    """Assert that contact on slabs is that on one rank."""
+    gap, element, force = surface(kind, n)
+    alone = contact.normal_contact(gap, element, material=STEEL, force=force)
+    load = {"force": force} if by == "force" else {"approach": alone.rigid}
+    if by != "force":
+        alone = contact.normal_contact(gap, element, material=STEEL, **load)
+    slab = slabs.Slab(comm, gap.shape, **options)
+    own = slabs.normal_contact(gap[slab.rows], slab, element, material=STEEL, **load)
+    assert own.residual <= 1e-8
+    assert abs(own.products - alone.products) <= 0.2 * alone.products
+    assert_allclose(own.area, alone.area, rtol=1e-5)
+    assert_allclose(own.rigid, alone.rigid, rtol=1e-6)
+    assert_allclose(own.force, alone.force, rtol=1e-6)
+    assert_allclose(own.traction, alone.traction[slab.rows], atol=1e-5 * alone.traction.max())
+    assert_allclose(own.gap, alone.gap[slab.rows], atol=1e-7 * np.ptp(gap))
+    assert own.warnings == alone.warnings
+    assert slab.vectors.count(own.contact) == np.count_nonzero(alone.contact)
+    return slab, own
+
+
+def test_a_sphere_is_pressed(comm):
+    assert_same(comm, "sphere", 200, "force")
+    assert_same(comm, "sphere", 128, "approach")
+
+
+def test_a_rough_surface_is_pressed(comm):
+    assert_same(comm, "rough", 150, "force")
+    assert_same(comm, "rough", 190, "approach", unit=1)
+
+
+def test_a_rough_surface_is_pressed_with_fsai(comm):
+    assert_same(comm, "rough", 260, "force")
+
+
+def test_ranks_may_be_without_contact(comm):
+    slab, own = assert_same(comm, "beside", 160, "force")
+    touching = slab.gather(np.count_nonzero(own.contact))
+    assert touching[0] > 0
+    assert sum(touching[1 : max(1, comm.size - 1)]) == 0
+
+
+def test_nothing_touches(comm):
+    gap, element, _ = surface("sphere", 40)
+    slab = slabs.Slab(comm, gap.shape)
+    own = slabs.normal_contact(1.0 + gap[slab.rows], slab, element, material=STEEL, approach=0.5)
+    assert own.area == own.force == 0.0
+    assert own.products == 0
+
+
+def test_bad_input_is_refused_on_all_ranks(comm):
+    slab = slabs.Slab(comm, (40, 40))
+    last = comm.rank == comm.size - 1
+
+    def press(gap=None, slab=slab, element=(0.1, 0.1), material=STEEL, **load):
+        gap = np.zeros(slab.local) if gap is None else gap
+        load = load or {"force": 1.0}
+        return lambda: slabs.normal_contact(gap, slab, element, material=material, **load)
+
+    bad = np.zeros(slab.local)
+    bad[0, 0] = np.inf if last else 0.0
+    name = f"rank {comm.size - 1}: "
+    refuses(comm, ValueError, name + "gap has values that are not finite", press(bad))
+    short = np.zeros((slab.local[0] - last, 40))
+    refuses(comm, ValueError, name + "gap has shape", press(short))
+    refuses(comm, ValueError, "one of the two must be given", press(approach=1.0, force=2.0))
+    refuses(comm, ValueError, name + "force is", press(force=-1.0 if last else 1.0))
+    line = slabs.Slab(comm, (40,))
+    refuses(comm, ValueError, "contact on slabs has two axes", press(slab=line, element=0.1))
+    if comm.size > 1:
+        refuses(comm, ValueError, "force is 1.0 on rank 0 and", press(force=1.0 + last))
+        refuses(comm, ValueError, "element is", press(element=(0.1, 0.1 + 0.1 * last)))
+
+
+def test_failure_is_the_same_error_on_all_ranks(comm):
+    gap, element, force = surface("sphere", 64)
+    slab = slabs.Slab(comm, gap.shape)
+    options = {"material": STEEL, "force": force, "nested": False, "max_products": 3}
+    refuses(
+        comm,
+        contact.ContactError,
+        "products the conditions of contact are violated by",
+        lambda: slabs.normal_contact(gap[slab.rows], slab, element, **options),
+    )

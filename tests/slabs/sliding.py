@@ -1,0 +1,116 @@
+"""Friction and rolling on slabs: the same areas as on one machine, with about as many products."""
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+from tests.slabs.pressing import STEEL, grid_on, surface
+from tests.slabs.ranks import refuses
+from toeplitz_mg import contact, slabs
+
+
+def bound_of(n):
+    """The traction bound below a sphere, and the elements."""
+    gap, element, force = surface("sphere", n)
+    return 0.3 * contact.normal_contact(gap, element, material=STEEL, force=force).traction, element
+
+
+def assert_same_friction(comm, n, rough=False, **case):
+    """Assert that friction on slabs is that on one rank."""
+    g, element = bound_of(n)
+    if rough:
+        g = g * (contact.surfaces.rough((n, n), element, rms=1.0) < 2.5)
+    alone = contact.friction(g, element, material=STEEL, **case)
+    slab = slabs.Slab(comm, g.shape)
+    own = slabs.friction(g[slab.rows], slab, element, material=STEEL, **case)
+    rows = (slice(None), slab.rows)
+    assert own.residual <= 1e-8
+    assert abs(own.products - alone.products) <= 0.2 * alone.products
+    assert own.area == alone.area
+    assert_allclose(own.force, alone.force, rtol=1e-6, atol=1e-6 * np.abs(alone.force).max())
+    assert_allclose(own.rigid, alone.rigid, rtol=1e-6, atol=1e-6 * np.abs(alone.rigid).max())
+    assert_allclose(own.traction, alone.traction[rows], atol=1e-5 * np.abs(alone.traction).max())
+    assert_allclose(own.slip, alone.slip[rows], atol=1e-6 * np.abs(alone.slip).max())
+    differ = slab.vectors.count(own.stick != alone.stick[slab.rows])
+    assert differ <= 1e-5 * np.count_nonzero(alone.contact)
+    assert own.warnings == alone.warnings
+    return g, slab, own, alone
+
+
+def test_bodies_are_shifted_by_a_force(comm):
+    assert_same_friction(comm, 70, force=(150.0, 60.0))
+    assert_same_friction(comm, 101, force=(250.0, 0.0))
+
+
+def test_bodies_are_shifted_as_given(comm):
+    assert_same_friction(comm, 60, shift=(8e-4, 2e-4))
+    assert_same_friction(comm, 90, rough=True, shift=(3e-4, -1e-4))
+
+
+def test_a_rough_surface_is_shifted_with_fsai(comm):
+    assert_same_friction(comm, 200, rough=True, shift=(3e-4, -1e-4))
+
+
+def test_a_shift_after_another(comm):
+    case = {"shift": (6e-4, 0.0)}
+    g, slab, own, alone = assert_same_friction(comm, 60, **case)
+    after = {"material": STEEL, "shift": (-4e-4, 3e-4)}
+    expected = contact.friction(g, alone.element, previous=alone, **after)
+    found = slabs.friction(g[slab.rows], slab, own.element, previous=own, **after)
+    rows = (slice(None), slab.rows)
+    assert_allclose(
+        found.traction, expected.traction[rows], atol=1e-5 * np.abs(expected.traction).max()
+    )
+
+
+def test_friction_refuses_on_all_ranks(comm):
+    slab = slabs.Slab(comm, (40, 40))
+    last = comm.rank == comm.size - 1
+
+    def shift(g=None, **case):
+        g = np.ones(slab.local) if g is None else g
+        return lambda: slabs.friction(g, slab, (0.1, 0.1), material=STEEL, **case)
+
+    bad = np.ones(slab.local)
+    bad[0, 0] = -1.0 if last else 1.0
+    name = f"rank {comm.size - 1}: "
+    refuses(comm, ValueError, name + "bound has the value -1", shift(bad, force=(1.0, 0.0)))
+    refuses(comm, ValueError, "one of the two must be given", shift())
+    refuses(comm, ValueError, "less than the traction bound carries", shift(force=(1e3, 0.0)))
+    wrong = np.zeros((2, slab.local[0] + last, 40))
+    refuses(comm, ValueError, name + "shift has shape", shift(shift=wrong))
+    if comm.size > 1:
+        refuses(comm, ValueError, "force is", shift(force=(1.0 + last, 0.0)))
+
+
+def test_matrices_of_rolling_are_those_of_the_rows(comm):
+    for shape in ((40, 9), (41, 33)):
+        grid, whole = grid_on(comm, shape)
+        q = np.random.default_rng(3).standard_normal((2, *shape))
+        own = np.ascontiguousarray(q[:, grid.slab.rows])
+        A = whole.tangential()
+        for of_rank, of_all in (
+            (grid.upstream(), whole.upstream()),
+            (grid.steady(grid.tangential()), whole.steady(A)),
+        ):
+            expected = (of_all @ q.ravel()).reshape(q.shape)[:, grid.slab.rows]
+            y = of_rank.apply(own.reshape(-1)).reshape(own.shape)
+            assert_allclose(y, expected, atol=1e-13 * np.abs(expected).max())
+            assert grid.diagonal(of_rank) == whole.diagonal(of_all)
+
+
+def test_bodies_roll(comm):
+    creepages = {"longitudinal": -1e-4, "lateral": 5e-5, "spin": 1e-4}
+    for n in (50, 97):
+        g, element = bound_of(n)
+        alone = contact.rolling(g, element, material=STEEL, **creepages)
+        slab = slabs.Slab(comm, g.shape)
+        own = slabs.rolling(g[slab.rows], slab, element, material=STEEL, **creepages)
+        rows = (slice(None), slab.rows)
+        size = np.abs(alone.traction).max()
+        assert own.residual <= 1e-8
+        assert abs(own.products - alone.products) <= 0.2 * alone.products
+        assert_allclose(own.force, alone.force, atol=1e-6 * np.abs(alone.force).max())
+        assert_allclose(own.traction, alone.traction[rows], atol=1e-5 * size)
+        assert_allclose(own.slip, alone.slip[rows], atol=1e-6 * np.abs(alone.slip).max())
+        assert_allclose(own.displacement, alone.displacement[rows], rtol=1e-6, atol=1e-9)
+        assert np.array_equal(own.rigid, alone.rigid)

@@ -1,0 +1,327 @@
+"""Arrays of other libraries: the operators, preconditioners and iterations are those on NumPy's."""
+
+import os
+import pickle
+import subprocess
+import sys
+import tracemalloc
+from math import prod
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.sparse import diags_array
+from scipy.sparse.linalg import aslinearoperator
+
+import toeplitz_mg as tmg
+from toeplitz_mg import halfspace
+from toeplitz_mg.engine.library import NUMPY, library_of
+
+strict = pytest.importorskip("array_api_strict")
+ROUNDING = {"float64": 1e-14, "float32": 2e-6}
+
+
+def load_jax():
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    return jax.numpy
+
+
+@pytest.fixture(params=["array_api_strict", "jax.numpy"], scope="module")
+def xp(request):
+    return strict if request.param == "array_api_strict" else load_jax()
+
+
+def kernel(*shape, dtype=np.float64):
+    """Coefficients of a half-space on two axes, of covariances on other numbers of axes."""
+    if len(shape) == 2 and min(shape) > 1:
+        x, y = halfspace.offsets(shape, (0.5, 0.6))
+        c = halfspace.influence_zz(x, y, (0.5, 0.6), G=1.0, nu=0.28)
+        return (c / c[0, 0]).astype(dtype)
+    return (1.0 / (1.0 + np.indices(shape).sum(axis=0)) ** len(shape)).astype(dtype)
+
+
+def random(*shape, dtype=np.float64, seed=0):
+    rng = np.random.default_rng(seed)
+    x = rng.standard_normal(shape)
+    return (x + 1j * rng.standard_normal(shape) if np.dtype(dtype).kind == "c" else x).astype(dtype)
+
+
+def on_host(array):
+    assert library_of(array) is not NUMPY
+    return library_of(array).to_numpy(array)
+
+
+def error(actual, expected):
+    actual = on_host(actual)
+    assert actual.dtype == expected.dtype
+    assert actual.shape == expected.shape
+    return float(np.abs(actual - expected).max() / np.abs(expected).max())
+
+
+def coupled(from_numpy, dtype):
+    element, shape = (0.3, 0.4), (6, 9)
+    x, y = halfspace.all_offsets(shape, element)
+    xx, xy, yy = (
+        tmg.ToeplitzOperator.from_lags(from_numpy(a(x, y, element, G=1.0, nu=0.28).astype(dtype)))
+        for a in (halfspace.influence_xx, halfspace.influence_xy, halfspace.influence_yy)
+    )
+    return tmg.CoupledOperator([[xx, xy], [xy, yy]])
+
+
+MASK = np.indices((13, 11)).sum(axis=0) % 5 != 1
+OPERATORS = {
+    "one axis": lambda a, t: tmg.ToeplitzOperator(a(kernel(300, dtype=t))),
+    "one unknown": lambda a, t: tmg.ToeplitzOperator(a(kernel(1, dtype=t))),
+    "1 x n": lambda a, t: tmg.ToeplitzOperator(a(kernel(1, 9, dtype=t))),
+    "two axes": lambda a, t: tmg.ToeplitzOperator(a(kernel(13, 11, dtype=t))),
+    "three axes": lambda a, t: tmg.ToeplitzOperator(a(kernel(3, 5, 4, dtype=t))),
+    "general": lambda a, t: tmg.ToeplitzOperator.from_lags(a(random(9, 13, dtype=t))),
+    "column and row": lambda a, t: tmg.ToeplitzOperator(*map(a, random(2, 7, dtype=t))),
+    "complex": lambda a, t: tmg.ToeplitzOperator.from_lags(
+        a(random(9, 13, dtype=np.result_type(t, np.complex64)))
+    ),
+    "components": coupled,
+    "mask": lambda a, t: tmg.MaskedOperator(OPERATORS["two axes"](a, t), MASK),
+    "mask of components": lambda a, t: tmg.MaskedOperator(coupled(a, t), MASK[:6, :9]),
+    "scaled": lambda a, t: 2 * OPERATORS["two axes"](a, t) - OPERATORS["two axes"](a, t) / 4,
+}
+MAKERS = {
+    maker.__name__: maker
+    for maker in (
+        tmg.fft_preconditioner,
+        tmg.cosine_preconditioner,
+        tmg.sine_preconditioner,
+        tmg.chan_preconditioner,
+        tmg.strang_preconditioner,
+    )
+}
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("name", OPERATORS)
+def test_products_are_those_on_numpy(xp, name, dtype):
+    A, B = (OPERATORS[name](a, np.dtype(dtype)) for a in (np.asarray, xp.asarray))
+    assert B.dtype == A.dtype
+    assert isinstance(B.dtype, np.dtype)
+    assert (A.H is A) == (B.H is B)
+    x, X = random(A.shape[0], dtype=dtype), random(A.shape[0], 2, dtype=dtype)
+    Z = X + 1j * X[::-1]
+    for actual, expected in (
+        (B @ xp.asarray(x), A @ x),
+        (B.matvec(xp.asarray(x)), A.matvec(x)),
+        (B.dot(xp.asarray(X)), A @ X),
+        (B.matmat(xp.asarray(Z.astype(np.result_type(Z, A.dtype)))), A @ Z),
+        (B.H @ xp.asarray(x), A.H @ x),
+        (B.rmatvec(xp.asarray(x)), A.rmatvec(x)),
+    ):
+        assert error(actual, expected) <= ROUNDING[dtype]
+    if A.dtype.kind != "c":
+        assert error(B.__rmatmul__(xp.asarray(x)), x @ A) <= ROUNDING[dtype]
+    assert error(pickle.loads(pickle.dumps(B)) @ xp.asarray(x), A @ x) <= ROUNDING[dtype]
+    with pytest.raises(ValueError, match="shape"):
+        B @ xp.zeros(A.shape[0] + 1)
+
+
+@pytest.mark.parametrize("shape", [(300,), (20, 13), (1, 9), (3, 5, 4), (182, 181)])
+@pytest.mark.parametrize("name", MAKERS)
+def test_preconditioners_are_those_on_numpy(name, shape):
+    """On 182 x 181, M inverts the longer circulant that it takes where 2 n - 1 is slow."""
+    for dtype in ROUNDING:
+        c, x = kernel(*shape, dtype=dtype), random(prod(shape), dtype=dtype)
+        A, B = tmg.ToeplitzOperator(c), tmg.ToeplitzOperator(strict.asarray(c))
+        P, Q = MAKERS[name](A), MAKERS[name](B)
+        assert error(Q @ strict.asarray(x), P @ x) <= ROUNDING[dtype]
+        assert (P.H is P) == (Q.H is Q)
+
+
+@pytest.mark.parametrize(
+    "name", ["fft_preconditioner", "cosine_preconditioner", "chan_preconditioner"]
+)
+@pytest.mark.parametrize("case", ["two axes", "mask", "components"])
+def test_cg_takes_the_iterations_on_numpy(xp, name, case):
+    for dtype, rtol in (("float64", 1e-9), ("float32", 1e-5)):
+        A, B = (OPERATORS[case](a, np.dtype(dtype)) for a in (np.asarray, xp.asarray))
+        b, expected, residuals = random(A.shape[0], dtype=dtype), [], []
+        x, info = tmg.cg(A, b, M=MAKERS[name](A), rtol=rtol, residuals=expected)
+        y, same = tmg.cg(B, xp.asarray(b), M=MAKERS[name](B), rtol=rtol, residuals=residuals)
+        assert info == same == 0
+        assert len(residuals) == len(expected)
+        assert error(y, x) <= 10 * rtol
+
+
+def test_cg_in_less_precision_and_from_a_guess(xp):
+    A, B = (OPERATORS["mask"](a, np.float64) for a in (np.asarray, xp.asarray))
+    b, guess = random(2, A.shape[0])
+    given, kept = xp.asarray(guess), guess.copy()
+    iterations = []
+    for C, v, x0 in ((A, b, guess), (B, xp.asarray(b), given)):
+        residuals = []
+        C32 = C.astype(np.float32)
+        x, info = tmg.cg(
+            C, v, x0, M=tmg.cosine_preconditioner(C32), inner=C32, rtol=1e-8, residuals=residuals
+        )
+        assert info == 0
+        iterations.append(len(residuals))
+    assert iterations[0] == iterations[1]
+    assert np.linalg.norm(A @ on_host(x) - b) <= 1e-8 * np.linalg.norm(b)
+    assert np.array_equal(on_host(given), kept)
+
+
+def test_richardson_takes_the_iterations_on_numpy(xp):
+    iterations = []
+    for a in (np.asarray, xp.asarray):
+        A = tmg.ToeplitzOperator(a(0.5 ** np.arange(300.0)))
+        residuals = []
+        M = tmg.cosine_preconditioner(A)
+        x, info = tmg.richardson(A, a(np.ones(300)), M=M, rtol=1e-10, residuals=residuals)
+        assert info == 0
+        iterations.append(len(residuals))
+    assert iterations[0] == iterations[1]
+    assert np.linalg.norm(tmg.ToeplitzOperator(0.5 ** np.arange(300.0)) @ on_host(x) - 1.0) < 1e-8
+
+
+def test_an_iteration_takes_three_numbers_to_the_host(monkeypatch):
+    """An array is looked at by `float`, `bool` and the like alone: strict has no other way."""
+    looked = []
+    for name in ("__float__", "__bool__", "__int__", "__index__", "__complex__"):
+        method = getattr(type(strict.ones(1)), name)
+        monkeypatch.setattr(
+            type(strict.ones(1)), name, lambda x, m=method: looked.append(x.shape) or m(x)
+        )
+    monkeypatch.delattr(type(strict.ones(1)), "__array__", raising=False)
+    monkeypatch.delattr(type(strict.ones(1)), "__buffer__", raising=False)
+    A = OPERATORS["mask"](strict.asarray, np.float64)
+    M, b = tmg.fft_preconditioner(A), strict.asarray(random(A.shape[0]))
+    counts = []
+    for rtol in (1e-2, 1e-10):
+        looked.clear()
+        residuals = []
+        _, info = tmg.cg(A, b, M=M, rtol=rtol, residuals=residuals)
+        assert info == 0
+        counts.append((len(looked), len(residuals)))
+    (few, first), (many, last) = counts
+    assert many - few == 3 * (last - first)
+    assert set(looked) == {()}
+    looked.clear()
+    _ = A @ b
+    _ = M @ b
+    assert not looked
+
+
+def test_arrays_of_two_libraries_are_refused_by_name(xp):
+    A, B = (tmg.ToeplitzOperator(a(kernel(7))) for a in (np.asarray, xp.asarray))
+    name, ones = xp.__name__, np.ones(7)
+    for f in (
+        lambda: A @ xp.asarray(ones),
+        lambda: A.matvec(xp.asarray(ones)),
+        lambda: B @ ones,
+        lambda: B.rmatvec(ones),
+        lambda: tmg.cg(A, xp.asarray(ones)),
+        lambda: tmg.cg(B, ones),
+        lambda: tmg.cg(B, xp.asarray(ones), ones),
+        lambda: tmg.cg(B, xp.asarray(ones), M=A),
+        lambda: tmg.cg(B, xp.asarray(ones), M=aslinearoperator(np.eye(7))),
+        lambda: tmg.cg(B, xp.asarray(ones), inner=A),
+        lambda: tmg.CoupledOperator([[A, None], [None, B]]),
+        lambda: tmg.ToeplitzOperator(xp.asarray(ones), ones),
+        lambda: B + diags_array(np.arange(7.0)),
+        lambda: tmg.gmres(B, xp.asarray(ones)),
+        lambda: tmg.multigrid(B),
+        lambda: tmg.default_preconditioner(B),
+        lambda: tmg.spectral_preconditioner(B),
+        lambda: tmg.tau_preconditioner(B),
+        lambda: tmg.toeplitz_inverse(B),
+        lambda: tmg.jacobi_preconditioner(B),
+    ):
+        with pytest.raises(TypeError, match=name) as refusal:
+            f()
+        assert "numpy" in str(refusal.value).replace("jax.numpy", "")
+
+
+def test_what_is_wrong_with_coefficients_is_told_as_on_numpy(xp):
+    for wrong in ([1.0, np.nan], [1e200, 1e306], np.zeros((0,))):
+        messages = []
+        for a in (np.asarray, xp.asarray):
+            with pytest.raises(ValueError, match="but") as refusal:
+                tmg.ToeplitzOperator(a(np.asarray(wrong)))
+            messages.append(str(refusal.value))
+        assert messages[0] == messages[1]
+    for maker in MAKERS.values():
+        with pytest.raises(np.linalg.LinAlgError, match="but needs"):
+            maker(tmg.ToeplitzOperator(xp.asarray(np.array([1.0, 3.0, 0.0, 0.0]))))
+    with pytest.raises(ValueError, match="not finite"):
+        tmg.cg(OPERATORS["two axes"](xp.asarray, np.float64), xp.asarray(np.full(143, np.inf)))
+
+
+def test_entries_and_work_are_those_on_numpy(xp):
+    for name in ("two axes", "general", "components", "mask"):
+        A, B = (OPERATORS[name](a, np.float64) for a in (np.asarray, xp.asarray))
+        assert np.array_equal(A.toarray(), B.toarray())
+        assert np.array_equal(A.diagonal(), B.diagonal())
+        assert A[1, 2] == B[1, 2]
+        with tmg.count_products() as ours:
+            A @ np.ones(A.shape[0])
+        with tmg.count_products() as theirs:
+            B @ xp.ones(A.shape[0])
+        assert ours.points == theirs.points
+
+
+def test_little_more_than_the_vectors_is_held(monkeypatch):
+    """At most 130 bytes an unknown, with c and b, in set-up and solve; parts as in larger ones."""
+    monkeypatch.setattr("toeplitz_mg.engine.plain.LEAST", 2**16)
+    n, b = 724, np.ones(724 * 724)
+    c = kernel(n, n)
+    A = tmg.ToeplitzOperator(strict.asarray(kernel(8, 8)))  # What is imported is no array.
+    tmg.cg(A, strict.ones(64, dtype=strict.float64), M=tmg.cosine_preconditioner(A))
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        c, b = (strict.asarray(x, copy=True) for x in (c, b))
+        A = tmg.ToeplitzOperator(c)
+        _, info = tmg.cg(A, b, M=tmg.cosine_preconditioner(A), rtol=1e-8)
+        peak = tracemalloc.get_traced_memory()[1] - before
+    finally:
+        tracemalloc.stop()
+    assert info == 0
+    assert peak <= 130 * n * n
+
+
+def test_a_product_may_be_compiled():
+    jnp = load_jax()
+    import jax
+
+    A = OPERATORS["mask"](jnp.asarray, np.float64)
+    M, x = tmg.cosine_preconditioner(A), jnp.asarray(random(A.shape[0]))
+    compiled = jax.jit(lambda v: M @ (A @ v))(x)
+    assert_allclose(on_host(compiled), on_host(M @ (A @ x)), rtol=0, atol=1e-12)
+
+
+SCRIPT = """
+import sys
+import numpy as np
+import toeplitz_mg as tmg
+tmg.solve_toeplitz(np.array([2.0, 1.0]), np.ones(2))
+libraries = {"array_api_compat", "array_api_strict", "jax", "mpi4py", "torch", "cupy"}
+assert not libraries & {*sys.modules}
+import array_api_strict as xp
+A = tmg.ToeplitzOperator(xp.asarray(np.array([2.0, 1.0, 0.5])))
+for y in (A @ xp.ones(3), A.matvec(xp.ones(3)), A.H @ xp.ones(3), (2 * A) @ xp.ones(3)):
+    assert type(y) is type(xp.ones(3))
+x, info = tmg.cg(A, A @ xp.ones(3), M=tmg.chan_preconditioner(A), rtol=1e-12)
+assert info == 0 and float(xp.max(xp.abs(x - xp.ones(3)))) < 1e-10
+assert (tmg.ToeplitzOperator([2.0, 1.0]) @ np.ones(2)).tolist() == [3.0, 3.0]
+"""
+
+
+@pytest.mark.parametrize("flag", ["0", "1"])
+def test_with_and_without_scipys_flag(flag):
+    """Nothing is imported unless asked for, and SciPy's own support makes no difference."""
+    environment = {**os.environ, "SCIPY_ARRAY_API": flag}
+    run = subprocess.run(
+        [sys.executable, "-W", "error", "-c", SCRIPT],
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 0, run.stderr

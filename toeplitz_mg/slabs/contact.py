@@ -1,0 +1,392 @@
+"""Contact on the rows of each rank: the searches of `toeplitz_mg.contact`, on a grid in slabs."""
+
+from functools import cached_property
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
+
+from toeplitz_mg._typing import Array, Element, Mask, Progress
+from toeplitz_mg.contact import doubts
+from toeplitz_mg.contact.checks import check_bound
+from toeplitz_mg.contact.grid import Grid, coarsen, refine
+from toeplitz_mg.contact.normal.problem import press
+from toeplitz_mg.contact.result import ContactResult, check_converged
+from toeplitz_mg.contact.tangential.friction import shift_bodies
+from toeplitz_mg.contact.tangential.rolling import roll
+from toeplitz_mg.contact.tangential.steady import SteadyOptions
+from toeplitz_mg.halfspace.matrices import KERNELS, evaluate
+from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
+from toeplitz_mg.slabs.fsai import fsai_preconditioner
+from toeplitz_mg.slabs.operators import (
+    CoupledOperator,
+    MaskedOperator,
+    SlabOperator,
+    SlabProduct,
+    ToeplitzOperator,
+)
+from toeplitz_mg.slabs.preconditioners import cosine_preconditioner
+from toeplitz_mg.slabs.slab import Slab
+from toeplitz_mg.values import field
+
+FEW = 2**13  # Most elements of a coarser grid that every rank has all of, and solves alone.
+AT: dict[int, float] = {0: 1.0}  # Displacements where the elements are.
+AHEAD: dict[int, float] = {1: 1.0}  # Displacements one element further along x.
+BLOCK = 64  # Rows whose coefficients are evaluated at once: what that takes is small.
+
+
+class SlabGrid:
+    """The rows that a rank has of a grid of elements: what `contact.grid.Grid` is for all of it.
+
+    Fields are of these rows, and may have components before them.
+
+    Parameters
+    ----------
+    whole : Grid
+        Of two axes.
+    slab : Slab
+    """
+
+    def __init__(self, whole: Grid, slab: Slab) -> None:
+        self.whole, self.slab, self.vectors = whole, slab, slab.vectors
+        self.shape, self.element, self.material = whole.shape, whole.element, whole.material
+        self.area, self.components = whole.area, whole.components
+        self.agree = slab.agree
+        self._is_first = slab.comm.rank == 0
+        self._is_last = slab.comm.rank == slab.comm.size - 1
+
+    @cached_property
+    def _coarser(self) -> Any:
+        whole = self.whole.coarser()
+        if whole is None or prod(whole.shape) <= FEW:
+            return whole  # Every rank has all of it.
+        if np.diff(self._coarse_starts).min() == 0:
+            return None
+        return SlabGrid(whole, self.slab.coarser(whole.shape, 2))
+
+    @property
+    def _coarse_starts(self) -> Array:
+        """The first coarser rows of the ranks, where the one of two rows that are averaged is."""
+        return -(-self.slab.starts // 2)
+
+    def centres(self) -> tuple[Array, Array]:
+        """Return the centres of this rank's elements along each axis."""
+        x, y = self.whole.centres()
+        return x[self.slab.rows], y
+
+    def coarser(self) -> Any:
+        """Return the grid of elements twice the size, or None where that would be too coarse."""
+        return self._coarser
+
+    def coarsen(self, x: Array) -> Array:
+        """Return the averages of a field on the coarser grid."""
+        a, b = self._coarse_starts[self.slab.comm.rank :][:2].tolist()
+        x, first = self._with_neighbours(x)
+        x = coarsen(x[..., 2 * a - first : 2 * b - first, :])
+        if isinstance(self._coarser, SlabGrid):
+            return x
+        return np.moveaxis(self.slab.everywhere(np.moveaxis(x, -2, 0)), 0, -2)
+
+    def refine(self, x: Array) -> Array:
+        """Interpolate a field from the coarser grid."""
+        a, b = self._coarse_starts[self.slab.comm.rank :][:2].tolist()
+        if isinstance(self._coarser, SlabGrid):
+            x, first = self._coarser._with_neighbours(x)
+        else:
+            first = max(0, a - 1)
+            x = x[..., first : b + 1, :]
+        fine = refine(x, (min(2 * x.shape[-2], self.shape[0]), self.shape[1]))
+        start, end = self.slab.rows.start - 2 * first, self.slab.rows.stop - 2 * first
+        return np.ascontiguousarray(fine[..., start:end, :])
+
+    def _with_neighbours(self, x: Array) -> tuple[Array, int]:
+        """Return a field with a row of each rank beside this one, and which row is the first."""
+        rows = np.moveaxis(x, -2, 0)
+        above = self.slab.shift(rows[-1:], int(not self._is_first), 1)
+        below = self.slab.shift(rows[:1], int(not self._is_last), -1)
+        whole = np.moveaxis(np.concatenate([above, rows, below]), 0, -2)
+        return whole, self.slab.rows.start - len(above)
+
+    def lines(self, x: Array, axis: int) -> Array:
+        """Return lines of a field along an axis, that each rank has a share of, as rows."""
+        return x if axis == 1 else self.slab.to_columns(x).T
+
+    def fragmentation(self, C: Mask) -> float:
+        """Return how long the edge of some elements is (see `traits.fragmentation`)."""
+        rows = np.pad(self.slab.with_rows_above(C, 1), ((self._is_first, self._is_last), (0, 0)))
+        columns = np.pad(C, ((0, 0), (1, 1)))
+        own = np.count_nonzero(np.diff(rows, axis=0)) + np.count_nonzero(np.diff(columns))
+        return float(sum(self.vectors.gather(own)) / self.vectors.count(C) ** 0.5)
+
+    def scaled_normal(self) -> tuple[ToeplitzOperator, float]:
+        """Return the matrix of normal contact over its diagonal, and that."""
+        c = self._evaluate("zz", AT)
+        unit = float(self.vectors.gather(c[0, 0])[0])
+        c /= unit
+        return ToeplitzOperator(c, self.slab), unit
+
+    def tangential(self) -> CoupledOperator:
+        """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
+        return self._matrix(AT)
+
+    def upstream(self) -> CoupledOperator:
+        """Return the matrix of the tangential displacements one element ahead, at x + h1."""
+        return self._matrix(AHEAD)
+
+    def steady(self, A: CoupledOperator) -> CoupledOperator:
+        """Return the matrix of steady rolling."""
+        return self._matrix(AT | {ahead: -weight for ahead, weight in AHEAD.items()})
+
+    def invert_shifted(self, K: CoupledOperator, shift: float, dtype: DTypeLike) -> SlabOperator:
+        """Return an approximate inverse of the matrix of steady rolling."""
+        return ShiftedInverse(K, shift, np.dtype(dtype))
+
+    def diagonal(self, A: Any) -> float:
+        """Return the entry on the diagonal of a matrix of this grid, of the first component."""
+        first: Any = A.blocks[0][0] if isinstance(A, CoupledOperator) else A
+        return float(self.vectors.gather(first.c[0, 0])[0])
+
+    def _matrix(self, weights: dict[int, float]) -> CoupledOperator:
+        """Return the sum of the displacements so many elements ahead, with these weights."""
+        xx, xy, yy = (self._block(name, weights) for name in ("xx", "xy", "yy"))
+        return CoupledOperator([[xx, xy], [xy, yy]])
+
+    def _block(self, name: str, weights: dict[int, float]) -> ToeplitzOperator | None:
+        """Return the part of a matrix for two directions, or None where it is zero."""
+        c, behind, parity = self._evaluate(name, weights), None, KERNELS[name][1]
+        if weights is not AT:
+            behind, parity = self._evaluate(name, weights, -1.0), (1, parity[1])
+        if not self.vectors.count(c) and (behind is None or not self.vectors.count(behind)):
+            return None
+        return ToeplitzOperator(c, self.slab, parity=parity, behind=behind)
+
+    def _evaluate(self, name: str, weights: dict[int, float], sign: float = 1.0) -> Array:
+        """Return this rank's rows of the coefficients of lags of this sign along x."""
+        x, y = self.slab.lags((self.element[0], self.element[1]))
+        c = np.zeros(self.slab.local)
+        for k in range(0, len(x), BLOCK):
+            for ahead, weight in weights.items():
+                at = sign * x[k : k + BLOCK] + ahead * self.element[0]
+                c[k : k + BLOCK] += weight * evaluate(name, at, y, self.element, self.material)
+        return c
+
+    def invert_by_cosine(self, A: Any, dtype: DTypeLike | None = None) -> Any:
+        """Return an approximate inverse of a matrix of this grid."""
+        return cosine_preconditioner(A, dtype=dtype)
+
+    def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
+        """Return an approximate inverse of a matrix of this grid on some elements."""
+        return fsai_preconditioner(MaskedOperator(A, C), neighbours=NEIGHBOURS, dtype=dtype)
+
+
+class ShiftedInverse(SlabOperator):
+    """The inverse of K + shift max|symbol|, of a circulant that embeds K, cut to the grid.
+
+    The components are inverted each by itself (see `contact.steady_matrices`). The circulant is
+    that of the products, whose eigenvalues are there.
+
+    Parameters
+    ----------
+    K : CoupledOperator
+    shift : float
+    dtype : float32 or float64
+    """
+
+    def __init__(self, K: CoupledOperator, shift: float, dtype: np.dtype[Any]) -> None:
+        super().__init__(K.slab, dtype, K.grid_shape)
+        spectra: list[list[Array | None]] = [[None] * len(K.blocks) for _ in K.blocks]
+        for i, row in enumerate(K.blocks):
+            block: Any = row[i]
+            s = block.product.spectrum
+            lowest = shift * max(self.slab.gather(np.abs(s).max(initial=0.0)))
+            # Those of the inverse, as those of K, are divided by the points of a transform.
+            spectra[i][i] = 1.0 / ((s + lowest) * block.product.points**2)
+        self._product = SlabProduct(self.slab, spectra, dtype)
+
+    def multiply(self, x: Array, y: Array) -> None:
+        """Multiply a vector into another, which may be the same."""
+        self._product.multiply(x, y)
+
+
+def normal_contact(
+    gap: ArrayLike,
+    slab: Slab,
+    element: Element,
+    *,
+    material: Any,
+    approach: float | None = None,
+    force: float | None = None,
+    tolerance: float = 1e-8,
+    nested: bool = True,
+    max_products: int = 2000,
+    progress: Progress | None = None,
+) -> ContactResult:
+    """Press two bodies together (see `contact.normal_contact`).
+
+    Parameters
+    ----------
+    gap : array_like of shape `slab.local`
+        This rank's rows of the gap, mm. They may come from a file that is mapped into memory.
+    slab : Slab
+        Of a grid of two axes.
+    element, material, approach, force, tolerance, nested, max_products, progress
+        The arguments of `contact.normal_contact`: the same on all ranks, but `progress`.
+
+    Returns
+    -------
+    ContactResult
+        Its fields have this rank's rows. The numbers are those of the whole contact.
+
+    Warns
+    -----
+    ContactWarning
+        The warnings of `contact.normal_contact`, on every rank.
+
+    Raises
+    ------
+    ValueError, TypeError, ContactError
+        On all ranks, where `contact.normal_contact` raises it, or the ranks differ about arguments.
+
+    See Also
+    --------
+    toeplitz_mg.contact.normal_contact : on one machine, also in line contact.
+
+    Notes
+    -----
+    The pressures are the same up to rounding, and the products about as many. A coarser grid of
+    few elements is solved by every rank alone.
+
+    Examples
+    --------
+    >>> from mpi4py import MPI
+    >>> from toeplitz_mg import contact, slabs
+    >>> steel, element = contact.Material(E=210000.0, nu=0.28), (0.01, 0.01)
+    >>> slab = slabs.Slab(MPI.COMM_WORLD, (64, 64))
+    >>> gap = contact.surfaces.sphere((64, 64), element, radius=10.0)[slab.rows]
+    >>> pressed = slabs.normal_contact(gap, slab, element, material=steel, force=100.0)
+    >>> f"{pressed.rigid:.5f} mm"
+    '0.00351 mm'
+    """
+    grid, z = _read("gap", gap, field, slab, element, material)
+    result = press(grid, z, approach, force, tolerance, nested, max_products, progress)
+    doubts.warn(check_converged(result, tolerance).warnings)
+    return result
+
+
+def friction(
+    bound: ArrayLike,
+    slab: Slab,
+    element: Element,
+    *,
+    material: Any,
+    shift: ArrayLike | None = None,
+    force: ArrayLike | None = None,
+    previous: ContactResult | None = None,
+    tolerance: float = 1e-8,
+    nested: bool = True,
+    max_products: int = 2000,
+    progress: Progress | None = None,
+) -> ContactResult:
+    """Shift two bodies in contact tangentially (see `contact.friction`).
+
+    Parameters
+    ----------
+    bound : array_like of shape `slab.local`
+        This rank's rows of the traction bound, N/mm².
+    slab : Slab
+        Of a grid of two axes.
+    shift : array_like
+        (δx, δy), the same on all ranks, or this rank's rows of a field (2, n1, n2), mm.
+    previous : ContactResult, optional
+        The tractions before: a result of `friction` on a slab with the same rows.
+    element, material, force, tolerance, nested, max_products, progress
+        The arguments of `contact.friction`: the same on all ranks, but `progress`.
+
+    Returns
+    -------
+    ContactResult
+        As that of `normal_contact`, also in what it warns of and raises.
+
+    Notes
+    -----
+    Products are with the whole grid, and not with the smallest rectangle around the contact.
+    """
+    grid, g = _read("bound", bound, lambda _, g: check_bound(g), slab, element, material)
+    result = shift_bodies(
+        grid, g, Whole, shift, force, previous, tolerance, nested, max_products, progress
+    )
+    doubts.warn(check_converged(result, tolerance).warnings)
+    return result
+
+
+def rolling(
+    bound: ArrayLike,
+    slab: Slab,
+    element: Element,
+    *,
+    material: Any,
+    longitudinal: float = 0.0,
+    lateral: float = 0.0,
+    spin: float = 0.0,
+    tolerance: float = 1e-8,
+    nested: bool = True,
+    max_products: int = 2000,
+    progress: Progress | None = None,
+    options: SteadyOptions | None = None,
+) -> ContactResult:
+    """Roll steadily towards positive x with given creepages (see `contact.rolling`).
+
+    Parameters
+    ----------
+    bound : array_like of shape `slab.local`
+        This rank's rows of the traction bound, N/mm².
+    slab : Slab
+        Of a grid of two axes.
+    element, material, longitudinal, lateral, spin, tolerance, nested, max_products, progress
+        The arguments of `contact.rolling`: the same on all ranks, but `progress`.
+    options : SteadyOptions, optional
+
+    Returns
+    -------
+    ContactResult
+        As that of `normal_contact`, also in what it warns of and raises.
+    """
+    grid, g = _read("bound", bound, lambda _, g: check_bound(g), slab, element, material)
+    creepages = longitudinal, lateral, spin
+    result = roll(grid, g, Whole, creepages, tolerance, nested, max_products, progress, options)
+    doubts.warn(check_converged(result, tolerance).warnings)
+    return result
+
+
+class Whole:
+    """The whole of a grid in slabs, in the place of a window around the elements in contact.
+
+    The rows of a window would have to go to other ranks.
+    """
+
+    def __init__(self, grid: Any, elements: Array) -> None:
+        self.whole = self.grid = grid
+
+    def cut(self, x: Array) -> Array:
+        """Return the part of a field that is inside."""
+        return x
+
+    def extend(self, x: Array) -> Array:
+        """Return a field on the whole grid."""
+        return x
+
+
+def _read(
+    name: str, rows: ArrayLike, check: Any, slab: Slab, element: Element, material: Any
+) -> tuple[Any, Array]:
+    """Return the grid, and this rank's rows of a field, or say what is wrong with them."""
+    with slab.agree() as same:
+        x = check(name, rows)
+        if len(slab.shape) != 2:
+            raise ValueError(f"the grid is {slab.shape}, but contact on slabs has two axes")
+        if x.shape != slab.local:
+            raise ValueError(f"{name} has shape {x.shape}, but this rank's rows have {slab.local}")
+        whole = Grid.of(slab.shape, element, material, None)
+        same["element"], same["material"] = whole.element, whole.material
+    return SlabGrid(whole, slab), x
