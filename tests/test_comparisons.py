@@ -12,6 +12,7 @@ import pytest
 import scipy.linalg
 
 from comparisons.contact import punch3d, punch_limits
+from comparisons.gaussian import likelihood
 from comparisons.harness.processes import in_a_fresh_process, take_turns
 from comparisons.paper import figures as paper_figures
 from comparisons.paper import tables as paper_tables
@@ -54,6 +55,19 @@ def test_paper_tables(tmp_path, monkeypatch, capsys):
     for number in ("I", "II", "III", "IV", "V", "VI", "VII", "VIII", "IX"):
         assert f"Table {number}" in printed
     assert all(row["converged"] == "True" for row in rows_of(tmp_path / "table_5.csv"))
+
+
+def test_likelihood(tmp_path, monkeypatch, capsys):
+    run(likelihood, tmp_path, monkeypatch, capsys, quick_sizes=(1024,), quick_samples=2000)
+    for row in rows_of(tmp_path / "errors.csv"):
+        if float(row["condition"]) <= 1e6:
+            assert float(row["error"]) <= 1e-12
+            assert float(row["error of the gradient"]) <= 1e-10
+    assert len(rows_of(tmp_path / "times.csv")) == len(likelihood.TIMED)
+    assert all(row["value, one gap"] for row in rows_of(tmp_path / "gaps.csv"))
+    # So many samples show an error in a covariance of some percent.
+    assert all(float(row["p"]) > 1e-6 for row in rows_of(tmp_path / "samples.csv"))
+    assert all(int(row["default"]) < 1000 for row in rows_of(tmp_path / "noise.csv"))
 
 
 def test_paper_figures(tmp_path, monkeypatch, capsys):
@@ -434,6 +448,7 @@ ALL = [
     areas,
     neighbours,
     fractional_diffusion,
+    likelihood,
 ]
 
 
