@@ -323,8 +323,9 @@ class Slab:
         xp, (a, b) = library.xp, turn[self.comm.rank]
         sent = xp.concat([xp.reshape(Z[..., a:b], (-1,)) for a, b in turn])
         shape = (self.shape[0], *Z.shape[1:-1], b - a)
-        rows = [int(rows) * prod(shape[1:]) for rows in np.diff(self.starts)]
-        return xp.reshape(library.exchange(self.comm, sent, self._sizes(turn, Z), rows), shape)
+        sizes = [prod(Z.shape[:-1]) * (b - a) for a, b in turn]
+        rows = (np.diff(self.starts) * prod(shape[1:])).tolist()
+        return xp.reshape(library.exchange(self.comm, sent, sizes, rows), shape)
 
     def exchange_rows(self, C: Any, n: int, library: Any) -> Any:
         """Return all n columns of this rank's rows, as `to_rows`, of any library's array."""
@@ -332,7 +333,8 @@ class Slab:
         xp, shape = library.xp, (self.local[0], *C.shape[1:-1])
         sizes = [prod(shape) * (b - a) for a, b in turn]
         sent = xp.reshape(C, (-1,))
-        got = library.exchange(self.comm, sent, self._sizes_of_rows(C), sizes)
+        rows = (np.diff(self.starts) * prod(C.shape[1:])).tolist()
+        got = library.exchange(self.comm, sent, rows, sizes)
         ends = [sum(sizes[:k]) for k in range(len(sizes) + 1)]
         parts = [xp.reshape(got[i:j], (*shape, -1)) for i, j in pairwise(ends) if j > i]
         return xp.concat(parts, axis=-1)
