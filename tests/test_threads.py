@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import scipy.fft
+import scipy.sparse
 
 import toeplitz_mg as tmg
 from tests.cases import CASES, contact
@@ -16,6 +17,7 @@ from toeplitz_mg.engine import threads
 from toeplitz_mg.engine.fourstep import FourStep
 from toeplitz_mg.engine.panels import Panels
 from toeplitz_mg.engine.vectors import PLAIN
+from toeplitz_mg.preconditioners.fsai import levels
 
 WORKERS = 1, 2, 3
 STEEL = Material(E=210000.0, nu=0.28)
@@ -148,6 +150,27 @@ def test_contact_has_the_same_bits(is_eager, request):
 def test_coefficients_have_the_same_bits():
     x, y = halfspace.offsets((500, 300), (0.5, 0.2))
     assert_same_bits(lambda: halfspace.influence_xx(x, y, (0.5, 0.2), G=1.0, nu=0.3))
+
+
+@pytest.mark.parametrize("shape", [(0, 7), (40, 7), (40, 1000), (2, 0)])
+def test_blocks_of_a_sparse_matrix_multiply_as_it_does(shape, monkeypatch):
+    """Of rows that reach a few columns, all, or none; also where there are no rows."""
+    monkeypatch.setattr(levels, "WORTH_THREADS", 16)
+    monkeypatch.setattr(levels, "BLOCK", 6)
+    rng = np.random.default_rng(0)
+    for width in (2, 1000):
+        near = np.abs(np.arange(shape[0])[:, None] - np.arange(shape[1])) <= width
+        dense = np.where(near & (rng.random(shape) < 0.5), rng.standard_normal(shape), 0.0)
+        blocks = levels.Blocks(scipy.sparse.csr_array(dense))
+        x, y = rng.standard_normal((shape[1], 3)), rng.standard_normal((shape[0], 3))
+        product, transposed = np.full_like(y, np.nan), np.full_like(x, np.nan)
+        blocks.multiply(x, product)
+        blocks.multiply_transposed(y, transposed)
+        np.testing.assert_array_equal(blocks.toarray(), dense)
+        np.testing.assert_allclose(product, dense @ x, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(transposed, dense.T @ y, rtol=0, atol=1e-10)
+        blocks.multiply(x, product, add=True)
+        np.testing.assert_allclose(product, 2.0 * (dense @ x), rtol=0, atol=1e-10)
 
 
 # The loop itself ----------------------------------------------------------------------------
