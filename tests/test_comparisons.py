@@ -26,8 +26,10 @@ from comparisons.preconditioners import (
 )
 from comparisons.preconditioners import figures as area_figures
 from comparisons.reliability import __main__ as reliability
-from comparisons.speed import baselines, by_hand, drop_in
+from comparisons.speed import baselines, by_hand, drop_in, gpu, scaling, scaling_model
+from comparisons.speed import threads as speed_of_threads
 from comparisons.systems import fractional, matrices, random_matrices
+from tests.slabs.ranks import with_ranks
 from toeplitz_mg.fractional import grunwald_coefficients, riesz_coefficients
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
@@ -116,6 +118,54 @@ def test_drop_in(tmp_path, monkeypatch, capsys):
     assert min(ratios) > 0.0
 
 
+def test_gpu(tmp_path, monkeypatch, capsys):
+    """On a library of the processor, so that nothing is said about a GPU."""
+    pytest.importorskip("array_api_strict")
+    chosen = "--library", "array_api_strict"
+    printed = run(gpu, tmp_path, monkeypatch, capsys, *chosen, quick_sizes=(24,))
+    assert "array_api_strict on a CPU, no GPU" in printed
+    (row,) = rows_of(tmp_path / "gpu.csv")
+    assert float(row["error"]) <= 1e-14
+    assert row["iterations"] == row["iterations_numpy"]
+    assert float(row["ratio"]) > 0.0
+    assert float(row["bytes_an_unknown"]) > 0.0
+
+
+@with_ranks
+def test_scaling(tmp_path, monkeypatch, capsys):
+    options = "--nodes", "2", "--model", "1", "8"
+    printed = run(scaling, tmp_path, monkeypatch, capsys, *options, sides=(64, 64, 64))
+    rows = rows_of(tmp_path / "scaling.csv")
+    kinds = [(row["kind"], row["ranks"], row["n"]) for row in rows]
+    assert kinds == [("weak", "2", "96"), ("strong", "2", "64")]
+    for row in rows:
+        assert not row.get("note")
+        assert float(row["product bytes"]) == 16.0
+        assert float(row["model s"]) > 0.0
+        assert row["FSAI info"] == row["cosine info"] == "0"
+    memory = [row["what"] for row in rows_of(tmp_path / "memory.csv")]
+    assert memory == ["serial FSAI", "FSAI", "serial cosine", "cosine"]
+    nodes = rows_of(tmp_path / "model.csv")
+    assert [row["nodes"] for row in nodes] == ["1", "8"]
+    assert nodes[1]["CG + FSAI s"] in printed
+
+
+def test_a_launcher_that_fails_is_noted(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for launcher, note in (("false", "status 1"), ("no-such-launcher", "No such file")):
+        assert note in scaling.run(launcher, 2, 64, "times")["note"]
+
+
+def test_the_model_is_that_of_the_design():
+    """A product of 2^28 unknowns on a node of 64 cores; its messages on eight are most of it."""
+    node = scaling_model.Node(5e11, 2.5e11, 1e10)
+    assert round(scaling_model.predict(node, 1, 2**14).product, 2) == 0.56
+    eight = scaling_model.predict(node, 8, 2**15)
+    assert round(eight.exchange, 2) == 0.38
+    assert round(eight.product - eight.exchange, 2) == 0.29
+    assert eight.message == 2**28
+
+
 def test_speed_by_hand(tmp_path, monkeypatch, capsys):
     one = replace(by_hand.QUICK, products=(64,), solves=(64,), threaded=(64,), seconds=0.0)
     printed = run(by_hand, tmp_path, monkeypatch, capsys, quick=one)
@@ -127,6 +177,19 @@ def test_speed_by_hand(tmp_path, monkeypatch, capsys):
     for name in names:
         for row in rows_of(tmp_path / name):
             assert float(row["cpu_s"]) > 0.0 or row["note"]
+
+
+def test_speed_of_threads(tmp_path, monkeypatch, capsys):
+    one = speed_of_threads.Extent((384,), turns=1)
+    printed = run(speed_of_threads, tmp_path, monkeypatch, capsys, quick=one)
+    assert "Load of the machine" in printed
+    rows = rows_of(tmp_path / "threads.csv")
+    assert {row["workers"] for row in rows} == {"1", "2"}
+    assert {"bare transforms", "bare triads"} < {row["task"] for row in rows}
+    for row in rows:
+        assert 0.0 <= float(row["serial_share"]) <= 1.0
+        assert 1.0 <= float(row["on_16"]) <= float(row["on_64"]) <= 64.0
+    assert "serial_share" in (tmp_path / "threads.md").read_text()
 
 
 def test_punch3d(tmp_path, monkeypatch, capsys):
@@ -366,6 +429,8 @@ ALL = [
     general_symbols,
     drop_in,
     by_hand,
+    gpu,
+    scaling,
     areas,
     neighbours,
     fractional_diffusion,

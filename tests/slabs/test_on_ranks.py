@@ -8,9 +8,19 @@ from tests.slabs.ranks import run_on_ranks, with_ranks
 @with_ranks
 @pytest.mark.parametrize("ranks", [1, 2, 3, 4])
 @pytest.mark.parametrize(
-    "cases", ["rows", "products", "solves", "fsai", "saving", "pressing", "sliding"]
+    "cases", ["rows", "products", "solves", "fsai", "saving", "gathering", "pressing", "sliding"]
 )
 def test_on_ranks(cases, ranks):
     status, printed = run_on_ranks(ranks, "-m", "tests.slabs", cases)
     assert status == 0, printed
     assert f"{cases}.test_" in printed
+
+
+@with_ranks
+@pytest.mark.parametrize("ranks", [1, 2, 3, 4])
+def test_arrays_of_other_libraries(ranks):
+    pytest.importorskip("array_api_strict")
+    pytest.importorskip("jax")
+    status, printed = run_on_ranks(ranks, "-m", "tests.slabs", "arrays")
+    assert status == 0, printed
+    assert "arrays.test_" in printed

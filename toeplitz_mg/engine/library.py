@@ -5,6 +5,7 @@ have in common from a `Library`: `NUMPY`, which has the engine of this package, 
 `plain.Plain`, whose products are plain passes over whole arrays, as a GPU wants them.
 """
 
+from math import prod
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -22,7 +23,7 @@ from toeplitz_mg.engine.products import (
 )
 from toeplitz_mg.engine.threads import share_rows
 from toeplitz_mg.engine.transforms import cosine_sums
-from toeplitz_mg.engine.vectors import PLAIN
+from toeplitz_mg.engine.vectors import PLAIN, Gather, Vectors
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.values import refuse_masked
 
@@ -145,6 +146,17 @@ class NumPy:
     def conj(self, array: Array) -> Array:
         """Return the complex conjugate of numbers."""
         return array.conj()
+
+    def vectors_of(self, gather: Gather) -> Vectors:
+        """Return the operations with vectors of which each process has a part."""
+        return Vectors(gather)
+
+    def each(self, multiply: Any, X: Array, out: Array) -> Array:
+        """Multiply each row of X into `out`."""
+        rows = (prod(X.shape[:-1]), X.shape[-1])
+        for x, y in zip(X.reshape(rows), out.reshape(rows), strict=True):
+            multiply(x, y)
+        return out
 
     def join(self, parts: list[Array], out: Array | None) -> Array:
         """Put the columns of some arrays side by side."""

@@ -18,11 +18,13 @@ from scipy import fft
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import embedding_lengths
+from toeplitz_mg.engine.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.multilevel import NARROW, MultilevelProduct
 from toeplitz_mg.engine.products import cast_numbers
 from toeplitz_mg.engine.transforms import phase_factors
 from toeplitz_mg.engine.work import count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.coefficients import check_finite, check_precision, require_digits
 from toeplitz_mg.operators.masked import check_booleans
 from toeplitz_mg.slabs.slab import Slab, Turn
@@ -49,9 +51,17 @@ class SlabOperator:
     """
 
     def __init__(
-        self, slab: Slab, dtype: DTypeLike, grid_shape: tuple[int, ...], size: int | None = None
+        self,
+        slab: Slab,
+        dtype: DTypeLike,
+        grid_shape: tuple[int, ...],
+        size: int | None = None,
+        library: Library = NUMPY,
     ) -> None:
-        self.slab, self.vectors = slab, slab.vectors
+        self.slab, self.library = slab, library
+        self.vectors: Any = slab.vectors
+        if library is not NUMPY:
+            self.vectors = library.vectors_of(slab.gather)
         self.dtype, self.grid_shape = np.dtype(dtype), grid_shape
         self.shape = (prod(grid_shape) if size is None else size,) * 2
 
@@ -66,24 +76,22 @@ class SlabOperator:
             Where the result is written. It may be `X`.
         """
         if out is None:
-            out = np.empty(X.shape, np.result_type(X, self.dtype))
-        rows = (prod(X.shape[:-1]), X.shape[-1])
-        for x, y in zip(X.reshape(rows), out.reshape(rows), strict=True):
-            self.multiply(x, y)
-        return out
+            out = self.library.allocate(X, self.dtype)
+        return self.library.each(self.multiply, X, out)
 
-    def multiply(self, x: Array, y: Array) -> None:
-        """Multiply a vector into another, which may be the same."""
+    def multiply(self, x: Array, y: Array) -> Any:
+        """Multiply a vector into another, which may be the same; return it, if that cannot be."""
         raise NotImplementedError
 
     def __matmul__(self, x: ArrayLike) -> Array:
         with self.slab.agree() as same:
-            vector = refuse_masked("x", x)
-            if vector.dtype.kind not in "buif":
+            vector = self.library.read("x", x)
+            dtype = self.library.dtype(vector)
+            if dtype.kind not in "buif":
                 raise TypeError(f"x has dtype {vector.dtype}, but must be of real numbers")
             if vector.shape != self.shape[:1]:
                 raise ValueError(f"x has shape {vector.shape}, but A has {self.shape}")
-            same["the dtype of x"] = vector.dtype
+            same["the dtype of x"] = dtype
         return self.apply(vector)
 
 
@@ -94,6 +102,8 @@ class ToeplitzOperator(SlabOperator):
     ----------
     c : array_like of shape ``slab.local``
         This rank's rows of the first column: the coefficients of the lags that are not negative.
+        Of an array of CuPy, torch or JAX the transforms are those of that library, on the device
+        where it is.
     slab : Slab
     parity : tuple of {1, -1}, optional
         Whether the coefficients are even (1) or odd (-1) in each axis, as those of A_xy are odd in
@@ -144,7 +154,9 @@ class ToeplitzOperator(SlabOperator):
         with slab.agree() as same:
             if len(slab.shape) == 1:
                 raise ValueError(f"the grid is {slab.shape}, but must have two axes or more")
-            self.c = _check_rows("c", c, slab)
+            library = library_of(c)
+            self.c = _check_rows("c", library.to_numpy(library.read("c", c)), slab)
+            same["the library of c"] = library.name
             self.behind = None if behind is None else _check_rows("behind", behind, slab)
             _check_parity(self.c, parity, slab)
             same["the dtype of c"], same["parity"] = self.c.dtype, parity
@@ -154,11 +166,16 @@ class ToeplitzOperator(SlabOperator):
             total = slab.vectors.sum(sizes) * 2.0 ** len(slab.shape)
         largest = slab.vectors.max(sizes)
         require_digits("c", self.c.dtype, tuple(2 * n - 1 for n in slab.shape), total, largest)
-        super().__init__(slab, self.c.dtype, slab.local)
+        super().__init__(slab, self.c.dtype, slab.local, library=library)
         self.parity = parity
         self.is_even = set(parity) == {1} and behind is None
         self.is_symmetric = prod(parity) == 1 and behind is None
         self.product = product or SlabProduct(slab, [[_spectrum(self)]], self.dtype)
+        self._multiply = self.product.multiply
+        if library is not NUMPY:
+            from toeplitz_mg.slabs.arrays import PlainSlabProduct  # This needs array-api-compat.
+
+            self._multiply = PlainSlabProduct(library, slab, self.product).multiply
 
     @property
     def norm_bound(self) -> float:
@@ -171,16 +188,16 @@ class ToeplitzOperator(SlabOperator):
         if self.dtype == dtype:
             return self
         return ToeplitzOperator(
-            self.c.astype(dtype),
+            self.library.from_numpy(self.c.astype(dtype)),
             self.slab,
             parity=self.parity,
             behind=None if self.behind is None else self.behind.astype(dtype),
             product=self.product.astype(dtype) if dtype.itemsize < self.dtype.itemsize else None,
         )
 
-    def multiply(self, x: Array, y: Array) -> None:
-        """Multiply a vector into another, which may be the same."""
-        self.product.multiply(x, y)
+    def multiply(self, x: Array, y: Array) -> Any:
+        """Multiply a vector into another, which may be the same; return it, if that cannot be."""
+        return self._multiply(x, y)
 
     def __repr__(self) -> str:
         kind = "symmetric" if self.is_symmetric else "general"
@@ -222,6 +239,8 @@ class CoupledOperator(SlabOperator):
                 f"blocks is {blocks!r}, but must have rows of ToeplitzOperator of "
                 "toeplitz_mg.slabs, or None, as [[xx, xy], [xy, yy]]"
             )
+        for block in given:
+            require_numpy(block, "a CoupledOperator on slabs")
         slab, components = given[0].slab, len(self.blocks)
         with slab.agree() as same:
             same["which blocks there are"] = [[b is not None for b in row] for row in self.blocks]
@@ -293,6 +312,7 @@ class MaskedOperator(SlabOperator):
                 f"A is a {type(A).__name__}, but must be an operator of toeplitz_mg.slabs on a "
                 "whole grid"
             )
+        require_numpy(A, "a mask on slabs")
         with A.slab.agree():
             self.mask = check_booleans(mask, A.grid_shape, isinstance(A, CoupledOperator))
         if not A.vectors.count(self.mask):
@@ -347,6 +367,16 @@ class SlabProduct:
         """The eigenvalues of the first pair of components."""
         assert self._passes.spectrum is not None
         return self._passes.spectrum[0][0]
+
+    @property
+    def spectra(self) -> Any:
+        """The eigenvalues of all pairs."""
+        return self._passes.spectrum
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """The precision of the products."""
+        return self._passes.dtype
 
     @property
     def points(self) -> int:

@@ -1,0 +1,182 @@
+"""Products and solves on arrays of other libraries, as on a GPU, against those on NumPy's.
+
+For each size of a square grid of a half-space: the error of a product against NumPy's, its time
+over that of its transforms alone, the iterations of CG with the cosine preconditioner beside those
+on NumPy, and the most bytes an unknown that are held from the coefficients to the solution. It says
+on what it ran: figures of a CPU say nothing about a GPU.
+"""
+
+import platform
+import tracemalloc
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+import toeplitz_mg as tmg
+from comparisons.harness import report
+from comparisons.harness.report import Row
+from toeplitz_mg import halfspace
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.lengths import embedding_lengths
+from toeplitz_mg.engine.library import library_of
+
+LIBRARIES = ("jax", "cupy", "torch", "array_api_strict")
+SIZES = (256, 512, 1024, 2048, 4096, 8192, 16384)
+QUICK_SIZES = (64, 128)
+COMPARED = 2048  # Side of the largest grid that is multiplied and solved on NumPy's arrays too.
+RUNS = 7  # Of which the median is taken.
+RTOL = 1e-8
+ELEMENT = (0.01, 0.01)
+
+
+class Device:
+    """A library of arrays, and the device on which it makes them."""
+
+    def __init__(self, library: str) -> None:
+        self.library = library
+        self.module: Any = import_module(library)
+        if library == "jax":
+            self.module.config.update("jax_enable_x64", True)
+
+    @property
+    def has_gpu(self) -> bool:
+        """Whether arrays are made on a GPU."""
+        if self.library == "torch":
+            return bool(self.module.cuda.is_available())
+        if self.library == "jax":
+            return bool(self.module.devices()[0].platform == "gpu")
+        return self.library == "cupy"
+
+    @property
+    def name(self) -> str:
+        """What it runs on, for a table."""
+        if not self.has_gpu:
+            return f"{self.library} on a CPU, no GPU: {platform.machine()}"
+        if self.library == "torch":
+            return f"torch on {self.module.cuda.get_device_name()}"
+        if self.library == "jax":
+            return f"jax on {self.module.devices()[0].device_kind}"
+        properties = self.module.cuda.runtime.getDeviceProperties(0)
+        return f"cupy on {properties['name'].decode()}"
+
+    def put(self, array: Array) -> Any:
+        """Return an array on the device."""
+        if self.library == "torch":
+            return self.module.asarray(array, device="cuda" if self.has_gpu else "cpu")
+        return (self.module.numpy if self.library == "jax" else self.module).asarray(array)
+
+    def wait(self, array: Any) -> None:
+        """Wait until an array is computed."""
+        if self.library == "jax":
+            array.block_until_ready()
+        elif self.has_gpu:
+            cuda = self.module.cuda
+            cuda.synchronize() if self.library == "torch" else cuda.Device().synchronize()
+
+    @contextmanager
+    def peak(self) -> Iterator[Callable[[], int | None]]:
+        """Yield what tells the most bytes held since; None where nobody counts them."""
+        if self.library == "torch" and self.has_gpu:
+            self.module.cuda.reset_peak_memory_stats()
+            yield lambda: int(self.module.cuda.max_memory_allocated())
+        elif self.library == "cupy":
+            pool = self.module.get_default_memory_pool()
+            pool.free_all_blocks()
+            yield lambda: int(pool.total_bytes())
+        elif self.library == "jax" and self.has_gpu:
+            device = self.module.devices()[0]
+            yield lambda: int(device.memory_stats()["peak_bytes_in_use"])  # Since the start.
+        elif self.library == "array_api_strict":
+            tracemalloc.start()
+            yield lambda: tracemalloc.get_traced_memory()[1]
+            tracemalloc.stop()
+        else:
+            yield lambda: None
+
+    def time(self, call: Callable[[], Any]) -> float:
+        """Return the median of the seconds that a call takes, after a first one."""
+        seconds = []
+        for _ in range(RUNS + 1):
+            start = perf_counter()
+            self.wait(call())
+            seconds.append(perf_counter() - start)
+        return median(seconds[1:])
+
+
+def coefficients(n: int) -> Array:
+    """Return the first column for a square surface of n x n elements."""
+    x, y = halfspace.offsets((n, n), ELEMENT)
+    return halfspace.influence_zz(x, y, ELEMENT, G=82000.0, nu=0.28)
+
+
+def transform(device: Device, n: int) -> Callable[[], Any]:
+    """Return the transforms of a product, all columns at once, and nothing between them."""
+    rows, columns = embedding_lengths((n, n))
+    shapes = (n, columns), (rows, columns)
+    short, long = (device.put(np.ones(shape, np.complex128)) for shape in shapes)
+    fft = library_of(short).xp.fft
+
+    def all_four() -> Any:
+        fft.fft(short, axis=1)
+        fft.fft(short, n=rows, axis=0)
+        fft.ifft(long, axis=0)
+        return fft.ifft(short, axis=1)
+
+    return all_four
+
+
+def solve(c: Any, b: Any) -> tuple[Any, int]:
+    """Return the solution, and the iterations that it took."""
+    A = tmg.ToeplitzOperator(c)
+    residuals: list[float] = []
+    x, info = tmg.cg(A, b, M=tmg.cosine_preconditioner(A), rtol=RTOL, residuals=residuals)
+    if info:
+        raise RuntimeError(f"cg has not converged on {A!r}: info is {info}")
+    return x, len(residuals) - 1
+
+
+def measure(device: Device, n: int) -> Row:
+    """Return a row of the table."""
+    c, x = coefficients(n), np.random.default_rng(0).standard_normal(n * n)
+    row: Row = {"device": device.name, "n": f"{n} x {n}", "error": None, "iterations_numpy": None}
+    if n <= COMPARED:
+        expected = tmg.ToeplitzOperator(c) @ x
+        y = tmg.ToeplitzOperator(device.put(c)) @ device.put(x)
+        y = library_of(y).to_numpy(y)
+        row["error"] = float(np.abs(y - expected).max() / np.abs(expected).max())
+        row["iterations_numpy"] = solve(c, np.ones(n * n))[1]
+    with device.peak() as peak:
+        start = perf_counter()
+        solution, row["iterations"] = solve(device.put(c), device.put(np.ones(n * n)))
+        device.wait(solution)
+        row["solve_seconds"] = perf_counter() - start
+        held = peak()
+    row["bytes_an_unknown"] = None if held is None else held / n**2
+    A, v = tmg.ToeplitzOperator(device.put(c)), device.put(x)
+    row["product_seconds"] = device.time(lambda: A @ v)
+    row["transform_seconds"] = device.time(transform(device, n))
+    row["ratio"] = row["product_seconds"] / row["transform_seconds"]
+    return row
+
+
+def main(quick_sizes: Sequence[int] = QUICK_SIZES) -> None:
+    """Run the comparison."""
+    arguments = report.options(
+        "speed.gpu", "Compare arrays on a GPU with NumPy's.", library=LIBRARIES, largest=4096
+    )
+    sizes = quick_sizes if arguments.quick else [n for n in SIZES if n <= arguments.largest]
+    rows = []
+    for library in arguments.library or LIBRARIES[:1]:
+        device = Device(library)
+        rows += [measure(device, n) for n in sizes]
+    report.show("Products and solves, and the device on which they ran", rows)
+    report.write_csv(arguments.output / "gpu.csv", rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""Slabs of arrays of other libraries: local transforms by the library, rows moved by mpi4py."""
+
+import array_api_strict
+import jax
+import numpy as np
+import pytest
+
+import toeplitz_mg as tmg
+from toeplitz_mg import halfspace, slabs
+
+jax.config.update("jax_enable_x64", True)
+ELEMENT = (0.02, 0.03)
+
+
+def of(slab):
+    """The coefficients of the whole grid, and of the rows of a rank."""
+    if len(slab.shape) == 3:
+        c = np.exp(-np.indices(slab.shape).sum(axis=0) / 2.0)
+    else:
+        c = halfspace.influence_zz(*halfspace.offsets(slab.shape, ELEMENT), ELEMENT, G=1.0, nu=0.28)
+    return c / c.flat[0], (c / c.flat[0])[slab.rows]
+
+
+def error(comm, actual, expected):
+    """The largest error on any rank, relative to the largest entry of all."""
+    actual = np.asarray(getattr(actual, "_array", actual))
+    assert actual.dtype == expected.dtype
+    sizes = (np.abs(actual - expected).max(initial=0.0), np.abs(expected).max(initial=0.0))
+    wrong, largest = np.max(comm.allgather(sizes), axis=0)
+    return wrong / largest
+
+
+def test_products_are_the_serial_ones(comm):
+    # Each shape takes JAX a second or two.
+    libraries = [(array_api_strict, ((12, 15), (7, 5), (6, 4, 5))), (jax.numpy, ((12, 15),))]
+    for xp, shapes in libraries:
+        for shape in shapes:
+            for dtype, bound in ((np.float64, 1e-14), (np.float32, 2e-6))[: len(shapes)]:
+                slab = slabs.Slab(comm, shape, unit=1)
+                c, own = (part.astype(dtype) for part in of(slab))
+                x = np.random.default_rng(0).standard_normal(shape).astype(dtype)
+                y = (tmg.ToeplitzOperator(c) @ x.ravel()).reshape(shape)
+                A = slabs.ToeplitzOperator(xp.asarray(own), slab)
+                product = A @ xp.asarray(x[slab.rows].ravel())
+                assert type(product) is type(xp.ones(1))
+                assert error(comm, product, y[slab.rows].ravel()) <= bound
+
+
+def test_a_product_moves_no_more_than_on_numpy(comm):
+    slab = slabs.Slab(comm, (64, 48), unit=1)
+    _, own = of(slab)
+    sent = []
+    for a in (np.asarray, array_api_strict.asarray):
+        A, x = slabs.ToeplitzOperator(a(own), slab), a(np.ones(own.size))
+        comm.reset()
+        A.apply(x)
+        sent.append(comm.sent)
+    assert sent[0] == sent[1]
+
+
+def test_cg_takes_the_serial_iterations(comm):
+    slab = slabs.Slab(comm, (12, 15), unit=1)
+    c, own = of(slab)
+    b = np.random.default_rng(1).standard_normal(slab.shape)
+    expected, residuals = [], []
+    x, _ = tmg.cg(tmg.ToeplitzOperator(c), b.ravel(), rtol=1e-8, residuals=expected)
+    A = slabs.ToeplitzOperator(jax.numpy.asarray(own), slab)
+    right = jax.numpy.asarray(b[slab.rows].ravel())
+    y, info = tmg.cg(A, right, rtol=1e-8, residuals=residuals)
+    assert info == 0
+    assert len(residuals) == len(expected)
+    assert error(comm, y, x.reshape(slab.shape)[slab.rows].ravel()) <= 1e-6
+    for wrong in (lambda: A @ b[slab.rows].ravel(), lambda: tmg.cg(A, b[slab.rows].ravel())):
+        with pytest.raises(TypeError, match=r"numpy.* jax\.numpy"):
+            wrong()
