@@ -1,17 +1,19 @@
 """The command line: what it prints, writes and refuses."""
 
+import os
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+import scipy.fft
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
 from comparisons.systems import masks
 from tests.cases import contact
 from toeplitz_mg.cli import files
-from toeplitz_mg.cli.main import main
+from toeplitz_mg.cli.main import COMMANDS, main
 
 
 @pytest.fixture
@@ -119,6 +121,17 @@ def test_solves_on_a_grid_of_two_axes(folder):
     assert_allclose(A @ np.load(folder / "x.npy"), 1.0, atol=1e-6)
 
 
+@pytest.mark.parametrize("command", [[], ["solve", "c.npy", "b.npy", "-o", "x.npy"], ["contact"]])
+def test_threads_are_those_asked_for_or_all_cores(command, monkeypatch):
+    seen = []
+    for name in COMMANDS:
+        monkeypatch.setitem(COMMANDS, name, lambda given: seen.append(scipy.fft.get_workers()))
+    for options in (["--threads", "3", *command], [*command, "--threads", "2"], command):
+        main(options)
+    assert seen == [3, 2, len(os.sched_getaffinity(0))]
+    assert scipy.fft.get_workers() == 1
+
+
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_tiny_problems(n):
     assert main(["-n", str(n)]) == 0
@@ -143,6 +156,8 @@ def test_tiny_problems(n):
         (["--plot", "picture"], "picture does not end in one of"),
         (["--plot", "picture.foo"], "picture.foo does not end in one of"),
         (["--seed", "-1"], "--seed is -1"),
+        (["--threads", "0"], "--threads is 0, but must be 1 to 1024"),
+        (["--threads", "1025"], "--threads is 1025, but must be 1 to 1024"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )

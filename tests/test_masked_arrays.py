@@ -16,6 +16,7 @@ from toeplitz_mg.operators.toeplitz_sum import Term
 A = tmg.ToeplitzOperator(0.5 ** np.arange(4.0))
 SQUARE = tmg.ToeplitzOperator(0.5 ** np.indices((2, 3)).sum(axis=0))
 ONES, GRID, MASK = np.ones(4), np.ones((2, 2)), np.array([True, True, False, True])
+PROCESS = tmg.ToeplitzNormal([4.0, 1.0, 0.5])
 SHAPE, ELEMENT, STEEL = (2, 2), (1.0, 1.0), contact.Material(E=210000.0, nu=0.28)
 POINTS = {"x": ONES, "y": ONES, "element": ELEMENT, "G": 1.0}
 CONTACT = {"element": ELEMENT, "material": STEEL, "tolerance": 1e-8, "max_products": 99}
@@ -173,6 +174,14 @@ USES = {
             functools.partial(halfspace.influence_matrix, "x", (4,), (1.0,), STEEL),
             {"reference": 9.0, "ahead": 1},
         ),
+    ],
+    "toeplitz_logdet": [(tmg.toeplitz_logdet, {"c": [4.0, 1.0, 0.5]})],
+    "ToeplitzNormal": [
+        (tmg.ToeplitzNormal, {"c": [4.0, 1.0, 0.5], "mean": [0.0, 1.0, 0.0]}),
+        (PROCESS.logpdf, {"y": [0.0, 1.0, 0.0], "observed": [True, True, False]}),
+        (PROCESS.logpdf_and_grad, {"y": [0.0, 1.0, 0.0], "observed": [True, True, False]}),
+        (PROCESS.conditional, {"y": [0.0, 1.0, 0.0], "observed": [True, True, False]}),
+        (PROCESS.rvs, {"size": 2}),
     ],
     "riesz_coefficients": [(fractional.riesz_coefficients, {"order": 1.5, "n": 4})],
     "grunwald_coefficients": [(fractional.grunwald_coefficients, {"order": 1.5, "n": 4})],

@@ -156,7 +156,7 @@ def test_a_symmetric_indefinite_system_is_solved_by_gmres(n):
     b = random(n)
     assert np.linalg.eigvalsh(scipy.linalg.toeplitz(c[:400])).min() < 0
     x, info = tmg.solve_toeplitz(c, b, full_output=True)
-    assert info.method == "gmres, samples of both signs"
+    assert info.method == "gmres, circulant of both signs"
     assert np.linalg.norm(tmg.ToeplitzOperator(c) @ x - b) <= 1e-10 * np.linalg.norm(b)
 
 
@@ -166,7 +166,7 @@ def test_shifted_systems_take_few_iterations(name, n):
     c, _ = INDEFINITE[name](n)
     b = random(n)
     x, info = tmg.solve_toeplitz(c, b, rtol=1e-8, full_output=True)
-    assert info.method == "gmres, samples of both signs"
+    assert info.method == "gmres, circulant of both signs"
     assert info.iterations <= 15
     assert np.linalg.norm(tmg.ToeplitzOperator(c) @ x - b) <= 1e-8 * np.linalg.norm(b)
 

@@ -37,6 +37,7 @@ from toeplitz_mg.solvers.inverse import ToeplitzInverse, toeplitz_inverse
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.gmres import gmres
 from toeplitz_mg.solvers.richardson import richardson
+from toeplitz_mg.gaussian import ToeplitzNormal
 
 __all__ = [
     "CoupledOperator",
@@ -46,6 +47,7 @@ __all__ = [
     "ProductCount",
     "SolveInfo",
     "ToeplitzInverse",
+    "ToeplitzNormal",
     "ToeplitzOperator",
     "ToeplitzSum",
     "cg",

@@ -1,6 +1,7 @@
 """The arguments of the command line, and what cannot be meant by them."""
 
 import argparse
+import os
 import re
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,6 +25,7 @@ PRECONDITIONERS: dict[str, Preconditioner] = {
     "spectral": tmg.spectral_preconditioner,
 }
 
+MOST_THREADS = 1024  # More than any one machine has cores.
 MOST = 2**40  # Most elements of a problem of the paper: no memory holds a vector of 8 TiB.
 
 
@@ -80,6 +82,30 @@ def _method_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--plot", type=Path, metavar="FILE", help="draw solution and convergence")
 
 
+def _add_threads(*parsers: argparse.ArgumentParser) -> None:
+    for parser in parsers:
+        parser.add_argument(
+            "--threads", type=int, help="threads that share the work (default: all cores)"
+        )
+
+
+def take_threads(given: argparse.Namespace) -> int:
+    """Take the number of threads from what is given, and return it: by default all cores."""
+    number: int = vars(given).pop("threads", None)
+    if number is None:
+        return _count_cores()
+    if not 1 <= number <= MOST_THREADS:
+        raise ValueError(f"--threads is {number}, but must be 1 to {MOST_THREADS}")
+    return number
+
+
+def _count_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return getattr(os, "process_cpu_count", os.cpu_count)() or 1  # It is since Python 3.13.
+
+
 DEFAULTS: dict[str, Any] = {
     "test": 1,
     "n": 2**20,
@@ -129,7 +155,7 @@ def parser() -> argparse.ArgumentParser:
     solve.add_argument("-o", "--output", type=Path, required=True, metavar="X.npy", help="solution")
     solve.add_argument("--mask", type=Path, metavar="MASK.npy", help="where A is restricted")
     _method_options(solve)
-    contact_arguments.add_parser(commands, **bare)
+    _add_threads(main, solve, contact_arguments.add_parser(commands, **bare))
     return main
 
 

@@ -101,9 +101,9 @@ SHORT = {"n": ("-n",), "output": ("-o", "--output")}
 METAVARS = {"output": "FIELDS.npz", "plot": "FILE"}
 
 
-def add_parser(commands: Any, **bare: Any) -> None:
-    """Add the command `contact` to the others."""
-    parser = commands.add_parser(
+def add_parser(commands: Any, **bare: Any) -> argparse.ArgumentParser:
+    """Add the command `contact` to the others, and return its parser."""
+    parser: argparse.ArgumentParser = commands.add_parser(
         "contact",
         help="contact of two elastic bodies",
         description="Press a sphere, an ellipsoid or a cylinder on a flat of the same material "
@@ -125,6 +125,7 @@ def add_parser(commands: Any, **bare: Any) -> None:
             special |= {"nargs": "+", "metavar": name.upper()}
         only = f"{' and '.join(option.cases)}: " if option.cases != CASES else ""
         parser.add_argument(*SHORT.get(name, (f"--{name}",)), help=only + option.help, **special)
+    return parser
 
 
 def complete(given: argparse.Namespace) -> argparse.Namespace:

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 import numpy as np
+from scipy import fft
 
 from toeplitz_mg import startup
 from toeplitz_mg.cli import contact, paper, report, solve
-from toeplitz_mg.cli.arguments import parser
+from toeplitz_mg.cli.arguments import parser, take_threads
 
 COMMANDS = {None: paper.run, "solve": solve.run, "contact": contact.run}
 
@@ -32,7 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         startup.raise_again()
         report.print_any_character()
         given = parser().parse_args(arguments)
-        status = COMMANDS[given.command](given)
+        with fft.set_workers(take_threads(given)):
+            status = COMMANDS[given.command](given)
         print(end="", flush=True)  # A full disk is to be noticed here, not at exit.
         return status
     except (ValueError, TypeError, np.linalg.LinAlgError, OSError) as error:

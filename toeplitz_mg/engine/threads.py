@@ -11,6 +11,7 @@ from contextvars import copy_context
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
 from scipy import fft
 
 from toeplitz_mg._typing import Array
@@ -95,6 +96,25 @@ def share_rows(work: Callable[[slice], None], field: Array) -> None:
         work(slice(0, len(field)))
     else:
         share_slices(work, len(field), max(1, PIECE * len(field) // field.size), field.size)
+
+
+def elementwise(function: Callable[..., Array], *fields: Array, out: Array | None = None) -> Array:
+    """Return what a function of each element makes of fields, in `out` or in a new array.
+
+    It is called with pieces, for which the fields are cut along the first axis: what is computed in
+    between stays in the cache, and threads share the pieces. So all fields have the same shape.
+    """
+    if fields[0].size < WORTH_THREADS and out is None:
+        return function(*fields)
+    if out is None:
+        out = np.empty(fields[0].shape, function(*(x[:0] for x in fields)).dtype)
+    to = out
+
+    def work(part: slice) -> None:
+        to[part] = function(*(x[part] for x in fields))
+
+    share_rows(work, out)
+    return out
 
 
 def do_part(work: list[Work], part: range) -> None:

@@ -195,25 +195,32 @@ def _blas(name: str, dtype: str) -> Any:
     return get_blas_funcs(name, dtype=dtype)
 
 
-def _sum(x: Array) -> float:
-    return float(x.sum())
+def _reduce(of_part: Callable[[Array], Any], combine: Callable[[list[Any]], Any]) -> Any:
+    """Return the function that combines the numbers of the pieces of a field, in their order."""
+
+    def reduce(x: Array) -> Any:
+        if x.size < WORTH_THREADS:
+            return of_part(x)
+        numbers: dict[int, Any] = {}
+
+        def work(part: slice) -> None:
+            numbers[part.start] = of_part(x[part])
+
+        share_rows(work, x)
+        return combine([numbers[start] for start in sorted(numbers)])
+
+    return reduce
 
 
-def _min(x: Array) -> float:
-    return float(x.min(initial=inf))
-
-
-def _max(x: Array) -> float:
-    return float(x.max(initial=-inf))
+_sum = _reduce(lambda x: float(x.sum()), sum)
+_min = _reduce(lambda x: float(x.min(initial=inf)), min)
+_max = _reduce(lambda x: float(x.max(initial=-inf)), max)
+_count = _reduce(lambda x: int(np.count_nonzero(x)), sum)
 
 
 def _peak(x: Array) -> float:
     parts = (x.real, x.imag) if x.dtype.kind == "c" else (x,)
     return max(float(np.abs(part).max(initial=0.0)) for part in parts)
-
-
-def _count(x: Array) -> int:
-    return int(np.count_nonzero(x))
 
 
 class Vectors:

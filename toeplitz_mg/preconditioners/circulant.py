@@ -1,6 +1,5 @@
 """Circulant preconditioners by Strang and by T. Chan: the baselines to beat."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from toeplitz_mg.preconditioners.positivity import (
     require_nonzero,
     require_positive,
 )
+from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE
 
 
 @of_any_matrix
@@ -137,28 +137,9 @@ def chan_eigenvalues(A: ToeplitzOperator) -> Array:
     They are real where A is Hermitian. Of a real matrix they are those of k ≤ n/2 along the last
     axis.
     """
-    return _eigenvalues(A, lambda t: 1.0 - t)
-
-
-def smooth_eigenvalues(A: ToeplitzOperator) -> Array:
-    """Return samples of the symbol that are as near to it as its coefficients allow.
-
-    They are those of its sum over the lags of A, and where such a sum oscillates, as these end, the
-    means of neighbours do not: a quarter of those at θ ± π/n and a half of that at θ, where
-    θ = 2πk/n. T. Chan's means are over a wider part of the symbol, so that they do not see the
-    bottom of a zero, but they are never below it. The format is that of `chan_eigenvalues`.
-    """
-    return _eigenvalues(A, lambda t: 0.5 + 0.5 * np.cos(np.pi * t))
-
-
-def _eigenvalues(A: ToeplitzOperator, window: Callable[[Array], Array]) -> Array:
-    """Return the eigenvalues of the circulant whose first column has the lags k and k - n.
-
-    These have the weights w(k/n) and w(1 - k/n) = 1 - w(k/n) of a window.
-    """
     column, library = A.lags, A.library
     for axis, n in enumerate(A.grid_shape):
-        w = window(np.arange(n) / n).reshape((n,) + (1,) * (column.ndim - 1 - axis))
+        w = 1.0 - np.arange(n).reshape((n,) + (1,) * (column.ndim - 1 - axis)) / n
         w = library.from_numpy(w)
         positive = column[cut(axis, n - 1)]
         # The lag k - n of k = 0 is none of A, and has no weight.
@@ -167,6 +148,38 @@ def _eigenvalues(A: ToeplitzOperator, window: Callable[[Array], Array]) -> Array
         column = w * positive + (1.0 - w) * negative
     eigenvalues = _transform(column)
     return library.real(eigenvalues) if A.is_hermitian else eigenvalues
+
+
+def smooth_eigenvalues(A: ToeplitzOperator) -> Array:
+    """Return the eigenvalues of the circulant that `smooth_column` returns, A having one axis.
+
+    The format is that of `chan_eigenvalues`.
+    """
+    n = A.shape[0]
+    eigenvalues = _transform(smooth_column(A.lags[n - 1 :], A.lags[n - 1 :: -1]))
+    return eigenvalues.real if A.is_hermitian else eigenvalues
+
+
+def smooth_column(c: Array, r: Array) -> Array:
+    """Return the first column of a circulant with eigenvalues as near to the symbol as can be.
+
+    They are the sums over the lags of A at θ = 2πk/n. Such sums oscillate where the lags end before
+    they are negligible. The means of neighbours do not: a quarter of those at θ ± π/n and a half of
+    that at θ, and so they are taken there. T. Chan's means are over a wider part of the symbol.
+    They do not see the bottom of a zero, but are never below it.
+
+    Parameters
+    ----------
+    c, r : ndarray of shape (n,)
+        First column and first row of A.
+    """
+    n = len(c)
+    behind = np.append(0.0, r[:0:-1])  # The lags k - n.
+    ends = np.abs(c[n // 2 :]).sum() + np.abs(r[n // 2 :]).sum()
+    if ends <= NEGLIGIBLE * abs(c[0]):
+        return c + behind
+    weights = 0.5 + 0.5 * np.cos(np.pi / n * np.arange(n))
+    return behind + weights * (c - behind)
 
 
 def _definite_inverse(

@@ -9,14 +9,12 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.library import library_of
-from toeplitz_mg.engine.products import COSINE, SINE, DiagonalisedProduct
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import componentwise, restricted
 from toeplitz_mg.preconditioners.positivity import (
     is_positive,
     name_robust,
     precision,
-    require_nonzero,
     require_positive,
     rounding,
 )
@@ -131,49 +129,6 @@ def sine_inverse(
 ) -> DiagonalisedOperator:
     """Return `sine_preconditioner` for samples of the symbol at θ = πk/n, k = 0 … n."""
     return _invert_samples(A, samples, ("sine", "cosine"), 1, dtype)
-
-
-def signed_inverse(A: ToeplitzOperator) -> DiagonalisedOperator:
-    """Return the inverse of the DCT-II matrix whose eigenvalues are samples of the symbol of A.
-
-    It is `cosine_preconditioner` for a matrix that is not positive definite, with the signs that
-    the samples have. So it is none for conjugate gradients.
-
-    Parameters
-    ----------
-    A : ToeplitzOperator
-        Real and symmetric, of one axis.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        Where a sample is zero.
-
-    Notes
-    -----
-    Coefficients that alternate are those of a symbol shifted by π, as the cosines turn into sines
-    where every other one of n equations and unknowns changes its sign: so it takes the DST-II, and
-    samples the symbol of coefficients that do not alternate, whose tail is known better.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import toeplitz_mg as tmg
-    >>> A = tmg.ToeplitzOperator(np.r_[1.0, -1.0, np.zeros(998)])  # The symbol is 1 - 2 cos θ.
-    >>> x, info = tmg.gmres(A, np.ones(1000), M=signed_inverse(A), rtol=1e-8)
-    >>> info
-    0
-    """
-    alternates = float(A.c[1:] @ A.c[:-1]) < 0.0
-    if alternates:
-        samples = _sample_symbol(ToeplitzOperator(A.c * (-1.0) ** np.arange(len(A.c))))[::-1]
-    else:
-        samples = _sample_symbol(A)
-    samples, transforms = (samples[1:], SINE) if alternates else (samples[:-1], COSINE)
-    subject = "the symbol of A, which the preconditioner samples, has the value"
-    require_nonzero(samples, np.dtype(np.float64), subject, "gmres without M")
-    product = DiagonalisedProduct(1.0 / samples, samples.shape, A.grid_shape, A.dtype, transforms)
-    return DiagonalisedOperator(product, "samples of both signs")
 
 
 def _sample_symbol(A: ToeplitzOperator) -> Array:

@@ -289,7 +289,8 @@ class Slab:
         sent = workspace((sum(sizes),), Z.dtype)
         for part, (a, b) in self._pieces(sent, turn, Z):
             part[...] = Z[..., a:b]
-        self.comm.Alltoallv([sent, sizes], [out, self._sizes_of_rows(out)])
+        out[self.rows] = Z[..., slice(*own)]
+        self.comm.Alltoallv([sent, sizes], [out, self._places_of_rows(out)])
         return out
 
     def to_rows(self, C: Array, out: Array, turn: Turn | None = None) -> Array:
@@ -310,43 +311,52 @@ class Slab:
         turn = turn or next(self.turns(out.shape[-1], out.shape[-1]))
         sizes = self._sizes(turn, out)
         got = workspace((sum(sizes),), out.dtype)
-        self.comm.Alltoallv([np.ascontiguousarray(C), self._sizes_of_rows(C)], [got, sizes])
+        self.comm.Alltoallv([np.ascontiguousarray(C), self._places_of_rows(C)], [got, sizes])
         for part, (a, b) in self._pieces(got, turn, out):
             out[..., a:b] = part
+        out[..., slice(*turn[self.comm.rank])] = C[self.rows]
         return out
 
     def exchange_columns(self, Z: Any, library: Any) -> Any:
         """Return all rows of this rank's columns, as `to_columns`, of any library's array."""
         (turn,) = self.turns(Z.shape[-1], Z.shape[-1])
         xp, (a, b) = library.xp, turn[self.comm.rank]
-        sent = xp.concat([xp.reshape(Z[..., a:b], (-1,)) for a, b in turn])
-        shape = (self.shape[0], *Z.shape[1:-1], b - a)
-        rows = [int(rows) * prod(shape[1:]) for rows in np.diff(self.starts)]
-        return xp.reshape(library.exchange(self.comm, sent, self._sizes(turn, Z), rows), shape)
+        parts = [xp.reshape(Z[..., i:j], (-1,)) for i, j in turn]
+        shape, sizes = (self.shape[0], *Z.shape[1:-1], b - a), [part.shape[0] for part in parts]
+        rows = np.diff(self.starts * prod(shape[1:])).tolist()
+        return xp.reshape(library.exchange(self.comm, xp.concat(parts), sizes, rows), shape)
 
     def exchange_rows(self, C: Any, n: int, library: Any) -> Any:
         """Return all n columns of this rank's rows, as `to_rows`, of any library's array."""
         (turn,) = self.turns(n, n)
         xp, shape = library.xp, (self.local[0], *C.shape[1:-1])
         sizes = [prod(shape) * (b - a) for a, b in turn]
-        sent = xp.reshape(C, (-1,))
-        got = library.exchange(self.comm, sent, self._sizes_of_rows(C), sizes)
+        rows = np.diff(self.starts * prod(C.shape[1:])).tolist()
+        got = library.exchange(self.comm, xp.reshape(C, (-1,)), rows, sizes)
         ends = [sum(sizes[:k]) for k in range(len(sizes) + 1)]
         parts = [xp.reshape(got[i:j], (*shape, -1)) for i, j in pairwise(ends) if j > i]
         return xp.concat(parts, axis=-1)
 
     def _sizes(self, turn: Turn, Z: Array) -> list[int]:
-        return [prod(Z.shape[:-1]) * (b - a) for a, b in turn]
+        """Return what goes to each rank; 0 to this one, whose own is copied once, here."""
+        sizes = [prod(Z.shape[:-1]) * (b - a) for a, b in turn]
+        sizes[self.comm.rank] = 0
+        return sizes
 
-    def _sizes_of_rows(self, C: Array) -> list[int]:
-        return [int(rows) * prod(C.shape[1:]) for rows in np.diff(self.starts)]
+    def _places_of_rows(self, C: Array) -> tuple[list[int], list[int]]:
+        """Return how many numbers each rank has of C, 0 of this one, and where they begin."""
+        places = self.starts * prod(C.shape[1:])
+        sizes = np.diff(places).tolist()
+        sizes[self.comm.rank] = 0
+        return sizes, places[:-1].tolist()
 
     def _pieces(self, flat: Array, turn: Turn, Z: Array) -> Iterator[tuple[Array, tuple[int, int]]]:
-        """Yield each rank's piece of a message, as an array, and the columns of it."""
+        """Yield each other rank's piece of a message, as an array, and the columns of it."""
         end = 0
         for size, (a, b) in zip(self._sizes(turn, Z), turn, strict=True):
             start, end = end, end + size
-            yield flat[start:end].reshape(*Z.shape[:-1], b - a), (a, b)
+            if size:
+                yield flat[start:end].reshape(*Z.shape[:-1], b - a), (a, b)
 
     def shift(self, x: Array, count: int, step: int) -> Array:
         """Send rows to a neighbour, and return those that the other neighbour sends.

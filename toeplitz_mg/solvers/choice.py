@@ -20,7 +20,6 @@ from toeplitz_mg.preconditioners.positivity import is_positive, rounding
 from toeplitz_mg.preconditioners.selection import Candidate
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
 from toeplitz_mg.preconditioners.traits import has_symbol, is_nearly_white
-from toeplitz_mg.preconditioners.trigonometric import signed_inverse
 from toeplitz_mg.solvers.attempts import PATIENT, USUAL, solve_by_cg, solve_by_gmres
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.cosine_form import fast_length
@@ -120,7 +119,8 @@ def _methods_of_hermitian(system: ToeplitzSystem, means: Array) -> Iterator[Meth
 def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a symmetric system that is not positive definite."""
     if not lu_is_faster_than_levinson(len(system.c), system.columns):
-        yield from _gmres_method(system.A, signed_inverse, "gmres, samples of both signs")
+        by_gmres = partial(_circulant_method, system, system.samples, solve_by_gmres)
+        yield from by_gmres("gmres, circulant of both signs")
     yield from _dense_methods(system)
 
 

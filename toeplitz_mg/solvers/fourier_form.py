@@ -15,6 +15,7 @@ from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.transforms import phase_factors
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import GridOperator
+from toeplitz_mg.preconditioners.circulant import smooth_column
 from toeplitz_mg.preconditioners.positivity import require_nonzero
 
 LARGEST = 2**14  # Most unknowns of which a transform at once is as fast as one in panels.
@@ -43,17 +44,16 @@ class FourierForm:
     A : GridOperator
         The matrix in that domain.
     samples : ndarray
-        What `smooth_eigenvalues` returns: means of neighbouring samples of the symbol.
+        Samples of the symbol, as `smooth_eigenvalues` returns them.
     """
 
     def __init__(self, c: Array, r: Array) -> None:
         self.n = n = len(c)
         self._is_complex = c.dtype.kind == "c"
         behind = np.concatenate([np.zeros(1, r.dtype), r[:0:-1]])  # The lags k - n.
-        window = 0.5 + 0.5 * np.cos(np.pi / n * np.arange(n))
         count_transforms(3, n)
         transform = fft.fft if self._is_complex else fft.rfft
-        self.samples = transform(behind + window * (c - behind))
+        self.samples = transform(smooth_column(c, r))
         self._circulant = _Diagonal(0.5 * transform(c + behind), n, c.dtype)
         twist = phase_factors(n, 0.5, np.dtype(np.complex128))
         self._twist = twist if self._is_complex else twist[: n // 2]
@@ -156,7 +156,8 @@ class _Diagonal(GridOperator):
         super().__init__(dtype, (n,), 0.0)
         self._eigenvalues, self._ends = eigenvalues, None
         if self.dtype.kind != "c":
-            self._eigenvalues, self._ends = eigenvalues[:-1], eigenvalues[[0, -1]].real
+            self._eigenvalues = eigenvalues[:-1].astype(np.complex128)
+            self._ends = eigenvalues[[0, -1]].real
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""

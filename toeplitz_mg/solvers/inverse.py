@@ -20,11 +20,15 @@ from toeplitz_mg.preconditioners.spectral import (
 )
 from toeplitz_mg.preconditioners.wiener_hopf import factor_positive_symbol
 from toeplitz_mg.solvers.cg import cg_by_recurrence
+from toeplitz_mg.solvers.cosine_cg import CosineSolver
+from toeplitz_mg.solvers.cosine_form import CosineForm
+from toeplitz_mg.solvers.system import LARGEST_COSINE
 from toeplitz_mg.solvers.szego import LogDeterminant, diagonal_sums, log_determinant, sharpen
 from toeplitz_mg.values import positive
 
 MOSTLY_ROUNDING = 1e-12  # ‖e₁ - A x‖ below which a step adds as much rounding as it removes.
 FEW = 256  # Unknowns up to which any matrix is solved with directly.
+ROUGH = 1e-6  # Relative residual of CG, from which one or two steps lead to rounding.
 STALLED = 1e-6  # ‖e₁ - A x‖ at which the steps had better start from an exact column.
 
 
@@ -144,12 +148,13 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
 
     Notes
     -----
-    The first column x = A⁻¹ e₁ is solved for by CG to 1e-6, with `spectral_preconditioner`, or
-    with `fsai_preconditioner` where the coefficients decay slowly, or else by the Schur algorithm,
-    and then corrected by the inverse that it gives until its residual is 1e-12, or decreases no
-    more. Of a complex matrix, or one that is not symmetric, what the factors of the symbol give is
-    corrected in the same way, the first row too, and the inverse with it: by Newton's method, with
-    three to five steps.
+    The first column x = A⁻¹ e₁ is solved for by CG to 1e-6: in the domain of the cosine transform,
+    or with `spectral_preconditioner`, or with `fsai_preconditioner` where the coefficients decay
+    slowly, or else by the Schur algorithm. It is then corrected by the inverse that it gives until
+    its residual is 1e-12, or decreases no more. Of a complex matrix, or one that is not symmetric,
+    what the factors of the symbol give is corrected in the same way, the first row too, and the
+    inverse with it: by Newton's method, with three to five steps.
+
     Where the formula alone does not meet `rtol` and one step of refinement does, the refined
     operator is returned.
 
@@ -233,13 +238,17 @@ def _by_factor(A: ToeplitzOperator) -> Columns | None:
 
 
 def _by_cg(A: ToeplitzOperator) -> Columns | None:
-    """Solve A x = e₁ by CG to 1e-6, or return None where no preconditioner leads there soon."""
+    """Solve A x = e₁ roughly by CG, or return None where no preconditioner leads there soon."""
     unit = np.zeros(A.shape[0])
     unit[0] = 1.0
+    if FEW < A.shape[0] <= LARGEST_COSINE:
+        with suppress(np.linalg.LinAlgError):
+            solver = CosineSolver(CosineForm(A.c), A.norm_bound)
+            return Columns(A, solver.solve(unit[np.newaxis], ROUGH)[0][0])
     for candidate in candidates_for_inverse(A):
         with suppress(np.linalg.LinAlgError):
             M = candidate.make(A)
-            x, _, converged = cg_by_recurrence(A, unit, M=M, rtol=1e-6, maxiter=50)
+            x, _, converged = cg_by_recurrence(A, unit, M=M, rtol=ROUGH, maxiter=50)
             if converged:
                 return Columns(A, x)
     return None

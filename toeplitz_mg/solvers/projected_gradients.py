@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.threads import elementwise
 from toeplitz_mg.engine.vectors import PLAIN, Vectors
 
 
@@ -76,4 +77,4 @@ def descend(
 
 def energy(x: Array, u: Array, b: Array, vectors: Vectors) -> float:
     """Return ½ x·Ax - b·x, where u = A x."""
-    return vectors.dot(x, 0.5 * u - b)
+    return vectors.dot(x, elementwise(lambda u, b: 0.5 * u - b, u, b))

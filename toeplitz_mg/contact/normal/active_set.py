@@ -19,6 +19,7 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.inverse import Inverse
 from toeplitz_mg.contact.normal.inner import Area, Look, solve_on_set
 from toeplitz_mg.contact.products import Products
+from toeplitz_mg.engine.threads import elementwise
 from toeplitz_mg.operators import ToeplitzOperator
 
 ETA = 0.5  # Misfit that is left on a set, relative to its violation, while the energy falls.
@@ -150,11 +151,12 @@ class Search:
         """Return what is wrong with pressures and a set."""
         area = Area(now.sets, np.float64, self.grid.vectors)
         if self.approach is None:
-            look = Look.at(now.x, now.u + self.z, area, balanced=True)
+            look = Look.at(now.x, elementwise(np.add, now.u, self.z), area, balanced=True)
             approach, touching = look.mean, look.mean + look.lowest
         else:
             approach = touching = self.approach
-            look = Look.at(now.x, now.u + self.z - approach, area, balanced=False)
+            gap = elementwise(lambda u, z: u + z - approach, now.u, self.z)
+            look = Look.at(now.x, gap, area, balanced=False)
         interference = approach - self.lowest
         # On a coarser grid the interference may be below the rounding of the gap.
         residual = look.error / interference if interference > 0.0 else 0.0
@@ -170,7 +172,8 @@ class Search:
                 A, M, C, now.x, law.look, eta=eta, tolerance=tolerance, balanced=balanced
             )
             count += change.iterations
-            now = Iterate(now.x + change.p, now.u + change.u, C, is_exact=False)
+            x, u = elementwise(np.add, now.x, change.p), elementwise(np.add, now.u, change.u)
+            now = Iterate(x, u, C, is_exact=False)
             if change.is_solved or A.exhausted:
                 break
             # An answer, or all that single precision can do: look with double precision.
@@ -179,7 +182,10 @@ class Search:
             if law.look.tension == 0.0 and law.residual <= self.tolerance:
                 return now, count
         p = now.x
-        C = (C & ((p > 0.0) | ((p == 0.0) & change.below))) | (~C & change.below)
+        # In contact remains what is pressed, or is not but below; what is below enters.
+        C = elementwise(
+            lambda C, p, b: np.where(C, (p > 0.0) | ((p == 0.0) & b), b), C, p, change.below
+        )
         if not A.vectors.count(C):  # It goes on where the bodies would touch first.
             C = self.z == self.lowest
         if A.vectors.min(p) < 0.0:

@@ -14,6 +14,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.inverse import Inverse
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
+from toeplitz_mg.engine.threads import elementwise
 from toeplitz_mg.engine.vectors import Vectors
 
 REDUCTION = 1e-5  # Reduction of the misfit for which single precision is good.
@@ -27,7 +28,7 @@ class Area:
     """Elements in contact, with a mask to multiply by: that is faster than to index by them."""
 
     def __init__(self, C: Array, dtype: DTypeLike, vectors: Vectors) -> None:
-        self.mask = C.astype(dtype)
+        self.mask = elementwise(lambda C: C.astype(dtype), C)
         self.size = vectors.count(C)
         self.vectors = vectors
 
@@ -54,14 +55,17 @@ class Look(NamedTuple):
         mean = 0.0
         if balanced:
             mean = area.mean(gap)
-            gap = gap - mean
-        r, vectors = gap * area.mask, area.vectors
-        low, high = vectors.min(r), vectors.max(r)
-        least = vectors.min(gap - r)
+            gap = elementwise(lambda g: g - mean, gap)
+        r, vectors = (
+            elementwise(lambda g, in_contact: -(g * in_contact), gap, area.mask),
+            area.vectors,
+        )
+        low, high = -vectors.max(r), -vectors.min(r)
+        least = vectors.min(elementwise(np.add, gap, r))
         lowest, tension = min(low, least), max(0.0, -vectors.min(p))
         misfit, violation = max(high, -low), max(tension, -least)
         error = max(high - lowest, tension) if balanced else max(misfit, violation)
-        return cls(gap, np.negative(r, out=r), mean, lowest, misfit, tension, violation, error)
+        return cls(gap, r, mean, lowest, misfit, tension, violation, error)
 
 
 class Change(NamedTuple):
@@ -110,20 +114,26 @@ def solve_on_set(
     vectors = A.vectors
     area = Area(C, M.dtype, vectors)
     unit = max(now.misfit, tolerance)
-    p0, gap0 = (np.clip(x * (1.0 / unit), -FAR, FAR).astype(M.dtype) for x in (p, now.gap))
+
+    def scale(x: Array) -> Array:
+        scaled: Array = np.clip(x * (1.0 / unit), -FAR, FAR).astype(M.dtype)
+        return scaled
+
+    p0, gap0 = (elementwise(scale, x) for x in (p, now.gap))
     v, Av = (np.zeros(p.shape, M.dtype) for _ in range(2))
 
     def precondition(r: Array, out: Array) -> Array:
         y = M(r)
-        if balanced:
-            y -= area.mean(y)
-        y *= area.mask
-        return y
+        mean = area.mean(y) if balanced else 0.0
+        return elementwise(lambda y, in_contact: (y - mean) * in_contact, y, area.mask, out=out)
+
+    def add(p: Array, gap: Array) -> tuple[Array, Array]:
+        return elementwise(np.add, p, v), elementwise(np.add, gap, Av)
 
     iteration = ConjugateGradients(A, precondition, vectors)
     count = 0
     while True:
-        look = Look.at(p0 + v, gap0 + Av, area, balanced=balanced)
+        look = Look.at(*add(p0, gap0), area, balanced=balanced)
         is_answer = look.tension == 0.0 and look.error <= ANSWER * tolerance / unit
         is_solved = look.misfit <= max(eta * look.violation, SHARP * tolerance / unit)
         if is_answer or is_solved or look.misfit <= REDUCTION or count == LONG or A.exhausted:
@@ -134,7 +144,9 @@ def solve_on_set(
         v = vectors.axpy(length, iteration.direction, v)
         Av = vectors.axpy(length, iteration.product, Av)
         count += 1
-    dp, du = (x.astype(np.float64) * unit for x in (v, Av))
+    dp, du = (elementwise(lambda x: x.astype(np.float64) * unit, x) for x in (v, Av))
     if balanced:
         dp -= np.where(C, vectors.sum(dp) / area.size, 0.0)
-    return Change(dp, du, look.gap < 0.0, is_solved and not is_answer, count)
+    return Change(
+        dp, du, elementwise(lambda g: g < 0.0, look.gap), is_solved and not is_answer, count
+    )

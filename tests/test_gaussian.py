@@ -1,0 +1,376 @@
+"""Likelihoods, gaps and samples of stationary processes, against their dense definitions."""
+
+import pickle
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.optimize
+from numpy.testing import assert_allclose
+from scipy.stats import multivariate_normal
+
+import toeplitz_mg as tmg
+from tests.test_determinant import covariance, fractional_noise, matern
+from toeplitz_mg.gaussian import observed as ways
+from toeplitz_mg.gaussian.sampling import embed_in_circulant, suggest_shape
+
+NAMES = ["fGn, H = 0.3", "fGn, H = 0.99", "(1+k)^-1.1", "exp(-k/1000)", "Matérn 3/2, ℓ = 5"]
+each_name = pytest.mark.parametrize("name", NAMES)
+
+
+def dense_of(c, mean, observed):
+    """The distribution of SciPy of what is observed."""
+    A = scipy.linalg.toeplitz(c)
+    return multivariate_normal(np.full(observed.sum(), mean), A[np.ix_(observed, observed)])
+
+
+def masks(n):
+    """Gaps of several kinds: one, several of different lengths and at the ends, at random."""
+    one, several = np.ones((2, n), dtype=bool)
+    one[n // 3 : n // 3 + n // 10 + 1] = False
+    several[[0, n // 2, n - 2, n - 1]] = False
+    several[n // 4 : n // 4 + 3] = False
+    random = np.random.default_rng(3).random(n) < 0.8
+    few = np.random.default_rng(4).random(n) < 0.2
+    few[0] = random[0] = True
+    return {"one": one, "several": several, "random": random, "few": few}
+
+
+@each_name
+@pytest.mark.parametrize("n", [1, 2, 3, 40, 301])
+def test_density_is_that_of_scipy(name, n):
+    c = covariance(name, n)
+    y = np.random.default_rng(n).standard_normal((2, 3, n))
+    expected = dense_of(c, 0.5, np.ones(n, dtype=bool)).logpdf(y)
+    process = tmg.ToeplitzNormal(c, 0.5)
+    assert_allclose(process.logpdf(y), np.reshape(expected, (2, 3)), rtol=1e-10)
+    assert process.logpdf(y[0, 0]) == pytest.approx(process.logpdf(y)[0, 0], rel=1e-12)
+    assert np.ndim(process.logpdf(y[0, 0])) == 0
+
+
+@each_name
+@pytest.mark.parametrize("n", [40, 301])
+@pytest.mark.parametrize("gaps", ["one", "several", "random", "few"])
+def test_density_with_gaps_is_that_of_what_is_observed(name, n, gaps):
+    c, observed = covariance(name, n), masks(n)[gaps]
+    y = np.random.default_rng(n).standard_normal((3, n))
+    expected = dense_of(c, 0.5, observed).logpdf(y[:, observed])
+    y[:, ~observed] = np.nan
+    value = tmg.ToeplitzNormal(c, 0.5).logpdf(y, observed)
+    assert_allclose(value, expected, rtol=1e-10)
+
+
+@each_name
+@pytest.mark.parametrize("gaps", [None, "one", "several", "random", "few"])
+def test_gradients_are_those_of_the_dense_density(name, gaps):
+    n = 150
+    c = covariance(name, n)
+    observed = np.ones(n, dtype=bool) if gaps is None else masks(n)[gaps]
+    y = np.random.default_rng(0).standard_normal(n)
+    process = tmg.ToeplitzNormal(c, 0.5)
+    value, by_c, by_y = process.logpdf_and_grad(y, None if gaps is None else observed)
+    assert value == process.logpdf(y, None if gaps is None else observed)
+    A = scipy.linalg.toeplitz(c)[np.ix_(observed, observed)]
+    inverse, alpha = np.zeros((n, n)), np.zeros(n)
+    inverse[np.ix_(observed, observed)] = np.linalg.inv(A)
+    alpha[observed] = np.linalg.solve(A, y[observed] - 0.5)
+    exact = np.array([alpha[: n - k] @ alpha[k:] - np.trace(inverse, k) for k in range(n)])
+    exact[0] /= 2
+    assert_allclose(by_c, exact, rtol=0, atol=1e-9 * abs(exact).max())
+    assert_allclose(by_y, -alpha, rtol=0, atol=1e-9 * abs(alpha).max())
+
+
+def test_gradients_are_derivatives():
+    """By finite differences, for a series with gaps, by c, by y, and by the mean."""
+    n = 80
+    c, change = covariance("fGn, H = 0.75", n), covariance("Matérn 3/2, ℓ = 5", n)
+    y, observed = np.random.default_rng(1).standard_normal(n), masks(n)["several"]
+    _, by_c, by_y = tmg.ToeplitzNormal(c).logpdf_and_grad(y, observed)
+    h = 1e-5
+
+    def value(t, s, mean):
+        return tmg.ToeplitzNormal(c + t * change, mean).logpdf(y + s * change, observed)
+
+    for slope, step in (
+        (by_c @ change, (h, 0.0, 0.0)),
+        (by_y @ change, (0.0, h, 0.0)),
+        (-by_y.sum(), (0.0, 0.0, h)),
+    ):
+        difference = value(*step) - value(*(-t for t in step))
+        assert difference / (2 * h) == pytest.approx(slope, rel=1e-6)
+
+
+def test_gradients_of_many_series():
+    c = covariance("fGn, H = 0.75", 50)
+    Y = np.random.default_rng(2).standard_normal((2, 3, 50))
+    process = tmg.ToeplitzNormal(c, 1.0)
+    value, by_c, by_y = process.logpdf_and_grad(Y)
+    assert (value.shape, by_c.shape, by_y.shape) == ((2, 3), (2, 3, 50), (2, 3, 50))
+    for k in np.ndindex(2, 3):
+        one = process.logpdf_and_grad(Y[k])
+        for part, expected in zip((value[k], by_c[k], by_y[k]), one, strict=True):
+            assert_allclose(part, expected, rtol=1e-10, atol=1e-12)
+
+
+def test_a_fit_finds_the_estimates_of_a_dense_fit():
+    n = 400
+    y = tmg.ToeplitzNormal(2.0 * fractional_noise(n, 0.8)).rvs(random_state=5)
+
+    def fast(parameters):
+        variance, H = parameters
+        step = 1e-6
+        by_H = (fractional_noise(n, H + step) - fractional_noise(n, H - step)) / (2 * step)
+        process = tmg.ToeplitzNormal(variance * fractional_noise(n, H))
+        value, by_c, _ = process.logpdf_and_grad(y)
+        return -value, -np.array([by_c @ fractional_noise(n, H), by_c @ (variance * by_H)])
+
+    def dense(parameters):
+        c = parameters[0] * fractional_noise(n, parameters[1])
+        return -multivariate_normal(np.zeros(n), scipy.linalg.toeplitz(c)).logpdf(y)
+
+    options = {"x0": (1.0, 0.6), "bounds": ((0.1, 10.0), (0.1, 0.95)), "tol": 1e-12}
+    fit = scipy.optimize.minimize(fast, jac=True, **options)
+    assert_allclose(fit.x, scipy.optimize.minimize(dense, **options).x, rtol=1e-4)
+
+
+@pytest.mark.parametrize("gaps", ["one", "several", "random", "few"])
+def test_conditional_is_that_of_the_dense_matrix(gaps):
+    n = 200
+    c, observed = covariance("Matérn 3/2, ℓ = 5", n), masks(n)[gaps]
+    A, y = scipy.linalg.toeplitz(c), np.random.default_rng(0).standard_normal(n)
+    weights = np.linalg.solve(A[np.ix_(observed, observed)], A[observed]).T
+    expected = 0.5 + weights @ (y[observed] - 0.5)
+    y[~observed] = np.nan
+    given = tmg.ToeplitzNormal(c, 0.5).conditional(y)
+    assert_allclose(given.mean, expected, rtol=0, atol=1e-8)
+    assert_allclose(given.mean[observed], y[observed], rtol=1e-14)
+    # The draws, less their mean, are linear in what is random: their covariance is E[x xᵀ].
+    draws = given.rvs(4000, random_state=1)
+    assert draws.shape == (4000, n)
+    assert_allclose(draws[:, observed], np.tile(y[observed], (4000, 1)), rtol=1e-12)
+    exact = np.diag(A - weights @ A[observed])[~observed]
+    # The variance of 4000 draws has a relative standard deviation of √(2/4000) = 0.022.
+    assert_allclose(draws[:, ~observed].var(axis=0), exact, rtol=6 * 0.0224)
+    spread = np.sqrt(exact / 4000)
+    assert (abs(draws.mean(axis=0) - expected)[~observed] <= 6 * spread).all()
+
+
+def test_conditional_without_gaps_is_what_is_known():
+    y = np.arange(5.0)
+    given = tmg.ToeplitzNormal(0.5 ** np.arange(5)).conditional(y)
+    assert_allclose(given.mean, y)
+    assert_allclose(given.rvs(2, random_state=0), [y, y])
+
+
+def field_covariance(shape, length):
+    distance = np.hypot(*np.meshgrid(*map(np.arange, shape), indexing="ij"))
+    return np.exp(-distance / length) + 0.1 * (distance == 0)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.7])
+def test_a_field_with_gaps_is_kriged_as_by_the_dense_matrix(share, monkeypatch):
+    shape = (13, 9)
+    c = field_covariance(shape, 3.0)
+    rng = np.random.default_rng(6)
+    observed, y = rng.random(shape) < share, rng.standard_normal(shape)
+    A, inside = tmg.ToeplitzOperator(c).toarray(), observed.ravel()
+    weights = np.linalg.solve(A[np.ix_(inside, inside)], A[inside]).T
+    expected = (weights @ y[observed]).reshape(shape)
+    expected_density = multivariate_normal(
+        np.zeros(inside.sum()), A[np.ix_(inside, inside)]
+    ).logpdf(y[observed])
+    process = tmg.ToeplitzNormal(c)
+    assert process.logpdf(y, observed) == pytest.approx(expected_density, rel=1e-11)
+    assert_allclose(process.conditional(y, observed).mean, expected, rtol=0, atol=1e-10)
+    # As where more points are observed than a dense matrix is factorised of.
+    monkeypatch.setattr(ways, "MOST", 5)
+    assert_allclose(process.conditional(y, observed).mean, expected, rtol=0, atol=1e-8)
+    with pytest.raises(ValueError, match="no exact way to the log-determinant"):
+        process.logpdf(y, observed)
+    with pytest.raises(ValueError, match="no exact way to the log-determinant"):
+        process.logpdf_and_grad(y)
+
+
+def test_all_ways_to_what_is_observed_agree():
+    n = 300
+    c, observed = covariance("fGn, H = 0.75", n), masks(n)["random"]
+    A = tmg.ToeplitzOperator(c)
+    Y = np.where(observed, np.random.default_rng(0).standard_normal((2, n)), 0.0)
+    gaps = ways.Gaps(ways.Whole(A), np.flatnonzero(~observed))
+    few, many = ways.Few(A, np.flatnonzero(observed)), ways.Many(A, observed)
+    assert gaps.logdet() == pytest.approx(few.logdet(), rel=1e-12)
+    assert_allclose(gaps.diagonal_sums(), few.diagonal_sums(), rtol=0, atol=1e-9)
+    for other in (few, many):
+        assert_allclose(gaps.solve(Y), other.solve(Y), rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("near", [0, 10, 10**6])
+def test_inverse_block_is_that_of_the_inverse(near, monkeypatch):
+    """By products for each position, by rows from the first one on, and by both."""
+    n = 120
+    monkeypatch.setattr(ways, "NEAR", near)
+    whole = ways.Whole(tmg.ToeplitzOperator(covariance("fGn, H = 0.75", n)))
+    inverse = np.linalg.inv(whole.A.toarray())
+    for mask in masks(n).values():
+        index = np.flatnonzero(mask)
+        block = ways.inverse_block(whole, index)
+        assert_allclose(block, inverse[np.ix_(index, index)], rtol=0, atol=1e-12)
+
+
+def test_many_gaps_in_a_long_series_are_refused_for_a_determinant_only(monkeypatch):
+    n = 400
+    monkeypatch.setattr(ways, "MOST", 50)
+    process = tmg.ToeplitzNormal(covariance("(1+k)^-1.1", n))
+    y, observed = np.random.default_rng(0).standard_normal(n), masks(n)["random"]
+    with pytest.raises(ValueError, match=r"of 400 points are missing.*at most 50 are missing"):
+        process.logpdf(y, observed)
+    exact = tmg.ToeplitzNormal(covariance("(1+k)^-1.1", n))
+    mean = process.conditional(y, observed).mean
+    monkeypatch.undo()
+    assert_allclose(mean, exact.conditional(y, observed).mean, rtol=0, atol=1e-9)
+
+
+# Samples -------------------------------------------------------------------------------------
+
+
+def covariance_of(embedding):
+    """The covariance matrix of the samples of an embedding: R Rᵀ of what is done to the noise."""
+
+    class Units:
+        def standard_normal(self, shape):
+            return np.eye(np.prod(shape[1:])).reshape(shape)
+
+    size = int(np.prod(embedding.period))
+    rows = embedding.draw(size, Units()).reshape(size, -1)
+    return rows.T @ rows
+
+
+@pytest.mark.parametrize("name", ["fGn, H = 0.3", "fGn, H = 0.99", "0.9^k", "exp(-k/1000)"])
+@pytest.mark.parametrize("n", [1, 2, 3, 50])
+def test_samples_by_mirror_images_have_the_covariance(name, n):
+    c = covariance(name, n)
+    embedding = embed_in_circulant(c)
+    assert embedding is not None
+    assert embedding.error <= 1e-14
+    assert_allclose(covariance_of(embedding), scipy.linalg.toeplitz(c), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("length", [0.3, 1.0])
+def test_samples_by_the_column_have_the_covariance_up_to_the_error_they_say(length):
+    n = 30
+    c = matern(n, length * n)
+    assert embed_in_circulant(c) is None
+    process = tmg.ToeplitzNormal(c)
+    embedding = process._embedding
+    assert (embedding.root > 0.0).all()
+    error = abs(covariance_of(embedding) - scipy.linalg.toeplitz(c)).max()
+    assert error == pytest.approx(process.sampling_error, rel=1e-3, abs=1e-13)
+    assert process.sampling_error <= 1e-6
+
+
+def test_what_no_embedding_reaches_is_said():
+    n = 4096
+    k = np.arange(n) / n
+    c = np.exp(-(k**2) / 2) + 1e-6 * (k == 0)
+    with pytest.raises(np.linalg.LinAlgError, match=r"differ by .* but 1e-06 is allowed"):
+        tmg.ToeplitzNormal(c).rvs()
+
+
+def test_samples_of_fields_have_the_covariance():
+    c = field_covariance((6, 5), 0.3)
+    embedding = embed_in_circulant(c)
+    assert embedding is not None
+    dense = tmg.ToeplitzOperator(c).toarray()
+    assert_allclose(covariance_of(embedding), dense, rtol=0, atol=1e-13)
+    samples = tmg.ToeplitzNormal(c, mean=np.full(5, 2.0)).rvs((2, 3), random_state=0)
+    assert samples.shape == (2, 3, 6, 5)
+
+
+@pytest.mark.parametrize("length", [10.0, 20.0, 30.0])
+def test_a_field_that_needs_a_larger_grid_says_which_and_that_is_enough(length):
+    c = field_covariance((20, 25), length)
+    shape = suggest_shape(c)
+    with pytest.raises(np.linalg.LinAlgError, match=r"give c on a grid of some \(") as error:
+        tmg.ToeplitzNormal(c).rvs()
+    assert str(shape) in str(error.value)
+    assert tmg.ToeplitzNormal(field_covariance(shape, length)).sampling_error <= 1e-12
+
+
+def test_a_field_that_does_not_decay_has_no_size():
+    k, j = np.indices((20, 25))
+    with pytest.raises(np.linalg.LinAlgError, match="no size can be told"):
+        tmg.ToeplitzNormal(np.exp(-(k**2 + j**2) / 2e4)).rvs()
+
+
+def test_random_states():
+    process = tmg.ToeplitzNormal(0.5 ** np.arange(6), mean=1.0)
+    first = process.rvs(3, random_state=7)
+    assert_allclose(process.rvs(3, random_state=np.random.default_rng(7)), first)
+    assert process.rvs().shape == (6,)
+    assert process.rvs((2, 0)).shape == (2, 0, 6)
+    assert process.rvs((1,), random_state=np.random.RandomState(1)).shape == (6,)
+    assert not np.allclose(process.rvs(), process.rvs())
+
+
+# Arguments -----------------------------------------------------------------------------------
+
+
+def test_nan_without_a_mask_is_refused_with_its_positions():
+    process = tmg.ToeplitzNormal(0.5 ** np.arange(20))
+    y = np.zeros(20)
+    y[[3, 7]] = np.nan
+    with pytest.raises(ValueError, match=r"not finite at 3, 7, .*observed=~np.isnan"):
+        process.logpdf(y)
+    y[10:] = np.inf
+    with pytest.raises(ValueError, match=r"at 3, 7, 10, 11, 12 and 7 more"):
+        process.logpdf_and_grad(y)
+    with pytest.raises(ValueError, match=r"not finite at \(1, 10\)"):
+        process.logpdf([np.zeros(20), y], np.arange(20) == 10)
+    with pytest.raises(ValueError, match="not finite at 10"):
+        process.conditional(y)
+
+
+def test_bad_arguments():
+    process = tmg.ToeplitzNormal(0.5 ** np.arange(20))
+    for y in (np.zeros(19), 0.0, np.zeros((20, 3))):
+        with pytest.raises(ValueError, match="last axes must be"):
+            process.logpdf(y)
+    with pytest.raises(ValueError, match="must be of that of c"):
+        process.conditional(np.zeros((2, 20)))
+    with pytest.raises(TypeError, match="mask has dtype"):
+        process.logpdf(np.zeros(20), np.ones(20))
+    with pytest.raises(ValueError, match="nowhere true"):
+        process.logpdf(np.zeros(20), np.zeros(20, dtype=bool))
+    with pytest.raises(ValueError, match="must broadcast"):
+        tmg.ToeplitzNormal(np.ones(3), mean=np.zeros(2))
+    with pytest.raises(ValueError, match="mean is not finite"):
+        tmg.ToeplitzNormal(np.ones(3), mean=np.nan)
+    with pytest.raises(TypeError, match="real numbers"):
+        tmg.ToeplitzNormal(np.ones(3, dtype=complex))
+    with pytest.raises(ValueError, match="size is -1"):
+        process.rvs(-1)
+    with pytest.raises(TypeError, match="must be an integer"):
+        process.rvs(1.5)
+
+
+@pytest.mark.parametrize("method", ["logpdf", "logpdf_and_grad"])
+def test_what_is_not_positive_definite_is_refused(method):
+    process = tmg.ToeplitzNormal(np.r_[1.0, 0.5, 0.9, -0.9, np.zeros(6)])
+    with pytest.raises(np.linalg.LinAlgError, match=r"leading 4 x 4 block .*nugget"):
+        getattr(process, method)(np.zeros(10))
+    with pytest.raises(np.linalg.LinAlgError, match="nugget"):
+        getattr(process, method)(np.zeros(10), np.arange(10) < 4)
+    with pytest.raises(np.linalg.LinAlgError, match="leading 4 x 4 block"):
+        process.rvs()
+    with pytest.raises(np.linalg.LinAlgError, match="diagonal"):
+        tmg.ToeplitzNormal([0.0, 0.0])
+
+
+def test_it_pickles_and_says_what_it_is():
+    process = tmg.ToeplitzNormal(0.5 ** np.arange(20), mean=2.0)
+    y = process.rvs(random_state=0)
+    assert pickle.loads(pickle.dumps(process)).logpdf(y) == process.logpdf(y)
+    assert repr(process) == "<ToeplitzNormal 20>"
+    assert repr(tmg.ToeplitzNormal(np.eye(3, 4))) == "<ToeplitzNormal 3 x 4>"
+    dense = np.linalg.slogdet(scipy.linalg.toeplitz(0.5 ** np.arange(20)))[1]
+    assert process.logdet == pytest.approx(dense, rel=1e-12)

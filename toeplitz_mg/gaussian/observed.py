@@ -1,0 +1,257 @@
+"""What is known of the covariance of the observed points of a grid: solves, log-determinants.
+
+`Whole`, `Gaps`, `Few` and `Many` have the same three methods, of which `Many` refuses two:
+
+- ``solve(Y)`` returns α = E A_oo⁻¹ Eᵀ y for each row y of `Y`, as long as the grid. E extends the
+  observed points by zeros.
+- ``logdet()`` returns log det A_oo.
+- ``diagonal_sums()`` returns Σ_i (E A_oo⁻¹ Eᵀ)_(i,i+k), k = 0 … n - 1.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from scipy import fft
+from scipy.linalg import cho_solve, solve_triangular
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg._typing import Array, Mask, Rows
+from toeplitz_mg.engine.vectors import axpy
+from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
+from toeplitz_mg.preconditioners import default_preconditioner
+from toeplitz_mg.preconditioners.columns import Columns
+from toeplitz_mg.solvers.cg import cg
+from toeplitz_mg.solvers.inverse import ToeplitzInverse, first_columns
+from toeplitz_mg.solvers.szego import LogDeterminant, diagonal_sums, log_determinant, sharpen
+
+MOST = 4096  # Points, missing or observed, of which a dense matrix is factorised: 134 MB.
+PART = 64  # Rows that are multiplied at once.
+NEAR = 64  # Rows of the inverse that take as long, one from the other, as a product.
+RTOL = 1e-11  # Relative residual of an iteration.
+MOST_ITERATIONS = 1000  # After which the matrix is too ill-conditioned for one.
+
+
+class Observed(Protocol):
+    """What is known of the covariance of the observed points (see the head of the file)."""
+
+    def solve(self, Y: Rows) -> Rows:
+        """Return α for each row."""
+
+    def logdet(self) -> float:
+        """Return log det A_oo."""
+
+    def diagonal_sums(self) -> Array:
+        """Return the sums of the diagonals of E A_oo⁻¹ Eᵀ."""
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A series without gaps."""
+
+    A: ToeplitzOperator
+
+    @cached_property
+    def columns(self) -> Columns:
+        """The first column of A⁻¹."""
+        return sharpen(first_columns(self.A))
+
+    @cached_property
+    def inverse(self) -> ToeplitzInverse:
+        """A⁻¹, with one step of refinement."""
+        return ToeplitzInverse(self.A, self.columns.inverse, 1)
+
+    @cached_property
+    def log_determinant(self) -> LogDeterminant:
+        """The log-determinant with its error."""
+        return log_determinant(self.columns)
+
+    def solve(self, Y: Rows) -> Rows:
+        """Return A⁻¹ y for each row."""
+        return self.inverse.apply(Y)
+
+    def logdet(self) -> float:
+        """Return log det A."""
+        return self.log_determinant.value
+
+    def diagonal_sums(self) -> Array:
+        """Return the sums of the diagonals of A⁻¹."""
+        return diagonal_sums(self.columns.x)
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """A series of which few points are missing, at positions m.
+
+    With B = (A⁻¹)_mm it is E A_oo⁻¹ Eᵀ = A⁻¹ - A⁻¹_:m B⁻¹ A⁻¹_m:, and det A_oo = det A det B.
+    """
+
+    whole: Whole
+    missing: Array
+
+    @cached_property
+    def _factor(self) -> Array:
+        """Cholesky's lower factor of B."""
+        return np.linalg.cholesky(inverse_block(self.whole, self.missing))
+
+    def solve(self, Y: Rows) -> Rows:
+        """Return A⁻¹ v, where v is y, and on the gaps such that A⁻¹ v is zero there.
+
+        So v continues y into the gaps as well as can be. The second step makes up for the rounding
+        of the first, whose y falls to zero there.
+        """
+        V = Y.copy()
+        for _ in range(2):
+            error = self.whole.inverse.G.apply(V)[:, self.missing]
+            V[:, self.missing] -= cho_solve((self._factor, True), error.T).T
+        X = self.whole.solve(V)
+        X[:, self.missing] = 0.0
+        return X
+
+    def logdet(self) -> float:
+        """Return log det A + log det B."""
+        return self.whole.logdet() + 2.0 * float(np.log(self._factor.diagonal()).sum())
+
+    def diagonal_sums(self) -> Array:
+        """Return those of A⁻¹ without those of W Wᵀ, W = A⁻¹_:m L⁻ᵀ, B = L Lᵀ."""
+        n, m = self.whole.A.shape[0], len(self.missing)
+        length = fft.next_fast_len(2 * n - 1, real=True)
+        power = np.zeros(length // 2 + 1)
+        for first in range(0, m, PART):
+            # Rows of L⁻¹, extended by zeros: each starts with as many as there are rows above it.
+            unit = np.eye(min(PART, m - first), m, first).T
+            rows = np.zeros((unit.shape[1], n))
+            rows[:, self.missing] = solve_triangular(self._factor, unit, lower=True, trans=1).T
+            hat = fft.rfft(self.whole.solve(rows), length)
+            power += (hat.real**2 + hat.imag**2).sum(axis=0)
+        return self.whole.diagonal_sums() - fft.irfft(power, length)[:n]
+
+
+@dataclass(frozen=True)
+class Few:
+    """A grid of any number of axes of which few points are observed: the dense matrix."""
+
+    A: ToeplitzOperator
+    index: Array
+
+    @cached_property
+    def _factor(self) -> Array:
+        try:
+            return np.linalg.cholesky(self.A.block(self.index))
+        except np.linalg.LinAlgError:
+            raise np.linalg.LinAlgError(
+                f"the covariance of the {len(self.index)} observed points is not positive "
+                "definite, or so ill-conditioned that float64 cannot tell: add to c[0] (a nugget)"
+            ) from None
+
+    def solve(self, Y: Rows) -> Rows:
+        """Return A_oo⁻¹ y_o, extended by zeros, for each row."""
+        X = np.zeros_like(Y)
+        X[:, self.index] = cho_solve((self._factor, True), Y[:, self.index].T).T
+        return X
+
+    def logdet(self) -> float:
+        """Return log det A_oo."""
+        return 2.0 * float(np.log(self._factor.diagonal()).sum())
+
+    def diagonal_sums(self) -> Array:
+        """Return the sums of the entries of A_oo⁻¹ of the same lag."""
+        inverse = cho_solve((self._factor, True), np.eye(len(self.index)))
+        lags = self.index - self.index[:, np.newaxis]
+        upper = lags >= 0
+        return np.bincount(lags[upper], inverse[upper], self.A.shape[0])
+
+
+@dataclass(frozen=True)
+class Many:
+    """A grid of any number of axes, by iteration: no determinant."""
+
+    A: ToeplitzOperator
+    mask: Mask
+
+    @cached_property
+    def _operators(self) -> tuple[LinearOperator, LinearOperator]:
+        A = self.A if self.mask.all() else MaskedOperator(self.A, self.mask)
+        return A, default_preconditioner(A)
+
+    def solve(self, Y: Rows) -> Rows:
+        """Solve by CG for each row."""
+        A, M = self._operators
+        X = np.zeros_like(Y)
+        inside = self.mask.ravel()
+        for x, y in zip(X, Y, strict=True):
+            x[inside], info = cg(A, y[inside], M=M, rtol=RTOL, maxiter=MOST_ITERATIONS)
+            if info:
+                raise np.linalg.LinAlgError(
+                    f"CG did not reach the relative residual {RTOL:g} in {info} iterations: the "
+                    "covariance is not positive definite, or too ill-conditioned: add to c[0] (a "
+                    "nugget)"
+                )
+        return X
+
+    def logdet(self) -> float:
+        """Refuse."""
+        raise ValueError(self._reason())
+
+    def diagonal_sums(self) -> Array:
+        """Refuse."""
+        raise ValueError(self._reason())
+
+    def _reason(self) -> str:
+        if self.mask.ndim > 1:
+            return (
+                f"c has {self.mask.ndim} axes and {np.count_nonzero(self.mask)} observed points, "
+                "but no exact way to the log-determinant of so many is known: up to "
+                f"{MOST} it is taken of the dense matrix; conditional and rvs need none"
+            )
+        missing = self.mask.size - np.count_nonzero(self.mask)
+        return (
+            f"{missing} of {self.mask.size} points are missing, but the log-determinant is known "
+            f"exactly only where at most {MOST} are missing, or at most {MOST} observed; "
+            "conditional needs none"
+        )
+
+
+def observe(whole: Whole, mask: Mask | None) -> Observed:
+    """Choose by the numbers of points that are observed and missing."""
+    A = whole.A
+    if mask is None or mask.all():
+        mask = np.ones(A.grid_shape, dtype=bool)
+        if mask.ndim == 1:
+            return whole
+    observed = int(np.count_nonzero(mask))
+    missing = mask.size - observed
+    if observed <= min(MOST, max(missing, 1)) or (mask.ndim > 1 and observed <= MOST):
+        return Few(A, np.flatnonzero(mask))
+    if mask.ndim == 1 and missing <= MOST:
+        return Gaps(whole, np.flatnonzero(~mask))
+    return Many(A, mask)
+
+
+def inverse_block(whole: Whole, index: Array) -> Array:
+    """Return the rows and columns of A⁻¹ at some positions, in ascending order.
+
+    By the Gohberg-Semencul formula each row follows from the one above it: with x = A⁻¹ e₁
+
+        (A⁻¹)_(i+1,j+1) = (A⁻¹)_ij + (x_(i+1) x_(j+1) - x_(n-1-i) x_(n-1-j))/x₀.
+
+    The next position is reached row by row where it is near, and by a product where it is far.
+    """
+    x = whole.columns.x
+    n, last = len(x), int(index[-1])
+    ahead, back = x / x[0], x[::-1] / x[0]
+    B = np.empty((len(index), len(index)))
+    row, i = x[: last + 1].copy(), 0  # The entries (i, i), (i, i + 1) … of A⁻¹.
+    for k, position in enumerate(map(int, index)):
+        if position - i > NEAR:
+            unit = np.zeros((1, n))
+            unit[0, position] = 1.0
+            row, i = whole.solve(unit)[0, position : last + 1], position
+        while i < position:
+            row = row[:-1]
+            axpy(x[i + 1], ahead[i + 1 : last + 1], row)
+            axpy(-x[n - 1 - i], back[i:last], row)
+            i += 1
+        B[k, k:] = B[k:, k] = row[index[k:] - position]
+    return B

@@ -1,0 +1,122 @@
+"""Samples of a stationary Gaussian process, from a periodic one on a larger grid."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import fft
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.preconditioners.positivity import rounding
+
+LARGEST_ERROR = 1e-6  # Of a covariance, in units of the variance: no sample shows it.
+SAMPLES = (4, 16, 64)  # Points of the periodic process for each unknown, until that is reached.
+DECAYED = 1e-6  # Covariance, in units of the variance, at which a periodic process exists.
+PART = 2**22  # Random numbers at once.
+
+
+@dataclass(frozen=True)
+class Embedding:
+    """A periodic process of which the grid is a part.
+
+    Attributes
+    ----------
+    root : ndarray
+        Square roots of the eigenvalues of its covariance, as ``rfftn`` orders them.
+    period : tuple of int
+    grid_shape : tuple of int
+    error : float
+        The largest error of a covariance on the grid, in units of the variance.
+    """
+
+    root: Array
+    period: tuple[int, ...]
+    grid_shape: tuple[int, ...]
+    error: float
+
+    def draw(self, rows: int, random: Any) -> Array:
+        """Return independent samples, shape (rows, ...)."""
+        X = np.empty((rows, *self.grid_shape))
+        cut = (slice(None), *(slice(n) for n in self.grid_shape))
+        axes = tuple(range(1, X.ndim))
+        size = int(np.prod(self.period))
+        most = max(1, PART // size)
+        for first in range(0, rows, most):
+            part = X[first : first + most]
+            noise = random.standard_normal((len(part), *self.period))
+            count_transforms(2 * len(part), size)
+            hat = fft.rfftn(noise, axes=axes, overwrite_x=True)
+            hat *= self.root
+            part[...] = fft.irfftn(hat, s=self.period, axes=axes, overwrite_x=True)[cut]
+        return X
+
+
+def embed_in_circulant(c: Array) -> Embedding | None:
+    """Continue a covariance by its mirror image, or return None where that is none.
+
+    An eigenvalue is zero where it is so within the rounding of the transform; none below that is
+    made zero.
+    """
+    mirrored = np.pad(c, [(0, max(n - 2, 0)) for n in c.shape], mode="reflect")
+    spectrum = fft.rfftn(mirrored).real
+    if spectrum.min() < -rounding(spectrum, np.float64):
+        return None
+    return _embedding(np.maximum(spectrum, 0.0), mirrored.shape, c)
+
+
+def embed_by_column(c: Array, x: Array) -> Embedding:
+    """Continue a covariance as that of the autoregressive process of x = A⁻¹ e₁.
+
+    Its spectral density x₀/|x(z)|² (Bernstein and Szegő) is positive, and its covariances are those
+    of A up to n - 1. Made periodic they change by those that are a period away.
+    """
+    n = len(c)
+    errors = []
+    for samples in SAMPLES:
+        period = 2 * fft.next_fast_len(samples // 2 * n, real=True)
+        z = fft.rfft(x, period)
+        embedding = _embedding(x[0] / (z.real**2 + z.imag**2), (period,), c)
+        if embedding.error <= LARGEST_ERROR:
+            return embedding
+        errors.append(embedding.error)
+    raise np.linalg.LinAlgError(
+        f"the covariances of a periodic process on {period} points differ by {errors[-1]:.1e} of "
+        f"the variance, but {LARGEST_ERROR:g} is allowed: take a shorter series, or add to c[0]"
+    )
+
+
+def embed_field(c: Array) -> Embedding:
+    """Embed the covariance of several axes, or say how large a grid would do."""
+    embedding = embed_in_circulant(c)
+    if embedding is not None:
+        return embedding
+    shape = suggest_shape(c)
+    advice = (
+        "the covariance does not decay over the grid, and so no size can be told"
+        if shape is None
+        else f"give c on a grid of some {shape}, where it has decayed, and cut the samples"
+    )
+    raise np.linalg.LinAlgError(
+        f"the covariance on the grid {c.shape}, continued by its mirror image, is not positive "
+        f"semidefinite: {advice}"
+    )
+
+
+def suggest_shape(c: Array) -> tuple[int, ...] | None:
+    """Return the grid at whose edges a covariance has decayed, if it goes on as on this one."""
+    shape = []
+    for axis, n in enumerate(c.shape):
+        edge = float(np.abs(np.take(c, n - 1, axis)).max()) / float(c.flat[0])
+        if not edge < 0.9:
+            return None
+        shape.append(n if edge <= DECAYED else int(np.ceil(n * np.log(DECAYED) / np.log(edge))))
+    return tuple(shape)
+
+
+def _embedding(spectrum: Array, period: tuple[int, ...], c: Array) -> Embedding:
+    """Make an embedding, and measure its error."""
+    count_transforms(2, int(np.prod(period)))
+    reached = fft.irfftn(spectrum, s=period)[tuple(slice(n) for n in c.shape)]
+    error = float(np.abs(reached - c).max()) / float(c.flat[0])
+    return Embedding(np.sqrt(spectrum), period, c.shape, error)
