@@ -321,20 +321,18 @@ class Slab:
         """Return all rows of this rank's columns, as `to_columns`, of any library's array."""
         (turn,) = self.turns(Z.shape[-1], Z.shape[-1])
         xp, (a, b) = library.xp, turn[self.comm.rank]
-        sent = xp.concat([xp.reshape(Z[..., a:b], (-1,)) for a, b in turn])
-        shape = (self.shape[0], *Z.shape[1:-1], b - a)
-        sizes = [prod(Z.shape[:-1]) * (b - a) for a, b in turn]
-        rows = (np.diff(self.starts) * prod(shape[1:])).tolist()
-        return xp.reshape(library.exchange(self.comm, sent, sizes, rows), shape)
+        parts = [xp.reshape(Z[..., i:j], (-1,)) for i, j in turn]
+        shape, sizes = (self.shape[0], *Z.shape[1:-1], b - a), [part.shape[0] for part in parts]
+        rows = np.diff(self.starts * prod(shape[1:])).tolist()
+        return xp.reshape(library.exchange(self.comm, xp.concat(parts), sizes, rows), shape)
 
     def exchange_rows(self, C: Any, n: int, library: Any) -> Any:
         """Return all n columns of this rank's rows, as `to_rows`, of any library's array."""
         (turn,) = self.turns(n, n)
         xp, shape = library.xp, (self.local[0], *C.shape[1:-1])
         sizes = [prod(shape) * (b - a) for a, b in turn]
-        sent = xp.reshape(C, (-1,))
-        rows = (np.diff(self.starts) * prod(C.shape[1:])).tolist()
-        got = library.exchange(self.comm, sent, rows, sizes)
+        rows = np.diff(self.starts * prod(C.shape[1:])).tolist()
+        got = library.exchange(self.comm, xp.reshape(C, (-1,)), rows, sizes)
         ends = [sum(sizes[:k]) for k in range(len(sizes) + 1)]
         parts = [xp.reshape(got[i:j], (*shape, -1)) for i, j in pairwise(ends) if j > i]
         return xp.concat(parts, axis=-1)
