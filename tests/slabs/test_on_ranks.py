@@ -8,7 +8,8 @@ from tests.slabs.ranks import run_on_ranks, with_ranks
 @with_ranks
 @pytest.mark.parametrize("ranks", [1, 2, 3, 4])
 @pytest.mark.parametrize(
-    "cases", ["rows", "products", "solves", "fsai", "saving", "gathering", "pressing", "sliding"]
+    "cases",
+    ["rows", "products", "solves", "fsai", "saving", "gathering", "pressing", "sliding", "rolling"],
 )
 def test_on_ranks(cases, ranks):
     status, printed = run_on_ranks(ranks, "-m", "tests.slabs", cases)

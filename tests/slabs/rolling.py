@@ -1,0 +1,43 @@
+"""Rolling on slabs: its matrices, and the same tractions as on one machine."""
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+from tests.slabs.pressing import STEEL, doubts_ignored, grid_on
+from tests.slabs.sliding import bound_of
+from toeplitz_mg import contact, slabs
+
+
+def test_matrices_of_rolling_are_those_of_the_rows(comm):
+    for shape in ((40, 9), (41, 33)):
+        grid, whole = grid_on(comm, shape)
+        q = np.random.default_rng(3).standard_normal((2, *shape))
+        own = np.ascontiguousarray(q[:, grid.slab.rows])
+        A = whole.tangential()
+        for of_rank, of_all in (
+            (grid.upstream(), whole.upstream()),
+            (grid.steady(grid.tangential()), whole.steady(A)),
+        ):
+            expected = (of_all @ q.ravel()).reshape(q.shape)[:, grid.slab.rows]
+            y = of_rank.apply(own.reshape(-1)).reshape(own.shape)
+            assert_allclose(y, expected, atol=1e-13 * np.abs(expected).max())
+            assert grid.diagonal(of_rank) == whole.diagonal(of_all)
+
+
+@doubts_ignored()
+def test_bodies_roll(comm):
+    creepages = {"longitudinal": -1e-4, "lateral": 5e-5, "spin": 1e-4}
+    for n in (41, 50):
+        g, element = bound_of(n)
+        alone = contact.rolling(g, element, material=STEEL, **creepages)
+        slab = slabs.Slab(comm, g.shape)
+        own = slabs.rolling(g[slab.rows], slab, element, material=STEEL, **creepages)
+        rows = (slice(None), slab.rows)
+        size = np.abs(alone.traction).max()
+        assert own.residual <= 1e-8
+        assert abs(own.products - alone.products) <= 0.2 * alone.products
+        assert_allclose(own.force, alone.force, atol=1e-6 * np.abs(alone.force).max())
+        assert_allclose(own.traction, alone.traction[rows], atol=1e-5 * size)
+        assert_allclose(own.slip, alone.slip[rows], atol=1e-6 * np.abs(alone.slip).max())
+        assert_allclose(own.displacement, alone.displacement[rows], rtol=1e-6, atol=1e-9)
+        assert np.array_equal(own.rigid, alone.rigid)
