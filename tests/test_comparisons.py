@@ -12,6 +12,7 @@ import pytest
 import scipy.linalg
 
 from comparisons.contact import punch3d, punch_limits
+from comparisons.gaussian import likelihood
 from comparisons.harness.processes import in_a_fresh_process, take_turns
 from comparisons.paper import figures as paper_figures
 from comparisons.paper import tables as paper_tables
@@ -26,9 +27,10 @@ from comparisons.preconditioners import (
 )
 from comparisons.preconditioners import figures as area_figures
 from comparisons.reliability import __main__ as reliability
-from comparisons.speed import baselines, by_hand, drop_in, gpu
+from comparisons.speed import baselines, by_hand, drop_in, gpu, scaling, scaling_model
 from comparisons.speed import threads as speed_of_threads
 from comparisons.systems import fractional, matrices, random_matrices
+from tests.slabs.ranks import with_ranks
 from toeplitz_mg.fractional import grunwald_coefficients, riesz_coefficients
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
@@ -53,6 +55,19 @@ def test_paper_tables(tmp_path, monkeypatch, capsys):
     for number in ("I", "II", "III", "IV", "V", "VI", "VII", "VIII", "IX"):
         assert f"Table {number}" in printed
     assert all(row["converged"] == "True" for row in rows_of(tmp_path / "table_5.csv"))
+
+
+def test_likelihood(tmp_path, monkeypatch, capsys):
+    run(likelihood, tmp_path, monkeypatch, capsys, quick_sizes=(1024,), quick_samples=2000)
+    for row in rows_of(tmp_path / "errors.csv"):
+        if float(row["condition"]) <= 1e6:
+            assert float(row["error"]) <= 1e-12
+            assert float(row["error of the gradient"]) <= 1e-10
+    assert len(rows_of(tmp_path / "times.csv")) == len(likelihood.TIMED)
+    assert all(row["value, one gap"] for row in rows_of(tmp_path / "gaps.csv"))
+    # So many samples show an error in a covariance of some percent.
+    assert all(float(row["p"]) > 1e-6 for row in rows_of(tmp_path / "samples.csv"))
+    assert all(int(row["default"]) < 1000 for row in rows_of(tmp_path / "noise.csv"))
 
 
 def test_paper_figures(tmp_path, monkeypatch, capsys):
@@ -128,6 +143,41 @@ def test_gpu(tmp_path, monkeypatch, capsys):
     assert row["iterations"] == row["iterations_numpy"]
     assert float(row["ratio"]) > 0.0
     assert float(row["bytes_an_unknown"]) > 0.0
+
+
+@with_ranks
+def test_scaling(tmp_path, monkeypatch, capsys):
+    options = "--nodes", "2", "--model", "1", "8"
+    printed = run(scaling, tmp_path, monkeypatch, capsys, *options, sides=(64, 64, 64))
+    rows = rows_of(tmp_path / "scaling.csv")
+    kinds = [(row["kind"], row["ranks"], row["n"]) for row in rows]
+    assert kinds == [("weak", "2", "96"), ("strong", "2", "64")]
+    for row in rows:
+        assert not row.get("note")
+        assert float(row["product bytes"]) == 16.0
+        assert float(row["model s"]) > 0.0
+        assert row["FSAI info"] == row["cosine info"] == "0"
+    memory = [row["what"] for row in rows_of(tmp_path / "memory.csv")]
+    assert memory == ["serial FSAI", "FSAI", "serial cosine", "cosine"]
+    nodes = rows_of(tmp_path / "model.csv")
+    assert [row["nodes"] for row in nodes] == ["1", "8"]
+    assert nodes[1]["CG + FSAI s"] in printed
+
+
+def test_a_launcher_that_fails_is_noted(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for launcher, note in (("false", "status 1"), ("no-such-launcher", "No such file")):
+        assert note in scaling.run(launcher, 2, 64, "times")["note"]
+
+
+def test_the_model_is_that_of_the_design():
+    """A product of 2^28 unknowns on a node of 64 cores; its messages on eight are most of it."""
+    node = scaling_model.Node(5e11, 2.5e11, 1e10)
+    assert round(scaling_model.predict(node, 1, 2**14).product, 2) == 0.56
+    eight = scaling_model.predict(node, 8, 2**15)
+    assert round(eight.exchange, 2) == 0.38
+    assert round(eight.product - eight.exchange, 2) == 0.29
+    assert eight.message == 2**28
 
 
 def test_speed_by_hand(tmp_path, monkeypatch, capsys):
@@ -394,9 +444,11 @@ ALL = [
     drop_in,
     by_hand,
     gpu,
+    scaling,
     areas,
     neighbours,
     fractional_diffusion,
+    likelihood,
 ]
 
 

@@ -9,19 +9,20 @@ from pathlib import Path
 import numpy as np
 
 from tests.slabs.counting import MPI
+from tests.slabs.ranks import ROOT
 from toeplitz_mg import cg, slabs
 
-OWN = 2**16  # Unknowns of a rank.
-TABLES = 2**19  # Bytes of the tables of FSAI, which do not grow.
+OWN = 5 * 2**14  # Unknowns of a rank.
+LEAST = 2**16  # Bytes of a rise that is looked at.
 
 
 class Memory:
-    """The peak of the memory, and the largest rise by each line of Python, in bytes."""
+    """The peak of the memory, and the largest rise by each line of the package, in bytes."""
 
     def __enter__(self):
         self.peak, self.rises = 0, Counter()
         tracemalloc.start()
-        self._line, self._before = None, tracemalloc.get_traced_memory()[0]
+        self._frame, self._line, self._before = None, 0, tracemalloc.get_traced_memory()[0]
         self._old = sys.gettrace()
         sys.settrace(self._look)
         return self
@@ -29,10 +30,18 @@ class Memory:
     def _look(self, frame, event, _):
         current, peak = tracemalloc.get_traced_memory()
         self.peak = max(self.peak, peak)
-        self.rises[self._line] = max(self.rises[self._line], peak - self._before)
-        self._line, self._before = (frame.f_code.co_filename, frame.f_lineno), current
+        if (rise := peak - self._before) > LEAST:
+            place = self._place()
+            self.rises[place] = max(self.rises[place], rise)
+        self._frame, self._line, self._before = frame, frame.f_lineno, current
         tracemalloc.reset_peak()
         return self._look
+
+    def _place(self):
+        frame, line = self._frame, self._line
+        while frame and not frame.f_code.co_filename.startswith(str(ROOT)):
+            frame, line = frame.f_back, frame.f_back and frame.f_back.f_lineno
+        return (frame.f_code.co_filename.removeprefix(str(ROOT)), line) if frame else ("", 0)
 
     def __exit__(self, *error):
         sys.settrace(self._old)
@@ -74,8 +83,8 @@ def allocate(size):
 
 def test_memory_is_measured(comm):
     memory = memory_of(allocate, OWN)
-    first = allocate.__code__.co_firstlineno
-    rises = [memory.rises[allocate.__code__.co_filename, first + line] for line in (1, 3)]
+    file, first = "/tests/slabs/gathering.py", allocate.__code__.co_firstlineno
+    rises = [memory.rises[file, first + line] for line in (1, 3)]
     for rise, expected in zip(rises, (8 * OWN, 4 * OWN), strict=True):
         assert expected <= rise < expected + 2**12
     assert 8 * OWN <= memory.peak < 8 * OWN + 2**16
@@ -84,12 +93,17 @@ def test_memory_is_measured(comm):
 def test_nothing_gathers(comm):
     """With P ranks a grid P times as large takes no more of each than of one rank alone."""
     everything(MPI.COMM_SELF, 16)  # It imports what is imported late.
-    alone = memory_of(everything, MPI.COMM_SELF, 256)
+    alone = memory_of(everything, MPI.COMM_SELF, 320)
     comm.reset()
-    together = memory_of(everything, comm, 128)
-    assert together.peak <= 1.15 * alone.peak + TABLES
-    for line, rise in together.rises.items():
-        # Lines that exchange have nothing to do where a rank is alone.
-        assert rise <= max(1.15 * alone.rises[line] + TABLES / 16, 10.0 * OWN), line
+    together = memory_of(everything, comm, 160)
+    # Messages, and what FSAI solves for directly, have a size that does not grow.
+    assert together.peak <= 1.15 * alone.peak + 2**23
     # What leaves a rank at a time are complex numbers, as many as it has unknowns.
     assert comm.largest <= 16 * OWN
+    if comm.size < 3:
+        return  # What is complex takes as much as the whole grid of two ranks.
+    for (file, line), rise in together.rises.items():
+        # Memory that is kept begins with large pages, of any size.
+        if not file.endswith("workspace.py"):
+            limit = max(1.15 * alone.rises[file, line] + LEAST, 2.5 * 8 * OWN)
+            assert rise <= limit, f"{file}:{line} takes {rise / (8 * OWN)} vectors of a rank"

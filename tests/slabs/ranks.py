@@ -20,14 +20,14 @@ with_ranks = pytest.mark.skipif(
 )
 
 
-def run_on_ranks(ranks, *arguments):
+def run_on_ranks(ranks, *arguments, cwd=ROOT):
     """Run ``python -m mpi4py ...`` on so many ranks; return its exit status and what it printed."""
     python = [sys.executable, "-W", "error", "-m", "mpi4py"]
     command = [MPIEXEC, "-n", str(ranks), *python, *arguments]
     process = subprocess.Popen(
         command,
-        cwd=ROOT,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        cwd=cwd,
+        env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

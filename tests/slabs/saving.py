@@ -5,10 +5,12 @@ import shutil
 import stat
 import tempfile
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from unittest import mock
 
 import numpy as np
+from scipy.io import netcdf_file
 
 from tests.slabs.ranks import refuses
 from toeplitz_mg import slabs
@@ -56,6 +58,43 @@ def test_each_rank_reads_its_rows_alone(comm):
         assert np.array_equal(own, X[slab.rows])
         slab.save(there / "y.npy", own)  # A file that is mapped is an array like any other.
         assert np.array_equal(np.load(there / "y.npy"), X)
+
+
+def test_each_rank_reads_its_rows_of_other_files_alone(comm):
+    """Whatever takes slices will do: NetCDF by SciPy, mapped, and by h5netcdf where it is there."""
+    X = grid_of(97, 5)
+    slab = slabs.Slab(comm, X.shape)
+    with folder(comm) as there:
+        if comm.rank == 0:
+            with netcdf_file(there / "x.nc", "w") as file:
+                for name, length in zip("yx", X.shape, strict=True):
+                    file.createDimension(name, length)
+                file.createVariable("gap", "f8", ("y", "x"))[:] = X
+        comm.allgather(None)
+        with netcdf_file(there / "x.nc", mmap=True) as file:
+            check_rows(slab, X, file.variables["gap"][slab.rows].copy())
+        if find_spec("h5netcdf"):
+            check_hdf5(comm, slab, X, there / "y.nc")
+
+
+def check_hdf5(comm, slab, X, path):
+    import h5netcdf
+
+    if comm.rank == 0:
+        with h5netcdf.File(path, "w") as file:
+            file.dimensions = {"y": X.shape[0], "x": X.shape[1]}
+            file.create_variable("gap", ("y", "x"), data=X)
+    comm.allgather(None)
+    with h5netcdf.File(path, "r") as file:
+        check_rows(slab, X, file.variables["gap"][slab.rows])
+
+
+def check_rows(slab, X, gap):
+    """Assert that a product takes what was read, of whatever order of bytes it is."""
+    assert np.array_equal(gap, X[slab.rows])
+    c = 1.0 / (1.0 + np.add.outer(np.arange(97)[slab.rows], np.arange(5)))
+    A = slabs.ToeplitzOperator(c, slab)
+    assert np.array_equal(A @ gap.ravel(), A @ X[slab.rows].ravel())
 
 
 def test_an_old_file_is_replaced_and_its_rights_are_kept(comm):

@@ -70,7 +70,7 @@ class NumPy:
         array.flags.writeable = False
         return array
 
-    def to_numpy(self, array: Array) -> Array:
+    def to_numpy(self, array: Any) -> Array:
         """Return an array of NumPy's, in the memory of the processor."""
         return array
 
@@ -94,7 +94,8 @@ class NumPy:
         if array.shape[-len(shape) :] == shape:
             return array
         padded = np.zeros((*array.shape[: -len(shape)], *shape), array.dtype)
-        padded[(..., *map(slice, array.shape[-len(shape) :]))] = array
+        index: Any = (..., *map(slice, array.shape[-len(shape) :]))
+        padded[index] = array
         return padded
 
     def cells(self, index: Array, size: int) -> tuple[Array, Any]:
@@ -195,3 +196,8 @@ def refuse_mixed(name: str, theirs: Any, ours: Any) -> None:
         f"{name} is an array of {theirs.name}, but the operator has arrays of {ours.name}: all "
         "must be of one library"
     )
+
+
+def cut(axis: int, start: int, stop: int | None = None, step: int = 1) -> Any:
+    """Return the index of a part of an array along an axis."""
+    return (*[slice(None)] * axis, slice(start, stop, step), ...)

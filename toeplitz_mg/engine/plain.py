@@ -17,7 +17,7 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import embedding_lengths
-from toeplitz_mg.engine.library import library_of, refuse_mixed
+from toeplitz_mg.engine.library import cut, library_of, refuse_mixed
 from toeplitz_mg.engine.products import Transforms
 from toeplitz_mg.engine.vectors import Gather
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
@@ -49,7 +49,7 @@ class Plain:
     @classmethod
     def of(cls, array: Any) -> "Plain":
         """Return the library of an array."""
-        return _library(cls, compat.array_namespace(array), compat.device(array))
+        return _library(compat.array_namespace(array), compat.device(array))
 
     def __reduce__(self) -> Any:
         # A module cannot be pickled, and a device need not be there again; arrays know both.
@@ -91,6 +91,16 @@ class Plain:
     def arange(self, n: int) -> Any:
         """Return 0, 1, ... n - 1, in double precision."""
         return self.xp.arange(n, dtype=self.native(np.float64), device=self.device)
+
+    def sum(self, array: Any) -> float:
+        """Return the sum of real numbers, in double precision."""
+        return float(self.xp.sum(array, dtype=self.native(np.float64)))
+
+    def sizes(self, array: Any) -> Any:
+        """Return the sizes of numbers; of a complex one the sum of those of its parts."""
+        if self.dtype(array).kind != "c":
+            return self.xp.abs(array)
+        return self.xp.abs(self.xp.real(array)) + self.xp.abs(self.xp.imag(array))
 
     def number(self, factor: Any) -> Any:
         """Return a number that an array may be multiplied with: Python's."""
@@ -200,7 +210,7 @@ class Plain:
         """Return f_k = Σ a_j cos(πjk/n) over all lags (see `transforms.cosine_sums`)."""
         count_transforms(1, *(m - 1 for m in column.shape))
         for axis, m in enumerate(column.shape):
-            inside = self.xp.flip(column[_cut(axis, 1, m - 1)], axis=axis)
+            inside = self.xp.flip(column[cut(axis, 1, m - 1)], axis=axis)
             period = self.xp.concat([column, inside], axis=axis)
             column = self.xp.real(self.xp.fft.rfft(period, axis=axis))
         return column
@@ -212,8 +222,8 @@ class Plain:
 
 
 @lru_cache(maxsize=16)
-def _library(cls: type[Plain], xp: Any, device: Any) -> Plain:
-    return cls(xp, device)
+def _library(xp: Any, device: Any) -> Plain:
+    return Plain(xp, device)
 
 
 class PlainProduct:
@@ -296,7 +306,7 @@ class PlainProduct:
         else:
             Z = xp.stack([sum(Z[:, j, ...] * s for j, s in row) for row in rows], axis=1)
         for axis, n in enumerate(grid):
-            Z = xp.fft.ifft(Z, axis=2 + axis)[_cut(2 + axis, 0, n)]
+            Z = xp.fft.ifft(Z, axis=2 + axis)[cut(2 + axis, 0, n)]
         # A view would keep the memory of the zeros.
         return xp.asarray(Z, copy=True) if grid else Z
 
@@ -345,43 +355,43 @@ class PlainDiagonalised:
         Z = self.transforms.forward(Z, axes=axes)
         Z *= self.spectrum
         Z = self.transforms.backward(Z, s=self.fft_shape, axes=axes)
-        return xp.reshape(Z[(..., *map(slice, self.grid_shape))], X.shape)
+        for axis, n in enumerate(self.grid_shape):
+            Z = Z[cut(1 + axis, 0, n)]
+        return xp.reshape(Z, X.shape)
 
 
 class PlainVectors:
-    """Operations with vectors, of which each process has a part (see `vectors.Vectors`)."""
+    """Operations with vectors, of which each process has a part (see `vectors.Vectors`).
+
+    The squares of the numbers of a vector neither over- nor underflow.
+    """
 
     def __init__(self, library: Plain, gather: Gather | None = None) -> None:
-        self.library = library
-        self.gather: Gather = gather or (lambda number: (number,))
+        self.library, xp = library, library.xp
+        self.gather = gather or (lambda number: (number,))
 
-    def dot(self, x: Any, y: Any) -> float:
-        """Return the inner product of two vectors; of complex ones its real part."""
-        library, xp = self.library, self.library.xp
-        terms = library.real(library.conj(x) * y)
-        return sum(self.gather(float(xp.sum(terms, dtype=library.native(np.float64)))))
+        def extreme(of: Any, combine: Any, empty: float) -> Callable[[Any], float]:
+            return lambda x: combine(self.gather(float(of(x)) if x.size else empty))
 
-    def norm(self, x: Any) -> float:
-        """Return the 2-norm of a vector of numbers whose squares neither over- nor underflow."""
-        return sqrt(self.dot(x, x))
+        self.min, self.max = extreme(xp.min, min, inf), extreme(xp.max, max, -inf)
+        self.peak = extreme(lambda x: xp.max(library.sizes(x)), max, 0.0)
+        self.count = lambda x: int(sum(self.gather(int(xp.count_nonzero(x)))))
+        self.sum: Callable[[Any], float] = lambda x: sum(self.gather(library.sum(x)))
+        self.dot: Callable[[Any, Any], float] = lambda x, y: self.sum(
+            library.real(library.conj(x) * y)
+        )
+        self.norm: Callable[[Any], float] = lambda x: sqrt(self.dot(x, x))
+        # These have memory for the result as their last argument, of which they take the precision.
+        self.copy = lambda x, out: xp.astype(x, out.dtype, copy=True)
+        self.divide = lambda x, a, out: x / a
+        self.subtract = lambda x, y, out: x - y
+        self.empty = lambda x, out=None: x
+        self.cast = library.cast
 
-    def peak(self, x: Any) -> float:
-        """Return the largest size of a number, or of a real or imaginary part; 0 of none."""
-        xp, is_complex = self.library.xp, self.library.dtype(x).kind == "c"
-        parts = [xp.real(x), xp.imag(x)] if is_complex else [x]
-        return max(self.gather(max(float(xp.max(xp.abs(p))) if x.size else 0.0 for p in parts)))
-
-    def min(self, x: Any) -> float:
-        """Return the least number of a real field."""
-        return min(self.gather(float(self.library.xp.min(x)) if x.size else inf))
-
-    def max(self, x: Any) -> float:
-        """Return the largest number of a real field."""
-        return max(self.gather(float(self.library.xp.max(x)) if x.size else -inf))
-
-    def count(self, x: Any) -> int:
-        """Return how many numbers of a field are not zero."""
-        return int(sum(self.gather(int(self.library.xp.count_nonzero(x)))))
+    def zeros(self, x: Any, dtype: DTypeLike | None = None) -> Any:
+        """Return a vector of zeros as long as another, in its precision or another one."""
+        native = x.dtype if dtype is None else self.library.native(dtype)
+        return self.library.xp.zeros_like(x, dtype=native)
 
     def axpy(self, a: float, x: Any, y: Any) -> Any:
         """Return y + a x."""
@@ -393,31 +403,6 @@ class PlainVectors:
         y *= a
         y += x
         return y
-
-    def copy(self, x: Any, out: Any) -> Any:
-        """Return a copy of x, in the precision of `out`."""
-        return self.library.xp.astype(x, out.dtype, copy=True)
-
-    def divide(self, x: Any, a: float, out: Any) -> Any:
-        """Return x / a."""
-        return x / a
-
-    def subtract(self, x: Any, y: Any, out: Any) -> Any:
-        """Return x - y."""
-        return x - y
-
-    def zeros(self, x: Any, dtype: DTypeLike | None = None) -> Any:
-        """Return a vector of zeros as long as another, in its precision or another one."""
-        native = x.dtype if dtype is None else self.library.native(dtype)
-        return self.library.xp.zeros_like(x, dtype=native)
-
-    def cast(self, x: Any, dtype: DTypeLike) -> Any:
-        """Return a vector in another precision, itself where it has that one."""
-        return self.library.cast(x, dtype)
-
-    def empty(self, x: Any, out: Any = None) -> Any:
-        """Return what has the shape and the dtype of a vector."""
-        return x
 
 
 def _multiply_rows(product: Any, X: Any, out: Any) -> Any:
@@ -475,9 +460,9 @@ def around(library: Plain, a: Any, axis: int, length: int, is_even: bool) -> Any
 
 def _halves(xp: Any, a: Any, axis: int, is_even: bool) -> tuple[Any, Any]:
     if is_even:
-        return a, xp.flip(a[_cut(axis, 1)], axis=axis)
+        return a, xp.flip(a[cut(axis, 1)], axis=axis)
     n = a.shape[axis] // 2
-    return a[_cut(axis, n)], a[_cut(axis, 0, n)]
+    return a[cut(axis, n)], a[cut(axis, 0, n)]
 
 
 def _cast(library: Plain, s: Any, dtype: DTypeLike, copy: bool = False) -> Any:
@@ -487,37 +472,33 @@ def _cast(library: Plain, s: Any, dtype: DTypeLike, copy: bool = False) -> Any:
     return library.xp.astype(s, native, copy=copy)
 
 
-def _cut(axis: int, start: int, stop: int | None = None, step: int = 1) -> Any:
-    return (*[slice(None)] * axis, slice(start, stop, step), ...)
-
-
 def dct(library: Plain, a: Any, axis: int) -> Any:
     """Return an orthonormal DCT-II, by a real transform of the same length (Makhoul)."""
     xp, n = library.xp, a.shape[axis]
-    odd = xp.flip(a[_cut(axis, 1, None, 2)], axis=axis)
-    V = xp.fft.rfft(xp.concat([a[_cut(axis, 0, None, 2)], odd], axis=axis), axis=axis)
+    odd = xp.flip(a[cut(axis, 1, None, 2)], axis=axis)
+    V = xp.fft.rfft(xp.concat([a[cut(axis, 0, None, 2)], odd], axis=axis), axis=axis)
     V *= _turns(library, n, V.dtype, V.ndim - 1 - axis)
-    last = xp.flip(xp.imag(V[_cut(axis, 1, (n + 1) // 2)]), axis=axis)
+    last = xp.flip(xp.imag(V[cut(axis, 1, (n + 1) // 2)]), axis=axis)
     return xp.concat([xp.real(V), -last], axis=axis)
 
 
 def idct(library: Plain, f: Any, axis: int) -> Any:
     """Return its inverse."""
     xp, n = library.xp, f.shape[axis]
-    last = xp.flip(f[_cut(axis, n - n // 2)], axis=axis)
+    last = xp.flip(f[cut(axis, n - n // 2)], axis=axis)
     back = xp.concat([library.zeros(f, axis, 1), last], axis=axis)
     V = xp.astype(back, xp.result_type(f.dtype, xp.complex64))
     V *= -1j
-    V += f[_cut(axis, 0, n // 2 + 1)]
+    V += f[cut(axis, 0, n // 2 + 1)]
     V /= _turns(library, n, V.dtype, V.ndim - 1 - axis)
     v = xp.fft.irfft(V, n=n, axis=axis)
-    even, odd = v[_cut(axis, 0, (n + 1) // 2)], xp.flip(v[_cut(axis, (n + 1) // 2)], axis=axis)
+    even, odd = v[cut(axis, 0, (n + 1) // 2)], xp.flip(v[cut(axis, (n + 1) // 2)], axis=axis)
     if n % 2:
         odd = xp.concat([odd, library.zeros(f, axis, 1)], axis=axis)
     v = xp.reshape(
         xp.stack([even, odd], axis=axis + 1), (*f.shape[:axis], -1, *f.shape[axis + 1 :])
     )
-    return v[_cut(axis, 0, n)]
+    return v[cut(axis, 0, n)]
 
 
 def dst(library: Plain, a: Any, axis: int) -> Any:

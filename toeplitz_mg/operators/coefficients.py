@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import Library, library_of
+from toeplitz_mg.engine.library import Library, cut, library_of
 
 HEADROOM = (
     2.0**-8
@@ -130,7 +130,7 @@ class Coefficients:
             return self.array
         lags, xp = self.array, self.library.xp
         for axis in range(lags.ndim):
-            behind = xp.flip(lags[(slice(None),) * axis + (slice(1, None), ...)], axis=axis)
+            behind = xp.flip(lags[cut(axis, 1)], axis=axis)
             lags = xp.concat([behind, lags], axis=axis)
         return lags
 

@@ -7,7 +7,7 @@ from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import library_of
+from toeplitz_mg.engine.library import cut, library_of
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import of_any_matrix
@@ -63,14 +63,12 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     """
     column, xp = A.lags, A.library.xp
     for axis, n in enumerate(A.grid_shape):
-
-        def lags(start: int, stop: int, axis: int = axis, n: int = n, a: Any = column) -> Any:
-            return a[(slice(None),) * axis + (slice(n - 1 + start, n - 1 + stop), ...)]
-
-        half = n // 2
-        parts = [lags(0, (n + 1) // 2), lags(-((n - 1) // 2), 0)]
+        half, zero = n // 2, n - 1
+        parts = [column[cut(axis, zero, zero + (n + 1) // 2)]]
         if n % 2 == 0:  # The lags n/2 and -n/2 have one place: it has their mean.
-            parts.insert(1, (lags(half, half + 1) + lags(-half, 1 - half)) / 2)
+            ends = (column[cut(axis, zero + k, zero + k + 1)] for k in (half, -half))
+            parts.append((next(ends) + next(ends)) / 2)
+        parts.append(column[cut(axis, zero - (n - 1) // 2, zero)])
         column = xp.concat(parts, axis=axis)
     return _definite_inverse(A, _transform(column), "Strang", dtype)
 
@@ -143,11 +141,10 @@ def chan_eigenvalues(A: ToeplitzOperator) -> Array:
     for axis, n in enumerate(A.grid_shape):
         w = 1.0 - np.arange(n).reshape((n,) + (1,) * (column.ndim - 1 - axis)) / n
         w = library.from_numpy(w)
-        before = (slice(None),) * axis
-        positive = column[(*before, slice(n - 1, None), ...)]
+        positive = column[cut(axis, n - 1)]
         # The lag k - n of k = 0 is none of A, and has no weight.
-        none = positive[(*before, slice(n - 1, None), ...)]
-        negative = library.xp.concat([none, column[(*before, slice(n - 1), ...)]], axis=axis)
+        parts = [column[cut(axis, 2 * n - 2)], column[cut(axis, 0, n - 1)]]
+        negative = library.xp.concat(parts, axis=axis)
         column = w * positive + (1.0 - w) * negative
     eigenvalues = _transform(column)
     return library.real(eigenvalues) if A.is_hermitian else eigenvalues

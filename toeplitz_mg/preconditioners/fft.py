@@ -10,7 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.engine.library import library_of
+from toeplitz_mg.engine.library import cut, library_of
 from toeplitz_mg.engine.products import Transforms
 from toeplitz_mg.engine.transforms import LONG
 from toeplitz_mg.engine.work import count_transforms
@@ -188,16 +188,14 @@ def _sample_symbol(
     library = block.library
     column = library.cast(block.lags, np.result_type(block.dtype, np.float64))
     for axis, (n, length) in enumerate(zip(block.grid_shape, lengths, strict=True)):
-        before = (slice(None),) * axis
-        positive = column[(*before, slice(n - 1, None), ...)]
-        negative = column[(*before, slice(n - 1), ...)]
+        positive, negative = column[cut(axis, n - 1)], column[cut(axis, 0, n - 1)]
         # What is between the lags n - 1 and 1 - n goes straight from one to the other, so that an
         # odd block stays odd, and an even one even.
         ahead = length - (2 * n - 1)
         t = (library.arange(ahead) + 1.0) / (ahead + 1.0)
         t = library.xp.reshape(t, (-1, *[1] * (column.ndim - 1 - axis)))
-        first = column[(*before, slice(2 * n - 2, None), ...)]
-        between = first + t * (column[(*before, slice(1), ...)] - first)
+        first = column[cut(axis, 2 * n - 2)]
+        between = first + t * (column[cut(axis, 0, 1)] - first)
         column = library.xp.concat([positive, between, negative], axis=axis)
     count_transforms(1, *lengths)
     symbol = transforms.forward(column)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import library_of
+from toeplitz_mg.engine.library import cut, library_of
 from toeplitz_mg.operators import ToeplitzOperator
 
 STEP = 64  # Number of known lags over the distance of the three lags at which a tail is fitted.
@@ -118,11 +118,11 @@ def continue_axis(column: Array, axis: int, n: int) -> Array:
     """
     known = column.shape[axis]
     xp = (library := library_of(column)).xp
-    last = column[(slice(None),) * axis + (slice(known - 1, None), ...)]
+    last = column[cut(axis, known - 1)]
     if known == 1:
         # An axis of one element has no other lags.
         return xp.concat([column, xp.zeros_like(last)], axis=axis)
-    before = column[(slice(None),) * axis + (slice(known - 2, known - 1), ...)]
+    before = column[cut(axis, known - 2, known - 1)]
     slope = last - before
     is_spike = xp.minimum(abs(last), abs(before)) < SPIKE * xp.maximum(abs(last), abs(before))
     ahead = n - known + 1  # Lags from the last coefficient to lag n.

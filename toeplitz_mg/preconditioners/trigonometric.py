@@ -9,7 +9,6 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.library import library_of
-from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import componentwise, restricted
 from toeplitz_mg.preconditioners.positivity import (
@@ -163,7 +162,7 @@ def _take_eigenvalues(samples: Array, first: int, dtype: np.dtype[Any]) -> Array
     return lift_lowest(samples[tuple(slice(first, first + m - 1) for m in samples.shape)], dtype)
 
 
-def lift_lowest(samples: Array, dtype: np.dtype[Any], vectors: Vectors | None = None) -> Array:
+def lift_lowest(samples: Array, dtype: np.dtype[Any], vectors: Any = None) -> Array:
     """Lift samples that are lost in rounding to what that is, unless one of them is negative.
 
     A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;

@@ -18,7 +18,7 @@ from scipy import fft
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import embedding_lengths
-from toeplitz_mg.engine.library import NUMPY, Library, library_of
+from toeplitz_mg.engine.library import NUMPY, Library, NumPy, library_of
 from toeplitz_mg.engine.multilevel import NARROW, MultilevelProduct
 from toeplitz_mg.engine.products import cast_numbers
 from toeplitz_mg.engine.transforms import phase_factors
@@ -172,7 +172,7 @@ class ToeplitzOperator(SlabOperator):
         self.is_symmetric = prod(parity) == 1 and behind is None
         self.product = product or SlabProduct(slab, [[_spectrum(self)]], self.dtype)
         self._multiply = self.product.multiply
-        if library is not NUMPY:
+        if not isinstance(library, NumPy):
             from toeplitz_mg.slabs.arrays import PlainSlabProduct  # This needs array-api-compat.
 
             self._multiply = PlainSlabProduct(library, slab, self.product).multiply

@@ -155,6 +155,8 @@ def solve_toeplitz(
 
 
 def _numbers(values: ArrayLike, name: str) -> Array:
+    if type(values) is np.ndarray and values.dtype == np.float64:
+        return values  # Sooner than by what follows, which a small system would feel.
     array = check_numbers(name, refuse_masked(name, values))
     return array.astype(np.complex128 if array.dtype.kind == "c" else np.float64, copy=False)
 

@@ -141,7 +141,9 @@ class Blocks:
     def __init__(self, matrix: csr_array) -> None:
         self.shape, self.nnz = matrix.shape, matrix.nnz
         n, m = matrix.shape
-        cuts = np.append(np.arange(0, max(n, 1), BLOCK if n >= WORTH_THREADS else max(n, 1)), n)
+        # Without rows, as some ranks are on slabs, there is one empty block.
+        one = max(n, 1)
+        cuts = np.append(np.arange(0, one, BLOCK if n >= WORTH_THREADS else one), n)
         first, stop = _find_reach(matrix, cuts)
         if (stop - first).sum() > WIDE * m:
             # The rows of a component see those of another, so that a block would reach half of all.

@@ -1,0 +1,268 @@
+"""Likelihoods of stationary processes: errors, times, gaps, samples, noise that varies.
+
+- Errors of log det A and of the gradient against dense factorisations, with the error that the
+  package says it has.
+- CPU times of a value with its gradient, against one value by the superfast Schur algorithm, the
+  published way of SuperGauss, and against the stochastic estimate of the log-determinant that
+  GPyTorch makes by default (Lanczos's method on ten random vectors), with its error. The contenders
+  in turns in one process, on one thread; the fastest of the turns.
+- One gap, and values missing at random.
+- The covariance of 10⁵ samples, by a χ² test.
+- Iterations for A + D, D a diagonal of noise that varies.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from time import process_time
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from scipy.linalg import eigh_tridiagonal
+from scipy.sparse import diags_array
+from scipy.stats import chi2
+
+import toeplitz_mg as tmg
+from comparisons.harness import report
+from comparisons.harness.measuring import TOLERANCE, iterate, time_call
+from comparisons.harness.processes import prepare
+from comparisons.harness.report import Row
+from comparisons.systems.symbols import column
+from toeplitz_mg._typing import Array
+from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
+from toeplitz_mg.preconditioners.schur import schur_column
+
+SIZES = tuple(2**k for k in (12, 14, 16, 18, 20))
+QUICK_SIZES = SIZES[:1]
+DENSE_SIZES, QUICK_DENSE = (500, 2000), (200,)
+TIMED = ("fGn, H = 0.9", "0.9^k", "Matérn 3/2, ℓ = 5", "exp(-k/1000)")
+SAMPLES = 100_000
+LENGTH = 16  # Of the series that are sampled: their covariance has 136 different entries.
+PROBES, STEPS = 10, 100  # Random vectors, and steps of Lanczos's method on each.
+TURNS = 5
+
+
+def _fractional(H: float) -> Callable[[int], Array]:
+    def c(n: int) -> Array:
+        k = np.arange(n, dtype=float)
+        return ((k + 1) ** (2 * H) - 2 * k ** (2 * H) + abs(k - 1) ** (2 * H)) / 2
+
+    return c
+
+
+def _matern(length: float) -> Callable[[int], Array]:
+    def c(n: int) -> Array:
+        r = np.sqrt(3.0) * np.arange(n) / length
+        return (1 + r) * np.exp(-r)
+
+    return c
+
+
+COVARIANCES: dict[str, Callable[[int], Array]] = {
+    "fGn, H = 0.3": _fractional(0.3),
+    "fGn, H = 0.75": _fractional(0.75),
+    "fGn, H = 0.99": _fractional(0.99),
+    "Matérn 3/2, ℓ = 5": _matern(5.0),
+    "Matérn 3/2, ℓ = 20": _matern(20.0),
+}
+NAMED = (
+    *("fGn, H = 0.9", "(1+k)^-1.1", "cos k/(k+1)", "0.9^k", "exp(-k/1000)", "Gaussian", "contact"),
+    *("|θ|", "|θ|^1.5", "θ²", "2 - 2 cos θ", "sinc", "1/(1 + k²/100)", "Matérn 3/2"),
+)
+
+
+def covariance(name: str, n: int) -> Array:
+    """Return a covariance of variance 1."""
+    c = COVARIANCES[name](n) if name in COVARIANCES else column(name, n)
+    return c / c[0]
+
+
+def compare_with_dense(name: str, n: int) -> Row:
+    """Compare with dense factorisations."""
+    c = covariance(name, n)
+    A = scipy.linalg.toeplitz(c)
+    y = np.random.default_rng(0).standard_normal(n)
+    inverse = tmg.toeplitz_inverse(tmg.ToeplitzOperator(c), rtol=1e-6)
+    _, by_c, _ = tmg.ToeplitzNormal(c).logpdf_and_grad(y)
+    exact = 2.0 * np.log(np.linalg.cholesky(A).diagonal()).sum()
+    dense = np.linalg.inv(A)
+    alpha = dense @ y
+    gradient = np.array([alpha[: n - k] @ alpha[k:] - np.trace(dense, k) for k in range(n)])
+    gradient[0] /= 2
+    return {
+        "covariance": name,
+        "n": n,
+        "condition": np.linalg.cond(A),
+        "log det": exact,
+        "error": abs(inverse.logdet - exact) / abs(exact),
+        "error said": inverse.logdet_error / abs(exact),
+        "error of the gradient": np.abs(by_c - gradient).max() / np.abs(gradient).max(),
+    }
+
+
+def value_by_schur(c: Array, y: Array) -> float:
+    """Return the log-likelihood by the superfast Schur algorithm alone."""
+    n = len(c)
+    x, gamma = schur_column(c)
+    logdet = n * np.log(c[0]) + np.arange(n - 1, 0, -1.0) @ np.log1p(-(gamma**2))
+    return float(-0.5 * (y @ GohbergSemencul(x).apply(y) + logdet + n * np.log(2 * np.pi)))
+
+
+def stochastic_logdet(c: Array) -> float:
+    """Estimate log det A by Lanczos's method on random signs (stochastic quadrature)."""
+    A, n = tmg.ToeplitzOperator(c), len(c)
+    rng, total = np.random.default_rng(0), 0.0
+    for _ in range(PROBES):
+        basis = [rng.choice([-1.0, 1.0], n) / np.sqrt(n)]
+        diagonal: list[float] = []
+        beside: list[float] = []
+        for _ in range(min(STEPS, n)):
+            w = A @ basis[-1]
+            diagonal.append(float(w @ basis[-1]))
+            V = np.array(basis)
+            w -= V.T @ (V @ w)
+            w -= V.T @ (V @ w)
+            size = float(np.linalg.norm(w))
+            if size < 1e-12 * diagonal[0]:
+                break
+            beside.append(size)
+            basis.append(w / size)
+        values, vectors = eigh_tridiagonal(diagonal, beside[: len(diagonal) - 1])
+        total += n * float(vectors[0] ** 2 @ np.log(values))
+    return total / PROBES
+
+
+def time_likelihood(name: str, n: int) -> Row:
+    """Time a value with its gradient, and its rivals."""
+    c = covariance(name, n)
+    y = np.random.default_rng(0).standard_normal(n)
+    contenders: dict[str, Callable[[], Any]] = {
+        "value and gradient": lambda: tmg.ToeplitzNormal(c).logpdf_and_grad(y),
+        "value": lambda: tmg.ToeplitzNormal(c).logpdf(y),
+        "value by Schur": lambda: value_by_schur(c, y),
+    }
+    turns = [
+        {key: time_call(run, process_time)[1] for key, run in contenders.items()}
+        for _ in range(TURNS)
+    ]
+    seconds = {key: min(turn[key] for turn in turns) for key in contenders}
+    row: Row = {"covariance": name, "n": n, **seconds}
+    row["ratio"] = seconds["value and gradient"] / seconds["value by Schur"]
+    if n <= SIZES[1]:
+        estimate, row["stochastic"] = time_call(lambda: stochastic_logdet(c), process_time)
+        row["its error"] = abs(estimate / tmg.toeplitz_logdet(c) - 1.0)
+    return row
+
+
+def time_gaps(n: int) -> list[Row]:
+    """Time the value for one gap, and for a tenth missing at random, and count iterations."""
+    rows = []
+    rng = np.random.default_rng(0)
+    for name in TIMED:
+        c, y = covariance(name, n), rng.standard_normal(n)
+        one = np.ones(n, dtype=bool)
+        one[n // 3 : n // 3 + n // 64] = False
+        random = rng.random(n) > 0.1
+        process = tmg.ToeplitzNormal(c)
+        row: Row = {"covariance": name, "n": n}
+        for key, mask in (("one gap", one), ("at random", random)):
+            row[f"missing, {key}"] = int(n - mask.sum())
+            try:
+                row[f"value, {key}"] = time_call(
+                    partial(tmg.ToeplitzNormal(c).logpdf, y, mask), process_time
+                )[1]
+            except ValueError as error:  # What is refused says why.
+                row[f"value, {key}"] = None
+                row["refused"] = str(error)
+        A = tmg.MaskedOperator(process.A, random)
+        M = tmg.default_preconditioner(A)
+        row["iterations, at random"] = iterate(A, y[random], M=M, rtol=TOLERANCE)[1]
+        rows.append(row)
+    return rows
+
+
+def examine_samples(name: str, samples: int) -> Row:
+    """Test whether the covariance of samples is the one that was asked for.
+
+    With the covariance S of N samples, N/2 tr (A⁻¹ S - I)² has the distribution χ² with n (n + 1)/2
+    degrees of freedom, for N → ∞ (H. Nagao, Ann. Statist. 1 (1973)).
+    """
+    c = covariance(name, LENGTH)
+    process = tmg.ToeplitzNormal(c)
+    X = process.rvs(samples, random_state=0)
+    D = np.linalg.solve(scipy.linalg.toeplitz(c), X.T @ X / samples) - np.eye(LENGTH)
+    statistic, freedom = samples / 2 * np.trace(D @ D), LENGTH * (LENGTH + 1) // 2
+    return {
+        "covariance": name,
+        "samples": samples,
+        "error of the covariance": process.sampling_error,
+        "χ²": statistic,
+        "degrees of freedom": freedom,
+        "p": chi2.sf(statistic, freedom),
+    }
+
+
+def count_with_noise(name: str, n: int) -> list[Row]:
+    """Count the iterations for A + D, where log d is normal of some spread around log 0.1."""
+    rows = []
+    rng = np.random.default_rng(0)
+    A, b = tmg.ToeplitzOperator(covariance(name, n)), rng.standard_normal(n)
+    normal = rng.standard_normal(n)
+    for spread in (0.1, 0.3, 1.0):
+        B = A + diags_array(0.1 * np.exp(spread * normal))
+        row: Row = {"covariance": name, "n": n, "spread of log d": spread}
+        for key, choose in (
+            ("cosine", tmg.cosine_preconditioner),
+            ("default", tmg.default_preconditioner),
+        ):
+            try:
+                row[key] = iterate(B, b, M=choose(B), rtol=TOLERANCE, maxiter=1000)[1]
+            except np.linalg.LinAlgError:
+                row[key] = None
+        rows.append(row)
+    return rows
+
+
+FORMATS = {
+    "errors": {
+        **{"covariance": "", "n": "d", "condition": ".0e", "log det": ".6g", "error": ".0e"},
+        **{"error said": ".0e", "error of the gradient": ".0e"},
+    },
+    "times": {
+        **{"covariance": "", "n": "d", "value and gradient": ".4f", "value": ".4f"},
+        **{"value by Schur": ".4f", "ratio": ".2f", "stochastic": ".2f", "its error": ".0e"},
+    },
+    "gaps": {
+        **{"covariance": "", "n": "d", "missing, one gap": "d", "value, one gap": ".3f"},
+        **{"missing, at random": "d", "value, at random": ".2f", "iterations, at random": "d"},
+    },
+    "samples": {
+        **{"covariance": "", "samples": "d", "error of the covariance": ".0e", "χ²": ".1f"},
+        **{"degrees of freedom": "d", "p": ".3f"},
+    },
+    "noise": {"covariance": "", "n": "d", "spread of log d": "", "cosine": "d", "default": "d"},
+}
+
+
+def main(quick_sizes: Sequence[int] = QUICK_SIZES, quick_samples: int = 10_000) -> None:
+    """Run the comparison."""
+    prepare("comparisons.gaussian.likelihood")
+    arguments = report.options("gaussian.likelihood", "Likelihoods of stationary processes.")
+    quick = arguments.quick
+    sizes, dense = (quick_sizes, QUICK_DENSE) if quick else (SIZES, DENSE_SIZES)
+    samples = quick_samples if quick else SAMPLES
+    sampled = ("fGn, H = 0.75", "fGn, H = 0.99", "0.9^k", "Matérn 3/2, ℓ = 5", "Matérn 3/2, ℓ = 20")
+    tables = {
+        "errors": [compare_with_dense(name, n) for n in dense for name in (*NAMED, *COVARIANCES)],
+        "times": [time_likelihood(name, n) for n in sizes for name in TIMED],
+        "gaps": [row for n in sizes if n <= SIZES[2] for row in time_gaps(n)],
+        "samples": [examine_samples(name, samples) for name in sampled],
+        "noise": [row for name in TIMED for row in count_with_noise(name, sizes[-1] // 16)],
+    }
+    for key, rows in tables.items():
+        report.show(key, [report.format_cells(row, FORMATS[key]) for row in rows])
+        report.write_csv(arguments.output / f"{key}.csv", rows)
+
+
+if __name__ == "__main__":
+    main()
