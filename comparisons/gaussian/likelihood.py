@@ -34,7 +34,7 @@ from toeplitz_mg.preconditioners.schur import schur_column
 
 SIZES = tuple(2**k for k in (12, 14, 16, 18, 20))
 QUICK_SIZES = SIZES[:1]
-DENSE_SIZES, QUICK_DENSE = (500, 2000), (200,)
+DENSE_SIZES, QUICK_DENSE = (600, 2000), (600,)
 TIMED = ("fGn, H = 0.9", "0.9^k", "Matérn 3/2, ℓ = 5", "exp(-k/1000)")
 SAMPLES = 100_000
 LENGTH = 16  # Of the series that are sampled: their covariance has 136 different entries.
