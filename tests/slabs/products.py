@@ -3,6 +3,7 @@
 from functools import partial
 
 import numpy as np
+import pytest
 
 import toeplitz_mg as tmg
 from tests.slabs.ranks import refuses
@@ -230,6 +231,11 @@ def test_wrong_coefficients_are_refused_by_all(comm):
     refuses(comm, ValueError, "parity is (1,)", make(c, parity=(1,)))
     refuses(comm, ValueError, "rank 0: parity is (-1, 1)", make(c, parity=(-1, 1)))
     refuses(comm, ValueError, "behind has shape (2, 8)", make(c, behind=np.ones((2, 8))))
+    refuses(comm, ValueError, "differ in their first row", make(c, behind=c + 1.0))
+    with pytest.raises(TypeError, match="but must be a Slab"):
+        slabs.ToeplitzOperator(c, slab.shape)
+    with pytest.raises(TypeError, match="its mask is a toeplitz_mg"):
+        tmg.MaskedOperator(slabs.ToeplitzOperator(c, slab), np.ones(slab.local, bool))
     if last:
         text = f"the dtype of c is float64 on rank 0 and float32 on rank {last}"
         refuses(comm, ValueError, text, make(c.astype(np.float32) if is_last else c))

@@ -149,6 +149,7 @@ def test_wrong_grids_are_refused(comm):
     P = comm.size
     refuses(comm, TypeError, "each number of shape is 2.5", lambda: Slab(comm, (2.5, 3)))
     refuses(comm, ValueError, "shape is ()", lambda: Slab(comm, ()))
+    refuses(comm, ValueError, "shape is 64", lambda: Slab(comm, 64))
     refuses(comm, ValueError, "unit is 0", lambda: Slab(comm, (5, 3), unit=0))
     if P > 1:
         text = f"the grid ({P - 1}, 64) has {P - 1} rows, but each of {P} ranks needs one at least"

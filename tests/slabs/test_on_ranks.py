@@ -4,12 +4,28 @@ import pytest
 
 from tests.slabs.ranks import run_on_ranks, with_ranks
 
+slow = pytest.mark.slow
+each_number_of_ranks = pytest.mark.parametrize(
+    "ranks",
+    [pytest.param(1, marks=slow), 2, pytest.param(3, marks=slow), pytest.param(4, marks=slow)],
+)
+
 
 @with_ranks
-@pytest.mark.parametrize("ranks", [1, 2, 3, 4])
+@each_number_of_ranks
 @pytest.mark.parametrize(
     "cases",
-    ["rows", "products", "solves", "fsai", "saving", "gathering", "pressing", "sliding", "rolling"],
+    [
+        "rows",
+        "products",
+        "solves",
+        "fsai",
+        "saving",
+        pytest.param("gathering", marks=slow),
+        "pressing",
+        "sliding",
+        "rolling",
+    ],
 )
 def test_on_ranks(cases, ranks):
     status, printed = run_on_ranks(ranks, "-m", "tests.slabs", cases)
@@ -17,6 +33,7 @@ def test_on_ranks(cases, ranks):
     assert f"{cases}.test_" in printed
 
 
+@slow
 @with_ranks
 @pytest.mark.parametrize("ranks", [1, 2, 3, 4])
 def test_arrays_of_other_libraries(ranks):

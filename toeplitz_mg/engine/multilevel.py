@@ -147,7 +147,7 @@ class MultilevelProduct:
     def _multiply(self, X: Array, out: Array) -> None:
         n = self._grid[-1]
         Z = self.rows_in(X.reshape(-1, n))
-        self.columns_through(Z.reshape(len(X), self._components, *self._grid[:-1], -1))
+        self.columns_through(Z.reshape(len(X), self._components, *self._grid[:-1], Z.shape[-1]))
         self.rows_out(Z, out.reshape(-1, n))
 
     def rows_in(self, x: Array) -> Array:

@@ -177,20 +177,6 @@ class Plain:
         Y = self.xp.stack([multiply(rows[k, ...], None) for k in range(rows.shape[0])])
         return self.xp.astype(self.xp.reshape(Y, X.shape), out.dtype, copy=False)
 
-    def exchange(self, comm: Any, array: Any, sizes: Any, expected: Any) -> Any:
-        """Send parts of an array to all processes, and return those that they send, in one line.
-
-        mpi4py writes to arrays of CuPy and torch. Those of others come and go by the host's memory.
-        """
-        direct = compat.is_cupy_array(array) or compat.is_torch_array(array)
-        # MPI knows of no streams. (CuPy's devices have this; it is not tried.)
-        getattr(self.device, "synchronize", lambda: None)()
-        sent = array if direct else np.ascontiguousarray(self.to_numpy(array))
-        make = partial(self.xp.empty, device=self.device) if direct else np.empty
-        got = make((sum(expected),), dtype=sent.dtype)
-        comm.Alltoallv([sent, sizes], [got, expected])
-        return got if direct else self.from_numpy(got)
-
     def join(self, parts: list[Any], out: Any) -> Any:
         """Put the columns of some arrays side by side."""
         return self.xp.concat(parts, axis=-1)

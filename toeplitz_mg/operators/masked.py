@@ -61,6 +61,8 @@ class MaskedOperator(GridOperator):
     """
 
     def __init__(self, A: LinearOperator, mask: ArrayLike) -> None:
+        if hasattr(A, "slab"):
+            raise TypeError(f"A is {A!r}: its mask is a toeplitz_mg.slabs.MaskedOperator")
         grid_shape = getattr(A, "grid_shape", None)
         if grid_shape is None or isinstance(A, MaskedOperator):
             raise TypeError(

@@ -18,6 +18,7 @@ from toeplitz_mg._typing import Mask
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator, ToeplitzSum
 from toeplitz_mg.operators.averages import average
+from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.structure import (
     check_hermitian,
     components,
@@ -142,6 +143,7 @@ def _list(plan: Plan) -> Selection:
 
 def plan(A: LinearOperator, solves: int) -> Plan:
     """Return what may be taken of a matrix."""
+    require_numpy(A, "a choice of preconditioners")
     is_worth_set_up = count("solves", solves) > 1
     full, mask = unwrap(A)
     if not isinstance(full, CoupledOperator):

@@ -24,8 +24,8 @@ from toeplitz_mg.whole_files import (
 
 def save_rows(slab: Any, path: str | os.PathLike[str], x: Any) -> None:
     """Write a field of which each rank has its rows, to one ``.npy`` file (see `Slab.save`)."""
-    path = Path(path)
     with slab.agree() as same:
+        path = Path(path)
         x = refuse_masked("x", x)
         _check(path, x, slab)
         same["path"], same["the dtype of x"] = str(path), x.dtype

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.preconditioners.fsai.build import Options
 from toeplitz_mg.preconditioners.fsai.cellgrid import AGGREGATE
@@ -119,6 +120,7 @@ def fsai_preconditioner(
             f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a CoupledOperator of "
             "toeplitz_mg.slabs, or a MaskedOperator of one"
         )
+    require_numpy(full, "fsai_preconditioner on slabs")
     slab, blocks = full.slab, ((full,),) if isinstance(full, ToeplitzOperator) else full.blocks
     with slab.agree() as same:
         options = Options(check_neighbours(neighbours))

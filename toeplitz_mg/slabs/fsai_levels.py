@@ -25,7 +25,6 @@ from toeplitz_mg.slabs.slab import Slab
 
 NEAR = 256  # Lags along each axis of the coefficients that a stencil with 100 neighbours sees.
 TRIAL = 2**14  # Cells of the largest grid on which it is tried how many neighbours are enough.
-REPEATED = 1 / 64  # Most cells that all ranks have of a level, together, over those of the grid.
 
 
 class Windows:

@@ -150,6 +150,8 @@ class ToeplitzOperator(SlabOperator):
         behind: ArrayLike | None = None,
         product: "SlabProduct | None" = None,
     ) -> None:
+        if not isinstance(slab, Slab):
+            raise TypeError(f"slab is {slab!r}, but must be a Slab: Slab(MPI.COMM_WORLD, shape)")
         parity = (1,) * len(slab.shape) if parity is None else tuple(parity)
         with slab.agree() as same:
             if len(slab.shape) == 1:
@@ -159,6 +161,8 @@ class ToeplitzOperator(SlabOperator):
             same["the library of c"] = library.name
             self.behind = None if behind is None else _check_rows("behind", behind, slab)
             _check_parity(self.c, parity, slab)
+            if self.behind is not None and not slab.rows.start:
+                _check_lag_zero(self.c[0], self.behind[0])
             same["the dtype of c"], same["parity"] = self.c.dtype, parity
             same["whether behind is given"] = behind is not None
         sizes = np.abs(self.c)
@@ -486,3 +490,8 @@ def _check_parity(c: Array, parity: tuple[int, ...], slab: Slab) -> None:
                 f"parity is {parity}, but where c is odd, along axis {axis}, its coefficients of "
                 "the lag zero must be zero"
             )
+
+
+def _check_lag_zero(ahead: Array, behind: Array) -> None:
+    if not np.array_equal(ahead, behind):
+        raise ValueError("behind and c differ in their first row, the lag 0, which both have")

@@ -15,6 +15,7 @@ from toeplitz_mg.engine.products import COSINE, SINE, Transforms
 from toeplitz_mg.engine.transforms import LONG
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.preconditioners.positivity import require_positive, require_range
 from toeplitz_mg.preconditioners.symbol import continue_axis, sum_tail
@@ -65,6 +66,7 @@ def restricted(make: Make) -> Callable[..., SlabOperator]:
 def _make(make: Make, A: ToeplitzOperator | None, dtype: DTypeLike | None) -> SlabOperator:
     if A is None or not A.is_even:
         raise ValueError(f"A, or a component's block on itself, is {A!r}, but must be even")
+    require_numpy(A, f"{make.__name__} on slabs")
     with A.slab.agree() as same:
         same["dtype"] = precision = check_precision(A.dtype if dtype is None else dtype, A.dtype)
     require_range(A.slab.gather(A.c.flat[0])[0], precision)  # Rank 0 has the diagonal.

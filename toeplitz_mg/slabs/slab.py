@@ -26,7 +26,7 @@ UNITS = (64, 16, 4, 1)  # Rows that may stay together: the cells of FSAI grow fo
 SHARE = 16  # Units that a rank has at least, so that one more of them is not felt.
 REFUSALS = (np.linalg.LinAlgError, ValueError, TypeError, OSError)  # What all ranks raise alike.
 
-Turn = Sequence[tuple[int, int]]  # The first and the last but one column of each rank.
+Turn = Sequence[tuple[int, int]]  # The first column of each rank, and the one behind its last.
 
 
 class Slab:
@@ -77,9 +77,9 @@ class Slab:
         self.comm = _check_communicator(comm)
         ranks = comm.size
         with self.agree() as same:
+            if not isinstance(shape, Sequence) or not shape:
+                raise ValueError(f"shape is {shape!r}, but must be a tuple of one axis at least")
             shape = tuple(count("each number of shape", n) for n in shape)
-            if not shape:
-                raise ValueError("shape is (), but a grid has one axis at least")
             if unit is None:
                 unit = next((k for k in UNITS if shape[0] >= SHARE * k * ranks), 1)
             units = -(-shape[0] // count("unit", unit))
@@ -197,6 +197,11 @@ class Slab:
                 raise kind(f"rank {rank}: {text}") from refusal
         first = told[0][2]
         for rank, (_, _, other) in enumerate(told):
+            if other.keys() != first.keys():
+                raise ValueError(
+                    f"rank 0 compares {list(first)}, and rank {rank} {list(other)}, but all ranks "
+                    "must call the same functions in the same order"
+                )
             for name, value in first.items():
                 if other[name] != value:
                     raise ValueError(
@@ -324,7 +329,7 @@ class Slab:
         parts = [xp.reshape(Z[..., i:j], (-1,)) for i, j in turn]
         shape, sizes = (self.shape[0], *Z.shape[1:-1], b - a), [part.shape[0] for part in parts]
         rows = np.diff(self.starts * prod(shape[1:])).tolist()
-        return xp.reshape(library.exchange(self.comm, xp.concat(parts), sizes, rows), shape)
+        return xp.reshape(self._exchange_line(xp.concat(parts), sizes, rows, library), shape)
 
     def exchange_rows(self, C: Any, n: int, library: Any) -> Any:
         """Return all n columns of this rank's rows, as `to_rows`, of any library's array."""
@@ -332,10 +337,20 @@ class Slab:
         xp, shape = library.xp, (self.local[0], *C.shape[1:-1])
         sizes = [prod(shape) * (b - a) for a, b in turn]
         rows = np.diff(self.starts * prod(C.shape[1:])).tolist()
-        got = library.exchange(self.comm, xp.reshape(C, (-1,)), rows, sizes)
+        got = self._exchange_line(xp.reshape(C, (-1,)), rows, sizes, library)
         ends = [sum(sizes[:k]) for k in range(len(sizes) + 1)]
         parts = [xp.reshape(got[i:j], (*shape, -1)) for i, j in pairwise(ends) if j > i]
         return xp.concat(parts, axis=-1)
+
+    def _exchange_line(self, x: Any, sizes: Any, expected: Any, library: Any) -> Any:
+        """Send parts of an array to all ranks, and return what they send, in one line.
+
+        It goes through the memory of the processor, which any MPI can read.
+        """
+        sent = np.ascontiguousarray(library.to_numpy(x))
+        got = np.empty(sum(expected), sent.dtype)
+        self.comm.Alltoallv([sent, sizes], [got, expected])
+        return library.from_numpy(got)
 
     def _sizes(self, turn: Turn, Z: Array) -> list[int]:
         """Return what goes to each rank; 0 to this one, whose own is copied once, here."""

@@ -141,7 +141,10 @@ def shift_bodies(
             )
         before = b if previous is None else check_previous(previous, grid.element, b.shape)
         if shift is not None:
-            b = b + check_shift(shift, b.shape)
+            change = check_shift(shift, b.shape)
+            b = b + change
+            # What is no field is of the whole bodies.
+            same["shift"] = change.tolist() if change.size == len(b) else "a field"
         same["force"], same["nested"] = np.array(force).tolist(), bool(nested)
         same["tolerance"], same["max_products"] = tolerance, max_products
         same["whether there is a previous contact"] = previous is not None
