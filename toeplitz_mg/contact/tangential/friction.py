@@ -23,6 +23,7 @@ from toeplitz_mg.contact.tangential.coulomb import clip, project, sum_components
 from toeplitz_mg.contact.tangential.stick_slip import Problem, State, solve
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
+from toeplitz_mg.values import refuse_masked
 
 
 def friction(
@@ -145,7 +146,7 @@ def shift_bodies(
             b = b + change
             # What is no field is of the whole bodies.
             same["shift"] = change.tolist() if change.size == len(b) else "a field"
-        same["force"], same["nested"] = np.array(force).tolist(), bool(nested)
+        same["force"], same["nested"] = refuse_masked("force", force).tolist(), bool(nested)
         same["tolerance"], same["max_products"] = tolerance, max_products
         same["whether there is a previous contact"] = previous is not None
     total = None if force is None else check_force(force, grid.vectors.sum(g), grid)
