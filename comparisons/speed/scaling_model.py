@@ -2,7 +2,8 @@
 
 Flops are 5 L log₂ L of a complex transform of length L. A product has them of rows, of length n,
 and of columns, of length 2 n, each way; and moves 32 bytes an unknown between ranks, less those
-that stay. What moves between the processor and its memory was fitted to measurements on one core.
+that stay. What moves between the processor and its memory was chosen to give times that were
+expected before it was written; it is not fitted to measurements.
 """
 
 from math import log2

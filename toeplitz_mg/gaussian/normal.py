@@ -269,7 +269,8 @@ class ToeplitzNormal:
         eigenvalues of a circulant. Where the covariance, continued by its mirror image, has no
         negative one, the samples are exact. Else, with one axis, it is continued as that of an
         autoregressive process, whose spectral density is positive. What `sampling_error` says was
-        measured, and is at most 1e-6. No negative eigenvalue is ever set to zero.
+        measured, and is at most 1e-6. No eigenvalue that is negative beyond rounding
+        is ever set to zero.
         """
         shape = (size,) if np.ndim(size) == 0 else tuple(size)  # type: ignore[arg-type]
         shape = tuple(count("size", k, least=0) for k in shape)
