@@ -229,6 +229,7 @@ def test_arrays_of_two_libraries_are_refused_by_name(xp):
         lambda: tmg.gmres(B, xp.asarray(ones)),
         lambda: tmg.multigrid(B),
         lambda: tmg.default_preconditioner(B),
+        lambda: tmg.select_preconditioner(B),
         lambda: tmg.spectral_preconditioner(B),
         lambda: tmg.tau_preconditioner(B),
         lambda: tmg.toeplitz_inverse(B),
@@ -237,6 +238,8 @@ def test_arrays_of_two_libraries_are_refused_by_name(xp):
         with pytest.raises(TypeError, match=name) as refusal:
             f()
         assert "numpy" in str(refusal.value).replace("jax.numpy", "")
+    with pytest.raises(TypeError, match=f"M is an array of {name}, but must be an operator"):
+        tmg.cg(B, xp.asarray(ones), M=xp.asarray(np.eye(7)))
 
 
 def test_what_is_wrong_with_coefficients_is_told_as_on_numpy(xp):

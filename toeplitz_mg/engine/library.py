@@ -194,7 +194,7 @@ def refuse_mixed(name: str, theirs: Any, ours: Any) -> None:
     """Raise a TypeError for an array of another library than those it would meet."""
     raise TypeError(
         f"{name} is an array of {theirs.name}, but the operator has arrays of {ours.name}: all "
-        "must be of one library"
+        "must be of one library; iterations for any are toeplitz_mg.cg and richardson"
     )
 
 

@@ -8,7 +8,7 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import NUMPY, Library
+from toeplitz_mg.engine.library import NUMPY, Library, is_foreign, library_of
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.operators.base import library_for, vectors_of
 from toeplitz_mg.values import count, real
@@ -146,6 +146,11 @@ def check_operator(name: str, A: Any) -> LinearOperator:
     if hasattr(A, "vectors"):
         return A
     if not hasattr(A, "matvec"):
+        if is_foreign(A):
+            raise TypeError(
+                f"{name} is an array of {library_of(A).name}, but must be an operator: a "
+                "ToeplitzOperator, or a preconditioner of one"
+            )
         if not issparse(A):
             A = check_numbers(name, A)
             if A.ndim != 2:
