@@ -105,6 +105,7 @@ def test_vectors_of_any_kind(A, dense):
     wide = random(n, 6)
     assert_near(A @ wide[:, ::2], dense @ wide[:, ::2])
     assert_near(A @ wide[::-1, 1], dense @ wide[::-1, 1])
+    assert (A @ wide[:, :0]).shape == (n, 0)
     rows = random(2, 3, n)
     assert_near(A._matvec(rows), rows @ dense.T)
     assert_near(A._matmat(rows.mT), dense @ rows.mT)

@@ -52,6 +52,8 @@ def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array
         return out
     if out is None:
         out = np.empty(X.shape, np.result_type(X, product.dtype))
+    if not X.size:  # Vectors are rows here, and there may be none.
+        return out
     n = X.shape[-1]
     rows = X.reshape(-1, n)
     count_work(len(rows), product.points)

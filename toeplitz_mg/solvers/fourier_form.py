@@ -13,8 +13,8 @@ from scipy import fft
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.transforms import phase_factors
+from toeplitz_mg.engine.vectors import PLAIN
 from toeplitz_mg.engine.work import count_transforms
-from toeplitz_mg.operators import GridOperator
 from toeplitz_mg.preconditioners.circulant import smooth_column
 from toeplitz_mg.preconditioners.positivity import require_nonzero
 
@@ -41,7 +41,7 @@ class FourierForm:
 
     Attributes
     ----------
-    A : GridOperator
+    A : operator for `gmres` and `cg`
         The matrix in that domain.
     samples : ndarray
         Samples of the symbol, as `smooth_eigenvalues` returns them.
@@ -61,7 +61,7 @@ class FourierForm:
         self._skew = fft.fft(self._fold(0.5 * (c - behind)))
         self.A = _Operator(n, c.dtype, self._multiply)
 
-    def inverse(self, eigenvalues: Array) -> GridOperator:
+    def inverse(self, eigenvalues: Array) -> "_Diagonal":
         """Return the inverse of a circulant in that domain, where it is a diagonal.
 
         Raises
@@ -149,11 +149,13 @@ class FourierForm:
         return Z
 
 
-class _Diagonal(GridOperator):
+class _Diagonal:
     """A circulant in the domain of the transform."""
 
+    vectors = PLAIN
+
     def __init__(self, eigenvalues: Array, n: int, dtype: np.dtype[np.generic]) -> None:
-        super().__init__(dtype, (n,), 0.0)
+        self.dtype, self.shape = dtype, (n, n)
         self._eigenvalues, self._ends = eigenvalues, None
         if self.dtype.kind != "c":
             self._eigenvalues = eigenvalues[:-1].astype(np.complex128)
@@ -171,13 +173,15 @@ class _Diagonal(GridOperator):
         return out
 
 
-class _Operator(GridOperator):
+class _Operator:
     """A matrix that a function multiplies."""
+
+    vectors = PLAIN
 
     def __init__(
         self, n: int, dtype: np.dtype[np.generic], multiply: Callable[[Rows, Rows], Rows]
     ) -> None:
-        super().__init__(dtype, (n,), 1.0)
+        self.dtype, self.shape = dtype, (n, n)
         self._multiply = multiply
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
