@@ -27,7 +27,9 @@ def load_jax():
     return jax.numpy
 
 
-@pytest.fixture(params=["array_api_strict", "jax.numpy"], scope="module")
+@pytest.fixture(
+    params=["array_api_strict", pytest.param("jax.numpy", marks=pytest.mark.slow)], scope="module"
+)
 def xp(request):
     return strict if request.param == "array_api_strict" else load_jax()
 
@@ -290,6 +292,7 @@ def test_little_more_than_the_vectors_is_held(monkeypatch):
     assert peak <= 130 * n * n
 
 
+@pytest.mark.slow
 def test_a_product_may_be_compiled():
     jnp = load_jax()
     import jax
