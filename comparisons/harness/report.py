@@ -27,14 +27,15 @@ def options(
 
     `name` is that of the module in `comparisons`, like "paper.tables".
     Each of `choices` is an option that takes one or more of its values; None without it. One that
-    is an integer or a string takes another one, and one that is a list takes any numbers; they are
-    as given here without it.
+    is an integer or a string takes another one, and one that is a list of integers takes any; they
+    are as given here without it.
     """
     parser = argparse.ArgumentParser(prog=f"python -m comparisons.{name}", description=description)
     parser.add_argument("--quick", action="store_true", help="small sizes only, within a minute")
     for choice, values in choices.items():
-        if isinstance(values, int | str | list):
-            many: dict[str, Any] = {"nargs": "+"} if isinstance(values, list) else {}
+        is_list = isinstance(values, list) and all(isinstance(v, int) for v in values)
+        if isinstance(values, int | str) or is_list:
+            many: dict[str, Any] = {"nargs": "+"} if is_list else {}
             kind = str if isinstance(values, str) else int
             name_of = "TEXT" if kind is str else "NUMBER"
             parser.add_argument(
