@@ -5,6 +5,8 @@ The transforms are those of the library, on the device of each rank, and mpi4py 
 
 from typing import Any
 
+import numpy as np
+
 from toeplitz_mg.engine.plain import Plain, PlainProduct
 from toeplitz_mg.slabs.slab import Slab
 
@@ -32,12 +34,14 @@ class PlainSlabProduct:
 
     def multiply(self, x: Any, y: Any = None) -> Any:
         """Return the product with a vector."""
-        xp, slab, passes = self.library.xp, self.slab, self._passes
-        components = passes.grid_shape[0]
-        Z = self.library.cast(xp.reshape(x, (1, components, *slab.local)), passes.dtype)
-        Z = passes.rows_in(Z)
-        C = xp.stack([slab.exchange_columns(Z[0, i, ...], self.library) for i in range(components)])
-        C = passes.columns(C[None, ...], 0)
-        n = passes.lengths[-1]
-        R = [slab.exchange_rows(C[0, i, ...], n, self.library) for i in range(components)]
-        return xp.reshape(passes.rows_out(xp.stack(R)[None, ...]), x.shape)
+        library, slab, passes = self.library, self.slab, self._passes
+        fields = (passes.grid_shape[0], *slab.local)
+        Z = passes.rows_in(library.cast(library.xp.reshape(x, (1, *fields)), passes.dtype))
+        # The rows go through the memory of the processor, which any MPI can read.
+        parts = library.to_numpy(Z)[0]
+        C = library.from_numpy(np.stack([slab.to_columns(part) for part in parts]))
+        columns = library.to_numpy(passes.columns(C[None, ...], 0))[0]
+        back = np.empty((*fields[:-1], passes.lengths[-1]), columns.dtype)
+        for part, own in zip(back, columns, strict=True):
+            slab.to_rows(own, part)
+        return library.xp.reshape(passes.rows_out(library.from_numpy(back)[None, ...]), x.shape)

@@ -322,36 +322,6 @@ class Slab:
         out[..., slice(*turn[self.comm.rank])] = C[self.rows]
         return out
 
-    def exchange_columns(self, Z: Any, library: Any) -> Any:
-        """Return all rows of this rank's columns, as `to_columns`, of any library's array."""
-        (turn,) = self.turns(Z.shape[-1], Z.shape[-1])
-        xp, (a, b) = library.xp, turn[self.comm.rank]
-        parts = [xp.reshape(Z[..., i:j], (-1,)) for i, j in turn]
-        shape, sizes = (self.shape[0], *Z.shape[1:-1], b - a), [part.shape[0] for part in parts]
-        rows = np.diff(self.starts * prod(shape[1:])).tolist()
-        return xp.reshape(self._exchange_line(xp.concat(parts), sizes, rows, library), shape)
-
-    def exchange_rows(self, C: Any, n: int, library: Any) -> Any:
-        """Return all n columns of this rank's rows, as `to_rows`, of any library's array."""
-        (turn,) = self.turns(n, n)
-        xp, shape = library.xp, (self.local[0], *C.shape[1:-1])
-        sizes = [prod(shape) * (b - a) for a, b in turn]
-        rows = np.diff(self.starts * prod(C.shape[1:])).tolist()
-        got = self._exchange_line(xp.reshape(C, (-1,)), rows, sizes, library)
-        ends = [sum(sizes[:k]) for k in range(len(sizes) + 1)]
-        parts = [xp.reshape(got[i:j], (*shape, -1)) for i, j in pairwise(ends) if j > i]
-        return xp.concat(parts, axis=-1)
-
-    def _exchange_line(self, x: Any, sizes: Any, expected: Any, library: Any) -> Any:
-        """Send parts of an array to all ranks, and return what they send, in one line.
-
-        It goes through the memory of the processor, which any MPI can read.
-        """
-        sent = np.ascontiguousarray(library.to_numpy(x))
-        got = np.empty(sum(expected), sent.dtype)
-        self.comm.Alltoallv([sent, sizes], [got, expected])
-        return library.from_numpy(got)
-
     def _sizes(self, turn: Turn, Z: Array) -> list[int]:
         """Return what goes to each rank; 0 to this one, whose own is copied once, here."""
         sizes = [prod(Z.shape[:-1]) * (b - a) for a, b in turn]
