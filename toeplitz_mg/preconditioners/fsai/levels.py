@@ -16,7 +16,7 @@ from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.preconditioners.fsai.refusals import refusal, require_definite
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
 
-BLOCK = 2**15  # Rows of a block of a sparse matrix: enough of them that threads do not wait.
+BLOCK = 2**17  # Rows of a block of a sparse matrix: enough of them that threads do not wait.
 WIDE = 1.5  # Columns that all blocks reach, over those that there are, beyond which there is one.
 
 
