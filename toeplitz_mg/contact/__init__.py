@@ -12,6 +12,7 @@ from toeplitz_mg.contact.result import (
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
+from toeplitz_mg.contact.theory import HertzContact, hertz
 from toeplitz_mg.halfspace import Material
 from toeplitz_mg.paper import problems
 
@@ -19,11 +20,13 @@ __all__ = [
     "ContactError",
     "ContactResult",
     "ContactWarning",
+    "HertzContact",
     "Material",
     "NormalResult",
     "SteadyOptions",
     "TangentialResult",
     "friction",
+    "hertz",
     "normal_contact",
     "problems",
     "rolling",

@@ -8,6 +8,15 @@ import numpy as np
 
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.contact import plotting
+from toeplitz_mg.contact.summary import (
+    Figure,
+    describe_cost,
+    describe_grid,
+    list_figures,
+    shorten,
+    tabulate_figures,
+    units_of,
+)
 from toeplitz_mg.halfspace import CombinedMaterial
 
 
@@ -154,6 +163,34 @@ class NormalResult:
             Where matplotlib is not installed.
         """
         return plotting.draw(self, ax)
+
+    def summary(self) -> str:
+        """Return the figures of this result with their units, a line each."""
+        return list_figures(*self._summary())
+
+    def __repr__(self) -> str:
+        return shorten(type(self).__name__, self.shape, self._figures(), self.products)
+
+    def _repr_html_(self) -> str:
+        return tabulate_figures(*self._summary())
+
+    def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
+        title = f"Normal contact, {describe_grid(self.shape, self.element)}"
+        return title, self._figures(), describe_cost(self.products, self.residual), self.warnings
+
+    def _figures(self) -> list[Figure]:
+        units = units_of(self.element)
+        figures = [
+            Figure("force", self.force, units.force),
+            Figure("approach", self.approach, "mm"),
+            Figure("stiffness", self.stiffness, units.stiffness),
+            Figure("contact", self.area, units.area),
+            Figure("share of the grid", 100.0 * self.contact_fraction, "%"),
+            Figure("mean pressure", self.mean_pressure, "N/mm²"),
+            Figure("largest pressure", self.max_pressure, "N/mm²"),
+            Figure("elastic energy", self.energy, units.energy),
+        ]
+        return [figure for figure in figures if figure.value is not None]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -309,6 +346,42 @@ class TangentialResult:
             Where matplotlib is not installed.
         """
         return plotting.draw(self, ax)
+
+    def summary(self) -> str:
+        """Return the figures of this result with their units, a line each."""
+        return list_figures(*self._summary())
+
+    def __repr__(self) -> str:
+        return shorten(type(self).__name__, self.shape, self._figures(), self.products)
+
+    def _repr_html_(self) -> str:
+        return tabulate_figures(*self._summary())
+
+    def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
+        kind = "Friction" if self.creepages is None else "Rolling"
+        title = f"{kind}, {describe_grid(self.shape, self.element)}"
+        return title, self._figures(), describe_cost(self.products, self.residual), self.warnings
+
+    def _figures(self) -> list[Figure]:
+        units = units_of(self.element)
+        is_rolling = self.creepages is not None
+        creepages, spin = self.creepages, None
+        if is_rolling and len(self.shape) > 1:
+            *creepages, spin = creepages
+        figures = [
+            Figure("force", self.force, units.force),
+            Figure("creepages", creepages),
+            Figure("spin", spin, "1/mm"),
+            Figure("shift", "a field" if np.size(self.shift) > 2 else self.shift, "mm"),
+            Figure("moment", self.moment, "N mm"),
+            Figure("power over speed", self.power, units.force)
+            if is_rolling
+            else Figure("work of slip", self.power, units.energy),
+            Figure("contact", self.area, units.area),
+            Figure("of which sticks", self.stick_area, units.area),
+            Figure("elastic energy", self.energy, units.energy),
+        ]
+        return [figure for figure in figures if figure.value is not None]
 
 
 ContactResult = NormalResult | TangentialResult  # Of any contact problem.
