@@ -217,7 +217,7 @@ USES = {
 # What takes no numbers: results and records, warnings, modules, wrappers, and a counter.
 WITHOUT_NUMBERS = {
     *("ContactError", "ContactResult", "ContactWarning", "HertzContact"),
-    *("NormalResult", "TangentialResult"),
+    *("NormalResult", "TangentialResult", "load"),
     *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "ToeplitzInverse"),
     *("componentwise", "count_products", "contact", "fractional", "halfspace", "problems"),
     "surfaces",

@@ -8,6 +8,7 @@ from toeplitz_mg.contact.result import (
     ContactResult,
     NormalResult,
     TangentialResult,
+    load,
 )
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
@@ -27,6 +28,7 @@ __all__ = [
     "TangentialResult",
     "friction",
     "hertz",
+    "load",
     "normal_contact",
     "problems",
     "rolling",
