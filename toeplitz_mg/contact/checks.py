@@ -11,7 +11,7 @@ from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.values import count, field, finite, in_range, positive, real
 
 
-def check_load(z: Array, approach: float | None, force: float | None) -> float | None:
+def check_load(grid: Grid, z: Array, approach: float | None, force: float | None) -> float | None:
     """Return the force that presses, or None where the approach is given; check the gap too."""
     if not np.isfinite(z).all():
         raise ValueError("gap has values that are not finite")
@@ -21,6 +21,11 @@ def check_load(z: Array, approach: float | None, force: float | None) -> float |
         )
     if approach is not None:
         finite("approach", approach)
+        if grid.has_free_mean and approach >= (mean := grid.vectors.sum(z) / z.size):
+            raise ValueError(
+                f"approach is {approach:g}, but must be below the mean of the gap, {mean:g}, at "
+                "which surfaces that repeat touch everywhere, under many a force: give the force"
+            )
         return None
     force = positive("force", force)
     in_range("force", force)
