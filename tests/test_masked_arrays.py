@@ -208,7 +208,7 @@ USES = {
 }
 # What takes no numbers: results and records, warnings, modules, wrappers, and a counter.
 WITHOUT_NUMBERS = {
-    *("ContactError", "ContactResult", "ContactWarning"),
+    *("ContactError", "ContactResult", "ContactWarning", "NormalResult", "TangentialResult"),
     *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "ToeplitzInverse"),
     *("componentwise", "count_products", "contact", "fractional", "halfspace", "problems"),
     "surfaces",

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from toeplitz_mg.contact import (
     ContactResult,
     ContactWarning,
     Material,
+    NormalResult,
+    TangentialResult,
     friction,
     normal_contact,
     rolling,
@@ -27,6 +29,7 @@ from toeplitz_mg.contact import (
 )
 
 MARGIN = 1.3  # Side of the grid over the length of the contact by Hertz's theory.
+Result = TypeVar("Result", NormalResult, TangentialResult)
 TANGENTIAL = "tangential traction"  # Name of the second result, where there is one.
 CREEPAGE = -0.002  # Longitudinal creepage (slip over distance) where no creepage is given.
 
@@ -97,15 +100,15 @@ class Case:
 
     def solve(self) -> dict[str, ContactResult]:
         """Solve the normal problem, and the tangential one of its pressures, where there is one."""
-        results = {"pressure": _solve("normal contact", self.press)}
-        pressed = results["pressure"]
+        pressed = _solve("normal contact", self.press)
+        results: dict[str, ContactResult] = {"pressure": pressed}
         if self.options.case == "shift":
             results[TANGENTIAL] = _solve("friction", lambda: self.shift(pressed))
         elif self.options.case == "rolling":
             results[TANGENTIAL] = _solve("steady rolling", lambda: self.roll(pressed))
         return results
 
-    def press(self) -> ContactResult:
+    def press(self) -> NormalResult:
         """Solve the normal problem."""
         o = self.options
         if o.line:
@@ -117,7 +120,7 @@ class Case:
         load = {"force": o.force, "approach": o.approach}
         return normal_contact(gap, self.element, **load, **self.common)
 
-    def shift(self, pressed: ContactResult) -> ContactResult:
+    def shift(self, pressed: NormalResult) -> TangentialResult:
         """Solve the tangential problem of the pressures."""
         o = self.options
         half = [0.5 * o.friction * pressed.force]
@@ -126,7 +129,7 @@ class Case:
             load = {"shift": self.components(o.shift)}
         return friction(self.bound(pressed), self.element, **load, **self.common)
 
-    def roll(self, pressed: ContactResult) -> ContactResult:
+    def roll(self, pressed: NormalResult) -> TangentialResult:
         """Solve the problem of rolling with the pressures."""
         names = ("longitudinal", "lateral", "spin")
         given = {name: getattr(self.options, name) for name in names}
@@ -134,10 +137,10 @@ class Case:
         creepages = creepages or {"longitudinal": CREEPAGE}
         return rolling(self.bound(pressed), self.element, **creepages, **self.common)
 
-    def bound(self, pressed: ContactResult) -> Array:
+    def bound(self, pressed: NormalResult) -> Array:
         """Return the traction bound of the pressures: zero outside the contact, at any friction."""
-        g = np.zeros_like(pressed.traction)
-        g[pressed.contact] = self.options.friction * pressed.traction[pressed.contact]
+        g = np.zeros_like(pressed.pressure)
+        g[pressed.contact] = self.options.friction * pressed.pressure[pressed.contact]
         return g
 
     def components(self, values: Sequence[float]) -> Any:
@@ -198,7 +201,7 @@ def _check_slides_not(case: Case) -> None:
         raise ValueError(f"--tangential is {wanted:g}, but friction carries less than {most:.6g}")
 
 
-def _solve(name: str, solve: Callable[[], ContactResult]) -> ContactResult:
+def _solve(name: str, solve: Callable[[], Result]) -> Result:
     print(f"\n{name}\n  products   violation", flush=True)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ContactWarning)  # They are printed below the figures.

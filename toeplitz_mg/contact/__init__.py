@@ -3,7 +3,12 @@
 from toeplitz_mg.contact import surfaces
 from toeplitz_mg.contact.doubts import ContactWarning
 from toeplitz_mg.contact.normal.problem import normal_contact
-from toeplitz_mg.contact.result import ContactError, ContactResult
+from toeplitz_mg.contact.result import (
+    ContactError,
+    ContactResult,
+    NormalResult,
+    TangentialResult,
+)
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
@@ -15,7 +20,9 @@ __all__ = [
     "ContactResult",
     "ContactWarning",
     "Material",
+    "NormalResult",
     "SteadyOptions",
+    "TangentialResult",
     "friction",
     "normal_contact",
     "problems",
