@@ -9,6 +9,7 @@ from toeplitz_mg.contact.result import (
     NormalResult,
     TangentialResult,
 )
+from toeplitz_mg.contact.subsurface import Stresses, subsurface_stresses
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
@@ -22,11 +23,13 @@ __all__ = [
     "Material",
     "NormalResult",
     "SteadyOptions",
+    "Stresses",
     "TangentialResult",
     "friction",
     "normal_contact",
     "problems",
     "rolling",
     "rolling_steps",
+    "subsurface_stresses",
     "surfaces",
 ]
