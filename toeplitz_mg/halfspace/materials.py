@@ -121,6 +121,10 @@ class CombinedMaterial:
         The `difference_parameter`: it couples the normal and the tangential problem.
     E_star : float
         Modulus of the normal contact, G/(1-ν), N/mm²: 1/E* is the sum of both bodies'.
+
+    See Also
+    --------
+    combined_material : makes it.
     """
 
     G: float
@@ -156,6 +160,11 @@ def combined_material(first: Material, second: Material) -> CombinedMaterial:
         For two rigid bodies.
     TypeError
         For what is not a `Material`.
+
+    See Also
+    --------
+    CombinedMaterial : what it returns.
+    difference_parameter : how unlike two bodies are.
 
     Notes
     -----
@@ -201,6 +210,11 @@ def difference_parameter(first: Material, second: Material) -> float:
     ------
     ValueError, TypeError
         For bodies that `combined_material` refuses.
+
+    See Also
+    --------
+    combined_material : the constants of two bodies.
+    influence_matrix : where it enters.
 
     Examples
     --------
