@@ -439,7 +439,7 @@ def test_refuses_another_history():
         ({"shift": np.ma.ones(2)}, "shift is a masked array"),
         ({"shift": "a"}, "shift has dtype <U1"),
         ({"shift": None, "force": 1j}, "force has dtype complex128"),
-        ({"previous": np.zeros(2)}, "previous is of type ndarray, but must be a ContactResult"),
+        ({"previous": np.zeros(2)}, "previous is of type ndarray, but must be a TangentialResult"),
         ({"progress": 3}, "progress is 3"),
     ],
 )

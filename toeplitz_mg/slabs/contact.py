@@ -12,7 +12,7 @@ from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_bound
 from toeplitz_mg.contact.grid import Grid, coarsen, refine
 from toeplitz_mg.contact.normal.problem import press
-from toeplitz_mg.contact.result import ContactResult, check_converged
+from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.friction import shift_bodies
 from toeplitz_mg.contact.tangential.rolling import roll
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
@@ -221,7 +221,7 @@ def normal_contact(
     nested: bool = True,
     max_products: int = 2000,
     progress: Progress | None = None,
-) -> ContactResult:
+) -> NormalResult:
     """Press two bodies together (see `contact.normal_contact`).
 
     Parameters
@@ -235,7 +235,7 @@ def normal_contact(
 
     Returns
     -------
-    ContactResult
+    NormalResult
         Its fields have this rank's rows. The numbers are those of the whole contact.
 
     Warns
@@ -265,7 +265,7 @@ def normal_contact(
     >>> slab = slabs.Slab(MPI.COMM_WORLD, (64, 64))
     >>> gap = contact.surfaces.sphere((64, 64), element, radius=10.0)[slab.rows]
     >>> pressed = slabs.normal_contact(gap, slab, element, material=steel, force=100.0)
-    >>> f"{pressed.rigid:.5f} mm"
+    >>> f"{pressed.approach:.5f} mm"
     '0.00351 mm'
     """
     grid, z = _read("gap", gap, field, slab, element, material)
@@ -282,12 +282,12 @@ def friction(
     material: Any,
     shift: ArrayLike | None = None,
     force: ArrayLike | None = None,
-    previous: ContactResult | None = None,
+    previous: TangentialResult | None = None,
     tolerance: float = 1e-8,
     nested: bool = True,
     max_products: int = 2000,
     progress: Progress | None = None,
-) -> ContactResult:
+) -> TangentialResult:
     """Shift two bodies in contact tangentially (see `contact.friction`).
 
     Parameters
@@ -298,14 +298,14 @@ def friction(
         Of a grid of two axes.
     shift : array_like
         (δx, δy), the same on all ranks, or this rank's rows of a field (2, n1, n2), mm.
-    previous : ContactResult, optional
+    previous : TangentialResult, optional
         The tractions before: a result of `friction` on a slab with the same rows.
     element, material, force, tolerance, nested, max_products, progress
         The arguments of `contact.friction`: the same on all ranks, but `progress`.
 
     Returns
     -------
-    ContactResult
+    TangentialResult
         As that of `normal_contact`, also in what it warns of and raises.
 
     Notes
@@ -334,7 +334,7 @@ def rolling(
     max_products: int = 2000,
     progress: Progress | None = None,
     options: SteadyOptions | None = None,
-) -> ContactResult:
+) -> TangentialResult:
     """Roll steadily towards positive x with given creepages (see `contact.rolling`).
 
     Parameters
@@ -349,7 +349,7 @@ def rolling(
 
     Returns
     -------
-    ContactResult
+    TangentialResult
         As that of `normal_contact`, also in what it warns of and raises.
     """
     grid, g = _read("bound", bound, lambda _, g: check_bound(g), slab, element, material)
