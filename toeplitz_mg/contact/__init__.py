@@ -10,6 +10,7 @@ from toeplitz_mg.contact.result import (
     TangentialResult,
     load,
 )
+from toeplitz_mg.contact.subsurface import Stresses, subsurface_stresses
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
@@ -25,6 +26,7 @@ __all__ = [
     "Material",
     "NormalResult",
     "SteadyOptions",
+    "Stresses",
     "TangentialResult",
     "friction",
     "hertz",
@@ -33,5 +35,6 @@ __all__ = [
     "problems",
     "rolling",
     "rolling_steps",
+    "subsurface_stresses",
     "surfaces",
 ]

@@ -295,7 +295,10 @@ class TangentialResult:
     touches_edge : bool
         Whether the contact reaches an edge of the grid.
     shift : float, ndarray or None
-        In friction, the rigid shift of the bodies, mm; None in rolling.
+        In friction, the rigid shift of the bodies since the previous tractions, mm; None in
+        rolling.
+    total_shift : float, ndarray or None
+        In friction, the sum of that shift and those of all results before it; None in rolling.
     creepages : float, ndarray or None
         In rolling, the creepages (longitudinal, lateral, spin), the first two dimensionless, the
         spin in 1/mm, and in line contact the longitudinal one alone; None in friction.
@@ -342,6 +345,7 @@ class TangentialResult:
     energy: float
     touches_edge: bool
     shift: Any = None
+    total_shift: Any = None
     creepages: Any = None
     moment: float | None = None
     power: float | None = None

@@ -52,6 +52,7 @@ class SlabGrid:
         self.whole, self.slab, self.vectors = whole, slab, slab.vectors
         self.shape, self.element, self.material = whole.shape, whole.element, whole.material
         self.area, self.components = whole.area, whole.components
+        self.periodic, self.has_free_mean = whole.periodic, whole.has_free_mean
         self.agree = slab.agree
         self._is_first = slab.comm.rank == 0
         self._is_last = slab.comm.rank == slab.comm.size - 1
