@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
-from toeplitz_mg.values import count, field, finite, in_range, positive, real
+from toeplitz_mg.values import count, field, finite, in_range, real
 
 
 def check_load(z: Array, approach: float | None, force: float | None) -> float | None:
@@ -22,7 +22,16 @@ def check_load(z: Array, approach: float | None, force: float | None) -> float |
     if approach is not None:
         finite("approach", approach)
         return None
-    force = positive("force", force)
+    return check_force_that_presses(force)
+
+
+def check_force_that_presses(force: Any) -> float:
+    """Return a force that presses, or none, as a number."""
+    force = finite("force", force)
+    if force < 0.0:
+        raise ValueError(
+            f"force is {force}, but must be at least zero: bodies that do not stick cannot pull"
+        )
     in_range("force", force)
     return force
 
@@ -80,6 +89,18 @@ def check_previous(
             f"has {shape[1:]} of {element}"
         )
     return previous.traction.reshape(shape)
+
+
+def check_pressed(previous: Any, grid: Grid) -> None:
+    """Refuse what is no normal contact on the same grid."""
+    if not isinstance(previous, NormalResult):
+        kind = type(previous).__name__
+        raise TypeError(f"previous is of type {kind}, but must be a NormalResult")
+    if previous.shape != grid.shape or previous.element != grid.element:
+        raise ValueError(
+            f"previous has {previous.shape} elements of {previous.element}, but the grid has "
+            f"{grid.shape} of {grid.element}"
+        )
 
 
 def check_iteration(tolerance: float, max_products: int, progress: Any = None) -> None:

@@ -1,5 +1,6 @@
 """What contact problems have for answers, and the error where they have none."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from math import prod
 from typing import Any, ClassVar, TypeVar
@@ -18,6 +19,24 @@ from toeplitz_mg.contact.summary import (
     units_of,
 )
 from toeplitz_mg.halfspace import CombinedMaterial
+
+
+class OnDemand:
+    """A number of a dataclass, or a function that computes it when it is first asked for."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, instance: Any, owner: type) -> float | None:
+        if instance is None:
+            return None  # The default.
+        value = vars(instance)[self._name]
+        if callable(value):
+            value = vars(instance)[self._name] = value()
+        return value
+
+    def __set__(self, instance: Any, value: float | Callable[[], float] | None) -> None:
+        vars(instance)[self._name] = value
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -58,8 +77,8 @@ class NormalResult:
     touches_edge : bool
         Whether the contact reaches an edge of the grid.
     stiffness : float or None
-        The change of the force by that of the approach, N/mm; in plane strain N/mm². None where
-        it was not asked for.
+        The change of the force by that of the approach, N/mm; in plane strain N/mm². It is
+        computed when it is first asked for, by a few products.
     products : int
         Products with the matrix of this grid.
     work : float
@@ -94,7 +113,7 @@ class NormalResult:
     max_pressure: float
     energy: float
     touches_edge: bool
-    stiffness: float | None = None
+    stiffness: OnDemand = OnDemand()
     products: int = 0
     work: float = 0.0
     iterations: tuple[int, ...] = ()
@@ -176,14 +195,16 @@ class NormalResult:
 
     def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
         title = f"Normal contact, {describe_grid(self.shape, self.element)}"
-        return title, self._figures(), describe_cost(self.products, self.residual), self.warnings
+        figures = self._figures()
+        if self.stiffness is not None:
+            figures.insert(2, Figure("stiffness", self.stiffness, units_of(self.element).stiffness))
+        return title, figures, describe_cost(self.products, self.residual), self.warnings
 
     def _figures(self) -> list[Figure]:
         units = units_of(self.element)
         figures = [
             Figure("force", self.force, units.force),
             Figure("approach", self.approach, "mm"),
-            Figure("stiffness", self.stiffness, units.stiffness),
             Figure("contact", self.area, units.area),
             Figure("share of the grid", 100.0 * self.contact_fraction, "%"),
             Figure("mean pressure", self.mean_pressure, "N/mm²"),
@@ -427,7 +448,7 @@ def touches_edge(grid: Any, contact: Mask) -> bool:
 def _protect(result: ContactResult) -> None:
     """Put views that cannot be written to in the place of the arrays."""
     for field in fields(result):
-        value = getattr(result, field.name)
+        value = vars(result)[field.name]  # What is computed on demand is not asked for here.
         if isinstance(value, np.ndarray):
             value = _read_only(value)
         elif isinstance(value, tuple):
