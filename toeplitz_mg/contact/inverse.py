@@ -91,6 +91,8 @@ class Inverse:
 
         Where the set is near that to be found it is worth that at once, else when it changes less.
         """
+        if any(self._grid.periodic):
+            return  # There A itself has an inverse, that of its waves, as cheap as a product.
         before, self._before = self._before, C
         if self._local is not None and is_fsai_kept(self._measure_change(C, self._local.C)):
             return

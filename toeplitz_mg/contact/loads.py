@@ -23,6 +23,7 @@ def load_curve(
     forces: ArrayLike | None = None,
     approaches: ArrayLike | None = None,
     reference: float | None = None,
+    periodic: bool | tuple[bool, bool] = False,
     tolerance: float = 1e-8,
     nested: bool = True,
     max_products: int = 2000,
@@ -36,7 +37,7 @@ def load_curve(
 
     Parameters
     ----------
-    gap, element, material, reference, tolerance, nested, max_products, progress
+    gap, element, material, reference, periodic, tolerance, nested, max_products, progress
         The arguments of `normal_contact`. `max_products` is for each load.
     forces : array_like of shape (k,)
         The forces that press, N; in plane strain N/mm. Zero is no contact. They may fall again.
@@ -74,16 +75,16 @@ def load_curve(
     >>> gap = contact.surfaces.sphere((64, 64), element, radius=10.0)
     >>> for r in contact.load_curve(gap, element, material=steel, forces=[0.0, 50.0, 100.0]):
     ...     print(f"{r.force:5.0f} N  {1e3 * r.approach:.2f} µm  {r.stiffness:5.0f} N/mm")
-        0 N  0.01 µm      0 N/mm
-       50 N  2.21 µm  33880 N/mm
-      100 N  3.51 µm  42679 N/mm
+        0 N  0.00 µm      0 N/mm
+       50 N  2.21 µm  33946 N/mm
+      100 N  3.51 µm  42831 N/mm
     """
     z = field("gap", gap)
-    grid = Grid.of(z.shape, element, material, reference)
+    grid = Grid.of(z.shape, element, material, reference, periodic)
     check_iteration(tolerance, max_products, progress)
     is_force, loads = _check_loads(forces, approaches)
     for load in loads.tolist():
-        check_load(z, None if is_force else load, load if is_force else None)
+        check_load(grid, z, None if is_force else load, load if is_force else None)
 
     def solve() -> Iterator[NormalResult]:
         known: tuple[NormalResult, ...] = ()

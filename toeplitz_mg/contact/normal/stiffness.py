@@ -4,6 +4,8 @@ While the elements in contact are the same, a change dδ of the approach changes
 x dδ, with A x = 1 on them; and which elements they are changes the force to second order only.
 """
 
+from math import prod
+
 import numpy as np
 
 from toeplitz_mg._typing import Array
@@ -22,10 +24,13 @@ def find_stiffness(grid: Grid, C: Array) -> float:
     The function 2 Σx - x·Ax is largest, and the sum of x, where A x = 1. Near there its error is
     of second order, so that x in single precision is good enough.
     """
-    A, unit = grid.scaled_normal()
     vectors = grid.vectors
-    if not vectors.count(C):
+    touching = vectors.count(C)
+    if not touching:
         return 0.0
+    if grid.has_free_mean and touching == prod(grid.shape):
+        return np.inf  # A mean pressure moves nothing.
+    A, unit = grid.scaled_normal()
     M = Inverse(grid, A)
     M.fit(C, is_near=True)
     products, r = Products(A, MOST), C.astype(M.dtype)
