@@ -90,7 +90,7 @@ class SlabOperator:
 
 
 class ToeplitzOperator(SlabOperator):
-    """A real Toeplitz matrix of two axes or more, that multiplies by FFT.
+    """A real Toeplitz matrix of any number of axes, that multiplies by FFT.
 
     Parameters
     ----------
@@ -148,8 +148,6 @@ class ToeplitzOperator(SlabOperator):
             raise TypeError(f"slab is {slab!r}, but must be a Slab: Slab(MPI.COMM_WORLD, shape)")
         parity = (1,) * len(slab.shape) if parity is None else tuple(parity)
         with slab.agree() as same:
-            if len(slab.shape) == 1:
-                raise ValueError(f"the grid is {slab.shape}, but must have two axes or more")
             library = library_of(c)
             self.c = _check_rows("c", library.to_numpy(library.read("c", c)), slab)
             same["the library of c"] = library.name
