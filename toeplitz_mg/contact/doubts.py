@@ -1,6 +1,6 @@
 """Doubts: where an answer is right for what was given, which may not be what was meant.
 
-Each is a sentence in `ContactResult.warnings`, and a `ContactWarning`. The public functions look
+Each is a sentence in the `warnings` of a result, and a `ContactWarning`. The public functions look
 for them at their own input and answer; the coarser grids within are nobody's concern.
 """
 
@@ -28,7 +28,7 @@ class ContactWarning(UserWarning):
     """The answer is right for the numbers given, but they may not be what was meant.
 
     The grid may be too small or too coarse for the contact, a unit or a sign another than was
-    thought, or the problem beyond the theory of half-spaces. `ContactResult.warnings` lists all.
+    thought, or the problem beyond the theory of half-spaces. The `warnings` of a result lists all.
     """
 
 
@@ -103,10 +103,13 @@ def _check_resolution(grid: Grid, contact: Array) -> Iterator[str]:
 def _longest_run(grid: Grid, contact: Array, axis: int) -> int:
     """Return the largest number of elements in contact that follow each other along an axis."""
     lines = grid.lines(contact, axis)
+    if grid.periodic[axis]:  # A spot may go on at the other end.
+        lines = np.concatenate([lines, lines], axis=-1)
     ends = np.zeros((*lines.shape[:-1], 1), bool)
     runs = np.concatenate([ends, lines, ends], axis=-1).ravel()
     changes = np.flatnonzero(runs[1:] != runs[:-1])
-    return int(max(grid.vectors.gather(int((changes[1::2] - changes[::2]).max(initial=0)))))
+    longest = int(max(grid.vectors.gather(int((changes[1::2] - changes[::2]).max(initial=0)))))
+    return min(longest, grid.shape[axis])
 
 
 def _check_load(grid: Grid, p: Array, contact: Array) -> Iterator[str]:
@@ -130,6 +133,7 @@ def _check_edge(grid: Grid, z: Array, contact: Array, interference: float) -> It
         axis
         for axis, n in enumerate(grid.shape)
         if n > 1
+        and not grid.periodic[axis]
         and grid.vectors.count(grid.lines(contact, axis)[..., [0, -1]])
         and _largest_sag(grid, z, axis) > FLAT * interference
     ]

@@ -18,7 +18,7 @@ from toeplitz_mg.contact.checks import check_iteration, check_load
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.active_set import Search, State
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.result import ContactResult, check_converged
+from toeplitz_mg.contact.result import NormalResult, check_converged, touches_edge
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.values import field, in_range
 
@@ -31,11 +31,12 @@ def normal_contact(
     approach: float | None = None,
     force: float | None = None,
     reference: float | None = None,
+    periodic: bool | tuple[bool, bool] = False,
     tolerance: float = 1e-8,
     nested: bool = True,
     max_products: int = 2000,
     progress: Progress | None = None,
-) -> ContactResult:
+) -> NormalResult:
     """Press two bodies together: pressures, area of contact, force and approach.
 
     Parameters
@@ -53,8 +54,14 @@ def normal_contact(
     force : float
         The force that presses, N; in plane strain N/mm. Either this or the approach is given.
     reference : float, optional
-        In plane strain, the distance at which a line load moves nothing, mm: it decides what
-        approach belongs to a force. By default the length of the grid.
+        In plane strain, and on a surface that repeats along one of two axes, the distance at which
+        a line load moves nothing, mm: it decides what approach belongs to a force. By default the
+        length of the grid across such a load.
+    periodic : bool or (bool, bool)
+        Whether the surfaces, and the pressures, repeat for ever, with the grid for a period, along
+        all axes or along each of them. The force is that of one period. Where they repeat along
+        all axes, displacements are those from their mean, so that the mean gap under load is that
+        before, less the approach; an approach must leave some.
     tolerance : float
         The error that is allowed, relative to the largest interference: the gap in contact, and
         the depth of penetration elsewhere. Pressures are never negative.
@@ -67,7 +74,7 @@ def normal_contact(
 
     Returns
     -------
-    ContactResult
+    NormalResult
 
     Warns
     -----
@@ -75,7 +82,7 @@ def normal_contact(
         Where the answer may not be of the problem that was meant: a contact that reaches the edge
         of the grid or is less than 10 elements across, a mean pressure above E*/2, slopes above 1,
         a gap that varies by more than the length of the grid, or whose sign seems to be reversed.
-        `ContactResult.warnings` lists them.
+        `NormalResult.warnings` lists them.
 
     Raises
     ------
@@ -90,6 +97,11 @@ def normal_contact(
     inclined, along an axis, and touches at both ends of it without a warning. Any other gap, round
     or rough, is taken for a part of a larger surface, and should not touch there.
 
+    Along an axis that repeats the discrete kernel is the continuous symbol 2/(E*|q|) at the
+    wavenumbers q of the grid, as `tamaas` and `aspher` have it. Where only one of two axes
+    repeats, the images of an element have no finite sum, and `reference` decides on the constant
+    (see `halfspace.periodic`).
+
     Examples
     --------
     Hertz: a steel sphere of 10 mm on a steel plate.
@@ -100,11 +112,11 @@ def normal_contact(
     >>> contact = normal_contact(gap, (0.01, 0.01), material=steel, force=100.0)
     >>> E_star = steel.E_star / 2.0  # Of two bodies of steel.
     >>> a = (3 * 100.0 * 10.0 / (4 * E_star)) ** (1 / 3)
-    >>> f"{contact.rigid:.5f} mm, {a**2 / 10.0:.5f} by Hertz"
+    >>> f"{contact.approach:.5f} mm, {a**2 / 10.0:.5f} by Hertz"
     '0.00351 mm, 0.00351 by Hertz'
     """
     z = field("gap", gap)
-    grid = Grid.of(z.shape, element, material, reference)
+    grid = Grid.of(z.shape, element, material, reference, periodic)
     result = press(grid, z, approach, force, tolerance, nested, max_products, progress)
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
@@ -119,10 +131,10 @@ def press(
     nested: bool,
     max_products: int,
     progress: Progress | None,
-) -> ContactResult:
+) -> NormalResult:
     """Return what `normal_contact` finds for the gap `z`, converged or not."""
     with grid.agree() as same:
-        force = check_load(z, approach, force)
+        force = check_load(grid, z, approach, force)
         check_iteration(tolerance, max_products, progress)
         same["approach"], same["force"], same["nested"] = approach, force, bool(nested)
         same["tolerance"], same["max_products"] = tolerance, max_products
@@ -140,21 +152,28 @@ def press(
         products = Products(search.matrix, max_products)
         state = search.run(products, nested=nested)
         state = state._replace(p=state.p / search.unit)
-    return _result(grid, z, state, products.count, work.units(z.size), distance)
+    units = work.units(z.size) / search.matrix.work
+    return _result(grid, z, state, products.count, units, distance)
 
 
 def _result(
     grid: Grid, z: Array, state: State, products: int, work: float, distance: float
-) -> ContactResult:
+) -> NormalResult:
     contact = state.p > 0.0
-    return ContactResult(
+    return NormalResult(
+        material=grid.material,
+        shape=grid.shape,
         element=grid.element,
-        traction=state.p,
+        centres=grid.centres(),
+        pressure=state.p,
         displacement=state.u,
         contact=contact,
         area=grid.vectors.count(contact) * grid.area,
         force=grid.vectors.sum(state.p) * grid.area,
-        rigid=state.approach + distance,
+        approach=state.approach + distance,
+        max_pressure=grid.vectors.max(state.p),
+        energy=0.5 * grid.area * grid.vectors.dot(state.p, state.u),
+        touches_edge=touches_edge(grid, contact),
         gap=state.u + z - state.approach,
         products=products,
         work=work,
