@@ -157,11 +157,15 @@ class LongTransform:
             self.line.slab.to_rows(C, X, turn)
         return self.line.part(X)
 
-    def cosine_sums(self, column: Array) -> Array:
-        """Return Σ a_j cos(2πjk/N) over all lags of a period, from those of the lags 0 … N/2."""
+    def sums(self, column: Array, sign: int = 1) -> Array:
+        """Return Σ a_j exp(-2πijk/N) over all lags of a period, from those of the lags 0 … N/2.
+
+        They are even, and so the sums real, or odd (sign -1).
+        """
         half, comm = column.astype(np.float64), self.line.slab.comm
         if comm.rank == 0:
             half[0] *= 0.5
         if comm.rank == comm.size - 1 and self.length == 2 * (self._known - 1):
             half[-1] *= 0.5
-        return 2.0 * self.forward(half).real
+        sums = self.forward(half)
+        return 2.0 * sums.real if sign > 0 else 2j * sums.imag

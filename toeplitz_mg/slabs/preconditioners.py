@@ -1,7 +1,7 @@
 """M, and what a cosine or sine transform diagonalises, on slabs: the same transforms, by axis."""
 
 from collections.abc import Callable
-from functools import wraps
+from functools import partial, wraps
 from math import prod
 from typing import Any
 
@@ -19,6 +19,7 @@ from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.preconditioners.positivity import require_positive, require_range
 from toeplitz_mg.preconditioners.symbol import Tail, continue_axis, tail_length
 from toeplitz_mg.preconditioners.trigonometric import lift_lowest
+from toeplitz_mg.slabs.coupled import ROBUST, invert_coupled
 from toeplitz_mg.slabs.line import LongTransform
 from toeplitz_mg.slabs.operators import (
     CoupledOperator,
@@ -32,10 +33,8 @@ from toeplitz_mg.slabs.windows import Windows
 
 Make = Callable[[ToeplitzOperator, np.dtype[Any]], SlabOperator]
 
-ROBUST = "fsai_preconditioner(A), or cg without M"
 
-
-def restricted(make: Make) -> Callable[..., SlabOperator]:
+def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator]:
     """Return the preconditioner that takes masks and components too.
 
     Parameters
@@ -44,6 +43,8 @@ def restricted(make: Make) -> Callable[..., SlabOperator]:
         A function of an even `ToeplitzOperator` and of the precision of the result. On a mask the
         preconditioner is the restriction of that of the whole grid; of coupled components it
         treats each by itself.
+    of_coupled : callable, optional
+        The function of a `CoupledOperator` in the place of that.
     """
 
     @wraps(make)
@@ -54,9 +55,11 @@ def restricted(make: Make) -> Callable[..., SlabOperator]:
                 f"A is a {type(A).__name__}, but must be a ToeplitzOperator or a CoupledOperator "
                 "of toeplitz_mg.slabs, or a MaskedOperator of one"
             )
-        if isinstance(full, CoupledOperator):
+        if isinstance(full, CoupledOperator) and of_coupled is not None:
+            M: SlabOperator = of_coupled(full, _precision(full, dtype))
+        elif isinstance(full, CoupledOperator):
             parts = [row[i] for i, row in enumerate(full.blocks)]
-            M: SlabOperator = BlockDiagonal([_make(make, part, dtype) for part in parts])
+            M = BlockDiagonal([_make(make, part, dtype) for part in parts])
         else:
             M = _make(make, full, dtype)
         return MaskedOperator(M, A.mask) if isinstance(A, MaskedOperator) else M
@@ -67,20 +70,30 @@ def restricted(make: Make) -> Callable[..., SlabOperator]:
 def _make(make: Make, A: ToeplitzOperator | None, dtype: DTypeLike | None) -> SlabOperator:
     if A is None or not A.is_even:
         raise ValueError(f"A, or a component's block on itself, is {A!r}, but must be even")
+    return make(A, _precision(A, dtype))
+
+
+def _precision(A: Any, dtype: DTypeLike | None) -> np.dtype[Any]:
+    """Return the precision of a preconditioner of A (see `positivity.precision`)."""
     with A.slab.agree() as same:
         same["dtype"] = precision = check_precision(A.dtype if dtype is None else dtype, A.dtype)
-    require_range(A.slab.gather(A.c.flat[0])[0], precision)  # Rank 0 has the diagonal.
-    return make(A, precision)
+    blocks = A.blocks if isinstance(A, CoupledOperator) else ((A,),)
+    for block in (row[i] for i, row in enumerate(blocks)):
+        if block is not None:
+            # Rank 0 has the diagonal.
+            require_range(abs(A.slab.gather(block.c.flat[0])[0]), precision)
+    return precision
 
 
-@restricted
+@partial(restricted, of_coupled=invert_coupled)
 def fft_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperator:
     """Return M, the paper's FFT preconditioner (see `toeplitz_mg.fft_preconditioner`).
 
     Parameters
     ----------
     A : ToeplitzOperator or CoupledOperator of this package, or MaskedOperator of one
-        Even along each axis. Of coupled components each is treated by itself.
+        Even along each axis; of coupled components symmetric, its blocks even or odd. Cosine and
+        sine transforms treat each component by itself.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default.
 
@@ -145,7 +158,7 @@ def _invert_line(A: ToeplitzOperator, dtype: np.dtype[Any]) -> ToeplitzOperator:
         length = 2 * near_fast_length(n)
         c = _continue_line(A.slab, c, length // 2)
     transform = LongTransform(A.slab, length // 2 + 1, length)
-    eigenvalues = transform.cosine_sums(c)
+    eigenvalues = transform.sums(c)
     subject = "the embedding of A in a circulant, which M inverts, has the eigenvalue"
     require_positive(np.array(A.slab.extent(eigenvalues)), dtype, subject, ROBUST)
     inverse = transform.backward((1.0 / eigenvalues).astype(complex))[:known]
@@ -315,7 +328,7 @@ class DiagonalisedLine(SlabOperator):
         self._first, self._name, half = first, name, near_fast_length(n)
         c = _sum_line(slab, A.c.ravel().astype(np.float64, copy=False), half)
         of_samples = LongTransform(slab, half + 1, 2 * half)
-        samples, k = of_samples.cosine_sums(c), of_samples.numbers
+        samples, k = of_samples.sums(c), of_samples.numbers
         # Of two frequencies with the same sample one counts.
         is_sampled = (k != half * (1 - first)) & ((k <= half) | ~of_samples.have_both)
         checked = _check_samples(slab, samples[is_sampled], dtype, name)
