@@ -14,7 +14,7 @@ from scipy.sparse import diags_array
 from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
-from toeplitz_mg import halfspace
+from toeplitz_mg import contact, halfspace
 from toeplitz_mg.engine.library import NUMPY, library_of
 
 strict = pytest.importorskip("array_api_strict")
@@ -242,6 +242,28 @@ def test_arrays_of_two_libraries_are_refused_by_name(xp):
         assert "numpy" in str(refusal.value).replace("jax.numpy", "")
     with pytest.raises(TypeError, match=f"M is an array of {name}, but must be an operator"):
         tmg.cg(B, xp.asarray(ones), M=xp.asarray(np.eye(7)))
+
+
+STEEL = contact.Material(E=210000.0, nu=0.28)
+KERNEL = {"element": (1.0, 1.0), "G": 1.0, "nu": 0.28}
+PRESS = {"element": (0.1, 0.1), "material": STEEL}
+ON_NUMPY_ALONE = {
+    "solve_toeplitz c": lambda x: tmg.solve_toeplitz(x, np.ones(4)),
+    "solve_toeplitz b": lambda x: tmg.solve_toeplitz(np.eye(1, 4)[0], x),
+    "normal_contact": lambda x: contact.normal_contact(x, force=1.0, **PRESS),
+    "friction": lambda x: contact.friction(x, shift=(1.0, 0.0), **PRESS),
+    "friction shift": lambda x: contact.friction(np.ones((4, 4)), shift=x, **PRESS),
+    "rolling": lambda x: contact.rolling(x, longitudinal=0.1, **PRESS),
+    "influence x": lambda x: halfspace.influence_zz(x, np.arange(4.0), **KERNEL),
+    "influence y": lambda x: halfspace.influence_xx(np.arange(4.0), x, **KERNEL),
+}
+
+
+@pytest.mark.parametrize("name", ON_NUMPY_ALONE)
+def test_what_needs_numpys_arrays_names_both_libraries_and_the_way(xp, name):
+    with pytest.raises(TypeError, match=f"is an array of {xp.__name__}, but .* numpy") as refusal:
+        ON_NUMPY_ALONE[name](xp.asarray(np.ones(4)))
+    assert "x.get()" in str(refusal.value)
 
 
 def test_what_is_wrong_with_coefficients_is_told_as_on_numpy(xp):

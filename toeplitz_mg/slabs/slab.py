@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.library import NUMPY, library_of
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
@@ -155,7 +156,8 @@ class Slab:
 
     def sum(self, x: Array) -> float:
         """Return the sum of a field of which each rank has its part: the same on all ranks."""
-        return self.vectors.sum(np.asarray(x))
+        library = library_of(x)
+        return library.vectors_of(self.gather).sum(np.asarray(x) if library is NUMPY else x)
 
     def save(self, path: str | PathLike[str], x: ArrayLike) -> None:
         """Write a field to a ``.npy`` file, each rank its rows, on a disk that all of them see.
