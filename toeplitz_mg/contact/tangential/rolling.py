@@ -22,7 +22,7 @@ from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_bound, check_iteration, check_previous
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.result import ContactResult, check_converged
+from toeplitz_mg.contact.result import TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.coulomb import clip
 from toeplitz_mg.contact.tangential.friction import make_result
 from toeplitz_mg.contact.tangential.steady import (
@@ -49,7 +49,7 @@ def rolling(
     max_products: int = 2000,
     progress: Progress | None = None,
     options: SteadyOptions | None = None,
-) -> ContactResult:
+) -> TangentialResult:
     """Roll steadily towards positive x with given creepages: tractions, slip, stick and slip areas.
 
     Parameters
@@ -79,15 +79,15 @@ def rolling(
 
     Returns
     -------
-    ContactResult
-        The result has the slip over the distance rolled, and the creepages as `rigid`.
+    TangentialResult
+        The result has the slip over the distance rolled, and the creepages.
 
     Warns
     -----
     ContactWarning
         Where the contact is less than 10 elements across; and where the two bodies are unlike,
         as the coupling of normal and tangential tractions is left out.
-        `ContactResult.warnings` lists them.
+        `TangentialResult.warnings` lists them.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def roll(
     max_products: int,
     progress: Progress | None,
     options: SteadyOptions | None,
-) -> ContactResult:
+) -> TangentialResult:
     """Return what `rolling` finds for the traction bound `g`, converged or not."""
     with grid.agree() as same:
         w = _rigid_slip(grid, *creepages)
@@ -149,7 +149,11 @@ def roll(
         )
         u = np.where(g > 0.0, apply_to_rows(A, state.q.reshape(-1)).reshape(w.shape), 0.0)
     result = make_result(problem, state, window, products.count + 1, work.units(w.size))
-    result = replace(result, displacement=window.extend(u).reshape(result.traction.shape))
+    result = replace(
+        result,
+        displacement=window.extend(u).reshape(result.traction.shape),
+        energy=0.5 * grid.area * grid.vectors.dot(state.q, u),
+    )
     return _per_distance(result, *creepages)
 
 
@@ -162,10 +166,10 @@ def rolling_steps(
     lateral: float = 0.0,
     spin: float = 0.0,
     steps: int,
-    previous: ContactResult | None = None,
+    previous: TangentialResult | None = None,
     tolerance: float = 1e-8,
     max_products: int = 2000,
-) -> Iterator[ContactResult]:
+) -> Iterator[TangentialResult]:
     """Roll step by step, one element in each, from given tractions (Eq. 8).
 
     Parameters
@@ -174,13 +178,13 @@ def rolling_steps(
         The arguments of `rolling`.
     steps : int
         The number of steps.
-    previous : ContactResult, optional
+    previous : TangentialResult, optional
         Tractions before the first step, of any function for tangential contact on this grid; by
         default none. So a bound that changes is followed step by step.
 
     Yields
     ------
-    ContactResult
+    TangentialResult
         The result after each step, with the slip over the distance rolled.
 
     Warns
@@ -218,7 +222,7 @@ def rolling_steps(
 
     doubts.warn(about)
 
-    def march(q: Array) -> Iterator[ContactResult]:
+    def march(q: Array) -> Iterator[TangentialResult]:
         A, S = grid.tangential(), grid.upstream()
         for _ in range(steps):
             with count_products() as work:
@@ -248,10 +252,9 @@ def _rigid_slip(grid: Grid, longitudinal: float, lateral: float, spin: float) ->
 
 
 def _per_distance(
-    result: ContactResult, longitudinal: float, lateral: float, spin: float
-) -> ContactResult:
+    result: TangentialResult, longitudinal: float, lateral: float, spin: float
+) -> TangentialResult:
     """Return the result with the slip over the distance rolled, and with the creepages."""
-    assert result.slip is not None
     is_line = result.contact.ndim == 1
     creepages = longitudinal if is_line else np.array([longitudinal, lateral, spin])
-    return replace(result, slip=result.slip / result.element[0], rigid=creepages)
+    return replace(result, slip=result.slip / result.element[0], shift=None, creepages=creepages)
