@@ -57,6 +57,8 @@ class NormalResult:
         The elastic energy ½ ∫ p u of both bodies, N mm; in plane strain N.
     touches_edge : bool
         Whether the contact reaches an edge of the grid.
+    plastic : ndarray or None
+        Where a hardness was given, the depth by which elements that bear it have yielded, mm.
     stiffness : float or None
         The change of the force by that of the approach, N/mm; in plane strain N/mm². None where
         it was not asked for.
@@ -94,6 +96,7 @@ class NormalResult:
     max_pressure: float
     energy: float
     touches_edge: bool
+    plastic: Array | None = None
     stiffness: float | None = None
     products: int = 0
     work: float = 0.0
