@@ -8,7 +8,9 @@ from toeplitz_mg.contact.result import (
     ContactResult,
     NormalResult,
     TangentialResult,
+    load,
 )
+from toeplitz_mg.contact.subsurface import Stresses, subsurface_stresses
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
@@ -24,12 +26,15 @@ __all__ = [
     "Material",
     "NormalResult",
     "SteadyOptions",
+    "Stresses",
     "TangentialResult",
     "friction",
     "hertz",
+    "load",
     "normal_contact",
     "problems",
     "rolling",
     "rolling_steps",
+    "subsurface_stresses",
     "surfaces",
 ]

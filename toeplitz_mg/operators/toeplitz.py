@@ -67,6 +67,13 @@ class ToeplitzOperator(GridOperator):
         For a square `c` that is constant along its diagonals, as a dense Toeplitz matrix is: it is
         taken for the first column of a matrix of two axes.
 
+    See Also
+    --------
+    MaskedOperator : its restriction to a part of the grid.
+    CoupledOperator : several of them, as blocks.
+    ToeplitzSum : with diagonal matrices.
+    scipy.linalg.toeplitz : the dense matrix, on one axis.
+
     Notes
     -----
     A product is exact up to rounding: any embedding in a circulant of size at least 2 n - 1

@@ -44,8 +44,8 @@ class SlabOperator:
         The cost of one application, in products with a Toeplitz matrix; of such a matrix itself.
     """
 
-    work = 1.0
     product: SlabProduct  # What multiplies, unless a class says otherwise.
+    work = 1.0
 
     def __init__(
         self,
