@@ -1,5 +1,6 @@
 """Checks of what the contact problems are given."""
 
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,20 @@ def check_load(grid: Grid, z: Array, approach: float | None, force: float | None
         )
     in_range("force", force)
     return force
+
+
+def check_hardness(grid: Grid, hardness: float | None, force: float | None) -> float:
+    """Return the largest pressure, infinity where none is given; the force must be within it."""
+    if hardness is None:
+        return np.inf
+    in_range("hardness", positive("hardness", hardness))
+    carried = hardness * grid.area * prod(grid.shape)
+    if force is not None and force > carried:
+        raise ValueError(
+            f"force is {force:g}, but must be at most {carried:g}, which all elements carry at the "
+            f"hardness {hardness:g}"
+        )
+    return float(hardness)
 
 
 def check_bound(bound: ArrayLike) -> Array:

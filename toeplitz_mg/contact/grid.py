@@ -107,7 +107,13 @@ class Grid:
                 "a surface that repeats along one of two axes have a constant displacement that "
                 "it decides"
             )
-        return cls(shape, sizes, material, positive("reference", reference), repeats)
+        grid = cls(shape, sizes, material, positive("reference", reference), repeats)
+        if grid.has_free_mean and max(shape) == 1:
+            raise ValueError(
+                f"the grid has shape {shape}, but where it repeats along all axes it must have "
+                "more than one element: the mean displacement is no part of the answer"
+            )
+        return grid
 
     @property
     def area(self) -> float:

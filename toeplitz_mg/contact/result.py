@@ -77,6 +77,8 @@ class NormalResult:
         The elastic energy ½ ∫ p u of both bodies, N mm; in plane strain N.
     touches_edge : bool
         Whether the contact reaches an edge of the grid.
+    plastic : ndarray or None
+        Where a hardness was given, the depth by which elements that bear it have yielded, mm.
     stiffness : float or None
         The change of the force by that of the approach, N/mm; in plane strain N/mm². It is
         computed when it is first asked for, by a few products.
@@ -114,6 +116,7 @@ class NormalResult:
     max_pressure: float
     energy: float
     touches_edge: bool
+    plastic: Array | None = None
     stiffness: OnDemand = OnDemand()
     products: int = 0
     work: float = 0.0
@@ -603,7 +606,9 @@ def check_converged(result: Result, tolerance: float) -> Result:
 def touches_edge(grid: Any, contact: Mask) -> bool:
     """Whether elements in contact are at an edge of the grid, along an axis of more than one."""
     return any(
-        n > 1 and grid.vectors.count(grid.lines(contact, axis)[..., [0, -1]])
+        n > 1
+        and not grid.periodic[axis]
+        and grid.vectors.count(grid.lines(contact, axis)[..., [0, -1]])
         for axis, n in enumerate(grid.shape)
     )
 
