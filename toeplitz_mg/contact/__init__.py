@@ -12,6 +12,7 @@ from toeplitz_mg.contact.result import (
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
+from toeplitz_mg.contact.unlike.pressing import FrictionalResult, frictional_contact
 from toeplitz_mg.halfspace import Material
 from toeplitz_mg.paper import problems
 
@@ -19,11 +20,13 @@ __all__ = [
     "ContactError",
     "ContactResult",
     "ContactWarning",
+    "FrictionalResult",
     "Material",
     "NormalResult",
     "SteadyOptions",
     "TangentialResult",
     "friction",
+    "frictional_contact",
     "normal_contact",
     "problems",
     "rolling",

@@ -13,7 +13,7 @@ from toeplitz_mg.contact.steady_matrices import invert_shifted, subtract_operato
 from toeplitz_mg.engine.vectors import PLAIN, Vectors
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.materials import combine
-from toeplitz_mg.halfspace.matrices import quadrant
+from toeplitz_mg.halfspace.matrices import coupling_matrices, quadrant
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners.candidates import quick_fsai
 from toeplitz_mg.preconditioners.traits import fragmentation
@@ -151,6 +151,11 @@ class Grid:
         When the contact rolls towards positive x, what is here now was there one step before.
         """
         return self._matrix("xy"[: self.components], ahead=1)
+
+    def coupling(self, ahead: int = 0) -> tuple[ToeplitzOperator | None, ...]:
+        """Return the matrices of the tangential displacements by the pressures, by components."""
+        directions = "xy"[: self.components]
+        return coupling_matrices(directions, self.shape, self.element, self.material, ahead=ahead)
 
     def steady(self, A: Any) -> Any:
         """Return the matrix of steady rolling, A - S with A and S = `tangential` and `upstream`."""

@@ -101,9 +101,12 @@ class Search:
         """The gap where the bodies are nearest."""
         return self.grid.vectors.min(self.z)
 
-    def run(self, A: Products, *, nested: bool) -> State:
-        """Find the pressures and the area of contact, with a first guess from coarser grids."""
-        p, C = self._first_guess(nested=nested)
+    def run(self, A: Products, *, nested: bool, guess: Array | None = None) -> State:
+        """Find the pressures and the area of contact.
+
+        They start from pressures near by, the `guess`, or else from those of coarser grids.
+        """
+        p, C = self._first_guess(nested=nested) if guess is None else (guess, guess > 0.0)
         b = (self.approach or 0.0) - self.z
         now, law, iterations = find_sets(
             self, A, p, C, b=b, eta=ETA, tolerance=self.tolerance, progress=self.progress

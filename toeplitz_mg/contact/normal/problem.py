@@ -133,19 +133,20 @@ def press(
         approach = float(approach) - distance
         if approach <= 0.0:
             nothing = np.zeros(z.shape)
-            return _result(grid, z, State(nothing, nothing, approach), 0, 0.0, distance)
+            return make_result(grid, z, State(nothing, nothing, approach), 0, 0.0, distance)
         in_range("the interference", approach)
     with count_products() as work:
         search = Search(grid, z, approach, force, tolerance, progress)
         products = Products(search.matrix, max_products)
         state = search.run(products, nested=nested)
         state = state._replace(p=state.p / search.unit)
-    return _result(grid, z, state, products.count, work.units(z.size), distance)
+    return make_result(grid, z, state, products.count, work.units(z.size), distance)
 
 
-def _result(
+def make_result(
     grid: Grid, z: Array, state: State, products: int, work: float, distance: float
 ) -> NormalResult:
+    """Return what was found for the gap `z`, which was less by a distance."""
     contact = state.p > 0.0
     return NormalResult(
         material=grid.material,
