@@ -358,6 +358,12 @@ def test_without_contact_there_is_nothing():
             "at most one of the two may be given",
         ),
         ({"tangential_force": (0.06, 0.0)}, ValueError, "less than the traction bound carries"),
+        ({"tangential_force": (0.07, 0.0)}, ValueError, "the bodies would slide off"),
+        (
+            {"tangential_force": (0.07, 0.0), "force": None, "approach": 0.2},
+            ValueError,
+            "the bodies would slide off",
+        ),
         ({"previous": 1.0}, TypeError, "previous is of type float, but must be a FrictionalResult"),
         ({"max_iterations": 0}, ValueError, "max_iterations is 0"),
         ({"tolerance": 0.0}, ValueError, "tolerance is 0.0"),

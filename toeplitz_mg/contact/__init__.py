@@ -8,10 +8,13 @@ from toeplitz_mg.contact.result import (
     ContactResult,
     NormalResult,
     TangentialResult,
+    load,
 )
+from toeplitz_mg.contact.subsurface import Stresses, subsurface_stresses
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
+from toeplitz_mg.contact.theory import HertzContact, hertz
 from toeplitz_mg.contact.unlike.pressing import FrictionalResult, frictional_contact
 from toeplitz_mg.halfspace import Material
 from toeplitz_mg.paper import problems
@@ -21,15 +24,20 @@ __all__ = [
     "ContactResult",
     "ContactWarning",
     "FrictionalResult",
+    "HertzContact",
     "Material",
     "NormalResult",
     "SteadyOptions",
+    "Stresses",
     "TangentialResult",
     "friction",
     "frictional_contact",
+    "hertz",
+    "load",
     "normal_contact",
     "problems",
     "rolling",
     "rolling_steps",
+    "subsurface_stresses",
     "surfaces",
 ]

@@ -7,7 +7,8 @@ from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import cut, library_of
+from toeplitz_mg.engine.embedding import cut
+from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.structure import of_any_matrix
@@ -48,6 +49,11 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
         general matrix where it has an eigenvalue of zero.
     TypeError
         Where `A` is no Toeplitz operator.
+
+    See Also
+    --------
+    chan_preconditioner : the other circulant, positive definite whenever A is.
+    default_preconditioner : chooses.
 
     References
     ----------
@@ -101,6 +107,11 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
         may have of a regular one.
     TypeError
         Where `A` is no Toeplitz operator.
+
+    See Also
+    --------
+    strang_preconditioner : the other circulant.
+    default_preconditioner : chooses.
 
     References
     ----------

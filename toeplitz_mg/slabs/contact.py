@@ -23,10 +23,10 @@ from toeplitz_mg.slabs.operators import (
     CoupledOperator,
     MaskedOperator,
     SlabOperator,
-    SlabProduct,
     ToeplitzOperator,
 )
 from toeplitz_mg.slabs.preconditioners import cosine_preconditioner
+from toeplitz_mg.slabs.product import SlabProduct
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.values import field
 
@@ -52,6 +52,7 @@ class SlabGrid:
         self.whole, self.slab, self.vectors = whole, slab, slab.vectors
         self.shape, self.element, self.material = whole.shape, whole.element, whole.material
         self.area, self.components = whole.area, whole.components
+        self.periodic, self.has_free_mean = whole.periodic, whole.has_free_mean
         self.agree = slab.agree
         self._is_first = slab.comm.rank == 0
         self._is_last = slab.comm.rank == slab.comm.size - 1
@@ -198,15 +199,11 @@ class ShiftedInverse(SlabOperator):
         spectra: list[list[Array | None]] = [[None] * len(K.blocks) for _ in K.blocks]
         for i, row in enumerate(K.blocks):
             block: Any = row[i]
-            s = block.product.spectrum
+            s = block.product.spectra[0][0]
             lowest = shift * max(self.slab.gather(np.abs(s).max(initial=0.0)))
             # Those of the inverse, as those of K, are divided by the points of a transform.
             spectra[i][i] = 1.0 / ((s + lowest) * block.product.points**2)
-        self._product = SlabProduct(self.slab, spectra, dtype)
-
-    def multiply(self, x: Array, y: Array) -> None:
-        """Multiply a vector into another, which may be the same."""
-        self._product.multiply(x, y)
+        self.product = SlabProduct(self.slab, self.library, spectra, dtype)
 
 
 def normal_contact(

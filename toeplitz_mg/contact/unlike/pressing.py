@@ -182,7 +182,7 @@ def frictional_contact(
     """
     z = field("gap", gap)
     grid = Grid.of(z.shape, element, material, reference)
-    force = check_load(z, approach, force)
+    force = check_load(grid, z, approach, force)
     mu = check_friction(mu)
     check_iteration(tolerance, max_products, progress)
     most = count("max_iterations", max_iterations)
@@ -196,7 +196,7 @@ def frictional_contact(
         b = b + check_shift(shift, b.shape)
     total = None
     if tangential_force is not None:
-        total = check_force(tangential_force, np.inf if force is None else mu * force, grid)
+        total = check_carried(tangential_force, np.inf if force is None else mu * force, grid)
     distance = float(z.min())
     if previous is None:
         before, guess = Before(np.zeros_like(b), 0.0, distance), None
@@ -220,10 +220,13 @@ def frictional_contact(
         shifting = Shifting(
             grid, coupling, mu, b, total, least, inner, max_products, nested, q=guess
         )
+        p = pressing.begin(guess, nested=nested)
+        if total is not None:
+            check_carried(tangential_force, mu * float(p.sum()) * grid.area, grid)
         p, residuals = alternate(
             pressing,
             shifting,
-            pressing.begin(guess, nested=nested),
+            p,
             tolerance=tolerance,
             most=most,
             progress=progress,
@@ -246,6 +249,17 @@ def check_friction(mu: float) -> float:
     if not mu >= 0.0:
         raise ValueError(f"mu is {mu}, but a coefficient of friction is at least zero")
     return mu
+
+
+def check_carried(force: Any, most: float, grid: Grid) -> Array:
+    """Return the sum of the tractions that a tangential force needs, of less than `most`."""
+    total, slides = check_force(force, most / grid.area, grid)
+    if slides:
+        raise ValueError(
+            f"tangential_force is {force}, but must be less than the traction bound carries: "
+            f"{most:g}"
+        )
+    return total
 
 
 def check_state(previous: FrictionalResult, grid: Grid, shape: tuple[int, ...]) -> Before:
