@@ -13,7 +13,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array, Progress
 
-DEPTH = 2  # Differences of earlier pairs that the acceleration combines: more save nothing.
+DEPTH = 2  # Differences of pairs that the acceleration combines: more of them save nothing.
 
 
 class Normal(Protocol):
@@ -70,7 +70,7 @@ def alternate(
             progress(len(residuals), residuals[-1])
         if residuals[-1] <= tolerance or len(residuals) == most:
             return p, tuple(residuals)
-        pairs = [*pairs[-DEPTH:], (p, normal.solve(q, p))]
+        pairs = [*pairs, (p, normal.solve(q, p))][-DEPTH - 1 :]
         p = normal.balance(accelerate(pairs))
 
 
