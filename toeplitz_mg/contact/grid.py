@@ -1,7 +1,7 @@
 """The potential contact area: a grid of elements on the half-space, and its matrices."""
 
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -41,6 +41,8 @@ class Grid:
         Of the two bodies.
     reference : float
         In plane strain, the distance at which a line load moves nothing.
+    directions : str
+        Of tangential tractions: "x" or "xy".
     vectors : Vectors
         The inner products, sums and extremes of fields.
     """
@@ -50,6 +52,7 @@ class Grid:
     element: tuple[float, ...]
     material: CombinedMaterial
     reference: float
+    directions: str = "xy"
 
     @classmethod
     def of(
@@ -79,7 +82,9 @@ class Grid:
                 f"reference is {reference}, but only plane strain (an element of one size) "
                 "leaves a constant displacement open"
             )
-        return cls(shape, sizes, material, positive("reference", reference))
+        # In line contact lateral tractions are the exception.
+        directions = "xy"[: len(shape)]
+        return cls(shape, sizes, material, positive("reference", reference), directions)
 
     @property
     def area(self) -> float:
@@ -88,8 +93,8 @@ class Grid:
 
     @property
     def components(self) -> int:
-        """The components of a tangential traction: one in line contact, two on a surface."""
-        return len(self.shape)
+        """The components of a tangential traction: on a surface two, in line contact mostly one."""
+        return len(self.directions)
 
     def centres(self) -> tuple[Array, ...]:
         """Return the centres of the elements along each axis, zero in the middle of the grid."""
@@ -105,7 +110,7 @@ class Grid:
         halved = [n > 1 for n in self.shape] + [False] * (len(self.element) - len(self.shape))
         shape = tuple(-(-n // 2) for n in self.shape)
         element = tuple(2.0 * h if two else h for h, two in zip(self.element, halved, strict=True))
-        return Grid(shape, element, self.material, self.reference)
+        return replace(self, shape=shape, element=element)
 
     def agree(self) -> AbstractContextManager[dict[str, Any]]:
         """Return what checks of arguments are made in (see `slabs.Slab.agree`)."""
@@ -143,14 +148,14 @@ class Grid:
 
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
-        return self._matrix("xy"[: self.components])
+        return self._matrix(self.directions)
 
     def upstream(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements one element ahead, at x + h1.
 
         When the contact rolls towards positive x, what is here now was there one step before.
         """
-        return self._matrix("xy"[: self.components], ahead=1)
+        return self._matrix(self.directions, ahead=1)
 
     def steady(self, A: Any) -> Any:
         """Return the matrix of steady rolling, A - S with A and S = `tangential` and `upstream`."""
