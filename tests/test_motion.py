@@ -54,6 +54,36 @@ def test_the_force_of_creepages_has_these_creepages(n, creepages):
         assert result.products <= 2.5 * by_creepage.products
 
 
+def test_power_of_carter_is_what_slip_dissipates():
+    errors = []
+    for n in (100, 400, 1600):
+        x, _, result = line(n, longitudinal=-MU * A * 0.4)
+        assert result.moment is None
+        assert_allclose(result.power, 0.4 * MU * A * result.force, rtol=1e-12)
+        dissipated = -(result.traction * result.slip).sum() * (x[1] - x[0])
+        errors.append(abs(dissipated / result.power - 1))
+    assert errors[2] < 0.3 * errors[0]  # The sum over the elements is of low order.
+    assert errors[2] < 0.02
+
+
+def test_moment_and_power_of_rolling():
+    creepages, x, y = np.array([0.02, 0.04, -0.1]), 0.3, -0.2
+    field = np.zeros((2, 48, 48))
+    field[0] = 0.01
+    _, result = circle(48, creepages)
+    (Fx, Fy), M = result.force, moment_of(result)
+    assert_allclose(result.moment, M, rtol=1e-12)
+    assert_allclose(result.power, -(0.02 * Fx + 0.04 * Fy - 0.1 * M), rtol=1e-12)
+    # About another pole the moment is another, and the power of the same slip is the same.
+    _, about_pole = circle(48, creepages + np.array([0.1 * y, -0.1 * x, 0.0]), pole=(x, y))
+    assert_allclose(about_pole.moment, M - x * Fy + y * Fx, rtol=1e-6)
+    assert_allclose(about_pole.power, result.power, rtol=1e-6)
+    _, by_field = circle(48, creepages - np.array([0.01, 0.0, 0.0]), slip=field)
+    assert_allclose(by_field.power, result.power, rtol=1e-6)
+    dissipated = -(result.traction * result.slip).sum() * (2 / 48) ** 2
+    assert_allclose(result.power, dissipated, rtol=0.2)
+
+
 @pytest.mark.parametrize("share", [0.1, 0.64, 0.99])
 def test_creepage_of_a_force_by_carter(share):
     *_, result = line(400, force=share * MU * np.pi * A**2 / 4)

@@ -11,7 +11,7 @@ import numpy as np
 
 from comparisons.contact.theory import MU, A
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact import Material, friction, normal_contact, surfaces
+from toeplitz_mg.contact import ContactResult, Material, friction, normal_contact, surfaces
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.tangential.coulomb import clip
 from toeplitz_mg.operators import apply_to_rows
@@ -105,9 +105,10 @@ def ours(problem: Problem, tolerance: float) -> Answer:
     arguments: Any = {"material": problem.material, "tolerance": tolerance}
     start = process_time()
     pressed = normal_contact(problem.gap, element, force=problem.force, **arguments)
-    result, bound = pressed, None
+    result: ContactResult = pressed
+    bound = None
     if problem.shift:
-        bound = MU * pressed.traction
+        bound = MU * pressed.pressure
         start = process_time()
         result = friction(bound, element, shift=(problem.shift, 0.0), **arguments)
     seconds = process_time() - start

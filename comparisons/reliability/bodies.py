@@ -11,8 +11,9 @@ from comparisons.systems.random_matrices import log_uniform, random_grid
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import (
     ContactError,
-    ContactResult,
     Material,
+    NormalResult,
+    TangentialResult,
     friction,
     normal_contact,
     rolling,
@@ -90,13 +91,13 @@ def _load(rng: Generator, gap: Array, element: Sides, material: Material) -> dic
     return {"force": E_star * depth * (np.sqrt(width * across) if gap.ndim == 2 else 1.0)}
 
 
-def _normal_error(result: ContactResult, gap: Array, element: Sides, material: Material) -> str:
+def _normal_error(result: NormalResult, gap: Array, element: Sides, material: Material) -> str:
     """Return what is wrong with p ≥ 0, w ≥ 0, p w = 0, or nothing."""
     p = result.traction
     A = Grid.of(p.shape, element, material, None).normal().toarray()
     u = (A @ p.ravel()).reshape(p.shape)
-    w = u + gap - result.rigid
-    scale = result.rigid - gap.min()
+    w = u + gap - result.approach
+    scale = result.approach - gap.min()
     if scale <= 0.0:
         return "pressed apart" if p.any() else ""
     # The rounding of heights that are large beside the interference.
@@ -113,7 +114,7 @@ def _normal_error(result: ContactResult, gap: Array, element: Sides, material: M
 def _shift(
     rng: Generator,
     bound: Array,
-    pressed: ContactResult,
+    pressed: NormalResult,
     element: Sides,
     material: Material,
 ) -> str:
@@ -132,7 +133,7 @@ def _shift(
     A = Grid.of(bound.shape, element, material, None).tangential().toarray()
     q = result.traction.reshape(m, *bound.shape)
     u = (A @ q.ravel()).reshape(q.shape)
-    rigid = np.reshape(result.rigid, (m, *(1,) * m))
+    rigid = np.reshape(result.shift, (m, *(1,) * m))
     scale = max(float(np.abs(rigid).max()), float(np.abs(u).max()))
     if "force" in load:
         error = np.abs(q.reshape(m, -1).sum(axis=1) * np.prod(element) - load["force"]).max()
@@ -144,7 +145,7 @@ def _shift(
 def _roll(
     rng: Generator,
     bound: Array,
-    pressed: ContactResult,
+    pressed: NormalResult,
     element: Sides,
     material: Material,
 ) -> str:
@@ -155,7 +156,6 @@ def _roll(
         if rng.random() < 0.5:
             creepages["spin"] = size * rng.standard_normal() / (pressed.element[0] * bound.shape[0])
     result = rolling(bound, element, material=material, tolerance=TOLERANCE, **creepages)
-    assert result.slip is not None
     m = bound.ndim
     q = result.traction.reshape(m, *bound.shape)
     slip = result.slip.reshape(q.shape)
@@ -166,11 +166,8 @@ def _roll(
     return _coulomb_error(result, q, slip, np.sqrt(m) * SLACK * TOLERANCE * sum(rigid))
 
 
-def _coulomb_error(result: ContactResult, q: Array, slip: Array, slack: float) -> str:
+def _coulomb_error(result: TangentialResult, q: Array, slip: Array, slack: float) -> str:
     """Return what is wrong with |q| ≤ g, no slip in stick, slip along -q where they slide."""
-    assert result.bound is not None
-    assert result.stick is not None
-    assert result.sliding is not None
     size = np.sqrt((q**2).sum(axis=0))
     if not np.isfinite(q).all() or (size > result.bound * (1.0 + 1e-12)).any():
         return "a traction above its bound"

@@ -6,27 +6,31 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.contact_arguments import complete
-from toeplitz_mg.cli.hertz import Hertz
 from toeplitz_mg.cli.report import print_step
 from toeplitz_mg.contact import (
     ContactError,
     ContactResult,
     ContactWarning,
+    HertzContact,
     Material,
+    NormalResult,
+    TangentialResult,
     friction,
+    hertz,
     normal_contact,
     rolling,
     surfaces,
 )
 
 MARGIN = 1.3  # Side of the grid over the length of the contact by Hertz's theory.
+Result = TypeVar("Result", NormalResult, TangentialResult)
 TANGENTIAL = "tangential traction"  # Name of the second result, where there is one.
 CREEPAGE = -0.002  # Longitudinal creepage (slip over distance) where no creepage is given.
 
@@ -39,7 +43,7 @@ class Case:
     ----------
     options : Namespace
         What the user asked for, with the defaults.
-    theory : Hertz
+    theory : HertzContact
         The contact that Hertz's theory expects.
     shape : tuple of int
         Elements of the grid along each axis.
@@ -48,7 +52,7 @@ class Case:
     """
 
     options: argparse.Namespace
-    theory: Hertz
+    theory: HertzContact
     shape: tuple[int, ...]
     h: float
 
@@ -56,13 +60,11 @@ class Case:
     def of(cls, options: argparse.Namespace) -> "Case":
         """Choose the grid, or say why the one asked for does not do."""
         o = options
-        radius = o.radius[0], o.radius[-1]
-        if o.line:
-            theory = Hertz.line(radius[0], o.G / (1.0 - o.nu), o.force)
-        else:
-            theory = Hertz.ellipse(radius, o.G / (1.0 - o.nu), o.force, o.approach)
+        radii = o.radius[0], math.inf if o.line else o.radius[-1]
+        material = Material.from_shear(o.G, o.nu)
+        theory = hertz(radii=radii, material=material, force=o.force, approach=o.approach)
         a, b = theory.half_axes
-        longer = 2.0 * max(a, b)
+        longer = 2.0 * (a if o.line else max(a, b))
         size = MARGIN * longer if o.size is None else o.size
         if size < longer:
             raise ValueError(
@@ -97,15 +99,15 @@ class Case:
 
     def solve(self) -> dict[str, ContactResult]:
         """Solve the normal problem, and the tangential one of its pressures, where there is one."""
-        results = {"pressure": _solve("normal contact", self.press)}
-        pressed = results["pressure"]
+        pressed = _solve("normal contact", self.press)
+        results: dict[str, ContactResult] = {"pressure": pressed}
         if self.options.case == "shift":
             results[TANGENTIAL] = _solve("friction", lambda: self.shift(pressed))
         elif self.options.case == "rolling":
             results[TANGENTIAL] = _solve("steady rolling", lambda: self.roll(pressed))
         return results
 
-    def press(self) -> ContactResult:
+    def press(self) -> NormalResult:
         """Solve the normal problem."""
         o = self.options
         if o.line:
@@ -117,7 +119,7 @@ class Case:
         load = {"force": o.force, "approach": o.approach}
         return normal_contact(gap, self.element, **load, **self.common)
 
-    def shift(self, pressed: ContactResult) -> ContactResult:
+    def shift(self, pressed: NormalResult) -> TangentialResult:
         """Solve the tangential problem of the pressures."""
         o = self.options
         half = [0.5 * o.friction * pressed.force]
@@ -126,7 +128,7 @@ class Case:
             load = {"shift": self.components(o.shift)}
         return friction(self.bound(pressed), self.element, **load, **self.common)
 
-    def roll(self, pressed: ContactResult) -> ContactResult:
+    def roll(self, pressed: NormalResult) -> TangentialResult:
         """Solve the problem of rolling with the pressures."""
         names = ("longitudinal", "lateral", "spin")
         given = {name: getattr(self.options, name) for name in names}
@@ -134,10 +136,10 @@ class Case:
         creepages = creepages or {"longitudinal": CREEPAGE}
         return rolling(self.bound(pressed), self.element, **creepages, **self.common)
 
-    def bound(self, pressed: ContactResult) -> Array:
+    def bound(self, pressed: NormalResult) -> Array:
         """Return the traction bound of the pressures: zero outside the contact, at any friction."""
-        g = np.zeros_like(pressed.traction)
-        g[pressed.contact] = self.options.friction * pressed.traction[pressed.contact]
+        g = np.zeros_like(pressed.pressure)
+        g[pressed.contact] = self.options.friction * pressed.pressure[pressed.contact]
         return g
 
     def components(self, values: Sequence[float]) -> Any:
@@ -198,7 +200,7 @@ def _check_slides_not(case: Case) -> None:
         raise ValueError(f"--tangential is {wanted:g}, but friction carries less than {most:.6g}")
 
 
-def _solve(name: str, solve: Callable[[], ContactResult]) -> ContactResult:
+def _solve(name: str, solve: Callable[[], Result]) -> Result:
     print(f"\n{name}\n  products   violation", flush=True)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ContactWarning)  # They are printed below the figures.
@@ -216,7 +218,7 @@ def _print_report(case: Case, results: Mapping[str, ContactResult], seconds: flo
     rows: list[tuple[str, Any, Any]] = [
         (f"force [{unit}]", pressed.force, theory.force),
         ("approach [mm]", pressed.rigid, theory.approach),
-        ("largest pressure [N/mm²]", pressed.traction.max(), theory.largest),
+        ("largest pressure [N/mm²]", pressed.magnitude.max(), theory.max_pressure),
         (
             "width of contact [mm]" if case.options.line else "area of contact [mm²]",
             pressed.area,

@@ -3,10 +3,16 @@
 from toeplitz_mg.contact import surfaces
 from toeplitz_mg.contact.doubts import ContactWarning
 from toeplitz_mg.contact.normal.problem import normal_contact
-from toeplitz_mg.contact.result import ContactError, ContactResult
+from toeplitz_mg.contact.result import (
+    ContactError,
+    ContactResult,
+    NormalResult,
+    TangentialResult,
+)
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
+from toeplitz_mg.contact.theory import HertzContact, hertz
 from toeplitz_mg.halfspace import Material
 from toeplitz_mg.paper import problems
 
@@ -14,9 +20,13 @@ __all__ = [
     "ContactError",
     "ContactResult",
     "ContactWarning",
+    "HertzContact",
     "Material",
+    "NormalResult",
     "SteadyOptions",
+    "TangentialResult",
     "friction",
+    "hertz",
     "normal_contact",
     "problems",
     "rolling",

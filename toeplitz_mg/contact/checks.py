@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.result import ContactResult
+from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.values import count, field, finite, in_range, positive, real
 
 
@@ -66,14 +66,14 @@ def check_force(force: Any, most: float, grid: Grid) -> Array:
 
 
 def check_previous(
-    previous: ContactResult, element: tuple[float, ...], shape: tuple[int, ...]
+    previous: TangentialResult, element: tuple[float, ...], shape: tuple[int, ...]
 ) -> Array:
     """Return the tractions of a tangential contact on the same grid, in that shape."""
-    if not isinstance(previous, ContactResult):
-        kind = type(previous).__name__
-        raise TypeError(f"previous is of type {kind}, but must be a ContactResult")
-    if previous.stick is None:
+    if isinstance(previous, NormalResult):
         raise ValueError("previous is a normal contact, but must be one with friction")
+    if not isinstance(previous, TangentialResult):
+        kind = type(previous).__name__
+        raise TypeError(f"previous is of type {kind}, but must be a TangentialResult")
     if previous.contact.shape != shape[1:] or previous.element != element:
         raise ValueError(
             f"previous has {previous.contact.shape} elements of {previous.element}, but the grid "

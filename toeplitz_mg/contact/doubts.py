@@ -1,6 +1,6 @@
 """Doubts: where an answer is right for what was given, which may not be what was meant.
 
-Each is a sentence in `ContactResult.warnings`, and a `ContactWarning`. The public functions look
+Each is a sentence in the `warnings` of a result, and a `ContactWarning`. The public functions look
 for them at their own input and answer; the coarser grids within are nobody's concern.
 """
 
@@ -28,7 +28,7 @@ class ContactWarning(UserWarning):
     """The answer is right for the numbers given, but they may not be what was meant.
 
     The grid may be too small or too coarse for the contact, a unit or a sign another than was
-    thought, or the problem beyond the theory of half-spaces. `ContactResult.warnings` lists all.
+    thought, or the problem beyond the theory of half-spaces. The `warnings` of a result lists all.
     """
 
 

@@ -1,98 +1,152 @@
-"""What a contact problem has for an answer, and the error where it has none."""
+"""What contact problems have for answers, and the error where they have none."""
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields
+from math import prod
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Array, Mask
+from toeplitz_mg.contact import plotting
+from toeplitz_mg.contact.summary import (
+    Figure,
+    describe_cost,
+    describe_grid,
+    list_figures,
+    shorten,
+    tabulate_figures,
+    units_of,
+)
+from toeplitz_mg.halfspace import CombinedMaterial
 
 
-@dataclass(frozen=True)
-class ContactResult:
-    """Tractions and displacements, areas, forces, and what they cost.
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class NormalResult:
+    """Two bodies that are pressed together: pressures, gap, area, force, and what they cost.
 
-    Fields have the shape of the grid, (n,) or (n1, n2); tangential ones on a surface have the
-    components x and y first, (2, n1, n2).
+    Fields have the shape of the grid, (n,) or (n1, n2), and cannot be written to.
 
     Attributes
     ----------
+    material : CombinedMaterial
+        Of the two bodies together; `material=` of all functions takes it.
+    shape : tuple of int
+        The elements of the grid along each axis.
     element : tuple of float
         Size of an element, mm.
-    traction : ndarray
-        The pressure, or the tangential traction, N/mm².
+    centres : tuple of ndarray
+        The centres of the elements along each axis, mm (see `x` and `y`).
+    pressure : ndarray
+        The pressures, N/mm²; also named `traction`.
     displacement : ndarray
-        The displacement of both bodies together along the traction, mm, in rolling too. In
-        tangential contact it is given, as the slip is, in contact only, and zero elsewhere.
+        The displacement of both bodies together along the pressure, mm.
+    gap : ndarray
+        The gap under load, mm: at least zero, and zero in contact, within `residual` of the
+        largest interference.
     contact : ndarray of bool
-        Where the bodies touch: the pressure is positive, or the traction bound is.
+        Where the bodies touch: the pressure is positive.
     area : float
         The area of contact, mm²; in plane strain its width, mm.
-    force : float or ndarray of shape (2,)
-        The sum of the traction, N; in plane strain N per mm of length.
-    rigid : float or ndarray
-        The motion of the bodies far away: the approach (mm); the shift (mm); in rolling the
-        creepages (longitudinal, lateral, spin), the first two dimensionless, the spin in 1/mm, and
-        in line contact the longitudinal one alone.
-    gap : ndarray or None
-        In normal contact, the gap under load, mm: at least zero, and zero in contact, within
-        `residual` of the largest interference.
-    slip : ndarray or None
-        In tangential contact, the slip (Eq. 1): along minus the traction where the bodies slide,
-        zero where they stick. It is in mm, in rolling over the distance rolled, dimensionless.
-    stick : ndarray of bool or None
-        In tangential contact, where the bodies stick.
-    bound : ndarray or None
-        In tangential contact, the traction bound g, N/mm².
+    force : float
+        The force that presses, N; in plane strain N per mm of length.
+    approach : float
+        The approach of the bodies, mm; also named `rigid`.
+    max_pressure : float
+        The largest pressure, N/mm².
+    energy : float
+        The elastic energy ½ ∫ p u of both bodies, N mm; in plane strain N.
+    touches_edge : bool
+        Whether the contact reaches an edge of the grid.
+    stiffness : float or None
+        The change of the force by that of the approach, N/mm; in plane strain N/mm². None where
+        it was not asked for.
     products : int
-        Products with the matrix of this grid; in tangential contact with that of the smallest
-        rectangle around the elements in contact.
+        Products with the matrix of this grid.
     work : float
         All work, that on coarser grids, in preconditioners and in transforms of coefficients
         too, in such products.
     iterations : tuple of int
-        Iterations of the Krylov method on this grid, between two changes of the areas.
+        Iterations of conjugate gradients on this grid, between two changes of the area.
+    residual : float
+        The largest violation of the conditions of contact, over the largest interference: at most
+        the tolerance.
     warnings : tuple of str
         Why the answer may not be of the problem that was meant, each of which is a
         `ContactWarning` too: the grid too small or too coarse, a unit or a sign mistaken, or
         pressures and slopes beyond the theory.
-    residual : float
-        The largest violation of the conditions of contact, at most the tolerance. It is relative,
-        in normal contact to the largest interference; in friction to the largest displacement
-        that there would be without slip, or was before; in steady rolling to the largest rigid
-        slip, and in a step of rolling to what would be without slip, if that is larger.
+
+    See Also
+    --------
+    TangentialResult : of friction and rolling.
     """
 
+    material: CombinedMaterial
+    shape: tuple[int, ...]
     element: tuple[float, ...]
-    traction: Array
+    centres: tuple[Array, ...]
+    pressure: Array
     displacement: Array
+    gap: Array
     contact: Array
     area: float
-    force: Any
-    rigid: Any
-    gap: Array | None = None
-    slip: Array | None = None
-    stick: Array | None = None
-    bound: Array | None = None
+    force: float
+    approach: float
+    max_pressure: float
+    energy: float
+    touches_edge: bool
+    stiffness: float | None = None
     products: int = 0
     work: float = 0.0
     iterations: tuple[int, ...] = ()
     residual: float = 0.0
     warnings: tuple[str, ...] = ()
 
+    # What only tangential contact has.
+    slip: ClassVar[None] = None
+    stick: ClassVar[None] = None
+    sliding: ClassVar[None] = None
+    bound: ClassVar[None] = None
+
+    def __post_init__(self) -> None:
+        _protect(self)
+
     @property
-    def sliding(self) -> Array | None:
-        """In tangential contact, where the bodies slide on each other."""
-        return None if self.stick is None else self.contact & ~self.stick
+    def x(self) -> Array:
+        """The centres of the elements along the first axis, mm."""
+        return self.centres[0]
+
+    @property
+    def y(self) -> Array | None:
+        """The centres of the elements along the second axis, mm; None in line contact."""
+        return self.centres[1] if len(self.centres) > 1 else None
+
+    @property
+    def traction(self) -> Array:
+        """The pressures, N/mm², by the name that they share with tangential tractions."""
+        return self.pressure
 
     @property
     def magnitude(self) -> Array:
-        """The size of the traction in each element, N/mm²."""
-        is_vector = self.traction.ndim > self.contact.ndim
-        return np.hypot(*self.traction) if is_vector else np.abs(self.traction)
+        """The size of the traction in each element, N/mm²: here the pressures."""
+        return self.pressure
+
+    @property
+    def rigid(self) -> float:
+        """The approach, mm, by the name that it shares with a shift and creepages."""
+        return self.approach
+
+    @property
+    def contact_fraction(self) -> float:
+        """The area of contact over that of the grid."""
+        return self.area / (prod(self.shape) * prod(self.element))
+
+    @property
+    def mean_pressure(self) -> float:
+        """The mean pressure in contact, N/mm²; zero where nothing touches."""
+        return self.force / self.area if self.area else 0.0
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw the traction, and the areas of contact and of stick.
+        """Draw the pressures, and the area of contact.
 
         Parameters
         ----------
@@ -108,40 +162,232 @@ class ContactResult:
         ImportError
             Where matplotlib is not installed.
         """
-        try:
-            from matplotlib import pyplot as plt  # It is an extra, and slow to import.
-        except ImportError as error:
-            raise ImportError("plot() needs matplotlib: pip install 'toeplitz-mg[plot]'") from error
-        if ax is None:
-            _, ax = plt.subplots(layout="constrained")
-        (self._draw_line if self.contact.ndim == 1 else self._draw_surface)(ax)
-        return ax
+        return plotting.draw(self, ax)
 
-    def _draw_line(self, ax: Any) -> None:
-        n, h = len(self.contact), self.element[0]
-        x = h * (np.arange(n) - (n - 1) / 2.0)
-        ax.plot(x, self.traction, label="pressure" if self.stick is None else "traction")
-        if self.bound is not None and self.stick is not None:
-            bound = np.where(np.isfinite(self.bound), self.bound, np.nan)
-            ax.plot(x, bound, "k:", label="traction bound")
-            ax.plot(x, -bound, "k:")
-            ax.fill_between(
-                x, 0.0, self.traction, where=self.stick, alpha=0.3, step="mid", label="stick"
-            )
-        ax.set(xlabel="x [mm]", ylabel="traction [N/mm²]")
-        ax.legend()
+    def summary(self) -> str:
+        """Return the figures of this result with their units, a line each."""
+        return list_figures(*self._summary())
 
-    def _draw_surface(self, ax: Any) -> None:
-        (n1, n2), (h1, h2) = self.contact.shape, self.element
-        extent = (-n1 * h1 / 2, n1 * h1 / 2, -n2 * h2 / 2, n2 * h2 / 2)
-        image = ax.imshow(self.magnitude.T, origin="lower", extent=extent, cmap="viridis")
-        ax.figure.colorbar(image, ax=ax, label="traction [N/mm²]")
-        for area, colour in ((self.contact, "w"), (self.stick, "r")):
-            if area is not None and area.any() and not area.all() and min(n1, n2) > 1:
-                ax.contour(
-                    area.T.astype(float), [0.5], extent=extent, origin="lower", colors=colour
-                )
-        ax.set(xlabel="x [mm]", ylabel="y [mm]")
+    def __repr__(self) -> str:
+        return shorten(type(self).__name__, self.shape, self._figures(), self.products)
+
+    def _repr_html_(self) -> str:
+        return tabulate_figures(*self._summary())
+
+    def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
+        title = f"Normal contact, {describe_grid(self.shape, self.element)}"
+        return title, self._figures(), describe_cost(self.products, self.residual), self.warnings
+
+    def _figures(self) -> list[Figure]:
+        units = units_of(self.element)
+        figures = [
+            Figure("force", self.force, units.force),
+            Figure("approach", self.approach, "mm"),
+            Figure("stiffness", self.stiffness, units.stiffness),
+            Figure("contact", self.area, units.area),
+            Figure("share of the grid", 100.0 * self.contact_fraction, "%"),
+            Figure("mean pressure", self.mean_pressure, "N/mm²"),
+            Figure("largest pressure", self.max_pressure, "N/mm²"),
+            Figure("elastic energy", self.energy, units.energy),
+        ]
+        return [figure for figure in figures if figure.value is not None]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class TangentialResult:
+    """Two bodies that shift or roll on each other: tractions, slip, areas of stick and of slip.
+
+    Fields have the shape of the grid, and cannot be written to; those with a direction have on a
+    surface the components x and y first, (2, n1, n2).
+
+    Attributes
+    ----------
+    material : CombinedMaterial
+        Of the two bodies together; `material=` of all functions takes it.
+    shape : tuple of int
+        The elements of the grid along each axis.
+    element : tuple of float
+        Size of an element, mm.
+    centres : tuple of ndarray
+        The centres of the elements along each axis, mm (see `x` and `y`).
+    traction : ndarray
+        The tangential tractions, N/mm².
+    displacement : ndarray
+        The displacement of both bodies together along the tractions, mm, in rolling too. It is
+        given, as the slip is, in contact only, and zero elsewhere.
+    slip : ndarray
+        The slip (Eq. 1): along minus the traction where the bodies slide, zero where they stick.
+        It is in mm, in rolling over the distance rolled, dimensionless.
+    bound : ndarray
+        The traction bound g, N/mm².
+    contact : ndarray of bool
+        Where the bodies touch: the traction bound is positive.
+    stick : ndarray of bool
+        Where the bodies stick.
+    area : float
+        The area of contact, mm²; in plane strain its width, mm.
+    stick_area : float
+        The part of it where the bodies stick.
+    force : float or ndarray of shape (2,)
+        The sum of the tractions, N; in plane strain N per mm of length.
+    energy : float
+        The elastic energy ½ ∫ q u of both bodies, N mm; in plane strain N.
+    touches_edge : bool
+        Whether the contact reaches an edge of the grid.
+    shift : float, ndarray or None
+        In friction, the rigid shift of the bodies, mm; None in rolling.
+    creepages : float, ndarray or None
+        In rolling, the creepages (longitudinal, lateral, spin), the first two dimensionless, the
+        spin in 1/mm, and in line contact that is rolled along x alone the longitudinal one; None in
+        friction.
+    moment : float or None
+        In rolling, the moment of the tractions about the pole, N mm, with arms to the middle of a
+        step, half an element ahead; None in friction and in line contact.
+    power : float or None
+        The power that slip dissipates, in rolling over the speed, N, from forces and creepages,
+        which is exact in the steady state; in friction the work of this shift, N mm; None where it
+        was not asked for.
+    products : int
+        Products with the matrix of the smallest rectangle around the elements in contact.
+    work : float
+        All work, that on coarser grids, in preconditioners and in transforms of coefficients
+        too, in such products.
+    iterations : tuple of int
+        Iterations of the Krylov method on this grid, between two changes of the areas.
+    residual : float
+        The largest violation of Coulomb's law, at most the tolerance. It is relative, in friction
+        to the largest displacement that there would be without slip, or was before; in steady
+        rolling to the largest rigid slip, and in a step of rolling to what would be without slip,
+        if that is larger.
+    warnings : tuple of str
+        Why the answer may not be of the problem that was meant, each of which is a
+        `ContactWarning` too.
+
+    See Also
+    --------
+    NormalResult : of bodies that are pressed together.
+    """
+
+    material: CombinedMaterial
+    shape: tuple[int, ...]
+    element: tuple[float, ...]
+    centres: tuple[Array, ...]
+    traction: Array
+    displacement: Array
+    slip: Array
+    bound: Array
+    contact: Array
+    stick: Array
+    area: float
+    stick_area: float
+    force: Any
+    energy: float
+    touches_edge: bool
+    shift: Any = None
+    creepages: Any = None
+    moment: float | None = None
+    power: float | None = None
+    products: int = 0
+    work: float = 0.0
+    iterations: tuple[int, ...] = ()
+    residual: float = 0.0
+    warnings: tuple[str, ...] = ()
+
+    # What only normal contact has.
+    gap: ClassVar[None] = None
+
+    def __post_init__(self) -> None:
+        _protect(self)
+
+    @property
+    def x(self) -> Array:
+        """The centres of the elements along the first axis, mm."""
+        return self.centres[0]
+
+    @property
+    def y(self) -> Array | None:
+        """The centres of the elements along the second axis, mm; None in line contact."""
+        return self.centres[1] if len(self.centres) > 1 else None
+
+    @property
+    def sliding(self) -> Array:
+        """Where the bodies slide on each other."""
+        return self.contact & ~self.stick
+
+    @property
+    def magnitude(self) -> Array:
+        """The size of the traction in each element, N/mm²."""
+        is_vector = self.traction.ndim > self.contact.ndim
+        return np.hypot(*self.traction) if is_vector else np.abs(self.traction)
+
+    @property
+    def rigid(self) -> Any:
+        """The shift, or the creepages, by the name that they share with an approach."""
+        return self.shift if self.creepages is None else self.creepages
+
+    @property
+    def contact_fraction(self) -> float:
+        """The area of contact over that of the grid."""
+        return self.area / (prod(self.shape) * prod(self.element))
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the tractions, and the areas of contact and of stick.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; by default on a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ImportError
+            Where matplotlib is not installed.
+        """
+        return plotting.draw(self, ax)
+
+    def summary(self) -> str:
+        """Return the figures of this result with their units, a line each."""
+        return list_figures(*self._summary())
+
+    def __repr__(self) -> str:
+        return shorten(type(self).__name__, self.shape, self._figures(), self.products)
+
+    def _repr_html_(self) -> str:
+        return tabulate_figures(*self._summary())
+
+    def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
+        kind = "Friction" if self.creepages is None else "Rolling"
+        title = f"{kind}, {describe_grid(self.shape, self.element)}"
+        return title, self._figures(), describe_cost(self.products, self.residual), self.warnings
+
+    def _figures(self) -> list[Figure]:
+        units = units_of(self.element)
+        is_rolling = self.creepages is not None
+        creepages, spin = self.creepages, None
+        if is_rolling and np.size(creepages) == 3:
+            *creepages, spin = creepages
+        figures = [
+            Figure("force", self.force, units.force),
+            Figure("creepages", creepages),
+            Figure("spin", spin, "1/mm"),
+            Figure("shift", "a field" if np.size(self.shift) > 2 else self.shift, "mm"),
+            Figure("moment", self.moment, "N mm"),
+            Figure("power over speed", self.power, units.force)
+            if is_rolling
+            else Figure("work of slip", self.power, units.energy),
+            Figure("contact", self.area, units.area),
+            Figure("of which sticks", self.stick_area, units.area),
+            Figure("elastic energy", self.energy, units.energy),
+        ]
+        return [figure for figure in figures if figure.value is not None]
+
+
+ContactResult = NormalResult | TangentialResult  # Of any contact problem.
+Result = TypeVar("Result", NormalResult, TangentialResult)
 
 
 class ContactError(RuntimeError):
@@ -149,7 +395,7 @@ class ContactError(RuntimeError):
 
     Attributes
     ----------
-    result : ContactResult
+    result : NormalResult or TangentialResult
         The last iterate, with its `residual`.
     """
 
@@ -158,15 +404,40 @@ class ContactError(RuntimeError):
         self.result = result
 
 
-def check_converged(result: ContactResult, tolerance: float) -> ContactResult:
+def check_converged(result: Result, tolerance: float) -> Result:
     """Return the result, or raise ContactError where it violates the conditions of contact."""
     if result.residual <= tolerance:
         return result
     law, scale = ("Coulomb's law is", "displacement, or rigid slip")
-    if result.stick is None:
+    if isinstance(result, NormalResult):
         law, scale = ("the conditions of contact are", "interference")
     raise ContactError(
         f"after {result.products} products {law} violated by {result.residual:.1e} of the largest "
         f"{scale}, but the tolerance is {tolerance:g}",
         result,
     )
+
+
+def touches_edge(grid: Any, contact: Mask) -> bool:
+    """Whether elements in contact are at an edge of the grid, along an axis of more than one."""
+    return any(
+        n > 1 and grid.vectors.count(grid.lines(contact, axis)[..., [0, -1]])
+        for axis, n in enumerate(grid.shape)
+    )
+
+
+def _protect(result: ContactResult) -> None:
+    """Put views that cannot be written to in the place of the arrays."""
+    for field in fields(result):
+        value = getattr(result, field.name)
+        if isinstance(value, np.ndarray):
+            value = _read_only(value)
+        elif isinstance(value, tuple):
+            value = tuple(_read_only(x) if isinstance(x, np.ndarray) else x for x in value)
+        object.__setattr__(result, field.name, value)
+
+
+def _read_only(x: Array) -> Array:
+    view = x.view()
+    view.flags.writeable = False
+    return view

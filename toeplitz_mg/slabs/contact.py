@@ -12,7 +12,7 @@ from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_bound
 from toeplitz_mg.contact.grid import Grid, coarsen, refine
 from toeplitz_mg.contact.normal.problem import press
-from toeplitz_mg.contact.result import ContactResult, check_converged
+from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.friction import shift_bodies
 from toeplitz_mg.contact.tangential.rolling import roll
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
@@ -23,10 +23,10 @@ from toeplitz_mg.slabs.operators import (
     CoupledOperator,
     MaskedOperator,
     SlabOperator,
-    SlabProduct,
     ToeplitzOperator,
 )
 from toeplitz_mg.slabs.preconditioners import cosine_preconditioner
+from toeplitz_mg.slabs.product import SlabProduct
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.values import field
 
@@ -199,15 +199,11 @@ class ShiftedInverse(SlabOperator):
         spectra: list[list[Array | None]] = [[None] * len(K.blocks) for _ in K.blocks]
         for i, row in enumerate(K.blocks):
             block: Any = row[i]
-            s = block.product.spectrum
+            s = block.product.spectra[0][0]
             lowest = shift * max(self.slab.gather(np.abs(s).max(initial=0.0)))
             # Those of the inverse, as those of K, are divided by the points of a transform.
             spectra[i][i] = 1.0 / ((s + lowest) * block.product.points**2)
-        self._product = SlabProduct(self.slab, spectra, dtype)
-
-    def multiply(self, x: Array, y: Array) -> None:
-        """Multiply a vector into another, which may be the same."""
-        self._product.multiply(x, y)
+        self.product = SlabProduct(self.slab, self.library, spectra, dtype)
 
 
 def normal_contact(
@@ -222,7 +218,7 @@ def normal_contact(
     nested: bool = True,
     max_products: int = 2000,
     progress: Progress | None = None,
-) -> ContactResult:
+) -> NormalResult:
     """Press two bodies together (see `contact.normal_contact`).
 
     Parameters
@@ -236,7 +232,7 @@ def normal_contact(
 
     Returns
     -------
-    ContactResult
+    NormalResult
         Its fields have this rank's rows. The numbers are those of the whole contact.
 
     Warns
@@ -266,7 +262,7 @@ def normal_contact(
     >>> slab = slabs.Slab(MPI.COMM_WORLD, (64, 64))
     >>> gap = contact.surfaces.sphere((64, 64), element, radius=10.0)[slab.rows]
     >>> pressed = slabs.normal_contact(gap, slab, element, material=steel, force=100.0)
-    >>> f"{pressed.rigid:.5f} mm"
+    >>> f"{pressed.approach:.5f} mm"
     '0.00351 mm'
     """
     grid, z = _read("gap", gap, field, slab, element, material)
@@ -283,12 +279,12 @@ def friction(
     material: Any,
     shift: ArrayLike | None = None,
     force: ArrayLike | None = None,
-    previous: ContactResult | None = None,
+    previous: TangentialResult | None = None,
     tolerance: float = 1e-8,
     nested: bool = True,
     max_products: int = 2000,
     progress: Progress | None = None,
-) -> ContactResult:
+) -> TangentialResult:
     """Shift two bodies in contact tangentially (see `contact.friction`).
 
     Parameters
@@ -299,14 +295,14 @@ def friction(
         Of a grid of two axes.
     shift : array_like
         (δx, δy), the same on all ranks, or this rank's rows of a field (2, n1, n2), mm.
-    previous : ContactResult, optional
+    previous : TangentialResult, optional
         The tractions before: a result of `friction` on a slab with the same rows.
     element, material, force, tolerance, nested, max_products, progress
         The arguments of `contact.friction`: the same on all ranks, but `progress`.
 
     Returns
     -------
-    ContactResult
+    TangentialResult
         As that of `normal_contact`, also in what it warns of and raises.
 
     Notes
@@ -339,7 +335,7 @@ def rolling(
     max_products: int = 2000,
     progress: Progress | None = None,
     options: SteadyOptions | None = None,
-) -> ContactResult:
+) -> TangentialResult:
     """Roll steadily towards positive x, by creepages or forces (see `contact.rolling`).
 
     Parameters
@@ -358,7 +354,7 @@ def rolling(
 
     Returns
     -------
-    ContactResult
+    TangentialResult
         As that of `normal_contact`, also in what it warns of and raises.
     """
     grid, g = _read("bound", bound, lambda _, g: check_bound(g), slab, element, material)

@@ -18,7 +18,7 @@ from toeplitz_mg.contact.checks import check_iteration, check_load
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.active_set import Search, State
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.result import ContactResult, check_converged
+from toeplitz_mg.contact.result import NormalResult, check_converged, touches_edge
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.values import field, in_range
 
@@ -35,7 +35,7 @@ def normal_contact(
     nested: bool = True,
     max_products: int = 2000,
     progress: Progress | None = None,
-) -> ContactResult:
+) -> NormalResult:
     """Press two bodies together: pressures, area of contact, force and approach.
 
     Parameters
@@ -67,7 +67,7 @@ def normal_contact(
 
     Returns
     -------
-    ContactResult
+    NormalResult
 
     Warns
     -----
@@ -75,7 +75,7 @@ def normal_contact(
         Where the answer may not be of the problem that was meant: a contact that reaches the edge
         of the grid or is less than 10 elements across, a mean pressure above E*/2, slopes above 1,
         a gap that varies by more than the length of the grid, or whose sign seems to be reversed.
-        `ContactResult.warnings` lists them.
+        `NormalResult.warnings` lists them.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def normal_contact(
     >>> contact = normal_contact(gap, (0.01, 0.01), material=steel, force=100.0)
     >>> E_star = steel.E_star / 2.0  # Of two bodies of steel.
     >>> a = (3 * 100.0 * 10.0 / (4 * E_star)) ** (1 / 3)
-    >>> f"{contact.rigid:.5f} mm, {a**2 / 10.0:.5f} by Hertz"
+    >>> f"{contact.approach:.5f} mm, {a**2 / 10.0:.5f} by Hertz"
     '0.00351 mm, 0.00351 by Hertz'
     """
     z = field("gap", gap)
@@ -119,7 +119,7 @@ def press(
     nested: bool,
     max_products: int,
     progress: Progress | None,
-) -> ContactResult:
+) -> NormalResult:
     """Return what `normal_contact` finds for the gap `z`, converged or not."""
     with grid.agree() as same:
         force = check_load(z, approach, force)
@@ -145,16 +145,22 @@ def press(
 
 def _result(
     grid: Grid, z: Array, state: State, products: int, work: float, distance: float
-) -> ContactResult:
+) -> NormalResult:
     contact = state.p > 0.0
-    return ContactResult(
+    return NormalResult(
+        material=grid.material,
+        shape=grid.shape,
         element=grid.element,
-        traction=state.p,
+        centres=grid.centres(),
+        pressure=state.p,
         displacement=state.u,
         contact=contact,
         area=grid.vectors.count(contact) * grid.area,
         force=grid.vectors.sum(state.p) * grid.area,
-        rigid=state.approach + distance,
+        approach=state.approach + distance,
+        max_pressure=grid.vectors.max(state.p),
+        energy=0.5 * grid.area * grid.vectors.dot(state.p, state.u),
+        touches_edge=touches_edge(grid, contact),
         gap=state.u + z - state.approach,
         products=products,
         work=work,

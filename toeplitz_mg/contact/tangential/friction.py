@@ -18,7 +18,7 @@ from toeplitz_mg.contact.checks import (
 )
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.result import ContactResult, check_converged
+from toeplitz_mg.contact.result import TangentialResult, check_converged, touches_edge
 from toeplitz_mg.contact.tangential.coulomb import clip, project, sum_components
 from toeplitz_mg.contact.tangential.stick_slip import Problem, State, solve
 from toeplitz_mg.contact.tangential.window import Window
@@ -33,13 +33,13 @@ def friction(
     material: Any,
     shift: ArrayLike | None = None,
     force: ArrayLike | None = None,
-    previous: ContactResult | None = None,
+    previous: TangentialResult | None = None,
     reference: float | None = None,
     tolerance: float = 1e-8,
     nested: bool = True,
     max_products: int = 2000,
     progress: Progress | None = None,
-) -> ContactResult:
+) -> TangentialResult:
     """Shift two bodies in contact tangentially: tractions, slip, areas of stick and slip.
 
     Parameters
@@ -59,7 +59,7 @@ def friction(
     force : array_like
         Total tangential force (Fx, Fy), or in line contact a number, N; in plane strain N/mm.
         Either this or the shift is given.
-    previous : ContactResult, optional
+    previous : TangentialResult, optional
         The tractions before: a result of `friction` on the same grid.
     reference : float, optional
         In plane strain, the distance at which a line load moves nothing, mm; by default the length
@@ -76,14 +76,14 @@ def friction(
 
     Returns
     -------
-    ContactResult
+    TangentialResult
 
     Warns
     -----
     ContactWarning
         Where the contact is less than 10 elements across; and where the two bodies are unlike,
         as the coupling of normal and tangential tractions is left out.
-        `ContactResult.warnings` lists them.
+        `TangentialResult.warnings` lists them.
 
     Raises
     ------
@@ -103,12 +103,12 @@ def friction(
     >>> steel, element = Material.from_shear(82000.0, 0.28), (0.01, 0.01)
     >>> gap = surfaces.sphere((64, 64), element, radius=10.0)
     >>> contact = normal_contact(gap, element, material=steel, force=100.0)
-    >>> shifted = friction(0.3 * contact.traction, element, material=steel, force=(15.0, 0.0))
+    >>> shifted = friction(0.3 * contact.pressure, element, material=steel, force=(15.0, 0.0))
     >>> bool(shifted.stick.any() and shifted.sliding.any())
     True
-    >>> a, G, nu = np.sqrt(contact.rigid * 10.0), steel.G, steel.nu
+    >>> a, G, nu = np.sqrt(contact.approach * 10.0), steel.G, steel.nu
     >>> exact = 3 * 30.0 * 2 * (2 - nu) / (16 * G * a) * (1 - (1 - 15.0 / 30.0) ** (2 / 3))
-    >>> f"{shifted.rigid[0] * 1e3:.3f} µm, {exact * 1e3:.3f} by theory"
+    >>> f"{shifted.shift[0] * 1e3:.3f} µm, {exact * 1e3:.3f} by theory"
     '0.466 µm, 0.466 by theory'
     """
     g = check_bound(bound)
@@ -126,12 +126,12 @@ def shift_bodies(
     window_around: Callable[[Any, Array], Any],
     shift: ArrayLike | None,
     force: ArrayLike | None,
-    previous: ContactResult | None,
+    previous: TangentialResult | None,
     tolerance: float,
     nested: bool,
     max_products: int,
     progress: Progress | None,
-) -> ContactResult:
+) -> TangentialResult:
     """Return what `friction` finds for the traction bound `g`, converged or not."""
     b = np.zeros((grid.components, *g.shape))
     with grid.agree() as same:
@@ -165,12 +165,12 @@ def shift_bodies(
     if shift is None:
         return result
     given = np.array(shift, dtype=np.float64)
-    return replace(result, rigid=float(given) if given.ndim == 0 else given)
+    return replace(result, shift=float(given) if given.ndim == 0 else given)
 
 
 def make_result(
     problem: Problem, state: State, window: Window, products: int, work: float
-) -> ContactResult:
+) -> TangentialResult:
     """Return what was found, on the whole grid and in the shapes of the user."""
     q, contact = state.q, problem.g > 0.0
     whole_contact = window.extend(contact)
@@ -182,14 +182,20 @@ def make_result(
         return x[0] if is_line else x
 
     total = problem.grid.area * sum_components(q, problem.vectors)
-    return ContactResult(
-        element=problem.grid.element,
+    return TangentialResult(
+        material=window.whole.material,
+        shape=window.whole.shape,
+        element=window.whole.element,
+        centres=window.whole.centres(),
         traction=whole(q),
         displacement=whole(np.where(contact, state.u, 0.0)),
         contact=whole_contact,
-        area=problem.grid.vectors.count(contact) * problem.grid.area,
+        area=problem.vectors.count(contact) * problem.grid.area,
+        stick_area=problem.vectors.count(state.areas.stick) * problem.grid.area,
         force=float(total[0]) if is_line else total,
-        rigid=float(state.shift[0]) if is_line else state.shift,
+        energy=0.5 * problem.grid.area * problem.vectors.dot(q, state.u),
+        touches_edge=touches_edge(window.whole, whole_contact),
+        shift=float(state.shift[0]) if is_line else state.shift,
         slip=whole(np.where(contact, slip, 0.0)),
         stick=window.extend(state.areas.stick),
         bound=window.extend(problem.g),

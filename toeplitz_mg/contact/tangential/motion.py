@@ -129,15 +129,22 @@ class Motion:
         """Return the fields whose inner products with the tractions are the loads given."""
         return grid.area * self._stack(grid, 0.5 * grid.element[0])
 
-    def loads_of(self, grid: Any, q: Array) -> Array:
-        """Return the forces of tractions and, on a surface, their moment about the pole."""
-        return np.array(
-            [
-                grid.area * grid.vectors.sum(q * self._unit(grid, k, 0.5 * grid.element[0]))
-                for k in range(len(self.creepages))
-                if k < 2 or len(grid.shape) == 2
-            ]
+    def work(self, grid: Any, q: Array, creepages: Array) -> tuple[Array, float]:
+        """Return the forces and, on a surface, the moment of tractions, and the power they lose.
+
+        The power is that of the loads on the creepages, over the speed of rolling. In the steady
+        state it is what slip dissipates, and far more exact than the sum of q·s over the elements,
+        of which those at the trailing edge are large and of both signs.
+        """
+        arms = range(grid.components + (len(grid.shape) == 2))
+        h = grid.element[0]
+        loads = np.array(
+            [grid.area * grid.vectors.sum(q * self._unit(grid, k, 0.5 * h)) for k in arms]
         )
+        power = -float(loads @ creepages[: len(loads)])
+        if self.slip is not None:
+            power -= grid.area * grid.vectors.sum(q * self.slip)
+        return loads, power
 
     def complete(self, found: Array) -> Array:
         """Return all creepages, those that were found in their places."""

@@ -22,7 +22,7 @@ from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_bound, check_iteration, check_previous
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.result import ContactResult, check_converged
+from toeplitz_mg.contact.result import TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.coulomb import clip, project
 from toeplitz_mg.contact.tangential.friction import make_result
 from toeplitz_mg.contact.tangential.motion import Motion
@@ -51,7 +51,7 @@ def rolling(
     max_products: int = 2000,
     progress: Progress | None = None,
     options: SteadyOptions | None = None,
-) -> ContactResult:
+) -> TangentialResult:
     """Roll steadily towards positive x with given creepages: tractions, slip, stick and slip areas.
 
     Parameters
@@ -93,15 +93,15 @@ def rolling(
 
     Returns
     -------
-    ContactResult
-        The result has the slip over the distance rolled, and the creepages as `rigid`.
+    TangentialResult
+        The result has the slip over the distance rolled, and the creepages.
 
     Warns
     -----
     ContactWarning
         Where the contact is less than 10 elements across; and where the two bodies are unlike,
         as the coupling of normal and tangential tractions is left out.
-        `ContactResult.warnings` lists them.
+        `TangentialResult.warnings` lists them.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def roll(
     max_products: int,
     progress: Progress | None,
     options: SteadyOptions | None,
-) -> ContactResult:
+) -> TangentialResult:
     """Return what `rolling` finds for the traction bound `g`, converged or not.
 
     What is `asked` are the arguments of `Motion.of`.
@@ -182,8 +182,12 @@ def roll(
         products.count + 1,
         work.units(b.size),
     )
-    result = replace(result, displacement=window.extend(u).reshape(result.traction.shape))
-    return _per_distance(result, motion.complete(state.shift))
+    result = replace(
+        result,
+        displacement=window.extend(u).reshape(result.traction.shape),
+        energy=0.5 * grid.area * grid.vectors.dot(state.q, u),
+    )
+    return _per_distance(result, motion, window, state.q, motion.complete(state.shift))
 
 
 def rolling_steps(
@@ -198,11 +202,11 @@ def rolling_steps(
     slip: ArrayLike | None = None,
     pole: tuple[float, float] = (0.0, 0.0),
     steps: int,
-    previous: ContactResult | None = None,
+    previous: TangentialResult | None = None,
     tolerance: float = 1e-8,
     max_products: int = 2000,
     progress: Progress | None = None,
-) -> Iterator[ContactResult]:
+) -> Iterator[TangentialResult]:
     """Roll step by step, one element in each, from given tractions (Eq. 8).
 
     Parameters
@@ -214,7 +218,7 @@ def rolling_steps(
         found, N; in line contact a number for the longitudinal one alone.
     steps : int
         The number of steps.
-    previous : ContactResult, optional
+    previous : TangentialResult, optional
         Tractions before the first step, of any function for tangential contact on this grid; by
         default none. So a bound that changes is followed step by step.
     progress : callable, optional
@@ -222,7 +226,7 @@ def rolling_steps(
 
     Yields
     ------
-    ContactResult
+    TangentialResult
         The result after each step, with the slip over the distance rolled.
 
     Warns
@@ -277,7 +281,7 @@ def rolling_steps(
 
     doubts.warn(about)
 
-    def march(q: Array) -> Iterator[ContactResult]:
+    def march(q: Array) -> Iterator[TangentialResult]:
         A, S = grid.tangential(), grid.upstream()
         for _ in range(steps):
             with count_products() as work:
@@ -290,13 +294,23 @@ def rolling_steps(
             q = state.q
             result = make_result(problem, state, window, products.count + 1, work.units(w.size))
             found = motion.complete(-state.shift / h if motion.unknown else np.zeros(0))
-            yield check_converged(_per_distance(result, found), tolerance)
+            result = _per_distance(result, motion, window, q, found)
+            yield check_converged(result, tolerance)
 
     return march(q)
 
 
-def _per_distance(result: ContactResult, creepages: Array) -> ContactResult:
-    """Return the result with the slip over the distance rolled, and with the creepages."""
-    assert result.slip is not None
-    rigid = creepages if result.traction.ndim > 1 else float(creepages[0])
-    return replace(result, slip=result.slip / result.element[0], rigid=rigid)
+def _per_distance(
+    result: TangentialResult, motion: Motion, window: Any, q: Array, creepages: Array
+) -> TangentialResult:
+    """Return the result over the distance rolled, with the creepages, the moment and the power."""
+    grid = window.whole
+    loads, power = motion.work(grid, window.extend(q), creepages)
+    return replace(
+        result,
+        slip=result.slip / grid.element[0],
+        shift=None,
+        creepages=creepages if len(q) > 1 else float(creepages[0]),
+        moment=float(loads[2]) if len(loads) > 2 else None,
+        power=power,
+    )

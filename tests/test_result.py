@@ -1,0 +1,209 @@
+"""What the results of contact problems say: derived quantities, their names, and that they stay."""
+
+from dataclasses import FrozenInstanceError, fields, replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from toeplitz_mg.contact import (
+    ContactResult,
+    Material,
+    NormalResult,
+    TangentialResult,
+    friction,
+    normal_contact,
+    rolling,
+    surfaces,
+)
+
+SOFT = Material.from_shear(0.7, 0.3)  # Of both bodies: E* = 1.
+H = (2.0 / 48, 2.0 / 32)
+
+
+def press(force=0.1, **options):
+    gap = surfaces.sphere((48, 32), H, radius=1.0)
+    return normal_contact(gap, H, material=SOFT, force=force, **options)
+
+
+def press_line(force=0.2):
+    return normal_contact(surfaces.cylinder(64, 0.03, radius=1.0), 0.03, material=SOFT, force=force)
+
+
+PRESSED, PRESSED_LINE = press(), press_line()
+SHIFTED = friction(0.3 * PRESSED.pressure, H, material=SOFT, force=(0.01, 0.005))
+ROLLED = rolling(0.3 * PRESSED.pressure, H, material=SOFT, longitudinal=1e-2, spin=0.01)
+SHIFTED_LINE = friction(0.3 * PRESSED_LINE.pressure, 0.03, material=SOFT, shift=0.01)
+ROLLED_LINE = rolling(0.3 * PRESSED_LINE.pressure, 0.03, material=SOFT, longitudinal=1e-2)
+ALL = (PRESSED, PRESSED_LINE, SHIFTED, ROLLED, SHIFTED_LINE, ROLLED_LINE)
+
+
+def arrays(result):
+    """Yield all arrays of a result."""
+    for field in fields(result):
+        value = getattr(result, field.name)
+        for x in value if isinstance(value, tuple) else (value,):
+            if isinstance(x, np.ndarray):
+                yield x
+
+
+@pytest.mark.parametrize("result", ALL)
+def test_fields_have_the_shape_of_the_grid(result):
+    assert isinstance(result, ContactResult)
+    assert result.contact.shape == result.shape
+    assert len(result.x) == result.shape[0]
+    assert_allclose(np.diff(result.x), result.element[0], rtol=1e-12)
+    assert_allclose(result.x.sum(), 0.0, atol=1e-12)
+    if len(result.shape) == 1:
+        assert result.y is None
+    else:
+        assert len(result.y) == result.shape[1]
+        assert_allclose(np.diff(result.y), result.element[1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("result", ALL)
+def test_the_contact_is_a_share_of_the_grid(result):
+    assert_allclose(result.contact_fraction, result.contact.mean(), rtol=1e-12)
+    assert_allclose(result.area, result.contact.sum() * np.prod(result.element), rtol=1e-12)
+
+
+@pytest.mark.parametrize("result", [PRESSED, PRESSED_LINE])
+def test_pressures_have_a_mean_and_a_largest_one(result):
+    assert result.traction is result.pressure is result.magnitude
+    assert result.rigid == result.approach
+    assert result.max_pressure == result.pressure.max()
+    assert_allclose(result.mean_pressure, result.pressure[result.contact].mean(), rtol=1e-9)
+
+
+@pytest.mark.parametrize("result", [SHIFTED, SHIFTED_LINE])
+def test_friction_has_a_shift(result):
+    assert result.creepages is None
+    assert result.rigid is result.shift
+    assert_allclose(result.stick_area, result.stick.sum() * np.prod(result.element), rtol=1e-12)
+
+
+@pytest.mark.parametrize("result", [ROLLED, ROLLED_LINE])
+def test_rolling_has_creepages(result):
+    assert result.shift is None
+    assert result.rigid is result.creepages
+
+
+def test_the_energy_is_the_work_of_the_load():
+    """The energy of a Hertzian contact is 2/5 F δ, as F grows with δ to the power of 3/2."""
+    assert_allclose(PRESSED.energy, 0.4 * PRESSED.force * PRESSED.approach, rtol=5e-3)
+    # Were nothing to slide, the energy would be that of a spring.
+    bonded = friction(np.where(PRESSED.contact, np.inf, 0.0), H, material=SOFT, shift=(0.01, 0.0))
+    assert_allclose(bonded.energy, 0.5 * bonded.force[0] * 0.01, rtol=1e-6)
+
+
+@pytest.mark.parametrize("result", [ROLLED, ROLLED_LINE])
+def test_the_energy_of_rolling_is_that_of_its_displacements(result):
+    work = (result.traction * result.displacement).sum() * np.prod(result.element)
+    assert_allclose(result.energy, 0.5 * work, rtol=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+def test_contact_at_an_edge_is_told():
+    assert not PRESSED.touches_edge
+    assert not SHIFTED.touches_edge
+    assert press(force=3.0).touches_edge
+    bound = np.zeros(40)
+    bound[:20] = 1.0
+    assert friction(bound, 0.1, material=SOFT, shift=0.01).touches_edge
+
+
+def test_nothing_in_contact_has_no_mean():
+    apart = normal_contact(np.ones((8, 8)), (1.0, 1.0), material=SOFT, approach=0.5)
+    assert apart.mean_pressure == apart.contact_fraction == apart.energy == 0.0
+
+
+@pytest.mark.parametrize("result", ALL)
+def test_nothing_of_a_result_can_be_written(result):
+    for x in arrays(result):
+        with pytest.raises(ValueError, match="read-only"):
+            x[...] = 0
+    with pytest.raises(FrozenInstanceError):
+        result.area = 0.0
+
+
+def test_an_array_of_the_user_stays_his():
+    bound = np.full((16, 16), 0.5)
+    bound[0] = 0.0
+    shift = np.zeros((2, 16, 16))
+    friction(bound, (0.1, 0.1), material=SOFT, shift=shift)
+    bound[3, 3] = shift[0, 3, 3] = 1.0
+
+
+def test_results_are_equal_to_themselves_alone():
+    """A comparison of arrays would have no answer; and results can be in a set."""
+    assert PRESSED == PRESSED
+    assert press() != PRESSED
+    assert len({*ALL}) == len(ALL)
+
+
+def test_each_has_the_names_of_the_other():
+    for result in ALL:
+        for name in ("traction", "rigid", "gap", "slip", "stick", "sliding", "bound", "magnitude"):
+            assert hasattr(result, name)
+    assert PRESSED.slip is PRESSED.stick is PRESSED.sliding is PRESSED.bound is None
+    assert SHIFTED.gap is None
+    assert isinstance(PRESSED, NormalResult)
+    assert isinstance(ROLLED, TangentialResult)
+
+
+def test_a_material_of_a_result_is_one_for_the_next():
+    again = friction(0.3 * PRESSED.pressure, H, material=PRESSED.material, force=(0.01, 0.005))
+    assert np.array_equal(again.traction, SHIFTED.traction)
+
+
+# In words -------------------------------------------------------------------------------------
+
+
+def test_a_repr_is_one_short_line():
+    assert repr(PRESSED).startswith("<NormalResult 48 x 32: force 0.1 N, approach 0.177")
+    assert repr(ROLLED_LINE).startswith("<TangentialResult 64: force -0.00")
+    for result in ALL:
+        assert len(repr(result)) < 130
+        assert "\n" not in repr(result)
+
+
+def test_a_summary_has_figures_with_units():
+    lines = PRESSED.summary().splitlines()[1:]
+    found = {line[2:20].strip(): line[20:] for line in lines}
+    assert PRESSED.summary().startswith("Normal contact, 48 x 32 elements of 0.041667 x 0.0625 mm")
+    assert found["force"] == "0.1 N"
+    assert found["contact"] == f"{PRESSED.area:.5g} mm²"
+    assert found["largest pressure"] == f"{PRESSED.pressure.max():.5g} N/mm²"
+    assert "stiffness" not in found
+    with_stiffness = replace(PRESSED, stiffness=2.0).summary()
+    assert "stiffness         2 N/mm\n" in with_stiffness
+
+
+def test_in_plane_strain_units_are_per_length():
+    summary = PRESSED_LINE.summary()
+    for text in ("0.2 N/mm", "1.02 mm\n", f"{PRESSED_LINE.energy:.5g} N\n"):
+        assert text in summary
+
+
+def test_a_summary_tells_what_moves():
+    assert "spin              0.01 1/mm" in ROLLED.summary()
+    assert "creepages         (0.01, 0)\n" in ROLLED.summary()
+    assert "shift             0.01 mm" in SHIFTED_LINE.summary()
+    field = friction(0.3 * PRESSED.pressure, H, material=SOFT, shift=np.zeros((2, 48, 32)))
+    assert "shift             a field\n" in field.summary()
+
+
+def test_warnings_are_in_the_summary():
+    doubtful = replace(PRESSED, warnings=("a contact < 10 elements",))
+    assert doubtful.summary().endswith("\n  warning: a contact < 10 elements")
+    assert "a contact &lt; 10 elements" in doubtful._repr_html_()
+
+
+@pytest.mark.parametrize("result", ALL)
+def test_a_notebook_shows_a_short_table(result):
+    table = ElementTree.fromstring(result._repr_html_())
+    assert 6 <= len(table.findall("tr")) <= 12
+    for row in table.findall("tr"):
+        assert row.find("th").text
+        assert row.find("td").text
