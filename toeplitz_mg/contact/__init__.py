@@ -9,7 +9,9 @@ from toeplitz_mg.contact.result import (
     NormalResult,
     TangentialResult,
 )
+from toeplitz_mg.contact.tangential.curves import CreepCurve, creep_curve
 from toeplitz_mg.contact.tangential.friction import friction
+from toeplitz_mg.contact.tangential.kalker import KalkerCoefficients, kalker_coefficients
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
 from toeplitz_mg.contact.theory import HertzContact, hertz
@@ -20,13 +22,17 @@ __all__ = [
     "ContactError",
     "ContactResult",
     "ContactWarning",
+    "CreepCurve",
     "HertzContact",
+    "KalkerCoefficients",
     "Material",
     "NormalResult",
     "SteadyOptions",
     "TangentialResult",
+    "creep_curve",
     "friction",
     "hertz",
+    "kalker_coefficients",
     "normal_contact",
     "problems",
     "rolling",

@@ -24,9 +24,15 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.coulomb import clip, project
+from toeplitz_mg.contact.tangential.falling import fall
 from toeplitz_mg.contact.tangential.friction import make_result
 from toeplitz_mg.contact.tangential.motion import Motion
-from toeplitz_mg.contact.tangential.steady import Loads, SteadyOptions, find_steady_state
+from toeplitz_mg.contact.tangential.steady import (
+    Loads,
+    SteadyOptions,
+    find_steady_state,
+    start_from,
+)
 from toeplitz_mg.contact.tangential.stick_slip import Problem, solve
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
@@ -46,6 +52,8 @@ def rolling(
     moment: float | None = None,
     slip: ArrayLike | None = None,
     pole: tuple[float, float] = (0.0, 0.0),
+    falling: Callable[[Array], ArrayLike] | None = None,
+    guess: TangentialResult | None = None,
     tolerance: float = 1e-8,
     nested: bool = True,
     max_products: int = 2000,
@@ -80,6 +88,13 @@ def rolling(
     pole : (float, float)
         The point that the spin turns about, and the moment is taken about, from the middle of the
         grid, mm.
+    falling : callable, optional
+        Friction that depends on the slip: called as ``falling(s)`` with the size of the slip over
+        the distance rolled in each element, it returns the factor of the bound there, at least
+        zero. Of a speed v, the slip is at v s. The bound of the result is the product.
+    guess : TangentialResult, optional
+        A result of rolling on this grid, whose tractions and areas the search starts from, in the
+        place of those of coarser grids.
     tolerance : float
         The violation of Coulomb's law, as in `friction`, over the largest rigid slip.
     nested : bool
@@ -128,7 +143,13 @@ def rolling(
     g = check_bound(bound)
     grid = Grid.of(g.shape, element, material, None)
     asked = (longitudinal, lateral, spin), force, moment, slip, pole
-    result = roll(grid, g, Window.around, asked, tolerance, nested, max_products, progress, options)
+
+    def solve(g: Array, guess: TangentialResult | None) -> TangentialResult:
+        return roll(
+            grid, g, Window.around, asked, tolerance, nested, max_products, progress, options, guess
+        )
+
+    result = solve(g, guess) if falling is None else fall(solve, g, falling, guess, tolerance)
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
 
@@ -143,6 +164,7 @@ def roll(
     max_products: int,
     progress: Progress | None,
     options: SteadyOptions | None,
+    guess: TangentialResult | None = None,
 ) -> TangentialResult:
     """Return what `rolling` finds for the traction bound `g`, converged or not.
 
@@ -158,6 +180,10 @@ def roll(
     if grid.directions != motion.directions:
         grid = replace(grid, directions=motion.directions)
     motion.check_loads(grid, g)
+    before = None
+    if guess is not None:
+        q = check_previous(guess, grid.element, (grid.components, *g.shape))
+        before = q, guess.contact & ~guess.stick
     h = grid.element[0]
     with count_products() as work:
         window = window_around(grid, g > 0.0)
@@ -169,8 +195,12 @@ def roll(
         A = grid.tangential()
         products = Products(grid.steady(A), max_products)
         problem = Problem(grid, g, b, None, tolerance, progress=progress)
+        start = None
+        if before is not None:
+            q, slide = (window.cut(x) for x in before)
+            start = start_from(problem, q, slide)
         state = find_steady_state(
-            problem, products, loads, nested=nested, options=options or SteadyOptions()
+            problem, products, loads, guess=start, nested=nested, options=options or SteadyOptions()
         )
         if loads.wanted.size:
             b = b + grid.vectors.combine(state.shift, loads.units)

@@ -307,6 +307,15 @@ def _first_guess(
     return refine_guess(problem, find_steady_state(coarse, K, loads, nested=True, options=options))
 
 
+def start_from(problem: Problem, q: Array, slide: Array) -> tuple[Array, Areas]:
+    """Return admissible tractions and areas to start from, of another case."""
+    contact = problem.g > 0.0
+    q = np.where(contact, q, 0.0)
+    slide = slide & contact & np.isfinite(problem.g) & (size(q) > 0.0)
+    areas = Areas(contact & ~slide, slide)
+    return make_admissible(q, problem.g, areas, slide, None, problem.vectors)
+
+
 def _coarsen_each(grid: Any, fields: Array, like: Array) -> Array:
     """Return the averages of fields on the coarser grid."""
     return np.array([grid.coarsen(f) for f in fields]).reshape(len(fields), *like.shape)
