@@ -11,7 +11,9 @@ from toeplitz_mg.contact.result import (
     load,
 )
 from toeplitz_mg.contact.subsurface import Stresses, subsurface_stresses
+from toeplitz_mg.contact.tangential.curves import CreepCurve, creep_curve
 from toeplitz_mg.contact.tangential.friction import friction
+from toeplitz_mg.contact.tangential.kalker import KalkerCoefficients, kalker_coefficients
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
 from toeplitz_mg.contact.theory import HertzContact, hertz
@@ -23,16 +25,20 @@ __all__ = [
     "ContactError",
     "ContactResult",
     "ContactWarning",
+    "CreepCurve",
     "FrictionalResult",
     "HertzContact",
+    "KalkerCoefficients",
     "Material",
     "NormalResult",
     "SteadyOptions",
     "Stresses",
     "TangentialResult",
+    "creep_curve",
     "friction",
     "frictional_contact",
     "hertz",
+    "kalker_coefficients",
     "load",
     "normal_contact",
     "problems",

@@ -19,14 +19,13 @@ def draw(result: Any, ax: Any = None) -> Any:
 
 def _draw_line(result: Any, ax: Any) -> None:
     x = result.x
-    ax.plot(x, result.traction, label="pressure" if result.stick is None else "traction")
+    traction = result.traction if result.traction.ndim == 1 else result.magnitude
+    ax.plot(x, traction, label="pressure" if result.stick is None else "traction")
     if result.stick is not None:
         bound = np.where(np.isfinite(result.bound), result.bound, np.nan)
         ax.plot(x, bound, "k:", label="traction bound")
         ax.plot(x, -bound, "k:")
-        ax.fill_between(
-            x, 0.0, result.traction, where=result.stick, alpha=0.3, step="mid", label="stick"
-        )
+        ax.fill_between(x, 0.0, traction, where=result.stick, alpha=0.3, step="mid", label="stick")
     ax.set(xlabel="x [mm]", ylabel="traction [N/mm²]")
     ax.legend()
 

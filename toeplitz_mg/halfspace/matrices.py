@@ -70,8 +70,8 @@ def influence_matrix(
     Raises
     ------
     ValueError
-        For directions, an element or a material that there is none of, and for several directions
-        in plane strain.
+        For directions, an element or a material that there is none of, and for z with other
+        directions in plane strain.
     TypeError
         For what is no number, and no `Material`.
 
@@ -100,10 +100,10 @@ def influence_matrix(
         refuse_masked(name, value)
     bodies = combine(material)
     shape = (grid_shape[0] + ahead, *grid_shape[1:])
-    if len(element) == 1 and (directions not in ("x", "z") or len(shape) != 1):
+    if len(element) == 1 and (directions not in ("x", "y", "xy", "z") or len(shape) != 1):
         raise ValueError(
             f"directions is {directions!r} on a grid of shape {grid_shape}, but plane strain "
-            "(an element of one size) has one axis, and x or z for a direction"
+            "(an element of one size) has one axis, and x, y, xy or z for directions"
         )
     if reference is None:
         reference = element[0] * grid_shape[0]
@@ -165,7 +165,10 @@ def quadrant(
             step = np.sign(np.arange(shape[0], dtype=np.float64))
             coupling: Array = -material.difference / material.G * element[0] * step
             return coupling
-        G, nu = material.G, material.nu
+        if name in ("xy", "yz"):  # What lies along the strips moves along the strips alone.
+            return np.zeros(shape)
+        # Along the strips it is antiplane shear, of which Poisson's ratio is no part.
+        G, nu = material.G, 0.0 if name == "yy" else material.nu
         return line_contact_coefficients(shape[0], element[0], G=G, nu=nu, reference=reference)
     x, y = offsets((shape[0], shape[1] if len(shape) == 2 else 1), (element[0], element[1]))
     return evaluate(name, x, y, element, material).reshape(shape)
