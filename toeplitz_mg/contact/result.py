@@ -146,13 +146,15 @@ class NormalResult:
         """The mean pressure in contact, N/mm²; zero where nothing touches."""
         return self.force / self.area if self.area else 0.0
 
-    def plot(self, ax: Any = None) -> Any:
-        """Draw the pressures, and the area of contact.
+    def plot(self, field: str | None = None, ax: Any = None) -> Any:
+        """Draw the pressures, or another field.
 
         Parameters
         ----------
+        field : str, optional
+            "pressure", "gap" or "displacement"; by default the first.
         ax : matplotlib.axes.Axes, optional
-            Where to draw; by default on a new figure.
+            Where to draw, as beside other results; by default on a new figure.
 
         Returns
         -------
@@ -160,10 +162,12 @@ class NormalResult:
 
         Raises
         ------
+        ValueError
+            Where there is no such field.
         ImportError
-            Where matplotlib is not installed.
+            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
         """
-        return plotting.draw(self, ax)
+        return plotting.draw(self, field, ax)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write everything to an ``.npz`` file, with units, whole or not at all.
@@ -388,13 +392,15 @@ class TangentialResult:
         """The area of contact over that of the grid."""
         return self.area / (prod(self.shape) * prod(self.element))
 
-    def plot(self, ax: Any = None) -> Any:
-        """Draw the tractions, and the areas of contact and of stick.
+    def plot(self, field: str | None = None, ax: Any = None) -> Any:
+        """Draw the tractions where the bodies stick and where they slip, or another field.
 
         Parameters
         ----------
+        field : str, optional
+            "traction", "slip" or "displacement"; by default the first.
         ax : matplotlib.axes.Axes, optional
-            Where to draw; by default on a new figure.
+            Where to draw, as beside other results; by default on a new figure.
 
         Returns
         -------
@@ -402,10 +408,12 @@ class TangentialResult:
 
         Raises
         ------
+        ValueError
+            Where there is no such field.
         ImportError
-            Where matplotlib is not installed.
+            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
         """
-        return plotting.draw(self, ax)
+        return plotting.draw(self, field, ax)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write everything to an ``.npz`` file, with units, whole or not at all.

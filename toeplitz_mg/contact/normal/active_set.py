@@ -18,7 +18,7 @@ from toeplitz_mg.contact.active_sets import Iterate, find_sets
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.inverse import Inverse
 from toeplitz_mg.contact.normal.inner import Area, Look, solve_on_set
-from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.products import Products, for_coarser_grids
 from toeplitz_mg.engine.threads import elementwise
 from toeplitz_mg.operators import ToeplitzOperator
 
@@ -134,7 +134,8 @@ class Search:
         detail = vectors.max(np.abs(self.z - self.grid.refine(z)))
         detail /= vectors.max(self.z) - self.lowest or 1.0
         tolerance = float(np.clip(ROUGH * detail, LEAST, MOST))
-        return Search(grid, z, self.approach, self.force, tolerance)
+        progress = for_coarser_grids(self.progress)
+        return Search(grid, z, self.approach, self.force, tolerance, progress)
 
     def _interpolate(self, coarse: State, ratio: float) -> Array:
         """Interpolate from a coarser grid, and follow the detail that it does not have.

@@ -70,7 +70,8 @@ def normal_contact(
     max_products : int
         More products with the matrix than that are taken for a failure.
     progress : callable, optional
-        Called as ``progress(products, residual)`` before each change of the area.
+        Called as ``progress(products, residual)`` after each product, with the violation of the
+        last area; on coarser grids, where the first guess comes from, with 0 products.
 
     Returns
     -------

@@ -73,7 +73,8 @@ def rolling(
     max_products : int
         More products with the matrix than that are taken for a failure.
     progress : callable, optional
-        Called as ``progress(products, residual)`` before each change of the areas.
+        Called as ``progress(products, residual)`` after each product, with the violation of the
+        last areas; on coarser grids, where the first guess comes from, with 0 products.
     options : SteadyOptions, optional
         How long the search goes on before it rolls step by step.
 
@@ -169,6 +170,7 @@ def rolling_steps(
     previous: TangentialResult | None = None,
     tolerance: float = 1e-8,
     max_products: int = 2000,
+    progress: Progress | None = None,
 ) -> Iterator[TangentialResult]:
     """Roll step by step, one element in each, from given tractions (Eq. 8).
 
@@ -181,6 +183,8 @@ def rolling_steps(
     previous : TangentialResult, optional
         Tractions before the first step, of any function for tangential contact on this grid; by
         default none. So a bound that changes is followed step by step.
+    progress : callable, optional
+        Called as ``progress(products, residual)`` after each product of a step.
 
     Yields
     ------
@@ -213,7 +217,7 @@ def rolling_steps(
     g = check_bound(bound)
     grid = Grid.of(g.shape, element, material, None)
     w = _rigid_slip(grid, longitudinal, lateral, spin)
-    check_iteration(tolerance, max_products)
+    check_iteration(tolerance, max_products, progress)
     steps = count("steps", steps)
     about = doubts.examine_bound(grid, g > 0.0)
     q = np.zeros_like(w) if previous is None else check_previous(previous, grid.element, w.shape)
@@ -228,7 +232,8 @@ def rolling_steps(
             with count_products() as work:
                 products = Products(A, max_products)
                 b = apply_to_rows(S, q.reshape(-1)).reshape(q.shape) - w
-                problem = Problem(grid, g, b, None, tolerance, grid.vectors.max(np.abs(w)))
+                least = grid.vectors.max(np.abs(w))
+                problem = Problem(grid, g, b, None, tolerance, least, progress)
                 state = solve(problem, products, clip(q, g), nested=False)
             q = state.q
             result = make_result(problem, state, window, products.count + 1, work.units(w.size))

@@ -85,8 +85,7 @@ def find_steady_state(
         law = linearise(problem, areas, q, u)
         if law.residual <= problem.tolerance or K.exhausted:
             return State(q, u, areas, law.shift, law.residual, tuple(iterations))
-        if problem.progress is not None:
-            problem.progress(K.count, law.residual)
+        K.progress, K.residual = problem.progress, law.residual
         if shift != (shift := _shift(areas, vectors)) or M is None:
             M = problem.grid.invert_shifted(K.A, shift, dtype)
         v, count = _newton_step(problem, law, areas, q, K, M, options)
@@ -174,9 +173,8 @@ def _roll_on(problem: Problem, q: Array, K: Products) -> tuple[Array, Areas]:
     for _ in range(problem.grid.shape[0]):
         b = problem.b + apply_to_rows(S, q.reshape(-1)).reshape(q.shape)
         products = Products(A, K.limit - K.count)
-        step = replace(
-            problem, b=b, tolerance=max(problem.tolerance, STEP_TOLERANCE), progress=None
-        )
+        tolerance = max(problem.tolerance, STEP_TOLERANCE)
+        step = replace(problem, b=b, tolerance=tolerance, progress=K.tell_more)
         q = solve(step, products, clip(q, problem.g), nested=False).q
         K.count += products.count + 1
         if K.exhausted:
