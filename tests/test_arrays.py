@@ -274,7 +274,7 @@ def test_entries_and_work_are_those_on_numpy(xp):
 
 def test_little_more_than_the_vectors_is_held(monkeypatch):
     """At most 130 bytes an unknown, with c and b, in set-up and solve; parts as in larger ones."""
-    monkeypatch.setattr("toeplitz_mg.engine.plain.LEAST", 2**16)
+    monkeypatch.setattr("toeplitz_mg.engine.embedding.LEAST", 2**16)
     n, b = 724, np.ones(724 * 724)
     c = kernel(n, n)
     A = tmg.ToeplitzOperator(strict.asarray(kernel(8, 8)))  # What is imported is no array.

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.special import ellipe, ellipk
 
 from toeplitz_mg.cli import contact as contact_cli
 from toeplitz_mg.cli import files
-from toeplitz_mg.cli.hertz import Hertz
 from toeplitz_mg.cli.main import main
 from toeplitz_mg.contact import (
     ContactError,
@@ -256,31 +254,3 @@ def test_help_has_units_and_defaults(capsys):
     printed = capsys.readouterr().out
     for text in ("hertz,shift,rolling", "N/mm²", "(default: 82000)", "FIELDS.npz"):
         assert text in printed
-
-
-# Hertz's theory -------------------------------------------------------------------------------
-
-
-def test_hertz_of_an_ellipse():
-    a, b, p0, modulus = 0.6, 0.3, 0.2, 1.7
-    e2 = 1 - (b / a) ** 2
-    K, E = ellipk(e2), ellipe(e2)
-    common = 2 * p0 * b / (e2 * a**2 * modulus)
-    radii = 1 / (common * (K - E)), 1 / (common * ((a / b) ** 2 * E - K))
-    force, approach = 2 / 3 * np.pi * a * b * p0, p0 * b * K / modulus
-    for given in ((force, None), (None, approach)):
-        theory = Hertz.ellipse(radii, modulus, *given)
-        assert_allclose(theory.half_axes, (a, b))
-        assert_allclose([theory.force, theory.approach, theory.largest], [force, approach, p0])
-        turned = Hertz.ellipse(radii[::-1], modulus, *given)
-        assert_allclose(turned.half_axes, (b, a))
-
-
-def test_hertz_of_a_circle_and_a_line():
-    circle = Hertz.ellipse((2.0, 2.0), 3.0, 5.0, None)
-    a = (3 * 5.0 * 2.0 / (4 * 3.0)) ** (1 / 3)
-    assert_allclose([*circle.half_axes, circle.approach], [a, a, a**2 / 2.0])
-    assert_allclose(Hertz.ellipse((2.0, 2.0001), 3.0, 5.0, None).half_axes, a, rtol=1e-4)
-    line = Hertz.line(500.0, 82000.0 / 0.72, np.pi * 16 * 82000.0 / (4 * 500.0 * 0.72))
-    assert_allclose(line.half_axes[0], 4.0)
-    assert_allclose(line.area, 8.0)

@@ -17,7 +17,7 @@ from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import ContactError
 from toeplitz_mg.contact.tangential.coulomb import balance, clip, project
 from toeplitz_mg.contact.tangential.friction import friction
-from toeplitz_mg.engine.vectors import PLAIN
+from toeplitz_mg.engine.vectors import ALONE
 from toeplitz_mg.paper.problems import test1, test2, test3
 from toeplitz_mg.solvers.projected_gradients import descend
 
@@ -560,12 +560,12 @@ def test_balanced_tractions(m):
     q = clip(rng.standard_normal((m, 5, 6)), g)
     movable = rng.random((5, 6)) < 0.7
     total = np.full(m, 0.3)
-    p = balance(q, g, total, movable, None, PLAIN)
+    p = balance(q, g, total, movable, None, ALONE)
     assert_allclose(p.reshape(m, -1).sum(axis=1), total, atol=1e-12)
     assert (np.sqrt((p**2).sum(axis=0)) <= g).all()
     assert np.array_equal(p[:, ~movable], q[:, ~movable])
-    assert balance(q, g, np.full(m, 100.0), movable, None, PLAIN) is None
-    assert balance(q, g, total, np.zeros((5, 6), bool), None, PLAIN) is None
+    assert balance(q, g, np.full(m, 100.0), movable, None, ALONE) is None
+    assert balance(q, g, total, np.zeros((5, 6), bool), None, ALONE) is None
 
 
 def test_balanced_tractions_on_the_circle():
@@ -576,7 +576,7 @@ def test_balanced_tractions_on_the_circle():
     angle = rng.uniform(-0.3, 0.3, g.shape)
     q = g * np.stack([np.cos(angle), np.sin(angle)])
     total = q.sum(axis=(1, 2)) @ np.array([[np.cos(0.1), np.sin(0.1)], [-np.sin(0.1), np.cos(0.1)]])
-    p = balance(q, g, total, everywhere, everywhere, PLAIN)
+    p = balance(q, g, total, everywhere, everywhere, ALONE)
     assert_allclose(p.sum(axis=(1, 2)), total, rtol=1e-12)
     assert (np.hypot(*p) <= g).all()
     assert_allclose(np.hypot(*p), g, rtol=1e-14)
@@ -586,7 +586,7 @@ def test_balanced_tractions_on_the_circle():
 def test_nearest_tractions_are_zero_where_the_bound_is():
     q = np.ones((2, 4, 3))
     g = np.where(np.arange(12).reshape(4, 3) % 3, 2.0, 0.0)
-    p = project(q, g, np.array([3.0, -1.0]), PLAIN)
+    p = project(q, g, np.array([3.0, -1.0]), ALONE)
     assert_allclose(p.sum(axis=(1, 2)), [3.0, -1.0])
     assert not p[:, g == 0.0].any()
 

@@ -158,6 +158,14 @@ USES = {
             {"gap": ONES, **CONTACT, "element": 1.0, "force": 1.0, "reference": 9.0},
         ),
     ],
+    "hertz": [
+        (contact.hertz, {"radii": (9.0, 4.0), "material": STEEL, "force": 1.0}),
+        (contact.hertz, {"radii": 9.0, "material": STEEL, "approach": 1.0}),
+        (
+            contact.hertz,
+            {"radii": (9.0, np.inf), "material": STEEL, "force": 1.0, "reference": 99.0},
+        ),
+    ],
     "friction": [
         (contact.friction, {"bound": GRID, **CONTACT, "shift": (1.0, 0.0)}),
         (contact.friction, {"bound": GRID, **CONTACT, "force": (0.1, 0.0)}),
@@ -230,7 +238,8 @@ USES = {
 }
 # What takes no numbers: results and records, warnings, modules, wrappers, and a counter.
 WITHOUT_NUMBERS = {
-    *("ContactError", "ContactResult", "ContactWarning", "NormalResult", "TangentialResult"),
+    *("ContactError", "ContactResult", "ContactWarning", "HertzContact"),
+    *("NormalResult", "TangentialResult", "load"),
     *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "Stresses", "ToeplitzInverse"),
     *("componentwise", "count_products", "contact", "fractional", "halfspace", "problems"),
     "surfaces",

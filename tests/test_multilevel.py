@@ -11,7 +11,9 @@ from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
 from tests.cases import contact, dense_of_lags
+from toeplitz_mg.engine.library import NUMPY
 from toeplitz_mg.engine.multilevel import MultilevelProduct
+from toeplitz_mg.operators.coefficients import Coefficients
 
 shapes = st.lists(st.integers(1, 12), min_size=1, max_size=4)
 
@@ -45,7 +47,8 @@ def test_is_the_dense_matrix(shape, components, dtype, seed):
     dense = np.block(
         [[zero if lags is None else dense_of_lags(lags) for lags in row] for row in kernel]
     )
-    product = MultilevelProduct.of(kernel, dtype)
+    blocks = [[None if a is None else Coefficients.of_lags(a) for a in row] for row in kernel]
+    product = MultilevelProduct.of(NUMPY, blocks, dtype)
     X = of_normal(3, len(dense)).astype(dtype)
     tolerance = {"atol": 2000 * np.finfo(dtype).eps}
     assert_allclose(product(X), X @ dense.T, **tolerance)

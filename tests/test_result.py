@@ -1,6 +1,7 @@
 """What the results of contact problems say: derived quantities, their names, and that they stay."""
 
-from dataclasses import FrozenInstanceError, fields
+from dataclasses import FrozenInstanceError, fields, replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -154,3 +155,55 @@ def test_each_has_the_names_of_the_other():
 def test_a_material_of_a_result_is_one_for_the_next():
     again = friction(0.3 * PRESSED.pressure, H, material=PRESSED.material, force=(0.01, 0.005))
     assert np.array_equal(again.traction, SHIFTED.traction)
+
+
+# In words -------------------------------------------------------------------------------------
+
+
+def test_a_repr_is_one_short_line():
+    assert repr(PRESSED).startswith("<NormalResult 48 x 32: force 0.1 N, approach 0.177")
+    assert repr(ROLLED_LINE).startswith("<TangentialResult 64: force -0.00")
+    for result in ALL:
+        assert len(repr(result)) < 130
+        assert "\n" not in repr(result)
+
+
+def test_a_summary_has_figures_with_units():
+    lines = PRESSED.summary().splitlines()[1:]
+    found = {line[2:20].strip(): line[20:] for line in lines}
+    assert PRESSED.summary().startswith("Normal contact, 48 x 32 elements of 0.041667 x 0.0625 mm")
+    assert found["force"] == "0.1 N"
+    assert found["contact"] == f"{PRESSED.area:.5g} mm²"
+    assert found["largest pressure"] == f"{PRESSED.pressure.max():.5g} N/mm²"
+    assert "stiffness" not in found
+    with_stiffness = replace(PRESSED, stiffness=2.0).summary()
+    assert "stiffness         2 N/mm\n" in with_stiffness
+
+
+def test_in_plane_strain_units_are_per_length():
+    summary = PRESSED_LINE.summary()
+    for text in ("0.2 N/mm", "1.02 mm\n", f"{PRESSED_LINE.energy:.5g} N\n"):
+        assert text in summary
+
+
+def test_a_summary_tells_what_moves():
+    assert "spin              0.01 1/mm" in ROLLED.summary()
+    assert "creepages         (0.01, 0)\n" in ROLLED.summary()
+    assert "shift             0.01 mm" in SHIFTED_LINE.summary()
+    field = friction(0.3 * PRESSED.pressure, H, material=SOFT, shift=np.zeros((2, 48, 32)))
+    assert "shift             a field\n" in field.summary()
+
+
+def test_warnings_are_in_the_summary():
+    doubtful = replace(PRESSED, warnings=("a contact < 10 elements",))
+    assert doubtful.summary().endswith("\n  warning: a contact < 10 elements")
+    assert "a contact &lt; 10 elements" in doubtful._repr_html_()
+
+
+@pytest.mark.parametrize("result", ALL)
+def test_a_notebook_shows_a_short_table(result):
+    table = ElementTree.fromstring(result._repr_html_())
+    assert 6 <= len(table.findall("tr")) <= 12
+    for row in table.findall("tr"):
+        assert row.find("th").text
+        assert row.find("td").text

@@ -8,13 +8,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import ellipe, ellipk
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import (
     ContactResult,
+    HertzContact,
     Material,
+    NormalResult,
     friction,
+    hertz,
     normal_contact,
     rolling,
     surfaces,
@@ -63,15 +65,8 @@ def hertz_line(N: int) -> Solved:
     h, force, reference = 2.0 / N, np.pi * A**2 / 4.0, 4.0
     gap = surfaces.cylinder(N, h, radius=1.0)
     result = normal_contact(gap, h, material=UNIT, force=force, reference=reference)
-    approach = 2.0 * force / np.pi * (np.log(2.0 * reference / A) + 0.5)
-    theory = A / 2.0 * semi_ellipse(surfaces.centres(N, h)[0], A)
-    errors = {
-        "a": result.area / (2.0 * A) - 1.0,
-        "p₀": 2.0 * result.traction.max() / A - 1.0,
-        "δ": result.rigid / approach - 1.0,
-        "traction": rms(result, theory),
-    }
-    return Solved([result], errors, theory)
+    exact = hertz(radii=(1.0, np.inf), material=UNIT, force=force, reference=reference)
+    return against_hertz(result, exact)
 
 
 def hertz_sphere(N: int) -> Solved:
@@ -79,32 +74,27 @@ def hertz_sphere(N: int) -> Solved:
     h = 2.0 / N
     gap = surfaces.sphere((N, N), (h, h), radius=1.0)
     result = normal_contact(gap, (h, h), material=UNIT, force=4.0 / 3.0 * A**3)
-    theory = 2.0 * A / np.pi * semi_ellipse(np.hypot(*surfaces.centres((N, N), (h, h))), A)
-    errors = {
-        "a": np.sqrt(result.area / np.pi) / A - 1.0,
-        "p₀": result.traction.max() * np.pi / (2.0 * A) - 1.0,
-        "δ": result.rigid / A**2 - 1.0,
-        "traction": rms(result, theory),
-    }
-    return Solved([result], errors, theory)
+    return against_hertz(result, hertz(radii=1.0, material=UNIT, force=result.force))
 
 
 def hertz_ellipse(N: int) -> Solved:
-    """An ellipsoid, by its approach (Johnson, Contact Mechanics, §4.2)."""
-    a, b, p0, h = A, A / 2.0, 0.2, 2.0 / N
-    e2 = 1.0 - (b / a) ** 2
-    K, E = ellipk(e2), ellipe(e2)
-    common = 2.0 * p0 * b / (e2 * a**2)
-    radii = 1.0 / (common * (K - E)), 1.0 / (common * ((a / b) ** 2 * E - K))
-    shape = (N, N // 2)
-    gap = surfaces.ellipsoid(shape, (h, h), radii=radii)
-    result = normal_contact(gap, (h, h), material=UNIT, approach=p0 * b * K)
-    x, y = surfaces.centres(shape, (h, h))
-    theory = p0 * semi_ellipse(np.hypot(x / a, y / b), 1.0)
+    """An ellipsoid, by its approach, whose contact is half as wide as it is long."""
+    h, radii = 2.0 / N, (2.38, 0.837)
+    gap = surfaces.ellipsoid((N, N // 2), (h, h), radii=radii)
+    exact = hertz(radii=radii, material=UNIT, approach=0.1294)
+    result = normal_contact(gap, (h, h), material=UNIT, approach=exact.approach)
+    return against_hertz(result, exact)
+
+
+def against_hertz(result: NormalResult, exact: HertzContact) -> Solved:
+    """Return the errors of a result against Hertz's theory."""
+    theory = exact.pressure_at(*np.meshgrid(*result.centres, indexing="ij"))
+    assert exact.approach is not None
     errors = {
-        "area": result.area / (np.pi * a * b) - 1.0,
-        "p₀": result.traction.max() / p0 - 1.0,
-        "F": result.force / (2.0 / 3.0 * np.pi * a * b * p0) - 1.0,
+        "area": result.area / exact.area - 1.0,
+        "p₀": result.max_pressure / exact.max_pressure - 1.0,
+        "δ": result.approach / exact.approach - 1.0,
+        "F": result.force / exact.force - 1.0,
         "traction": rms(result, theory),
     }
     return Solved([result], errors, theory)

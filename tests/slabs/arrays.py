@@ -73,3 +73,62 @@ def test_cg_takes_the_serial_iterations(comm):
     for wrong in (lambda: A @ b[slab.rows].ravel(), lambda: tmg.cg(A, b[slab.rows].ravel())):
         with pytest.raises(TypeError, match=r"numpy.* jax\.numpy"):
             wrong()
+
+
+def test_masks_components_and_preconditioners_are_the_serial_ones(comm):
+    slab = slabs.Slab(comm, (12, 15), unit=1)
+    c, own = of(slab)
+    mask = np.random.default_rng(0).random(slab.shape) < 0.6
+    island = np.zeros(slab.shape, bool)  # The other ranks have no unknown.
+    island[-2:, 3:6] = True
+    x = np.random.default_rng(1).standard_normal((2, *slab.shape))
+
+    def matrices(package, a, coefficients):
+        block = package.ToeplitzOperator(a(coefficients))
+        yield package.CoupledOperator([[block, None], [None, block]])
+        for cells in (mask, island):
+            yield package.MaskedOperator(block, cells[package.rows])
+
+    class Ours:
+        rows, CoupledOperator, MaskedOperator = (
+            slab.rows,
+            slabs.CoupledOperator,
+            slabs.MaskedOperator,
+        )
+        ToeplitzOperator = staticmethod(lambda c: slabs.ToeplitzOperator(c, slab))
+
+    class Serial:
+        rows, CoupledOperator, MaskedOperator = slice(None), tmg.CoupledOperator, tmg.MaskedOperator
+        ToeplitzOperator = staticmethod(tmg.ToeplitzOperator)
+
+    names = ("fft_preconditioner", "cosine_preconditioner", "sine_preconditioner")
+    pairs = zip(
+        matrices(Serial, np.asarray, c),
+        matrices(Ours, array_api_strict.asarray, own),
+        (np.ones((2, *slab.shape), bool), mask, island),
+        strict=True,
+    )
+    for serial, A, cells in pairs:
+        rows, v = slab.rows, (x[0] if cells.ndim == 2 else x)[cells]
+        mine = (x[0, rows] if cells.ndim == 2 else x[:, rows])[cells[..., rows, :]]
+        makers = [(lambda B: B, lambda B: B)]
+        makers += [
+            (
+                getattr(tmg, n) if cells.ndim == 2 else tmg.componentwise(getattr(tmg, n)),
+                getattr(slabs, n),
+            )
+            for n in names
+        ]
+        for of_serial, of_ours in makers:
+            whole = np.zeros(cells.shape)
+            whole[cells] = of_serial(serial) @ v
+            y = of_ours(A) @ array_api_strict.asarray(mine)
+            expected = whole[..., rows, :][cells[..., rows, :]]
+            assert error(comm, y, expected) <= 1e-14
+    residuals, expected = [], []
+    b = array_api_strict.asarray(np.ones(A.shape[0]))
+    _, info = tmg.cg(A, b, M=slabs.cosine_preconditioner(A), rtol=1e-8, residuals=residuals)
+    ones = np.ones(serial.shape[0])
+    tmg.cg(serial, ones, M=tmg.cosine_preconditioner(serial), rtol=1e-8, residuals=expected)
+    assert info == 0
+    assert len(residuals) == len(expected)

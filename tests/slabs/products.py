@@ -8,6 +8,7 @@ import pytest
 import toeplitz_mg as tmg
 from tests.slabs.ranks import refuses
 from toeplitz_mg import halfspace, slabs
+from toeplitz_mg.slabs import product
 
 # Odd and prime lengths, one column, few rows for each rank, lengths that are 5-smooth and not.
 SHAPES = [(4, 5), (17, 13), (64, 64), (97, 1), (31, 128), (130, 7), (5, 4, 6), (9, 1, 7), (8, 7, 1)]
@@ -72,12 +73,12 @@ def test_a_product_of_many_turns_is_that_of_one(comm):
     A = slabs.ToeplitzOperator(c[slab.rows], slab)
     x = np.random.default_rng(0).random(A.shape[0])
     y, comm_calls = A @ x, comm.calls["Alltoallv"]
-    slabs.operators.TURN_BYTES, bytes_before = 1, slabs.operators.TURN_BYTES
+    product.TURN_BYTES, bytes_before = 1, product.TURN_BYTES
     try:
         B = slabs.ToeplitzOperator(c[slab.rows], slab)
         assert np.array_equal(B @ x, y)
     finally:
-        slabs.operators.TURN_BYTES = bytes_before
+        product.TURN_BYTES = bytes_before
     assert comm.calls["Alltoallv"] > 2 * comm_calls
 
 

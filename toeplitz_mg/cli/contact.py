@@ -13,16 +13,17 @@ import numpy as np
 from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.contact_arguments import complete
-from toeplitz_mg.cli.hertz import Hertz
 from toeplitz_mg.cli.report import print_step
 from toeplitz_mg.contact import (
     ContactError,
     ContactResult,
     ContactWarning,
+    HertzContact,
     Material,
     NormalResult,
     TangentialResult,
     friction,
+    hertz,
     normal_contact,
     rolling,
     surfaces,
@@ -42,7 +43,7 @@ class Case:
     ----------
     options : Namespace
         What the user asked for, with the defaults.
-    theory : Hertz
+    theory : HertzContact
         The contact that Hertz's theory expects.
     shape : tuple of int
         Elements of the grid along each axis.
@@ -51,7 +52,7 @@ class Case:
     """
 
     options: argparse.Namespace
-    theory: Hertz
+    theory: HertzContact
     shape: tuple[int, ...]
     h: float
 
@@ -59,13 +60,11 @@ class Case:
     def of(cls, options: argparse.Namespace) -> "Case":
         """Choose the grid, or say why the one asked for does not do."""
         o = options
-        radius = o.radius[0], o.radius[-1]
-        if o.line:
-            theory = Hertz.line(radius[0], o.G / (1.0 - o.nu), o.force)
-        else:
-            theory = Hertz.ellipse(radius, o.G / (1.0 - o.nu), o.force, o.approach)
+        radii = o.radius[0], math.inf if o.line else o.radius[-1]
+        material = Material.from_shear(o.G, o.nu)
+        theory = hertz(radii=radii, material=material, force=o.force, approach=o.approach)
         a, b = theory.half_axes
-        longer = 2.0 * max(a, b)
+        longer = 2.0 * (a if o.line else max(a, b))
         size = MARGIN * longer if o.size is None else o.size
         if size < longer:
             raise ValueError(
@@ -219,7 +218,7 @@ def _print_report(case: Case, results: Mapping[str, ContactResult], seconds: flo
     rows: list[tuple[str, Any, Any]] = [
         (f"force [{unit}]", pressed.force, theory.force),
         ("approach [mm]", pressed.rigid, theory.approach),
-        ("largest pressure [N/mm²]", pressed.traction.max(), theory.largest),
+        ("largest pressure [N/mm²]", pressed.magnitude.max(), theory.max_pressure),
         (
             "width of contact [mm]" if case.options.line else "area of contact [mm²]",
             pressed.area,

@@ -8,11 +8,13 @@ from toeplitz_mg.contact.result import (
     ContactResult,
     NormalResult,
     TangentialResult,
+    load,
 )
 from toeplitz_mg.contact.subsurface import Stresses, subsurface_stresses
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
+from toeplitz_mg.contact.theory import HertzContact, hertz
 from toeplitz_mg.halfspace import Material
 from toeplitz_mg.paper import problems
 
@@ -20,12 +22,15 @@ __all__ = [
     "ContactError",
     "ContactResult",
     "ContactWarning",
+    "HertzContact",
     "Material",
     "NormalResult",
     "SteadyOptions",
     "Stresses",
     "TangentialResult",
     "friction",
+    "hertz",
+    "load",
     "normal_contact",
     "problems",
     "rolling",

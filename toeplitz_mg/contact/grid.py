@@ -10,7 +10,7 @@ from numpy.typing import DTypeLike
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element, Mask
 from toeplitz_mg.contact.steady_matrices import invert_shifted, subtract_operators
-from toeplitz_mg.engine.vectors import PLAIN, Vectors
+from toeplitz_mg.engine.vectors import ALONE, Vectors
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.materials import combine
 from toeplitz_mg.halfspace.matrices import quadrant
@@ -45,7 +45,7 @@ class Grid:
         The inner products, sums and extremes of fields.
     """
 
-    vectors: ClassVar[Vectors] = PLAIN
+    vectors: ClassVar[Vectors] = ALONE
     shape: tuple[int, ...]
     element: tuple[float, ...]
     material: CombinedMaterial

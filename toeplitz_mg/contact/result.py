@@ -1,5 +1,6 @@
 """What contact problems have for answers, and the error where they have none."""
 
+import os
 from dataclasses import dataclass, fields
 from math import prod
 from typing import Any, ClassVar, TypeVar
@@ -7,7 +8,16 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from toeplitz_mg._typing import Array, Mask
-from toeplitz_mg.contact import plotting
+from toeplitz_mg.contact import plotting, saving
+from toeplitz_mg.contact.summary import (
+    Figure,
+    describe_cost,
+    describe_grid,
+    list_figures,
+    shorten,
+    tabulate_figures,
+)
+from toeplitz_mg.contact.units import units_of
 from toeplitz_mg.halfspace import CombinedMaterial
 
 
@@ -154,6 +164,89 @@ class NormalResult:
             Where matplotlib is not installed.
         """
         return plotting.draw(self, ax)
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write everything to an ``.npz`` file, with units, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or path
+            Must end in ``.npz``.
+        overwrite : bool
+            Whether a file that is there already may be replaced.
+
+        Raises
+        ------
+        FileExistsError
+            Where there is a file and `overwrite` is false: it is left as it is.
+        OSError, ValueError
+            Where the file cannot be written, or its name does not end in ``.npz``.
+
+        See Also
+        --------
+        load : reads it; `numpy.load` finds the arrays by their names, and a text in JSON, `about`.
+        """
+        saving.save_result(self, path, overwrite=overwrite)
+
+    def to_xarray(self) -> Any:
+        """Return the fields as an `xarray.Dataset`, with coordinates and units.
+
+        Returns
+        -------
+        xarray.Dataset
+            Numbers that are no fields are in its `attrs`.
+
+        Raises
+        ------
+        ImportError
+            Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
+        """
+        return saving.convert_to_xarray(self)
+
+    def to_vtk(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the fields as an image of VTK, which ParaView and PyVista read.
+
+        Parameters
+        ----------
+        path : str or path
+            Must end in ``.vti``.
+        overwrite : bool
+            Whether a file that is there already may be replaced.
+
+        Raises
+        ------
+        FileExistsError, OSError, ValueError
+            As `save`.
+        """
+        saving.write_vtk(self, path, overwrite=overwrite)
+
+    def summary(self) -> str:
+        """Return the figures of this result with their units, a line each."""
+        return list_figures(*self._summary())
+
+    def __repr__(self) -> str:
+        return shorten(type(self).__name__, self.shape, self._figures(), self.products)
+
+    def _repr_html_(self) -> str:
+        return tabulate_figures(*self._summary())
+
+    def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
+        title = f"Normal contact, {describe_grid(self.shape, self.element)}"
+        return title, self._figures(), describe_cost(self.products, self.residual), self.warnings
+
+    def _figures(self) -> list[Figure]:
+        units = units_of(self.element)
+        figures = [
+            Figure("force", self.force, units.force),
+            Figure("approach", self.approach, "mm"),
+            Figure("stiffness", self.stiffness, units.stiffness),
+            Figure("contact", self.area, units.area),
+            Figure("share of the grid", 100.0 * self.contact_fraction, "%"),
+            Figure("mean pressure", self.mean_pressure, "N/mm²"),
+            Figure("largest pressure", self.max_pressure, "N/mm²"),
+            Figure("elastic energy", self.energy, units.energy),
+        ]
+        return [figure for figure in figures if figure.value is not None]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -314,9 +407,140 @@ class TangentialResult:
         """
         return plotting.draw(self, ax)
 
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write everything to an ``.npz`` file, with units, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or path
+            Must end in ``.npz``.
+        overwrite : bool
+            Whether a file that is there already may be replaced.
+
+        Raises
+        ------
+        FileExistsError
+            Where there is a file and `overwrite` is false: it is left as it is.
+        OSError, ValueError
+            Where the file cannot be written, or its name does not end in ``.npz``.
+
+        See Also
+        --------
+        load : reads it; `numpy.load` finds the arrays by their names, and a text in JSON, `about`.
+        """
+        saving.save_result(self, path, overwrite=overwrite)
+
+    def to_xarray(self) -> Any:
+        """Return the fields as an `xarray.Dataset`, with coordinates and units.
+
+        Returns
+        -------
+        xarray.Dataset
+            Numbers that are no fields are in its `attrs`.
+
+        Raises
+        ------
+        ImportError
+            Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
+        """
+        return saving.convert_to_xarray(self)
+
+    def to_vtk(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the fields as an image of VTK, which ParaView and PyVista read.
+
+        Parameters
+        ----------
+        path : str or path
+            Must end in ``.vti``.
+        overwrite : bool
+            Whether a file that is there already may be replaced.
+
+        Raises
+        ------
+        FileExistsError, OSError, ValueError
+            As `save`.
+        """
+        saving.write_vtk(self, path, overwrite=overwrite)
+
+    def summary(self) -> str:
+        """Return the figures of this result with their units, a line each."""
+        return list_figures(*self._summary())
+
+    def __repr__(self) -> str:
+        return shorten(type(self).__name__, self.shape, self._figures(), self.products)
+
+    def _repr_html_(self) -> str:
+        return tabulate_figures(*self._summary())
+
+    def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
+        kind = "Friction" if self.creepages is None else "Rolling"
+        title = f"{kind}, {describe_grid(self.shape, self.element)}"
+        return title, self._figures(), describe_cost(self.products, self.residual), self.warnings
+
+    def _figures(self) -> list[Figure]:
+        units = units_of(self.element)
+        is_rolling = self.creepages is not None
+        creepages, spin = self.creepages, None
+        if is_rolling and len(self.shape) > 1:
+            *creepages, spin = creepages
+        figures = [
+            Figure("force", self.force, units.force),
+            Figure("creepages", creepages),
+            Figure("spin", spin, "1/mm"),
+            Figure("shift", "a field" if np.size(self.shift) > 2 else self.shift, "mm"),
+            Figure("moment", self.moment, "N mm"),
+            Figure("power over speed", self.power, units.force)
+            if is_rolling
+            else Figure("work of slip", self.power, units.energy),
+            Figure("contact", self.area, units.area),
+            Figure("of which sticks", self.stick_area, units.area),
+            Figure("elastic energy", self.energy, units.energy),
+        ]
+        return [figure for figure in figures if figure.value is not None]
+
 
 ContactResult = NormalResult | TangentialResult  # Of any contact problem.
+KINDS = {kind.__name__: kind for kind in (NormalResult, TangentialResult)}
 Result = TypeVar("Result", NormalResult, TangentialResult)
+
+
+def load(path: str | os.PathLike[str]) -> ContactResult:
+    """Read a result that `save` has written.
+
+    Parameters
+    ----------
+    path : str or path
+
+    Returns
+    -------
+    NormalResult or TangentialResult
+
+    Raises
+    ------
+    OSError
+        Where there is no such file.
+    ValueError
+        Where it is another file than of `save`.
+
+    See Also
+    --------
+    NormalResult.save, TangentialResult.save
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from toeplitz_mg import contact
+    >>> steel, element = contact.Material(E=210000.0, nu=0.3), (0.01, 0.01)
+    >>> gap = contact.surfaces.sphere((64, 64), element, radius=10.0)
+    >>> pressed = contact.normal_contact(gap, element, material=steel, force=100.0)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "pressed.npz"
+    ...     pressed.save(path)
+    ...     again = contact.load(path)
+    >>> again
+    <NormalResult 64 x 64: force 100 N, approach 0.0034825 mm, contact 0.1116 mm²; 10 products>
+    """
+    return saving.load_result(path, KINDS)
 
 
 class ContactError(RuntimeError):

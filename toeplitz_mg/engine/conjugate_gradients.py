@@ -5,7 +5,7 @@ from math import inf
 import numpy as np
 
 from toeplitz_mg._typing import Array, Multiply
-from toeplitz_mg.engine.vectors import PLAIN, Vectors
+from toeplitz_mg.engine.vectors import ALONE, Vectors
 
 
 class ConjugateGradients:
@@ -51,7 +51,7 @@ class ConjugateGradients:
     """
 
     def __init__(
-        self, multiply: Multiply, precondition: Multiply, vectors: Vectors = PLAIN
+        self, multiply: Multiply, precondition: Multiply, vectors: Vectors = ALONE
     ) -> None:
         self._multiply, self._precondition = multiply, precondition
         self._vectors = vectors

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array, Multiply
-from toeplitz_mg.engine.vectors import PLAIN, Vectors, norm
+from toeplitz_mg.engine.vectors import ALONE, Vectors, norm
 
 CANCELLED = 0.5  # Part of a vector's size that may be left before it is made orthogonal again.
 ROUNDING = 10.0  # Machine epsilons that are left of a product which the space holds already.
@@ -63,7 +63,7 @@ class KrylovSpace:
         shape: tuple[int, ...],
         dtype: DTypeLike,
         most: int,
-        vectors: Vectors = PLAIN,
+        vectors: Vectors = ALONE,
     ) -> None:
         self._of = vectors
         self._multiply: Callable[[Array, Array], Array] = multiply

@@ -6,24 +6,30 @@ have in common from a `Library`: `NUMPY`, which has the engine of this package, 
 """
 
 from math import prod
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import DTypeLike
+from scipy import fft
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.multilevel import MultilevelProduct
+from toeplitz_mg.engine.passes import PanelPasses
 from toeplitz_mg.engine.products import (
     COMPLEX_FOURIER,
     COSINE,
+    DENSE,
     FOURIER,
     SINE,
     DiagonalisedProduct,
     ToeplitzProduct,
+    cast_numbers,
+    multiply_rows,
 )
 from toeplitz_mg.engine.threads import share_rows
 from toeplitz_mg.engine.transforms import cosine_sums
-from toeplitz_mg.engine.vectors import PLAIN, Gather, Vectors
+from toeplitz_mg.engine.vectors import ALONE, Gather, Vectors
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.values import refuse_masked
 
@@ -36,9 +42,14 @@ Library: TypeAlias = "NumPy | Plain"
 class NumPy:
     """The library of NumPy's arrays, and of all that NumPy makes arrays of, as lists."""
 
-    name, xp, vectors = "numpy", np, PLAIN
+    name, xp, fft, device, vectors = "numpy", np, fft, "cpu", ALONE
+    in_place = MappingProxyType(
+        {"overwrite_x": True}
+    )  # What lets `fft` use the memory of an array.
     fourier, complex_fourier, cosine, sine = FOURIER, COMPLEX_FOURIER, COSINE, SINE
+    dense, passes = DENSE, PanelPasses
     diagonalise, cosine_sums = staticmethod(DiagonalisedProduct), staticmethod(cosine_sums)
+    multiply_rows = staticmethod(multiply_rows)
 
     def __reduce__(self) -> str:
         return "NUMPY"
@@ -56,6 +67,10 @@ class NumPy:
     def cast(self, array: Array, dtype: DTypeLike) -> Array:
         """Return an array in the precision of one of NumPy's dtypes, itself where it has that."""
         return array.astype(dtype, copy=False)
+
+    def cast_numbers(self, array: Array, dtype: DTypeLike) -> Array:
+        """Return real or complex numbers in the precision of a dtype of either kind."""
+        return np.ascontiguousarray(cast_numbers(array, dtype))
 
     def native(self, dtype: DTypeLike) -> DTypeLike:
         """Return the dtype of the library for one of NumPy's."""
@@ -79,15 +94,10 @@ class NumPy:
     def multiplication(self, a: Any) -> ToeplitzProduct | MultilevelProduct:
         """Make the product with the matrix of some `Coefficients`, which takes a transform."""
         if a.array.ndim > 1:
-            return MultilevelProduct.of([[a.lags]], a.dtype)
+            return MultilevelProduct.of(self, [[a]], a.dtype)
         column = a.column
         row = column if a.is_even else a.array[len(column) - 1 :: -1]
         return ToeplitzProduct.of(column, row, a.dtype)
-
-    def coupled(self, blocks: Any, dtype: DTypeLike, known: Any) -> MultilevelProduct:
-        """Make the product with a matrix of such blocks, some of whose eigenvalues are known."""
-        lags = [[a and a.lags for a in row] for row in blocks]
-        return MultilevelProduct.of(lags, dtype, known)
 
     def pad(self, array: Array, shape: tuple[int, ...]) -> Array:
         """Extend an array by zeros behind its last axes."""
@@ -98,6 +108,14 @@ class NumPy:
         padded[index] = array
         return padded
 
+    def enlarge(self, array: Array, shape: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Extend an array by zeros behind its last axes, in memory that may be overwritten."""
+        padded = workspace((*array.shape[: array.ndim - len(shape)], *shape), dtype)
+        if padded.shape != array.shape:
+            padded[...] = 0.0
+        padded[tuple(map(slice, array.shape))] = array
+        return padded
+
     def cells(self, index: Array, size: int) -> tuple[Array, Any]:
         """Prepare the unknowns of a mask, by their positions among the points of the grid."""
         return index, size
@@ -105,7 +123,7 @@ class NumPy:
     def extend(self, X: Array, cells: tuple[Array, Any], out: Array) -> Array:
         """Extend rows of unknowns to the grid, by zeros, in the precision of `out`."""
         index, size = cells
-        x = X.reshape(-1, X.shape[-1])
+        x = X.reshape(prod(X.shape[:-1]), X.shape[-1])
         grid = workspace((len(x), size), out.dtype)
 
         def fill(part: slice) -> None:
@@ -120,7 +138,7 @@ class NumPy:
 
     def restrict(self, grid: Array, cells: tuple[Array, Any], out: Array) -> Array:
         """Return the unknowns of rows on the grid, in `out`."""
-        index, y = cells[0], out.reshape(-1, out.shape[-1])
+        index, y = cells[0], out.reshape(prod(out.shape[:-1]), out.shape[-1])
 
         def fill(part: slice) -> None:
             y[:, part] = grid[:, index[part]]
@@ -196,8 +214,3 @@ def refuse_mixed(name: str, theirs: Any, ours: Any) -> None:
         f"{name} is an array of {theirs.name}, but the operator has arrays of {ours.name}: all "
         "must be of one library; iterations for any are toeplitz_mg.cg and richardson"
     )
-
-
-def cut(axis: int, start: int, stop: int | None = None, step: int = 1) -> Any:
-    """Return the index of a part of an array along an axis."""
-    return (*[slice(None)] * axis, slice(start, stop, step), ...)

@@ -1,23 +1,24 @@
 """The engine for arrays of any library of the array API standard, as on a GPU.
 
-It has plain passes over whole arrays, in the place of panels for a processor's cache. The products
-are those of `products` and `multilevel`: the last axis is transformed at the frequencies k + 1/4,
-without an extension by zeros; the others are extended, for a part of the frequencies of the last
-one at a time, so that little more than the vectors is ever held. No array is written to, but by
-``y += x``, as those of JAX cannot be changed, and no number of one is looked at in a product.
+It has plain passes over whole arrays, in the place of panels for a processor's cache. All axes but
+the last are extended by zeros for a part of the frequencies of the last one at a time, so that
+little more than the vectors is ever held. No array is written to, but by ``y += x``, as those of
+JAX cannot be changed, and no number of one is looked at in a product.
 """
 
 from collections.abc import Callable
 from functools import lru_cache, partial
-from math import hypot, inf, pi, prod, sqrt
+from math import inf, pi, prod, sqrt
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.lengths import embedding_lengths
-from toeplitz_mg.engine.library import cut, library_of, refuse_mixed
+from toeplitz_mg.engine.embedding import cut, parts_of, phases, zeros
+from toeplitz_mg.engine.library import library_of, refuse_mixed
+from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.products import Transforms
 from toeplitz_mg.engine.vectors import Gather
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
@@ -29,15 +30,14 @@ except ImportError as error:
         "arrays of other libraries than NumPy need array-api-compat: install toeplitz-mg[arrays]"
     ) from error
 
-PARTS = 8  # Parts of the frequencies: the memory for zeros is that share of the whole.
-LEAST = 2**20  # Numbers of a part, with its zeros: a GPU would wait for the orders of smaller ones.
-
 
 class Plain:
     """The library of some arrays, on one device (see `library.NumPy`)."""
 
+    dense, in_place = 0, MappingProxyType[str, Any]({})  # No product is dense, no `fft` in place.
+
     def __init__(self, xp: Any, device: Any) -> None:
-        self.xp, self.device = xp, device
+        self.xp, self.fft, self.device = xp, xp.fft, device
         self.name = xp.__name__.removeprefix("array_api_compat.")
         self.vectors = PlainVectors(self)
         self.fourier = Transforms(xp.fft.rfftn, self._of_complex(xp.fft.irfftn))
@@ -45,6 +45,7 @@ class Plain:
         self.cosine = Transforms(*(partial(self._each, f) for f in (dct, idct)))
         self.sine = Transforms(*(partial(self._each, f) for f in (dst, idst)))
         self.diagonalise = partial(PlainDiagonalised, self)
+        self.passes = partial(PlainPasses, self)
 
     @classmethod
     def of(cls, array: Any) -> "Plain":
@@ -68,6 +69,12 @@ class Plain:
     def cast(self, array: Any, dtype: DTypeLike) -> Any:
         """Return an array in the precision of one of NumPy's dtypes, itself where it has that."""
         return self.xp.astype(array, self.native(dtype), copy=False)
+
+    def cast_numbers(self, array: Any, dtype: DTypeLike) -> Any:
+        """Return real or complex numbers in the precision of a dtype of either kind, copied."""
+        char = np.dtype(dtype).char
+        native = self.native(char.upper() if self.dtype(array).kind == "c" else char.lower())
+        return self.xp.astype(array, native, copy=True)
 
     def native(self, dtype: DTypeLike) -> Any:
         """Return a dtype of the library: that, or one of less precision where it has no other."""
@@ -121,31 +128,33 @@ class Plain:
         """Return NumPy's array as one of this library, on its device."""
         return self.xp.asarray(array, dtype=self.native(array.dtype), device=self.device)
 
-    def multiplication(self, a: Any) -> "PlainProduct":
+    def multiplication(self, a: Any) -> MultilevelProduct:
         """Make the product with the matrix of some `Coefficients`, which takes a transform."""
-        return PlainProduct.of(self, [[a]], a.dtype)
+        return MultilevelProduct.of(self, [[a]], a.dtype)
 
-    def coupled(self, blocks: Any, dtype: DTypeLike, known: Any) -> "PlainProduct":
-        """Make the product with a matrix of such blocks."""
-        return PlainProduct.of(self, blocks, np.dtype(dtype))
+    def multiply_rows(self, product: Any, X: Any, out: Any = None) -> Any:
+        """Multiply rows as `products.multiply_rows` does; of `out` the dtype alone matters."""
+        xp, given = self.xp, self.dtype(X)
+        dtype = np.result_type(given, product.dtype) if out is None else self.dtype(out)
+        if given.kind == "c" != product.dtype.kind:
+            real, imag = (self.multiply_rows(product, part(X)) for part in (xp.real, xp.imag))
+            return self.cast(real, dtype) + 1j * self.cast(imag, dtype)
+        rows = xp.reshape(X, (-1, X.shape[-1]))
+        count_work(rows.shape[0], product.points)
+        Y = product.multiply(self.cast(rows, product.dtype), None)
+        return self.cast(xp.reshape(Y, X.shape), dtype)
 
     def pad(self, array: Any, shape: tuple[int, ...]) -> Any:
         """Extend an array by zeros behind its last axes."""
         for axis, length in enumerate(shape, array.ndim - len(shape)):
             if array.shape[axis] < length:
-                zeros = self.zeros(array, axis, length - array.shape[axis])
-                array = self.xp.concat([array, zeros], axis=axis)
+                behind = zeros(self, array, axis, length - array.shape[axis])
+                array = self.xp.concat([array, behind], axis=axis)
         return array
 
-    def zeros(self, array: Any, axis: int, length: int) -> Any:
-        """Return zeros as an array has, of another length along an axis."""
-        shape = [*array.shape[:axis], length, *array.shape[axis + 1 :]]
-        return self.xp.zeros(tuple(shape), dtype=array.dtype, device=self.device)
-
-    def phases(self, length: int, angle: float, dtype: DTypeLike) -> Any:
-        """Return exp(-i k angle), k = 0 ... length - 1."""
-        k = self.cast(self.arange(length), np.complex128)
-        return self.cast(self.xp.exp(k * (-1j * angle)), dtype)
+    def enlarge(self, array: Any, shape: tuple[int, ...], dtype: DTypeLike) -> Any:
+        """Extend an array by zeros behind its last axes, in another precision."""
+        return self.pad(self.cast(array, dtype), shape)
 
     def cells(self, index: Array, size: int) -> tuple[Any, Any]:
         """Prepare the unknowns of a mask, by their positions among the points of the grid."""
@@ -156,7 +165,8 @@ class Plain:
 
     def extend(self, X: Any, cells: tuple[Any, Any], out: Any) -> Any:
         """Extend rows of unknowns to the grid, by zeros, in the precision of `out`."""
-        rows = self.xp.astype(self.xp.reshape(X, (-1, X.shape[-1])), out.dtype, copy=False)
+        rows = self.xp.reshape(X, (prod(X.shape[:-1]), X.shape[-1]))
+        rows = self.xp.astype(rows, out.dtype, copy=False)
         return self.xp.take(self.pad(rows, (rows.shape[1] + 1,)), cells[1], axis=-1)
 
     def restrict(self, grid: Any, cells: tuple[Any, Any], out: Any) -> Any:
@@ -201,8 +211,8 @@ class Plain:
             column = self.xp.real(self.xp.fft.rfft(period, axis=axis))
         return column
 
-    def _each(self, transform: Any, a: Any, s: Any = None, axes: Any = None) -> Any:
-        for axis in range(a.ndim)[slice(None) if axes is None else slice(-len(axes), None)]:
+    def _each(self, transform: Any, a: Any, axes: Any, s: Any = None) -> Any:
+        for axis in axes:
             a = transform(self, a, axis)
         return a
 
@@ -212,64 +222,28 @@ def _library(xp: Any, device: Any) -> Plain:
     return Plain(xp, device)
 
 
-class PlainProduct:
-    """Multiplication by a Toeplitz matrix of any number of axes, or by blocks of such.
-
-    Parameters
-    ----------
-    library : Plain
-    grid_shape : tuple of int
-        (components, n₁, ..., n_d).
-    dtype : dtype
-        NumPy's.
-    spectra : sequence of sequences of list of array, or None
-        For each pair of components the eigenvalues of the embedding, in parts along the last axis.
-    """
+class PlainPasses:
+    """The passes of a `multilevel.MultilevelProduct` (see `passes.PanelPasses`)."""
 
     def __init__(
-        self, library: Plain, grid_shape: tuple[int, ...], dtype: DTypeLike, spectra: Any
+        self,
+        library: Plain,
+        grid_shape: tuple[int, ...],
+        dtype: np.dtype[Any],
+        lengths: tuple[int, ...],
+        spectrum: Any,
     ) -> None:
-        self.library, self.grid_shape, self.dtype = library, grid_shape, np.dtype(dtype)
-        self.points, self.spectra = float(prod(grid_shape)), spectra
-        self.lengths = embedding_lengths(grid_shape[1:], is_complex=self.dtype.kind == "c")
-        n, L, precision = grid_shape[-1], self.lengths[-1], self.dtype.char.upper()
-        self._w = None if self.dtype.kind == "c" else library.phases(n, pi / (2 * L), precision)
+        self.library, self.grid_shape, self.lengths = library, grid_shape, lengths
+        self.spectrum, self.dtype, self._w = spectrum, dtype, None
+        if dtype.kind != "c":
+            angle, precision = pi / (2 * lengths[-1]), dtype.char.upper()
+            self._w = phases(library, grid_shape[-1], angle, precision)
 
-    @classmethod
-    def of(cls, library: Plain, blocks: Any, dtype: DTypeLike) -> "PlainProduct":
-        """Make the product from the `Coefficients` of each pair of components, or None."""
-        grid_shape = next(a.grid_shape for row in blocks for a in row if a is not None)
-        spectra = [[a and _spectrum(library, a, np.dtype(dtype)) for a in row] for row in blocks]
-        return cls(library, (len(blocks), *grid_shape), dtype, spectra)
-
-    def _map(self, change: Callable[[Any], Any], dtype: DTypeLike, rows: Any) -> "PlainProduct":
-        spectra = [[parts and list(map(change, parts)) for parts in row] for row in rows]
-        return PlainProduct(self.library, self.grid_shape, dtype, spectra)
-
-    def adjoint(self) -> "PlainProduct":
-        """Return the multiplication by the conjugate transpose; no transform is made."""
-        return self._map(self.library.conj, self.dtype, zip(*self.spectra, strict=True))
-
-    def astype(self, dtype: DTypeLike) -> "PlainProduct":
-        """Return the multiplication in another precision; no transform is made."""
-        return self._map(partial(_cast, self.library, dtype=dtype), dtype, self.spectra)
-
-    @property
-    def norm_bound(self) -> float:
-        """A bound of the 2-norm, by the largest eigenvalues of the blocks."""
-        xp = self.library.xp
-        blocks = [parts for row in self.spectra for parts in row if parts is not None]
-        return hypot(*(max(float(xp.max(xp.abs(s))) for s in parts) for parts in blocks))
-
-    def __call__(self, X: Any, out: Any = None) -> Any:
-        """Multiply the rows of `X`, shape (..., N)."""
-        return _multiply_rows(self, X, out)
-
-    def multiply(self, X: Any) -> Any:
+    def multiply(self, X: Any, out: Any = None) -> Any:
         """Multiply the rows of `X`, of shape (rows, N), in the precision of the matrix."""
         xp = self.library.xp
         Z = self.rows_in(xp.reshape(X, (-1, *self.grid_shape)))
-        parts = [self.columns(Z[..., part], k) for k, part in enumerate(_parts(self.lengths))]
+        parts = [self.columns_through(Z[..., p], p.start) for p in parts_of(self.lengths)]
         del Z  # The memory is for what comes.
         Z = xp.concat(parts, axis=-1)
         del parts
@@ -277,29 +251,34 @@ class PlainProduct:
 
     def rows_in(self, Z: Any) -> Any:
         """Transform fields, of shape (rows, components, n₁, ...), along their last axis."""
+        Z = self.library.cast(Z, self.dtype)
         Z = Z if self._w is None else Z * self._w
         return self.library.xp.fft.fft(Z, n=self.lengths[-1], axis=-1)
 
-    def columns(self, Z: Any, k: int) -> Any:
-        """Multiply part k of the frequencies of the last axis."""
-        xp = self.library.xp
+    def columns_through(self, Z: Any, first: int = 0) -> Any:
+        """Multiply frequencies of the last axis by their matrices of the others."""
+        xp, columns = self.library.xp, slice(first, first + Z.shape[-1])
         lengths, grid = self.lengths[:-1], self.grid_shape[1:-1]
         for axis in reversed(range(len(grid))):
             Z = xp.fft.fft(Z, n=lengths[axis], axis=2 + axis)
-        rows = [[(j, parts[k]) for j, parts in enumerate(row) if parts] for row in self.spectra]
+        rows = [
+            [(j, s[..., columns]) for j, s in enumerate(row) if s is not None]
+            for row in self.spectrum
+        ]
         if len(rows) == 1:
-            Z *= rows[0][0][1]
+            Z *= rows[0][0][1] if rows[0] else 0.0
         else:
-            Z = xp.stack([sum(Z[:, j, ...] * s for j, s in row) for row in rows], axis=1)
+            zero = xp.zeros_like(Z[:, 0, ...])
+            Z = xp.stack([sum((Z[:, j, ...] * s for j, s in row), zero) for row in rows], axis=1)
         for axis, n in enumerate(grid):
-            Z = xp.fft.ifft(Z, axis=2 + axis)[cut(2 + axis, 0, n)]
+            Z = xp.fft.ifft(Z, axis=2 + axis, norm="forward")[cut(2 + axis, 0, n)]
         # A view would keep the memory of the zeros.
         return xp.asarray(Z, copy=True) if grid else Z
 
-    def rows_out(self, Z: Any) -> Any:
+    def rows_out(self, Z: Any, out: Any = None) -> Any:
         """Return fields from their transforms along the last axis."""
         xp = self.library.xp
-        Z = xp.fft.ifft(Z, axis=-1)[..., : self.grid_shape[-1]]
+        Z = xp.fft.ifft(Z, axis=-1, norm="forward")[..., : self.grid_shape[-1]]
         if self._w is None:
             return Z
         Z *= xp.conj(self._w)
@@ -320,7 +299,7 @@ class PlainDiagonalised:
     ) -> None:
         self.points = prod(grid_shape) / 2 ** axes_of(grid_shape)
         self.library, self.grid_shape, self.dtype = library, grid_shape, np.dtype(dtype)
-        self.spectrum = _cast(library, spectrum, dtype)
+        self.spectrum = library.cast_numbers(spectrum, dtype)
         self.fft_shape, self.transforms = fft_shape, transforms
         self.is_hermitian = library.dtype(spectrum).kind != "c"
 
@@ -332,9 +311,9 @@ class PlainDiagonalised:
 
     def __call__(self, X: Any, out: Any = None) -> Any:
         """Multiply the rows of `X`, shape (..., N)."""
-        return _multiply_rows(self, X, out)
+        return self.library.multiply_rows(self, X, out)
 
-    def multiply(self, X: Any) -> Any:
+    def multiply(self, X: Any, out: Any = None) -> Any:
         """Multiply the rows of `X`, of shape (rows, N), in the precision of the matrix."""
         xp, axes = self.library.xp, tuple(range(1, 1 + len(self.grid_shape)))
         Z = self.library.pad(xp.reshape(X, (-1, *self.grid_shape)), self.fft_shape)
@@ -391,73 +370,6 @@ class PlainVectors:
         return y
 
 
-def _multiply_rows(product: Any, X: Any, out: Any) -> Any:
-    """Multiply rows, as `products.multiply_rows` does; of `out` but the dtype is of interest."""
-    library, xp = product.library, product.library.xp
-    given = library.dtype(X)
-    dtype = np.result_type(given, product.dtype) if out is None else library.dtype(out)
-    if given.kind == "c" != product.dtype.kind:
-        real, imag = (_multiply_rows(product, part(X), None) for part in (xp.real, xp.imag))
-        return library.cast(real, dtype) + 1j * library.cast(imag, dtype)
-    rows = xp.reshape(X, (-1, X.shape[-1]))
-    count_work(rows.shape[0], product.points)
-    Y = product.multiply(library.cast(rows, product.dtype))
-    return library.cast(xp.reshape(Y, X.shape), dtype)
-
-
-def _parts(lengths: tuple[int, ...]) -> list[slice]:
-    """Return the parts of the frequencies of the last axis."""
-    count = min(PARTS, lengths[-1], max(1, prod(lengths) // LEAST)) if len(lengths) > 1 else 1
-    ends = [lengths[-1] * k // count for k in range(count + 1)]
-    return list(map(slice, ends[:-1], ends[1:]))
-
-
-def _spectrum(library: Plain, a: Any, dtype: np.dtype[Any]) -> list[Any]:
-    """Return the eigenvalues of the embedding of some `Coefficients`, in parts."""
-    xp, is_complex, last = library.xp, dtype.kind == "c", len(a.grid_shape) - 1
-    lengths = embedding_lengths(a.grid_shape, is_complex=is_complex)
-    count_transforms(1, *(2 * n for n in a.grid_shape))
-    if is_complex:
-        column = library.cast(around(library, a.array, last, lengths[-1], a.is_even), np.complex128)
-    else:
-        # What goes around is imaginary.
-        ahead, behind = _halves(xp, a.array, last, a.is_even)
-        zeros = library.zeros(behind, last, lengths[-1] - behind.shape[-1])
-        column = library.cast(xp.concat([zeros, behind], axis=last), np.complex128)
-        column *= 1j
-        column += library.cast(library.pad(ahead, lengths[-1:]), np.float64)
-        column *= library.phases(lengths[-1], pi / (2 * lengths[-1]), np.complex128)
-    column = xp.fft.fft(column, axis=last)
-    spectra = []
-    for part in _parts(lengths):
-        S = column[..., part]
-        for axis, length in enumerate(lengths[:-1]):
-            S = xp.fft.fft(around(library, S, axis, length, a.is_even), axis=axis)
-        spectra.append(_cast(library, xp.real(S) if a.is_hermitian else S, dtype, copy=True))
-    return spectra
-
-
-def around(library: Plain, a: Any, axis: int, length: int, is_even: bool) -> Any:
-    """Return the coefficients of the lags from 0 on, zeros, and those of the lags below 0."""
-    ahead, behind = _halves(library.xp, a, axis, is_even)
-    zeros = library.zeros(a, axis, length - ahead.shape[axis] - behind.shape[axis])
-    return library.xp.concat([ahead, zeros, behind], axis=axis)
-
-
-def _halves(xp: Any, a: Any, axis: int, is_even: bool) -> tuple[Any, Any]:
-    if is_even:
-        return a, xp.flip(a[cut(axis, 1)], axis=axis)
-    n = a.shape[axis] // 2
-    return a[cut(axis, n)], a[cut(axis, 0, n)]
-
-
-def _cast(library: Plain, s: Any, dtype: DTypeLike, copy: bool = False) -> Any:
-    """Return real or complex numbers in the precision of a dtype of either kind."""
-    char = np.dtype(dtype).char
-    native = library.native(char.upper() if library.dtype(s).kind == "c" else char.lower())
-    return library.xp.astype(s, native, copy=copy)
-
-
 def dct(library: Plain, a: Any, axis: int) -> Any:
     """Return an orthonormal DCT-II, by a real transform of the same length (Makhoul)."""
     xp, n = library.xp, a.shape[axis]
@@ -472,7 +384,7 @@ def idct(library: Plain, f: Any, axis: int) -> Any:
     """Return its inverse."""
     xp, n = library.xp, f.shape[axis]
     last = xp.flip(f[cut(axis, n - n // 2)], axis=axis)
-    back = xp.concat([library.zeros(f, axis, 1), last], axis=axis)
+    back = xp.concat([zeros(library, f, axis, 1), last], axis=axis)
     V = xp.astype(back, xp.result_type(f.dtype, xp.complex64))
     V *= -1j
     V += f[cut(axis, 0, n // 2 + 1)]
@@ -480,7 +392,7 @@ def idct(library: Plain, f: Any, axis: int) -> Any:
     v = xp.fft.irfft(V, n=n, axis=axis)
     even, odd = v[cut(axis, 0, (n + 1) // 2)], xp.flip(v[cut(axis, (n + 1) // 2)], axis=axis)
     if n % 2:
-        odd = xp.concat([odd, library.zeros(f, axis, 1)], axis=axis)
+        odd = xp.concat([odd, zeros(library, f, axis, 1)], axis=axis)
     v = xp.reshape(
         xp.stack([even, odd], axis=axis + 1), (*f.shape[:axis], -1, *f.shape[axis + 1 :])
     )
@@ -507,6 +419,6 @@ def _signs(library: Plain, a: Any, axis: int) -> Any:
 def _turns(library: Plain, n: int, dtype: Any, rest: int) -> Any:
     """Return exp(-iπk/2n) for k = 0 ... n/2, times what makes the transform orthonormal."""
     xp = library.xp
-    turns = sqrt(2.0 / n) * library.phases(n // 2 + 1, pi / (2 * n), np.complex128)
+    turns = sqrt(2.0 / n) * phases(library, n // 2 + 1, pi / (2 * n), np.complex128)
     turns = xp.concat([turns[:1] * sqrt(0.5), turns[1:]])
     return xp.reshape(xp.astype(turns, dtype), (-1, *[1] * rest))

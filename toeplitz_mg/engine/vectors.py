@@ -301,4 +301,4 @@ class Vectors:
     add_combination = staticmethod(add_combination)
 
 
-PLAIN = Vectors()  # Of vectors that this process has alone.
+ALONE = Vectors()  # Of vectors that this process has alone.

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.library import NUMPY, Library
-from toeplitz_mg.engine.vectors import PLAIN, Vectors
+from toeplitz_mg.engine.vectors import ALONE, Vectors
 from toeplitz_mg.operators import algebra
 
 NUMBERS = "fcbui"  # Kinds of dtypes that are multiplied: real, complex, booleans, integers.
@@ -258,7 +258,7 @@ def work_of(A: LinearOperator) -> float:
 
 def vectors_of(A: Any) -> Vectors:
     """Return the operations with the vectors of an operator, or of a matrix."""
-    return getattr(A, "vectors", PLAIN)
+    return getattr(A, "vectors", ALONE)
 
 
 def library_for(A: Any) -> Library:

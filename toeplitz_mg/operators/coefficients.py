@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import Library, cut, library_of
+from toeplitz_mg.engine.embedding import cut
+from toeplitz_mg.engine.library import Library, library_of
 
 HEADROOM = (
     2.0**-8

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, name_symmetry
 from toeplitz_mg.operators.coefficients import check_precision
@@ -93,7 +94,8 @@ class CoupledOperator(GridOperator):
         self.is_symmetric = self.is_hermitian = all(_is_transpose(*pair) for pair in pairs)
         if self.dtype.kind == "c":
             self.is_hermitian = all(_is_transpose(*pair, conjugate=True) for pair in pairs)
-        self._product = product or library.coupled(
+        self._product = product or MultilevelProduct.of(
+            library,
             [[block and block.coefficients for block in row] for row in rows],
             self.dtype,
             [[block and self._spectrum_of(block) for block in row] for row in rows],

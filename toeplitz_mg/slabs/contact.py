@@ -23,10 +23,10 @@ from toeplitz_mg.slabs.operators import (
     CoupledOperator,
     MaskedOperator,
     SlabOperator,
-    SlabProduct,
     ToeplitzOperator,
 )
 from toeplitz_mg.slabs.preconditioners import cosine_preconditioner
+from toeplitz_mg.slabs.product import SlabProduct
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.values import field
 
@@ -198,15 +198,11 @@ class ShiftedInverse(SlabOperator):
         spectra: list[list[Array | None]] = [[None] * len(K.blocks) for _ in K.blocks]
         for i, row in enumerate(K.blocks):
             block: Any = row[i]
-            s = block.product.spectrum
+            s = block.product.spectra[0][0]
             lowest = shift * max(self.slab.gather(np.abs(s).max(initial=0.0)))
             # Those of the inverse, as those of K, are divided by the points of a transform.
             spectra[i][i] = 1.0 / ((s + lowest) * block.product.points**2)
-        self._product = SlabProduct(self.slab, spectra, dtype)
-
-    def multiply(self, x: Array, y: Array) -> None:
-        """Multiply a vector into another, which may be the same."""
-        self._product.multiply(x, y)
+        self.product = SlabProduct(self.slab, self.library, spectra, dtype)
 
 
 def normal_contact(

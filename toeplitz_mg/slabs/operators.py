@@ -8,29 +8,21 @@ There is no multigrid on slabs: a cycle moves six times the bytes of an iteratio
 gradients with `fsai_preconditioner`, and takes more of them.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from math import prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
-from scipy import fft
 
+from toeplitz_mg import operators
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.lengths import embedding_lengths
-from toeplitz_mg.engine.library import NUMPY, Library, NumPy, library_of
-from toeplitz_mg.engine.multilevel import NARROW, MultilevelProduct
-from toeplitz_mg.engine.products import cast_numbers
-from toeplitz_mg.engine.transforms import phase_factors
-from toeplitz_mg.engine.work import count_transforms, count_work
-from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.operators.base import require_numpy
+from toeplitz_mg.engine.library import NUMPY, Library, library_of, refuse_mixed
 from toeplitz_mg.operators.coefficients import check_finite, check_precision, require_digits
 from toeplitz_mg.operators.masked import check_booleans
-from toeplitz_mg.slabs.slab import Slab, Turn
+from toeplitz_mg.slabs.product import SlabProduct, embed_on_slab
+from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.values import refuse_masked
-
-TURN_BYTES = 2**23  # Bytes of the columns that a rank has at a time.
 
 
 class SlabOperator:
@@ -49,6 +41,8 @@ class SlabOperator:
     vectors : Vectors
         Inner products and updates of the vectors that it multiplies, over all ranks.
     """
+
+    product: SlabProduct  # What multiplies, unless a class says otherwise.
 
     def __init__(
         self,
@@ -80,8 +74,8 @@ class SlabOperator:
         return self.library.each(self.multiply, X, out)
 
     def multiply(self, x: Array, y: Array) -> Any:
-        """Multiply a vector into another, which may be the same; return it, if that cannot be."""
-        raise NotImplementedError
+        """Multiply a vector into another, which may be the same; return the result."""
+        return self.product.multiply(x, y)
 
     def __matmul__(self, x: ArrayLike) -> Array:
         with self.slab.agree() as same:
@@ -174,12 +168,10 @@ class ToeplitzOperator(SlabOperator):
         self.parity = parity
         self.is_even = set(parity) == {1} and behind is None
         self.is_symmetric = prod(parity) == 1 and behind is None
-        self.product = product or SlabProduct(slab, [[_spectrum(self)]], self.dtype)
-        self._multiply = self.product.multiply
-        if not isinstance(library, NumPy):
-            from toeplitz_mg.slabs.arrays import PlainSlabProduct  # This needs array-api-compat.
-
-            self._multiply = PlainSlabProduct(library, slab, self.product).multiply
+        if product is None:
+            spectrum = embed_on_slab(slab, self.c, self.behind, parity)
+            product = SlabProduct(slab, library, [[spectrum]], self.dtype)
+        self.product = product
 
     @property
     def norm_bound(self) -> float:
@@ -198,10 +190,6 @@ class ToeplitzOperator(SlabOperator):
             behind=None if self.behind is None else self.behind.astype(dtype),
             product=self.product.astype(dtype) if dtype.itemsize < self.dtype.itemsize else None,
         )
-
-    def multiply(self, x: Array, y: Array) -> Any:
-        """Multiply a vector into another, which may be the same; return it, if that cannot be."""
-        return self._multiply(x, y)
 
     def __repr__(self) -> str:
         kind = "symmetric" if self.is_symmetric else "general"
@@ -243,9 +231,7 @@ class CoupledOperator(SlabOperator):
                 f"blocks is {blocks!r}, but must have rows of ToeplitzOperator of "
                 "toeplitz_mg.slabs, or None, as [[xx, xy], [xy, yy]]"
             )
-        for block in given:
-            require_numpy(block, "a CoupledOperator on slabs")
-        slab, components = given[0].slab, len(self.blocks)
+        slab, library, components = given[0].slab, given[0].library, len(self.blocks)
         with slab.agree() as same:
             same["which blocks there are"] = [[b is not None for b in row] for row in self.blocks]
             if any(len(row) != components for row in self.blocks):
@@ -255,10 +241,13 @@ class CoupledOperator(SlabOperator):
                 )
             if any(block.slab is not slab for block in given):
                 raise ValueError("the blocks live on several slabs, but must live on one")
+            for block in given:
+                if block.library is not library:
+                    refuse_mixed("a block", block.library, library)
         dtype = np.result_type(*(block.dtype for block in given))
-        super().__init__(slab, dtype, (components, *slab.local))
-        spectra = [[block and block.product.spectrum for block in row] for row in self.blocks]
-        self.product = SlabProduct(slab, spectra, self.dtype)
+        super().__init__(slab, dtype, (components, *slab.local), library=library)
+        spectra = [[block and block.product.spectra[0][0] for block in row] for row in self.blocks]
+        self.product = SlabProduct(slab, library, spectra, self.dtype)
 
     @property
     def norm_bound(self) -> float:
@@ -273,10 +262,6 @@ class CoupledOperator(SlabOperator):
         return CoupledOperator(
             [[block and block.astype(dtype) for block in row] for row in self.blocks]
         )
-
-    def multiply(self, x: Array, y: Array) -> None:
-        """Multiply a vector into another, which may be the same."""
-        self.product.multiply(x, y)
 
     def __repr__(self) -> str:
         return f"<CoupledOperator of {len(self.blocks)} components {self.slab.name}, {self.dtype}>"
@@ -316,153 +301,24 @@ class MaskedOperator(SlabOperator):
                 f"A is a {type(A).__name__}, but must be an operator of toeplitz_mg.slabs on a "
                 "whole grid"
             )
-        require_numpy(A, "a mask on slabs")
         with A.slab.agree():
+            mask = library_of(mask).to_numpy(mask)
             self.mask = check_booleans(mask, A.grid_shape, isinstance(A, CoupledOperator))
-        if not A.vectors.count(self.mask):
+        if not A.slab.vectors.count(self.mask):
             raise ValueError("mask is nowhere true on any rank: there are no unknowns")
-        self.full = A
-        self._index = np.flatnonzero(self.mask)
-        super().__init__(A.slab, A.dtype, A.grid_shape, len(self._index))
+        index = np.flatnonzero(self.mask)
+        super().__init__(A.slab, A.dtype, A.grid_shape, len(index), A.library)
+        self.full, self._cells = A, A.library.cells(index, self.mask.size)
 
     def astype(self, dtype: DTypeLike) -> "MaskedOperator":
         """Return the matrix in another precision, or itself where it has that one."""
         full: Any = self.full
         return self if self.dtype == dtype else MaskedOperator(full.astype(dtype), self.mask)
 
-    def multiply(self, x: Array, y: Array) -> None:
-        """Multiply a vector into another, which may be the same."""
-        grid = workspace((self.full.shape[0],), y.dtype)
-        grid[...] = 0.0
-        grid[self._index] = x
-        self.full.multiply(grid, grid)
-        y[...] = grid[self._index]
+    apply = operators.MaskedOperator.apply
 
     def __repr__(self) -> str:
         return f"<MaskedOperator of {self.full!r}>"  # The same on all ranks, for errors.
-
-
-class SlabProduct:
-    """Multiplication of this rank's rows by a Toeplitz matrix, or by blocks of such.
-
-    The three passes of `MultilevelProduct`, rows in, columns through and rows out, with an exchange
-    between them. It is made in turns, so that a rank has few columns at a time.
-
-    Parameters
-    ----------
-    slab : Slab
-    spectrum : list of lists of ndarray or None
-        For each pair of components the eigenvalues of the embedding, as that class has them, of
-        this rank's frequencies of the last axis.
-    dtype : float32 or float64
-    """
-
-    def __init__(self, slab: Slab, spectrum: Any, dtype: DTypeLike) -> None:
-        self.slab = slab
-        self._components = len(spectrum)
-        casts = [
-            [s if s is None else np.ascontiguousarray(cast_numbers(s, dtype)) for s in row]
-            for row in spectrum
-        ]
-        self._passes = MultilevelProduct((self._components, *slab.shape), dtype, None, casts)
-
-    @property
-    def spectrum(self) -> Array | None:
-        """The eigenvalues of the first pair of components."""
-        assert self._passes.spectrum is not None
-        return self._passes.spectrum[0][0]
-
-    @property
-    def spectra(self) -> Any:
-        """The eigenvalues of all pairs."""
-        return self._passes.spectrum
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """The precision of the products."""
-        return self._passes.dtype
-
-    @property
-    def points(self) -> int:
-        """The points of the transforms, by which the eigenvalues are divided."""
-        return prod(self._passes.lengths)
-
-    @property
-    def norm_bound(self) -> float:
-        """A bound of the 2-norm, which is the largest of those of the frequencies of a rank."""
-        return max(self.slab.gather(self._passes.norm_bound))
-
-    def astype(self, dtype: DTypeLike) -> "SlabProduct":
-        """Return the multiplication in another precision; no transform is made."""
-        return SlabProduct(self.slab, self._passes.spectrum, dtype)
-
-    def multiply(self, x: Array, y: Array) -> None:
-        """Multiply a vector into another, which may be the same."""
-        slab, passes = self.slab, self._passes
-        count_work(1, float(x.size))
-        n = slab.shape[-1]
-        Z = passes.rows_in(x.reshape(x.size // n, n))
-        parts = Z.reshape(self._components, *slab.local[:-1], Z.shape[-1])
-        first = 0
-        for turn in turns_of(slab, passes.lengths, self._components * Z.itemsize):
-            width = turn[slab.comm.rank][1] - turn[slab.comm.rank][0]
-            C = workspace((self._components, *slab.shape[:-1], width), Z.dtype)
-            for part, columns in zip(parts, C, strict=True):
-                slab.to_columns(part, turn, columns)
-            passes.columns_through(C[np.newaxis], first)
-            for part, columns in zip(parts, C, strict=True):
-                slab.to_rows(columns, part, turn)
-            first += width
-        passes.rows_out(Z, y.reshape(y.size // n, n))
-
-
-def turns_of(slab: Slab, lengths: tuple[int, ...], number: int) -> Iterator[Turn]:
-    """Return turns of columns, each number of which has so many bytes."""
-    return slab.turns(lengths[-1], max(NARROW, TURN_BYTES // (number * prod(lengths[:-1]))))
-
-
-def _spectrum(A: ToeplitzOperator) -> Array:
-    """Return the eigenvalues of the embedding for this rank's frequencies of the last axis."""
-    slab, lengths = A.slab, embedding_lengths(A.slab.shape)
-    count_transforms(1, *(2 * n for n in slab.local))
-    halves = [
-        _transform_rows(half, A.parity, lengths) for half in (A.c, A.behind) if half is not None
-    ]
-    own = slab.columns(lengths[-1])
-    kind = np.float64 if A.is_symmetric else np.complex128
-    spectrum = np.empty((*lengths[:-1], own.stop - own.start), kind)
-    sign = 1 if A.behind is not None else A.parity[0]
-    for turn in turns_of(slab, lengths, np.dtype(np.complex128).itemsize):
-        columns = [slab.to_columns(half, turn) for half in halves]
-        S = _embed(columns[0], sign * columns[-1], 0, lengths[0])
-        S = fft.fft(S, axis=0, overwrite_x=True)
-        first, stop = turn[slab.comm.rank]
-        spectrum[..., first - own.start : stop - own.start] = S.real if A.is_symmetric else S
-    return spectrum
-
-
-def _transform_rows(c: Array, parity: tuple[int, ...], lengths: tuple[int, ...]) -> Array:
-    """Transform all axes of a rank's coefficients but the first."""
-    n, L = c.shape[-1], lengths[-1]
-    Z = np.zeros((*c.shape[:-1], L), np.complex128)
-    Z[..., :n] = c
-    # What goes around the last axis is imaginary (see `ToeplitzProduct`).
-    Z.imag[..., L - n + 1 :] = parity[-1] * c[..., :0:-1]
-    Z *= phase_factors(L, 0.25, Z.dtype) / prod(lengths)
-    Z = fft.fft(Z, overwrite_x=True)
-    for axis in range(1, c.ndim - 1):
-        Z = fft.fft(_embed(Z, parity[axis] * Z, axis, lengths[axis]), axis=axis, overwrite_x=True)
-    return Z
-
-
-def _embed(ahead: Array, behind: Array, axis: int, length: int) -> Array:
-    """Return the first column of a circulant of this length, from the lags of both signs."""
-    ahead, behind = np.moveaxis(ahead, axis, 0), np.moveaxis(behind, axis, 0)
-    n = len(ahead)
-    column = np.zeros((length, *ahead.shape[1:]), ahead.dtype)
-    column[:n] = ahead
-    column[length - n + 1 :] = behind[:0:-1]
-    return np.moveaxis(column, 0, axis)
 
 
 def _check_rows(name: str, values: ArrayLike, slab: Slab) -> Array:

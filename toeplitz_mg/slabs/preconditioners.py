@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import DTypeLike
 from scipy import fft
 
+from toeplitz_mg import operators
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.engine.products import COSINE, SINE, Transforms
 from toeplitz_mg.engine.transforms import LONG
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.preconditioners.positivity import require_positive, require_range
 from toeplitz_mg.preconditioners.symbol import continue_axis, sum_tail
@@ -25,8 +24,8 @@ from toeplitz_mg.slabs.operators import (
     MaskedOperator,
     SlabOperator,
     ToeplitzOperator,
-    turns_of,
 )
+from toeplitz_mg.slabs.product import turns_of
 from toeplitz_mg.slabs.slab import Slab
 
 Make = Callable[[ToeplitzOperator, np.dtype[Any]], SlabOperator]
@@ -66,7 +65,6 @@ def restricted(make: Make) -> Callable[..., SlabOperator]:
 def _make(make: Make, A: ToeplitzOperator | None, dtype: DTypeLike | None) -> SlabOperator:
     if A is None or not A.is_even:
         raise ValueError(f"A, or a component's block on itself, is {A!r}, but must be even")
-    require_numpy(A, f"{make.__name__} on slabs")
     with A.slab.agree() as same:
         same["dtype"] = precision = check_precision(A.dtype if dtype is None else dtype, A.dtype)
     require_range(A.slab.gather(A.c.flat[0])[0], precision)  # Rank 0 has the diagonal.
@@ -132,7 +130,7 @@ def fft_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperato
     rows = rows[: slab.local[0]]
     for axis in reversed(range(1, rows.ndim)):
         rows = backward(rows, axis)
-    return ToeplitzOperator(rows.astype(dtype), slab)
+    return ToeplitzOperator(A.library.from_numpy(rows.astype(dtype)), slab)
 
 
 def _continue_rows(A: ToeplitzOperator, length: int) -> tuple[Slab, Array]:
@@ -154,7 +152,7 @@ def cosine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOper
 
     Parameters, results and errors are those of `fft_preconditioner`. It moves half the bytes.
     """
-    return DiagonalisedOperator(A, dtype, COSINE, 0, "cosine")
+    return DiagonalisedOperator(A, dtype, 0, "cosine")
 
 
 @restricted
@@ -163,7 +161,7 @@ def sine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperat
 
     Parameters, results and errors are those of `fft_preconditioner`. It moves half the bytes.
     """
-    return DiagonalisedOperator(A, dtype, SINE, 1, "sine")
+    return DiagonalisedOperator(A, dtype, 1, "sine")
 
 
 class DiagonalisedOperator(SlabOperator):
@@ -173,7 +171,6 @@ class DiagonalisedOperator(SlabOperator):
     ----------
     A : ToeplitzOperator
     dtype : float32 or float64
-    transforms : Transforms
     first : {0, 1}
         The number of the first sample along each axis.
     name : str
@@ -184,13 +181,12 @@ class DiagonalisedOperator(SlabOperator):
         self,
         A: ToeplitzOperator,
         dtype: np.dtype[Any],
-        transforms: Transforms,
         first: int,
         name: str,
     ) -> None:
-        slab = A.slab
-        super().__init__(slab, dtype, slab.local)
-        self._transforms, self._name = transforms, name
+        slab, library = A.slab, A.library
+        super().__init__(slab, dtype, slab.local, library=library)
+        self._transforms, self._name = library.sine if first else library.cosine, name
         self._lengths = tuple(map(near_fast_length, slab.shape))
         count_transforms(1, *slab.local)
         self._is_line = axes_of(slab.shape) == 1
@@ -209,7 +205,8 @@ class DiagonalisedOperator(SlabOperator):
         samples = lift_lowest(samples, dtype, slab.vectors)
         subject = f"the symbol of A, which the {name} preconditioner samples, has the value"
         require_positive(np.array(slab.extent(samples)), dtype, subject, ROBUST)
-        self._inverse = np.reciprocal(samples, out=samples).astype(dtype, copy=False)
+        inverse = np.reciprocal(samples, out=samples).astype(dtype, copy=False)
+        self._inverse = library.from_numpy(inverse)
 
     def _sample(self, x: Array, axis: int, first: int) -> Array:
         """Sample the symbol along an axis, of coefficients that are known as far as x goes."""
@@ -222,31 +219,32 @@ class DiagonalisedOperator(SlabOperator):
             x = continue_axis(x, axis, length)
         return fft.dct(x, type=1, axis=axis).take(range(first, first + length), axis)
 
-    def multiply(self, x: Array, y: Array) -> None:
-        """Multiply a vector into another, which may be the same."""
-        slab, lengths = self.slab, self._lengths
-        count_work(1, x.size / 2 ** axes_of(slab.shape))
+    def multiply(self, x: Any, y: Any) -> Any:
+        """Multiply a vector into another, which may be the same; return the result."""
+        slab, library, lengths = self.slab, self.library, self._lengths
+        count_work(1, prod(x.shape) / 2 ** axes_of(slab.shape))
         forward, backward = self._transforms
-        inside = tuple(slice(n) for n in slab.local)
         local_axes = tuple(range(1, len(lengths)))
-        Z = workspace((slab.local[0], *lengths[1:]), self.dtype)
-        if lengths[1:] != slab.shape[1:]:
-            Z[...] = 0.0
-        Z[inside] = x.reshape(slab.local)
-        Z = forward(Z, axes=local_axes, overwrite_x=True)
+        Z = library.enlarge(library.xp.reshape(x, slab.local), lengths[1:], self.dtype)
+        rows = library.to_numpy(forward(Z, axes=local_axes, **library.in_place))
+        rows = rows if rows.flags.writeable else rows.copy()
         start = 0
-        for turn in turns_of(slab, lengths, Z.itemsize):
+        for turn in turns_of(slab, lengths, rows.itemsize):
             a, b = turn[slab.comm.rank]
-            C = workspace((*lengths[:-1], b - a), self.dtype)
-            slab.to_columns(Z, turn, C[: slab.shape[0]])
-            C[slab.shape[0] :] = 0.0
-            C = forward(C, axes=(0,), overwrite_x=True)
+            host = workspace((*lengths[:-1], b - a), self.dtype)
+            slab.to_columns(rows, turn, host[: slab.shape[0]])
+            host[slab.shape[0] :] = 0.0
+            C = forward(library.from_numpy(host), axes=(0,), **library.in_place)
             C *= self._inverse[..., start : start + b - a]
-            C = backward(C, axes=(0,), overwrite_x=True)
-            slab.to_rows(C[: slab.shape[0]], Z, turn)
+            C = library.to_numpy(backward(C, axes=(0,), **library.in_place))
+            slab.to_rows(C[: slab.shape[0]], rows, turn)
             start += b - a
-        Z = backward(Z, axes=local_axes, overwrite_x=True)
-        y[...] = Z[inside].reshape(y.shape)
+        Z = backward(library.from_numpy(rows), axes=local_axes, **library.in_place)
+        result = library.xp.reshape(Z[tuple(slice(n) for n in slab.local)], x.shape)
+        if y is None:
+            return result
+        y[...] = result
+        return y
 
     def __repr__(self) -> str:
         return (
@@ -259,16 +257,10 @@ class BlockDiagonal(SlabOperator):
 
     def __init__(self, blocks: list[SlabOperator]) -> None:
         slab, dtype = blocks[0].slab, np.result_type(*(block.dtype for block in blocks))
-        super().__init__(slab, dtype, (len(blocks), *slab.local))
-        self._blocks = blocks
+        super().__init__(slab, dtype, (len(blocks), *slab.local), library=blocks[0].library)
+        self.blocks = blocks
 
-    def multiply(self, x: Array, y: Array) -> None:
-        """Multiply a vector into another, which may be the same."""
-        size = x.size // len(self._blocks)
-        for block, part, result in zip(
-            self._blocks, x.reshape(-1, size), y.reshape(-1, size), strict=True
-        ):
-            block.multiply(part, result)
+    apply = operators.BlockDiagonal.apply
 
     def __repr__(self) -> str:
-        return f"<BlockDiagonal of {self._blocks!r}>"
+        return f"<BlockDiagonal of {self.blocks!r}>"

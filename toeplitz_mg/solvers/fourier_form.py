@@ -13,7 +13,7 @@ from scipy import fft
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.transforms import phase_factors
-from toeplitz_mg.engine.vectors import PLAIN
+from toeplitz_mg.engine.vectors import ALONE
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.preconditioners.circulant import smooth_column
 from toeplitz_mg.preconditioners.positivity import require_nonzero
@@ -152,7 +152,7 @@ class FourierForm:
 class _Diagonal:
     """A circulant in the domain of the transform."""
 
-    vectors = PLAIN
+    vectors = ALONE
 
     def __init__(self, eigenvalues: Array, n: int, dtype: np.dtype[np.generic]) -> None:
         self.dtype, self.shape = dtype, (n, n)
@@ -176,7 +176,7 @@ class _Diagonal:
 class _Operator:
     """A matrix that a function multiplies."""
 
-    vectors = PLAIN
+    vectors = ALONE
 
     def __init__(
         self, n: int, dtype: np.dtype[np.generic], multiply: Callable[[Rows, Rows], Rows]

@@ -6,7 +6,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.threads import elementwise
-from toeplitz_mg.engine.vectors import PLAIN, Vectors
+from toeplitz_mg.engine.vectors import ALONE, Vectors
 
 
 def descend(
@@ -16,7 +16,7 @@ def descend(
     project: Callable[[Array], Array],
     norm_bound: float,
     products: int,
-    vectors: Vectors = PLAIN,
+    vectors: Vectors = ALONE,
 ) -> tuple[Array, Array]:
     """Lower the energy ½ x·Ax - b·x within a convex set, by Nesterov's method.
 

@@ -1,0 +1,63 @@
+"""What a result of a contact problem is in words: figures with their units."""
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import Any, NamedTuple
+
+import numpy as np
+
+ROUNDING = 1e-12  # Size of a component, relative to the largest, that is shown as zero.
+FEW = 3  # Figures in the repr of a result, which is one line.
+
+
+class Figure(NamedTuple):
+    """A number, or some, with a name and a unit."""
+
+    name: str
+    value: Any
+    unit: str = ""
+
+    @property
+    def text(self) -> str:
+        """The value and its unit."""
+        if isinstance(self.value, str):
+            return self.value
+        values = np.atleast_1d(self.value)
+        least = ROUNDING * float(np.abs(values).max())
+        numbers = ", ".join(f"{x if abs(x) > least else 0.0:.5g}" for x in values)
+        return f"{numbers if len(values) == 1 else f'({numbers})'} {self.unit}".rstrip()
+
+
+def describe_grid(shape: Sequence[int], element: Sequence[float]) -> str:
+    """Return the elements of a grid in words."""
+    count, size = (" x ".join(f"{x:.5g}" for x in sizes) for sizes in (shape, element))
+    return f"{count} elements of {size} mm"
+
+
+def describe_cost(products: int, residual: float) -> str:
+    """Return what a solution cost, and how exact it is, in words."""
+    return f"{products} product{'s' * (products != 1)}, violation {residual:.1e}"
+
+
+def shorten(name: str, shape: Sequence[int], figures: Sequence[Figure], products: int) -> str:
+    """Return the first figures in one line."""
+    few = ", ".join(f"{figure.name} {figure.text}" for figure in figures[:FEW])
+    grid = " x ".join(map(str, shape))
+    return f"<{name} {grid}: {few}; {products} product{'s' * (products != 1)}>"
+
+
+def list_figures(title: str, figures: Iterable[Figure], cost: str, warnings: Iterable[str]) -> str:
+    """Return lines of a title, figures, what they cost, and warnings."""
+    lines = [title, *(f"  {figure.name:18s}{figure.text}" for figure in figures)]
+    lines += [f"  {'solved by':18s}{cost}", *(f"  warning: {warning}" for warning in warnings)]
+    return "\n".join(lines)
+
+
+def tabulate_figures(
+    title: str, figures: Iterable[Figure], cost: str, warnings: Iterable[str]
+) -> str:
+    """Return the same as a table of HTML."""
+    rows = [*((figure.name, figure.text) for figure in figures), ("solved by", cost)]
+    rows += [("warning", warning) for warning in warnings]
+    cells = "".join(f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows)
+    return f"<table><caption>{escape(title)}</caption>{cells}</table>"

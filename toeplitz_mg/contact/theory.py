@@ -1,0 +1,232 @@
+"""Hertz's theory, in closed form: a reference for what is computed on a grid."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+from scipy.special import elliprd, elliprf
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.halfspace.materials import combine
+from toeplitz_mg.values import field, in_range, positive
+
+FLATTEST = 1e4  # Ratio of two radii of curvature up to which the equation of the axes is solved.
+
+
+@dataclass(frozen=True)
+class HertzContact:
+    """The contact of an ellipsoid or a cylinder with a flat, by Hertz's theory.
+
+    Attributes
+    ----------
+    half_axes : (float, float)
+        Half axes of the contact along x and y, mm; infinite along a cylinder.
+    force : float
+        The force that presses, N; of a cylinder N per mm of length.
+    max_pressure : float
+        The largest pressure, in the middle, N/mm².
+    approach : float or None
+        The approach of the bodies, mm; None for a cylinder without a reference.
+    stiffness : float or None
+        The change of the force by that of the approach, N/mm; of a cylinder N/mm², or None.
+
+    See Also
+    --------
+    hertz : finds it.
+    """
+
+    half_axes: tuple[float, float]
+    force: float
+    max_pressure: float
+    approach: float | None
+    stiffness: float | None
+
+    @property
+    def area(self) -> float:
+        """The area of contact, mm²; of a cylinder its width, mm."""
+        a, b = self.half_axes
+        return 2.0 * min(a, b) if math.isinf(max(a, b)) else math.pi * a * b
+
+    @property
+    def mean_pressure(self) -> float:
+        """The mean pressure in contact, N/mm²."""
+        return self.force / self.area
+
+    def pressure_at(self, x: ArrayLike, y: ArrayLike = 0.0) -> Array:
+        """Return the pressures at points: p₀ √(1 - x²/a² - y²/b²), zero outside, N/mm².
+
+        Parameters
+        ----------
+        x, y : array_like
+            Distances from the middle of the contact, mm, that broadcast with each other.
+
+        Returns
+        -------
+        ndarray
+
+        Examples
+        --------
+        >>> from toeplitz_mg import contact
+        >>> steel = contact.Material(E=210000.0, nu=0.3)
+        >>> ball = contact.hertz(radii=10.0, material=steel, force=100.0)
+        >>> ball.pressure_at([0.0, 0.1, 0.2]).round()
+        array([1371., 1157.,    0.])
+        """
+        a, b = self.half_axes
+        inside = 1.0 - (field("x", x) / a) ** 2 - (field("y", y) / b) ** 2
+        return self.max_pressure * np.sqrt(np.maximum(0.0, inside))
+
+
+def hertz(
+    *,
+    radii: float | tuple[float, float],
+    material: Any,
+    force: float | None = None,
+    approach: float | None = None,
+    reference: float | None = None,
+) -> HertzContact:
+    """Return the contact of a sphere, an ellipsoid or a cylinder with a flat, by Hertz's theory.
+
+    Parameters
+    ----------
+    radii : float or (float, float)
+        The radius of a sphere, mm; or the radii of curvature in the planes of x and of y, of which
+        one may be infinite: a cylinder, in line contact. Of two bodies 1/R = 1/R₁ + 1/R₂.
+    material : Material or (Material, Material)
+        Of both bodies, or of the first and the second (see `contact.Material`).
+    force : float
+        The force that presses, N; of a cylinder N per mm of length.
+    approach : float
+        The approach of the bodies, mm. Either this or the force is given; of a cylinder the force.
+    reference : float, optional
+        Of a cylinder, the distance at which a line load moves nothing, mm, as in `normal_contact`:
+        without it the approach is open.
+
+    Returns
+    -------
+    HertzContact
+
+    Raises
+    ------
+    ValueError, TypeError
+        For input that makes no sense; and for radii of which one is 10,000 times the other and
+        not infinite.
+
+    See Also
+    --------
+    normal_contact : for any shape, on a grid.
+    surfaces.ellipsoid, surfaces.cylinder : the gap that belongs to it.
+
+    References
+    ----------
+    K. L. Johnson, Contact Mechanics (1985), §4.2. The elliptic integrals are Carlson's, which are
+    exact for circles too.
+
+    Examples
+    --------
+    A steel ball of 10 mm on a steel plate; a wheel of 460 mm on a rail of 300 mm; a roller.
+
+    >>> from toeplitz_mg import contact
+    >>> steel = contact.Material(E=210000.0, nu=0.3)
+    >>> ball = contact.hertz(radii=10.0, material=steel, force=100.0)
+    >>> f"{ball.half_axes[0]:.4f} mm, {ball.max_pressure:.0f} N/mm², {ball.approach:.5f} mm"
+    '0.1866 mm, 1371 N/mm², 0.00348 mm'
+    >>> wheel = contact.hertz(radii=(460.0, 300.0), material=steel, force=80000.0)
+    >>> f"{wheel.half_axes[0]:.2f} and {wheel.half_axes[1]:.2f} mm"
+    '6.65 and 5.00 mm'
+    >>> roller = contact.hertz(radii=(10.0, float("inf")), material=steel, force=100.0)
+    >>> f"{roller.area:.4f} mm wide, {roller.max_pressure:.0f} N/mm²"
+    '0.2101 mm wide, 606 N/mm²'
+    """
+    R = _check_radii(radii)
+    modulus = combine(material).E_star
+    in_range("E*", modulus)
+    if (force is None) == (approach is None):
+        raise ValueError(
+            f"force is {force} and approach is {approach}, but one of the two must be given"
+        )
+    if force is not None:
+        force = positive("force", force)
+        in_range("force", force)
+    if approach is not None:
+        approach = positive("approach", approach)
+        in_range("approach", approach)
+    if math.isinf(max(R)):
+        if force is None:
+            raise ValueError(
+                f"approach is {approach}, but line contact leaves it open by a constant: give the "
+                "force"
+            )
+        return _press_cylinder(R, modulus, force, reference)
+    if reference is not None:
+        raise ValueError(f"reference is {reference}, but is for a cylinder, in line contact")
+    return _press_ellipsoid(R, modulus, force, approach)
+
+
+def _check_radii(radii: float | tuple[float, float]) -> tuple[float, float]:
+    array = field("radii", radii)
+    if array.shape not in ((), (2,)):
+        raise ValueError(f"radii is {radii}, but must be R or (R1, R2)")
+    R = float(array.flat[0]), float(array.flat[-1])
+    if not (min(R) > 0.0 and math.isfinite(min(R))):
+        raise ValueError(f"radii is {radii}, but must be positive, and only one infinite")
+    if math.isfinite(max(R)) and max(R) > FLATTEST * min(R):
+        raise ValueError(
+            f"radii is {radii}, but one may be {FLATTEST:g} times the other at most: an infinite "
+            "one makes it a cylinder, in line contact"
+        )
+    return R
+
+
+def _press_cylinder(
+    radii: tuple[float, float], modulus: float, force: float, reference: float | None
+) -> HertzContact:
+    a = math.sqrt(4.0 * force * min(radii) / (math.pi * modulus))
+    approach = stiffness = None
+    if reference is not None:
+        distance = positive("reference", reference)
+        if not distance > a:
+            raise ValueError(
+                f"reference is {reference}, but must be more than the half width of contact, {a:g}"
+            )
+        logarithm = math.log(2.0 * distance / a)
+        approach = 2.0 * force / (math.pi * modulus) * (logarithm + 0.5)
+        stiffness = math.pi * modulus / (2.0 * logarithm)
+    axes = (a, math.inf) if radii[0] < radii[1] else (math.inf, a)
+    return HertzContact(axes, force, 2.0 * force / (math.pi * a), approach, stiffness)
+
+
+def _press_ellipsoid(
+    radii: tuple[float, float], modulus: float, force: float | None, approach: float | None
+) -> HertzContact:
+    R1, R2 = max(radii), min(radii)
+    ratio = 1.0
+    if R1 > R2:
+        ratio = brentq(lambda k: _radii(k) - R1 / R2, 1.0 / FLATTEST, 1.0, xtol=1e-15)
+    K, D = _integrals(ratio)
+    if force is not None:
+        a = (3.0 * force * R1 * D / (math.pi * modulus)) ** (1.0 / 3.0)
+        largest = 3.0 * force / (2.0 * math.pi * ratio * a**2)
+        approach = largest * ratio * a * K / modulus
+    else:
+        assert approach is not None
+        a = math.sqrt(2.0 * approach * R1 * D / K)
+        largest = approach * modulus / (ratio * a * K)
+        force = 2.0 / 3.0 * math.pi * ratio * a**2 * largest
+    axes = (a, ratio * a) if radii[0] >= radii[1] else (ratio * a, a)
+    # The force is in proportion to the approach to the power of 3/2.
+    return HertzContact(axes, force, largest, approach, 1.5 * force / approach)
+
+
+def _integrals(ratio: float) -> tuple[float, float]:
+    """Return the elliptic integrals K and D = (K - E)/e², by the ratio of the half axes."""
+    return float(elliprf(0.0, ratio**2, 1.0)), float(elliprd(0.0, ratio**2, 1.0)) / 3.0
+
+
+def _radii(ratio: float) -> float:
+    """Return the ratio of the radii of curvature, by that of the half axes."""
+    K, D = _integrals(ratio)
+    return (K - D) / (ratio**2 * D)

@@ -1,0 +1,111 @@
+"""The eigenvalues of the matrix in which a product embeds a Toeplitz matrix, axis by axis.
+
+The last axis is transformed at the frequencies k + 1/4 (see `products.ToeplitzProduct`), that of a
+complex matrix at the frequencies k. What is left for each of them is a Toeplitz matrix of the other
+axes, which circulants embed: some frequencies may be done at a time, or on each of several
+processes. The arrays may be of any library.
+"""
+
+from collections.abc import Iterator
+from math import pi, prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from toeplitz_mg.engine.lengths import embedding_lengths
+from toeplitz_mg.engine.work import count_transforms
+
+PARTS = 8  # Parts of the frequencies: the memory for zeros is that share of the whole.
+LEAST = 2**20  # Numbers of a part, with its zeros: a GPU would wait for the orders of smaller ones.
+
+
+def cut(axis: int, start: int, stop: int | None = None, step: int = 1) -> Any:
+    """Return the index of a part of an array along an axis."""
+    return (*[slice(None)] * axis, slice(start, stop, step), ...)
+
+
+def zeros(library: Any, array: Any, axis: int, length: int) -> Any:
+    """Return zeros as an array has, of another length along an axis."""
+    shape = (*array.shape[:axis], length, *array.shape[axis + 1 :])
+    return library.xp.zeros(shape, dtype=array.dtype, device=library.device)
+
+
+def phases(library: Any, length: int, angle: float, dtype: DTypeLike) -> Any:
+    """Return exp(-i k angle), k = 0 ... length - 1."""
+    k = library.cast(library.arange(length), np.complex128)
+    return library.cast(library.xp.exp(k * (-1j * angle)), dtype)
+
+
+def parts_of(lengths: tuple[int, ...]) -> Iterator[slice]:
+    """Return the parts of the frequencies of the last axis that are done one after the other."""
+    count = min(PARTS, lengths[-1], max(1, prod(lengths) // LEAST)) if len(lengths) > 1 else 1
+    for k in range(count):
+        yield slice(lengths[-1] * k // count, lengths[-1] * (k + 1) // count)
+
+
+def split(library: Any, a: Any, axis: int, sign: int) -> tuple[Any, Any]:
+    """Return the coefficients of the lags from 0 on, and those of the lags below 0, -1 the last.
+
+    Parameters
+    ----------
+    sign : {1, -1, 0}
+        Whether `a` has the former alone, as the coefficients are even or odd along this axis; of 0
+        it has all, lag zero in the centre.
+    """
+    if not sign:
+        n = a.shape[axis] // 2
+        return a[cut(axis, n)], a[cut(axis, 0, n)]
+    behind = library.xp.flip(a[cut(axis, 1)], axis=axis)
+    return a, behind if sign > 0 else -behind
+
+
+def transform_around(library: Any, ahead: Any, behind: Any, axis: int, length: int) -> Any:
+    """Transform a circulant's first column along an axis, over its length."""
+    between = zeros(library, ahead, axis, length - ahead.shape[axis] - behind.shape[axis])
+    column = library.xp.concat([ahead, between, behind], axis=axis)
+    return library.fft.fft(column, axis=axis, norm="forward", **library.in_place)
+
+
+def transform_last(library: Any, a: Any, sign: int, length: int, is_complex: bool = False) -> Any:
+    """Transform coefficients (see `split`) along the last axis, over the length."""
+    last = a.ndim - 1
+    ahead, behind = split(library, library.cast(a, np.complex128), last, sign)
+    if is_complex:
+        return transform_around(library, ahead, behind, last, length)
+    # What goes around is imaginary.
+    column = library.xp.concat(
+        [zeros(library, behind, last, length - behind.shape[last]), behind], axis=last
+    )
+    column *= 1j
+    column += library.pad(ahead, (length,))
+    column *= phases(library, length, pi / (2 * length), np.complex128)
+    return library.fft.fft(column, axis=last, norm="forward", **library.in_place)
+
+
+def embed(library: Any, a: Any, is_complex: bool, dtype: DTypeLike) -> Any:
+    """Return the eigenvalues of the embedding of some `Coefficients`, over the lengths.
+
+    They are real where the matrix is Hermitian.
+
+    Parameters
+    ----------
+    library : Library
+    a : Coefficients
+    is_complex : bool
+        Whether the matrix is multiplied as a complex one.
+    dtype : dtype
+        The precision of the result.
+    """
+    xp, lengths, sign = library.xp, embedding_lengths(a.grid_shape, is_complex=is_complex), 0
+    count_transforms(1, *(2 * n for n in a.grid_shape))
+    sign, is_real = int(a.is_even), a.is_hermitian
+    rows = transform_last(library, a.array, sign, lengths[-1], is_complex)
+    spectra = []
+    for part in parts_of(lengths):
+        S = rows[..., part]
+        for axis in reversed(range(len(lengths) - 1)):
+            S = transform_around(library, *split(library, S, axis, sign), axis, lengths[axis])
+        spectra.append(library.cast_numbers(xp.real(S) if is_real else S, dtype))
+    del rows, S
+    return spectra[0] if len(spectra) == 1 else xp.concat(spectra, axis=-1)

@@ -1,0 +1,162 @@
+"""The passes of a product along several axes, for the cache of a processor (see `multilevel`).
+
+The transforms skip the lines that are zero on the way in, and those that are cut off on the way
+out. They work on a panel of some frequencies of the last axis that stays in the cache.
+"""
+
+from collections.abc import Iterator
+from math import prod
+from typing import Any
+
+import numpy as np
+from scipy import fft
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.threads import share
+from toeplitz_mg.engine.transforms import in_batches, phase_factors
+from toeplitz_mg.engine.workspace import workspace
+
+PANEL_BYTES = 2**20  # Bytes of a panel of frequencies of the last axis: it stays in the cache.
+BLOCK_BYTES = 2**18  # Bytes of a block of lines along the last axis, which stays there too.
+NARROW = 8  # Least frequencies of a panel: shorter pieces of a line take as long to copy.
+
+
+class PanelPasses:
+    """The passes of a `multilevel.MultilevelProduct` of NumPy's arrays.
+
+    Parameters
+    ----------
+    grid_shape, dtype, lengths, spectrum
+        Those of the product.
+    """
+
+    def __init__(
+        self, grid_shape: tuple[int, ...], dtype: Any, lengths: tuple[int, ...], spectrum: Any
+    ) -> None:
+        self._components, *grid = grid_shape
+        self._grid, self.lengths, self.spectrum = tuple(grid), lengths, spectrum
+        self.precision = np.dtype(dtype.char.upper())  # That of the frequencies.
+        self._is_complex = dtype.kind == "c"
+
+    def multiply(self, X: Array, out: Array) -> Array:
+        """Multiply the rows of `X`, of shape (rows, N), into `out`."""
+        in_batches(self._multiply, X, out, self._components * prod(self.lengths))
+        return out
+
+    def _multiply(self, X: Array, out: Array) -> None:
+        fields = (len(X), self._components, *self._grid)
+        Z = self.rows_in(X.reshape(fields))
+        self.rows_out(self.columns_through(Z), out.reshape(fields))
+
+    def rows_in(self, fields: Array) -> Array:
+        """Transform fields, shape (rows, components, n₁, ..., n), along their last axis."""
+        n, L, w = self._grid[-1], self.lengths[-1], self._phases
+        x = fields.reshape(-1, n)
+        Z = workspace((len(x), L), self.precision)
+        height = max(1, BLOCK_BYTES // (L * Z.itemsize))
+
+        def work(blocks: range) -> None:
+            for rows in _slices(blocks, height, len(x)):
+                R = Z[rows]
+                if w is None:
+                    R[:, :n] = x[rows]
+                else:
+                    np.multiply(x[rows], w, out=R[:, :n], casting="same_kind")
+                R[:, n:] = 0.0
+                _in_place(fft.fft, R, 1)
+
+        share(work, -(-len(x) // height), Z.size)
+        return Z.reshape(*fields.shape[:-1], L)
+
+    def columns_through(self, matrix: Array, first: int = 0) -> Array:
+        """Multiply frequencies of the last axis by their matrices of the others, in place.
+
+        Parameters
+        ----------
+        matrix : ndarray of shape (rows, components, n₁, ..., frequencies)
+        first : int
+            The place in the spectrum of the first of these frequencies.
+        """
+        count = matrix.shape[-1]
+        line = len(matrix) * self._components * prod(self.lengths[:-1]) * matrix.itemsize
+        width = max(1, min(count, max(NARROW, PANEL_BYTES // line)))
+
+        def work(panels: range) -> None:
+            for columns in _slices(panels, width, count):
+                frequencies = slice(first + columns.start, first + columns.stop)
+                self._panel(matrix[..., columns], frequencies)
+
+        share(work, -(-count // width), matrix.size)
+        return matrix
+
+    def rows_out(self, Z: Array, fields: Array) -> Array:
+        """Transform what `rows_in` has returned back, into fields."""
+        n, L, w = self._grid[-1], self.lengths[-1], self._phases
+        Z, y = Z.reshape(-1, L), fields.reshape(-1, n)
+        height = max(1, BLOCK_BYTES // (L * Z.itemsize))
+
+        def work(blocks: range) -> None:
+            for rows in _slices(blocks, height, len(y)):
+                R = Z[rows]
+                _in_place(fft.ifft, R, 1)
+                R = R[:, :n]
+                if w is None:
+                    y[rows] = R
+                else:
+                    R *= w.conj()
+                    y[rows] = R.real
+
+        share(work, -(-len(y) // height), Z.size)
+        return fields
+
+    @property
+    def _phases(self) -> Array | None:
+        """The factors that shift the frequencies by 1/4; None of a complex matrix."""
+        if self._is_complex:
+            return None
+        return phase_factors(self.lengths[-1], 0.25, self.precision)[: self._grid[-1]]
+
+    def _panel(self, part: Array, columns: slice) -> None:
+        """Multiply some frequencies of the last axis, in place."""
+        grid = self._grid[:-1]
+        P = workspace((*part.shape[:2], *self.lengths[:-1], part.shape[-1]), part.dtype)
+        # Number k has the lines along axis k, where the axes before are not extended, or cut again.
+        lines = [P[(slice(None), slice(None), *map(slice, grid[:k]))] for k in range(len(grid) + 1)]
+        lines[-1][...] = part
+        for k in reversed(range(len(grid))):
+            lines[k][(slice(None),) * (2 + k) + (slice(grid[k], None),)] = 0.0
+            _in_place(fft.fft, lines[k], 2 + k)
+        self._times_spectrum(P, columns)
+        for k in range(len(grid)):
+            _in_place(fft.ifft, lines[k], 2 + k)
+        part[...] = lines[-1]
+
+    def _times_spectrum(self, P: Array, columns: slice) -> None:
+        if self._components == 1:
+            spectrum = self.spectrum[0][0]
+            P[:, 0] *= 0.0 if spectrum is None else spectrum[..., columns]
+            return
+        Q = workspace(P.shape, P.dtype)
+        part = workspace(P[:, 0].shape, P.dtype)
+        for i, row in enumerate(self.spectrum):
+            terms = [(j, s) for j, s in enumerate(row) if s is not None]
+            if not terms:
+                Q[:, i] = 0.0
+            for k, (j, spectrum) in enumerate(terms):
+                np.multiply(P[:, j], spectrum[..., columns], out=part if k else Q[:, i])
+                if k:
+                    Q[:, i] += part
+        P[...] = Q
+
+
+def _slices(blocks: range, size: int, end: int) -> Iterator[slice]:
+    for block in blocks:
+        yield slice(block * size, min(end, (block + 1) * size))
+
+
+def _in_place(transform: Any, A: Array, axis: int) -> None:
+    """Transform along an axis, without any factor, in the memory of `A`."""
+    norm = "forward" if transform is fft.ifft else "backward"
+    B = transform(A, axis=axis, norm=norm, overwrite_x=True)
+    if not np.may_share_memory(A, B):
+        A[...] = B

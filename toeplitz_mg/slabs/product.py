@@ -1,0 +1,118 @@
+"""The passes of a product, rows in, columns through and rows out, with an exchange between them."""
+
+from collections.abc import Iterator
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.embedding import split, transform_around, transform_last
+from toeplitz_mg.engine.lengths import embedding_lengths
+from toeplitz_mg.engine.library import NUMPY, Library
+from toeplitz_mg.engine.multilevel import MultilevelProduct
+from toeplitz_mg.engine.passes import NARROW
+from toeplitz_mg.engine.work import count_transforms, count_work
+from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.slabs.slab import Slab, Turn
+
+TURN_BYTES = 2**23  # Bytes of the columns that a rank has at a time.
+
+
+class SlabProduct:
+    """Multiplication of this rank's rows by a Toeplitz matrix, or by blocks of such.
+
+    It is made in turns, so that a rank has few columns at a time. Arrays of other libraries than
+    NumPy's are transformed by these, and exchanged in the memory of the processor, which any MPI
+    can read.
+
+    Parameters
+    ----------
+    slab : Slab
+    library : Library
+    spectrum : list of lists of array or None
+        For each pair of components the eigenvalues of the embedding, as `MultilevelProduct` has
+        them, of this rank's frequencies of the last axis. They may be NumPy's.
+    dtype : float32 or float64
+    """
+
+    def __init__(self, slab: Slab, library: Library, spectrum: Any, dtype: DTypeLike) -> None:
+        self.slab, self.library = slab, library
+        casts = [
+            [s if s is None else library.from_numpy(NUMPY.cast_numbers(s, dtype)) for s in row]
+            for row in spectrum
+        ]
+        self._own = MultilevelProduct(library, (len(casts), *slab.shape), dtype, None, casts)
+        self.points = prod(self._own.lengths)  # By which the eigenvalues are divided.
+
+    @property
+    def spectra(self) -> Any:
+        """The eigenvalues of all pairs of components, as NumPy's arrays."""
+        own: Any = self._own.spectrum
+        return [[s if s is None else self.library.to_numpy(s) for s in row] for row in own]
+
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm, which is the largest of those of the frequencies of a rank."""
+        return max(self.slab.gather(self._own.norm_bound))
+
+    def astype(self, dtype: DTypeLike) -> "SlabProduct":
+        """Return the multiplication in another precision; no transform is made."""
+        return SlabProduct(self.slab, self.library, self.spectra, dtype)
+
+    def multiply(self, x: Any, y: Any) -> Any:
+        """Multiply a vector into another, which may be the same; return the result."""
+        slab, library, passes = self.slab, self.library, self._own.passes
+        fields = (1, self._own.grid_shape[0], *slab.local)
+        count_work(1, float(prod(x.shape)))
+        Z = library.to_numpy(passes.rows_in(library.xp.reshape(x, fields)))
+        rows = Z[0] if Z.flags.writeable else Z[0].copy()
+        first = 0
+        for turn in turns_of(slab, self._own.lengths, len(rows) * rows.itemsize):
+            width = turn[slab.comm.rank][1] - turn[slab.comm.rank][0]
+            C = workspace((1, len(rows), *slab.shape[:-1], width), rows.dtype)
+            for part, columns in zip(rows, C[0], strict=True):
+                slab.to_columns(part, turn, columns)
+            C = library.to_numpy(passes.columns_through(library.from_numpy(C), first))
+            for part, columns in zip(rows, C[0], strict=True):
+                slab.to_rows(columns, part, turn)
+            first += width
+        out = None if y is None else y.reshape(fields)
+        result = passes.rows_out(library.from_numpy(rows[np.newaxis]), out)
+        return library.xp.reshape(result, x.shape)
+
+
+def turns_of(slab: Slab, lengths: tuple[int, ...], number: int) -> Iterator[Turn]:
+    """Return turns of columns, each number of which has so many bytes."""
+    return slab.turns(lengths[-1], max(NARROW, TURN_BYTES // (number * prod(lengths[:-1]))))
+
+
+def embed_on_slab(slab: Slab, c: Array, behind: Array | None, parity: tuple[int, ...]) -> Array:
+    """Return the eigenvalues of the embedding for this rank's frequencies of the last axis.
+
+    The parameters are those of `slabs.ToeplitzOperator`.
+    """
+    lengths = embedding_lengths(slab.shape)
+    count_transforms(1, *(2 * n for n in slab.local))
+    halves = [_transform_rows(a, parity, lengths) for a in (c, behind) if a is not None]
+    own, is_symmetric = slab.columns(lengths[-1]), behind is None and prod(parity) == 1
+    kind = np.float64 if is_symmetric else np.complex128
+    spectrum = np.empty((*lengths[:-1], own.stop - own.start), kind)
+    for turn in turns_of(slab, lengths, np.dtype(np.complex128).itemsize):
+        columns = [slab.to_columns(half, turn) for half in halves]
+        ahead, back = split(NUMPY, columns[0], 0, parity[0])
+        if behind is not None:
+            back = np.flip(columns[1][1:], axis=0)
+        S = transform_around(NUMPY, ahead, back, 0, lengths[0])
+        first, stop = turn[slab.comm.rank]
+        spectrum[..., first - own.start : stop - own.start] = S.real if is_symmetric else S
+    return spectrum
+
+
+def _transform_rows(c: Array, parity: tuple[int, ...], lengths: tuple[int, ...]) -> Array:
+    """Transform all axes of a rank's coefficients but the first."""
+    Z = transform_last(NUMPY, c, parity[-1], lengths[-1])
+    for axis in reversed(range(1, c.ndim - 1)):
+        Z = transform_around(NUMPY, *split(NUMPY, Z, axis, parity[axis]), axis, lengths[axis])
+    return Z
