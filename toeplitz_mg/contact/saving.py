@@ -11,6 +11,7 @@ import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, fields
+from math import isinf
 from pathlib import Path
 from typing import Any, BinaryIO
 from xml.etree import ElementTree
@@ -19,7 +20,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.units import name_units
-from toeplitz_mg.halfspace import CombinedMaterial
+from toeplitz_mg.halfspace import CombinedMaterial, Material
 from toeplitz_mg.whole_files import check_folder, find_status, new_whole
 
 FORMAT = "toeplitz_mg contact result"  # What a file of ours says that it is.
@@ -54,8 +55,7 @@ def load_result(path: str | os.PathLike[str], kinds: Mapping[str, type]) -> Any:
         kind = kinds[about["kind"]]
         values = {name: _thaw(value) for name, value in about["values"].items()}
         centres = tuple(arrays.pop(name) for name in "xy" if name in arrays)
-        material = CombinedMaterial(**about["material"])
-        return kind(material=material, centres=centres, **arrays, **values)
+        return kind(material=_combine(**about["material"]), centres=centres, **arrays, **values)
     except OSError:
         raise
     except Exception as error:  # NumPy, zip files and JSON raise many.
@@ -96,7 +96,10 @@ def convert_to_xarray(result: Any) -> Any:
         variables[name] = ((*components, *grid), x, {"units": units[name]})
         if components:
             coordinates["component"] = ("component", ["x", "y"], {})
-    for name, value in (values | asdict(result.material)).items():
+    material = asdict(result.material)
+    for k, body in enumerate(material.pop("bodies") or (), 1):
+        material |= {f"{name}_{k}": value for name, value in body.items()}
+    for name, value in (values | material).items():
         # What netCDF cannot keep is left out, or made what it can.
         if isinstance(value, bool):
             attributes[name] = int(value)
@@ -163,6 +166,15 @@ def _check_replaced(path: Path, *, overwrite: bool) -> None:
         raise OSError(f"{path} is no regular file, so it is not replaced")
     if old is not None and not overwrite:
         raise FileExistsError(f"{path} is there already: overwrite=True replaces it")
+
+
+def _combine(bodies: Any, **constants: float) -> CombinedMaterial:
+    """Return the material of which `asdict` has made this."""
+    if bodies is not None:
+        bodies = tuple(
+            Material.rigid() if isinf(body["G"]) else Material.from_shear(**body) for body in bodies
+        )
+    return CombinedMaterial(**constants, bodies=bodies)
 
 
 def _thaw(value: Any) -> Any:
