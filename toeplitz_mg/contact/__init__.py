@@ -2,6 +2,7 @@
 
 from toeplitz_mg.contact import surfaces
 from toeplitz_mg.contact.doubts import ContactWarning
+from toeplitz_mg.contact.loads import load_curve
 from toeplitz_mg.contact.normal.problem import normal_contact
 from toeplitz_mg.contact.result import (
     ContactError,
@@ -43,6 +44,7 @@ __all__ = [
     "hertz",
     "kalker_coefficients",
     "load",
+    "load_curve",
     "normal_contact",
     "problems",
     "rolling",

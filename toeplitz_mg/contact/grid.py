@@ -112,7 +112,14 @@ class Grid:
             )
         # In line contact lateral tractions are the exception.
         directions = "xy"[: len(shape)]
-        return cls(shape, sizes, material, positive("reference", reference), repeats, directions)
+        reference = positive("reference", reference)
+        grid = cls(shape, sizes, material, reference, repeats, directions)
+        if grid.has_free_mean and max(shape) == 1:
+            raise ValueError(
+                f"the grid has shape {shape}, but where it repeats along all axes it must have "
+                "more than one element: the mean displacement is no part of the answer"
+            )
+        return grid
 
     @property
     def area(self) -> float:

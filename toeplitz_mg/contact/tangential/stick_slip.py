@@ -21,7 +21,7 @@ from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.contact.active_sets import Iterate, find_sets
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.inverse import invert_locally
-from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.products import Products, for_coarser_grids
 from toeplitz_mg.contact.tangential.coulomb import (
     Areas,
     Tangent,
@@ -79,7 +79,8 @@ class Problem:
             return None
         g, b = self.grid.coarsen(self.g), self.grid.coarsen(self.b)
         total = None if self.total is None else self.total * (self.grid.area / grid.area)
-        return Problem(grid, g, b, total, COARSE, self.least)
+        progress = for_coarser_grids(self.progress)
+        return Problem(grid, g, b, total, COARSE, self.least, progress)
 
     @property
     def vectors(self) -> Vectors:
