@@ -170,6 +170,98 @@ def test_products_in_line_contact(n, most):
     assert_allclose(by_shift.force, by_force.force, rtol=1e-5)
 
 
+# Of a normal result ---------------------------------------------------------------------------
+
+
+def pressed_line(n=64):
+    gap = surfaces.centres(n, 2.0 / n)[0] ** 2 / 2
+    return normal_contact(gap, 2.0 / n, material=Material.from_shear(0.7, 0.3), force=0.28)
+
+
+def pressed_sphere(n=48, nu=0.3):
+    x, y = surfaces.centres((n, n), (2.0 / n, 2.0 / n))
+    steel = Material.from_shear(1.0 - nu, nu)
+    return normal_contact((x**2 + y**2) / 2, (2.0 / n, 2.0 / n), material=steel, force=0.28)
+
+
+@pytest.mark.parametrize("pressed", [pressed_line(), pressed_sphere()], ids=["line", "sphere"])
+def test_a_normal_result_has_the_bound_the_elements_and_the_material(pressed):
+    rng = np.random.default_rng(7)
+    force = 0.05 if pressed.contact.ndim == 1 else (0.05, 0.02)
+    for mu in (0.4, rng.uniform(0.3, 0.5, pressed.shape)):
+        expected = friction(
+            mu * pressed.pressure, pressed.element, material=pressed.material, force=force
+        )
+        result = friction(pressed, mu=mu, force=force)
+        assert np.array_equal(result.traction, expected.traction)
+    bonded = friction(pressed, mu=np.inf, force=force)
+    assert np.array_equal(bonded.stick, pressed.contact)
+    assert np.array_equal(np.isinf(bonded.bound), pressed.contact)
+
+
+@pytest.mark.parametrize("pressed", [pressed_line(), pressed_sphere()], ids=["line", "sphere"])
+@pytest.mark.parametrize("rounding", [1.0 - 1e-15, 1.0, 1.0 + 1e-15])
+def test_a_force_of_all_that_the_bound_carries_lets_all_slide(pressed, rounding):
+    is_line = pressed.contact.ndim == 1
+    n = np.ones(1) if is_line else np.array([0.6, -0.8])
+    force = 0.3 * pressed.force * rounding * n
+    before = friction(pressed, mu=0.3, force=-0.5 * force[0] if is_line else -0.5 * force[::-1])
+    for previous in (None, before):
+        result = friction(pressed, mu=0.3, force=force, previous=previous)
+        q = result.traction.reshape(len(n), *pressed.shape)
+        assert_areas(result)
+        assert not result.stick.any()
+        assert_allclose(result.force, force, rtol=1e-12)
+        assert_allclose(q, np.multiply.outer(n, 0.3 * pressed.pressure), rtol=1e-12, atol=1e-15)
+        # The slip is against the traction, and zero in the element that was the last to slide.
+        slip = result.slip.reshape(q.shape)
+        against = np.tensordot(n, slip, 1)
+        assert_allclose(slip, np.multiply.outer(n, against), atol=1e-15)
+        assert against.max() <= 0.0
+        assert against[result.contact].max() == 0.0
+
+
+@pytest.mark.parametrize(
+    ("pressed", "power"), [(pressed_line(), 1 / 2), (pressed_sphere(nu=0.0), 2 / 3)]
+)
+def test_the_shift_of_all_sliding_is_the_limit_of_that_of_almost_all(pressed, power):
+    # Without coupling of x and y the shift falls short by (1 - F/μP)^power, in plane strain with a
+    # logarithm, up to what elements of this size resolve.
+    most = 0.3 * pressed.force
+    n = 1.0 if pressed.contact.ndim == 1 else np.array([1.0, 0.0])
+    full = friction(pressed, mu=0.3, force=most * n)
+    for missing in (1e-1, 1e-2, 1e-3):
+        almost = friction(pressed, mu=0.3, force=(1.0 - missing) * most * n)
+        apart = np.max(np.abs(full.shift - almost.shift)) / np.max(np.abs(full.shift))
+        assert apart < 2.0 * missing**power
+    assert apart > 0.0
+
+
+def test_more_than_the_bound_carries_is_refused_with_both_named():
+    pressed = pressed_line()
+    with pytest.raises(ValueError, match=r"force is 0.0841.* of size 0.0841, .* carries 0.084 at"):
+        friction(pressed, mu=0.3, force=0.0841)
+
+
+def test_shifts_add_up_over_a_history():
+    pressed = pressed_sphere(24)
+    a = friction(pressed, mu=0.3, force=(0.04, 0.01))
+    b = friction(pressed, mu=0.3, force=(-0.02, 0.03), previous=a)
+    field = np.zeros((2, 24, 24)) + 0.01
+    c = friction(pressed, mu=0.3, shift=field, previous=b)
+    assert_allclose(a.total_shift, a.shift)
+    assert_allclose(b.total_shift, a.shift + b.shift)
+    assert_allclose(c.total_shift, (a.shift + b.shift)[:, None, None] + field)
+    # Without slip only the sum counts.
+    bonded = friction(pressed, mu=np.inf, force=(0.04, 0.01))
+    back = friction(pressed, mu=np.inf, force=(0.0, 0.0), previous=bonded)
+    assert_allclose(back.total_shift, 0.0, atol=1e-7 * np.abs(bonded.shift).max())
+    line = pressed_line()
+    first = friction(line, mu=0.3, shift=0.01)
+    second = friction(line, mu=0.3, shift=np.full(64, 0.005), previous=first)
+    assert_allclose(second.total_shift, 0.015)
+
+
 # The paper ----------------------------------------------------------------------------------
 
 
@@ -405,7 +497,7 @@ def test_frictionless_bodies_slide():
         ({"force": 1.0}, "one of the two"),
         ({"shift": (1.0, 2.0, 3.0)}, "shift has shape"),
         ({"shift": np.inf}, "shift has values that are not finite"),
-        ({"shift": None, "force": 2.0}, "must be less than the traction bound carries: 2"),
+        ({"shift": None, "force": 2.1}, "of size 2.1, but the traction bound carries 2 at most"),
         ({"shift": None, "force": (1.0, 1.0)}, "force is .*a number"),
         ({"bound": np.ones((2, 2)), "element": (1.0, 1.0)}, "shift has shape"),
         ({"bound": np.ones((2, 2)), "element": (1.0, 1.0), "shift": None, "force": 0.1}, "Fx, Fy"),
@@ -531,3 +623,30 @@ def test_plot(is_line):
     axes = result.plot()
     assert axes.get_xlabel() == "x [mm]"
     mpl.pyplot.close(axes.figure)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({}, "mu is not given"),
+        ({"mu": 0.3, "element": 0.1}, "element is given, but a normal result has its own"),
+        ({"mu": 0.3, "material": Material.from_shear(1.0, 0.3)}, "material is given"),
+    ],
+)
+def test_a_normal_result_needs_a_coefficient_of_friction_alone(arguments, message):
+    with pytest.raises(TypeError, match=message):
+        friction(pressed_line(), force=0.1, **arguments)
+
+
+def test_refuses_a_coefficient_of_friction_that_makes_no_sense():
+    with pytest.raises(ValueError, match=r"mu is -0\.1, but a coefficient of friction"):
+        friction(pressed_line(), mu=-0.1, force=0.1)
+    with pytest.raises(ValueError, match=r"mu has shape \(3,\), but must be a number"):
+        friction(pressed_line(), mu=[0.1, 0.2, 0.3], force=0.1)
+    bound, steel = np.ones(4), Material.from_shear(1.0, 0.3)
+    with pytest.raises(TypeError, match="mu is given, but bound is no normal result"):
+        friction(bound, 1.0, mu=0.1, material=steel, force=0.1)
+    with pytest.raises(TypeError, match="material is not given"):
+        friction(bound, 1.0, force=0.1)
+    with pytest.raises(TypeError, match="bound is a tangential result"):
+        friction(friction(pressed_line(), mu=0.3, shift=0.01), mu=0.3, shift=0.01)

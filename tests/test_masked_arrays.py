@@ -1,6 +1,7 @@
 """Masked arrays are refused by all that is public: nothing is to be made of the numbers below."""
 
 import functools
+import warnings
 from operator import matmul, mul
 
 import numpy as np
@@ -19,7 +20,10 @@ ONES, GRID, MASK = np.ones(4), np.ones((2, 2)), np.array([True, True, False, Tru
 PROCESS = tmg.ToeplitzNormal([4.0, 1.0, 0.5])
 SHAPE, ELEMENT, STEEL = (2, 2), (1.0, 1.0), contact.Material(E=210000.0, nu=0.28)
 POINTS = {"x": ONES, "y": ONES, "element": ELEMENT, "G": 1.0}
+DEPTHS = {"x": np.ones(2), "z": np.ones(2), "nu": 0.3}
 CONTACT = {"element": ELEMENT, "material": STEEL, "tolerance": 1e-8, "max_products": 99}
+with warnings.catch_warnings(action="ignore"):  # Four elements are few.
+    PRESSED = contact.normal_contact(ONES, 1.0, material=STEEL, force=1.0)
 SOLVER = {"A": A.toarray(), "b": ONES, "x0": ONES, "M": np.eye(4), "rtol": 1e-5, "atol": 0.0}
 
 # What is public, and arguments that it takes: each of them is masked in its turn.
@@ -121,6 +125,14 @@ USES = {
     "influence_zz": [(halfspace.influence_zz, {**POINTS, "nu": 0.3})],
     "influence_xz": [(halfspace.influence_xz, {**POINTS, "K": 0.3})],
     "influence_yz": [(halfspace.influence_yz, {**POINTS, "K": 0.3})],
+    **{
+        name: [(getattr(halfspace, name), {**DEPTHS, "y": 0.0, "element": ELEMENT})]
+        for name in ("stresses_x", "stresses_y", "stresses_z")
+    },
+    **{
+        name: [(getattr(halfspace, name), {**DEPTHS, "h": 1.0})]
+        for name in ("line_stresses_x", "line_stresses_z")
+    },
     "offsets": [(halfspace.offsets, {"grid_shape": SHAPE, "element": ELEMENT})],
     "all_offsets": [(halfspace.all_offsets, {"grid_shape": SHAPE, "element": ELEMENT})],
     "line_contact_coefficients": [
@@ -157,6 +169,16 @@ USES = {
     "friction": [
         (contact.friction, {"bound": GRID, **CONTACT, "shift": (1.0, 0.0)}),
         (contact.friction, {"bound": GRID, **CONTACT, "force": (0.1, 0.0)}),
+        (
+            lambda mu: contact.friction(PRESSED, mu=mu, shift=1.0),
+            {"mu": [0.1, 0.2, 0.3, 0.4]},
+        ),
+    ],
+    "subsurface_stresses": [
+        (
+            lambda depths: contact.subsurface_stresses(PRESSED, depths=depths),
+            {"depths": np.ones(2)},
+        )
     ],
     "rolling": [
         (
@@ -217,8 +239,8 @@ USES = {
 # What takes no numbers: results and records, warnings, modules, wrappers, and a counter.
 WITHOUT_NUMBERS = {
     *("ContactError", "ContactResult", "ContactWarning", "HertzContact"),
-    *("NormalResult", "TangentialResult"),
-    *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "ToeplitzInverse"),
+    *("NormalResult", "TangentialResult", "load"),
+    *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "Stresses", "ToeplitzInverse"),
     *("componentwise", "count_products", "contact", "fractional", "halfspace", "problems"),
     "surfaces",
     *("linear_interpolation", "modulated_interpolation", "piecewise_constant"),

@@ -448,7 +448,7 @@ def test_projected_gradients_descend_to_the_solution(load):
 
 @pytest.mark.parametrize("shape", [(1,), (7,), (8,), (5, 8), (1, 6), (3, 1)])
 def test_transfers_keep_constants(shape):
-    coarse = coarsen(np.full(shape, 3.0), len(shape))
+    coarse = coarsen(np.full(shape, 3.0), (True,) * len(shape))
     assert coarse.shape == tuple(-(-n // 2) for n in shape)
     assert_allclose(coarse, 3.0)
     assert_allclose(refine(np.stack([coarse, coarse]), shape), np.full((2, *shape), 3.0))

@@ -142,6 +142,7 @@ def test_the_choice_is_visible():
     assert method(column("contact", n), random(n, 300)) == "toeplitz_inverse"
     assert method(column("contact", 100), random(100, 300)) == "scipy.linalg.lu_solve"
     assert method(column("contact", 2**17), random(2**17)) == "cg, fsai_preconditioner"
+    assert method(0.9 ** np.arange(75_000), random(75_000)) == "cg, circulant"
     with pytest.warns(scipy.linalg.LinAlgWarning):
         assert method(column("θ⁴", n), b) == "cg in the DCT domain"
     assert method((KERNEL, KERNEL**2), b) == "gmres, circulant"

@@ -54,6 +54,19 @@ def new_part(part: Path, old: os.stat_result | None) -> Iterator[BinaryIO]:
         complete(file)
 
 
+@contextmanager
+def new_whole(path: Path) -> Iterator[BinaryIO]:
+    """Open a file that takes the place of what is at `path` when it is whole, and else none."""
+    target = find_target(path)
+    part = find_part(target)
+    try:
+        with new_part(part, find_status(path)) as file:
+            yield file
+        os.replace(part, target)
+    finally:
+        part.unlink(missing_ok=True)
+
+
 def complete(file: BinaryIO) -> None:
     """Write what is not yet on the disk, which may be noticed to be full only here."""
     file.flush()

@@ -1,12 +1,12 @@
 """Contact problems with a known answer, rough surfaces, and the peers that solve the same.
 
 Hertz (line, sphere, ellipse), Cattaneo and Mindlin (line, sphere), Carter and Kalker's
-coefficients: the errors against theory over the number N of elements across the grid, with the
-order that is observed; pictures of the tractions and of the areas of stick and slip beside the
-analytic curves; products, iterations between two changes of the areas, and CPU time. An error is
-the root mean square of four grids of nearly the same N, as it jumps with the place of the edge of
-an area in its element. Rough surfaces are drawn at several loads, from 1 to 40 % of contact.
-Kalker's coefficients are known to three digits.
+coefficients, stresses below a line and a sphere that slide: the errors against theory over the
+number N of elements across the grid, with the order that is observed; pictures of the tractions and
+of the areas of stick and slip beside the analytic curves; products, iterations between two changes
+of the areas, and CPU time. An error is the root mean square of four grids of nearly the same N, as
+it jumps with the place of the edge of an area in its element. Rough surfaces are drawn at several
+loads, from 1 to 40 % of contact. Kalker's coefficients are known to three digits.
 
 Against `aspher` and `tamaas`, where they are installed, see `contact_peers`.
 """
@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from comparisons.contact import peers, theory
+from comparisons.contact import below, peers, theory
 from comparisons.contact.figures import convergence, picture, rough_picture
 from comparisons.contact.methods import FRICTION, NORMAL, Method, rough_gap
 from comparisons.contact.theory import UNIT, Solved
@@ -49,6 +49,8 @@ CASES: dict[str, Case] = {
     "Cattaneo and Mindlin, ν = 0.28": (theory.mindlin_sphere, SURFACES, QUICK_SURFACES),
     "Carter": (theory.carter, LINES, QUICK_LINES),
     "Kalker": (theory.kalker, ROLLING, QUICK_ROLLING),
+    "Stresses, line, sliding": (below.sliding_line, LINES, QUICK_LINES),
+    "Stresses, sphere, sliding": (below.sliding_sphere, SURFACES, QUICK_SURFACES),
 }
 
 

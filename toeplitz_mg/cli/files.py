@@ -15,10 +15,9 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import ContactResult
 from toeplitz_mg.whole_files import (
     check_folder,
-    find_part,
     find_status,
     find_target,
-    new_part,
+    new_whole,
 )
 
 STANDARD_OUTPUT = 1  # File descriptor of where the report is printed.
@@ -197,20 +196,10 @@ def write(path: Path, data: bytes) -> None:
     try:
         old = find_status(path)
         if old is None or stat.S_ISREG(old.st_mode):
-            _replace(find_target(path), old, data)
+            with new_whole(path) as file:
+                file.write(data)
         else:
             with path.open("wb") as file:
                 file.write(data)
     except OSError as error:
         raise OSError(f"{path} cannot be written: {error.strerror or error}") from error
-
-
-def _replace(target: Path, old: os.stat_result | None, data: bytes) -> None:
-    """Put a file in the place of an old one, or where there was none."""
-    part = find_part(target)
-    try:
-        with new_part(part, old) as file:
-            file.write(data)
-        os.replace(part, target)
-    finally:
-        part.unlink(missing_ok=True)

@@ -8,7 +8,9 @@ from toeplitz_mg.contact.result import (
     ContactResult,
     NormalResult,
     TangentialResult,
+    load,
 )
+from toeplitz_mg.contact.subsurface import Stresses, subsurface_stresses
 from toeplitz_mg.contact.tangential.curves import CreepCurve, creep_curve
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.contact.tangential.kalker import KalkerCoefficients, kalker_coefficients
@@ -28,14 +30,17 @@ __all__ = [
     "Material",
     "NormalResult",
     "SteadyOptions",
+    "Stresses",
     "TangentialResult",
     "creep_curve",
     "friction",
     "hertz",
     "kalker_coefficients",
+    "load",
     "normal_contact",
     "problems",
     "rolling",
     "rolling_steps",
+    "subsurface_stresses",
     "surfaces",
 ]

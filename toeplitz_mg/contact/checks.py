@@ -10,8 +10,10 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.values import count, field, finite, in_range, positive, real
 
+SLIDES = 1e-12  # Relative distance of a force from the bound at which all slides: that is rounding.
 
-def check_load(z: Array, approach: float | None, force: float | None) -> float | None:
+
+def check_load(grid: Grid, z: Array, approach: float | None, force: float | None) -> float | None:
     """Return the force that presses, or None where the approach is given; check the gap too."""
     if not np.isfinite(z).all():
         raise ValueError("gap has values that are not finite")
@@ -21,6 +23,11 @@ def check_load(z: Array, approach: float | None, force: float | None) -> float |
         )
     if approach is not None:
         finite("approach", approach)
+        if grid.has_free_mean and approach >= (mean := grid.vectors.sum(z) / z.size):
+            raise ValueError(
+                f"approach is {approach:g}, but must be below the mean of the gap, {mean:g}, at "
+                "which surfaces that repeat touch everywhere, under many a force: give the force"
+            )
         return None
     force = positive("force", force)
     in_range("force", force)
@@ -33,6 +40,41 @@ def check_bound(bound: ArrayLike) -> Array:
     if (g < 0.0).any():
         raise ValueError(f"bound has the value {g.min():g}, but a traction bound is at least zero")
     return g
+
+
+def check_pressed(bound: Any, element: Any, material: Any, mu: Any) -> tuple[Array, Any, Any]:
+    """Return a traction bound, the element and the material, of a bound or of a normal result."""
+    if isinstance(bound, TangentialResult):
+        raise TypeError(
+            "bound is a tangential result, but must be a normal one, or a traction bound"
+        )
+    if not isinstance(bound, NormalResult):
+        if mu is not None:
+            raise TypeError(
+                "mu is given, but bound is no normal result: a traction bound is μ p itself"
+            )
+        for name, value in (("element", element), ("material", material)):
+            if value is None:
+                raise TypeError(f"{name} is not given, but only a normal result has its own")
+        return check_bound(bound), element, material
+    for name, value in (("element", element), ("material", material)):
+        if value is not None:
+            raise TypeError(f"{name} is given, but a normal result has its own: leave it out")
+    if mu is None:
+        raise TypeError("mu is not given, but a normal result needs a coefficient of friction")
+    friction = field("mu", mu)
+    if (friction < 0.0).any():
+        raise ValueError(
+            f"mu is {friction.min():g}, but a coefficient of friction is at least zero"
+        )
+    if friction.shape not in ((), bound.shape):
+        raise ValueError(
+            f"mu has shape {friction.shape}, but must be a number, or have that of the grid, "
+            f"{bound.shape}"
+        )
+    # Where nothing is pressed a coefficient may be infinite.
+    g = np.multiply(friction, bound.pressure, where=bound.contact, out=np.zeros(bound.shape))
+    return g, bound.element, bound.material
 
 
 def check_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:
@@ -51,18 +93,23 @@ def check_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:
     raise ValueError(f"shift has shape {array.shape}, but must have {allowed}")
 
 
-def check_force(force: Any, most: float, grid: Grid) -> Array:
-    """Return the sum of the tractions, by components, that a force needs; `most` can be carried."""
+def check_force(force: Any, most: float, grid: Grid) -> tuple[Array, bool]:
+    """Return the sum of the tractions, by components, that a force needs, and whether all slides.
+
+    That is where it is all that can be carried, `most`, within rounding.
+    """
     m, area = grid.components, grid.area
     total = np.atleast_1d(field("force", force)) / area
     if total.shape != (m,) or not np.isfinite(total).all():
         wanted = "(Fx, Fy)" if m == 2 else "a number"
         raise ValueError(f"force is {force}, but must be {wanted}, and finite")
-    if not np.linalg.norm(total) < most:
+    size = float(np.linalg.norm(total))
+    if size > most * (1.0 + SLIDES):
         raise ValueError(
-            f"force is {force}, but must be less than the traction bound carries: {most * area:g}"
+            f"force is {force}, of size {size * area:g}, but the traction bound carries "
+            f"{most * area:g} at most: the bodies would slide off"
         )
-    return total
+    return total, size >= most * (1.0 - SLIDES)
 
 
 def check_previous(

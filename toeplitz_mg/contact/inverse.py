@@ -88,6 +88,8 @@ class Inverse:
 
     def fit(self, C: Array) -> None:
         """Choose for a set: FSAI of one that is alike is kept, and else it is set up anew."""
+        if any(self._grid.periodic):
+            return  # There A itself has an inverse, that of its waves, as cheap as a product.
         before, self._before = self._before, C
         if self._local is not None and is_fsai_kept(self._measure_change(C, self._local.C)):
             return

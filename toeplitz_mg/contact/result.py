@@ -1,5 +1,6 @@
 """What contact problems have for answers, and the error where they have none."""
 
+import os
 from dataclasses import dataclass, fields
 from math import prod
 from typing import Any, ClassVar, TypeVar
@@ -7,7 +8,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from toeplitz_mg._typing import Array, Mask
-from toeplitz_mg.contact import plotting
+from toeplitz_mg.contact import plotting, saving
 from toeplitz_mg.contact.summary import (
     Figure,
     describe_cost,
@@ -15,8 +16,8 @@ from toeplitz_mg.contact.summary import (
     list_figures,
     shorten,
     tabulate_figures,
-    units_of,
 )
+from toeplitz_mg.contact.units import units_of
 from toeplitz_mg.halfspace import CombinedMaterial
 
 
@@ -164,6 +165,61 @@ class NormalResult:
         """
         return plotting.draw(self, ax)
 
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write everything to an ``.npz`` file, with units, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or path
+            Must end in ``.npz``.
+        overwrite : bool
+            Whether a file that is there already may be replaced.
+
+        Raises
+        ------
+        FileExistsError
+            Where there is a file and `overwrite` is false: it is left as it is.
+        OSError, ValueError
+            Where the file cannot be written, or its name does not end in ``.npz``.
+
+        See Also
+        --------
+        load : reads it; `numpy.load` finds the arrays by their names, and a text in JSON, `about`.
+        """
+        saving.save_result(self, path, overwrite=overwrite)
+
+    def to_xarray(self) -> Any:
+        """Return the fields as an `xarray.Dataset`, with coordinates and units.
+
+        Returns
+        -------
+        xarray.Dataset
+            Numbers that are no fields are in its `attrs`.
+
+        Raises
+        ------
+        ImportError
+            Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
+        """
+        return saving.convert_to_xarray(self)
+
+    def to_vtk(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the fields as an image of VTK, which ParaView and PyVista read.
+
+        Parameters
+        ----------
+        path : str or path
+            Must end in ``.vti``.
+        overwrite : bool
+            Whether a file that is there already may be replaced.
+
+        Raises
+        ------
+        FileExistsError, OSError, ValueError
+            As `save`.
+        """
+        saving.write_vtk(self, path, overwrite=overwrite)
+
     def summary(self) -> str:
         """Return the figures of this result with their units, a line each."""
         return list_figures(*self._summary())
@@ -235,7 +291,10 @@ class TangentialResult:
     touches_edge : bool
         Whether the contact reaches an edge of the grid.
     shift : float, ndarray or None
-        In friction, the rigid shift of the bodies, mm; None in rolling.
+        In friction, the rigid shift of the bodies since the previous tractions, mm; None in
+        rolling.
+    total_shift : float, ndarray or None
+        In friction, the sum of that shift and those of all results before it; None in rolling.
     creepages : float, ndarray or None
         In rolling, the creepages (longitudinal, lateral, spin), the first two dimensionless, the
         spin in 1/mm, and in line contact that is rolled along x alone the longitudinal one; None in
@@ -284,6 +343,7 @@ class TangentialResult:
     energy: float
     touches_edge: bool
     shift: Any = None
+    total_shift: Any = None
     creepages: Any = None
     moment: float | None = None
     power: float | None = None
@@ -349,6 +409,61 @@ class TangentialResult:
         """
         return plotting.draw(self, ax)
 
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write everything to an ``.npz`` file, with units, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or path
+            Must end in ``.npz``.
+        overwrite : bool
+            Whether a file that is there already may be replaced.
+
+        Raises
+        ------
+        FileExistsError
+            Where there is a file and `overwrite` is false: it is left as it is.
+        OSError, ValueError
+            Where the file cannot be written, or its name does not end in ``.npz``.
+
+        See Also
+        --------
+        load : reads it; `numpy.load` finds the arrays by their names, and a text in JSON, `about`.
+        """
+        saving.save_result(self, path, overwrite=overwrite)
+
+    def to_xarray(self) -> Any:
+        """Return the fields as an `xarray.Dataset`, with coordinates and units.
+
+        Returns
+        -------
+        xarray.Dataset
+            Numbers that are no fields are in its `attrs`.
+
+        Raises
+        ------
+        ImportError
+            Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
+        """
+        return saving.convert_to_xarray(self)
+
+    def to_vtk(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the fields as an image of VTK, which ParaView and PyVista read.
+
+        Parameters
+        ----------
+        path : str or path
+            Must end in ``.vti``.
+        overwrite : bool
+            Whether a file that is there already may be replaced.
+
+        Raises
+        ------
+        FileExistsError, OSError, ValueError
+            As `save`.
+        """
+        saving.write_vtk(self, path, overwrite=overwrite)
+
     def summary(self) -> str:
         """Return the figures of this result with their units, a line each."""
         return list_figures(*self._summary())
@@ -387,7 +502,47 @@ class TangentialResult:
 
 
 ContactResult = NormalResult | TangentialResult  # Of any contact problem.
+KINDS = {kind.__name__: kind for kind in (NormalResult, TangentialResult)}
 Result = TypeVar("Result", NormalResult, TangentialResult)
+
+
+def load(path: str | os.PathLike[str]) -> ContactResult:
+    """Read a result that `save` has written.
+
+    Parameters
+    ----------
+    path : str or path
+
+    Returns
+    -------
+    NormalResult or TangentialResult
+
+    Raises
+    ------
+    OSError
+        Where there is no such file.
+    ValueError
+        Where it is another file than of `save`.
+
+    See Also
+    --------
+    NormalResult.save, TangentialResult.save
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from toeplitz_mg import contact
+    >>> steel, element = contact.Material(E=210000.0, nu=0.3), (0.01, 0.01)
+    >>> gap = contact.surfaces.sphere((64, 64), element, radius=10.0)
+    >>> pressed = contact.normal_contact(gap, element, material=steel, force=100.0)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "pressed.npz"
+    ...     pressed.save(path)
+    ...     again = contact.load(path)
+    >>> again
+    <NormalResult 64 x 64: force 100 N, approach 0.0034825 mm, contact 0.1116 mm²; 10 products>
+    """
+    return saving.load_result(path, KINDS)
 
 
 class ContactError(RuntimeError):

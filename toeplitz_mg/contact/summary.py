@@ -10,15 +10,6 @@ ROUNDING = 1e-12  # Size of a component, relative to the largest, that is shown 
 FEW = 3  # Figures in the repr of a result, which is one line.
 
 
-class Units(NamedTuple):
-    """The units of what is summed over the contact, in N and mm."""
-
-    force: str
-    area: str
-    energy: str
-    stiffness: str
-
-
 class Figure(NamedTuple):
     """A number, or some, with a name and a unit."""
 
@@ -35,13 +26,6 @@ class Figure(NamedTuple):
         least = ROUNDING * float(np.abs(values).max())
         numbers = ", ".join(f"{x if abs(x) > least else 0.0:.5g}" for x in values)
         return f"{numbers if len(values) == 1 else f'({numbers})'} {self.unit}".rstrip()
-
-
-def units_of(element: Sequence[float]) -> Units:
-    """Return the units on elements of this size: in plane strain, of one, per mm of length."""
-    if len(element) == 1:
-        return Units("N/mm", "mm", "N", "N/mm²")
-    return Units("N", "mm²", "N mm", "N/mm")
 
 
 def describe_grid(shape: Sequence[int], element: Sequence[float]) -> str:

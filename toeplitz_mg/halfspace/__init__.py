@@ -1,4 +1,4 @@
-"""The elastic half-space: its matrices, influence coefficients and elastic constants."""
+"""The elastic half-space: its matrices, coefficients, stresses and elastic constants."""
 
 from toeplitz_mg.halfspace.influence import (
     influence_xx,
@@ -17,6 +17,13 @@ from toeplitz_mg.halfspace.materials import (
 )
 from toeplitz_mg.halfspace.matrices import influence_matrix
 from toeplitz_mg.halfspace.points import all_offsets, offsets
+from toeplitz_mg.halfspace.stresses import (
+    line_stresses_x,
+    line_stresses_z,
+    stresses_x,
+    stresses_y,
+    stresses_z,
+)
 
 __all__ = [
     "CombinedMaterial",
@@ -32,5 +39,10 @@ __all__ = [
     "influence_yz",
     "influence_zz",
     "line_contact_coefficients",
+    "line_stresses_x",
+    "line_stresses_z",
     "offsets",
+    "stresses_x",
+    "stresses_y",
+    "stresses_z",
 ]

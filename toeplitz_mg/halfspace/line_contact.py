@@ -43,6 +43,10 @@ def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, referenc
     TypeError
         Where n is not an integer, or another argument no real number.
 
+    See Also
+    --------
+    influence_xx : of rectangles that are not long.
+
     Notes
     -----
     A constant displacement u has the traction Q/(π√(a²-x²)), a = n h/2, with the force per length

@@ -1,6 +1,6 @@
 """Elastic constants: of one body, and combined of two in contact."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
@@ -119,13 +119,20 @@ class CombinedMaterial:
         Shear modulus (N/mm²) and Poisson's ratio of two equal bodies that displace as much.
     difference : float
         The `difference_parameter`: it couples the normal and the tangential problem.
+    bodies : (Material, Material) or None
+        The first and the second, where they are known: each has stresses of its own.
     E_star : float
         Modulus of the normal contact, G/(1-ν), N/mm²: 1/E* is the sum of both bodies'.
+
+    See Also
+    --------
+    combined_material : makes it.
     """
 
     G: float
     nu: float
     difference: float = 0.0
+    bodies: tuple[Material, Material] | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         check_constants(self.G, self.nu)
@@ -157,6 +164,11 @@ def combined_material(first: Material, second: Material) -> CombinedMaterial:
     TypeError
         For what is not a `Material`.
 
+    See Also
+    --------
+    CombinedMaterial : what it returns.
+    difference_parameter : how unlike two bodies are.
+
     Notes
     -----
     Normal and tangential problems of different materials are coupled besides, in proportion to
@@ -177,11 +189,11 @@ def combined_material(first: Material, second: Material) -> CombinedMaterial:
     if np.isinf(first.G) and np.isinf(second.G):
         raise ValueError("both bodies are rigid, but one must be elastic")
     if first == second:
-        return CombinedMaterial(first.G, first.nu)
+        return CombinedMaterial(first.G, first.nu, bodies=(first, second))
     G = 2.0 / (1.0 / first.G + 1.0 / second.G)
     nu = min(0.5, G / 2.0 * (first.nu / first.G + second.nu / second.G))  # Despite rounding.
     K = G / 4.0 * ((1.0 - 2.0 * first.nu) / first.G - (1.0 - 2.0 * second.nu) / second.G)
-    return CombinedMaterial(G, nu, K)
+    return CombinedMaterial(G, nu, K, (first, second))
 
 
 def difference_parameter(first: Material, second: Material) -> float:
@@ -201,6 +213,11 @@ def difference_parameter(first: Material, second: Material) -> float:
     ------
     ValueError, TypeError
         For bodies that `combined_material` refuses.
+
+    See Also
+    --------
+    combined_material : the constants of two bodies.
+    influence_matrix : where it enters.
 
     Examples
     --------

@@ -111,10 +111,10 @@ def influence_matrix(
     for name, (_, parity) in KERNELS.items():
         if set(name) <= set(directions):
             c = quadrant(name, shape, element, bodies, reference)
-            blocks[name] = block = _operator(c, parity, ahead) if c.any() else None
+            blocks[name] = block = operator_of(c, parity, ahead) if c.any() else None
             # By reciprocity, what is odd in one of x and y has the other sign the other way round.
             is_odd = parity[0] != parity[1]
-            blocks[name[::-1]] = _operator(-c, parity, ahead) if block and is_odd else block
+            blocks[name[::-1]] = operator_of(-c, parity, ahead) if block and is_odd else block
     if len(directions) == 1 and (only := blocks[2 * directions]):
         return only
     return CoupledOperator([[blocks[i + j] for j in directions] for i in directions])
@@ -149,7 +149,7 @@ def evaluate(
     return c
 
 
-def _operator(c: Array, parity: tuple[int, ...], ahead: int) -> ToeplitzOperator:
+def operator_of(c: Array, parity: tuple[int, ...], ahead: int) -> ToeplitzOperator:
     """Return the matrix of coefficients that are even or odd in each axis."""
     if ahead == 0 and set(parity[: c.ndim]) == {1}:
         return ToeplitzOperator(c)

@@ -256,6 +256,11 @@ def componentwise(preconditioner: F) -> F:
         The same function, that takes a `CoupledOperator` or a `MaskedOperator` of one too: the
         result is block diagonal. It is symmetric positive definite where its blocks are.
 
+    See Also
+    --------
+    CoupledOperator : the matrix of several components.
+    default_preconditioner : chooses.
+
     Examples
     --------
     >>> import numpy as np

@@ -56,6 +56,11 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
     TypeError, ValueError
         Where `A` is no Toeplitz operator, or not Hermitian.
 
+    See Also
+    --------
+    fft_rsm_preconditioner : with constant row sums: a smoother.
+    fft_sd_preconditioner : deflated: a smoother too.
+
     Notes
     -----
     The circulant of length 2 n - 1 with first column (a₀ … a_{n-1}, a_{n-1} … a₁) is inverted;

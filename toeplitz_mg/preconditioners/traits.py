@@ -12,6 +12,8 @@ from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE
 SMOOTH = 1.9  # Largest ratio of the falls at two doublings of the lag: of a parabola 4, a tent 2.
 FAST = 0.2  # Least ratio of the coefficients at a lag and at half of it: less is fast decay.
 WHITE = 3.0  # Largest ratio of the eigenvalues in the middle nine tenths: of |θ| it is 9.
+NEAR = 0.05  # Largest norm of a part of A - C over the least eigenvalue of C: CG gains 1/40 a step.
+MODERATE = 1000.0  # Condition up to which few eigenvalues are not: with 4000 it is a dozen.
 JUMPS = 0.1  # Largest share of jumps of the phase: of random coefficients it is one half.
 EXPONENTIAL = 0.01  # Largest deviation of c_(i-s) c_(i+s) from c_i², over c_i²: of exp(-k/ℓ) none.
 
@@ -124,6 +126,32 @@ def is_nearly_white(eigenvalues: Array) -> bool:
     """
     low, high = np.quantile(eigenvalues, (0.1, 0.9))
     return bool(high <= WHITE * low)
+
+
+def is_nearly_circulant(c: Array, means: Array) -> bool:
+    """Whether a symmetric Toeplitz matrix differs little from T. Chan's circulant, for CG.
+
+    The difference has the coefficients (k/n)(c_k - c_(n-k)). The sum of the sizes of (k/n) c_k
+    bounds a part of it, which is to be small beside the least eigenvalue. The other part is in two
+    corners: where the coefficients decrease, and the matrix is not ill-conditioned, it has a few
+    eigenvalues that are not small.
+
+    Parameters
+    ----------
+    c : ndarray of shape (n,)
+    means : ndarray
+        The eigenvalues of the circulant.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> c = 0.5 ** np.arange(1000)
+    >>> is_nearly_circulant(c, np.array([1.0 / 3.0]))
+    True
+    """
+    low, high = float(means.min()), float(means.max())
+    distance = 2.0 / len(c) * float(np.arange(len(c)) @ np.abs(c))
+    return distance <= NEAR * low and high <= MODERATE * low and decreases(c)
 
 
 def has_slow_length(grid_shape: tuple[int, ...]) -> bool:

@@ -40,9 +40,12 @@ class SlabOperator:
     dtype : dtype
     vectors : Vectors
         Inner products and updates of the vectors that it multiplies, over all ranks.
+    work : float
+        The cost of one application, in products with a Toeplitz matrix; of such a matrix itself.
     """
 
     product: SlabProduct  # What multiplies, unless a class says otherwise.
+    work = 1.0
 
     def __init__(
         self,

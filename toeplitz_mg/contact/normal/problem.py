@@ -31,6 +31,7 @@ def normal_contact(
     approach: float | None = None,
     force: float | None = None,
     reference: float | None = None,
+    periodic: bool | tuple[bool, bool] = False,
     tolerance: float = 1e-8,
     nested: bool = True,
     max_products: int = 2000,
@@ -53,8 +54,14 @@ def normal_contact(
     force : float
         The force that presses, N; in plane strain N/mm. Either this or the approach is given.
     reference : float, optional
-        In plane strain, the distance at which a line load moves nothing, mm: it decides what
-        approach belongs to a force. By default the length of the grid.
+        In plane strain, and on a surface that repeats along one of two axes, the distance at which
+        a line load moves nothing, mm: it decides what approach belongs to a force. By default the
+        length of the grid across such a load.
+    periodic : bool or (bool, bool)
+        Whether the surfaces, and the pressures, repeat for ever, with the grid for a period, along
+        all axes or along each of them. The force is that of one period. Where they repeat along
+        all axes, displacements are those from their mean, so that the mean gap under load is that
+        before, less the approach; an approach must leave some.
     tolerance : float
         The error that is allowed, relative to the largest interference: the gap in contact, and
         the depth of penetration elsewhere. Pressures are never negative.
@@ -90,6 +97,11 @@ def normal_contact(
     inclined, along an axis, and touches at both ends of it without a warning. Any other gap, round
     or rough, is taken for a part of a larger surface, and should not touch there.
 
+    Along an axis that repeats the discrete kernel is the continuous symbol 2/(E*|q|) at the
+    wavenumbers q of the grid, as `tamaas` and `aspher` have it. Where only one of two axes
+    repeats, the images of an element have no finite sum, and `reference` decides on the constant
+    (see `halfspace.periodic`).
+
     Examples
     --------
     Hertz: a steel sphere of 10 mm on a steel plate.
@@ -104,7 +116,7 @@ def normal_contact(
     '0.00351 mm, 0.00351 by Hertz'
     """
     z = field("gap", gap)
-    grid = Grid.of(z.shape, element, material, reference)
+    grid = Grid.of(z.shape, element, material, reference, periodic)
     result = press(grid, z, approach, force, tolerance, nested, max_products, progress)
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
@@ -122,7 +134,7 @@ def press(
 ) -> NormalResult:
     """Return what `normal_contact` finds for the gap `z`, converged or not."""
     with grid.agree() as same:
-        force = check_load(z, approach, force)
+        force = check_load(grid, z, approach, force)
         check_iteration(tolerance, max_products, progress)
         same["approach"], same["force"], same["nested"] = approach, force, bool(nested)
         same["tolerance"], same["max_products"] = tolerance, max_products
@@ -140,7 +152,8 @@ def press(
         products = Products(search.matrix, max_products)
         state = search.run(products, nested=nested)
         state = state._replace(p=state.p / search.unit)
-    return _result(grid, z, state, products.count, work.units(z.size), distance)
+    units = work.units(z.size) / search.matrix.work
+    return _result(grid, z, state, products.count, units, distance)
 
 
 def _result(

@@ -10,16 +10,29 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import (
-    check_bound,
     check_force,
     check_iteration,
+    check_pressed,
     check_previous,
     check_shift,
 )
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.result import TangentialResult, check_converged, touches_edge
-from toeplitz_mg.contact.tangential.coulomb import clip, project, sum_components
+from toeplitz_mg.contact.result import (
+    NormalResult,
+    TangentialResult,
+    check_converged,
+    touches_edge,
+)
+from toeplitz_mg.contact.tangential.coulomb import (
+    Areas,
+    along,
+    clip,
+    direction,
+    project,
+    scale_to_bound,
+    sum_components,
+)
 from toeplitz_mg.contact.tangential.stick_slip import Problem, State, solve
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
@@ -27,10 +40,11 @@ from toeplitz_mg.values import refuse_masked
 
 
 def friction(
-    bound: ArrayLike,
-    element: Element,
+    bound: ArrayLike | NormalResult,
+    element: Element | None = None,
     *,
-    material: Any,
+    mu: ArrayLike | None = None,
+    material: Any = None,
     shift: ArrayLike | None = None,
     force: ArrayLike | None = None,
     previous: TangentialResult | None = None,
@@ -44,21 +58,27 @@ def friction(
 
     Parameters
     ----------
-    bound : array_like of shape (n1, n2) or (n,)
-        The traction bound g = μ p of each element, N/mm²: zero outside the contact, and infinite
-        where the bodies are bonded (μ = ∞). One axis is line contact.
+    bound : NormalResult, or array_like of shape (n1, n2) or (n,)
+        The bodies that are pressed together, with `mu`, of which element and material are taken.
+        Or the traction bound g = μ p of each element, N/mm²: zero outside the contact, and
+        infinite where the bodies are bonded (μ = ∞). One axis is line contact.
     element : (float, float) or float
-        Size (h1, h2) of an element, mm. In line contact the width and the length of the strips,
-        or the width alone: plane strain, with forces per mm of length.
+        With a traction bound, size (h1, h2) of an element, mm. In line contact the width and the
+        length of the strips, or the width alone: plane strain, with forces per mm of length.
+    mu : float, or array_like of shape (n1, n2) or (n,)
+        With a normal result, the coefficient of friction, of all elements or of each.
     material : Material or (Material, Material)
-        Of both bodies, or of the first and the second (see `contact.Material`).
+        With a traction bound, of both bodies, or of the first and the second (see
+        `contact.Material`).
     shift : array_like
         Rigid shift of the bodies, since the previous tractions if there are such, mm: (δx, δy), or
         in line contact a number. Tractions and displacements point along it. It may be a field,
         of shape (2, n1, n2) or (n,), as for a rotation. In the paper's symbols it is -w δt.
     force : array_like
         Total tangential force (Fx, Fy), or in line contact a number, N; in plane strain N/mm.
-        Either this or the shift is given.
+        Either this or the shift is given. A force of μ P, within rounding, lets all slide: then
+        the shift that is returned is the least that does, with a force; the slip is against the
+        force, as after a longer way, beside which what the elements do across it is nothing.
     previous : TangentialResult, optional
         The tractions before: a result of `friction` on the same grid.
     reference : float, optional
@@ -88,8 +108,8 @@ def friction(
     Raises
     ------
     ValueError, TypeError
-        For input that makes no sense, before any work; also where the force is not less than
-        the bound carries, so that the bodies would slide off.
+        For input that makes no sense, before any work; also where the force is more than the bound
+        carries, so that the bodies would slide off.
     ContactError
         Where the tolerance is not reached: it says what is violated.
 
@@ -103,7 +123,7 @@ def friction(
     >>> steel, element = Material.from_shear(82000.0, 0.28), (0.01, 0.01)
     >>> gap = surfaces.sphere((64, 64), element, radius=10.0)
     >>> contact = normal_contact(gap, element, material=steel, force=100.0)
-    >>> shifted = friction(0.3 * contact.pressure, element, material=steel, force=(15.0, 0.0))
+    >>> shifted = friction(contact, mu=0.3, force=(15.0, 0.0))
     >>> bool(shifted.stick.any() and shifted.sliding.any())
     True
     >>> a, G, nu = np.sqrt(contact.approach * 10.0), steel.G, steel.nu
@@ -111,7 +131,7 @@ def friction(
     >>> f"{shifted.shift[0] * 1e3:.3f} µm, {exact * 1e3:.3f} by theory"
     '0.466 µm, 0.466 by theory'
     """
-    g = check_bound(bound)
+    g, element, material = check_pressed(bound, element, material, mu)
     grid = Grid.of(g.shape, element, material, reference)
     result = shift_bodies(
         grid, g, Window.around, shift, force, previous, tolerance, nested, max_products, progress
@@ -149,7 +169,9 @@ def shift_bodies(
         same["force"], same["nested"] = refuse_masked("force", force).tolist(), bool(nested)
         same["tolerance"], same["max_products"] = tolerance, max_products
         same["whether there is a previous contact"] = previous is not None
-    total = None if force is None else check_force(force, grid.vectors.sum(g), grid)
+    total, all_slides = None, False
+    if force is not None:
+        total, all_slides = check_force(force, grid.vectors.sum(g), grid)
     window = window_around(grid, (g > 0.0) | before.any(axis=0))
     g, b, before = (window.cut(x) for x in (g, b, before))
     with count_products() as work:
@@ -157,24 +179,68 @@ def shift_bodies(
         guess, least = None, 0.0
         if previous is not None:
             u = products(before)
-            guess = project(clip(before, g), g, total, grid.vectors)
             b, least = b + u, grid.vectors.max(np.abs(u))
         problem = Problem(window.grid, g, b, total, tolerance, least, progress)
-        state = solve(problem, products, guess, nested=nested)
-    result = make_result(problem, state, window, products.count, work.units(b.size))
-    if shift is None:
-        return result
-    given = np.array(shift, dtype=np.float64)
-    return replace(result, shift=float(given) if given.ndim == 0 else given)
+        if all_slides:
+            state, slip = _slide_off(problem, products)
+        else:
+            if previous is not None:
+                guess = project(clip(before, g), g, total, grid.vectors)
+            state, slip = solve(problem, products, guess, nested=nested), None
+    result = make_result(problem, state, window, products.count, work.units(b.size), slip)
+    moved = result.shift
+    if shift is not None:
+        given = np.array(shift, dtype=np.float64)
+        moved = float(given) if given.ndim == 0 else given
+    return replace(result, shift=moved, total_shift=_add_shifts(moved, previous, window.whole))
+
+
+def _slide_off(problem: Problem, A: Products) -> tuple[State, Array]:
+    """Return the state in which all slides along the force, with the least shift, and the slip."""
+    assert problem.total is not None
+    contact, vectors = problem.g > 0.0, problem.vectors
+    n = np.broadcast_to(direction(problem.uniform(problem.total)), problem.b.shape)
+    q = scale_to_bound(n, problem.g, contact)
+    u = A(q)
+    ahead = np.where(contact, u - problem.b, 0.0)
+    forwards = along(ahead, n)
+    shift = np.zeros(len(q))
+    if elements := vectors.count(contact):
+        farthest = vectors.max(np.where(contact, forwards, -np.inf))
+        # Across the force the shift is the mean of what the elements do.
+        across = sum_components(ahead - forwards * n, vectors) / elements
+        shift = across + farthest * direction(problem.total)
+        forwards = np.where(contact, forwards - farthest, 0.0)
+    areas = Areas(np.zeros_like(contact), contact)
+    return State(q, u, areas, shift, residual=0.0), forwards * n
+
+
+def _add_shifts(moved: Any, previous: TangentialResult | None, grid: Any) -> Any:
+    """Return a shift, and those that led to the tractions before it."""
+    before = None if previous is None else previous.total_shift
+    if before is None:
+        return moved
+    # One may be of the whole bodies, and the other a field.
+    given, earlier = (check_shift(x, (grid.components, *grid.shape)) for x in (moved, before))
+    total = given + earlier
+    if total.size > grid.components:
+        return total[0] if grid.components == 1 else total
+    return float(total.ravel()[0]) if grid.components == 1 else total.ravel()
 
 
 def make_result(
-    problem: Problem, state: State, window: Window, products: int, work: float
+    problem: Problem,
+    state: State,
+    window: Window,
+    products: int,
+    work: float,
+    slip: Array | None = None,
 ) -> TangentialResult:
     """Return what was found, on the whole grid and in the shapes of the user."""
     q, contact = state.q, problem.g > 0.0
     whole_contact = window.extend(contact)
-    slip = state.u - problem.b - problem.uniform(state.shift)
+    if slip is None:
+        slip = state.u - problem.b - problem.uniform(state.shift)
     is_line = len(q) == 1
 
     def whole(x: Array) -> Array:

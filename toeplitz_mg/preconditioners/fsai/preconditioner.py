@@ -113,6 +113,11 @@ def fsai_preconditioner(
         Where it has three axes or more, or is not symmetric along each; where `neighbours` is below
         1 or above 100.
 
+    See Also
+    --------
+    default_preconditioner : chooses.
+    cosine_preconditioner : for whole grids.
+
     Notes
     -----
     For half-space kernels conjugate gradients take 5 to 11 iterations to a relative residual of

@@ -1,0 +1,200 @@
+"""Results in files and in other libraries: all comes back, and no file is lost."""
+
+import base64
+import json
+import os
+from dataclasses import fields, replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from tests.test_result import ALL, PRESSED, ROLLED, ROLLED_LINE, SHIFTED
+from toeplitz_mg import contact
+from toeplitz_mg.contact import friction
+
+WITH_ALL = replace(PRESSED, stiffness=0.1 + 0.2, warnings=("ä < b", "c"))
+BONDED = friction(
+    np.where(PRESSED.contact, np.inf, 0.0), PRESSED.element, material=PRESSED.material, shift=(1, 0)
+)
+
+
+def assert_same(one, other):
+    """All fields are the same to the last bit, and of the same type."""
+    assert type(one) is type(other)
+    for field in fields(one):
+        a, b = getattr(one, field.name), getattr(other, field.name)
+        if field.name == "centres":
+            assert len(a) == len(b)
+            assert all(map(np.array_equal, a, b))
+        elif isinstance(a, np.ndarray):
+            assert a.dtype == b.dtype
+            assert np.array_equal(a, b)
+        else:
+            assert type(a) is type(b)
+            assert a == b
+
+
+@pytest.mark.parametrize("result", [*ALL, WITH_ALL, BONDED])
+def test_what_is_saved_is_loaded(result, tmp_path):
+    path = tmp_path / "result.npz"
+    result.save(path)
+    again = contact.load(path)
+    assert_same(again, result)
+    with pytest.raises(ValueError, match="read-only"):
+        again.contact[...] = False
+
+
+def test_a_file_can_be_read_without_this_package(tmp_path):
+    ROLLED.save(tmp_path / "rolled.npz")
+    with np.load(tmp_path / "rolled.npz", allow_pickle=False) as file:
+        assert np.array_equal(file["traction"], ROLLED.traction)
+        assert np.array_equal(file["x"], ROLLED.x)
+        about = json.loads(str(file["about"]))
+    assert about["kind"] == "TangentialResult"
+    assert about["units"]["traction"] == "N/mm²"
+    assert about["units"]["slip"] == "1"
+    assert about["values"]["area"] == ROLLED.area
+    assert about["material"]["nu"] == ROLLED.material.nu
+
+
+@pytest.mark.parametrize("result", ALL)
+def test_all_that_is_a_field_has_a_unit(result, tmp_path):
+    result.save(tmp_path / "x.npz")
+    with np.load(tmp_path / "x.npz") as file:
+        units = json.loads(str(file["about"]))["units"]
+        assert {*file.files} - {"about"} <= {*units}
+
+
+@pytest.mark.parametrize(("write", "ending"), [("save", "npz"), ("to_vtk", "vti")])
+def test_a_file_is_not_replaced_by_accident(write, ending, tmp_path):
+    path = tmp_path / f"x.{ending}"
+    path.write_text("his")
+    with pytest.raises(FileExistsError, match="overwrite=True replaces it"):
+        getattr(PRESSED, write)(path)
+    assert path.read_text() == "his"
+    getattr(PRESSED, write)(path, overwrite=True)
+    assert path.stat().st_size > 1000
+    assert os.listdir(tmp_path) == [path.name]
+
+
+@pytest.mark.parametrize(("write", "ending"), [("save", "npz"), ("to_vtk", "vti")])
+def test_a_file_is_written_whole_or_not_at_all(write, ending, tmp_path, monkeypatch):
+    path = tmp_path / f"x.{ending}"
+    path.write_text("his")
+
+    def fail(*_):
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(OSError, match="the disk is full"):
+        getattr(PRESSED, write)(path, overwrite=True)
+    assert path.read_text() == "his"
+    assert os.listdir(tmp_path) == [path.name]
+
+
+@pytest.mark.parametrize(("write", "ending"), [("save", "npz"), ("to_vtk", "vti")])
+def test_a_name_that_cannot_be_written_is_refused(write, ending, tmp_path):
+    for name, error, said in (
+        ("x.txt", ValueError, rf"x\.txt, but must end in \.{ending}"),
+        (f"none/x.{ending}", OSError, "none is no folder"),
+        (f"folder.{ending}", OSError, "is no regular file"),
+    ):
+        (tmp_path / f"folder.{ending}").mkdir(exist_ok=True)
+        with pytest.raises(error, match=said):
+            getattr(PRESSED, write)(tmp_path / name, overwrite=True)
+
+
+def test_other_files_are_no_results(tmp_path):
+    (tmp_path / "text.npz").write_text("nothing")
+    np.savez(tmp_path / "arrays.npz", x=np.ones(3))
+    np.savez(tmp_path / "foreign.npz", about=np.array('{"format": "of another"}'))
+    PRESSED.save(tmp_path / "whole.npz")
+    whole = (tmp_path / "whole.npz").read_bytes()
+    (tmp_path / "half.npz").write_bytes(whole[: len(whole) // 2])
+    for name in ("text", "arrays", "foreign", "half"):
+        with pytest.raises(ValueError, match=f"{name}.npz is not a file of a contact result"):
+            contact.load(tmp_path / f"{name}.npz")
+    with pytest.raises(FileNotFoundError):
+        contact.load(tmp_path / "none.npz")
+
+
+def read_vtk(path):
+    """Return the image element of a file of VTK, and its cell data by their names."""
+    (image,) = ElementTree.parse(path).getroot()
+    found = {}
+    for data in image.iter("DataArray"):
+        raw = base64.b64decode(data.text)
+        assert int.from_bytes(raw[:8], "little") == len(raw) - 8
+        dtype = {"Float64": "<f8", "UInt8": "u1"}[data.get("type")]
+        found[data.get("Name")] = np.frombuffer(raw[8:], dtype)
+    return image, found
+
+
+def test_a_file_of_vtk_has_the_fields_of_the_cells(tmp_path):
+    SHIFTED.to_vtk(tmp_path / "x.vti")
+    image, found = read_vtk(tmp_path / "x.vti")
+    assert image.get("WholeExtent") == "0 48 0 32 0 0"
+    origin, spacing = (np.fromstring(image.get(k), sep=" ") for k in ("Origin", "Spacing"))
+    assert_allclose(origin, [-1.0, -1.0, 0.0], atol=1e-12)
+    assert_allclose(spacing[:2], SHIFTED.element)
+    q = found["traction"].reshape(32, 48, 3)  # x runs first.
+    assert np.array_equal(q[..., :2], SHIFTED.traction.T)
+    assert not q[..., 2].any()
+    assert np.array_equal(found["stick"].reshape(32, 48).T, SHIFTED.stick)
+    assert {*found} == {"traction", "displacement", "slip", "bound", "contact", "stick"}
+
+
+def test_a_line_is_an_image_of_vtk_too(tmp_path):
+    ROLLED_LINE.to_vtk(tmp_path / "x.vti")
+    image, found = read_vtk(tmp_path / "x.vti")
+    assert image.get("WholeExtent") == "0 64 0 0 0 0"
+    assert np.array_equal(found["traction"], ROLLED_LINE.traction)
+
+
+@pytest.mark.parametrize("result", [*ALL, WITH_ALL])
+def test_vtk_reads_it(result, tmp_path):
+    vtk = pytest.importorskip("vtk")
+    result.to_vtk(tmp_path / "x.vti")
+    reader = vtk.vtkXMLImageDataReader()
+    reader.SetFileName(str(tmp_path / "x.vti"))
+    reader.Update()
+    image = reader.GetOutput()
+    assert image.GetNumberOfCells() == result.contact.size
+    cells = image.GetCellData()
+    name = "pressure" if result.stick is None else "traction"
+    cell = int(np.argmax(result.magnitude.T))
+    size = np.linalg.norm(cells.GetArray(name).GetTuple(cell))
+    assert_allclose(size, result.magnitude.max(), rtol=1e-14)
+
+
+def test_xarray_has_coordinates_and_units():
+    pytest.importorskip("xarray")
+    data = SHIFTED.to_xarray()
+    assert data.traction.dims == ("component", "x", "y")
+    assert data.stick.dims == ("x", "y")
+    assert data.traction.attrs["units"] == "N/mm²"
+    assert data.x.attrs["units"] == "mm"
+    assert np.array_equal(data.traction.sel(component="y"), SHIFTED.traction[1])
+    assert np.array_equal(data.y, SHIFTED.y)
+    assert data.attrs["area"] == SHIFTED.area
+    assert data.attrs["area_units"] == "mm²"
+    assert np.array_equal(data.attrs["shift"], SHIFTED.shift)
+    assert WITH_ALL.to_xarray().attrs["warnings"] == "ä < b\nc"
+    assert ROLLED_LINE.to_xarray().traction.dims == ("x",)
+
+
+@pytest.mark.parametrize("result", [*ALL, WITH_ALL])
+def test_xarray_can_write_it(result, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    result.to_xarray().to_netcdf(tmp_path / "x.nc", engine="scipy")
+    again = xarray.load_dataset(tmp_path / "x.nc", engine="scipy")
+    name = "pressure" if result.stick is None else "traction"
+    assert np.array_equal(again[name], getattr(result, name))
+
+
+def test_without_xarray_it_is_said_what_to_install(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "xarray", None)
+    with pytest.raises(ImportError, match=r"pip install 'toeplitz-mg\[xarray\]'"):
+        PRESSED.to_xarray()

@@ -1,0 +1,227 @@
+"""Stresses in bodies in contact: Hertz, sliding, both bodies, sums of elements, errors."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from comparisons.contact import below, cases
+from toeplitz_mg import halfspace
+from toeplitz_mg.contact import (
+    Material,
+    Stresses,
+    friction,
+    normal_contact,
+    rolling,
+    subsurface_stresses,
+    surfaces,
+)
+from toeplitz_mg.halfspace import CombinedMaterial
+
+# Tests of what is solved, on grids that are meant to be small, and of unlike materials.
+pytestmark = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+
+A = 0.6  # The half width of the contacts, whose E* is 1.
+STEEL = Material.from_shear(0.7, 0.3)
+SOFT, HARD = Material.from_shear(1.0, 0.2), Material.from_shear(3.0, 0.4)
+# The components xx, yy, zz, yz, xz, xy as a matrix.
+VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+
+
+def sphere(n, material=STEEL):
+    h = 2.0 / n
+    gap = surfaces.sphere((n, n), (h, h), radius=1.0)
+    return normal_contact(gap, (h, h), material=material, force=4 / 3 * A**3)
+
+
+def line(n, material=STEEL):
+    h = 2.0 / n
+    gap = surfaces.cylinder(n, h, radius=1.0)
+    return normal_contact(gap, h, material=material, force=np.pi * A**2 / 4)
+
+
+# Theory -------------------------------------------------------------------------------------
+
+
+def test_below_a_sphere_the_largest_shear_is_where_johnson_has_it():
+    pressed = sphere(129)
+    depths = np.linspace(0.3, 0.7, 41) * A
+    stresses = subsurface_stresses(pressed, depths=depths)
+    k, i, j = np.unravel_index(stresses.max_shear.argmax(), stresses.max_shear.shape)
+    assert (i, j) == (64, 64)
+    assert abs(stresses.max_shear.max() / (2 * A / np.pi) - 0.310) < 0.001
+    assert abs(depths[k] / A - 0.48) <= 0.01
+    # On the axis two principal stresses are the same.
+    assert_allclose(stresses.von_mises[:, 64, 64], 2 * stresses.max_shear[:, 64, 64], rtol=1e-7)
+
+
+def test_below_a_line_the_largest_shear_is_where_johnson_has_it():
+    pressed = line(257)
+    depths = np.linspace(0.6, 1.0, 41) * A
+    stresses = subsurface_stresses(pressed, depths=depths)
+    k, i = np.unravel_index(stresses.max_shear.argmax(), stresses.max_shear.shape)
+    assert i == 128
+    assert abs(stresses.max_shear.max() / (A / 2) - 0.300) < 0.001
+    assert abs(depths[k] / A - 0.786) <= 0.01
+    assert_allclose(stresses.yy, STEEL.nu * (stresses.xx + stresses.zz), atol=1e-14)
+
+
+@pytest.mark.parametrize(("mu", "at_surface"), [(0.2, False), (0.25, False), (0.35, True)])
+def test_the_largest_shear_below_a_sphere_rises_to_the_surface(mu, at_surface):
+    pressed = sphere(65)
+    slid = friction(pressed, mu=mu, force=(mu * pressed.force, 0.0))
+    stresses = subsurface_stresses(pressed, slid, depths=np.linspace(0.0, 0.6, 13) * A)
+    deepest = stresses.max_shear.max(axis=(1, 2)).argmax()
+    assert (deepest == 0) == at_surface
+
+
+@pytest.mark.parametrize(
+    ("solve", "coarse", "fine"), [(below.sliding_line, 64, 512), (below.sliding_sphere, 32, 128)]
+)
+def test_stresses_below_what_slides_converge_to_theory(solve, coarse, fine):
+    def error(N):
+        return np.sqrt(np.mean([solve(n).errors["σxx"] ** 2 for n in cases.grids(N)]))
+
+    errors = error(coarse), error(fine)
+    assert errors[1] < 1e-4
+    assert cases.order(errors, (coarse, fine)) > 1.3
+
+
+# Exact for the tractions that there are -----------------------------------------------------
+
+
+def test_the_stresses_are_the_sum_of_those_of_all_elements():
+    pressed = sphere(12)
+    shifted = friction(pressed, mu=0.3, force=(0.03, 0.02))
+    stresses = subsurface_stresses(pressed, shifted, depths=[0.0, 0.2])
+    x, y = (axis.ravel() for axis in np.meshgrid(*pressed.centres, indexing="ij"))
+    at = x[:, None] - x, y[:, None] - y
+    for k, depth in enumerate(stresses.depths):
+        q = shifted.traction.reshape(2, -1)
+        expected = halfspace.stresses_z(*at, depth, pressed.element, nu=0.3) @ pressed.pressure.flat
+        expected += halfspace.stresses_x(*at, depth, pressed.element, nu=0.3) @ q[0]
+        expected += halfspace.stresses_y(*at, depth, pressed.element, nu=0.3) @ q[1]
+        assert_allclose(stresses.components[:, k].reshape(6, -1), expected, atol=1e-13)
+
+
+def test_at_the_surface_the_stresses_are_the_tractions():
+    pressed = sphere(32)
+    shifted = friction(pressed, mu=0.3, force=(0.03, 0.02))
+    stresses = subsurface_stresses(pressed, shifted, depths=0.0)
+    assert_allclose(stresses.zz[0], -pressed.pressure, atol=1e-13)
+    assert_allclose(stresses.xz[0], -shifted.traction[0], atol=1e-13)
+    assert_allclose(stresses.yz[0], -shifted.traction[1], atol=1e-13)
+
+
+def test_the_forces_of_a_body_balance_those_on_it():
+    pressed = line(128)
+    shifted = friction(pressed, mu=0.3, force=0.05)
+    # Far to the sides nothing is left across a plane at a depth that is small beside the grid.
+    h, wide = pressed.element[0], 400
+    x = h * np.arange(-wide * 64, wide * 64)
+    depth = 0.3
+    below_all = sum(
+        np.convolve(traction, function(x, depth, h, nu=0.3)[component])[128:-128].sum() * h
+        for traction, function, component in [
+            (pressed.pressure, halfspace.line_stresses_z, 2),
+            (shifted.traction, halfspace.line_stresses_x, 2),
+        ]
+    )
+    assert_allclose(below_all, -pressed.force, rtol=1e-3)
+
+
+def test_each_body_has_its_own_ratio_and_its_own_side_of_the_tractions():
+    pressed = sphere(12, material=(SOFT, HARD))
+    shifted = friction(pressed, mu=0.3, shift=(1e-3, 0.0))
+    x, y = (axis.ravel() for axis in np.meshgrid(*pressed.centres, indexing="ij"))
+    at = x[:, None] - x, y[:, None] - y
+    q = shifted.traction.reshape(2, -1)
+    for body, nu, sign in (("first", SOFT.nu, 1.0), ("second", HARD.nu, -1.0)):
+        below = subsurface_stresses(pressed, shifted, depths=0.2, body=body)
+        assert below.body == body
+        expected = halfspace.stresses_z(*at, 0.2, pressed.element, nu=nu) @ pressed.pressure.flat
+        expected += sign * halfspace.stresses_x(*at, 0.2, pressed.element, nu=nu) @ q[0]
+        expected += sign * halfspace.stresses_y(*at, 0.2, pressed.element, nu=nu) @ q[1]
+        assert_allclose(below.components.reshape(6, -1), expected, atol=1e-13)
+
+
+def test_rolling_has_stresses_too():
+    pressed = line(64)
+    rolled = rolling(0.3 * pressed.pressure, pressed.element[0], material=STEEL, longitudinal=-0.01)
+    both = subsurface_stresses(pressed, rolled, depths=[0.1])
+    parts = [subsurface_stresses(result, depths=[0.1]) for result in (pressed, rolled)]
+    assert_allclose(both.components, parts[0].components + parts[1].components, atol=1e-15)
+
+
+# What they are compared by ------------------------------------------------------------------
+
+
+def test_stresses_of_von_mises_and_tresca_are_those_of_the_principal_stresses():
+    rng = np.random.default_rng(1)
+    components = rng.standard_normal((6, 3, 5, 4))
+    components[:, 0] = 0.0
+    components[:3, 0] = rng.standard_normal()  # A pressure all round: no shear at all.
+    components[3:, 1] = 0.0
+    stresses = Stresses("first", np.zeros(3), (np.zeros(5), np.zeros(4)), components)
+    principal = np.linalg.eigvalsh(np.moveaxis(components[VOIGT], (0, 1), (-2, -1)))
+    low, middle, high = np.moveaxis(principal, -1, 0)
+    squares = (high - low) ** 2 + (high - middle) ** 2 + (middle - low) ** 2
+    assert_allclose(stresses.von_mises, np.sqrt(squares / 2), rtol=1e-12, atol=1e-14)
+    assert_allclose(stresses.max_shear, (high - low) / 2, rtol=1e-7, atol=1e-14)
+    names = ("xx", "yy", "zz", "yz", "xz", "xy")
+    for name, component in zip(names, components, strict=True):
+        assert np.array_equal(getattr(stresses, name), component)
+
+
+def test_stresses_are_in_proportion_to_tractions_of_any_size():
+    pressed = sphere(16)
+    for scale in (1e-30, 1e30):
+        material = Material.from_shear(0.7 * scale, 0.3)
+        scaled = sphere_of(scale, material)
+        one, other = (subsurface_stresses(p, depths=0.2) for p in (pressed, scaled))
+        assert_allclose(other.von_mises / scale, one.von_mises, rtol=1e-5)
+        assert_allclose(other.max_shear / scale, one.max_shear, rtol=1e-5)
+
+
+def sphere_of(scale, material):
+    gap = surfaces.sphere((16, 16), (0.125, 0.125), radius=1.0)
+    return normal_contact(gap, (0.125, 0.125), material=material, force=scale * 4 / 3 * A**3)
+
+
+# Failures -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"depths": -0.1}, r"depths has the value -0\.1, but a depth is at least zero"),
+        ({"depths": [[0.1]]}, "depths is .*but must be a number, or a list"),
+        ({"depths": np.inf}, "a list of finite ones"),
+        ({"body": "third"}, "body is 'third', but must be 'first' or 'second'"),
+        ({"results": 0}, "there are 0 results"),
+        ({"results": 2}, "there are 2 results, but must be a normal one"),
+    ],
+)
+def test_refuses_what_makes_no_sense(change, message):
+    arguments = {"depths": 0.1, "body": "first"} | change
+    results = [line(16)] * arguments.pop("results", 1)
+    with pytest.raises(ValueError, match=message):
+        subsurface_stresses(*results, **arguments)
+
+
+def test_refuses_results_that_do_not_belong_together():
+    with pytest.raises(ValueError, match=r"shape is .* in one result and .* in the other"):
+        subsurface_stresses(line(16), friction(line(18), mu=0.1, shift=1e-3), depths=0.1)
+    other = friction(line(16, material=SOFT), mu=0.1, shift=1e-3)
+    with pytest.raises(ValueError, match=r"material is .* in one result"):
+        subsurface_stresses(line(16), other, depths=0.1)
+    with pytest.raises(TypeError, match=r"a result is 3\.0"):
+        subsurface_stresses(3.0, depths=0.1)
+
+
+def test_refuses_bodies_that_are_rigid_or_unknown():
+    on_rigid = line(16, material=(SOFT, Material.rigid()))
+    assert subsurface_stresses(on_rigid, depths=0.1).body == "first"
+    with pytest.raises(ValueError, match="the second body is rigid"):
+        subsurface_stresses(on_rigid, depths=0.1, body="second")
+    with pytest.raises(ValueError, match="of which the bodies are not known"):
+        subsurface_stresses(line(16, material=CombinedMaterial(1.0, 0.3)), depths=0.1)

@@ -1,0 +1,170 @@
+"""Results in files, and in the containers of other libraries.
+
+A result is an ``.npz`` file of its arrays by their names, which `numpy.load` reads too, and of a
+text in JSON, `about`: what kind of result it is, its numbers, and the units of all.
+"""
+
+import base64
+import json
+import os
+import stat
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any, BinaryIO
+from xml.etree import ElementTree
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.units import name_units
+from toeplitz_mg.halfspace import CombinedMaterial
+from toeplitz_mg.whole_files import check_folder, find_status, new_whole
+
+FORMAT = "toeplitz_mg contact result"  # What a file of ours says that it is.
+VTK_TYPES = {"b": "UInt8", "f": "Float64", "i": "Int64"}  # By the kind of a dtype.
+
+
+def save_result(result: Any, path: str | os.PathLike[str], *, overwrite: bool) -> None:
+    """Write a result to an ``.npz`` file (see `NormalResult.save`)."""
+    arrays, values = split_fields(result)
+    about: dict[str, Any] = {
+        "format": FORMAT,
+        "kind": type(result).__name__,
+        "material": asdict(result.material),
+        "values": values,
+        "units": name_units(result),
+    }
+    text = json.dumps(about, ensure_ascii=False, indent=1)
+    everything: dict[str, Any] = arrays | {"about": np.array(text)}
+    with _new_file(path, ".npz", overwrite=overwrite) as file:
+        np.savez(file, **everything)
+
+
+def load_result(path: str | os.PathLike[str], kinds: Mapping[str, type]) -> Any:
+    """Read a result of one of some kinds, by their names (see `contact.load`)."""
+    path = Path(path)
+    try:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        about = json.loads(str(arrays.pop("about")))
+        if about["format"] != FORMAT:
+            raise ValueError(f"its format is {about['format']!r}")
+        kind = kinds[about["kind"]]
+        values = {name: _thaw(value) for name, value in about["values"].items()}
+        centres = tuple(arrays.pop(name) for name in "xy" if name in arrays)
+        material = CombinedMaterial(**about["material"])
+        return kind(material=material, centres=centres, **arrays, **values)
+    except OSError:
+        raise
+    except Exception as error:  # NumPy, zip files and JSON raise many.
+        raise ValueError(f"{path} is not a file of a contact result: {error}") from error
+
+
+def split_fields(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Return the arrays of a result by their names, and its other values but the material."""
+    arrays: dict[str, Array] = dict(zip("xy", result.centres, strict=False))
+    values: dict[str, Any] = {}
+    for field in fields(result):
+        value = getattr(result, field.name)
+        if field.name in ("material", "centres"):
+            continue
+        if isinstance(value, np.ndarray) and value.ndim:
+            arrays[field.name] = value
+        else:
+            values[field.name] = value.item() if isinstance(value, np.generic) else value
+    return arrays, values
+
+
+def convert_to_xarray(result: Any) -> Any:
+    """Return a Dataset of xarray (see `NormalResult.to_xarray`)."""
+    try:
+        import xarray  # It is an extra, and slow to import.
+    except ImportError as error:
+        raise ImportError("to_xarray() needs xarray: pip install 'toeplitz-mg[xarray]'") from error
+    arrays, values = split_fields(result)
+    units, grid = name_units(result), ("x", "y")[: len(result.shape)]
+    coordinates: dict[str, Any] = {name: (name, arrays.pop(name), {"units": "mm"}) for name in grid}
+    variables: dict[str, Any] = {}
+    attributes: dict[str, Any] = {"kind": type(result).__name__}
+    for name, x in arrays.items():
+        if x.shape[-len(grid) :] != result.contact.shape:
+            attributes[name] = x
+            continue
+        components = ("component",) * (x.ndim - len(grid))
+        variables[name] = ((*components, *grid), x, {"units": units[name]})
+        if components:
+            coordinates["component"] = ("component", ["x", "y"], {})
+    for name, value in (values | asdict(result.material)).items():
+        # What netCDF cannot keep is left out, or made what it can.
+        if isinstance(value, bool):
+            attributes[name] = int(value)
+        elif name == "warnings":
+            attributes[name] = "\n".join(value)
+        elif value not in (None, ()):
+            attributes[name] = value
+    attributes |= {f"{name}_units": unit for name, unit in units.items() if name in attributes}
+    return xarray.Dataset(variables, coordinates, attributes)
+
+
+def write_vtk(result: Any, path: str | os.PathLike[str], *, overwrite: bool) -> None:
+    """Write the fields as cells of a VTK image (see `NormalResult.to_vtk`)."""
+    arrays, _ = split_fields(result)
+    shape, axes = result.contact.shape, len(result.contact.shape)
+    sizes = (*result.element[:axes], *(1.0,) * (3 - axes))
+    origin = (*(x[0] - h / 2.0 for x, h in zip(result.centres, sizes, strict=False)), 0.0, 0.0)[:3]
+    extent = " ".join(f"0 {n}" for n in (*shape, 0, 0)[:3])
+    kinds = {"type": "ImageData", "version": "1.0", "byte_order": "LittleEndian"}
+    root = ElementTree.Element("VTKFile", kinds, header_type="UInt64")
+    place = {"Origin": " ".join(f"{x!r}" for x in map(float, origin))}
+    place |= {"Spacing": " ".join(f"{h!r}" for h in sizes), "WholeExtent": extent}
+    piece = ElementTree.SubElement(ElementTree.SubElement(root, "ImageData", place), "Piece")
+    piece.set("Extent", extent)
+    cells = ElementTree.SubElement(piece, "CellData")
+    for name, x in arrays.items():
+        if x.shape[-axes:] == shape:
+            cells.append(_encode(name, x, axes))
+    with _new_file(path, ".vti", overwrite=overwrite) as file:
+        ElementTree.ElementTree(root).write(file, encoding="utf-8", xml_declaration=True)
+
+
+def _encode(name: str, x: Array, axes: int) -> ElementTree.Element:
+    """Return a field as VTK has it: vectors of three components, the first axis running first."""
+    element = ElementTree.Element("DataArray", Name=name, type=VTK_TYPES[x.dtype.kind])
+    element.set("format", "binary")
+    if x.ndim > axes:
+        element.set("NumberOfComponents", "3")
+        x = np.concatenate([x, np.zeros((3 - len(x), *x.shape[1:]))])
+    data = np.ascontiguousarray(x.T)
+    data = data.astype(data.dtype.newbyteorder("<"), copy=False)
+    size = np.array(data.nbytes, "<u8")
+    element.text = base64.b64encode(size.tobytes() + data.tobytes()).decode()
+    return element
+
+
+@contextmanager
+def _new_file(path: str | os.PathLike[str], ending: str, *, overwrite: bool) -> Iterator[BinaryIO]:
+    """Open a file that is there when it is whole, in the place of none unless that is wanted."""
+    path = Path(path)
+    if path.suffix != ending:
+        raise ValueError(f"path is {path}, but must end in {ending}")
+    check_folder(path)
+    _check_replaced(path, overwrite=overwrite)
+    with new_whole(path) as file:
+        yield file
+        _check_replaced(path, overwrite=overwrite)  # It may have come in the meantime.
+
+
+def _check_replaced(path: Path, *, overwrite: bool) -> None:
+    """Refuse to replace a file, unless that is wanted, or anything that is no file."""
+    old = find_status(path)
+    if old is not None and not stat.S_ISREG(old.st_mode):
+        raise OSError(f"{path} is no regular file, so it is not replaced")
+    if old is not None and not overwrite:
+        raise FileExistsError(f"{path} is there already: overwrite=True replaces it")
+
+
+def _thaw(value: Any) -> Any:
+    """Return a tuple for a list of JSON."""
+    return tuple(map(_thaw, value)) if isinstance(value, list) else value

@@ -1,0 +1,247 @@
+"""Stresses below the surface of two bodies in contact, from the tractions that were found."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.result import ContactResult, NormalResult, TangentialResult
+from toeplitz_mg.engine.threads import elementwise
+from toeplitz_mg.halfspace import CombinedMaterial
+from toeplitz_mg.halfspace.stress_matrices import stress_matrices
+from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.values import field
+
+BODIES = ("first", "second")
+
+
+@dataclass(frozen=True, eq=False)
+class Stresses:
+    """The stresses in one body at some depths below the elements of a grid.
+
+    z is the depth in this body, x and y are those of the surface; tension is positive. Fields have
+    the depths first, and then the shape of the grid.
+
+    Attributes
+    ----------
+    body : str
+        "first" or "second".
+    depths : ndarray of shape (d,)
+        Below the surface, mm.
+    centres : tuple of ndarray
+        The centres of the elements along each axis, mm.
+    components : ndarray of shape (6, d, n1, n2) or (6, d, n)
+        The stresses xx, yy, zz, yz, xz and xy, N/mm².
+    """
+
+    body: str
+    depths: Array
+    centres: tuple[Array, ...]
+    components: Array
+
+    @property
+    def xx(self) -> Array:
+        """The normal stress along x, N/mm²."""
+        return self._component(0)
+
+    @property
+    def yy(self) -> Array:
+        """The normal stress along y, N/mm²."""
+        return self._component(1)
+
+    @property
+    def zz(self) -> Array:
+        """The normal stress along the depth, N/mm²: at the surface minus the pressure."""
+        return self._component(2)
+
+    @property
+    def yz(self) -> Array:
+        """The shear stress across y and z, N/mm²."""
+        return self._component(3)
+
+    @property
+    def xz(self) -> Array:
+        """The shear stress across x and z, N/mm²."""
+        return self._component(4)
+
+    @property
+    def xy(self) -> Array:
+        """The shear stress across x and y, N/mm²."""
+        return self._component(5)
+
+    @property
+    def von_mises(self) -> Array:
+        """The stress of von Mises, N/mm²: it yields where that is the yield stress."""
+        return np.sqrt(3.0 * _by_depth(_second_invariant, self.components))
+
+    @property
+    def max_shear(self) -> Array:
+        """The largest shear stress, N/mm²: half the difference of the principal stresses.
+
+        It yields by Tresca where that is half the yield stress. The relative error is up to 1e-8
+        where two principal stresses are the same.
+        """
+        return _by_depth(_largest_shear, self.components)
+
+    def _component(self, k: int) -> Array:
+        component: Array = self.components[k]
+        return component
+
+
+def subsurface_stresses(
+    *results: ContactResult, depths: ArrayLike, body: str = "first"
+) -> Stresses:
+    """Return the stresses in a body below the contact, by pressures and tangential tractions.
+
+    Parameters
+    ----------
+    results : NormalResult or TangentialResult
+        One of either kind, or both, of the same bodies on the same grid: their stresses add up.
+    depths : array_like of shape (d,), or float
+        At least zero, mm.
+    body : str
+        "first", which a positive shift or force drags along x and y, or "second", on which the
+        tangential tractions act the other way round. Each has its own Poisson's ratio; of a rigid
+        body the stresses are not determined.
+
+    Returns
+    -------
+    Stresses
+        The six components below the centre of each element, at each depth, with `von_mises` and
+        `max_shear`.
+
+    Raises
+    ------
+    ValueError
+        For results on different grids or of different materials, two of one kind, or of materials
+        whose bodies are not known; for depths that are negative or not finite; for a rigid body.
+    TypeError
+        For what is no result.
+
+    See Also
+    --------
+    toeplitz_mg.halfspace.stresses_z, toeplitz_mg.halfspace.stresses_x : of one element.
+
+    Notes
+    -----
+    The tractions are constant in each element, and half-spaces end nowhere. Each depth takes one
+    product with a Toeplitz matrix for each component of the stresses, and of the tractions. Depths
+    come one after the other: beyond the result, of 6 d n1 n2 numbers, the memory is that of one
+    depth, some 40 n1 n2 numbers. One call for each depth saves the rest.
+
+    References
+    ----------
+    A. E. H. Love, The stress produced in a semi-infinite solid by pressure on part of the boundary,
+    Phil. Trans. R. Soc. A 228 (1929); K. L. Johnson, Contact Mechanics, chapters 3, 4 and 7.
+
+    Examples
+    --------
+    Below a sphere, ν = 0.3, the largest shear stress is 0.31 p₀, at a depth of 0.48 a.
+
+    >>> import numpy as np
+    >>> from toeplitz_mg import contact
+    >>> steel, element = contact.Material(E=210000.0, nu=0.3), (0.01, 0.01)
+    >>> gap = contact.surfaces.sphere((65, 65), element, radius=10.0)
+    >>> pressed = contact.normal_contact(gap, element, material=steel, force=100.0)
+    >>> a, p0 = np.sqrt(pressed.approach * 10.0), pressed.pressure.max()
+    >>> stresses = contact.subsurface_stresses(pressed, depths=np.linspace(0.3, 0.7, 41) * a)
+    >>> below = stresses.max_shear[:, 32, 32]
+    >>> f"{below.max() / p0:.2f} p0 at {stresses.depths[below.argmax()] / a:.2f} a"
+    '0.31 p0 at 0.48 a'
+    """
+    grid = _check_results(results)
+    z = np.atleast_1d(field("depths", depths))
+    if z.ndim != 1 or not np.isfinite(z).all():
+        raise ValueError(f"depths is {depths!r}, but must be a number, or a list of finite ones")
+    if (z < 0.0).any():
+        raise ValueError(f"depths has the value {z.min():g}, but a depth is at least zero")
+    nu = _find_ratio(grid.material, body)
+    tractions = list(_tractions(results, -1.0 if body == BODIES[1] else 1.0))
+    components = np.zeros((6, len(z), *grid.shape))
+    for k, depth in enumerate(z.tolist()):
+        for direction, traction in tractions:
+            matrices = stress_matrices(direction, grid.shape, grid.element, depth, nu=nu)
+            for total, A in zip(components[:, k], matrices, strict=True):
+                if A is not None:
+                    total += apply_to_rows(A, traction.reshape(-1)).reshape(grid.shape)
+    return Stresses(body, z, grid.centres, components)
+
+
+def _check_results(results: tuple[ContactResult, ...]) -> ContactResult:
+    """Return one of the results, whose grid and material are those of all."""
+    for result in results:
+        if not isinstance(result, NormalResult | TangentialResult):
+            raise TypeError(f"a result is {result!r}, but must be one of contact")
+    kinds = [type(result) for result in results]
+    if len(kinds) not in (1, 2) or len(set(kinds)) < len(kinds):
+        raise ValueError(
+            f"there are {len(kinds)} results, but must be a normal one, a tangential one, or both"
+        )
+    first, last = results[0], results[-1]
+    for name in ("shape", "element", "material"):
+        values = getattr(first, name), getattr(last, name)
+        if values[0] != values[1]:
+            raise ValueError(
+                f"{name} is {values[0]} in one result and {values[1]} in the other, but both must "
+                "be of the same bodies on the same grid"
+            )
+    return first
+
+
+def _find_ratio(material: CombinedMaterial, body: str) -> float:
+    """Return Poisson's ratio of one of the bodies."""
+    if body not in BODIES:
+        raise ValueError(f"body is {body!r}, but must be 'first' or 'second'")
+    if material.bodies is None:
+        raise ValueError(
+            f"material is {material}, of which the bodies are not known: use contact.Material, or "
+            "two of them"
+        )
+    of_body = material.bodies[BODIES.index(body)]
+    if np.isinf(of_body.G):
+        raise ValueError(f"the {body} body is rigid, so that its stresses are not determined")
+    return of_body.nu
+
+
+def _tractions(results: tuple[ContactResult, ...], sign: float) -> Iterator[tuple[str, Array]]:
+    """Yield the directions of the tractions on a body, and these; a pressure is one along z."""
+    for result in results:
+        if isinstance(result, NormalResult):
+            yield "z", result.pressure
+        else:
+            components = result.traction.reshape(-1, *result.shape)
+            for direction, traction in zip("xy", components, strict=False):
+                if traction.any():
+                    yield direction, sign * traction
+
+
+def _by_depth(function: Callable[..., Array], components: Array) -> Array:
+    """Return a function of the stresses, by pieces of each depth."""
+    out = np.empty(components.shape[1:])
+    for k in range(len(out)):
+        elementwise(function, *components[:, k], out=out[k])
+    return out
+
+
+def _second_invariant(xx: Array, yy: Array, zz: Array, yz: Array, xz: Array, xy: Array) -> Array:
+    """Return half the square of the deviator."""
+    normal: Array = ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 6.0
+    return normal + yz**2 + xz**2 + xy**2
+
+
+def _largest_shear(xx: Array, yy: Array, zz: Array, yz: Array, xz: Array, xy: Array) -> Array:
+    """Return half the difference of the largest and the smallest principal stress.
+
+    The principal stresses of the deviator are 2 √(J₂/3) cos(θ + 2πk/3).
+    """
+    mean = (xx + yy + zz) / 3.0
+    J2 = _second_invariant(xx, yy, zz, yz, xz, xy)
+    size = np.sqrt(J2)
+    unit = np.where(size > 0.0, size, 1.0)
+    x, y, z, a, b, c = ((s / unit) for s in (xx - mean, yy - mean, zz - mean, yz, xz, xy))
+    J3 = x * y * z + 2.0 * a * b * c - x * a * a - y * b * b - z * c * c
+    angle = np.arccos(np.clip(1.5 * np.sqrt(3.0) * J3, -1.0, 1.0)) / 3.0
+    shear: Array = size * np.sin(angle + np.pi / 3.0)
+    return shear
