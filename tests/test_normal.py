@@ -318,7 +318,7 @@ def test_one_element():
         ({"material": (Material.rigid(), Material.rigid())}, "both bodies are rigid"),
         ({"force": None}, "one of the two"),
         ({"approach": 1.0}, "one of the two"),
-        ({"force": 0.0}, "force is 0"),
+        ({"force": -1.0}, "force is -1"),
         ({"force": np.nan}, "force is nan"),
         ({"force": None, "approach": np.inf}, "approach is inf"),
         ({"reference": 1.0}, "reference is 1.0"),
@@ -385,15 +385,6 @@ def test_failure_is_an_error_that_says_what_is_violated():
     assert error.value.result.traction.min() >= 0.0
 
 
-def test_reports_progress():
-    seen = []
-    contact = sphere(64, force=0.1, progress=lambda products, left: seen.append((products, left)))
-    products, residuals = zip(*seen, strict=True)
-    assert list(products) == sorted(products)
-    assert residuals[-1] < residuals[0]
-    assert products[-1] <= contact.products
-
-
 # Parts --------------------------------------------------------------------------------------
 
 
@@ -448,7 +439,7 @@ def test_projected_gradients_descend_to_the_solution(load):
 
 @pytest.mark.parametrize("shape", [(1,), (7,), (8,), (5, 8), (1, 6), (3, 1)])
 def test_transfers_keep_constants(shape):
-    coarse = coarsen(np.full(shape, 3.0), len(shape))
+    coarse = coarsen(np.full(shape, 3.0), (True,) * len(shape))
     assert coarse.shape == tuple(-(-n // 2) for n in shape)
     assert_allclose(coarse, 3.0)
     assert_allclose(refine(np.stack([coarse, coarse]), shape), np.full((2, *shape), 3.0))

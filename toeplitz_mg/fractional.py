@@ -39,7 +39,7 @@ def riesz_coefficients(order: float, n: int) -> Array:
     Returns
     -------
     ndarray of shape (n,)
-        The Fourier coefficients of |2 sin θ/2|^α, for ``ToeplitzOperator(c)``, which is
+        The Fourier coefficients of ``|2 sin θ/2|^α``, for ``ToeplitzOperator(c)``, which is
         symmetric positive definite. For α = 2 they are 2, -1, 0, 0, …
 
     Raises
@@ -98,6 +98,11 @@ def grunwald_coefficients(order: float, n: int) -> tuple[Array, Array]:
     ------
     TypeError, ValueError
         Where `order` is no such number, or `n` no positive integer.
+
+    See Also
+    --------
+    riesz_coefficients : of the symmetric derivative.
+    toeplitz_mg.tau_preconditioner : the preconditioner.
 
     Notes
     -----

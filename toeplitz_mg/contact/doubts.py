@@ -103,10 +103,13 @@ def _check_resolution(grid: Grid, contact: Array) -> Iterator[str]:
 def _longest_run(grid: Grid, contact: Array, axis: int) -> int:
     """Return the largest number of elements in contact that follow each other along an axis."""
     lines = grid.lines(contact, axis)
+    if grid.periodic[axis]:  # A spot may go on at the other end.
+        lines = np.concatenate([lines, lines], axis=-1)
     ends = np.zeros((*lines.shape[:-1], 1), bool)
     runs = np.concatenate([ends, lines, ends], axis=-1).ravel()
     changes = np.flatnonzero(runs[1:] != runs[:-1])
-    return int(max(grid.vectors.gather(int((changes[1::2] - changes[::2]).max(initial=0)))))
+    longest = int(max(grid.vectors.gather(int((changes[1::2] - changes[::2]).max(initial=0)))))
+    return min(longest, grid.shape[axis])
 
 
 def _check_load(grid: Grid, p: Array, contact: Array) -> Iterator[str]:
@@ -130,6 +133,7 @@ def _check_edge(grid: Grid, z: Array, contact: Array, interference: float) -> It
         axis
         for axis, n in enumerate(grid.shape)
         if n > 1
+        and not grid.periodic[axis]
         and grid.vectors.count(grid.lines(contact, axis)[..., [0, -1]])
         and _largest_sag(grid, z, axis) > FLAT * interference
     ]
@@ -171,5 +175,6 @@ def _check_coupling(grid: Grid) -> Iterator[str]:
     if abs(K) > UNCOUPLED:
         yield (
             f"the materials are unlike (difference parameter {K:.3g}), but the coupling of normal "
-            "and tangential tractions, in proportion to it, is left out"
+            "and tangential tractions, in proportion to it, is left out: "
+            "contact.frictional_contact takes it"
         )

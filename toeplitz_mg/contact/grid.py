@@ -1,21 +1,34 @@
 """The potential contact area: a grid of elements on the half-space, and its matrices."""
 
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import DTypeLike
+from scipy import fft
 
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element, Mask
 from toeplitz_mg.contact.steady_matrices import invert_shifted, subtract_operators
+from toeplitz_mg.engine.products import DiagonalisedProduct
 from toeplitz_mg.engine.vectors import ALONE, Vectors
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.materials import combine
-from toeplitz_mg.halfspace.matrices import quadrant
-from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
+from toeplitz_mg.halfspace.matrices import coupling_matrices, quadrant
+from toeplitz_mg.halfspace.periodic import (
+    periodic_eigenvalues,
+    strip_eigenvalues,
+    strip_length,
+)
+from toeplitz_mg.operators import (
+    CoupledOperator,
+    DiagonalisedOperator,
+    MaskedOperator,
+    ToeplitzOperator,
+)
 from toeplitz_mg.preconditioners.candidates import quick_fsai
+from toeplitz_mg.preconditioners.positivity import require_positive
 from toeplitz_mg.preconditioners.traits import fragmentation
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner
 from toeplitz_mg.values import field, in_range, positive
@@ -40,7 +53,12 @@ class Grid:
     material : CombinedMaterial
         Of the two bodies.
     reference : float
-        In plane strain, the distance at which a line load moves nothing.
+        In plane strain, and on a surface that repeats along one axis, the distance at which a line
+        load moves nothing.
+    periodic : tuple of bool
+        Along which axes the surface repeats.
+    directions : str
+        Of tangential tractions: "x" or "xy".
     vectors : Vectors
         The inner products, sums and extremes of fields.
     """
@@ -50,10 +68,17 @@ class Grid:
     element: tuple[float, ...]
     material: CombinedMaterial
     reference: float
+    periodic: tuple[bool, ...]
+    directions: str = "xy"
 
     @classmethod
     def of(
-        cls, shape: tuple[int, ...], element: Element, material: Any, reference: float | None
+        cls,
+        shape: tuple[int, ...],
+        element: Element,
+        material: Any,
+        reference: float | None,
+        periodic: Any = False,
     ) -> Self:
         """Return a grid of what the user gave, or say what is wrong with it."""
         if len(shape) not in (1, 2) or min(shape) < 1:
@@ -72,14 +97,29 @@ class Grid:
         material = combine(material)
         for name, value in (("element", min(sizes)), ("element", max(sizes)), ("G", material.G)):
             in_range(name, value)
+        repeats = _read_periodic(periodic, len(shape))
+        ends = [k for k in range(len(sizes)) if not (*repeats, False)[k]]
+        # One axis that ends, of a body that goes on for ever along the other, is a line contact.
+        is_line = len(ends) == 1 and (len(sizes) == 1 or any(repeats))
         if reference is None:
-            reference = sizes[0] * shape[0]
-        elif len(sizes) == 2:
+            axis = ends[0] if is_line else 0
+            reference = sizes[axis] * (*shape, 1)[axis]
+        elif not is_line:
             raise ValueError(
-                f"reference is {reference}, but only plane strain (an element of one size) "
-                "leaves a constant displacement open"
+                f"reference is {reference}, but only plane strain (an element of one size) and "
+                "a surface that repeats along one of two axes have a constant displacement that "
+                "it decides"
             )
-        return cls(shape, sizes, material, positive("reference", reference))
+        # In line contact lateral tractions are the exception.
+        directions = "xy"[: len(shape)]
+        reference = positive("reference", reference)
+        grid = cls(shape, sizes, material, reference, repeats, directions)
+        if grid.has_free_mean and max(shape) == 1:
+            raise ValueError(
+                f"the grid has shape {shape}, but where it repeats along all axes it must have "
+                "more than one element: the mean displacement is no part of the answer"
+            )
+        return grid
 
     @property
     def area(self) -> float:
@@ -88,8 +128,13 @@ class Grid:
 
     @property
     def components(self) -> int:
-        """The components of a tangential traction: one in line contact, two on a surface."""
-        return len(self.shape)
+        """The components of a tangential traction: on a surface two, in line contact mostly one."""
+        return len(self.directions)
+
+    @property
+    def has_free_mean(self) -> bool:
+        """Whether a mean pressure moves the surface by any distance, as of one without ends."""
+        return all(self.periodic) and len(self.element) == len(self.shape)
 
     def centres(self) -> tuple[Array, ...]:
         """Return the centres of the elements along each axis, zero in the middle of the grid."""
@@ -100,12 +145,23 @@ class Grid:
 
     def coarser(self) -> "Grid | None":
         """Return the grid of elements twice the size, or None where that would be too coarse."""
-        if max(self.shape) <= COARSEST:
+        if max(self.shape) <= COARSEST or not any(self.halved):
             return None
-        halved = [n > 1 for n in self.shape] + [False] * (len(self.element) - len(self.shape))
-        shape = tuple(-(-n // 2) for n in self.shape)
-        element = tuple(2.0 * h if two else h for h, two in zip(self.element, halved, strict=True))
-        return Grid(shape, element, self.material, self.reference)
+        factors = [1 + two for two in self.halved]
+        shape = tuple(-(-n // two) for n, two in zip(self.shape, factors, strict=True))
+        element = tuple(h * two for h, two in zip(self.element, (*factors, 1), strict=False))
+        return replace(self, shape=shape, element=element)
+
+    @property
+    def halved(self) -> tuple[bool, ...]:
+        """The axes along which two elements are one of the coarser grid.
+
+        Where the surface repeats, an odd number of them cannot be halved.
+        """
+        return tuple(
+            n > 1 and not (repeats and n % 2)
+            for n, repeats in zip(self.shape, self.periodic, strict=True)
+        )
 
     def agree(self) -> AbstractContextManager[dict[str, Any]]:
         """Return what checks of arguments are made in (see `slabs.Slab.agree`)."""
@@ -113,11 +169,11 @@ class Grid:
 
     def coarsen(self, x: Array) -> Array:
         """Return the averages of a field, of any components, on the coarser grid."""
-        return coarsen(x, len(self.shape))
+        return coarsen(x, self.halved)
 
     def refine(self, x: Array) -> Array:
         """Interpolate a field, of any components, from the coarser grid."""
-        return refine(x, self.shape)
+        return refine(x, self.shape, self.halved, self.periodic)
 
     def lines(self, x: Array, axis: int) -> Array:
         """Return the lines of a field along an axis, as the last axis."""
@@ -129,7 +185,7 @@ class Grid:
 
     def normal(self) -> ToeplitzOperator:
         """Return the matrix of the normal displacements by the pressures (Eq. 6-7)."""
-        return self._matrix("z")
+        return self._normal()[0]
 
     def normal_coefficients(self) -> Array:
         """Return the first column of the matrix of normal contact, in the shape of the grid."""
@@ -137,20 +193,60 @@ class Grid:
 
     def scaled_normal(self) -> tuple[ToeplitzOperator, float]:
         """Return the matrix of normal contact over its diagonal, and that."""
-        c = self.normal_coefficients()
+        return self._normal(is_scaled=True)
+
+    def _normal(self, *, is_scaled: bool = False) -> tuple[ToeplitzOperator, float]:
+        """Return the matrix of normal contact, over its diagonal if so wanted, and that."""
+        product = None
+        if any(self.periodic):
+            eigenvalues, lengths = self._waves()
+            column = fft.irfftn(eigenvalues, s=lengths)
+            c = np.ascontiguousarray(column[tuple(map(slice, self.shape))])
+        else:
+            c = self.normal_coefficients()
         unit = float(c.flat[0])
-        return ToeplitzOperator(c / unit), unit
+        if is_scaled:
+            c /= unit
+        if any(self.periodic):
+            eigenvalues /= unit if is_scaled else 1.0
+            product = DiagonalisedProduct(eigenvalues, lengths, self.shape)
+        return ToeplitzOperator(c, product=product), unit
+
+    def _waves(self) -> tuple[Array, tuple[int, ...]]:
+        """Return the eigenvalues of a circulant that has the matrix in it, and its lengths."""
+        if self.has_free_mean:
+            return self._all_waves(), self.shape
+        n1, n2 = (*self.shape, 1)[:2]
+        h1, h2 = self.element
+        axis, G, nu = self.periodic.index(True), self.material.G, self.material.nu
+        eigenvalues = strip_eigenvalues(
+            (n1, n2), (h1, h2), axis, G=G, nu=nu, reference=self.reference
+        )
+        if len(self.shape) == 1:  # Strips of finite length, one element long.
+            return eigenvalues[: n1 // 2 + 1, 0], self.shape
+        return eigenvalues, (n1, strip_length(n2)) if axis == 0 else (strip_length(n1), n2)
+
+    def _all_waves(self) -> Array:
+        """Return the eigenvalues where the surface repeats along all axes."""
+        G, nu = self.material.G, self.material.nu
+        return periodic_eigenvalues(self.shape, self.element, G=G, nu=nu)
 
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
-        return self._matrix("xy"[: self.components])
+        return self._matrix(self.directions)
 
     def upstream(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements one element ahead, at x + h1.
 
         When the contact rolls towards positive x, what is here now was there one step before.
         """
-        return self._matrix("xy"[: self.components], ahead=1)
+        return self._matrix(self.directions, ahead=1)
+
+    def coupling(self, ahead: int = 0) -> tuple[ToeplitzOperator | None, ...]:
+        """Return the matrices of the tangential displacements by the pressures, by components."""
+        return coupling_matrices(
+            self.directions, self.shape, self.element, self.material, ahead=ahead
+        )
 
     def steady(self, A: Any) -> Any:
         """Return the matrix of steady rolling, A - S with A and S = `tangential` and `upstream`."""
@@ -162,7 +258,27 @@ class Grid:
 
     def invert_by_cosine(self, A: Any, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid."""
+        if any(self.periodic):
+            return self._invert_waves(A, dtype)
         return cosine_preconditioner(A, dtype=dtype)
+
+    def _invert_waves(self, A: ToeplitzOperator, dtype: DTypeLike | None) -> DiagonalisedOperator:
+        """Return the inverse of a matrix of normal contact, but for its mean, and where it ends.
+
+        An axis that ends is taken for one that repeats. The mean, which has no eigenvalue then, is
+        given that of a wave of twice the longest.
+        """
+        eigenvalues, lengths = self._waves()
+        if lengths != self.shape:
+            eigenvalues = self._all_waves()
+        eigenvalues *= A.norm_bound / eigenvalues.max()
+        if eigenvalues.flat[0] == 0.0:
+            eigenvalues.flat[0] = 2.0 * eigenvalues.max()
+        precision = np.dtype(dtype or A.dtype)
+        subject = "the matrix of waves has the eigenvalue"
+        require_positive(eigenvalues, precision, subject, "dtype=np.float64")
+        product = DiagonalisedProduct(1.0 / eigenvalues, self.shape, self.shape, precision)
+        return DiagonalisedOperator(product, "inverse of waves")
 
     def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid on some elements."""
@@ -188,18 +304,18 @@ class Grid:
         )
 
 
-def coarsen(x: Array, axes: int = 2) -> Array:
+def coarsen(x: Array, halved: tuple[bool, ...] = (True, True)) -> Array:
     """Average 2 elements along each of the last axes; a last one alone counts twice.
 
     Parameters
     ----------
     x : ndarray
-    axes : int
-        The number of axes of the grid; before them are components.
+    halved : tuple of bool
+        Whether elements are averaged, for each axis of the grid; before these axes are components.
     """
-    for axis in range(-axes, 0):
+    for axis, two in zip(range(-len(halved), 0), halved, strict=True):
         n = x.shape[axis]
-        if n == 1:
+        if n == 1 or not two:
             continue
         if n % 2:
             x = np.concatenate([x, np.take(x, [-1], axis)], axis=axis)
@@ -210,7 +326,12 @@ def coarsen(x: Array, axes: int = 2) -> Array:
     return x
 
 
-def refine(x: Array, shape: tuple[int, ...]) -> Array:
+def refine(
+    x: Array,
+    shape: tuple[int, ...],
+    halved: tuple[bool, ...] = (True, True),
+    periodic: tuple[bool, ...] = (False, False),
+) -> Array:
     """Interpolate a field of a coarser grid: 3/4 of the nearest element, 1/4 of the next.
 
     Parameters
@@ -218,14 +339,33 @@ def refine(x: Array, shape: tuple[int, ...]) -> Array:
     x : ndarray
     shape : tuple of int
         The shape of the finer grid, whose axes are the last ones of `x`.
+    halved : tuple of bool
+        The axes along which the coarser grid has half of the elements.
+    periodic : tuple of bool
+        The axes along which the first element is the next of the last one.
     """
-    for axis, n in zip(range(-len(shape), 0), shape, strict=True):
-        if n == 1:
+    for k, n in enumerate(shape):
+        axis = k - len(shape)
+        if n == 1 or not halved[k]:
             continue
-        before = np.concatenate([np.take(x, [0], axis), np.delete(x, -1, axis)], axis=axis)
-        after = np.concatenate([np.delete(x, 0, axis), np.take(x, [-1], axis)], axis=axis)
+        if periodic[k]:
+            before, after = np.roll(x, 1, axis), np.roll(x, -1, axis)
+        else:
+            before = np.concatenate([np.take(x, [0], axis), np.delete(x, -1, axis)], axis=axis)
+            after = np.concatenate([np.delete(x, 0, axis), np.take(x, [-1], axis)], axis=axis)
         pair = np.stack([0.75 * x + 0.25 * before, 0.75 * x + 0.25 * after], axis=axis % x.ndim + 1)
         fine = [*x.shape]
         fine[axis] *= 2
         x = np.take(pair.reshape(fine), np.arange(n), axis=axis)
     return x
+
+
+def _read_periodic(periodic: Any, axes: int) -> tuple[bool, ...]:
+    """Return along which axes a surface repeats, or say what is wrong with what was given."""
+    given = tuple(periodic) if np.iterable(periodic) else (periodic,) * axes
+    if len(given) != axes or not all(isinstance(value, bool | np.bool_) for value in given):
+        raise ValueError(
+            f"periodic is {periodic!r}, but must be True or False, or one of these for each axis, "
+            "as (True, False)"
+        )
+    return tuple(map(bool, given))

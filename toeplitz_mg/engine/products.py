@@ -228,7 +228,7 @@ class DiagonalisedProduct:
         transforms: Transforms = FOURIER,
     ) -> None:
         # A product with a Toeplitz matrix on this grid has transforms twice as long on each axis.
-        points = prod(grid_shape) / 2 ** axes_of(grid_shape)
+        points = prod(fft_shape) / 2 ** axes_of(grid_shape)
         self.grid_shape, self.dtype, self.points = grid_shape, np.dtype(dtype), points
         self.transforms = transforms
         self.spectrum = cast_numbers(refuse_masked("spectrum", spectrum), self.dtype)
@@ -242,11 +242,22 @@ class DiagonalisedProduct:
         """Whether the eigenvalues are real."""
         return self.spectrum.dtype.kind != "c"
 
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: the largest size of an eigenvalue."""
+        return float(np.abs(self.spectrum).max())
+
     def adjoint(self) -> "DiagonalisedProduct":
         """Return the multiplication by the conjugate transpose of a circulant."""
         spectrum = self.spectrum.conj()
         return DiagonalisedProduct(
             spectrum, self.fft_shape, self.grid_shape, self.dtype, self.transforms
+        )
+
+    def astype(self, dtype: DTypeLike) -> "DiagonalisedProduct":
+        """Return the multiplication in another precision."""
+        return DiagonalisedProduct(
+            self.spectrum, self.fft_shape, self.grid_shape, dtype, self.transforms
         )
 
     __call__ = multiply_rows

@@ -16,6 +16,10 @@ class ProductCount:
         transforms are not padded, counts 1/2^d of them on d axes.
     products : int
         The number of products, of any size.
+
+    See Also
+    --------
+    count_products : makes it.
     """
 
     def __init__(self) -> None:
@@ -39,6 +43,10 @@ def count_products() -> Iterator[ProductCount]:
     ProductCount
         It goes on counting until the block ends; blocks may be nested. Products of other
         threads are not counted.
+
+    See Also
+    --------
+    ProductCount : what it counts.
 
     Examples
     --------

@@ -253,7 +253,7 @@ class ToeplitzNormal:
 
         Returns
         -------
-        ndarray of shape (*size, n)
+        ndarray of shape ``(*size, n)``
             Without the first axis where `size` is 1.
 
         Raises

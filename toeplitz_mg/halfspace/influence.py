@@ -57,6 +57,13 @@ def influence_zz(
     TypeError
         For what is no real number.
 
+    See Also
+    --------
+    influence_xz : for other directions.
+    influence_xx : for other directions.
+    influence_matrix : the matrix of any directions.
+    offsets : where the coefficients are wanted.
+
     Examples
     --------
     >>> from toeplitz_mg import halfspace
@@ -90,6 +97,13 @@ def influence_xx(
     ------
     ValueError, TypeError
         For arguments that `influence_zz` refuses.
+
+    See Also
+    --------
+    influence_xy : for other directions.
+    influence_yy : for other directions.
+    influence_matrix : the matrix of any directions.
+    offsets : where the coefficients are wanted.
 
     Notes
     -----
@@ -129,6 +143,13 @@ def influence_yy(
     ValueError, TypeError
         For arguments that `influence_zz` refuses.
 
+    See Also
+    --------
+    influence_xx : for other directions.
+    influence_xy : for other directions.
+    influence_matrix : the matrix of any directions.
+    offsets : where the coefficients are wanted.
+
     Examples
     --------
     >>> from toeplitz_mg import halfspace
@@ -162,6 +183,13 @@ def influence_xy(
     ------
     ValueError, TypeError
         For arguments that `influence_zz` refuses.
+
+    See Also
+    --------
+    influence_xx : for other directions.
+    influence_yy : for other directions.
+    influence_matrix : the matrix of any directions.
+    offsets : where the coefficients are wanted.
 
     Notes
     -----
@@ -205,6 +233,13 @@ def influence_xz(
         (-1.5, 1.5), or points that are not finite.
     TypeError
         For what is no real number.
+
+    See Also
+    --------
+    influence_yz : for other directions.
+    influence_zz : for other directions.
+    influence_matrix : the matrix of any directions.
+    offsets : where the coefficients are wanted.
 
     Notes
     -----
@@ -252,6 +287,13 @@ def influence_yz(
         (-1.5, 1.5), or points that are not finite.
     TypeError
         For what is no real number.
+
+    See Also
+    --------
+    influence_xz : for other directions.
+    influence_zz : for other directions.
+    influence_matrix : the matrix of any directions.
+    offsets : where the coefficients are wanted.
 
     Notes
     -----

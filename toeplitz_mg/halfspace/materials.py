@@ -123,6 +123,10 @@ class CombinedMaterial:
         The first and the second, where they are known: each has stresses of its own.
     E_star : float
         Modulus of the normal contact, G/(1-ν), N/mm²: 1/E* is the sum of both bodies'.
+
+    See Also
+    --------
+    combined_material : makes it.
     """
 
     G: float
@@ -159,6 +163,11 @@ def combined_material(first: Material, second: Material) -> CombinedMaterial:
         For two rigid bodies.
     TypeError
         For what is not a `Material`.
+
+    See Also
+    --------
+    CombinedMaterial : what it returns.
+    difference_parameter : how unlike two bodies are.
 
     Notes
     -----
@@ -204,6 +213,11 @@ def difference_parameter(first: Material, second: Material) -> float:
     ------
     ValueError, TypeError
         For bodies that `combined_material` refuses.
+
+    See Also
+    --------
+    combined_material : the constants of two bodies.
+    influence_matrix : where it enters.
 
     Examples
     --------

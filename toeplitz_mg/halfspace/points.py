@@ -31,6 +31,11 @@ def offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> tuple[
     TypeError
         For numbers of elements that are not integers, or sizes that are not real numbers.
 
+    See Also
+    --------
+    all_offsets : of all quadrants.
+    influence_matrix : the matrix.
+
     Examples
     --------
     >>> import toeplitz_mg as tmg
@@ -79,6 +84,11 @@ def all_offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> tu
         For a grid without elements, or an element whose size is not positive.
     TypeError
         For numbers of elements that are not integers, or sizes that are not real numbers.
+
+    See Also
+    --------
+    offsets : of one quadrant, where the coefficients are even.
+    influence_matrix : the matrix.
 
     Examples
     --------

@@ -67,6 +67,14 @@ def multigrid(
         Where the smoother refuses the matrix of a level, or diverges and so makes the cycle
         indefinite, or the coarsest one is not positive definite.
 
+    See Also
+    --------
+    richardson : cycles until it has converged.
+    cg : with a cycle as M.
+    fft_rsm_preconditioner : the smoother.
+    galerkin : the coarse matrices.
+    linear_interpolation : for symbols with a zero.
+
     Notes
     -----
     **V(1,1)**, and any cycle with ``pre == post``, is symmetric if its smoother is, and positive

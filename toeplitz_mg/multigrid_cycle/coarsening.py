@@ -35,6 +35,11 @@ def galerkin(
         Where `A` is no Toeplitz operator, or not symmetric; where no coarse element of a mask is
         active as a whole.
 
+    See Also
+    --------
+    rediscretised : the paper's coarse matrices.
+    multigrid : takes it as ``coarse=``.
+
     Notes
     -----
     Along each axis a_H[k] = ½ (a[2k-1] + 2 a[2k] + a[2k+1]), or, where the weights are w, the mean
@@ -74,6 +79,11 @@ def rediscretised(
     ------
     TypeError
         Where the argument cannot be called.
+
+    See Also
+    --------
+    galerkin : the default.
+    multigrid : takes it as ``coarse=``.
 
     Examples
     --------

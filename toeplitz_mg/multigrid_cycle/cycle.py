@@ -34,6 +34,10 @@ class Multigrid(GridOperator):
         The given levels, with their borders.
     pre, post, gamma : int
         The parameters.
+
+    See Also
+    --------
+    multigrid : makes it.
     """
 
     def __init__(self, levels: tuple[Level, ...], pre: int, post: int, gamma: int) -> None:

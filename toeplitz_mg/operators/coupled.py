@@ -45,6 +45,11 @@ class CoupledOperator(GridOperator):
         Where the array is not square, the grids differ, or a row or a column has nothing but
         zeros.
 
+    See Also
+    --------
+    ToeplitzOperator : one of its blocks.
+    componentwise : a preconditioner of each component.
+
     Notes
     -----
     One product transforms each component once, each way: the work of one product for each

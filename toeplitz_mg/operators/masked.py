@@ -46,6 +46,11 @@ class MaskedOperator(GridOperator):
     ValueError
         Where the mask has another shape than the grid, or is nowhere true.
 
+    See Also
+    --------
+    ToeplitzOperator : the matrix on the whole grid.
+    fsai_preconditioner : its preconditioner, on any mask.
+
     Notes
     -----
     It acts on the vector of the ``mask.sum()`` unknowns, in C order: ``grid[mask]``. To get back,

@@ -1,6 +1,7 @@
 """Toeplitz matrices of any number of axes, as linear operators."""
 
 import warnings
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,13 @@ class ToeplitzOperator(GridOperator):
         For a square `c` that is constant along its diagonals, as a dense Toeplitz matrix is: it is
         taken for the first column of a matrix of two axes.
 
+    See Also
+    --------
+    MaskedOperator : its restriction to a part of the grid.
+    CoupledOperator : several of them, as blocks.
+    ToeplitzSum : with diagonal matrices.
+    scipy.linalg.toeplitz : the dense matrix, on one axis.
+
     Notes
     -----
     A product is exact up to rounding: any embedding in a circulant of size at least 2 n - 1
@@ -116,10 +124,11 @@ class ToeplitzOperator(GridOperator):
         else:
             self._coefficients = Coefficients.of_column_and_row(c, r)
         a = self._coefficients
-        super().__init__(a.dtype, a.grid_shape, work=1.0, library=a.library)
+        self._product = product or a.library.multiplication(a.squeezed)
+        work = 1.0 if product is None else product.points / prod(a.grid_shape)
+        super().__init__(a.dtype, a.grid_shape, work, library=a.library)
         self.is_even = a.is_even
         self.is_symmetric, self.is_hermitian = a.is_symmetric, a.is_hermitian
-        self._product = product or a.library.multiplication(a.squeezed)
 
     @classmethod
     def from_lags(cls, lags: ArrayLike) -> "ToeplitzOperator":

@@ -50,6 +50,12 @@ class ToeplitzSum(GridOperator):
         Equal to its conjugate transpose ``A.H``. Of a real matrix this is the same.
     grid_shape : tuple of int
 
+    See Also
+    --------
+    ToeplitzOperator : its Toeplitz parts.
+    tau_preconditioner : its preconditioner, for fractional diffusion.
+    gmres : the solver.
+
     Notes
     -----
     A product costs one work unit for each Toeplitz matrix.

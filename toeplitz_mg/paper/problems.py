@@ -31,6 +31,12 @@ class Problem:
     h : float
         Width of an element, mm.
     material : Material
+
+    See Also
+    --------
+    test1 : the first problem of the paper.
+    test2 : the second.
+    test3 : the third.
     """
 
     name: str
@@ -75,6 +81,12 @@ def test1(n: int) -> Problem:
     TypeError
         Where `n` is not an integer.
 
+    See Also
+    --------
+    test2 : another problem of the paper.
+    test3 : another problem of the paper.
+    toeplitz_mg.multigrid : the solver.
+
     Examples
     --------
     >>> from toeplitz_mg.paper.problems import test1
@@ -103,6 +115,12 @@ def test2(n: int) -> Problem:
         Where `n` is below 1.
     TypeError
         Where `n` is not an integer.
+
+    See Also
+    --------
+    test1 : another problem of the paper.
+    test3 : another problem of the paper.
+    toeplitz_mg.multigrid : the solver.
 
     Examples
     --------
@@ -133,6 +151,12 @@ def test3(n: int) -> Problem:
         Where `n` is below 2, so that no element is in contact.
     TypeError
         Where `n` is not an integer.
+
+    See Also
+    --------
+    test1 : another problem of the paper.
+    test2 : another problem of the paper.
+    toeplitz_mg.multigrid : the solver.
 
     Examples
     --------

@@ -50,6 +50,11 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     TypeError
         Where `A` is no Toeplitz operator.
 
+    See Also
+    --------
+    chan_preconditioner : the other circulant, positive definite whenever A is.
+    default_preconditioner : chooses.
+
     References
     ----------
     G. Strang, A proposal for Toeplitz matrix calculations, Stud. Appl. Math. 74 (1986).
@@ -102,6 +107,11 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
         may have of a regular one.
     TypeError
         Where `A` is no Toeplitz operator.
+
+    See Also
+    --------
+    strang_preconditioner : the other circulant.
+    default_preconditioner : chooses.
 
     References
     ----------

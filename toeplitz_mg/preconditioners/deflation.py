@@ -102,6 +102,11 @@ def fft_sd_preconditioner(A: LinearOperator, n_subdomains: int | None = None) ->
     numpy.linalg.LinAlgError
         Where `fft_preconditioner` refuses.
 
+    See Also
+    --------
+    fft_preconditioner : what it deflates.
+    fft_rsm_preconditioner : the better smoother.
+
     Notes
     -----
     The action is y - M A Z E⁻¹ Zᵀ y with y = M r. As a smoother it is delicate. With the paper's

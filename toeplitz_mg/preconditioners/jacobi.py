@@ -61,6 +61,11 @@ def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> Line
     TypeError, ValueError
         Where `A` is no Toeplitz operator, or not Hermitian; where `omega` is no real number.
 
+    See Also
+    --------
+    multigrid : whose smoother it is, where the symbol has a zero.
+    fft_rsm_preconditioner : the smoother for other symbols.
+
     References
     ----------
     G. Fiorentino, S. Serra, Multigrid methods for Toeplitz matrices, Calcolo 28 (1991);

@@ -99,6 +99,12 @@ def fft_rsm_preconditioner(
     TypeError, ValueError
         Where `A` is no Toeplitz operator, or not symmetric.
 
+    See Also
+    --------
+    fft_preconditioner : without the modification.
+    multigrid : whose smoother it is.
+    richardson : whose steps it makes a solver.
+
     Notes
     -----
     M assumes unknowns beyond the grid or the mask, which are not there, so that its row sums are

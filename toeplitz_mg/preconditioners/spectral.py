@@ -55,11 +55,17 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     TypeError
         Where `A` is no Toeplitz operator.
 
+    See Also
+    --------
+    toeplitz_inverse : the inverse itself.
+    cosine_preconditioner : on several axes.
+    solve_toeplitz : chooses.
+
     Notes
     -----
-    Of a symmetric or Hermitian matrix the symbol is f = |g|² with g causal: the causal half of the
-    cepstrum, the Fourier coefficients of log f, is that of log g. With the coefficients q of 1/g,
-    q₀ q is the first column of the inverse of the half-infinite matrix; the Gohberg-Semencul
+    Of a symmetric or Hermitian matrix the symbol is ``f = |g|²`` with g causal: the causal half of
+    the cepstrum, the Fourier coefficients of log f, is that of log g. With the coefficients q of
+    1/g, q₀ q is the first column of the inverse of the half-infinite matrix; the Gohberg-Semencul
     formula makes of its first n entries an approximate inverse with two ends. It costs one work
     unit to be made, and two to be checked: by its product with A, and for being positive definite,
     which it is exactly if the polynomial with these coefficients has no zero in the closed unit

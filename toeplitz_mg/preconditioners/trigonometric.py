@@ -48,6 +48,11 @@ def cosine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     TypeError, ValueError
         Where `A` is no Toeplitz operator, or not symmetric.
 
+    See Also
+    --------
+    sine_preconditioner : the same with a DST-II, for a zero of the symbol at 0.
+    default_preconditioner : chooses.
+
     Notes
     -----
     The symbol f(θ) = Σ a_k cos kθ is sampled at θ = πk/n, k = 0 … n - 1. At an n that is a slow
@@ -98,6 +103,11 @@ def sine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
         `cosine_preconditioner` does not see it.
     TypeError, ValueError
         Where `A` is no Toeplitz operator, or not symmetric.
+
+    See Also
+    --------
+    cosine_preconditioner : the same with a DCT-II, for a zero of the symbol at π.
+    default_preconditioner : chooses.
 
     Notes
     -----

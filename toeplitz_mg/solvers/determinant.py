@@ -50,13 +50,13 @@ def toeplitz_logdet(c: ArrayLike) -> float:
     Notes
     -----
     The first column x of A⁻¹ is that of the autoregressive process whose covariances start as c:
-    e/|a|² with e = 1/x₀ and a = x/x₀ is its spectral density. Szegő's strong limit theorem, which
-    is exact for it, gives log det A = n log e + Σ k |ℓₖ|² with log a(z) = Σ ℓₖ zᵏ. That series is
-    computed from samples on the circle, from more where its last terms are not small. Covariances
-    of long memory have one real zero next to the circle, whose part of the series is known. Where
-    the series is too long, or x not exact enough, log det A is the sum of the logarithms of the
-    prediction errors, by the superfast Schur algorithm, at some 30 work units; up to 512 unknowns
-    it is that of Cholesky's factors.
+    ``e/|a|²`` with e = 1/x₀ and a = x/x₀ is its spectral density. Szegő's strong limit theorem,
+    which is exact for it, gives ``log det A = n log e + Σ k |ℓₖ|²`` with log a(z) = Σ ℓₖ zᵏ. That
+    series is computed from samples on the circle, from more where its last terms are not small.
+    Covariances of long memory have one real zero next to the circle, whose part of the series is
+    known. Where the series is too long, or x not exact enough, log det A is the sum of the
+    logarithms of the prediction errors, by the superfast Schur algorithm, at some 30 work units;
+    up to 512 unknowns it is that of Cholesky's factors.
 
     References
     ----------

@@ -42,6 +42,11 @@ class ToeplitzInverse(GridOperator):
         The inverse by the formula alone.
     steps : int
         Steps of iterative refinement in each product.
+
+    See Also
+    --------
+    toeplitz_inverse : makes it.
+    toeplitz_logdet : the determinant alone.
     """
 
     def __init__(self, A: ToeplitzOperator, G: GohbergSemencul, steps: int) -> None:
@@ -145,6 +150,12 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
         Where `A` has several axes; where `rtol` is not positive.
     TypeError
         Where `A` is no ToeplitzOperator.
+
+    See Also
+    --------
+    solve_toeplitz : for a few right-hand sides.
+    spectral_preconditioner : approximately.
+    toeplitz_logdet : the determinant.
 
     Notes
     -----

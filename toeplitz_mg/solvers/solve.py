@@ -26,7 +26,12 @@ CORRECTION = 1e-2  # Relative residual to which a correction is solved for.
 
 
 class SolveInfo(NamedTuple):
-    """How `solve_toeplitz` has solved a system."""
+    """How `solve_toeplitz` has solved a system.
+
+    See Also
+    --------
+    solve_toeplitz : returns it with ``full_output=True``.
+    """
 
     method: str
     iterations: int  # Iterations, most of all columns; or solves by a direct method.
@@ -103,6 +108,13 @@ def solve_toeplitz(
     scipy.linalg.LinAlgWarning
         Where the residual ‖b - A x‖ is above 1e-8 ‖b‖ and `rtol`: A is so ill-conditioned that
         no solution in float64 does better, and x may have few correct digits.
+
+    See Also
+    --------
+    scipy.linalg.solve_toeplitz : by Levinson's recursion, in O(n²).
+    toeplitz_inverse : for many right-hand sides.
+    cg : for grids and masks.
+    gmres : for matrices with diagonals.
 
     Notes
     -----

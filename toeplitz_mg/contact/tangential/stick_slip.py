@@ -23,7 +23,7 @@ from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.contact.active_sets import Iterate, find_sets
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.inverse import extend_to_components, invert_on
-from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.products import Products, for_coarser_grids
 from toeplitz_mg.contact.tangential.coulomb import (
     Areas,
     Tangent,
@@ -83,7 +83,8 @@ class Problem:
             return None
         g, b = self.grid.coarsen(self.g), self.grid.coarsen(self.b)
         total = None if self.total is None else self.total * (self.grid.area / grid.area)
-        return Problem(grid, g, b, total, COARSE, self.least)
+        progress = for_coarser_grids(self.progress)
+        return Problem(grid, g, b, total, COARSE, self.least, progress)
 
     @property
     def vectors(self) -> Vectors:
@@ -162,7 +163,14 @@ def linearise(problem: Problem, areas: Areas, q: Array, u: Array) -> Linearisati
     return Linearisation(T, shift, minus_slip, stiffness, r, scale, residual)
 
 
-def solve(problem: Problem, A: Products, guess: Array | None, *, nested: bool) -> State:
+def solve(
+    problem: Problem,
+    A: Products,
+    guess: Array | None,
+    *,
+    nested: bool,
+    areas: Areas | None = None,
+) -> State:
     """Find the tractions and the areas of stick and slip.
 
     Parameters
@@ -173,13 +181,16 @@ def solve(problem: Problem, A: Products, guess: Array | None, *, nested: bool) -
         Admissible tractions to start from, that are not too far off.
     nested : bool
         Whether to start from the solution on coarser grids, where there is no guess.
+    areas : Areas, optional
+        Those of the guess; by default everything sticks.
     """
-    q, areas = _first_guess(problem, guess, nested=nested)
+    if guess is None or areas is None:
+        guess, areas = _first_guess(problem, guess, nested=nested)
     grid, C = problem.grid, problem.g > 0.0
     if not grid.vectors.count(C):
         nothing = np.zeros_like(problem.b)
         return State(nothing, nothing, areas, np.zeros(len(nothing)), residual=0.0)
-    b, q = (np.ascontiguousarray(x[:, C]) for x in (problem.b, q))
+    b, q = (np.ascontiguousarray(x[:, C]) for x in (problem.b, guess))
     on_contact = replace(problem, g=problem.g[C], b=b)
     restricted = Products(grid.restrict(A.A, extend_to_components(grid, A.A, C)), A.limit)
     restricted.count = A.count
@@ -311,10 +322,15 @@ def _first_guess(problem: Problem, guess: Array | None, *, nested: bool) -> tupl
 
 def refine_guess(problem: Problem, coarse: State) -> tuple[Array, Areas]:
     """Return admissible tractions and areas from those of a coarser grid."""
+    refine = problem.grid.refine
+    return admit(problem, refine(coarse.q), refine(coarse.areas.slide.astype(np.float64)) > 0.5)
+
+
+def admit(problem: Problem, q: Array, slide: Array) -> tuple[Array, Areas]:
+    """Return admissible tractions and areas from some that are nearly so."""
     g = problem.g
     contact = g > 0.0
-    q = np.where(contact, problem.grid.refine(coarse.q), 0.0)
-    slide = problem.grid.refine(coarse.areas.slide.astype(np.float64)) > 0.5
-    slide &= contact & np.isfinite(g) & (size(q) > 0.0)
+    q = np.where(contact, q, 0.0)
+    slide = slide & contact & np.isfinite(g) & (size(q) > 0.0)
     areas = Areas(contact & ~slide, slide)
     return make_admissible(q, g, areas, slide, problem.total, problem.vectors)

@@ -1,0 +1,1 @@
+"""Regression benchmarks, for asv: ``asv run --python=same --quick`` in a clone."""

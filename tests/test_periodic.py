@@ -1,0 +1,363 @@
+"""Surfaces that repeat: their waves, Westergaard's theory, complementarity, few products."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from toeplitz_mg import halfspace
+from toeplitz_mg.contact import Material, normal_contact, surfaces
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.halfspace.periodic import strip_eigenvalues
+
+UNIT = Material.from_shear(0.7, 0.3)  # G and ν of bodies with E* = G/(1-ν) = 1.
+ANY = pytest.mark.parametrize(
+    ("shape", "element"),
+    [((6,), 0.3), ((7,), 0.3), ((6, 5), (0.3, 0.2)), ((4, 8), (0.3, 0.2)), ((5, 1), (0.3, 0.2))],
+)
+
+# Tests of what is solved, on grids that are meant to be small.
+doubtful = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+
+
+def dense_waves(shape, element):
+    """The matrix of 2/(E*|q|), E* = 1, as a sum of plane waves: no transform, no half spectrum."""
+    sizes = np.atleast_1d(element)
+    places = np.indices(shape).reshape(len(shape), -1).T
+    matrix = np.zeros((len(places),) * 2)
+    for k in places[1:]:
+        # The frequency n - k is that of -k.
+        signed = [j if j <= n // 2 else j - n for j, n in zip(k, shape, strict=True)]
+        q = 2 * np.pi * np.array(signed) / (np.array(shape) * sizes[: len(shape)])
+        phase = places * sizes[: len(shape)] @ q
+        wave = np.cos(phase[:, None] - phase)
+        matrix += 2.0 / np.linalg.norm(q) * wave / len(places)
+    return matrix
+
+
+def assert_complementary(result, matrix, gap, tolerance=1e-8):
+    """With the products of a dense matrix: p ≥ 0, w ≥ 0, w = 0 where p > 0."""
+    p = result.traction
+    w = (matrix @ p.ravel()).reshape(p.shape) + gap - result.rigid
+    slack = 1.05 * tolerance * (result.rigid - gap.min())
+    assert p.min() >= 0.0
+    assert w.min() >= -slack
+    assert np.abs(w[p > 0.0]).max() <= slack
+
+
+def westergaard(n, share, amplitude=0.01):
+    """A wave of length 1 under a share of the pressure of full contact: result and theory."""
+    h, full = 1.0 / n, np.pi * amplitude  # E* = 1 (Johnson, Contact Mechanics, §13.2).
+    (x,) = surfaces.centres(n, h)
+    x = x + 0.3 * h  # So that the crest is at no element's centre, and at no edge.
+    gap = amplitude * (1.0 - np.cos(2 * np.pi * x))
+    result = normal_contact(gap, h, material=UNIT, force=share * full, periodic=True)
+    half = np.arcsin(np.sqrt(share)) / np.pi
+    inside = np.maximum(share - np.sin(np.pi * x) ** 2, 0.0)
+    return result, 2.0 * full * np.cos(np.pi * x) * np.sqrt(inside), half
+
+
+# Matrices -----------------------------------------------------------------------------------
+
+
+@ANY
+def test_the_matrix_is_that_of_its_waves(shape, element):
+    grid = Grid.of(shape, element, UNIT, None, True)
+    expected = dense_waves(shape, element)
+    if shape == (5, 1):  # Along an axis of one element all is constant.
+        assert_allclose(grid.normal().toarray(), dense_waves((5,), 0.3), atol=1e-15)
+        return
+    A, unit = grid.scaled_normal()
+    x = np.random.default_rng(0).random(expected.shape[0])
+    assert_allclose(grid.normal().toarray(), expected, atol=1e-15)
+    assert_allclose(grid.normal() @ x, expected @ x, atol=1e-15)
+    assert_allclose(unit * (A @ x), expected @ x, atol=1e-15)
+    assert_allclose(grid.normal().norm_bound, np.linalg.eigvalsh(expected).max())
+    assert_allclose(grid.normal() @ np.ones(len(x)), 0.0, atol=1e-15)  # The mean is free.
+
+
+@ANY
+def test_the_inverse_is_exact_but_for_the_mean(shape, element):
+    grid = Grid.of(shape, element, UNIT, None, True)
+    A, _ = grid.scaled_normal()
+    M = grid.invert_by_cosine(A)
+    x = np.random.default_rng(0).random(A.shape[0])
+    assert_allclose(M @ (A @ x), x - x.mean(), atol=1e-13)
+    assert np.linalg.eigvalsh(M @ np.eye(len(x))).min() > 0.0
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("wave", [1, 3])
+def test_where_one_axis_repeats_it_is_a_sum_of_images(axis, wave):
+    """Waves along x, constant in a row of elements: as fine elements, and many images of them."""
+    n, rows, h, b, fine, images = 8, 4, 0.25, 0.4, 64, 60
+    shape, element = ((n, rows), (h, b)) if axis == 0 else ((rows, n), (b, h))
+    periodic = (axis == 0, axis == 1)
+    A = Grid.of(shape, element, UNIT, None, periodic).normal()
+    p = np.zeros((n, rows))
+    centres = h * np.arange(n)
+    p[:, 0] = np.cos(2 * np.pi * wave * centres / (n * h))
+    u = A @ (p if axis == 0 else p.T).ravel()
+    u = u.reshape(shape) if axis == 0 else u.reshape(shape).T
+    # The fine elements lie around the centre where the displacement is wanted.
+    reach = images * n * fine
+    x = h / fine * np.arange(-reach, reach + 1)
+    pressures = np.cos(2 * np.pi * wave * x / (n * h))
+    pressures[[0, -1]] *= 0.5  # Whole periods: what is further away has the mean zero.
+    for row in range(rows):
+        y = np.full_like(x, row * b)
+        kernel = halfspace.influence_zz(x, y, (h / fine, b), G=UNIT.G, nu=UNIT.nu)
+        # A wave is displaced as one, by the same factor everywhere.
+        assert_allclose(u[:, row], (kernel @ pressures) * p[:, 0], atol=2e-4 * np.abs(u).max())
+
+
+def test_where_one_axis_repeats_the_mean_is_a_line_contact():
+    G, nu, reference = 0.7, 0.3, 5.0
+    A = Grid.of((6, 4), (0.25, 0.4), UNIT, reference, (True, False)).normal()
+    c = halfspace.line_contact_coefficients(4, 0.4, G=G, nu=nu, reference=reference)
+    u = (A @ np.kron(np.ones(6), [1.0, 0.0, 0.0, 0.0])).reshape(6, 4)
+    assert_allclose(u, np.tile(c, (6, 1)), rtol=1e-13)
+    # It is the sum of many images but for a constant, that is the same for all rows.
+    x = 0.25 * np.arange(-40_000, 40_001)
+    rows = [
+        halfspace.influence_zz(x, np.full_like(x, 0.4 * k), (0.25, 0.4), G=G, nu=nu).sum()
+        for k in range(4)
+    ]
+    assert_allclose(np.diff(c), np.diff(rows), rtol=1e-6)
+
+
+@pytest.mark.parametrize("shape", [(8, 5), (7, 1), (6, 3)])
+def test_where_one_axis_repeats_the_matrix_is_positive_definite(shape):
+    element = (0.3, 0.2)
+    grids = [
+        Grid.of(shape, element, UNIT, None, (True, False)),
+        Grid.of(shape[::-1], element[::-1], UNIT, None, (False, True)),
+    ]
+    first, second = (grid.normal() for grid in grids)
+    x = np.random.default_rng(1).random(shape)
+    dense = first.toarray()
+    assert np.linalg.eigvalsh(dense).min() > 0.0
+    assert_allclose(first @ x.ravel(), dense @ x.ravel(), rtol=1e-12)
+    turned = (second @ x.T.ravel()).reshape(shape[::-1]).T
+    assert_allclose(turned.ravel(), first @ x.ravel(), rtol=1e-12)
+    for grid, A in zip(grids, (first, second), strict=True):
+        M = grid.invert_by_cosine(A)
+        assert np.linalg.eigvalsh(M @ np.eye(A.shape[0])).min() > 0.0
+
+
+def test_strips_of_finite_length_that_repeat():
+    strips = Grid.of((6,), (0.3, 0.2), UNIT, 3.0, True).normal()
+    column = Grid.of((6, 1), (0.3, 0.2), UNIT, 3.0, (True, False)).normal()
+    assert_allclose(strips.toarray(), column.toarray(), rtol=1e-14)
+
+
+def test_the_integrals_are_those_of_the_bessel_function():
+    from scipy.integrate import quad
+    from scipy.special import k0
+
+    found = strip_eigenvalues((4, 3), (0.5, 0.4), 0, G=1.0, nu=0.0, reference=2.0)
+    columns = np.fft.irfft(found, axis=1)[:, :3]
+    for k, q in ((1, np.pi), (2, 2 * np.pi)):
+        for j in range(3):
+            edges = (j - 0.5) * 0.4, (j + 0.5) * 0.4
+            exact, _ = quad(lambda t, q=q: k0(q * abs(t)), *edges, points=[0.0] * (j == 0))
+            assert_allclose(columns[k, j], 2.0 / np.pi * exact, rtol=1e-7)
+
+
+# Grids --------------------------------------------------------------------------------------
+
+
+def test_coarser_grids_halve_even_axes_only():
+    grid = Grid.of((48, 45), (0.1, 0.2), UNIT, None, True)
+    assert grid.coarser().shape == (24, 45)
+    assert grid.coarser().element == (0.2, 0.2)
+    assert grid.coarser().coarser().shape == (12, 45)
+    assert Grid.of((45, 45), (0.1, 0.2), UNIT, None, True).coarser() is None
+    assert Grid.of((45, 45), (0.1, 0.2), UNIT, None, (True, False)).coarser().shape == (45, 23)
+
+
+@pytest.mark.parametrize("shape", [(8,), (8, 6), (8, 5)])
+def test_transfers_go_around(shape):
+    grid = Grid.of(shape, (0.1,) * len(shape), UNIT, None, True)
+    x = np.random.default_rng(0).random(shape)
+    coarse = grid.coarsen(x)
+    assert_allclose(coarse.mean(), x.mean())
+    assert_allclose(grid.coarsen(np.roll(x, 2, axis=0)), np.roll(coarse, 1, axis=0))
+    fine = grid.refine(coarse)
+    assert fine.shape == shape
+    assert_allclose(fine.mean(), coarse.mean())
+    assert_allclose(grid.refine(np.roll(coarse, 1, axis=0)), np.roll(fine, 2, axis=0))
+
+
+# Westergaard --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.6, 0.9])
+def test_westergaards_wave(share):
+    result, theory, half = westergaard(512, share)
+    assert abs(result.area - 2.0 * half) <= 2.0 / 512  # An element at each edge.
+    assert abs(result.traction.max() / theory.max() - 1.0) < 1e-3
+    assert np.linalg.norm(result.traction - theory) < 1e-2 * np.linalg.norm(theory)
+    assert result.products <= 16
+    assert_allclose(result.force, share * np.pi * 0.01)
+
+
+def test_the_order_of_westergaards_pressure():
+    errors = []
+    for n in (128, 512, 2048):
+        # The error jumps with the place of the edge in its element.
+        pairs = [westergaard(n, share)[:2] for share in (0.3, 0.35, 0.4, 0.45, 0.5, 0.55)]
+        errors.append(np.hypot.reduce([np.linalg.norm(p.traction - t) for p, t in pairs]))
+        errors[-1] /= np.hypot.reduce([np.linalg.norm(t) for _, t in pairs])
+    assert np.log(errors[0] / errors[-1]) / np.log(16.0) > 0.9
+
+
+@pytest.mark.parametrize("periodic", [True, (True, False)])
+def test_a_wave_in_full_contact(periodic):
+    """p = p̄ + E*|q|/2 times the wave of the heights; of a surface the wave is along x."""
+    n, amplitude, length = 32, 0.01, 3.2
+    (x,) = surfaces.centres(n, 0.1)
+    wave = amplitude * np.cos(2 * np.pi * x / length)
+    mean = 3.0 * np.pi * amplitude / length
+    shape, element = ((n,), 0.1) if periodic is True else ((n, 20), (0.1, 4.0))
+    gap = -wave if periodic is True else np.repeat(-wave[:, None], 20, axis=1)
+    force = mean * length * (1.0 if periodic is True else 80.0)
+    result = normal_contact(gap, element, material=UNIT, force=force, periodic=periodic)
+    assert result.contact.all()
+    p = result.traction if periodic is True else result.traction[:, 10]
+    expected = np.pi * amplitude / length * np.cos(2 * np.pi * x / length)
+    assert_allclose(p - p.mean(), expected, atol=1e-3 * expected.max())
+    assert result.warnings == ()
+    assert result.traction.shape == shape
+
+
+# Any problem --------------------------------------------------------------------------------
+
+
+@doubtful
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.one_of(
+        st.tuples(st.integers(2, 60)), st.tuples(st.integers(2, 20), st.integers(2, 20))
+    ),
+    load=st.floats(1e-4, 3.0),
+    is_force=st.booleans(),
+)
+@settings(max_examples=60, deadline=None)
+def test_any_surface_and_load(seed, shape, load, is_force):
+    rng = np.random.default_rng(seed)
+    element = tuple(rng.uniform(0.1, 1.0, len(shape)))
+    gap = 0.01 * rng.standard_normal(shape)
+    if is_force:
+        arguments = {"force": 0.01 * load * np.prod(shape) * np.prod(element)}
+    else:
+        arguments = {"approach": gap.min() + (gap.mean() - gap.min()) * min(load / 3.0, 0.99)}
+    result = normal_contact(gap, element, material=UNIT, periodic=True, **arguments)
+    assert_complementary(result, dense_waves(shape, element), gap)
+    assert_allclose(result.displacement.mean(), 0.0, atol=1e-15)
+    assert_allclose(result.gap.mean(), gap.mean() - result.rigid, atol=1e-15)
+    if is_force:
+        assert_allclose(result.force, arguments["force"], rtol=1e-8)
+
+
+@doubtful
+@pytest.mark.parametrize("load", [{"force": 0.3}, {"approach": 0.01}])
+def test_where_one_axis_repeats_the_pressures_are_complementary(load):
+    gap = 0.02 * np.random.default_rng(4).random((12, 9))
+    for periodic in ((True, False), (False, True)):
+        grid = Grid.of(gap.shape, (0.3, 0.2), UNIT, None, periodic)
+        result = normal_contact(gap, (0.3, 0.2), material=UNIT, periodic=periodic, **load)
+        assert_complementary(result, grid.normal().toarray(), gap)
+
+
+@doubtful
+def test_moving_the_surface_moves_the_pressures():
+    gap = 0.01 * np.random.default_rng(5).random((40, 36))
+    here, there = (
+        normal_contact(z, (0.1, 0.1), material=UNIT, force=0.2, periodic=True, tolerance=1e-11)
+        for z in (gap, np.roll(gap, (7, 13), (0, 1)))
+    )
+    assert_allclose(np.roll(here.traction, (7, 13), (0, 1)), there.traction, atol=1e-9)
+    assert_allclose(here.rigid, there.rigid, rtol=1e-9)
+
+
+def test_far_apart_spheres_are_as_one():
+    gap = surfaces.sphere((128, 128), (0.02, 0.02), radius=1.0)
+    one = normal_contact(gap, (0.02, 0.02), material=UNIT, force=0.001)
+    many = normal_contact(gap, (0.02, 0.02), material=UNIT, force=0.001, periodic=True)
+    assert_allclose(many.traction.max(), one.traction.max(), rtol=0.01)
+    assert_allclose(many.area, one.area, rtol=0.03)
+
+
+def test_units():
+    """Lengths in other units, and pressures in others: the same contact."""
+    gap = surfaces.rough((64, 64), (0.1, 0.1), rms=0.01, seed=3)
+    one = normal_contact(gap, (0.1, 0.1), material=UNIT, force=0.5, periodic=True)
+    stiff = Material.from_shear(0.7e9, 0.3)
+    other = normal_contact(1e3 * gap, (100.0, 100.0), material=stiff, force=0.5e15, periodic=True)
+    assert_allclose(other.traction, 1e9 * one.traction, rtol=1e-9)
+    assert_allclose(other.rigid, 1e3 * one.rigid)
+
+
+# Rough surfaces -----------------------------------------------------------------------------
+
+
+def rough(n, mean):
+    h = 2.0 / n
+    gap = surfaces.rough((n, n), (h, h), rms=0.002, longest=0.5, shortest=2.0 / 64, seed=1)
+    return normal_contact(gap, (h, h), material=UNIT, force=0.8 * mean, periodic=True)
+
+
+LOADS = pytest.mark.parametrize(
+    ("mean", "share"), [(0.003, 0.02), (0.015, 0.1), (0.05, 0.3), (0.18, 0.75), (0.4, 0.99)]
+)
+
+
+@LOADS
+def test_products_for_a_rough_surface(mean, share):
+    result = rough(256, mean)
+    assert abs(result.contact.mean() - share) < 0.04
+    assert result.products <= 45
+    assert result.residual <= 1e-8
+
+
+@pytest.mark.slow
+@LOADS
+def test_large_rough_surfaces(mean, share):
+    result = rough(1024, mean)
+    assert abs(result.contact.mean() - share) < 0.04
+    assert result.products <= 50
+    assert result.residual <= 1e-8
+
+
+def test_the_doubts_know_that_the_grid_goes_on():
+    gap = np.roll(surfaces.sphere((64, 64), (0.02, 0.02), radius=1.0), (32, 32), (0, 1))
+    result = normal_contact(gap, (0.02, 0.02), material=UNIT, force=0.01, periodic=True)
+    assert result.contact[0, 0]
+    assert result.warnings == ()
+
+
+# Refusals -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"periodic": (True,)}, r"periodic is \(True,\), but must be True or False, or one"),
+        ({"periodic": 1}, "periodic is 1, but must be True or False"),
+        ({"periodic": "x"}, "periodic is 'x', but must be"),
+        ({"reference": 1.0}, "a surface that repeats along one of two axes"),
+        ({"force": None, "approach": 0.5}, "approach is 0.5, but must be below the mean of the ga"),
+    ],
+)
+def test_refuses_what_makes_no_sense(change, message):
+    arguments = {"material": UNIT, "force": 1.0, "periodic": True} | change
+    gap = np.outer([0.0, 1.0], [1.0, 1.0])
+    with pytest.raises(ValueError, match=message):
+        normal_contact(gap, (1.0, 1.0), **arguments)
+
+
+def test_refuses_a_single_element_that_repeats():
+    with pytest.raises(ValueError, match=r"the grid has shape \(1, 1\), but where it repeats"):
+        normal_contact([[0.0]], (1.0, 1.0), material=UNIT, force=1.0, periodic=True)
