@@ -284,6 +284,10 @@ class Grid:
         """Return an approximate inverse of a matrix of this grid on some elements."""
         return quick_fsai(MaskedOperator(A, C), dtype=dtype)
 
+    def restrict(self, A: Any, C: Mask) -> Any:
+        """Return the rows and columns of some elements of a matrix of this grid."""
+        return MaskedOperator(A, C)
+
     def diagonal(self, A: Any) -> float:
         """Return the entry on the diagonal of a matrix of this grid, of the first component."""
         first = A.component(0) if isinstance(A, CoupledOperator) else A

@@ -148,6 +148,10 @@ class SlabGrid:
         """Return approximate inverses of the matrix of steady rolling with additions."""
         return ShiftedInverses(K, shifts, np.dtype(dtype))
 
+    def restrict(self, A: Any, C: Mask) -> MaskedOperator:
+        """Return the rows and columns of some elements of a matrix of this grid."""
+        return MaskedOperator(A, C)
+
     def diagonal(self, A: Any) -> float:
         """Return the entry on the diagonal of a matrix of this grid, of the first component."""
         first: Any = A.blocks[0][0] if isinstance(A, CoupledOperator) else A
