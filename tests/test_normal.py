@@ -385,15 +385,6 @@ def test_failure_is_an_error_that_says_what_is_violated():
     assert error.value.result.traction.min() >= 0.0
 
 
-def test_reports_progress():
-    seen = []
-    contact = sphere(64, force=0.1, progress=lambda products, left: seen.append((products, left)))
-    products, residuals = zip(*seen, strict=True)
-    assert list(products) == sorted(products)
-    assert residuals[-1] < residuals[0]
-    assert products[-1] <= contact.products
-
-
 # Parts --------------------------------------------------------------------------------------
 
 

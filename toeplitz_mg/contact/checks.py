@@ -1,5 +1,6 @@
 """Checks of what the contact problems are given."""
 
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
-from toeplitz_mg.values import count, field, finite, in_range, real
+from toeplitz_mg.values import count, field, finite, in_range, positive, real
 
 SLIDES = 1e-12  # Relative distance of a force from the bound at which all slides: that is rounding.
 
@@ -36,6 +37,20 @@ def check_load(grid: Grid, z: Array, approach: float | None, force: float | None
         )
     in_range("force", force)
     return force
+
+
+def check_hardness(grid: Grid, hardness: float | None, force: float | None) -> float:
+    """Return the largest pressure, infinity where none is given; the force must be within it."""
+    if hardness is None:
+        return np.inf
+    in_range("hardness", positive("hardness", hardness))
+    carried = hardness * grid.area * prod(grid.shape)
+    if force is not None and force > carried:
+        raise ValueError(
+            f"force is {force:g}, but must be at most {carried:g}, which all elements carry at the "
+            f"hardness {hardness:g}"
+        )
+    return float(hardness)
 
 
 def check_bound(bound: ArrayLike) -> Array:

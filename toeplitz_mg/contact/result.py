@@ -77,6 +77,8 @@ class NormalResult:
         The elastic energy ½ ∫ p u of both bodies, N mm; in plane strain N.
     touches_edge : bool
         Whether the contact reaches an edge of the grid.
+    plastic : ndarray or None
+        Where a hardness was given, the depth by which elements that bear it have yielded, mm.
     stiffness : float or None
         The change of the force by that of the approach, N/mm; in plane strain N/mm². It is
         computed when it is first asked for, by a few products.
@@ -114,6 +116,7 @@ class NormalResult:
     max_pressure: float
     energy: float
     touches_edge: bool
+    plastic: Array | None = None
     stiffness: OnDemand = OnDemand()
     products: int = 0
     work: float = 0.0
@@ -165,13 +168,15 @@ class NormalResult:
         """The mean pressure in contact, N/mm²; zero where nothing touches."""
         return self.force / self.area if self.area else 0.0
 
-    def plot(self, ax: Any = None) -> Any:
-        """Draw the pressures, and the area of contact.
+    def plot(self, field: str | None = None, ax: Any = None) -> Any:
+        """Draw the pressures, or another field.
 
         Parameters
         ----------
+        field : str, optional
+            "pressure", "gap" or "displacement"; by default the first.
         ax : matplotlib.axes.Axes, optional
-            Where to draw; by default on a new figure.
+            Where to draw, as beside other results; by default on a new figure.
 
         Returns
         -------
@@ -179,10 +184,12 @@ class NormalResult:
 
         Raises
         ------
+        ValueError
+            Where there is no such field.
         ImportError
-            Where matplotlib is not installed.
+            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
         """
-        return plotting.draw(self, ax)
+        return plotting.draw(self, field, ax)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write everything to an ``.npz`` file, with units, whole or not at all.
@@ -318,13 +325,15 @@ class TangentialResult:
         In friction, the sum of that shift and those of all results before it; None in rolling.
     creepages : float, ndarray or None
         In rolling, the creepages (longitudinal, lateral, spin), the first two dimensionless, the
-        spin in 1/mm, and in line contact the longitudinal one alone; None in friction.
+        spin in 1/mm, and in line contact that is rolled along x alone the longitudinal one; None in
+        friction.
     moment : float or None
-        The moment of the tractions about the middle of the grid, N mm; None where it was not
-        asked for, and in line contact.
+        In rolling, the moment of the tractions about the pole, N mm, with arms to the middle of a
+        step, half an element ahead; None in friction and in line contact.
     power : float or None
-        The power that slip dissipates, in rolling over the speed, N; in friction the work of this
-        shift, N mm; None where it was not asked for.
+        The power that slip dissipates, in rolling over the speed, N, from forces and creepages,
+        which is exact in the steady state; in friction the work of this shift, N mm; None where it
+        was not asked for.
     products : int
         Products with the matrix of the smallest rectangle around the elements in contact.
     work : float
@@ -409,13 +418,15 @@ class TangentialResult:
         """The area of contact over that of the grid."""
         return self.area / (prod(self.shape) * prod(self.element))
 
-    def plot(self, ax: Any = None) -> Any:
-        """Draw the tractions, and the areas of contact and of stick.
+    def plot(self, field: str | None = None, ax: Any = None) -> Any:
+        """Draw the tractions where the bodies stick and where they slip, or another field.
 
         Parameters
         ----------
+        field : str, optional
+            "traction", "slip" or "displacement"; by default the first.
         ax : matplotlib.axes.Axes, optional
-            Where to draw; by default on a new figure.
+            Where to draw, as beside other results; by default on a new figure.
 
         Returns
         -------
@@ -423,10 +434,12 @@ class TangentialResult:
 
         Raises
         ------
+        ValueError
+            Where there is no such field.
         ImportError
-            Where matplotlib is not installed.
+            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
         """
-        return plotting.draw(self, ax)
+        return plotting.draw(self, field, ax)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write everything to an ``.npz`` file, with units, whole or not at all.
@@ -502,7 +515,7 @@ class TangentialResult:
         units = units_of(self.element)
         is_rolling = self.creepages is not None
         creepages, spin = self.creepages, None
-        if is_rolling and len(self.shape) > 1:
+        if is_rolling and np.size(creepages) == 3:
             *creepages, spin = creepages
         figures = [
             Figure("force", self.force, units.force),
@@ -595,7 +608,9 @@ def check_converged(result: Result, tolerance: float) -> Result:
 def touches_edge(grid: Any, contact: Mask) -> bool:
     """Whether elements in contact are at an edge of the grid, along an axis of more than one."""
     return any(
-        n > 1 and grid.vectors.count(grid.lines(contact, axis)[..., [0, -1]])
+        n > 1
+        and not grid.periodic[axis]
+        and grid.vectors.count(grid.lines(contact, axis)[..., [0, -1]])
         for axis, n in enumerate(grid.shape)
     )
 
