@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
-from toeplitz_mg.values import count, field, finite, in_range, real
+from toeplitz_mg.values import count, field, finite, in_range, positive, real
 
 SLIDES = 1e-12  # Relative distance of a force from the bound at which all slides: that is rounding.
 

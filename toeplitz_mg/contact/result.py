@@ -325,13 +325,15 @@ class TangentialResult:
         In friction, the sum of that shift and those of all results before it; None in rolling.
     creepages : float, ndarray or None
         In rolling, the creepages (longitudinal, lateral, spin), the first two dimensionless, the
-        spin in 1/mm, and in line contact the longitudinal one alone; None in friction.
+        spin in 1/mm, and in line contact that is rolled along x alone the longitudinal one; None in
+        friction.
     moment : float or None
-        The moment of the tractions about the middle of the grid, N mm; None where it was not
-        asked for, and in line contact.
+        In rolling, the moment of the tractions about the pole, N mm, with arms to the middle of a
+        step, half an element ahead; None in friction and in line contact.
     power : float or None
-        The power that slip dissipates, in rolling over the speed, N; in friction the work of this
-        shift, N mm; None where it was not asked for.
+        The power that slip dissipates, in rolling over the speed, N, from forces and creepages,
+        which is exact in the steady state; in friction the work of this shift, N mm; None where it
+        was not asked for.
     products : int
         Products with the matrix of the smallest rectangle around the elements in contact.
     work : float
@@ -513,7 +515,7 @@ class TangentialResult:
         units = units_of(self.element)
         is_rolling = self.creepages is not None
         creepages, spin = self.creepages, None
-        if is_rolling and len(self.shape) > 1:
+        if is_rolling and np.size(creepages) == 3:
             *creepages, spin = creepages
         figures = [
             Figure("force", self.force, units.force),

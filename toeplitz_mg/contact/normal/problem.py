@@ -175,8 +175,8 @@ def press(
         approach = float(approach) - distance
         in_range("the interference", max(0.0, approach))
     if force == 0.0 or (approach is not None and approach <= 0.0):
-        nothing = np.zeros(z.shape)
-        return _result(grid, z, State(nothing, nothing, approach or 0.0), most, 0, 0.0, distance)
+        nothing = State(np.zeros(z.shape), np.zeros(z.shape), approach or 0.0)
+        return make_result(grid, z, nothing, 0, 0.0, distance, most)
     with count_products() as work:
         search = Search(grid, z, approach, force, tolerance, progress, most)
         products = Products(search.matrix, max_products)
@@ -188,12 +188,19 @@ def press(
         state = search.run(products, nested=nested, guess=guess)
         state = state._replace(p=np.where(state.p < search.most, state.p / search.unit, most))
     units = work.units(z.size) / search.matrix.work
-    return _result(grid, z, state, most, products.count, units, distance)
+    return make_result(grid, z, state, products.count, units, distance, most)
 
 
-def _result(
-    grid: Grid, z: Array, state: State, hardness: float, products: int, work: float, distance: float
+def make_result(
+    grid: Grid,
+    z: Array,
+    state: State,
+    products: int,
+    work: float,
+    distance: float,
+    hardness: float = np.inf,
 ) -> NormalResult:
+    """Return what was found for the gap `z`, which was less by a distance."""
     contact = state.p > 0.0
     gap, plastic = state.u + z - state.approach, None
     if hardness < np.inf:
