@@ -318,7 +318,7 @@ def test_one_element():
         ({"material": (Material.rigid(), Material.rigid())}, "both bodies are rigid"),
         ({"force": None}, "one of the two"),
         ({"approach": 1.0}, "one of the two"),
-        ({"force": 0.0}, "force is 0"),
+        ({"force": -1.0}, "force is -1"),
         ({"force": np.nan}, "force is nan"),
         ({"force": None, "approach": np.inf}, "approach is inf"),
         ({"reference": 1.0}, "reference is 1.0"),

@@ -65,6 +65,7 @@ def find_sets(
     x: Array,
     sets: Any,
     *,
+    u: Array | None = None,
     b: Array,
     eta: float,
     tolerance: float,
@@ -80,6 +81,8 @@ def find_sets(
         Tractions to start from, that obey the inequalities.
     sets : object
         Sets to start from.
+    u : ndarray, optional
+        The displacements A x, where they are known.
     b : ndarray
         The right-hand side in the energy ½ x·Ax - b·x.
     eta : float
@@ -99,7 +102,9 @@ def find_sets(
         The iterations on the sets, one after the other.
     """
     vectors, A.progress = A.vectors, progress
-    now = Iterate(x, A(x) if vectors.count(x) else np.zeros_like(x), sets)
+    if u is None:
+        u = A(x) if vectors.count(x) else np.zeros_like(x)
+    now = Iterate(x, u, sets)
     strikes, lowest = 0, np.inf
     iterations: list[int] = []
     while True:

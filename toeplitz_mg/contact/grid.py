@@ -15,7 +15,7 @@ from toeplitz_mg.engine.products import DiagonalisedProduct
 from toeplitz_mg.engine.vectors import ALONE, Vectors
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.materials import combine
-from toeplitz_mg.halfspace.matrices import quadrant
+from toeplitz_mg.halfspace.matrices import coupling_matrices, quadrant
 from toeplitz_mg.halfspace.periodic import (
     periodic_eigenvalues,
     strip_eigenvalues,
@@ -57,6 +57,8 @@ class Grid:
         load moves nothing.
     periodic : tuple of bool
         Along which axes the surface repeats.
+    directions : str
+        Of tangential tractions: "x" or "xy".
     vectors : Vectors
         The inner products, sums and extremes of fields.
     """
@@ -67,6 +69,7 @@ class Grid:
     material: CombinedMaterial
     reference: float
     periodic: tuple[bool, ...]
+    directions: str = "xy"
 
     @classmethod
     def of(
@@ -107,7 +110,16 @@ class Grid:
                 "a surface that repeats along one of two axes have a constant displacement that "
                 "it decides"
             )
-        return cls(shape, sizes, material, positive("reference", reference), repeats)
+        # In line contact lateral tractions are the exception.
+        directions = "xy"[: len(shape)]
+        reference = positive("reference", reference)
+        grid = cls(shape, sizes, material, reference, repeats, directions)
+        if grid.has_free_mean and max(shape) == 1:
+            raise ValueError(
+                f"the grid has shape {shape}, but where it repeats along all axes it must have "
+                "more than one element: the mean displacement is no part of the answer"
+            )
+        return grid
 
     @property
     def area(self) -> float:
@@ -116,8 +128,8 @@ class Grid:
 
     @property
     def components(self) -> int:
-        """The components of a tangential traction: one in line contact, two on a surface."""
-        return len(self.shape)
+        """The components of a tangential traction: on a surface two, in line contact mostly one."""
+        return len(self.directions)
 
     @property
     def has_free_mean(self) -> bool:
@@ -221,14 +233,20 @@ class Grid:
 
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
-        return self._matrix("xy"[: self.components])
+        return self._matrix(self.directions)
 
     def upstream(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements one element ahead, at x + h1.
 
         When the contact rolls towards positive x, what is here now was there one step before.
         """
-        return self._matrix("xy"[: self.components], ahead=1)
+        return self._matrix(self.directions, ahead=1)
+
+    def coupling(self, ahead: int = 0) -> tuple[ToeplitzOperator | None, ...]:
+        """Return the matrices of the tangential displacements by the pressures, by components."""
+        return coupling_matrices(
+            self.directions, self.shape, self.element, self.material, ahead=ahead
+        )
 
     def steady(self, A: Any) -> Any:
         """Return the matrix of steady rolling, A - S with A and S = `tangential` and `upstream`."""

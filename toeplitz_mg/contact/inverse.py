@@ -86,14 +86,19 @@ class Inverse:
             self._cosine = grid.invert_by_cosine(A)
         self.dtype = self._cosine.dtype
 
-    def fit(self, C: Array) -> None:
-        """Choose for a set: FSAI of one that is alike is kept, and else it is set up anew."""
+    def fit(self, C: Array, *, is_near: bool = False) -> None:
+        """Choose for a set: FSAI of one that is alike is kept, and else it is set up anew.
+
+        Where the set is near that to be found it is worth that at once, else when it changes less.
+        """
         if any(self._grid.periodic):
             return  # There A itself has an inverse, that of its waves, as cheap as a product.
         before, self._before = self._before, C
         if self._local is not None and is_fsai_kept(self._measure_change(C, self._local.C)):
             return
-        change = 1.0 if before is None else self._measure_change(C, before)
+        change = float(not is_near)
+        if before is not None and not is_near:
+            change = self._measure_change(C, before)
         self._local = invert_locally(self._grid, self._A, C, change=change, dtype=self.dtype)
 
     def __call__(self, r: Array) -> Array:

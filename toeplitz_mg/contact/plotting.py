@@ -46,6 +46,8 @@ def draw(result: Any, field: Any = None, ax: Any = None) -> Any:
 def _draw_line(result: Any, field: str, ax: Any) -> None:
     """Draw a field over x."""
     x, values = result.x, getattr(result, field)
+    if values.ndim > 1:  # Of line contact with lateral tractions too.
+        values = np.hypot(*values)
     if result.stick is not None:
         values = np.where(result.contact, values, 0.0 if field == "traction" else np.nan)
     colour = "#000000" if result.stick is not None else "#D55E00"

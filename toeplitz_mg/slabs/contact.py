@@ -53,6 +53,7 @@ class SlabGrid:
         self.shape, self.element, self.material = whole.shape, whole.element, whole.material
         self.area, self.components = whole.area, whole.components
         self.periodic, self.has_free_mean = whole.periodic, whole.has_free_mean
+        self.directions = whole.directions
         self.agree = slab.agree
         self._is_first = slab.comm.rank == 0
         self._is_last = slab.comm.rank == slab.comm.size - 1
@@ -326,13 +327,17 @@ def rolling(
     longitudinal: float = 0.0,
     lateral: float = 0.0,
     spin: float = 0.0,
+    force: tuple[float | None, float | None] | None = None,
+    moment: float | None = None,
+    slip: ArrayLike | None = None,
+    pole: tuple[float, float] = (0.0, 0.0),
     tolerance: float = 1e-8,
     nested: bool = True,
     max_products: int = 2000,
     progress: Progress | None = None,
     options: SteadyOptions | None = None,
 ) -> TangentialResult:
-    """Roll steadily towards positive x with given creepages (see `contact.rolling`).
+    """Roll steadily towards positive x, by creepages or forces (see `contact.rolling`).
 
     Parameters
     ----------
@@ -340,8 +345,12 @@ def rolling(
         This rank's rows of the traction bound, N/mm².
     slab : Slab
         Of a grid of two axes.
-    element, material, longitudinal, lateral, spin, tolerance, nested, max_products, progress
-        The arguments of `contact.rolling`: the same on all ranks, but `progress`.
+    slip : array_like, optional
+        This rank's rows of a field of rigid slip, of shape (2, n1, n2).
+    element, material, longitudinal, lateral, spin, force, moment, pole
+        The arguments of `contact.rolling`: the same on all ranks.
+    tolerance, nested, max_products, progress
+        Those too, but for `progress`.
     options : SteadyOptions, optional
 
     Returns
@@ -350,8 +359,8 @@ def rolling(
         As that of `normal_contact`, also in what it warns of and raises.
     """
     grid, g = _read("bound", bound, lambda _, g: check_bound(g), slab, element, material)
-    creepages = longitudinal, lateral, spin
-    result = roll(grid, g, Whole, creepages, tolerance, nested, max_products, progress, options)
+    asked = (longitudinal, lateral, spin), force, moment, slip, pole
+    result = roll(grid, g, Whole, asked, tolerance, nested, max_products, progress, options)
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
 

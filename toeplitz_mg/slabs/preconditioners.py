@@ -1,7 +1,7 @@
 """M, and what a cosine or sine transform diagonalises, on slabs: the same transforms, by axis."""
 
 from collections.abc import Callable
-from functools import wraps
+from functools import partial, wraps
 from math import prod
 from typing import Any
 
@@ -17,8 +17,10 @@ from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.preconditioners.positivity import require_positive, require_range
-from toeplitz_mg.preconditioners.symbol import continue_axis, sum_tail
+from toeplitz_mg.preconditioners.symbol import Tail, continue_axis, tail_length
 from toeplitz_mg.preconditioners.trigonometric import lift_lowest
+from toeplitz_mg.slabs.coupled import ROBUST, invert_coupled
+from toeplitz_mg.slabs.line import LongTransform
 from toeplitz_mg.slabs.operators import (
     CoupledOperator,
     MaskedOperator,
@@ -27,13 +29,12 @@ from toeplitz_mg.slabs.operators import (
 )
 from toeplitz_mg.slabs.product import turns_of
 from toeplitz_mg.slabs.slab import Slab
+from toeplitz_mg.slabs.windows import Windows
 
 Make = Callable[[ToeplitzOperator, np.dtype[Any]], SlabOperator]
 
-ROBUST = "fsai_preconditioner(A), or cg without M"
 
-
-def restricted(make: Make) -> Callable[..., SlabOperator]:
+def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator]:
     """Return the preconditioner that takes masks and components too.
 
     Parameters
@@ -42,6 +43,8 @@ def restricted(make: Make) -> Callable[..., SlabOperator]:
         A function of an even `ToeplitzOperator` and of the precision of the result. On a mask the
         preconditioner is the restriction of that of the whole grid; of coupled components it
         treats each by itself.
+    of_coupled : callable, optional
+        The function of a `CoupledOperator` in the place of that.
     """
 
     @wraps(make)
@@ -52,9 +55,11 @@ def restricted(make: Make) -> Callable[..., SlabOperator]:
                 f"A is a {type(A).__name__}, but must be a ToeplitzOperator or a CoupledOperator "
                 "of toeplitz_mg.slabs, or a MaskedOperator of one"
             )
-        if isinstance(full, CoupledOperator):
+        if isinstance(full, CoupledOperator) and of_coupled is not None:
+            M: SlabOperator = of_coupled(full, _precision(full, dtype))
+        elif isinstance(full, CoupledOperator):
             parts = [row[i] for i, row in enumerate(full.blocks)]
-            M: SlabOperator = BlockDiagonal([_make(make, part, dtype) for part in parts])
+            M = BlockDiagonal([_make(make, part, dtype) for part in parts])
         else:
             M = _make(make, full, dtype)
         return MaskedOperator(M, A.mask) if isinstance(A, MaskedOperator) else M
@@ -65,20 +70,30 @@ def restricted(make: Make) -> Callable[..., SlabOperator]:
 def _make(make: Make, A: ToeplitzOperator | None, dtype: DTypeLike | None) -> SlabOperator:
     if A is None or not A.is_even:
         raise ValueError(f"A, or a component's block on itself, is {A!r}, but must be even")
+    return make(A, _precision(A, dtype))
+
+
+def _precision(A: Any, dtype: DTypeLike | None) -> np.dtype[Any]:
+    """Return the precision of a preconditioner of A (see `positivity.precision`)."""
     with A.slab.agree() as same:
         same["dtype"] = precision = check_precision(A.dtype if dtype is None else dtype, A.dtype)
-    require_range(A.slab.gather(A.c.flat[0])[0], precision)  # Rank 0 has the diagonal.
-    return make(A, precision)
+    blocks = A.blocks if isinstance(A, CoupledOperator) else ((A,),)
+    for block in (row[i] for i, row in enumerate(blocks)):
+        if block is not None:
+            # Rank 0 has the diagonal.
+            require_range(abs(A.slab.gather(block.c.flat[0])[0]), precision)
+    return precision
 
 
-@restricted
+@partial(restricted, of_coupled=invert_coupled)
 def fft_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperator:
     """Return M, the paper's FFT preconditioner (see `toeplitz_mg.fft_preconditioner`).
 
     Parameters
     ----------
     A : ToeplitzOperator or CoupledOperator of this package, or MaskedOperator of one
-        Even along each axis. Of coupled components each is treated by itself.
+        Even along each axis; of coupled components symmetric, its blocks even or odd. Cosine and
+        sine transforms treat each component by itself.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default.
 
@@ -95,6 +110,8 @@ def fft_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperato
         Where `A` is no Toeplitz operator on a slab, or not even.
     """
     slab, shape = A.slab, A.slab.shape
+    if slab.is_line:
+        return _invert_line(A, dtype)
     is_fast = all(near_fast_length(2 * n - 1) == 2 * n - 1 for n in shape)
     is_exact = is_fast or prod(shape) < LONG
 
@@ -133,6 +150,53 @@ def fft_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperato
     return ToeplitzOperator(A.library.from_numpy(rows.astype(dtype)), slab)
 
 
+def _invert_line(A: ToeplitzOperator, dtype: np.dtype[Any]) -> ToeplitzOperator:
+    """Return M of one axis."""
+    n, known = prod(A.slab.shape), prod(A.slab.local)
+    length, c = 2 * n - 1, A.c.ravel().astype(np.float64, copy=False)
+    if n >= LONG and near_fast_length(length) != length:
+        length = 2 * near_fast_length(n)
+        c = _continue_line(A.slab, c, length // 2)
+    transform = LongTransform(A.slab, length // 2 + 1, length)
+    eigenvalues = transform.sums(c)
+    subject = "the embedding of A in a circulant, which M inverts, has the eigenvalue"
+    require_positive(np.array(A.slab.extent(eigenvalues)), dtype, subject, ROBUST)
+    inverse = transform.backward((1.0 / eigenvalues).astype(complex))[:known]
+    rows = inverse.reshape(A.slab.local).astype(dtype)
+    return ToeplitzOperator(A.library.from_numpy(rows), A.slab)
+
+
+def _last_of_line(slab: Slab, c: Array, count: int) -> Array:
+    """Return so many of the last coefficients of one axis, on all ranks."""
+    ends = slab.starts * (prod(slab.shape) // slab.shape[0])
+    first = np.full(slab.comm.size, max(0, ends[-1] - count))
+    return Windows(slab, ends, first, np.full(slab.comm.size, ends[-1])).spread(c)
+
+
+def _continue_line(slab: Slab, c: Array, length: int) -> Array:
+    """Continue one axis to the lags 0 … `length`, on the last rank (see `continue_axis`)."""
+    last, n = _last_of_line(slab, c, 2), prod(slab.shape)
+    if slab.comm.rank < slab.comm.size - 1:
+        return c
+    return np.concatenate([c, continue_axis(last, 0, length - n + len(last))[len(last) :]])
+
+
+def _sum_line(slab: Slab, c: Array, length: int) -> Array:
+    """Return this rank's part of what `sum_tail` does, or of the coefficients that continue."""
+    n = prod(slab.shape)
+    last, first = _last_of_line(slab, c, tail_length(n)), slab.gather(c[0])[0]
+    if (tail := Tail.of(first, last, n)) is None:
+        return _continue_line(slab, c, length)
+    start = slab.rows.start * (n // slab.shape[0])
+    is_last = slab.comm.rank == slab.comm.size - 1
+    lags = np.arange(float(start), length + 1.0 if is_last else start + len(c))
+    sums = np.concatenate([c, tail.beyond(lags[len(c) :])]) + tail.of_periods(lags, length)
+    around = np.where(
+        lags > 0.0, 2.0 * length - lags, 0.0
+    )  # Those of the negative lags: of lag 0 they are a period further.
+    return sums + np.where(lags > 0.0, tail.beyond(around), 0.0) + tail.of_periods(around, length)
+
+
 def _continue_rows(A: ToeplitzOperator, length: int) -> tuple[Slab, Array]:
     """Continue the first axis of A's coefficients to the lags 0 … `length`, on the last rank.
 
@@ -152,7 +216,7 @@ def cosine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOper
 
     Parameters, results and errors are those of `fft_preconditioner`. It moves half the bytes.
     """
-    return DiagonalisedOperator(A, dtype, 0, "cosine")
+    return (DiagonalisedLine if A.slab.is_line else DiagonalisedOperator)(A, dtype, 0, "cosine")
 
 
 @restricted
@@ -161,7 +225,7 @@ def sine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperat
 
     Parameters, results and errors are those of `fft_preconditioner`. It moves half the bytes.
     """
-    return DiagonalisedOperator(A, dtype, 1, "sine")
+    return (DiagonalisedLine if A.slab.is_line else DiagonalisedOperator)(A, dtype, 1, "sine")
 
 
 class DiagonalisedOperator(SlabOperator):
@@ -189,10 +253,7 @@ class DiagonalisedOperator(SlabOperator):
         self._transforms, self._name = library.sine if first else library.cosine, name
         self._lengths = tuple(map(near_fast_length, slab.shape))
         count_transforms(1, *slab.local)
-        self._is_line = axes_of(slab.shape) == 1
-        ahead, rows = slab, A.c.astype(np.float64)
-        if not self._is_line:
-            ahead, rows = _continue_rows(A, self._lengths[0])
+        ahead, rows = _continue_rows(A, self._lengths[0])
         for axis in range(1, rows.ndim):
             rows = self._sample(rows, axis, first)
         own = slab.columns(rows.shape[-1])
@@ -202,21 +263,14 @@ class DiagonalisedOperator(SlabOperator):
             samples[..., a - own.start : b - own.start] = self._sample(
                 ahead.to_columns(rows, turn), 0, first
             )
-        samples = lift_lowest(samples, dtype, slab.vectors)
-        subject = f"the symbol of A, which the {name} preconditioner samples, has the value"
-        require_positive(np.array(slab.extent(samples)), dtype, subject, ROBUST)
+        samples = _check_samples(slab, samples, dtype, name)
         inverse = np.reciprocal(samples, out=samples).astype(dtype, copy=False)
         self._inverse = library.from_numpy(inverse)
 
     def _sample(self, x: Array, axis: int, first: int) -> Array:
         """Sample the symbol along an axis, of coefficients that are known as far as x goes."""
         length = self._lengths[axis]
-        is_long = self._is_line and self.slab.shape[axis] > 1 and x.size > 0
-        sums = sum_tail(x.ravel(), length) if is_long else None
-        if sums is not None:
-            x = sums.reshape([-1 if k == axis else 1 for k in range(x.ndim)])
-        elif axis or self._is_line:
-            x = continue_axis(x, axis, length)
+        x = continue_axis(x, axis, length) if axis else x
         return fft.dct(x, type=1, axis=axis).take(range(first, first + length), axis)
 
     def multiply(self, x: Any, y: Any) -> Any:
@@ -250,6 +304,51 @@ class DiagonalisedOperator(SlabOperator):
         return (
             f"<DiagonalisedOperator by the {self._name} transform on {self.slab!r}, {self.dtype}>"
         )
+
+
+def _check_samples(slab: Slab, samples: Array, dtype: np.dtype[Any], name: str) -> Array:
+    """Return the samples of a symbol, lifted where that is right, or refuse them."""
+    samples = lift_lowest(samples, dtype, slab.vectors)
+    subject = f"the symbol of A, which the {name} preconditioner samples, has the value"
+    require_positive(np.array(slab.extent(samples)), dtype, subject, ROBUST)
+    return samples
+
+
+class DiagonalisedLine(SlabOperator):
+    """What `DiagonalisedOperator` is, on one axis, by transforms of a vector extended by zeros.
+
+    With w = exp(-iθ/2) at the frequencies θ = πk/n, the real parts of w times the transform of x
+    are the cosine sums of x at the points j + 1/2, and the imaginary parts its sine sums. On
+    other arrays than NumPy's it is applied in the memory of the processor.
+    """
+
+    def __init__(self, A: ToeplitzOperator, dtype: np.dtype[Any], first: int, name: str) -> None:
+        slab, n = A.slab, prod(A.slab.shape)
+        super().__init__(slab, dtype, slab.local, library=A.library)
+        self._first, self._name, half = first, name, near_fast_length(n)
+        c = _sum_line(slab, A.c.ravel().astype(np.float64, copy=False), half)
+        of_samples = LongTransform(slab, half + 1, 2 * half)
+        samples, k = of_samples.sums(c), of_samples.numbers
+        # Of two frequencies with the same sample one counts.
+        is_sampled = (k != half * (1 - first)) & ((k <= half) | ~of_samples.have_both)
+        checked = _check_samples(slab, samples[is_sampled], dtype, name)
+        self._inverse = (2.0 / np.maximum(samples, slab.vectors.min(checked))).astype(dtype)
+        self._w = np.exp(-0.5j * np.pi / half * k).astype(dtype.char.upper())
+        self._transform = LongTransform(slab, n, 2 * half, dtype)
+
+    def multiply(self, x: Any, y: Any) -> Any:
+        """Multiply a vector into another, which may be the same; return the result."""
+        count_work(1, prod(x.shape) / 2)
+        U = self._transform.forward(self.library.to_numpy(x))
+        U *= self._w
+        (U.real if self._first else U.imag)[...] = 0.0
+        U *= self._inverse
+        U *= self._w.conj()
+        result = self.library.from_numpy(self._transform.backward(U))
+        return self.library.join([result], y)
+
+    def __repr__(self) -> str:
+        return f"<DiagonalisedLine by the {self._name} transform on {self.slab!r}, {self.dtype}>"
 
 
 class BlockDiagonal(SlabOperator):

@@ -103,7 +103,8 @@ def friction(
     -----
     ContactWarning
         Where the contact is less than 10 elements across; and where the two bodies are unlike,
-        as the coupling of normal and tangential tractions is left out.
+        as the coupling of normal and tangential tractions is left out (see
+        `frictional_contact`).
         `TangentialResult.warnings` lists them.
 
     Raises

@@ -159,7 +159,14 @@ def linearise(problem: Problem, areas: Areas, q: Array, u: Array) -> Linearisati
     return Linearisation(T, shift, minus_slip, stiffness, r, scale, residual)
 
 
-def solve(problem: Problem, A: Products, guess: Array | None, *, nested: bool) -> State:
+def solve(
+    problem: Problem,
+    A: Products,
+    guess: Array | None,
+    *,
+    nested: bool,
+    areas: Areas | None = None,
+) -> State:
     """Find the tractions and the areas of stick and slip.
 
     Parameters
@@ -170,12 +177,15 @@ def solve(problem: Problem, A: Products, guess: Array | None, *, nested: bool) -
         Admissible tractions to start from, that are not too far off.
     nested : bool
         Whether to start from the solution on coarser grids, where there is no guess.
+    areas : Areas, optional
+        Those of the guess; by default everything sticks.
     """
-    q, areas = _first_guess(problem, guess, nested=nested)
+    if guess is None or areas is None:
+        guess, areas = _first_guess(problem, guess, nested=nested)
     search = Search(problem, _inverse(problem.grid, A.A, problem.g > 0.0))
     b, tolerance, progress = problem.b, problem.tolerance, problem.progress
     now, law, iterations = find_sets(
-        search, A, q, areas, b=b, eta=ETA, tolerance=tolerance, progress=progress
+        search, A, guess, areas, b=b, eta=ETA, tolerance=tolerance, progress=progress
     )
     return State(now.x, now.u, now.sets, law.shift, law.residual, iterations)
 
@@ -277,10 +287,15 @@ def _first_guess(problem: Problem, guess: Array | None, *, nested: bool) -> tupl
 
 def refine_guess(problem: Problem, coarse: State) -> tuple[Array, Areas]:
     """Return admissible tractions and areas from those of a coarser grid."""
+    refine = problem.grid.refine
+    return admit(problem, refine(coarse.q), refine(coarse.areas.slide.astype(np.float64)) > 0.5)
+
+
+def admit(problem: Problem, q: Array, slide: Array) -> tuple[Array, Areas]:
+    """Return admissible tractions and areas from some that are nearly so."""
     g = problem.g
     contact = g > 0.0
-    q = np.where(contact, problem.grid.refine(coarse.q), 0.0)
-    slide = problem.grid.refine(coarse.areas.slide.astype(np.float64)) > 0.5
-    slide &= contact & np.isfinite(g) & (size(q) > 0.0)
+    q = np.where(contact, q, 0.0)
+    slide = slide & contact & np.isfinite(g) & (size(q) > 0.0)
     areas = Areas(contact & ~slide, slide)
     return make_admissible(q, g, areas, slide, problem.total, problem.vectors)
