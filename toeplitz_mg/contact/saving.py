@@ -11,7 +11,6 @@ import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, fields
-from math import isinf
 from pathlib import Path
 from typing import Any, BinaryIO
 from xml.etree import ElementTree
@@ -55,7 +54,8 @@ def load_result(path: str | os.PathLike[str], kinds: Mapping[str, type]) -> Any:
         kind = kinds[about["kind"]]
         values = {name: _thaw(value) for name, value in about["values"].items()}
         centres = tuple(arrays.pop(name) for name in "xy" if name in arrays)
-        return kind(material=_combine(**about["material"]), centres=centres, **arrays, **values)
+        material = _read_material(about["material"])
+        return kind(material=material, centres=centres, **arrays, **values)
     except OSError:
         raise
     except Exception as error:  # NumPy, zip files and JSON raise many.
@@ -168,13 +168,16 @@ def _check_replaced(path: Path, *, overwrite: bool) -> None:
         raise FileExistsError(f"{path} is there already: overwrite=True replaces it")
 
 
-def _combine(bodies: Any, **constants: float) -> CombinedMaterial:
-    """Return the material of which `asdict` has made this."""
+def _read_material(values: dict[str, Any]) -> CombinedMaterial:
+    """Return the combined constants, with the bodies where the file has them."""
+    bodies = values.pop("bodies", None)
     if bodies is not None:
-        bodies = tuple(
-            Material.rigid() if isinf(body["G"]) else Material.from_shear(**body) for body in bodies
+        first, second = (
+            Material.rigid() if np.isinf(body["G"]) else Material.from_shear(**body)
+            for body in bodies
         )
-    return CombinedMaterial(**constants, bodies=bodies)
+        bodies = first, second
+    return CombinedMaterial(**values, bodies=bodies)
 
 
 def _thaw(value: Any) -> Any:
