@@ -90,7 +90,7 @@ def test_coupled_strips():
         ({"directions": "xyzn"}, "directions is 'xyzn'"),
         ({"element": (1.0,)}, "directions is 'xy' on a grid of shape .*, but plane strain"),
         ({"element": (1.0,), "directions": "z"}, "plane strain .* has one axis"),
-        ({"element": (1.0,), "directions": "y", "grid_shape": (4,)}, "x or z for a direction"),
+        ({"element": (1.0,), "directions": "yz", "grid_shape": (4,)}, "x, y, xy or z for dir"),
         ({"element": (1.0, 0.0)}, r"element\[1\] is 0.0"),
         ({"grid_shape": (4, 0)}, r"grid_shape\[1\] is 0"),
     ],

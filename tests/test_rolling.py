@@ -237,7 +237,7 @@ def test_coulombs_law_for_any_creepage(seed, shape, nu, creepages):
     ("change", "message"),
     [
         ({"longitudinal": np.nan}, "longitudinal is nan"),
-        ({"lateral": 0.1}, "lateral is 0.1, but line contact"),
+        ({"moment": 0.1}, "moment is 0.1, but line contact"),
         ({"spin": 0.1}, "spin is 0.1, but line contact"),
         ({"longitudinal": 1e-300}, "longitudinal is of size 1e-300"),
         ({"tolerance": 0.0}, "tolerance is 0"),

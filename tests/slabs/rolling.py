@@ -41,3 +41,21 @@ def test_bodies_roll(comm):
         assert_allclose(own.slip, alone.slip[rows], atol=1e-6 * np.abs(alone.slip).max())
         assert_allclose(own.displacement, alone.displacement[rows], rtol=1e-6, atol=1e-9)
         assert np.array_equal(own.rigid, alone.rigid)
+
+
+@doubts_ignored()
+def test_bodies_roll_by_force(comm):
+    g, element = bound_of(41)
+    carried = g.sum() * element[0] * element[1]
+    x, y = contact.surfaces.centres(g.shape, element)
+    field = 1e-4 * np.stack(np.broadcast_arrays(y, -x))
+    load = {"force": (0.3 * carried, None), "lateral": 5e-5, "moment": 0.0, "pole": (0.1, 0.0)}
+    alone = contact.rolling(g, element, material=STEEL, slip=field, **load)
+    slab = slabs.Slab(comm, g.shape)
+    own = slabs.rolling(
+        g[slab.rows], slab, element, material=STEEL, slip=field[:, slab.rows], **load
+    )
+    assert_allclose(own.force, alone.force, atol=1e-6 * carried)
+    assert_allclose(own.rigid, alone.rigid, rtol=1e-5)
+    size = np.abs(alone.traction).max()
+    assert_allclose(own.traction, alone.traction[:, slab.rows], atol=1e-5 * size)

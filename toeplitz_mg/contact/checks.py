@@ -30,7 +30,11 @@ def check_load(grid: Grid, z: Array, approach: float | None, force: float | None
                 "which surfaces that repeat touch everywhere, under many a force: give the force"
             )
         return None
-    force = positive("force", force)
+    force = finite("force", force)
+    if force < 0.0:
+        raise ValueError(
+            f"force is {force}, but must be at least zero: bodies that do not stick cannot pull"
+        )
     in_range("force", force)
     return force
 
@@ -142,6 +146,18 @@ def check_previous(
             f"has {shape[1:]} of {element}"
         )
     return previous.traction.reshape(shape)
+
+
+def check_same_grid(previous: Any, grid: Grid) -> None:
+    """Refuse what is no normal contact on the same grid."""
+    if not isinstance(previous, NormalResult):
+        kind = type(previous).__name__
+        raise TypeError(f"previous is of type {kind}, but must be a NormalResult")
+    if previous.shape != grid.shape or previous.element != grid.element:
+        raise ValueError(
+            f"previous has {previous.shape} elements of {previous.element}, but the grid has "
+            f"{grid.shape} of {grid.element}"
+        )
 
 
 def check_iteration(tolerance: float, max_products: int, progress: Any = None) -> None:

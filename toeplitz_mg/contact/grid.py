@@ -10,12 +10,12 @@ from scipy import fft
 
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element, Mask
-from toeplitz_mg.contact.steady_matrices import invert_shifted, subtract_operators
+from toeplitz_mg.contact.steady_matrices import ShiftedInverses, subtract_operators
 from toeplitz_mg.engine.products import DiagonalisedProduct
 from toeplitz_mg.engine.vectors import ALONE, Vectors
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.materials import combine
-from toeplitz_mg.halfspace.matrices import quadrant
+from toeplitz_mg.halfspace.matrices import coupling_matrices, quadrant
 from toeplitz_mg.halfspace.periodic import (
     periodic_eigenvalues,
     strip_eigenvalues,
@@ -57,6 +57,8 @@ class Grid:
         load moves nothing.
     periodic : tuple of bool
         Along which axes the surface repeats.
+    directions : str
+        Of tangential tractions: "x" or "xy".
     vectors : Vectors
         The inner products, sums and extremes of fields.
     """
@@ -67,6 +69,7 @@ class Grid:
     material: CombinedMaterial
     reference: float
     periodic: tuple[bool, ...]
+    directions: str = "xy"
 
     @classmethod
     def of(
@@ -107,7 +110,10 @@ class Grid:
                 "a surface that repeats along one of two axes have a constant displacement that "
                 "it decides"
             )
-        grid = cls(shape, sizes, material, positive("reference", reference), repeats)
+        # In line contact lateral tractions are the exception.
+        directions = "xy"[: len(shape)]
+        reference = positive("reference", reference)
+        grid = cls(shape, sizes, material, reference, repeats, directions)
         if grid.has_free_mean and max(shape) == 1:
             raise ValueError(
                 f"the grid has shape {shape}, but where it repeats along all axes it must have "
@@ -122,8 +128,8 @@ class Grid:
 
     @property
     def components(self) -> int:
-        """The components of a tangential traction: one in line contact, two on a surface."""
-        return len(self.shape)
+        """The components of a tangential traction: on a surface two, in line contact mostly one."""
+        return len(self.directions)
 
     @property
     def has_free_mean(self) -> bool:
@@ -227,22 +233,28 @@ class Grid:
 
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
-        return self._matrix("xy"[: self.components])
+        return self._matrix(self.directions)
 
     def upstream(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements one element ahead, at x + h1.
 
         When the contact rolls towards positive x, what is here now was there one step before.
         """
-        return self._matrix("xy"[: self.components], ahead=1)
+        return self._matrix(self.directions, ahead=1)
+
+    def coupling(self, ahead: int = 0) -> tuple[ToeplitzOperator | None, ...]:
+        """Return the matrices of the tangential displacements by the pressures, by components."""
+        return coupling_matrices(
+            self.directions, self.shape, self.element, self.material, ahead=ahead
+        )
 
     def steady(self, A: Any) -> Any:
         """Return the matrix of steady rolling, A - S with A and S = `tangential` and `upstream`."""
         return subtract_operators(A, self.upstream())
 
-    def invert_shifted(self, K: Any, shift: float, dtype: DTypeLike) -> Any:
-        """Return an approximate inverse of the matrix of steady rolling."""
-        return invert_shifted(K, shift).astype(dtype)
+    def invert_shifted(self, K: Any, shifts: Array, dtype: DTypeLike) -> Any:
+        """Return approximate inverses of the matrix of steady rolling with additions."""
+        return ShiftedInverses(K, shifts, np.dtype(dtype))
 
     def invert_by_cosine(self, A: Any, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid."""
@@ -271,6 +283,10 @@ class Grid:
     def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid on some elements."""
         return quick_fsai(MaskedOperator(A, C), dtype=dtype)
+
+    def restrict(self, A: Any, C: Mask) -> Any:
+        """Return the rows and columns of some elements of a matrix of this grid."""
+        return MaskedOperator(A, C)
 
     def diagonal(self, A: Any) -> float:
         """Return the entry on the diagonal of a matrix of this grid, of the first component."""

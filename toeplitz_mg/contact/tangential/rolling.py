@@ -23,17 +23,21 @@ from toeplitz_mg.contact.checks import check_bound, check_iteration, check_previ
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import TangentialResult, check_converged
-from toeplitz_mg.contact.tangential.coulomb import clip
+from toeplitz_mg.contact.tangential.coulomb import clip, project
+from toeplitz_mg.contact.tangential.falling import fall
 from toeplitz_mg.contact.tangential.friction import make_result
+from toeplitz_mg.contact.tangential.motion import Motion
 from toeplitz_mg.contact.tangential.steady import (
+    Loads,
     SteadyOptions,
     find_steady_state,
+    start_from,
 )
 from toeplitz_mg.contact.tangential.stick_slip import Problem, solve
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.values import count, finite, in_range
+from toeplitz_mg.values import count
 
 
 def rolling(
@@ -44,6 +48,12 @@ def rolling(
     longitudinal: float = 0.0,
     lateral: float = 0.0,
     spin: float = 0.0,
+    force: Any = None,
+    moment: float | None = None,
+    slip: ArrayLike | None = None,
+    pole: tuple[float, float] = (0.0, 0.0),
+    falling: Callable[[Array], ArrayLike] | None = None,
+    guess: TangentialResult | None = None,
     tolerance: float = 1e-8,
     nested: bool = True,
     max_products: int = 2000,
@@ -65,7 +75,26 @@ def rolling(
     longitudinal, lateral : float
         Creepages: rigid slip along x and y over the distance rolled.
     spin : float
-        The spin φ about the middle of the grid, 1/mm: rigid slip -φ y along x, φ x along y.
+        The spin φ about the pole, 1/mm: rigid slip -φ y along x, φ x along y.
+    force : (float, float) or float, optional
+        The tangential force (Fx, Fy) on the first body in the place of creepages, which are then
+        found, N; None in the place of one that is not given, as in (Fx, None). In line contact a
+        number for the longitudinal one alone; in plane strain in N/mm.
+    moment : float, optional
+        The moment of the tractions about the pole, in the place of the spin, N mm.
+    slip : array_like of shape (2, n1, n2), or (n,) in line contact, optional
+        Rigid slip over the distance rolled that adds to that by creepages: of bodies that are not
+        flat, or deform. In line contact also (2, n).
+    pole : (float, float)
+        The point that the spin turns about, and the moment is taken about, from the middle of the
+        grid, mm.
+    falling : callable, optional
+        Friction that depends on the slip: called as ``falling(s)`` with the size of the slip over
+        the distance rolled in each element, it returns the factor of the bound there, at least
+        zero. Of a speed v, the slip is at v s. The bound of the result is the product.
+    guess : TangentialResult, optional
+        A result of rolling on this grid, whose tractions and areas the search starts from, in the
+        place of those of coarser grids.
     tolerance : float
         The violation of Coulomb's law, as in `friction`, over the largest rigid slip.
     nested : bool
@@ -73,7 +102,8 @@ def rolling(
     max_products : int
         More products with the matrix than that are taken for a failure.
     progress : callable, optional
-        Called as ``progress(products, residual)`` before each change of the areas.
+        Called as ``progress(products, residual)`` after each product, with the violation of the
+        last areas; on coarser grids, where the first guess comes from, with 0 products.
     options : SteadyOptions, optional
         How long the search goes on before it rolls step by step.
 
@@ -86,7 +116,8 @@ def rolling(
     -----
     ContactWarning
         Where the contact is less than 10 elements across; and where the two bodies are unlike,
-        as the coupling of normal and tangential tractions is left out.
+        as the coupling of normal and tangential tractions is left out (see
+        `frictional_contact`).
         `TangentialResult.warnings` lists them.
 
     Raises
@@ -113,10 +144,14 @@ def rolling(
     """
     g = check_bound(bound)
     grid = Grid.of(g.shape, element, material, None)
-    creepages = longitudinal, lateral, spin
-    result = roll(
-        grid, g, Window.around, creepages, tolerance, nested, max_products, progress, options
-    )
+    asked = (longitudinal, lateral, spin), force, moment, slip, pole
+
+    def solve(g: Array, guess: TangentialResult | None) -> TangentialResult:
+        return roll(
+            grid, g, Window.around, asked, tolerance, nested, max_products, progress, options, guess
+        )
+
+    result = solve(g, guess) if falling is None else fall(solve, g, falling, guess, tolerance)
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
 
@@ -125,36 +160,66 @@ def roll(
     grid: Grid,
     g: Array,
     window_around: Callable[[Any, Array], Any],
-    creepages: tuple[float, float, float],
+    asked: tuple[Any, ...],
     tolerance: float,
     nested: bool,
     max_products: int,
     progress: Progress | None,
     options: SteadyOptions | None,
+    guess: TangentialResult | None = None,
 ) -> TangentialResult:
-    """Return what `rolling` finds for the traction bound `g`, converged or not."""
+    """Return what `rolling` finds for the traction bound `g`, converged or not.
+
+    What is `asked` are the arguments of `Motion.of`.
+    """
     with grid.agree() as same:
-        w = _rigid_slip(grid, *creepages)
+        motion = Motion.of(g.shape, *asked)
         check_iteration(tolerance, max_products, progress)
-        same["the creepages"], same["options"], same["nested"] = creepages, options, bool(nested)
+        same["the creepages"], same["the loads"] = motion.creepages, motion.loads
+        same["pole"], same["directions"] = motion.pole, motion.directions
+        same["options"], same["nested"] = options, bool(nested)
         same["tolerance"], same["max_products"] = tolerance, max_products
+    if grid.directions != motion.directions:
+        grid = replace(grid, directions=motion.directions)
+    motion.check_loads(grid, g)
+    before = None
+    if guess is not None:
+        q = check_previous(guess, grid.element, (grid.components, *g.shape))
+        before = q, guess.contact & ~guess.stick
+    h = grid.element[0]
     with count_products() as work:
         window = window_around(grid, g > 0.0)
-        g, w, grid = window.cut(g), window.cut(w), window.grid
+        g, b = window.cut(g), -h * window.cut(motion.rigid_slip(grid))
+        loads = Loads(
+            -h * window.cut(motion.units(grid)), window.cut(motion.arms(grid)), motion.wanted
+        )
+        grid = window.grid
         A = grid.tangential()
         products = Products(grid.steady(A), max_products)
-        problem = Problem(grid, g, -w, None, tolerance, progress=progress)
+        problem = Problem(grid, g, b, None, tolerance, progress=progress)
+        start = None
+        if before is not None:
+            q, slide = (window.cut(x) for x in before)
+            start = start_from(problem, q, slide)
         state = find_steady_state(
-            problem, products, nested=nested, options=options or SteadyOptions()
+            problem, products, loads, guess=start, nested=nested, options=options or SteadyOptions()
         )
-        u = np.where(g > 0.0, apply_to_rows(A, state.q.reshape(-1)).reshape(w.shape), 0.0)
-    result = make_result(problem, state, window, products.count + 1, work.units(w.size))
+        if loads.wanted.size:
+            b = b + grid.vectors.combine(state.shift, loads.units)
+        u = np.where(g > 0.0, apply_to_rows(A, state.q.reshape(-1)).reshape(b.shape), 0.0)
+    result = make_result(
+        replace(problem, b=b),
+        replace(state, shift=np.zeros(len(b))),
+        window,
+        products.count + 1,
+        work.units(b.size),
+    )
     result = replace(
         result,
         displacement=window.extend(u).reshape(result.traction.shape),
         energy=0.5 * grid.area * grid.vectors.dot(state.q, u),
     )
-    return _per_distance(result, *creepages)
+    return _per_distance(result, motion, window, state.q, motion.complete(state.shift))
 
 
 def rolling_steps(
@@ -165,22 +230,31 @@ def rolling_steps(
     longitudinal: float = 0.0,
     lateral: float = 0.0,
     spin: float = 0.0,
+    force: Any = None,
+    slip: ArrayLike | None = None,
+    pole: tuple[float, float] = (0.0, 0.0),
     steps: int,
     previous: TangentialResult | None = None,
     tolerance: float = 1e-8,
     max_products: int = 2000,
+    progress: Progress | None = None,
 ) -> Iterator[TangentialResult]:
     """Roll step by step, one element in each, from given tractions (Eq. 8).
 
     Parameters
     ----------
-    bound, element, material, longitudinal, lateral, spin, tolerance, max_products
+    bound, element, material, longitudinal, lateral, spin, slip, pole, tolerance, max_products
         The arguments of `rolling`.
+    force : (float, float) or float, optional
+        The tangential force (Fx, Fy) in each step, in the place of both creepages, which are then
+        found, N; in line contact a number for the longitudinal one alone.
     steps : int
         The number of steps.
     previous : TangentialResult, optional
         Tractions before the first step, of any function for tangential contact on this grid; by
         default none. So a bound that changes is followed step by step.
+    progress : callable, optional
+        Called as ``progress(products, residual)`` after each product of a step.
 
     Yields
     ------
@@ -209,16 +283,33 @@ def rolling_steps(
     >>> *_, last = rolling_steps(g, steps=60, **case)
     >>> bool(np.allclose(last.traction, rolling(g, **case).traction, atol=1e-6))
     True
+
+    From a force at rest to the same force when it rolls, so that the bodies begin to creep:
+
+    >>> from toeplitz_mg.contact import friction
+    >>> case = dict(element=0.1, material=Material.from_shear(1.0, 0.3), force=0.3)
+    >>> at_rest = friction(g, **case)
+    >>> *_, last = rolling_steps(g, steps=60, previous=at_rest, **case)
+    >>> bool(np.isclose(last.rigid, rolling(g, **case).rigid, rtol=1e-5))
+    True
     """
     g = check_bound(bound)
     grid = Grid.of(g.shape, element, material, None)
-    w = _rigid_slip(grid, longitudinal, lateral, spin)
-    check_iteration(tolerance, max_products)
+    motion = Motion.of(g.shape, (longitudinal, lateral, spin), force, None, slip, pole)
+    grid = replace(grid, directions=motion.directions)
+    motion.check_loads(grid, g)
+    m, h = grid.components, grid.element[0]
+    if motion.unknown not in ((), tuple(range(m))):
+        raise ValueError(f"force is {force}, but in steps all of its components are given, or none")
+    total = motion.wanted / grid.area if motion.unknown else None
+    w = h * motion.rigid_slip(grid)
+    check_iteration(tolerance, max_products, progress)
     steps = count("steps", steps)
     about = doubts.examine_bound(grid, g > 0.0)
     q = np.zeros_like(w) if previous is None else check_previous(previous, grid.element, w.shape)
     window = Window.around(grid, (g > 0.0) | q.any(axis=0))
     q, g, w, grid = window.cut(q), window.cut(g), window.cut(w), window.grid
+    vectors = grid.vectors
 
     doubts.warn(about)
 
@@ -228,33 +319,30 @@ def rolling_steps(
             with count_products() as work:
                 products = Products(A, max_products)
                 b = apply_to_rows(S, q.reshape(-1)).reshape(q.shape) - w
-                problem = Problem(grid, g, b, None, tolerance, grid.vectors.max(np.abs(w)))
-                state = solve(problem, products, clip(q, g), nested=False)
+                least = vectors.max(np.abs(w))
+                problem = Problem(grid, g, b, total, tolerance, least, progress)
+                guess = project(clip(q, g), g, total, vectors)
+                state = solve(problem, products, guess, nested=False)
             q = state.q
             result = make_result(problem, state, window, products.count + 1, work.units(w.size))
-            yield check_converged(_per_distance(result, longitudinal, lateral, spin), tolerance)
+            found = motion.complete(-state.shift / h if motion.unknown else np.zeros(0))
+            result = _per_distance(result, motion, window, q, found)
+            yield check_converged(result, tolerance)
 
     return march(q)
 
 
-def _rigid_slip(grid: Grid, longitudinal: float, lateral: float, spin: float) -> Array:
-    """Return the rigid slip in a step of one element (Eq. 1)."""
-    for name, value in (("longitudinal", longitudinal), ("lateral", lateral), ("spin", spin)):
-        in_range(name, abs(finite(name, value)))
-        if grid.components == 1 and value and name != "longitudinal":
-            raise ValueError(f"{name} is {value}, but line contact has longitudinal creepage only")
-    x, *y = np.meshgrid(*grid.centres(), indexing="ij")
-    if y:
-        w = np.stack([longitudinal - spin * y[0], lateral + spin * x])
-    else:
-        w = np.full((1, *x.shape), float(longitudinal))
-    return w * grid.element[0]
-
-
 def _per_distance(
-    result: TangentialResult, longitudinal: float, lateral: float, spin: float
+    result: TangentialResult, motion: Motion, window: Any, q: Array, creepages: Array
 ) -> TangentialResult:
-    """Return the result with the slip over the distance rolled, and with the creepages."""
-    is_line = result.contact.ndim == 1
-    creepages = longitudinal if is_line else np.array([longitudinal, lateral, spin])
-    return replace(result, slip=result.slip / result.element[0], shift=None, creepages=creepages)
+    """Return the result over the distance rolled, with the creepages, the moment and the power."""
+    grid = window.whole
+    loads, power = motion.work(grid, window.extend(q), creepages)
+    return replace(
+        result,
+        slip=result.slip / grid.element[0],
+        shift=None,
+        creepages=creepages if len(q) > 1 else float(creepages[0]),
+        moment=float(loads[2]) if len(loads) > 2 else None,
+        power=power,
+    )

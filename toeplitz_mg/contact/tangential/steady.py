@@ -5,20 +5,35 @@ not symmetric, GMRES takes the place of conjugate gradients, and there is no ene
 of the areas should lower (`active_sets`): progress is a smaller residual, and where there is none
 for long, rolling step by step leads on.
 
-GMRES is preconditioned by a shifted inverse of the symbol of K, â(θ)(1 - e^{iθ₁}). Its real part is
-not negative, but it is zero for what is constant along the direction of rolling; with a positive
-real shift it is nowhere small. Where elements slide, λ adds to K, so that the inverse is scaled
-there by (1 + λ/k₀)^(-1/2) from both sides.
+GMRES is preconditioned by inverses of the symbol of K, â(θ)(1 - e^{iθ₁}), plus ν, for a few ν.
+Where elements stick it is K that is to be inverted, and where they slide K + λ, with λ of any size:
+in each place the inverses are interpolated to its λ. So the products hardly depend on the number of
+elements. (With one ν for all, they doubled from 128² elements to 512².)
+
+Where forces are given, the creepages that belong to them are unknowns as the tractions are, and
+Newton's method is for all at once. A change of the tractions takes up what is missing of the
+forces; the rest of it is orthogonal to the fields whose inner products with tractions the forces
+are, and the slip that it removes to the rigid slip by unknown creepages, which follow from that. So
+a case by force takes about as many products as one by creepage.
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator
+from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.tangential.coulomb import Areas, along, clip, make_admissible, size
+from toeplitz_mg.contact.tangential.coulomb import (
+    Areas,
+    Tangent,
+    along,
+    clip,
+    make_admissible,
+    size,
+)
+from toeplitz_mg.contact.tangential.motion import Complement, inner_products
 from toeplitz_mg.contact.tangential.stick_slip import (
     COARSE_PRODUCTS,
     SHARP,
@@ -35,8 +50,12 @@ from toeplitz_mg.operators import apply_to_rows
 
 REDUCTION = 0.01  # Reduction of the residual by one solution where the problem is linearised.
 SINGLE = 1e-5  # Reduction of the residual for which single precision is good.
+# Additions to the matrix whose inverses are interpolated, over its diagonal.
+ADDITIONS = np.array([0.0, 0.1, 0.5, 3.0])
 LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Least and largest diagonal of K in its range.
 BETTER = 0.9  # Factor of the least residual so far, below which a new one is progress.
+CARRYING = 8  # Attempts to restore the loads without a product: the rest is left to the next step.
+CARRIED = 1e-12  # Part of the loads that is missing which is rounding.
 STEP_TOLERANCE = 1e-6  # Tolerance of a step of rolling that only leads to the steady state.
 
 
@@ -57,70 +76,185 @@ class SteadyOptions:
     patience: int = 30
 
 
+@dataclass(frozen=True)
+class Loads:
+    """Loads that are given in the place of creepages.
+
+    Attributes
+    ----------
+    units : ndarray of shape (m, components, ...)
+        The displacements in a step, were there no slip, by a unit of each unknown creepage: minus
+        the rigid slip.
+    arms : ndarray of shape (m, components, ...)
+        Fields whose inner products with the tractions are the loads.
+    wanted : ndarray of shape (m,)
+        The loads.
+    """
+
+    units: Array
+    arms: Array
+    wanted: Array
+
+    def missing(self, q: Array, vectors: Vectors) -> Array:
+        """Return what is missing of the loads."""
+        return self.wanted - inner_products(self.arms, q, vectors)
+
+    def error(self, q: Array, vectors: Vectors) -> float:
+        """Return the largest part of a load that is missing, of what tractions of a sign give."""
+        if not len(self.wanted):
+            return 0.0
+        missing = np.abs(self.missing(q, vectors))
+        carried = np.array([vectors.sum(np.abs(arm * q)) for arm in self.arms])
+        scale = np.maximum(carried, np.abs(self.wanted))
+        # A load of zero has the scale of the others, in the unit of its own tractions.
+        sizes = [vectors.sum(size(arm) * size(q)) for arm in self.arms]
+        scale = np.maximum(scale, sizes)
+        return float(np.max(missing / np.where(scale > 0.0, scale, 1.0)))
+
+
+@dataclass(frozen=True)
+class Look:
+    """What is wrong with tractions whose creepages are unknown, as far as loads are given.
+
+    Attributes
+    ----------
+    law : Linearisation
+        Coulomb's law, with the creepages that suit the tractions best.
+    creepages : ndarray of shape (m,)
+        Those of them that are unknown.
+    b : ndarray
+        The displacements in a step, were there no slip, with these creepages.
+    missing : ndarray of shape (m,)
+        What is missing of the loads.
+    residual : float
+    """
+
+    law: Linearisation
+    creepages: Array
+    b: Array
+    missing: Array
+    residual: float
+
+
+def look(problem: Problem, loads: Loads, areas: Areas, q: Array, u: Array) -> Look:
+    """Say what is wrong with tractions q, with the displacements u = K q."""
+    vectors, b = problem.vectors, problem.b
+    T = Tangent(areas, q, vectors, balanced=False)
+    creepages = _complement(loads.units, T, vectors).coordinates(T(u - b))
+    if len(creepages):
+        b = b + vectors.combine(creepages, loads.units)
+    law = linearise(replace(problem, b=b), areas, q, u)
+    missing, error = loads.missing(q, vectors), loads.error(q, vectors)
+    return Look(law, creepages, b, missing, max(law.residual, error))
+
+
+def _complement(fields: Array, T: Tangent, vectors: Vectors) -> Complement:
+    """Return the complement of some fields among the tangents."""
+    return Complement(np.array([T(f) for f in fields]).reshape(fields.shape), vectors)
+
+
 def find_steady_state(
-    problem: Problem, K: Products, *, nested: bool, options: SteadyOptions
+    problem: Problem,
+    K: Products,
+    loads: Loads,
+    *,
+    guess: tuple[Array, Areas] | None = None,
+    nested: bool,
+    options: SteadyOptions,
 ) -> State:
     """Find the tractions and the areas of stick and slip of the steady state.
 
     Parameters
     ----------
     problem : Problem
-        Its b is minus the rigid slip in a step of one element.
+        Its b is minus the rigid slip in a step of one element, by what is given of it.
     K : Products
         Products with A - S.
+    loads : Loads
+        The loads that are given in the place of creepages.
+    guess : (ndarray, Areas), optional
+        Admissible tractions and areas to start from.
     nested : bool
-        Whether to start from the solution on coarser grids.
+        Whether to start from the solution on coarser grids, where there is no guess.
     options : SteadyOptions
+
+    Returns
+    -------
+    State
+        Its shift is the unknown creepages.
     """
-    g, b = problem.g, problem.b
-    q, areas = _first_guess(problem, nested=nested, options=options)
-    vectors = problem.vectors
+    g, vectors = problem.g, problem.vectors
+    q, areas = guess or _first_guess(problem, loads, nested=nested, options=options)
+    q = _carry(problem, loads, areas, q)
     u = K(q) if vectors.count(q) else np.zeros_like(q)
     k0 = problem.grid.diagonal(K.A)
     dtype = np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64
-    M, shift = None, 0.0
+    M = None
     best, patience = np.inf, options.patience
     iterations: list[int] = []
     while True:
-        law = linearise(problem, areas, q, u)
-        if law.residual <= problem.tolerance or K.exhausted:
-            return State(q, u, areas, law.shift, law.residual, tuple(iterations))
-        if problem.progress is not None:
-            problem.progress(K.count, law.residual)
-        if shift != (shift := _shift(areas, vectors)) or M is None:
-            M = problem.grid.invert_shifted(K.A, shift, dtype)
-        v, count = _newton_step(problem, law, areas, q, K, M, options)
+        now = look(problem, loads, areas, q, u)
+        if now.residual <= problem.tolerance or K.exhausted:
+            return State(q, u, areas, now.creepages, now.residual, tuple(iterations))
+        K.progress, K.residual = problem.progress, now.residual
+        if M is None:
+            M = problem.grid.invert_shifted(K.A, k0 * ADDITIONS, dtype)
+        v, count = _newton_step(problem, loads, now, areas, q, K, M, options)
         iterations.append(count)
         q = q + v
         out = areas.stick & (size(q) > g)
         on_circle = areas.slide | out
         q, _ = make_admissible(q, g, areas, on_circle, None, vectors)
+        q = _carry(problem, loads, areas.exchange(out, np.zeros_like(out)), q)
         u = K(q)
-        back = areas.slide & (along(b - u, law.T.n) < 0.0)
+        b = now.b
+        if len(loads.wanted):
+            b = look(problem, loads, areas.exchange(out, np.zeros_like(out)), q, u).b
+        back = areas.slide & (along(b - u, now.law.T.n) < 0.0)
         areas = areas.exchange(out, back)
-        patience = options.patience if law.residual < BETTER * best else patience - 1
-        best = min(best, law.residual)
+        patience = options.patience if now.residual < BETTER * best else patience - 1
+        best = min(best, now.residual)
         if patience == 0:
-            q, areas = _roll_on(problem, q, K)
+            q, areas = _roll_on(replace(problem, b=now.b), q, K)
             u, best, patience = K(q), np.inf, options.patience
+
+
+def _carry(problem: Problem, loads: Loads, areas: Areas, q: Array) -> Array:
+    """Change tractions so that they carry the loads, as far as they can in these areas."""
+    vectors = problem.vectors
+    for _ in range(CARRYING if len(loads.wanted) else 0):
+        if loads.error(q, vectors) <= CARRIED:
+            break
+        T = Tangent(areas, q, vectors, balanced=False)
+        v = _complement(loads.arms, T, vectors).reach(loads.missing(q, vectors))
+        q, _ = make_admissible(q + v, problem.g, areas, areas.slide, None, vectors)
+    return q
 
 
 def _newton_step(
     problem: Problem,
-    law: Linearisation,
+    loads: Loads,
+    now: Look,
     areas: Areas,
     q: Array,
     K: Products,
-    M: LinearOperator,
+    M: Any,
     options: SteadyOptions,
 ) -> tuple[Array, int]:
     """Return a change of the tractions, and the iterations."""
-    T, lam, r, vectors = law.T, law.stiffness, law.r, problem.vectors
+    law, vectors = now.law, problem.vectors
+    T, lam, r = law.T, law.stiffness, law.r
     k0 = problem.grid.diagonal(K.A)
-    weight = np.where(areas.slide, 1.0 / np.sqrt(1.0 + lam / k0), 1.0)
+    weights = _interpolate(np.where(areas.slide, lam / k0, 0.0), M.dtype)
+    of_slip = _complement(loads.units, T, vectors)
+    of_tractions = _complement(loads.arms, T, vectors)
+    first = np.zeros_like(q)
+    if loads.error(q, vectors) > CARRIED:
+        first = of_tractions.reach(now.missing)
+        r = of_slip(r - T(K(first)) - lam * first)
     before = vectors.norm(r)
     if before == 0.0:
-        return np.zeros_like(r), 0
+        return first, 0
     largest = vectors.max(np.abs(r))
     exact = max(SHARP * problem.tolerance * law.scale, SINGLE * before)
     if len(r) > 1 and vectors.count(areas.slide):  # The circle |q| = g is linearised.
@@ -135,37 +269,58 @@ def _newton_step(
 
     def multiply(v: Array, out: Array) -> Array:
         d = directions[space.dimension]
-        d[...] = T(weight * apply_to_rows(M, (weight * T(v)).reshape(-1)).reshape(v.shape))
-        return T(K(d)) + lam * d
+        d[...] = of_tractions(T(M(T(v), weights)))
+        return of_slip(T(K(d)) + lam * d)
 
     space = KrylovSpace(multiply, r.shape, M.dtype, most, vectors)
     space.begin(r)
     while True:
         least = space.extend()
         v = vectors.combine(space.weights(), directions[: space.dimension]).astype(np.float64)
-        if least <= goal(v) or space.dimension == most:
-            return v, space.dimension
+        if least <= goal(first + v) or space.dimension == most:
+            return first + v, space.dimension
 
 
-def _shift(areas: Areas, vectors: Vectors) -> float:
-    """Return the shift of the symbol, from 0.04 where all sticks to 0.32 where all slides.
+def _interpolate(addition: Array, dtype: DTypeLike) -> list[Array]:
+    """Return weights with which the inverses of K + ν make up one for an addition at each place.
 
-    Both ends, and what is between, were found by experiment. It is rounded to a power of two times
-    0.04, so that the inverse is set up a few times only.
+    They are linear in 1/(k₀ + ν), and so exact where K is its diagonal k₀; beyond the last ν the
+    inverse is that times the ratio.
     """
-    sliding = vectors.count(areas.slide) / max(1, vectors.count(areas.slide | areas.stick))
-    return float(0.04 * 2.0 ** np.round(np.log2(1.0 + 7.5 * sliding**3)))
+    of_nodes, wanted = 1.0 / (1.0 + ADDITIONS), 1.0 / (1.0 + addition)
+    weights = [np.interp(-wanted, -of_nodes, unit).astype(dtype) for unit in np.eye(len(ADDITIONS))]
+    weights[-1] *= np.minimum(1.0, wanted / of_nodes[-1]).astype(dtype)
+    return weights
 
 
-def _first_guess(problem: Problem, *, nested: bool, options: SteadyOptions) -> tuple[Array, Areas]:
+def _first_guess(
+    problem: Problem, loads: Loads, *, nested: bool, options: SteadyOptions
+) -> tuple[Array, Areas]:
     coarse = problem.coarser() if nested else None
     if coarse is None:
         return np.zeros(problem.b.shape), Areas(problem.g > 0.0, np.zeros(problem.g.shape, bool))
     # The rigid slip in a step is in proportion to the step.
-    grid = coarse.grid
-    coarse = replace(coarse, b=coarse.b * (grid.element[0] / problem.grid.element[0]))
+    fine, grid = problem.grid, coarse.grid
+    longer = grid.element[0] / fine.element[0]
+    coarse = replace(coarse, b=coarse.b * longer)
+    units, arms = (_coarsen_each(fine, fields, coarse.b) for fields in (loads.units, loads.arms))
+    loads = Loads(longer * units, grid.area / fine.area * arms, loads.wanted)
     K = Products(grid.steady(grid.tangential()), COARSE_PRODUCTS)
-    return refine_guess(problem, find_steady_state(coarse, K, nested=True, options=options))
+    return refine_guess(problem, find_steady_state(coarse, K, loads, nested=True, options=options))
+
+
+def start_from(problem: Problem, q: Array, slide: Array) -> tuple[Array, Areas]:
+    """Return admissible tractions and areas to start from, of another case."""
+    contact = problem.g > 0.0
+    q = np.where(contact, q, 0.0)
+    slide = slide & contact & np.isfinite(problem.g) & (size(q) > 0.0)
+    areas = Areas(contact & ~slide, slide)
+    return make_admissible(q, problem.g, areas, slide, None, problem.vectors)
+
+
+def _coarsen_each(grid: Any, fields: Array, like: Array) -> Array:
+    """Return the averages of fields on the coarser grid."""
+    return np.array([grid.coarsen(f) for f in fields]).reshape(len(fields), *like.shape)
 
 
 def _roll_on(problem: Problem, q: Array, K: Products) -> tuple[Array, Areas]:
@@ -174,9 +329,8 @@ def _roll_on(problem: Problem, q: Array, K: Products) -> tuple[Array, Areas]:
     for _ in range(problem.grid.shape[0]):
         b = problem.b + apply_to_rows(S, q.reshape(-1)).reshape(q.shape)
         products = Products(A, K.limit - K.count)
-        step = replace(
-            problem, b=b, tolerance=max(problem.tolerance, STEP_TOLERANCE), progress=None
-        )
+        tolerance = max(problem.tolerance, STEP_TOLERANCE)
+        step = replace(problem, b=b, tolerance=tolerance, progress=K.tell_more)
         q = solve(step, products, clip(q, problem.g), nested=False).q
         K.count += products.count + 1
         if K.exhausted:

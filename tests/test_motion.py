@@ -1,0 +1,211 @@
+"""Rolling by force, moment and fields of slip: the same contacts as by creepage."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from tests.test_friction import semi_ellipse
+from tests.test_rolling import MU, A, circle
+from toeplitz_mg.contact import Material, friction, rolling, rolling_steps, surfaces
+
+NAMES = ("longitudinal", "lateral", "spin")
+CREEPAGES = [
+    (0.1, 0.0, 0.0),
+    (0.02, 0.0, 0.0),
+    (0.0, 0.1, 0.0),
+    (0.0, 0.0, 0.3),
+    (0.02, 0.04, -0.1),
+]
+BODY = Material.from_shear(0.7, 0.3)  # Of line contact: G/(1-ν) = 1.
+
+
+def line(n, **arguments):
+    h = 2 * A / n
+    (x,) = surfaces.centres(n + n // 2, h)
+    g = MU * A / 2 * semi_ellipse(x, A)
+    return x, g, rolling(g, h, **({"material": BODY} | arguments))
+
+
+def moment_of(result):
+    """The moment about the middle, with the arm of the middle of a step."""
+    x, y = surfaces.centres(result.contact.shape, result.element)
+    qx, qy = result.traction
+    h1, h2 = result.element
+    return float(((x + h1 / 2) * qy - y * qx).sum() * h1 * h2)
+
+
+@pytest.mark.parametrize("creepages", CREEPAGES)
+@pytest.mark.parametrize("n", [24, 64])
+def test_the_force_of_creepages_has_these_creepages(n, creepages):
+    g, by_creepage = circle(n, creepages)
+    force, spin = by_creepage.force, creepages[2]
+    for loads, given in (
+        ({"force": force}, (0.0, 0.0, spin)),
+        ({"force": (force[0], None)}, (0.0, *creepages[1:])),
+        ({"force": (None, force[1])}, (creepages[0], 0.0, spin)),
+        ({"moment": moment_of(by_creepage)}, (*creepages[:2], 0.0)),
+        ({"force": force, "moment": moment_of(by_creepage)}, (0.0, 0.0, 0.0)),
+    ):
+        _, result = circle(n, given, **loads)
+        assert result.residual <= 1e-8
+        assert_allclose(result.rigid, creepages, atol=1e-6 * np.abs(creepages).max())
+        assert_allclose(result.force, force, atol=1e-7 * np.linalg.norm(force))
+        assert_allclose(result.traction, by_creepage.traction, atol=1e-6 * g.max())
+        assert result.products <= 2.5 * by_creepage.products
+
+
+def test_power_of_carter_is_what_slip_dissipates():
+    errors = []
+    for n in (100, 400, 1600):
+        x, _, result = line(n, longitudinal=-MU * A * 0.4)
+        assert result.moment is None
+        assert_allclose(result.power, 0.4 * MU * A * result.force, rtol=1e-12)
+        dissipated = -(result.traction * result.slip).sum() * (x[1] - x[0])
+        errors.append(abs(dissipated / result.power - 1))
+    assert errors[2] < 0.3 * errors[0]  # The sum over the elements is of low order.
+    assert errors[2] < 0.02
+
+
+def test_moment_and_power_of_rolling():
+    creepages, x, y = np.array([0.02, 0.04, -0.1]), 0.3, -0.2
+    field = np.zeros((2, 48, 48))
+    field[0] = 0.01
+    _, result = circle(48, creepages)
+    (Fx, Fy), M = result.force, moment_of(result)
+    assert_allclose(result.moment, M, rtol=1e-12)
+    assert_allclose(result.power, -(0.02 * Fx + 0.04 * Fy - 0.1 * M), rtol=1e-12)
+    # About another pole the moment is another, and the power of the same slip is the same.
+    _, about_pole = circle(48, creepages + np.array([0.1 * y, -0.1 * x, 0.0]), pole=(x, y))
+    assert_allclose(about_pole.moment, M - x * Fy + y * Fx, rtol=1e-6)
+    assert_allclose(about_pole.power, result.power, rtol=1e-6)
+    _, by_field = circle(48, creepages - np.array([0.01, 0.0, 0.0]), slip=field)
+    assert_allclose(by_field.power, result.power, rtol=1e-6)
+    dissipated = -(result.traction * result.slip).sum() * (2 / 48) ** 2
+    assert_allclose(result.power, dissipated, rtol=0.2)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.64, 0.99])
+def test_creepage_of_a_force_by_carter(share):
+    *_, result = line(400, force=share * MU * np.pi * A**2 / 4)
+    assert_allclose(-result.rigid / (MU * A), 1 - np.sqrt(1 - share), rtol=0.02)
+
+
+@pytest.mark.parametrize("share", [0.9, 0.999])
+def test_a_force_that_is_almost_all_that_friction_carries(share):
+    g, _ = circle(48, (1.0, 0.0, 0.0))
+    carried = g.sum() * (2.0 / 48) ** 2
+    force = np.array([0.6, -0.8]) * share * carried
+    _, result = circle(48, (0.0, 0.0, 0.05), force=force)
+    assert_allclose(result.force, force, atol=1e-7 * carried)
+
+
+def test_a_field_of_slip_is_what_the_creepages_are():
+    creepages = np.array([0.02, 0.04, -0.1])
+    x, y = surfaces.centres((32, 32), (2 / 32, 2 / 32))
+    field = np.stack(np.broadcast_arrays(0.02 + 0.1 * y, 0.04 - 0.1 * x))
+    g, by_creepages = circle(32, creepages)
+    _, by_field = circle(32, (0.0, 0.0, 0.0), slip=field)
+    _, by_both = circle(32, creepages / 2, slip=field / 2)
+    _, by_force = circle(32, (0.0, 0.0, 0.0), slip=field, force=by_creepages.force)
+    for result in (by_field, by_both, by_force):
+        assert_allclose(result.traction, by_creepages.traction, atol=1e-7 * g.max())
+        assert_allclose(result.slip, by_creepages.slip, atol=1e-7)
+    assert_allclose(by_force.rigid, 0.0, atol=1e-8)
+
+
+def test_spin_about_a_pole_is_spin_and_creepage():
+    x, y = 0.3, -0.2
+    g, about_pole = circle(32, (0.01, 0.0, 0.2), pole=(x, y))
+    _, about_middle = circle(32, (0.01 + 0.2 * y, -0.2 * x, 0.2))
+    assert_allclose(about_pole.traction, about_middle.traction, atol=1e-7 * g.max())
+    middle = moment_of(about_middle)
+    Fx, Fy = about_middle.force
+    _, by_moment = circle(32, (0.01, 0.0, 0.0), pole=(x, y), moment=middle - x * Fy + y * Fx)
+    assert_allclose(by_moment.rigid, about_pole.rigid, atol=1e-7)
+
+
+def test_lateral_creepage_of_a_line_without_compression_is_longitudinal():
+    # For ν = 0 shear along the strips and across them is the same, in any direction.
+    body = Material.from_shear(1.0, 0.0)
+    _, g, along = line(100, longitudinal=-0.05, material=body)
+    for angle in (0.0, 0.3, np.pi / 2):
+        n = np.array([np.cos(angle), np.sin(angle)])
+        creepages = dict(zip(NAMES, -0.05 * n, strict=False))
+        _, _, result = line(100, material=body, **creepages)
+        expected = along.traction if angle == 0.0 else n[:, None] * along.traction
+        assert_allclose(result.traction, expected, atol=1e-7 * g.max())
+        assert_allclose(result.slip.reshape(-1, 150)[0], n[0] * along.slip, atol=1e-8)
+
+
+def test_carter_is_softer_along_the_strips():
+    # Antiplane shear has 1/G where plane strain has (1-ν)/G.
+    _, g, across = line(200, longitudinal=-0.07)
+    _, _, along = line(200, lateral=-0.07 / 0.7)
+    assert_allclose(along.traction[0], 0.0, atol=1e-12)
+    assert_allclose(along.traction[1], across.traction, atol=1e-6 * g.max())
+    _, _, by_force = line(200, force=(0.0, along.force[1]))
+    assert_allclose(by_force.rigid, along.rigid, atol=1e-8)
+
+
+def test_strips_are_a_grid_of_one_column():
+    h, creepages = (0.1, 3.0), {"longitudinal": 0.02, "lateral": -0.03}
+    (x,) = surfaces.centres(20, 0.1)
+    g = semi_ellipse(x, 0.9)
+    strips = rolling(g, h, material=BODY, **creepages)
+    grid = rolling(g[:, None], h, material=BODY, **creepages)
+    assert_allclose(strips.traction, grid.traction[..., 0], atol=1e-7)
+    assert_allclose(strips.force, grid.force, atol=1e-6)
+
+
+def test_a_force_begins_to_creep():
+    # From Cattaneo's tractions at rest to Carter's, in twice the length of the contact.
+    n, force = 28, 0.5 * MU * np.pi * A**2 / 4
+    _, g, steady = line(n, force=force)
+    case = {"element": 2 * A / n, "material": BODY, "force": force}
+    at_rest = friction(g, **case)
+    steps = list(rolling_steps(g, steps=2 * n, previous=at_rest, **case))
+    creepages = np.array([step.rigid for step in steps])
+    assert_allclose([step.force for step in steps], force, rtol=1e-9)
+    assert np.abs(creepages[0] - steady.rigid) > 0.1 * abs(steady.rigid)
+    assert_allclose(creepages[-1], steady.rigid, rtol=1e-2)
+    assert_allclose(steps[-1].traction, steady.traction, atol=1e-2 * g.max())
+
+
+def test_steps_by_force_are_steps_by_their_creepage():
+    creepages = (0.02, 0.01, 0.1)
+    g, result = circle(16, creepages)
+    case = {"element": result.element, "material": Material.from_shear(1.0, 0.25), "spin": 0.1}
+    (first,) = rolling_steps(g, steps=1, previous=result, force=0.9 * result.force, **case)
+    assert_allclose(first.force, 0.9 * result.force, rtol=1e-9)
+    given = dict(zip(NAMES, first.rigid.tolist(), strict=True)) | case
+    calls = []
+    (again,) = rolling_steps(
+        g, steps=1, previous=result, progress=lambda *args: calls.append(args), **given
+    )
+    assert_allclose(again.traction, first.traction, atol=1e-6 * g.max())
+    assert calls
+    assert calls[-1][1] > 1e-8
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"force": (0.1, 0.0), "longitudinal": 0.1}, "longitudinal is 0.1 and the force along x"),
+        ({"moment": 0.1, "spin": 0.1}, "spin is 0.1 and the moment is 0.1"),
+        ({"force": 0.1}, r"force is 0.1, but must be \(Fx, Fy\)"),
+        ({"force": (np.nan, 0.0)}, "the force along x is nan"),
+        ({"force": (3.0, 4.0)}, r"force is of size 5, but must be less than .* carries: 2\.5"),
+        ({"moment": 9.0}, "moment is of size 9, but must be less than"),
+        ({"slip": np.zeros((5, 5))}, r"slip has shape \(5, 5\), but must have \(2, 5, 5\)"),
+        ({"slip": np.full((2, 5, 5), np.inf)}, "slip has values that are not finite"),
+        ({"pole": 1.0}, r"pole is 1.0, but must be \(x, y\)"),
+    ],
+)
+def test_refuses_what_makes_no_sense(change, message):
+    with pytest.raises(ValueError, match=message):
+        rolling(np.full((5, 5), 0.1), (1.0, 1.0), material=BODY, **change)
+
+
+def test_steps_are_by_creepage_or_by_force():
+    with pytest.raises(ValueError, match=r"force is \(0.1, None\), but in steps all of its"):
+        rolling_steps(np.ones((4, 4)), (1.0, 1.0), material=BODY, steps=1, force=(0.1, None))

@@ -1,0 +1,245 @@
+"""How the bodies roll: creepages that are given, and those that belong to given forces.
+
+The rigid slip over the distance rolled, at x, y from the pole, is
+
+    w = (ξ - φ y, η + φ x) + the field that is given,
+
+with the creepages ξ, η and the spin φ. Each has a load that works on it: Fx, Fy and the moment
+about the pole. Either of the two is given, and the other is found.
+
+The slip of a step belongs to the middle of that step, half an element ahead of where it stands
+(`rolling`), so that the moment has the arm x + h/2: without that half an element, Kalker's C₃₃ is
+far off where few elements lie along the direction of rolling.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.vectors import Vectors
+from toeplitz_mg.values import field, finite, in_range, refuse_masked
+
+CREEPAGES = ("longitudinal", "lateral", "spin")
+LOADS = ("the force along x", "the force along y", "the moment")
+DEPENDENT = 1e-12  # Relative size below which a field is taken for a combination of others.
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Creepages, loads and the pole, as they are given.
+
+    Attributes
+    ----------
+    creepages : tuple of (float or None)
+        Longitudinal, lateral, spin; None where the load is given.
+    loads : tuple of (float or None)
+        The forces along x and y, and the moment; None where the creepage is given.
+    pole : (float, float)
+        The point about which the bodies spin, from the middle of the grid, mm.
+    slip : ndarray of shape (components, ...) or None
+        More rigid slip over the distance rolled.
+    directions : str
+        Of the tractions: "x" in line contact where nothing is lateral, else "xy".
+    """
+
+    creepages: tuple[float | None, ...]
+    loads: tuple[float | None, ...]
+    pole: tuple[float, float] = (0.0, 0.0)
+    slip: Array | None = None
+    directions: str = "xy"
+
+    @classmethod
+    def of(
+        cls,
+        shape: tuple[int, ...],
+        creepages: tuple[float, float, float],
+        force: Any = None,
+        moment: float | None = None,
+        slip: ArrayLike | None = None,
+        pole: tuple[float, float] = (0.0, 0.0),
+    ) -> Self:
+        """Return the motion that was given for fields of a shape, or say what is wrong with it."""
+        loads = (*_read_force(len(shape) == 1, force), moment)
+        given: list[float | None] = []
+        for name, load, value, wanted in zip(CREEPAGES, LOADS, creepages, loads, strict=True):
+            in_range(name, abs(finite(name, value)))
+            if wanted is not None:
+                in_range(load, abs(finite(load, wanted)))
+            if value and wanted is not None:
+                raise ValueError(
+                    f"{name} is {value:g} and {load} is {wanted:g}, but only one of the two can be "
+                    "given: the other is found"
+                )
+            given.append(value if wanted is None else None)
+        if len(shape) == 1 and given[2] != 0.0:
+            name, refused = ("moment", moment) if given[2] is None else ("spin", given[2])
+            raise ValueError(
+                f"{name} is {refused}, but line contact has longitudinal and lateral creepage only"
+            )
+        middle = np.atleast_1d(field("pole", pole))
+        if middle.shape != (2,) or not np.isfinite(middle).all():
+            raise ValueError(f"pole is {pole}, but must be (x, y), and finite")
+        x, y = middle.tolist()
+        more = None if slip is None else _read_slip(shape, slip)
+        is_lateral = len(shape) == 2 or given[1] != 0.0 or (more is not None and len(more) > 1)
+        return cls(tuple(given), loads, (x, y), more, "xy" if is_lateral else "x")
+
+    @property
+    def unknown(self) -> tuple[int, ...]:
+        """The numbers of the creepages that are to be found."""
+        return tuple(k for k, value in enumerate(self.creepages) if value is None)
+
+    @property
+    def wanted(self) -> Array:
+        """The loads that are given."""
+        return np.array([self.loads[k] for k in self.unknown], dtype=np.float64)
+
+    def check_loads(self, grid: Any, g: Array) -> None:
+        """Refuse loads that the traction bound cannot carry, so that the bodies would slide off."""
+        forces = [F or 0.0 for F in self.loads[:2]]
+        arms = {"force": np.ones(g.shape)}
+        wanted = {"force": float(np.linalg.norm(forces))}
+        if self.loads[2] is not None:
+            arm = self._unit(grid, 2, 0.5 * grid.element[0])
+            arms["moment"], wanted["moment"] = np.hypot(*arm), abs(self.loads[2])
+        for name, load in wanted.items():
+            most = grid.area * grid.vectors.sum(g * np.where(g > 0.0, arms[name], 0.0))
+            if load and not load < most:
+                raise ValueError(
+                    f"{name} is of size {load:g}, but must be less than the traction bound "
+                    f"carries: {most:g}"
+                )
+
+    def rigid_slip(self, grid: Any) -> Array:
+        """Return the rigid slip over the distance rolled by all that is given (Eq. 1)."""
+        w = np.zeros((grid.components, *self._distances(grid)[0].shape))
+        for k, value in enumerate(self.creepages):
+            if value:
+                w += value * self._unit(grid, k, 0.0)
+        return w if self.slip is None else w + self.slip
+
+    def units(self, grid: Any) -> Array:
+        """Return the rigid slip over the distance rolled by a unit of each unknown creepage."""
+        return self._stack(grid, 0.0)
+
+    def arms(self, grid: Any) -> Array:
+        """Return the fields whose inner products with the tractions are the loads given."""
+        return grid.area * self._stack(grid, 0.5 * grid.element[0])
+
+    def work(self, grid: Any, q: Array, creepages: Array) -> tuple[Array, float]:
+        """Return the forces and, on a surface, the moment of tractions, and the power they lose.
+
+        The power is that of the loads on the creepages, over the speed of rolling. In the steady
+        state it is what slip dissipates, and far more exact than the sum of q·s over the elements,
+        of which those at the trailing edge are large and of both signs.
+        """
+        arms = range(grid.components + (len(grid.shape) == 2))
+        h = grid.element[0]
+        loads = np.array(
+            [grid.area * grid.vectors.sum(q * self._unit(grid, k, 0.5 * h)) for k in arms]
+        )
+        power = -float(loads @ creepages[: len(loads)])
+        if self.slip is not None:
+            power -= grid.area * grid.vectors.sum(q * self.slip)
+        return loads, power
+
+    def complete(self, found: Array) -> Array:
+        """Return all creepages, those that were found in their places."""
+        creepages = list(self.creepages)
+        for k, value in zip(self.unknown, found.tolist(), strict=True):
+            creepages[k] = value
+        return np.array(creepages, dtype=np.float64)
+
+    def _stack(self, grid: Any, ahead: float) -> Array:
+        if not self.unknown:
+            return np.zeros((0, grid.components, *self._distances(grid)[0].shape))
+        return np.stack([self._unit(grid, k, ahead) for k in self.unknown])
+
+    def _distances(self, grid: Any) -> list[Array]:
+        x, *y = np.meshgrid(*grid.centres(), indexing="ij")
+        return [r - p for r, p in zip((x, *y), self.pole, strict=False)]
+
+    def _unit(self, grid: Any, k: int, ahead: float) -> Array:
+        """Return the field of one unit of a creepage, `ahead` of the elements along x."""
+        x, *y = self._distances(grid)
+        unit = np.zeros((grid.components, *x.shape))
+        if k < 2:
+            unit[k] = 1.0
+        elif y:
+            unit[0], unit[1] = -y[0], x + ahead
+        return unit
+
+
+def _read_force(is_line: bool, force: Any) -> tuple[float | None, float | None]:
+    """Return the forces along x and y, None where they are not given."""
+    if force is None:
+        return None, None
+    if is_line and np.ndim(refuse_masked("force", force)) == 0:
+        return force, None
+    try:
+        x, y = force
+    except (TypeError, ValueError):
+        wanted = "(Fx, Fy), or in line contact a number" if is_line else "(Fx, Fy)"
+        raise ValueError(
+            f"force is {force}, but must be {wanted}; None in the place of one that is not given"
+        ) from None
+    return x, y
+
+
+def _read_slip(shape: tuple[int, ...], slip: ArrayLike) -> Array:
+    """Return a field of rigid slip, with its components first."""
+    w = field("slip", slip)
+    allowed = [(2, *shape)]
+    if len(shape) == 1:
+        allowed.append(shape)
+    if w.shape not in allowed:
+        wanted = " or ".join(map(str, allowed))
+        raise ValueError(f"slip has shape {w.shape}, but must have {wanted}")
+    if not np.isfinite(w).all():
+        raise ValueError("slip has values that are not finite")
+    return w if w.shape == allowed[0] else w[None]
+
+
+def inner_products(fields: Array, v: Array, vectors: Vectors) -> Array:
+    """Return the inner products of some fields, or of none, with another."""
+    return np.array([vectors.dot(f, v) for f in fields], dtype=np.float64)
+
+
+class Complement:
+    """The fields that are orthogonal to some others.
+
+    Parameters
+    ----------
+    fields : ndarray of shape (m, components, ...)
+    vectors : Vectors
+        The inner products of fields.
+    """
+
+    def __init__(self, fields: Array, vectors: Vectors) -> None:
+        self._vectors = vectors
+        sizes = np.array([vectors.norm(f) for f in fields])
+        self._sizes = np.where(sizes > 0.0, sizes, 1.0)
+        self._units = fields / self._sizes.reshape(-1, *(1,) * (fields.ndim - 1))
+        gram = [self._products(f) for f in self._units]
+        self._inverse = np.linalg.pinv(np.reshape(gram, (len(fields),) * 2), DEPENDENT)
+
+    def _products(self, v: Array) -> Array:
+        return inner_products(self._units, v, self._vectors)
+
+    def coordinates(self, v: Array) -> Array:
+        """Return the weights of the fields in the combination of them that is nearest to v."""
+        return self._inverse @ self._products(v) / self._sizes
+
+    def reach(self, products: Array) -> Array:
+        """Return the least combination of the fields with these inner products with them."""
+        return self._vectors.combine(self._inverse @ (products / self._sizes), self._units)
+
+    def __call__(self, v: Array) -> Array:
+        """Project a field orthogonally to the fields."""
+        if not len(self._units):
+            return v
+        weights = self._inverse @ self._products(v)
+        return v - self._vectors.combine(weights, self._units)
