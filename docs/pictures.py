@@ -14,7 +14,7 @@ STEEL = contact.Material(E=210000.0, nu=0.28)
 
 
 def draw_rough_contact():
-    """Draw the pressures of a rough surface of 1024² elements, with the CPU time of the solution."""
+    """Draw the pressures of a rough surface of 1024² elements, with the CPU time that it took."""
     n = 1024
     element = (1.0 / n, 1.0 / n)
     gap = contact.surfaces.rough(
