@@ -14,7 +14,7 @@ from scipy.sparse import diags_array
 from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
-from toeplitz_mg import halfspace
+from toeplitz_mg import contact, halfspace
 from toeplitz_mg.engine.library import NUMPY, library_of
 
 strict = pytest.importorskip("array_api_strict")
@@ -152,6 +152,58 @@ def test_cg_takes_the_iterations_on_numpy(xp, name, case):
         assert error(y, x) <= 10 * rtol
 
 
+def tangential(a, t, nu=0.5, shape=(24, 20)):
+    """Components that are strongly coupled."""
+    x, y = halfspace.all_offsets(shape, (1.0, 1.0))
+    xx, xy, yy = (
+        tmg.ToeplitzOperator.from_lags(a(f(x, y, (1.0, 1.0), G=1.0, nu=nu).astype(t)))
+        for f in (halfspace.influence_xx, halfspace.influence_xy, halfspace.influence_yy)
+    )
+    return tmg.CoupledOperator([[xx, xy], [xy, yy]])
+
+
+SPARSE = {
+    "grid": lambda a, t: tmg.ToeplitzOperator(a(kernel(60, 50, dtype=t))),
+    "mask": lambda a, t: tmg.MaskedOperator(SPARSE["grid"](a, t), random(60, 50) > 0.3),
+    "few unknowns": lambda a, t: tmg.ToeplitzOperator(a(kernel(20, 13, dtype=t))),
+    "line": lambda a, t: tmg.ToeplitzOperator(a(kernel(3000, dtype=t) ** 0.5)),
+    "mask of a line": lambda a, t: tmg.MaskedOperator(SPARSE["line"](a, t), random(3000) > 0.3),
+    "components": lambda a, t: tangential(a, t, nu=0.28),
+    "mask of components": lambda a, t: tmg.MaskedOperator(
+        tangential(a, t), random(2, 24, 20) > -0.5
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SPARSE)
+def test_fsai_is_that_on_numpy(name):
+    for dtype, rtol in (("float64", 1e-9), ("float32", 1e-5)):
+        A, B = (SPARSE[name](a, np.dtype(dtype)) for a in (np.asarray, strict.asarray))
+        P, Q = tmg.fsai_preconditioner(A), tmg.fsai_preconditioner(B)
+        x, X = random(A.shape[0], dtype=dtype), random(A.shape[0], 2, dtype=dtype)
+        assert error(Q @ strict.asarray(x), P @ x) <= 10 * ROUNDING[dtype]
+        assert error(Q @ strict.asarray(X), P @ X) <= 10 * ROUNDING[dtype]
+        assert error(pickle.loads(pickle.dumps(Q)) @ strict.asarray(x), P @ x) <= 1e-4
+        assert Q.H is Q
+        assert Q.work == P.work or name == "line"  # On NumPy rows that are alike are one.
+        counts = []
+        for C, M, b in ((A, P, x), (B, Q, strict.asarray(x))):
+            residuals = []
+            _, info = tmg.cg(C, b, M=M, rtol=rtol, residuals=residuals)
+            assert info == 0
+            counts.append(len(residuals))
+        assert counts[0] == counts[1]
+
+
+@pytest.mark.slow
+def test_fsai_on_jax():
+    jnp = load_jax()
+    A, B = (SPARSE["mask"](a, np.float64) for a in (np.asarray, jnp.asarray))
+    x = random(A.shape[0])
+    Q = tmg.fsai_preconditioner(B)
+    assert error(Q @ jnp.asarray(x), tmg.fsai_preconditioner(A) @ x) <= 1e-14
+
+
 def test_cg_in_less_precision_and_from_a_guess(xp):
     A, B = (OPERATORS["mask"](a, np.float64) for a in (np.asarray, xp.asarray))
     b, guess = random(2, A.shape[0])
@@ -242,6 +294,28 @@ def test_arrays_of_two_libraries_are_refused_by_name(xp):
         assert "numpy" in str(refusal.value).replace("jax.numpy", "")
     with pytest.raises(TypeError, match=f"M is an array of {name}, but must be an operator"):
         tmg.cg(B, xp.asarray(ones), M=xp.asarray(np.eye(7)))
+
+
+STEEL = contact.Material(E=210000.0, nu=0.28)
+KERNEL = {"element": (1.0, 1.0), "G": 1.0, "nu": 0.28}
+PRESS = {"element": (0.1, 0.1), "material": STEEL}
+ON_NUMPY_ALONE = {
+    "solve_toeplitz c": lambda x: tmg.solve_toeplitz(x, np.ones(4)),
+    "solve_toeplitz b": lambda x: tmg.solve_toeplitz(np.eye(1, 4)[0], x),
+    "normal_contact": lambda x: contact.normal_contact(x, force=1.0, **PRESS),
+    "friction": lambda x: contact.friction(x, shift=(1.0, 0.0), **PRESS),
+    "friction shift": lambda x: contact.friction(np.ones((4, 4)), shift=x, **PRESS),
+    "rolling": lambda x: contact.rolling(x, longitudinal=0.1, **PRESS),
+    "influence x": lambda x: halfspace.influence_zz(x, np.arange(4.0), **KERNEL),
+    "influence y": lambda x: halfspace.influence_xx(np.arange(4.0), x, **KERNEL),
+}
+
+
+@pytest.mark.parametrize("name", ON_NUMPY_ALONE)
+def test_what_needs_numpys_arrays_names_both_libraries_and_the_way(xp, name):
+    with pytest.raises(TypeError, match=f"is an array of {xp.__name__}, but .* numpy") as refusal:
+        ON_NUMPY_ALONE[name](xp.asarray(np.ones(4)))
+    assert "x.get()" in str(refusal.value)
 
 
 def test_what_is_wrong_with_coefficients_is_told_as_on_numpy(xp):

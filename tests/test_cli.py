@@ -1,5 +1,6 @@
 """The command line: what it prints, writes and refuses."""
 
+import io
 import os
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from numpy.testing import assert_allclose
 import toeplitz_mg as tmg
 from comparisons.systems import masks
 from tests.cases import contact
-from toeplitz_mg.cli import files
+from toeplitz_mg.cli import files, report
 from toeplitz_mg.cli.main import COMMANDS, main
 
 
@@ -174,7 +175,7 @@ def test_refusals_are_one_line_and_status_two(options, message, capsys):
     [
         ("c.npy", None, "No such file"),
         ("c.npy", b"", "is not a NumPy file of numbers"),
-        ("c.npy", b"1.0, 2.0\n", "is not a NumPy file of numbers"),
+        ("c.npy", b"1.0, 2.0\n", "text is read from .txt, .csv, .dat"),
         ("c.npy", b"PK\x03\x04 and no more", "is not a NumPy file of numbers"),
         ("b.npy", b"PK\x03\x04 and no more", "is not a NumPy file of numbers"),
         ("mask.npy", b"PK\x03\x04 and no more", "is not a NumPy file of numbers"),
@@ -185,9 +186,8 @@ def test_refusals_are_one_line_and_status_two(options, message, capsys):
         ("b.npy", np.ones(299), "has shape (299,), but the unknowns are 240"),
         ("b.npy", np.ones((3, 100)), "has shape (3, 100)"),
         ("b.npy", np.full(300, np.inf), "not finite"),
-        ("b.npy", np.zeros(300), "nothing to solve"),
         ("b.npy", np.full(300, "text"), "has dtype <U4, but must be of real numbers"),
-        ("mask.npy", np.ones(300), "must be of booleans"),
+        ("mask.npy", np.full(300, 2.0), "must be of booleans"),
         ("mask.npy", np.zeros(300, dtype=bool), "nowhere true"),
         ("mask.npy", np.ones(7, dtype=bool), "has shape (7,)"),
     ],
@@ -320,3 +320,122 @@ def test_runs_as_a_module():
         [*command[:3], "--version"], capture_output=True, text=True, check=True
     )
     assert version.stdout == f"toeplitz-mg {tmg.__version__}\n"
+
+
+# As people write it ----------------------------------------------------------------------------
+
+
+def test_whole_numbers_may_have_an_exponent(capsys):
+    assert main(["-n", "3e2", "--maxiter", "1e2"]) == 0
+    assert "with 300 elements" in capsys.readouterr().out
+    for wrong in ("3.5", "1e-2", "many"):
+        with pytest.raises(SystemExit) as caught:
+            main(["-n", wrong])
+        assert caught.value.code == 2
+        assert f"argument -n: invalid whole number value: '{wrong}'" in capsys.readouterr().err
+
+
+def test_a_mask_of_zeros_and_ones(folder):
+    mask = np.load(folder / "mask.npy")
+    options = ["--mask", str(folder / "mask.npy")]
+    assert solve(folder, *options) == 0
+    for dtype in (int, float, np.uint8):
+        np.save(folder / "mask.npy", mask.astype(dtype))
+        assert solve(folder, *options, x="y.npy") == 0
+        assert np.array_equal(np.load(folder / "x.npy"), np.load(folder / "y.npy"))
+
+
+@pytest.mark.parametrize("on_mask", [False, True])
+def test_a_zero_right_hand_side_has_a_zero_solution(folder, on_mask, capsys):
+    np.save(folder / "b.npy", np.zeros(300))
+    options = ["--mask", str(folder / "mask.npy")] if on_mask else []
+    assert solve(folder, *options, "--plot", str(folder / "x.png")) == 0
+    assert "converged" in capsys.readouterr().out
+    assert np.array_equal(np.load(folder / "x.npy"), np.zeros(300))
+
+
+@pytest.mark.parametrize(
+    ("ending", "mark"), [("csv", ","), ("csv", ";"), ("txt", " "), ("dat", "\t")]
+)
+def test_files_of_text(folder, ending, mark):
+    assert solve(folder) == 0
+    for name in ("c", "b"):
+        np.savetxt(folder / f"{name}.{ending}", np.load(folder / f"{name}.npy"), delimiter=mark)
+    out = f"x.{ending}"
+    assert solve(folder, column=f"c.{ending}", rhs=f"b.{ending}", x=out) == 0
+    assert np.array_equal(np.loadtxt(folder / out), np.load(folder / "x.npy"))
+    np.savetxt(folder / f"c2.{ending}", contact(12, 10), delimiter=mark)
+    np.savetxt(folder / f"b2.{ending}", np.ones((12, 10)), delimiter=mark)
+    assert solve(folder, column=f"c2.{ending}", rhs=f"b2.{ending}", x=out) == 0
+    assert np.loadtxt(folder / out).shape == (120,)
+
+
+@pytest.mark.parametrize("content", ["0,5;0,3\n0,1;0,2\n", "1 2\n3\n", "one\n", "\udcff"])
+def test_text_that_is_no_table_is_refused(folder, content, capsys):
+    """Decimal commas too: they would be two numbers each."""
+    (folder / "c.csv").write_bytes(content.encode(errors="surrogateescape"))
+    assert solve(folder, column="c.csv") == 2
+    captured = capsys.readouterr().err
+    assert "is not a table of numbers with points for decimals" in captured
+    assert captured.count("\n") == 1
+
+
+def test_nobody_is_told_to_unpickle(folder, capsys):
+    for content in (b"garbage", b"\x80\x04K\x01."):
+        (folder / "c.npy").write_bytes(content)
+        assert solve(folder) == 2
+        assert "pickle" not in capsys.readouterr().err
+
+
+def test_a_reader_that_has_read_enough_ends_it_silently():
+    command = [sys.executable, "-u", "-m", "toeplitz_mg", "-n", "300"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 141
+
+
+@pytest.mark.parametrize("command", [[], ["solve"], ["contact"]])
+def test_an_error_shows_the_usage_of_its_command(command, folder, capsys):
+    names = {"solve": ["c.npy", "b.npy", "-o", "x.npy"], "contact": ["hertz"]}
+    given = [*command, *names.get(" ".join(command), []), "--nonsense"]
+    with pytest.raises(SystemExit) as caught:
+        main(given)
+    assert caught.value.code == 2
+    printed = capsys.readouterr().err
+    assert printed.startswith("usage: " + " ".join(["toeplitz-mg", *command, "[-h]"]))
+    assert "unrecognized arguments: --nonsense" in printed
+
+
+class Screen(io.StringIO):
+    """A standard error that is a terminal, or is none."""
+
+    def __init__(self, is_terminal):
+        super().__init__()
+        self.is_terminal = is_terminal
+
+    def isatty(self):
+        return self.is_terminal
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+@pytest.mark.parametrize("patience", [0.0, 60.0])
+def test_a_terminal_shows_what_takes_long_and_erases_it(is_terminal, patience, monkeypatch):
+    screen = Screen(is_terminal)
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setattr(report, "PATIENCE", patience)
+    with report.Waiting("setting up") as waiting:
+        if is_terminal and not patience:
+            while not screen.getvalue():  # The thread has not come to it yet.
+                waiting._over.wait(0.01)
+    shown = screen.getvalue()
+    assert bool(shown) == (is_terminal and not patience)
+    if shown:
+        text = "setting up: 0 s"
+        assert shown.startswith(f"\r{text}")
+        assert shown.endswith(f"\r{' ' * len(text)}\r")
+
+
+def test_zero_is_printed_as_zero():
+    assert report.format_error(0.0, 2) == "0"
+    assert report.format_error(1.25e-9, 2) == "1.25e-09"

@@ -150,6 +150,20 @@ def test_says_where_the_grid_does_not_do(options, notes, capsys):
     assert all(note in line for note, line in zip(notes, said, strict=True))
 
 
+def test_a_negative_number_may_have_an_exponent(capsys):
+    assert run("rolling", "-n", "40", "--longitudinal", "-2e-3", "--spin", "-1.5E-3") == 0
+    assert figures(capsys.readouterr().out)["creepages"] == [-2e-3, 0.0, -1.5e-3]
+
+
+def test_youngs_modulus_is_that_of_the_shear_modulus(capsys):
+    assert run("hertz", "-n", "16", "--E", "2e5", "--nu", "0.25") == 0
+    of_E = figures(capsys.readouterr().out)
+    assert run("hertz", "-n", "1.6e1", "--G", "8e4", "--nu", "0.25") == 0
+    assert figures(capsys.readouterr().out) == of_E
+    assert run("hertz", "--E", "1", "--G", "1") == 2
+    assert "--E and --G are both given" in capsys.readouterr().err
+
+
 # Refusals -------------------------------------------------------------------------------------
 
 

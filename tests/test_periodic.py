@@ -356,3 +356,8 @@ def test_refuses_what_makes_no_sense(change, message):
     gap = np.outer([0.0, 1.0], [1.0, 1.0])
     with pytest.raises(ValueError, match=message):
         normal_contact(gap, (1.0, 1.0), **arguments)
+
+
+def test_refuses_a_single_element_that_repeats():
+    with pytest.raises(ValueError, match=r"the grid has shape \(1, 1\), but where it repeats"):
+        normal_contact([[0.0]], (1.0, 1.0), material=UNIT, force=1.0, periodic=True)

@@ -175,7 +175,7 @@ def test_a_summary_has_figures_with_units():
     assert found["force"] == "0.1 N"
     assert found["contact"] == f"{PRESSED.area:.5g} mm²"
     assert found["largest pressure"] == f"{PRESSED.pressure.max():.5g} N/mm²"
-    assert "stiffness" not in found
+    assert found["stiffness"] == f"{PRESSED.stiffness:.5g} N/mm"
     with_stiffness = replace(PRESSED, stiffness=2.0).summary()
     assert "stiffness         2 N/mm\n" in with_stiffness
 

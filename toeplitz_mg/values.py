@@ -50,12 +50,37 @@ def count(name: str, value: Any, least: int = 1) -> int:
 
 
 def refuse_masked(name: str, values: Any) -> Array:
-    """Return an array of any dtype; refuse a masked array, whose masked numbers mean nothing."""
+    """Return NumPy's array of any dtype; refuse those of other libraries, and masked arrays.
+
+    The numbers below a mask mean nothing.
+    """
     if type(values) is np.ndarray:  # Sooner than by what follows, which a small system would feel.
         return values
+    if is_foreign(values):
+        raise TypeError(
+            f"{name} is an array of {name_library(values)}, but must be one of numpy here: copy it "
+            "to the memory of the processor by x.get() of cupy, x.cpu() of torch, or np.asarray(x)"
+        )
     if _is_masked(values):
         raise TypeError(f"{name} is a masked array, but must have a value in each element")
     return np.asarray(values)
+
+
+def is_foreign(values: Any) -> bool:
+    """Whether this is an array, and not of NumPy."""
+    if type(values) is np.ndarray:  # Sooner than by what follows, as small systems would feel.
+        return False
+    if isinstance(values, np.ndarray | np.generic | list | tuple | float | int):
+        return False
+    home = type(values).__module__.partition(".")[0]
+    return home in ("cupy", "torch") or hasattr(values, "__array_namespace__")
+
+
+def name_library(values: Any) -> str:
+    """Return the name of the library of an array that is not of NumPy."""
+    if hasattr(values, "__array_namespace__"):
+        return str(values.__array_namespace__().__name__)
+    return type(values).__module__.partition(".")[0]
 
 
 def _is_masked(values: Any) -> bool:

@@ -114,7 +114,9 @@ def test_masks_components_and_preconditioners_are_the_serial_ones(comm):
         makers = [(lambda B: B, lambda B: B)]
         makers += [
             (
-                getattr(tmg, n) if cells.ndim == 2 else tmg.componentwise(getattr(tmg, n)),
+                getattr(tmg, n)
+                if cells.ndim == 2 or n == names[0]
+                else tmg.componentwise(getattr(tmg, n)),
                 getattr(slabs, n),
             )
             for n in names

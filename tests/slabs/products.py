@@ -11,7 +11,20 @@ from toeplitz_mg import halfspace, slabs
 from toeplitz_mg.slabs import product
 
 # Odd and prime lengths, one column, few rows for each rank, lengths that are 5-smooth and not.
-SHAPES = [(4, 5), (17, 13), (64, 64), (97, 1), (31, 128), (130, 7), (5, 4, 6), (9, 1, 7), (8, 7, 1)]
+SHAPES = [
+    (300,),
+    (1009,),
+    (4, 1),
+    (4, 5),
+    (17, 13),
+    (64, 64),
+    (97, 1),
+    (31, 128),
+    (130, 7),
+    (5, 4, 6),
+    (9, 1, 7),
+    (8, 7, 1),
+]
 ELEMENT = (0.5, 0.25)
 NU = 0.28
 
@@ -84,7 +97,12 @@ def test_a_product_of_many_turns_is_that_of_one(comm):
 
 def test_coefficients_that_are_odd_or_neither(comm):
     rng = np.random.default_rng(0)
-    for shape, parity in [((12, 9), (-1, 1)), ((12, 9), (-1, -1)), ((8, 5, 6), (1, -1, 1))]:
+    for shape, parity in [
+        ((12, 9), (-1, 1)),
+        ((12, 9), (-1, -1)),
+        ((8, 5, 6), (1, -1, 1)),
+        ((150,), (-1,)),
+    ]:
         c = rng.random(shape)
         for axis, sign in enumerate(parity):
             if sign < 0:

@@ -10,6 +10,7 @@ from tests.slabs.products import (
     SHAPES,
     assert_rows,
     kernel,
+    lags_of,
     serial_and_slabs,
     tolerance,
     with_fewer_ranks_than_rows,
@@ -47,17 +48,82 @@ def test_the_preconditioner_of_a_large_grid_of_slow_lengths_inverts_a_longer_cir
     assert_rows(slab, M @ x[slab.rows].ravel(), serial.reshape(shape), 1e-14)
 
 
-def test_preconditioners_of_components_take_each_by_itself(comm):
+def test_preconditioners_of_components_are_those_of_one_process(comm):
     slab = slabs.Slab(comm, (24, 10))
     serial, ours = serial_and_slabs(slab)
     x = np.random.default_rng(0).random((2, *slab.shape))
     mask = np.random.default_rng(1).random(x.shape) < 0.6
     for name in NAMES:
-        by_itself = tmg.componentwise(getattr(tmg, name))(serial) @ x.ravel()
+        make = getattr(tmg, name)  # M is that of the components together.
+        by_itself = (make if name == NAMES[0] else tmg.componentwise(make))(serial) @ x.ravel()
         M = getattr(slabs, name)(ours)
         assert_rows(slab, M @ x[:, slab.rows].ravel(), by_itself.reshape(x.shape), 1e-14)
         A = slabs.MaskedOperator(ours, mask[:, slab.rows])
         assert getattr(slabs, name)(A).shape == A.shape
+
+
+def blocks_of(slab, signs, size):
+    """Blocks whose parities are products of signs of their components: serial, and on ranks."""
+    serial, ours = [], []
+    rng = np.random.default_rng(0)
+    for i, one in enumerate(signs):
+        serial.append([])
+        ours.append([])
+        for j, other in enumerate(signs[: i + 1]):
+            parity = tuple(np.multiply(one, other).tolist())
+            c = rng.random(slab.shape) * kernel(slab.shape) ** 4 * (1.0 if i == j else size)
+            for axis in (axis for axis, sign in enumerate(parity) if sign < 0):
+                np.moveaxis(c, axis, 0)[0] = 0.0
+            c.flat[0] += 2.0 * (i == j)
+            A = tmg.ToeplitzOperator.from_lags(lags_of(c, parity))
+            B = slabs.ToeplitzOperator(c[slab.rows], slab, parity=parity)
+            transposed = slabs.ToeplitzOperator(np.prod(parity) * c[slab.rows], slab, parity=parity)
+            for k, block, transpose in ((serial, A, A.T), (ours, B, transposed)):
+                k[i].append(block)
+                if i != j:
+                    k[j].append(transpose)
+    return tmg.CoupledOperator(serial), slabs.CoupledOperator(ours)
+
+
+def test_m_of_components_together(comm):
+    """Also of three, and where blocks are odd along one axis alone, and so of both signs."""
+    cases = {
+        (24, 11): ((-1, 1), (1, -1), (1, 1)),
+        (9, 8): ((-1, 1), (1, 1)),
+        (130,): ((-1,), (1,)),
+        (7, 5, 4): ((-1, 1, 1), (1, 1, -1)),
+    }
+    for shape, signs in cases.items():
+        slab = slabs.Slab(comm, shape)
+        serial, A = blocks_of(slab, signs, 0.3)
+        x = np.random.default_rng(1).random((len(signs), *shape))
+        for dtype in (np.float64, np.float32):
+            M = tmg.fft_preconditioner(serial, dtype=dtype)
+            W = slabs.fft_preconditioner(A, dtype=dtype)
+            assert W.dtype == dtype
+            whole = (M @ x.ravel()).reshape(x.shape)
+            assert_rows(slab, W @ x[:, slab.rows].ravel(), whole, tolerance(dtype))
+        mask = np.random.default_rng(2).random(x.shape) < 0.6
+        full = np.zeros(x.shape)
+        full[mask] = tmg.fft_preconditioner(tmg.MaskedOperator(serial, mask)) @ x[mask]
+        own = mask[:, slab.rows]
+        y = np.zeros(own.shape)
+        y[own] = slabs.fft_preconditioner(slabs.MaskedOperator(A, own)) @ x[:, slab.rows][own]
+        assert_rows(slab, y, full, 1e-14)
+
+
+def test_components_that_have_no_m_are_refused_by_all(comm):
+    slab = slabs.Slab(comm, (12, 9))
+    c = kernel(slab.shape)[slab.rows]
+    A, B = slabs.ToeplitzOperator(c, slab), slabs.ToeplitzOperator(2.0 * c, slab)
+    make = slabs.fft_preconditioner
+    for blocks, kind, text in (
+        ([[A, B], [A, A]], ValueError, "is not symmetric"),
+        ([[A, B], [B, A]], np.linalg.LinAlgError, "has the pivot"),
+        ([[None, A], [A, A]], ValueError, "component 0 on itself is zero"),
+        ([[A, None], [None, slabs.ToeplitzOperator(c, slab, behind=c)]], ValueError, "of parity"),
+    ):
+        refuses(comm, kind, text, partial(make, slabs.CoupledOperator(blocks)))
 
 
 def test_bytes_of_preconditioners(comm):

@@ -19,6 +19,7 @@ each_number_of_ranks = pytest.mark.parametrize(
         "rows",
         "products",
         "solves",
+        "lines",
         "fsai",
         "saving",
         pytest.param("gathering", marks=slow),

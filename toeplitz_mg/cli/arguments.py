@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import toeplitz_mg as tmg
 from toeplitz_mg._typing import Preconditioner
 from toeplitz_mg.cli import contact_arguments, files
+from toeplitz_mg.cli.parsing import Parser, whole_number
 from toeplitz_mg.cli.report import EXIT_STATUS
 from toeplitz_mg.paper.problems import TESTS
 
@@ -75,7 +76,7 @@ def _method_options(parser: argparse.ArgumentParser) -> None:
         help="of the multigrid cycle (default: fft-rsm)",
     )
     group.add_argument("--rtol", type=float, help="relative residual (default: 1e-8)")
-    group.add_argument("--maxiter", type=int, help="most iterations (default: 200)")
+    group.add_argument("--maxiter", type=whole_number, help="most iterations (default: 200)")
     group.add_argument(
         "--seed", type=int, help="start from a random guess, as the paper does, not from zero"
     )
@@ -85,7 +86,7 @@ def _method_options(parser: argparse.ArgumentParser) -> None:
 def _add_threads(*parsers: argparse.ArgumentParser) -> None:
     for parser in parsers:
         parser.add_argument(
-            "--threads", type=int, help="threads that share the work (default: all cores)"
+            "--threads", type=whole_number, help="threads that share the work (default: all cores)"
         )
 
 
@@ -120,31 +121,27 @@ DEFAULTS: dict[str, Any] = {
 }
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """Return the parser of the command line."""
-    # Without defaults an option counts wherever it stands, and a stray one is seen. There are no
-    # abbreviations: --n would be taken for --nu.
-    bare: Any = {"argument_default": argparse.SUPPRESS, "allow_abbrev": False}
-    main = argparse.ArgumentParser(
+    main = Parser(
         prog="toeplitz-mg",
         description="Solve a contact problem of Zhao, Vollebregt and Oosterlee (2014): by default "
         "test 1 with 2^20 unknowns, by the V(0,1) cycle with the FFT+RSM smoother. "
         "The command solve takes a system of your own, the command contact solves a contact "
         "problem.",
         epilog=EXIT_STATUS,
-        **bare,
     )
     main.add_argument("--version", action="version", version=f"toeplitz-mg {tmg.__version__}")
     main.add_argument("--test", type=int, choices=tuple(TESTS), help="problem (default: 1)")
-    main.add_argument("-n", type=int, help="number of elements (default: 2^20)")
+    main.add_argument("-n", type=whole_number, help="number of elements (default: 2^20)")
     _method_options(main)
     commands = main.add_subparsers(dest="command", metavar="{solve,contact}")
     solve = commands.add_parser(
         "solve",
         help="solve a system of your own",
         description="Solve A x = b, A symmetric positive definite Toeplitz.",
-        epilog="X is written whole or not at all, and only where the solver has converged.",
-        **bare,
+        epilog="Files are NumPy's (.npy) or tables of numbers in text (.txt, .csv, .dat). "
+        "X is written whole or not at all, and only where the solver has converged.",
     )
     solve.add_argument(
         "column", type=Path, metavar="COLUMN.npy", help="first column, of one or several axes"
@@ -153,9 +150,13 @@ def parser() -> argparse.ArgumentParser:
         "rhs", type=Path, metavar="RHS.npy", help="b, on the grid or flat; with a mask also (N,)"
     )
     solve.add_argument("-o", "--output", type=Path, required=True, metavar="X.npy", help="solution")
-    solve.add_argument("--mask", type=Path, metavar="MASK.npy", help="where A is restricted")
+    solve.add_argument(
+        "--mask", type=Path, metavar="MASK.npy", help="where A is restricted to: true or 1"
+    )
     _method_options(solve)
-    _add_threads(main, solve, contact_arguments.add_parser(commands, **bare))
+    contact = contact_arguments.add_parser(commands)
+    _add_threads(main, solve, contact)
+    main.commands = {"solve": solve, "contact": contact}
     return main
 
 

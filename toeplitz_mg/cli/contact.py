@@ -13,7 +13,7 @@ import numpy as np
 from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.contact_arguments import complete
-from toeplitz_mg.cli.report import print_step
+from toeplitz_mg.cli.report import print_step, step_printer
 from toeplitz_mg.contact import (
     ContactError,
     ContactResult,
@@ -95,7 +95,7 @@ class Case:
         """The arguments that all solvers are given."""
         o = self.options
         material = Material.from_shear(o.G, o.nu)
-        return {"material": material, "tolerance": o.tolerance, "progress": print_step}
+        return {"material": material, "tolerance": o.tolerance, "progress": step_printer()}
 
     def solve(self) -> dict[str, ContactResult]:
         """Solve the normal problem, and the tangential one of its pressures, where there is one."""

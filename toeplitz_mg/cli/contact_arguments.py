@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from toeplitz_mg.cli import files
+from toeplitz_mg.cli.parsing import Parser, whole_number
 from toeplitz_mg.cli.report import EXIT_STATUS
 from toeplitz_mg.values import in_range
 
@@ -60,6 +61,7 @@ OPTIONS = {
     "G": Option(
         "shear modulus of both bodies, N/mm² (default: 82000)", default=82000.0, positive=True
     ),
+    "E": Option("Young's modulus of both bodies, N/mm²; in place of G", positive=True),
     "nu": Option("Poisson's ratio of both bodies (default: 0.28)", default=0.28),
     "n": Option("elements along the longer side of the grid (default: 256)", int, default=256),
     "size": Option(
@@ -101,22 +103,20 @@ SHORT = {"n": ("-n",), "output": ("-o", "--output")}
 METAVARS = {"output": "FIELDS.npz", "plot": "FILE"}
 
 
-def add_parser(commands: Any, **bare: Any) -> argparse.ArgumentParser:
+def add_parser(commands: Any) -> Parser:
     """Add the command `contact` to the others, and return its parser."""
-    parser: argparse.ArgumentParser = commands.add_parser(
+    parser: Parser = commands.add_parser(
         "contact",
         help="contact of two elastic bodies",
         description="Press a sphere, an ellipsoid or a cylinder on a flat of the same material "
         "(hertz), shift it then with Coulomb friction (shift), or roll it steadily (rolling). "
         "Units are N and mm.",
-        epilog="A negative number with an exponent is --longitudinal=-2e-3. "
-        "Files are written whole or not at all, and only where the solver has converged. "
+        epilog="Files are written whole or not at all, and only where the solver has converged. "
         + EXIT_STATUS,
-        **bare,
     )
     parser.add_argument("case", nargs="?", choices=CASES, default=None, help="what to do")
     for name, option in OPTIONS.items():
-        special: dict[str, Any] = {"type": option.kind}
+        special: dict[str, Any] = {"type": whole_number if option.kind is int else option.kind}
         if option.kind is bool:
             special = {"action": "store_true"}
         elif name in METAVARS:
@@ -147,6 +147,8 @@ def complete(given: argparse.Namespace) -> argparse.Namespace:
     defaults = {name: option.default for name, option in OPTIONS.items()}
     if "approach" not in options:
         defaults["force"] = FORCE
+    if "E" in options:
+        defaults["G"] = options["E"] / (2.0 * (1.0 + options.get("nu", defaults["nu"])))
     return argparse.Namespace(**(defaults | options))
 
 
@@ -176,7 +178,7 @@ def _check(name: str, option: Option, value: Any) -> None:
 
 def _check_together(case: str, options: dict[str, Any]) -> None:
     """Check what options mean for each other."""
-    for one, other in (("force", "approach"), ("tangential", "shift")):
+    for one, other in (("force", "approach"), ("tangential", "shift"), ("E", "G")):
         if one in options and other in options:
             raise ValueError(f"--{one} and --{other} are both given, but one decides the other")
     has_load = "tangential" in options or "shift" in options

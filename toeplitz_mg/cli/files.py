@@ -20,31 +20,50 @@ from toeplitz_mg.whole_files import (
     new_whole,
 )
 
+TEXT = (".txt", ".csv", ".dat")  # Endings of the names of files that are text.
 STANDARD_OUTPUT = 1  # File descriptor of where the report is printed.
 
 
 def load(path: Path) -> Array:
-    """Read an array from a ``.npy`` file.
+    """Read an array from a ``.npy`` file, or a table of numbers from a text file.
 
     Raises
     ------
     OSError
         Where there is no such file.
     ValueError
-        Where it is not one of NumPy's, holds Python objects, or no numbers at all.
+        Where it is not what its name says, holds Python objects, or no numbers at all.
     """
     with path.open("rb") as file:
         try:
-            array = np.load(file, allow_pickle=False)
+            if path.suffix.lower() in TEXT:
+                array: Any = _read_text(file.read())
+            else:
+                array = np.load(file, allow_pickle=False)
         except MemoryError:  # The array is too large, or its header.
             raise ValueError(f"{path} needs more memory than there is") from None
         except Exception as error:  # NumPy parses the header as Python, so it may be any of many.
-            raise ValueError(f"{path} is not a NumPy file of numbers (.npy): {error}") from None
+            raise ValueError(f"{path} {_describe(path, error)}") from None
     if not isinstance(array, np.ndarray):
         raise ValueError(f"{path} holds several arrays (.npz), but one is needed (.npy)")
     if array.size == 0:  # NumPy 2.0 also reads a negative length, in a damaged header, as zero.
         raise ValueError(f"{path} holds no numbers: its array has shape {array.shape}")
     return array
+
+
+def _read_text(data: bytes) -> Array:
+    """Read a table of numbers, separated by semicolons, or else by commas, or else by blanks."""
+    text = data.decode()
+    separator = next((mark for mark in ";," if mark in text), None)
+    return np.loadtxt(io.StringIO(text), delimiter=separator, ndmin=1)
+
+
+def _describe(path: Path, error: Exception) -> str:
+    """Say what a file is not, without NumPy's advice to unpickle what nobody knows."""
+    if path.suffix.lower() in TEXT:
+        return f"is not a table of numbers with points for decimals: {error}"
+    said = "" if "pickle" in str(error) else f": {error}"
+    return f"is not a NumPy file of numbers (.npy); text is read from {', '.join(TEXT)}{said}"
 
 
 def check_files(written: Sequence[Path | None], read: Sequence[Path | None]) -> None:
@@ -112,9 +131,12 @@ def check_plotting(path: Path) -> None:
 
 
 def save(path: Path, array: Array) -> None:
-    """Write an array to a ``.npy`` file."""
+    """Write an array to a ``.npy`` file, or a table to a text file."""
     data = io.BytesIO()
-    np.save(data, array)
+    if path.suffix.lower() in TEXT:
+        np.savetxt(data, array, fmt="%.17g", delimiter=",")
+    else:
+        np.save(data, array)
     write(path, data.getvalue())
 
 
@@ -168,7 +190,8 @@ def plot(
         left.plot(np.arange(grid.size) if x is None else x, grid.ravel())
         # The traction is singular at the ends: show its shape, not its largest value.
         low, high = np.nanquantile(grid, [0.002, 0.998])
-        left.set_ylim(min(low, 0.0) * 1.1, max(high, 0.0) * 1.1)
+        if low or high:  # Else all is zero.
+            left.set_ylim(min(low, 0.0) * 1.1, max(high, 0.0) * 1.1)
         left.set_xlabel("unknown" if x is None else "x (mm)")
         left.set_ylabel("solution" if x is None else "traction (N/mm²)")
     right.semilogy(range(len(residuals)), residuals, "o-")

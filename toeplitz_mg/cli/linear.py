@@ -13,9 +13,9 @@ from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from toeplitz_mg._typing import Array, Mask
-from toeplitz_mg.cli import files
+from toeplitz_mg.cli import files, report
 from toeplitz_mg.cli.arguments import PRECONDITIONERS
-from toeplitz_mg.cli.report import print_step
+from toeplitz_mg.cli.report import format_error, print_step
 from toeplitz_mg.operators.base import grid_of
 from toeplitz_mg.operators.structure import unwrap
 
@@ -85,8 +85,11 @@ def run(
     `published` gives a line of the report that stands for what others have found, or nothing.
     """
     check_right_hand_side(system.b)
+    if not system.b.any():
+        return answer_zero(system, options)
     start = perf_counter()
-    M, label = set_up(system.A, options)
+    with report.Waiting("setting up"):
+        M, label = set_up(system.A, options)
     setup = perf_counter() - start
     method = label if M is None else M
     print(f"{system.title}\n{'CG with ' if options.solver == 'cg' else ''}{method}\n")
@@ -106,10 +109,20 @@ def run(
 
 def check_right_hand_side(b: Array) -> None:
     """Refuse a right-hand side that no residual can be relative to."""
-    if not b.any():
-        raise ValueError("the right-hand side is zero: there is nothing to solve")
     if not np.isfinite(_size(b)):
         raise ValueError("the norm of the right-hand side is not a number of float64: scale it")
+
+
+def answer_zero(system: System, options: argparse.Namespace) -> int:
+    """Write the solution of A x = 0, and return the exit status."""
+    print(f"{system.title}\n\nconverged: the right-hand side is zero, and so is the solution")
+    if options.output is not None:
+        files.save(options.output, system.on_its_grid(system.b))
+        print(f"written to {options.output}")
+    if options.plot is not None:
+        files.plot(options.plot, system.title, system.b, system.x, system.mask, [])
+        print(f"drawn in {options.plot}")
+    return 0
 
 
 def set_up(A: LinearOperator, options: argparse.Namespace) -> tuple[LinearOperator | None, str]:
@@ -157,7 +170,7 @@ def print_report(solution: Solution, setup: float, published: str) -> None:
     factor = (solution.residual / solution.residuals[0]) ** (1.0 / max(count, 1))
     found = "converged" if solution.converged else "NOT CONVERGED"
     print(
-        f"\n{found}: residual {solution.residual:.2e}\n"
+        f"\n{found}: residual {format_error(solution.residual, 2)}\n"
         f"{'':12s}iterations   factor   work units   seconds\n"
         f"{'this run':12s}{count:10d}   {factor:6.4f}   {solution.units:10.1f}   "
         f"{solution.seconds:7.2f}   and {setup:.2f} to set up"

@@ -12,6 +12,7 @@ from toeplitz_mg import startup
 from toeplitz_mg.cli import contact, paper, report, solve
 from toeplitz_mg.cli.arguments import parser, take_threads
 
+BROKEN_PIPE = 141  # Exit status: 128 and the number of SIGPIPE, which ends other programs so.
 COMMANDS = {None: paper.run, "solve": solve.run, "contact": contact.run}
 
 
@@ -27,16 +28,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     -------
     int
         0 where it has converged, 1 where it has not, 2 for what cannot be done, 130 where
-        it was interrupted.
+        it was interrupted, 141 where nobody reads the report any more.
     """
     try:
         startup.raise_again()
         report.print_any_character()
-        given = parser().parse_args(arguments)
+        given = parser().parse_command(arguments)
         with fft.set_workers(take_threads(given)):
             status = COMMANDS[given.command](given)
         print(end="", flush=True)  # A full disk is to be noticed here, not at exit.
         return status
+    except BrokenPipeError:  # Who reads the report has read enough, as `head` has.
+        _drop_output()
+        return BROKEN_PIPE
     except (ValueError, TypeError, np.linalg.LinAlgError, OSError) as error:
         return _fail(f"toeplitz-mg: error: {error}")
     except MemoryError:
@@ -51,7 +55,12 @@ def _fail(message: str, status: int = 2) -> int:
         print(" ".join(message.splitlines()), file=sys.stderr)
     try:
         print(end="", flush=True)
-    except OSError:  # At exit Python would try once more, with a traceback.
-        with suppress(OSError):  # The stream may have no file.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError:
+        _drop_output()
     return status
+
+
+def _drop_output() -> None:
+    """Print no more: at exit Python would try once more, with a traceback."""
+    with suppress(OSError):  # The stream may have no file.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -2,7 +2,13 @@
 
 import io
 import sys
+import threading
+from collections.abc import Callable
+from math import inf
+from time import perf_counter
+from typing import Self
 
+PATIENCE = 2.0  # Seconds after which a terminal shows that something is being done.
 EXIT_STATUS = "Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted."
 
 
@@ -15,4 +21,56 @@ def print_any_character() -> None:
 
 def print_step(count: int, error: float) -> None:
     """Print how far an iteration is, and how far from its end."""
-    print(f"{count:10d}   {error:.3e}", flush=True)
+    print(f"{count:10d}   {format_error(error, 3)}", flush=True)
+
+
+def format_error(error: float, digits: int) -> str:
+    """Return an error with this many digits after the point; zero as a zero."""
+    return f"{error:.{digits}e}" if error else "0"
+
+
+class Waiting:
+    """What a terminal shows on the standard error while something takes long, and then erases.
+
+    Nothing is shown in the first two seconds, nor where the standard error is no terminal.
+    """
+
+    def __init__(self, what: str) -> None:
+        self.what = what
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._show, daemon=True)
+
+    def __enter__(self) -> Self:
+        if sys.stderr.isatty():
+            self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def _show(self) -> None:
+        start, text = perf_counter(), ""
+        pause = PATIENCE
+        while not self._over.wait(pause):
+            text, pause = f"{self.what}: {perf_counter() - start:.0f} s", 1.0
+            print(f"\r{text}", end="", file=sys.stderr, flush=True)
+        if text:
+            print(f"\r{' ' * len(text)}\r", end="", file=sys.stderr, flush=True)
+
+
+def step_printer() -> Callable[[int, float], None]:
+    """Return what prints a step of a contact problem where it is told of another violation.
+
+    It is told after each product, and with none on coarser grids, which are not printed.
+    """
+    last = inf
+
+    def tell(products: int, violation: float) -> None:
+        nonlocal last
+        if products and violation != last:
+            print_step(products, violation)
+            last = violation
+
+    return tell

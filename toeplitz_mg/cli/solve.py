@@ -18,7 +18,7 @@ def run(given: argparse.Namespace) -> int:
     options = complete(given)
     A: LinearOperator = ToeplitzOperator(_load_real(options.column))
     if options.mask is not None:
-        A = MaskedOperator(A, files.load(options.mask))
+        A = MaskedOperator(A, _load_mask(options.mask))
     b = _load_right_hand_side(options.rhs)
     on_grid = options.mask is not None and b.shape == A.grid_shape
     if on_grid:
@@ -39,6 +39,14 @@ def _load_real(path: Path) -> Array:
     if array.dtype.kind not in "buif":
         raise ValueError(f"{path} has dtype {array.dtype}, but must be of real numbers")
     return array
+
+
+def _load_mask(path: Path) -> Array:
+    """Read a mask of booleans, or of 0 and 1; anything else is refused where it is used."""
+    mask = files.load(path)
+    if mask.dtype.kind in "uif" and np.isin(mask, (0, 1)).all():
+        return mask.astype(bool)
+    return mask
 
 
 def _load_right_hand_side(path: Path) -> Array:

@@ -2,6 +2,7 @@
 
 from toeplitz_mg.contact import surfaces
 from toeplitz_mg.contact.doubts import ContactWarning
+from toeplitz_mg.contact.loads import load_curve
 from toeplitz_mg.contact.normal.problem import normal_contact
 from toeplitz_mg.contact.result import (
     ContactError,
@@ -17,6 +18,9 @@ from toeplitz_mg.contact.tangential.kalker import KalkerCoefficients, kalker_coe
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
 from toeplitz_mg.contact.theory import HertzContact, hertz
+from toeplitz_mg.contact.unlike.pressing import frictional_contact
+from toeplitz_mg.contact.unlike.result import FrictionalResult
+from toeplitz_mg.contact.unlike.rolling import frictional_rolling
 from toeplitz_mg.halfspace import Material
 from toeplitz_mg.paper import problems
 
@@ -25,6 +29,7 @@ __all__ = [
     "ContactResult",
     "ContactWarning",
     "CreepCurve",
+    "FrictionalResult",
     "HertzContact",
     "KalkerCoefficients",
     "Material",
@@ -34,9 +39,12 @@ __all__ = [
     "TangentialResult",
     "creep_curve",
     "friction",
+    "frictional_contact",
+    "frictional_rolling",
     "hertz",
     "kalker_coefficients",
     "load",
+    "load_curve",
     "normal_contact",
     "problems",
     "rolling",

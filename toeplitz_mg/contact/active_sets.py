@@ -65,6 +65,7 @@ def find_sets(
     x: Array,
     sets: Any,
     *,
+    u: Array | None = None,
     b: Array,
     eta: float,
     tolerance: float,
@@ -80,6 +81,8 @@ def find_sets(
         Tractions to start from, that obey the inequalities.
     sets : object
         Sets to start from.
+    u : ndarray, optional
+        The displacements A x, where they are known.
     b : ndarray
         The right-hand side in the energy ½ x·Ax - b·x.
     eta : float
@@ -87,7 +90,8 @@ def find_sets(
     tolerance : float
         The residual that is small enough.
     progress : callable, optional
-        Called as ``progress(products, residual)`` before each change of the sets.
+        Called as ``progress(products, residual)`` after each product, with the residual of the
+        last sets.
 
     Returns
     -------
@@ -97,12 +101,15 @@ def find_sets(
     iterations : tuple of int
         The iterations on the sets, one after the other.
     """
-    vectors = A.vectors
-    now = Iterate(x, A(x) if vectors.count(x) else np.zeros_like(x), sets)
+    vectors, A.progress = A.vectors, progress
+    if u is None:
+        u = A(x) if vectors.count(x) else np.zeros_like(x)
+    now = Iterate(x, u, sets)
     strikes, lowest = 0, np.inf
     iterations: list[int] = []
     while True:
         law = search.look(now)
+        A.residual = law.residual
         if A.exhausted or (law.residual <= tolerance and now.is_exact):
             return now, law, tuple(iterations)
         if law.residual <= tolerance:
@@ -113,8 +120,6 @@ def find_sets(
             now, strikes = Iterate(x, u, search.sets_of(x)), 0
             lowest = min(lowest, energy(x, u, b, vectors))
             continue
-        if progress is not None:
-            progress(A.count, law.residual)
         now, count = search.advance(A, now, law, eta)
         iterations.append(count)
         reached = energy(now.x, now.u, b, vectors)

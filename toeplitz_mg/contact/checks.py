@@ -1,5 +1,6 @@
 """Checks of what the contact problems are given."""
 
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -29,9 +30,27 @@ def check_load(grid: Grid, z: Array, approach: float | None, force: float | None
                 "which surfaces that repeat touch everywhere, under many a force: give the force"
             )
         return None
-    force = positive("force", force)
+    force = finite("force", force)
+    if force < 0.0:
+        raise ValueError(
+            f"force is {force}, but must be at least zero: bodies that do not stick cannot pull"
+        )
     in_range("force", force)
     return force
+
+
+def check_hardness(grid: Grid, hardness: float | None, force: float | None) -> float:
+    """Return the largest pressure, infinity where none is given; the force must be within it."""
+    if hardness is None:
+        return np.inf
+    in_range("hardness", positive("hardness", hardness))
+    carried = hardness * grid.area * prod(grid.shape)
+    if force is not None and force > carried:
+        raise ValueError(
+            f"force is {force:g}, but must be at most {carried:g}, which all elements carry at the "
+            f"hardness {hardness:g}"
+        )
+    return float(hardness)
 
 
 def check_bound(bound: ArrayLike) -> Array:
@@ -127,6 +146,18 @@ def check_previous(
             f"has {shape[1:]} of {element}"
         )
     return previous.traction.reshape(shape)
+
+
+def check_same_grid(previous: Any, grid: Grid) -> None:
+    """Refuse what is no normal contact on the same grid."""
+    if not isinstance(previous, NormalResult):
+        kind = type(previous).__name__
+        raise TypeError(f"previous is of type {kind}, but must be a NormalResult")
+    if previous.shape != grid.shape or previous.element != grid.element:
+        raise ValueError(
+            f"previous has {previous.shape} elements of {previous.element}, but the grid has "
+            f"{grid.shape} of {grid.element}"
+        )
 
 
 def check_iteration(tolerance: float, max_products: int, progress: Any = None) -> None:

@@ -175,5 +175,6 @@ def _check_coupling(grid: Grid) -> Iterator[str]:
     if abs(K) > UNCOUPLED:
         yield (
             f"the materials are unlike (difference parameter {K:.3g}), but the coupling of normal "
-            "and tangential tractions, in proportion to it, is left out"
+            "and tangential tractions, in proportion to it, is left out: "
+            "contact.frictional_contact takes it"
         )

@@ -17,7 +17,7 @@ from toeplitz_mg.engine.products import DiagonalisedProduct
 from toeplitz_mg.engine.vectors import ALONE, Vectors
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.materials import combine
-from toeplitz_mg.halfspace.matrices import quadrant
+from toeplitz_mg.halfspace.matrices import coupling_matrices, quadrant
 from toeplitz_mg.halfspace.periodic import (
     periodic_eigenvalues,
     strip_eigenvalues,
@@ -117,7 +117,14 @@ class Grid:
             )
         # In line contact lateral tractions are the exception.
         directions = "xy"[: len(shape)]
-        return cls(shape, sizes, material, positive("reference", reference), repeats, directions)
+        reference = positive("reference", reference)
+        grid = cls(shape, sizes, material, reference, repeats, directions)
+        if grid.has_free_mean and max(shape) == 1:
+            raise ValueError(
+                f"the grid has shape {shape}, but where it repeats along all axes it must have "
+                "more than one element: the mean displacement is no part of the answer"
+            )
+        return grid
 
     @property
     def area(self) -> float:
@@ -240,6 +247,12 @@ class Grid:
         """
         return self._matrix(self.directions, ahead=1)
 
+    def coupling(self, ahead: int = 0) -> tuple[ToeplitzOperator | None, ...]:
+        """Return the matrices of the tangential displacements by the pressures, by components."""
+        return coupling_matrices(
+            self.directions, self.shape, self.element, self.material, ahead=ahead
+        )
+
     def steady(self, A: Any) -> Any:
         """Return the matrix of steady rolling, A - S with A and S = `tangential` and `upstream`."""
         return _steady(self) if self._is_kept else subtract_operators(A, self.upstream())
@@ -281,6 +294,10 @@ class Grid:
     def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid on some elements."""
         return quick_fsai(MaskedOperator(A, C), dtype=dtype)
+
+    def restrict(self, A: Any, C: Mask) -> Any:
+        """Return the rows and columns of some elements of a matrix of this grid."""
+        return MaskedOperator(A, C)
 
     def diagonal(self, A: Any) -> float:
         """Return the entry on the diagonal of a matrix of this grid, of the first component."""

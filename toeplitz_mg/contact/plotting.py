@@ -1,41 +1,179 @@
-"""Pictures of contacts: fields, and the areas of contact, of stick and of slip."""
+"""Pictures of contacts: a field in colours, stick and slip, arrows along what has a direction.
+
+What is zero because nothing touches there is left white, and low values are light. Areas are told
+by their colours and not by outlines, which on rough surfaces would be wider than the spots.
+"""
 
 from typing import Any
 
 import numpy as np
 
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.units import name_units
 
-def draw(result: Any, ax: Any = None) -> Any:
-    """Draw the traction of a result, and the areas of contact and of stick, and return the axes."""
+FIELDS = {False: ("pressure", "gap", "displacement"), True: ("traction", "slip", "displacement")}
+# Blue and orange are told apart by all who see colours in whatever way.
+STICK, SLIP = "#3182BD", "#E6550D"
+SHADES = {"pressure": "YlOrRd", "gap": "Blues", "slip": "Oranges", "displacement": "Greens"}
+LIGHTEST = 0.15  # Part of a map of colours that is too near to white to be seen beside it.
+PEAK = 1.5  # Largest value over nearly the largest, above which a few elements decide the colours.
+NEARLY = 0.995  # Share of the elements that are below what is nearly the largest value.
+ARROWS = 15  # Arrows along each side of a contact as long as it is wide.
+SHORTEST = 0.03  # Length of an arrow, over that of the longest, below which it is but a point.
+FILLED = 0.3  # Share of the smallest rectangle around the contact, below which arrows hide spots.
+
+
+def draw(result: Any, field: Any = None, ax: Any = None) -> Any:
+    """Draw a field of a result, and return the axes (see `NormalResult.plot`)."""
+    if field is not None and not isinstance(field, str):
+        field, ax = None, field  # The axes alone were given.
+    names = FIELDS[result.stick is not None]
+    field = field or names[0]
+    if field not in names:
+        raise ValueError(f"field is {field!r}, but must be one of {', '.join(names)}")
     try:
         from matplotlib import pyplot as plt  # It is an extra, and slow to import.
     except ImportError as error:
         raise ImportError("plot() needs matplotlib: pip install 'toeplitz-mg[plot]'") from error
     if ax is None:
         _, ax = plt.subplots(layout="constrained")
-    (_draw_line if result.contact.ndim == 1 else _draw_surface)(result, ax)
+    (_draw_line if len(result.shape) == 1 else _draw_surface)(result, field, ax)
+    if result.stick is not None and result.creepages is not None:
+        _show_travel(ax, 1.03 if len(result.shape) == 1 else 0.05)
     return ax
 
 
-def _draw_line(result: Any, ax: Any) -> None:
-    x = result.x
-    traction = result.traction if result.traction.ndim == 1 else result.magnitude
-    ax.plot(x, traction, label="pressure" if result.stick is None else "traction")
+def _draw_line(result: Any, field: str, ax: Any) -> None:
+    """Draw a field over x."""
+    x, values = result.x, getattr(result, field)
+    if values.ndim > 1:  # Of line contact with lateral tractions too.
+        values = np.hypot(*values)
     if result.stick is not None:
+        values = np.where(result.contact, values, 0.0 if field == "traction" else np.nan)
+    colour = "#000000" if result.stick is not None else "#D55E00"
+    ax.plot(x, values, color=colour, linewidth=1.5, label=field)
+    if field == "pressure":
+        ax.fill_between(x, 0.0, values, color=colour, alpha=0.2, linewidth=0)
+    if field == "traction":
         bound = np.where(np.isfinite(result.bound), result.bound, np.nan)
-        ax.plot(x, bound, "k:", label="traction bound")
-        ax.plot(x, -bound, "k:")
-        ax.fill_between(x, 0.0, traction, where=result.stick, alpha=0.3, step="mid", label="stick")
-    ax.set(xlabel="x [mm]", ylabel="traction [N/mm²]")
-    ax.legend()
+        ax.plot(x, bound, "k:", linewidth=1, label="traction bound")
+        ax.plot(x, -bound, "k:", linewidth=1)
+        edges = (x[:, None] + result.element[0] * np.array([-0.5, 0.5])).ravel()
+        for name, area, shade in _areas(result):
+            inside, height = np.repeat(area, 2), np.repeat(values, 2)
+            ax.fill_between(
+                edges, 0.0, height, where=inside, color=shade, alpha=0.6, linewidth=0, label=name
+            )
+        ax.legend(fontsize="small")
+    ax.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
+    ax.set(xlabel="x [mm]", ylabel=_label(result, field))
 
 
-def _draw_surface(result: Any, ax: Any) -> None:
-    (n1, n2), (h1, h2) = result.contact.shape, result.element
-    extent = (-n1 * h1 / 2, n1 * h1 / 2, -n2 * h2 / 2, n2 * h2 / 2)
-    image = ax.imshow(result.magnitude.T, origin="lower", extent=extent, cmap="viridis")
-    ax.figure.colorbar(image, ax=ax, label="traction [N/mm²]")
-    for area, colour in ((result.contact, "w"), (result.stick, "r")):
-        if area is not None and area.any() and not area.all() and min(n1, n2) > 1:
-            ax.contour(area.T.astype(float), [0.5], extent=extent, origin="lower", colors=colour)
+def _draw_surface(result: Any, field: str, ax: Any) -> None:
+    """Draw a field in colours, with a bar of them, and arrows if it has a direction."""
+    values = getattr(result, field)
+    size = np.hypot(*values) if values.ndim > 2 else values
+    shown = result.contact
+    if result.stick is None and field != "pressure":  # The others are of contact alone.
+        shown = ~result.contact if field == "gap" else np.ones_like(result.contact)
+    top = _top(size[shown])
+    label = _label(result, field)
+    if field == "traction":
+        bars = (("Blues", 0.03, None), ("Oranges", 0.08, label))
+        for (name, area, shade), (shades, place, text) in zip(_areas(result), bars, strict=True):
+            image = _show(result, ax, size, area, shades, top)
+            _add_bar(ax, image, place, text)
+            ax.plot([], [], "s", color=shade, label=name)
+        ax.legend(loc="upper right", fontsize="x-small", handlelength=1.0, borderpad=0.3)
+    else:
+        image = _show(result, ax, size, shown, SHADES[field], top)
+        _add_bar(ax, image, 0.03, label)
+    if values.ndim > 2:
+        _show_arrows(result, ax, values)
     ax.set(xlabel="x [mm]", ylabel="y [mm]")
+
+
+def _areas(result: Any) -> tuple[tuple[str, Array, str], tuple[str, Array, str]]:
+    """Return the names, the elements and the colours of stick and of slip."""
+    return ("stick", result.stick, STICK), ("slip", result.sliding, SLIP)
+
+
+def _label(result: Any, field: str) -> str:
+    """Return the name of a field with its unit."""
+    unit = name_units(result)[field]
+    if field == "displacement":
+        field = "displacement of both bodies"
+    return f"{field} over distance rolled" if unit == "1" else f"{field} [{unit}]"
+
+
+def _top(values: Array) -> float:
+    """Return the value of the darkest colour: the largest, unless only a few are as large."""
+    if not values.size or not values.max() > 0.0:
+        return 1.0
+    nearly, largest = float(np.quantile(values, NEARLY)), float(values.max())
+    return nearly if 0.0 < PEAK * nearly < largest else largest
+
+
+def _show(result: Any, ax: Any, size: Array, shown: Array, shades: str, top: float) -> Any:
+    """Draw values in some elements, in shades from light to dark, and return the image."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    colours = ListedColormap(colormaps[shades](np.linspace(LIGHTEST, 1.0, 256)))
+    h1, h2 = result.element
+    extent = [result.x[0] - h1 / 2, result.x[-1] + h1 / 2]
+    extent += [result.y[0] - h2 / 2, result.y[-1] + h2 / 2]
+    masked = np.ma.masked_array(size, ~shown)
+    return ax.imshow(masked.T, origin="lower", extent=extent, cmap=colours, vmin=0.0, vmax=top)
+
+
+def _add_bar(ax: Any, image: Any, place: float, label: str | None) -> Any:
+    """Add a bar of colours as high as the axes, so far to their right; or without any text."""
+    left, right, low, high = image.get_extent()
+    unit = max(1.0, (high - low) / (right - left))  # Bars beside narrow axes would be too thin.
+    inset = ax.inset_axes((1.0 + place * unit, 0.0, 0.04 * unit, 1.0))
+    largest = image.get_array().max()
+    beyond = largest is not np.ma.masked and largest > image.norm.vmax
+    bar = ax.figure.colorbar(image, cax=inset, extend="max" if beyond else "neither")
+    if label is None:
+        bar.set_ticks([])
+    else:
+        bar.set_label(label)
+    return bar
+
+
+def _show_arrows(result: Any, ax: Any, vectors: Array) -> None:
+    """Draw arrows along a field with a direction, the longest as long as they are apart."""
+    i, j = np.nonzero(result.contact)
+    if not len(i):
+        return
+    first, last = (i.min(), j.min()), (i.max(), j.max())
+    sides = [int(b - a) + 1 for a, b in zip(first, last, strict=True)]
+    if len(i) < FILLED * sides[0] * sides[1]:
+        return
+    h1, h2 = result.element
+    apart = (sides[0] * h1 * sides[1] * h2) ** 0.5 / ARROWS
+    steps = [max(1, round(apart / h)) for h in (h1, h2)]
+    rows, columns = (
+        np.arange(a + (n - 1) % step // 2, b + 1, step)
+        for a, b, n, step in zip(first, last, sides, steps, strict=True)
+    )
+    part = np.ix_(rows, columns)
+    u, v = (x[part] for x in vectors)
+    longest = float(np.hypot(u, v).max())
+    if longest == 0.0:
+        return
+    shown = result.contact[part] & (np.hypot(u, v) > SHORTEST * longest)
+    x, y = np.meshgrid(result.x[rows], result.y[columns], indexing="ij")
+    ax.quiver(
+        x[shown], y[shown], u[shown], v[shown], angles="xy", scale_units="xy", pivot="mid",
+        scale=longest / (0.9 * apart), width=0.003, color="#000000",
+    )  # fmt: skip
+
+
+def _show_travel(ax: Any, height: float) -> None:
+    """Show which way the contact rolls, at this height of the axes: towards positive x."""
+    arrow = {"arrowstyle": "-|>", "color": "#000000", "linewidth": 1.5}
+    ends = {"xy": (0.19, height), "xytext": (0.02, height)}
+    ax.annotate("", **ends, xycoords="axes fraction", arrowprops=arrow, annotation_clip=False)
+    ax.text(0.1, height + 0.015, "rolling", transform=ax.transAxes, ha="center", fontsize="small")

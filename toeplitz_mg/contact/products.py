@@ -1,11 +1,12 @@
 """Products with fields on a grid, counted and limited."""
 
 from functools import cached_property
+from math import inf
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.operators.base import vectors_of
@@ -28,12 +29,18 @@ class Products:
     ----------
     count : int
         Products made so far.
+    progress : callable or None
+        Called as ``progress(count, residual)`` after each product.
+    residual : float
+        What is left, where it was last looked at: infinite before, when there is nothing to tell.
     """
 
     def __init__(self, A: LinearOperator, limit: int) -> None:
         self.A = A
         self.count = 0
         self.limit = limit
+        self.progress: Progress | None = None
+        self.residual = inf
 
     @property
     def vectors(self) -> Vectors:
@@ -49,9 +56,22 @@ class Products:
         """Whether no more products should be made."""
         return self.count >= self.limit
 
+    def tell_more(self, products: int, _: float) -> None:
+        """Tell of products that are made for this one, with another matrix."""
+        if self.progress is not None:
+            self.progress(self.count + products, self.residual)
+
     def __call__(self, x: Array, out: Array | None = None) -> Array:
         """Multiply a field; the result is `out`, if that is given, or a new array."""
         self.count += 1
         A = self._single if x.dtype == np.float32 else self.A
         memory = None if out is None else out.reshape(-1)
-        return apply_to_rows(A, x.reshape(-1), memory).reshape(x.shape)
+        product = apply_to_rows(A, x.reshape(-1), memory).reshape(x.shape)
+        if self.progress is not None and self.residual < inf:
+            self.progress(self.count, self.residual)
+        return product
+
+
+def for_coarser_grids(progress: Progress | None) -> Progress | None:
+    """Return what is called on coarser grids, whose products do not count: with none of them."""
+    return progress and (lambda _, residual: progress(0, residual))

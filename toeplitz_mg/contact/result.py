@@ -1,6 +1,7 @@
 """What contact problems have for answers, and the error where they have none."""
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from math import prod
 from typing import Any, ClassVar, TypeVar
@@ -19,6 +20,24 @@ from toeplitz_mg.contact.summary import (
 )
 from toeplitz_mg.contact.units import units_of
 from toeplitz_mg.halfspace import CombinedMaterial
+
+
+class OnDemand:
+    """A number of a dataclass, or a function that computes it when it is first asked for."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, instance: Any, owner: type) -> float | None:
+        if instance is None:
+            return None  # The default.
+        value = vars(instance)[self._name]
+        if callable(value):
+            value = vars(instance)[self._name] = value()
+        return value
+
+    def __set__(self, instance: Any, value: float | Callable[[], float] | None) -> None:
+        vars(instance)[self._name] = value
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -58,9 +77,11 @@ class NormalResult:
         The elastic energy ½ ∫ p u of both bodies, N mm; in plane strain N.
     touches_edge : bool
         Whether the contact reaches an edge of the grid.
+    plastic : ndarray or None
+        Where a hardness was given, the depth by which elements that bear it have yielded, mm.
     stiffness : float or None
-        The change of the force by that of the approach, N/mm; in plane strain N/mm². None where
-        it was not asked for.
+        The change of the force by that of the approach, N/mm; in plane strain N/mm². It is
+        computed when it is first asked for, by a few products.
     products : int
         Products with the matrix of this grid.
     work : float
@@ -95,7 +116,8 @@ class NormalResult:
     max_pressure: float
     energy: float
     touches_edge: bool
-    stiffness: float | None = None
+    plastic: Array | None = None
+    stiffness: OnDemand = OnDemand()
     products: int = 0
     work: float = 0.0
     iterations: tuple[int, ...] = ()
@@ -146,13 +168,15 @@ class NormalResult:
         """The mean pressure in contact, N/mm²; zero where nothing touches."""
         return self.force / self.area if self.area else 0.0
 
-    def plot(self, ax: Any = None) -> Any:
-        """Draw the pressures, and the area of contact.
+    def plot(self, field: str | None = None, ax: Any = None) -> Any:
+        """Draw the pressures, or another field.
 
         Parameters
         ----------
+        field : str, optional
+            "pressure", "gap" or "displacement"; by default the first.
         ax : matplotlib.axes.Axes, optional
-            Where to draw; by default on a new figure.
+            Where to draw, as beside other results; by default on a new figure.
 
         Returns
         -------
@@ -160,10 +184,12 @@ class NormalResult:
 
         Raises
         ------
+        ValueError
+            Where there is no such field.
         ImportError
-            Where matplotlib is not installed.
+            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
         """
-        return plotting.draw(self, ax)
+        return plotting.draw(self, field, ax)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write everything to an ``.npz`` file, with units, whole or not at all.
@@ -232,14 +258,16 @@ class NormalResult:
 
     def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
         title = f"Normal contact, {describe_grid(self.shape, self.element)}"
-        return title, self._figures(), describe_cost(self.products, self.residual), self.warnings
+        figures = self._figures()
+        if self.stiffness is not None:
+            figures.insert(2, Figure("stiffness", self.stiffness, units_of(self.element).stiffness))
+        return title, figures, describe_cost(self.products, self.residual), self.warnings
 
     def _figures(self) -> list[Figure]:
         units = units_of(self.element)
         figures = [
             Figure("force", self.force, units.force),
             Figure("approach", self.approach, "mm"),
-            Figure("stiffness", self.stiffness, units.stiffness),
             Figure("contact", self.area, units.area),
             Figure("share of the grid", 100.0 * self.contact_fraction, "%"),
             Figure("mean pressure", self.mean_pressure, "N/mm²"),
@@ -390,13 +418,15 @@ class TangentialResult:
         """The area of contact over that of the grid."""
         return self.area / (prod(self.shape) * prod(self.element))
 
-    def plot(self, ax: Any = None) -> Any:
-        """Draw the tractions, and the areas of contact and of stick.
+    def plot(self, field: str | None = None, ax: Any = None) -> Any:
+        """Draw the tractions where the bodies stick and where they slip, or another field.
 
         Parameters
         ----------
+        field : str, optional
+            "traction", "slip" or "displacement"; by default the first.
         ax : matplotlib.axes.Axes, optional
-            Where to draw; by default on a new figure.
+            Where to draw, as beside other results; by default on a new figure.
 
         Returns
         -------
@@ -404,10 +434,12 @@ class TangentialResult:
 
         Raises
         ------
+        ValueError
+            Where there is no such field.
         ImportError
-            Where matplotlib is not installed.
+            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
         """
-        return plotting.draw(self, ax)
+        return plotting.draw(self, field, ax)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write everything to an ``.npz`` file, with units, whole or not at all.
@@ -576,7 +608,9 @@ def check_converged(result: Result, tolerance: float) -> Result:
 def touches_edge(grid: Any, contact: Mask) -> bool:
     """Whether elements in contact are at an edge of the grid, along an axis of more than one."""
     return any(
-        n > 1 and grid.vectors.count(grid.lines(contact, axis)[..., [0, -1]])
+        n > 1
+        and not grid.periodic[axis]
+        and grid.vectors.count(grid.lines(contact, axis)[..., [0, -1]])
         for axis, n in enumerate(grid.shape)
     )
 
@@ -584,7 +618,7 @@ def touches_edge(grid: Any, contact: Mask) -> bool:
 def _protect(result: ContactResult) -> None:
     """Put views that cannot be written to in the place of the arrays."""
     for field in fields(result):
-        value = getattr(result, field.name)
+        value = vars(result)[field.name]  # What is computed on demand is not asked for here.
         if isinstance(value, np.ndarray):
             value = _read_only(value)
         elif isinstance(value, tuple):

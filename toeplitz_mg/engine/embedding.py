@@ -60,10 +60,32 @@ def split(library: Any, a: Any, axis: int, sign: int) -> tuple[Any, Any]:
     return a, behind if sign > 0 else -behind
 
 
+def around(
+    library: Any, ahead: Any, behind: Any, axis: int, length: int, *, is_straight: bool = False
+) -> Any:
+    """Return a circulant's first column along an axis.
+
+    Parameters
+    ----------
+    is_straight : bool
+        What is between goes straight from the last coefficient ahead to the first behind, so that
+        an odd block stays odd, and an even one even; else it is zero.
+    """
+    missing = length - ahead.shape[axis] - behind.shape[axis]
+    between = zeros(library, ahead, axis, missing)
+    if is_straight:
+        first = ahead[cut(axis, ahead.shape[axis] - 1)]
+        last = behind[cut(axis, 0, 1)] if behind.shape[axis] else first
+        t = library.cast((library.arange(missing) + 1.0) / (missing + 1.0), library.dtype(ahead))
+        between = first + library.xp.reshape(t, (-1, *[1] * (ahead.ndim - 1 - axis))) * (
+            last - first
+        )
+    return library.xp.concat([ahead, between, behind], axis=axis)
+
+
 def transform_around(library: Any, ahead: Any, behind: Any, axis: int, length: int) -> Any:
     """Transform a circulant's first column along an axis, over its length."""
-    between = zeros(library, ahead, axis, length - ahead.shape[axis] - behind.shape[axis])
-    column = library.xp.concat([ahead, between, behind], axis=axis)
+    column = around(library, ahead, behind, axis, length)
     return library.fft.fft(column, axis=axis, norm="forward", **library.in_place)
 
 

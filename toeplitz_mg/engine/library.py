@@ -31,7 +31,7 @@ from toeplitz_mg.engine.threads import share_rows
 from toeplitz_mg.engine.transforms import cosine_sums
 from toeplitz_mg.engine.vectors import ALONE, Gather, Vectors
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.values import refuse_masked
+from toeplitz_mg.values import is_foreign, refuse_masked
 
 if TYPE_CHECKING:
     from toeplitz_mg.engine.plain import Plain
@@ -187,16 +187,6 @@ class NumPy:
 
 
 NUMPY = NumPy()
-
-
-def is_foreign(values: Any) -> bool:
-    """Whether this is an array, and not of NumPy."""
-    if type(values) is np.ndarray:  # Sooner than by what follows, as small systems would feel.
-        return False
-    if isinstance(values, np.ndarray | np.generic | list | tuple | float | int):
-        return False
-    home = type(values).__module__.partition(".")[0]
-    return home in ("cupy", "torch") or hasattr(values, "__array_namespace__")
 
 
 def library_of(values: Any) -> "Library":

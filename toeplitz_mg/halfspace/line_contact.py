@@ -14,7 +14,7 @@ FEW = 200  # Most strips whose eigenvalues are computed where their sign is in d
 def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, reference: float) -> Array:
     """Return the plane-strain coefficients of n strips of width h, of infinite length.
 
-    Normal or tangential: u(x) = 2(1-ν)/(πG) ∫ p(ξ) ln(d/|x-ξ|) dξ, for two bodies.
+    Normal or tangential: ``u(x) = 2(1-ν)/(πG) ∫ p(ξ) ln(d/|x-ξ|) dξ``, for two bodies.
 
     Parameters
     ----------

@@ -120,6 +120,38 @@ def influence_matrix(
     return CoupledOperator([[blocks[i + j] for j in directions] for i in directions])
 
 
+def coupling_matrices(
+    directions: str,
+    grid_shape: tuple[int, ...],
+    element: tuple[float, ...],
+    material: Any,
+    *,
+    ahead: int = 0,
+) -> tuple[ToeplitzOperator | None, ...]:
+    """Return the matrices of the displacements along a surface by the pressures on it.
+
+    Parameters
+    ----------
+    directions : str
+        Of the displacements: "x" or "xy".
+    grid_shape, element, material, ahead
+        The arguments of `influence_matrix`.
+
+    Returns
+    -------
+    tuple of ToeplitzOperator or None
+        One for each direction; None where nothing couples it. By reciprocity the transpose of
+        each gives the normal displacements by the tractions along it.
+    """
+    bodies = combine(material)
+    shape = (grid_shape[0] + ahead, *grid_shape[1:])
+    matrices: list[ToeplitzOperator | None] = []
+    for name in (direction + "z" for direction in directions):
+        c = quadrant(name, shape, element, bodies, 1.0)
+        matrices.append(operator_of(c, KERNELS[name][1], ahead) if c.any() else None)
+    return tuple(matrices)
+
+
 def quadrant(
     name: str,
     shape: tuple[int, ...],
@@ -129,7 +161,11 @@ def quadrant(
 ) -> Array:
     """Return the coefficients of two directions, as "zz", at offsets that are not negative."""
     if len(element) == 1:
-        if name == "xy":  # What lies along the strips moves along the strips alone.
+        if name == "xz":  # A line load strains the surface nowhere else: the sides move as one.
+            step = np.sign(np.arange(shape[0], dtype=np.float64))
+            coupling: Array = -material.difference / material.G * element[0] * step
+            return coupling
+        if name in ("xy", "yz"):  # What lies along the strips moves along the strips alone.
             return np.zeros(shape)
         # Along the strips it is antiplane shear, of which Poisson's ratio is no part.
         G, nu = material.G, 0.0 if name == "yy" else material.nu

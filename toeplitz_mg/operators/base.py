@@ -272,7 +272,7 @@ def require_numpy(A: Any, what: str) -> None:
     if library is not NUMPY:
         raise TypeError(
             f"A has arrays of {library.name}, but {what} needs those of numpy: on others there are "
-            "cg and richardson, and the preconditioners fft, cosine, sine, chan and strang"
+            "cg and richardson, and the preconditioners fft, cosine, sine, chan, strang and fsai"
         )
 
 

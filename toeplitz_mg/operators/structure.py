@@ -1,6 +1,7 @@
 """What a matrix is made of: a grid and a mask, components; and functions of the parts alone."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import wraps
 from typing import Any, TypeVar, cast
 
@@ -29,6 +30,22 @@ def unwrap(A: LinearOperator) -> tuple[LinearOperator, Mask | None]:
 def restrict(A: LinearOperator, mask: Mask | None) -> LinearOperator:
     """Return an operator on a mask, or as it is where there is none."""
     return A if mask is None else MaskedOperator(A, mask.reshape(A.grid_shape))
+
+
+def coefficients_on_numpy(A: LinearOperator) -> LinearOperator:
+    """Return an operator as one with NumPy's coefficients, that does not multiply.
+
+    It is for those who need the coefficients alone.
+    """
+    full, mask = unwrap(A)
+    if isinstance(full, CoupledOperator):
+        rows = [[block and coefficients_on_numpy(block) for block in row] for row in full.blocks]
+        return restrict(CoupledOperator(cast(Any, rows), product=full._product), mask)
+    if not isinstance(full, ToeplitzOperator):
+        return A
+    a = full.coefficients
+    array = np.array(a.library.to_numpy(a.array))
+    return restrict(ToeplitzOperator(replace(a, array=array), product=full._product), mask)
 
 
 def check_hermitian(A: ToeplitzOperator | CoupledOperator) -> None:

@@ -1,5 +1,6 @@
 """The FFT preconditioner M, a Toeplitz matrix of an interior column of A⁻¹ (paper, §3.1)."""
 
+from collections.abc import Callable
 from functools import partial
 from math import prod
 from typing import Any
@@ -9,7 +10,7 @@ from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.embedding import cut
+from toeplitz_mg.engine.embedding import around, split
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.engine.products import Transforms
@@ -25,6 +26,8 @@ from toeplitz_mg.operators.structure import (
 )
 from toeplitz_mg.preconditioners.positivity import name_robust, precision, require_positive
 from toeplitz_mg.preconditioners.symbol import continue_axis
+
+BLOCK_SUBJECT = "the embedding of A in a block circulant, which M inverts, has the pivot"
 
 
 @partial(averaged, any_library=True)
@@ -166,7 +169,9 @@ def _invert_coupled(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:
     S: list[list[Any]] = [
         [_sample_symbol(block, lengths, transforms) for block in row] for row in A.blocks
     ]
-    _invert_matrices(S, np.result_type(A.dtype, dtype))
+    precise = np.result_type(A.dtype, dtype)
+    advice = "componentwise(chan_preconditioner)(A), which needs the components only"
+    invert_matrices(S, lambda pivot: require_positive(pivot, precise, BLOCK_SUBJECT, advice))
     library, axes = A.library, tuple(range(len(grid)))
     blocks: list[list[ToeplitzOperator | None]] = [[None] * components for _ in range(components)]
     for i in range(components):
@@ -193,34 +198,22 @@ def _sample_symbol(
         return 0.0
     library = block.library
     column = library.cast(block.lags, np.result_type(block.dtype, np.float64))
-    for axis, (n, length) in enumerate(zip(block.grid_shape, lengths, strict=True)):
-        positive, negative = column[cut(axis, n - 1)], column[cut(axis, 0, n - 1)]
-        # What is between the lags n - 1 and 1 - n goes straight from one to the other, so that an
-        # odd block stays odd, and an even one even.
-        ahead = length - (2 * n - 1)
-        t = (library.arange(ahead) + 1.0) / (ahead + 1.0)
-        t = library.xp.reshape(t, (-1, *[1] * (column.ndim - 1 - axis)))
-        first = column[cut(axis, 2 * n - 2)]
-        between = first + t * (column[cut(axis, 0, 1)] - first)
-        column = library.xp.concat([positive, between, negative], axis=axis)
+    for axis, length in enumerate(lengths):
+        ahead, behind = split(library, column, axis, 0)
+        column = around(library, ahead, behind, axis, length, is_straight=True)
     count_transforms(1, *lengths)
     symbol = transforms.forward(column)
     return library.real(symbol) if block.is_hermitian else symbol
 
 
-def _invert_matrices(S: list[list[Any]], dtype: Any) -> None:
+def invert_matrices(S: list[list[Any]], check: Callable[[Any], None]) -> None:
     """Invert a Hermitian matrix at each frequency, in place, by Gauss and Jordan's elimination.
 
-    It is positive definite where all pivots are positive.
+    It is positive definite where all pivots are positive, of which each goes to `check`.
     """
     for k in range(len(S)):
         pivot = library_of(S[k][k]).real(S[k][k])
-        require_positive(
-            pivot,
-            dtype,
-            "the embedding of A in a block circulant, which M inverts, has the pivot",
-            "componentwise(chan_preconditioner)(A), which needs the components only",
-        )
+        check(pivot)
         # A number in the place of an array is a block that is zero.
         others = [j for j in range(len(S)) if j != k and np.ndim(S[k][j]) > 0]
         row = {j: S[k][j] / pivot for j in others}

@@ -1,5 +1,7 @@
 """The symbol of A, sampled: its coefficients are continued smoothly, not cut off."""
 
+from typing import Any
+
 import numpy as np
 
 from toeplitz_mg._typing import Array
@@ -38,8 +40,18 @@ def sum_tail(column: Array, n: int) -> Array | None:
 
     None where there is no tail, or one too slow to be summed.
     """
-    tail = _Tail.of(column)
-    return None if tail is None else tail.sum_periods(column, n)
+    known, library = column.shape[0], library_of(column)
+    last = library.to_numpy(column[-tail_length(known) :])
+    if (tail := Tail.of(column[0], last, known)) is None:
+        return None
+    xp, lags = library.xp, library.arange(2 * n)
+    sums = xp.concat([column, tail.beyond(lags[known:])]) + tail.of_periods(lags, n)
+    return sums[: n + 1] + xp.concat([sums[:1] - column[:1], xp.flip(sums[n:])])
+
+
+def tail_length(known: int) -> int:
+    """Return how many of the last of so many lags a tail is fitted to."""
+    return min(known, 2 * max(1, known // STEP) + 1)
 
 
 def average_flips(A: ToeplitzOperator) -> Array:
@@ -58,7 +70,7 @@ def _flips(lags: Array) -> list[Array]:
     return arrays
 
 
-class _Tail:
+class Tail:
     """Coefficients beyond the last known lag, that decay as the last of them do.
 
     They follow from the value, the slope and the curvature of their logarithm at a lag: as a power
@@ -66,30 +78,30 @@ class _Tail:
     one. This is exact for the covariances exp(-k/ℓ), exp(-k²/ℓ²) and (1 + k/ℓ)^-p.
     """
 
-    def __init__(self, value: float, decay: float, curvature: float) -> None:
-        self.value, self.decay, self.curvature = value, decay, curvature
+    def __init__(self, least: float, fitted_at: int, decay: float, curvature: float) -> None:
+        self.value, self.decay, self.curvature = 1.0, decay, curvature
+        self._least, self._fitted_at = least, fitted_at
 
     @classmethod
-    def of(cls, column: Array) -> "_Tail | None":
-        """Fit the tail, or return None where there is none, or one too slow to be summed."""
-        step = max(1, column.shape[0] // STEP)
-        last = library_of(column).to_numpy(column[-2 * step - 1 :])
-        if (
-            column.shape[0] < 4
-            or not last[-1] > NEGLIGIBLE * float(column[0])
-            or not np.all(np.diff(last) < 0)
-        ):
+    def of(cls, first: Any, last: Array, known: int) -> "Tail | None":
+        """Fit the tail of so many coefficients, the first and the last `tail_length` of them.
+
+        None where there is none, or one too slow to be summed.
+        """
+        step, least = max(1, known // STEP), NEGLIGIBLE * float(first)
+        if known < 4 or not last[-1] > least or not np.all(np.diff(last) < 0):
             return None
         a, b, c = np.log(last[::step]).tolist()
         decay, curvature = (a - c) / (2 * step), (a - 2 * b + c) / step**2
         if curvature * SUMMABLE > decay**2:
             return None
-        tail = cls(1.0, decay, curvature)
-        tail.value = float(last[-1]) / float(tail(np.array(step)))
+        tail = cls(least, known - 1 - step, decay, curvature)
+        tail.value = float(last[-1]) / float(tail.beyond(np.array(known - 1.0)))
         return tail
 
-    def __call__(self, t: Array) -> Array:
-        """Return the coefficients `t` lags beyond the one where the tail was fitted."""
+    def beyond(self, lags: Array) -> Array:
+        """Return the coefficients of lags that are not known."""
+        t = lags - self._fitted_at
         if self.curvature * 100 < self.decay**2:
             # The exponent would be above 100: this is an exponential function.
             log = (min(self.curvature, 0.0) * t / 2 - self.decay) * t
@@ -97,18 +109,14 @@ class _Tail:
         exponent = self.decay**2 / self.curvature
         return self.value * (1 + self.decay / exponent * t) ** -exponent
 
-    def sum_periods(self, column: Array, n: int) -> Array:
-        """Sum the coefficients of all lags ±k + 2nj, for k = 0 … n."""
-        known = column.shape[0]
-        xp = (library := library_of(column)).xp
-        beyond = max(1, known // STEP) + 1  # Lags from that of the fit to the first unknown one.
-        sums = xp.concat([column, self(library.arange(2 * n - known) + beyond)])
+    def of_periods(self, lags: Array, n: int) -> Array:
+        """Return the sums over all periods j > 0 of the coefficients at the lags + 2nj."""
+        total = 0.0 * lags
         for period in range(1, max(PERIODS, FEW_LAGS // (2 * n))):
-            block = self(library.arange(2 * n) + (2 * n * period - known + beyond))
-            if not block[0] > NEGLIGIBLE * column[0]:
+            if not float(self.beyond(np.array(2.0 * n * period))) > self._least:
                 break
-            sums += block
-        return sums[: n + 1] + xp.concat([sums[:1] - column[:1], xp.flip(sums[n:])])
+            total += self.beyond(lags + 2.0 * n * period)
+        return total
 
 
 def continue_axis(column: Array, axis: int, n: int) -> Array:

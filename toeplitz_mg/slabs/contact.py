@@ -142,11 +142,18 @@ class SlabGrid:
         """Return the matrix of steady rolling."""
         return self._matrix(AT | {ahead: -weight for ahead, weight in AHEAD.items()})
 
+    def steady_array(self, K: CoupledOperator) -> None:
+        """Say that the matrix of steady rolling is no array, as no rank has all of it."""
+
     def invert_shifted(
         self, K: CoupledOperator, shifts: Array, dtype: DTypeLike
     ) -> "ShiftedInverses":
         """Return approximate inverses of the matrix of steady rolling with additions."""
         return ShiftedInverses(K, shifts, np.dtype(dtype))
+
+    def restrict(self, A: Any, C: Mask) -> MaskedOperator:
+        """Return the rows and columns of some elements of a matrix of this grid."""
+        return MaskedOperator(A, C)
 
     def diagonal(self, A: Any) -> float:
         """Return the entry on the diagonal of a matrix of this grid, of the first component."""

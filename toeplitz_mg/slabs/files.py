@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.values import refuse_masked
 from toeplitz_mg.whole_files import (
     check_folder,
@@ -26,7 +27,7 @@ def save_rows(slab: Any, path: str | os.PathLike[str], x: Any) -> None:
     """Write a field of which each rank has its rows, to one ``.npy`` file (see `Slab.save`)."""
     with slab.agree() as same:
         path = Path(path)
-        x = refuse_masked("x", x)
+        x = refuse_masked("x", library_of(x).to_numpy(x))
         _check(path, x, slab)
         same["path"], same["the dtype of x"] = str(path), x.dtype
         same["the number of axes of x"] = x.ndim

@@ -22,48 +22,10 @@ from toeplitz_mg.preconditioners.fsai.build import Options, build, build_factors
 from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
 from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 from toeplitz_mg.slabs.slab import Slab
+from toeplitz_mg.slabs.windows import Windows
 
 NEAR = 256  # Lags along each axis of the coefficients that a stencil with 100 neighbours sees.
 TRIAL = 2**14  # Cells of the largest grid on which it is tried how many neighbours are enough.
-
-
-class Windows:
-    """Intervals of a vector that ranks see, of which each rank owns another.
-
-    Parameters
-    ----------
-    slab : Slab
-    owned : ndarray of int, shape (P + 1,)
-        Where the part of each rank begins, and the end.
-    first, stop : ndarray of int, shape (P,)
-        The interval that each rank sees.
-    """
-
-    def __init__(self, slab: Slab, owned: Array, first: Array, stop: Array) -> None:
-        rank = slab.comm.rank
-        low, high = owned[rank], owned[rank + 1]
-        self.slab, self.total = slab, int(owned[-1])
-        self.owned, self.seen = int(high - low), int(stop[rank] - first[rank])
-        begin = np.maximum(first, low)
-        self._lengths = np.maximum(np.minimum(stop, high) - begin, 0)
-        self._starts = np.where(self._lengths > 0, begin - low, 0)
-        overlap = np.minimum(owned[1:], stop[rank]) - np.maximum(owned[:-1], first[rank])
-        self._expected = np.maximum(overlap, 0)
-
-    def spread(self, x: Array) -> Array:
-        """Return what this rank sees, from what each rank owns."""
-        return self.slab.exchange(x, self._starts, self._lengths, self._expected)
-
-    def collect(self, x: Array) -> Array:
-        """Return the sums of what all ranks have for what this rank owns: `spread`, transposed."""
-        starts = np.cumsum(self._expected) - self._expected
-        got = self.slab.exchange(x, starts, self._expected, self._lengths)
-        total, end = np.zeros((self.owned, *x.shape[1:]), x.dtype), 0
-        for rank in np.flatnonzero(self._lengths):
-            start, length = self._starts[rank], self._lengths[rank]
-            total[start : start + length] += got[end : end + length]
-            end += length
-        return total
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,7 @@ class SlabOperator:
 
 
 class ToeplitzOperator(SlabOperator):
-    """A real Toeplitz matrix of two axes or more, that multiplies by FFT.
+    """A real Toeplitz matrix of any number of axes, that multiplies by FFT.
 
     Parameters
     ----------
@@ -151,8 +151,6 @@ class ToeplitzOperator(SlabOperator):
             raise TypeError(f"slab is {slab!r}, but must be a Slab: Slab(MPI.COMM_WORLD, shape)")
         parity = (1,) * len(slab.shape) if parity is None else tuple(parity)
         with slab.agree() as same:
-            if len(slab.shape) == 1:
-                raise ValueError(f"the grid is {slab.shape}, but must have two axes or more")
             library = library_of(c)
             self.c = _check_rows("c", library.to_numpy(library.read("c", c)), slab)
             same["the library of c"] = library.name
@@ -266,6 +264,18 @@ class CoupledOperator(SlabOperator):
             [[block and block.astype(dtype) for block in row] for row in self.blocks]
         )
 
+    def check_symmetric(self) -> None:
+        """Raise ValueError where it is not symmetric, or a component has no block on itself."""
+        for i, row in enumerate(self.blocks):
+            if row[i] is None:
+                raise ValueError(f"the block of component {i} on itself is zero")
+            for j, block in enumerate(row[: i + 1]):
+                if not _is_transpose(block, self.blocks[j][i]):
+                    raise ValueError(
+                        f"A is not symmetric: its blocks ({i}, {j}) and ({j}, {i}) are not each "
+                        "other's transpose"
+                    )
+
     def __repr__(self) -> str:
         return f"<CoupledOperator of {len(self.blocks)} components {self.slab.name}, {self.dtype}>"
 
@@ -322,6 +332,22 @@ class MaskedOperator(SlabOperator):
 
     def __repr__(self) -> str:
         return f"<MaskedOperator of {self.full!r}>"  # The same on all ranks, for errors.
+
+
+def _is_transpose(one: ToeplitzOperator | None, other: ToeplitzOperator | None) -> bool:
+    """Whether a block is the transpose of the other."""
+    if one is None or other is None:
+        return one is other
+    # The transpose has the coefficients of the opposite lags.
+    (c, behind), (d, ahead) = ((A.c, _behind(A)) for A in (one, other))
+    sign = prod(one.parity[1:])
+    differ = np.logical_or(d != sign * behind, ahead != sign * c)
+    return one.parity[1:] == other.parity[1:] and not one.slab.vectors.count(differ)
+
+
+def _behind(A: ToeplitzOperator) -> Array:
+    """Return the coefficients of the lags along the first axis that are not positive."""
+    return A.parity[0] * A.c if A.behind is None else A.behind
 
 
 def _check_rows(name: str, values: ArrayLike, slab: Slab) -> Array:

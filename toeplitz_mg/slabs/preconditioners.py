@@ -1,7 +1,7 @@
 """M, and what a cosine or sine transform diagonalises, on slabs: the same transforms, by axis."""
 
 from collections.abc import Callable
-from functools import wraps
+from functools import partial, wraps
 from math import prod
 from typing import Any
 
@@ -17,8 +17,9 @@ from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.preconditioners.positivity import require_positive, require_range
-from toeplitz_mg.preconditioners.symbol import continue_axis, sum_tail
-from toeplitz_mg.preconditioners.trigonometric import lift_lowest
+from toeplitz_mg.preconditioners.symbol import continue_axis
+from toeplitz_mg.slabs.coupled import ROBUST, invert_coupled
+from toeplitz_mg.slabs.line_preconditioners import DiagonalisedLine, check_samples, invert_line
 from toeplitz_mg.slabs.operators import (
     CoupledOperator,
     MaskedOperator,
@@ -30,10 +31,8 @@ from toeplitz_mg.slabs.slab import Slab
 
 Make = Callable[[ToeplitzOperator, np.dtype[Any]], SlabOperator]
 
-ROBUST = "fsai_preconditioner(A), or cg without M"
 
-
-def restricted(make: Make) -> Callable[..., SlabOperator]:
+def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator]:
     """Return the preconditioner that takes masks and components too.
 
     Parameters
@@ -42,6 +41,8 @@ def restricted(make: Make) -> Callable[..., SlabOperator]:
         A function of an even `ToeplitzOperator` and of the precision of the result. On a mask the
         preconditioner is the restriction of that of the whole grid; of coupled components it
         treats each by itself.
+    of_coupled : callable, optional
+        The function of a `CoupledOperator` in the place of that.
     """
 
     @wraps(make)
@@ -52,9 +53,11 @@ def restricted(make: Make) -> Callable[..., SlabOperator]:
                 f"A is a {type(A).__name__}, but must be a ToeplitzOperator or a CoupledOperator "
                 "of toeplitz_mg.slabs, or a MaskedOperator of one"
             )
-        if isinstance(full, CoupledOperator):
+        if isinstance(full, CoupledOperator) and of_coupled is not None:
+            M: SlabOperator = of_coupled(full, _precision(full, dtype))
+        elif isinstance(full, CoupledOperator):
             parts = [row[i] for i, row in enumerate(full.blocks)]
-            M: SlabOperator = BlockDiagonal([_make(make, part, dtype) for part in parts])
+            M = BlockDiagonal([_make(make, part, dtype) for part in parts])
         else:
             M = _make(make, full, dtype)
         return MaskedOperator(M, A.mask) if isinstance(A, MaskedOperator) else M
@@ -65,20 +68,30 @@ def restricted(make: Make) -> Callable[..., SlabOperator]:
 def _make(make: Make, A: ToeplitzOperator | None, dtype: DTypeLike | None) -> SlabOperator:
     if A is None or not A.is_even:
         raise ValueError(f"A, or a component's block on itself, is {A!r}, but must be even")
+    return make(A, _precision(A, dtype))
+
+
+def _precision(A: Any, dtype: DTypeLike | None) -> np.dtype[Any]:
+    """Return the precision of a preconditioner of A (see `positivity.precision`)."""
     with A.slab.agree() as same:
         same["dtype"] = precision = check_precision(A.dtype if dtype is None else dtype, A.dtype)
-    require_range(A.slab.gather(A.c.flat[0])[0], precision)  # Rank 0 has the diagonal.
-    return make(A, precision)
+    blocks = A.blocks if isinstance(A, CoupledOperator) else ((A,),)
+    for block in (row[i] for i, row in enumerate(blocks)):
+        if block is not None:
+            # Rank 0 has the diagonal.
+            require_range(abs(A.slab.gather(block.c.flat[0])[0]), precision)
+    return precision
 
 
-@restricted
+@partial(restricted, of_coupled=invert_coupled)
 def fft_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperator:
     """Return M, the paper's FFT preconditioner (see `toeplitz_mg.fft_preconditioner`).
 
     Parameters
     ----------
     A : ToeplitzOperator or CoupledOperator of this package, or MaskedOperator of one
-        Even along each axis. Of coupled components each is treated by itself.
+        Even along each axis; of coupled components symmetric, its blocks even or odd. Cosine and
+        sine transforms treat each component by itself.
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default.
 
@@ -95,6 +108,8 @@ def fft_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperato
         Where `A` is no Toeplitz operator on a slab, or not even.
     """
     slab, shape = A.slab, A.slab.shape
+    if slab.is_line:
+        return invert_line(A, dtype)
     is_fast = all(near_fast_length(2 * n - 1) == 2 * n - 1 for n in shape)
     is_exact = is_fast or prod(shape) < LONG
 
@@ -152,7 +167,7 @@ def cosine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOper
 
     Parameters, results and errors are those of `fft_preconditioner`. It moves half the bytes.
     """
-    return DiagonalisedOperator(A, dtype, 0, "cosine")
+    return (DiagonalisedLine if A.slab.is_line else DiagonalisedOperator)(A, dtype, 0, "cosine")
 
 
 @restricted
@@ -161,7 +176,7 @@ def sine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperat
 
     Parameters, results and errors are those of `fft_preconditioner`. It moves half the bytes.
     """
-    return DiagonalisedOperator(A, dtype, 1, "sine")
+    return (DiagonalisedLine if A.slab.is_line else DiagonalisedOperator)(A, dtype, 1, "sine")
 
 
 class DiagonalisedOperator(SlabOperator):
@@ -189,10 +204,7 @@ class DiagonalisedOperator(SlabOperator):
         self._transforms, self._name = library.sine if first else library.cosine, name
         self._lengths = tuple(map(near_fast_length, slab.shape))
         count_transforms(1, *slab.local)
-        self._is_line = axes_of(slab.shape) == 1
-        ahead, rows = slab, A.c.astype(np.float64)
-        if not self._is_line:
-            ahead, rows = _continue_rows(A, self._lengths[0])
+        ahead, rows = _continue_rows(A, self._lengths[0])
         for axis in range(1, rows.ndim):
             rows = self._sample(rows, axis, first)
         own = slab.columns(rows.shape[-1])
@@ -202,21 +214,14 @@ class DiagonalisedOperator(SlabOperator):
             samples[..., a - own.start : b - own.start] = self._sample(
                 ahead.to_columns(rows, turn), 0, first
             )
-        samples = lift_lowest(samples, dtype, slab.vectors)
-        subject = f"the symbol of A, which the {name} preconditioner samples, has the value"
-        require_positive(np.array(slab.extent(samples)), dtype, subject, ROBUST)
+        samples = check_samples(slab, samples, dtype, name)
         inverse = np.reciprocal(samples, out=samples).astype(dtype, copy=False)
         self._inverse = library.from_numpy(inverse)
 
     def _sample(self, x: Array, axis: int, first: int) -> Array:
         """Sample the symbol along an axis, of coefficients that are known as far as x goes."""
         length = self._lengths[axis]
-        is_long = self._is_line and self.slab.shape[axis] > 1 and x.size > 0
-        sums = sum_tail(x.ravel(), length) if is_long else None
-        if sums is not None:
-            x = sums.reshape([-1 if k == axis else 1 for k in range(x.ndim)])
-        elif axis or self._is_line:
-            x = continue_axis(x, axis, length)
+        x = continue_axis(x, axis, length) if axis else x
         return fft.dct(x, type=1, axis=axis).take(range(first, first + length), axis)
 
     def multiply(self, x: Any, y: Any) -> Any:

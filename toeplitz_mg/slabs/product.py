@@ -15,6 +15,7 @@ from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.passes import NARROW
 from toeplitz_mg.engine.work import count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.slabs.line import Line
 from toeplitz_mg.slabs.slab import Slab, Turn
 
 TURN_BYTES = 2**23  # Bytes of the columns that a rank has at a time.
@@ -38,12 +39,13 @@ class SlabProduct:
     """
 
     def __init__(self, slab: Slab, library: Library, spectrum: Any, dtype: DTypeLike) -> None:
-        self.slab, self.library = slab, library
+        self.line = Line(slab) if slab.is_line else None
+        self.slab, self.library = self.line.slab if self.line else slab, library
         casts = [
             [s if s is None else library.from_numpy(NUMPY.cast_numbers(s, dtype)) for s in row]
             for row in spectrum
         ]
-        self._own = MultilevelProduct(library, (len(casts), *slab.shape), dtype, None, casts)
+        self._own = MultilevelProduct(library, (len(casts), *self.slab.shape), dtype, None, casts)
         self.points = prod(self._own.lengths)  # By which the eigenvalues are divided.
 
     @property
@@ -63,9 +65,17 @@ class SlabProduct:
 
     def multiply(self, x: Any, y: Any) -> Any:
         """Multiply a vector into another, which may be the same; return the result."""
+        count_work(1, float(prod(x.shape)))
+        if self.line is None:
+            return self._multiply(x, y)
+        parts = self.library.to_numpy(x).reshape(self._own.grid_shape[0], -1)
+        X = np.stack([self.line.rows(part) for part in parts])
+        X = self.library.to_numpy(self._multiply(self.library.from_numpy(X), X))
+        return self.library.join([self.library.from_numpy(self.line.part(part)) for part in X], y)
+
+    def _multiply(self, x: Any, y: Any) -> Any:
         slab, library, passes = self.slab, self.library, self._own.passes
         fields = (1, self._own.grid_shape[0], *slab.local)
-        count_work(1, float(prod(x.shape)))
         Z = library.to_numpy(passes.rows_in(library.xp.reshape(x, fields)))
         rows = Z[0] if Z.flags.writeable else Z[0].copy()
         first = 0
@@ -93,18 +103,26 @@ def embed_on_slab(slab: Slab, c: Array, behind: Array | None, parity: tuple[int,
 
     The parameters are those of `slabs.ToeplitzOperator`.
     """
+    is_symmetric, sign = behind is None and prod(parity) == 1, parity[0]
+    if slab.is_line:
+        line, c = Line(slab), c.reshape(-1)
+        back = prod(parity) * c if behind is None else behind.reshape(-1)
+        slab, parity = line.slab, (0, 0)
+        # Of a symmetric matrix what is behind has the conjugate transform.
+        c, behind = line.lags(c, back), None if is_symmetric else line.lags(back, c)[:, ::-1]
     lengths = embedding_lengths(slab.shape)
     count_transforms(1, *(2 * n for n in slab.local))
     halves = [_transform_rows(a, parity, lengths) for a in (c, behind) if a is not None]
-    own, is_symmetric = slab.columns(lengths[-1]), behind is None and prod(parity) == 1
+    own = slab.columns(lengths[-1])
     kind = np.float64 if is_symmetric else np.complex128
     spectrum = np.empty((*lengths[:-1], own.stop - own.start), kind)
     for turn in turns_of(slab, lengths, np.dtype(np.complex128).itemsize):
-        columns = [slab.to_columns(half, turn) for half in halves]
-        ahead, back = split(NUMPY, columns[0], 0, parity[0])
-        if behind is not None:
-            back = np.flip(columns[1][1:], axis=0)
-        S = transform_around(NUMPY, ahead, back, 0, lengths[0])
+        ahead, *other = (slab.to_columns(half, turn) for half in halves)
+        if other:
+            (back,) = other
+        else:
+            back = ahead.conj() if parity[0] == 0 else sign * ahead
+        S = transform_around(NUMPY, ahead, np.flip(back[1:], axis=0), 0, lengths[0])
         first, stop = turn[slab.comm.rank]
         spectrum[..., first - own.start : stop - own.start] = S.real if is_symmetric else S
     return spectrum

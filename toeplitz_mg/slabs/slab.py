@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.library import NUMPY, library_of
 from toeplitz_mg.engine.vectors import Vectors
+from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.halfspace.points import check_element
 from toeplitz_mg.slabs.files import save_rows
@@ -81,7 +83,8 @@ class Slab:
                 raise ValueError(f"shape is {shape!r}, but must be a tuple of one axis at least")
             shape = tuple(count("each number of shape", n) for n in shape)
             if unit is None:
-                unit = next((k for k in UNITS if shape[0] >= SHARE * k * ranks), 1)
+                of_line = () if prod(shape[1:]) > 1 else (line_width(shape[0]),)
+                unit = next((k for k in (*of_line, *UNITS) if shape[0] >= SHARE * k * ranks), 1)
             units = -(-shape[0] // count("unit", unit))
             if ranks > units:
                 of_units = "" if unit == 1 else f", {units} units of {unit} rows"
@@ -109,18 +112,28 @@ class Slab:
         height : int
             A divisor of `unit`, so that no row is made of those of two ranks.
         """
-        return self._alike(shape, self.unit // height, -(-self.starts // height))
+        return self.alike(shape, self.unit // height, -(-self.starts // height))
 
     def longer(self, length: int) -> "Slab":
         """Return the slab of a grid of so many rows in all: the last rank has the new ones."""
         starts = np.append(self.starts[:-1], length)
-        return self._alike((length, *self.shape[1:]), 1, starts)
+        return self.alike((length, *self.shape[1:]), 1, starts)
 
-    def _alike(self, shape: tuple[int, ...], unit: int, starts: Array) -> "Slab":
+    def evenly(self, shape: tuple[int, ...]) -> "Slab":
+        """Return the slab of another grid, of which all ranks have about as many rows, or none."""
+        return self.alike(shape, 1, _cuts(shape[0], self.comm.size))
+
+    def alike(self, shape: tuple[int, ...], unit: int, starts: Array) -> "Slab":
+        """Return the slab of another grid that is cut at these rows."""
         slab = Slab.__new__(Slab)
         slab.comm = self.comm
         slab._set(shape, unit, starts)
         return slab
+
+    @property
+    def is_line(self) -> bool:
+        """Whether the grid has one axis, besides those of one element."""
+        return axes_of(self.shape) == 1
 
     def lags(self, element: tuple[float, float]) -> tuple[Array, Array]:
         """Return the points of the first column for this rank's rows (see `halfspace.offsets`).
@@ -143,7 +156,8 @@ class Slab:
 
     def sum(self, x: Array) -> float:
         """Return the sum of a field of which each rank has its part: the same on all ranks."""
-        return self.vectors.sum(np.asarray(x))
+        library = library_of(x)
+        return library.vectors_of(self.gather).sum(np.asarray(x) if library is NUMPY else x)
 
     def save(self, path: str | PathLike[str], x: ArrayLike) -> None:
         """Write a field to a ``.npy`` file, each rank its rows, on a disk that all of them see.
@@ -397,6 +411,11 @@ def _check_communicator(comm: Any) -> Any:
             "mpi4py"
         )
     return comm
+
+
+def line_width(n: int) -> int:
+    """Return how many of n unknowns of one axis are a row, where they are taken as a matrix."""
+    return 1 << n.bit_length() // 2
 
 
 def _cuts(n: int, parts: int) -> Array:

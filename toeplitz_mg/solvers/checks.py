@@ -8,10 +8,10 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import NUMPY, Library, is_foreign, library_of
+from toeplitz_mg.engine.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.operators.base import library_for, vectors_of
-from toeplitz_mg.values import count, real
+from toeplitz_mg.values import count, is_foreign, real
 
 
 class System(NamedTuple):

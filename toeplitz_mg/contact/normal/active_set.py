@@ -1,7 +1,8 @@
 """The search for the elements in contact: what `active_sets` asks for in normal contact.
 
 On a set C of elements the equation is A p = δ - z: conjugate gradients solve it until their misfit
-is below the violation of the inequalities, tension in C or penetration elsewhere.
+is below the violation of the inequalities, tension in C or penetration elsewhere. On all other
+elements the pressure is zero or, where there is a hardness, equal to that.
 
 Pressures are in units of the displacement that an element gives itself: the diagonal of A is 1.
 """
@@ -18,7 +19,7 @@ from toeplitz_mg.contact.active_sets import Iterate, find_sets
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.inverse import Inverse
 from toeplitz_mg.contact.normal.inner import Area, Look, solve_on_set
-from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.products import Products, for_coarser_grids
 from toeplitz_mg.engine.threads import elementwise
 from toeplitz_mg.operators import ToeplitzOperator
 
@@ -26,7 +27,10 @@ ETA = 0.5  # Misfit that is left on a set, relative to its violation, while the 
 ROUGH = 0.2  # Tolerance on a coarser grid, relative to the detail of the gap that it does not have.
 # Limits of the tolerance on a coarser grid: a finer guess, and a rougher, save nothing.
 LEAST, MOST = 1.5e-3, 1e-2
+FALL = 0.5  # Part of the error that a step may leave: beyond, the search changes the set.
 DAMPING = 0.5  # Part of Jacobi's step by which the pressures follow the detail of a finer grid.
+FULL = 1e-13  # Part of the largest force, which all elements carry at the hardness, as rounding.
+BALANCED = 1e-15  # Error of the sum of projected pressures, relative to it, that is rounding.
 COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is but a guess.
 
 
@@ -63,6 +67,8 @@ class Search:
     tolerance : float
         The error of the complementarity that is allowed, relative to the interference.
     progress : callable, optional
+    hardness : float
+        The largest pressure.
     """
 
     grid: Grid
@@ -71,6 +77,7 @@ class Search:
     force: float | None
     tolerance: float
     progress: Progress | None = None
+    hardness: float = np.inf
 
     @cached_property
     def _scaled(self) -> tuple[ToeplitzOperator, float]:
@@ -92,6 +99,11 @@ class Search:
         assert self.force is not None
         return self.force / self.grid.area * self.unit
 
+    @property
+    def most(self) -> float:
+        """The hardness, in the unit of the pressures."""
+        return self.hardness * self.unit
+
     @cached_property
     def _inverse(self) -> Inverse:
         return Inverse(self.grid, self.matrix)
@@ -101,26 +113,75 @@ class Search:
         """The gap where the bodies are nearest."""
         return self.grid.vectors.min(self.z)
 
-    def run(self, A: Products, *, nested: bool) -> State:
-        """Find the pressures and the area of contact, with a first guess from coarser grids."""
-        p, C = self._first_guess(nested=nested)
-        b = (self.approach or 0.0) - self.z
+    def run(self, A: Products, *, nested: bool, guess: Array | None = None) -> State:
+        """Find the pressures and the area of contact.
+
+        Parameters
+        ----------
+        A : Products
+        nested : bool
+            Whether the first guess comes from coarser grids, where there is no other.
+        guess : ndarray, optional
+            Pressures, none of which is negative, that are near those to be found.
+        """
+        b, u = (self.approach or 0.0) - self.z, None
+        if guess is None:
+            p, C = self._first_guess(nested=nested)
+        else:
+            near = self._come_near(A, guess)
+            p, u, C = near.x, near.u, near.sets
         now, law, iterations = find_sets(
-            self, A, p, C, b=b, eta=ETA, tolerance=self.tolerance, progress=self.progress
+            self, A, p, C, u=u, b=b, eta=ETA, tolerance=self.tolerance, progress=self.progress
         )
         return State(now.x, now.u, law.touching, law.residual, iterations)
 
+    def _come_near(self, A: Products, p: Array) -> Iterate:
+        """Return what some steps make of pressures that are nearly right: their set, above all.
+
+        A step corrects the pressures by the approximate inverse, and clips those below zero. On a
+        set that is nearly right that leaves a fifth of the error, and takes one product, where an
+        iteration on the set and a change of it take two.
+        """
+        p = self._clip(p)
+        now = Iterate(p, A(p), self.sets_of(p))
+        error = self.look(now).residual
+        while error > self.tolerance and not A.exhausted:
+            following = self._step(A, now)
+            fallen = self.look(following).residual
+            if fallen > FALL * error:
+                return following if fallen < error else now
+            now, error = following, fallen
+        return now
+
+    def _step(self, A: Products, now: Iterate) -> Iterate:
+        """Correct pressures by the approximate inverse, where they will be free (`_change`)."""
+        gap, M, vectors = self.look(now).look.gap, self._inverse, A.vectors
+        C = self._change(now.x, gap)
+        if not vectors.count(C):
+            return now
+        r = np.where(C, -gap, 0.0)
+        largest = vectors.max(np.abs(r))
+        M.fit(C, is_near=True)
+        change = np.where(C, M((r / largest).astype(M.dtype)), 0.0) * largest
+        if self.force is not None:
+            change -= np.where(C, vectors.sum(change) / vectors.count(C), 0.0)
+        p = self._clip(now.x + change)
+        return Iterate(p, A(p), self.sets_of(p))
+
     def _first_guess(self, *, nested: bool) -> tuple[Array, Array]:
         """Return pressures and elements in contact: of a coarser grid, or more than in contact."""
+        if self.force is not None:
+            everywhere = self.total / prod(self.grid.shape)
+            if everywhere >= self.most * (1.0 - FULL):
+                return np.full(self.z.shape, self.most), np.zeros(self.z.shape, bool)
         coarse = self._coarser() if nested else None
         if coarse is not None:
             state = coarse.run(Products(coarse.matrix, COARSE_PRODUCTS), nested=True)
             p = self._interpolate(state, self.unit / coarse.unit)
             if self.grid.vectors.count(p):
-                return p, p > 0.0
+                return p, self.sets_of(p)
         if self.approach is not None:
             return np.zeros(self.z.shape), self.z < self.approach
-        everywhere = self.total / prod(self.grid.shape)
         return np.full(self.z.shape, everywhere), np.ones(self.z.shape, bool)
 
     def _coarser(self) -> "Search | None":
@@ -134,7 +195,8 @@ class Search:
         detail = vectors.max(np.abs(self.z - self.grid.refine(z)))
         detail /= vectors.max(self.z) - self.lowest or 1.0
         tolerance = float(np.clip(ROUGH * detail, LEAST, MOST))
-        return Search(grid, z, self.approach, self.force, tolerance)
+        progress = for_coarser_grids(self.progress)
+        return Search(grid, z, self.approach, self.force, tolerance, progress, self.hardness)
 
     def _interpolate(self, coarse: State, ratio: float) -> Array:
         """Interpolate from a coarser grid, and follow the detail that it does not have.
@@ -142,21 +204,24 @@ class Search:
         That is a step of Jacobi's iteration, without a product, as displacements are smooth.
         """
         p, u = (self.grid.refine(x) for x in (coarse.p, coarse.u))
-        p = np.maximum(ratio * p - DAMPING * (u + self.z - coarse.approach), 0.0)
-        if self.force is not None and self.grid.vectors.count(p):
-            p *= self.total / self.grid.vectors.sum(p)
-        return p
+        p = np.clip(ratio * p - DAMPING * (u + self.z - coarse.approach), 0.0, self.most)
+        return self._clip(p) if self.grid.vectors.count(p) else p
 
     def look(self, now: Iterate) -> Law:
         """Return what is wrong with pressures and a set."""
-        area = Area(now.sets, np.float64, self.grid.vectors)
+        yields = room = None
+        if self.hardness < np.inf:
+            yields, room = (now.x == self.most) & ~now.sets, self.most - now.x
+        area = Area(now.sets, np.float64, self.grid.vectors, yields)
         if self.approach is None:
-            look = Look.at(now.x, elementwise(np.add, now.u, self.z), area, balanced=True)
-            approach, touching = look.mean, look.mean + look.lowest
+            gap = elementwise(np.add, now.u, self.z)
+            look = Look.at(now.x, gap, area, balanced=True, room=room)
+            approach = look.mean
+            touching = approach + (look.lowest if room is None else 0.0)
         else:
             approach = touching = self.approach
             gap = elementwise(lambda u, z: u + z - approach, now.u, self.z)
-            look = Look.at(now.x, gap, area, balanced=False)
+            look = Look.at(now.x, gap, area, balanced=False, room=room)
         interference = approach - self.lowest
         # On a coarser grid the interference may be below the rounding of the gap.
         residual = look.error / interference if interference > 0.0 else 0.0
@@ -164,14 +229,21 @@ class Search:
 
     def advance(self, A: Products, now: Iterate, law: Law, eta: float) -> tuple[Iterate, int]:
         """Solve on the set C = `now.sets`, and change it."""
-        C, M, count = now.sets, self._inverse, 0
-        while True:
+        C, M, count, gap = now.sets, self._inverse, 0, law.look.gap
+        while A.vectors.count(C):  # Where all elements of a contact yield there is none.
             M.fit(C)
-            tolerance, balanced = self.tolerance * law.interference, self.force is not None
             change = solve_on_set(
-                A, M, C, now.x, law.look, eta=eta, tolerance=tolerance, balanced=balanced
+                A,
+                M,
+                C,
+                now.x,
+                law.look,
+                most=self.most,
+                eta=eta,
+                tolerance=self.tolerance * law.interference,
+                balanced=self.force is not None,
             )
-            count += change.iterations
+            count, gap = count + change.iterations, change.gap
             x, u = elementwise(np.add, now.x, change.p), elementwise(np.add, now.u, change.u)
             now = Iterate(x, u, C, is_exact=False)
             if change.is_solved or A.exhausted:
@@ -181,37 +253,72 @@ class Search:
             law = self.look(now)
             if law.look.tension == 0.0 and law.residual <= self.tolerance:
                 return now, count
-        p = now.x
-        # In contact remains what is pressed, or is not but below; what is below enters.
-        C = elementwise(
-            lambda C, p, b: np.where(C, (p > 0.0) | ((p == 0.0) & b), b), C, p, change.below
-        )
-        if not A.vectors.count(C):  # It goes on where the bodies would touch first.
-            C = self.z == self.lowest
-        if A.vectors.min(p) < 0.0:
+        p, C = now.x, self._change(now.x, gap)
+        is_bounded = self.hardness < np.inf
+        if A.vectors.min(p) < 0.0 or (is_bounded and A.vectors.max(p) > self.most):
             p = self._clip(p)
+            if is_bounded:
+                C |= self.sets_of(p)
             return Iterate(p, A(p), C), count
         return replace(now, sets=C), count
 
+    def _change(self, p: Array, gap: Array) -> Array:
+        """Return the elements whose pressure is free from now on.
+
+        These are they that are pressed, those that are not but penetrate, and those at the
+        hardness that open; where there are none, it goes on where the bodies would touch first.
+        """
+        most, vectors = self.most, self.grid.vectors
+        C = elementwise(lambda p, gap: (p > 0.0) | ((p == 0.0) & (gap < 0.0)), p, gap)
+        if most < np.inf:
+            C &= (p < most) | ((p == most) & (gap > 0.0))
+        if not vectors.count(C) and not vectors.count(p >= most):
+            C = self.z == self.lowest
+        return C
+
     def sets_of(self, p: Array) -> Array:
-        """Return the elements that are pressed."""
-        return p > 0.0
+        """Return the elements that are pressed, by less than the hardness."""
+        return (p > 0.0) & (p < self.most)
 
     def _clip(self, p: Array) -> Array:
-        """Return pressures without tension, of the given sum: near these, if not the nearest."""
-        p = np.maximum(p, 0.0)
-        return p if self.force is None else p * (self.total / self.grid.vectors.sum(p))
+        """Return admissible pressures, of the given sum: near these, if not the nearest.
+
+        What the sum lacks is shared among the elements that are between the bounds.
+        """
+        p = np.clip(p, 0.0, self.most)
+        if self.force is None:
+            return p
+        vectors = self.grid.vectors
+        if self.hardness == np.inf:
+            p *= self.total / vectors.sum(p)
+            return p
+        lack = self.total - vectors.sum(p)
+        share = np.where(self.sets_of(p), p if lack < 0.0 else self.most - p, 0.0)
+        room = vectors.sum(share)
+        if abs(lack) > room:
+            return self.project(p)
+        return np.clip(p + share * (lack / room), 0.0, self.most) if room > 0.0 else p
 
     def project(self, p: Array) -> Array:
-        """Return the nearest pressures without tension, of the given sum."""
+        """Return the nearest admissible pressures, of the given sum."""
         if self.force is None:
-            return np.maximum(p, 0.0)
-        # The nearest ones are max(p - c, 0), with the constant c that gives the sum. Newton's
-        # method finds it from below: each step leaves out the elements that would be below zero.
-        c, vectors = -np.inf, self.grid.vectors
+            return np.clip(p, 0.0, self.most)
+        # The nearest ones are p - c, clipped, with the constant c that gives the sum. Newton's
+        # method finds it; where a step leaves the interval that has it, that is halved.
+        vectors, most, total = self.grid.vectors, self.most, self.total
+        low, high = vectors.min(p) - min(most, total), vectors.max(p)
+        c = low
         while True:
-            left = p > c
-            following = (vectors.sum(p * left) - self.total) / vectors.count(left)
-            if not following > c:
-                return np.maximum(p - c, 0.0)
+            clipped = np.clip(p - c, 0.0, most)
+            excess = vectors.sum(clipped) - total
+            if excess > 0.0:
+                low = c
+            else:
+                high = c
+            inside = vectors.count((clipped > 0.0) & (clipped < most))
+            following = c + excess / inside if inside else high
+            if not low < following < high:
+                following = 0.5 * (low + high)
+            if abs(excess) <= BALANCED * total or not low < following < high:
+                return clipped
             c = following

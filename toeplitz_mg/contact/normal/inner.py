@@ -25,16 +25,39 @@ LONG = 50  # Iterations after which the recurrence in single precision is not tr
 
 
 class Area:
-    """Elements in contact, with a mask to multiply by: that is faster than to index by them."""
+    """Elements whose pressure is free, with a mask to multiply by: faster than to index by them.
 
-    def __init__(self, C: Array, dtype: DTypeLike, vectors: Vectors) -> None:
+    Parameters
+    ----------
+    C : ndarray of bool
+    dtype : float32 or float64
+    vectors : Vectors
+    yields : ndarray of bool, optional
+        Of the other elements those that carry all they can: they may penetrate, but not open.
+    """
+
+    def __init__(
+        self, C: Array, dtype: DTypeLike, vectors: Vectors, yields: Array | None = None
+    ) -> None:
         self.mask = elementwise(lambda C: C.astype(dtype), C)
         self.size = vectors.count(C)
         self.vectors = vectors
+        self.yields = yields
+        self.side = None if yields is None else np.where(yields, -1.0, 1.0).astype(dtype)
 
     def mean(self, x: Array) -> float:
-        """Return the mean of a field in contact."""
+        """Return the mean of a field on the elements."""
         return self.vectors.dot(x, self.mask) / self.size
+
+    def approach(self, x: Array) -> float:
+        """Return the approach that belongs to a gap: its mean, or where it suits all others."""
+        if self.size or self.yields is None:
+            return self.mean(x)
+        above = -self.vectors.min(np.where(self.yields, -x, np.inf))
+        below = self.vectors.min(np.where(self.yields, np.inf, x))
+        if above <= below:  # All that yield are below it, and all that do not touch are above.
+            return above if above > -np.inf else below
+        return 0.5 * (above + below)
 
 
 class Look(NamedTuple):
@@ -43,28 +66,40 @@ class Look(NamedTuple):
     gap: Array
     r: Array  # Minus the gap in contact, zero elsewhere.
     mean: float  # The mean that the gap had in contact, where the approach is free; else 0.
-    lowest: float  # The smallest gap.
+    lowest: float  # The smallest gap, or minus the largest where elements yield.
     misfit: float  # The largest size of the gap in contact.
-    tension: float  # The largest negative pressure.
+    tension: float  # The largest excess of a pressure, below zero or above the hardness.
     violation: float  # How wrong the set is: the tension, or the depth of penetration elsewhere.
     error: float  # The error of complementarity, at an approach, if free, without penetration.
 
     @classmethod
-    def at(cls, p: Array, gap: Array, area: Area, *, balanced: bool) -> Self:
-        """Look at pressures and their gap; where the approach is free, at the gap less its mean."""
+    def at(
+        cls, p: Array, gap: Array, area: Area, *, balanced: bool, room: Array | None = None
+    ) -> Self:
+        """Look at pressures and their gap; where the approach is free, at the gap less its mean.
+
+        What the pressures lack to the hardness, where there is one, is `room`.
+        """
         mean = 0.0
         if balanced:
-            mean = area.mean(gap)
+            mean = area.approach(gap)
             gap = elementwise(lambda g: g - mean, gap)
         r, vectors = (
             elementwise(lambda g, in_contact: -(g * in_contact), gap, area.mask),
             area.vectors,
         )
         low, high = -vectors.max(r), -vectors.min(r)
-        least = vectors.min(elementwise(np.add, gap, r))
+        elsewhere = elementwise(np.add, gap, r)
+        if area.side is not None:
+            elsewhere = elementwise(np.multiply, elsewhere, area.side)
+        least = vectors.min(elsewhere)
         lowest, tension = min(low, least), max(0.0, -vectors.min(p))
+        if room is not None:
+            tension = max(tension, -vectors.min(room))
         misfit, violation = max(high, -low), max(tension, -least)
-        error = max(high - lowest, tension) if balanced else max(misfit, violation)
+        # Another approach puts no penetration right where some elements may penetrate.
+        is_free = balanced and room is None
+        error = max(high - lowest, tension) if is_free else max(misfit, violation)
         return cls(gap, r, mean, lowest, misfit, tension, violation, error)
 
 
@@ -73,7 +108,7 @@ class Change(NamedTuple):
 
     p: Array
     u: Array
-    below: Array  # The elements in which the gap is negative.
+    gap: Array  # The gap that it leads to, in some unit.
     is_solved: bool  # Whether it is solved as far as the set is worth it, and is no answer.
     iterations: int
 
@@ -85,6 +120,7 @@ def solve_on_set(
     p: Array,
     now: Look,
     *,
+    most: float,
     eta: float,
     tolerance: float,
     balanced: bool,
@@ -103,6 +139,8 @@ def solve_on_set(
         The pressures to start from.
     now : Look
         What is wrong with them.
+    most : float
+        The hardness, or infinity.
     eta : float
         The misfit that may be left, relative to the violation of the set.
     tolerance : float
@@ -112,7 +150,8 @@ def solve_on_set(
         approach is free.
     """
     vectors = A.vectors
-    area = Area(C, M.dtype, vectors)
+    is_bounded = most < np.inf
+    area = Area(C, M.dtype, vectors, (p == most) & ~C if is_bounded else None)
     unit = max(now.misfit, tolerance)
 
     def scale(x: Array) -> Array:
@@ -120,6 +159,7 @@ def solve_on_set(
         return scaled
 
     p0, gap0 = (elementwise(scale, x) for x in (p, now.gap))
+    room0 = scale(most - p) if is_bounded else None
     v, Av = (np.zeros(p.shape, M.dtype) for _ in range(2))
 
     def precondition(r: Array, out: Array) -> Array:
@@ -133,7 +173,8 @@ def solve_on_set(
     iteration = ConjugateGradients(A, precondition, vectors)
     count = 0
     while True:
-        look = Look.at(*add(p0, gap0), area, balanced=balanced)
+        room = None if room0 is None else room0 - v
+        look = Look.at(*add(p0, gap0), area, balanced=balanced, room=room)
         is_answer = look.tension == 0.0 and look.error <= ANSWER * tolerance / unit
         is_solved = look.misfit <= max(eta * look.violation, SHARP * tolerance / unit)
         if is_answer or is_solved or look.misfit <= REDUCTION or count == LONG or A.exhausted:
@@ -147,6 +188,4 @@ def solve_on_set(
     dp, du = (elementwise(lambda x: x.astype(np.float64) * unit, x) for x in (v, Av))
     if balanced:
         dp -= np.where(C, vectors.sum(dp) / area.size, 0.0)
-    return Change(
-        dp, du, elementwise(lambda g: g < 0.0, look.gap), is_solved and not is_answer, count
-    )
+    return Change(dp, du, look.gap, is_solved and not is_answer, count)

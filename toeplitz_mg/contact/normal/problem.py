@@ -7,6 +7,8 @@ The pressures p and the gap w = A p + z - δ (Eq. 6-7) are complementary:
 The elements in contact are found by `active_set`, from a first guess on coarser grids.
 """
 
+from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,9 +16,16 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
-from toeplitz_mg.contact.checks import check_iteration, check_load
+from toeplitz_mg.contact.checks import (
+    check_hardness,
+    check_iteration,
+    check_load,
+    check_same_grid,
+)
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.active_set import Search, State
+from toeplitz_mg.contact.normal.prediction import Known, predict
+from toeplitz_mg.contact.normal.stiffness import find_stiffness
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import NormalResult, check_converged, touches_edge
 from toeplitz_mg.engine.work import count_products
@@ -30,8 +39,10 @@ def normal_contact(
     material: Any,
     approach: float | None = None,
     force: float | None = None,
+    previous: NormalResult | None = None,
     reference: float | None = None,
     periodic: bool | tuple[bool, bool] = False,
+    hardness: float | None = None,
     tolerance: float = 1e-8,
     nested: bool = True,
     max_products: int = 2000,
@@ -52,7 +63,11 @@ def normal_contact(
     approach : float
         The approach of the bodies, from where the gap is given, mm.
     force : float
-        The force that presses, N; in plane strain N/mm. Either this or the approach is given.
+        The force that presses, N; in plane strain N/mm. Either this or the approach is given. No
+        force leaves the bodies where they first touch.
+    previous : NormalResult, optional
+        A result under another load, or of a gap that is alike, on the same grid: what it is near
+        to takes fewer products. See `load_curve`.
     reference : float, optional
         In plane strain, and on a surface that repeats along one of two axes, the distance at which
         a line load moves nothing, mm: it decides what approach belongs to a force. By default the
@@ -62,6 +77,9 @@ def normal_contact(
         all axes or along each of them. The force is that of one period. Where they repeat along
         all axes, displacements are those from their mean, so that the mean gap under load is that
         before, less the approach; an approach must leave some.
+    hardness : float, optional
+        The largest pressure that the softer body bears, N/mm²: an element yields where it would
+        be higher, and is pressed in by the depth `plastic` of the result. By default none does.
     tolerance : float
         The error that is allowed, relative to the largest interference: the gap in contact, and
         the depth of penetration elsewhere. Pressures are never negative.
@@ -70,7 +88,8 @@ def normal_contact(
     max_products : int
         More products with the matrix than that are taken for a failure.
     progress : callable, optional
-        Called as ``progress(products, residual)`` before each change of the area.
+        Called as ``progress(products, residual)`` after each product, with the violation of the
+        last area; on coarser grids, where the first guess comes from, with 0 products.
 
     Returns
     -------
@@ -117,7 +136,10 @@ def normal_contact(
     """
     z = field("gap", gap)
     grid = Grid.of(z.shape, element, material, reference, periodic)
-    result = press(grid, z, approach, force, tolerance, nested, max_products, progress)
+    before = () if previous is None else (previous,)
+    result = press(
+        grid, z, approach, force, tolerance, nested, max_products, progress, before, hardness
+    )
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
 
@@ -131,35 +153,59 @@ def press(
     nested: bool,
     max_products: int,
     progress: Progress | None,
+    previous: Sequence[NormalResult] = (),
+    hardness: float | None = None,
 ) -> NormalResult:
     """Return what `normal_contact` finds for the gap `z`, converged or not."""
     with grid.agree() as same:
         force = check_load(grid, z, approach, force)
+        most = check_hardness(grid, hardness, force)
         check_iteration(tolerance, max_products, progress)
         same["approach"], same["force"], same["nested"] = approach, force, bool(nested)
+        for result in previous:
+            check_same_grid(result, grid)
         same["tolerance"], same["max_products"] = tolerance, max_products
+        same["the number of previous results"] = len(previous)
     # A large distance would bury the interference in its rounding.
     distance = grid.vectors.min(z)
     z = z - distance
+    load = approach if force is None else force
+    assert load is not None
     if approach is not None:
         approach = float(approach) - distance
-        if approach <= 0.0:
-            nothing = np.zeros(z.shape)
-            return _result(grid, z, State(nothing, nothing, approach), 0, 0.0, distance)
-        in_range("the interference", approach)
+        in_range("the interference", max(0.0, approach))
+    if force == 0.0 or (approach is not None and approach <= 0.0):
+        nothing = State(np.zeros(z.shape), np.zeros(z.shape), approach or 0.0)
+        return make_result(grid, z, nothing, 0, 0.0, distance, most)
     with count_products() as work:
-        search = Search(grid, z, approach, force, tolerance, progress)
+        search = Search(grid, z, approach, force, tolerance, progress, most)
         products = Products(search.matrix, max_products)
-        state = search.run(products, nested=nested)
-        state = state._replace(p=state.p / search.unit)
+        known = [
+            Known(r.approach if force is None else r.force, r.pressure * search.unit, r.gap)
+            for r in previous
+        ]
+        guess = predict(known, load, grid.vectors) if known else None
+        state = search.run(products, nested=nested, guess=guess)
+        state = state._replace(p=np.where(state.p < search.most, state.p / search.unit, most))
     units = work.units(z.size) / search.matrix.work
-    return _result(grid, z, state, products.count, units, distance)
+    return make_result(grid, z, state, products.count, units, distance, most)
 
 
-def _result(
-    grid: Grid, z: Array, state: State, products: int, work: float, distance: float
+def make_result(
+    grid: Grid,
+    z: Array,
+    state: State,
+    products: int,
+    work: float,
+    distance: float,
+    hardness: float = np.inf,
 ) -> NormalResult:
+    """Return what was found for the gap `z`, which was less by a distance."""
     contact = state.p > 0.0
+    gap, plastic = state.u + z - state.approach, None
+    if hardness < np.inf:
+        plastic = np.where(state.p >= hardness, np.maximum(-gap, 0.0), 0.0)
+        gap += plastic
     return NormalResult(
         material=grid.material,
         shape=grid.shape,
@@ -174,10 +220,12 @@ def _result(
         max_pressure=grid.vectors.max(state.p),
         energy=0.5 * grid.area * grid.vectors.dot(state.p, state.u),
         touches_edge=touches_edge(grid, contact),
-        gap=state.u + z - state.approach,
+        gap=gap,
+        plastic=plastic,
         products=products,
         work=work,
         iterations=state.iterations,
         residual=state.residual,
+        stiffness=partial(find_stiffness, grid, contact & (state.p < hardness)),
         warnings=doubts.examine_pressures(grid, z, state.p, state.approach),
     )

@@ -92,7 +92,8 @@ def friction(
     max_products : int
         More products with the matrix than that are taken for a failure.
     progress : callable, optional
-        Called as ``progress(products, residual)`` before each change of the areas.
+        Called as ``progress(products, residual)`` after each product, with the violation of the
+        last areas; on coarser grids, where the first guess comes from, with 0 products.
 
     Returns
     -------
@@ -102,7 +103,8 @@ def friction(
     -----
     ContactWarning
         Where the contact is less than 10 elements across; and where the two bodies are unlike,
-        as the coupling of normal and tangential tractions is left out.
+        as the coupling of normal and tangential tractions is left out (see
+        `frictional_contact`).
         `TangentialResult.warnings` lists them.
 
     Raises

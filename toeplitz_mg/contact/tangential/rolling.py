@@ -102,7 +102,8 @@ def rolling(
     max_products : int
         More products with the matrix than that are taken for a failure.
     progress : callable, optional
-        Called as ``progress(products, residual)`` before each change of the areas.
+        Called as ``progress(products, residual)`` after each product, with the violation of the
+        last areas; on coarser grids, where the first guess comes from, with 0 products.
     options : SteadyOptions, optional
         How long the search goes on before it rolls step by step.
 
@@ -115,7 +116,8 @@ def rolling(
     -----
     ContactWarning
         Where the contact is less than 10 elements across; and where the two bodies are unlike,
-        as the coupling of normal and tangential tractions is left out.
+        as the coupling of normal and tangential tractions is left out (see
+        `frictional_contact`).
         `TangentialResult.warnings` lists them.
 
     Raises
@@ -252,7 +254,7 @@ def rolling_steps(
         Tractions before the first step, of any function for tangential contact on this grid; by
         default none. So a bound that changes is followed step by step.
     progress : callable, optional
-        Called as ``progress(products, residual)`` before each change of the areas, in each step.
+        Called as ``progress(products, residual)`` after each product of a step.
 
     Yields
     ------

@@ -197,8 +197,7 @@ def find_steady_state(
         now = look(problem, loads, areas, q, u)
         if now.residual <= problem.tolerance or K.exhausted:
             return State(q, u, areas, now.creepages, now.residual, tuple(iterations))
-        if problem.progress is not None:
-            problem.progress(K.count, now.residual)
+        K.progress, K.residual = problem.progress, now.residual
         if dense is not None:
             v, count = _direct_step(loads, now, areas, dense), 1
         else:
@@ -374,9 +373,8 @@ def _roll_on(problem: Problem, q: Array, K: Products) -> tuple[Array, Areas]:
     for _ in range(problem.grid.shape[0]):
         b = problem.b + apply_to_rows(S, q.reshape(-1)).reshape(q.shape)
         products = Products(A, K.limit - K.count)
-        step = replace(
-            problem, b=b, tolerance=max(problem.tolerance, STEP_TOLERANCE), progress=None
-        )
+        tolerance = max(problem.tolerance, STEP_TOLERANCE)
+        step = replace(problem, b=b, tolerance=tolerance, progress=K.tell_more)
         q = solve(step, products, clip(q, problem.g), nested=False).q
         K.count += products.count + 1
         if K.exhausted:

@@ -27,11 +27,14 @@ class Options:
     direct_on_line : int
         Most unknowns of a whole line, whose levels cost next to nothing, that are solved for
         directly.
+    is_line_alike : bool
+        Whether it is made use of that on a whole line all rows are alike.
     """
 
     neighbours: int | None = None
     direct: int = 600
     direct_on_line: int = 128
+    is_line_alike: bool = True
 
 
 DEFAULT = Options()

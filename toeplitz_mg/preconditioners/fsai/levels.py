@@ -163,12 +163,18 @@ class Blocks:
             rows, columns, own = (slice(int(i), int(j)) for i, j in parts)
             self._blocks.append(Block(rows, columns, own, block))
 
+    def tocsr(self) -> csr_array:
+        """Return the matrix in one piece."""
+        blocks = self._blocks
+        near = [block.matrix.indices + block.columns.start for block in blocks]
+        counts = np.concatenate([np.diff(block.matrix.indptr) for block in blocks])
+        data = np.concatenate([block.matrix.data for block in blocks])
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        return csr_array((data, np.concatenate(near), starts), self.shape)
+
     def toarray(self) -> Array:
         """Return the dense matrix."""
-        dense = np.zeros(self.shape, self._blocks[0].matrix.dtype)
-        for block in self._blocks:
-            dense[block.rows, block.columns] = block.matrix.toarray()
-        return dense
+        return self.tocsr().toarray()
 
     def multiply(self, x: Array, y: Array, *, add: bool = False) -> None:
         """Write the product with a vector, or with the columns of x, to y, or add it."""

@@ -1,5 +1,7 @@
 """The multilevel sparse approximate inverse of a Toeplitz matrix on a mask."""
 
+from dataclasses import replace
+from functools import partial
 from math import log2, prod
 from typing import Any
 
@@ -8,12 +10,21 @@ from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.library import NUMPY
 from toeplitz_mg.engine.products import multiply_rows
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import CoupledOperator, GridOperator
-from toeplitz_mg.operators.structure import averaged, componentwise, unwrap, unwrap_toeplitz
+from toeplitz_mg.operators.base import library_for
+from toeplitz_mg.operators.structure import (
+    averaged,
+    coefficients_on_numpy,
+    componentwise,
+    unwrap,
+    unwrap_toeplitz,
+)
 from toeplitz_mg.preconditioners.fsai.build import DEFAULT, Options, build
+from toeplitz_mg.preconditioners.fsai.cellgrid import AGGREGATE
 from toeplitz_mg.preconditioners.fsai.coupled import find_coupled_stencil
 from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
 from toeplitz_mg.preconditioners.fsai.line import LineLevel, LineMatrix, build_line
@@ -44,7 +55,7 @@ class MultilevelSparseInverse(GridOperator):
         self.mask = mask
         self.mask.flags.writeable = False
         self.sizes = level.sizes
-        self._level = level
+        self.level = level
         # Operations are compared. A product with a Toeplitz matrix along d axes, which are those
         # longer than one, has two real transforms of m = 2^d n points, each 5/2 m log₂ m.
         m = 2 ** axes_of(lengths) * prod(lengths)
@@ -58,7 +69,7 @@ class MultilevelSparseInverse(GridOperator):
             X, out = X[0], out[0]
         direct = out.dtype == self.dtype and out.flags.c_contiguous
         Y = out if direct else workspace(X.shape, self.dtype)
-        self._level.multiply(X.astype(self.dtype, copy=False), Y)
+        self.level.multiply(X.astype(self.dtype, copy=False), Y)
         if not direct:
             out[...] = Y
 
@@ -73,7 +84,7 @@ class MultilevelSparseInverse(GridOperator):
         )
 
 
-@averaged
+@partial(averaged, any_library=True)
 def fsai_preconditioner(
     A: LinearOperator, *, neighbours: int | None = None, dtype: DTypeLike | None = None
 ) -> LinearOperator:
@@ -180,7 +191,13 @@ def fsai_preconditioner(
     >>> info
     0
     """
-    return fsai_with_options(A, Options(check_neighbours(neighbours)), dtype)
+    options, library = Options(check_neighbours(neighbours)), library_for(A)
+    if library is NUMPY:
+        return fsai_with_options(A, options, dtype)
+    from toeplitz_mg.preconditioners.fsai.portable import on_library
+
+    alike = replace(options, is_line_alike=False)
+    return on_library(library, fsai_with_options(coefficients_on_numpy(A), alike, dtype))
 
 
 def check_neighbours(neighbours: int | None) -> int | None:
@@ -240,7 +257,12 @@ def _uncoupled_fsai(
     kernel = np.atleast_2d(squeezed.c.astype(np.float64, copy=False))
     level: Level | Direct | LineLevel
     if len(squeezed.grid_shape) == 1 and mask.all():
-        level = build_line(LineMatrix.of_kernel(kernel.ravel()), dtype, options)
+        if options.is_line_alike:
+            level = build_line(LineMatrix.of_kernel(kernel.ravel()), dtype, options)
+        else:
+            stencil = Stencil(kernel[None, None], AGGREGATE - 1, AGGREGATE - 1)
+            some = replace(options, direct=options.direct_on_line)
+            level = build(stencil, LevelMatrix.of_mask(stencil, mask), dtype, some)
     else:
         if options.neighbours is not None:
             stencil = Stencil.of_one(kernel, options.neighbours)

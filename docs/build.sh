@@ -1,0 +1,7 @@
+#!/usr/bin/env bash
+# Build the site into docs/_build/html, without a network: bash docs/build.sh
+# It needs '.[plot]' and the group docs: pip install '.[plot]' --group docs
+set -euo pipefail
+cd "$(dirname "$0")"
+rm -rf api gallery
+OPENBLAS_NUM_THREADS=1 "${PYTHON:-python}" -m sphinx -b html -W --keep-going -n -q . _build/html

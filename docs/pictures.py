@@ -1,0 +1,60 @@
+"""Draw the pictures of README: python docs/pictures.py, in a clone with the extra plot."""
+
+import warnings
+from pathlib import Path
+from time import process_time
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from toeplitz_mg import contact
+
+FOLDER = Path(__file__).parent / "pictures"
+STEEL = contact.Material(E=210000.0, nu=0.28)
+
+
+def draw_rough_contact():
+    """Draw the pressures of a rough surface of 1024² elements, with the CPU time that it took."""
+    n = 1024
+    element = (1.0 / n, 1.0 / n)
+    gap = contact.surfaces.rough(
+        (n, n), element, rms=1e-4, hurst=0.8, longest=0.25, shortest=8 / n, seed=5
+    )
+    bodies = (contact.Material(E=70000.0, nu=0.33), contact.Material.rigid())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", contact.ContactWarning)
+        start = process_time()
+        pressed = contact.normal_contact(gap, element, material=bodies, force=70.0, periodic=True)
+        seconds = process_time() - start
+    figure, ax = plt.subplots(figsize=(6.2, 5), layout="constrained")
+    shown = np.where(pressed.contact, pressed.pressure, np.nan)
+    most = np.quantile(pressed.pressure[pressed.contact], 0.99)
+    image = ax.imshow(shown.T, origin="lower", extent=(0, 1, 0, 1), cmap="viridis", vmax=most)
+    figure.colorbar(image, label="pressure (N/mm²)", fraction=0.045)
+    share = 100.0 * pressed.contact_fraction
+    ax.set(xlabel="x (mm)", ylabel="y (mm)")
+    ax.set_title(f"{n}² elements, {share:.0f} % in contact: {seconds:.1f} s of CPU", fontsize=11)
+    figure.savefig(FOLDER / "rough.png", dpi=110)
+
+
+def draw_three():
+    """Draw a sphere that is pressed, shifted and rolled."""
+    n = 96
+    element = (1.3 / n, 1.3 / n)
+    gap = contact.surfaces.sphere((n, n), element, radius=50.0)
+    pressed = contact.normal_contact(gap, element, material=STEEL, force=100.0)
+    bound = 0.3 * pressed.pressure
+    shifted = contact.friction(bound, element, material=STEEL, force=(15.0, 0.0))
+    rolled = contact.rolling(bound, element, material=STEEL, longitudinal=-8e-4, spin=0.004)
+    figure, axes = plt.subplots(1, 3, figsize=(13.5, 3.9), layout="constrained")
+    titles = ("pressed", "shifted", "rolled")
+    for ax, result, title in zip(axes, (pressed, shifted, rolled), titles, strict=True):
+        result.plot(ax)
+        ax.set_title(title)
+    figure.savefig(FOLDER / "sphere.png", dpi=90)
+
+
+if __name__ == "__main__":
+    FOLDER.mkdir(exist_ok=True)
+    draw_rough_contact()
+    draw_three()

@@ -1,0 +1,51 @@
+"""
+The likelihood of fractional Gaussian noise
+===========================================
+
+Long memory from a record of 20,000 values: the Hurst exponent by maximum likelihood, with exact
+likelihoods and gradients, in O(n log n) each.
+"""
+
+# %%
+# The covariance, and its derivative by H.
+import matplotlib.pyplot as plt
+import numpy as np
+from scipy.optimize import minimize
+
+import toeplitz_mg as tmg
+
+
+def covariance(n, H):
+    """Return the covariance of fractional Gaussian noise, and its derivative by H."""
+    k = np.abs(np.arange(-1.0, n + 1.0))
+    logs = np.log(np.where(k > 0, k, 1.0))
+    return np.diff(k ** (2 * H), 2) / 2, np.diff(k ** (2 * H) * logs, 2)
+
+
+n, H = 20_000, 0.8
+y = tmg.ToeplitzNormal(2.0 * covariance(n, H)[0]).rvs(random_state=0)
+
+
+# %%
+# What is minimised, by the logarithm of the variance and by H: `by_c` is the derivative of the
+# likelihood by the covariances, so that by a parameter is a sum.
+def negative(parameters):
+    """Return minus the logarithm of the likelihood over n, and its gradient."""
+    variance, H = np.exp(parameters[0]), parameters[1]
+    c, by_H = covariance(n, H)
+    value, by_c, _ = tmg.ToeplitzNormal(variance * c).logpdf_and_grad(y)
+    return -value / n, -variance * np.array([by_c @ c, by_c @ by_H]) / n
+
+
+fit = minimize(negative, (0.0, 0.5), jac=True, bounds=[(None, None), (0.01, 0.99)])
+print(f"{fit.nfev} likelihoods: variance {np.exp(fit.x[0]):.3f} (2), H {fit.x[1]:.4f} (0.8)")
+
+# %%
+around = np.linspace(fit.x[1] - 0.015, fit.x[1] + 0.015, 9)
+profile = [-n * (negative((fit.x[0], H))[0] - fit.fun) for H in around]
+fig, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.4), layout="constrained")
+left.plot(y[:1500], lw=0.6)
+left.set(xlabel="time", title="The record, its beginning")
+right.plot(around, profile, "o-")
+right.set(xlabel="H", ylabel="log-likelihood, less its largest", title="The likelihood")
+plt.show()

@@ -1,0 +1,87 @@
+"""
+A class: rolling contact
+========================
+
+Why a wheel that drives creeps. From a line, where Carter knows the answer, to a surface, where
+Kalker's linear theory knows its beginning.
+"""
+
+# %%
+# Stick and slip on a line
+# ------------------------
+# A cylinder rolls along +x. Material enters at the front without traction, sticks, and is strained
+# more and more, until friction can hold it no longer: it slips at the back.
+import matplotlib.pyplot as plt
+import numpy as np
+
+from toeplitz_mg import contact
+
+mu, R, a, n = 0.3, 500.0, 4.0, 300
+steel = contact.Material(E=210000.0, nu=0.28)
+x, h = contact.surfaces.centres(n, 10.0 / n)[0], 10.0 / n
+pressure = steel.E_star / (4 * R) * np.sqrt(np.maximum(a**2 - x**2, 0.0))
+full = mu * a / R  # The creepage from which all of it slips.
+fig, ax = plt.subplots(layout="constrained")
+ax.plot(x, mu * pressure, "k--", label="μ p")
+for share in (0.2, 0.5, 0.8):
+    rolled = contact.rolling(mu * pressure, h, material=steel, longitudinal=-share * full)
+    ax.plot(x, rolled.traction.ravel(), label=f"{share} of full creepage")
+    force = float(np.ravel(rolled.force)[0]) / (mu * pressure.sum() * h)
+    sticks = rolled.stick.sum() / rolled.contact.sum()
+    print(
+        f"{share}: force {force:.4f}, Carter {1 - (1 - share) ** 2:.4f}; "
+        f"sticks {sticks:.3f}, Carter {1 - share:.3f}"
+    )
+ax.set(xlabel="x, the direction of rolling (mm)", ylabel="traction (N/mm²)")
+ax.legend()
+
+# %%
+# How it comes about
+# ------------------
+# `rolling_steps` starts from a shift and rolls step by step: after a length of the contact or two
+# nothing changes any more.
+#
+# On a surface
+# ------------
+# A sphere on a flat. The sign: a negative creepage is the slip of a wheel that drives, and its
+# force is along +x.
+element = (0.03, 0.03)
+gap = contact.surfaces.sphere((44, 44), element, radius=50.0)
+pressed = contact.normal_contact(gap, element, material=steel, force=100.0)
+bound = mu * pressed.pressure
+radius = np.sqrt(pressed.area / np.pi)
+few = [
+    contact.rolling(bound, element, material=steel, longitudinal=-share * mu * radius / 50.0)
+    for share in (0.3, 1.0)
+]
+fig, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+for ax, rolled in zip(axes, few, strict=True):
+    rolled.plot(ax)
+
+# %%
+# Kalker's linear theory
+# ----------------------
+# At small creepage the force is proportional to it: F = -C₁₁ G a b ξ, with C₁₁ about 4.1 to 4.2 for
+# a circle and ν of 1/4 to 0.28. On a coarse grid it is approached from one side.
+creepage = 0.02 * mu * radius / 50.0
+slow = contact.rolling(bound, element, material=steel, longitudinal=-creepage)
+print(f"C11 {slow.force[0] / (steel.G * radius**2 * creepage):.3f}")
+
+# %%
+# Spin
+# ----
+# A contact that is inclined turns about its normal. Spin alone gives a force across.
+spun = contact.rolling(bound, element, material=steel, spin=0.004)
+print(f"along {spun.force[0]:.3f} N, across {spun.force[1]:.3f} N")
+
+# %%
+# What friction leaves
+# --------------------
+# The creepage is lost: force times creepage is the work of slip over the distance. *Exercise: add
+# it up over the elements from `traction` and `slip`, and compare.*
+rolled = few[1]
+lost = -(rolled.traction * rolled.slip).sum() * element[0] * element[1]
+print(
+    f"lost in slip {lost:.5f} N, force times creepage {rolled.force[0] * mu * radius / 50.0:.5f} N"
+)
+plt.show()

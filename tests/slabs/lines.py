@@ -1,0 +1,118 @@
+"""One axis on slabs: products, preconditioners and solves are those of one process."""
+
+from functools import partial
+
+import numpy as np
+
+import toeplitz_mg as tmg
+from tests.slabs.products import assert_rows, tolerance
+from tests.slabs.ranks import refuses
+from tests.slabs.solves import NAMES, residuals_of
+from toeplitz_mg import slabs
+
+# 2 · 33000 - 1 is fast; of 65537, a prime, M inverts a longer circulant, and L = 65550 is even.
+LENGTHS = (33000, 65537)
+KERNELS = {
+    "a tail that is summed": lambda k: 1.0 / (1.0 + 0.01 * k) ** 2,
+    "one that is continued": lambda k: 1.0 / (1.0 + k) ** 0.5,
+}
+
+
+def both(comm, n, kernel, dtype=np.float64):
+    slab, c = slabs.Slab(comm, (n,)), KERNELS[kernel](np.arange(float(n)))
+    c[0] += 3.0  # So that the inverse is well conditioned: rounding is told from errors.
+    c = c.astype(dtype)
+    return tmg.ToeplitzOperator(c), slabs.ToeplitzOperator(c[slab.rows], slab)
+
+
+def test_preconditioners_of_long_lines(comm):
+    for n in LENGTHS:
+        x = np.random.default_rng(0).random(n)
+        for kernel in KERNELS:
+            serial, A = both(comm, n, kernel)
+            assert_rows(A.slab, A @ x[A.slab.rows], serial @ x, 1e-14)
+            for name in NAMES:
+                for dtype in (np.float64, np.float32)[: 1 + (n == LENGTHS[0])]:
+                    M, W = (
+                        getattr(tmg, name)(serial, dtype=dtype),
+                        getattr(slabs, name)(A, dtype=dtype),
+                    )
+                    y = W @ x[A.slab.rows].astype(dtype)
+                    assert y.dtype == dtype
+                    assert_rows(A.slab, y, M @ x, tolerance(dtype))
+
+
+def test_cg_takes_the_iterations_of_one_process(comm):
+    n = 4099
+    serial, A = both(comm, n, "one that is continued")
+    b = np.random.default_rng(0).standard_normal(n)
+    mask = np.random.default_rng(1).random(n) < 0.7
+    rows, own = A.slab.rows, mask[A.slab.rows]
+    known = slice(*np.cumsum([0, *mask])[[rows.start, rows.stop]])  # This rank's, on the mask.
+    pairs = (
+        (serial, A, b, rows),
+        (tmg.MaskedOperator(serial, mask), slabs.MaskedOperator(A, own), b[mask], known),
+    )
+    for whole, part, right, here in pairs:
+        for name in [*NAMES, "fsai_preconditioner"]:
+            expected, before = residuals_of(whole, right, M=getattr(tmg, name)(whole))
+            x, residuals = residuals_of(part, right[here], M=getattr(slabs, name)(part))
+            assert len(residuals) == len(before), name
+            error = np.abs(x - expected[here]).max(initial=0.0)
+            assert error <= 1e-4 * np.abs(expected).max()
+
+
+def test_components_on_a_line(comm):
+    n = 300
+    serial, A = both(comm, n, "one that is continued")
+    C, D = (
+        tmg.CoupledOperator([[serial, None], [None, serial]]),
+        slabs.CoupledOperator([[A, None], [None, A]]),
+    )
+    x = np.random.default_rng(0).standard_normal((2, n))
+    assert_rows(A.slab, D @ x[:, A.slab.rows].ravel(), (C @ x.ravel()).reshape(2, n), 1e-14)
+    for name in NAMES:
+        make = getattr(tmg, name)
+        M = (make if name == NAMES[0] else tmg.componentwise(make))(C)
+        y = getattr(slabs, name)(D) @ x[:, A.slab.rows].ravel()
+        assert_rows(A.slab, y, (M @ x.ravel()).reshape(2, n), 1e-14)
+
+
+def test_rows_that_ranks_share(comm):
+    """Ranks may begin anywhere, and some may have no row of the matrix that a line becomes."""
+    for n, unit in ((4, 1), (9, 2), (1009, 7)):
+        if -(-n // unit) < comm.size:
+            continue
+        slab, c = slabs.Slab(comm, (n,), unit=unit), 0.7 ** np.arange(n)
+        x, serial = np.random.default_rng(0).random(n), tmg.ToeplitzOperator(c)
+        A = slabs.ToeplitzOperator(c[slab.rows], slab)
+        for M, W in (
+            (serial, A),
+            *((getattr(tmg, f)(serial), getattr(slabs, f)(A)) for f in NAMES),
+        ):
+            assert_rows(slab, W @ x[slab.rows], M @ x, 1e-14)
+
+
+def test_bytes(comm):
+    """32 (1 - 1/P) for each unknown in a product, 48 by real transforms, in double precision."""
+    n, P = 2**14, comm.size
+    _, A = both(comm, n, "one that is continued")
+    operators = (A, *(getattr(slabs, name)(A) for name in NAMES))
+    for operator, bytes_of_one in zip(operators, (32, 32, 48, 48), strict=True):
+        comm.reset()
+        operator.apply(np.ones(A.shape[0]))
+        assert set(comm.calls) == {"Alltoallv"}
+        sent = comm.sent
+        # Of the frequencies one row more than half of them is sent.
+        assert sum(A.slab.gather(sent)) <= bytes_of_one * (1 - 1 / P) * n * (1 + 2**-6) + 1e-6
+
+
+def test_what_is_not_positive_definite_is_refused_by_all(comm):
+    n = 300
+    slab = slabs.Slab(comm, (n,))
+    c = np.where(np.arange(n) == 1, 1.0, 0.0)[slab.rows]
+    A = slabs.ToeplitzOperator(c, slab)
+    for name in NAMES:
+        refuses(
+            comm, np.linalg.LinAlgError, "but needs all above", partial(getattr(slabs, name), A)
+        )

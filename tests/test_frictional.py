@@ -1,0 +1,379 @@
+"""Unlike materials: pressures and friction at once, against dense solutions and theory."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from toeplitz_mg import halfspace
+from toeplitz_mg.contact import (
+    ContactError,
+    FrictionalResult,
+    Material,
+    friction,
+    frictional_contact,
+    normal_contact,
+    surfaces,
+)
+from toeplitz_mg.halfspace.matrices import coupling_matrices
+
+SOFT, RIGID = Material.from_shear(0.5, 0.0), Material.rigid()
+BODIES = Material.from_shear(1.0, 0.1), Material.from_shear(3.0, 0.4)
+
+doubtful = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+
+
+def boussinesq(G, nu, x, y, z):
+    """Displacements of a half-space z > 0 by a unit force along z at its origin (Johnson, 3.18)."""
+    rho = np.sqrt(x**2 + y**2 + z**2)
+    common = z / rho**3 - (1 - 2 * nu) / (rho * (rho + z))
+    u_z = z**2 / rho**3 + 2 * (1 - nu) / rho
+    return np.array([x * common, y * common, u_z]) / (4 * np.pi * G)
+
+
+def cerruti(G, nu, x, y, z):
+    """Displacements of a half-space z > 0 by a unit force along x at its origin (Johnson, 3.75)."""
+    rho = np.sqrt(x**2 + y**2 + z**2)
+    a, b = rho + z, 1 - 2 * nu
+    u_x = 1 / rho + x**2 / rho**3 + b * (1 / a - x**2 / (rho * a**2))
+    u_y = x * y / rho**3 - b * x * y / (rho * a**2)
+    u_z = x * z / rho**3 + b * x / (rho * a)
+    return np.array([u_x, u_y, u_z]) / (4 * np.pi * G)
+
+
+@pytest.mark.parametrize("point", [cerruti, boussinesq])
+def test_the_point_solutions_are_in_equilibrium(point):
+    """They solve Navier's equations, and their stress carries the unit force across a plane."""
+    G, nu, e = 0.7, 0.2, 1e-3
+    steps = e * np.eye(3)
+
+    def u(at):
+        return point(G, nu, *at)
+
+    def gradient(f, at):
+        return np.array([(f(at + s) - f(at - s)) / (2 * e) for s in steps])
+
+    def divergence(at):
+        return np.trace(gradient(u, at))
+
+    at = np.array([0.3, -0.5, 0.9])
+    laplacian = sum(u(at + s) - 2 * u(at) + u(at - s) for s in steps) / e**2
+    navier = laplacian + gradient(divergence, at) / (1 - 2 * nu)
+    assert_allclose(navier, 0.0, atol=1e-4 * np.abs(laplacian).max())
+
+    # The force across the plane z = 1, by the trapezoidal rule in x = sinh s, y = sinh t.
+    s = np.linspace(-9, 9, 361)
+    x = np.sinh(s)
+    X, Y = np.meshgrid(x, x, indexing="ij")
+    weight = np.outer(np.cosh(s), np.cosh(s)) * (s[1] - s[0]) ** 2
+    plane = np.array([X, Y, np.ones_like(X)])
+    du = np.array(
+        [(u(plane + k[:, None, None]) - u(plane - k[:, None, None])) / (2 * e) for k in steps]
+    )
+    lame = 2 * G * nu / (1 - 2 * nu)
+    trace = du[0, 0] + du[1, 1] + du[2, 2]
+    tractions = [G * (du[2, i] + du[i, 2]) + (lame * trace if i == 2 else 0) for i in range(3)]
+    force = [(t * weight).sum() for t in tractions]
+    # The body below the plane is pushed by the force that the body above receives.
+    assert_allclose(force, [0, 0, -1] if point is boussinesq else [-1, 0, 0], atol=2e-3)
+
+
+@pytest.mark.parametrize("name", ["xz", "yz", "zx", "zy"])
+def test_coupling_is_the_difference_of_two_bodies(name):
+    """By integration of Boussinesq's and Cerruti's solutions over an element, for each body.
+
+    The first body is z > 0, the second z < 0: it is turned about the x-axis, where y and z, and all
+    tractions on it, have the other sign.
+    """
+    h1, h2, x, y = 0.8, 0.5, 0.9, -0.6
+    (m, n), load = name, {"x": 0, "y": 1, "z": 2}
+    t, w = np.polynomial.legendre.leggauss(40)
+    X, Y = np.meshgrid(x - h1 / 2 * t, y - h2 / 2 * t, indexing="ij")
+    weight = np.outer(w, w) * h1 * h2 / 4
+
+    def displacement(body, direction, X, Y):
+        if direction == "z":
+            return boussinesq(body.G, body.nu, X, Y, 0.0)
+        if direction == "x":
+            return cerruti(body.G, body.nu, X, Y, 0.0)
+        u = cerruti(body.G, body.nu, Y, -X, 0.0)  # Turned by a right angle about z.
+        return np.array([-u[1], u[0], u[2]])
+
+    first = displacement(BODIES[0], n, X, Y)[load[m]]
+    # On the second body acts minus the traction: in its own frame (x, -y, -z) that is a force along
+    # -x, +y or +z.
+    sign = np.array([1.0, -1.0, -1.0])
+    second = -sign[load[n]] * displacement(BODIES[1], n, X, -Y)[load[m]] * sign[load[m]]
+    expected = ((first - second) * weight).sum()
+    both = halfspace.combined_material(*BODIES)
+    kernel = getattr(halfspace, "influence_" + "".join(sorted(name)))
+    value = kernel(x, y, (h1, h2), G=both.G, K=both.difference)
+    assert_allclose(value if name[1] == "z" else -value, expected, rtol=1e-9)
+    # The matrices that contact uses have it, and its transpose for the other way round.
+    A = coupling_matrices("xy", (3, 3), (h1, h2), BODIES)["xy".index(name.replace("z", ""))]
+    dense = A @ np.eye(9)
+    at = A.lags[3, 3]
+    assert_allclose(dense[8, 4], at)
+    assert_allclose(dense.T, -dense, atol=1e-16)
+
+
+def test_coupling_in_plane_strain_is_that_of_long_strips():
+    (A,) = coupling_matrices("x", (5,), (0.5,), BODIES)
+    (B,) = coupling_matrices("x", (5,), (0.5, 1e5), BODIES)
+    assert_allclose(A @ np.eye(5), B @ np.eye(5), rtol=1e-4, atol=1e-12)
+    both = halfspace.combined_material(*BODIES)
+    side = both.difference / both.G * 0.5  # The surface is drawn in, as far on both sides.
+    assert_array_equal((A @ np.eye(5))[:, 2], side * np.array([1, 1, 0, -1, -1]))
+
+
+def dense_solution(gap, element, material, mu, force, before=None, sweeps=4000):
+    """By Gauss and Seidel's method: element by element p ≥ 0 and then |q| ≤ μ p, and the force."""
+    n = gap.size
+    A = halfspace.influence_matrix("xyz", gap.shape, element, material) @ np.eye(3 * n)
+    before = np.zeros(3 * n) if before is None else before
+    z, u0 = gap.ravel() - gap.min(), (A @ before)[: 2 * n]
+    t = before.copy()
+
+    def settle(approach):
+        for _ in range(sweeps):
+            last = t.copy()
+            for i in range(n):
+                k = 2 * n + i
+                t[k] = max(0.0, t[k] - (A[k] @ t + z[i] - approach) / A[k, k])
+                ij = [i, n + i]
+                q = t[ij] - (A[ij] @ t - u0[ij]) / A[i, i]
+                size = np.hypot(*q)
+                t[ij] = q * min(1.0, mu * t[k] / size) if size > 0 else 0.0
+            if np.abs(t - last).max() <= 1e-13 * np.abs(t).max():
+                break
+        return t[2 * n :].sum() * np.prod(element) - force
+
+    low, high = 0.0, np.ptp(z)
+    f_low, f_high = -force, settle(high)
+    while True:  # By regula falsi, the Illinois way.
+        middle = high - f_high * (high - low) / (f_high - f_low)
+        f = settle(middle)
+        if abs(f) <= 1e-11 * force:
+            return t.reshape(3, *gap.shape), middle
+        if f * f_high < 0.0:
+            low, f_low = high, f_high
+        else:
+            f_low /= 2.0
+        high, f_high = middle, f
+
+
+@doubtful
+@pytest.mark.parametrize("bodies", [BODIES, BODIES[::-1], (SOFT, RIGID)], ids=str)
+def test_equals_a_dense_solution(bodies):
+    """Two steps of a load, so that the displacements before count."""
+    element, mu, shape = (0.7, 0.55), 0.3, (5, 6)
+    x, y = surfaces.centres(shape, element)
+    gap = 0.02 * x**2 + 0.03 * (y - 0.1) ** 2
+    result, before, peak = None, None, 0.0
+    for force in (0.05, 0.15):
+        result = frictional_contact(
+            gap,
+            element,
+            material=bodies,
+            mu=mu,
+            force=force,
+            previous=result,
+            tolerance=1e-9,
+        )
+        t, approach = dense_solution(
+            gap, element, bodies, mu, force, None if before is None else before.ravel()
+        )
+        before, peak = t, t[2].max()
+        assert_allclose(result.normal.pressure, t[2], rtol=0, atol=1e-6 * peak)
+        assert_allclose(result.tangential.traction, t[:2], rtol=0, atol=1e-6 * mu * peak)
+        assert_allclose(result.normal.approach, approach + gap.min(), rtol=1e-7)
+    assert result.tangential.stick.any()
+    assert result.tangential.sliding.any()
+
+
+def sphere(n=24, **arguments):
+    """A soft sphere on a rigid plane."""
+    element = (2.0 / n, 2.0 / n)
+    gap = surfaces.sphere((n, n), element, radius=1.0)
+    given = {"material": (SOFT, RIGID), "mu": 0.3, "force": 0.2} | arguments
+    return gap, element, frictional_contact(gap, element, **given)
+
+
+def test_conditions_hold_with_all_displacements():
+    """They are computed anew, from the matrix of all three directions."""
+    gap, element, result = sphere(shift=(0.002, 0.001), tolerance=1e-8)
+    normal, tangential = result.normal, result.tangential
+    t = np.stack([*tangential.traction, normal.pressure])
+    A = halfspace.influence_matrix("xyz", gap.shape, element, (SOFT, RIGID))
+    u = (A @ t.ravel()).reshape(t.shape)
+    assert_allclose(normal.displacement, u[2], rtol=0, atol=1e-12)
+    w = gap + u[2] - normal.approach
+    assert_allclose(normal.gap, w, rtol=0, atol=1e-12)
+    interference = normal.approach - gap.min()
+    assert np.abs(w[normal.contact]).max() <= 1.01e-8 * interference
+    assert w.min() >= -1.01e-8 * interference
+    assert (normal.pressure >= 0.0).all()
+    assert_array_equal(tangential.bound, 0.3 * normal.pressure)
+    assert (tangential.magnitude <= tangential.bound).all()
+    slip = np.where(tangential.contact, u[:2] - np.reshape([0.002, 0.001], (2, 1, 1)), 0.0)
+    assert_allclose(tangential.slip, slip, rtol=0, atol=1e-12)
+    assert np.abs(slip[:, tangential.stick]).max() <= 1e-9
+    assert_allclose(
+        normal.energy + tangential.energy, 0.5 * np.prod(element) * (t * u).sum(), rtol=1e-10
+    )
+    assert tangential.warnings == ()
+
+
+def test_friction_hardens_and_draws_outwards():
+    """The soft body contracts under pressure, and friction on it points outwards (Spence, 1968)."""
+    gap, element, result = sphere()
+    smooth = normal_contact(gap, element, material=(SOFT, RIGID), force=0.2)
+    assert result.normal.area < smooth.area
+    assert result.normal.max_pressure > 1.1 * smooth.max_pressure
+    x, y = surfaces.centres(gap.shape, element)
+    outwards = result.tangential.traction[0] * x + result.tangential.traction[1] * y
+    assert (outwards[result.tangential.contact] > 0.0).all()
+
+
+@pytest.mark.parametrize("shift", [None, (0.003, -0.001)])
+def test_like_materials_are_two_problems_exactly(shift):
+    gap, element, both = sphere(
+        material=(SOFT, SOFT), shift=shift, tolerance=1e-6, tangential_force=None
+    )
+    normal = normal_contact(gap, element, material=SOFT, force=0.2, tolerance=1e-8)
+    assert_array_equal(both.normal.pressure, normal.pressure)
+    along = friction(
+        0.3 * normal.pressure, element, material=SOFT, shift=shift or (0.0, 0.0), tolerance=1e-8
+    )
+    assert_array_equal(both.tangential.traction, along.traction)
+    assert len(both.residuals) == 1
+
+
+def test_bodies_that_change_places_have_the_other_tractions():
+    _, _, one = sphere()
+    _, _, two = sphere(material=(RIGID, SOFT))
+    assert_allclose(two.normal.pressure, one.normal.pressure, atol=1e-5)
+    assert_allclose(two.tangential.traction, -one.tangential.traction, atol=1e-5)
+
+
+def test_units():
+    """Metres and pascals in the place of millimetres and N/mm²."""
+    gap, element, mm = sphere(force=0.2)
+    soft = Material.from_shear(SOFT.G * 1e6, SOFT.nu)
+    m = frictional_contact(
+        1e-3 * gap, tuple(1e-3 * h for h in element), material=(soft, RIGID), mu=0.3, force=0.2
+    )
+    assert_allclose(m.normal.pressure, 1e6 * mm.normal.pressure, rtol=1e-6)
+    assert_allclose(m.normal.approach, 1e-3 * mm.normal.approach, rtol=1e-6)
+    assert_allclose(m.tangential.traction, 1e6 * mm.tangential.traction, atol=1.0)
+
+
+def test_by_approach_as_by_force_and_by_a_tangential_force_as_by_a_shift():
+    _, _, one = sphere(shift=(0.01, 0.0), tolerance=1e-8)
+    _, _, two = sphere(
+        force=None,
+        approach=one.normal.approach,
+        tangential_force=one.tangential.force,
+        tolerance=1e-8,
+    )
+    assert_allclose(two.normal.force, 0.2, rtol=1e-6)
+    assert_allclose(two.tangential.shift, (0.01, 0.0), atol=1e-7)
+    assert_allclose(two.tangential.traction, one.tangential.traction, atol=1e-6)
+
+
+def test_a_step_that_changes_nothing():
+    _, _, one = sphere(tolerance=1e-8)
+    _, _, two = sphere(previous=one, tolerance=1e-8)
+    assert_allclose(two.tangential.traction, one.tangential.traction, atol=1e-7)
+    assert np.abs(two.tangential.slip).max() < 1e-7 * np.abs(one.tangential.slip).max() + 1e-9
+
+
+def test_line_contact_in_plane_strain():
+    """Far longer strips are the same; friction makes the contact narrower."""
+    (x,) = surfaces.centres(64, 0.05)
+    gap = x**2 / 2
+    arguments = {"material": (SOFT, RIGID), "mu": 0.3}
+    plane = frictional_contact(gap, 0.05, force=0.3, **arguments)
+    strips = frictional_contact(gap, (0.05, 1e4), force=0.3e4, **arguments)
+    assert_allclose(plane.normal.pressure, strips.normal.pressure, rtol=0, atol=1e-4)
+    assert_allclose(plane.tangential.traction, strips.tangential.traction, rtol=0, atol=1e-4)
+    smooth = normal_contact(gap, 0.05, material=(SOFT, RIGID), force=0.3)
+    assert plane.normal.area < smooth.area
+    assert plane.tangential.traction[40] > 0.0 > plane.tangential.traction[23]
+
+
+def test_bonded_punch():
+    """Mossakovskii and Spence: ln(3 - 4ν)/(1 - 2ν) at ν = 0; the error falls with the element."""
+    errors = []
+    for n in (32, 64):
+        x, y = surfaces.centres((n, n), (2.0 / n, 2.0 / n))
+        gap = np.where(np.hypot(x, y) < 0.8, 0.0, 1.0)
+        press = {"element": (2.0 / n, 2.0 / n), "material": (SOFT, RIGID), "approach": 1e-3}
+        bonded = frictional_contact(gap, mu=np.inf, **press)
+        assert bonded.tangential.stick[gap == 0.0].all()
+        errors.append(bonded.normal.force / normal_contact(gap, **press).force / np.log(3.0) - 1.0)
+    assert abs(errors[1]) < 0.7 * abs(errors[0]) < 0.003
+
+
+@doubtful  # It begins with one element in contact.
+@pytest.mark.slow
+def test_a_sphere_pressed_in_35_steps():
+    """Spence; Kalker 1990, Figure 5.25."""
+    h = 0.2
+    x = -4.3999 + h * np.arange(45)
+    gap = 0.004116 * (x[:, None] ** 2 + x**2)
+    bodies = SOFT, Material.from_shear(1e5, 0.0)
+    result = None
+    for k in range(1, 36):
+        result = frictional_contact(
+            gap, (h, h), material=bodies, mu=0.2986, force=(k / 45) ** 3, previous=result
+        )
+        assert len(result.residuals) <= 6
+    assert isinstance(result, FrictionalResult)
+    assert result.normal.contact.sum() == 921
+    assert result.tangential.stick.sum() == 225
+    assert result.tangential.sliding.sum() == 696
+    assert f"{result.normal.max_pressure:.5f}" == "0.02392"
+    assert f"{result.normal.approach:.5f}" == "0.09874"
+    smooth = normal_contact(gap, (h, h), material=bodies, force=(35 / 45) ** 3)
+    assert smooth.contact.sum() == 973
+    assert f"{smooth.max_pressure:.5f}" == "0.01834"
+
+
+def test_without_contact_there_is_nothing():
+    gap, _, result = sphere(force=None, approach=-0.1)
+    assert not result.normal.pressure.any()
+    assert not result.tangential.traction.any()
+    assert_array_equal(result.normal.gap, gap - gap.min() + (gap.min() + 0.1))
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "match"),
+    [
+        ({"mu": -0.1}, ValueError, "mu is -0.1, but a coefficient of friction is at least zero"),
+        ({"mu": np.nan}, ValueError, "mu is nan"),
+        ({"approach": 1.0}, ValueError, "one of the two must be given"),
+        (
+            {"shift": (0.0, 0.0), "tangential_force": (0.0, 0.0)},
+            ValueError,
+            "at most one of the two may be given",
+        ),
+        ({"tangential_force": (0.06, 0.0)}, ValueError, "less than the traction bound carries"),
+        ({"tangential_force": (0.07, 0.0)}, ValueError, "the bodies would slide off"),
+        (
+            {"tangential_force": (0.07, 0.0), "force": None, "approach": 0.2},
+            ValueError,
+            "the bodies would slide off",
+        ),
+        ({"previous": 1.0}, TypeError, "previous is of type float, but must be a FrictionalResult"),
+        ({"max_iterations": 0}, ValueError, "max_iterations is 0"),
+        ({"tolerance": 0.0}, ValueError, "tolerance is 0.0"),
+    ],
+)
+def test_refuses_bad_arguments(change, error, match):
+    with pytest.raises(error, match=match):
+        sphere(**change)
+
+
+def test_says_where_it_does_not_converge():
+    with pytest.raises(ContactError, match="after 2 iterations between pressures and friction"):
+        sphere(max_iterations=2)

@@ -1,0 +1,165 @@
+"""Contact with a hardness: p ≤ H, and where p = H the bodies are pressed into each other."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.optimize
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from toeplitz_mg.contact import Material, normal_contact, surfaces
+from toeplitz_mg.contact.grid import Grid
+
+UNIT = Material.from_shear(0.7, 0.3)  # G and ν of bodies with E* = G/(1-ν) = 1.
+A = 0.6  # Radius of contact without a hardness, on grids of [-1, 1].
+P0 = 2 * A / np.pi
+
+# Tests of what is solved, on grids that are meant to be small.
+doubtful = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+
+
+def bounded_least_squares(gap, element, approach, hardness):
+    """The pressures by SciPy: min ½ p·Ap - (δ - z)·p with 0 ≤ p ≤ H, from a dense matrix."""
+    dense = Grid.of(gap.shape, element, UNIT, None).normal().toarray()
+    L = np.linalg.cholesky(dense)
+    b = scipy.linalg.solve_triangular(L, approach - gap.ravel(), lower=True)
+    found = scipy.optimize.lsq_linear(L.T, b, bounds=(0.0, hardness), method="bvls", tol=1e-14)
+    return found.x.reshape(gap.shape)
+
+
+def assert_complementary(result, matrix, gap, hardness, tolerance=1e-8):
+    """With the products of a matrix: w ≥ 0 where p = 0, w = 0 between, w ≤ 0 where p = H."""
+    p = result.pressure
+    w = (matrix @ p.ravel()).reshape(p.shape) + gap - result.approach
+    slack = 1.05 * tolerance * (result.approach - gap.min())
+    assert p.min() >= 0.0
+    assert p.max() <= hardness
+    assert w[p < hardness].min(initial=0.0) >= -slack
+    assert w[p > 0.0].max(initial=0.0) <= slack
+    assert_allclose(result.plastic, np.where(p == hardness, np.maximum(-w, 0.0), 0.0), atol=slack)
+    assert_allclose(result.gap, w + result.plastic, atol=slack)
+
+
+def sphere(n, **options):
+    h = 2.0 / n
+    gap = surfaces.sphere((n, n), (h, h), radius=1.0)
+    return gap, normal_contact(gap, (h, h), material=UNIT, **options)
+
+
+@pytest.mark.parametrize("load", [{"force": 4 / 3 * A**3}, {"approach": A**2}])
+def test_hertz_with_a_hardness_is_the_dense_solution(load):
+    hardness = 0.6 * P0
+    gap, result = sphere(24, hardness=hardness, tolerance=1e-12, **load)
+    expected = bounded_least_squares(gap, result.element, result.approach, hardness)
+    assert_allclose(result.pressure, expected, atol=1e-9)
+    assert 0.1 < (result.pressure == hardness).sum() / result.contact.sum() < 0.9
+    if "force" in load:
+        assert_allclose(result.force, load["force"], rtol=1e-12)
+
+
+def test_hertz_with_a_hardness_on_a_finer_grid():
+    hardness = 0.6 * P0
+    gap, result = sphere(256, hardness=hardness, force=4 / 3 * A**3)
+    grid = Grid.of(gap.shape, result.element, UNIT, None)
+    assert_complementary(result, grid.normal(), gap, hardness)
+    assert result.products <= 35
+    _, elastic = sphere(256, force=4 / 3 * A**3)
+    assert result.area > elastic.area
+    assert result.approach > elastic.approach
+    assert result.plastic.max() == result.plastic[128, 128] > 0.0
+    assert_allclose(result.plastic, result.plastic[::-1, ::-1], atol=1e-7)
+
+
+def test_a_hardness_that_is_not_reached_changes_nothing():
+    _, elastic = sphere(64, force=4 / 3 * A**3, tolerance=1e-11)
+    _, result = sphere(64, force=4 / 3 * A**3, tolerance=1e-11, hardness=1.2 * P0)
+    assert_allclose(result.pressure, elastic.pressure, atol=1e-9)
+    assert not result.plastic.any()
+    assert elastic.plastic is None
+
+
+def test_plane_strain():
+    gap = surfaces.cylinder(60, 1.0 / 30, radius=1.0)
+    force, hardness = np.pi * A**2 / 4, 0.7 * A / 2
+    result = normal_contact(
+        gap, 1.0 / 30, material=UNIT, force=force, hardness=hardness, tolerance=1e-12
+    )
+    expected = bounded_least_squares(gap, 1.0 / 30, result.approach, hardness)
+    assert_allclose(result.pressure, expected, atol=1e-9)
+
+
+@doubtful
+@pytest.mark.parametrize("periodic", [False, True, (True, False)])
+@pytest.mark.parametrize("share", [0.3, 0.9, 0.999, 1.0])
+def test_up_to_full_contact_at_the_hardness(periodic, share):
+    """A force that is the hardness times the area makes it the pressure everywhere."""
+    gap = 0.01 * np.random.default_rng(0).random((24, 20))
+    hardness, element = 0.02, (0.1, 0.1)
+    force = share * hardness * 0.01 * gap.size
+    options = {"force": force, "hardness": hardness, "periodic": periodic}
+    result = normal_contact(gap, element, material=UNIT, **options)
+    grid = Grid.of(gap.shape, element, UNIT, None, periodic)
+    assert_complementary(result, grid.normal().toarray(), gap, hardness)
+    assert_allclose(result.force, force, rtol=1e-12)
+    if share == 1.0:
+        assert (result.pressure == hardness).all()
+        assert_allclose(result.gap, 0.0, atol=1e-14)
+
+
+@doubtful
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.one_of(
+        st.tuples(st.integers(1, 60)), st.tuples(st.integers(1, 20), st.integers(1, 20))
+    ),
+    load=st.floats(1e-3, 1.0),
+    hardness=st.floats(1e-3, 1.0),
+    is_force=st.booleans(),
+    is_periodic=st.booleans(),
+)
+@settings(max_examples=100, deadline=None)
+def test_any_surface_and_load(seed, shape, load, hardness, is_force, is_periodic):
+    rng = np.random.default_rng(seed)
+    element = tuple(rng.uniform(0.1, 1.0, len(shape)))
+    gap = 0.01 * rng.standard_normal(shape)
+    if is_force:
+        arguments = {"force": load * hardness * np.prod(shape) * np.prod(element)}
+    else:
+        arguments = {"approach": gap.min() + (gap.mean() - gap.min()) * 0.99 * load + 1e-9}
+        is_periodic = is_periodic and gap.size > 2
+    periodic = is_periodic and gap.size > 1
+    result = normal_contact(
+        gap, element, material=UNIT, hardness=hardness, periodic=periodic, **arguments
+    )
+    grid = Grid.of(shape, element, UNIT, None, periodic)
+    assert_complementary(result, grid.normal().toarray(), gap, hardness)
+    if is_force:
+        assert_allclose(result.force, arguments["force"], rtol=1e-8)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9, 0.99, 0.999])
+def test_rough_surfaces_near_full_contact(share):
+    """A mean pressure near the hardness, of a surface that repeats: most of it yields."""
+    n, hardness = 128, 0.03
+    gap = surfaces.rough((n, n), (0.1, 0.1), rms=0.02, seed=1)
+    force = share * hardness * (0.1 * n) ** 2
+    result = normal_contact(
+        gap, (0.1, 0.1), material=UNIT, force=force, hardness=hardness, periodic=True
+    )
+    grid = Grid.of(gap.shape, (0.1, 0.1), UNIT, None, True)
+    assert_complementary(result, grid.normal(), gap, hardness)
+    assert result.products <= 60
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"hardness": 0.0}, "hardness is 0.0, but must be positive"),
+        ({"hardness": np.nan}, "hardness is nan"),
+        ({"hardness": 0.2}, "force is 1, but must be at most 0.8, which all elements carry"),
+    ],
+)
+def test_refuses_what_makes_no_sense(change, message):
+    with pytest.raises(ValueError, match=message):
+        normal_contact(np.zeros((2, 2)), (1.0, 1.0), material=UNIT, force=1.0, **change)

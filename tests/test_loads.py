@@ -1,0 +1,228 @@
+"""Load curves: the answers of single loads, in fewer products; stiffness; no load; friction."""
+
+import pickle
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from toeplitz_mg.contact import (
+    ContactError,
+    Material,
+    friction,
+    load_curve,
+    normal_contact,
+    surfaces,
+)
+from toeplitz_mg.contact.grid import Grid
+
+UNIT = Material.from_shear(0.7, 0.3)  # E* = G/(1-ν) = 1 of two equal bodies.
+SINGLE = {"forces": "force", "approaches": "approach"}
+doubtful = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+
+
+def rough_gap(n, seed=1):
+    h = 2.0 / n
+    shortest = max(2.0 / 64, 4 * h)
+    return surfaces.rough((n, n), (h, h), rms=0.01, longest=0.5, shortest=shortest, seed=seed)
+
+
+def sphere_gap(n):
+    return surfaces.sphere((n, n), (2.0 / n, 2.0 / n), radius=1.0)
+
+
+def dense(gap, h):
+    """The matrix of normal contact, column by column."""
+    A = Grid.of(gap.shape, (h, h), UNIT, None).normal()
+    return A @ np.eye(gap.size)
+
+
+# The answers --------------------------------------------------------------------------------
+
+
+@doubtful
+@pytest.mark.parametrize("loads", [[0.01, 0.05, 0.2, 0.3], [0.3, 0.1, 0.02], [0.1, 0.1, 0.1]])
+@pytest.mark.parametrize("by", ["forces", "approaches"])
+def test_the_answers_are_those_of_single_loads(loads, by):
+    gap, h = rough_gap(64), 2.0 / 64
+    if by == "approaches":
+        loads = [0.1 * load for load in loads]
+    curve = list(load_curve(gap, (h, h), material=UNIT, **{by: loads}))
+    for load, result in zip(loads, curve, strict=True):
+        single = {SINGLE[by]: load}
+        alone = normal_contact(gap, (h, h), material=UNIT, **single)
+        assert_allclose(result.force, alone.force, rtol=1e-6)
+        assert_allclose(result.approach, alone.approach, rtol=1e-6)
+        assert np.array_equal(result.contact, alone.contact)
+        assert result.residual <= 1e-8
+
+
+@doubtful
+def test_a_curve_takes_fewer_products_than_single_loads():
+    n, loads = 256, np.linspace(0.1, 0.3, 6)
+    gap, element = rough_gap(n), (2.0 / n, 2.0 / n)
+    curve = list(load_curve(gap, element, material=UNIT, forces=loads))
+    alone = [normal_contact(gap, element, material=UNIT, force=load) for load in loads]
+    products = sum(result.products for result in curve[2:])
+    assert products <= 0.75 * sum(result.products for result in alone[2:])
+
+
+@doubtful
+def test_the_loads_are_solved_one_by_one():
+    reports = []
+    curve = load_curve(
+        rough_gap(64),
+        (2.0 / 64, 2.0 / 64),
+        material=UNIT,
+        forces=[0.01, 0.02],
+        progress=lambda *report: reports.append(report),
+    )
+    assert not reports
+    next(curve)
+    first = len(reports)
+    assert first > 0
+    next(curve)
+    assert next(curve, None) is None
+
+
+@doubtful
+def test_a_previous_result_is_a_first_guess():
+    gap, element = rough_gap(128), (2.0 / 128, 2.0 / 128)
+    near = normal_contact(gap, element, material=UNIT, force=0.1)
+    alone = normal_contact(gap, element, material=UNIT, force=0.1001)
+    guessed = normal_contact(gap, element, material=UNIT, force=0.1001, previous=near)
+    assert_allclose(guessed.pressure, alone.pressure, atol=1e-5 * alone.max_pressure)
+    assert guessed.work < alone.work
+    # What is far off does no harm.
+    far = normal_contact(gap[::-1], element, material=UNIT, force=0.001)
+    guessed = normal_contact(gap, element, material=UNIT, force=0.1, previous=far)
+    assert_allclose(guessed.approach, near.approach, rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"forces": [1.0], "approaches": [1.0]}, ValueError, "one of the two must be given"),
+        ({}, ValueError, "one of the two must be given"),
+        ({"forces": [0.1, -1.0]}, ValueError, "force is -1.0, but must be at least zero"),
+        ({"forces": 1.0}, ValueError, r"forces has shape \(\), but must be a list of numbers"),
+        ({"forces": [np.inf]}, ValueError, "force is inf, but must be finite"),
+        ({"approaches": [np.nan]}, ValueError, "approaches is not a number somewhere"),
+        ({"forces": ["a"]}, TypeError, "forces has dtype"),
+        ({"forces": [0.1], "tolerance": 2.0}, ValueError, "tolerance is 2.0"),
+    ],
+)
+def test_refuses_what_makes_no_sense_before_any_work(change, error, message):
+    with pytest.raises(error, match=message):
+        load_curve(rough_gap(16), (0.1, 0.1), material=UNIT, **change)
+
+
+def test_previous_must_be_of_the_same_grid():
+    gap, element = sphere_gap(32), (2.0 / 32, 2.0 / 32)
+    pressed = normal_contact(gap, element, material=UNIT, force=0.1)
+    shifted = friction(0.3 * pressed.pressure, element, material=UNIT, force=(0.01, 0.0))
+    with pytest.raises(TypeError, match="of type TangentialResult, but must be a NormalResult"):
+        normal_contact(gap, element, material=UNIT, force=0.1, previous=shifted)
+    with pytest.raises(ValueError, match=r"previous has \(32, 32\) elements of"):
+        normal_contact(gap, (0.1, 0.1), material=UNIT, force=0.1, previous=pressed)
+
+
+@doubtful
+def test_a_load_that_fails_comes_after_those_that_do_not():
+    curve = load_curve(
+        sphere_gap(32), (2.0 / 32, 2.0 / 32), material=UNIT, forces=[0.0, 0.1], max_products=2
+    )
+    assert next(curve).force == 0.0
+    with pytest.raises(ContactError, match="products the conditions of contact"):
+        next(curve)
+
+
+# No load ------------------------------------------------------------------------------------
+
+
+def test_no_force_leaves_the_bodies_where_they_touch_first():
+    gap = 3.0 + sphere_gap(33)
+    result = normal_contact(gap, (2.0 / 33, 2.0 / 33), material=UNIT, force=0.0)
+    assert result.force == result.area == result.stiffness == result.energy == 0.0
+    assert result.approach == gap.min() == 3.0
+    assert not result.contact.any()
+    assert not result.pressure.any()
+    assert_allclose(result.gap, gap - 3.0)
+    assert result.warnings == ()
+
+
+@doubtful
+def test_a_curve_may_begin_and_end_without_load():
+    gap, element = sphere_gap(64), (2.0 / 64, 2.0 / 64)
+    curve = list(load_curve(gap, element, material=UNIT, forces=[0.0, 0.1, 0.2, 0.0, 0.1]))
+    assert [r.force for r in curve] == pytest.approx([0.0, 0.1, 0.2, 0.0, 0.1])
+    assert curve[0].approach == curve[3].approach == gap.min()
+    assert_allclose(curve[4].pressure, curve[1].pressure, atol=1e-6)
+
+
+# Stiffness ----------------------------------------------------------------------------------
+
+
+def test_stiffness_of_hertz_is_twice_the_modulus_times_the_radius():
+    n, force = 256, 4.0 / 3.0 * 0.6**3
+    gap, element = sphere_gap(n), (2.0 / n, 2.0 / n)
+    result = normal_contact(gap, element, material=UNIT, force=force)
+    assert_allclose(result.stiffness, 2.0 * 0.6, rtol=2e-3)
+
+
+@doubtful
+@pytest.mark.parametrize(
+    "scale", [1.0, 1e5]
+)  # N/mm² or otherwise: the stiffness is as the modulus.
+def test_stiffness_is_that_of_the_dense_matrix(scale):
+    n, h = 24, 2.0 / 24
+    gap = rough_gap(n)
+    body = Material.from_shear(0.7 * scale, 0.3)
+    result = normal_contact(gap, (h, h), material=body, force=0.05 * scale)
+    C = result.contact.ravel()
+    A = dense(gap, h)[np.ix_(C, C)] / scale
+    exact = h * h * np.linalg.solve(A, np.ones(C.sum())).sum()
+    assert_allclose(result.stiffness, exact, rtol=1e-6)
+
+
+@doubtful
+def test_stiffness_is_the_slope_of_the_curve():
+    gap, element = rough_gap(64), (2.0 / 64, 2.0 / 64)
+    loads = 0.2 * (1.0 + 1e-4 * np.arange(-1, 2))
+    curve = list(load_curve(gap, element, material=UNIT, forces=loads, tolerance=1e-11))
+    slope = (loads[2] - loads[0]) / (curve[2].approach - curve[0].approach)
+    assert_allclose(curve[1].stiffness, slope, rtol=1e-3)
+
+
+def test_stiffness_in_plane_strain_is_per_length():
+    n, h = 64, 0.05
+    gap = surfaces.cylinder(n, h, radius=1.0)
+    result = normal_contact(gap, h, material=UNIT, force=0.2)
+    C = result.contact
+    A = Grid.of((n,), h, UNIT, None).normal() @ np.eye(n)
+    exact = h * np.linalg.solve(A[np.ix_(C, C)], np.ones(C.sum())).sum()
+    assert_allclose(result.stiffness, exact, rtol=1e-6)
+
+
+def test_stiffness_is_computed_once_and_on_demand(monkeypatch):
+    import toeplitz_mg.contact.normal.problem as problem
+
+    calls, compute = [], problem.find_stiffness
+
+    def count(*arguments):
+        calls.append(arguments)
+        return compute(*arguments)
+
+    monkeypatch.setattr(problem, "find_stiffness", count)
+    n = 32
+    result = normal_contact(sphere_gap(n), (2.0 / n, 2.0 / n), material=UNIT, force=0.1)
+    repr(result)
+    assert not calls
+    assert result.stiffness == result.stiffness > 0.0
+    assert len(calls) == 1
+    monkeypatch.undo()
+    result = normal_contact(sphere_gap(n), (2.0 / n, 2.0 / n), material=UNIT, force=0.1)
+    assert pickle.loads(pickle.dumps(result)).stiffness == result.stiffness
+    assert "stiffness" in result.summary()
+    with pytest.raises(AttributeError):
+        result.stiffness = 1.0

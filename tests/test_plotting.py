@@ -1,0 +1,203 @@
+"""Pictures of contacts: what is in colours, what is left white, and what they are labelled."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from tests.test_result import (
+    ALL,
+    PRESSED,
+    PRESSED_LINE,
+    ROLLED,
+    ROLLED_LINE,
+    SHIFTED,
+    SHIFTED_LINE,
+)
+from toeplitz_mg.contact import friction
+
+figure_module = pytest.importorskip("matplotlib.figure")
+
+SURFACES = (PRESSED, SHIFTED, ROLLED)
+LINES = (PRESSED_LINE, SHIFTED_LINE, ROLLED_LINE)
+FIELDS = {"NormalResult": ("pressure", "gap", "displacement")}
+FIELDS["TangentialResult"] = ("traction", "slip", "displacement")
+CASES = [
+    pytest.param(result, field, id=f"{k} {field}")
+    for k, result in enumerate(ALL)
+    for field in FIELDS[type(result).__name__]
+]
+
+
+def axes_of(count=1):
+    figure = figure_module.Figure(figsize=(5.0 * count, 4.0), layout="constrained")
+    return figure.subplots(1, count, squeeze=False)[0]
+
+
+def draw(result, field=None):
+    (ax,) = axes_of()
+    assert result.plot(field, ax=ax) is ax
+    ax.figure.canvas.draw()
+    return ax
+
+
+def texts(ax):
+    return [text.get_text() for text in ax.texts]
+
+
+def labels(ax):
+    """The labels of the bars of colours, and of the axes."""
+    bars = [bar.get_ylabel() for bar in ax.child_axes]
+    return [text for text in (*bars, ax.get_xlabel(), ax.get_ylabel()) if text]
+
+
+@pytest.mark.parametrize(("result", "field"), CASES)
+def test_every_field_is_drawn_with_its_unit(result, field):
+    ax = draw(result, field)
+    (label,) = (text for text in labels(ax) if field in text)
+    if field in ("pressure", "traction"):
+        assert label == f"{field} [N/mm²]"
+    elif field == "slip" and result.creepages is not None:
+        assert label == "slip over distance rolled"
+    else:
+        assert label.endswith("[mm]")
+    assert "x [mm]" in labels(ax)
+
+
+def test_what_is_zero_is_white_and_low_values_are_light():
+    ax = draw(PRESSED)
+    (image,) = ax.get_images()
+    shown = image.get_array().T
+    assert np.array_equal(~np.ma.getmaskarray(shown), PRESSED.contact)
+    assert np.array_equal(shown[PRESSED.contact], PRESSED.pressure[PRESSED.contact])
+    assert image.norm.vmin == 0.0
+    brightness = image.cmap([0.0, 0.5, 1.0])[:, :3] @ [0.299, 0.587, 0.114]
+    assert brightness[0] > 0.8
+    assert brightness[0] > brightness[1] > brightness[2]
+    assert brightness[0] < 0.95  # White is for what does not touch.
+
+
+def test_the_gap_is_white_where_there_is_none():
+    (image,) = draw(PRESSED, "gap").get_images()
+    assert np.array_equal(np.ma.getmaskarray(image.get_array().T), PRESSED.contact)
+
+
+@pytest.mark.parametrize("result", [SHIFTED, ROLLED])
+def test_stick_and_slip_have_two_colours_and_a_legend(result):
+    ax = draw(result)
+    stick, slip = (~np.ma.getmaskarray(image.get_array().T) for image in ax.get_images())
+    assert np.array_equal(stick, result.stick)
+    assert np.array_equal(slip, result.sliding)
+    first, second = (image.cmap(0.7)[:3] for image in ax.get_images())
+    assert first[2] - first[0] > 0.4  # Blue
+    assert second[0] - second[2] > 0.4  # Orange
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["stick", "slip"]
+
+
+@pytest.mark.parametrize("result", [SHIFTED_LINE, ROLLED_LINE])
+def test_in_line_contact_too(result):
+    names = [text.get_text() for text in draw(result).get_legend().get_texts()]
+    assert names == ["traction", "traction bound", "stick", "slip"]
+
+
+@pytest.mark.parametrize("result", [SHIFTED, ROLLED])
+@pytest.mark.parametrize("field", ["traction", "slip", "displacement"])
+def test_arrows_point_along_the_field(result, field):
+    from matplotlib.quiver import Quiver
+
+    (arrows,) = (x for x in draw(result, field).collections if isinstance(x, Quiver))
+    assert 10 <= len(arrows.U) <= 400
+    values = getattr(result, field)
+    for x, y, u, v in zip(arrows.X, arrows.Y, arrows.U, arrows.V, strict=True):
+        place = (..., np.argmin(abs(result.x - x)), np.argmin(abs(result.y - y)))
+        assert result.contact[place]
+        assert_allclose([u, v], values[place])
+    # The longest is as long as arrows are apart: they do not cross each other.
+    longest = np.hypot(arrows.U, arrows.V).max() / arrows.scale
+    assert longest < min(np.diff(np.unique(axis)).min() for axis in (arrows.X, arrows.Y)) * 1.5
+
+
+@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+def test_nothing_is_outlined_nor_has_arrows_in_spots():
+    """A line around spots of a few elements would be all that is seen of them."""
+    contact = np.random.default_rng(0).random((48, 32)) < 0.1
+    spots = friction(np.where(contact, 1.0, 0.0), PRESSED.element, material=PRESSED.material,
+                     shift=(0.1, 0.0))  # fmt: skip
+    for result in (spots, replace(PRESSED, contact=contact)):
+        assert not draw(result).collections
+
+
+@pytest.mark.parametrize("result", [ROLLED, ROLLED_LINE])
+def test_rolling_shows_the_direction_of_travel(result):
+    ax = draw(result)
+    assert "rolling" in texts(ax)
+    (arrow,) = (text for text in ax.texts if getattr(text, "arrow_patch", None))
+    assert arrow.xy[0] > arrow.get_position()[0]
+    assert "rolling" not in texts(draw(SHIFTED))
+
+
+@pytest.mark.parametrize("result", SURFACES)
+def test_bars_of_colours_are_as_high_as_the_axes(result):
+    axes = axes_of(2)
+    for ax in axes:  # Several results on one figure.
+        result.plot(ax=ax)
+    axes[0].figure.canvas.draw()
+    for ax in axes:
+        box = ax.get_window_extent()
+        for bar in ax.child_axes:
+            own = bar.get_window_extent()
+            assert_allclose([own.y0, own.y1], [box.y0, box.y1], atol=0.5)
+            assert box.x1 < own.x0 < own.x1 <= ax.figure.bbox.x1
+
+
+def test_a_few_peaks_do_not_decide_the_colours():
+    pressure = PRESSED.pressure.copy()
+    pressure[24, 16] *= 100.0
+    ax = draw(replace(PRESSED, pressure=pressure))
+    assert ax.get_images()[0].norm.vmax < 2.0 * PRESSED.max_pressure
+    (bar,) = ax.child_axes
+    assert bar._colorbar.extend == "max"
+    assert draw(PRESSED).get_images()[0].norm.vmax == PRESSED.max_pressure
+
+
+@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+def test_nothing_in_contact_is_drawn_too():
+    apart = replace(
+        PRESSED, contact=np.zeros((48, 32), bool), pressure=np.zeros((48, 32)), area=0.0
+    )
+    for field in FIELDS["NormalResult"]:
+        draw(apart, field)
+    bound = np.zeros((48, 32))
+    bound[20:24, 10:20] = 1.0
+    draw(friction(bound, PRESSED.element, material=PRESSED.material, shift=(0.0, 0.0)))
+
+
+def test_axes_may_come_first():
+    (ax,) = axes_of()
+    assert PRESSED.plot(ax) is ax
+
+
+@pytest.mark.filterwarnings("ignore:.*non-interactive")
+def test_by_default_it_is_a_new_figure():
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    ax = ROLLED.plot()
+    assert ax.figure.number in pyplot.get_fignums()
+    pyplot.close("all")
+
+
+@pytest.mark.parametrize(("result", "field"), [(PRESSED, "slip"), (SHIFTED, "gap"), (ROLLED, "x")])
+def test_another_field_is_refused(result, field):
+    with pytest.raises(ValueError, match=f"field is '{field}', but must be one of "):
+        result.plot(field)
+
+
+def test_without_matplotlib_it_is_said_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(ImportError, match=r"pip install 'toeplitz-mg\[plot\]'"):
+        PRESSED.plot()

@@ -1,0 +1,99 @@
+"""Progress of contact problems: told after each product, on coarser grids too."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from toeplitz_mg.contact import (
+    ContactError,
+    Material,
+    SteadyOptions,
+    friction,
+    normal_contact,
+    rolling,
+    rolling_steps,
+    surfaces,
+)
+
+SOFT = Material.from_shear(0.7, 0.3)
+N, H = 64, (2.0 / 64, 2.0 / 64)
+GAP = surfaces.sphere((N, N), H, radius=1.0)
+X, Y = surfaces.centres((N, N), H)
+BOUND = 0.1 * np.sqrt(np.maximum(0.0, 0.36 - X**2 - Y**2))
+
+SOLVERS = {
+    "normal": lambda **options: normal_contact(GAP, H, material=SOFT, force=0.2, **options),
+    "friction": lambda **options: friction(BOUND, H, material=SOFT, shift=(0.02, 0.01), **options),
+    "force": lambda **options: friction(BOUND, H, material=SOFT, force=(0.01, 0.02), **options),
+    "rolling": lambda **options: rolling(BOUND, H, material=SOFT, longitudinal=0.02, **options),
+}
+
+
+def told(solve, **options):
+    """The result, and what was told on the coarser grids and on the finest one."""
+    seen = []
+    result = solve(progress=lambda *now: seen.append(now), **options)
+    first = next(k for k, (products, _) in enumerate(seen) if products)
+    assert all(products for products, _ in seen[first:])
+    return result, seen[:first], seen[first:]
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_it_is_told_after_each_product(name):
+    result, coarse, fine = told(SOLVERS[name])
+    counts = [products for products, _ in fine]
+    # Only of what is before the first look, and after the last, is there nothing to tell.
+    assert counts[0] <= 2
+    assert all(later - former == 1 for former, later in pairwise(counts))
+    assert result.products - 1 <= counts[-1] <= result.products
+    assert len(coarse) >= 5
+    residuals = [residual for _, residual in fine]
+    assert residuals[-1] < residuals[0] < np.inf
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_telling_changes_nothing(name):
+    result, *_ = told(SOLVERS[name])
+    assert np.array_equal(result.traction, SOLVERS[name]().traction)
+
+
+def test_without_coarser_grids_none_is_told_of():
+    _, coarse, fine = told(SOLVERS["normal"], nested=False)
+    assert not coarse
+    assert fine
+
+
+def test_each_step_of_rolling_is_told_of():
+    seen = []
+    steps = rolling_steps(
+        BOUND, H, material=SOFT, longitudinal=0.02, steps=3, progress=lambda *now: seen.append(now)
+    )
+    for result in steps:
+        counts = [products for products, _ in seen]
+        assert counts == [*range(counts[0], counts[-1] + 1)]
+        assert counts[-1] <= result.products
+        assert seen
+        seen.clear()
+
+
+def test_rolling_on_goes_on_counting():
+    """Where the search for the steady state rolls step by step, its products are told of too."""
+    seen = []
+    with pytest.raises(ContactError, match=r"after 20\d products"):
+        SOLVERS["rolling"](
+            nested=False,
+            options=SteadyOptions(iterations=1, patience=1),
+            max_products=200,
+            progress=lambda *now: seen.append(now),
+        )
+    counts = [products for products, _ in seen]
+    assert counts[-1] >= 200
+    assert counts == sorted(counts)
+    assert max(later - former for former, later in pairwise(counts)) <= 3
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_what_cannot_be_called_is_refused(name):
+    with pytest.raises(TypeError, match="progress is 3, but must be a function"):
+        SOLVERS[name](progress=3)

@@ -1,0 +1,54 @@
+"""How the command line is read: numbers as people write them, and the usage that concerns them."""
+
+import argparse
+import re
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+# A number and no option: argparse itself does not know that one may have an exponent.
+NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
+
+
+def whole_number(text: str) -> int:
+    """Read a whole number, also one like 1e5.
+
+    Raises
+    ------
+    ValueError
+        Where it is none; argparse then says which option has it.
+    """
+    try:
+        return int(text)
+    except ValueError:
+        value = float(text)
+    if not value.is_integer():
+        raise ValueError(f"{text} is no whole number")
+    return int(value)
+
+
+whole_number.__name__ = "whole number"  # What argparse calls it where it refuses one.
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser without abbreviations, whose errors show the usage of the command that was given.
+
+    Without defaults an option counts wherever it stands, and a stray one is seen. There are no
+    abbreviations: --n would be taken for --nu.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        bare: dict[str, Any] = {"argument_default": argparse.SUPPRESS, "allow_abbrev": False}
+        super().__init__(**(bare | options))
+        self._negative_number_matcher: re.Pattern[str] = NEGATIVE
+        self.commands: dict[str, Parser] = {}
+
+    def parse_command(self, arguments: Sequence[str] | None = None) -> argparse.Namespace:
+        """Return what is given; an argument that nothing takes is an error of its command."""
+        given, rest = self.parse_known_args(arguments)
+        if rest:
+            self._refuse(given, rest)
+        return given
+
+    def _refuse(self, given: argparse.Namespace, rest: Sequence[str]) -> NoReturn:
+        command = self.commands.get(getattr(given, "command", None) or "", self)
+        command.error(f"unrecognized arguments: {' '.join(rest)}")

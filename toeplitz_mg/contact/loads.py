@@ -1,0 +1,115 @@
+"""Normal contact under one load after the other, each the first guess of the next."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from toeplitz_mg._typing import Array, Element, Progress
+from toeplitz_mg.contact import doubts
+from toeplitz_mg.contact.checks import check_iteration, check_load
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.normal.problem import press
+from toeplitz_mg.contact.result import NormalResult, check_converged
+from toeplitz_mg.values import field
+
+
+def load_curve(
+    gap: ArrayLike,
+    element: Element,
+    *,
+    material: Any,
+    forces: ArrayLike | None = None,
+    approaches: ArrayLike | None = None,
+    reference: float | None = None,
+    periodic: bool | tuple[bool, bool] = False,
+    tolerance: float = 1e-8,
+    nested: bool = True,
+    max_products: int = 2000,
+    progress: Progress | None = None,
+) -> Iterator[NormalResult]:
+    """Press two bodies together under several loads, one after the other.
+
+    Each result is the first guess of the next one: from the last two the edge of the contact is
+    extrapolated. So loads in order take about half of the products of as many calls of
+    `normal_contact`, and the same answers come out.
+
+    Parameters
+    ----------
+    gap, element, material, reference, periodic, tolerance, nested, max_products, progress
+        The arguments of `normal_contact`. `max_products` is for each load.
+    forces : array_like of shape (k,)
+        The forces that press, N; in plane strain N/mm. Zero is no contact. They may fall again.
+    approaches : array_like of shape (k,)
+        The approaches, mm. Either these or the forces are given.
+
+    Returns
+    -------
+    iterator of NormalResult
+        One for each load, when it is asked for: a list of them keeps the fields of all.
+        `NormalResult.stiffness` is the slope of the curve.
+
+    Warns
+    -----
+    ContactWarning
+        As `normal_contact`, for each result.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For input that makes no sense, before any work.
+    ContactError
+        Where the tolerance is not reached under a load: the results before have been returned.
+
+    See Also
+    --------
+    normal_contact : under one load.
+
+    Examples
+    --------
+    A steel sphere on a steel plate; by Hertz's theory dF/dδ = 2 E* a = 1.5 F/δ.
+
+    >>> from toeplitz_mg import contact
+    >>> steel, element = contact.Material(E=210000.0, nu=0.28), (0.01, 0.01)
+    >>> gap = contact.surfaces.sphere((64, 64), element, radius=10.0)
+    >>> for r in contact.load_curve(gap, element, material=steel, forces=[0.0, 50.0, 100.0]):
+    ...     print(f"{r.force:5.0f} N  {1e3 * r.approach:.2f} µm  {r.stiffness:5.0f} N/mm")
+        0 N  0.00 µm      0 N/mm
+       50 N  2.21 µm  33946 N/mm
+      100 N  3.51 µm  42831 N/mm
+    """
+    z = field("gap", gap)
+    grid = Grid.of(z.shape, element, material, reference, periodic)
+    check_iteration(tolerance, max_products, progress)
+    is_force, loads = _check_loads(forces, approaches)
+    for load in loads.tolist():
+        check_load(grid, z, None if is_force else load, load if is_force else None)
+
+    def solve() -> Iterator[NormalResult]:
+        known: tuple[NormalResult, ...] = ()
+        for load in loads.tolist():
+            approach, force = (None, load) if is_force else (load, None)
+            result = press(
+                grid, z, approach, force, tolerance, nested, max_products, progress, known
+            )
+            doubts.warn(check_converged(result, tolerance).warnings)
+            yield result
+            known = (*known, result)[-2:]
+
+    return solve()
+
+
+def _check_loads(forces: ArrayLike | None, approaches: ArrayLike | None) -> tuple[bool, Array]:
+    """Return whether forces are given, and the loads."""
+    if (forces is None) == (approaches is None):
+        raise ValueError(
+            f"forces is {forces!r} and approaches is {approaches!r}, but one of the two must be "
+            "given"
+        )
+    name, given = ("forces", forces) if approaches is None else ("approaches", approaches)
+    assert given is not None
+    loads = field(name, given)
+    if loads.ndim != 1:
+        raise ValueError(f"{name} has shape {loads.shape}, but must be a list of numbers")
+    return forces is not None, np.asarray(loads)

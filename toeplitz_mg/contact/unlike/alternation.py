@@ -1,0 +1,93 @@
+"""Panagiotopoulos' alternation: normal contact, and what is tangential, until both hold.
+
+For pressures p the tangential problem has the bound μ p, and displacements by p; for its tractions
+q the normal problem has a gap that is wider by their displacements. One after the other they are
+a map p → p' whose fixed point solves both. It contracts: by K of the materials and by μ. Anderson's
+acceleration finds the fixed point from the last three pairs.
+"""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from toeplitz_mg._typing import Array, Progress
+
+DEPTH = 2  # Differences of pairs that the acceleration combines: more of them save nothing.
+
+
+class Normal(Protocol):
+    """The normal problem, for a gap that tractions change."""
+
+    def look(self, q: Array, p: Array) -> float:
+        """Return how far the pressures p violate the conditions of contact with tractions q."""
+
+    def solve(self, q: Array, p: Array) -> Array:
+        """Return the pressures with tractions q, from those near by."""
+
+    def balance(self, p: Array) -> Array:
+        """Return pressures of the given sum, if one is given."""
+
+
+def alternate(
+    normal: Normal,
+    shear: Callable[[Array], Array],
+    p: Array,
+    *,
+    tolerance: float,
+    most: int,
+    progress: Progress | None = None,
+) -> tuple[Array, tuple[float, ...]]:
+    """Find the pressures with which both problems hold.
+
+    Parameters
+    ----------
+    normal : Normal
+    shear : callable
+        Returns the tangential tractions for pressures; the last that it returns are those of the
+        answer.
+    p : ndarray
+        Pressures to start from.
+    tolerance : float
+        The violation of the conditions of normal contact that is allowed.
+    most : int
+        Most iterations.
+    progress : callable, optional
+        Called as ``progress(iterations, residual)``.
+
+    Returns
+    -------
+    p : ndarray
+    residuals : tuple of float
+        The violation in each iteration.
+    """
+    pairs: list[tuple[Array, Array]] = []
+    residuals: list[float] = []
+    while True:
+        q = shear(p)
+        residuals.append(normal.look(q, p))
+        if progress is not None:
+            progress(len(residuals), residuals[-1])
+        if residuals[-1] <= tolerance or len(residuals) == most:
+            return p, tuple(residuals)
+        pairs = [*pairs, (p, normal.solve(q, p))][-DEPTH - 1 :]
+        p = normal.balance(accelerate(pairs))
+
+
+def accelerate(pairs: list[tuple[Array, Array]]) -> Array:
+    """Return pressures near the fixed point, by Anderson's method, from pairs (p, p').
+
+    Of the affine combinations of the pairs it is p' of the one in which p' - p is least. The
+    elements in contact are those of the last pair: where others were, the combination would press
+    on an open gap.
+    """
+    _, image = pairs[-1]
+    if len(pairs) == 1:
+        return image
+    steps = [y - x for x, y in pairs]
+    differences = [(steps[-1] - step).ravel() for step in steps[:-1]]
+    weights, *_ = np.linalg.lstsq(np.stack(differences, axis=1), steps[-1].ravel(), rcond=None)
+    mixed = image.copy()
+    for weight, (_, earlier) in zip(weights, pairs[:-1], strict=True):
+        mixed -= weight * (image - earlier)
+    return np.where((image > 0.0) & (mixed > 0.0), mixed, image)

@@ -1,0 +1,240 @@
+"""Unlike bodies that are pressed together and shifted: pressures and friction at once."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from toeplitz_mg._typing import Array, Element, Progress
+from toeplitz_mg.contact import doubts
+from toeplitz_mg.contact.checks import (
+    check_force,
+    check_iteration,
+    check_load,
+    check_previous,
+    check_shift,
+)
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.unlike.alternation import alternate
+from toeplitz_mg.contact.unlike.result import (
+    Before,
+    FrictionalResult,
+    check_both,
+    check_friction,
+)
+from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Shifting
+from toeplitz_mg.engine.work import count_products
+from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.values import count, field, in_range
+
+INNER = 0.01  # Tolerance of each problem by itself, over that of both together.
+FARTHEST = 2.0  # Largest step, over the last, for which the tractions are extrapolated.
+
+
+def frictional_contact(
+    gap: ArrayLike,
+    element: Element,
+    *,
+    material: Any,
+    mu: float,
+    approach: float | None = None,
+    force: float | None = None,
+    shift: ArrayLike | None = None,
+    tangential_force: ArrayLike | None = None,
+    previous: FrictionalResult | None = None,
+    reference: float | None = None,
+    tolerance: float = 1e-6,
+    nested: bool = True,
+    max_iterations: int = 50,
+    max_products: int = 2000,
+    progress: Progress | None = None,
+) -> FrictionalResult:
+    """Press two bodies together with friction, each problem with the displacements of the other.
+
+    Where the materials are unlike, pressures displace the bodies along the surface, and friction
+    holds them back; its tractions change the gap. A press without any shift then has tangential
+    tractions, areas of stick and slip, and higher pressures.
+
+    Parameters
+    ----------
+    gap : array_like of shape (n1, n2) or (n,)
+        Between the bodies before they touch, at the centres of the elements, mm; up to a
+        constant, that adds to the approach. One axis is line contact. See `surfaces`.
+    element : (float, float) or float
+        Size (h1, h2) of an element, mm. In line contact the width and the length of the strips,
+        or the width alone: plane strain, with forces per mm of length.
+    material : (Material, Material)
+        Of the first and the second body (see `contact.Material`). The tractions are those on the
+        first.
+    mu : float
+        The coefficient of friction: the traction bound is μ p. Infinite where the bodies are
+        bonded wherever they are pressed.
+    approach : float
+        The approach of the bodies, from where the gap is given, mm.
+    force : float
+        The force that presses, N; in plane strain N/mm. Either this or the approach is given.
+    shift : array_like, optional
+        Rigid shift of the bodies, since the previous state if there is one, mm: (δx, δy), in line
+        contact a number, or a field, as in `friction`. By default none.
+    tangential_force : array_like, optional
+        Total tangential force (Fx, Fy), or in line contact a number, N; in plane strain N/mm, in
+        the place of the shift.
+    previous : FrictionalResult, optional
+        The state before, on the same grid: what slips depends on the way there, so that a load is
+        best applied in steps.
+    reference : float, optional
+        In plane strain, the distance at which a line load moves nothing, mm; by default the length
+        of the grid.
+    tolerance : float
+        The violation of the conditions of normal contact that is allowed, over the largest
+        interference; each problem by itself is solved to a hundredth of it. Pressures are never
+        negative, and the tractions never beyond μ p.
+    nested : bool
+        Whether the first guess comes from coarser grids.
+    max_iterations : int
+        More iterations between the two problems than that are taken for a failure.
+    max_products : int
+        More products with a matrix in a solution of one of them are taken for a failure.
+    progress : callable, optional
+        Called as ``progress(iterations, residual)`` in each iteration.
+
+    Returns
+    -------
+    FrictionalResult
+        It has a `NormalResult` in `normal`, and a `TangentialResult` in `tangential`.
+
+    Warns
+    -----
+    ContactWarning
+        The warnings of `normal_contact`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For input that makes no sense, before any work; also where the tangential force is not
+        less than the bound carries.
+    ContactError
+        Where the tolerance is not reached: it says what is violated.
+
+    See Also
+    --------
+    normal_contact, friction : each by itself, which is exact where the materials are alike.
+
+    Notes
+    -----
+    The two problems are solved in turn (Panagiotopoulos, 1975), with Anderson's acceleration of
+    the bound. The bound of the answer is μ times its pressures exactly.
+
+    Examples
+    --------
+    A soft body of ν = 0 on a rigid one: friction makes the contact stiffer and smaller.
+
+    >>> from toeplitz_mg.contact import Material, frictional_contact, normal_contact, surfaces
+    >>> bodies = Material(E=1.0, nu=0.0), Material.rigid()
+    >>> gap = surfaces.sphere((32, 32), (0.1, 0.1), radius=10.0)
+    >>> smooth = normal_contact(gap, (0.1, 0.1), material=bodies, force=0.1)
+    >>> rough = frictional_contact(gap, (0.1, 0.1), material=bodies, force=0.1, mu=0.3)
+    >>> bool(rough.normal.area < smooth.area)
+    True
+    >>> f"{rough.normal.max_pressure / smooth.max_pressure:.2f}"
+    '1.17'
+    """
+    z = field("gap", gap)
+    grid = Grid.of(z.shape, element, material, reference)
+    force = check_load(grid, z, approach, force)
+    mu = check_friction(mu)
+    check_iteration(tolerance, max_products, progress)
+    most = count("max_iterations", max_iterations)
+    if shift is not None and tangential_force is not None:
+        raise ValueError(
+            f"shift is {shift!r} and tangential_force is {tangential_force!r}, but at most one of "
+            "the two may be given"
+        )
+    b = np.zeros((grid.components, *z.shape))
+    if shift is not None:
+        b = b + check_shift(shift, b.shape)
+    total = None
+    if tangential_force is not None:
+        total = check_carried(tangential_force, np.inf if force is None else mu * force, grid)
+    distance = float(z.min())
+    if previous is None:
+        before, guess = Before(np.zeros_like(b), 0.0, distance), None
+    else:
+        before = check_state(previous, grid, b.shape)
+        guess = extrapolate(previous, before, approach, force).reshape(b.shape)
+    if approach is not None:
+        approach = float(approach) - distance
+        in_range("the interference", max(approach, 1.0))
+    inner = INNER * tolerance
+    with count_products() as work:
+        coupling = Coupling(grid.coupling())
+        least = 0.0
+        if previous is not None:
+            u = apply_to_rows(grid.tangential(), before.traction.ravel()).reshape(b.shape)
+            u += coupling.along(previous.normal.pressure)
+            b, least = b + u, float(np.abs(u).max())
+        pressing = Pressing(
+            grid, z - distance, distance, coupling, approach, force, inner, max_products
+        )
+        shifting = Shifting(
+            grid, coupling, mu, b, total, least, inner, max_products, nested, q=guess
+        )
+        p = pressing.begin(guess, nested=nested)
+        if total is not None:
+            check_carried(tangential_force, mu * float(p.sum()) * grid.area, grid)
+        p, residuals = alternate(
+            pressing,
+            shifting,
+            p,
+            tolerance=tolerance,
+            most=most,
+            progress=progress,
+        )
+        assert shifting.q is not None
+        normal = pressing.result(shifting.q, p, 0.0)
+        tangential = shifting.result(p, 0.0)
+    normal = replace(normal, work=work.units(z.size))
+    if tangential_force is None:
+        given = np.zeros(len(b)) if shift is None else np.array(shift, dtype=np.float64)
+        tangential = replace(tangential, shift=given.item() if given.size == 1 else given)
+    result = FrictionalResult(normal, tangential, residuals, before)
+    doubts.warn(check_both(result, tolerance).warnings)
+    return result
+
+
+def check_carried(force: Any, most: float, grid: Grid) -> Array:
+    """Return the sum of the tractions that a tangential force needs, of less than `most`."""
+    total, slides = check_force(force, most / grid.area, grid)
+    if slides:
+        raise ValueError(
+            f"tangential_force is {force}, but must be less than the traction bound carries: "
+            f"{most:g}"
+        )
+    return total
+
+
+def check_state(previous: FrictionalResult, grid: Grid, shape: tuple[int, ...]) -> Before:
+    """Return the state before this step, or say why it is none of this grid."""
+    if not isinstance(previous, FrictionalResult):
+        kind = type(previous).__name__
+        raise TypeError(f"previous is of type {kind}, but must be a FrictionalResult")
+    traction = check_previous(previous.tangential, grid.element, shape)
+    return Before(traction, previous.normal.force, previous.normal.approach)
+
+
+def extrapolate(
+    previous: FrictionalResult, now: Before, approach: float | None, force: float | None
+) -> Array:
+    """Return tractions that change with the load as they did in the step before."""
+    earlier = previous.before
+    if earlier is None:
+        return now.traction
+    if force is None:
+        assert approach is not None
+        change, last = approach - now.approach, now.approach - earlier.approach
+    else:
+        change, last = force - now.force, now.force - earlier.force
+    far = abs(change) > FARTHEST * abs(last)
+    step = 0.0 if far else change / last
+    return now.traction + step * (now.traction - earlier.traction)

@@ -1,0 +1,280 @@
+"""The sides of the alternation: bodies that are pressed, and bodies that are shifted or roll."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.active_sets import Iterate
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.normal.active_set import Search, State
+from toeplitz_mg.contact.normal.problem import make_result
+from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.result import NormalResult, TangentialResult
+from toeplitz_mg.contact.tangential import friction, stick_slip
+from toeplitz_mg.contact.tangential.window import Window
+from toeplitz_mg.operators import apply_to_rows
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """The displacements along the surface by pressures, and across it by tractions.
+
+    Attributes
+    ----------
+    matrices : tuple of ToeplitzOperator or None
+        Those of the displacements along x, and y, by the pressures.
+    """
+
+    matrices: tuple[Any, ...]
+
+    def along(self, p: Array) -> Array:
+        """Return the displacements along the surface by pressures, of shape (components, ...)."""
+        return np.stack(
+            [
+                np.zeros(p.shape) if A is None else apply_to_rows(A, p.ravel()).reshape(p.shape)
+                for A in self.matrices
+            ]
+        )
+
+    def across(self, q: Array) -> Array:
+        """Return the normal displacements by tractions: by reciprocity, the transpose."""
+        u = np.zeros(q.shape[1:])
+        for A, traction in zip(self.matrices, q, strict=True):
+            if A is not None:  # What is odd has minus itself for its transpose.
+                u -= apply_to_rows(A, traction.ravel()).reshape(u.shape)
+        return u
+
+
+@dataclass
+class Pressing:
+    """Bodies that are pressed together while tractions change the gap.
+
+    Attributes
+    ----------
+    grid : Grid
+    z : ndarray
+        The gap before the bodies touch, less `distance`.
+    distance : float
+    coupling : Coupling
+    approach, force : float or None
+        One of the two; the approach less `distance`.
+    tolerance : float
+    max_products : int
+        The limit of products in each solution.
+    products : int
+        Products so far.
+    iterations : list of int
+        Those of conjugate gradients.
+    """
+
+    grid: Grid
+    z: Array
+    distance: float
+    coupling: Coupling
+    approach: float | None
+    force: float | None
+    tolerance: float
+    max_products: int
+    products: int = 0
+    iterations: list[int] = field(default_factory=list)
+
+    def begin(self, q: Array | None, *, nested: bool) -> Array:
+        """Return the pressures with tractions q, or none."""
+        z = self.z if q is None else self.z + self.coupling.across(q)
+        return self._run(z, None, nested=nested)
+
+    def solve(self, q: Array, p: Array) -> Array:
+        """Return the pressures with tractions q, from those near by."""
+        return self._run(self.z + self.coupling.across(q), p, nested=False)
+
+    def look(self, q: Array, p: Array) -> float:
+        """Return how far the pressures p violate the conditions of contact with tractions q."""
+        return self._state(q, p).residual
+
+    def balance(self, p: Array) -> Array:
+        """Return pressures of the given sum, if one is given."""
+        if self.force is None or not p.any():
+            return p
+        scaled: Array = p * (self.force / self.grid.area / p.sum())
+        return scaled
+
+    def result(self, q: Array, p: Array, work: float) -> NormalResult:
+        """Return what was found."""
+        state = self._state(q, p)._replace(iterations=tuple(self.iterations))
+        return make_result(self.grid, self.z, state, self.products, work, self.distance)
+
+    def _search(self, z: Array) -> Search:
+        return Search(self.grid, z, self.approach, self.force, self.tolerance)
+
+    def _run(self, z: Array, guess: Array | None, *, nested: bool) -> Array:
+        if self.approach is not None and not (z < self.approach).any():
+            return np.zeros(z.shape)
+        search = self._search(z)
+        products = Products(search.matrix, self.max_products)
+        guess = None if guess is None or not guess.any() else guess * search.unit
+        state = search.run(products, nested=nested, guess=guess)
+        self.products += products.count
+        self.iterations += state.iterations
+        p: Array = state.p / search.unit
+        return p
+
+    def _state(self, q: Array, p: Array) -> State:
+        """Return the pressures p with all normal displacements, those by tractions q too."""
+        across = self.coupling.across(q)
+        search = self._search(self.z + across)
+        x = p * search.unit
+        u = apply_to_rows(search.matrix, x.ravel()).reshape(x.shape)
+        self.products += 1
+        law = search.look(Iterate(x, u, p > 0.0))
+        return State(p, u + across, law.touching, law.residual)
+
+
+@dataclass
+class Shifting:
+    """Bodies that are shifted while pressures bound the tractions, and displace along the surface.
+
+    Attributes
+    ----------
+    grid : Grid
+    coupling : Coupling
+    mu : float
+        The coefficient of friction.
+    b : ndarray of shape (components, ...)
+        The displacements along the surface, were there neither slip nor pressures.
+    total : ndarray of shape (components,) or None
+        The sum of the tractions, where that is given.
+    least : float
+        A displacement below which none counts as the largest.
+    tolerance : float
+    max_products : int
+    nested : bool
+    q : ndarray or None
+        The tractions, on the whole grid: the last, or a first guess.
+    """
+
+    grid: Grid
+    coupling: Coupling
+    mu: float
+    b: Array
+    total: Array | None
+    least: float
+    tolerance: float
+    max_products: int
+    nested: bool
+    q: Array | None = None
+    slide: Array | None = None
+    products: int = 0
+    window: Window | None = None
+    problem: stick_slip.Problem | None = None
+    state: stick_slip.State | None = None
+
+    def __call__(self, p: Array) -> Array:
+        """Return the tractions for pressures p."""
+        g = bound_of(self.mu, p)
+        window = self._fit(g > 0.0)
+        b = self.b - self.coupling.along(p)
+        problem = stick_slip.Problem(
+            window.grid,
+            window.cut(g),
+            window.cut(b),
+            self.total,
+            self.tolerance,
+            self.least,
+        )
+        products = Products(self._matrix, self.max_products)
+        guess, areas = None, None
+        if self.q is not None:
+            slide = np.zeros(g.shape, bool) if self.slide is None else self.slide
+            guess, areas = stick_slip.admit(problem, window.cut(self.q), window.cut(slide))
+        state = stick_slip.solve(problem, products, guess, nested=self.nested, areas=areas)
+        self.products += products.count
+        self.problem, self.state = problem, state
+        self.slide = window.extend(state.areas.slide)
+        self.q = window.extend(state.q)
+        return self.q
+
+    def result(self, p: Array, work: float) -> TangentialResult:
+        """Return what was found, with all displacements along the surface."""
+        assert self.problem is not None
+        assert self.state is not None
+        assert self.window is not None
+        result = friction.make_result(self.problem, self.state, self.window, self.products, work)
+        return add_displacements(result, self.coupling.along(p), self.grid)
+
+    def _fit(self, contact: Array) -> Window:
+        """Return a window of all elements in contact: the last one, while that has them all."""
+        window = self.window
+        if window is None or window.cut(contact).sum() < contact.sum():
+            self.window = window = Window.around(self.grid, contact)
+            self.__dict__.pop("_matrix", None)
+        return window
+
+    @cached_property
+    def _matrix(self) -> Any:
+        assert self.window is not None
+        return self.window.grid.tangential()
+
+
+@dataclass
+class Rolling:
+    """Bodies that roll while pressures bound the tractions, and displace along the surface.
+
+    Attributes
+    ----------
+    grid : Grid
+    coupling, upstream : Coupling
+        Of the displacements here, and one element ahead.
+    mu : float
+        The coefficient of friction.
+    solve : callable
+        Returns what `rolling` finds for a traction bound, a rigid slip over the distance rolled
+        that adds to that of the creepages, and a result to start from, or None.
+    slip : ndarray of shape (components, ...)
+        The part of that slip that is given.
+    found : TangentialResult or None
+        What was found last.
+    products : int
+        Products so far.
+    """
+
+    grid: Grid
+    coupling: Coupling
+    upstream: Coupling
+    mu: float
+    solve: Callable[[Array, Array, TangentialResult | None], TangentialResult]
+    slip: Array
+    found: TangentialResult | None = None
+    products: int = 0
+
+    def __call__(self, p: Array) -> Array:
+        """Return the tractions for pressures p."""
+        strain = (self.coupling.along(p) - self.upstream.along(p)) / self.grid.element[0]
+        self.found = self.solve(bound_of(self.mu, p), self.slip + strain, self.found)
+        self.products += self.found.products
+        return self.found.traction.reshape(self.slip.shape)
+
+    def result(self, p: Array, work: float) -> TangentialResult:
+        """Return what was found, with all displacements along the surface."""
+        assert self.found is not None
+        result = replace(self.found, products=self.products, work=work)
+        return add_displacements(result, self.coupling.along(p), self.grid)
+
+
+def bound_of(mu: float, p: Array) -> Array:
+    """Return the traction bound of pressures: none where there are none, for any coefficient."""
+    return np.multiply(mu, p, out=np.zeros_like(p), where=p > 0.0)
+
+
+def add_displacements(result: TangentialResult, u: Array, grid: Grid) -> TangentialResult:
+    """Return a result with the displacements along the surface by pressures, so that all are in it.
+
+    Nothing is left out then, and the resolution is doubted where the bodies are pressed.
+    """
+    shape = result.traction.shape
+    displacement = result.displacement + np.where(result.contact, u, 0.0).reshape(shape)
+    energy = 0.5 * grid.area * float((result.traction * displacement).sum())
+    return replace(result, displacement=displacement, energy=energy, warnings=())
