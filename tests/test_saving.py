@@ -198,3 +198,18 @@ def test_without_xarray_it_is_said_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "xarray", None)
     with pytest.raises(ImportError, match=r"pip install 'toeplitz-mg\[xarray\]'"):
         PRESSED.to_xarray()
+
+
+def test_the_bodies_are_read_again(tmp_path):
+    soft = contact.Material.from_shear(1.0, 0.3)
+    for material in (soft, (soft, contact.Material.rigid())):
+        pressed = contact.normal_contact(
+            contact.surfaces.cylinder(21, 0.1, radius=2.0), 0.1, material=material, force=0.3
+        )
+        path = tmp_path / "pressed.npz"
+        pressed.save(path, overwrite=True)
+        again = contact.load(path)
+        assert again.material.bodies == pressed.material.bodies
+        expected = contact.subsurface_stresses(pressed, depths=0.1).components
+        below = contact.subsurface_stresses(again, depths=0.1).components
+        assert np.array_equal(below, expected)

@@ -9,14 +9,14 @@ Grids of up to 256 elements multigrid solves directly.
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from comparisons.harness import report
-from comparisons.harness.measuring import Contender, Measurement, measure
+from comparisons.harness.measuring import Measurement, measure
 from comparisons.harness.processes import prepare
 from comparisons.harness.report import Row
 from comparisons.speed.contenders import CONTENDERS
@@ -26,6 +26,18 @@ LARGEST_TIME = 30.0  # Seconds of one run, above which a method is not run at a 
 SIZES = tuple(4**k for k in range(3, 11))
 QUICK_SIZES = SIZES[:3]
 SHOWN_SIZES = (2**10, 2**14, 2**20)
+# The methods that are drawn, in colours of Okabe and Ito that are told apart: the table has all.
+DRAWN = {
+    "dense Cholesky": "#000000",
+    "solve_toeplitz": "#56B4E9",
+    "CG": "#009E73",
+    "CG + pyamg RS, banded": "#CC79A7",
+    "CG + M": "#D55E00",
+    "V(0,1)": "#0072B2",
+}
+OURS = {contender.name for contender in CONTENDERS if contender.ours}
+ROOM = 2.0**3  # Factor of the largest n up to which the axis goes on, for the names of lines.
+APART = 1.9  # Ratio of two times whose names, written beside each other, do not overlap.
 
 
 def test1_random(n: int) -> Problem:
@@ -95,37 +107,49 @@ def show(rows: Sequence[Row], sizes: Sequence[int]) -> None:
 
 
 def plot(rows: Sequence[Row], path: Path) -> None:
-    """Draw set-up and solve time over n, one panel a system; runs that converged only."""
+    """Draw set-up and solve time over n, one panel a system, of the methods in `DRAWN`."""
     # A figure made without pyplot is drawn by Agg: it needs no screen.
-    figure = Figure(figsize=(13, 11), layout="constrained")
+    figure = Figure(figsize=(12, 9), layout="constrained")
     axes = figure.subplots(2, 2, sharex=True, sharey=True)
+    largest = max(row["n"] for row in rows)
     for ax, (system, own) in zip(axes.flat, report.group(rows, "system").items(), strict=True):
-        for contender, style in zip(CONTENDERS, styles(CONTENDERS), strict=True):
-            runs = [row for row in own if row["method"] == contender.name and row["converged"]]
-            n, seconds = [row["n"] for row in runs], [row["total_s"] for row in runs]
-            if n:
-                ax.plot(n, seconds, label=contender.name, **style)
         ax.set(title=system, xlabel="n", ylabel="set-up + solve, s", yscale="log")
         ax.set_xscale("log", base=2)
         ax.grid(alpha=0.3)
+        ends: list[tuple[str, str, float, float]] = []
+        for name, colour in DRAWN.items():
+            runs = [row for row in own if row["method"] == name and row["converged"]]
+            if runs:
+                n, seconds = [row["n"] for row in runs], [row["total_s"] for row in runs]
+                style = "o-" if name in OURS else "o--"
+                ax.plot(n, seconds, style, color=colour, markersize=4.0)
+                ends.append((name, colour, n[-1], seconds[-1]))
+        write_names(ax, ends)
+    axes[0, 0].set_xlim(right=largest * ROOM)
+    axes[0, 0].set_ylim(top=APART**3 * LARGEST_TIME)
     figure.suptitle("Time to a true residual of 1e-8 (solid: this package; converged runs only)")
-    lines = {line.get_label(): line for ax in axes.flat for line in ax.get_lines()}
-    figure.legend(handles=lines.values(), loc="outside lower center", ncols=5)
     report.write_figure(path, figure, dpi=130)
 
 
-def styles(contenders: Sequence[Contender]) -> list[Row]:
-    """Return a line style for each contender: ours solid and bright, the others dashed."""
-    bright = iter(colormaps["tab10"](np.arange(10)))
-    # The dark ones of each of its five hues are legible.
-    muted = iter(colormaps["tab20b"]([0, 1, 4, 5, 8, 9, 12, 13, 16, 17, 18]))
-    full, thin = iter("osD^vP*Xp"), iter("x+1234|<>_.")
-    return [
-        {"color": next(bright), "marker": next(full), "linestyle": "-", "linewidth": 2.0}
-        if contender.ours
-        else {"color": next(muted), "marker": next(thin), "linestyle": "--", "linewidth": 1.2}
-        for contender in contenders
-    ]
+def write_names(ax: Any, ends: Sequence[tuple[str, str, float, float]]) -> None:
+    """Write names where lines end, on their right at the largest n and else on their left.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        Of logarithmic scales.
+    ends : sequence of (name, colour, x, y)
+    """
+    largest = max(x for _, _, x, _ in ends)
+    free = {"left": 0.0, "right": 0.0}  # The lowest y from which there is no name yet.
+    for name, colour, x, y in sorted(ends, key=lambda end: end[2:]):
+        align, offset = ("left", 7.0) if x == largest else ("right", -7.0)
+        height = max(y, free[align])
+        free[align] = height * APART
+        ax.annotate(
+            name, (x, height), (offset, 0.0), textcoords="offset points", color=colour,
+            ha=align, va="center", fontsize="small",
+        )  # fmt: skip
 
 
 def main(quick_sizes: Sequence[int] = QUICK_SIZES) -> None:

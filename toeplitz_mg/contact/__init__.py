@@ -18,7 +18,9 @@ from toeplitz_mg.contact.tangential.kalker import KalkerCoefficients, kalker_coe
 from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
 from toeplitz_mg.contact.theory import HertzContact, hertz
-from toeplitz_mg.contact.unlike.pressing import FrictionalResult, frictional_contact
+from toeplitz_mg.contact.unlike.pressing import frictional_contact
+from toeplitz_mg.contact.unlike.result import FrictionalResult
+from toeplitz_mg.contact.unlike.rolling import frictional_rolling
 from toeplitz_mg.halfspace import Material
 from toeplitz_mg.paper import problems
 
@@ -38,6 +40,7 @@ __all__ = [
     "creep_curve",
     "friction",
     "frictional_contact",
+    "frictional_rolling",
     "hertz",
     "kalker_coefficients",
     "load",

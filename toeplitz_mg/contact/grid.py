@@ -10,7 +10,7 @@ from scipy import fft
 
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element, Mask
-from toeplitz_mg.contact.steady_matrices import invert_shifted, subtract_operators
+from toeplitz_mg.contact.steady_matrices import ShiftedInverses, subtract_operators
 from toeplitz_mg.engine.products import DiagonalisedProduct
 from toeplitz_mg.engine.vectors import ALONE, Vectors
 from toeplitz_mg.halfspace import CombinedMaterial
@@ -252,9 +252,9 @@ class Grid:
         """Return the matrix of steady rolling, A - S with A and S = `tangential` and `upstream`."""
         return subtract_operators(A, self.upstream())
 
-    def invert_shifted(self, K: Any, shift: float, dtype: DTypeLike) -> Any:
-        """Return an approximate inverse of the matrix of steady rolling."""
-        return invert_shifted(K, shift).astype(dtype)
+    def invert_shifted(self, K: Any, shifts: Array, dtype: DTypeLike) -> Any:
+        """Return approximate inverses of the matrix of steady rolling with additions."""
+        return ShiftedInverses(K, shifts, np.dtype(dtype))
 
     def invert_by_cosine(self, A: Any, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid."""
@@ -283,6 +283,10 @@ class Grid:
     def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid on some elements."""
         return quick_fsai(MaskedOperator(A, C), dtype=dtype)
+
+    def restrict(self, A: Any, C: Mask) -> Any:
+        """Return the rows and columns of some elements of a matrix of this grid."""
+        return MaskedOperator(A, C)
 
     def diagonal(self, A: Any) -> float:
         """Return the entry on the diagonal of a matrix of this grid, of the first component."""

@@ -1,5 +1,6 @@
 """Approximate inverses on areas of contact: by a cosine transform, on fragmented ones by FSAI."""
 
+from contextlib import suppress
 from functools import partial
 from math import prod
 from typing import Any
@@ -11,6 +12,9 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.operators import ToeplitzOperator, apply_to_rows
 from toeplitz_mg.preconditioners.choice import is_fsai_kept, is_fsai_worthwhile
+
+LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Diagonals of a matrix that single precision is good for.
+FEW = 2**11  # Elements in contact up to which friction in single precision saves no time.
 
 
 class LocalInverse:
@@ -50,15 +54,50 @@ def invert_locally(
     dtype : float32 or float64, optional
         The precision in which FSAI is kept and applied, that of `A` by default.
     """
-    components = A.grid_shape[: len(A.grid_shape) - len(grid.shape)]
-    elements = prod(components) * prod(grid.shape)
-    if not is_fsai_worthwhile(elements, partial(grid.fragmentation, C), change):
+    if not is_fsai_worthwhile(_count(grid, A), partial(grid.fragmentation, C), change):
         return None
-    C = np.broadcast_to(C, (*components, *C.shape))
+    C = extend_to_components(grid, A, C)
     try:
         return LocalInverse(grid.invert_by_fsai(A, C, dtype), C)
     except np.linalg.LinAlgError:
         return None
+
+
+def invert_on(grid: Grid, A: Any, C: Array) -> Any:
+    """Return an approximate inverse of the rows and columns of some elements.
+
+    Parameters
+    ----------
+    grid : Grid
+    A : ToeplitzOperator or CoupledOperator
+        A matrix of the grid.
+    C : ndarray of bool, of the shape of the grid
+
+    Returns
+    -------
+    LinearOperator
+        In single precision, unless A is too ill-conditioned for it, its numbers are out of range,
+        or the elements so few that it saves nothing.
+    """
+    is_in_range = LEAST_UNIT < grid.diagonal(A) < MOST_UNIT
+    dtype = np.float32 if is_in_range and grid.vectors.count(C) > FEW else np.float64
+    everywhere = extend_to_components(grid, A, C)
+    if is_fsai_worthwhile(_count(grid, A), partial(grid.fragmentation, C), 0.0):
+        with suppress(np.linalg.LinAlgError):
+            return grid.invert_by_fsai(A, everywhere, dtype)
+    with suppress(np.linalg.LinAlgError):  # The symbol may sink into the rounding.
+        return grid.restrict(grid.invert_by_cosine(A, dtype), everywhere)
+    return grid.restrict(grid.invert_by_cosine(A), everywhere)
+
+
+def extend_to_components(grid: Grid, A: Any, C: Array) -> Array:
+    """Return the same elements for each component of a matrix."""
+    return np.broadcast_to(C, (*A.grid_shape[: len(A.grid_shape) - len(grid.shape)], *C.shape))
+
+
+def _count(grid: Grid, A: Any) -> int:
+    """Return the unknowns of a matrix on the whole grid."""
+    return prod(A.grid_shape[: len(A.grid_shape) - len(grid.shape)]) * prod(grid.shape)
 
 
 class Inverse:

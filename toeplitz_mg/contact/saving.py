@@ -19,7 +19,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.units import name_units
-from toeplitz_mg.halfspace import CombinedMaterial
+from toeplitz_mg.halfspace import CombinedMaterial, Material
 from toeplitz_mg.whole_files import check_folder, find_status, new_whole
 
 FORMAT = "toeplitz_mg contact result"  # What a file of ours says that it is.
@@ -54,7 +54,7 @@ def load_result(path: str | os.PathLike[str], kinds: Mapping[str, type]) -> Any:
         kind = kinds[about["kind"]]
         values = {name: _thaw(value) for name, value in about["values"].items()}
         centres = tuple(arrays.pop(name) for name in "xy" if name in arrays)
-        material = CombinedMaterial(**about["material"])
+        material = _read_material(about["material"])
         return kind(material=material, centres=centres, **arrays, **values)
     except OSError:
         raise
@@ -96,7 +96,9 @@ def convert_to_xarray(result: Any) -> Any:
         variables[name] = ((*components, *grid), x, {"units": units[name]})
         if components:
             coordinates["component"] = ("component", ["x", "y"], {})
-    for name, value in (values | asdict(result.material)).items():
+    constants = asdict(result.material)
+    del constants["bodies"]  # Attributes of netCDF are numbers and texts.
+    for name, value in (values | constants).items():
         # What netCDF cannot keep is left out, or made what it can.
         if isinstance(value, bool):
             attributes[name] = int(value)
@@ -163,6 +165,18 @@ def _check_replaced(path: Path, *, overwrite: bool) -> None:
         raise OSError(f"{path} is no regular file, so it is not replaced")
     if old is not None and not overwrite:
         raise FileExistsError(f"{path} is there already: overwrite=True replaces it")
+
+
+def _read_material(values: dict[str, Any]) -> CombinedMaterial:
+    """Return the combined constants, with the bodies where the file has them."""
+    bodies = values.pop("bodies", None)
+    if bodies is not None:
+        first, second = (
+            Material.rigid() if np.isinf(body["G"]) else Material.from_shear(**body)
+            for body in bodies
+        )
+        bodies = first, second
+    return CombinedMaterial(**values, bodies=bodies)
 
 
 def _thaw(value: Any) -> Any:

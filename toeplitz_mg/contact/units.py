@@ -26,7 +26,7 @@ def name_units(result: Any) -> dict[str, str]:
     is_rolling = result.stick is not None and result.creepages is not None
     names = (
         ("N/mm²", "pressure traction bound max_pressure mean_pressure"),
-        ("mm", "element centres x y displacement gap approach shift"),
+        ("mm", "element centres x y displacement gap plastic approach shift total_shift"),
         (units.area, "area stick_area"),
         (units.force, "force"),
         (units.energy, "energy"),

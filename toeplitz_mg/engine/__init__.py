@@ -6,7 +6,7 @@ The way of one ``A @ x``, from `operators.base`, which hands over x as rows:
 2. A matrix of one axis is a `products.ToeplitzProduct`, one of several axes or components a
    `multilevel.MultilevelProduct`. Of few unknowns it is multiplied as a dense matrix.
 3. Larger ones are embedded in a circulant, whose size is a fast transform length (`lengths`). Its
-   eigenvalues were computed when the product was made.
+   eigenvalues were computed when the product was made (`embedding`).
 4. `transforms` brings x to the frequencies, multiplies by the eigenvalues, and comes back: short
    rows many at once, a long one by `panels`, which stay in the cache, in the steps of `fourstep`.
 5. `workspace` gives the memory for it, the same again and again; `threads` shares the panels among

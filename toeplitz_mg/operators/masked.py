@@ -130,6 +130,11 @@ class MaskedOperator(GridOperator):
     def _restrict(self, full: Any) -> Any:
         return full if full is NotImplemented else MaskedOperator(full, self.mask)
 
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: that of the matrix of which this is a part."""
+        return float(self._whole().norm_bound)
+
     def entries(self, rows: Array, columns: Array) -> Array:
         """Return the entries in some rows and columns, by their positions among the unknowns."""
         return self._whole().entries(self._index[rows], self._index[columns])

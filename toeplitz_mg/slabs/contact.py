@@ -1,5 +1,6 @@
 """Contact on the rows of each rank: the searches of `toeplitz_mg.contact`, on a grid in slabs."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from math import prod
 from typing import Any
@@ -13,16 +14,17 @@ from toeplitz_mg.contact.checks import check_bound
 from toeplitz_mg.contact.grid import Grid, coarsen, refine
 from toeplitz_mg.contact.normal.problem import press
 from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
+from toeplitz_mg.contact.steady_matrices import LEAST, fade_rate
 from toeplitz_mg.contact.tangential.friction import shift_bodies
 from toeplitz_mg.contact.tangential.rolling import roll
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
+from toeplitz_mg.engine.lengths import embedding_lengths
 from toeplitz_mg.halfspace.matrices import KERNELS, evaluate
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
 from toeplitz_mg.slabs.fsai import fsai_preconditioner
 from toeplitz_mg.slabs.operators import (
     CoupledOperator,
     MaskedOperator,
-    SlabOperator,
     ToeplitzOperator,
 )
 from toeplitz_mg.slabs.preconditioners import cosine_preconditioner
@@ -52,8 +54,8 @@ class SlabGrid:
         self.whole, self.slab, self.vectors = whole, slab, slab.vectors
         self.shape, self.element, self.material = whole.shape, whole.element, whole.material
         self.area, self.components = whole.area, whole.components
-        self.periodic, self.has_free_mean = whole.periodic, whole.has_free_mean
         self.directions = whole.directions
+        self.periodic, self.has_free_mean = whole.periodic, whole.has_free_mean
         self.agree = slab.agree
         self._is_first = slab.comm.rank == 0
         self._is_last = slab.comm.rank == slab.comm.size - 1
@@ -140,9 +142,15 @@ class SlabGrid:
         """Return the matrix of steady rolling."""
         return self._matrix(AT | {ahead: -weight for ahead, weight in AHEAD.items()})
 
-    def invert_shifted(self, K: CoupledOperator, shift: float, dtype: DTypeLike) -> SlabOperator:
-        """Return an approximate inverse of the matrix of steady rolling."""
-        return ShiftedInverse(K, shift, np.dtype(dtype))
+    def invert_shifted(
+        self, K: CoupledOperator, shifts: Array, dtype: DTypeLike
+    ) -> "ShiftedInverses":
+        """Return approximate inverses of the matrix of steady rolling with additions."""
+        return ShiftedInverses(K, shifts, np.dtype(dtype))
+
+    def restrict(self, A: Any, C: Mask) -> MaskedOperator:
+        """Return the rows and columns of some elements of a matrix of this grid."""
+        return MaskedOperator(A, C)
 
     def diagonal(self, A: Any) -> float:
         """Return the entry on the diagonal of a matrix of this grid, of the first component."""
@@ -182,29 +190,46 @@ class SlabGrid:
         return fsai_preconditioner(MaskedOperator(A, C), neighbours=NEIGHBOURS, dtype=dtype)
 
 
-class ShiftedInverse(SlabOperator):
-    """The inverse of K + shift max|symbol|, of a circulant that embeds K, cut to the grid.
-
-    The components are inverted each by itself (see `contact.steady_matrices`). The circulant is
-    that of the products, whose eigenvalues are there.
+class ShiftedInverses:
+    """Approximate inverses of K + ν on slabs (see `contact.steady_matrices.ShiftedInverses`).
 
     Parameters
     ----------
     K : CoupledOperator
-    shift : float
+    shifts : ndarray
+        The additions ν.
     dtype : float32 or float64
     """
 
-    def __init__(self, K: CoupledOperator, shift: float, dtype: np.dtype[Any]) -> None:
-        super().__init__(K.slab, dtype, K.grid_shape)
-        spectra: list[list[Array | None]] = [[None] * len(K.blocks) for _ in K.blocks]
+    def __init__(self, K: CoupledOperator, shifts: Array, dtype: np.dtype[Any]) -> None:
+        slab, m = K.slab, len(K.blocks)
+        length = embedding_lengths(slab.shape)[0]
+        self.dtype = dtype
+        fade = np.exp(fade_rate(length) * np.arange(slab.rows.start, slab.rows.stop))[:, None]
+        self._fade = fade.astype(dtype)
+        faded = []
         for i, row in enumerate(K.blocks):
             block: Any = row[i]
-            s = block.product.spectra[0][0]
-            lowest = shift * max(self.slab.gather(np.abs(s).max(initial=0.0)))
-            # Those of the inverse, as those of K, are divided by the points of a transform.
-            spectra[i][i] = 1.0 / ((s + lowest) * block.product.points**2)
-        self.product = SlabProduct(self.slab, self.library, spectra, dtype)
+            c, behind = block.c / fade, block.behind * fade
+            faded.append(ToeplitzOperator(c, slab, parity=block.parity, behind=behind).product)
+        self._products = []
+        for nu in shifts:
+            spectra: list[list[Array | None]] = [[None] * m for _ in range(m)]
+            for i, product in enumerate(faded):
+                s, points = product.spectra[0][0], product.points
+                least = LEAST * max(slab.gather(np.abs(s).max(initial=0.0)))
+                # Those of the inverse, as those of K, are divided by the points of a transform.
+                spectra[i][i] = 1.0 / ((s + nu / points + least) * points**2)
+            self._products.append(SlabProduct(slab, K.library, spectra, dtype))
+
+    def __call__(self, r: Array, weights: Sequence[Array]) -> Array:
+        """Return the sum of the inverses of a field, (components, ...), each with its weights."""
+        x = (r / self._fade).astype(self.dtype)
+        total, y = np.zeros_like(x), np.empty_like(x)
+        for product, weight in zip(self._products, weights, strict=True):
+            product.multiply(x.reshape(-1), y.reshape(-1))
+            total += weight * y
+        return total * self._fade
 
 
 def normal_contact(

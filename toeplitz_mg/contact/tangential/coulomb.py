@@ -9,9 +9,11 @@ While the sets are fixed, q may change by any vector where it sticks, and along 
 where it slides: by a tangent vector. In one component there is none of those, the sign stays.
 """
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.vectors import Vectors
@@ -88,6 +90,7 @@ class Tangent:
     def __init__(self, areas: Areas, q: Array, vectors: Vectors, *, balanced: bool) -> None:
         self._vectors = vectors
         self.inside = areas.stick | areas.slide
+        self._is_everywhere = bool(self.inside.all())
         self.n = np.where(areas.slide, direction(q), 0.0)
         self._normals: Array | None = None
         if balanced:
@@ -97,9 +100,18 @@ class Tangent:
             self._units = np.stack([self._project(e) for e in units])
             self._normals = np.linalg.pinv([vectors.dots(self._units, e) for e in self._units])
 
+    def astype(self, dtype: DTypeLike) -> "Tangent":
+        """Return the same directions in another precision."""
+        other = copy(self)
+        other.n = self.n.astype(dtype)
+        if self._normals is not None:
+            other._units = self._units.astype(dtype)
+        return other
+
     def _project(self, v: Array) -> Array:
         """Project a field orthogonally to the tangents, of any sum."""
-        v = np.where(self.inside, v, 0.0)
+        if not self._is_everywhere:
+            v = np.where(self.inside, v, 0.0)
         return v - self.n * along(v, self.n)
 
     def multiplier(self, s: Array) -> Array:
@@ -117,7 +129,10 @@ class Tangent:
 
 def along(v: Array, n: Array) -> Array:
     """Return v·n in each element."""
-    return (v * n).sum(axis=0)
+    product: Array = v[0] * n[0]
+    for k in range(1, len(v)):
+        product += v[k] * n[k]
+    return product
 
 
 def make_admissible(

@@ -5,10 +5,10 @@ not symmetric, GMRES takes the place of conjugate gradients, and there is no ene
 of the areas should lower (`active_sets`): progress is a smaller residual, and where there is none
 for long, rolling step by step leads on.
 
-GMRES is preconditioned by a shifted inverse of the symbol of K, â(θ)(1 - e^{iθ₁}). Its real part is
-not negative, but it is zero for what is constant along the direction of rolling; with a positive
-real shift it is nowhere small. Where elements slide, λ adds to K, so that the inverse is scaled
-there by (1 + λ/k₀)^(-1/2) from both sides.
+GMRES is preconditioned by inverses of the symbol of K, â(θ)(1 - e^{iθ₁}), plus ν, for a few ν.
+Where elements stick it is K that is to be inverted, and where they slide K + λ, with λ of any size:
+in each place the inverses are interpolated to its λ. So the products hardly depend on the number of
+elements. (With one ν for all, they doubled from 128² elements to 512².)
 
 Where forces are given, the creepages that belong to them are unknowns as the tractions are, and
 Newton's method is for all at once. A change of the tractions takes up what is missing of the
@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator
+from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.products import Products
@@ -50,6 +50,8 @@ from toeplitz_mg.operators import apply_to_rows
 
 REDUCTION = 0.01  # Reduction of the residual by one solution where the problem is linearised.
 SINGLE = 1e-5  # Reduction of the residual for which single precision is good.
+# Additions to the matrix whose inverses are interpolated, over its diagonal.
+ADDITIONS = np.array([0.0, 0.1, 0.5, 3.0])
 LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Least and largest diagonal of K in its range.
 BETTER = 0.9  # Factor of the least residual so far, below which a new one is progress.
 CARRYING = 8  # Attempts to restore the loads without a product: the rest is left to the next step.
@@ -187,7 +189,7 @@ def find_steady_state(
     u = K(q) if vectors.count(q) else np.zeros_like(q)
     k0 = problem.grid.diagonal(K.A)
     dtype = np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64
-    M, shift = None, 0.0
+    M = None
     best, patience = np.inf, options.patience
     iterations: list[int] = []
     while True:
@@ -195,8 +197,8 @@ def find_steady_state(
         if now.residual <= problem.tolerance or K.exhausted:
             return State(q, u, areas, now.creepages, now.residual, tuple(iterations))
         K.progress, K.residual = problem.progress, now.residual
-        if shift != (shift := _shift(areas, vectors)) or M is None:
-            M = problem.grid.invert_shifted(K.A, shift, dtype)
+        if M is None:
+            M = problem.grid.invert_shifted(K.A, k0 * ADDITIONS, dtype)
         v, count = _newton_step(problem, loads, now, areas, q, K, M, options)
         iterations.append(count)
         q = q + v
@@ -236,14 +238,14 @@ def _newton_step(
     areas: Areas,
     q: Array,
     K: Products,
-    M: LinearOperator,
+    M: Any,
     options: SteadyOptions,
 ) -> tuple[Array, int]:
     """Return a change of the tractions, and the iterations."""
     law, vectors = now.law, problem.vectors
     T, lam, r = law.T, law.stiffness, law.r
     k0 = problem.grid.diagonal(K.A)
-    weight = np.where(areas.slide, 1.0 / np.sqrt(1.0 + lam / k0), 1.0)
+    weights = _interpolate(np.where(areas.slide, lam / k0, 0.0), M.dtype)
     of_slip = _complement(loads.units, T, vectors)
     of_tractions = _complement(loads.arms, T, vectors)
     first = np.zeros_like(q)
@@ -267,8 +269,7 @@ def _newton_step(
 
     def multiply(v: Array, out: Array) -> Array:
         d = directions[space.dimension]
-        y = apply_to_rows(M, (weight * T(v)).astype(M.dtype).reshape(-1)).reshape(v.shape)
-        d[...] = of_tractions(T(weight * y))
+        d[...] = of_tractions(T(M(T(v), weights)))
         return of_slip(T(K(d)) + lam * d)
 
     space = KrylovSpace(multiply, r.shape, M.dtype, most, vectors)
@@ -280,14 +281,16 @@ def _newton_step(
             return first + v, space.dimension
 
 
-def _shift(areas: Areas, vectors: Vectors) -> float:
-    """Return the shift of the symbol, from 0.04 where all sticks to 0.32 where all slides.
+def _interpolate(addition: Array, dtype: DTypeLike) -> list[Array]:
+    """Return weights with which the inverses of K + ν make up one for an addition at each place.
 
-    Both ends, and what is between, were found by experiment. It is rounded to a power of two times
-    0.04, so that the inverse is set up a few times only.
+    They are linear in 1/(k₀ + ν), and so exact where K is its diagonal k₀; beyond the last ν the
+    inverse is that times the ratio.
     """
-    sliding = vectors.count(areas.slide) / max(1, vectors.count(areas.slide | areas.stick))
-    return float(0.04 * 2.0 ** np.round(np.log2(1.0 + 7.5 * sliding**3)))
+    of_nodes, wanted = 1.0 / (1.0 + ADDITIONS), 1.0 / (1.0 + addition)
+    weights = [np.interp(-wanted, -of_nodes, unit).astype(dtype) for unit in np.eye(len(ADDITIONS))]
+    weights[-1] *= np.minimum(1.0, wanted / of_nodes[-1]).astype(dtype)
+    return weights
 
 
 def _first_guess(

@@ -9,10 +9,12 @@ the slip resists that with λ = |s|/g, so that a step v of the tractions solves
 with T the tangent vectors. It is symmetric positive definite; conjugate gradients solve it only to
 the accuracy at which the set, or the linearisation, is known to be wrong. (Without Λ this
 converges for ν = 0 alone.)
+
+The search knows the elements in contact only, as one axis, and conjugate gradients work in single
+precision on the change of the tractions, which is added up in double precision.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +22,7 @@ import numpy as np
 from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.contact.active_sets import Iterate, find_sets
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.inverse import invert_locally
+from toeplitz_mg.contact.inverse import extend_to_components, invert_on
 from toeplitz_mg.contact.products import Products, for_coarser_grids
 from toeplitz_mg.contact.tangential.coulomb import (
     Areas,
@@ -41,6 +43,8 @@ COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is but a 
 LOCAL = 0.5  # Part of 1/a₀ added to M where elements slide, where M alone is too small.
 MOST = 200  # Iterations on fixed areas, after which rounding keeps them from the rest.
 SHARP = 0.3  # Part of the tolerance beyond which no areas are solved more exactly.
+SINGLE = 1e-5  # Reduction of the misfit for which single precision is good.
+STIFFEST = 1e20  # Largest λ over the diagonal of A: single precision ends at 1e38.
 TINY = 1e-15  # Least bound, relative to the largest, that a stiffness λ = |s|/g is divided by.
 
 
@@ -182,19 +186,52 @@ def solve(
     """
     if guess is None or areas is None:
         guess, areas = _first_guess(problem, guess, nested=nested)
-    search = Search(problem, _inverse(problem.grid, A.A, problem.g > 0.0))
-    b, tolerance, progress = problem.b, problem.tolerance, problem.progress
+    grid, C = problem.grid, problem.g > 0.0
+    if not grid.vectors.count(C):
+        nothing = np.zeros_like(problem.b)
+        return State(nothing, nothing, areas, np.zeros(len(nothing)), residual=0.0)
+    b, q = (np.ascontiguousarray(x[:, C]) for x in (problem.b, guess))
+    on_contact = replace(problem, g=problem.g[C], b=b)
+    restricted = Products(grid.restrict(A.A, extend_to_components(grid, A.A, C)), A.limit)
+    restricted.count = A.count
+    search = Search(on_contact, invert_on(grid, A.A, C), grid.diagonal(A.A))
     now, law, iterations = find_sets(
-        search, A, guess, areas, b=b, eta=ETA, tolerance=tolerance, progress=progress
+        search,
+        restricted,
+        q,
+        Areas(areas.stick[C], areas.slide[C]),
+        b=b,
+        eta=ETA,
+        tolerance=problem.tolerance,
+        progress=problem.progress,
     )
-    return State(now.x, now.u, now.sets, law.shift, law.residual, iterations)
+    A.count = restricted.count
+
+    def whole(x: Array) -> Array:
+        field = np.zeros((*x.shape[:-1], *C.shape), x.dtype)
+        field[..., C] = x
+        return field
+
+    areas = Areas(whole(now.sets.stick), whole(now.sets.slide))
+    return State(whole(now.x), whole(now.u), areas, law.shift, law.residual, iterations)
 
 
 class Search(NamedTuple):
-    """A problem whose sets are the areas of stick and slip, and an approximate inverse."""
+    """A problem on the elements in contact, whose sets are the areas of stick and slip.
+
+    Attributes
+    ----------
+    problem : Problem
+        Its fields are of these elements.
+    M : LinearOperator
+        An approximate inverse, in the precision of the iterations.
+    unit : float
+        The diagonal of A.
+    """
 
     problem: Problem
-    M: Callable[[Array], Array]
+    M: Any
+    unit: float
 
     def look(self, now: Iterate) -> Linearisation:
         """Return what is wrong with tractions and areas."""
@@ -206,15 +243,15 @@ class Search(NamedTuple):
         """Make a step of Newton's method on the areas, and change them."""
         problem, areas, T, vectors = self.problem, now.sets, law.T, self.problem.vectors
         v, Av, count = self._newton_step(A, now, law, eta)
-        q, u = now.x + v, now.u + Av
+        q, u, is_exact = now.x + v, now.u + Av, False
         out = areas.stick & (size(q) > problem.g)
         back = areas.slide & (along(problem.balance(T, problem.b - u), T.n) < 0.0)
         on_circle = areas.slide | out
         areas = areas.exchange(out, back)
         if vectors.count(out) or (len(q) > 1 and vectors.count(on_circle)):
             q, areas = make_admissible(q, problem.g, areas, on_circle, problem.total, vectors)
-            u = A(q)
-        return Iterate(q, u, areas), count
+            u, is_exact = A(q), True
+        return Iterate(q, u, areas, is_exact), count
 
     def project(self, q: Array) -> Array:
         """Return the nearest tractions within the bound, of the given sum."""
@@ -229,28 +266,33 @@ class Search(NamedTuple):
     ) -> tuple[Array, Array, int]:
         """Return a change of the tractions, that of the displacements, and the iterations."""
         problem, q, slide = self.problem, now.x, now.sets.slide
-        T, lam, r, a0 = law.T, law.stiffness, law.r.copy(), problem.grid.diagonal(A.A)
-        v, Av, Ad = (np.zeros_like(q) for _ in range(3))
+        M, a0, vectors = self.M, self.unit, problem.vectors
+        # Where the energy did not fall, double precision is to tell what is left.
+        dtype = M.dtype if eta == ETA else np.dtype(np.float64)
+        T, misfit = law.T.astype(dtype), vectors.max(np.abs(law.r)) or 1.0
+        lam = np.minimum(law.stiffness, STIFFEST * a0).astype(dtype)
+        r = (law.r / misfit).astype(dtype)
+        v, Av, Ad = (np.zeros_like(r) for _ in range(3))
         # Where elements slide, λ adds to A, and M, so scaled, is too small for what is smooth.
-        weight = np.where(slide, 1.0 / np.sqrt(1.0 + lam / a0), 1.0)
-        local = np.where(slide, LOCAL / a0, 0.0)
+        weight = np.where(slide, 1.0 / np.sqrt(1.0 + law.stiffness / a0), 1.0).astype(dtype)
+        local = np.where(slide, LOCAL / a0, 0.0).astype(dtype)
 
         def multiply(d: Array, out: Array) -> Array:
             return T(A(d, Ad) + lam * d)
 
         def precondition(r: Array, out: Array) -> Array:
             y = weight * r
-            return T(weight * (self.M(y) + local * y))
+            return T(weight * (apply_to_rows(M, y.reshape(-1)).reshape(y.shape) + local * y))
 
-        vectors = problem.vectors
         iteration, count = ConjugateGradients(multiply, precondition, vectors), 0
+        least = max(SHARP * problem.tolerance * law.scale / misfit, SINGLE * (dtype == np.float32))
         while count < MOST and not A.exhausted:
             # Three things may be wrong with the set, and with the linearisation: |q| > g where it
             # sticks, |q| > g where it slides (the circle is curved), and slip along the traction.
-            excess = a0 * problem.excess(q + v)
-            along_n = along(problem.balance(T, law.minus_slip - Av), T.n)
-            wrong = max(excess, -vectors.min(along_n))
-            if vectors.max(np.abs(r)) <= max(SHARP * problem.tolerance * law.scale, eta * wrong):
+            excess = a0 * problem.excess(q + misfit * v)
+            along_n = along(problem.balance(law.T, law.minus_slip - misfit * Av), law.T.n)
+            wrong = max(excess, -vectors.min(along_n)) / misfit
+            if vectors.max(np.abs(r)) <= max(least, eta * wrong):
                 break
             length = iteration.step(r)
             if length == 0.0:
@@ -259,15 +301,8 @@ class Search(NamedTuple):
             Av = vectors.axpy(length, Ad, Av)
             r = vectors.axpy(-length, iteration.product, r)
             count += 1
-        return v, Av, count
-
-
-def _inverse(grid: Grid, A: Any, contact: Array) -> Callable[[Array], Array]:
-    """Return an approximate inverse of A on the elements in contact."""
-    if (local := invert_locally(grid, A, contact)) is not None:
-        return local
-    M = grid.invert_by_cosine(A)
-    return lambda r: apply_to_rows(M, r.reshape(-1)).reshape(r.shape)
+        # Single precision leaves the tangents, and the sum that is given, by its rounding.
+        return law.T(misfit * v.astype(np.float64)), misfit * Av.astype(np.float64), count
 
 
 def _first_guess(problem: Problem, guess: Array | None, *, nested: bool) -> tuple[Array, Areas]:

@@ -1,7 +1,7 @@
 """Unlike bodies that are pressed together and shifted: pressures and friction at once."""
 
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,60 +16,20 @@ from toeplitz_mg.contact.checks import (
     check_shift,
 )
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.result import ContactError, NormalResult, TangentialResult, check_converged
 from toeplitz_mg.contact.unlike.alternation import alternate
+from toeplitz_mg.contact.unlike.result import (
+    Before,
+    FrictionalResult,
+    check_both,
+    check_friction,
+)
 from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Shifting
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.values import count, field, in_range, real
+from toeplitz_mg.values import count, field, in_range
 
 INNER = 0.01  # Tolerance of each problem by itself, over that of both together.
 FARTHEST = 2.0  # Largest step, over the last, for which the tractions are extrapolated.
-
-
-class Before(NamedTuple):
-    """Tractions before a step, with the force and the approach that pressed."""
-
-    traction: Array
-    force: float
-    approach: float
-
-
-@dataclass(frozen=True, eq=False)
-class FrictionalResult:
-    """Bodies that are pressed together with friction: what holds across, and what along.
-
-    Attributes
-    ----------
-    normal : NormalResult
-        Pressures, contact, approach; the displacement is that by tractions too.
-    tangential : TangentialResult
-        Tractions, slip, stick; the displacement is that by pressures too.
-    residuals : tuple of float
-        The largest violation of the conditions of normal contact, over the largest interference,
-        in each iteration between the two problems.
-    before : Before
-        The state before this step.
-    """
-
-    normal: NormalResult
-    tangential: TangentialResult
-    residuals: tuple[float, ...]
-    before: Before
-
-    @property
-    def residual(self) -> float:
-        """The violation that is left."""
-        return self.residuals[-1]
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Why the answer may not be of the problem that was meant."""
-        return self.normal.warnings + self.tangential.warnings
-
-    def summary(self) -> str:
-        """Return the figures of both results with their units, a line each."""
-        return f"{self.normal.summary()}\n\n{self.tangential.summary()}"
 
 
 def frictional_contact(
@@ -243,14 +203,6 @@ def frictional_contact(
     return result
 
 
-def check_friction(mu: float) -> float:
-    """Return a coefficient of friction, or say what is wrong with it."""
-    mu = real("mu", mu)
-    if not mu >= 0.0:
-        raise ValueError(f"mu is {mu}, but a coefficient of friction is at least zero")
-    return mu
-
-
 def check_carried(force: Any, most: float, grid: Grid) -> Array:
     """Return the sum of the tractions that a tangential force needs, of less than `most`."""
     total, slides = check_force(force, most / grid.area, grid)
@@ -276,6 +228,8 @@ def extrapolate(
 ) -> Array:
     """Return tractions that change with the load as they did in the step before."""
     earlier = previous.before
+    if earlier is None:
+        return now.traction
     if force is None:
         assert approach is not None
         change, last = approach - now.approach, now.approach - earlier.approach
@@ -284,16 +238,3 @@ def extrapolate(
     far = abs(change) > FARTHEST * abs(last)
     step = 0.0 if far else change / last
     return now.traction + step * (now.traction - earlier.traction)
-
-
-def check_both(result: FrictionalResult, tolerance: float) -> FrictionalResult:
-    """Return the result, or raise ContactError where it violates a condition."""
-    check_converged(result.tangential, tolerance)
-    if result.residual <= tolerance:
-        return result
-    raise ContactError(
-        f"after {len(result.residuals)} iterations between pressures and friction the conditions "
-        f"of contact are violated by {result.residual:.1e} of the largest interference, but the "
-        f"tolerance is {tolerance:g}",
-        result.normal,
-    )

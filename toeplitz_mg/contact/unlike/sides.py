@@ -1,5 +1,6 @@
-"""The two sides of the alternation: bodies that are pressed, and bodies that are shifted."""
+"""The sides of the alternation: bodies that are pressed, and bodies that are shifted or roll."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -173,8 +174,7 @@ class Shifting:
 
     def __call__(self, p: Array) -> Array:
         """Return the tractions for pressures p."""
-        # Bonded bodies have an infinite coefficient, and no bound where they do not touch.
-        g = np.multiply(self.mu, p, out=np.zeros_like(p), where=p > 0.0)
+        g = bound_of(self.mu, p)
         window = self._fit(g > 0.0)
         b = self.b - self.coupling.along(p)
         problem = stick_slip.Problem(
@@ -203,11 +203,7 @@ class Shifting:
         assert self.state is not None
         assert self.window is not None
         result = friction.make_result(self.problem, self.state, self.window, self.products, work)
-        u = np.where(result.contact, self.coupling.along(p), 0.0).reshape(result.traction.shape)
-        displacement = result.displacement + u
-        energy = 0.5 * self.grid.area * float((result.traction * displacement).sum())
-        # Nothing is left out, and the resolution is doubted where the bodies are pressed.
-        return replace(result, displacement=displacement, energy=energy, warnings=())
+        return add_displacements(result, self.coupling.along(p), self.grid)
 
     def _fit(self, contact: Array) -> Window:
         """Return a window of all elements in contact: the last one, while that has them all."""
@@ -221,3 +217,64 @@ class Shifting:
     def _matrix(self) -> Any:
         assert self.window is not None
         return self.window.grid.tangential()
+
+
+@dataclass
+class Rolling:
+    """Bodies that roll while pressures bound the tractions, and displace along the surface.
+
+    Attributes
+    ----------
+    grid : Grid
+    coupling, upstream : Coupling
+        Of the displacements here, and one element ahead.
+    mu : float
+        The coefficient of friction.
+    solve : callable
+        Returns what `rolling` finds for a traction bound, a rigid slip over the distance rolled
+        that adds to that of the creepages, and a result to start from, or None.
+    slip : ndarray of shape (components, ...)
+        The part of that slip that is given.
+    found : TangentialResult or None
+        What was found last.
+    products : int
+        Products so far.
+    """
+
+    grid: Grid
+    coupling: Coupling
+    upstream: Coupling
+    mu: float
+    solve: Callable[[Array, Array, TangentialResult | None], TangentialResult]
+    slip: Array
+    found: TangentialResult | None = None
+    products: int = 0
+
+    def __call__(self, p: Array) -> Array:
+        """Return the tractions for pressures p."""
+        strain = (self.coupling.along(p) - self.upstream.along(p)) / self.grid.element[0]
+        self.found = self.solve(bound_of(self.mu, p), self.slip + strain, self.found)
+        self.products += self.found.products
+        return self.found.traction.reshape(self.slip.shape)
+
+    def result(self, p: Array, work: float) -> TangentialResult:
+        """Return what was found, with all displacements along the surface."""
+        assert self.found is not None
+        result = replace(self.found, products=self.products, work=work)
+        return add_displacements(result, self.coupling.along(p), self.grid)
+
+
+def bound_of(mu: float, p: Array) -> Array:
+    """Return the traction bound of pressures: none where there are none, for any coefficient."""
+    return np.multiply(mu, p, out=np.zeros_like(p), where=p > 0.0)
+
+
+def add_displacements(result: TangentialResult, u: Array, grid: Grid) -> TangentialResult:
+    """Return a result with the displacements along the surface by pressures, so that all are in it.
+
+    Nothing is left out then, and the resolution is doubted where the bodies are pressed.
+    """
+    shape = result.traction.shape
+    displacement = result.displacement + np.where(result.contact, u, 0.0).reshape(shape)
+    energy = 0.5 * grid.area * float((result.traction * displacement).sum())
+    return replace(result, displacement=displacement, energy=energy, warnings=())

@@ -1,0 +1,214 @@
+"""Unlike materials in rolling: creepage without a tangential force, against theory and dense."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from toeplitz_mg import halfspace
+from toeplitz_mg.contact import (
+    ContactError,
+    Material,
+    frictional_rolling,
+    normal_contact,
+    rolling,
+    surfaces,
+)
+
+ALUMINIUM, STEEL = Material.from_shear(23000.0, 0.31), Material.from_shear(82000.0, 0.28)
+ROLLERS = ALUMINIUM, STEEL
+COMBINED = halfspace.combined_material(*ROLLERS)
+BETA = COMBINED.difference / (1.0 - COMBINED.nu)  # Dundurs' parameter.
+R = 25.0  # mm
+
+doubtful = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+
+
+def rollers(n=128, **arguments):
+    """Two rollers in plane strain, half a width of contact of some 0.1 mm."""
+    h = 0.256 / n
+    gap = surfaces.cylinder(n, h, radius=R)
+    given = {"material": ROLLERS, "mu": 0.05, "force": 16.2019, "tangential_force": 0.0}
+    return gap, h, frictional_rolling(gap, h, **given | arguments)
+
+
+# Creepage, elements in contact and those that stick, by a program of others for these rollers,
+# strips of 0.001 mm by 1000 mm, that roll the other way; forces over μ times the one that presses.
+PUBLISHED = [
+    (10.0, 0.0, 3.591e-4, 200, 200),
+    (0.05, 0.0, 4.294e-4, 200, 125),
+    (0.05, 0.75, 5.392e-4, 201, 106),
+    (0.05, -0.75, 2.108e-4, 200, 36),
+]
+
+
+@pytest.mark.parametrize(("mu", "traction", "creepage", "contact", "stick"), PUBLISHED)
+def test_published_creepages(mu, traction, creepage, contact, stick):
+    x = -0.1075 + 0.001 * np.arange(216)
+    force = 16201.9
+    result = frictional_rolling(
+        x**2 / (2 * R),
+        (0.001, 1000.0),
+        material=ROLLERS,
+        mu=mu,
+        force=force,
+        tangential_force=traction * mu * force,
+    )
+    found = -result.tangential.creepages[0] if creepage else 0.0
+    assert f"{found:.3e}" == f"{creepage:.3e}"
+    assert result.normal.contact.sum() == contact
+    assert result.tangential.stick.sum() == stick
+    assert_allclose(result.tangential.force, traction * mu * force, atol=1e-6 * mu * force)
+    assert len(result.residuals) <= 6
+
+
+def test_without_slip_it_is_the_exact_creepage():
+    """Bufler, 1959; the error falls with the size of an element."""
+    errors = []
+    for n in (64, 128, 256):
+        _, _, result = rollers(n, mu=np.inf)
+        # p + i q = k X, with γ = ln((1+β)/(1-β))/(2π) and the force π k a² (1+4γ²)/2.
+        gamma = np.log((1 + BETA) / (1 - BETA)) / (2 * np.pi)
+        k = COMBINED.E_star / (2 * R)
+        a = np.sqrt(2 * 16.2019 / (np.pi * k * (1 + 4 * gamma**2)))
+        assert_allclose(result.normal.area, 2 * a, atol=2 * 0.256 / n)
+        errors.append(1.0 + result.tangential.creepages[0] / (2 * gamma * a / R))
+        assert result.tangential.stick.sum() == result.normal.contact.sum()
+    assert 0.0 < errors[2] < 0.6 * errors[1] < 0.36 * errors[0] < 0.05
+
+
+def test_the_less_friction_the_more_creepage():
+    """From 2/π to 0.915 of β a/R (Bentall and Johnson, 1967), where β is small and h smaller."""
+    creepages = []
+    for ratio in (0.1, 1.0, 2.0, 4.0, 8.0, 16.0):
+        _, _, result = rollers(mu=BETA / ratio)
+        a = result.normal.area / 2
+        creepages.append(-result.tangential.creepages[0] * R / (BETA * a))
+    assert (np.diff(creepages) > 0.0).all()
+    assert 0.58 < creepages[0] < 2 / np.pi
+    assert 0.86 < creepages[-1] < 0.915
+
+
+def test_full_slip_has_the_creepage_of_a_balance():
+    """All slides where the strain by Hertz's pressures is another: 0.9148 β a/R halves the force.
+
+    The creepage is given, as the last element that sticks is hard to find by the force.
+    """
+    c = 0.9148 * BETA * 0.1 / R
+    mu = 1e-4
+    _, _, result = rollers(256, mu=mu, tangential_force=None, longitudinal=-c)
+    assert abs(result.tangential.force) < 0.05 * mu * 16.2019
+    assert result.tangential.stick.sum() <= 2
+
+
+def test_conditions_hold_with_all_displacements():
+    """They are computed anew, from the matrices here and one element ahead."""
+    n, h, b = 96, 0.0027, 1000.0
+    gap = surfaces.cylinder(n, (h, b), radius=R)
+    result = frictional_rolling(
+        gap, (h, b), material=ROLLERS, mu=0.05, force=16201.9, tangential_force=100.0
+    )
+    normal, tangential = result.normal, result.tangential
+    A = halfspace.influence_matrix("xz", (n,), (h, b), ROLLERS)
+    S = halfspace.influence_matrix("xz", (n,), (h, b), ROLLERS, ahead=1)
+    t = np.stack([tangential.traction, normal.pressure])
+    u, ahead = ((M @ t.ravel()).reshape(t.shape) for M in (A, S))
+    w = gap + u[1] - normal.approach
+    interference = normal.approach - gap.min()
+    assert np.abs(w[normal.contact]).max() <= 1.01e-6 * interference
+    assert w.min() >= -1.01e-6 * interference
+    contact = tangential.contact
+    assert_array_equal(tangential.bound, 0.05 * normal.pressure)
+    assert (np.abs(tangential.traction) <= tangential.bound).all()
+    slip = tangential.creepages[0] + (u[0] - ahead[0]) / h
+    assert_allclose(tangential.slip, np.where(contact, slip, 0.0), rtol=0, atol=1e-10)
+    scale = 1e-8 * abs(tangential.creepages[0])
+    assert np.abs(slip[tangential.stick]).max() <= 1e2 * scale
+    assert (slip * tangential.traction)[tangential.sliding].max() <= 0.0
+    assert_allclose(tangential.displacement, np.where(contact, u[0], 0.0), rtol=0, atol=1e-10)
+    assert_allclose(tangential.force, 100.0, rtol=1e-6)
+
+
+@doubtful
+def test_equals_a_dense_solution_step_by_step():
+    """By Gauss and Seidel's method, element by element, until nothing changes from step to step."""
+    n, h, b, mu = 20, 0.16, 300.0, 0.06
+    bodies = Material.from_shear(1.0, 0.0), Material.rigid()
+    gap = surfaces.cylinder(n, (h, b), radius=1.0)
+    result = frictional_rolling(
+        gap, (h, b), material=bodies, mu=mu, force=300.0, tangential_force=0.0, tolerance=1e-9
+    )
+    A = halfspace.influence_matrix("xz", (n,), (h, b), bodies) @ np.eye(2 * n)
+    S = halfspace.influence_matrix("xz", (n,), (h, b), bodies, ahead=1) @ np.eye(2 * n)
+    z, approach = gap, result.normal.approach
+    t = np.zeros(2 * n)
+    for _ in range(60):
+        before = t.copy()
+        u0 = (S @ t)[:n] - h * result.tangential.creepages[0]
+        for _ in range(300):
+            last = t.copy()
+            for i in range(n):
+                t[n + i] = max(0.0, t[n + i] - (A[n + i] @ t + z[i] - approach) / A[n + i, n + i])
+                q = t[i] - (A[i] @ t - u0[i]) / A[i, i]
+                t[i] = np.clip(q, -mu * t[n + i], mu * t[n + i])
+            if np.abs(t - last).max() <= 1e-12 * np.abs(t).max():
+                break
+        if np.abs(t - before).max() <= 1e-11 * np.abs(t).max():
+            break
+    q, p = t.reshape(2, n)
+    assert_allclose(result.normal.pressure, p, rtol=0, atol=1e-6 * p.max())
+    assert_allclose(result.tangential.traction, q, rtol=0, atol=1e-6 * mu * p.max())
+    assert result.tangential.stick.any()
+    assert result.tangential.sliding.any()
+
+
+def test_like_rollers_are_two_problems_exactly():
+    gap, h, both = rollers(material=STEEL, tangential_force=None, longitudinal=1e-4)
+    normal = normal_contact(gap, h, material=STEEL, force=16.2019, tolerance=1e-8)
+    assert_array_equal(both.normal.pressure, normal.pressure)
+    alone = rolling(0.05 * normal.pressure, h, material=STEEL, longitudinal=1e-4, tolerance=1e-8)
+    assert_array_equal(both.tangential.traction, alone.traction)
+    _, _, free = rollers(material=STEEL)
+    assert_allclose(free.tangential.creepages, 0.0, atol=1e-15)
+    assert_allclose(free.tangential.traction, 0.0, atol=1e-12)
+
+
+def test_rollers_that_change_places_creep_the_other_way():
+    _, _, one = rollers()
+    _, _, two = rollers(material=ROLLERS[::-1])
+    assert_allclose(two.tangential.creepages, -one.tangential.creepages, rtol=1e-6)
+    assert_allclose(two.normal.pressure, one.normal.pressure, rtol=1e-5)
+
+
+def test_a_ball_creeps_too_and_a_slip_that_is_given_adds():
+    element = (0.1, 0.1)
+    gap = surfaces.sphere((24, 24), element, radius=10.0)
+    bodies = Material.from_shear(0.5, 0.0), Material.rigid()
+    case = {"material": bodies, "mu": 0.3, "force": 0.05, "tolerance": 1e-8}
+    free = frictional_rolling(gap, element, tangential_force=(0.0, 0.0), **case)
+    assert free.tangential.creepages[0] < -1e-3
+    assert_allclose(free.tangential.creepages[1], 0.0, atol=1e-9)
+    assert_allclose(free.tangential.force, 0.0, atol=1e-8)
+    field = np.zeros((2, 24, 24))
+    field[0] = free.tangential.creepages[0]
+    same = frictional_rolling(gap, element, slip=field, **case)
+    assert_allclose(same.tangential.traction, free.tangential.traction, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "match"),
+    [
+        ({"mu": -1.0}, ValueError, "mu is -1.0"),
+        ({"approach": 1.0}, ValueError, "one of the two must be given"),
+        ({"longitudinal": 1e-3}, ValueError, "only one of the two can be given"),
+        ({"tangential_force": 1.0}, ValueError, "force is of size 1, but must be less"),
+        ({"spin": 1.0}, ValueError, "line contact has longitudinal and lateral creepage only"),
+    ],
+)
+def test_refuses_bad_arguments(change, error, match):
+    with pytest.raises(error, match=match):
+        rollers(**change)
+
+
+def test_says_where_it_does_not_converge():
+    with pytest.raises(ContactError, match="after 1 iterations between pressures and friction"):
+        rollers(max_iterations=1)

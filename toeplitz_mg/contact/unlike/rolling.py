@@ -1,0 +1,156 @@
+"""Unlike bodies that are pressed together and roll: pressures and the steady state at once."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from toeplitz_mg._typing import Array, Element, Progress
+from toeplitz_mg.contact import doubts
+from toeplitz_mg.contact.checks import check_iteration, check_load
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.result import TangentialResult
+from toeplitz_mg.contact.tangential.motion import Motion
+from toeplitz_mg.contact.tangential.rolling import roll
+from toeplitz_mg.contact.tangential.steady import SteadyOptions
+from toeplitz_mg.contact.tangential.window import Window
+from toeplitz_mg.contact.unlike.alternation import alternate
+from toeplitz_mg.contact.unlike.pressing import INNER
+from toeplitz_mg.contact.unlike.result import FrictionalResult, check_both, check_friction
+from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Rolling
+from toeplitz_mg.engine.work import count_products
+from toeplitz_mg.values import count, field, in_range
+
+
+def frictional_rolling(
+    gap: ArrayLike,
+    element: Element,
+    *,
+    material: Any,
+    mu: float,
+    approach: float | None = None,
+    force: float | None = None,
+    longitudinal: float = 0.0,
+    lateral: float = 0.0,
+    spin: float = 0.0,
+    tangential_force: Any = None,
+    moment: float | None = None,
+    slip: ArrayLike | None = None,
+    pole: tuple[float, float] = (0.0, 0.0),
+    tolerance: float = 1e-6,
+    nested: bool = True,
+    max_iterations: int = 50,
+    max_products: int = 2000,
+    progress: Progress | None = None,
+    options: SteadyOptions | None = None,
+) -> FrictionalResult:
+    """Press two bodies together and roll them, each problem with the displacements of the other.
+
+    Where the materials are unlike, pressures strain the two surfaces unlike: so they creep, and
+    have areas of slip, without a tangential force.
+
+    Parameters
+    ----------
+    gap, element, material, mu, approach, force
+        The arguments of `frictional_contact`; `force` is the one that presses.
+    longitudinal, lateral, spin, moment, slip, pole
+        The arguments of `rolling`.
+    tangential_force : (float, float) or float, optional
+        The tangential force (Fx, Fy) on the first body in the place of creepages, which are then
+        found, as `force` in `rolling`; 0 for free rolling.
+    tolerance : float
+        The violation of the conditions of normal contact that is allowed, over the largest
+        interference; each problem by itself is solved to a hundredth of it.
+    nested, max_iterations, max_products, progress
+        The arguments of `frictional_contact`.
+    options : SteadyOptions, optional
+        How long the search for the steady state goes on before it rolls step by step.
+
+    Returns
+    -------
+    FrictionalResult
+        It has a `NormalResult` in `normal`, and a `TangentialResult` in `tangential`.
+
+    Warns
+    -----
+    ContactWarning
+        The warnings of `normal_contact`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For input that makes no sense, before any work; also for loads that the bound does not
+        carry.
+    ContactError
+        Where the tolerance is not reached: it says what is violated.
+
+    See Also
+    --------
+    frictional_contact : of bodies that do not roll.
+    rolling : with a bound that is given, which is exact where the materials are alike.
+
+    Notes
+    -----
+    Without slip, free rollers in plane strain creep by a/(πR) ln((1+β)/(1-β)), a being half the
+    width of contact, 1/R the sum of both curvatures, and β = K/(1-ν) Dundurs' parameter, with the
+    `halfspace.difference_parameter` K and ν of the combined materials (Bufler, 1959). The less
+    friction there is, the more they creep, up to 0.915 β a/R (Bentall and Johnson, 1967).
+
+    Examples
+    --------
+    An aluminium roller on a steel roller, free of a tangential force.
+
+    >>> from toeplitz_mg.contact import Material, frictional_rolling, surfaces
+    >>> rollers = Material.from_shear(23000.0, 0.31), Material.from_shear(82000.0, 0.28)
+    >>> gap = surfaces.cylinder(128, 0.002, radius=25.0)
+    >>> pressed = dict(material=rollers, force=16.2, tangential_force=0.0)
+    >>> for mu in (0.02, 0.05, 0.2):
+    ...     rolled = frictional_rolling(gap, 0.002, mu=mu, **pressed)
+    ...     print(f"{rolled.tangential.creepages[0]:.2e}")
+    -4.97e-04
+    """
+    z = field("gap", gap)
+    grid = Grid.of(z.shape, element, material, None)
+    force = check_load(grid, z, approach, force)
+    mu = check_friction(mu)
+    check_iteration(tolerance, max_products, progress)
+    most = count("max_iterations", max_iterations)
+    creepages = longitudinal, lateral, spin
+    motion = Motion.of(z.shape, creepages, tangential_force, moment, slip, pole)
+    grid = replace(grid, directions=motion.directions)
+    given = np.zeros((grid.components, *z.shape))
+    if motion.slip is not None:
+        given = given + motion.slip
+    distance = float(z.min())
+    if approach is not None:
+        approach = float(approach) - distance
+        in_range("the interference", max(approach, 1.0))
+    inner = INNER * tolerance
+
+    def solve(g: Array, slip: Array, guess: TangentialResult | None) -> TangentialResult:
+        field_of_slip = slip[0] if len(slip) == 1 else slip
+        asked = creepages, tangential_force, moment, field_of_slip, pole
+        return roll(
+            grid, g, Window.around, asked, inner, nested, max_products, None, options, guess
+        )
+
+    with count_products() as work:
+        coupling = Coupling(grid.coupling())
+        pressing = Pressing(
+            grid, z - distance, distance, coupling, approach, force, inner, max_products
+        )
+        rolling = Rolling(grid, coupling, Coupling(grid.coupling(ahead=1)), mu, solve, given)
+        p = pressing.begin(None, nested=nested)
+        motion.check_loads(grid, mu * p)
+        p, residuals = alternate(
+            pressing, rolling, p, tolerance=tolerance, most=most, progress=progress
+        )
+        assert rolling.found is not None
+        q = rolling.found.traction.reshape(given.shape)
+        normal = pressing.result(q, p, 0.0)
+        tangential = rolling.result(p, 0.0)
+    normal = replace(normal, work=work.units(z.size))
+    result = FrictionalResult(normal, tangential, residuals)
+    doubts.warn(check_both(result, tolerance).warnings)
+    return result
