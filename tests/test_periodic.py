@@ -331,6 +331,28 @@ def test_large_rough_surfaces(mean, share):
     assert result.residual <= 1e-8
 
 
+def test_the_area_is_in_proportion_to_the_force():
+    """κ = A E* g'/F is about 2.2 at light loads, with g' the root mean square of the slopes.
+
+    The elements at the edges of spots are in contact in part: the area is corrected by what that
+    makes of the length of the edges (Yastrebov, Anciaux, Molinari, Tribol. Int. 114 (2017)).
+    """
+    n = 512
+    h, found = 1.0 / n, []
+    for seed in range(3):
+        gap = surfaces.rough((n, n), (h, h), rms=5e-4, longest=0.25, shortest=16 * h, seed=seed)
+        q = 2 * np.pi * np.fft.fftfreq(n, h)
+        power = np.abs(np.fft.fft2(gap) / gap.size) ** 2
+        slope = np.sqrt(((q[:, None] ** 2 + q**2) * power).sum())
+        force = 0.01 * slope
+        result = normal_contact(gap, (h, h), material=UNIT, force=force, periodic=True)
+        C = result.contact
+        edges = h * sum(np.count_nonzero(C ^ np.roll(C, 1, axis)) for axis in (0, 1))
+        area = result.area - (np.pi - 1.0 + np.log(2.0)) / 24.0 * edges * h
+        found.append(area * slope / force)
+    assert abs(np.mean(found) - 2.2) < 0.1
+
+
 def test_the_doubts_know_that_the_grid_goes_on():
     gap = np.roll(surfaces.sphere((64, 64), (0.02, 0.02), radius=1.0), (32, 32), (0, 1))
     result = normal_contact(gap, (0.02, 0.02), material=UNIT, force=0.01, periodic=True)
