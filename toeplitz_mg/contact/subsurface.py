@@ -174,6 +174,11 @@ def _check_results(results: tuple[ContactResult, ...]) -> ContactResult:
     for result in results:
         if not isinstance(result, NormalResult | TangentialResult):
             raise TypeError(f"a result is {result!r}, but must be one of contact")
+        if any(result.periodic):
+            raise ValueError(
+                f"periodic is {result.periodic} in a result, but stresses are those below bodies "
+                "of which nothing repeats"
+            )
     kinds = [type(result) for result in results]
     if len(kinds) not in (1, 2) or len(set(kinds)) < len(kinds):
         raise ValueError(
