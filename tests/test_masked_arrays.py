@@ -150,6 +150,10 @@ USES = {
     ],
     "combined_material": [(halfspace.combined_material, {"first": STEEL, "second": STEEL})],
     "difference_parameter": [(halfspace.difference_parameter, {"first": STEEL, "second": STEEL})],
+    "load_curve": [
+        (contact.load_curve, {"gap": GRID, **CONTACT, "forces": [1.0, 2.0]}),
+        (contact.load_curve, {"gap": GRID, **CONTACT, "approaches": [1.0, 2.0]}),
+    ],
     "normal_contact": [
         (contact.normal_contact, {"gap": GRID, **CONTACT, "force": 1.0}),
         (contact.normal_contact, {"gap": GRID, **CONTACT, "approach": 1.0}),
@@ -256,7 +260,7 @@ USES = {
             surfaces.rough,
             {
                 **{"shape": (16, 16), "element": ELEMENT, "rms": 1.0, "hurst": 0.8},
-                **{"longest": 8.0, "shortest": 4.0},
+                **{"longest": 8.0, "roll_off": 6.0, "shortest": 4.0},
             },
         )
     ],

@@ -143,6 +143,10 @@ def frictional_contact(
     z = field("gap", gap)
     grid = Grid.of(z.shape, element, material, reference)
     force = check_load(grid, z, approach, force)
+    if force == 0.0:
+        raise ValueError("force is 0.0, but must be positive")
+    if np.isinf(z).any():
+        raise ValueError("gap has values that are not finite")
     mu = check_friction(mu)
     check_iteration(tolerance, max_products, progress)
     most = count("max_iterations", max_iterations)
