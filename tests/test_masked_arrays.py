@@ -178,6 +178,32 @@ USES = {
             {"mu": [0.1, 0.2, 0.3, 0.4]},
         ),
     ],
+    "frictional_contact": [
+        (
+            contact.frictional_contact,
+            {"gap": GRID, **CONTACT, "mu": 0.3, "force": 1.0, "shift": (1.0, 0.0)},
+        ),
+        (
+            contact.frictional_contact,
+            {
+                **{"gap": GRID, **CONTACT, "mu": 0.3, "approach": 1.0},
+                "tangential_force": (0.1, 0.0),
+            },
+        ),
+    ],
+    "frictional_rolling": [
+        (
+            contact.frictional_rolling,
+            {
+                **{"gap": GRID, **CONTACT, "mu": 0.3, "force": 1.0, "longitudinal": 1e-3},
+                **{"lateral": 1e-3, "spin": 1e-3},
+            },
+        ),
+        (
+            contact.frictional_rolling,
+            {"gap": GRID, **CONTACT, "mu": 0.3, "force": 1.0, "tangential_force": (0.1, 0.0)},
+        ),
+    ],
     "subsurface_stresses": [
         (
             lambda depths: contact.subsurface_stresses(PRESSED, depths=depths),
@@ -243,7 +269,7 @@ USES = {
 # What takes no numbers: results and records, warnings, modules, wrappers, and a counter.
 WITHOUT_NUMBERS = {
     *("ContactError", "ContactResult", "ContactWarning", "HertzContact"),
-    *("NormalResult", "TangentialResult", "load"),
+    *("FrictionalResult", "NormalResult", "TangentialResult", "load"),
     *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "Stresses", "ToeplitzInverse"),
     *("componentwise", "count_products", "contact", "fractional", "halfspace", "problems"),
     "surfaces",
