@@ -79,6 +79,7 @@ def check_pressed(bound: Any, element: Any, material: Any, mu: Any) -> tuple[Arr
     for name, value in (("element", element), ("material", material)):
         if value is not None:
             raise TypeError(f"{name} is given, but a normal result has its own: leave it out")
+    refuse_periodic(bound)
     if mu is None:
         raise TypeError("mu is not given, but a normal result needs a coefficient of friction")
     friction = field("mu", mu)
@@ -94,6 +95,15 @@ def check_pressed(bound: Any, element: Any, material: Any, mu: Any) -> tuple[Arr
     # Where nothing is pressed a coefficient may be infinite.
     g = np.multiply(friction, bound.pressure, where=bound.contact, out=np.zeros(bound.shape))
     return g, bound.element, bound.material
+
+
+def refuse_periodic(pressed: NormalResult) -> None:
+    """Refuse surfaces that repeat, where the matrices are those of bodies that do not."""
+    if any(pressed.periodic):
+        raise ValueError(
+            f"the surfaces are periodic along {pressed.periodic}, but must not be for friction and "
+            "stresses: press a larger piece of them, without periodic="
+        )
 
 
 def check_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:

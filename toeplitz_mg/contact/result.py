@@ -60,6 +60,8 @@ class NormalResult:
         The pressures, N/mm²; also named `traction`.
     displacement : ndarray
         The displacement of both bodies together along the pressure, mm.
+    periodic : tuple of bool
+        Whether the surfaces repeat, along each axis; empty where none does.
     gap : ndarray
         The gap under load, mm: at least zero, and zero in contact, within `residual` of the
         largest interference.
@@ -116,6 +118,7 @@ class NormalResult:
     max_pressure: float
     energy: float
     touches_edge: bool
+    periodic: tuple[bool, ...] = ()
     plastic: Array | None = None
     stiffness: OnDemand = OnDemand()
     products: int = 0

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.checks import refuse_periodic
 from toeplitz_mg.contact.result import ContactResult, NormalResult, TangentialResult
 from toeplitz_mg.engine.threads import elementwise
 from toeplitz_mg.halfspace import CombinedMaterial
@@ -116,7 +117,8 @@ def subsurface_stresses(
     ------
     ValueError
         For results on different grids or of different materials, two of one kind, or of materials
-        whose bodies are not known; for depths that are negative or not finite; for a rigid body.
+        whose bodies are not known; of surfaces that are periodic; for depths that are negative or
+        not finite; for a rigid body.
     TypeError
         For what is no result.
 
@@ -174,6 +176,8 @@ def _check_results(results: tuple[ContactResult, ...]) -> ContactResult:
     for result in results:
         if not isinstance(result, NormalResult | TangentialResult):
             raise TypeError(f"a result is {result!r}, but must be one of contact")
+        if isinstance(result, NormalResult):
+            refuse_periodic(result)
     kinds = [type(result) for result in results]
     if len(kinds) not in (1, 2) or len(set(kinds)) < len(kinds):
         raise ValueError(
