@@ -4,9 +4,9 @@ Hertz (line, sphere, ellipse), Westergaard's wave, Cattaneo and Mindlin (line, s
 Kalker's coefficients, stresses below a line and a sphere that slide: the errors against theory over
 the number N of elements across the grid, with the order that is observed; pictures of the tractions
 and of the areas of stick and slip beside the analytic curves; products, iterations between two
-changes of the areas, and CPU time. An error is the root mean square of four grids of nearly the same N, as
-it jumps with the place of the edge of an area in its element. Rough surfaces are drawn at several
-loads, from 1 to 40 % of contact. Kalker's coefficients are known to three digits.
+changes of the areas, and CPU time. An error is the root mean square of four grids of nearly the
+same N, as it jumps with the place of the edge of an area in its element. Rough surfaces are drawn
+at several loads, from 1 to 40 % of contact. Kalker's coefficients are known to three digits.
 
 Against `aspher` and `tamaas`, where they are installed, see `contact_peers`.
 """
