@@ -116,7 +116,8 @@ def subsurface_stresses(
     ------
     ValueError
         For results on different grids or of different materials, two of one kind, or of materials
-        whose bodies are not known; for depths that are negative or not finite; for a rigid body.
+        whose bodies are not known; of surfaces that are periodic; for depths that are negative or
+        not finite; for a rigid body.
     TypeError
         For what is no result.
 
