@@ -137,13 +137,11 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "download_all_examples": False,
     "remove_config_comments": True,
+    "write_computation_times": False,  # Its table needs a network.
     "show_memory": False,
     "show_signature": False,
-    "default_thumb_file": None,
     "image_scrapers": ("matplotlib",),
-    "matplotlib_animations": False,
 }
-del sphinx_gallery_conf["default_thumb_file"]
 
 # Looks ---------------------------------------------------------------------------------------
 html_theme = "pydata_sphinx_theme"

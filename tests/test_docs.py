@@ -3,7 +3,9 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
@@ -21,6 +23,14 @@ EXAMPLES = [
     for page in PAGES
     for block in re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL)
 ]
+# What another package does, and what this one does in its place.
+PAIRS = [
+    pytest.param(there, here, id=re.search(r"(?:import|from) (?!numpy|torch)(\w+)", there)[1])
+    for page in PAGES
+    for there, here in re.findall(
+        r"```py\n(.*?)```\s+```python\n(.*?)```", page.read_text(), re.DOTALL
+    )
+]
 NO_FIGURES = {"architecture.md"}  # Its table has words only.
 each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 
@@ -28,6 +38,16 @@ each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.rel
 @pytest.mark.parametrize(("name", "block"), EXAMPLES)
 def test_examples(name, block):
     exec(compile(block, name, "exec"), {})
+
+
+@pytest.mark.parametrize(("there", "here"), PAIRS)
+def test_another_package_finds_the_same(there, here, request):
+    pytest.importorskip(request.node.callspec.id)
+    found = {}
+    exec(compile(there, "there", "exec"), found)
+    exec(compile(here, "here", "exec"), found)
+    largest = np.abs(found["there"]).max()
+    assert_allclose(found["here"], found["there"], rtol=0.0, atol=1e-6 * largest)
 
 
 @each_page

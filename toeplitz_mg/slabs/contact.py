@@ -142,6 +142,9 @@ class SlabGrid:
         """Return the matrix of steady rolling."""
         return self._matrix(AT | {ahead: -weight for ahead, weight in AHEAD.items()})
 
+    def steady_array(self, K: CoupledOperator) -> None:
+        """Say that the matrix of steady rolling is no array, as no rank has all of it."""
+
     def invert_shifted(
         self, K: CoupledOperator, shifts: Array, dtype: DTypeLike
     ) -> "ShiftedInverses":

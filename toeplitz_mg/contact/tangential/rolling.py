@@ -117,7 +117,7 @@ def rolling(
     ContactWarning
         Where the contact is less than 10 elements across; and where the two bodies are unlike,
         as the coupling of normal and tangential tractions is left out (see
-        `frictional_contact`).
+        `frictional_rolling`).
         `TangentialResult.warnings` lists them.
 
     Raises
