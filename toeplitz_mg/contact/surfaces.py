@@ -23,6 +23,12 @@ def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]
     tuple of ndarray
         x of shape (n,); or x and y of shape (n1, n2).
 
+    See Also
+    --------
+    sphere : another surface.
+    rough : another surface.
+    toeplitz_mg.contact.normal_contact : presses it.
+
     Examples
     --------
     >>> from toeplitz_mg.contact import surfaces
@@ -48,6 +54,12 @@ def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: floa
     -------
     ndarray of the shape given
         mm, r²/(2R).
+
+    See Also
+    --------
+    ellipsoid : another surface.
+    cylinder : another surface.
+    toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
     --------
@@ -76,6 +88,12 @@ def ellipsoid(
     -------
     ndarray of the shape given
         mm, x²/(2R₁) + y²/(2R₂).
+
+    See Also
+    --------
+    sphere : another surface.
+    cylinder : another surface.
+    toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
     --------
@@ -107,6 +125,12 @@ def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -
     -------
     ndarray of the shape given
         mm, x²/(2R).
+
+    See Also
+    --------
+    sphere : another surface.
+    ellipsoid : another surface.
+    toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
     --------
@@ -140,6 +164,12 @@ def wavy(
     -------
     ndarray of the shape given
         mm, with a crest, where the gap is zero, in the middle of the grid.
+
+    See Also
+    --------
+    rough : another surface.
+    centres : where the elements are.
+    toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
     --------
@@ -183,6 +213,12 @@ def rough(
     -------
     ndarray of the shape given
         mm, zero at the highest point. The heights are periodic.
+
+    See Also
+    --------
+    wavy : another surface.
+    centres : where the elements are.
+    toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
     --------
