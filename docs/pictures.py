@@ -5,7 +5,6 @@ from pathlib import Path
 from time import process_time
 
 import matplotlib.pyplot as plt
-import numpy as np
 
 from toeplitz_mg import contact
 
@@ -27,12 +26,8 @@ def draw_rough_contact():
         pressed = contact.normal_contact(gap, element, material=bodies, force=70.0, periodic=True)
         seconds = process_time() - start
     figure, ax = plt.subplots(figsize=(6.2, 5), layout="constrained")
-    shown = np.where(pressed.contact, pressed.pressure, np.nan)
-    most = np.quantile(pressed.pressure[pressed.contact], 0.99)
-    image = ax.imshow(shown.T, origin="lower", extent=(0, 1, 0, 1), cmap="viridis", vmax=most)
-    figure.colorbar(image, label="pressure (N/mm²)", fraction=0.045)
+    pressed.plot(ax=ax)
     share = 100.0 * pressed.contact_fraction
-    ax.set(xlabel="x (mm)", ylabel="y (mm)")
     ax.set_title(f"{n}² elements, {share:.0f} % in contact: {seconds:.1f} s of CPU", fontsize=11)
     figure.savefig(FOLDER / "rough.png", dpi=110)
 
@@ -49,7 +44,7 @@ def draw_three():
     figure, axes = plt.subplots(1, 3, figsize=(13.5, 3.9), layout="constrained")
     titles = ("pressed", "shifted", "rolled")
     for ax, result, title in zip(axes, (pressed, shifted, rolled), titles, strict=True):
-        result.plot(ax)
+        result.plot(ax=ax)
         ax.set_title(title)
     figure.savefig(FOLDER / "sphere.png", dpi=90)
 

@@ -56,6 +56,7 @@ def test_quick_run_without_the_peers(folder, capsys):
     ("case", "quantity", "coarse", "fine", "least"),
     [
         ("Hertz, line", "p₀", 64, 512, 1.0),
+        ("Westergaard", "traction", 64, 512, 0.9),
         ("Hertz, sphere", "δ", 32, 128, 1.5),
         ("Hertz, ellipse", "F", 32, 128, 1.5),
         ("Cattaneo, line", "traction", 64, 512, 0.9),

@@ -53,7 +53,7 @@ def test_published_creepages(mu, traction, creepage, contact, stick):
         force=force,
         tangential_force=traction * mu * force,
     )
-    found = -result.tangential.creepages[0] if creepage else 0.0
+    found = -result.tangential.creepages if creepage else 0.0
     assert f"{found:.3e}" == f"{creepage:.3e}"
     assert result.normal.contact.sum() == contact
     assert result.tangential.stick.sum() == stick
@@ -62,18 +62,17 @@ def test_published_creepages(mu, traction, creepage, contact, stick):
 
 
 def test_without_slip_it_is_the_exact_creepage():
-    """Bufler, 1959; the error falls with the size of an element."""
-    errors = []
-    for n in (64, 128, 256):
+    """Bufler, 1959; the error is of some elements, as the edge of the contact is."""
+    for n in (64, 128, 512):
         _, _, result = rollers(n, mu=np.inf)
         # p + i q = k X, with γ = ln((1+β)/(1-β))/(2π) and the force π k a² (1+4γ²)/2.
         gamma = np.log((1 + BETA) / (1 - BETA)) / (2 * np.pi)
         k = COMBINED.E_star / (2 * R)
         a = np.sqrt(2 * 16.2019 / (np.pi * k * (1 + 4 * gamma**2)))
         assert_allclose(result.normal.area, 2 * a, atol=2 * 0.256 / n)
-        errors.append(1.0 + result.tangential.creepages[0] / (2 * gamma * a / R))
         assert result.tangential.stick.sum() == result.normal.contact.sum()
-    assert 0.0 < errors[2] < 0.6 * errors[1] < 0.36 * errors[0] < 0.05
+        error = 1.0 + result.tangential.creepages / (2 * gamma * a / R)
+        assert abs(error) < 3 * (0.256 / n) / a
 
 
 def test_the_less_friction_the_more_creepage():
@@ -82,7 +81,7 @@ def test_the_less_friction_the_more_creepage():
     for ratio in (0.1, 1.0, 2.0, 4.0, 8.0, 16.0):
         _, _, result = rollers(mu=BETA / ratio)
         a = result.normal.area / 2
-        creepages.append(-result.tangential.creepages[0] * R / (BETA * a))
+        creepages.append(-result.tangential.creepages * R / (BETA * a))
     assert (np.diff(creepages) > 0.0).all()
     assert 0.58 < creepages[0] < 2 / np.pi
     assert 0.86 < creepages[-1] < 0.915
@@ -119,9 +118,9 @@ def test_conditions_hold_with_all_displacements():
     contact = tangential.contact
     assert_array_equal(tangential.bound, 0.05 * normal.pressure)
     assert (np.abs(tangential.traction) <= tangential.bound).all()
-    slip = tangential.creepages[0] + (u[0] - ahead[0]) / h
+    slip = tangential.creepages + (u[0] - ahead[0]) / h
     assert_allclose(tangential.slip, np.where(contact, slip, 0.0), rtol=0, atol=1e-10)
-    scale = 1e-8 * abs(tangential.creepages[0])
+    scale = 1e-8 * abs(tangential.creepages)
     assert np.abs(slip[tangential.stick]).max() <= 1e2 * scale
     assert (slip * tangential.traction)[tangential.sliding].max() <= 0.0
     assert_allclose(tangential.displacement, np.where(contact, u[0], 0.0), rtol=0, atol=1e-10)
@@ -131,11 +130,11 @@ def test_conditions_hold_with_all_displacements():
 @doubtful
 def test_equals_a_dense_solution_step_by_step():
     """By Gauss and Seidel's method, element by element, until nothing changes from step to step."""
-    n, h, b, mu = 20, 0.16, 300.0, 0.06
+    n, h, b, mu = 14, 0.2, 0.8, 0.06
     bodies = Material.from_shear(1.0, 0.0), Material.rigid()
     gap = surfaces.cylinder(n, (h, b), radius=1.0)
     result = frictional_rolling(
-        gap, (h, b), material=bodies, mu=mu, force=300.0, tangential_force=0.0, tolerance=1e-9
+        gap, (h, b), material=bodies, mu=mu, force=0.5, tangential_force=0.0, tolerance=1e-9
     )
     A = halfspace.influence_matrix("xz", (n,), (h, b), bodies) @ np.eye(2 * n)
     S = halfspace.influence_matrix("xz", (n,), (h, b), bodies, ahead=1) @ np.eye(2 * n)
@@ -143,8 +142,8 @@ def test_equals_a_dense_solution_step_by_step():
     t = np.zeros(2 * n)
     for _ in range(60):
         before = t.copy()
-        u0 = (S @ t)[:n] - h * result.tangential.creepages[0]
-        for _ in range(300):
+        u0 = (S @ t)[:n] - h * result.tangential.creepages
+        for _ in range(2000):
             last = t.copy()
             for i in range(n):
                 t[n + i] = max(0.0, t[n + i] - (A[n + i] @ t + z[i] - approach) / A[n + i, n + i])

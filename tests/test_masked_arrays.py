@@ -150,6 +150,10 @@ USES = {
     ],
     "combined_material": [(halfspace.combined_material, {"first": STEEL, "second": STEEL})],
     "difference_parameter": [(halfspace.difference_parameter, {"first": STEEL, "second": STEEL})],
+    "load_curve": [
+        (contact.load_curve, {"gap": GRID, **CONTACT, "forces": [1.0, 2.0]}),
+        (contact.load_curve, {"gap": GRID, **CONTACT, "approaches": [1.0, 2.0]}),
+    ],
     "normal_contact": [
         (contact.normal_contact, {"gap": GRID, **CONTACT, "force": 1.0}),
         (contact.normal_contact, {"gap": GRID, **CONTACT, "approach": 1.0}),
@@ -172,6 +176,32 @@ USES = {
         (
             lambda mu: contact.friction(PRESSED, mu=mu, shift=1.0),
             {"mu": [0.1, 0.2, 0.3, 0.4]},
+        ),
+    ],
+    "frictional_contact": [
+        (
+            contact.frictional_contact,
+            {"gap": GRID, **CONTACT, "mu": 0.3, "force": 1.0, "shift": (1.0, 0.0)},
+        ),
+        (
+            contact.frictional_contact,
+            {
+                **{"gap": GRID, **CONTACT, "mu": 0.3, "approach": 1.0},
+                "tangential_force": (0.1, 0.0),
+            },
+        ),
+    ],
+    "frictional_rolling": [
+        (
+            contact.frictional_rolling,
+            {
+                **{"gap": GRID, **CONTACT, "mu": 0.3, "force": 1.0, "longitudinal": 1e-3},
+                **{"lateral": 1e-3, "spin": 1e-3},
+            },
+        ),
+        (
+            contact.frictional_rolling,
+            {"gap": GRID, **CONTACT, "mu": 0.3, "force": 1.0, "tangential_force": (0.1, 0.0)},
         ),
     ],
     "subsurface_stresses": [
@@ -230,7 +260,7 @@ USES = {
             surfaces.rough,
             {
                 **{"shape": (16, 16), "element": ELEMENT, "rms": 1.0, "hurst": 0.8},
-                **{"longest": 8.0, "shortest": 4.0},
+                **{"longest": 8.0, "roll_off": 6.0, "shortest": 4.0},
             },
         )
     ],
@@ -239,7 +269,7 @@ USES = {
 # What takes no numbers: results and records, warnings, modules, wrappers, and a counter.
 WITHOUT_NUMBERS = {
     *("ContactError", "ContactResult", "ContactWarning", "HertzContact"),
-    *("NormalResult", "TangentialResult", "load"),
+    *("FrictionalResult", "NormalResult", "TangentialResult", "load"),
     *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "Stresses", "ToeplitzInverse"),
     *("componentwise", "count_products", "contact", "fractional", "halfspace", "problems"),
     "surfaces",

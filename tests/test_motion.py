@@ -1,12 +1,16 @@
 """Rolling by force, moment and fields of slip: the same contacts as by creepage."""
 
+import pickle
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from tests.test_friction import semi_ellipse
+from tests.test_friction import doubtful, semi_ellipse
 from tests.test_rolling import MU, A, circle
 from toeplitz_mg.contact import Material, friction, rolling, rolling_steps, surfaces
+from toeplitz_mg.contact import grid as grid_module
+from toeplitz_mg.contact.grid import Grid
 
 NAMES = ("longitudinal", "lateral", "spin")
 CREEPAGES = [
@@ -209,3 +213,45 @@ def test_refuses_what_makes_no_sense(change, message):
 def test_steps_are_by_creepage_or_by_force():
     with pytest.raises(ValueError, match=r"force is \(0.1, None\), but in steps all of its"):
         rolling_steps(np.ones((4, 4)), (1.0, 1.0), material=BODY, steps=1, force=(0.1, None))
+
+
+@doubtful
+@pytest.mark.parametrize("creepages", CREEPAGES)
+@pytest.mark.parametrize("loads", ["none", "force", "all"])
+def test_small_cases_are_solved_directly_to_the_same_tractions(creepages, loads, monkeypatch):
+    g, expected = circle(11, creepages)
+    given = {"force": expected.force, "moment": moment_of(expected)}
+    wanted = {"none": {}, "force": {"force": expected.force}, "all": given}[loads]
+    free = creepages if loads == "none" else (0.0, 0.0, 0.0 if loads == "all" else creepages[2])
+    _, direct = circle(11, free, **wanted)
+    monkeypatch.setattr(Grid, "steady_array", lambda self, K: None)
+    _, by_krylov = circle(11, free, **wanted)
+    assert_allclose(direct.traction, expected.traction, atol=1e-6 * g.max())
+    assert_allclose(by_krylov.traction, expected.traction, atol=1e-6 * g.max())
+    assert_allclose(direct.rigid, creepages, atol=1e-6)
+
+
+def test_matrices_that_are_kept_are_those_of_the_case():
+    # Cases that differ in one thing only, one after the other, are those of a fresh process.
+    cases = [(n, nu, h2) for n in (10, 12) for nu in (0.1, 0.4) for h2 in (0.1, 0.2)]
+    g = {n: semi_ellipse(np.hypot(*surfaces.centres((n, n), (0.1, 0.1))), 0.5) for n in (10, 12)}
+
+    def solve(n, nu, h2):
+        body = Material.from_shear(1.0, nu)
+        return rolling(g[n], (0.1, h2), material=body, longitudinal=0.1, spin=0.1).traction
+
+    kept = [solve(*case) for case in cases]
+    for case, traction in zip(cases, kept, strict=True):
+        grid_module._matrix.cache_clear()
+        grid_module._steady.cache_clear()
+        grid_module._steady_array.cache_clear()
+        assert np.array_equal(solve(*case), traction)
+    size = len(pickle.dumps(rolling(g[10], (0.1, 0.1), material=BODY, longitudinal=0.1)))
+    assert size < 20_000
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.45])
+def test_products_do_not_grow_with_the_grid(nu):
+    for creepages in ((0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.02, 0.04, -0.1)):
+        products = [circle(n, creepages, nu=nu)[1].products for n in (48, 192)]
+        assert products[1] <= 1.6 * products[0]

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 
 from tests.test_result import ALL, PRESSED, ROLLED, ROLLED_LINE, SHIFTED
 from toeplitz_mg import contact
-from toeplitz_mg.contact import friction
+from toeplitz_mg.contact import Material, friction, normal_contact, surfaces
 
 WITH_ALL = replace(PRESSED, stiffness=0.1 + 0.2, warnings=("ä < b", "c"))
 BONDED = friction(
@@ -28,6 +28,9 @@ def assert_same(one, other):
         if field.name == "centres":
             assert len(a) == len(b)
             assert all(map(np.array_equal, a, b))
+        elif field.name == "material":
+            assert a == b
+            assert a.bodies == b.bodies
         elif isinstance(a, np.ndarray):
             assert a.dtype == b.dtype
             assert np.array_equal(a, b)
@@ -36,7 +39,13 @@ def assert_same(one, other):
             assert a == b
 
 
-@pytest.mark.parametrize("result", [*ALL, WITH_ALL, BONDED])
+UNLIKE = normal_contact(
+    surfaces.sphere((32, 32), (0.05, 0.05), radius=1.0), (0.05, 0.05),
+    material=(Material(E=2.0, nu=0.3), Material.rigid()), force=0.1,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("result", [*ALL, WITH_ALL, BONDED, UNLIKE])
 def test_what_is_saved_is_loaded(result, tmp_path):
     path = tmp_path / "result.npz"
     result.save(path)
@@ -185,7 +194,7 @@ def test_xarray_has_coordinates_and_units():
     assert ROLLED_LINE.to_xarray().traction.dims == ("x",)
 
 
-@pytest.mark.parametrize("result", [*ALL, WITH_ALL])
+@pytest.mark.parametrize("result", [*ALL, WITH_ALL, UNLIKE])
 def test_xarray_can_write_it(result, tmp_path):
     xarray = pytest.importorskip("xarray")
     result.to_xarray().to_netcdf(tmp_path / "x.nc", engine="scipy")

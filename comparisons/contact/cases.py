@@ -1,9 +1,9 @@
 """Contact problems with a known answer, rough surfaces, and the peers that solve the same.
 
-Hertz (line, sphere, ellipse), Cattaneo and Mindlin (line, sphere), Carter and Kalker's
-coefficients, stresses below a line and a sphere that slide: the errors against theory over the
-number N of elements across the grid, with the order that is observed; pictures of the tractions and
-of the areas of stick and slip beside the analytic curves; products, iterations between two changes
+Hertz (line, sphere, ellipse), Westergaard's wave, Cattaneo and Mindlin (line, sphere), Carter and
+Kalker's coefficients, stresses below a line and a sphere that slide: the errors against theory over
+the number N of elements across the grid, with the order that is observed; pictures of the tractions
+and of the areas of stick and slip beside the analytic curves; products, iterations between two changes
 of the areas, and CPU time. An error is the root mean square of four grids of nearly the same N, as
 it jumps with the place of the edge of an area in its element. Rough surfaces are drawn at several
 loads, from 1 to 40 % of contact. Kalker's coefficients are known to three digits.
@@ -42,6 +42,7 @@ Case = tuple[Callable[[int], Solved], Sequence[int], Sequence[int]]
 
 CASES: dict[str, Case] = {
     "Hertz, line": (theory.hertz_line, LINES, QUICK_LINES),
+    "Westergaard": (theory.westergaard, LINES, QUICK_LINES),
     "Hertz, sphere": (theory.hertz_sphere, SURFACES, QUICK_SURFACES),
     "Hertz, ellipse": (theory.hertz_ellipse, SURFACES, QUICK_SURFACES),
     "Cattaneo, line": (theory.cattaneo_line, LINES, QUICK_LINES),

@@ -37,6 +37,8 @@ class Problem:
     nu : float
     shift : float
         The shift along x, with friction; zero where the bodies are pressed only.
+    periodic : bool
+        Whether the surfaces repeat along both axes.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Problem:
     is_rough: bool = False
     nu: float = 0.0
     shift: float = 0.0
+    periodic: bool = False
 
     @property
     def h(self) -> float:
@@ -69,7 +72,7 @@ class Problem:
     @property
     def grid(self) -> Grid:
         """The elements."""
-        return Grid.of((self.N, self.N), (self.h, self.h), self.material, None)
+        return Grid.of((self.N, self.N), (self.h, self.h), self.material, None, self.periodic)
 
     @cached_property
     def matrix(self) -> Any:
@@ -104,7 +107,9 @@ def ours(problem: Problem, tolerance: float) -> Answer:
     element = (problem.h, problem.h)
     arguments: Any = {"material": problem.material, "tolerance": tolerance}
     start = process_time()
-    pressed = normal_contact(problem.gap, element, force=problem.force, **arguments)
+    pressed = normal_contact(
+        problem.gap, element, force=problem.force, periodic=problem.periodic, **arguments
+    )
     result: ContactResult = pressed
     bound = None
     if problem.shift:
@@ -121,7 +126,8 @@ def aspher(precond: str, problem: Problem, tolerance: float) -> Answer:
 
     N = problem.N
     start = process_time()
-    solver = package.ContactSolver(grid_size=N, backend="fft", domain_size=2.0, E_star=1.0)
+    backend = "periodic" if problem.periodic else "fft"
+    solver = package.ContactSolver(grid_size=N, backend=backend, domain_size=2.0, E_star=1.0)
     result = solver.solve(problem.gap.ravel(), problem.force / 4.0, tol=tolerance, precond=precond)
     seconds = process_time() - start
     p = np.asarray(result.pressure).reshape(N, N)
@@ -143,7 +149,7 @@ def aspher_nested(problem: Problem, tolerance: float) -> Answer:
         E_star=1.0,
         coarsest=coarsest,
         tol=tolerance,
-        backend="fft",
+        backend="periodic" if problem.periodic else "fft",
     )
     seconds = process_time() - start
     p = np.asarray(result.pressure).reshape(N, N)
@@ -185,9 +191,10 @@ def tamaas(problem: Problem, iterations: int) -> Answer:
     model = package.ModelFactory.createModel(package.model_type.basic_2d, [2.0, 2.0], [N, N])
     # These are set before the operator is made, or it is that of another material.
     model.E, model.nu = 1.0, 0.0
-    package.ModelFactory.registerNonPeriodic(model, "dcfft")
     solver = package.PolonskyKeerRey(model, -problem.gap, 1e-16)
-    solver.setIntegralOperator("dcfft")
+    if not problem.periodic:
+        package.ModelFactory.registerNonPeriodic(model, "dcfft")
+        solver.setIntegralOperator("dcfft")
     solver.max_iter = iterations
     solver.solve(problem.force / 4.0)
     seconds = process_time() - start

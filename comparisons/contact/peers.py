@@ -80,6 +80,10 @@ def problems(N: int) -> list[Problem]:
         Problem("rough, 10 %", N, 0.06, is_rough=True),
         Problem("rough, 28 %", N, 0.2, is_rough=True),
         *(
+            Problem(f"rough, repeated, {share} %", N, force, is_rough=True, periodic=True)
+            for share, force in ((2, 0.0123), (10, 0.06), (31, 0.2), (77, 0.7), (99, 1.6))
+        ),
+        *(
             Problem(f"Cattaneo and Mindlin, ν = {nu:g}", N, nu=nu, shift=shift)
             for nu, shift in shifts.items()
         ),

@@ -100,6 +100,23 @@ def against_hertz(result: NormalResult, exact: HertzContact) -> Solved:
     return Solved([result], errors, theory)
 
 
+def westergaard(N: int) -> Solved:
+    """A wave that repeats, under a third of the pressure at which it touches everywhere."""
+    h, share, amplitude = 2.0 / N, 1.0 / 3.0, 0.05
+    full = np.pi * amplitude / 2.0  # With E* = 1 and a wave of length 2 (Johnson, §13.2).
+    (x,) = surfaces.centres(N, h)
+    gap = amplitude * (1.0 - np.cos(np.pi * x))
+    result = normal_contact(gap, h, material=UNIT, force=2.0 * share * full, periodic=True)
+    inside = np.maximum(share - np.sin(np.pi * x / 2.0) ** 2, 0.0)
+    theory = 2.0 * full * np.cos(np.pi * x / 2.0) * np.sqrt(inside)
+    errors = {
+        "a": result.area / (4.0 / np.pi * np.arcsin(np.sqrt(share))) - 1.0,
+        "p₀": result.max_pressure / (2.0 * full * np.sqrt(share)) - 1.0,
+        "traction": rms(result, theory),
+    }
+    return Solved([result], errors, theory)
+
+
 def cattaneo_line(N: int) -> Solved:
     """A shift of a line contact, by its force."""
     h = 2.0 / N

@@ -1,4 +1,4 @@
-"""Unlike materials: a sphere pressed in steps, and a bonded punch, against what is known of them.
+"""Unlike materials: a sphere pressed in steps, a bonded punch, and rollers that creep alone.
 
 The sphere is that of Spence and of Kalker (Three-Dimensional Elastic Bodies in Rolling Contact,
 1990, Figure 5.25): soft, without a Poisson's ratio, pressed on a rigid plane in 35 steps. It is
@@ -7,6 +7,11 @@ conditions are recomputed with the matrix of all three directions.
 
 The bonded punch is stiffer than a smooth one by ln(3 - 4ν)(1 - ν)/(1 - 2ν) (Mossakovskii and
 Spence): the error over the number N of elements across the grid.
+
+The rollers are of aluminium and steel, free of a tangential force or not, as Bentall and Johnson
+(1967) have them: their creepage beside that which another program prints for the same elements.
+Their curve is the creepage over β a/R by β/μ: 2/π without slip, where β is small, and 0.915 where
+all slides. Without slip it is known for any β (Bufler, 1959); the error is over N.
 """
 
 from collections.abc import Iterator
@@ -25,6 +30,7 @@ from toeplitz_mg.contact import (
     Material,
     NormalResult,
     frictional_contact,
+    frictional_rolling,
     normal_contact,
     surfaces,
 )
@@ -35,6 +41,17 @@ SIZES, QUICK_SIZES = (64, 128, 256), (32, 64)
 STEPS, QUICK_STEPS = 35, 6
 MU = 0.2986  # Coefficient of friction of the sphere.
 SOFT, HARD = Material.from_shear(0.5, 0.0), Material.from_shear(1e5, 0.0)  # N/mm²
+ROLLERS = Material.from_shear(23000.0, 0.31), Material.from_shear(82000.0, 0.28)  # N/mm²
+RADIUS, LOAD = 25.0, 16.2019  # mm, of both curvatures; N/mm
+# μ, the force over μ times the load, and the creepage that is printed for it.
+CREEPAGES = (
+    (10.0, 0.0, 3.591e-4),
+    (0.05, 0.0, 4.294e-4),
+    (0.05, 0.75, 5.392e-4),
+    (0.05, -0.75, 2.108e-4),
+)
+RATIOS = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0)  # β/μ of the curve.
+LINES, QUICK_LINES = (64, 128, 256, 512, 1024), (64, 128)
 PUBLISHED: Row = {
     "case": "published",
     "contact": 921,
@@ -106,9 +123,9 @@ def spheres(quick: bool) -> list[Row]:
     ):
         start = process_time()
         with acceleration(depth):
-            *_, before, last = press_in_steps(steps, tolerance)
             results = press_in_steps(steps, tolerance)
-        seconds = (process_time() - start) / 2.0
+        seconds = process_time() - start
+        *_, before, last = results
         rows.append(
             describe(f"{case}, {tolerance:g}", last.normal)
             | {
@@ -116,8 +133,8 @@ def spheres(quick: bool) -> list[Row]:
                 "slip": int(last.tangential.sliding.sum()),
                 "most iterations": max(len(r.residuals) for r in results),
                 "products": sum(r.normal.products + r.tangential.products for r in results),
-                "violation": violation(last, before),
-                "cpu_s": seconds,
+                "violation": f"{violation(last, before):.1e}",
+                "cpu_s": f"{seconds:.1f}",
             }
         )
     gap, element = sphere()
@@ -154,23 +171,88 @@ def punches(sizes: tuple[int, ...]) -> list[Row]:
                 {
                     "ν": nu,
                     "N": N,
-                    "factor": factor,
-                    "theory": exact,
-                    "error": factor / exact - 1.0,
+                    "factor": f"{factor:.5f}",
+                    "theory": f"{exact:.5f}",
+                    "error": f"{factor / exact - 1.0:.1e}",
                     "iterations": len(bonded.residuals),
                     "products": f"{bonded.normal.products} + {bonded.tangential.products}",
-                    "cpu_s": process_time() - start,
+                    "cpu_s": f"{process_time() - start:.2f}",
                 }
             )
     return rows
 
 
+def roll(N: int, mu: float, traction: float = 0.0) -> FrictionalResult:
+    """Roll the rollers with N strips on 0.216 mm, with a part of the force that μ carries."""
+    h = 0.216 / N
+    gap = surfaces.cylinder(N, h, radius=RADIUS)
+    force = traction * mu * LOAD if traction else 0.0
+    return frictional_rolling(gap, h, material=ROLLERS, mu=mu, force=LOAD, tangential_force=force)
+
+
+def rollers(sizes: tuple[int, ...]) -> list[Row]:
+    """Roll with the forces that are published, and without slip on finer and finer strips."""
+    rows: list[Row] = []
+    cases = [(216, *case) for case in CREEPAGES]
+    cases += [(N, np.inf, 0.0, bufler()) for N in sizes]
+    for N, mu, traction, known in cases:
+        start = process_time()
+        result = roll(N, mu, traction)
+        creepage = -float(result.tangential.creepages)
+        rows.append(
+            {
+                "N": N,
+                "μ": mu,
+                "F/μP": traction,
+                "creepage": f"{creepage:.4g}",
+                "known": f"{known:.4g}",
+                "error": f"{creepage / known - 1.0:.1e}",
+                "contact": int(result.normal.contact.sum()),
+                "stick": int(result.tangential.stick.sum()),
+                "iterations": len(result.residuals),
+                "products": result.normal.products + result.tangential.products,
+                "cpu_s": f"{process_time() - start:.2f}",
+            }
+        )
+    return rows
+
+
+def curve(N: int) -> list[Row]:
+    """Roll freely with less and less friction."""
+    beta = dundurs()
+    rows: list[Row] = []
+    for ratio in RATIOS:
+        result = roll(N, beta / ratio)
+        a = result.normal.area / 2.0
+        scaled = -float(result.tangential.creepages) * RADIUS / (beta * a)
+        stick = result.tangential.stick.sum() / result.normal.contact.sum()
+        rows.append({"β/μ": ratio, "creepage R/(β a)": f"{scaled:.4f}", "stick": f"{stick:.2f}"})
+    return rows
+
+
+def dundurs() -> float:
+    """Return Dundurs' parameter of the rollers."""
+    both = halfspace.combined_material(*ROLLERS)
+    return both.difference / (1.0 - both.nu)
+
+
+def bufler() -> float:
+    """Return the creepage of rollers that do not slip."""
+    beta = dundurs()
+    gamma = np.log((1.0 + beta) / (1.0 - beta)) / (2.0 * np.pi)
+    k = halfspace.combined_material(*ROLLERS).E_star / (2.0 * RADIUS)
+    a = np.sqrt(2.0 * LOAD / (np.pi * k * (1.0 + 4.0 * gamma**2)))
+    return float(2.0 * gamma * a / RADIUS)
+
+
 def main() -> None:
     """Run the comparison."""
-    arguments = report.options("contact.unlike", "Unlike materials: friction as they are pressed.")
+    arguments = report.options("contact.unlike", "Unlike materials: pressed, and rolling.")
     tables = {
         "A soft sphere on a rigid plane": spheres(arguments.quick),
         "A bonded punch": punches(QUICK_SIZES if arguments.quick else SIZES),
+        "Aluminium and steel rollers": rollers(QUICK_LINES if arguments.quick else LINES),
+        "Free rollers by friction: the curve": curve(128 if arguments.quick else 1024),
     }
     for title, rows in tables.items():
         report.write_csv(arguments.output / f"{title.split()[-1]}.csv", rows)

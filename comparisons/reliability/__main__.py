@@ -19,6 +19,7 @@ from comparisons.reliability.approximate_inverses import preconditioner
 from comparisons.reliability.bodies import contact_problem
 from comparisons.reliability.concurrency import interrupts, threads
 from comparisons.reliability.kinds import every_kind
+from comparisons.reliability.repeated import repeated_problem
 from comparisons.reliability.systems import drop_in, inverse, iteration, large
 from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, TOLD, Result, Trial, run
 
@@ -31,6 +32,7 @@ PARTS: dict[str, tuple[Trial, int, int]] = {
     "inverse": (inverse, 100, 2000),
     "preconditioners": (preconditioner, 700, 16000),
     "contact": (contact_problem, 250, 5000),
+    "repeated": (repeated_problem, 250, 5000),
     "threads": (threads, 10, 150),
     "interrupts": (interrupts, 20, 250),
 }

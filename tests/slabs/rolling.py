@@ -4,6 +4,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from tests.slabs.pressing import STEEL, doubts_ignored, grid_on
+from tests.slabs.ranks import refuses
 from tests.slabs.sliding import bound_of
 from toeplitz_mg import contact, slabs
 
@@ -59,3 +60,43 @@ def test_bodies_roll_by_force(comm):
     assert_allclose(own.rigid, alone.rigid, rtol=1e-5)
     size = np.abs(alone.traction).max()
     assert_allclose(own.traction, alone.traction[:, slab.rows], atol=1e-5 * size)
+
+
+@doubts_ignored()
+def test_bodies_roll_step_by_step(comm):
+    """By creepages from no tractions, and by a force from those of friction."""
+    g, element = bound_of(41)
+    slab = slabs.Slab(comm, g.shape)
+    rows, case = g[slab.rows], {"material": STEEL, "steps": 3}
+    load = (0.3 * g.sum() * element[0] * element[1], 0.0)
+    at_rest = contact.friction(g, element, material=STEEL, force=load)
+    on_rows = slabs.friction(rows, slab, element, material=STEEL, force=load)
+    alone, own = {"previous": at_rest}, {"previous": on_rows}
+    for motion, before, mine in (
+        ({"longitudinal": -1e-4, "spin": 1e-4}, {}, {}),
+        ({"force": load}, alone, own),
+    ):
+        expected = list(contact.rolling_steps(g, element, **case, **motion, **before))
+        found = list(slabs.rolling_steps(rows, slab, element, **case, **motion, **mine))
+        assert len(found) == case["steps"]
+        for one, other in zip(found, expected, strict=True):
+            size = np.abs(other.traction).max()
+            assert one.residual <= 1e-8
+            assert_allclose(one.traction, other.traction[:, slab.rows], atol=1e-5 * size)
+            assert_allclose(one.force, other.force, atol=1e-5 * load[0])
+            assert_allclose(one.rigid, other.rigid, rtol=1e-4, atol=1e-9)
+
+
+def test_steps_are_refused_by_all(comm):
+    g, element = bound_of(41)
+    slab = slabs.Slab(comm, g.shape)
+    last = comm.size - 1
+
+    def steps(**case):
+        return lambda: slabs.rolling_steps(g[slab.rows], slab, element, material=STEEL, **case)
+
+    refuses(comm, ValueError, "steps is 0", steps(steps=0))
+    refuses(comm, ValueError, "all of its components", steps(steps=1, force=(1.0, None)))
+    if last:
+        wrong = steps(steps=1 + (comm.rank == last))
+        refuses(comm, ValueError, f"steps is 1 on rank 0 and 2 on rank {last}", wrong)

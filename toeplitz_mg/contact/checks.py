@@ -16,8 +16,8 @@ SLIDES = 1e-12  # Relative distance of a force from the bound at which all slide
 
 def check_load(grid: Grid, z: Array, approach: float | None, force: float | None) -> float | None:
     """Return the force that presses, or None where the approach is given; check the gap too."""
-    if not np.isfinite(z).all():
-        raise ValueError("gap has values that are not finite")
+    if np.isneginf(z).any():
+        raise ValueError("gap has the value -inf: where there is no material, it is inf")
     if (approach is None) == (force is None):
         raise ValueError(
             f"approach is {approach} and force is {force}, but one of the two must be given"
@@ -39,12 +39,17 @@ def check_load(grid: Grid, z: Array, approach: float | None, force: float | None
     return force
 
 
-def check_hardness(grid: Grid, hardness: float | None, force: float | None) -> float:
-    """Return the largest pressure, infinity where none is given; the force must be within it."""
+def check_hardness(
+    grid: Grid, hardness: float | None, force: float | None, elements: int | None = None
+) -> float:
+    """Return the largest pressure, infinity where none is given; the force must be within it.
+
+    All elements carry it, or a number of them.
+    """
     if hardness is None:
         return np.inf
     in_range("hardness", positive("hardness", hardness))
-    carried = hardness * grid.area * prod(grid.shape)
+    carried = hardness * grid.area * (prod(grid.shape) if elements is None else elements)
     if force is not None and force > carried:
         raise ValueError(
             f"force is {force:g}, but must be at most {carried:g}, which all elements carry at the "

@@ -180,5 +180,5 @@ def _check_coupling(grid: Grid) -> Iterator[str]:
         yield (
             f"the materials are unlike (difference parameter {K:.3g}), but the coupling of normal "
             "and tangential tractions, in proportion to it, is left out: "
-            "contact.frictional_contact takes it"
+            "contact.frictional_contact takes it, and in rolling contact.frictional_rolling"
         )

@@ -2,6 +2,8 @@
 
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import prod
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -33,6 +35,9 @@ from toeplitz_mg.preconditioners.traits import fragmentation
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner
 from toeplitz_mg.values import field, in_range, positive
 
+SMALL = 2**11  # Most elements of a grid whose matrices are kept: half a megabyte each, at most.
+KEPT = 32  # Grids whose matrices are kept.
+DENSE = 300  # Most unknowns of a matrix that is kept as an array, to be solved directly.
 COARSEST = 32  # Elements along the longest axis from which nested iteration coarsens no further.
 
 
@@ -250,10 +255,16 @@ class Grid:
 
     def steady(self, A: Any) -> Any:
         """Return the matrix of steady rolling, A - S with A and S = `tangential` and `upstream`."""
-        return subtract_operators(A, self.upstream())
+        return _steady(self) if self._is_kept else subtract_operators(A, self.upstream())
+
+    def steady_array(self, K: Any) -> Array | None:
+        """Return the matrix of steady rolling as an array where it is small, or else None."""
+        return _steady_array(self) if self._is_kept and K.shape[0] <= DENSE else None
 
     def invert_shifted(self, K: Any, shifts: Array, dtype: DTypeLike) -> Any:
         """Return approximate inverses of the matrix of steady rolling with additions."""
+        if self._is_kept:
+            return _inverses(self, tuple(shifts.tolist()), np.dtype(dtype))
         return ShiftedInverses(K, shifts, np.dtype(dtype))
 
     def invert_by_cosine(self, A: Any, dtype: DTypeLike | None = None) -> Any:
@@ -293,7 +304,16 @@ class Grid:
         first = A.component(0) if isinstance(A, CoupledOperator) else A
         return float(first.c.flat[0])
 
+    @property
+    def _is_kept(self) -> bool:
+        """Whether the matrices are kept for the next case on the same grid."""
+        return prod(self.shape) <= SMALL
+
     def _matrix(self, directions: str, ahead: int = 0) -> Any:
+        compute = _matrix if self._is_kept else Grid._compute
+        return compute(self, directions, ahead)
+
+    def _compute(self, directions: str, ahead: int) -> Any:
         return halfspace.influence_matrix(
             directions,
             self.shape,
@@ -302,6 +322,32 @@ class Grid:
             reference=self.reference,
             ahead=ahead,
         )
+
+
+# Tables are made of many small cases on one grid, whose matrices take longer than a case. They are
+# kept by all that a grid is, never changed, and no part of any result.
+
+
+@lru_cache(maxsize=KEPT)
+def _matrix(grid: Grid, directions: str, ahead: int) -> Any:
+    return grid._compute(directions, ahead)
+
+
+@lru_cache(maxsize=KEPT)
+def _steady(grid: Grid) -> Any:
+    return subtract_operators(grid.tangential(), grid.upstream())
+
+
+@lru_cache(maxsize=KEPT)
+def _steady_array(grid: Grid) -> Array:
+    array: Array = _steady(grid).toarray()
+    array.flags.writeable = False
+    return array
+
+
+@lru_cache(maxsize=KEPT)
+def _inverses(grid: Grid, shifts: tuple[float, ...], dtype: np.dtype[Any]) -> ShiftedInverses:
+    return ShiftedInverses(_steady(grid), np.array(shifts), dtype)
 
 
 def coarsen(x: Array, halved: tuple[bool, ...] = (True, True)) -> Array:

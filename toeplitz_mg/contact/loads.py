@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
-from toeplitz_mg.contact.checks import check_iteration, check_load
+from toeplitz_mg.contact.checks import check_hardness, check_iteration, check_load
+from toeplitz_mg.contact.gaps import read_surface
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.problem import press
 from toeplitz_mg.contact.result import NormalResult, check_converged
@@ -16,14 +17,17 @@ from toeplitz_mg.values import field
 
 
 def load_curve(
-    gap: ArrayLike,
-    element: Element,
+    gap: ArrayLike | None = None,
+    element: Element | None = None,
     *,
     material: Any,
+    heights: Any = None,
+    unit: str | None = None,
     forces: ArrayLike | None = None,
     approaches: ArrayLike | None = None,
     reference: float | None = None,
-    periodic: bool | tuple[bool, bool] = False,
+    periodic: bool | tuple[bool, bool] | None = None,
+    hardness: float | None = None,
     tolerance: float = 1e-8,
     nested: bool = True,
     max_products: int = 2000,
@@ -37,12 +41,14 @@ def load_curve(
 
     Parameters
     ----------
-    gap, element, material, reference, periodic, tolerance, nested, max_products, progress
-        The arguments of `normal_contact`. `max_products` is for each load.
+    gap, element, material, heights, unit
+        The surface and the bodies, as `normal_contact` takes them.
     forces : array_like of shape (k,)
         The forces that press, N; in plane strain N/mm. Zero is no contact. They may fall again.
     approaches : array_like of shape (k,)
         The approaches, mm. Either these or the forces are given.
+    reference, periodic, hardness, tolerance, nested, max_products, progress
+        As `normal_contact` takes them, for each load.
 
     Returns
     -------
@@ -79,19 +85,29 @@ def load_curve(
        50 N  2.21 µm  33946 N/mm
       100 N  3.51 µm  42831 N/mm
     """
-    z = field("gap", gap)
+    z, element, periodic = read_surface(gap, element, heights, unit, periodic)
     grid = Grid.of(z.shape, element, material, reference, periodic)
     check_iteration(tolerance, max_products, progress)
     is_force, loads = _check_loads(forces, approaches)
     for load in loads.tolist():
-        check_load(grid, z, None if is_force else load, load if is_force else None)
+        force = check_load(grid, z, None if is_force else load, load if is_force else None)
+        check_hardness(grid, hardness, force)
 
     def solve() -> Iterator[NormalResult]:
         known: tuple[NormalResult, ...] = ()
         for load in loads.tolist():
             approach, force = (None, load) if is_force else (load, None)
             result = press(
-                grid, z, approach, force, tolerance, nested, max_products, progress, known
+                grid,
+                z,
+                approach,
+                force,
+                tolerance,
+                nested,
+                max_products,
+                progress,
+                known,
+                hardness,
             )
             doubts.warn(check_converged(result, tolerance).warnings)
             yield result

@@ -96,9 +96,10 @@ def convert_to_xarray(result: Any) -> Any:
         variables[name] = ((*components, *grid), x, {"units": units[name]})
         if components:
             coordinates["component"] = ("component", ["x", "y"], {})
-    constants = asdict(result.material)
-    del constants["bodies"]  # Attributes of netCDF are numbers and texts.
-    for name, value in (values | constants).items():
+    material = asdict(result.material)
+    for k, body in enumerate(material.pop("bodies") or (), 1):
+        material |= {f"{name}_{k}": value for name, value in body.items()}
+    for name, value in (values | material).items():
         # What netCDF cannot keep is left out, or made what it can.
         if isinstance(value, bool):
             attributes[name] = int(value)

@@ -1,11 +1,12 @@
 """Surfaces to press on a flat: the gap between the bodies before they touch, on a grid."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.halfspace import Material
-from toeplitz_mg.values import count, positive, real, refuse_masked
+from toeplitz_mg.values import count, field, positive, real, refuse_masked
 
 
 def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]:
@@ -71,18 +72,18 @@ def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: floa
     return ellipsoid(shape, element, radii=(positive("radius", radius), radius))
 
 
-def ellipsoid(
-    shape: tuple[int, int], element: tuple[float, float], *, radii: tuple[float, float]
-) -> Array:
-    """Return the gap between an ellipsoid and a flat, to second order.
+def ellipsoid(shape: tuple[int, int], element: tuple[float, float], *, radii: ArrayLike) -> Array:
+    """Return the gap between an ellipsoid and a flat, or of two bodies, to second order.
 
     Parameters
     ----------
     shape : (int, int)
     element : (float, float)
         Size of an element, mm.
-    radii : (float, float)
-        Radii of curvature in the planes of x and of y, mm.
+    radii : (float, float), or a pair of them
+        Radii of curvature in the planes of x and of y, mm; or those of both bodies, whose
+        curvatures 1/R add up. One is infinite where a body is straight, and negative where it is
+        concave.
 
     Returns
     -------
@@ -100,14 +101,22 @@ def ellipsoid(
     >>> from toeplitz_mg.contact import surfaces
     >>> surfaces.ellipsoid((2, 1), (2.0, 2.0), radii=(50.0, 500.0)).ravel()
     array([0.01, 0.01])
+
+    A wheel of radius 460 mm, hollow across, on a rail that is rounded across: 1/300 - 1/330.
+
+    >>> surfaces.ellipsoid((1, 2), (2.0, 2.0), radii=((460.0, -330.0), (np.inf, 300.0))).ravel()
+    array([0.00015152, 0.00015152])
     """
     if refuse_masked("shape", shape).size != 2:
         raise ValueError(f"shape is {shape}, but must be (n1, n2)")
-    if refuse_masked("radii", radii).size != 2:
-        raise ValueError(f"radii is {radii}, but must be (R1, R2)")
+    R = field("radii", radii)
+    if R.shape not in ((2,), (2, 2)):
+        raise ValueError(f"radii is {radii!r}, but must be (R1, R2), or a pair of them")
+    if (R == 0.0).any():
+        raise ValueError(f"radii is {radii!r}, but no radius of curvature is zero")
     x, y = centres(shape, element)
-    R1, R2 = (positive("radii", radius) for radius in radii)
-    return x**2 / (2.0 * R1) + y**2 / (2.0 * R2)
+    kx, ky = (1.0 / R.reshape(-1, 2)).sum(axis=0)
+    return 0.5 * (kx * x**2 + ky * y**2)
 
 
 def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -> Array:
@@ -189,6 +198,7 @@ def rough(
     rms: float,
     hurst: float = 0.8,
     longest: float | None = None,
+    roll_off: float | None = None,
     shortest: float | None = None,
     seed: int | np.random.Generator = 0,
 ) -> Array:
@@ -204,9 +214,12 @@ def rough(
     hurst : float
         Hurst's exponent, in (0, 1].
     longest, shortest : float, optional
-        Wavelengths between which the spectral density falls as k^(-2(1 + H)) (k^(-1 - 2H) in line
-        contact), mm, and outside which it is zero. By default a quarter of the longer side of the
-        grid and four elements.
+        Wavelengths between which there are waves, mm. By default a quarter of the longer side of
+        the grid, or with a roll-off all of it, and four elements.
+    roll_off : float, optional
+        The wavelength from which on the spectral density of longer waves is constant, mm, by
+        default the longest. That of shorter ones falls as k^(-2(1 + H)), in line contact as
+        k^(-1 - 2H).
     seed : int or numpy.random.Generator
 
     Returns
@@ -232,7 +245,10 @@ def rough(
         raise ValueError(f"hurst is {hurst}, but must be in (0, 1]")
     sizes = grid.element[: len(grid.shape)]
     sides = [n * h for n, h in zip(grid.shape, sizes, strict=True)]
-    longest = max(sides) / 4.0 if longest is None else positive("longest", longest)
+    if longest is None:
+        longest = max(sides) / (4.0 if roll_off is None else 1.0)
+    longest = positive("longest", longest)
+    roll_off = longest if roll_off is None else positive("roll_off", roll_off)
     shortest = 4.0 * max(sizes) if shortest is None else positive("shortest", shortest)
     frequencies = [np.fft.fftfreq(n, h) for n, h in zip(grid.shape, sizes, strict=True)]
     k = np.sqrt(sum(f**2 for f in np.meshgrid(*frequencies, indexing="ij")))
@@ -241,8 +257,13 @@ def rough(
         raise ValueError(
             f"the grid has no wavelength between shortest = {shortest:g} and longest = {longest:g}"
         )
+    if not shortest <= roll_off <= longest * (1.0 + 1e-12):
+        raise ValueError(
+            f"roll_off is {roll_off:g}, but must be between shortest = {shortest:g} and "
+            f"longest = {longest:g}"
+        )
     falloff = np.zeros(grid.shape)
-    falloff[inside] = k[inside] ** (-hurst - len(grid.shape) / 2.0)
+    falloff[inside] = np.maximum(k[inside], 1.0 / roll_off) ** (-hurst - len(grid.shape) / 2.0)
     noise = np.random.default_rng(seed).standard_normal(grid.shape)
     heights: Array = np.fft.ifftn(np.fft.fftn(noise) * falloff).real
     heights *= positive("rms", rms) / heights.std()

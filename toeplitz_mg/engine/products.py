@@ -267,10 +267,12 @@ class DiagonalisedProduct:
         in_batches(self._multiply, X, out, prod(self.fft_shape))
 
     def _multiply(self, X: Array, out: Array) -> None:
-        # This holds the vectors, extended by zeros. Transforms to real numbers stay in this memory.
-        grid = workspace((len(X), *self.fft_shape), self.dtype)
         x, y = (rows.reshape(-1, *self.grid_shape) for rows in (X, out))
         forward, backward = self.transforms
+        # Vectors that fill the matrix are transformed where they are. Others are extended by zeros
+        # in memory where transforms to real numbers stay.
+        is_whole = self.fft_shape == self.grid_shape and x.dtype == self.dtype
+        grid = x if is_whole else workspace((len(X), *self.fft_shape), self.dtype)
 
         def fill(part: slice) -> None:
             to, of = grid[:, part], x[:, part]
@@ -284,8 +286,9 @@ class DiagonalisedProduct:
         def cut(part: slice) -> None:
             y[:, part] = Y[:, part][self._cut]
 
-        share_rows(fill, grid[0])
-        hat = forward(grid, axes=self._axes, overwrite_x=True)
+        if not is_whole:
+            share_rows(fill, grid[0])
+        hat = forward(grid, axes=self._axes, overwrite_x=not is_whole)
         share_rows(scale, hat[0])
         Y = backward(hat, s=self.fft_shape, axes=self._axes, overwrite_x=True)
         share_rows(cut, y[0])

@@ -1,6 +1,6 @@
 """Grids cut into slabs of rows, one for each rank of MPI: the package's names for a cluster."""
 
-from toeplitz_mg.slabs.contact import friction, normal_contact, rolling
+from toeplitz_mg.slabs.contact import friction, normal_contact, rolling, rolling_steps
 from toeplitz_mg.slabs.fsai import fsai_preconditioner
 from toeplitz_mg.slabs.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
 from toeplitz_mg.slabs.preconditioners import (
@@ -21,5 +21,6 @@ __all__ = [
     "fsai_preconditioner",
     "normal_contact",
     "rolling",
+    "rolling_steps",
     "sine_preconditioner",
 ]

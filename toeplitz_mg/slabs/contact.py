@@ -1,6 +1,6 @@
 """Contact on the rows of each rank: the searches of `toeplitz_mg.contact`, on a grid in slabs."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from math import prod
 from typing import Any
@@ -16,7 +16,7 @@ from toeplitz_mg.contact.normal.problem import press
 from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
 from toeplitz_mg.contact.steady_matrices import LEAST, fade_rate
 from toeplitz_mg.contact.tangential.friction import shift_bodies
-from toeplitz_mg.contact.tangential.rolling import roll
+from toeplitz_mg.contact.tangential.rolling import roll, roll_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
 from toeplitz_mg.engine.lengths import embedding_lengths
 from toeplitz_mg.halfspace.matrices import KERNELS, evaluate
@@ -141,6 +141,9 @@ class SlabGrid:
     def steady(self, A: CoupledOperator) -> CoupledOperator:
         """Return the matrix of steady rolling."""
         return self._matrix(AT | {ahead: -weight for ahead, weight in AHEAD.items()})
+
+    def steady_array(self, K: CoupledOperator) -> None:
+        """Say that the matrix of steady rolling is no array, as no rank has all of it."""
 
     def invert_shifted(
         self, K: CoupledOperator, shifts: Array, dtype: DTypeLike
@@ -396,6 +399,50 @@ def rolling(
     result = roll(grid, g, Whole, asked, tolerance, nested, max_products, progress, options)
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
+
+
+def rolling_steps(
+    bound: ArrayLike,
+    slab: Slab,
+    element: Element,
+    *,
+    material: Any,
+    longitudinal: float = 0.0,
+    lateral: float = 0.0,
+    spin: float = 0.0,
+    force: tuple[float, float] | None = None,
+    slip: ArrayLike | None = None,
+    pole: tuple[float, float] = (0.0, 0.0),
+    steps: int,
+    previous: TangentialResult | None = None,
+    tolerance: float = 1e-8,
+    max_products: int = 2000,
+    progress: Progress | None = None,
+) -> Iterator[TangentialResult]:
+    """Roll step by step, one element in each, from given tractions (see `contact.rolling_steps`).
+
+    Parameters
+    ----------
+    bound : array_like of shape `slab.local`
+        This rank's rows of the traction bound, N/mm².
+    slab : Slab
+        Of a grid of two axes.
+    slip : array_like, optional
+        This rank's rows of a field of rigid slip, of shape (2, n1, n2).
+    previous : TangentialResult, optional
+        The tractions before the first step: a result on a slab with the same rows.
+    element, material, longitudinal, lateral, spin, force, pole, steps, tolerance, max_products
+        The arguments of `contact.rolling_steps`: the same on all ranks.
+    progress : callable, optional
+
+    Yields
+    ------
+    TangentialResult
+        The result after each step. All ranks have to take the same number of them.
+    """
+    grid, g = _read("bound", bound, lambda _, g: check_bound(g), slab, element, material)
+    asked = (longitudinal, lateral, spin), force, None, slip, pole
+    return roll_steps(grid, g, Whole, asked, steps, previous, tolerance, max_products, progress)
 
 
 class Whole:

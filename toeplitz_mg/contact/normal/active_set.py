@@ -113,6 +113,17 @@ class Search:
         """The gap where the bodies are nearest."""
         return self.grid.vectors.min(self.z)
 
+    def put_out_of_reach(self) -> Array:
+        """Return the gap, with a finite one that never closes in the place of an infinite one.
+
+        No displacement is larger than the sum of the pressures: an element by itself would be
+        displaced by that, if it carried all.
+        """
+        z, vectors = self.z, self.grid.vectors
+        farthest = vectors.max(np.where(z < np.inf, z, 0.0))
+        far = 2.0 * self.approach if self.approach is not None else farthest + self.total
+        return np.where(z < np.inf, z, max(far, farthest))
+
     def run(self, A: Products, *, nested: bool, guess: Array | None = None) -> State:
         """Find the pressures and the area of contact.
 

@@ -52,5 +52,7 @@ def predict(known: Sequence[Known], load: float, vectors: Vectors) -> Array | No
 
 def _straighten(known: Known, edge: float) -> Array:
     """Return a field that is linear in the distance from the edge of the contact."""
-    opening = np.cbrt(edge**2 * np.maximum(known.gap, 0.0)) ** 2
+    # Where there is no material the gap is infinite, and nothing is to be extrapolated.
+    gap = np.where(known.gap < np.inf, np.maximum(known.gap, 0.0), 0.0)
+    opening = np.cbrt(edge**2 * gap) ** 2
     return np.where(known.p > 0.0, known.p**2, -opening)

@@ -8,6 +8,7 @@ The elements in contact are found by `active_set`, from a first guess on coarser
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -22,6 +23,7 @@ from toeplitz_mg.contact.checks import (
     check_load,
     check_same_grid,
 )
+from toeplitz_mg.contact.gaps import read_surface
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.active_set import Search, State
 from toeplitz_mg.contact.normal.prediction import Known, predict
@@ -29,19 +31,21 @@ from toeplitz_mg.contact.normal.stiffness import find_stiffness
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import NormalResult, check_converged, touches_edge
 from toeplitz_mg.engine.work import count_products
-from toeplitz_mg.values import field, in_range
+from toeplitz_mg.values import in_range
 
 
 def normal_contact(
-    gap: ArrayLike,
-    element: Element,
+    gap: ArrayLike | None = None,
+    element: Element | None = None,
     *,
     material: Any,
+    heights: Any = None,
+    unit: str | None = None,
     approach: float | None = None,
     force: float | None = None,
     previous: NormalResult | None = None,
     reference: float | None = None,
-    periodic: bool | tuple[bool, bool] = False,
+    periodic: bool | tuple[bool, bool] | None = None,
     hardness: float | None = None,
     tolerance: float = 1e-8,
     nested: bool = True,
@@ -54,12 +58,20 @@ def normal_contact(
     ----------
     gap : array_like of shape (n1, n2) or (n,)
         Between the bodies before they touch, at the centres of the elements, mm; up to a
-        constant, that adds to the approach. One axis is line contact. See `surfaces`.
+        constant, that adds to the approach. It is infinite where there is no material. One axis is
+        line contact. See `surfaces`.
     element : (float, float) or float
         Size (h1, h2) of an element, mm. In line contact the width and the length of the strips,
         or the width alone: plane strain, with forces per mm of length.
     material : Material or (Material, Material)
         Of both bodies, or of the first and the second (see `contact.Material`).
+    heights : array_like, masked array, or topography of SurfaceTopography
+        In the place of the gap: the heights of a surface on a flat, positive at summits, whose gap
+        is zero at the highest one. Those that are missing, NaN or masked, are no material. A
+        topography also says element, unit and periodicity.
+    unit : str, optional
+        The unit of gap or heights, and element: "m", "mm", "um", "nm", ... Loads and results are
+        in N and mm. By default mm, or what a topography says.
     approach : float
         The approach of the bodies, from where the gap is given, mm.
     force : float
@@ -76,7 +88,8 @@ def normal_contact(
         Whether the surfaces, and the pressures, repeat for ever, with the grid for a period, along
         all axes or along each of them. The force is that of one period. Where they repeat along
         all axes, displacements are those from their mean, so that the mean gap under load is that
-        before, less the approach; an approach must leave some.
+        before, less the approach; an approach must leave some. By default False, or what a
+        topography says.
     hardness : float, optional
         The largest pressure that the softer body bears, N/mm²: an element yields where it would
         be higher, and is pressed in by the depth `plastic` of the result. By default none does.
@@ -142,7 +155,7 @@ def normal_contact(
     >>> f"{contact.approach:.5f} mm, {a**2 / 10.0:.5f} by Hertz"
     '0.00351 mm, 0.00351 by Hertz'
     """
-    z = field("gap", gap)
+    z, element, periodic = read_surface(gap, element, heights, unit, periodic)
     grid = Grid.of(z.shape, element, material, reference, periodic)
     before = () if previous is None else (previous,)
     result = press(
@@ -176,6 +189,9 @@ def press(
         same["the number of previous results"] = len(previous)
     # A large distance would bury the interference in its rounding.
     distance = grid.vectors.min(z)
+    if distance == np.inf:
+        raise ValueError("gap is infinite everywhere, but somewhere there must be material")
+    check_hardness(grid, hardness, force, grid.vectors.count(z < np.inf))
     z = z - distance
     load = approach if force is None else force
     assert load is not None
@@ -187,6 +203,8 @@ def press(
         return make_result(grid, z, nothing, 0, 0.0, distance, most)
     with count_products() as work:
         search = Search(grid, z, approach, force, tolerance, progress, most)
+        if grid.vectors.count(np.isinf(z)):
+            search = replace(search, z=search.put_out_of_reach())
         products = Products(search.matrix, max_products)
         known = [
             Known(r.approach if force is None else r.force, r.pressure * search.unit, r.gap)
@@ -209,6 +227,7 @@ def make_result(
     hardness: float = np.inf,
 ) -> NormalResult:
     """Return what was found for the gap `z`, which was less by a distance."""
+    farthest = grid.vectors.max(np.where(z < np.inf, z, 0.0))
     contact = state.p > 0.0
     gap, plastic = state.u + z - state.approach, None
     if hardness < np.inf:
@@ -235,5 +254,5 @@ def make_result(
         iterations=state.iterations,
         residual=state.residual,
         stiffness=partial(find_stiffness, grid, contact & (state.p < hardness)),
-        warnings=doubts.examine_pressures(grid, z, state.p, state.approach),
+        warnings=doubts.examine_pressures(grid, np.minimum(z, farthest), state.p, state.approach),
     )

@@ -117,7 +117,7 @@ def rolling(
     ContactWarning
         Where the contact is less than 10 elements across; and where the two bodies are unlike,
         as the coupling of normal and tangential tractions is left out (see
-        `frictional_contact`).
+        `frictional_rolling`).
         `TangentialResult.warnings` lists them.
 
     Raises
@@ -305,19 +305,47 @@ def rolling_steps(
     """
     g = check_bound(bound)
     grid = Grid.of(g.shape, element, material, None)
-    motion = Motion.of(g.shape, (longitudinal, lateral, spin), force, None, slip, pole)
-    grid = replace(grid, directions=motion.directions)
+    asked = (longitudinal, lateral, spin), force, None, slip, pole
+    return roll_steps(
+        grid, g, Window.around, asked, steps, previous, tolerance, max_products, progress
+    )
+
+
+def roll_steps(
+    grid: Grid,
+    g: Array,
+    window_around: Callable[[Any, Array], Any],
+    asked: tuple[Any, ...],
+    steps: int,
+    previous: TangentialResult | None,
+    tolerance: float,
+    max_products: int,
+    progress: Progress | None,
+) -> Iterator[TangentialResult]:
+    """Return what `rolling_steps` yields for the traction bound `g` (see `roll`)."""
+    with grid.agree() as same:
+        motion = Motion.of(g.shape, *asked)
+        check_iteration(tolerance, max_products, progress)
+        same["steps"] = steps = count("steps", steps)
+        same["the creepages"], same["the loads"] = motion.creepages, motion.loads
+        same["pole"], same["directions"] = motion.pole, motion.directions
+        same["tolerance"], same["max_products"] = tolerance, max_products
+        same["whether there are tractions before"] = previous is not None
+        shape = (len(motion.directions), *g.shape)
+        q = np.zeros(shape) if previous is None else check_previous(previous, grid.element, shape)
+        if motion.unknown not in ((), tuple(range(len(motion.directions)))):
+            force = asked[1]
+            raise ValueError(
+                f"force is {force}, but in steps all of its components are given, or none"
+            )
+    if grid.directions != motion.directions:
+        grid = replace(grid, directions=motion.directions)
     motion.check_loads(grid, g)
-    m, h = grid.components, grid.element[0]
-    if motion.unknown not in ((), tuple(range(m))):
-        raise ValueError(f"force is {force}, but in steps all of its components are given, or none")
+    h = grid.element[0]
     total = motion.wanted / grid.area if motion.unknown else None
     w = h * motion.rigid_slip(grid)
-    check_iteration(tolerance, max_products, progress)
-    steps = count("steps", steps)
     about = doubts.examine_bound(grid, g > 0.0)
-    q = np.zeros_like(w) if previous is None else check_previous(previous, grid.element, w.shape)
-    window = Window.around(grid, (g > 0.0) | q.any(axis=0))
+    window = window_around(grid, (g > 0.0) | q.any(axis=0))
     q, g, w, grid = window.cut(q), window.cut(g), window.cut(w), window.grid
     vectors = grid.vectors
 

@@ -142,12 +142,13 @@ class Look:
 
 def look(problem: Problem, loads: Loads, areas: Areas, q: Array, u: Array) -> Look:
     """Say what is wrong with tractions q, with the displacements u = K q."""
-    vectors, b = problem.vectors, problem.b
-    T = Tangent(areas, q, vectors, balanced=False)
-    creepages = _complement(loads.units, T, vectors).coordinates(T(u - b))
-    if len(creepages):
+    vectors, b, creepages = problem.vectors, problem.b, loads.wanted
+    if len(loads.wanted):
+        T = Tangent(areas, q, vectors, balanced=False)
+        creepages = _complement(loads.units, T, vectors).coordinates(T(u - b))
         b = b + vectors.combine(creepages, loads.units)
-    law = linearise(replace(problem, b=b), areas, q, u)
+        problem = replace(problem, b=b)
+    law = linearise(problem, areas, q, u)
     missing, error = loads.missing(q, vectors), loads.error(q, vectors)
     return Look(law, creepages, b, missing, max(law.residual, error))
 
@@ -193,7 +194,7 @@ def find_steady_state(
     u = K(q) if vectors.count(q) else np.zeros_like(q)
     k0 = problem.grid.diagonal(K.A)
     dtype = np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64
-    M = None
+    M, dense = None, problem.grid.steady_array(K.A)
     best, patience = np.inf, options.patience
     iterations: list[int] = []
     while True:
@@ -201,9 +202,12 @@ def find_steady_state(
         if now.residual <= problem.tolerance or K.exhausted:
             return State(q, u, areas, now.creepages, now.residual, tuple(iterations))
         K.progress, K.residual = problem.progress, now.residual
-        if M is None:
-            M = problem.grid.invert_shifted(K.A, k0 * ADDITIONS, dtype)
-        v, count = _newton_step(problem, loads, now, areas, q, K, M, options)
+        if dense is not None:
+            v, count = _direct_step(loads, now, areas, dense), 1
+        else:
+            if M is None:
+                M = problem.grid.invert_shifted(K.A, k0 * ADDITIONS, dtype)
+            v, count = _newton_step(problem, loads, now, areas, q, K, M, options)
         iterations.append(count)
         q = q + v
         out = areas.stick & (size(q) > g)
@@ -233,6 +237,46 @@ def _carry(problem: Problem, loads: Loads, areas: Areas, q: Array) -> Array:
         v = _complement(loads.arms, T, vectors).reach(loads.missing(q, vectors))
         q, _ = make_admissible(q + v, problem.g, areas, areas.slide, None, vectors)
     return q
+
+
+def _direct_step(loads: Loads, now: Look, areas: Areas, K: Array) -> Array:
+    """Return the change of the tractions by Newton's method, from the matrix as an array."""
+    law, components, size = now.law, len(now.law.r), areas.stick.size
+    # The tangents: each direction where it sticks, and across the traction where it slides.
+    stuck = np.flatnonzero(areas.stick)
+    stuck = np.concatenate([stuck + k * size for k in range(components)])
+    turning = np.flatnonzero(areas.slide) if components == 2 else stuck[:0]
+    # The unit vector (x, y) is across the traction, which points along (y, -x).
+    y, x = law.T.n.reshape(2, size)[:, turning] if len(turning) else np.zeros((2, 0))
+    x = -x
+
+    def on_tangents(v: Array) -> Array:
+        """Return the components of vectors, the columns of an array, along the tangents."""
+        if not len(turning):
+            return v[stuck]
+        across = x[:, None] * v[turning] + y[:, None] * v[turning + size]
+        return np.concatenate([v[stuck], across])
+
+    n, m = len(stuck) + len(turning), len(loads.wanted)
+    v = np.zeros(law.r.size)
+    if n == 0:
+        return v.reshape(law.r.shape)
+    system, right = np.zeros((n + m, n + m)), np.concatenate([np.empty(n), now.missing])
+    system[:n, :n] = on_tangents(on_tangents(K).T).T
+    last = np.arange(len(stuck), n)
+    system[last, last] += law.stiffness.reshape(-1)[turning]
+    right[:n] = on_tangents(law.r.reshape(-1, 1))[:, 0]
+    if m:
+        system[:n, n:] = -on_tangents(loads.units.reshape(m, -1).T)
+        system[n:, :n] = on_tangents(loads.arms.reshape(m, -1).T).T
+        # Where too little sticks, the loads have no change of the tractions that restores them.
+        change = np.linalg.lstsq(system, right)[0]
+    else:
+        change = np.linalg.solve(system, right)
+    v[stuck] = change[: len(stuck)]
+    if len(turning):
+        v[turning], v[turning + size] = x * change[last], y * change[last]
+    return v.reshape(law.r.shape)
 
 
 def _newton_step(

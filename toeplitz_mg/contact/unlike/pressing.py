@@ -23,7 +23,7 @@ from toeplitz_mg.contact.unlike.result import (
     check_both,
     check_friction,
 )
-from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Shifting
+from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Shifting, bound_of
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.values import count, field, in_range
@@ -138,11 +138,15 @@ def frictional_contact(
     >>> bool(rough.normal.area < smooth.area)
     True
     >>> f"{rough.normal.max_pressure / smooth.max_pressure:.2f}"
-    '1.17'
+    '1.32'
     """
     z = field("gap", gap)
     grid = Grid.of(z.shape, element, material, reference)
     force = check_load(grid, z, approach, force)
+    if force == 0.0:
+        raise ValueError("force is 0.0, but must be positive")
+    if np.isinf(z).any():
+        raise ValueError("gap has values that are not finite")
     mu = check_friction(mu)
     check_iteration(tolerance, max_products, progress)
     most = count("max_iterations", max_iterations)
@@ -182,7 +186,7 @@ def frictional_contact(
         )
         p = pressing.begin(guess, nested=nested)
         if total is not None:
-            check_carried(tangential_force, mu * float(p.sum()) * grid.area, grid)
+            check_carried(tangential_force, float(bound_of(mu, p).sum()) * grid.area, grid)
         p, residuals = alternate(
             pressing,
             shifting,
