@@ -84,6 +84,14 @@ def test_the_gap_is_white_where_there_is_none():
     assert np.array_equal(np.ma.getmaskarray(image.get_array().T), PRESSED.contact)
 
 
+def test_the_gap_is_white_where_there_is_no_material():
+    gap = PRESSED.gap.copy()
+    gap[:5] = np.inf
+    (image,) = draw(replace(PRESSED, gap=gap), "gap").get_images()
+    assert np.array_equal(np.ma.getmaskarray(image.get_array().T), PRESSED.contact | np.isinf(gap))
+    assert np.isfinite(image.norm.vmax)
+
+
 @pytest.mark.parametrize("result", [SHIFTED, ROLLED])
 def test_stick_and_slip_have_two_colours_and_a_legend(result):
     ax = draw(result)

@@ -76,6 +76,7 @@ def _draw_surface(result: Any, field: str, ax: Any) -> None:
     shown = result.contact
     if result.stick is None and field != "pressure":  # The others are of contact alone.
         shown = ~result.contact if field == "gap" else np.ones_like(result.contact)
+    shown = shown & np.isfinite(size)  # The gap is infinite where there is no material.
     top = _top(size[shown])
     label = _label(result, field)
     if field == "traction":
