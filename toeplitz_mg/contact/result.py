@@ -262,8 +262,9 @@ class NormalResult:
     def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
         title = f"Normal contact, {describe_grid(self.shape, self.element)}"
         figures = self._figures()
-        if self.stiffness is not None:
-            figures.insert(2, Figure("stiffness", self.stiffness, units_of(self.element).stiffness))
+        stiffness = saving.split_fields(self)[1]["stiffness"]
+        if stiffness is not None:
+            figures.insert(2, Figure("stiffness", stiffness, units_of(self.element).stiffness))
         return title, figures, describe_cost(self.products, self.residual), self.warnings
 
     def _figures(self) -> list[Figure]:
@@ -590,6 +591,10 @@ class ContactError(RuntimeError):
     ----------
     result : NormalResult or TangentialResult
         The last iterate, with its `residual`.
+
+    See Also
+    --------
+    ContactWarning : doubt of an answer that was found.
     """
 
     def __init__(self, message: str, result: ContactResult) -> None:

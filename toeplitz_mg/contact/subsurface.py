@@ -34,6 +34,10 @@ class Stresses:
         The centres of the elements along each axis, mm.
     components : ndarray of shape (6, d, n1, n2) or (6, d, n)
         The stresses xx, yy, zz, yz, xz and xy, N/mm².
+
+    See Also
+    --------
+    subsurface_stresses : finds them.
     """
 
     body: str
@@ -116,7 +120,8 @@ def subsurface_stresses(
     ------
     ValueError
         For results on different grids or of different materials, two of one kind, or of materials
-        whose bodies are not known; for depths that are negative or not finite; for a rigid body.
+        whose bodies are not known; of surfaces that are periodic; for depths that are negative or
+        not finite; for a rigid body.
     TypeError
         For what is no result.
 
