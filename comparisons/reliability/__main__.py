@@ -22,6 +22,7 @@ from comparisons.reliability.kinds import every_kind
 from comparisons.reliability.repeated import repeated_problem
 from comparisons.reliability.systems import drop_in, inverse, iteration, large
 from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, TOLD, Result, Trial, run
+from comparisons.reliability.unlike import unlike_problem
 
 # What is tried, and how often: quickly, and in full.
 PARTS: dict[str, tuple[Trial, int, int]] = {
@@ -33,6 +34,7 @@ PARTS: dict[str, tuple[Trial, int, int]] = {
     "preconditioners": (preconditioner, 700, 16000),
     "contact": (contact_problem, 250, 5000),
     "repeated": (repeated_problem, 250, 5000),
+    "unlike": (unlike_problem, 60, 1000),
     "threads": (threads, 10, 150),
     "interrupts": (interrupts, 20, 250),
 }
