@@ -225,3 +225,10 @@ def test_refuses_bodies_that_are_rigid_or_unknown():
         subsurface_stresses(on_rigid, depths=0.1, body="second")
     with pytest.raises(ValueError, match="of which the bodies are not known"):
         subsurface_stresses(line(16, material=CombinedMaterial(1.0, 0.3)), depths=0.1)
+
+
+def test_refuses_surfaces_that_repeat():
+    gap = surfaces.sphere((16, 16), (0.125, 0.125), radius=1.0)
+    waves = normal_contact(gap, (0.125, 0.125), material=STEEL, force=0.1, periodic=True)
+    with pytest.raises(ValueError, match=r"periodic is .* in a result"):
+        subsurface_stresses(waves, depths=0.1)

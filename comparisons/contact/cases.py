@@ -3,10 +3,10 @@
 Hertz (line, sphere, ellipse), Westergaard's wave, Cattaneo and Mindlin (line, sphere), Carter and
 Kalker's coefficients, stresses below a line and a sphere that slide: the errors against theory over
 the number N of elements across the grid, with the order that is observed; pictures of the tractions
-and of the areas of stick and slip beside the analytic curves; products, iterations between two changes
-of the areas, and CPU time. An error is the root mean square of four grids of nearly the same N, as
-it jumps with the place of the edge of an area in its element. Rough surfaces are drawn at several
-loads, from 1 to 40 % of contact. Kalker's coefficients are known to three digits.
+and of the areas of stick and slip beside the analytic curves; products, iterations between two
+changes of the areas, and CPU time. An error is the root mean square of four grids of nearly the
+same N, as it jumps with the place of the edge of an area in its element. Rough surfaces are drawn
+at several loads, from 1 to 40 % of contact. Kalker's coefficients are known to three digits.
 
 Against `aspher` and `tamaas`, where they are installed, see `contact_peers`.
 """
@@ -49,6 +49,7 @@ CASES: dict[str, Case] = {
     "Cattaneo and Mindlin, ν = 0": (theory.cattaneo_sphere, SURFACES, QUICK_SURFACES),
     "Cattaneo and Mindlin, ν = 0.28": (theory.mindlin_sphere, SURFACES, QUICK_SURFACES),
     "Carter": (theory.carter, LINES, QUICK_LINES),
+    "Carter, by force": (theory.carter_by_force, LINES, QUICK_LINES),
     "Kalker": (theory.kalker, ROLLING, QUICK_ROLLING),
     "Stresses, line, sliding": (below.sliding_line, LINES, QUICK_LINES),
     "Stresses, sphere, sliding": (below.sliding_sphere, SURFACES, QUICK_SURFACES),

@@ -66,8 +66,13 @@ def check_bound(bound: ArrayLike) -> Array:
     return g
 
 
-def check_pressed(bound: Any, element: Any, material: Any, mu: Any) -> tuple[Array, Any, Any]:
-    """Return a traction bound, the element and the material, of a bound or of a normal result."""
+def check_pressed(
+    bound: Any, element: Any, material: Any, periodic: Any, mu: Any
+) -> tuple[Array, Any, Any, Any]:
+    """Return a traction bound, and what belongs to it, of a bound or of a normal result.
+
+    That is the element, the material, and along which axes the surface repeats.
+    """
     if isinstance(bound, TangentialResult):
         raise TypeError(
             "bound is a tangential result, but must be a normal one, or a traction bound"
@@ -80,8 +85,8 @@ def check_pressed(bound: Any, element: Any, material: Any, mu: Any) -> tuple[Arr
         for name, value in (("element", element), ("material", material)):
             if value is None:
                 raise TypeError(f"{name} is not given, but only a normal result has its own")
-        return check_bound(bound), element, material
-    for name, value in (("element", element), ("material", material)):
+        return check_bound(bound), element, material, False if periodic is None else periodic
+    for name, value in (("element", element), ("material", material), ("periodic", periodic)):
         if value is not None:
             raise TypeError(f"{name} is given, but a normal result has its own: leave it out")
     if mu is None:
@@ -98,7 +103,7 @@ def check_pressed(bound: Any, element: Any, material: Any, mu: Any) -> tuple[Arr
         )
     # Where nothing is pressed a coefficient may be infinite.
     g = np.multiply(friction, bound.pressure, where=bound.contact, out=np.zeros(bound.shape))
-    return g, bound.element, bound.material
+    return g, bound.element, bound.material, bound.periodic or False
 
 
 def check_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:

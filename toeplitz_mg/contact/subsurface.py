@@ -34,6 +34,10 @@ class Stresses:
         The centres of the elements along each axis, mm.
     components : ndarray of shape (6, d, n1, n2) or (6, d, n)
         The stresses xx, yy, zz, yz, xz and xy, N/mm².
+
+    See Also
+    --------
+    subsurface_stresses : finds them.
     """
 
     body: str
@@ -116,7 +120,8 @@ def subsurface_stresses(
     ------
     ValueError
         For results on different grids or of different materials, two of one kind, or of materials
-        whose bodies are not known; for depths that are negative or not finite; for a rigid body.
+        whose bodies are not known; of surfaces that are periodic; for depths that are negative or
+        not finite; for a rigid body.
     TypeError
         For what is no result.
 
@@ -174,6 +179,11 @@ def _check_results(results: tuple[ContactResult, ...]) -> ContactResult:
     for result in results:
         if not isinstance(result, NormalResult | TangentialResult):
             raise TypeError(f"a result is {result!r}, but must be one of contact")
+        if any(result.periodic):
+            raise ValueError(
+                f"periodic is {result.periodic} in a result, but stresses are those below bodies "
+                "of which nothing repeats"
+            )
     kinds = [type(result) for result in results]
     if len(kinds) not in (1, 2) or len(set(kinds)) < len(kinds):
         raise ValueError(

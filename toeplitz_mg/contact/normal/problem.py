@@ -123,6 +123,14 @@ def normal_contact(
     ContactError
         Where the tolerance is not reached: it says what is violated.
 
+    See Also
+    --------
+    toeplitz_mg.contact.surfaces.rough : a gap to press.
+    friction : shifts the bodies then.
+    rolling : rolls them.
+    subsurface_stresses : the stresses below.
+    hertz : theory, for smooth bodies.
+
     Notes
     -----
     The bodies end where the grid ends. So a punch with sharp edges is a gap that is flat, or
@@ -239,6 +247,7 @@ def make_result(
         max_pressure=grid.vectors.max(state.p),
         energy=0.5 * grid.area * grid.vectors.dot(state.p, state.u),
         touches_edge=touches_edge(grid, contact),
+        periodic=grid.periodic,
         gap=gap,
         plastic=plastic,
         products=products,

@@ -60,7 +60,7 @@ def rolling(
     progress: Progress | None = None,
     options: SteadyOptions | None = None,
 ) -> TangentialResult:
-    """Roll steadily towards positive x with given creepages: tractions, slip, stick and slip areas.
+    """Roll steadily towards positive x, by creepages or forces: tractions, slip, areas of stick.
 
     Parameters
     ----------
@@ -126,6 +126,12 @@ def rolling(
         For input that makes no sense, before any work.
     ContactError
         Where the tolerance is not reached: it says what is violated.
+
+    See Also
+    --------
+    normal_contact : finds the pressures.
+    rolling_steps : the way to the steady state.
+    friction : of bodies that shift.
 
     Examples
     --------
@@ -272,6 +278,10 @@ def rolling_steps(
         For input that makes no sense, before any work.
     ContactError
         Where the tolerance is not reached: it says what is violated.
+
+    See Also
+    --------
+    rolling : its steady state, at once.
 
     Examples
     --------

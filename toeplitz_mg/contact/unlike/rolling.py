@@ -20,7 +20,7 @@ from toeplitz_mg.contact.unlike.pressing import INNER
 from toeplitz_mg.contact.unlike.result import FrictionalResult, check_both, check_friction
 from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Rolling, bound_of
 from toeplitz_mg.engine.work import count_products
-from toeplitz_mg.values import count, field, in_range
+from toeplitz_mg.values import count, field, refuse_masked
 
 
 def frictional_rolling(
@@ -118,16 +118,13 @@ def frictional_rolling(
     mu = check_friction(mu)
     check_iteration(tolerance, max_products, progress)
     most = count("max_iterations", max_iterations)
+    refuse_masked("tangential_force", tangential_force)
     creepages = longitudinal, lateral, spin
     motion = Motion.of(z.shape, creepages, tangential_force, moment, slip, pole)
     grid = replace(grid, directions=motion.directions)
     given = np.zeros((grid.components, *z.shape))
     if motion.slip is not None:
         given = given + motion.slip
-    distance = float(z.min())
-    if approach is not None:
-        approach = float(approach) - distance
-        in_range("the interference", max(approach, 1.0))
     inner = INNER * tolerance
 
     def solve(g: Array, slip: Array, guess: TangentialResult | None) -> TangentialResult:
@@ -139,9 +136,7 @@ def frictional_rolling(
 
     with count_products() as work:
         coupling = Coupling(grid.coupling())
-        pressing = Pressing(
-            grid, z - distance, distance, coupling, approach, force, inner, max_products
-        )
+        pressing = Pressing.of(grid, z, coupling, approach, force, inner, max_products)
         rolling = Rolling(grid, coupling, Coupling(grid.coupling(ahead=1)), mu, solve, given)
         p = pressing.begin(None, nested=nested)
         motion.check_loads(grid, bound_of(mu, p))
