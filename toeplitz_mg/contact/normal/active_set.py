@@ -161,6 +161,8 @@ class Search:
             fallen = self.look(following).residual
             if fallen > FALL * error:
                 return following if fallen < error else now
+            if not A.vectors.count(following.sets ^ now.sets):
+                return following  # On one set conjugate gradients are faster.
             now, error = following, fallen
         return now
 
