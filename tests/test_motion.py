@@ -255,3 +255,23 @@ def test_products_do_not_grow_with_the_grid(nu):
     for creepages in ((0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.02, 0.04, -0.1)):
         products = [circle(n, creepages, nu=nu)[1].products for n in (48, 192)]
         assert products[1] <= 1.6 * products[0]
+
+
+def test_bodies_that_are_bonded_roll_by_any_force_and_moment():
+    # They are linear in the loads, so that twice of them take twice the creepages.
+    h = (2.0 / 24, 2.0 / 24)
+    x, y = surfaces.centres((24, 24), h)
+    pole = x.ravel()[13] + h[0] / 2, y.ravel()[5]  # An element has no arm at all.
+    rigid = [
+        circle(24, (0.0, 0.0, 0.0), bound=np.inf, force=(k, 2 * k), moment=-k, pole=pole)[1].rigid
+        for k in (1.0, 2.0)
+    ]
+    assert_allclose(rigid[1], 2 * rigid[0], rtol=1e-6)
+
+
+def test_no_force_is_no_creepage():
+    g, result = circle(24, (0.0, 0.0, 0.0), force=(0.0, 0.0), moment=0.0)
+    assert_allclose(result.rigid, 0.0, atol=1e-12)
+    assert_allclose(result.traction, 0.0, atol=1e-9 * g.max())
+    nothing = rolling(np.zeros((4, 4)), (1.0, 1.0), material=BODY, force=(0.0, 0.0))
+    assert_allclose(nothing.rigid, 0.0)

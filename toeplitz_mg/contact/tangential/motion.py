@@ -106,7 +106,9 @@ class Motion:
             arm = self._unit(grid, 2, 0.5 * grid.element[0])
             arms["moment"], wanted["moment"] = np.hypot(*arm), abs(self.loads[2])
         for name, load in wanted.items():
-            most = grid.area * grid.vectors.sum(g * np.where(g > 0.0, arms[name], 0.0))
+            # Where there is no arm, an infinite bound carries nothing either.
+            carried = np.where(arms[name] > 0.0, g, 0.0) * arms[name]
+            most = grid.area * grid.vectors.sum(carried)
             if load and not load < most:
                 raise ValueError(
                     f"{name} is of size {load:g}, but must be less than the traction bound "
