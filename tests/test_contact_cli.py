@@ -1,5 +1,7 @@
 """The command contact: what it prints, writes and refuses."""
 
+import sys
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -164,6 +166,93 @@ def test_youngs_modulus_is_that_of_the_shear_modulus(capsys):
     assert "--E and --G are both given" in capsys.readouterr().err
 
 
+# A measured surface -----------------------------------------------------------------------------
+
+
+def surface(tmp_path, n=40):
+    """A file of heights, µm, on pixels of 25 µm; and the gap and the element, mm."""
+    element = (0.025, 0.025)
+    gap = surfaces.rough((n, n), element, rms=0.001, roll_off=0.3, seed=2)
+    path = tmp_path / "heights.npy"
+    np.save(path, -1e3 * gap)
+    return path, gap, element
+
+
+@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+@pytest.mark.parametrize("load", [{"force": 2.0}, {"approach": 0.002}])
+@pytest.mark.parametrize("is_periodic", [True, False])
+def test_a_surface_from_a_file_is_pressed(load, is_periodic, tmp_path, capsys):
+    path, gap, element = surface(tmp_path)
+    written = tmp_path / "fields.npz"
+    ((name, value),) = load.items()
+    options = [f"--{name}", str(value), "--unit", "um", "--element", "25"]
+    options += ["--periodic"] * is_periodic
+    assert run("rough", str(path), *options, "-o", str(written)) == 0
+    printed = capsys.readouterr().out
+    assert f"rough: {path}" in printed
+    assert "stiffness" in printed
+    expected = normal_contact(gap, element, material=STEEL, periodic=is_periodic, **load)
+    fields = read(written)
+    assert_allclose(fields["pressure"], expected.pressure, atol=1e-6 * expected.max_pressure)
+    assert_allclose(fields["x"], surfaces.centres(gap.shape, element)[0])
+    assert_allclose(fields["approach"], expected.approach, rtol=1e-6)
+
+
+def test_a_surface_of_the_library_is_pressed(tmp_path, capsys):
+    pytest.importorskip("SurfaceTopography")
+    _, gap, element = surface(tmp_path)
+    x, y = np.meshgrid(*(25.0 * np.arange(n) for n in gap.shape), indexing="ij")
+    path = tmp_path / "heights.xyz"
+    np.savetxt(path, np.stack([x.ravel(), y.ravel(), -1e3 * gap.ravel()], axis=1))
+    written = tmp_path / "fields.npz"
+    options = ["--force", "2", "--unit", "um", "-o", str(written)]
+    assert run("rough", str(path), *options) == 0
+    assert_allclose(read(written)["element"], element)
+    assert run("rough", str(path), "--force", "2") == 2
+    assert "the topography has no unit" in capsys.readouterr().err
+    path.write_text("what is this")
+    assert run("rough", str(path), *options) == 2
+    assert f"{path} cannot be read" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["rough"], "rough needs a FILE of heights"),
+        (["rough", "x.npy"], "rough needs --force or --approach"),
+        (["rough", "nowhere.npy", "--force", "1", "--element", "1"], "nowhere.npy"),
+        (["rough", "nowhere.xyz", "--force", "1"], "nowhere.xyz"),
+        (["rough", "FILE", "--force", "1"], "has no sizes: give --element"),
+        (["rough", "FILE", "--force", "1", "--element", "0"], "--element is 0.0, but must be"),
+        (["rough", "FILE", "--force", "1", "--element", "1", "--unit", "yd"], "unit is 'yd'"),
+        (["rough", "FILE", "--force", "1", "--radius", "3"], "--radius is for hertz and shift"),
+        (["rough", "FILE", "--force", "1", "-n", "64"], "-n is for hertz and shift and rolling"),
+        (["hertz", "FILE"], "is for rough, not hertz"),
+        (["hertz", "--periodic"], "--periodic is for rough, not hertz"),
+        (["rough", "OTHER", "--force", "1"], "needs SurfaceTopography: pip install"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_surfaces_that_do_not_do(options, message, tmp_path, monkeypatch, capsys):
+    path, *_ = surface(tmp_path)
+    other = tmp_path / "heights.xyz"
+    other.write_text("0 0 0")
+    monkeypatch.setitem(sys.modules, "SurfaceTopography", None)  # As if it were not installed.
+    files_there = {"FILE": str(path), "OTHER": str(other)}
+    assert run(*(files_there.get(option, option) for option in options)) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert captured.err.count("\n") == 1
+
+
+def test_a_surface_is_not_written_over(tmp_path, capsys):
+    path, *_ = surface(tmp_path)
+    same = tmp_path / "heights.npz"
+    same.hardlink_to(path)
+    assert run("rough", str(path), "--force", "1", "--element", "1", "-o", str(same)) == 2
+    assert "but that one is read" in capsys.readouterr().err
+
+
 # Refusals -------------------------------------------------------------------------------------
 
 
@@ -266,5 +355,5 @@ def test_help_has_units_and_defaults(capsys):
         run("--help")
     assert caught.value.code == 0
     printed = capsys.readouterr().out
-    for text in ("hertz,shift,rolling", "N/mm²", "(default: 82000)", "FIELDS.npz"):
+    for text in ("hertz,shift,rolling,rough", "N/mm²", "(default: 82000)", "FIELDS.npz"):
         assert text in printed

@@ -7,7 +7,13 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from toeplitz_mg import halfspace
-from toeplitz_mg.contact import Material, normal_contact, surfaces
+from toeplitz_mg.contact import (
+    Material,
+    friction,
+    normal_contact,
+    subsurface_stresses,
+    surfaces,
+)
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.halfspace.periodic import strip_eigenvalues
 
@@ -331,11 +337,132 @@ def test_large_rough_surfaces(mean, share):
     assert result.residual <= 1e-8
 
 
+def test_the_area_is_in_proportion_to_the_force():
+    """κ = A E* g'/F is about 2.2 at light loads, with g' the root mean square of the slopes.
+
+    The elements at the edges of spots are in contact in part: the area is corrected by what that
+    makes of the length of the edges (Yastrebov, Anciaux, Molinari, Tribol. Int. 114 (2017)).
+    """
+    n = 512
+    h, found = 1.0 / n, []
+    for seed in range(3):
+        gap = surfaces.rough((n, n), (h, h), rms=5e-4, longest=0.25, shortest=16 * h, seed=seed)
+        q = 2 * np.pi * np.fft.fftfreq(n, h)
+        power = np.abs(np.fft.fft2(gap) / gap.size) ** 2
+        slope = np.sqrt(((q[:, None] ** 2 + q**2) * power).sum())
+        force = 0.01 * slope
+        result = normal_contact(gap, (h, h), material=UNIT, force=force, periodic=True)
+        C = result.contact
+        edges = h * sum(np.count_nonzero(C ^ np.roll(C, 1, axis)) for axis in (0, 1))
+        area = result.area - (np.pi - 1.0 + np.log(2.0)) / 24.0 * edges * h
+        found.append(area * slope / force)
+    assert abs(np.mean(found) - 2.2) < 0.1
+
+
 def test_the_doubts_know_that_the_grid_goes_on():
     gap = np.roll(surfaces.sphere((64, 64), (0.02, 0.02), radius=1.0), (32, 32), (0, 1))
     result = normal_contact(gap, (0.02, 0.02), material=UNIT, force=0.01, periodic=True)
     assert result.contact[0, 0]
     assert result.warnings == ()
+
+
+# Friction -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", [(5, 7), (6, 5), (4, 6)])
+def test_the_tangential_matrix_is_that_of_its_waves(shape):
+    """2/(G|q|) (δ - ν q q/|q|²), G = 0.7 and ν = 0.3, as a sum of plane waves."""
+    grid = Grid.of(shape, (0.3, 0.2), UNIT, None, True)
+    places = np.indices(shape).reshape(2, -1).T * [0.3, 0.2]
+    size = len(places)
+    expected = np.zeros((2, size, 2, size))
+    for k in np.ndindex(*shape):
+        if k == (0, 0):
+            continue
+        signed = [j if j <= n // 2 else j - n for j, n in zip(k, shape, strict=True)]
+        q = 2 * np.pi * np.array(signed) / (np.array(shape) * [0.3, 0.2])
+        phase = places @ q
+        wave = np.cos(phase[:, None] - phase) / size
+        is_highest = any(2 * j == n for j, n in zip(k, shape, strict=True))
+        factor = 2.0 / (0.7 * np.linalg.norm(q)) * (np.eye(2) - 0.3 * np.outer(q, q) / (q @ q))
+        if is_highest:  # A wave of two elements has no sign along that axis.
+            factor[0, 1] = factor[1, 0] = 0.0
+        expected += factor[:, None, :, None] * wave[:, None, :]
+    A = grid.tangential()
+    x = np.random.default_rng(0).random(2 * size)
+    assert_allclose(A @ x, expected.reshape(2 * size, -1) @ x, atol=1e-14)
+    M = grid.invert_by_cosine(A)
+    assert np.linalg.eigvalsh(M @ np.eye(2 * size)).min() > 0.0
+
+
+@doubtful
+@pytest.mark.parametrize(("shape", "element"), [((128,), 0.1), ((32, 32), (0.1, 0.1))])
+def test_the_tractions_are_a_difference_of_pressures(shape, element):
+    """q = μ (p under F - p under F - Q/μ), where both matrices are the same (Ciavarella, Jäger)."""
+    smooth = Material.from_shear(1.0, 0.0 if len(shape) == 2 else 0.3)
+    gap = surfaces.rough(shape, element, rms=0.005, shortest=0.8, seed=2)
+    options = {"material": smooth, "periodic": True, "tolerance": 1e-11}
+    pressed = normal_contact(gap, element, force=0.3, **options)
+    before = normal_contact(gap, element, force=0.3 - 0.05 / 0.4, **options)
+    force = (0.05, 0.0) if len(shape) == 2 else 0.05
+    result = friction(pressed, mu=0.4, force=force, tolerance=1e-10)
+    q = result.traction[0] if len(shape) == 2 else result.traction
+    expected = 0.4 * (pressed.pressure - before.pressure)
+    assert_allclose(q, expected, atol=1e-7 * expected.max())
+    assert 0.1 < pressed.contact_fraction < 0.95
+    assert result.periodic == (True,) * len(shape)
+
+
+@doubtful
+@pytest.mark.parametrize("load", [{"force": (0.02, 0.01)}, {"shift": (1e-3, 5e-4)}])
+def test_coulombs_law_holds(load):
+    """With the dense products of the matrix: no slip in stick, slip against the traction else."""
+    gap = surfaces.rough((24, 20), (0.1, 0.1), rms=0.005, shortest=0.5, seed=3)
+    pressed = normal_contact(gap, (0.1, 0.1), material=UNIT, force=0.1, periodic=True)
+    result = friction(pressed, mu=0.4, **load)
+    A = Grid.of(gap.shape, (0.1, 0.1), UNIT, None, True).tangential().toarray()
+    q = result.traction
+    slip = (A @ q.ravel()).reshape(q.shape) - np.reshape(result.shift, (2, 1, 1))
+    slack = 2e-8 * np.abs(slip).max()
+    assert (np.hypot(*q) <= 0.4 * pressed.pressure * (1 + 1e-12)).all()
+    assert np.abs(slip[:, result.stick]).max(initial=0.0) <= slack
+    n = q[:, result.sliding] / np.hypot(*q[:, result.sliding])
+    s = slip[:, result.sliding]
+    assert result.stick.any()
+    assert result.sliding.any()
+    assert (s * n).sum(axis=0).max() <= slack
+    assert np.abs(s - (s * n).sum(axis=0) * n).max() <= slack
+    if "force" in load:
+        assert_allclose(result.force, load["force"], rtol=1e-8)
+
+
+def test_friction_takes_the_period_of_a_result():
+    gap = surfaces.sphere((64, 64), (0.02, 0.02), radius=1.0)
+    pressed = normal_contact(gap, (0.02, 0.02), material=UNIT, force=0.01, periodic=True)
+    centred = friction(pressed, mu=0.3, force=(0.001, 0.0))
+    moved = normal_contact(
+        np.roll(gap, (32, 32), (0, 1)), (0.02, 0.02), material=UNIT, force=0.01, periodic=True
+    )
+    around = friction(moved, mu=0.3, force=(0.001, 0.0))
+    rolled = np.roll(around.traction, (-32, -32), (1, 2))
+    assert_allclose(rolled, centred.traction, atol=1e-5 * centred.traction.max())
+    same = friction(
+        0.3 * pressed.pressure, (0.02, 0.02), material=UNIT, force=(0.001, 0.0), periodic=True
+    )
+    assert_allclose(same.traction, centred.traction, atol=1e-12)
+    with pytest.raises(TypeError, match="periodic is given, but a normal result has its own"):
+        friction(pressed, mu=0.3, force=(0.001, 0.0), periodic=True)
+    with pytest.raises(ValueError, match="stresses are those below bodies of which nothing repe"):
+        subsurface_stresses(pressed, depths=[0.1])
+
+
+def test_friction_refuses_what_it_has_not():
+    bound = np.ones((8, 8))
+    options = {"material": UNIT, "shift": (0.1, 0.0)}
+    with pytest.raises(ValueError, match=r"periodic is \(True, False\), but friction is for a"):
+        friction(bound, (1.0, 1.0), periodic=(True, False), **options)
+    with pytest.raises(ValueError, match="shift is given, but surfaces that repeat and touch"):
+        friction(bound, (1.0, 1.0), periodic=True, **options)
 
 
 # Refusals -----------------------------------------------------------------------------------

@@ -222,3 +222,16 @@ def test_the_bodies_are_read_again(tmp_path):
         expected = contact.subsurface_stresses(pressed, depths=0.1).components
         below = contact.subsurface_stresses(again, depths=0.1).components
         assert np.array_equal(below, expected)
+
+
+def test_what_all_ranks_compute_together_is_not_asked_of_one(tmp_path):
+    """The stiffness of the rows that one rank has would wait for the others for ever."""
+
+    def wait_for_ever():
+        raise AssertionError("one rank alone asked for it")
+
+    rows = replace(PRESSED, shape=(96, 32), stiffness=wait_for_ever)
+    rows.save(tmp_path / "rows.npz")
+    assert contact.load(tmp_path / "rows.npz").stiffness is None
+    assert "stiffness" not in rows.summary()
+    assert "stiffness" in PRESSED.summary()

@@ -230,7 +230,5 @@ def test_refuses_bodies_that_are_rigid_or_unknown():
 def test_refuses_surfaces_that_repeat():
     gap = surfaces.sphere((16, 16), (0.125, 0.125), radius=1.0)
     waves = normal_contact(gap, (0.125, 0.125), material=STEEL, force=0.1, periodic=True)
-    with pytest.raises(ValueError, match="the surfaces are periodic along"):
+    with pytest.raises(ValueError, match=r"periodic is .* in a result"):
         subsurface_stresses(waves, depths=0.1)
-    with pytest.raises(ValueError, match="the surfaces are periodic along"):
-        friction(waves, mu=0.3, shift=(1e-3, 0.0))

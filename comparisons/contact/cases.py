@@ -49,6 +49,7 @@ CASES: dict[str, Case] = {
     "Cattaneo and Mindlin, ν = 0": (theory.cattaneo_sphere, SURFACES, QUICK_SURFACES),
     "Cattaneo and Mindlin, ν = 0.28": (theory.mindlin_sphere, SURFACES, QUICK_SURFACES),
     "Carter": (theory.carter, LINES, QUICK_LINES),
+    "Carter, by force": (theory.carter_by_force, LINES, QUICK_LINES),
     "Kalker": (theory.kalker, ROLLING, QUICK_ROLLING),
     "Stresses, line, sliding": (below.sliding_line, LINES, QUICK_LINES),
     "Stresses, sphere, sliding": (below.sliding_sphere, SURFACES, QUICK_SURFACES),

@@ -22,10 +22,10 @@ def picture(results: Sequence[ContactResult], theory: Array | None, title: str, 
     figure.suptitle(title)
     axes = figure.subplots(1, count, squeeze=False)[0]
     for ax, result in zip(axes, results, strict=False):
-        result.plot(ax)
+        result.plot(ax=ax)
     if theory is not None and is_line:
         (x,) = surfaces.centres(theory.shape, results[0].element[0])
-        axes[0].plot(x, theory, "k--", label="theory")
+        axes[0].plot(x, theory, "--", color="#009E73", label="theory")
         axes[0].legend()
     elif theory is not None:
         _profile(axes[1], results[0], theory)
@@ -51,12 +51,10 @@ def _profile(ax: Any, result: ContactResult, theory: Array) -> None:
 
 def rough_picture(results: Sequence[ContactResult], N: int, path: Path) -> None:
     """Draw the pressures on a rough surface at several loads."""
-    figure = Figure(figsize=(4.0 * len(results), 3.8), layout="constrained")
+    figure = Figure(figsize=(4.8 * len(results), 3.8), layout="constrained")
     for ax, result in zip(figure.subplots(1, len(results)), results, strict=True):
-        p = np.where(result.contact, result.traction, np.nan)
-        top = float(np.quantile(result.traction[result.contact], 0.99))
-        ax.imshow(p.T, origin="lower", extent=(-1, 1, -1, 1), vmin=0.0, vmax=top)
-        ax.set(title=f"{result.contact.mean():.1%} in contact, F = {result.force:.3g}")
+        result.plot(ax=ax)
+        ax.set(title=f"{result.contact_fraction:.1%} in contact, F = {result.force:.3g}")
     figure.suptitle(f"Pressures on a rough surface, {N} x {N}")
     report.write_figure(path, figure, dpi=110)
 

@@ -26,7 +26,7 @@ A, C = 0.6, 0.4  # Half widths of the contact and of the area of stick.
 MU = 0.3  # Coefficient of friction.
 UNIT = Material.from_shear(0.7, 0.3)  # Of both bodies: E* = G/(1-ν) = 1.
 # Coefficients of a circle, ν = 1/4, by Kalker (1990).
-KALKER = {"C11": 4.12, "C22": 3.67, "C23": 1.47}
+KALKER = {"C11": 4.12, "C22": 3.67, "C23": 1.47, "C33": 1.19}
 CREEPAGE = 1e-3  # Creepage of Kalker's problems; bonded rolling is linear in it.
 
 
@@ -168,6 +168,21 @@ def carter(N: int) -> Solved:
     return Solved([result], errors, theory)
 
 
+def carter_by_force(N: int) -> Solved:
+    """The same, by the force that it carries: its creepage is found."""
+    h, part = 2.0 / N, 0.6
+    (x,) = surfaces.centres(N, h)
+    g = MU * A / 2.0 * semi_ellipse(x, A)
+    result = rolling(g, h, material=UNIT, force=(1.0 - part**2) * MU * np.pi * A**2 / 4.0)
+    theory = g - MU * A / 2.0 * part * semi_ellipse(x - (1.0 - part) * A, part * A)
+    errors = {
+        "a′": result.stick_area / (2.0 * part * A) - 1.0,
+        "ξ": -result.creepages / (MU * A * (1.0 - part)) - 1.0,
+        "traction": rms(result, theory),
+    }
+    return Solved([result], errors, theory)
+
+
 def kalker(N: int) -> Solved:
     """The linear creepage coefficients of a circle, ν = 1/4, from bonded rolling."""
     h = 2.0 / N
@@ -179,8 +194,10 @@ def kalker(N: int) -> Solved:
         rolling(g, (h, h), material=Material.from_shear(1.0, 0.25), **creepage)
         for creepage in creepages
     ]
-    # F_x = -G a² C11 ξ, F_y = -G a² (C22 η + a C23 φ)
-    forces = results[0].force[0], results[1].force[1], results[2].force[1] / A
+    # F_x = -G a² C11 ξ, F_y = -G a² (C22 η + a C23 φ), M = -G a⁴ C33 φ
+    longitudinal, lateral, spin = results
+    assert spin.moment is not None
+    forces = longitudinal.force[0], lateral.force[1], spin.force[1] / A, spin.moment / A**2
     errors = {
         name: -force / (CREEPAGE * A**2) / exact - 1.0
         for (name, exact), force in zip(KALKER.items(), forces, strict=True)

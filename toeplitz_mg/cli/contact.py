@@ -1,4 +1,7 @@
-"""The command ``toeplitz-mg contact``: a Hertzian contact that is pressed, shifted or rolled."""
+"""The command ``toeplitz-mg contact``: a Hertzian contact that is pressed, shifted or rolled.
+
+Or a measured surface that is pressed (see `rough`).
+"""
 
 import argparse
 import math
@@ -14,6 +17,7 @@ from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.contact_arguments import complete
 from toeplitz_mg.cli.report import print_step, step_printer
+from toeplitz_mg.cli.rough import Rough
 from toeplitz_mg.contact import (
     ContactError,
     ContactResult,
@@ -97,16 +101,6 @@ class Case:
         material = Material.from_shear(o.G, o.nu)
         return {"material": material, "tolerance": o.tolerance, "progress": step_printer()}
 
-    def solve(self) -> dict[str, ContactResult]:
-        """Solve the normal problem, and the tangential one of its pressures, where there is one."""
-        pressed = _solve("normal contact", self.press)
-        results: dict[str, ContactResult] = {"pressure": pressed}
-        if self.options.case == "shift":
-            results[TANGENTIAL] = _solve("friction", lambda: self.shift(pressed))
-        elif self.options.case == "rolling":
-            results[TANGENTIAL] = _solve("steady rolling", lambda: self.roll(pressed))
-        return results
-
     def press(self) -> NormalResult:
         """Solve the normal problem."""
         o = self.options
@@ -147,22 +141,34 @@ class Case:
         return values[0] if self.options.line else (*values, 0.0)[:2]
 
 
+def solve(case: Case | Rough) -> dict[str, ContactResult]:
+    """Solve the normal problem, and the tangential one of its pressures, where there is one."""
+    pressed = _solve("normal contact", case.press)
+    results: dict[str, ContactResult] = {"pressure": pressed}
+    if isinstance(case, Case) and case.options.case == "shift":
+        results[TANGENTIAL] = _solve("friction", lambda: case.shift(pressed))
+    elif isinstance(case, Case) and case.options.case == "rolling":
+        results[TANGENTIAL] = _solve("steady rolling", lambda: case.roll(pressed))
+    return results
+
+
 def run(given: argparse.Namespace) -> int:
     """Run the command, and return the exit status."""
     options = complete(given)
-    case = Case.of(options)
-    _check_slides_not(case)
+    case = Rough.of(options) if options.case == "rough" else Case.of(options)
+    if isinstance(case, Case):
+        _check_slides_not(case)
     print(case.title, flush=True)
     start = perf_counter()
     try:
-        results = case.solve()
+        results = solve(case)
     except ContactError as error:
         print(f"\nNOT CONVERGED: {error}")
         _print_doubts([error.result])
         return 1
     seconds = perf_counter() - start
     if options.output is not None:  # First, so that it does not depend on what can be printed.
-        files.save_fields(options.output, fields(case, results))
+        files.save_fields(options.output, fields(results))
     _print_report(case, results, seconds)
     if options.output is not None:
         print(f"written to {options.output}")
@@ -172,12 +178,11 @@ def run(given: argparse.Namespace) -> int:
     return 0
 
 
-def fields(case: Case, results: Mapping[str, ContactResult]) -> dict[str, Any]:
+def fields(results: Mapping[str, ContactResult]) -> dict[str, Any]:
     """Return what is written, by name."""
     pressed, tangential = results["pressure"], results.get(TANGENTIAL)
-    found: dict[str, Any] = dict(
-        zip("xy", surfaces.centres(case.shape, case.element), strict=False)
-    )
+    centres = np.meshgrid(*pressed.centres, indexing="ij")
+    found: dict[str, Any] = dict(zip("xy", centres, strict=False))
     found |= {"element": pressed.element, "contact": pressed.contact}
     found |= {"pressure": pressed.traction, "displacement": pressed.displacement}
     found |= {"gap": pressed.gap, "force": pressed.force, "approach": pressed.rigid}
@@ -209,10 +214,13 @@ def _solve(name: str, solve: Callable[[], Result]) -> Result:
     return result
 
 
-def _print_report(case: Case, results: Mapping[str, ContactResult], seconds: float) -> None:
+def _print_report(case: Case | Rough, results: Mapping[str, ContactResult], seconds: float) -> None:
     """Print what was found, and what theory says, as far as it does."""
     products = " + ".join(str(result.products) for result in results.values())
     print(f"\nconverged: {products} products, {seconds:.2f} seconds")
+    if isinstance(case, Rough):
+        print(results["pressure"].summary())
+        return
     pressed, tangential = results["pressure"], results.get(TANGENTIAL)
     theory, unit = case.theory, "N/mm" if case.options.line else "N"
     rows: list[tuple[str, Any, Any]] = [

@@ -2,7 +2,6 @@
 
 import argparse
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,8 @@ from toeplitz_mg.cli.parsing import Parser, whole_number
 from toeplitz_mg.cli.report import EXIT_STATUS
 from toeplitz_mg.values import in_range
 
-CASES = ("hertz", "shift", "rolling")
+SMOOTH = ("hertz", "shift", "rolling")  # The cases of Hertz's bodies.
+CASES = (*SMOOTH, "rough")
 FEWEST, MOST = 8, 2**24  # Limits of the elements along a side: a contact needs a few to be one.
 FORCE = 100.0  # Normal force, N or N/mm, where neither it nor the approach is given.
 
@@ -52,20 +52,29 @@ OPTIONS = {
     "radius": Option(
         "of the sphere, mm; of two values, the radii of curvature along x and y (default: 10)",
         most=2,
+        cases=SMOOTH,
         default=(10.0,),
         positive=True,
     ),
-    "line": Option("line contact of a cylinder in plane strain: forces are N/mm", bool),
-    "force": Option("normal force, N or N/mm (default: 100)", positive=True),
+    "line": Option(
+        "line contact of a cylinder in plane strain: forces are N/mm", bool, cases=SMOOTH
+    ),
+    "force": Option("normal force, N or N/mm (default: 100, but of rough)", positive=True),
     "approach": Option("of the bodies, mm; in place of the force", positive=True),
     "G": Option(
         "shear modulus of both bodies, N/mm² (default: 82000)", default=82000.0, positive=True
     ),
     "E": Option("Young's modulus of both bodies, N/mm²; in place of G", positive=True),
     "nu": Option("Poisson's ratio of both bodies (default: 0.28)", default=0.28),
-    "n": Option("elements along the longer side of the grid (default: 256)", int, default=256),
+    "n": Option(
+        "elements along the longer side of the grid (default: 256)",
+        int,
+        cases=SMOOTH,
+        default=256,
+    ),
     "size": Option(
         "longer side of the grid, mm (default: 1.3 times the contact of Hertz's theory)",
+        cases=SMOOTH,
         positive=True,
     ),
     "friction": Option(
@@ -96,6 +105,16 @@ OPTIONS = {
         default=1e-8,
         positive=True,
     ),
+    "element": Option(
+        "size of a pixel along x, or x and y, where the file does not say it",
+        most=2,
+        cases=("rough",),
+        positive=True,
+    ),
+    "unit": Option(
+        "of heights and pixels, as um (default: that of the file, or mm)", str, cases=("rough",)
+    ),
+    "periodic": Option("the surface repeats, whatever the file says", bool, cases=("rough",)),
     "output": Option("write the fields, as arrays by name", Path),
     "plot": Option("draw the tractions and the areas of stick and slip", Path),
 }
@@ -109,12 +128,20 @@ def add_parser(commands: Any) -> Parser:
         "contact",
         help="contact of two elastic bodies",
         description="Press a sphere, an ellipsoid or a cylinder on a flat of the same material "
-        "(hertz), shift it then with Coulomb friction (shift), or roll it steadily (rolling). "
-        "Units are N and mm.",
+        "(hertz), shift it then with Coulomb friction (shift), or roll it steadily (rolling); or "
+        "press a measured surface, from a FILE of heights, on a flat (rough). Units are N and mm.",
         epilog="Files are written whole or not at all, and only where the solver has converged. "
         + EXIT_STATUS,
     )
     parser.add_argument("case", nargs="?", choices=CASES, default=None, help="what to do")
+    parser.add_argument(
+        "file",
+        nargs="?",
+        type=Path,
+        default=None,
+        metavar="FILE",
+        help="rough: heights, positive at summits; .npy, or what SurfaceTopography reads",
+    )
     for name, option in OPTIONS.items():
         special: dict[str, Any] = {"type": whole_number if option.kind is int else option.kind}
         if option.kind is bool:
@@ -123,7 +150,7 @@ def add_parser(commands: Any) -> Parser:
             special["metavar"] = METAVARS[name]
         elif option.most > 1:
             special |= {"nargs": "+", "metavar": name.upper()}
-        only = f"{' and '.join(option.cases)}: " if option.cases != CASES else ""
+        only = f"{' and '.join(option.cases)}: " if option.cases not in (CASES, SMOOTH) else ""
         parser.add_argument(*SHORT.get(name, (f"--{name}",)), help=only + option.help, **special)
     return parser
 
@@ -132,7 +159,7 @@ def complete(given: argparse.Namespace) -> argparse.Namespace:
     """Fill in the defaults, and refuse what cannot be meant."""
     options = {key: value for key, value in vars(given).items() if value is not None}
     # argparse also takes options of the main command, where they stand before this one.
-    for name in options.keys() - OPTIONS.keys() - {"command", "case"}:
+    for name in options.keys() - OPTIONS.keys() - {"command", "case", "file"}:
         raise ValueError(f"--{name} is for linear systems, not for contact")
     case = options.get("case")
     if case is None:
@@ -143,9 +170,9 @@ def complete(given: argparse.Namespace) -> argparse.Namespace:
                 raise ValueError(f"{_flag(name)} is for {' and '.join(option.cases)}, not {case}")
             _check(name, option, options[name])
     _check_together(case, options)
-    files.check_files((options.get("output"), options.get("plot")), ())
+    files.check_files((options.get("output"), options.get("plot")), (options.get("file"),))
     defaults = {name: option.default for name, option in OPTIONS.items()}
-    if "approach" not in options:
+    if "approach" not in options and case != "rough":
         defaults["force"] = FORCE
     if "E" in options:
         defaults["G"] = options["E"] / (2.0 * (1.0 + options.get("nu", defaults["nu"])))
@@ -154,7 +181,7 @@ def complete(given: argparse.Namespace) -> argparse.Namespace:
 
 def _check(name: str, option: Option, value: Any) -> None:
     """Check one option by itself."""
-    values = value if isinstance(value, Sequence) else [value]
+    values = value if isinstance(value, list) else [value]
     if len(values) > option.most:
         raise ValueError(f"{_flag(name)} has {len(values)} values, but takes 1 to {option.most}")
     for x in values:
@@ -181,6 +208,12 @@ def _check_together(case: str, options: dict[str, Any]) -> None:
     for one, other in (("force", "approach"), ("tangential", "shift"), ("E", "G")):
         if one in options and other in options:
             raise ValueError(f"--{one} and --{other} are both given, but one decides the other")
+    if case == "rough" and "file" not in options:
+        raise ValueError("rough needs a FILE of heights")
+    if case == "rough" and not {"force", "approach"} & options.keys():
+        raise ValueError("rough needs --force or --approach")
+    if case != "rough" and "file" in options:
+        raise ValueError(f"a file, {options['file']}, is for rough, not {case}")
     has_load = "tangential" in options or "shift" in options
     if case == "shift" and math.isinf(options.get("friction", 0.0)) and not has_load:
         raise ValueError("--friction is inf: give --tangential or --shift, as nothing slides")

@@ -162,7 +162,7 @@ def plot_contact(path: Path, title: str, results: Mapping[str, ContactResult]) -
     axes = figure.subplots(1, len(results), squeeze=False)[0]
     figure.suptitle(title)
     for ax, (name, result) in zip(axes, results.items(), strict=True):
-        result.plot(ax)
+        result.plot(ax=ax)
         ax.set_title(name)
     save_figure(path, figure)
 

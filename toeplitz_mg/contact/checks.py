@@ -66,8 +66,13 @@ def check_bound(bound: ArrayLike) -> Array:
     return g
 
 
-def check_pressed(bound: Any, element: Any, material: Any, mu: Any) -> tuple[Array, Any, Any]:
-    """Return a traction bound, the element and the material, of a bound or of a normal result."""
+def check_pressed(
+    bound: Any, element: Any, material: Any, periodic: Any, mu: Any
+) -> tuple[Array, Any, Any, Any]:
+    """Return a traction bound, and what belongs to it, of a bound or of a normal result.
+
+    That is the element, the material, and along which axes the surface repeats.
+    """
     if isinstance(bound, TangentialResult):
         raise TypeError(
             "bound is a tangential result, but must be a normal one, or a traction bound"
@@ -80,11 +85,10 @@ def check_pressed(bound: Any, element: Any, material: Any, mu: Any) -> tuple[Arr
         for name, value in (("element", element), ("material", material)):
             if value is None:
                 raise TypeError(f"{name} is not given, but only a normal result has its own")
-        return check_bound(bound), element, material
-    for name, value in (("element", element), ("material", material)):
+        return check_bound(bound), element, material, False if periodic is None else periodic
+    for name, value in (("element", element), ("material", material), ("periodic", periodic)):
         if value is not None:
             raise TypeError(f"{name} is given, but a normal result has its own: leave it out")
-    refuse_periodic(bound)
     if mu is None:
         raise TypeError("mu is not given, but a normal result needs a coefficient of friction")
     friction = field("mu", mu)
@@ -99,16 +103,7 @@ def check_pressed(bound: Any, element: Any, material: Any, mu: Any) -> tuple[Arr
         )
     # Where nothing is pressed a coefficient may be infinite.
     g = np.multiply(friction, bound.pressure, where=bound.contact, out=np.zeros(bound.shape))
-    return g, bound.element, bound.material
-
-
-def refuse_periodic(pressed: NormalResult) -> None:
-    """Refuse surfaces that repeat, where the matrices are those of bodies that do not."""
-    if any(pressed.periodic):
-        raise ValueError(
-            f"the surfaces are periodic along {pressed.periodic}, but must not be for friction and "
-            "stresses: press a larger piece of them, without periodic="
-        )
+    return g, bound.element, bound.material, bound.periodic or False
 
 
 def check_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:

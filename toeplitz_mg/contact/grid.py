@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import DTypeLike
 from scipy import fft
+from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element, Mask
@@ -22,6 +23,7 @@ from toeplitz_mg.halfspace.periodic import (
     periodic_eigenvalues,
     strip_eigenvalues,
     strip_length,
+    tangential_eigenvalues,
 )
 from toeplitz_mg.operators import (
     CoupledOperator,
@@ -29,6 +31,7 @@ from toeplitz_mg.operators import (
     MaskedOperator,
     ToeplitzOperator,
 )
+from toeplitz_mg.operators.block_diagonal import BlockDiagonal
 from toeplitz_mg.preconditioners.candidates import quick_fsai
 from toeplitz_mg.preconditioners.positivity import require_positive
 from toeplitz_mg.preconditioners.traits import fragmentation
@@ -217,6 +220,27 @@ class Grid:
             product = DiagonalisedProduct(eigenvalues, lengths, self.shape)
         return ToeplitzOperator(c, product=product), unit
 
+    def _tangential_of_waves(self) -> ToeplitzOperator | CoupledOperator:
+        if not self.has_free_mean:
+            raise ValueError(
+                f"periodic is {self.periodic}, but friction is for a surface that repeats along "
+                "all axes, or along none"
+            )
+        if len(self.shape) == 1:
+            return self.normal()  # In plane strain both have the same coefficients.
+        blocks = {}
+        for name, eigenvalues in self._tangential_waves().items():
+            column = fft.irfftn(eigenvalues, s=self.shape)
+            lags = np.ix_(*((np.arange(2 * n - 1) - (n - 1)) % n for n in self.shape))
+            # Without coupling, as where ν is zero, the block is zero.
+            blocks[name] = ToeplitzOperator.from_lags(column[lags]) if column.any() else None
+        return CoupledOperator([[blocks["xx"], blocks["xy"]], [blocks["xy"], blocks["yy"]]])
+
+    def _tangential_waves(self) -> dict[str, Array]:
+        (n1, n2), (h1, h2) = self.shape, self.element
+        G, nu = self.material.G, self.material.nu
+        return tangential_eigenvalues((n1, n2), (h1, h2), G=G, nu=nu)
+
     def _waves(self) -> tuple[Array, tuple[int, ...]]:
         """Return the eigenvalues of a circulant that has the matrix in it, and its lengths."""
         if self.has_free_mean:
@@ -238,6 +262,8 @@ class Grid:
 
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
+        if any(self.periodic):
+            return self._tangential_of_waves()
         return self._matrix(self.directions)
 
     def upstream(self) -> ToeplitzOperator | CoupledOperator:
@@ -273,22 +299,29 @@ class Grid:
             return self._invert_waves(A, dtype)
         return cosine_preconditioner(A, dtype=dtype)
 
-    def _invert_waves(self, A: ToeplitzOperator, dtype: DTypeLike | None) -> DiagonalisedOperator:
-        """Return the inverse of a matrix of normal contact, but for its mean, and where it ends.
+    def _invert_waves(self, A: Any, dtype: DTypeLike | None) -> LinearOperator:
+        """Return the inverse of a matrix of waves, but for its mean, and where the surface ends.
 
         An axis that ends is taken for one that repeats. The mean, which has no eigenvalue then, is
-        given that of a wave of twice the longest.
+        given that of a wave of twice the longest. Components are inverted each by itself.
         """
+        precision = np.dtype(dtype or A.dtype)
+        if isinstance(A, CoupledOperator):
+            waves = self._tangential_waves()
+            inverses = [self._invert_eigenvalues(waves[name], precision) for name in ("xx", "yy")]
+            return BlockDiagonal(inverses, A.grid_shape)
         eigenvalues, lengths = self._waves()
         if lengths != self.shape:
             eigenvalues = self._all_waves()
         eigenvalues *= A.norm_bound / eigenvalues.max()
+        return self._invert_eigenvalues(eigenvalues, precision)
+
+    def _invert_eigenvalues(self, eigenvalues: Array, dtype: np.dtype[Any]) -> DiagonalisedOperator:
         if eigenvalues.flat[0] == 0.0:
             eigenvalues.flat[0] = 2.0 * eigenvalues.max()
-        precision = np.dtype(dtype or A.dtype)
         subject = "the matrix of waves has the eigenvalue"
-        require_positive(eigenvalues, precision, subject, "dtype=np.float64")
-        product = DiagonalisedProduct(1.0 / eigenvalues, self.shape, self.shape, precision)
+        require_positive(eigenvalues, dtype, subject, "dtype=np.float64")
+        product = DiagonalisedProduct(1.0 / eigenvalues, self.shape, self.shape, dtype)
         return DiagonalisedOperator(product, "inverse of waves")
 
     def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:

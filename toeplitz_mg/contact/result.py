@@ -60,8 +60,6 @@ class NormalResult:
         The pressures, N/mm²; also named `traction`.
     displacement : ndarray
         The displacement of both bodies together along the pressure, mm.
-    periodic : tuple of bool
-        Whether the surfaces repeat, along each axis; empty where none does.
     gap : ndarray
         The gap under load, mm: at least zero, and zero in contact, within `residual` of the
         largest interference.
@@ -79,6 +77,8 @@ class NormalResult:
         The elastic energy ½ ∫ p u of both bodies, N mm; in plane strain N.
     touches_edge : bool
         Whether the contact reaches an edge of the grid.
+    periodic : tuple of bool
+        Along which axes the surface repeats.
     plastic : ndarray or None
         Where a hardness was given, the depth by which elements that bear it have yielded, mm.
     stiffness : float or None
@@ -262,8 +262,9 @@ class NormalResult:
     def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
         title = f"Normal contact, {describe_grid(self.shape, self.element)}"
         figures = self._figures()
-        if self.stiffness is not None:
-            figures.insert(2, Figure("stiffness", self.stiffness, units_of(self.element).stiffness))
+        stiffness = saving.split_fields(self)[1]["stiffness"]
+        if stiffness is not None:
+            figures.insert(2, Figure("stiffness", stiffness, units_of(self.element).stiffness))
         return title, figures, describe_cost(self.products, self.residual), self.warnings
 
     def _figures(self) -> list[Figure]:
@@ -321,6 +322,8 @@ class TangentialResult:
         The elastic energy ½ ∫ q u of both bodies, N mm; in plane strain N.
     touches_edge : bool
         Whether the contact reaches an edge of the grid.
+    periodic : tuple of bool
+        Along which axes the surface repeats.
     shift : float, ndarray or None
         In friction, the rigid shift of the bodies since the previous tractions, mm; None in
         rolling.
@@ -373,6 +376,7 @@ class TangentialResult:
     force: Any
     energy: float
     touches_edge: bool
+    periodic: tuple[bool, ...] = ()
     shift: Any = None
     total_shift: Any = None
     creepages: Any = None

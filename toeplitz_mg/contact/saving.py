@@ -67,9 +67,12 @@ def split_fields(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
     arrays: dict[str, Array] = dict(zip("xy", result.centres, strict=False))
     values: dict[str, Any] = {}
     for field in fields(result):
-        value = getattr(result, field.name)
         if field.name in ("material", "centres"):
             continue
+        value = vars(result)[field.name]
+        if callable(value):  # It is computed on demand: where there are several ranks, by all.
+            is_whole = result.contact.shape == result.shape
+            value = getattr(result, field.name) if is_whole else None
         if isinstance(value, np.ndarray) and value.ndim:
             arrays[field.name] = value
         else:

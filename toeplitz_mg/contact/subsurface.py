@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.checks import refuse_periodic
 from toeplitz_mg.contact.result import ContactResult, NormalResult, TangentialResult
 from toeplitz_mg.engine.threads import elementwise
 from toeplitz_mg.halfspace import CombinedMaterial
@@ -176,8 +175,11 @@ def _check_results(results: tuple[ContactResult, ...]) -> ContactResult:
     for result in results:
         if not isinstance(result, NormalResult | TangentialResult):
             raise TypeError(f"a result is {result!r}, but must be one of contact")
-        if isinstance(result, NormalResult):
-            refuse_periodic(result)
+        if any(result.periodic):
+            raise ValueError(
+                f"periodic is {result.periodic} in a result, but stresses are those below bodies "
+                "of which nothing repeats"
+            )
     kinds = [type(result) for result in results]
     if len(kinds) not in (1, 2) or len(set(kinds)) < len(kinds):
         raise ValueError(

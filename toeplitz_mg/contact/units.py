@@ -25,7 +25,7 @@ def name_units(result: Any) -> dict[str, str]:
     units = units_of(result.element)
     is_rolling = result.stick is not None and result.creepages is not None
     names = (
-        ("N/mm²", "pressure traction bound max_pressure mean_pressure"),
+        ("N/mm²", "pressure traction bound max_pressure"),
         ("mm", "element centres x y displacement gap plastic approach shift total_shift"),
         (units.area, "area stick_area"),
         (units.force, "force"),
@@ -39,4 +39,7 @@ def name_units(result: Any) -> dict[str, str]:
     found["slip"] = "1" if is_rolling else "mm"
     found["power"] = units.force if is_rolling else units.energy
     found["creepages"] = "1" if len(result.shape) == 1 else "1, 1, 1/mm"
-    return {name: unit for name, unit in found.items() if getattr(result, name, None) is not None}
+    # What is computed on demand is not asked for here.
+    there = {name for name, value in vars(result).items() if value is not None}
+    there |= {*"xy"[: len(result.shape)]}
+    return {name: unit for name, unit in found.items() if name in there}

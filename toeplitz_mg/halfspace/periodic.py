@@ -71,6 +71,42 @@ def periodic_eigenvalues(
     return eigenvalues
 
 
+def tangential_eigenvalues(
+    shape: tuple[int, int], element: tuple[float, float], *, G: float, nu: float
+) -> dict[str, Array]:
+    """Return the tangential displacements by waves of tractions, where both axes repeat.
+
+    Parameters
+    ----------
+    shape, element, G, nu
+        As for `periodic_eigenvalues`.
+
+    Returns
+    -------
+    dict of ndarray
+        Of "xx", "xy" and "yy": 2/(G|q|) (δ_ij - ν q_i q_j/|q|²), in its order.
+
+    Examples
+    --------
+    >>> from toeplitz_mg.halfspace.periodic import tangential_eigenvalues
+    >>> found = tangential_eigenvalues((4, 1), (0.25, 1.0), G=1.0, nu=0.5)
+    >>> (found["xx"][1:] / found["yy"][1:]).ravel()
+    array([0.5, 0.5, 0.5])
+    """
+    G, nu = check_constants(G, nu)
+    qx, qy = wavenumbers(shape, element)
+    q = np.hypot(qx, qy)
+    q.flat[0] = np.inf
+    coupling = -nu * qx * qy / q**2
+    # The highest waves of an even number of elements have no sign, and so no odd part.
+    if shape[0] % 2 == 0:
+        coupling[shape[0] // 2] = 0.0
+    if shape[1] % 2 == 0:
+        coupling[:, -1] = 0.0
+    factors = {"xx": 1.0 - nu * (qx / q) ** 2, "xy": coupling, "yy": 1.0 - nu * (qy / q) ** 2}
+    return {name: 2.0 / (G * q) * factor for name, factor in factors.items()}
+
+
 def strip_length(n: int) -> int:
     """Return the elements of the circulant that n of them, from end to end, are embedded in."""
     return 2 * fft.next_fast_len(n, real=True) if n > 1 else 1

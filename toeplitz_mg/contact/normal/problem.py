@@ -239,7 +239,7 @@ def make_result(
         max_pressure=grid.vectors.max(state.p),
         energy=0.5 * grid.area * grid.vectors.dot(state.p, state.u),
         touches_edge=touches_edge(grid, contact),
-        periodic=grid.periodic if any(grid.periodic) else (),
+        periodic=grid.periodic,
         gap=gap,
         plastic=plastic,
         products=products,

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,7 @@ def friction(
     force: ArrayLike | None = None,
     previous: TangentialResult | None = None,
     reference: float | None = None,
+    periodic: bool | tuple[bool, bool] | None = None,
     tolerance: float = 1e-8,
     nested: bool = True,
     max_products: int = 2000,
@@ -84,6 +86,9 @@ def friction(
     reference : float, optional
         In plane strain, the distance at which a line load moves nothing, mm; by default the length
         of the grid.
+    periodic : bool or (bool, bool), optional
+        Whether the surfaces repeat, as in `normal_contact`: of two axes both or none. That of a
+        normal result is taken. Displacements, and so shifts, are those from the mean.
     tolerance : float
         The slip that is allowed where the bodies stick, and the part of it that does not oppose
         the traction where they slide, over the largest displacement. The bound holds exactly.
@@ -133,8 +138,8 @@ def friction(
     >>> f"{shifted.shift[0] * 1e3:.3f} µm, {exact * 1e3:.3f} by theory"
     '0.466 µm, 0.466 by theory'
     """
-    g, element, material = check_pressed(bound, element, material, mu)
-    grid = Grid.of(g.shape, element, material, reference)
+    g, element, material, periodic = check_pressed(bound, element, material, periodic, mu)
+    grid = Grid.of(g.shape, element, material, reference, periodic)
     result = shift_bodies(
         grid, g, Window.around, shift, force, previous, tolerance, nested, max_products, progress
     )
@@ -171,6 +176,11 @@ def shift_bodies(
         same["force"], same["nested"] = refuse_masked("force", force).tolist(), bool(nested)
         same["tolerance"], same["max_products"] = tolerance, max_products
         same["whether there is a previous contact"] = previous is not None
+    if shift is not None and grid.has_free_mean and grid.vectors.count(g) == prod(grid.shape):
+        raise ValueError(
+            "shift is given, but surfaces that repeat and touch everywhere stick under many a "
+            "force, at no shift from their mean: give the force"
+        )
     total, all_slides = None, False
     if force is not None:
         total, all_slides = check_force(force, grid.vectors.sum(g), grid)
@@ -262,6 +272,7 @@ def make_result(
         stick_area=problem.vectors.count(state.areas.stick) * problem.grid.area,
         force=float(total[0]) if is_line else total,
         energy=0.5 * problem.grid.area * problem.vectors.dot(q, state.u),
+        periodic=window.whole.periodic,
         touches_edge=touches_edge(window.whole, whole_contact),
         shift=float(state.shift[0]) if is_line else state.shift,
         slip=whole(np.where(contact, slip, 0.0)),

@@ -60,7 +60,7 @@ def rolling(
     progress: Progress | None = None,
     options: SteadyOptions | None = None,
 ) -> TangentialResult:
-    """Roll steadily towards positive x with given creepages: tractions, slip, stick and slip areas.
+    """Roll steadily towards positive x, by creepages or forces: tractions, slip, areas of stick.
 
     Parameters
     ----------

@@ -34,6 +34,8 @@ class Window:
             others = tuple(k for k in range(elements.ndim) if k != axis)
             (index,) = np.nonzero(elements.any(axis=others))
             first, end = (int(index[0]), int(index[-1]) + 1) if len(index) else (0, n)
+            if grid.periodic[axis]:  # The elements at the ends are neighbours.
+                first, end = 0, n
             margin = int(MARGIN * (end - first))
             box.append(slice(max(0, first - margin), min(n, end + margin)))
         return cls(grid, tuple(box))

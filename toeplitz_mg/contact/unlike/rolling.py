@@ -20,7 +20,7 @@ from toeplitz_mg.contact.unlike.pressing import INNER
 from toeplitz_mg.contact.unlike.result import FrictionalResult, check_both, check_friction
 from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Rolling, bound_of
 from toeplitz_mg.engine.work import count_products
-from toeplitz_mg.values import count, field, in_range
+from toeplitz_mg.values import count, field, in_range, refuse_masked
 
 
 def frictional_rolling(
@@ -118,6 +118,7 @@ def frictional_rolling(
     mu = check_friction(mu)
     check_iteration(tolerance, max_products, progress)
     most = count("max_iterations", max_iterations)
+    refuse_masked("tangential_force", tangential_force)
     creepages = longitudinal, lateral, spin
     motion = Motion.of(z.shape, creepages, tangential_force, moment, slip, pole)
     grid = replace(grid, directions=motion.directions)
