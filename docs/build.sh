@@ -3,5 +3,5 @@
 # It needs '.[plot]' and the group docs: pip install '.[plot]' --group docs
 set -euo pipefail
 cd "$(dirname "$0")"
-rm -rf api gallery
+rm -rf _build api gallery
 OPENBLAS_NUM_THREADS=1 "${PYTHON:-python}" -m sphinx -b html -W --keep-going -n -q . _build/html

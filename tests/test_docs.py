@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+import toeplitz_mg as tmg
+
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
 BUILT = {"_build", "api", "gallery"}  # Folders that the build of the site writes.
@@ -77,6 +79,23 @@ def test_names_comparisons_that_exist_and_all_of_them():
         for name in re.findall(r"python -m (comparisons[\w.]*\w)", page.read_text())
     }
     assert named == commands
+
+
+def public_names():
+    """What has a page in the API of the site; the names of a cluster need an MPI."""
+    names = []
+    for package in (tmg, tmg.contact, tmg.contact.surfaces, tmg.halfspace, tmg.fractional):
+        for name, value in vars(package).items():
+            home = str(getattr(value, "__module__", ""))
+            is_public = name in getattr(package, "__all__", ()) or home == package.__name__
+            if is_public and home.startswith("toeplitz_mg.") and not name.startswith("_"):
+                names.append(pytest.param(value, id=f"{package.__name__}.{name}"))
+    return names
+
+
+@pytest.mark.parametrize("value", public_names())
+def test_every_public_name_says_what_to_see_also(value):
+    assert "See Also\n" in value.__doc__
 
 
 def test_readme_is_one_page():

@@ -346,6 +346,28 @@ def test_without_contact_there_is_nothing():
     assert_array_equal(result.normal.gap, gap - gap.min() + (gap.min() + 0.1))
 
 
+def test_no_force_is_a_result_after_any_other():
+    _, _, one = sphere()
+    _, _, two = sphere(force=0.0, previous=one)
+    assert not two.normal.pressure.any()
+    assert not two.tangential.traction.any()
+    _, _, three = sphere(force=0.2, previous=two)
+    assert_allclose(three.normal.force, 0.2, rtol=1e-9)
+
+
+def test_where_the_gap_is_infinite_there_is_no_material():
+    """As where it is too large to close."""
+    x, y = surfaces.centres((24, 24), (0.1, 0.1))
+    gap = np.where(np.hypot(x, y) < 0.8, 0.1 * (x**2 + y**2), np.inf)
+    press = {"element": (0.1, 0.1), "material": (SOFT, RIGID), "mu": 0.3, "force": 0.5}
+    none = frictional_contact(gap, **press)
+    far = frictional_contact(np.minimum(gap, 2.0), **press)
+    assert_allclose(none.normal.pressure, far.normal.pressure, atol=1e-5)
+    assert_allclose(none.tangential.traction, far.tangential.traction, atol=1e-5)
+    with pytest.raises(ValueError, match="gap is infinite everywhere"):
+        frictional_contact(np.full((4, 4), np.inf), **press)
+
+
 @pytest.mark.parametrize(
     ("change", "error", "match"),
     [

@@ -26,15 +26,14 @@ slope = np.sqrt(sum((s**2).mean() for s in slopes))
 print(f"rms slope {slope:.4f}")
 
 # %%
-# One problem for each load. The modulus of contact is 1 N/mm² here: loads are relative to it.
+# One problem for each load, from the solution of the one before. The modulus of contact is 1 N/mm²
+# here: loads are relative to it.
 warnings.simplefilter("ignore", contact.ContactWarning)  # The smallest spots are coarse.
 body = (contact.Material(E=1.0, nu=0.0), contact.Material.rigid())
 loads = slope * np.geomspace(0.01, 2.0, 9)
 shares = []
-for load in loads:
-    pressed = contact.normal_contact(
-        gap, element, material=body, force=load * side**2, periodic=True
-    )
+curve = contact.load_curve(gap, element, material=body, forces=loads * side**2, periodic=True)
+for load, pressed in zip(loads, curve, strict=True):
     shares.append(pressed.contact_fraction)
     print(f"{load / slope:6.3f}{shares[-1]:8.3f}{pressed.products:5d} products")
 

@@ -29,10 +29,8 @@ element, radius = (0.03, 0.03), 50.0
 gap = contact.surfaces.sphere((40, 40), element, radius=radius)
 pressed = contact.normal_contact(gap, element, material=steel, force=100.0)
 of_sphere = mu * np.sqrt(pressed.area / np.pi) / radius * np.linspace(0.1, 2.0, 6)
-surface = []
-for creepage in of_sphere:
-    rolled = contact.rolling(mu * pressed.pressure, element, material=steel, longitudinal=-creepage)
-    surface.append(rolled.force[0] / (mu * pressed.force))
+curve = contact.creep_curve(mu * pressed.pressure, element, material=steel, longitudinal=-of_sphere)
+surface = curve.force[:, 0] / (mu * pressed.force)
 
 # %%
 fig, ax = plt.subplots(layout="constrained")

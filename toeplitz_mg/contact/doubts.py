@@ -29,6 +29,10 @@ class ContactWarning(UserWarning):
 
     The grid may be too small or too coarse for the contact, a unit or a sign another than was
     thought, or the problem beyond the theory of half-spaces. The `warnings` of a result lists all.
+
+    See Also
+    --------
+    ContactError : where no answer was found.
     """
 
 

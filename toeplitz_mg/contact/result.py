@@ -591,6 +591,10 @@ class ContactError(RuntimeError):
     ----------
     result : NormalResult or TangentialResult
         The last iterate, with its `residual`.
+
+    See Also
+    --------
+    ContactWarning : doubt of an answer that was found.
     """
 
     def __init__(self, message: str, result: ContactResult) -> None:

@@ -34,6 +34,10 @@ class Stresses:
         The centres of the elements along each axis, mm.
     components : ndarray of shape (6, d, n1, n2) or (6, d, n)
         The stresses xx, yy, zz, yz, xz and xy, N/mm².
+
+    See Also
+    --------
+    subsurface_stresses : finds them.
     """
 
     body: str

@@ -24,6 +24,12 @@ def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]
     tuple of ndarray
         x of shape (n,); or x and y of shape (n1, n2).
 
+    See Also
+    --------
+    sphere : another surface.
+    rough : another surface.
+    toeplitz_mg.contact.normal_contact : presses it.
+
     Examples
     --------
     >>> from toeplitz_mg.contact import surfaces
@@ -49,6 +55,12 @@ def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: floa
     -------
     ndarray of the shape given
         mm, r²/(2R).
+
+    See Also
+    --------
+    ellipsoid : another surface.
+    cylinder : another surface.
+    toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
     --------
@@ -77,6 +89,12 @@ def ellipsoid(shape: tuple[int, int], element: tuple[float, float], *, radii: Ar
     -------
     ndarray of the shape given
         mm, x²/(2R₁) + y²/(2R₂).
+
+    See Also
+    --------
+    sphere : another surface.
+    cylinder : another surface.
+    toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
     --------
@@ -117,6 +135,12 @@ def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -
     ndarray of the shape given
         mm, x²/(2R).
 
+    See Also
+    --------
+    sphere : another surface.
+    ellipsoid : another surface.
+    toeplitz_mg.contact.normal_contact : presses it.
+
     Examples
     --------
     >>> from toeplitz_mg.contact import surfaces
@@ -149,6 +173,12 @@ def wavy(
     -------
     ndarray of the shape given
         mm, with a crest, where the gap is zero, in the middle of the grid.
+
+    See Also
+    --------
+    rough : another surface.
+    centres : where the elements are.
+    toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
     --------
@@ -196,6 +226,12 @@ def rough(
     -------
     ndarray of the shape given
         mm, zero at the highest point. The heights are periodic.
+
+    See Also
+    --------
+    wavy : another surface.
+    centres : where the elements are.
+    toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
     --------

@@ -94,6 +94,11 @@ def stresses_x(
     ValueError, TypeError
         For arguments that `stresses_z` refuses.
 
+    See Also
+    --------
+    stresses_y : by a traction along y.
+    stresses_z : by a pressure.
+
     Examples
     --------
     The body is compressed ahead of the traction, and stretched behind it.
@@ -131,6 +136,11 @@ def stresses_y(
     ValueError, TypeError
         For arguments that `stresses_z` refuses.
 
+    See Also
+    --------
+    stresses_x : by a traction along x.
+    stresses_z : by a pressure.
+
     Examples
     --------
     >>> from toeplitz_mg import halfspace
@@ -164,6 +174,11 @@ def line_stresses_z(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array
     ValueError, TypeError
         For arguments that `stresses_z` refuses.
 
+    See Also
+    --------
+    line_stresses_x : by a traction along x.
+    stresses_z : by a rectangle.
+
     Examples
     --------
     >>> from toeplitz_mg import halfspace
@@ -196,6 +211,11 @@ def line_stresses_x(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array
     ------
     ValueError, TypeError
         For arguments that `stresses_z` refuses.
+
+    See Also
+    --------
+    line_stresses_z : by a pressure.
+    stresses_x : by a rectangle.
 
     Examples
     --------

@@ -334,6 +334,10 @@ def friction(
     TangentialResult
         As that of `normal_contact`, also in what it warns of and raises.
 
+    See Also
+    --------
+    toeplitz_mg.contact.friction : the same on one machine.
+
     Notes
     -----
     Products are with the whole grid, and not with the smallest rectangle around the contact.
@@ -385,6 +389,10 @@ def rolling(
     -------
     TangentialResult
         As that of `normal_contact`, also in what it warns of and raises.
+
+    See Also
+    --------
+    toeplitz_mg.contact.rolling : the same on one machine.
     """
     grid, g = _read("bound", bound, lambda _, g: check_bound(g), slab, element, material)
     asked = (longitudinal, lateral, spin), force, moment, slip, pole

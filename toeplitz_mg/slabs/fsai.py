@@ -1,7 +1,6 @@
 """The multilevel sparse approximate inverse of a matrix on slabs."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from math import prod
 from typing import Any
 
@@ -12,11 +11,9 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.preconditioners.fsai.build import Options
-from toeplitz_mg.preconditioners.fsai.cellgrid import AGGREGATE
 from toeplitz_mg.preconditioners.fsai.coupled import select_coupled_stencil
-from toeplitz_mg.preconditioners.fsai.neighbours import select_stencil
+from toeplitz_mg.preconditioners.fsai.neighbours import choose_stencil
 from toeplitz_mg.preconditioners.fsai.preconditioner import check_neighbours
-from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
 from toeplitz_mg.preconditioners.positivity import require_range
 from toeplitz_mg.slabs.fsai_levels import (
     CommonLevel,
@@ -194,7 +191,7 @@ def _alone(blocks: Blocks, mask: Array, options: Options) -> list[tuple[SlabMatr
     """Return the matrix of each component that has unknowns, by itself, and its options."""
     matrices = []
     for i, row in enumerate(blocks):
-        A, own, some = row[i], mask[i], options
+        A, own = row[i], mask[i]
         slab, (starts, shape) = A.slab, _rows(A.slab)
         if not (unknowns := slab.vectors.count(own)):
             continue
@@ -202,15 +199,8 @@ def _alone(blocks: Blocks, mask: Array, options: Options) -> list[tuple[SlabMatr
         near = find_near(slab, starts, kernel)
         is_line = 1 in (starts[-1], shape[1])
         with slab.agree() as same:
-            if is_line and unknowns == starts[-1] * shape[1]:
-                # This is what the serial one of a whole line is, whose rows are all alike.
-                stencil = Stencil(near, AGGREGATE - 1, AGGREGATE - 1)
-                some = replace(options, direct=options.direct_on_line)
-            elif options.neighbours or unknowns <= options.direct:
-                stencil = Stencil(near, options.neighbours or NEIGHBOURS)
-            else:
-                trial = near[0, 0].reshape(1, -1) if is_line else near[0, 0]
-                stencil = Stencil(near, select_stencil(trial).neighbours)
+            is_whole = unknowns == starts[-1] * shape[1]
+            stencil, some = choose_stencil(near[0, 0], is_line, unknowns, is_whole, options)
             same["how many neighbours are enough"] = stencil.neighbours
         matrices.append((SlabMatrix(slab, starts, stencil, kernel, own.reshape(1, *shape)), some))
     return matrices

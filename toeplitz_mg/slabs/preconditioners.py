@@ -106,6 +106,10 @@ def fft_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperato
         Where an eigenvalue of the embedding in a circulant is not positive, on all ranks.
     TypeError, ValueError
         Where `A` is no Toeplitz operator on a slab, or not even.
+
+    See Also
+    --------
+    toeplitz_mg.fft_preconditioner : the same on one machine.
     """
     slab, shape = A.slab, A.slab.shape
     if slab.is_line:
@@ -166,6 +170,10 @@ def cosine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOper
     """Return the inverse of a DCT-II matrix (see `toeplitz_mg.cosine_preconditioner`).
 
     Parameters, results and errors are those of `fft_preconditioner`. It moves half the bytes.
+
+    See Also
+    --------
+    toeplitz_mg.cosine_preconditioner : the same on one machine.
     """
     return (DiagonalisedLine if A.slab.is_line else DiagonalisedOperator)(A, dtype, 0, "cosine")
 
@@ -175,6 +183,10 @@ def sine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperat
     """Return the inverse of a DST-II matrix (see `toeplitz_mg.sine_preconditioner`).
 
     Parameters, results and errors are those of `fft_preconditioner`. It moves half the bytes.
+
+    See Also
+    --------
+    toeplitz_mg.sine_preconditioner : the same on one machine.
     """
     return (DiagonalisedLine if A.slab.is_line else DiagonalisedOperator)(A, dtype, 1, "sine")
 

@@ -65,6 +65,10 @@ class Slab:
     ValueError
         Where there are more ranks than units of rows, or the ranks differ about the grid.
 
+    See Also
+    --------
+    ToeplitzOperator : a matrix whose rows are those of a slab.
+
     Examples
     --------
     >>> from mpi4py import MPI

@@ -123,6 +123,14 @@ def normal_contact(
     ContactError
         Where the tolerance is not reached: it says what is violated.
 
+    See Also
+    --------
+    toeplitz_mg.contact.surfaces.rough : a gap to press.
+    friction : shifts the bodies then.
+    rolling : rolls them.
+    subsurface_stresses : the stresses below.
+    hertz : theory, for smooth bodies.
+
     Notes
     -----
     The bodies end where the grid ends. So a punch with sharp edges is a gap that is flat, or

@@ -31,6 +31,10 @@ class CreepCurve:
     stick_share : ndarray of shape (points,)
         The part of the contact that sticks.
     products : ndarray of int, of shape (points,)
+
+    See Also
+    --------
+    creep_curve : makes it.
     """
 
     creepages: Array

@@ -120,6 +120,12 @@ def friction(
     ContactError
         Where the tolerance is not reached: it says what is violated.
 
+    See Also
+    --------
+    normal_contact : finds the pressures.
+    rolling : of bodies that roll.
+    subsurface_stresses : what it does below the surface.
+
     Examples
     --------
     Cattaneo and Mindlin: half of the force that a Hertzian contact can carry.

@@ -25,6 +25,10 @@ class KalkerCoefficients(NamedTuple):
     Attributes
     ----------
     C11, C22, C23, C33 : float
+
+    See Also
+    --------
+    kalker_coefficients : finds them.
     """
 
     C11: float
@@ -55,6 +59,10 @@ def kalker_coefficients(ratio: float, nu: float, *, n: int = ELEMENTS) -> Kalker
     ------
     ValueError, TypeError
         For a ratio, a Poisson's ratio or a number of elements that there is none of.
+
+    See Also
+    --------
+    rolling : at any creepage.
 
     Notes
     -----

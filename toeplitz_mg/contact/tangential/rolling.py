@@ -127,6 +127,12 @@ def rolling(
     ContactError
         Where the tolerance is not reached: it says what is violated.
 
+    See Also
+    --------
+    normal_contact : finds the pressures.
+    rolling_steps : the way to the steady state.
+    friction : of bodies that shift.
+
     Examples
     --------
     Carter: a cylinder that drives, sticks in 0.6 of its contact and carries 1 - 0.4² of μ P.
@@ -272,6 +278,10 @@ def rolling_steps(
         For input that makes no sense, before any work.
     ContactError
         Where the tolerance is not reached: it says what is violated.
+
+    See Also
+    --------
+    rolling : its steady state, at once.
 
     Examples
     --------

@@ -70,6 +70,10 @@ class SteadyOptions:
     patience : int
         Changes of the areas without a smaller residual, after which it rolls step by step over the
         length of the grid, and searches on from there.
+
+    See Also
+    --------
+    rolling : takes it as ``options=``.
     """
 
     iterations: int = 60

@@ -26,7 +26,7 @@ from toeplitz_mg.contact.unlike.result import (
 from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Shifting, bound_of
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.values import count, field, in_range
+from toeplitz_mg.values import count, field
 
 INNER = 0.01  # Tolerance of each problem by itself, over that of both together.
 FARTHEST = 2.0  # Largest step, over the last, for which the tractions are extrapolated.
@@ -143,10 +143,6 @@ def frictional_contact(
     z = field("gap", gap)
     grid = Grid.of(z.shape, element, material, reference)
     force = check_load(grid, z, approach, force)
-    if force == 0.0:
-        raise ValueError("force is 0.0, but must be positive")
-    if np.isinf(z).any():
-        raise ValueError("gap has values that are not finite")
     mu = check_friction(mu)
     check_iteration(tolerance, max_products, progress)
     most = count("max_iterations", max_iterations)
@@ -161,15 +157,11 @@ def frictional_contact(
     total = None
     if tangential_force is not None:
         total = check_carried(tangential_force, np.inf if force is None else mu * force, grid)
-    distance = float(z.min())
     if previous is None:
-        before, guess = Before(np.zeros_like(b), 0.0, distance), None
+        before, guess = Before(np.zeros_like(b), 0.0, float(z.min())), None
     else:
         before = check_state(previous, grid, b.shape)
         guess = extrapolate(previous, before, approach, force).reshape(b.shape)
-    if approach is not None:
-        approach = float(approach) - distance
-        in_range("the interference", max(approach, 1.0))
     inner = INNER * tolerance
     with count_products() as work:
         coupling = Coupling(grid.coupling())
@@ -178,9 +170,7 @@ def frictional_contact(
             u = apply_to_rows(grid.tangential(), before.traction.ravel()).reshape(b.shape)
             u += coupling.along(previous.normal.pressure)
             b, least = b + u, float(np.abs(u).max())
-        pressing = Pressing(
-            grid, z - distance, distance, coupling, approach, force, inner, max_products
-        )
+        pressing = Pressing.of(grid, z, coupling, approach, force, inner, max_products)
         shifting = Shifting(
             grid, coupling, mu, b, total, least, inner, max_products, nested, q=guess
         )
@@ -239,6 +229,5 @@ def extrapolate(
         change, last = approach - now.approach, now.approach - earlier.approach
     else:
         change, last = force - now.force, now.force - earlier.force
-    far = abs(change) > FARTHEST * abs(last)
-    step = 0.0 if far else change / last
+    step = change / last if 0.0 < abs(change) <= FARTHEST * abs(last) else 0.0
     return now.traction + step * (now.traction - earlier.traction)

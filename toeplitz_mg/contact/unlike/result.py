@@ -36,6 +36,11 @@ class FrictionalResult:
         in each iteration between the two problems.
     before : Before or None
         The state before this step; None in rolling.
+
+    See Also
+    --------
+    NormalResult : without friction.
+    TangentialResult : of bodies that were pressed before.
     """
 
     normal: NormalResult

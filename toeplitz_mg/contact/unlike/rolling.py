@@ -20,7 +20,7 @@ from toeplitz_mg.contact.unlike.pressing import INNER
 from toeplitz_mg.contact.unlike.result import FrictionalResult, check_both, check_friction
 from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Rolling, bound_of
 from toeplitz_mg.engine.work import count_products
-from toeplitz_mg.values import count, field, in_range, refuse_masked
+from toeplitz_mg.values import count, field, refuse_masked
 
 
 def frictional_rolling(
@@ -125,10 +125,6 @@ def frictional_rolling(
     given = np.zeros((grid.components, *z.shape))
     if motion.slip is not None:
         given = given + motion.slip
-    distance = float(z.min())
-    if approach is not None:
-        approach = float(approach) - distance
-        in_range("the interference", max(approach, 1.0))
     inner = INNER * tolerance
 
     def solve(g: Array, slip: Array, guess: TangentialResult | None) -> TangentialResult:
@@ -140,9 +136,7 @@ def frictional_rolling(
 
     with count_products() as work:
         coupling = Coupling(grid.coupling())
-        pressing = Pressing(
-            grid, z - distance, distance, coupling, approach, force, inner, max_products
-        )
+        pressing = Pressing.of(grid, z, coupling, approach, force, inner, max_products)
         rolling = Rolling(grid, coupling, Coupling(grid.coupling(ahead=1)), mu, solve, given)
         p = pressing.begin(None, nested=nested)
         motion.check_loads(grid, bound_of(mu, p))

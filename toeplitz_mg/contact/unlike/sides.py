@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.contact.tangential import friction, stick_slip
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.values import in_range
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,27 @@ class Pressing:
     products: int = 0
     iterations: list[int] = field(default_factory=list)
 
+    @classmethod
+    def of(
+        cls,
+        grid: Grid,
+        z: Array,
+        coupling: Coupling,
+        approach: float | None,
+        force: float | None,
+        tolerance: float,
+        max_products: int,
+    ) -> Self:
+        """Return the problem of a gap, an approach from where it is given, or a force."""
+        # A large distance would bury the interference in its rounding.
+        distance = float(z.min())
+        if distance == np.inf:
+            raise ValueError("gap is infinite everywhere, but somewhere there must be material")
+        if approach is not None:
+            approach = float(approach) - distance
+            in_range("the interference", max(0.0, approach))
+        return cls(grid, z - distance, distance, coupling, approach, force, tolerance, max_products)
+
     def begin(self, q: Array | None, *, nested: bool) -> Array:
         """Return the pressures with tractions q, or none."""
         z = self.z if q is None else self.z + self.coupling.across(q)
@@ -108,10 +130,13 @@ class Pressing:
         return make_result(self.grid, self.z, state, self.products, work, self.distance)
 
     def _search(self, z: Array) -> Search:
-        return Search(self.grid, z, self.approach, self.force, self.tolerance)
+        search = Search(self.grid, z, self.approach, self.force, self.tolerance)
+        if np.isinf(z).any():
+            search = replace(search, z=search.put_out_of_reach())
+        return search
 
     def _run(self, z: Array, guess: Array | None, *, nested: bool) -> Array:
-        if self.approach is not None and not (z < self.approach).any():
+        if self._is_apart(z):
             return np.zeros(z.shape)
         search = self._search(z)
         products = Products(search.matrix, self.max_products)
@@ -122,8 +147,16 @@ class Pressing:
         p: Array = state.p / search.unit
         return p
 
+    def _is_apart(self, z: Array) -> bool:
+        """Return whether nothing is pressed where the gap is z."""
+        if self.approach is None:
+            return self.force == 0.0
+        return not (z < self.approach).any()
+
     def _state(self, q: Array, p: Array) -> State:
         """Return the pressures p with all normal displacements, those by tractions q too."""
+        if self.force == 0.0:
+            return State(p, np.zeros(p.shape), 0.0)
         across = self.coupling.across(q)
         search = self._search(self.z + across)
         x = p * search.unit

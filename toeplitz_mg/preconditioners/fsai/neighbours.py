@@ -8,6 +8,7 @@ a tenth of them. What acts along chains of cells longer than that grid is not se
 isolated lags, a Laplacian that is nearly singular.
 """
 
+from dataclasses import replace
 from math import inf, isqrt, log
 
 import numpy as np
@@ -16,6 +17,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners.fsai.build import Options, build
+from toeplitz_mg.preconditioners.fsai.cellgrid import AGGREGATE
 from toeplitz_mg.preconditioners.fsai.levels import LevelMatrix
 from toeplitz_mg.preconditioners.fsai.refusals import require_positive
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
@@ -52,6 +54,38 @@ def select_stencil(kernel: Array) -> Stencil:
         f"{name_for_smooth(kernel.shape)}. A number of neighbours that is given takes it all "
         "the same, in more iterations"
     )
+
+
+def choose_stencil(
+    near: Array, is_line: bool, unknowns: int, is_whole: bool, options: Options
+) -> tuple[Stencil, Options]:
+    """Return the stencil of one component, and the options of its levels.
+
+    Parameters
+    ----------
+    near : ndarray of shape (n1, n2)
+        The coefficients, or those that are near.
+    is_line : bool
+        Whether the grid has one axis.
+    unknowns : int
+    is_whole : bool
+        Whether these are all cells of the grid.
+    options : Options
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where `select_stencil` does.
+    """
+    if is_line and is_whole:
+        # This is what `line` builds, which makes use of it that all rows are alike.
+        stencil = Stencil(near[None, None], AGGREGATE - 1, AGGREGATE - 1)
+        return stencil, replace(options, direct=options.direct_on_line)
+    if options.neighbours is not None or unknowns <= options.direct:
+        # What is solved for directly has no G, so that neighbours do not matter.
+        return Stencil.of_one(near, options.neighbours or NEIGHBOURS), options
+    enough = select_stencil(near.reshape(1, -1) if is_line else near)
+    return Stencil.of_one(near, enough.neighbours), options
 
 
 def is_enough(stencil: Stencil) -> bool:

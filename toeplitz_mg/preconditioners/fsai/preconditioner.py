@@ -24,12 +24,10 @@ from toeplitz_mg.operators.structure import (
     unwrap_toeplitz,
 )
 from toeplitz_mg.preconditioners.fsai.build import DEFAULT, Options, build
-from toeplitz_mg.preconditioners.fsai.cellgrid import AGGREGATE
 from toeplitz_mg.preconditioners.fsai.coupled import find_coupled_stencil
 from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
 from toeplitz_mg.preconditioners.fsai.line import LineLevel, LineMatrix, build_line
-from toeplitz_mg.preconditioners.fsai.neighbours import select_stencil
-from toeplitz_mg.preconditioners.fsai.stencil import Stencil
+from toeplitz_mg.preconditioners.fsai.neighbours import choose_stencil
 from toeplitz_mg.preconditioners.positivity import precision
 from toeplitz_mg.values import count
 
@@ -256,19 +254,10 @@ def _uncoupled_fsai(
     dtype = precision(full, dtype)
     kernel = np.atleast_2d(squeezed.c.astype(np.float64, copy=False))
     level: Level | Direct | LineLevel
-    if len(squeezed.grid_shape) == 1 and mask.all():
-        if options.is_line_alike:
-            level = build_line(LineMatrix.of_kernel(kernel.ravel()), dtype, options)
-        else:
-            stencil = Stencil(kernel[None, None], AGGREGATE - 1, AGGREGATE - 1)
-            some = replace(options, direct=options.direct_on_line)
-            level = build(stencil, LevelMatrix.of_mask(stencil, mask), dtype, some)
+    is_line, unknowns = len(squeezed.grid_shape) == 1, int(np.count_nonzero(mask))
+    if options.is_line_alike and is_line and unknowns == mask.size:
+        level = build_line(LineMatrix.of_kernel(kernel.ravel()), dtype, options)
     else:
-        if options.neighbours is not None:
-            stencil = Stencil.of_one(kernel, options.neighbours)
-        elif np.count_nonzero(mask) <= options.direct:
-            stencil = Stencil.of_one(kernel)  # There is no G, so that neighbours do not matter.
-        else:
-            stencil = select_stencil(kernel)
-        level = build(stencil, LevelMatrix.of_mask(stencil, mask), dtype, options)
+        stencil, own = choose_stencil(kernel, is_line, unknowns, unknowns == mask.size, options)
+        level = build(stencil, LevelMatrix.of_mask(stencil, mask), dtype, own)
     return MultilevelSparseInverse(level, mask, kernel.shape, dtype)
