@@ -216,6 +216,11 @@ USES = {
             {"bound": GRID, **CONTACT, "longitudinal": 1e-3, "lateral": 1e-3, "spin": 1e-3},
         )
     ],
+    "creep_curve": [
+        (contact.creep_curve, {"bound": GRID, **CONTACT, "longitudinal": [0.0, 1e-3]}),
+        (contact.creep_curve, {"bound": GRID, **CONTACT, "lateral": 1e-3, "spin": [0.0, 1e-3]}),
+    ],
+    "kalker_coefficients": [(contact.kalker_coefficients, {"ratio": 1.0, "nu": 0.3, "n": 8})],
     "rolling_steps": [
         (
             lambda **given: next(iter(contact.rolling_steps(**given))),
@@ -268,7 +273,8 @@ USES = {
 }
 # What takes no numbers: results and records, warnings, modules, wrappers, and a counter.
 WITHOUT_NUMBERS = {
-    *("ContactError", "ContactResult", "ContactWarning", "HertzContact"),
+    *("ContactError", "ContactResult", "ContactWarning", "CreepCurve", "HertzContact"),
+    "KalkerCoefficients",
     *("FrictionalResult", "NormalResult", "TangentialResult", "load"),
     *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "Stresses", "ToeplitzInverse"),
     *("componentwise", "count_products", "contact", "fractional", "halfspace", "problems"),
