@@ -98,7 +98,7 @@ def creep_curve(
     >>> steel = Material.from_shear(1.0, 0.3)
     >>> curve = creep_curve(g, 0.05, material=steel, longitudinal=creepages)
     >>> (curve.force / (g.sum() * 0.05)).round(2)
-    array([0.23, 0.42, 0.72, 1.  ])
+    array([0.23, 0.42, 0.73, 1.  ])
     """
     points = _read_points(longitudinal, lateral, spin)
 
