@@ -128,6 +128,7 @@ def test_an_interrupt_within_does_no_harm():
 @pytest.mark.parametrize("shape", [(2**17,), (512, 256)])
 def test_a_product_after_an_interrupted_one_is_right(shape, monkeypatch):
     """A part of the first product that goes on writes in the midst of the second."""
+    monkeypatch.setattr(threads, "WORTH_THREADS", 2**17)
     A = tmg.ToeplitzOperator(exponential(*shape))
     x, wrong = random(A.shape[0]), np.full(A.shape[0], 1e3)
     here, fft, do = threading.current_thread(), scipy.fft.fft, threads.do_part
@@ -141,16 +142,16 @@ def test_a_product_after_an_interrupted_one_is_right(shape, monkeypatch):
     def transform(*args, **kwargs):
         if threading.current_thread() is not here:
             begun.set()
-            go_on.wait()
+            assert go_on.wait(60.0)
         elif not interrupted:
-            begun.wait()
+            assert begun.wait(60.0)
             interrupted.append(True)
             raise KeyboardInterrupt
         else:
             calls.append(0)
             if len(calls) == midst:
                 go_on.set()
-                ended.wait()
+                assert ended.wait(60.0)
         return fft(*args, **kwargs)
 
     def do_and_say_so(work, part):
@@ -182,7 +183,7 @@ def test_all_parts_have_ended_when_one_has_raised(raising, monkeypatch):
 
     def work(part):
         if threading.current_thread() is here:
-            begun.wait()
+            assert begun.wait(60.0)
             if raising in ("here", "in both"):
                 raise Stop
         else:
@@ -295,7 +296,8 @@ def test_an_operator_may_be_called_by_its_callers():
 
 @pytest.mark.parametrize("workers", [1, 2])
 @pytest.mark.parametrize("shape", [(2**17,), (512, 150)])
-def test_products_again_and_again_take_no_more_memory(shape, workers):
+def test_products_again_and_again_take_no_more_memory(shape, workers, monkeypatch):
+    monkeypatch.setattr(threads, "WORTH_THREADS", 2**17)
     A = tmg.ToeplitzOperator(contact(*shape))
     mask = random(*shape) < 0.5
     x = np.ones(A.shape[0])
