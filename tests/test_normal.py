@@ -12,7 +12,8 @@ from scipy.special import ellipe, ellipk
 
 import toeplitz_mg as tmg
 from toeplitz_mg.contact import Material, surfaces
-from toeplitz_mg.contact.grid import Grid, coarsen, refine
+from toeplitz_mg.contact.coarsening import coarsen, refine
+from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.inverse import LocalInverse
 from toeplitz_mg.contact.normal.problem import normal_contact
 from toeplitz_mg.contact.products import Products

@@ -8,32 +8,18 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import DTypeLike
-from scipy import fft
-from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element, Mask
+from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.steady_matrices import ShiftedInverses, subtract_operators
-from toeplitz_mg.engine.products import DiagonalisedProduct
+from toeplitz_mg.contact.waves import Waves
 from toeplitz_mg.engine.vectors import ALONE, Vectors
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.materials import combine
 from toeplitz_mg.halfspace.matrices import coupling_matrices, quadrant
-from toeplitz_mg.halfspace.periodic import (
-    periodic_eigenvalues,
-    strip_eigenvalues,
-    strip_length,
-    tangential_eigenvalues,
-)
-from toeplitz_mg.operators import (
-    CoupledOperator,
-    DiagonalisedOperator,
-    MaskedOperator,
-    ToeplitzOperator,
-)
-from toeplitz_mg.operators.block_diagonal import BlockDiagonal
+from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners.candidates import quick_fsai
-from toeplitz_mg.preconditioners.positivity import require_positive
 from toeplitz_mg.preconditioners.traits import fragmentation
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner
 from toeplitz_mg.values import field, in_range, positive
@@ -142,7 +128,7 @@ class Grid:
     @property
     def has_free_mean(self) -> bool:
         """Whether a mean pressure moves the surface by any distance, as of one without ends."""
-        return all(self.periodic) and len(self.element) == len(self.shape)
+        return any(self.periodic) and self._waves.are_all
 
     def centres(self) -> tuple[Array, ...]:
         """Return the centres of the elements along each axis, zero in the middle of the grid."""
@@ -193,7 +179,9 @@ class Grid:
 
     def normal(self) -> ToeplitzOperator:
         """Return the matrix of the normal displacements by the pressures (Eq. 6-7)."""
-        return self._normal()[0]
+        if any(self.periodic):
+            return self._waves.normal()[0]
+        return ToeplitzOperator(self.normal_coefficients())
 
     def normal_coefficients(self) -> Array:
         """Return the first column of the matrix of normal contact, in the shape of the grid."""
@@ -201,69 +189,17 @@ class Grid:
 
     def scaled_normal(self) -> tuple[ToeplitzOperator, float]:
         """Return the matrix of normal contact over its diagonal, and that."""
-        return self._normal(is_scaled=True)
-
-    def _normal(self, *, is_scaled: bool = False) -> tuple[ToeplitzOperator, float]:
-        """Return the matrix of normal contact, over its diagonal if so wanted, and that."""
-        product = None
         if any(self.periodic):
-            eigenvalues, lengths = self._waves()
-            column = fft.irfftn(eigenvalues, s=lengths)
-            c = np.ascontiguousarray(column[tuple(map(slice, self.shape))])
-        else:
-            c = self.normal_coefficients()
+            return self._waves.normal(is_scaled=True)
+        c = self.normal_coefficients()
         unit = float(c.flat[0])
-        if is_scaled:
-            c /= unit
-        if any(self.periodic):
-            eigenvalues /= unit if is_scaled else 1.0
-            product = DiagonalisedProduct(eigenvalues, lengths, self.shape)
-        return ToeplitzOperator(c, product=product), unit
-
-    def _tangential_of_waves(self) -> ToeplitzOperator | CoupledOperator:
-        if not self.has_free_mean:
-            raise ValueError(
-                f"periodic is {self.periodic}, but friction is for a surface that repeats along "
-                "all axes, or along none"
-            )
-        if len(self.shape) == 1:
-            return self.normal()  # In plane strain both have the same coefficients.
-        blocks = {}
-        for name, eigenvalues in self._tangential_waves().items():
-            column = fft.irfftn(eigenvalues, s=self.shape)
-            lags = np.ix_(*((np.arange(2 * n - 1) - (n - 1)) % n for n in self.shape))
-            # Without coupling, as where ν is zero, the block is zero.
-            blocks[name] = ToeplitzOperator.from_lags(column[lags]) if column.any() else None
-        return CoupledOperator([[blocks["xx"], blocks["xy"]], [blocks["xy"], blocks["yy"]]])
-
-    def _tangential_waves(self) -> dict[str, Array]:
-        (n1, n2), (h1, h2) = self.shape, self.element
-        G, nu = self.material.G, self.material.nu
-        return tangential_eigenvalues((n1, n2), (h1, h2), G=G, nu=nu)
-
-    def _waves(self) -> tuple[Array, tuple[int, ...]]:
-        """Return the eigenvalues of a circulant that has the matrix in it, and its lengths."""
-        if self.has_free_mean:
-            return self._all_waves(), self.shape
-        n1, n2 = (*self.shape, 1)[:2]
-        h1, h2 = self.element
-        axis, G, nu = self.periodic.index(True), self.material.G, self.material.nu
-        eigenvalues = strip_eigenvalues(
-            (n1, n2), (h1, h2), axis, G=G, nu=nu, reference=self.reference
-        )
-        if len(self.shape) == 1:  # Strips of finite length, one element long.
-            return eigenvalues[: n1 // 2 + 1, 0], self.shape
-        return eigenvalues, (n1, strip_length(n2)) if axis == 0 else (strip_length(n1), n2)
-
-    def _all_waves(self) -> Array:
-        """Return the eigenvalues where the surface repeats along all axes."""
-        G, nu = self.material.G, self.material.nu
-        return periodic_eigenvalues(self.shape, self.element, G=G, nu=nu)
+        c /= unit
+        return ToeplitzOperator(c), unit
 
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
         if any(self.periodic):
-            return self._tangential_of_waves()
+            return self._waves.tangential()
         return self._matrix(self.directions)
 
     def upstream(self) -> ToeplitzOperator | CoupledOperator:
@@ -296,33 +232,8 @@ class Grid:
     def invert_by_cosine(self, A: Any, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid."""
         if any(self.periodic):
-            return self._invert_waves(A, dtype)
+            return self._waves.invert(A, dtype)
         return cosine_preconditioner(A, dtype=dtype)
-
-    def _invert_waves(self, A: Any, dtype: DTypeLike | None) -> LinearOperator:
-        """Return the inverse of a matrix of waves, but for its mean, and where the surface ends.
-
-        An axis that ends is taken for one that repeats. The mean, which has no eigenvalue then, is
-        given that of a wave of twice the longest. Components are inverted each by itself.
-        """
-        precision = np.dtype(dtype or A.dtype)
-        if isinstance(A, CoupledOperator):
-            waves = self._tangential_waves()
-            inverses = [self._invert_eigenvalues(waves[name], precision) for name in ("xx", "yy")]
-            return BlockDiagonal(inverses, A.grid_shape)
-        eigenvalues, lengths = self._waves()
-        if lengths != self.shape:
-            eigenvalues = self._all_waves()
-        eigenvalues *= A.norm_bound / eigenvalues.max()
-        return self._invert_eigenvalues(eigenvalues, precision)
-
-    def _invert_eigenvalues(self, eigenvalues: Array, dtype: np.dtype[Any]) -> DiagonalisedOperator:
-        if eigenvalues.flat[0] == 0.0:
-            eigenvalues.flat[0] = 2.0 * eigenvalues.max()
-        subject = "the matrix of waves has the eigenvalue"
-        require_positive(eigenvalues, dtype, subject, "dtype=np.float64")
-        product = DiagonalisedProduct(1.0 / eigenvalues, self.shape, self.shape, dtype)
-        return DiagonalisedOperator(product, "inverse of waves")
 
     def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid on some elements."""
@@ -341,6 +252,11 @@ class Grid:
     def _is_kept(self) -> bool:
         """Whether the matrices are kept for the next case on the same grid."""
         return prod(self.shape) <= SMALL
+
+    @property
+    def _waves(self) -> Waves:
+        """What the matrices of a surface that repeats are made of."""
+        return Waves(self.shape, self.element, self.material, self.periodic, self.reference)
 
     def _matrix(self, directions: str, ahead: int = 0) -> Any:
         compute = _matrix if self._is_kept else Grid._compute
@@ -381,62 +297,6 @@ def _steady_array(grid: Grid) -> Array:
 @lru_cache(maxsize=KEPT)
 def _inverses(grid: Grid, shifts: tuple[float, ...], dtype: np.dtype[Any]) -> ShiftedInverses:
     return ShiftedInverses(_steady(grid), np.array(shifts), dtype)
-
-
-def coarsen(x: Array, halved: tuple[bool, ...] = (True, True)) -> Array:
-    """Average 2 elements along each of the last axes; a last one alone counts twice.
-
-    Parameters
-    ----------
-    x : ndarray
-    halved : tuple of bool
-        Whether elements are averaged, for each axis of the grid; before these axes are components.
-    """
-    for axis, two in zip(range(-len(halved), 0), halved, strict=True):
-        n = x.shape[axis]
-        if n == 1 or not two:
-            continue
-        if n % 2:
-            x = np.concatenate([x, np.take(x, [-1], axis)], axis=axis)
-        behind = (slice(None),) * (-1 - axis)
-        even: Any = (..., slice(0, None, 2), *behind)
-        odd: Any = (..., slice(1, None, 2), *behind)
-        x = 0.5 * (x[even] + x[odd])
-    return x
-
-
-def refine(
-    x: Array,
-    shape: tuple[int, ...],
-    halved: tuple[bool, ...] = (True, True),
-    periodic: tuple[bool, ...] = (False, False),
-) -> Array:
-    """Interpolate a field of a coarser grid: 3/4 of the nearest element, 1/4 of the next.
-
-    Parameters
-    ----------
-    x : ndarray
-    shape : tuple of int
-        The shape of the finer grid, whose axes are the last ones of `x`.
-    halved : tuple of bool
-        The axes along which the coarser grid has half of the elements.
-    periodic : tuple of bool
-        The axes along which the first element is the next of the last one.
-    """
-    for k, n in enumerate(shape):
-        axis = k - len(shape)
-        if n == 1 or not halved[k]:
-            continue
-        if periodic[k]:
-            before, after = np.roll(x, 1, axis), np.roll(x, -1, axis)
-        else:
-            before = np.concatenate([np.take(x, [0], axis), np.delete(x, -1, axis)], axis=axis)
-            after = np.concatenate([np.delete(x, 0, axis), np.take(x, [-1], axis)], axis=axis)
-        pair = np.stack([0.75 * x + 0.25 * before, 0.75 * x + 0.25 * after], axis=axis % x.ndim + 1)
-        fine = [*x.shape]
-        fine[axis] *= 2
-        x = np.take(pair.reshape(fine), np.arange(n), axis=axis)
-    return x
 
 
 def _read_periodic(periodic: Any, axes: int) -> tuple[bool, ...]:

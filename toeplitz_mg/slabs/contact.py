@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, DTypeLike
 from toeplitz_mg._typing import Array, Element, Mask, Progress
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_bound
-from toeplitz_mg.contact.grid import Grid, coarsen, refine
+from toeplitz_mg.contact.coarsening import coarsen, refine
+from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.problem import press
 from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
 from toeplitz_mg.contact.steady_matrices import LEAST, fade_rate
