@@ -101,10 +101,10 @@ def share_rows(work: Callable[[slice], None], field: Array) -> None:
 def elementwise(function: Callable[..., Array], *fields: Array, out: Array | None = None) -> Array:
     """Return what a function of each element makes of fields, in `out` or in a new array.
 
-    It is called with pieces, for which the fields are cut along the first axis: what is computed in
-    between stays in the cache, and threads share the pieces. So all fields have the same shape.
+    Threads share the pieces that it is called with, for which the fields are cut along the first
+    axis. So all fields have the same shape. One thread calls it once, as each call costs.
     """
-    if fields[0].size < WORTH_THREADS and out is None:
+    if out is None and (fields[0].size < WORTH_THREADS or fft.get_workers() == 1):
         return function(*fields)
     if out is None:
         out = np.empty(fields[0].shape, function(*(x[:0] for x in fields)).dtype)
