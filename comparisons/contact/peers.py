@@ -1,4 +1,4 @@
-"""A contact problem by this package, by `aspher` and by `tamaas`, equally accurate.
+"""A contact problem by this package, `aspher`, `tamaas` and `ContactMechanics`, equally accurate.
 
 Each is asked for the loosest tolerance, in half decades, whose answer violates the conditions of
 contact by no more than the target, measured with one matrix for all: by the natural residual
@@ -79,6 +79,10 @@ def problems(N: int) -> list[Problem]:
         Problem("rough, 2 %", N, 0.0123, is_rough=True),
         Problem("rough, 10 %", N, 0.06, is_rough=True),
         Problem("rough, 28 %", N, 0.2, is_rough=True),
+        *(
+            Problem(f"rough, nearly full, F = {force:g}", N, force, is_rough=True)
+            for force in (0.5, 1.0, 2.0, 4.0)
+        ),
         *(
             Problem(f"rough, repeated, {share} %", N, force, is_rough=True, periodic=True)
             for share, force in ((2, 0.0123), (10, 0.06), (31, 0.2), (77, 0.7), (99, 1.6))

@@ -36,10 +36,10 @@ class ContactWarning(UserWarning):
     """
 
 
-def warn(doubts: tuple[str, ...]) -> None:
-    """Warn whoever called the public function that calls this."""
+def warn(doubts: tuple[str, ...], *, within: int = 0) -> None:
+    """Warn whoever called the public function that calls this, or that calls what does."""
     for doubt in doubts:
-        warnings.warn(doubt, ContactWarning, stacklevel=3)
+        warnings.warn(doubt, ContactWarning, stacklevel=3 + within)
 
 
 def examine_pressures(grid: Grid, z: Array, p: Array, interference: float) -> tuple[str, ...]:

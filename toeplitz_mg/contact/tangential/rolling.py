@@ -349,7 +349,7 @@ def roll_steps(
     q, g, w, grid = window.cut(q), window.cut(g), window.cut(w), window.grid
     vectors = grid.vectors
 
-    doubts.warn(about)
+    doubts.warn(about, within=1)
 
     def march(q: Array) -> Iterator[TangentialResult]:
         A, S = grid.tangential(), grid.upstream()
