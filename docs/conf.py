@@ -146,7 +146,6 @@ sphinx_gallery_conf = {
 # Looks ---------------------------------------------------------------------------------------
 html_theme = "pydata_sphinx_theme"
 html_title = "toeplitz_mg"
-html_static_path = ["_static"]
 html_show_sourcelink = False
 html_theme_options = {
     "navbar_end": ["theme-switcher"],
