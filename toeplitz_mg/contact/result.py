@@ -194,70 +194,8 @@ class NormalResult:
         """
         return plotting.draw(self, field, ax)
 
-    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write everything to an ``.npz`` file, with units, whole or not at all.
-
-        Parameters
-        ----------
-        path : str or path
-            Must end in ``.npz``.
-        overwrite : bool
-            Whether a file that is there already may be replaced.
-
-        Raises
-        ------
-        FileExistsError
-            Where there is a file and `overwrite` is false: it is left as it is.
-        OSError, ValueError
-            Where the file cannot be written, or its name does not end in ``.npz``.
-
-        See Also
-        --------
-        load : reads it; `numpy.load` finds the arrays by their names, and a text in JSON, `about`.
-        """
-        saving.save_result(self, path, overwrite=overwrite)
-
-    def to_xarray(self) -> Any:
-        """Return the fields as an `xarray.Dataset`, with coordinates and units.
-
-        Returns
-        -------
-        xarray.Dataset
-            Numbers that are no fields are in its `attrs`.
-
-        Raises
-        ------
-        ImportError
-            Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
-        """
-        return saving.convert_to_xarray(self)
-
-    def to_vtk(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write the fields as an image of VTK, which ParaView and PyVista read.
-
-        Parameters
-        ----------
-        path : str or path
-            Must end in ``.vti``.
-        overwrite : bool
-            Whether a file that is there already may be replaced.
-
-        Raises
-        ------
-        FileExistsError, OSError, ValueError
-            As `save`.
-        """
-        saving.write_vtk(self, path, overwrite=overwrite)
-
-    def summary(self) -> str:
-        """Return the figures of this result with their units, a line each."""
-        return list_figures(*self._summary())
-
-    def __repr__(self) -> str:
-        return shorten(type(self).__name__, self.shape, self._figures(), self.products)
-
-    def _repr_html_(self) -> str:
-        return tabulate_figures(*self._summary())
+    save, to_xarray, to_vtk = saving.save, saving.to_xarray, saving.to_vtk
+    summary, __repr__, _repr_html_ = list_figures, shorten, tabulate_figures
 
     def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
         title = f"Normal contact, {describe_grid(self.shape, self.element)}"
@@ -448,70 +386,8 @@ class TangentialResult:
         """
         return plotting.draw(self, field, ax)
 
-    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write everything to an ``.npz`` file, with units, whole or not at all.
-
-        Parameters
-        ----------
-        path : str or path
-            Must end in ``.npz``.
-        overwrite : bool
-            Whether a file that is there already may be replaced.
-
-        Raises
-        ------
-        FileExistsError
-            Where there is a file and `overwrite` is false: it is left as it is.
-        OSError, ValueError
-            Where the file cannot be written, or its name does not end in ``.npz``.
-
-        See Also
-        --------
-        load : reads it; `numpy.load` finds the arrays by their names, and a text in JSON, `about`.
-        """
-        saving.save_result(self, path, overwrite=overwrite)
-
-    def to_xarray(self) -> Any:
-        """Return the fields as an `xarray.Dataset`, with coordinates and units.
-
-        Returns
-        -------
-        xarray.Dataset
-            Numbers that are no fields are in its `attrs`.
-
-        Raises
-        ------
-        ImportError
-            Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
-        """
-        return saving.convert_to_xarray(self)
-
-    def to_vtk(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write the fields as an image of VTK, which ParaView and PyVista read.
-
-        Parameters
-        ----------
-        path : str or path
-            Must end in ``.vti``.
-        overwrite : bool
-            Whether a file that is there already may be replaced.
-
-        Raises
-        ------
-        FileExistsError, OSError, ValueError
-            As `save`.
-        """
-        saving.write_vtk(self, path, overwrite=overwrite)
-
-    def summary(self) -> str:
-        """Return the figures of this result with their units, a line each."""
-        return list_figures(*self._summary())
-
-    def __repr__(self) -> str:
-        return shorten(type(self).__name__, self.shape, self._figures(), self.products)
-
-    def _repr_html_(self) -> str:
-        return tabulate_figures(*self._summary())
+    save, to_xarray, to_vtk = saving.save, saving.to_xarray, saving.to_vtk
+    summary, __repr__, _repr_html_ = list_figures, shorten, tabulate_figures
 
     def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
         kind = "Friction" if self.creepages is None else "Rolling"

@@ -1,7 +1,8 @@
 """Results in files, and in the containers of other libraries.
 
 A result is an ``.npz`` file of its arrays by their names, which `numpy.load` reads too, and of a
-text in JSON, `about`: what kind of result it is, its numbers, and the units of all.
+text in JSON, `about`: what kind of result it is, its numbers, and the units of all. `save`,
+`to_xarray` and `to_vtk` are methods of both kinds of results.
 """
 
 import base64
@@ -26,8 +27,27 @@ FORMAT = "toeplitz_mg contact result"  # What a file of ours says that it is.
 VTK_TYPES = {"b": "UInt8", "f": "Float64", "i": "Int64"}  # By the kind of a dtype.
 
 
-def save_result(result: Any, path: str | os.PathLike[str], *, overwrite: bool) -> None:
-    """Write a result to an ``.npz`` file (see `NormalResult.save`)."""
+def save(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write everything to an ``.npz`` file, with units, whole or not at all.
+
+    Parameters
+    ----------
+    path : str or path
+        Must end in ``.npz``.
+    overwrite : bool
+        Whether a file that is there already may be replaced.
+
+    Raises
+    ------
+    FileExistsError
+        Where there is a file and `overwrite` is false: it is left as it is.
+    OSError, ValueError
+        Where the file cannot be written, or its name does not end in ``.npz``.
+
+    See Also
+    --------
+    load : reads it; `numpy.load` finds the arrays by their names, and a text in JSON, `about`.
+    """
     arrays, values = split_fields(result)
     about: dict[str, Any] = {
         "format": FORMAT,
@@ -80,8 +100,19 @@ def split_fields(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
     return arrays, values
 
 
-def convert_to_xarray(result: Any) -> Any:
-    """Return a Dataset of xarray (see `NormalResult.to_xarray`)."""
+def to_xarray(result: Any) -> Any:
+    """Return the fields as an `xarray.Dataset`, with coordinates and units.
+
+    Returns
+    -------
+    xarray.Dataset
+        Numbers that are no fields are in its `attrs`.
+
+    Raises
+    ------
+    ImportError
+        Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
+    """
     try:
         import xarray  # It is an extra, and slow to import.
     except ImportError as error:
@@ -114,8 +145,21 @@ def convert_to_xarray(result: Any) -> Any:
     return xarray.Dataset(variables, coordinates, attributes)
 
 
-def write_vtk(result: Any, path: str | os.PathLike[str], *, overwrite: bool) -> None:
-    """Write the fields as cells of a VTK image (see `NormalResult.to_vtk`)."""
+def to_vtk(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write the fields as an image of VTK, which ParaView and PyVista read.
+
+    Parameters
+    ----------
+    path : str or path
+        Must end in ``.vti``.
+    overwrite : bool
+        Whether a file that is there already may be replaced.
+
+    Raises
+    ------
+    FileExistsError, OSError, ValueError
+        As `save`.
+    """
     arrays, _ = split_fields(result)
     shape, axes = result.contact.shape, len(result.contact.shape)
     sizes = (*result.element[:axes], *(1.0,) * (3 - axes))

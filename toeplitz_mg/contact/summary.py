@@ -1,6 +1,6 @@
 """What a result of a contact problem is in words: figures with their units."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import Any, NamedTuple
 
@@ -39,24 +39,28 @@ def describe_cost(products: int, residual: float) -> str:
     return f"{products} product{'s' * (products != 1)}, violation {residual:.1e}"
 
 
-def shorten(name: str, shape: Sequence[int], figures: Sequence[Figure], products: int) -> str:
+# These are methods of results, of both classes.
+
+
+def shorten(result: Any) -> str:
     """Return the first figures in one line."""
-    few = ", ".join(f"{figure.name} {figure.text}" for figure in figures[:FEW])
-    grid = " x ".join(map(str, shape))
-    return f"<{name} {grid}: {few}; {products} product{'s' * (products != 1)}>"
+    few = ", ".join(f"{figure.name} {figure.text}" for figure in result._figures()[:FEW])
+    grid = " x ".join(map(str, result.shape))
+    cost = f"{result.products} product{'s' * (result.products != 1)}"
+    return f"<{type(result).__name__} {grid}: {few}; {cost}>"
 
 
-def list_figures(title: str, figures: Iterable[Figure], cost: str, warnings: Iterable[str]) -> str:
-    """Return lines of a title, figures, what they cost, and warnings."""
+def list_figures(result: Any) -> str:
+    """Return the figures of this result with their units, a line each."""
+    title, figures, cost, warnings = result._summary()
     lines = [title, *(f"  {figure.name:18s}{figure.text}" for figure in figures)]
     lines += [f"  {'solved by':18s}{cost}", *(f"  warning: {warning}" for warning in warnings)]
     return "\n".join(lines)
 
 
-def tabulate_figures(
-    title: str, figures: Iterable[Figure], cost: str, warnings: Iterable[str]
-) -> str:
+def tabulate_figures(result: Any) -> str:
     """Return the same as a table of HTML."""
+    title, figures, cost, warnings = result._summary()
     rows = [*((figure.name, figure.text) for figure in figures), ("solved by", cost)]
     rows += [("warning", warning) for warning in warnings]
     cells = "".join(f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows)
