@@ -1,4 +1,4 @@
-"""Ctrl-C while the packages are imported, and a terminal that cannot print everything."""
+"""What is imported, Ctrl-C meanwhile, and a terminal that cannot print everything."""
 
 import errno
 import io
@@ -39,6 +39,15 @@ def interrupted(folder, *command):
         # A job in the background, as CI may be, has its programs ignore the signal.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
+
+
+def test_what_is_slow_to_import_waits_until_it_is_needed():
+    program = "import sys, toeplitz_mg, toeplitz_mg.slabs; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    slow = {"scipy.optimize", "scipy.stats", "matplotlib", "mpi4py", "array_api_compat", "xarray"}
+    assert not slow & set(done.stdout.split())
 
 
 @pytest.mark.parametrize("how", [["-m", "toeplitz_mg"], ["-mtoeplitz_mg"], ["toeplitz-mg"]])

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 from scipy.special import elliprd, elliprf
 
 from toeplitz_mg._typing import Array
@@ -205,6 +204,8 @@ def _press_ellipsoid(
     R1, R2 = max(radii), min(radii)
     ratio = 1.0
     if R1 > R2:
+        from scipy.optimize import brentq  # It is slow to import.
+
         ratio = brentq(lambda k: _radii(k) - R1 / R2, 1.0 / FLATTEST, 1.0, xtol=1e-15)
     K, D = _integrals(ratio)
     if force is not None:
