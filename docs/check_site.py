@@ -155,4 +155,5 @@ if __name__ == "__main__":
         print(f"all seen in {browser}, {PHONE} pixels wide")
     else:
         print("there is no chromium here: NOT seen in a browser")
-    sys.exit("\n".join(wrong))
+    if wrong:
+        sys.exit("\n".join(wrong))
