@@ -1,6 +1,6 @@
 """Contact on the rows of each rank: the searches of `toeplitz_mg.contact`, on a grid in slabs."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from math import prod
 from typing import Any
@@ -15,7 +15,7 @@ from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.problem import press
 from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
-from toeplitz_mg.contact.steady_matrices import LEAST, fade_rate
+from toeplitz_mg.contact.steady_matrices import ADDITIONS, LEAST, fade_rate, interpolate
 from toeplitz_mg.contact.tangential.friction import shift_bodies
 from toeplitz_mg.contact.tangential.rolling import roll, roll_steps
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
@@ -146,11 +146,9 @@ class SlabGrid:
     def steady_array(self, K: CoupledOperator) -> None:
         """Say that the matrix of steady rolling is no array, as no rank has all of it."""
 
-    def invert_shifted(
-        self, K: CoupledOperator, shifts: Array, dtype: DTypeLike
-    ) -> "ShiftedInverses":
+    def invert_shifted(self, K: CoupledOperator, dtype: DTypeLike) -> "ShiftedInverses":
         """Return approximate inverses of the matrix of steady rolling with additions."""
-        return ShiftedInverses(K, shifts, np.dtype(dtype))
+        return ShiftedInverses(K, np.dtype(dtype), self.diagonal(K))
 
     def restrict(self, A: Any, C: Mask) -> MaskedOperator:
         """Return the rows and columns of some elements of a matrix of this grid."""
@@ -200,15 +198,15 @@ class ShiftedInverses:
     Parameters
     ----------
     K : CoupledOperator
-    shifts : ndarray
-        The additions ν.
     dtype : float32 or float64
+    k0 : float
+        Its diagonal.
     """
 
-    def __init__(self, K: CoupledOperator, shifts: Array, dtype: np.dtype[Any]) -> None:
+    def __init__(self, K: CoupledOperator, dtype: np.dtype[Any], k0: float) -> None:
         slab, m = K.slab, len(K.blocks)
         length = embedding_lengths(slab.shape)[0]
-        self.dtype = dtype
+        self.dtype, self._k0 = dtype, k0
         fade = np.exp(fade_rate(length) * np.arange(slab.rows.start, slab.rows.stop))[:, None]
         self._fade = fade.astype(dtype)
         faded = []
@@ -217,23 +215,28 @@ class ShiftedInverses:
             c, behind = block.c / fade, block.behind * fade
             faded.append(ToeplitzOperator(c, slab, parity=block.parity, behind=behind).product)
         self._products = []
-        for nu in shifts:
+        for nu in k0 * ADDITIONS:
             spectra: list[list[Array | None]] = [[None] * m for _ in range(m)]
             for i, product in enumerate(faded):
                 s, points = product.spectra[0][0], product.points
-                least = LEAST * max(slab.gather(np.abs(s).max(initial=0.0)))
+                least = LEAST / slab.shape[0] * max(slab.gather(np.abs(s).max(initial=0.0)))
                 # Those of the inverse, as those of K, are divided by the points of a transform.
                 spectra[i][i] = 1.0 / ((s + nu / points + least) * points**2)
             self._products.append(SlabProduct(slab, K.library, spectra, dtype))
 
-    def __call__(self, r: Array, weights: Sequence[Array]) -> Array:
-        """Return the sum of the inverses of a field, (components, ...), each with its weights."""
-        x = (r / self._fade).astype(self.dtype)
-        total, y = np.zeros_like(x), np.empty_like(x)
-        for product, weight in zip(self._products, weights, strict=True):
-            product.multiply(x.reshape(-1), y.reshape(-1))
-            total += weight * y
-        return total * self._fade
+    def at(self, addition: Array) -> Callable[[Array], Array]:
+        """Return the approximate inverse of K + an addition to the diagonal at each place."""
+        weights = interpolate(addition / self._k0, self.dtype)
+
+        def invert(r: Array) -> Array:
+            x = (r / self._fade).astype(self.dtype)
+            total, y = np.zeros_like(x), np.empty_like(x)
+            for product, weight in zip(self._products, weights, strict=True):
+                product.multiply(x.reshape(-1), y.reshape(-1))
+                total += weight * y
+            return total * self._fade
+
+        return invert
 
 
 def normal_contact(
