@@ -232,6 +232,20 @@ def test_coefficients_that_have_no_symbol_are_seen_before_any_iteration(columns)
     assert np.linalg.norm(tmg.ToeplitzOperator(c, r) @ X - B) <= 1e-6 * np.linalg.norm(B)
 
 
+@pytest.mark.parametrize("n", [300, 2100])
+def test_an_answer_without_a_symbol_is_that_of_scipy_unless_a_residual_is_asked_for(n):
+    """Levinson's recursion loses some digits there, and to correct that takes as long again."""
+    (c, r), b = random(2, n), random(n)
+    x, info = tmg.solve_toeplitz((c, r), b, full_output=True)
+    assert_allclose(x, scipy.linalg.solve_toeplitz((c, r), b), rtol=1e-14)
+    assert info.iterations == 1
+    assert 1e-12 < info.residual <= 1e-8
+    assert info.backward_error <= 1e-11
+    _, info = tmg.solve_toeplitz((c, r), b, rtol=1e-12, full_output=True)
+    assert info.iterations > 1
+    assert info.residual <= 1e-12
+
+
 @pytest.mark.parametrize("n", [4, 300, 3000, 40000])
 def test_a_singular_system_is_an_error(n):
     for c in (np.zeros(n), np.ones(n), np.exp(-((np.arange(n) / (0.1 * n)) ** 2) / 2)):

@@ -31,9 +31,10 @@ from toeplitz_mg.solvers.cosine_form import fast_length
 from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.levinson import levinson
 from toeplitz_mg.solvers.machine import WINDOW, cosine_over_levinson
-from toeplitz_mg.solvers.system import LARGEST_COSINE, ToeplitzSystem
+from toeplitz_mg.solvers.system import EPS, LARGEST_COSINE, ToeplitzSystem
 
 FEW = 2  # Most columns for which the inverse is not worth its set-up.
+UNSTABLE = 32_000 * EPS  # Backward error of the recursion that is not worth another one: 7e-12.
 LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in n³/3 operations.
 
 # `python -m comparisons.speed.drop_in` measures both sides of these.
@@ -47,11 +48,24 @@ STEPS_OF_CG = 1_400_000  # Steps of Levinson's recursion, n² a column, for othe
 STEPS_OF_INVERSE = 3_000_000  # The same for the inverse.
 
 
+LEVINSON = "scipy.linalg.solve_toeplitz"  # The name of the method that is its recursion.
+
+
 class Method(NamedTuple):
-    """What may solve a system: ``solve(B, rtol)`` returns solutions and iterations."""
+    """What may solve a system.
+
+    Attributes
+    ----------
+    name : str
+    solve : callable
+        ``solve(B, rtol)`` returns solutions and iterations.
+    accepted : float
+        Backward error at which a solution is left as it is, if no residual is asked for.
+    """
 
     name: str
     solve: Callable[[Rows, float], tuple[Rows, int]]
+    accepted: float = 0.0
 
 
 def methods(system: ToeplitzSystem) -> Iterator[Method]:
@@ -137,7 +151,9 @@ def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
     n, columns = len(system.c), system.columns
     is_small = n <= LARGEST_DENSE
     if not (is_small and lu_is_faster_than_levinson(n, columns)):
-        yield Method("scipy.linalg.solve_toeplitz", lambda B, rtol: (levinson(system.lags, B), 1))
+        # Where no symbol is left to hope for, a correction is a second recursion.
+        accepted = 0.0 if n <= SHORT or system.is_hermitian else UNSTABLE
+        yield Method(LEVINSON, lambda B, rtol: (levinson(system.lags, B), 1), accepted)
     if is_small:
         # Levinson's recursion fails where a leading block is singular, or nearly so.
         yield Method("scipy.linalg.lu_solve", _factorise(system))
