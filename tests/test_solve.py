@@ -200,8 +200,10 @@ def test_hermitian_systems_are_solved_by_cg(name, n):
     with tmg.count_products() as work:
         x, info = tmg.solve_toeplitz(c, b, rtol=1e-8, full_output=True)
     assert info.method.startswith("cg")
-    # Without a preconditioner there may be more, but the work is not: the inverse takes 42 units.
-    assert info.method == "cg" or info.iterations <= 16
+    # Where the eigenvalues are alike a preconditioner saves none, or few, and there may be more
+    # iterations, but the work is not: the inverse takes 42 units.
+    of_alike = ("cg", "cg in single precision, circulant")
+    assert info.method in of_alike or info.iterations <= 16
     assert work.units(n) <= 36.0
     assert np.linalg.norm(tmg.ToeplitzOperator(c) @ x - b) <= 1e-8 * np.linalg.norm(b)
 
