@@ -1,6 +1,7 @@
 """The case ``rough`` of ``toeplitz-mg contact``: a measured surface, from a file, on a flat."""
 
 import argparse
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg.cli import files
-from toeplitz_mg.cli.report import step_printer
+from toeplitz_mg.cli.report import Waiting
 from toeplitz_mg.contact import Material, NormalResult, normal_contact
 
 OURS = ".npy"  # Ending of files that are read without the extra `surfaces`.
@@ -39,22 +40,20 @@ class Rough:
             if element is None:
                 raise ValueError(f"{o.file} has no sizes: give --element, and --unit if not mm")
             return cls(o, surface | {"heights": files.load(o.file), "element": element})
-        return cls(o, surface | {"heights": read_topography(o.file, element)})
+        with Waiting(f"reading {o.file}"):
+            return cls(o, surface | {"heights": read_topography(o.file, element)})
 
     @property
     def title(self) -> str:
         """A line that says what is solved."""
         return f"rough: {self.options.file}"
 
-    def press(self) -> NormalResult:
+    def press(self, progress: Callable[[int, float], None]) -> NormalResult:
         """Solve the normal problem."""
         o = self.options
-        bodies: dict[str, Any] = {
-            "material": Material.from_shear(o.G, o.nu),
-            "progress": step_printer(),
-        }
+        material = Material.from_shear(o.G, o.nu)
         load: dict[str, Any] = {"force": o.force, "approach": o.approach, "tolerance": o.tolerance}
-        return normal_contact(**self.surface, **load, **bodies)
+        return normal_contact(**self.surface, **load, material=material, progress=progress)
 
 
 def read_topography(path: Path, element: tuple[float, float] | None) -> Any:
