@@ -440,6 +440,10 @@ def rolling_steps(
     ------
     TangentialResult
         The result after each step. All ranks have to take the same number of them.
+
+    See Also
+    --------
+    toeplitz_mg.contact.rolling_steps : the same on one machine.
     """
     grid, g = _read("bound", bound, lambda _, g: check_bound(g), slab, element, material)
     asked = (longitudinal, lateral, spin), force, None, slip, pole
