@@ -168,7 +168,7 @@ class SlabGrid:
                 c[k : k + BLOCK] += weight * evaluate(name, at, y, self.element, self.material)
         return c
 
-    def invert_by_cosine(self, A: Any, dtype: DTypeLike | None = None) -> Any:
+    def invert_by_transform(self, A: Any, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid."""
         return cosine_preconditioner(A, dtype=dtype)
 
