@@ -54,7 +54,7 @@ def sliding_line(N: int) -> Solved:
     # Across the plane is a mean principal stress: the largest difference is in it.
     errors = _errors(stresses, (xx, zz, xz), p0)
     errors["τ"] = float(np.abs(stresses.max_shear.max() / p0 / shear.max() - 1.0))
-    return Solved([pressed, slid], errors)
+    return Solved([pressed, slid], errors, gap=gap, bound=MU * pressed.pressure)
 
 
 def sliding_sphere(N: int) -> Solved:
@@ -72,7 +72,7 @@ def sliding_sphere(N: int) -> Solved:
     shear = np.hypot((xx - zz) / 2.0, xz)
     own = stresses.max_shear[middle] / p0
     errors["τ"] = float(np.abs(own[2] / shear[2] - 1.0))
-    return Solved([pressed, slid], errors)
+    return Solved([pressed, slid], errors, gap=gap, bound=MU * pressed.pressure)
 
 
 def _errors(
