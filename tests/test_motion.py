@@ -31,11 +31,11 @@ def line(n, **arguments):
 
 
 def moment_of(result):
-    """The moment about the middle, with the arm of the middle of a step."""
+    """The moment about the middle, with the arm half an element behind: slip is that far ahead."""
     x, y = surfaces.centres(result.contact.shape, result.element)
     qx, qy = result.traction
     h1, h2 = result.element
-    return float(((x + h1 / 2) * qy - y * qx).sum() * h1 * h2)
+    return float(((x - h1 / 2) * qy - y * qx).sum() * h1 * h2)
 
 
 @pytest.mark.parametrize("creepages", CREEPAGES)
