@@ -8,6 +8,8 @@ of the last one only, as where others were in contact it would press on an open 
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
 from typing import Protocol
 
 from toeplitz_mg._typing import Array, Progress
@@ -27,6 +29,36 @@ class Normal(Protocol):
         """Return pressures of the given sum, if one is given."""
 
 
+@dataclass
+class Report:
+    """What is told of the products of one solution after the other.
+
+    Attributes
+    ----------
+    progress : callable or None
+        Called as ``progress(products, residual)`` after each product.
+    products : int
+        Those of the solutions before.
+    residual : float
+        The violation after the last iteration: infinite before, when a solution tells its own.
+    """
+
+    progress: Progress | None
+    products: int = 0
+    residual: float = inf
+
+    def __call__(self, products: int, residual: float) -> None:
+        """Tell of products of the solution that is under way."""
+        if self.progress is not None:
+            known = self.residual < inf
+            self.progress(self.products + products, self.residual if known else residual)
+
+    def look(self, residual: float) -> None:
+        """Tell of the violation after an iteration."""
+        self.residual = residual
+        self(0, residual)
+
+
 def alternate(
     normal: Normal,
     shear: Callable[[Array], Array],
@@ -34,7 +66,7 @@ def alternate(
     *,
     tolerance: float,
     most: int,
-    progress: Progress | None = None,
+    report: Report,
 ) -> tuple[Array, tuple[float, ...]]:
     """Find the pressures with which both problems hold.
 
@@ -50,8 +82,7 @@ def alternate(
         The violation of the conditions of normal contact that is allowed.
     most : int
         Most iterations.
-    progress : callable, optional
-        Called as ``progress(iterations, residual)``.
+    report : Report
 
     Returns
     -------
@@ -64,8 +95,7 @@ def alternate(
     while True:
         q = shear(p)
         residuals.append(normal.look(q, p))
-        if progress is not None:
-            progress(len(residuals), residuals[-1])
+        report.look(residuals[-1])
         if residuals[-1] <= tolerance or len(residuals) == most:
             return p, tuple(residuals)
         pairs = extend(pairs, p, normal.solve(q, p))
