@@ -56,6 +56,8 @@ CASES: dict[str, Case] = {
     "Carter, falling friction": (rolling_theory.carter_falling, LINES, QUICK_LINES),
     "Bufler, unlike rollers": (rolling_theory.bufler, LINES, QUICK_LINES),
     "Kalker": (rolling_theory.kalker, ROLLING, QUICK_ROLLING),
+    "Largest shear, line": (below.shear_line, LINES, QUICK_LINES),
+    "Largest shear, sphere": (below.shear_sphere, SURFACES, QUICK_SURFACES),
     "Stresses, line, sliding": (below.sliding_line, LINES, QUICK_LINES),
     "Stresses, sphere, sliding": (below.sliding_sphere, SURFACES, QUICK_SURFACES),
 }

@@ -230,7 +230,7 @@ def falling(N: int) -> list[Row]:
                 row["|F|/μP"] = f"{np.linalg.norm(found.force) / carried:.4f}"
                 row["doubted"] = "yes" if told else ""
         rows.append(row)
-    last = {"products, accelerated": constant.products}
+    last: Row = {"products, accelerated": constant.products}
     last |= {"|F|/μP": f"{np.linalg.norm(constant.force) / carried:.4f}"}
     return [{"fall over stiffness": 0.0} | last, *rows]
 

@@ -86,7 +86,7 @@ def by_normal_force(x: Array, y: Array, z: float, nu: float) -> Array:
     c, near = 1.0 - 2.0 * nu, 1.0 / (R * (R + z))
     xx = c / r2 * (near * (x**2 - y**2) + z * y**2 / R**3) - 3.0 * z * x**2 / R**5
     yy = c / r2 * (near * (y**2 - x**2) + z * x**2 / R**3) - 3.0 * z * y**2 / R**5
-    xy = c / r2 * (near * x * y - x * y * z / R**3) - 3.0 * x * y * z / R**5
+    xy = c / r2 * (2.0 * near * x * y - x * y * z / R**3) - 3.0 * x * y * z / R**5
     zz, yz, xz = (-3.0 * z**2 * d / R**5 for d in (z, y, x))
     return np.stack([xx, yy, zz, yz, xz, xy]) / (2.0 * np.pi)
 

@@ -64,9 +64,9 @@ class Problem(NamedTuple):
         return np.stack(turning) + self.slip
 
     def loads(self, q: Array) -> Array:
-        """Return the forces and the moment of tractions, with the arm of the middle of a step."""
+        """Return the forces and the moment of tractions: slip is half an element ahead of them."""
         x, y = self.points
-        turning = (x + 0.5 * self.element[0]) * q[1] - y * q[0]
+        turning = (x - 0.5 * self.element[0]) * q[1] - y * q[0]
         return np.array([f.sum() for f in (*q, turning)]) * float(np.prod(self.element))
 
 
