@@ -180,9 +180,8 @@ def add_curvatures(radii: ArrayLike) -> tuple[float, float]:
 
 
 def _check_radii(radii: ArrayLike) -> tuple[float, float]:
-    if np.ndim(radii) == 0:  # A sphere.
-        radii = 2 * field("radii", [radii]).tolist()
-    k = add_curvatures(radii)
+    one = field("radii", radii)
+    k = add_curvatures([float(one)] * 2 if one.ndim == 0 else radii)  # One radius is of a sphere.
     if not min(k) >= 0.0 < max(k):
         raise ValueError(
             f"radii is {radii!r}, but both curvatures must be convex, and only one of them zero"
@@ -190,7 +189,7 @@ def _check_radii(radii: ArrayLike) -> tuple[float, float]:
     R = 1.0 / k[0] if k[0] else math.inf, 1.0 / k[1] if k[1] else math.inf
     if math.isfinite(max(R)) and max(R) > FLATTEST * min(R):
         raise ValueError(
-            f"radii is {radii}, but one may be {FLATTEST:g} times the other at most: an infinite "
+            f"radii is {radii!r}, but one may be {FLATTEST:g} times the other at most: an infinite "
             "one makes it a cylinder, in line contact"
         )
     return R
