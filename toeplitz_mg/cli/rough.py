@@ -1,6 +1,7 @@
 """The case ``rough`` of ``toeplitz-mg contact``: a measured surface, from a file, on a flat."""
 
 import argparse
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.cli import files
-from toeplitz_mg.cli.report import step_printer
+from toeplitz_mg.cli.report import Waiting
 from toeplitz_mg.contact import Material, NormalResult, normal_contact
 
 TABLES = (".npy", *files.TEXT)  # Endings of files that are read without the extra `surfaces`.
@@ -46,7 +47,8 @@ class Rough:
             shape, size = heights.shape, np.array(o.element)
             surface["element"] = tuple((size if len(shape) == 1 else size + np.zeros(2)).tolist())
         else:
-            heights = read_topography(o.file, o.element)
+            with Waiting(f"reading {o.file}"):
+                heights = read_topography(o.file, o.element)
             shape = tuple(heights.nb_grid_pts)
         case = cls(o, surface | {"heights": heights}, shape)
         if o.approach is not None and case.is_plane and not o.periodic:
@@ -67,15 +69,12 @@ class Rough:
         plane = " of a profile, in plane strain: forces are N/mm" if self.is_plane else ""
         return f"rough: {self.options.file}, {' x '.join(map(str, self.shape))} heights{plane}"
 
-    def press(self) -> NormalResult:
+    def press(self, progress: Callable[[int, float], None]) -> NormalResult:
         """Solve the normal problem."""
         o = self.options
-        bodies: dict[str, Any] = {
-            "material": Material.from_shear(o.G, o.nu),
-            "progress": step_printer(),
-        }
+        material = Material.from_shear(o.G, o.nu)
         load: dict[str, Any] = {"force": o.force, "approach": o.approach, "tolerance": o.tolerance}
-        return normal_contact(**self.surface, **load, **bodies)
+        return normal_contact(**self.surface, **load, material=material, progress=progress)
 
 
 def is_table(path: Path) -> bool:
