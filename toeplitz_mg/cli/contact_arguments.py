@@ -141,7 +141,8 @@ def add_parser(commands: Any) -> Parser:
         type=Path,
         default=None,
         metavar="FILE",
-        help="rough: heights, positive at summits; .npy, or what SurfaceTopography reads",
+        help="rough: heights, positive at summits; .npy, a table of text, or what "
+        "SurfaceTopography reads; a single column is a profile",
     )
     for name, option in OPTIONS.items():
         special: dict[str, Any] = {"type": whole_number if option.kind is int else option.kind}
