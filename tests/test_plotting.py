@@ -85,6 +85,12 @@ def test_the_gap_is_white_where_there_is_none():
     assert np.array_equal(np.ma.getmaskarray(image.get_array().T), PRESSED.contact)
 
 
+@pytest.mark.parametrize("result", [SHIFTED, ROLLED])
+def test_slip_is_white_where_the_bodies_stick(result):
+    (image,) = draw(result, "slip").get_images()
+    assert np.array_equal(~np.ma.getmaskarray(image.get_array().T), result.sliding)
+
+
 def test_the_gap_is_white_where_there_is_no_material():
     gap = PRESSED.gap.copy()
     gap[:5] = np.inf

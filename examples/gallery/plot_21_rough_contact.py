@@ -84,7 +84,7 @@ for ax, pressed in zip(axes, found[::2], strict=True):
     shown = np.where(pressed.contact, pressed.pressure / slope, np.nan)
     image = ax.imshow(shown.T, origin="lower", extent=(0, 2, 0, 2), cmap="YlOrRd", vmin=0, vmax=1)
     ax.set(title=f"{100 * pressed.contact_fraction:.1f} % in contact", xlabel="x [mm]")
-axes[0].set_ylabel("y (mm)")
+axes[0].set_ylabel("y [mm]")
 bar = axes[-1].inset_axes((1.05, 0.0, 0.05, 1.0))
 fig.colorbar(image, cax=bar, extend="max", label="pressure / (E* × slope)")
 

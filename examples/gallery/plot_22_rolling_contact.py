@@ -32,8 +32,8 @@ for share in (0.2, 0.5, 0.8):
         f"{share}: force {force:.4f}, Carter {1 - (1 - share) ** 2:.4f}; "
         f"sticks {sticks:.3f}, Carter {1 - share:.3f}"
     )
-ax.set(xlabel="x, the direction of rolling [mm]", ylabel="traction [N/mm²]")
-ax.legend()
+ax.set(xlabel="x, the direction of rolling [mm]", ylabel="traction [N/mm²]", ylim=(0, 190))
+ax.legend(ncols=2, loc="upper center")
 
 # %%
 # How it comes about
@@ -57,8 +57,8 @@ for count in (10, 40, 160):
     state = on_the_way[count - 1]
     ax.plot(places, state.traction, label=f"rolled {count * width:g} mm")
     print(f"rolled {count * width:4.1f} mm: creepage {1e3 * float(state.creepages):.4f} per mille")
-ax.set(xlabel="x, the direction of rolling [mm]", ylabel="traction [N/mm²]")
-ax.legend()
+ax.set(xlabel="x, the direction of rolling [mm]", ylabel="traction [N/mm²]", ylim=(0, 190))
+ax.legend(ncols=2, loc="upper center")
 
 # %%
 # On a surface

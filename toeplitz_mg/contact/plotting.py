@@ -77,6 +77,8 @@ def _draw_surface(result: Any, field: str, ax: Any) -> None:
     shown = result.contact
     if result.stick is None and field != "pressure":  # The others are of contact alone.
         shown = ~result.contact if field == "gap" else np.ones_like(result.contact)
+    if field == "slip":  # It is zero where the bodies stick.
+        shown = result.sliding
     shown = shown & np.isfinite(size)  # The gap is infinite where there is no material.
     top = _top(size[shown])
     label = _label(result, field)
