@@ -82,6 +82,13 @@ def test_rolling_with_all_creepages(capsys):
     assert Fx > 0.0 > Fy
 
 
+def test_what_is_zero_to_the_tolerance_is_printed_as_zero(capsys):
+    """By symmetry there is no force across: what the solver leaves of one says nothing."""
+    assert run("rolling", "-n", "32", "--longitudinal=-2e-3") == 0
+    _, across = figures(capsys.readouterr().out)["tangential force"]
+    assert across == 0.0
+
+
 @pytest.mark.parametrize("is_line", [True, False])
 def test_writes_the_fields(is_line, tmp_path, capsys):
     line = ["--line"] if is_line else []
