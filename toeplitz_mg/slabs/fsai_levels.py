@@ -196,8 +196,8 @@ def _direct(matrix: SlabMatrix, counts: Array, dtype: np.dtype[Any]) -> Direct:
     c = matrix.c[component, i, j].astype(float)
     d = matrix.stencil.zero[component] if matrix.d is None else matrix.d[component, i, j]
     mine = np.stack([i + starts[slab.comm.rank], j, c, d], axis=1)
-    mine = _split(mine, counts[:, slab.comm.rank])
-    whole = [slab.everywhere(x, n) for x, n in zip(mine, counts, strict=True)]
+    parts = _split(mine, counts[:, slab.comm.rank])
+    whole = [slab.everywhere(x, n) for x, n in zip(parts, counts, strict=True)]
     component = np.repeat(np.arange(len(counts)), counts.sum(axis=1))
     i, j, c, d = np.concatenate(whole).T
     step_i, step_j = (x.astype(int)[:, None] - x.astype(int) for x in (i, j))
