@@ -17,7 +17,8 @@ from numpy.typing import DTypeLike
 from scipy import fft
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.slabs.slab import Slab, Turn, line_width
+from toeplitz_mg.slabs.cuts import Turn, line_width
+from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.windows import Windows
 
 TURN = 2**19  # Complex numbers of the columns that a rank has at a time.

@@ -15,8 +15,9 @@ from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.passes import NARROW
 from toeplitz_mg.engine.work import count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.slabs.cuts import Turn
 from toeplitz_mg.slabs.line import Line
-from toeplitz_mg.slabs.slab import Slab, Turn
+from toeplitz_mg.slabs.slab import Slab
 
 TURN_BYTES = 2**23  # Bytes of the columns that a rank has at a time.
 
