@@ -200,8 +200,10 @@ def test_hermitian_systems_are_solved_by_cg(name, n):
     with tmg.count_products() as work:
         x, info = tmg.solve_toeplitz(c, b, rtol=1e-8, full_output=True)
     assert info.method.startswith("cg")
-    # Without a preconditioner there may be more, but the work is not: the inverse takes 42 units.
-    assert info.method == "cg" or info.iterations <= 16
+    # Where the eigenvalues are alike a preconditioner saves none, or few, and there may be more
+    # iterations, but the work is not: the inverse takes 42 units.
+    of_alike = ("cg", "cg in single precision, circulant")
+    assert info.method in of_alike or info.iterations <= 16
     assert work.units(n) <= 36.0
     assert np.linalg.norm(tmg.ToeplitzOperator(c) @ x - b) <= 1e-8 * np.linalg.norm(b)
 
@@ -230,6 +232,20 @@ def test_coefficients_that_have_no_symbol_are_seen_before_any_iteration(columns)
     # T. Chan's eigenvalues, the set-up of A, and the residual of each column.
     assert work.units(n) <= 2.0 + 2.0 * columns
     assert np.linalg.norm(tmg.ToeplitzOperator(c, r) @ X - B) <= 1e-6 * np.linalg.norm(B)
+
+
+@pytest.mark.parametrize("n", [300, 2100])
+def test_an_answer_without_a_symbol_is_that_of_scipy_unless_a_residual_is_asked_for(n):
+    """Levinson's recursion loses some digits there, and to correct that takes as long again."""
+    (c, r), b = random(2, n), random(n)
+    x, info = tmg.solve_toeplitz((c, r), b, full_output=True)
+    assert_allclose(x, scipy.linalg.solve_toeplitz((c, r), b), rtol=1e-14)
+    assert info.iterations == 1
+    assert 1e-12 < info.residual <= 1e-8
+    assert info.backward_error <= 1e-11
+    _, info = tmg.solve_toeplitz((c, r), b, rtol=1e-12, full_output=True)
+    assert info.iterations > 1
+    assert info.residual <= 1e-12
 
 
 @pytest.mark.parametrize("n", [4, 300, 3000, 40000])
