@@ -1,12 +1,11 @@
 """Toeplitz matrices between the components of a field on slabs."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike
 
 from toeplitz_mg.engine.library import refuse_mixed
-from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator
 from toeplitz_mg.slabs.product import SlabProduct
 
@@ -64,11 +63,7 @@ class CoupledOperator(SlabOperator):
         spectra = [[block and block.spectrum for block in row] for row in self.blocks]
         self.product = SlabProduct(slab, library, spectra, self.dtype)
 
-    def astype(self, dtype: DTypeLike) -> "CoupledOperator":
-        """Return the matrix in another precision, or itself where it has that one."""
-        dtype = check_precision(dtype, self.dtype)
-        if self.dtype == dtype:
-            return self
+    def _cast(self, dtype: np.dtype[Any]) -> "CoupledOperator":
         return CoupledOperator(
             [[block and block.astype(dtype) for block in row] for row in self.blocks]
         )

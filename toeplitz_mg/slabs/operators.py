@@ -95,6 +95,20 @@ class SlabOperator:
             same["the dtype of x"] = dtype
         return self.apply(vector)
 
+    def astype(self, dtype: DTypeLike) -> Any:
+        """Return the matrix in another precision, or itself where it has that one."""
+        dtype = check_precision(dtype, self.dtype)
+        return self if self.dtype == dtype else self._cast(dtype)
+
+    def _cast(self, dtype: np.dtype[Any]) -> Any:
+        raise TypeError(
+            f"A is {self!r}, which is made in one precision: give its function the dtype"
+        )
+
+    def __repr__(self) -> str:
+        # The same on all ranks, for errors.
+        return f"<{type(self).__name__} of {self.slab.name}, {self.dtype}>"
+
 
 class ToeplitzOperator(SlabOperator):
     """A real Toeplitz matrix of any number of axes, that multiplies by FFT.
@@ -199,11 +213,7 @@ class ToeplitzOperator(SlabOperator):
         product = self.product
         return product.spectra[0][0] if isinstance(product, SlabProduct) else self._embed()
 
-    def astype(self, dtype: DTypeLike) -> "ToeplitzOperator":
-        """Return the matrix in another precision, or itself where it has that one."""
-        dtype = check_precision(dtype, self.dtype)
-        if self.dtype == dtype:
-            return self
+    def _cast(self, dtype: np.dtype[Any]) -> "ToeplitzOperator":
         return ToeplitzOperator(
             self.library.from_numpy(self.c.astype(dtype)),
             self.slab,
@@ -260,15 +270,13 @@ class MaskedOperator(SlabOperator):
         super().__init__(A.slab, A.dtype, A.grid_shape, len(index), A.library)
         self.full, self._cells = A, A.library.cells(index, self.mask.size)
 
-    def astype(self, dtype: DTypeLike) -> "MaskedOperator":
-        """Return the matrix in another precision, or itself where it has that one."""
-        full: Any = self.full
-        return self if self.dtype == dtype else MaskedOperator(full.astype(dtype), self.mask)
+    def _cast(self, dtype: np.dtype[Any]) -> "MaskedOperator":
+        return MaskedOperator(self.full.astype(dtype), self.mask)
 
     apply = operators.MaskedOperator.apply
 
     def __repr__(self) -> str:
-        return f"<MaskedOperator of {self.full!r}>"  # The same on all ranks, for errors.
+        return f"<MaskedOperator of {self.full!r}>"
 
 
 def _check_rows(name: str, values: ArrayLike, slab: Slab) -> Array:

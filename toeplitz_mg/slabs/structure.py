@@ -82,6 +82,3 @@ class BlockDiagonal(SlabOperator):
         self.blocks = blocks
 
     apply = operators.BlockDiagonal.apply
-
-    def __repr__(self) -> str:
-        return f"<BlockDiagonal of {self.blocks!r}>"
