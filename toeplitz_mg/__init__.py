@@ -1,4 +1,4 @@
-"""Fast solvers for dense symmetric positive definite Toeplitz systems, as SciPy operators."""
+"""Fast solvers for dense Toeplitz systems, as SciPy operators; contact and Gaussian processes."""
 
 # Before all others, as they take the time in which Ctrl-C may come.
 from toeplitz_mg import startup  # noqa: F401, I001

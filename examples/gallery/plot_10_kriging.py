@@ -34,6 +34,7 @@ fig, axes = plt.subplots(1, 4, figsize=(11, 3), layout="constrained", sharex=Tru
 titles = ("seen", "mean", "a draw", "the truth")
 for ax, values, title in zip(axes, (seen, given.mean, draws[0], field), titles, strict=True):
     image = ax.imshow(values.T, origin="lower", cmap="viridis", vmin=-2.5, vmax=2.5)
-    ax.set(title=title)
-fig.colorbar(image, ax=axes)
+    ax.set(title=title, xlabel="first axis")
+axes[0].set_ylabel("second axis")
+fig.colorbar(image, ax=axes, label="value")
 plt.show()

@@ -38,9 +38,29 @@ ax.legend()
 # %%
 # How it comes about
 # ------------------
-# `rolling_steps` starts from a shift and rolls step by step: after a length of the contact or two
-# nothing changes any more.
-#
+# A cylinder that stands still and is pulled by half of what friction carries has the tractions of
+# Cattaneo, the same at both ends. When it begins to roll, `rolling_steps` goes from these to
+# Carter's, an element a step: after a length of the contact or two nothing changes any more. The
+# creepage that the force needs is found in each step.
+strips, width = 100, 0.1
+places = contact.surfaces.centres(strips, width)[0]
+limit = mu * steel.E_star / (4 * R) * np.sqrt(np.maximum(a**2 - places**2, 0.0))
+pull = 0.5 * limit.sum() * width
+at_rest = contact.friction(limit, width, material=steel, force=pull)
+on_the_way = list(
+    contact.rolling_steps(limit, width, material=steel, force=pull, steps=160, previous=at_rest)
+)
+fig, ax = plt.subplots(layout="constrained")
+ax.plot(places, limit, "k--", label="μ p")
+ax.plot(places, at_rest.traction, label="at rest")
+for count in (10, 40, 160):
+    state = on_the_way[count - 1]
+    ax.plot(places, state.traction, label=f"rolled {count * width:g} mm")
+    print(f"rolled {count * width:4.1f} mm: creepage {1e3 * float(state.creepages):.4f} per mille")
+ax.set(xlabel="x, the direction of rolling (mm)", ylabel="traction (N/mm²)")
+ax.legend()
+
+# %%
 # On a surface
 # ------------
 # A sphere on a flat. The sign: a negative creepage is the slip of a wheel that drives, and its

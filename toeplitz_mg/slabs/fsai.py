@@ -22,13 +22,9 @@ from toeplitz_mg.slabs.fsai_levels import (
     build_on_slab,
     find_near,
 )
-from toeplitz_mg.slabs.operators import (
-    CoupledOperator,
-    MaskedOperator,
-    SlabOperator,
-    ToeplitzOperator,
-)
+from toeplitz_mg.slabs.operators import CoupledOperator, SlabOperator, ToeplitzOperator
 from toeplitz_mg.slabs.slab import Slab
+from toeplitz_mg.slabs.structure import unwrap
 
 Blocks = Sequence[Sequence[Any]]  # Of ToeplitzOperator or None.
 
@@ -111,14 +107,9 @@ def fsai_preconditioner(
     >>> info
     0
     """
-    full = A.full if isinstance(A, MaskedOperator) else A
-    if not isinstance(full, ToeplitzOperator | CoupledOperator):
-        raise TypeError(
-            f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a CoupledOperator of "
-            "toeplitz_mg.slabs, or a MaskedOperator of one"
-        )
+    full = unwrap(A)
     require_numpy(full, "fsai_preconditioner on slabs")
-    slab, blocks = full.slab, ((full,),) if isinstance(full, ToeplitzOperator) else full.blocks
+    slab, blocks = full.slab, full.blocks
     with slab.agree() as same:
         options = Options(check_neighbours(neighbours))
         precision = check_precision(full.dtype if dtype is None else dtype, full.dtype)

@@ -63,7 +63,7 @@ class SlabProduct:
         """Return the multiplication in another precision; no transform is made."""
         return SlabProduct(self.slab, self.library, self.spectra, dtype)
 
-    def multiply(self, x: Any, y: Any) -> Any:
+    def apply(self, x: Any, y: Any) -> Any:
         """Multiply a vector into another, which may be the same; return the result."""
         count_work(1, float(prod(x.shape)))
         if self.line is None:
@@ -98,15 +98,16 @@ def turns_of(slab: Slab, lengths: tuple[int, ...], number: int) -> Iterator[Turn
     return slab.turns(lengths[-1], max(NARROW, TURN_BYTES // (number * prod(lengths[:-1]))))
 
 
-def embed_on_slab(slab: Slab, c: Array, behind: Array | None, parity: tuple[int, ...]) -> Array:
+def embed_on_slab(
+    slab: Slab, c: Array, behind: Array | None, opposite: Array, parity: tuple[int, ...]
+) -> Array:
     """Return the eigenvalues of the embedding for this rank's frequencies of the last axis.
 
-    The parameters are those of `slabs.ToeplitzOperator`.
+    The parameters are those of `slabs.ToeplitzOperator`, and its coefficients of opposite lags.
     """
     is_symmetric, sign = behind is None and prod(parity) == 1, parity[0]
     if slab.is_line:
-        line, c = Line(slab), c.reshape(-1)
-        back = prod(parity) * c if behind is None else behind.reshape(-1)
+        line, c, back = Line(slab), c.reshape(-1), opposite.reshape(-1)
         slab, parity = line.slab, (0, 0)
         # Of a symmetric matrix what is behind has the conjugate transform.
         c, behind = line.lags(c, back), None if is_symmetric else line.lags(back, c)[:, ::-1]

@@ -109,12 +109,7 @@ class Slab:
     def coarser(self, shape: tuple[int, ...], height: int) -> "Slab":
         """Return the slab of a coarser grid, each row of which is made of so many of this one.
 
-        Parameters
-        ----------
-        shape : tuple of int
-            That of the coarser grid.
-        height : int
-            A divisor of `unit`, so that no row is made of those of two ranks.
+        That divides `unit`, so that no row is made of those of two ranks.
         """
         return self.alike(shape, self.unit // height, -(-self.starts // height))
 
@@ -166,14 +161,13 @@ class Slab:
     def save(self, path: str | PathLike[str], x: ArrayLike) -> None:
         """Write a field to a ``.npy`` file, each rank its rows, on a disk that all of them see.
 
-        It is written beside what is there, and replaces it when all ranks have written theirs: the
-        file is whole, or as it was.
+        The file is whole, or as it was.
 
         Parameters
         ----------
         path : str or PathLike
-            The same on all ranks; a link stays a link. An old file is replaced, and its rights are
-            kept.
+            The same on all ranks. An old file is replaced when all have written; its rights stay,
+            and a link stays a link.
         x : array_like of shape ``slab.local``, or (components, ...) of that
             Of numbers.
 
@@ -194,13 +188,9 @@ class Slab:
     def agree(self) -> Iterator[dict[str, Any]]:
         """Do what may be refused on some ranks only, so that all ranks raise the same error.
 
-        Without it the others would wait for ever for the rank that has raised one.
-
-        Yields
-        ------
-        dict
-            To be filled with what has to be the same on all ranks, by its name; otherwise it is a
-            ValueError.
+        Without it the others would wait for ever for the rank that has raised one. The dictionary
+        is to be filled with what has to be the same on all ranks, by its name; otherwise it is a
+        ValueError.
         """
         same: dict[str, Any] = {}
         refusal: Exception | None = None
@@ -244,13 +234,8 @@ class Slab:
     def everywhere(self, x: Array, lengths: Array | None = None) -> Array:
         """Return the rows of all ranks, one after the other, on each of them.
 
-        It is for what is small: nothing of the size of the grid may go this way.
-
-        Parameters
-        ----------
-        x : ndarray of shape (rows, ...)
-        lengths : ndarray of int, shape (ranks,), optional
-            The number of rows of each rank. Where it is known one message less is sent.
+        It is for what is small: nothing of the size of the grid may go this way. Where the number
+        of rows of each rank is known, `lengths`, one message less is sent.
         """
         if self.comm.size == 1:
             return x
@@ -261,15 +246,9 @@ class Slab:
         return whole
 
     def exchange(self, x: Array, starts: Array, lengths: Array, expected: Array) -> Array:
-        """Send each rank some rows, and return those that all ranks send, one after the other.
+        """Send each rank some rows, from `starts` on, and return those that all ranks send.
 
-        Parameters
-        ----------
-        x : ndarray of shape (rows, ...)
-        starts, lengths : ndarray of int, shape (ranks,)
-            Which rows each rank is sent.
-        expected : ndarray of int, shape (ranks,)
-            How many each of them sends.
+        Rank k is sent `lengths[k]` rows, and sends `expected[k]`.
         """
         size = prod(x.shape[1:])
         got = np.empty((int(expected.sum()), *x.shape[1:]), x.dtype)
@@ -290,7 +269,7 @@ class Slab:
             yield [(a + (b - a) * k // turns, a + (b - a) * (k + 1) // turns) for a, b in of_ranks]
 
     def to_columns(self, Z: Array, turn: Turn | None = None, out: Array | None = None) -> Array:
-        """Exchange all columns of this rank's rows for all rows of this rank's columns.
+        """Exchange the columns of this rank's rows for the rows of this rank's columns.
 
         Parameters
         ----------
@@ -298,11 +277,7 @@ class Slab:
         turn : list of (int, int), optional
             The columns of each rank, by default all of `columns`.
         out : ndarray of shape (n₁, ..., k), C-contiguous, optional
-
-        Returns
-        -------
-        ndarray of shape (n₁, ..., k)
-            The k columns of this rank.
+            For the k columns of this rank.
         """
         turn = turn or next(self.turns(Z.shape[-1], Z.shape[-1]))
         own = turn[self.comm.rank]
@@ -317,20 +292,7 @@ class Slab:
         return out
 
     def to_rows(self, C: Array, out: Array, turn: Turn | None = None) -> Array:
-        """Exchange back what `to_columns` has returned, into the array that it was given.
-
-        Parameters
-        ----------
-        C : ndarray of shape (n₁, ..., k)
-        out : ndarray of shape (rows, ..., n)
-            Of it the columns of the turn are written.
-        turn : list of (int, int), optional
-
-        Returns
-        -------
-        ndarray
-            `out`.
-        """
+        """Exchange back what `to_columns` has returned, into the columns of the turn of `out`."""
         turn = turn or next(self.turns(out.shape[-1], out.shape[-1]))
         sizes = self._sizes(turn, out)
         got = workspace((sum(sizes),), out.dtype)
@@ -362,15 +324,9 @@ class Slab:
                 yield flat[start:end].reshape(*Z.shape[:-1], b - a), (a, b)
 
     def shift(self, x: Array, count: int, step: int) -> Array:
-        """Send rows to a neighbour, and return those that the other neighbour sends.
+        """Send rows to the next rank (step 1), or to the one before (step -1), if there is one.
 
-        Parameters
-        ----------
-        x : ndarray of shape (k, ...)
-            What is sent to the next rank (step 1) or to the one before (step -1), if there is one.
-        count : int
-            The length of what comes from the other side: 0 where there is no rank.
-        step : {1, -1}
+        What is returned are the `count` rows from the other side: 0 where there is no rank.
         """
         from mpi4py import MPI
 

@@ -7,6 +7,8 @@ acceleration finds the fixed point from the last three pairs.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
 from typing import Protocol
 
 import numpy as np
@@ -29,6 +31,36 @@ class Normal(Protocol):
         """Return pressures of the given sum, if one is given."""
 
 
+@dataclass
+class Report:
+    """What is told of the products of one solution after the other.
+
+    Attributes
+    ----------
+    progress : callable or None
+        Called as ``progress(products, residual)`` after each product.
+    products : int
+        Those of the solutions before.
+    residual : float
+        The violation after the last iteration: infinite before, when a solution tells its own.
+    """
+
+    progress: Progress | None
+    products: int = 0
+    residual: float = inf
+
+    def __call__(self, products: int, residual: float) -> None:
+        """Tell of products of the solution that is under way."""
+        if self.progress is not None:
+            known = self.residual < inf
+            self.progress(self.products + products, self.residual if known else residual)
+
+    def look(self, residual: float) -> None:
+        """Tell of the violation after an iteration."""
+        self.residual = residual
+        self(0, residual)
+
+
 def alternate(
     normal: Normal,
     shear: Callable[[Array], Array],
@@ -36,7 +68,7 @@ def alternate(
     *,
     tolerance: float,
     most: int,
-    progress: Progress | None = None,
+    report: Report,
 ) -> tuple[Array, tuple[float, ...]]:
     """Find the pressures with which both problems hold.
 
@@ -52,8 +84,7 @@ def alternate(
         The violation of the conditions of normal contact that is allowed.
     most : int
         Most iterations.
-    progress : callable, optional
-        Called as ``progress(iterations, residual)``.
+    report : Report
 
     Returns
     -------
@@ -66,8 +97,7 @@ def alternate(
     while True:
         q = shear(p)
         residuals.append(normal.look(q, p))
-        if progress is not None:
-            progress(len(residuals), residuals[-1])
+        report.look(residuals[-1])
         if residuals[-1] <= tolerance or len(residuals) == most:
             return p, tuple(residuals)
         pairs = [*pairs, (p, normal.solve(q, p))][-DEPTH - 1 :]
