@@ -208,6 +208,18 @@ def test_hermitian_systems_are_solved_by_cg(name, n):
     assert np.linalg.norm(tmg.ToeplitzOperator(c) @ x - b) <= 1e-8 * np.linalg.norm(b)
 
 
+@pytest.mark.parametrize("sizes", [1e-50, 1.0, 1e50])
+def test_cycles_in_single_precision_end_in_double(sizes):
+    n = 2048
+    c, _ = HERMITIAN["nonuniform Fourier"](n)
+    B = (random(n, 2) + 1j * random(n, 2)[::-1]) * [sizes, 0.0]
+    X, info = tmg.solve_toeplitz(c, B, full_output=True)
+    assert info.method == "cg in single precision, circulant"
+    R = tmg.ToeplitzOperator(c) @ X - B
+    assert np.linalg.norm(R) <= 1e-12 * np.linalg.norm(B)
+    assert not X[:, 1].any()
+
+
 def test_complex_systems_of_many_columns_and_indefinite_ones_are_solved():
     n = 2048
     c, _ = HERMITIAN["fGn, modulated"](n)

@@ -7,12 +7,11 @@ import numpy as np
 
 from toeplitz_mg._typing import Rows
 from toeplitz_mg.solvers.choice import Method, methods
-from toeplitz_mg.solvers.system import EPS, ToeplitzSystem, largest, norms
+from toeplitz_mg.solvers.system import ACCEPTED, EPS, ToeplitzSystem, largest, norms
 
 RTOL = 1e-12  # Relative residual that is to be reached, if none is asked for.
 ROUNDING = 16 * EPS  # Backward error at which no correction can be expected to help.
 GOOD = 64 * EPS  # Backward error at which no other method is tried.
-ACCEPTED = 1e4 * EPS  # Largest backward error of an answer where all methods have been tried.
 SINGULAR = 0.1  # Relative residual above which there is no answer in float64.
 ILL_CONDITIONED = 1e-8  # Relative residual above which the user is warned.
 CORRECTION = 1e-2  # Relative residual to which a correction is solved for.

@@ -70,7 +70,7 @@ def solve_toeplitz(
         Where ‖b - A x‖ ≤ rtol ‖b‖ the system is solved; where rounding does not allow that, the
         backward error is to be that of a direct method. By default it is 1e-12; but what SciPy's
         recursion gives for a matrix of more than 256 unknowns that is not Hermitian, and has no
-        symbol, is left as it is where its backward error is below 7e-12: to correct it takes
+        symbol, is left as it is where its backward error is below 2e-12: to correct it takes
         another recursion.
     full_output : bool
         Whether to return a `SolveInfo` too; of a batch, that of the worst residual.
