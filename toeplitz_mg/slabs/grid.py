@@ -1,6 +1,6 @@
 """A grid of elements in slabs, and its matrices: what the searches of `contact` need of it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from functools import cached_property
 from math import prod
 from typing import Any
@@ -11,7 +11,7 @@ from numpy.typing import DTypeLike
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.steady_matrices import LEAST, fade_rate
+from toeplitz_mg.contact.steady_matrices import ADDITIONS, LEAST, fade_rate, interpolate
 from toeplitz_mg.engine.lengths import embedding_lengths
 from toeplitz_mg.halfspace.matrices import KERNELS, evaluate
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
@@ -132,11 +132,9 @@ class SlabGrid:
     def steady_array(self, K: CoupledOperator) -> None:
         """Say that the matrix of steady rolling is no array, as no rank has all of it."""
 
-    def invert_shifted(
-        self, K: CoupledOperator, shifts: Array, dtype: DTypeLike
-    ) -> "ShiftedInverses":
+    def invert_shifted(self, K: CoupledOperator, dtype: DTypeLike) -> "ShiftedInverses":
         """Return approximate inverses of the matrix of steady rolling with additions."""
-        return ShiftedInverses(K, shifts, np.dtype(dtype))
+        return ShiftedInverses(K, np.dtype(dtype), self.diagonal(K))
 
     def restrict(self, A: Any, C: Mask) -> MaskedOperator:
         """Return the rows and columns of some elements of a matrix of this grid."""
@@ -170,7 +168,7 @@ class SlabGrid:
                 c[k : k + BLOCK] += weight * evaluate(name, at, y, self.element, self.material)
         return c
 
-    def invert_by_cosine(self, A: Any, dtype: DTypeLike | None = None) -> Any:
+    def invert_by_transform(self, A: Any, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid."""
         return cosine_preconditioner(A, dtype=dtype)
 
@@ -182,10 +180,10 @@ class SlabGrid:
 class ShiftedInverses:
     """Approximate inverses of K + ν on slabs (see `contact.steady_matrices.ShiftedInverses`)."""
 
-    def __init__(self, K: CoupledOperator, shifts: Array, dtype: np.dtype[Any]) -> None:
+    def __init__(self, K: CoupledOperator, dtype: np.dtype[Any], k0: float) -> None:
         slab, m = K.slab, len(K.blocks)
         length = embedding_lengths(slab.shape)[0]
-        self.dtype = dtype
+        self.dtype, self._k0 = dtype, k0
         fade = np.exp(fade_rate(length) * np.arange(slab.rows.start, slab.rows.stop))[:, None]
         self._fade = fade.astype(dtype)
         faded = []
@@ -194,20 +192,25 @@ class ShiftedInverses:
             c, behind = block.c / fade, block.behind * fade
             faded.append(ToeplitzOperator(c, slab, parity=block.parity, behind=behind).product)
         self._products = []
-        for nu in shifts:
+        for nu in k0 * ADDITIONS:
             spectra: list[list[Array | None]] = [[None] * m for _ in range(m)]
             for i, product in enumerate(faded):
                 s, points = product.spectra[0][0], product.points
-                least = LEAST * max(slab.gather(np.abs(s).max(initial=0.0)))
+                least = LEAST / slab.shape[0] * max(slab.gather(np.abs(s).max(initial=0.0)))
                 # Those of the inverse, as those of K, are divided by the points of a transform.
                 spectra[i][i] = 1.0 / ((s + nu / points + least) * points**2)
             self._products.append(SlabProduct(slab, K.library, spectra, dtype))
 
-    def __call__(self, r: Array, weights: Sequence[Array]) -> Array:
-        """Return the sum of the inverses of a field, (components, ...), each with its weights."""
-        x = (r / self._fade).astype(self.dtype)
-        total, y = np.zeros_like(x), np.empty_like(x)
-        for product, weight in zip(self._products, weights, strict=True):
-            product.apply(x.reshape(-1), y.reshape(-1))
-            total += weight * y
-        return total * self._fade
+    def at(self, addition: Array) -> Callable[[Array], Array]:
+        """Return the approximate inverse of K + an addition to the diagonal at each place."""
+        weights = interpolate(addition / self._k0, self.dtype)
+
+        def invert(r: Array) -> Array:
+            x = (r / self._fade).astype(self.dtype)
+            total, y = np.zeros_like(x), np.empty_like(x)
+            for product, weight in zip(self._products, weights, strict=True):
+                product.apply(x.reshape(-1), y.reshape(-1))
+                total += weight * y
+            return total * self._fade
+
+        return invert
