@@ -260,6 +260,19 @@ def test_an_answer_without_a_symbol_is_that_of_scipy_unless_a_residual_is_asked_
     assert info.residual <= 1e-12
 
 
+@pytest.mark.parametrize(("pivot", "is_told"), [(1e-7, True), (1e-8, False)])
+def test_a_recursion_that_loses_digits_is_told_or_corrected(pivot, is_told):
+    """Its backward error is in proportion to ε over the least leading block, here the first."""
+    (c, r), b = random(2, 300), random(300)
+    c[0] = pivot
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        _, info = tmg.solve_toeplitz((c, r), b, full_output=True)
+    assert [warning.category for warning in told] == is_told * [scipy.linalg.LinAlgWarning]
+    assert is_told == (info.iterations == 1)
+    assert info.backward_error <= (1e-11 if is_told else 1e-14)
+
+
 @pytest.mark.parametrize("n", [4, 300, 3000, 40000])
 def test_a_singular_system_is_an_error(n):
     for c in (np.zeros(n), np.ones(n), np.exp(-((np.arange(n) / (0.1 * n)) ** 2) / 2)):
