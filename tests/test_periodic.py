@@ -87,7 +87,7 @@ def test_the_matrix_is_that_of_its_waves(shape, element):
 def test_the_inverse_is_exact_but_for_the_mean(shape, element):
     grid = Grid.of(shape, element, UNIT, None, True)
     A, _ = grid.scaled_normal()
-    M = grid.invert_by_cosine(A)
+    M = grid.invert_by_transform(A)
     x = np.random.default_rng(0).random(A.shape[0])
     assert_allclose(M @ (A @ x), x - x.mean(), atol=1e-13)
     assert np.linalg.eigvalsh(M @ np.eye(len(x))).min() > 0.0
@@ -133,22 +133,78 @@ def test_where_one_axis_repeats_the_mean_is_a_line_contact():
     assert_allclose(np.diff(c), np.diff(rows), rtol=1e-6)
 
 
+@pytest.mark.parametrize("directions", ["xx", "xy", "yy"])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_where_one_axis_repeats_tractions_are_sums_of_images(axis, directions):
+    """As above: the tractions of a wave along one axis, and the displacements in all rows."""
+    n, rows, h, b, fine, images = 8, 3, 0.25, 0.4, 64, 60
+    shape, element = ((n, rows), (h, b)) if axis == 0 else ((rows, n), (b, h))
+    A = Grid.of(shape, element, UNIT, None, (axis == 0, axis == 1)).tangential()
+    to, of = ("xy".index(direction) for direction in directions)
+    q, places = 2 * np.pi / (n * h), h * np.arange(n)
+    t = np.zeros((n, rows))
+    t[:, 0] = np.cos(q * places + 0.4)
+    field = np.zeros((2, *shape))
+    field[of] = t if axis == 0 else t.T
+    u = (A @ field.ravel()).reshape(field.shape)[to]
+    u = u if axis == 0 else u.T
+    reach = images * n * fine
+    along = h / fine * np.arange(-reach, reach + 1)
+    kernel = getattr(halfspace, f"influence_{directions}")
+    weights = np.ones_like(along)
+    weights[[0, -1]] = 0.5  # Whole periods.
+    for row in range(rows):
+        across = np.full_like(along, row * b)
+        x, y = (along, across) if axis == 0 else (across, along)
+        size = (h / fine, b) if axis == 0 else (b, h / fine)
+        k = weights * kernel(x, y, size, G=UNIT.G, nu=UNIT.nu)
+        # What is at the distance d ahead is moved by the wave's phase there, less q d.
+        even, odd = (k * np.cos(q * along)).sum(), (k * np.sin(q * along)).sum()
+        expected = even * np.cos(q * places + 0.4) + odd * np.sin(q * places + 0.4)
+        assert_allclose(u[:, row], expected, atol=2e-4 / UNIT.G)
+
+
+def test_where_one_axis_repeats_the_mean_traction_is_a_line_contact():
+    """Along the axis antiplane shear, of which ν is no part; across it plane strain."""
+    A = Grid.of((6, 4), (0.25, 0.4), UNIT, 5.0, (True, False)).tangential()
+    row = np.kron(np.ones(6), [1.0, 0.0, 0.0, 0.0])
+    for component, nu in ((0, 0.0), (1, 0.3)):
+        c = halfspace.line_contact_coefficients(4, 0.4, G=0.7, nu=nu, reference=5.0)
+        u = (A @ np.kron(np.eye(2)[component], row)).reshape(2, 6, 4)
+        assert_allclose(u[component], np.tile(c, (6, 1)), rtol=1e-13)
+        assert_allclose(u[1 - component], 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("periodic", [(True, True), (True, False), (False, True)])
+def test_products_are_those_of_the_blocks(periodic):
+    """The one product, in which nothing is padded where it repeats, has the dense entries."""
+    A = Grid.of((6, 5), (0.3, 0.2), UNIT, None, periodic).tangential()
+    X = np.random.default_rng(2).random((A.shape[0], 2))
+    assert_allclose(A @ X, A.toarray() @ X, atol=1e-14)
+    assert np.linalg.norm(A.toarray(), 2) <= A.norm_bound * (1 + 1e-12)
+    assert A.work <= (0.25 if all(periodic) else 0.6)
+
+
+@pytest.mark.parametrize("matrix", ["normal", "tangential"])
 @pytest.mark.parametrize("shape", [(8, 5), (7, 1), (6, 3)])
-def test_where_one_axis_repeats_the_matrix_is_positive_definite(shape):
+def test_where_one_axis_repeats_the_matrix_is_positive_definite(shape, matrix):
     element = (0.3, 0.2)
     grids = [
         Grid.of(shape, element, UNIT, None, (True, False)),
         Grid.of(shape[::-1], element[::-1], UNIT, None, (False, True)),
     ]
-    first, second = (grid.normal() for grid in grids)
-    x = np.random.default_rng(1).random(shape)
+    first, second = (getattr(grid, matrix)() for grid in grids)
+    components = first.shape[0] // np.prod(shape)
+    x = np.random.default_rng(1).random((components, *shape))
     dense = first.toarray()
     assert np.linalg.eigvalsh(dense).min() > 0.0
     assert_allclose(first @ x.ravel(), dense @ x.ravel(), rtol=1e-12)
-    turned = (second @ x.T.ravel()).reshape(shape[::-1]).T
+    # With x and y exchanged so are the components.
+    turned = second @ x[::-1].swapaxes(1, 2).ravel()
+    turned = turned.reshape(components, *shape[::-1])[::-1].swapaxes(1, 2)
     assert_allclose(turned.ravel(), first @ x.ravel(), rtol=1e-12)
     for grid, A in zip(grids, (first, second), strict=True):
-        M = grid.invert_by_cosine(A)
+        M = grid.invert_by_transform(A)
         assert np.linalg.eigvalsh(M @ np.eye(A.shape[0])).min() > 0.0
 
 
@@ -391,8 +447,10 @@ def test_the_tangential_matrix_is_that_of_its_waves(shape):
     A = grid.tangential()
     x = np.random.default_rng(0).random(2 * size)
     assert_allclose(A @ x, expected.reshape(2 * size, -1) @ x, atol=1e-14)
-    M = grid.invert_by_cosine(A)
+    M = grid.invert_by_transform(A)
     assert np.linalg.eigvalsh(M @ np.eye(2 * size)).min() > 0.0
+    mean = x.reshape(2, -1).mean(axis=1)
+    assert_allclose(M @ (A @ x), x - np.repeat(mean, size), atol=1e-13)
 
 
 @doubtful
@@ -415,12 +473,13 @@ def test_the_tractions_are_a_difference_of_pressures(shape, element):
 
 @doubtful
 @pytest.mark.parametrize("load", [{"force": (0.02, 0.01)}, {"shift": (1e-3, 5e-4)}])
-def test_coulombs_law_holds(load):
+@pytest.mark.parametrize("periodic", [True, (True, False), (False, True)])
+def test_coulombs_law_holds(load, periodic):
     """With the dense products of the matrix: no slip in stick, slip against the traction else."""
     gap = surfaces.rough((24, 20), (0.1, 0.1), rms=0.005, shortest=0.5, seed=3)
-    pressed = normal_contact(gap, (0.1, 0.1), material=UNIT, force=0.1, periodic=True)
+    pressed = normal_contact(gap, (0.1, 0.1), material=UNIT, force=0.1, periodic=periodic)
     result = friction(pressed, mu=0.4, **load)
-    A = Grid.of(gap.shape, (0.1, 0.1), UNIT, None, True).tangential().toarray()
+    A = Grid.of(gap.shape, (0.1, 0.1), UNIT, None, periodic).tangential().toarray()
     q = result.traction
     slip = (A @ q.ravel()).reshape(q.shape) - np.reshape(result.shift, (2, 1, 1))
     slack = 2e-8 * np.abs(slip).max()
@@ -456,11 +515,22 @@ def test_friction_takes_the_period_of_a_result():
         subsurface_stresses(pressed, depths=[0.1])
 
 
+@doubtful
+def test_strips_and_rows_that_repeat_are_one():
+    """Strips of finite length are rows of one element; their tractions point along x."""
+    bound = np.random.default_rng(6).random(12)
+    options = {"material": UNIT, "reference": 3.0, "tolerance": 1e-11}
+    strips = friction(bound, (0.3, 0.2), periodic=True, force=0.1, **options)
+    row = friction(bound[:, None], (0.3, 0.2), periodic=(True, False), force=(0.1, 0.0), **options)
+    assert strips.sliding.any()
+    assert strips.stick.any()
+    assert_allclose(row.traction[0, :, 0], strips.traction, atol=1e-9)
+    assert_allclose(row.shift[0], strips.shift, rtol=1e-9)
+
+
 def test_friction_refuses_what_it_has_not():
     bound = np.ones((8, 8))
     options = {"material": UNIT, "shift": (0.1, 0.0)}
-    with pytest.raises(ValueError, match=r"periodic is \(True, False\), but friction is for a"):
-        friction(bound, (1.0, 1.0), periodic=(True, False), **options)
     with pytest.raises(ValueError, match="shift is given, but surfaces that repeat and touch"):
         friction(bound, (1.0, 1.0), periodic=True, **options)
 

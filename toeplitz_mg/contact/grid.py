@@ -12,6 +12,7 @@ from numpy.typing import DTypeLike
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
+from toeplitz_mg.contact.elements import read_periodic, read_reference, read_sizes
 from toeplitz_mg.contact.steady_matrices import ShiftedInverses, subtract_operators
 from toeplitz_mg.contact.waves import Waves
 from toeplitz_mg.engine.vectors import ALONE, Vectors
@@ -22,7 +23,7 @@ from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOpera
 from toeplitz_mg.preconditioners.candidates import quick_fsai
 from toeplitz_mg.preconditioners.traits import fragmentation
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner
-from toeplitz_mg.values import field, in_range, positive
+from toeplitz_mg.values import in_range
 
 SMALL = 2**11  # Most elements of a grid whose matrices are kept: half a megabyte each, at most.
 KEPT = 32  # Grids whose matrices are kept.
@@ -75,39 +76,13 @@ class Grid:
         periodic: Any = False,
     ) -> Self:
         """Return a grid of what the user gave, or say what is wrong with it."""
-        if len(shape) not in (1, 2) or min(shape) < 1:
-            raise ValueError(
-                f"the grid has shape {shape}, but must be (n1, n2), or (n,) for line contact"
-            )
-        given = np.atleast_1d(field("element", element))
-        sizes = tuple(given.ravel().tolist())
-        if given.ndim > 1 or len(sizes) not in (1, 2) or len(sizes) < len(shape):
-            raise ValueError(
-                f"element is {element}, but the grid {shape} needs two sizes (h1, h2); line "
-                "contact also takes one, the width of strips of infinite length"
-            )
-        if not all(0.0 < h < np.inf for h in sizes):
-            raise ValueError(f"element is {element}, but its sizes must be positive and finite")
+        sizes = read_sizes(shape, element)
         material = combine(material)
-        for name, value in (("element", min(sizes)), ("element", max(sizes)), ("G", material.G)):
-            in_range(name, value)
-        repeats = _read_periodic(periodic, len(shape))
-        ends = [k for k in range(len(sizes)) if not (*repeats, False)[k]]
-        # One axis that ends, of a body that goes on for ever along the other, is a line contact.
-        is_line = len(ends) == 1 and (len(sizes) == 1 or any(repeats))
-        if reference is None:
-            axis = ends[0] if is_line else 0
-            reference = sizes[axis] * (*shape, 1)[axis]
-        elif not is_line:
-            raise ValueError(
-                f"reference is {reference}, but only plane strain (an element of one size) and "
-                "a surface that repeats along one of two axes have a constant displacement that "
-                "it decides"
-            )
+        in_range("G", material.G)
+        repeats = read_periodic(periodic, len(shape))
+        distance = read_reference(reference, shape, sizes, repeats)
         # In line contact lateral tractions are the exception.
-        directions = "xy"[: len(shape)]
-        reference = positive("reference", reference)
-        grid = cls(shape, sizes, material, reference, repeats, directions)
+        grid = cls(shape, sizes, material, distance, repeats, directions="xy"[: len(shape)])
         if grid.has_free_mean and max(shape) == 1:
             raise ValueError(
                 f"the grid has shape {shape}, but where it repeats along all axes it must have "
@@ -227,7 +202,7 @@ class Grid:
         """Return approximate inverses of the matrix of steady rolling with additions."""
         return _inverses(self, np.dtype(dtype)) if self._is_kept else ShiftedInverses(K, dtype)
 
-    def invert_by_cosine(self, A: Any, dtype: DTypeLike | None = None) -> Any:
+    def invert_by_transform(self, A: Any, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid."""
         if any(self.periodic):
             return self._waves.invert(A, dtype)
@@ -295,14 +270,3 @@ def _steady_array(grid: Grid) -> Array:
 @lru_cache(maxsize=KEPT)
 def _inverses(grid: Grid, dtype: np.dtype[Any]) -> ShiftedInverses:
     return ShiftedInverses(_steady(grid), dtype)
-
-
-def _read_periodic(periodic: Any, axes: int) -> tuple[bool, ...]:
-    """Return along which axes a surface repeats, or say what is wrong with what was given."""
-    given = tuple(periodic) if np.iterable(periodic) else (periodic,) * axes
-    if len(given) != axes or not all(isinstance(value, bool | np.bool_) for value in given):
-        raise ValueError(
-            f"periodic is {periodic!r}, but must be True or False, or one of these for each axis, "
-            "as (True, False)"
-        )
-    return tuple(map(bool, given))

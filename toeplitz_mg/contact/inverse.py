@@ -86,8 +86,8 @@ def invert_on(grid: Grid, A: Any, C: Array) -> Any:
         with suppress(np.linalg.LinAlgError):
             return grid.invert_by_fsai(A, everywhere, dtype)
     with suppress(np.linalg.LinAlgError):  # The symbol may sink into the rounding.
-        return grid.restrict(grid.invert_by_cosine(A, dtype), everywhere)
-    return grid.restrict(grid.invert_by_cosine(A), everywhere)
+        return grid.restrict(grid.invert_by_transform(A, dtype), everywhere)
+    return grid.restrict(grid.invert_by_transform(A), everywhere)
 
 
 def extend_to_components(grid: Grid, A: Any, C: Array) -> Array:
@@ -120,10 +120,10 @@ class Inverse:
         self._before: Array | None = None
         self._local: LocalInverse | None = None
         try:
-            self._cosine = grid.invert_by_cosine(A, np.float32)
+            self._everywhere = grid.invert_by_transform(A, np.float32)
         except np.linalg.LinAlgError:  # The symbol sinks into the rounding.
-            self._cosine = grid.invert_by_cosine(A)
-        self.dtype = self._cosine.dtype
+            self._everywhere = grid.invert_by_transform(A)
+        self.dtype = self._everywhere.dtype
 
     def fit(self, C: Array, *, is_near: bool = False) -> None:
         """Choose for a set: FSAI of one that is alike is kept, and else it is set up anew.
@@ -140,11 +140,15 @@ class Inverse:
             change = self._measure_change(C, before)
         self._local = invert_locally(self._grid, self._A, C, change=change, dtype=self.dtype)
 
-    def __call__(self, r: Array) -> Array:
-        """Apply it to a field that is zero outside of the set; the result is not."""
+    def __call__(self, r: Array, out: Array | None = None) -> Array:
+        """Apply it to a field that is zero outside of the set; the result is not.
+
+        It may be in `out`.
+        """
         if self._local is not None:
             return self._local(r)
-        return apply_to_rows(self._cosine, r.reshape(-1)).reshape(r.shape)
+        memory = None if out is None else out.reshape(-1)
+        return apply_to_rows(self._everywhere, r.reshape(-1), memory).reshape(r.shape)
 
     def _measure_change(self, C: Array, before: Array) -> float:
         """Return the elements that differ, as a share of those of the set."""

@@ -206,11 +206,13 @@ class DiagonalisedProduct:
     ----------
     spectrum : ndarray
         The eigenvalues, real where the matrix is Hermitian; of a circulant the ``rfftn`` of its
-        first column, or the ``fftn`` where that is complex.
+        first column, or the ``fftn`` where that is complex. Of matrices between the components of
+        a field those of each pair, along two axes before these.
     fft_shape : tuple of int
         The size of the matrix along each axis.
     grid_shape : tuple of int
-        The size of the vectors, at most `fft_shape` along each axis.
+        The size of the vectors, at most `fft_shape` along each axis; before it the components,
+        where the spectrum has those.
     dtype : float32, float64, complex64 or complex128
         That of the matrix.
     transforms : Transforms
@@ -228,14 +230,16 @@ class DiagonalisedProduct:
         transforms: Transforms = FOURIER,
     ) -> None:
         # A product with a Toeplitz matrix on this grid has transforms twice as long on each axis.
-        points = prod(fft_shape) / 2 ** axes_of(grid_shape)
+        grid = grid_shape[-len(fft_shape) :]
+        self._components = prod(grid_shape[: -len(fft_shape)])
+        points = self._components * prod(fft_shape) / 2 ** axes_of(grid)
         self.grid_shape, self.dtype, self.points = grid_shape, np.dtype(dtype), points
         self.transforms = transforms
         self.spectrum = cast_numbers(refuse_masked("spectrum", spectrum), self.dtype)
         self.fft_shape = fft_shape
-        self._axes = tuple(range(-len(grid_shape), 0))
+        self._grid, self._axes = grid, tuple(range(-len(grid), 0))
         # The first axis is taken by parts, which are cut where these are.
-        self._cut: Any = (..., *(slice(n) for n in grid_shape[1:]))
+        self._cut: Any = (..., *(slice(n) for n in grid[1:]))
 
     @property
     def is_hermitian(self) -> bool:
@@ -244,12 +248,16 @@ class DiagonalisedProduct:
 
     @property
     def norm_bound(self) -> float:
-        """A bound of the 2-norm: the largest size of an eigenvalue."""
-        return float(np.abs(self.spectrum).max())
+        """A bound of the 2-norm: the largest size of an eigenvalue, or of such a matrix."""
+        if self.grid_shape == self._grid:
+            return float(np.abs(self.spectrum).max())
+        return float(np.linalg.norm(self.spectrum, axis=(0, 1)).max())
 
     def adjoint(self) -> "DiagonalisedProduct":
         """Return the multiplication by the conjugate transpose of a circulant."""
         spectrum = self.spectrum.conj()
+        if self.grid_shape != self._grid:
+            spectrum = spectrum.swapaxes(0, 1)
         return DiagonalisedProduct(
             spectrum, self.fft_shape, self.grid_shape, self.dtype, self.transforms
         )
@@ -267,21 +275,26 @@ class DiagonalisedProduct:
         in_batches(self._multiply, X, out, prod(self.fft_shape))
 
     def _multiply(self, X: Array, out: Array) -> None:
-        x, y = (rows.reshape(-1, *self.grid_shape) for rows in (X, out))
+        x, y = (rows.reshape(-1, *self._grid) for rows in (X, out))
         forward, backward = self.transforms
         # Vectors that fill the matrix are transformed where they are. Others are extended by zeros
         # in memory where transforms to real numbers stay.
-        is_whole = self.fft_shape == self.grid_shape and x.dtype == self.dtype
-        grid = x if is_whole else workspace((len(X), *self.fft_shape), self.dtype)
+        is_whole = self.fft_shape == self._grid and x.dtype == self.dtype
+        grid = x if is_whole else workspace((len(x), *self.fft_shape), self.dtype)
 
         def fill(part: slice) -> None:
             to, of = grid[:, part], x[:, part]
-            if self.fft_shape != self.grid_shape:
+            if self.fft_shape != self._grid:
                 to[...] = 0.0
             to[:, : of.shape[1]][self._cut] = of
 
         def scale(part: slice) -> None:
-            hat[:, part] *= self.spectrum[part]
+            if self.grid_shape == self._grid:
+                hat[:, part] *= self.spectrum[part]
+                return
+            fields = hat.reshape(-1, self._components, *hat.shape[1:])[:, :, part]
+            columns = enumerate(np.moveaxis(self.spectrum[:, :, part], 1, 0))
+            fields[...] = sum(column * fields[:, j, None] for j, column in columns)
 
         def cut(part: slice) -> None:
             y[:, part] = Y[:, part][self._cut]

@@ -1,14 +1,17 @@
-"""Surfaces that repeat along one axis or all: the displacements by waves of pressure.
+"""Surfaces that repeat along one axis or all: the displacements by waves of traction.
 
-A wave of pressure p cos(q·x) displaces two half-spaces by 2/(E*|q|) times itself. Along an axis
-that repeats the pressures are sums of the waves that the grid has, and their displacements are
-taken from this continuous symbol; along an axis that ends they are constant in each element, as on
-a surface that repeats nowhere.
+A wave of tractions t cos(q·x) on two half-spaces displaces them by waves too,
+
+    u = 2/(G|q|) (t - ν q (q·t)/|q|²) cos(q·x) along the surface,    2(1-ν)/(G|q|) t cos(q·x) normal
+
+to it. Along an axis that repeats the tractions are sums of the waves that the grid has, and their
+displacements are taken from this continuous symbol; along an axis that ends they are constant in
+each element, as on a surface that repeats nowhere.
 """
 
 import numpy as np
 from scipy import fft
-from scipy.special import iti0k0
+from scipy.special import iti0k0, k0, k1
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.halfspace.line_contact import line_contact_coefficients
@@ -30,9 +33,14 @@ def wavenumbers(shape: tuple[int, ...], element: tuple[float, ...]) -> list[Arra
 
 
 def periodic_eigenvalues(
-    shape: tuple[int, ...], element: tuple[float, ...], *, G: float, nu: float
+    shape: tuple[int, ...],
+    element: tuple[float, ...],
+    directions: str = "zz",
+    *,
+    G: float,
+    nu: float,
 ) -> Array:
-    """Return the normal displacements by waves on a surface that repeats along all axes.
+    """Return the displacements by waves on a surface that repeats along all axes.
 
     Parameters
     ----------
@@ -40,19 +48,22 @@ def periodic_eigenvalues(
         Elements in a period. One axis is plane strain.
     element : tuple of float
         Their size, mm.
+    directions : str
+        Of the displacement and of the traction: "zz" is normal; on two axes also "xx", "xy", "yy".
     G, nu : float
         Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
 
     Returns
     -------
     ndarray of shape (n // 2 + 1,) or (n1, n2 // 2 + 1)
-        2/(E*|q|) = 2(1-ν)/(G|q|), mm per N/mm², at the wavenumbers of `scipy.fft.rfftn`. It is zero
-        at q = 0: a mean pressure moves an infinite half-space by any distance, so that
-        displacements are those from their mean.
+        2/(E*|q|) = 2(1-ν)/(G|q|) of "zz", else 2/(G|q|) (δ_ij - ν q_i q_j/|q|²), mm per N/mm², at
+        the wavenumbers of `scipy.fft.rfftn`. It is zero at q = 0: a mean traction moves an infinite
+        half-space by any distance, so that displacements are those from their mean.
 
     Notes
     -----
-    The continuous symbol at the wavenumbers of the grid, as `tamaas` and `aspher` have it.
+    The continuous symbol at the wavenumbers of the grid, as `tamaas` and `aspher` have it. The
+    highest wave of an even number of elements has no sign, and so does not couple x and y.
 
     References
     ----------
@@ -65,46 +76,19 @@ def periodic_eigenvalues(
     array([0.      , 0.159155, 0.079577])
     """
     G, nu = check_constants(G, nu)
-    q = np.sqrt(sum(k**2 for k in wavenumbers(shape, element)))
+    waves = wavenumbers(shape, element)
+    q = np.sqrt(sum(k**2 for k in waves))
     q.flat[0] = np.inf
-    eigenvalues: Array = 2.0 * (1.0 - nu) / (G * q)
+    factor = np.array(1.0 - nu)
+    if directions != "zz":
+        i, j = ("xy".index(direction) for direction in directions)
+        factor = float(i == j) - nu * waves[i] * waves[j] / q**2
+        if i != j:
+            for axis, n in enumerate(shape):
+                if n % 2 == 0:
+                    factor[(slice(None),) * axis + (n // 2,)] = 0.0
+    eigenvalues: Array = 2.0 / (G * q) * factor
     return eigenvalues
-
-
-def tangential_eigenvalues(
-    shape: tuple[int, int], element: tuple[float, float], *, G: float, nu: float
-) -> dict[str, Array]:
-    """Return the tangential displacements by waves of tractions, where both axes repeat.
-
-    Parameters
-    ----------
-    shape, element, G, nu
-        As for `periodic_eigenvalues`.
-
-    Returns
-    -------
-    dict of ndarray
-        Of "xx", "xy" and "yy": 2/(G|q|) (δ_ij - ν q_i q_j/|q|²), in its order.
-
-    Examples
-    --------
-    >>> from toeplitz_mg.halfspace.periodic import tangential_eigenvalues
-    >>> found = tangential_eigenvalues((4, 1), (0.25, 1.0), G=1.0, nu=0.5)
-    >>> (found["xx"][1:] / found["yy"][1:]).ravel()
-    array([0.5, 0.5, 0.5])
-    """
-    G, nu = check_constants(G, nu)
-    qx, qy = wavenumbers(shape, element)
-    q = np.hypot(qx, qy)
-    q.flat[0] = np.inf
-    coupling = -nu * qx * qy / q**2
-    # The highest waves of an even number of elements have no sign, and so no odd part.
-    if shape[0] % 2 == 0:
-        coupling[shape[0] // 2] = 0.0
-    if shape[1] % 2 == 0:
-        coupling[:, -1] = 0.0
-    factors = {"xx": 1.0 - nu * (qx / q) ** 2, "xy": coupling, "yy": 1.0 - nu * (qy / q) ** 2}
-    return {name: 2.0 / (G * q) * factor for name, factor in factors.items()}
 
 
 def strip_length(n: int) -> int:
@@ -116,12 +100,13 @@ def strip_eigenvalues(
     shape: tuple[int, int],
     element: tuple[float, float],
     axis: int,
+    directions: str = "zz",
     *,
     G: float,
     nu: float,
     reference: float,
 ) -> Array:
-    """Return the eigenvalues of the normal displacements on a surface that repeats along one axis.
+    """Return the eigenvalues of the displacements on a surface that repeats along one axis.
 
     Parameters
     ----------
@@ -131,6 +116,8 @@ def strip_eigenvalues(
         Their size, mm.
     axis : int
         The one that repeats, 0 or 1.
+    directions : str
+        Of the displacement and of the traction: "zz", "xx", "xy" or "yy".
     G, nu : float
         Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
     reference : float
@@ -146,10 +133,12 @@ def strip_eigenvalues(
 
     Notes
     -----
-    A wave of wavenumber q along the axis, on a strip of width h across it, moves a point at the
-    distance y from its middle by 2(1-ν)/(πG) ∫ K₀(q|t|) dt, from y - h/2 to y + h/2 (K₀ is the
-    modified Bessel function), its mean by that of plane strain. The integrals of SciPy are good to
-    1e-11 of the largest.
+    A wave of wavenumber q along the axis moves what lies at the distance t across it by 2/(πG)
+    times K₀ - ν q|t| K₁ along the axis, (1-ν) K₀ + ν q|t| K₁ across, (1-ν) K₀ normal to the
+    surface, and -iν q t K₀ from along to across (K₀, K₁ are the modified Bessel functions of q|t|):
+    the Fourier integrals across the axis of the symbol. They are integrated over the width of an
+    element. The mean is that of plane strain, along the axis of antiplane shear. The integrals of
+    SciPy are good to 1e-11 of the largest.
 
     Examples
     --------
@@ -160,19 +149,39 @@ def strip_eigenvalues(
     G, nu = check_constants(G, nu)
     other = 1 - axis
     n, h = shape[other], element[other]
-    waves = wavenumbers(shape, element)[axis].ravel()
-    if axis == 0:
-        waves = np.abs(waves)
-    # The integral from zero is odd: that over the element in the middle is twice one half.
+    waves = wavenumbers(shape, element)[axis].ravel()[1:]
+    is_along = directions == 2 * "xy"[axis]
+    is_odd = directions == "xy"
+    # Integrals from zero to the edges of the elements, but for the one in the middle of which the
+    # first element has both halves.
     edges = (np.arange(n + 1) - 0.5) * h
-    integrals = np.sign(edges) * iti0k0(np.abs(np.multiply.outer(waves, edges)))[1]
-    columns = np.diff(integrals)
-    columns[1:] *= 2.0 * (1.0 - nu) / (np.pi * G) / waves[1:, None]
-    columns[0] = line_contact_coefficients(n, h, G=G, nu=nu, reference=reference)
-    embedded = np.zeros((len(waves), strip_length(n)))
+    x = np.abs(np.multiply.outer(waves, edges))
+    if is_odd:
+        integrals = -nu * (1.0 - x * k1(x))
+    else:
+        # ∫ s K₁(s) ds = ∫ K₀(s) ds - x K₀(x).
+        of_k0, of_k1 = iti0k0(x)[1], iti0k0(x)[1] - x * k0(x)
+        if is_along:
+            integrals = of_k0 - nu * of_k1
+        else:
+            integrals = (1.0 - nu) * of_k0
+            if directions != "zz":
+                integrals += nu * of_k1
+        integrals *= np.sign(edges)
+    columns = np.zeros((len(waves) + 1, n))
+    columns[1:] = 2.0 / (np.pi * G) * np.diff(integrals)
+    columns[1:] /= (waves if is_odd else np.abs(waves))[:, None]
+    if is_odd:
+        if shape[axis] % 2 == 0:
+            columns[shape[axis] // 2] = 0.0
+    else:
+        columns[0] = line_contact_coefficients(
+            n, h, G=G, nu=0.0 if is_along else nu, reference=reference
+        )
+    embedded = np.zeros((len(columns), strip_length(n)))
     embedded[:, :n] = columns
     if n > 1:
-        embedded[:, 1 - n :] = columns[:, :0:-1]
-    if axis == 0:
-        return fft.rfft(embedded).real
-    return np.ascontiguousarray(fft.fft(embedded).real.T)
+        embedded[:, 1 - n :] = (-1.0 if is_odd else 1.0) * columns[:, :0:-1]
+    hat = fft.rfft(embedded) if axis == 0 else fft.fft(embedded).T
+    # Of what is odd the transform is imaginary, and the wave along the axis a factor i away.
+    return np.ascontiguousarray(-hat.imag if is_odd else hat.real)

@@ -1,6 +1,7 @@
 """Toeplitz matrices between the components of a field on one grid: a matrix-valued kernel."""
 
 from collections.abc import Sequence
+from math import prod
 from operator import index
 from typing import Any
 
@@ -93,7 +94,9 @@ class CoupledOperator(GridOperator):
         given = [block for row in rows for block in row if block is not None]
         dtype = np.result_type(*(block.dtype for block in given))
         library = given[0].library
-        super().__init__(dtype, (len(rows), *given[0].grid_shape), work=1.0, library=library)
+        grid_shape = (len(rows), *given[0].grid_shape)
+        work = 1.0 if product is None else product.points / prod(grid_shape)
+        super().__init__(dtype, grid_shape, work, library=library)
         self.blocks = rows
         pairs = [(rows[i][j], rows[j][i]) for i in range(len(rows)) for j in range(i + 1)]
         self.is_symmetric = self.is_hermitian = all(_is_transpose(*pair) for pair in pairs)

@@ -84,11 +84,11 @@ def friction(
     previous : TangentialResult, optional
         The tractions before: a result of `friction` on the same grid.
     reference : float, optional
-        In plane strain, the distance at which a line load moves nothing, mm; by default the length
-        of the grid.
+        In plane strain, and on surfaces that repeat along one of two axes, the distance at which a
+        line load moves nothing, mm; by default the length of the grid across such a load.
     periodic : bool or (bool, bool), optional
-        Whether the surfaces repeat, as in `normal_contact`: of two axes both or none. That of a
-        normal result is taken. Displacements, and so shifts, are those from the mean.
+        Whether the surfaces repeat, as in `normal_contact`. That of a normal result is taken. Where
+        they repeat along all axes, displacements, and so shifts, are those from the mean.
     tolerance : float
         The slip that is allowed where the bodies stick, and the part of it that does not oppose
         the traction where they slide, over the largest displacement. The bound holds exactly.
