@@ -165,8 +165,15 @@ def test_a_name_that_cannot_be_written_is_refused(write, ending, tmp_path):
             getattr(PRESSED, write)(tmp_path / name, overwrite=True)
 
 
+def refusal(path):
+    with pytest.raises(ValueError, match="is not a file of a contact result") as caught:
+        contact.load(path)
+    return str(caught.value)
+
+
 def test_other_files_are_no_results(tmp_path):
     (tmp_path / "text.npz").write_text("nothing")
+    assert "pickle" not in refusal(tmp_path / "text.npz")
     np.savez(tmp_path / "arrays.npz", x=np.ones(3))
     np.savez(tmp_path / "foreign.npz", about=np.array('{"format": "of another"}'))
     PRESSED.save(tmp_path / "whole.npz")

@@ -69,7 +69,8 @@ def load_result(path: str | os.PathLike[str], kinds: Mapping[str, type]) -> Any:
     except OSError:
         raise
     except Exception as error:  # NumPy, zip files and JSON raise many.
-        raise ValueError(f"{path} is not a file of a contact result: {error}") from error
+        said = "" if "pickle" in str(error) else f": {error}"  # NumPy advises to unpickle anything.
+        raise ValueError(f"{path} is not a file of a contact result{said}") from error
 
 
 def _describe(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
