@@ -62,6 +62,9 @@ class FrictionalResult:
         """Return the figures of both results with their units, a line each."""
         return f"{self.normal.summary()}\n\n{self.tangential.summary()}"
 
+    def _repr_html_(self) -> str:
+        return self.normal._repr_html_() + self.tangential._repr_html_()
+
 
 def check_friction(mu: float) -> float:
     """Return a coefficient of friction, or say what is wrong with it."""
