@@ -40,7 +40,7 @@ from toeplitz_mg.solvers.machine import WINDOW, cosine_over_levinson
 from toeplitz_mg.solvers.system import EPS, LARGEST_COSINE, ToeplitzSystem
 
 FEW = 2  # Most columns for which the inverse is not worth its set-up.
-UNSTABLE = 32_000 * EPS  # Backward error of the recursion that is not worth another one: 7e-12.
+UNSTABLE = 32_000 * EPS  # Backward error of the recursion that another one need not correct: 7e-12.
 ALIKE = 100.0  # Largest ratio of eigenvalues where a product in single precision has 5 digits.
 LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in n³/3 operations.
 
@@ -175,7 +175,7 @@ def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
     n, columns = len(system.c), system.columns
     is_small = n <= LARGEST_DENSE
     if not (is_small and lu_is_faster_than_levinson(n, columns)):
-        # Where no symbol is left to hope for, a correction is a second recursion.
+        # Where no symbol is left to hope for, a correction takes a second recursion.
         accepted = 0.0 if n <= SHORT or system.is_hermitian else UNSTABLE
         yield Method(LEVINSON, lambda B, rtol: (levinson(system.lags, B), 1), accepted)
     if is_small:

@@ -11,10 +11,11 @@ from toeplitz_mg.solvers.system import EPS, ToeplitzSystem, largest, norms
 
 RTOL = 1e-12  # Relative residual that is to be reached, if none is asked for.
 ROUNDING = 16 * EPS  # Backward error at which no correction can be expected to help.
+ACCEPTED = 1e4 * EPS  # Largest backward error of an answer without a warning.
 GOOD = 64 * EPS  # Backward error at which no other method is tried.
-ACCEPTED = 1e4 * EPS  # Largest backward error of an answer where all methods have been tried.
 SINGULAR = 0.1  # Relative residual above which there is no answer in float64.
 ILL_CONDITIONED = 1e-8  # Relative residual above which the user is warned.
+ROUGH = 1e-6  # Relative residual above which a solution is corrected, whatever it takes.
 CORRECTION = 1e-2  # Relative residual to which a correction is solved for.
 
 
@@ -80,7 +81,7 @@ def _correct(
             break
         best, least = X, backward_error
         info = SolveInfo(method.name, iterations, residual, backward_error)
-        if residual <= goal or (backward_error <= accepted and residual <= ILL_CONDITIONED):
+        if residual <= goal or (backward_error <= accepted and residual <= ROUGH):
             return best, info, True
         # Each column is as good as can be, by one error or by the other.
         if np.all(errors <= np.maximum(goal * sizes, ROUNDING * scales)):

@@ -13,6 +13,8 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.solvers.batch import is_faster_at_once, solve_at_once
 from toeplitz_mg.solvers.checks import check_numbers
 from toeplitz_mg.solvers.refinement import (
+    ACCEPTED,
+    GOOD,
     ILL_CONDITIONED,
     ROUNDING,
     RTOL,
@@ -96,7 +98,8 @@ def solve_toeplitz(
     -----
     scipy.linalg.LinAlgWarning
         Where the residual ‖b - A x‖ is above 1e-8 ‖b‖ and `rtol`: A is so ill-conditioned that
-        no solution in float64 does better, and x may have few correct digits.
+        no solution in float64 does better, and x may have few correct digits; or, without `rtol`,
+        x is what SciPy's recursion gives, and better ones are to be had.
 
     See Also
     --------
@@ -144,11 +147,16 @@ def solve_toeplitz(
     is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
     with np.errstate(all="ignore"):  # It is seen in the residual.
         x, info = (_solve_batch if is_batch else _solve)(c, r, b, check_finite, rtol)
-    if info.residual > max(ILL_CONDITIONED, rtol or RTOL):
+    is_doubtful = info.residual > max(ILL_CONDITIONED, rtol or RTOL)
+    if is_doubtful or (rtol is None and info.backward_error > ACCEPTED):
+        reason = "A is ill-conditioned, and x may have few correct digits"
+        if rtol is None and info.backward_error > GOOD:
+            reason = (
+                "the recursion loses digits of x, which rtol=1e-10 has corrected by another one"
+            )
         warnings.warn(
             f"‖b - A x‖/‖b‖ is {info.residual:.1e} although x is the solution of a system that "
-            f"differs from this one by {info.backward_error:.1e}: A is ill-conditioned, and x may "
-            "have few correct digits",
+            f"differs from this one by {info.backward_error:.1e}: {reason}",
             scipy.linalg.LinAlgWarning,
             stacklevel=2,
         )

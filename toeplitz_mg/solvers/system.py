@@ -15,7 +15,7 @@ from toeplitz_mg.solvers.cosine_form import CosineForm
 from toeplitz_mg.solvers.fourier_form import FourierForm, has_fourier_form
 
 EPS = float(np.finfo(np.float64).eps)
-SHORT = 500  # Most unknowns of which a product by its definition is as fast as one by FFT.
+SHORT = 800  # Most unknowns of which a product by its definition is as fast as one by FFT.
 LONG = 2048  # Fewest unknowns of which a product in a domain of their own is faster than by FFT.
 LARGEST_COSINE = 2**16  # Most unknowns of which a product is by transforms at once, not in panels.
 SMALL = 256  # Most unknowns where a filled matrix is as fast, for several vectors.
