@@ -82,6 +82,13 @@ def test_rolling_with_all_creepages(capsys):
     assert Fx > 0.0 > Fy
 
 
+def test_what_is_zero_to_the_tolerance_is_printed_as_zero(capsys):
+    """By symmetry there is no force across: what the solver leaves of one says nothing."""
+    assert run("rolling", "-n", "32", "--longitudinal=-2e-3") == 0
+    _, across = figures(capsys.readouterr().out)["tangential force"]
+    assert across == 0.0
+
+
 @pytest.mark.parametrize("is_line", [True, False])
 def test_writes_the_fields(is_line, tmp_path, capsys):
     line = ["--line"] if is_line else []
@@ -246,7 +253,9 @@ def test_a_profile_is_pressed(sizes, tmp_path, capsys):
     printed = capsys.readouterr().out
     unit = "N/mm" if len(sizes) == 1 else "N"
     assert f"force             2 {unit}\n" in printed
-    assert ("200 a profile, in plane strain: forces are N/mm" in printed) == (len(sizes) == 1)
+    assert ("200 heights of a profile, in plane strain: forces are N/mm" in printed) == (
+        len(sizes) == 1
+    )
     expected = normal_contact(gap, element, material=STEEL, force=2.0)
     fields = read(written)
     assert_allclose(fields["pressure"], expected.pressure, atol=1e-6 * expected.max_pressure)
@@ -260,13 +269,15 @@ def test_a_line_scan_of_the_library_is_pressed(tmp_path, capsys):
     np.savetxt(path, np.stack([x, -1e-4 * (x - x.mean()) ** 2], axis=1))
     options = ["--force", "2", "--unit", "um", "-o", str(written)]
     assert run("rough", str(path), *options) == 0
-    assert "100 a profile, in plane strain: forces are N/mm" in capsys.readouterr().out
+    assert "100 heights of a profile, in plane strain: forces are N/mm" in capsys.readouterr().out
     expected = normal_contact(1e-7 * (x - x.mean()) ** 2, 0.025, material=STEEL, force=2.0)
     fields = read(written)
     assert_allclose(fields["pressure"], expected.pressure, atol=1e-6 * expected.max_pressure)
     np.savetxt(path, np.stack([x**1.1, np.zeros(100)], axis=1))
     assert run("rough", str(path), *options) == 2
     assert "at positions that are not evenly spaced" in capsys.readouterr().err
+    assert run("rough", str(path), *options, "--element", "25") == 2
+    assert "has its own sizes: leave --element out" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -287,6 +298,7 @@ def test_a_line_scan_of_the_library_is_pressed(tmp_path, capsys):
         (["rough", "HEADED", "--force", "1"], "needs SurfaceTopography: pip install"),
         (["rough", "POINTS", "--force", "1", "--element", "1"], "3 columns, as positions beside"),
         (["rough", "WORDS", "--force", "1", "--element", "1"], "is not a table of numbers"),
+        (["rough", "WORDS", "--force", "1", "--element", "1"], "that is missing is written nan"),
         (["rough", "LINE", "--approach", "1", "--element", "1"], "plane strain leaves it open"),
         (["rough", "CUBE", "--force", "1", "--element", "1"], "the grid has shape (4, 4, 4)"),
     ],

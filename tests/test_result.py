@@ -1,5 +1,7 @@
 """What the results of contact problems say: derived quantities, their names, and that they stay."""
 
+import pickle
+from copy import deepcopy
 from dataclasses import FrozenInstanceError, fields, replace
 from xml.etree import ElementTree
 
@@ -126,6 +128,14 @@ def test_nothing_of_a_result_can_be_written(result):
             x[...] = 0
     with pytest.raises(FrozenInstanceError):
         result.area = 0.0
+
+
+@pytest.mark.parametrize("result", [PRESSED, ROLLED])
+def test_nor_of_a_copy(result):
+    for again in (pickle.loads(pickle.dumps(result)), deepcopy(result)):
+        assert np.array_equal(again.traction, result.traction)
+        assert not any(x.flags.writeable for x in arrays(again))
+    assert_allclose(pickle.loads(pickle.dumps(PRESSED)).stiffness, PRESSED.stiffness)
 
 
 def test_an_array_of_the_user_stays_his():

@@ -41,7 +41,7 @@ SIZES = (128, 512, 2048)
 LINES = (2**14, 2**17, 2**20)
 QUICK_SIZES, QUICK_LINES = (32, 64), (2048,)
 TABULATED = ("none", "T. Chan", "cosine", "sine", "M", "FSAI")  # In docs/masks.md.
-SHOWN = 128  # Elements across the grid whose tractions are drawn.
+SHOWN = 128  # Elements across the grid whose pressures are drawn.
 
 ON_A_LINE: dict[str, Callable[[int], Array]] = {
     "paper's test 3": lambda n: (np.arange(n) // (n // 8)) % 8 != 3,
@@ -179,7 +179,7 @@ def _format_times(area: str, n: int, own: dict[str, Row], b: str) -> Row:
 
 
 def draw(areas: Sequence[str], n: int, path: Path) -> None:
-    """Draw the tractions under a rigid displacement of each area."""
+    """Draw the pressures under a rigid displacement of each area."""
     figure = Figure(figsize=(17, 9), layout="constrained")
     axes = figure.subplots(3, 5).ravel()
     for ax, area in zip(axes, areas, strict=False):
@@ -190,13 +190,13 @@ def draw(areas: Sequence[str], n: int, path: Path) -> None:
         field = np.full((n, n), np.nan)
         field[masks.FRAGMENTED[area](n)] = p
         image = ax.imshow(
-            field.T, origin="lower", extent=(-1, 1, -1, 1), cmap="viridis_r",
+            field.T, origin="lower", extent=(-1, 1, -1, 1), cmap="YlOrRd",
             vmin=0.0, vmax=float(np.quantile(p, 0.95)), interpolation="none",
         )  # fmt: skip
         bar = ax.inset_axes((1.04, 0.0, 0.05, 1.0))
         figure.colorbar(image, cax=bar, extend="max")
-        ax.set(title=area, xticks=[-1, 0, 1], yticks=[-1, 0, 1])
-    figure.suptitle("Tractions over G under a unit displacement, on areas of half width 1")
+        ax.set(title=area, xlabel="x", ylabel="y", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
+    figure.suptitle(f"Pressures over G under a unit displacement, of {n}² elements")
     for ax in axes[len(areas) :]:
         ax.set_axis_off()
     report.write_figure(path, figure, dpi=130)

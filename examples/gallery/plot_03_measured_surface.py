@@ -44,7 +44,7 @@ for warning in pressed.warnings:
 
 # %%
 # Pressures, and the gap that is left.
-fig, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.9), layout="constrained")
+fig, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.9), layout="compressed")
 pressed.plot(ax=left)
 pressed.plot("gap", ax=right)
 plt.show()

@@ -13,17 +13,17 @@ import matplotlib.pyplot as plt
 from toeplitz_mg import contact
 
 n, mu = 48, 0.3
-element, steel = (0.026, 0.026), contact.Material(E=210000.0, nu=0.28)
+element, steel = (0.017, 0.017), contact.Material(E=210000.0, nu=0.28)
 gap = contact.surfaces.sphere((n, n), element, radius=50.0)
 pressed = contact.normal_contact(gap, element, material=steel, force=100.0)
-rolled = contact.rolling(mu * pressed.pressure, element, material=steel, spin=0.008)
+rolled = contact.rolling(mu * pressed.pressure, element, material=steel, spin=0.003)
 print(rolled)
 print(f"force along {rolled.force[0]:.3f} N, across {rolled.force[1]:.3f} N")
 
 # %%
 # Arrows of the traction over its size, where the wheel sticks in blue and where it slips in orange;
 # beside it the slip itself, over the distance rolled. Rolling is towards +x.
-fig, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.2), layout="constrained")
+fig, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.2), layout="compressed")
 rolled.plot(ax=left)
 rolled.plot("slip", ax=right)
 plt.show()

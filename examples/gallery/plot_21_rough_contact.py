@@ -79,13 +79,14 @@ for load, pressed in zip(relative, found, strict=True):
 # Where it touches
 # ----------------
 # Spots grow, and join. Within each the pressures are as under a small, uneven sphere.
-fig, axes = plt.subplots(1, 3, figsize=(10, 3.4), layout="constrained")
+fig, axes = plt.subplots(1, 3, figsize=(10, 3.4), layout="compressed")
 for ax, pressed in zip(axes, found[::2], strict=True):
     shown = np.where(pressed.contact, pressed.pressure / slope, np.nan)
     image = ax.imshow(shown.T, origin="lower", extent=(0, 2, 0, 2), cmap="YlOrRd", vmin=0, vmax=1)
-    ax.set(title=f"{100 * pressed.contact_fraction:.1f} % in contact", xlabel="x (mm)")
-axes[0].set_ylabel("y (mm)")
-fig.colorbar(image, ax=axes, label="pressure / (E* × slope)")
+    ax.set(title=f"{100 * pressed.contact_fraction:.1f} % in contact", xlabel="x [mm]")
+axes[0].set_ylabel("y [mm]")
+bar = axes[-1].inset_axes((1.05, 0.0, 0.05, 1.0))
+fig.colorbar(image, cax=bar, extend="max", label="pressure / (E* × slope)")
 
 # %%
 # Pressures

@@ -91,6 +91,7 @@ def test_rows_that_ranks_share(comm):
             *((getattr(tmg, f)(serial), getattr(slabs, f)(A)) for f in NAMES),
         ):
             assert_rows(slab, W @ x[slab.rows], M @ x, 1e-14)
+        assert_rows(slab, A.astype(np.float32) @ x[slab.rows], serial @ x, 2e-6)
 
 
 def test_bytes(comm):

@@ -242,8 +242,8 @@ def _print_report(case: Case | Rough, results: Mapping[str, ContactResult], seco
     print(f"{'':26s}{'this run':>28s}{'theory':>14s}")
     for name, ours, exact in rows:
         numbers = np.atleast_1d(ours)
-        rounding = 1e-12 * float(np.abs(numbers).max())
-        values = " ".join(f"{x if abs(x) > rounding else 0.0:.6g}" for x in numbers)
+        nothing = case.options.tolerance * float(np.abs(numbers).max())
+        values = " ".join(f"{x if abs(x) > nothing else 0.0:.6g}" for x in numbers)
         print(f"{name:26s}{values:>28s}{'' if exact is None else f'{exact:.6g}':>14s}")
     _print_doubts(results.values())
 

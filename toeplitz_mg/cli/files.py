@@ -158,7 +158,7 @@ def plot_contact(path: Path, dpi: int, title: str, results: Mapping[str, Contact
     """Draw the tractions of contact problems beside each other, by their titles."""
     import matplotlib.figure
 
-    figure = matplotlib.figure.Figure(figsize=(5.5 * len(results), 4.5), layout="constrained")
+    figure = matplotlib.figure.Figure(figsize=(5.5 * len(results), 4.5), layout="compressed")
     axes = figure.subplots(1, len(results), squeeze=False)[0]
     figure.suptitle(title)
     for ax, (name, result) in zip(axes, results.items(), strict=True):

@@ -66,8 +66,8 @@ class Rough:
     @property
     def title(self) -> str:
         """A line that says what is solved."""
-        what = "a profile, in plane strain: forces are N/mm" if self.is_plane else "heights"
-        return f"rough: {self.options.file}, {' x '.join(map(str, self.shape))} {what}"
+        plane = " of a profile, in plane strain: forces are N/mm" if self.is_plane else ""
+        return f"rough: {self.options.file}, {' x '.join(map(str, self.shape))} heights{plane}"
 
     def press(self, progress: Callable[[int, float], None]) -> NormalResult:
         """Solve the normal problem."""
@@ -87,7 +87,10 @@ def is_table(path: Path) -> bool:
 
 def read_table(path: Path) -> Array:
     """Read heights, of a surface or along a profile, or say why these are none."""
-    heights = files.load(path)
+    try:
+        heights = files.load(path)
+    except ValueError as error:
+        raise ValueError(f"{error}; a height that is missing is written nan") from error
     if heights.ndim == 2 and heights.shape[1] < FEWEST <= heights.shape[0]:
         raise ValueError(
             f"{path} has {heights.shape[1]} columns, as positions beside heights, but must be a "
@@ -115,16 +118,18 @@ def read_topography(path: Path, element: list[float] | None) -> Any:
             f"give heights alone, as a file {', '.join(TABLES)}"
         ) from error
     try:
-        reader = open_topography(str(path))
+        channel = open_topography(str(path)).default_channel
         sizes: dict[str, Any] = {}
-        if element is not None:
-            pixels = reader.default_channel.nb_grid_pts
-            sizes["physical_sizes"] = tuple((np.array(pixels) * element).tolist())
-        topography = reader.topography(**sizes)
+        if element is not None and channel.physical_sizes is None:
+            pixels = np.array(channel.nb_grid_pts)
+            sizes["physical_sizes"] = tuple((pixels * element).tolist())
+        topography = channel.topography(**sizes)
     except OSError:
         raise
     except Exception as error:  # Each of its formats raises errors of its own.
         raise ValueError(f"{path} cannot be read: {error}") from error
+    if element is not None and not sizes:
+        raise ValueError(f"{path} has its own sizes: leave --element out")
     if not topography.is_uniform:
         raise ValueError(
             f"{path} is a profile at positions that are not evenly spaced: interpolate it first, "

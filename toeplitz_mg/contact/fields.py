@@ -22,6 +22,12 @@ def protect(result: Any) -> None:
         object.__setattr__(result, field.name, value)
 
 
+def restore(result: Any, state: dict[str, Any]) -> None:
+    """Read what was pickled, or copied: arrays can be written to then, until they are protected."""
+    vars(result).update(state)
+    protect(result)
+
+
 def _x(result: Any) -> Array:
     """The centres of the elements along the first axis, mm."""
     centres: Array = result.centres[0]

@@ -140,11 +140,15 @@ class Inverse:
             change = self._measure_change(C, before)
         self._local = invert_locally(self._grid, self._A, C, change=change, dtype=self.dtype)
 
-    def __call__(self, r: Array) -> Array:
-        """Apply it to a field that is zero outside of the set; the result is not."""
+    def __call__(self, r: Array, out: Array | None = None) -> Array:
+        """Apply it to a field that is zero outside of the set; the result is not.
+
+        It may be in `out`.
+        """
         if self._local is not None:
             return self._local(r)
-        return apply_to_rows(self._everywhere, r.reshape(-1)).reshape(r.shape)
+        memory = None if out is None else out.reshape(-1)
+        return apply_to_rows(self._everywhere, r.reshape(-1), memory).reshape(r.shape)
 
     def _measure_change(self, C: Array, before: Array) -> float:
         """Return the elements that differ, as a share of those of the set."""

@@ -7,10 +7,12 @@ from toeplitz_mg._typing import Mask
 from toeplitz_mg.contact import saving
 from toeplitz_mg.contact.normal.result import NormalResult
 from toeplitz_mg.contact.tangential.result import TangentialResult
+from toeplitz_mg.contact.unlike.result import Before, FrictionalResult
 
 __all__ = [
     "ContactError",
     "ContactResult",
+    "FrictionalResult",
     "NormalResult",
     "TangentialResult",
     "check_converged",
@@ -19,11 +21,14 @@ __all__ = [
 ]
 
 ContactResult = NormalResult | TangentialResult  # Of any contact problem.
-KINDS = {kind.__name__: kind for kind in (NormalResult, TangentialResult)}
+# What a file may have, and what a result in a file may have for a part.
+KINDS: dict[str, type] = {
+    kind.__name__: kind for kind in (NormalResult, TangentialResult, FrictionalResult, Before)
+}
 Result = TypeVar("Result", NormalResult, TangentialResult)
 
 
-def load(path: str | os.PathLike[str]) -> ContactResult:
+def load(path: str | os.PathLike[str]) -> ContactResult | FrictionalResult:
     """Read a result that `save` has written.
 
     Parameters
@@ -32,7 +37,7 @@ def load(path: str | os.PathLike[str]) -> ContactResult:
 
     Returns
     -------
-    NormalResult or TangentialResult
+    NormalResult, TangentialResult or FrictionalResult
 
     Raises
     ------
@@ -43,7 +48,7 @@ def load(path: str | os.PathLike[str]) -> ContactResult:
 
     See Also
     --------
-    NormalResult.save, TangentialResult.save
+    NormalResult.save, TangentialResult.save, FrictionalResult.save
 
     Examples
     --------

@@ -7,6 +7,7 @@ window around the contact would have to go to other ranks.
 
 from collections.abc import Callable, Iterator
 from inspect import signature
+from types import SimpleNamespace
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -110,7 +111,7 @@ def friction(
     """
     how = _bind(contact.friction, ("shift", "force", "previous", *SEARCH), arguments)
     grid, g = _read("bound", bound, _check_bound, slab, element, material)
-    return _check(shift_bodies(grid, g, Whole, **how), how)
+    return _check(shift_bodies(grid, g, _whole, **how), how)
 
 
 def rolling(
@@ -138,7 +139,7 @@ def rolling(
     how = _bind(contact.rolling, (*MOTION, "moment", *SEARCH, "options"), arguments)
     asked = _take_motion(how)
     grid, g = _read("bound", bound, _check_bound, slab, element, material)
-    return _check(roll(grid, g, Whole, asked, **how), how)
+    return _check(roll(grid, g, _whole, asked, **how), how)
 
 
 def rolling_steps(
@@ -167,22 +168,12 @@ def rolling_steps(
     how = _bind(contact.rolling_steps, names, arguments)
     asked = _take_motion(how)
     grid, g = _read("bound", bound, _check_bound, slab, element, material)
-    return roll_steps(grid, g, Whole, asked, **how)
+    return roll_steps(grid, g, _whole, asked, **how)
 
 
-class Whole:
-    """The whole of a grid in slabs, in the place of a window around the elements in contact."""
-
-    def __init__(self, grid: Any, elements: Array) -> None:
-        self.whole = self.grid = grid
-
-    def cut(self, x: Array) -> Array:
-        """Return the part of a field that is inside."""
-        return x
-
-    def extend(self, x: Array) -> Array:
-        """Return a field on the whole grid."""
-        return x
+def _whole(grid: Any, elements: Array) -> Any:
+    """Return the whole of a grid, in the place of a window around the elements in contact."""
+    return SimpleNamespace(whole=grid, grid=grid, cut=lambda x: x, extend=lambda x: x)
 
 
 def _bind(

@@ -15,6 +15,7 @@ from toeplitz_mg.preconditioners.fsai.coupled import select_coupled_stencil
 from toeplitz_mg.preconditioners.fsai.neighbours import choose_stencil
 from toeplitz_mg.preconditioners.fsai.preconditioner import check_neighbours
 from toeplitz_mg.preconditioners.positivity import require_range
+from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.fsai_levels import (
     CommonLevel,
     SlabLevel,
@@ -22,7 +23,7 @@ from toeplitz_mg.slabs.fsai_levels import (
     build_on_slab,
     find_near,
 )
-from toeplitz_mg.slabs.operators import CoupledOperator, SlabOperator, ToeplitzOperator
+from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.structure import unwrap
 

@@ -15,8 +15,9 @@ from toeplitz_mg.contact.steady_matrices import ADDITIONS, LEAST, fade_rate, int
 from toeplitz_mg.engine.lengths import embedding_lengths
 from toeplitz_mg.halfspace.matrices import KERNELS, evaluate
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
+from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.fsai import fsai_preconditioner
-from toeplitz_mg.slabs.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
+from toeplitz_mg.slabs.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.slabs.product import SlabProduct
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.trigonometric import cosine_preconditioner

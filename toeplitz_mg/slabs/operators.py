@@ -8,7 +8,6 @@ There is no multigrid on slabs: a cycle moves six times the bytes of an iteratio
 gradients with `fsai_preconditioner`, and takes more of them.
 """
 
-from collections.abc import Sequence
 from math import prod
 from typing import Any
 
@@ -17,7 +16,7 @@ from numpy.typing import ArrayLike, DTypeLike
 
 from toeplitz_mg import operators
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import NUMPY, Library, library_of, refuse_mixed
+from toeplitz_mg.engine.library import NUMPY, Library, library_of
 from toeplitz_mg.operators.coefficients import check_finite, check_precision, require_digits
 from toeplitz_mg.operators.masked import check_booleans
 from toeplitz_mg.slabs.product import SlabProduct, embed_on_slab
@@ -95,6 +94,20 @@ class SlabOperator:
                 raise ValueError(f"x has shape {vector.shape}, but A has {self.shape}")
             same["the dtype of x"] = dtype
         return self.apply(vector)
+
+    def astype(self, dtype: DTypeLike) -> Any:
+        """Return the matrix in another precision, or itself where it has that one."""
+        dtype = check_precision(dtype, self.dtype)
+        return self if self.dtype == dtype else self._cast(dtype)
+
+    def _cast(self, dtype: np.dtype[Any]) -> Any:
+        raise TypeError(
+            f"A is {self!r}, which is made in one precision: give its function the dtype"
+        )
+
+    def __repr__(self) -> str:
+        # The same on all ranks, for errors.
+        return f"<{type(self).__name__} of {self.slab.name}, {self.dtype}>"
 
 
 class ToeplitzOperator(SlabOperator):
@@ -200,11 +213,7 @@ class ToeplitzOperator(SlabOperator):
         product = self.product
         return product.spectra[0][0] if isinstance(product, SlabProduct) else self._embed()
 
-    def astype(self, dtype: DTypeLike) -> "ToeplitzOperator":
-        """Return the matrix in another precision, or itself where it has that one."""
-        dtype = check_precision(dtype, self.dtype)
-        if self.dtype == dtype:
-            return self
+    def _cast(self, dtype: np.dtype[Any]) -> "ToeplitzOperator":
         return ToeplitzOperator(
             self.library.from_numpy(self.c.astype(dtype)),
             self.slab,
@@ -216,84 +225,6 @@ class ToeplitzOperator(SlabOperator):
     def __repr__(self) -> str:
         kind = "symmetric" if self.is_symmetric else "general"
         return f"<ToeplitzOperator {self.slab.name}, {kind}, {self.dtype}>"
-
-
-class CoupledOperator(SlabOperator):
-    """A square array of Toeplitz matrices, between the components of a field on one grid.
-
-    The vectors hold this rank's rows of one component after the other.
-
-    Parameters
-    ----------
-    blocks : sequence of sequences of ToeplitzOperator or None
-        ``blocks[i][j]`` takes component j of the vector to component i of the result; None is
-        zero. All live on one slab.
-
-    Attributes
-    ----------
-    blocks : tuple of tuples of ToeplitzOperator or None
-
-    Raises
-    ------
-    TypeError
-        Where a block is no ToeplitzOperator of this module.
-    ValueError
-        Where the array is not square, or the blocks live on several slabs.
-
-    See Also
-    --------
-    toeplitz_mg.CoupledOperator
-    """
-
-    def __init__(self, blocks: Sequence[Sequence[ToeplitzOperator | None]]) -> None:
-        self.blocks = tuple(map(tuple, blocks))
-        given = [block for row in self.blocks for block in row if block is not None]
-        if not given or not all(isinstance(block, ToeplitzOperator) for block in given):
-            raise TypeError(
-                f"blocks is {blocks!r}, but must have rows of ToeplitzOperator of "
-                "toeplitz_mg.slabs, or None, as [[xx, xy], [xy, yy]]"
-            )
-        slab, library, components = given[0].slab, given[0].library, len(self.blocks)
-        with slab.agree() as same:
-            same["which blocks there are"] = [[b is not None for b in row] for row in self.blocks]
-            if any(len(row) != components for row in self.blocks):
-                raise ValueError(
-                    f"blocks has {components} rows of {[len(row) for row in self.blocks]} blocks, "
-                    "but must be square"
-                )
-            if any(block.slab is not slab for block in given):
-                raise ValueError("the blocks live on several slabs, but must live on one")
-            for block in given:
-                if block.library is not library:
-                    refuse_mixed("a block", block.library, library)
-        dtype = np.result_type(*(block.dtype for block in given))
-        super().__init__(slab, dtype, (components, *slab.local), library=library)
-        spectra = [[block and block.spectrum for block in row] for row in self.blocks]
-        self.product = SlabProduct(slab, library, spectra, self.dtype)
-
-    def astype(self, dtype: DTypeLike) -> "CoupledOperator":
-        """Return the matrix in another precision, or itself where it has that one."""
-        dtype = check_precision(dtype, self.dtype)
-        if self.dtype == dtype:
-            return self
-        return CoupledOperator(
-            [[block and block.astype(dtype) for block in row] for row in self.blocks]
-        )
-
-    def check_symmetric(self) -> None:
-        """Raise ValueError where it is not symmetric, or a component has no block on itself."""
-        for i, row in enumerate(self.blocks):
-            if row[i] is None:
-                raise ValueError(f"the block of component {i} on itself is zero")
-            for j, block in enumerate(row[: i + 1]):
-                if not _is_transpose(block, self.blocks[j][i]):
-                    raise ValueError(
-                        f"A is not symmetric: its blocks ({i}, {j}) and ({j}, {i}) are not each "
-                        "other's transpose"
-                    )
-
-    def __repr__(self) -> str:
-        return f"<CoupledOperator of {len(self.blocks)} components {self.slab.name}, {self.dtype}>"
 
 
 class MaskedOperator(SlabOperator):
@@ -332,30 +263,20 @@ class MaskedOperator(SlabOperator):
             )
         with A.slab.agree():
             mask = library_of(mask).to_numpy(mask)
-            self.mask = check_booleans(mask, A.grid_shape, isinstance(A, CoupledOperator))
+            self.mask = check_booleans(mask, A.grid_shape, len(A.grid_shape) > len(A.slab.shape))
         if not A.slab.vectors.count(self.mask):
             raise ValueError("mask is nowhere true on any rank: there are no unknowns")
         index = np.flatnonzero(self.mask)
         super().__init__(A.slab, A.dtype, A.grid_shape, len(index), A.library)
         self.full, self._cells = A, A.library.cells(index, self.mask.size)
 
-    def astype(self, dtype: DTypeLike) -> "MaskedOperator":
-        """Return the matrix in another precision, or itself where it has that one."""
-        full: Any = self.full
-        return self if self.dtype == dtype else MaskedOperator(full.astype(dtype), self.mask)
+    def _cast(self, dtype: np.dtype[Any]) -> "MaskedOperator":
+        return MaskedOperator(self.full.astype(dtype), self.mask)
 
     apply = operators.MaskedOperator.apply
 
     def __repr__(self) -> str:
-        return f"<MaskedOperator of {self.full!r}>"  # The same on all ranks, for errors.
-
-
-def _is_transpose(one: ToeplitzOperator | None, other: ToeplitzOperator | None) -> bool:
-    """Whether a block is the transpose of the other."""
-    if one is None or other is None:
-        return one is other
-    differ = np.logical_or(other.c != one.opposite, other.opposite != one.c)
-    return one.parity[1:] == other.parity[1:] and not one.slab.vectors.count(differ)
+        return f"<MaskedOperator of {self.full!r}>"
 
 
 def _check_rows(name: str, values: ArrayLike, slab: Slab) -> Array:

@@ -15,8 +15,9 @@ from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.passes import NARROW
 from toeplitz_mg.engine.work import count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.slabs.cuts import Turn
 from toeplitz_mg.slabs.line import Line
-from toeplitz_mg.slabs.slab import Slab, Turn
+from toeplitz_mg.slabs.slab import Slab
 
 TURN_BYTES = 2**23  # Bytes of the columns that a rank has at a time.
 
@@ -39,7 +40,7 @@ class SlabProduct:
     """
 
     def __init__(self, slab: Slab, library: Library, spectrum: Any, dtype: DTypeLike) -> None:
-        self.line = Line(slab) if slab.is_line else None
+        self._given, self.line = slab, Line(slab) if slab.is_line else None
         self.slab, self.library = self.line.slab if self.line else slab, library
         casts = [
             [s if s is None else library.from_numpy(NUMPY.cast_numbers(s, dtype)) for s in row]
@@ -61,7 +62,7 @@ class SlabProduct:
 
     def astype(self, dtype: DTypeLike) -> "SlabProduct":
         """Return the multiplication in another precision; no transform is made."""
-        return SlabProduct(self.slab, self.library, self.spectra, dtype)
+        return SlabProduct(self._given, self.library, self.spectra, dtype)
 
     def apply(self, x: Any, y: Any) -> Any:
         """Multiply a vector into another, which may be the same; return the result."""

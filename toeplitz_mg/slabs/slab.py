@@ -7,7 +7,6 @@ the same bits on all ranks: otherwise one would wait for ever for a message that
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from itertools import pairwise
 from math import inf, prod
 from os import PathLike
 from typing import Any
@@ -21,14 +20,11 @@ from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.halfspace.points import check_element
+from toeplitz_mg.slabs.cuts import Turn, choose_unit, cut_in_turns, cuts_of
 from toeplitz_mg.slabs.files import save_rows
 from toeplitz_mg.values import count
 
-UNITS = (64, 16, 4, 1)  # Rows that may stay together: the cells of FSAI grow fourfold a level.
-SHARE = 16  # Units that a rank has at least, so that one more of them is not felt.
 REFUSALS = (np.linalg.LinAlgError, ValueError, TypeError, OSError)  # What all ranks raise alike.
-
-Turn = Sequence[tuple[int, int]]  # The first column of each rank, and the one behind its last.
 
 
 class Slab:
@@ -87,8 +83,7 @@ class Slab:
                 raise ValueError(f"shape is {shape!r}, but must be a tuple of one axis at least")
             shape = tuple(count("each number of shape", n) for n in shape)
             if unit is None:
-                of_line = () if prod(shape[1:]) > 1 else (line_width(shape[0]),)
-                unit = next((k for k in (*of_line, *UNITS) if shape[0] >= SHARE * k * ranks), 1)
+                unit = choose_unit(shape, ranks)
             units = -(-shape[0] // count("unit", unit))
             if ranks > units:
                 of_units = "" if unit == 1 else f", {units} units of {unit} rows"
@@ -97,7 +92,7 @@ class Slab:
                     "needs one at least: use fewer ranks, or make the longest axis the first one"
                 )
             same["the shape of the grid"], same["unit"] = shape, unit
-        self._set(shape, unit, np.minimum(unit * _cuts(units, ranks), shape[0]))
+        self._set(shape, unit, np.minimum(unit * cuts_of(units, ranks), shape[0]))
 
     def _set(self, shape: tuple[int, ...], unit: int, starts: Array) -> None:
         self.shape, self.unit, self.starts = shape, unit, starts
@@ -120,7 +115,7 @@ class Slab:
 
     def evenly(self, shape: tuple[int, ...]) -> "Slab":
         """Return the slab of another grid, of which all ranks have about as many rows, or none."""
-        return self.alike(shape, 1, _cuts(shape[0], self.comm.size))
+        return self.alike(shape, 1, cuts_of(shape[0], self.comm.size))
 
     def alike(self, shape: tuple[int, ...], unit: int, starts: Array) -> "Slab":
         """Return the slab of another grid that is cut at these rows."""
@@ -258,15 +253,11 @@ class Slab:
 
     def columns(self, n: int) -> slice:
         """Return which of n columns this rank has between `to_columns` and `to_rows`."""
-        return slice(*_cuts(n, self.comm.size)[self.comm.rank : self.comm.rank + 2].tolist())
+        return slice(*cuts_of(n, self.comm.size)[self.comm.rank : self.comm.rank + 2].tolist())
 
     def turns(self, n: int, width: int) -> Iterator[Turn]:
         """Cut n columns into turns, in each of which a rank has at most `width` of its own."""
-        cuts = _cuts(n, self.comm.size).tolist()
-        of_ranks = list(pairwise(cuts))
-        turns = max(1, -(-max(b - a for a, b in of_ranks) // width))
-        for k in range(turns):
-            yield [(a + (b - a) * k // turns, a + (b - a) * (k + 1) // turns) for a, b in of_ranks]
+        return cut_in_turns(n, self.comm.size, width)
 
     def to_columns(self, Z: Array, turn: Turn | None = None, out: Array | None = None) -> Array:
         """Exchange the columns of this rank's rows for the rows of this rank's columns.
@@ -371,13 +362,3 @@ def _check_communicator(comm: Any) -> Any:
             "mpi4py"
         )
     return comm
-
-
-def line_width(n: int) -> int:
-    """Return how many of n unknowns of one axis are a row, where they are taken as a matrix."""
-    return 1 << n.bit_length() // 2
-
-
-def _cuts(n: int, parts: int) -> Array:
-    """Return where n things are cut into parts of about the same size, shape (parts + 1,)."""
-    return np.array([n * k // parts for k in range(parts + 1)])

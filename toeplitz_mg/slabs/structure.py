@@ -10,12 +10,8 @@ from numpy.typing import DTypeLike
 from toeplitz_mg import operators
 from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.preconditioners.positivity import require_range
-from toeplitz_mg.slabs.operators import (
-    CoupledOperator,
-    MaskedOperator,
-    SlabOperator,
-    ToeplitzOperator,
-)
+from toeplitz_mg.slabs.coupled import CoupledOperator
+from toeplitz_mg.slabs.operators import MaskedOperator, SlabOperator, ToeplitzOperator
 
 Make = Callable[[ToeplitzOperator, np.dtype[Any]], SlabOperator]
 ROBUST = "fsai_preconditioner(A), or cg without M"
@@ -86,6 +82,3 @@ class BlockDiagonal(SlabOperator):
         self.blocks = blocks
 
     apply = operators.BlockDiagonal.apply
-
-    def __repr__(self) -> str:
-        return f"<BlockDiagonal of {self.blocks!r}>"

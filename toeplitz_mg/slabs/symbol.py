@@ -14,9 +14,10 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.embedding import around, cut, split
 from toeplitz_mg.engine.library import NUMPY
 from toeplitz_mg.preconditioners.symbol import Tail, continue_axis, tail_length
+from toeplitz_mg.slabs.cuts import Turn
 from toeplitz_mg.slabs.line import LongTransform
 from toeplitz_mg.slabs.product import turns_of
-from toeplitz_mg.slabs.slab import Slab, Turn
+from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.windows import Windows
 
 Parity = tuple[int, ...]  # Along each axis: 1 of even coefficients, -1 of odd ones.

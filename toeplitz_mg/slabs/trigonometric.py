@@ -73,13 +73,13 @@ class DiagonalisedGrid(SlabOperator):
     def __init__(self, A: ToeplitzOperator, dtype: np.dtype[Any], first: int) -> None:
         slab, library = A.slab, A.library
         super().__init__(slab, dtype, slab.local, library=library)
-        self._transforms, self._name = (library.cosine, library.sine)[first], NAMES[first]
+        self._transforms = (library.cosine, library.sine)[first]
         self._lengths = tuple(map(near_fast_length, slab.shape))
         count_transforms(1, *slab.local)
         numbers = [range(first, first + n) for n in self._lengths]
         symbol = GridSymbol(slab, [2 * n for n in self._lengths], numbers)
         samples = symbol.sample(A.c.astype(np.float64), A.parity, is_continued=True)
-        samples = check_samples(slab, samples, dtype, self._name)
+        samples = check_samples(slab, samples, dtype, NAMES[first])
         inverse = np.reciprocal(samples, out=samples).astype(dtype, copy=False)
         self._inverse = library.from_numpy(inverse)
 
@@ -110,9 +110,6 @@ class DiagonalisedGrid(SlabOperator):
         y[...] = result
         return y
 
-    def __repr__(self) -> str:
-        return f"<DiagonalisedGrid by the {self._name} transform on {self.slab!r}, {self.dtype}>"
-
 
 class DiagonalisedLine(SlabOperator):
     """The same on one axis, by transforms of a vector extended by zeros.
@@ -125,13 +122,13 @@ class DiagonalisedLine(SlabOperator):
     def __init__(self, A: ToeplitzOperator, dtype: np.dtype[Any], first: int) -> None:
         slab, n = A.slab, prod(A.slab.shape)
         super().__init__(slab, dtype, slab.local, library=A.library)
-        self._first, self._name, half = first, NAMES[first], near_fast_length(n)
+        self._first, half = first, near_fast_length(n)
         c = sum_line(slab, A.c.ravel().astype(np.float64, copy=False), half)
         of_samples = LongTransform(slab, half + 1, 2 * half)
         samples, k = of_samples.sums(c), of_samples.numbers
         # Of two frequencies with the same sample one counts.
         is_sampled = (k != half * (1 - first)) & ((k <= half) | ~of_samples.have_both)
-        checked = check_samples(slab, samples[is_sampled], dtype, self._name)
+        checked = check_samples(slab, samples[is_sampled], dtype, NAMES[first])
         self._inverse = (2.0 / np.maximum(samples, slab.vectors.min(checked))).astype(dtype)
         self._w = np.exp(-0.5j * np.pi / half * k).astype(dtype.char.upper())
         self._transform = LongTransform(slab, n, 2 * half, dtype)
@@ -146,9 +143,6 @@ class DiagonalisedLine(SlabOperator):
         U *= self._w.conj()
         result = self.library.from_numpy(self._transform.backward(U))
         return self.library.join([result], y)
-
-    def __repr__(self) -> str:
-        return f"<DiagonalisedLine by the {self._name} transform on {self.slab!r}, {self.dtype}>"
 
 
 def check_samples(slab: Slab, samples: Array, dtype: np.dtype[Any], name: str) -> Array:

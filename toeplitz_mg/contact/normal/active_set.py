@@ -19,6 +19,7 @@ from toeplitz_mg.contact.active_sets import Iterate, find_sets
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.inverse import Inverse
 from toeplitz_mg.contact.normal.inner import Area, Look, solve_on_set
+from toeplitz_mg.contact.normal.part import Part
 from toeplitz_mg.contact.products import Products, for_coarser_grids
 from toeplitz_mg.engine.threads import elementwise
 from toeplitz_mg.operators import ToeplitzOperator
@@ -30,6 +31,8 @@ LEAST, MOST = 1.5e-3, 1e-2
 FALL = 0.5  # Part of the error that a step may leave: beyond, the search changes the set.
 DAMPING = 0.5  # Part of Jacobi's step by which the pressures follow the detail of a finer grid.
 FULL = 1e-13  # Part of the largest force, which all elements carry at the hardness, as rounding.
+NEAR = 4.0  # Gap that may close in the solution on a set, over the largest error before it.
+SPARSE = 0.2  # Share of the elements up to which fields are cut to those that may be in contact.
 BALANCED = 1e-15  # Error of the sum of projected pressures, relative to it, that is rounding.
 COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is but a guess.
 
@@ -243,21 +246,29 @@ class Search:
     def advance(self, A: Products, now: Iterate, law: Law, eta: float) -> tuple[Iterate, int]:
         """Solve on the set C = `now.sets`, and change it."""
         C, M, count, gap = now.sets, self._inverse, 0, law.look.gap
+        part = None
         while A.vectors.count(C):  # Where all elements of a contact yield there is none.
             M.fit(C)
+            part = self._part(C, law.look)
             change = solve_on_set(
                 A,
                 M,
                 C,
                 now.x,
                 law.look,
+                part=part,
                 most=self.most,
                 eta=eta,
                 tolerance=self.tolerance * law.interference,
                 balanced=self.force is not None,
             )
-            count, gap = count + change.iterations, change.gap
-            x, u = elementwise(np.add, now.x, change.p), elementwise(np.add, now.u, change.u)
+            count += change.iterations
+            if part is None:
+                x, u = elementwise(np.add, now.x, change.p), elementwise(np.add, now.u, change.u)
+                gap = change.gap
+            else:
+                x, u = part.put(part.cut(now.x) + change.p, now.x), now.u
+                gap = part.put(change.gap, law.look.gap)
             now = Iterate(x, u, C, is_exact=False)
             if change.is_solved or A.exhausted:
                 break
@@ -268,12 +279,23 @@ class Search:
                 return now, count
         p, C = now.x, self._change(now.x, gap)
         is_bounded = self.hardness < np.inf
-        if A.vectors.min(p) < 0.0 or (is_bounded and A.vectors.max(p) > self.most):
-            p = self._clip(p)
+        is_admissible = A.vectors.min(p) >= 0.0 and not (
+            is_bounded and A.vectors.max(p) > self.most
+        )
+        if part is not None or not is_admissible:
+            p = p if is_admissible else self._clip(p)
             if is_bounded:
                 C |= self.sets_of(p)
             return Iterate(p, A(p), C), count
         return replace(now, sets=C), count
+
+    def _part(self, C: Array, look: Look) -> Part | None:
+        """Return the elements of a set, and those that may come in contact, if these are few."""
+        vectors, reach = self.grid.vectors, NEAR * max(look.misfit, look.violation)
+        near = elementwise(lambda C, gap: C | (gap < reach), C, look.gap)
+        if self.hardness < np.inf or vectors.count(near) > SPARSE * prod(self.grid.shape):
+            return None
+        return Part(near)
 
     def _change(self, p: Array, gap: Array) -> Array:
         """Return the elements whose pressure is free from now on.

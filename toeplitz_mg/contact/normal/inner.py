@@ -10,8 +10,9 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import DTypeLike
 
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Array, Multiply
 from toeplitz_mg.contact.inverse import Inverse
+from toeplitz_mg.contact.normal.part import Part
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.threads import elementwise
@@ -104,7 +105,7 @@ class Look(NamedTuple):
 
 
 class Change(NamedTuple):
-    """A change of the pressures, that of the displacements, and what they lead to."""
+    """A change of the pressures, that of the displacements, and what they lead to, on a part."""
 
     p: Array
     u: Array
@@ -120,6 +121,7 @@ def solve_on_set(
     p: Array,
     now: Look,
     *,
+    part: Part | None,
     most: float,
     eta: float,
     tolerance: float,
@@ -139,6 +141,9 @@ def solve_on_set(
         The pressures to start from.
     now : Look
         What is wrong with them.
+    part : Part or None
+        The elements that are looked at, to which the set belongs: what is returned is of these.
+        All, where there is none.
     most : float
         The hardness, or infinity.
     eta : float
@@ -149,7 +154,12 @@ def solve_on_set(
         Whether the sum of the pressures is given, so that the change has the sum zero, and the
         approach is free.
     """
-    vectors = A.vectors
+    vectors, gap = A.vectors, now.gap
+    multiply: Multiply = A
+    invert: Multiply = M
+    if part is not None:
+        C, p, gap = part.cut(C), part.cut(p), part.cut(gap)
+        multiply, invert = part.restrict(A, M.dtype), part.restrict(M, M.dtype)
     is_bounded = most < np.inf
     area = Area(C, M.dtype, vectors, (p == most) & ~C if is_bounded else None)
     unit = max(now.misfit, tolerance)
@@ -158,19 +168,19 @@ def solve_on_set(
         scaled: Array = np.clip(x * (1.0 / unit), -FAR, FAR).astype(M.dtype)
         return scaled
 
-    p0, gap0 = (elementwise(scale, x) for x in (p, now.gap))
+    p0, gap0 = (elementwise(scale, x) for x in (p, gap))
     room0 = scale(most - p) if is_bounded else None
     v, Av = (np.zeros(p.shape, M.dtype) for _ in range(2))
 
     def precondition(r: Array, out: Array) -> Array:
-        y = M(r)
+        y = invert(r, out)
         mean = area.mean(y) if balanced else 0.0
         return elementwise(lambda y, in_contact: (y - mean) * in_contact, y, area.mask, out=out)
 
     def add(p: Array, gap: Array) -> tuple[Array, Array]:
         return elementwise(np.add, p, v), elementwise(np.add, gap, Av)
 
-    iteration = ConjugateGradients(A, precondition, vectors)
+    iteration = ConjugateGradients(multiply, precondition, vectors)
     count = 0
     while True:
         room = None if room0 is None else room0 - v

@@ -175,6 +175,7 @@ class NormalResult:
         """
         return plotting.draw(self, field, ax)
 
+    __setstate__ = fields.restore
     x, y, contact_fraction = fields.x, fields.y, fields.contact_fraction
     save, to_xarray, to_vtk = saving.save, saving.to_xarray, saving.to_vtk
     summary, __repr__, _repr_html_ = list_figures, shorten, tabulate_figures

@@ -72,8 +72,8 @@ class TangentialResult:
         spin in 1/mm, and in line contact that is rolled along x alone the longitudinal one; None in
         friction.
     moment : float or None
-        In rolling, the moment of the tractions about the pole, N mm, with arms to the middle of a
-        step, half an element ahead; None in friction and in line contact.
+        In rolling, the moment of the tractions about the pole, N mm, with the arm x - h/2, as the
+        slip belongs half an element ahead of where it stands; None in friction and in line contact.
     power : float or None
         The power that slip dissipates, in rolling over the speed, N, from forces and creepages,
         which is exact in the steady state; in friction the work of this shift, N mm; None where it
@@ -171,6 +171,7 @@ class TangentialResult:
         """
         return plotting.draw(self, field, ax)
 
+    __setstate__ = fields.restore
     x, y, contact_fraction = fields.x, fields.y, fields.contact_fraction
     save, to_xarray, to_vtk = saving.save, saving.to_xarray, saving.to_vtk
     summary, __repr__, _repr_html_ = list_figures, shorten, tabulate_figures

@@ -142,7 +142,7 @@ def look(problem: Problem, loads: Loads, areas: Areas, q: Array, u: Array) -> Lo
     """Say what is wrong with tractions q, with the displacements u = K q."""
     vectors, b, creepages = problem.vectors, problem.b, loads.wanted
     if len(loads.wanted):
-        T = Tangent(areas, q, vectors, balanced=False)
+        T = Tangent(areas, q, vectors, balanced=())
         creepages = _complement(loads.units, T, vectors).coordinates(T(u - b))
         b = b + vectors.combine(creepages, loads.units)
         problem = replace(problem, b=b)
@@ -231,7 +231,7 @@ def _carry(problem: Problem, loads: Loads, areas: Areas, q: Array) -> Array:
     for _ in range(CARRYING if len(loads.wanted) else 0):
         if loads.error(q, vectors) <= CARRIED:
             break
-        T = Tangent(areas, q, vectors, balanced=False)
+        T = Tangent(areas, q, vectors, balanced=())
         v = _complement(loads.arms, T, vectors).reach(loads.missing(q, vectors))
         q, _ = make_admissible(q + v, problem.g, areas, areas.slide, None, vectors)
     return q

@@ -3,7 +3,8 @@
 For pressures p the tangential problem has the bound μ p, and displacements by p; for its tractions
 q the normal problem has a gap that is wider by their displacements. One after the other they are
 a map p → p' whose fixed point solves both. It contracts: by K of the materials and by μ. Anderson's
-acceleration finds the fixed point from the last three pairs.
+acceleration finds the fixed point from the last three pairs: their combination presses on elements
+of the last one only, as where others were in contact it would press on an open gap.
 """
 
 from collections.abc import Callable
@@ -11,11 +12,8 @@ from dataclasses import dataclass
 from math import inf
 from typing import Protocol
 
-import numpy as np
-
 from toeplitz_mg._typing import Array, Progress
-
-DEPTH = 2  # Differences of pairs that the acceleration combines: more of them save nothing.
+from toeplitz_mg.contact.acceleration import Pairs, accelerate, extend
 
 
 class Normal(Protocol):
@@ -92,7 +90,7 @@ def alternate(
     residuals : tuple of float
         The violation in each iteration.
     """
-    pairs: list[tuple[Array, Array]] = []
+    pairs: Pairs = []
     residuals: list[float] = []
     while True:
         q = shear(p)
@@ -100,24 +98,5 @@ def alternate(
         report.look(residuals[-1])
         if residuals[-1] <= tolerance or len(residuals) == most:
             return p, tuple(residuals)
-        pairs = [*pairs, (p, normal.solve(q, p))][-DEPTH - 1 :]
+        pairs = extend(pairs, p, normal.solve(q, p))
         p = normal.balance(accelerate(pairs))
-
-
-def accelerate(pairs: list[tuple[Array, Array]]) -> Array:
-    """Return pressures near the fixed point, by Anderson's method, from pairs (p, p').
-
-    Of the affine combinations of the pairs it is p' of the one in which p' - p is least. The
-    elements in contact are those of the last pair: where others were, the combination would press
-    on an open gap.
-    """
-    _, image = pairs[-1]
-    if len(pairs) == 1:
-        return image
-    steps = [y - x for x, y in pairs]
-    differences = [(steps[-1] - step).ravel() for step in steps[:-1]]
-    weights, *_ = np.linalg.lstsq(np.stack(differences, axis=1), steps[-1].ravel(), rcond=None)
-    mixed = image.copy()
-    for weight, (_, earlier) in zip(weights, pairs[:-1], strict=True):
-        mixed -= weight * (image - earlier)
-    return np.where((image > 0.0) & (mixed > 0.0), mixed, image)

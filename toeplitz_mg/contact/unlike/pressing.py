@@ -17,12 +17,8 @@ from toeplitz_mg.contact.checks import (
 )
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.unlike.alternation import Report, alternate
-from toeplitz_mg.contact.unlike.result import (
-    Before,
-    FrictionalResult,
-    check_both,
-    check_friction,
-)
+from toeplitz_mg.contact.unlike.checks import check_both, check_friction
+from toeplitz_mg.contact.unlike.result import Before, FrictionalResult
 from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Shifting, bound_of
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows

@@ -16,8 +16,9 @@ from toeplitz_mg.contact.tangential.rolling import roll
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.contact.unlike.alternation import Report, alternate
+from toeplitz_mg.contact.unlike.checks import check_both, check_friction
 from toeplitz_mg.contact.unlike.pressing import INNER
-from toeplitz_mg.contact.unlike.result import FrictionalResult, check_both, check_friction
+from toeplitz_mg.contact.unlike.result import FrictionalResult
 from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Rolling, bound_of
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.values import count, field, refuse_masked

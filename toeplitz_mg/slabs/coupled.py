@@ -1,0 +1,92 @@
+"""Toeplitz matrices between the components of a field on slabs."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg.engine.library import refuse_mixed
+from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator
+from toeplitz_mg.slabs.product import SlabProduct
+
+
+class CoupledOperator(SlabOperator):
+    """A square array of Toeplitz matrices, between the components of a field on one grid.
+
+    The vectors hold this rank's rows of one component after the other.
+
+    Parameters
+    ----------
+    blocks : sequence of sequences of ToeplitzOperator or None
+        ``blocks[i][j]`` takes component j of the vector to component i of the result; None is
+        zero. All live on one slab.
+
+    Attributes
+    ----------
+    blocks : tuple of tuples of ToeplitzOperator or None
+
+    Raises
+    ------
+    TypeError
+        Where a block is no ToeplitzOperator of this module.
+    ValueError
+        Where the array is not square, or the blocks live on several slabs.
+
+    See Also
+    --------
+    toeplitz_mg.CoupledOperator
+    """
+
+    def __init__(self, blocks: Sequence[Sequence[ToeplitzOperator | None]]) -> None:
+        self.blocks = tuple(map(tuple, blocks))
+        given = [block for row in self.blocks for block in row if block is not None]
+        if not given or not all(isinstance(block, ToeplitzOperator) for block in given):
+            raise TypeError(
+                f"blocks is {blocks!r}, but must have rows of ToeplitzOperator of "
+                "toeplitz_mg.slabs, or None, as [[xx, xy], [xy, yy]]"
+            )
+        slab, library, components = given[0].slab, given[0].library, len(self.blocks)
+        with slab.agree() as same:
+            same["which blocks there are"] = [[b is not None for b in row] for row in self.blocks]
+            if any(len(row) != components for row in self.blocks):
+                raise ValueError(
+                    f"blocks has {components} rows of {[len(row) for row in self.blocks]} blocks, "
+                    "but must be square"
+                )
+            if any(block.slab is not slab for block in given):
+                raise ValueError("the blocks live on several slabs, but must live on one")
+            for block in given:
+                if block.library is not library:
+                    refuse_mixed("a block", block.library, library)
+        dtype = np.result_type(*(block.dtype for block in given))
+        super().__init__(slab, dtype, (components, *slab.local), library=library)
+        spectra = [[block and block.spectrum for block in row] for row in self.blocks]
+        self.product = SlabProduct(slab, library, spectra, self.dtype)
+
+    def _cast(self, dtype: np.dtype[Any]) -> "CoupledOperator":
+        return CoupledOperator(
+            [[block and block.astype(dtype) for block in row] for row in self.blocks]
+        )
+
+    def check_symmetric(self) -> None:
+        """Raise ValueError where it is not symmetric, or a component has no block on itself."""
+        for i, row in enumerate(self.blocks):
+            if row[i] is None:
+                raise ValueError(f"the block of component {i} on itself is zero")
+            for j, block in enumerate(row[: i + 1]):
+                if not _is_transpose(block, self.blocks[j][i]):
+                    raise ValueError(
+                        f"A is not symmetric: its blocks ({i}, {j}) and ({j}, {i}) are not each "
+                        "other's transpose"
+                    )
+
+    def __repr__(self) -> str:
+        return f"<CoupledOperator of {len(self.blocks)} components {self.slab.name}, {self.dtype}>"
+
+
+def _is_transpose(one: ToeplitzOperator | None, other: ToeplitzOperator | None) -> bool:
+    """Whether a block is the transpose of the other."""
+    if one is None or other is None:
+        return one is other
+    differ = np.logical_or(other.c != one.opposite, other.opposite != one.c)
+    return one.parity[1:] == other.parity[1:] and not one.slab.vectors.count(differ)
