@@ -99,7 +99,7 @@ def _compute(ratio: float, material: Material, n: int) -> Array:
 
     def bonded(creepages: tuple[float, float, float]) -> Any:
         asked = (creepages,)
-        return roll(grid, g, Window.around, asked, EXACT, True, 2000, None, None)
+        return roll(grid, g, Window.tight, asked, EXACT, True, 2000, None, None)
 
     along, across, spinning = (bonded((k == 0, k == 1, k == 2)) for k in range(3))
     c = np.sqrt(along.area / np.pi)

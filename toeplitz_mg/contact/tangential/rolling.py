@@ -154,7 +154,7 @@ def rolling(
 
     def solve(g: Array, guess: TangentialResult | None) -> TangentialResult:
         return roll(
-            grid, g, Window.around, asked, tolerance, nested, max_products, progress, options, guess
+            grid, g, Window.tight, asked, tolerance, nested, max_products, progress, options, guess
         )
 
     if falling is None:

@@ -287,17 +287,18 @@ def _newton_step(
     M: Any,
     options: SteadyOptions,
 ) -> tuple[Array, int]:
-    """Return a change of the tractions, and the iterations."""
+    """Return a change of the tractions by Newton's method, and the iterations of GMRES."""
     law, vectors = now.law, problem.vectors
     T, lam, r = law.T, law.stiffness, law.r
     k0 = problem.grid.diagonal(K.A)
     invert = M.at(np.where(areas.slide, lam, 0.0))
     of_slip = _complement(loads.units, T, vectors)
     of_tractions = _complement(loads.arms, T, vectors)
-    first = np.zeros_like(q)
+    first, K_first = np.zeros_like(q), np.zeros_like(q)
     if loads.error(q, vectors) > CARRIED:
         first = of_tractions.reach(now.missing)
-        r = of_slip(r - T(K(first)) - lam * first)
+        K_first = K(first)
+        r = of_slip(r - T(K_first) - lam * first)
     if vectors.norm(r) == 0.0:
         return first, 0
     largest = vectors.max(np.abs(r))
@@ -307,26 +308,28 @@ def _newton_step(
     most = min(options.iterations, max(1, K.limit - K.count))
     # All of them are kept, so that what is wrong with each iterate is told without a product more.
     directions = np.empty((most, *r.shape), M.dtype)
-    along_n = np.empty((most, *r.shape[1:]), M.dtype)
+    products = np.empty_like(directions)
     T, lam = T.astype(M.dtype), np.minimum(lam, STIFFEST * k0).astype(M.dtype)
 
     def multiply(v: Array, out: Array) -> Array:
         d = directions[space.dimension]
         d[...] = of_tractions(T(invert(T(v))))
-        Kd = K(d)
-        along_n[space.dimension] = along(Kd, T.n)
+        Kd = products[space.dimension]
+        Kd[...] = K(d)
         return of_slip(T(Kd) + lam * d)
 
     space = KrylovSpace(multiply, r.shape, M.dtype, most, vectors)
     space.begin(r)
-    against = along(law.minus_slip, law.T.n)
     while True:
-        space.extend()
+        least = space.extend()
         weights, k = space.weights(), space.dimension
-        v = first + vectors.combine(weights, directions[:k])
-        slips = vectors.min(against - vectors.combine(weights, along_n[:k]))
-        goal = max(exact, k0 * problem.excess(q + v), -slips)
-        if vectors.max(np.abs(space.residual())) <= goal or k == most:
+        v, Kv = (vectors.combine(weights, x[:k]) for x in (directions, products))
+        rest = vectors.max(np.abs(r - of_slip(T(Kv) + lam * v)))
+        v, Kv = first + v, K_first + Kv
+        # What is wrong with the areas and with the linearisation is left to the next step.
+        slips = vectors.min(along(law.minus_slip - Kv, law.T.n))
+        wrong = max(k0 * problem.excess(q + v), -slips)
+        if least == 0.0 or rest <= max(exact, wrong) or k == most:
             return v, k
 
 

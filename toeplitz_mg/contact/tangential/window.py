@@ -27,7 +27,7 @@ class Window:
     box: tuple[slice, ...]
 
     @classmethod
-    def around(cls, grid: Grid, elements: Array) -> Self:
+    def around(cls, grid: Grid, elements: Array, margin: float = MARGIN) -> Self:
         """Return the window of the elements where a mask is true; the grid where none is."""
         box = []
         for axis, n in enumerate(elements.shape):
@@ -36,9 +36,14 @@ class Window:
             first, end = (int(index[0]), int(index[-1]) + 1) if len(index) else (0, n)
             if grid.periodic[axis]:  # The elements at the ends are neighbours.
                 first, end = 0, n
-            margin = int(MARGIN * (end - first))
-            box.append(slice(max(0, first - margin), min(n, end + margin)))
+            more = int(margin * (end - first))
+            box.append(slice(max(0, first - more), min(n, end + more)))
         return cls(grid, tuple(box))
+
+    @classmethod
+    def tight(cls, grid: Grid, elements: Array) -> Self:
+        """Return the least window: in steady rolling nothing is approximated by cosines."""
+        return cls.around(grid, elements, margin=0.0)
 
     @property
     def grid(self) -> Grid:

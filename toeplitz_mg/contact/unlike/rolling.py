@@ -132,7 +132,7 @@ def frictional_rolling(
         field_of_slip = slip[0] if len(slip) == 1 else slip
         asked = creepages, tangential_force, moment, field_of_slip, pole
         found = roll(
-            grid, g, Window.around, asked, inner, nested, max_products, report, options, guess
+            grid, g, Window.tight, asked, inner, nested, max_products, report, options, guess
         )
         report.products += found.products
         return found
