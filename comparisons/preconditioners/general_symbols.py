@@ -135,17 +135,21 @@ def run(kinds: Sequence[str], sizes: Sequence[int], path: Path) -> list[Row]:
     return rows
 
 
+def count_iterations(row: Row) -> str:
+    """Return the iterations, or what there is in their place."""
+    iterations = row.get("iterations")
+    if iterations is None:
+        return "direct" if row.get("seconds") else "-"
+    return str(iterations) if iterations < MAXITER else f"> {MAXITER}"
+
+
 def cell(row: Row) -> str:
     """Return the iterations, the time and the residual, or what there is of them."""
     if row.get("seconds") is None:
         return "-"
-    iterations = row.get("iterations")
-    count = "direct" if iterations is None else str(iterations)
-    if iterations is not None and iterations >= MAXITER:
-        count = f"> {MAXITER}"
     ratio, seconds = row.get("speed-up"), row["seconds"]
     time = f"{seconds:.2g} s" if ratio is None or row["method"] == SCIPY else f"{ratio:.3g} x"
-    return f"{count} / {time} / {row['residual']:.0e}"
+    return f"{count_iterations(row)} / {time} / {row['residual']:.0e}"
 
 
 def show(rows: Sequence[Row]) -> None:
@@ -167,14 +171,13 @@ def arrange(rows: Sequence[Row]) -> list[Row]:
     table: list[Row] = []
     for (_, symbol), own in report.group(rows, "kind", "symbol").items():
         found = {(row["method"], row["n"]): row for row in own}
-        line: Row = {"matrix": symbol}
+        line: Row = {"matrix": symbol.replace("|", "\\|")}  # Else it would end the cell.
         for n in TABULATED:
             for method in (DROP_IN, f"{DROP_IN}, default"):
                 row = found.get((method, n), {})
                 line[f"{method}, 2^{n.bit_length() - 1}"] = cell(row) if row else ""
         for method in ("T. Chan", "spectral"):
-            row = found.get((method, TABULATED[-1]), {})
-            line[method] = row.get("iterations", "-")
+            line[method] = count_iterations(found.get((method, TABULATED[-1]), {}))
         table.append(line)
     return table
 
