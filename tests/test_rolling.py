@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from tests.test_friction import assert_areas, assert_slip, doubtful, semi_ellipse
 from toeplitz_mg import halfspace
-from toeplitz_mg.contact import Material, surfaces
+from toeplitz_mg.contact import Material, normal_contact, surfaces
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import ContactError
 from toeplitz_mg.contact.tangential import steady
@@ -252,6 +252,14 @@ def test_refuses_what_makes_no_sense(change, message):
 def test_refuses_creepages_that_are_no_numbers(value):
     with pytest.raises(TypeError, match=r"longitudinal is .*, but must be a real number"):
         rolling(np.ones(4), 1.0, material=Material.from_shear(1.0, 0.3), longitudinal=value)
+
+
+@doubtful
+def test_refuses_pressures_without_a_coefficient_of_friction():
+    gap, steel = surfaces.cylinder(32, 0.1, radius=10.0), Material.from_shear(1.0, 0.3)
+    pressed = normal_contact(gap, 0.1, material=steel, force=0.01)
+    with pytest.raises(TypeError, match="bound is a normal result, but must be a traction bound"):
+        rolling(pressed, 0.1, material=steel, longitudinal=1e-3)
 
 
 def test_refuses_bad_steps():

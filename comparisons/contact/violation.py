@@ -16,6 +16,8 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.tangential.coulomb import clip
 from toeplitz_mg.operators import apply_to_rows
 
+FAR = 1e12  # A shift over the largest displacement, beside which displacements are nothing.
+
 
 def measure(results: Sequence[ContactResult], gap: Array | None, bound: Array | None) -> float:
     """Return the largest violation by results, over the interference, or over what moves.
@@ -67,6 +69,9 @@ def of_friction(result: TangentialResult, pressed: Sequence[NormalResult]) -> fl
     if result.creepages is None:
         rigid = -np.reshape(result.shift, (len(q), *(1,) * result.contact.ndim))
         scale = max(float(np.abs(rigid).max()), float(np.abs(slip).max()))
+        if not result.stick.any():  # The shift is the least of many: all slides along the force.
+            force = np.reshape(result.force, rigid.shape)
+            rigid = rigid - FAR * scale * force / np.linalg.norm(force)
     else:
         h, K = result.element[0], grid.steady(A)
         ahead = sum(_strains(grid, normal.pressure, ahead=1) for normal in pressed)

@@ -64,7 +64,7 @@ def test_bodies_roll_by_force(comm):
 
 @doubts_ignored()
 def test_bodies_roll_step_by_step(comm):
-    """By creepages from no tractions, and by a force from those of friction."""
+    """By creepages from no tractions, and by a force, or one of its parts, from friction's."""
     g, element = bound_of(41)
     slab = slabs.Slab(comm, g.shape)
     rows, case = g[slab.rows], {"material": STEEL, "steps": 3}
@@ -75,6 +75,7 @@ def test_bodies_roll_step_by_step(comm):
     for motion, before, mine in (
         ({"longitudinal": -1e-4, "spin": 1e-4}, {}, {}),
         ({"force": load}, alone, own),
+        ({"force": (load[0], None), "lateral": -1e-4}, alone, own),
     ):
         expected = list(contact.rolling_steps(g, element, **case, **motion, **before))
         found = list(slabs.rolling_steps(rows, slab, element, **case, **motion, **mine))
@@ -96,7 +97,7 @@ def test_steps_are_refused_by_all(comm):
         return lambda: slabs.rolling_steps(g[slab.rows], slab, element, material=STEEL, **case)
 
     refuses(comm, ValueError, "steps is 0", steps(steps=0))
-    refuses(comm, ValueError, "all of its components", steps(steps=1, force=(1.0, None)))
+    refuses(comm, ValueError, "less than the traction bound", steps(steps=1, force=(1e9, None)))
     if last:
         wrong = steps(steps=1 + (comm.rank == last))
         refuses(comm, ValueError, f"steps is 1 on rank 0 and 2 on rank {last}", wrong)

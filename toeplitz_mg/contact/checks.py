@@ -60,6 +60,10 @@ def check_hardness(
 
 def check_bound(bound: ArrayLike) -> Array:
     """Return a traction bound as an array, or say what is wrong with it."""
+    if isinstance(bound, NormalResult):
+        raise TypeError(
+            "bound is a normal result, but must be a traction bound: μ times its pressure"
+        )
     g = field("bound", bound)
     if (g < 0.0).any():
         raise ValueError(f"bound has the value {g.min():g}, but a traction bound is at least zero")
