@@ -25,7 +25,7 @@ def draw_rough_contact():
         start = process_time()
         pressed = contact.normal_contact(gap, element, material=bodies, force=70.0, periodic=True)
         seconds = process_time() - start
-    figure, ax = plt.subplots(figsize=(6.2, 5), layout="constrained")
+    figure, ax = plt.subplots(figsize=(6.2, 5), layout="compressed")
     pressed.plot(ax=ax)
     share = 100.0 * pressed.contact_fraction
     ax.set_title(f"{n}² elements, {share:.0f} % in contact: {seconds:.1f} s of CPU", fontsize=11)
@@ -35,13 +35,13 @@ def draw_rough_contact():
 def draw_three():
     """Draw a sphere that is pressed, shifted and rolled."""
     n = 96
-    element = (1.3 / n, 1.3 / n)
+    element = (0.8 / n, 0.8 / n)
     gap = contact.surfaces.sphere((n, n), element, radius=50.0)
     pressed = contact.normal_contact(gap, element, material=STEEL, force=100.0)
     bound = 0.3 * pressed.pressure
     shifted = contact.friction(bound, element, material=STEEL, force=(15.0, 0.0))
     rolled = contact.rolling(bound, element, material=STEEL, longitudinal=-8e-4, spin=0.004)
-    figure, axes = plt.subplots(1, 3, figsize=(13.5, 3.9), layout="constrained")
+    figure, axes = plt.subplots(1, 3, figsize=(14, 4.2), layout="compressed")
     titles = ("pressed", "shifted", "rolled")
     for ax, result, title in zip(axes, (pressed, shifted, rolled), titles, strict=True):
         result.plot(ax=ax)

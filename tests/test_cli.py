@@ -299,7 +299,31 @@ def test_plots_of_two_axes(folder):
     np.save(folder / "b2.npy", np.ones((20, 30)))
     options = ["--plot", str(folder / "x.svg")]
     assert solve(folder, *options, column="c2.npy", rhs="b2.npy") == 0
-    assert b"<svg" in (folder / "x.svg").read_bytes()
+    drawn = (folder / "x.svg").read_text()
+    for label in ("first axis", "second axis", "solution", "iteration"):
+        assert f"<!-- {label} -->" in drawn
+
+
+def width_of(picture):
+    """The pixels across a PNG file, as its header says."""
+    return int.from_bytes(picture.read_bytes()[16:20], "big")
+
+
+@pytest.mark.parametrize("command", [["-n", "300"], ["contact", "hertz", "-n", "16"]])
+def test_pictures_have_the_dots_that_are_asked_for(command, tmp_path):
+    picture = tmp_path / "x.png"
+    assert main([*command, "--plot", str(picture), "--dpi", "40"]) == 0
+    few = width_of(picture)
+    assert main([*command, "--plot", str(picture), "--dpi", "80"]) == 0
+    assert width_of(picture) == 2 * few
+
+
+@pytest.mark.parametrize("command", [["-n", "300"], ["contact", "hertz"]])
+def test_dots_of_no_picture_are_refused(command, tmp_path, capsys):
+    assert main([*command, "--dpi", "100"]) == 2
+    assert "--dpi is of the picture that --plot draws" in capsys.readouterr().err
+    assert main([*command, "--plot", str(tmp_path / "x.png"), "--dpi", "5"]) == 2
+    assert "--dpi is 5, but must be 10 to 1200" in capsys.readouterr().err
 
 
 def test_interruption_writes_nothing(folder, monkeypatch, capsys):
@@ -434,6 +458,20 @@ def test_a_terminal_shows_what_takes_long_and_erases_it(is_terminal, patience, m
         text = "setting up: 0 s"
         assert shown.startswith(f"\r{text}")
         assert shown.endswith(f"\r{' ' * len(text)}\r")
+
+
+def test_lines_on_a_terminal_take_the_place_of_what_it_shows(monkeypatch):
+    screen = Screen(True)
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setattr(sys, "stdout", screen)
+    monkeypatch.setattr(report, "PATIENCE", 0.0)
+    with report.Waiting("pressing") as waiting:
+        while not screen.getvalue():  # The thread has not come to it yet.
+            waiting._over.wait(0.01)
+        waiting.before_line()
+        shown = screen.getvalue()
+        assert shown.endswith(" \r")  # It is erased before the line comes.
+    assert screen.getvalue() == shown
 
 
 def test_zero_is_printed_as_zero():

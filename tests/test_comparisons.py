@@ -13,6 +13,7 @@ import scipy.linalg
 
 from comparisons.contact import punch3d, punch_limits
 from comparisons.gaussian import likelihood
+from comparisons.harness import report
 from comparisons.harness.processes import in_a_fresh_process, take_turns
 from comparisons.paper import figures as paper_figures
 from comparisons.paper import tables as paper_tables
@@ -51,7 +52,9 @@ def rows_of(path):
 
 def test_paper_tables(tmp_path, monkeypatch, capsys):
     printed = run(paper_tables, tmp_path, monkeypatch, capsys)
-    assert sorted(p.name for p in tmp_path.iterdir()) == [f"table_{k}.csv" for k in range(1, 10)]
+    assert sorted(p.name for p in tmp_path.glob("*.csv")) == [
+        f"table_{k}.csv" for k in range(1, 10)
+    ]
     for number in ("I", "II", "III", "IV", "V", "VI", "VII", "VIII", "IX"):
         assert f"Table {number}" in printed
     assert all(row["converged"] == "True" for row in rows_of(tmp_path / "table_5.csv"))
@@ -80,6 +83,7 @@ def test_paper_figures(tmp_path, monkeypatch, capsys):
 def test_baselines(tmp_path, monkeypatch, capsys):
     run(baselines, tmp_path, monkeypatch, capsys, quick_sizes=(64,))
     assert (tmp_path / "baselines.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / report.MEASURED).exists()
     rows = rows_of(tmp_path / "baselines.csv")
     assert {row["system"] for row in rows} == {"test 1", "test 2", "test 3", "random"}
     for row in rows:
@@ -87,6 +91,13 @@ def test_baselines(tmp_path, monkeypatch, capsys):
             assert float(row["residual"]) <= 1.01e-8
         # What is missing has its reason.
         assert row["converged"] == "True" or row["note"]
+
+
+def test_the_picture_of_baselines_alone(tmp_path, monkeypatch, capsys):
+    run(baselines, tmp_path, monkeypatch, capsys, "--picture", quick_sizes=(64,))
+    assert (tmp_path / "baselines.png").read_bytes().startswith(b"\x89PNG")
+    assert not (tmp_path / "baselines.csv").exists()
+    assert {row["method"] for row in rows_of(tmp_path / "drawn.csv")} == set(baselines.DRAWN)
 
 
 def test_symbols(tmp_path, monkeypatch, capsys):

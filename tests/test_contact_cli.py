@@ -82,6 +82,13 @@ def test_rolling_with_all_creepages(capsys):
     assert Fx > 0.0 > Fy
 
 
+def test_what_is_zero_to_the_tolerance_is_printed_as_zero(capsys):
+    """By symmetry there is no force across: what the solver leaves of one says nothing."""
+    assert run("rolling", "-n", "32", "--longitudinal=-2e-3") == 0
+    _, across = figures(capsys.readouterr().out)["tangential force"]
+    assert across == 0.0
+
+
 @pytest.mark.parametrize("is_line", [True, False])
 def test_writes_the_fields(is_line, tmp_path, capsys):
     line = ["--line"] if is_line else []
@@ -215,6 +222,64 @@ def test_a_surface_of_the_library_is_pressed(tmp_path, capsys):
     assert f"{path} cannot be read" in capsys.readouterr().err
 
 
+@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+@pytest.mark.parametrize(("ending", "separator"), [("txt", " "), ("csv", ","), ("CSV", ";")])
+def test_a_table_of_heights_needs_no_library(ending, separator, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "SurfaceTopography", None)  # As if it were not installed.
+    path, gap, element = surface(tmp_path)
+    table, written = tmp_path / f"heights.{ending}", tmp_path / "fields.npz"
+    heights = np.load(path)
+    heights[3, 5] = np.nan  # What the instrument did not see.
+    np.savetxt(table, heights, delimiter=separator)
+    options = ["--force", "2", "--unit", "um", "--element", "25", "-o", str(written)]
+    assert run("rough", str(table), *options) == 0
+    gap[3, 5] = np.inf
+    expected = normal_contact(gap, element, material=STEEL, force=2.0)
+    fields = read(written)
+    assert_allclose(fields["pressure"], expected.pressure, atol=1e-6 * expected.max_pressure)
+    assert np.isinf(fields["gap"][3, 5])
+
+
+@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+@pytest.mark.parametrize("sizes", [["25"], ["25", "4000"]])
+def test_a_profile_is_pressed(sizes, tmp_path, capsys):
+    """One number along it and, where it is not plane strain, one across it."""
+    element = tuple(1e-3 * float(size) for size in sizes)
+    gap = surfaces.rough(200, element, rms=0.001, roll_off=1.0, shortest=0.2, seed=2)
+    path, written = tmp_path / "profile.txt", tmp_path / "fields.npz"
+    np.savetxt(path, -1e3 * gap)
+    options = ["--force", "2", "--unit", "um", "--element", *sizes]
+    assert run("rough", str(path), *options, "-o", str(written)) == 0
+    printed = capsys.readouterr().out
+    unit = "N/mm" if len(sizes) == 1 else "N"
+    assert f"force             2 {unit}\n" in printed
+    assert ("200 heights of a profile, in plane strain: forces are N/mm" in printed) == (
+        len(sizes) == 1
+    )
+    expected = normal_contact(gap, element, material=STEEL, force=2.0)
+    fields = read(written)
+    assert_allclose(fields["pressure"], expected.pressure, atol=1e-6 * expected.max_pressure)
+
+
+@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+def test_a_line_scan_of_the_library_is_pressed(tmp_path, capsys):
+    pytest.importorskip("SurfaceTopography")
+    x = 25.0 * np.arange(100)
+    path, written = tmp_path / "scan.xyz", tmp_path / "fields.npz"
+    np.savetxt(path, np.stack([x, -1e-4 * (x - x.mean()) ** 2], axis=1))
+    options = ["--force", "2", "--unit", "um", "-o", str(written)]
+    assert run("rough", str(path), *options) == 0
+    assert "100 heights of a profile, in plane strain: forces are N/mm" in capsys.readouterr().out
+    expected = normal_contact(1e-7 * (x - x.mean()) ** 2, 0.025, material=STEEL, force=2.0)
+    fields = read(written)
+    assert_allclose(fields["pressure"], expected.pressure, atol=1e-6 * expected.max_pressure)
+    np.savetxt(path, np.stack([x**1.1, np.zeros(100)], axis=1))
+    assert run("rough", str(path), *options) == 2
+    assert "at positions that are not evenly spaced" in capsys.readouterr().err
+    assert run("rough", str(path), *options, "--element", "25") == 2
+    assert "has its own sizes: leave --element out" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -230,15 +295,30 @@ def test_a_surface_of_the_library_is_pressed(tmp_path, capsys):
         (["hertz", "FILE"], "is for rough, not hertz"),
         (["hertz", "--periodic"], "--periodic is for rough, not hertz"),
         (["rough", "OTHER", "--force", "1"], "needs SurfaceTopography: pip install"),
+        (["rough", "HEADED", "--force", "1"], "needs SurfaceTopography: pip install"),
+        (["rough", "POINTS", "--force", "1", "--element", "1"], "3 columns, as positions beside"),
+        (["rough", "WORDS", "--force", "1", "--element", "1"], "is not a table of numbers"),
+        (["rough", "WORDS", "--force", "1", "--element", "1"], "that is missing is written nan"),
+        (["rough", "LINE", "--approach", "1", "--element", "1"], "plane strain leaves it open"),
+        (["rough", "CUBE", "--force", "1", "--element", "1"], "the grid has shape (4, 4, 4)"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
 def test_surfaces_that_do_not_do(options, message, tmp_path, monkeypatch, capsys):
     path, *_ = surface(tmp_path)
-    other = tmp_path / "heights.xyz"
-    other.write_text("0 0 0")
+    texts = {
+        "OTHER": ("heights.xyz", "0 0 0"),
+        "HEADED": ("heights.txt", "# Width: 10 um\n1 2 3 4\n5 6 7 8"),  # As Gwyddion writes it.
+        "POINTS": ("points.txt", "0 0 1\n0 1 2\n1 0 3\n1 1 4"),
+        "WORDS": ("words.csv", "1,,2,3\n4,5,6,7"),
+        "LINE": ("line.txt", "1\n2\n3\n4"),
+    }
+    files_there = {"FILE": str(path), "CUBE": str(tmp_path / "cube.npy")}
+    np.save(files_there["CUBE"], np.zeros((4, 4, 4)))
+    for name, (file, text) in texts.items():
+        (tmp_path / file).write_text(text)
+        files_there[name] = str(tmp_path / file)
     monkeypatch.setitem(sys.modules, "SurfaceTopography", None)  # As if it were not installed.
-    files_there = {"FILE": str(path), "OTHER": str(other)}
     assert run(*(files_there.get(option, option) for option in options)) == 2
     captured = capsys.readouterr()
     assert message in captured.err

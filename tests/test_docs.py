@@ -1,6 +1,8 @@
 """What README and the pages in docs show runs, and what they name exists."""
 
+import importlib
 import re
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -84,7 +86,11 @@ def test_names_comparisons_that_exist_and_all_of_them():
 def public_names():
     """What has a page in the API of the site; the names of a cluster need an MPI."""
     names = []
-    for package in (tmg, tmg.contact, tmg.contact.surfaces, tmg.halfspace, tmg.fractional):
+    packages = [tmg, tmg.contact, tmg.contact.surfaces, tmg.contact.problems]
+    packages += [tmg.halfspace, tmg.fractional]
+    if find_spec("mpi4py"):
+        packages.append(importlib.import_module("toeplitz_mg.slabs"))
+    for package in packages:
         for name, value in vars(package).items():
             home = str(getattr(value, "__module__", ""))
             is_public = name in getattr(package, "__all__", ()) or home == package.__name__
@@ -125,4 +131,5 @@ def test_the_code_names_commands_that_exist():
 def test_a_page_of_figures_names_the_command_that_writes_them(page):
     text = page.read_text()
     if "|---" in text or "![" in text or "| :" in text:
-        assert "python -m comparisons." in text or page.name in NO_FIGURES
+        is_told = re.search(r"python (-m comparisons\.|docs/pictures\.py)", text)
+        assert is_told or page.name in NO_FIGURES

@@ -4,8 +4,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from comparisons.contact import cases, rolling_theory
+from tests.test_friction import doubtful
 from tests.test_rolling import assert_rolls, circle
-from toeplitz_mg.contact import Material, rolling
+from toeplitz_mg.contact import ContactError, ContactWarning, Material, rolling
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.tangential import falling as falling_module
+from toeplitz_mg.contact.tangential.rolling import stiffness_of_element
+
+STIFFNESS = 1.38  # Of an element of `circle`, square and ν = 1/4, over G.
 
 
 def test_the_bound_is_that_of_the_slip():
@@ -31,6 +38,77 @@ def test_large_creepage_has_the_friction_of_its_slip():
     g, result = circle(16, (30.0, 40.0, 0.0), falling=lambda s: 1 / (1 + s))
     total = g.sum() * result.element[0] ** 2
     assert_allclose(np.linalg.norm(result.force), total / 51, rtol=0.01)
+
+
+def steep(fall, least=0.5):
+    """Friction that falls from 1 to `least`, at first by `fall` of the stiffness of an element."""
+    g, _ = circle(24, (1.0, 0.0, 0.0))
+    scale = (1.0 - least) * g.max() / (fall * STIFFNESS)
+    return lambda s: least + (1.0 - least) * np.exp(-s / scale)
+
+
+def test_the_stiffness_of_an_element_is_what_its_own_traction_slips_by():
+    # Of a square, without Poisson's ratio: the integral of 1/r over it, and over its neighbour.
+    h, edge = 0.1, 2.0 * np.arcsinh(1.0)
+
+    def potential(a, b):  # The integral over x, y from the origin to a, b.
+        return a * np.arcsinh(b / a) + b * np.arcsinh(a / b)
+
+    own = 4.0 * potential(h / 2, h / 2)
+    ahead = 2.0 * (potential(1.5 * h, h / 2) - potential(h / 2, h / 2))
+    assert_allclose(own, 2.0 * h * edge)
+    grid = Grid.of((9, 7), (h, h), Material.from_shear(3.0, 0.0), None)
+    assert_allclose(stiffness_of_element(grid), h * np.pi * 3.0 / (own - ahead))
+
+
+@pytest.mark.parametrize("fall", [0.5, 0.9])
+def test_steep_friction_is_that_of_its_slip(fall):
+    g, result = circle(24, (0.1, 0.0, 0.1), falling=steep(fall))
+    assert_allclose(result.bound, g * steep(fall)(np.hypot(*result.slip)), atol=1e-7 * g.max())
+    assert_rolls(result, Material.from_shear(1.0, 0.25))
+    assert result.warnings == ()
+
+
+def test_friction_steeper_than_an_element_is_stiff_is_found_and_doubted():
+    with pytest.warns(ContactWarning, match="an element resists by 1.38 only: there may be other"):
+        g, result = circle(24, (0.1, 0.0, 0.1), falling=steep(20.0))
+    assert_allclose(result.bound, g * steep(20.0)(np.hypot(*result.slip)), atol=1e-7 * g.max())
+    assert "there may be other answers" in result.warnings[0]
+    assert_rolls(result, Material.from_shear(1.0, 0.25))
+
+
+@doubtful
+def test_an_element_slides_slowly_or_fast_where_friction_falls_steeper_than_it_is_stiff():
+    g, case = np.ones((1, 1)), {"element": (1.0, 1.0), "material": Material.from_shear(1.0, 0.25)}
+
+    def falling(s):
+        return np.clip(1.75 - 2.5 * STIFFNESS * s, 0.5, 1.0)
+
+    for factor, slip in ((1.0, 0.25), (0.5, 0.75)):
+        result = rolling(factor * g, lateral=1.25 / STIFFNESS, **case)
+        assert_allclose(np.hypot(*result.slip), slip / STIFFNESS, rtol=0.01)
+        assert_allclose(falling(np.hypot(*result.slip)), factor)  # Each is an answer.
+
+
+def test_tractions_of_carter_by_friction_that_falls():
+    errors = [abs(rolling_theory.carter_falling(N).errors["traction"]) for N in (128, 512)]
+    assert cases.order(errors, (128, 512)) > 0.7
+    assert errors[1] < 0.01
+
+
+def test_no_friction_at_all_where_it_slips_fast():
+    with pytest.warns(ContactWarning, match="there may be other answers"):
+        _, result = circle(24, (0.1, 0.0, 0.1), falling=lambda s: np.clip(1.0 - s / 1e-3, 0, 1))
+    slip = np.hypot(*result.slip)
+    assert_allclose(result.bound[slip > 1e-3], 0.0, atol=1e-9)
+
+
+def test_says_how_steep_friction_is_where_it_does_not_settle(monkeypatch):
+    monkeypatch.setattr(falling_module, "ROUNDS", 3)
+    message = r"after 3 rounds .* falls by up to 1\.3\d N/mm² .* and from 1\.38 on"
+    with pytest.raises(ContactError, match=message) as caught:
+        circle(24, (0.1, 0.0, 0.1), falling=steep(1.0))
+    assert caught.value.result.residual > 1e-8
 
 
 @pytest.mark.parametrize(

@@ -72,6 +72,22 @@ def test_the_samples_are_those_of_a_circulant_which_it_inverts(dtype, n):
     assert_allclose(x, b, atol=1e-12 * np.linalg.cond(C))
 
 
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("n", SIZES)
+def test_single_precision_is_the_same_but_for_rounding(dtype, n):
+    form, _ = make(dtype, n)
+    M = form.inverse(form.samples)
+    X = random(dtype, 3, n)
+    of_single = np.complex64 if np.dtype(dtype).kind == "c" else np.float32
+    for operator, single in (
+        (form.A, form.in_single_precision().A),
+        (M, M.in_single_precision()),
+    ):
+        Y, Z = operator.apply(X), single.apply(X.astype(of_single))
+        assert single.dtype == Z.dtype == of_single
+        assert_allclose(Z, Y, atol=1e-5 * np.abs(Y).max() * np.log2(n))
+
+
 def test_a_circulant_with_an_eigenvalue_of_zero_is_refused():
     form, _ = make(np.float64, 6)
     with pytest.raises(np.linalg.LinAlgError, match="eigenvalue"):

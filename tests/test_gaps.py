@@ -100,6 +100,11 @@ def test_units(unit, mm):
         assert_allclose(result.pressure, in_mm.pressure, atol=1e-5 * in_mm.max_pressure)
 
 
+def test_units_of_the_library_are_known():
+    units = pytest.importorskip("SurfaceTopography.Support.UnitConversion").length_units
+    assert_allclose([UNITS[name] for name in units], [1e3 * metres for metres in units.values()])
+
+
 def test_units_are_powers_of_ten_of_a_millimetre():
     assert UNITS["m"] == 1e3 * UNITS["mm"] == 1e6 * UNITS["um"] == 1e9 * UNITS["nm"]
     assert UNITS["µm"] == UNITS["μm"] == UNITS["um"]  # Micro sign, and Greek letter.
@@ -221,8 +226,9 @@ def test_topographies_of_the_library(tmp_path):
     expected = press(GAP[0], H, 0.001)
     assert_allclose(result.pressure, expected.pressure, atol=1e-6 * expected.max_pressure)
     scan = library.NonuniformLineScan(np.array([0.0, 1.0, 3.0]), np.zeros(3))
-    with pytest.raises(TypeError, match="must be one topography on a uniform grid"):
-        normal_contact(heights=scan, material=UNIT, force=0.001)
+    for several in (scan, library.open_topography(path)):
+        with pytest.raises(TypeError, match="must be one topography on a uniform grid"):
+            normal_contact(heights=several, material=UNIT, force=0.001)
 
 
 # Refusals -----------------------------------------------------------------------------------

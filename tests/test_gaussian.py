@@ -112,25 +112,44 @@ def test_gradients_of_many_series():
             assert_allclose(part, expected, rtol=1e-10, atol=1e-12)
 
 
-def test_a_fit_finds_the_estimates_of_a_dense_fit():
+@pytest.mark.parametrize(
+    ("family", "truth", "bounds"),
+    [(fractional_noise, 0.8, (0.1, 0.95)), (matern, 4.0, (0.5, 20.0))],
+)
+def test_a_fit_finds_the_estimates_of_a_dense_fit(family, truth, bounds):
+    """Of a variance, and of Hurst's exponent or of a correlation length."""
     n = 400
-    y = tmg.ToeplitzNormal(2.0 * fractional_noise(n, 0.8)).rvs(random_state=5)
+    y = tmg.ToeplitzNormal(2.0 * family(n, truth)).rvs(random_state=5)
 
     def fast(parameters):
-        variance, H = parameters
+        variance, other = parameters
         step = 1e-6
-        by_H = (fractional_noise(n, H + step) - fractional_noise(n, H - step)) / (2 * step)
-        process = tmg.ToeplitzNormal(variance * fractional_noise(n, H))
+        by_other = (family(n, other + step) - family(n, other - step)) / (2 * step)
+        process = tmg.ToeplitzNormal(variance * family(n, other))
         value, by_c, _ = process.logpdf_and_grad(y)
-        return -value, -np.array([by_c @ fractional_noise(n, H), by_c @ (variance * by_H)])
+        return -value, -np.array([by_c @ family(n, other), by_c @ (variance * by_other)])
 
     def dense(parameters):
-        c = parameters[0] * fractional_noise(n, parameters[1])
+        c = parameters[0] * family(n, parameters[1])
         return -multivariate_normal(np.zeros(n), scipy.linalg.toeplitz(c)).logpdf(y)
 
-    options = {"x0": (1.0, 0.6), "bounds": ((0.1, 10.0), (0.1, 0.95)), "tol": 1e-12}
+    options = {"x0": (1.0, 0.75 * truth), "bounds": ((0.1, 10.0), bounds), "tol": 1e-12}
     fit = scipy.optimize.minimize(fast, jac=True, **options)
     assert_allclose(fit.x, scipy.optimize.minimize(dense, **options).x, rtol=1e-4)
+
+
+@each_name
+@pytest.mark.parametrize("n", [1, 2, 3, 40, 301, 1200])
+def test_whitening_divides_by_the_factor_of_cholesky(name, n):
+    c = covariance(name, n)
+    y = np.random.default_rng(n).standard_normal((2, 3, n))
+    A = scipy.linalg.toeplitz(c)
+    factor = np.linalg.cholesky(A)
+    expected = scipy.linalg.solve_triangular(factor, (y - 0.5).reshape(6, n).T, lower=True).T
+    process = tmg.ToeplitzNormal(c, 0.5)
+    atol = 1e-14 * np.linalg.cond(A) * abs(expected).max()
+    assert_allclose(process.whiten(y), expected.reshape(y.shape), rtol=0, atol=atol)
+    assert_allclose(process.whiten(y[1, 2]), expected[5], rtol=0, atol=atol)
 
 
 @pytest.mark.parametrize("gaps", ["one", "several", "random", "few"])
@@ -347,6 +366,8 @@ def test_bad_arguments():
         tmg.ToeplitzNormal(np.ones(3), mean=np.nan)
     with pytest.raises(TypeError, match="real numbers"):
         tmg.ToeplitzNormal(np.ones(3, dtype=complex))
+    with pytest.raises(ValueError, match="whiten is for one"):
+        tmg.ToeplitzNormal(np.eye(3, 4)).whiten(np.zeros((3, 4)))
     with pytest.raises(ValueError, match="size is -1"):
         process.rvs(-1)
     with pytest.raises(TypeError, match="must be an integer"):
@@ -360,8 +381,9 @@ def test_what_is_not_positive_definite_is_refused(method):
         getattr(process, method)(np.zeros(10))
     with pytest.raises(np.linalg.LinAlgError, match="nugget"):
         getattr(process, method)(np.zeros(10), np.arange(10) < 4)
-    with pytest.raises(np.linalg.LinAlgError, match="leading 4 x 4 block"):
-        process.rvs()
+    for name, arguments in (("rvs", ()), ("whiten", (np.zeros(10),))):
+        with pytest.raises(np.linalg.LinAlgError, match="leading 4 x 4 block"):
+            getattr(process, name)(*arguments)
     with pytest.raises(np.linalg.LinAlgError, match="diagonal"):
         tmg.ToeplitzNormal([0.0, 0.0])
 

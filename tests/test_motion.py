@@ -31,11 +31,11 @@ def line(n, **arguments):
 
 
 def moment_of(result):
-    """The moment about the middle, with the arm of the middle of a step."""
+    """The moment about the middle, with the arm half an element behind: slip is that far ahead."""
     x, y = surfaces.centres(result.contact.shape, result.element)
     qx, qy = result.traction
     h1, h2 = result.element
-    return float(((x + h1 / 2) * qy - y * qx).sum() * h1 * h2)
+    return float(((x - h1 / 2) * qy - y * qx).sum() * h1 * h2)
 
 
 @pytest.mark.parametrize("creepages", CREEPAGES)
@@ -210,9 +210,37 @@ def test_refuses_what_makes_no_sense(change, message):
         rolling(np.full((5, 5), 0.1), (1.0, 1.0), material=BODY, **change)
 
 
-def test_steps_are_by_creepage_or_by_force():
-    with pytest.raises(ValueError, match=r"force is \(0.1, None\), but in steps all of its"):
-        rolling_steps(np.ones((4, 4)), (1.0, 1.0), material=BODY, steps=1, force=(0.1, None))
+@pytest.mark.parametrize("given", [(True, False), (False, True)])
+def test_steps_by_one_force_and_one_creepage_are_steps_by_both_creepages(given):
+    creepages = (0.03, -0.02, 0.1)
+    g, result = circle(16, creepages)
+    wanted = [float(0.8 * F) if by else None for F, by in zip(result.force, given, strict=True)]
+    case = {"element": result.element, "material": Material.from_shear(1.0, 0.25)}
+    free = {
+        name: 0.0 if by else value
+        for name, value, by in zip(NAMES, creepages, (*given, False), strict=True)
+    }
+    mixed = list(rolling_steps(g, steps=2, previous=result, force=wanted, **free, **case))
+    for step, before in zip(mixed, [result, mixed[0]], strict=True):
+        for force, found, creepage, asked in zip(
+            wanted, step.force, step.rigid[:2], creepages[:2], strict=True
+        ):
+            if force is None:
+                assert creepage == asked
+            else:
+                assert_allclose(found, force, rtol=1e-9)
+        by_creepage = dict(zip(NAMES, step.rigid.tolist(), strict=True))
+        (again,) = rolling_steps(g, steps=1, previous=before, **by_creepage, **case)
+        assert_allclose(again.traction, step.traction, atol=1e-6 * g.max())
+
+
+def test_steps_by_one_force_lead_to_rolling_by_it():
+    force = (0.04, None)
+    g, steady = circle(16, (0.0, 0.05, 0.0), force=force)
+    case = {"element": steady.element, "material": Material.from_shear(1.0, 0.25)}
+    *_, last = rolling_steps(g, steps=80, force=force, lateral=0.05, **case)
+    assert_allclose(last.rigid, steady.rigid, rtol=1e-5, atol=1e-7)
+    assert_allclose(last.traction, steady.traction, atol=1e-5 * g.max())
 
 
 @doubtful

@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -39,7 +40,7 @@ def axes_of(count=1):
 def draw(result, field=None):
     (ax,) = axes_of()
     assert result.plot(field, ax=ax) is ax
-    ax.figure.canvas.draw()
+    ax.figure.draw_without_rendering()
     return ax
 
 
@@ -82,6 +83,12 @@ def test_what_is_zero_is_white_and_low_values_are_light():
 def test_the_gap_is_white_where_there_is_none():
     (image,) = draw(PRESSED, "gap").get_images()
     assert np.array_equal(np.ma.getmaskarray(image.get_array().T), PRESSED.contact)
+
+
+@pytest.mark.parametrize("result", [SHIFTED, ROLLED])
+def test_slip_is_white_where_the_bodies_stick(result):
+    (image,) = draw(result, "slip").get_images()
+    assert np.array_equal(~np.ma.getmaskarray(image.get_array().T), result.sliding)
 
 
 def test_the_gap_is_white_where_there_is_no_material():
@@ -151,13 +158,30 @@ def test_bars_of_colours_are_as_high_as_the_axes(result):
     axes = axes_of(2)
     for ax in axes:  # Several results on one figure.
         result.plot(ax=ax)
-    axes[0].figure.canvas.draw()
+    axes[0].figure.draw_without_rendering()
     for ax in axes:
         box = ax.get_window_extent()
         for bar in ax.child_axes:
             own = bar.get_window_extent()
             assert_allclose([own.y0, own.y1], [box.y0, box.y1], atol=0.5)
             assert box.x1 < own.x0 < own.x1 <= ax.figure.bbox.x1
+
+
+@pytest.mark.parametrize("result", SURFACES)
+@pytest.mark.parametrize("size", [(5.0, 4.0), (10.5, 4.2), (8.0, 2.5), (4.5, 7.0)])
+def test_no_label_is_cut_off_or_covers_another(result, size):
+    figure = figure_module.Figure(figsize=size, layout="compressed")
+    axes = figure.subplots(1, 1 if size[0] < 8.0 else 2, squeeze=False)[0]
+    for ax in axes:
+        result.plot(ax=ax)
+    figure.draw_without_rendering()
+    boxes = [ax.get_tightbbox() for ax in axes]
+    for box in boxes:
+        assert box.x0 >= 0.0
+        assert box.y0 >= 0.0
+        assert box.x1 <= figure.bbox.x1
+        assert box.y1 <= figure.bbox.y1
+    assert all(a.x1 < b.x0 for a, b in pairwise(boxes))
 
 
 def test_a_few_peaks_do_not_decide_the_colours():

@@ -10,6 +10,8 @@ from toeplitz_mg.contact import (
     Material,
     SteadyOptions,
     friction,
+    frictional_contact,
+    frictional_rolling,
     normal_contact,
     rolling,
     rolling_steps,
@@ -75,6 +77,30 @@ def test_each_step_of_rolling_is_told_of():
         assert counts[-1] <= result.products
         assert seen
         seen.clear()
+
+
+UNLIKE = {"material": (SOFT, Material.rigid()), "mu": 0.3, "force": 0.2}
+COUPLED = {
+    "pressed": lambda **options: frictional_contact(GAP, H, **UNLIKE, **options),
+    "rolled": lambda **options: frictional_rolling(GAP, H, longitudinal=0.02, **UNLIKE, **options),
+}
+
+
+@pytest.mark.parametrize("name", COUPLED)
+def test_both_problems_of_unlike_bodies_are_told_of(name):
+    seen = []
+    result = COUPLED[name](progress=lambda *now: seen.append(now))
+    counts = [products for products, _ in seen]
+    # Before the first look at a problem there is nothing to tell of its first products.
+    assert all(0 <= later - former <= 5 for former, later in pairwise(counts))
+    assert sum(b == a + 1 for a, b in pairwise(counts)) > 0.5 * counts[-1]
+    total = result.normal.products + result.tangential.products
+    assert total - 1 <= counts[-1] <= total
+    # After each iteration its violation is told, and then that one all through the next.
+    told = [residual for _, residual in seen]
+    assert told[-1] == result.residual
+    assert set(result.residuals) <= set(told)
+    assert np.array_equal(COUPLED[name]().normal.pressure, result.normal.pressure)
 
 
 def test_rolling_on_goes_on_counting():

@@ -1,5 +1,7 @@
 """What the results of contact problems say: derived quantities, their names, and that they stay."""
 
+import pickle
+from copy import deepcopy
 from dataclasses import FrozenInstanceError, fields, replace
 from xml.etree import ElementTree
 
@@ -17,6 +19,7 @@ from toeplitz_mg.contact import (
     rolling,
     surfaces,
 )
+from toeplitz_mg.contact.units import name_units, units_of
 
 SOFT = Material.from_shear(0.7, 0.3)  # Of both bodies: E* = 1.
 H = (2.0 / 48, 2.0 / 32)
@@ -127,6 +130,14 @@ def test_nothing_of_a_result_can_be_written(result):
         result.area = 0.0
 
 
+@pytest.mark.parametrize("result", [PRESSED, ROLLED])
+def test_nor_of_a_copy(result):
+    for again in (pickle.loads(pickle.dumps(result)), deepcopy(result)):
+        assert np.array_equal(again.traction, result.traction)
+        assert not any(x.flags.writeable for x in arrays(again))
+    assert_allclose(pickle.loads(pickle.dumps(PRESSED)).stiffness, PRESSED.stiffness)
+
+
 def test_an_array_of_the_user_stays_his():
     bound = np.full((16, 16), 0.5)
     bound[0] = 0.0
@@ -155,6 +166,74 @@ def test_each_has_the_names_of_the_other():
 def test_a_material_of_a_result_is_one_for_the_next():
     again = friction(0.3 * PRESSED.pressure, H, material=PRESSED.material, force=(0.01, 0.005))
     assert np.array_equal(again.traction, SHIFTED.traction)
+
+
+# Units and signs --------------------------------------------------------------------------------
+
+
+def solve_all(L, F):
+    """The results above, of problems whose lengths are L times as long, and forces F times."""
+    soft, h, width = Material.from_shear(0.7 * F / L**2, 0.3), (L * H[0], L * H[1]), 0.03 * L
+    gap, line = surfaces.sphere((48, 32), h, radius=L), surfaces.cylinder(64, width, radius=L)
+    pressed = normal_contact(gap, h, material=soft, force=0.1 * F, hardness=0.25 * F / L**2)
+    pressed_line = normal_contact(line, width, material=soft, force=0.2 * F / L)
+    creepages = {"longitudinal": 1e-2, "spin": 0.01 / L}
+    return (
+        pressed,
+        pressed_line,
+        friction(pressed, mu=0.3, force=(0.01 * F, 0.005 * F)),
+        rolling(0.3 * pressed.pressure, h, material=soft, **creepages),
+        friction(pressed_line, mu=0.3, shift=0.01 * L),
+        rolling(0.3 * pressed_line.pressure, width, material=soft, longitudinal=1e-2),
+    )
+
+
+# Powers of N and of mm in each unit.
+POWERS = {"1": (0, 0), "1/mm": (0, -1), "mm": (0, 1), "mm²": (0, 2), "N": (1, 0), "N mm": (1, 1)}
+POWERS |= {"N/mm": (1, -1), "N/mm²": (1, -2)}
+OF_NO_SIZE = {"material", "shape", "touches_edge", "periodic"}
+COSTS = {"products", "work", "iterations", "residual", "warnings"}
+
+
+def test_all_that_a_result_has_changes_as_its_unit():
+    """By powers of two, so that no digit changes but the exponent."""
+    L, F = 2.0**7, 2.0**-9
+    for one, other in zip(solve_all(1.0, 1.0), solve_all(L, F), strict=True):
+        units = name_units(one)
+        for field in fields(one):
+            is_there = getattr(one, field.name) is not None
+            assert field.name in {*units, *OF_NO_SIZE, *COSTS} or not is_there
+        units |= {"contact_fraction": "1"}
+        if isinstance(one, NormalResult):
+            units |= {"mean_pressure": "N/mm²", "stiffness": units_of(one.element).stiffness}
+        for name in units.keys() - {"centres"}:
+            powers = [POWERS[unit] for unit in units[name].split(", ")]
+            factors = np.array([F**a * L**b for a, b in powers])
+            expected = np.multiply(getattr(one, name), factors if len(factors) > 1 else factors[0])
+            rounding = 1e-12 * np.abs(expected).max()
+            assert_allclose(getattr(other, name), expected, rtol=1e-9, atol=rounding, err_msg=name)
+
+
+def test_signs():
+    assert PRESSED.pressure.min() == 0.0
+    assert PRESSED.gap.min() >= -1e-8 * PRESSED.approach
+    for result in (PRESSED, PRESSED_LINE):
+        assert min(result.force, result.approach, result.stiffness, result.energy) > 0.0
+    # Tractions, their sum and the shift point one way; slip is against them.
+    assert_allclose(SHIFTED.force, (0.01, 0.005))
+    assert (np.asarray(SHIFTED.shift) > 0.0).all()
+    assert SHIFTED_LINE.force > 0.0
+    for result in (SHIFTED, ROLLED):
+        work = (result.slip * result.traction).sum(axis=0)
+        assert work.max() <= 1e-7 * np.abs(work).max()
+        assert (work < 0.0)[result.sliding].any()
+    # A body that turns too slowly is pulled back; a spin turns against itself.
+    assert ROLLED.force[0] < 0.0
+    assert ROLLED_LINE.force < 0.0
+    assert ROLLED.moment * ROLLED.creepages[2] < 0.0
+    assert_allclose(
+        ROLLED.power, -(ROLLED.force @ ROLLED.creepages[:2]) - ROLLED.moment * ROLLED.creepages[2]
+    )
 
 
 # In words -------------------------------------------------------------------------------------

@@ -55,6 +55,56 @@ def test_what_is_saved_is_loaded(result, tmp_path):
         again.contact[...] = False
 
 
+def pressed_on_steps():
+    """Unlike bodies that are pressed in two steps."""
+    gap = surfaces.sphere((32, 32), (0.05, 0.05), radius=1.0)
+    bodies = Material(E=2.0, nu=0.1), Material.rigid()
+    state = None
+    for force in (0.05, 0.1):
+        state = contact.frictional_contact(
+            gap, (0.05, 0.05), material=bodies, mu=0.2, force=force, previous=state
+        )
+    return gap, bodies, state
+
+
+def test_frictional_contact_is_saved_with_its_parts(tmp_path):
+    gap, bodies, state = pressed_on_steps()
+    state.save(tmp_path / "x.npz")
+    again = contact.load(tmp_path / "x.npz")
+    assert type(again) is contact.FrictionalResult
+    assert_same(again.normal, state.normal)
+    assert_same(again.tangential, state.tangential)
+    assert again.residuals == state.residuals
+    # What comes next is the same, to the last bit: the state before the last step is there too.
+    case = {"material": bodies, "mu": 0.2, "force": 0.12}
+    one, other = (
+        contact.frictional_contact(gap, (0.05, 0.05), previous=x, **case) for x in (state, again)
+    )
+    assert_same(one.normal, other.normal)
+    assert_same(one.tangential, other.tangential)
+    with np.load(tmp_path / "x.npz", allow_pickle=False) as file:
+        assert np.array_equal(file["normal_pressure"], state.normal.pressure)
+        about = json.loads(str(file["about"]))
+    assert about["parts"]["tangential"]["units"]["traction"] == "N/mm²"
+    state.to_vtk(tmp_path / "x.vti")
+    names = {array.get("Name") for array in ElementTree.parse(tmp_path / "x.vti").iter("DataArray")}
+    assert {"normal_pressure", "tangential_traction", "tangential_stick"} <= names
+    assert "pressure" in state.summary()
+    assert len(repr(state)) < 400
+    assert "<table>" in state._repr_html_()
+
+
+def test_frictional_contact_as_a_dataset():
+    pytest.importorskip("xarray")
+    _, _, state = pressed_on_steps()
+    data = state.to_xarray()
+    assert data["normal_pressure"].dims == ("x", "y")
+    assert data["tangential_traction"].dims == ("component", "x", "y")
+    assert np.array_equal(data["tangential_slip"], state.tangential.slip)
+    assert data["normal_gap"].attrs["units"] == "mm"
+    assert data.attrs["normal_force"] == state.normal.force
+
+
 def test_a_file_can_be_read_without_this_package(tmp_path):
     ROLLED.save(tmp_path / "rolled.npz")
     with np.load(tmp_path / "rolled.npz", allow_pickle=False) as file:
@@ -115,8 +165,15 @@ def test_a_name_that_cannot_be_written_is_refused(write, ending, tmp_path):
             getattr(PRESSED, write)(tmp_path / name, overwrite=True)
 
 
+def refusal(path):
+    with pytest.raises(ValueError, match="is not a file of a contact result") as caught:
+        contact.load(path)
+    return str(caught.value)
+
+
 def test_other_files_are_no_results(tmp_path):
     (tmp_path / "text.npz").write_text("nothing")
+    assert "pickle" not in refusal(tmp_path / "text.npz")
     np.savez(tmp_path / "arrays.npz", x=np.ones(3))
     np.savez(tmp_path / "foreign.npz", about=np.array('{"format": "of another"}'))
     PRESSED.save(tmp_path / "whole.npz")

@@ -9,7 +9,7 @@ from scipy.linalg import toeplitz
 
 import toeplitz_mg as tmg
 from comparisons.systems.symbols import COLUMNS, HERMITIAN, column
-from toeplitz_mg.preconditioners.schur import schur_column
+from toeplitz_mg.preconditioners.schur import schur_column, whiten_rows
 
 SLOW = pytest.mark.slow  # The condition number of a dense matrix takes nearly all the time.
 
@@ -49,6 +49,16 @@ def test_the_schur_parameters_give_the_determinant():
     k = np.arange(1, 700)
     log_determinant = 700 * np.log(c[0]) + np.sum((700 - k) * np.log1p(-(gamma**2)))
     assert log_determinant == pytest.approx(np.linalg.slogdet(toeplitz(c))[1], rel=1e-12)
+
+
+@pytest.mark.parametrize("n", [1, 2, 65, 600])
+def test_whitening_of_a_hermitian_matrix(n):
+    """The matrix turned by one radian has the factor turned in the same way."""
+    turn = np.exp(1j * np.arange(n))
+    c = column("contact", n) * turn if n > 2 else np.array([2.0, 0.5])[:n] * turn
+    Y = np.random.default_rng(n).standard_normal((3, n)) * turn[::-1]
+    factor = np.linalg.cholesky(toeplitz(c))
+    assert_allclose(whiten_rows(c, Y), np.linalg.solve(factor, Y.T).T, rtol=0, atol=1e-11)
 
 
 @settings(deadline=None, max_examples=60)

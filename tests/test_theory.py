@@ -72,6 +72,17 @@ def test_the_sum_of_the_pressures_is_the_force():
     assert_allclose(contact.pressure_at(x, y).sum() * np.prod(element), 2.0, rtol=1e-3)
 
 
+def test_curvatures_of_both_bodies_add_up():
+    """A wheel on a rail, and a shaft in a bearing that is hardly wider."""
+    both = hertz(radii=((460.0, -330.0), (np.inf, 300.0)), material=UNIT, force=2.0)
+    R2 = 1.0 / (1.0 / 300.0 - 1.0 / 330.0)
+    assert_allclose(both.half_axes, hertz(radii=(460.0, R2), material=UNIT, force=2.0).half_axes)
+    shaft = hertz(radii=((10.0, np.inf), (-10.5, np.inf)), material=UNIT, force=0.02)
+    assert_allclose(
+        shaft.half_axes, hertz(radii=(210.0, np.inf), material=UNIT, force=0.02).half_axes
+    )
+
+
 @pytest.mark.parametrize("radii", [(7.0, 7.0), (20.0, 4.0), (4.0, 20.0)])
 def test_the_solver_on_a_grid_agrees(radii):
     theory = hertz(radii=radii, material=(STEEL, RUBBER), approach=0.01)
@@ -96,9 +107,11 @@ def test_the_solver_in_plane_strain_agrees():
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"radii": (1.0, -2.0)}, r"radii is \(1.0, -2.0\), but must be positive"),
-        ({"radii": (np.inf, np.inf)}, "only one infinite"),
-        ({"radii": (1.0, 2.0, 3.0)}, r"but must be R or \(R1, R2\)"),
+        ({"radii": (1.0, -2.0)}, r"radii is \(1.0, -2.0\), but both curvatures must be convex"),
+        ({"radii": ((1.0, 2.0), (-0.5, 2.0))}, "both curvatures must be convex"),
+        ({"radii": (np.inf, np.inf)}, "only one of them zero"),
+        ({"radii": 0.0}, "no radius of curvature is zero"),
+        ({"radii": (1.0, 2.0, 3.0)}, r"but must be \(R1, R2\), or a pair of them"),
         ({"radii": (1.0, 1e5)}, "one may be 10000 times the other at most"),
         ({"force": None}, "one of the two must be given"),
         ({"approach": 0.1}, "one of the two must be given"),

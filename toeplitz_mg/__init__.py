@@ -1,4 +1,4 @@
-"""Fast solvers for dense symmetric positive definite Toeplitz systems, as SciPy operators."""
+"""Fast solvers for dense Toeplitz systems, as SciPy operators; contact and Gaussian processes."""
 
 # Before all others, as they take the time in which Ctrl-C may come.
 from toeplitz_mg import startup  # noqa: F401, I001
@@ -31,11 +31,12 @@ from toeplitz_mg.preconditioners import (
     strang_preconditioner,
     tau_preconditioner,
 )
-from toeplitz_mg.solvers.solve import SolveInfo, solve_toeplitz
+from toeplitz_mg.solvers.solve import solve_toeplitz
 from toeplitz_mg.solvers.determinant import toeplitz_logdet
 from toeplitz_mg.solvers.inverse import ToeplitzInverse, toeplitz_inverse
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.gmres import gmres
+from toeplitz_mg.solvers.refinement import SolveInfo
 from toeplitz_mg.solvers.richardson import richardson
 from toeplitz_mg.gaussian import ToeplitzNormal
 

@@ -1,14 +1,14 @@
-"""Contact problems with a known answer, and how far a solution is from it.
+"""Contact problems with a known answer, and how far a solution is from it (see `rolling_theory`).
 
 All are those of a sphere or cylinder of radius 1 and of E* = 1, of half width 0.6, on [-1, 1].
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from comparisons.contact import violation
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import (
     ContactResult,
@@ -18,16 +18,12 @@ from toeplitz_mg.contact import (
     friction,
     hertz,
     normal_contact,
-    rolling,
     surfaces,
 )
 
 A, C = 0.6, 0.4  # Half widths of the contact and of the area of stick.
 MU = 0.3  # Coefficient of friction.
 UNIT = Material.from_shear(0.7, 0.3)  # Of both bodies: E* = G/(1-ν) = 1.
-# Coefficients of a circle, ν = 1/4, by Kalker (1990).
-KALKER = {"C11": 4.12, "C22": 3.67, "C23": 1.47, "C33": 1.19}
-CREEPAGE = 1e-3  # Creepage of Kalker's problems; bonded rolling is linear in it.
 
 
 @dataclass
@@ -42,11 +38,22 @@ class Solved:
         The relative errors against theory, by quantity.
     theory : ndarray or None
         The traction, along x where it is tangential.
+    gap : ndarray or None
+        The gap before the bodies touch, of a normal result.
+    bound : ndarray or None
+        The traction bound that tangential results are to have.
     """
 
     results: Sequence[ContactResult]
     errors: dict[str, float]
     theory: Array | None = None
+    gap: Array | None = None
+    bound: Array | None = None
+
+    @property
+    def violation(self) -> float:
+        """The largest violation of the conditions of contact, recomputed."""
+        return violation.measure(self.results, self.gap, self.bound)
 
 
 def semi_ellipse(r: Array, a: float) -> Array:
@@ -66,7 +73,7 @@ def hertz_line(N: int) -> Solved:
     gap = surfaces.cylinder(N, h, radius=1.0)
     result = normal_contact(gap, h, material=UNIT, force=force, reference=reference)
     exact = hertz(radii=(1.0, np.inf), material=UNIT, force=force, reference=reference)
-    return against_hertz(result, exact)
+    return against_hertz(result, exact, gap)
 
 
 def hertz_sphere(N: int) -> Solved:
@@ -74,7 +81,7 @@ def hertz_sphere(N: int) -> Solved:
     h = 2.0 / N
     gap = surfaces.sphere((N, N), (h, h), radius=1.0)
     result = normal_contact(gap, (h, h), material=UNIT, force=4.0 / 3.0 * A**3)
-    return against_hertz(result, hertz(radii=1.0, material=UNIT, force=result.force))
+    return against_hertz(result, hertz(radii=1.0, material=UNIT, force=result.force), gap)
 
 
 def hertz_ellipse(N: int) -> Solved:
@@ -83,10 +90,10 @@ def hertz_ellipse(N: int) -> Solved:
     gap = surfaces.ellipsoid((N, N // 2), (h, h), radii=radii)
     exact = hertz(radii=radii, material=UNIT, approach=0.1294)
     result = normal_contact(gap, (h, h), material=UNIT, approach=exact.approach)
-    return against_hertz(result, exact)
+    return against_hertz(result, exact, gap)
 
 
-def against_hertz(result: NormalResult, exact: HertzContact) -> Solved:
+def against_hertz(result: NormalResult, exact: HertzContact, gap: Array) -> Solved:
     """Return the errors of a result against Hertz's theory."""
     theory = exact.pressure_at(*np.meshgrid(*result.centres, indexing="ij"))
     assert exact.approach is not None
@@ -97,7 +104,7 @@ def against_hertz(result: NormalResult, exact: HertzContact) -> Solved:
         "F": result.force / exact.force - 1.0,
         "traction": rms(result, theory),
     }
-    return Solved([result], errors, theory)
+    return Solved([result], errors, theory, gap)
 
 
 def westergaard(N: int) -> Solved:
@@ -114,7 +121,7 @@ def westergaard(N: int) -> Solved:
         "p₀": result.max_pressure / (2.0 * full * np.sqrt(share)) - 1.0,
         "traction": rms(result, theory),
     }
-    return Solved([result], errors, theory)
+    return Solved([result], errors, theory, gap)
 
 
 def cattaneo_line(N: int) -> Solved:
@@ -129,7 +136,7 @@ def cattaneo_line(N: int) -> Solved:
         "c": result.stick.sum() * h / (2.0 * C) - 1.0,
         "traction": rms(result, theory),
     }
-    return Solved([result], errors, theory)
+    return Solved([result], errors, theory, bound=g)
 
 
 def cattaneo_sphere(N: int, nu: float = 0.0) -> Solved:
@@ -145,7 +152,7 @@ def cattaneo_sphere(N: int, nu: float = 0.0) -> Solved:
         "F": result.force[0] / (MU * 4.0 / 3.0 * (A**3 - C**3)) - 1.0,
         "traction": rms(result, theory),
     }
-    return Solved([result], errors, theory)
+    return Solved([result], errors, theory, bound=g)
 
 
 def mindlin_sphere(N: int) -> Solved:
@@ -153,53 +160,19 @@ def mindlin_sphere(N: int) -> Solved:
     return cattaneo_sphere(N, 0.28)
 
 
-def carter(N: int) -> Solved:
-    """A cylinder that drives, and sticks in 0.6 of its contact."""
-    h, part = 2.0 / N, 0.6
-    (x,) = surfaces.centres(N, h)
-    g = MU * A / 2.0 * semi_ellipse(x, A)
-    result = rolling(g, h, material=UNIT, longitudinal=-MU * A * (1.0 - part))
-    theory = g - MU * A / 2.0 * part * semi_ellipse(x - (1.0 - part) * A, part * A)
-    errors = {
-        "a′": result.stick.sum() * h / (2.0 * part * A) - 1.0,
-        "F": result.force / ((1.0 - part**2) * MU * np.pi * A**2 / 4.0) - 1.0,
-        "traction": rms(result, theory),
-    }
-    return Solved([result], errors, theory)
-
-
-def carter_by_force(N: int) -> Solved:
-    """The same, by the force that it carries: its creepage is found."""
-    h, part = 2.0 / N, 0.6
-    (x,) = surfaces.centres(N, h)
-    g = MU * A / 2.0 * semi_ellipse(x, A)
-    result = rolling(g, h, material=UNIT, force=(1.0 - part**2) * MU * np.pi * A**2 / 4.0)
-    theory = g - MU * A / 2.0 * part * semi_ellipse(x - (1.0 - part) * A, part * A)
-    errors = {
-        "a′": result.stick_area / (2.0 * part * A) - 1.0,
-        "ξ": -result.creepages / (MU * A * (1.0 - part)) - 1.0,
-        "traction": rms(result, theory),
-    }
-    return Solved([result], errors, theory)
-
-
-def kalker(N: int) -> Solved:
-    """The linear creepage coefficients of a circle, ν = 1/4, from bonded rolling."""
-    h = 2.0 / N
+def pressed_sphere(N: int) -> Solved:
+    """A sphere that is pressed, and then shifted by a force, of the coefficient of friction."""
+    h, nu = 2.0 / N, 0.0
+    gap, material = surfaces.sphere((N, N), (h, h), radius=1.0), Material.from_shear(1.0 - nu, nu)
+    pressed = normal_contact(gap, (h, h), material=material, force=4.0 / 3.0 * A**3)
+    force = MU * 4.0 / 3.0 * (A**3 - C**3)
+    result = friction(pressed, mu=MU, force=(force, 0.0))
     r = np.hypot(*surfaces.centres((N, N), (h, h)))
-    g = np.where(r < A, np.inf, 0.0)
-    names = ("longitudinal", "lateral", "spin")
-    creepages: list[dict[str, Any]] = [{name: CREEPAGE} for name in names]
-    results = [
-        rolling(g, (h, h), material=Material.from_shear(1.0, 0.25), **creepage)
-        for creepage in creepages
-    ]
-    # F_x = -G a² C11 ξ, F_y = -G a² (C22 η + a C23 φ), M = -G a⁴ C33 φ
-    longitudinal, lateral, spin = results
-    assert spin.moment is not None
-    forces = longitudinal.force[0], lateral.force[1], spin.force[1] / A, spin.moment / A**2
+    theory = MU * 2.0 / np.pi * (A * semi_ellipse(r, A) - C * semi_ellipse(r, C))
+    shift = MU * (A**2 - C**2) * (2.0 - nu) / (2.0 * (1.0 - nu))
     errors = {
-        name: -force / (CREEPAGE * A**2) / exact - 1.0
-        for (name, exact), force in zip(KALKER.items(), forces, strict=True)
+        "c": np.sqrt(result.stick_area / np.pi) / C - 1.0,
+        "δ": result.shift[0] / shift - 1.0,
+        "traction": rms(result, theory),
     }
-    return Solved(results, errors)
+    return Solved([result, pressed], errors, theory, gap, MU * pressed.pressure)

@@ -29,13 +29,13 @@ from toeplitz_mg.contact import (
     FrictionalResult,
     Material,
     NormalResult,
+    acceleration,
     frictional_contact,
     frictional_rolling,
     normal_contact,
     surfaces,
 )
 from toeplitz_mg.contact.tangential.coulomb import clip
-from toeplitz_mg.contact.unlike import alternation
 
 SIZES, QUICK_SIZES = (64, 128, 256), (32, 64)
 STEPS, QUICK_STEPS = 35, 6
@@ -63,9 +63,9 @@ PUBLISHED: Row = {
 
 
 @contextmanager
-def acceleration(depth: int) -> Iterator[None]:
-    """Let the alternation combine so many differences of pairs."""
-    with patch.object(alternation, "DEPTH", depth):
+def accelerated(depth: int) -> Iterator[None]:
+    """Let what is repeated combine so many differences of pairs."""
+    with patch.object(acceleration, "DEPTH", depth):
         yield
 
 
@@ -116,13 +116,13 @@ def spheres(quick: bool) -> list[Row]:
     steps = QUICK_STEPS if quick else STEPS
     rows: list[Row] = [] if quick else [PUBLISHED]
     for case, depth, tolerance in (
-        ("coupled", alternation.DEPTH, 1e-6),
-        ("coupled", alternation.DEPTH, 1e-7),
+        ("coupled", acceleration.DEPTH, 1e-6),
+        ("coupled", acceleration.DEPTH, 1e-7),
         ("not accelerated", 0, 1e-6),
         ("not accelerated", 0, 1e-7),
     ):
         start = process_time()
-        with acceleration(depth):
+        with accelerated(depth):
             results = press_in_steps(steps, tolerance)
         seconds = process_time() - start
         *_, before, last = results

@@ -22,6 +22,8 @@ def prepare(*modules: str, threads: int = 1) -> None:
     """Give later processes so many threads, and let them start with these modules imported."""
     # BLAS reads it where a process imports it, and so do the packages that are compared.
     os.environ["OMP_NUM_THREADS"] = str(threads)
+    # Each of them runs the module of the command again, which it may have imported already.
+    os.environ["PYTHONWARNINGS"] = "ignore::RuntimeWarning:runpy"
     set_forkserver_preload(list(modules))
 
 

@@ -7,6 +7,8 @@ import argparse
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from math import isnan
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -14,24 +16,34 @@ from typing import Any
 from matplotlib.figure import Figure
 from tabulate import tabulate
 
+from comparisons.harness import machine
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.report import print_any_character
 
 Row = dict[str, Any]
+MEASURED = "measured.txt"  # Name of the file, among the results, that says when and on what.
 
 
 def options(
-    name: str, description: str, **choices: Sequence[Any] | int | str
+    name: str,
+    description: str,
+    flags: Mapping[str, str] | None = None,
+    **choices: Sequence[Any] | int | str,
 ) -> argparse.Namespace:
-    """Parse ``--quick``, ``--output`` and the choices, make the output folder and name it.
+    """Parse ``--quick``, ``--output``, flags and choices, make the output folder and name it.
 
-    `name` is that of the module in `comparisons`, like "paper.tables".
+    What is measured is then of this day, this machine and these versions: a file there says so.
+
+    `name` is that of the module in `comparisons`, like "paper.tables". `flags` are options without
+    a value, with what their help says.
     Each of `choices` is an option that takes one or more of its values; None without it. One that
     is an integer or a string takes another one, and one that is a list of integers takes any; they
     are as given here without it.
     """
     parser = argparse.ArgumentParser(prog=f"python -m comparisons.{name}", description=description)
     parser.add_argument("--quick", action="store_true", help="small sizes only, within a minute")
+    for flag, text in (flags or {}).items():
+        parser.add_argument(f"--{flag}", action="store_true", help=text)
     for choice, values in choices.items():
         is_list = isinstance(values, list) and all(isinstance(v, int) for v in values)
         if isinstance(values, int | str) or is_list:
@@ -65,6 +77,7 @@ def options(
     print_any_character()
     arguments = parser.parse_args()
     arguments.output.mkdir(parents=True, exist_ok=True)
+    files.write(arguments.output / MEASURED, f"{machine.describe()}\n".encode())
     print(f"Writing to {arguments.output.resolve()}")
     return arguments
 
@@ -90,11 +103,21 @@ def format_cells(row: Row, formats: Mapping[str, str]) -> Row:
     }
 
 
+def format_seconds(seconds: float | None) -> str:
+    """Return a time with two digits in the unit that suits it; nothing where there is none."""
+    if seconds is None or isnan(seconds):
+        return ""
+    scale, unit = next(
+        (s for s in ((1e6, "µs"), (1e3, "ms")) if seconds * s[0] < 995.0), (1.0, "s")
+    )
+    return f"{float(f'{seconds * scale:.2g}'):g} {unit}"
+
+
 def write_markdown(
     path: Path, title: str, module: str, tables: Mapping[str, Sequence[Row]]
 ) -> None:
     """Write tables under their headings, with the command of the module that measures them."""
-    text = f"# {title}\n\nWritten by `python -m {module}`.\n\n"
+    text = f"# {title}\n\nWritten by `python -m {module}` on {machine.describe()}.\n\n"
     for heading, rows in tables.items():
         table = tabulate(
             list(rows), headers="keys", missingval="", disable_numparse=True, tablefmt="github"
@@ -111,6 +134,20 @@ def write_csv(path: Path, rows: Sequence[Row]) -> None:
     writer.writeheader()
     writer.writerows(rows)
     files.write(path, text.getvalue().encode())
+
+
+def read_csv(path: Path) -> list[Row]:
+    """Return the rows that `write_csv` has written: numbers as such, without empty cells."""
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    return [{key: _read_cell(text) for key, text in row.items() if text} for row in rows]
+
+
+def _read_cell(text: str) -> Any:
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return text == "True" if text in ("True", "False") else text
 
 
 def write_figure(path: Path, figure: Figure, dpi: int) -> None:

@@ -40,7 +40,8 @@ ENOUGH = 2.0  # Seconds of runs, after which there are no more.
 SIZES = (128, 512, 2048)
 LINES = (2**14, 2**17, 2**20)
 QUICK_SIZES, QUICK_LINES = (32, 64), (2048,)
-SHOWN = 128  # Elements across the grid whose tractions are drawn.
+TABULATED = ("none", "T. Chan", "cosine", "sine", "M", "FSAI")  # In docs/masks.md.
+SHOWN = 128  # Elements across the grid whose pressures are drawn.
 
 ON_A_LINE: dict[str, Callable[[int], Array]] = {
     "paper's test 3": lambda n: (np.arange(n) // (n // 8)) % 8 != 3,
@@ -150,6 +151,17 @@ def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
     return result
 
 
+def arrange(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of docs/masks.md: areas of 512² elements and two lines, some methods."""
+    table = []
+    for (area, n), own in report.group(rows, "area", "n").items():
+        if n == 512 or (n == 2**17 and area in ("100 islands", "n/100 islands")):
+            some = {row["method"]: row for row in own if row["method"] in TABULATED}
+            cells = _format_times(area, n, some, "random")
+            table.append({key: cells[key] for key in ("area", "n", *TABULATED) if key in cells})
+    return table
+
+
 def _format_times(area: str, n: int, own: dict[str, Row], b: str) -> Row:
     """Return a row of iterations and seconds; where there is none, why."""
     solved = {m: row[f"{b}_s"] for m, row in own.items() if isinstance(row.get(b), int)}
@@ -157,7 +169,7 @@ def _format_times(area: str, n: int, own: dict[str, Row], b: str) -> Row:
     cells: Row = {"area": area, "n": n}
     for method, row in own.items():
         if b not in row:
-            cells[method] = "too long" if row["note"].startswith("over") else "refused"
+            cells[method] = "too long" if row.get("note", "").startswith("over") else "refused"
         else:
             seconds = f"{row[f'{b}_s']:.2g}"
             cells[method] = (
@@ -167,7 +179,7 @@ def _format_times(area: str, n: int, own: dict[str, Row], b: str) -> Row:
 
 
 def draw(areas: Sequence[str], n: int, path: Path) -> None:
-    """Draw the tractions under a rigid displacement of each area."""
+    """Draw the pressures under a rigid displacement of each area."""
     figure = Figure(figsize=(17, 9), layout="constrained")
     axes = figure.subplots(3, 5).ravel()
     for ax, area in zip(axes, areas, strict=False):
@@ -178,13 +190,13 @@ def draw(areas: Sequence[str], n: int, path: Path) -> None:
         field = np.full((n, n), np.nan)
         field[masks.FRAGMENTED[area](n)] = p
         image = ax.imshow(
-            field.T, origin="lower", extent=(-1, 1, -1, 1), cmap="viridis_r",
+            field.T, origin="lower", extent=(-1, 1, -1, 1), cmap="YlOrRd",
             vmin=0.0, vmax=float(np.quantile(p, 0.95)), interpolation="none",
         )  # fmt: skip
         bar = ax.inset_axes((1.04, 0.0, 0.05, 1.0))
         figure.colorbar(image, cax=bar, extend="max")
-        ax.set(title=area, xticks=[-1, 0, 1], yticks=[-1, 0, 1])
-    figure.suptitle("Tractions over G under a unit displacement, on areas of half width 1")
+        ax.set(title=area, xlabel="x", ylabel="y", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
+    figure.suptitle(f"Pressures over G under a unit displacement, of {n}² elements")
     for ax in axes[len(areas) :]:
         ax.set_axis_off()
     report.write_figure(path, figure, dpi=130)

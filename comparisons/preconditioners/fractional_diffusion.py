@@ -33,7 +33,7 @@ TITLE = "Fractional diffusion"
 MAXITER = 100  # Iterations after which a method has not converged.
 ORDERS = (1.2, 1.5, 1.8)
 CHECKED_ORDERS = tuple(k / 10 for k in range(11, 20))
-SIZES = {1: (2**10 - 1, 2**14 - 1, 2**17 - 1), 2: (2**5 - 1, 2**7 - 1, 2**9 - 1)}
+SIZES = {1: (2**8 - 1, 2**11 - 1, 2**14 - 1), 2: (2**4 - 1, 2**6 - 1, 2**8 - 1)}
 QUICK_SIZES = {1: (2**6 - 1, 2**10 - 1), 2: (2**5 - 1,)}
 LEVELS, QUICK_LEVELS = {1: 20, 2: 10}, {1: 10, 2: 5}  # Largest k of n = 2^k - 1 along an axis.
 PUBLISHED = "≤ 15"  # Iterations of CG to 1e-8 with eigenvalues in (1/2, 3/2), whatever n.

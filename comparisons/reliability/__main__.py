@@ -16,10 +16,12 @@ from tqdm import tqdm
 
 from comparisons.harness import report
 from comparisons.reliability.approximate_inverses import preconditioner
+from comparisons.reliability.below import stresses_problem
 from comparisons.reliability.bodies import contact_problem
 from comparisons.reliability.concurrency import interrupts, threads
 from comparisons.reliability.kinds import every_kind
 from comparisons.reliability.repeated import repeated_problem
+from comparisons.reliability.rolling import rolling_problem
 from comparisons.reliability.systems import drop_in, inverse, iteration, large
 from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, TOLD, Result, Trial, run
 from comparisons.reliability.unlike import unlike_problem
@@ -34,6 +36,8 @@ PARTS: dict[str, tuple[Trial, int, int]] = {
     "preconditioners": (preconditioner, 700, 16000),
     "contact": (contact_problem, 250, 5000),
     "repeated": (repeated_problem, 250, 5000),
+    "rolling": (rolling_problem, 150, 3000),
+    "stresses": (stresses_problem, 100, 2000),
     "unlike": (unlike_problem, 60, 1000),
     "threads": (threads, 10, 150),
     "interrupts": (interrupts, 20, 250),

@@ -2,8 +2,9 @@
 
 The systems are tests 1 to 3 of the paper and test 1 with a random right-hand side, each to a
 relative residual of 1e-8 from a zero guess. A method that needs more than 30 s at some n is not
-run at a larger one. The methods are in `contenders`; how a run is measured is in `measuring`.
-Grids of up to 256 elements multigrid solves directly.
+run at a larger one; with ``--picture`` only the methods that are drawn are run, and not beyond 2 s,
+which takes minutes in the place of half an hour. The methods are in `contenders`; how a run is
+measured is in `measuring`. Grids of up to 256 elements multigrid solves directly.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,13 +17,14 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from comparisons.harness import report
-from comparisons.harness.measuring import Measurement, measure
+from comparisons.harness.measuring import Contender, Measurement, measure
 from comparisons.harness.processes import prepare
 from comparisons.harness.report import Row
 from comparisons.speed.contenders import CONTENDERS
 from toeplitz_mg.paper.problems import Problem, test1, test2, test3
 
 LARGEST_TIME = 30.0  # Seconds of one run, above which a method is not run at a larger n.
+DRAWN_TIME = 2.0  # The same where only the picture is wanted.
 SIZES = tuple(4**k for k in range(3, 11))
 QUICK_SIZES = SIZES[:3]
 SHOWN_SIZES = (2**10, 2**14, 2**20)
@@ -49,34 +51,40 @@ def test1_random(n: int) -> Problem:
 SYSTEMS = (test1, test2, test3, test1_random)
 
 
-def run(sizes: Sequence[int], path: Path) -> list[Row]:
-    """Measure every contender on every system, and keep the table on disk up to date."""
+def run(
+    contenders: Sequence[Contender], sizes: Sequence[int], longest: float, path: Path
+) -> list[Row]:
+    """Measure contenders on every system, and keep the table on disk up to date."""
     rows: list[Row] = []
-    jobs = len(SYSTEMS) * len(sizes) * len(CONTENDERS)
+    jobs = len(SYSTEMS) * len(sizes) * len(contenders)
     with tqdm(total=jobs, unit="run") as progress:
         for system in SYSTEMS:
-            rows += run_system(system, sizes, progress)
+            rows += run_system(system, contenders, sizes, longest, progress)
             report.write_csv(path, rows)
     return rows
 
 
 def run_system(
-    system: Callable[[int], Problem], sizes: Sequence[int], progress: "tqdm[None]"
+    system: Callable[[int], Problem],
+    contenders: Sequence[Contender],
+    sizes: Sequence[int],
+    longest: float,
+    progress: "tqdm[None]",
 ) -> list[Row]:
-    """Measure every contender on one system, each up to the size where it is too slow."""
+    """Measure contenders on one system, each up to the size where it takes more than `longest`."""
     rows: list[Row] = []
     too_slow: dict[str, str] = {}
     for n in sizes:
         problem = system(n)
-        for contender in CONTENDERS:
+        for contender in contenders:
             name = contender.name
             progress.set_postfix_str(f"{problem.name}, n = {n}, {name}")
             if name in too_slow:
                 measurement = Measurement(note=too_slow[name])
             else:
                 measurement = measure(contender, problem)
-                if (measurement.total_s or 0.0) > LARGEST_TIME:
-                    too_slow[name] = f"not run: over {LARGEST_TIME:.0f} s at n = {n}"
+                if (measurement.total_s or 0.0) > longest:
+                    too_slow[name] = f"not run: over {longest:.0f} s at n = {n}"
             rows.append({"system": problem.name, "n": n, "method": name, **asdict(measurement)})
             progress.update()
     return rows
@@ -104,6 +112,21 @@ def show(rows: Sequence[Row], sizes: Sequence[int]) -> None:
     shown = [row for row in rows if row["n"] in sizes]
     for (system, n), own in report.group(shown, "system", "n").items():
         report.show(f"{system}, n = {n}", [format_row(row) for row in own])
+
+
+def arrange(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of docs/benchmarks.md: test 1 at the largest n."""
+    largest = max(row["n"] for row in rows)
+    table = []
+    for row in rows:
+        if row["system"] == "test 1" and row["n"] == largest and "setup_s" in row:
+            cells = report.format_cells(row, FORMATS)
+            line = {"method": row["method"], "set-up (s)": cells["setup_s"]}
+            line |= {"solve (s)": cells["solve_s"] if row["converged"] else "diverges"}
+            line |= {"iterations": cells["iterations"], "work units": cells["solve_units"]}
+            line |= {"vectors": cells["peak_vectors"], "true residual": cells["residual"]}
+            table.append(line)
+    return table
 
 
 def plot(rows: Sequence[Row], path: Path) -> None:
@@ -156,9 +179,18 @@ def main(quick_sizes: Sequence[int] = QUICK_SIZES) -> None:
     """Run the comparison."""
     # What every measured process imports, imported once; this module is run anew in each.
     prepare("comparisons.speed.contenders", "comparisons.harness.report", "matplotlib.figure")
-    arguments = report.options("speed.baselines", "Compare every method on the same systems.")
+    arguments = report.options(
+        "speed.baselines",
+        "Compare every method on the same systems.",
+        flags={"picture": f"only the methods that are drawn, up to {DRAWN_TIME:.0f} s each"},
+    )
     sizes = quick_sizes if arguments.quick else SIZES
-    rows = run(sizes, arguments.output / "baselines.csv")
+    contenders: Sequence[Contender] = CONTENDERS
+    longest, name = LARGEST_TIME, "baselines.csv"
+    if arguments.picture:  # Its table is not to be taken for that of all.
+        contenders = tuple(contender for contender in CONTENDERS if contender.name in DRAWN)
+        longest, name = DRAWN_TIME, "drawn.csv"
+    rows = run(contenders, sizes, longest, arguments.output / name)
     show(rows, sizes[-1:] if arguments.quick else SHOWN_SIZES)
     plot(rows, arguments.output / "baselines.png")
 

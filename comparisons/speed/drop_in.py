@@ -16,7 +16,7 @@ from functools import partial
 from itertools import groupby
 from pathlib import Path
 from time import process_time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
@@ -38,6 +38,7 @@ from toeplitz_mg.solvers.machine import VARIABLE, cosine_over_levinson
 SYMBOLS = ("contact", "fGn, H = 0.9", "0.9^k", "exp(-k/1000)", "θ²")
 A_DECADE = 24  # Sizes in each decade beyond the first 40.
 SIZES = (*range(1, 41), *(round(10 ** (k / A_DECADE)) for k in range(39, 6 * A_DECADE + 1)))
+TABULATED = (32, 100, 316, 1000, 3162, 10_000, 100_000, 1_000_000)  # In docs/benchmarks.md.
 QUICK_SIZES = (*range(1, 41, 3), *SIZES[40:80:4])
 COLUMNS = (1, 64)
 FACTORS = (1.0, 0.5, 2.0)  # How much more Levinson's recursion costs: 1 is as it is.
@@ -191,6 +192,38 @@ def show(rows: Sequence[Row]) -> None:
             line[key] = "{:.2f} at {}".format(*max(ratios))
         worst.append(line)
     report.show("The largest ratios to the faster rival, and where", worst)
+
+
+def arrange(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of docs/benchmarks.md: some sizes across, the contact kernel in full."""
+    found = {(row["symbol"], row["columns"], row["n"]): row for row in rows}
+    lines = [
+        (f"contact kernel, {columns} right-hand side{'s' * (columns > 1)}: {title}", key, columns)
+        for columns in COLUMNS
+        for title, key in (
+            ("SciPy", "scipy_seconds"),
+            ("CG with T. Chan's circulant by hand", "by_hand_seconds"),
+            ("this package", "seconds"),
+            ("its time over that of the faster rival", "ratio"),
+        )
+        if columns == 1 or key != "by_hand_seconds"
+    ]
+    table = [_arrange_line(title, found, "contact", columns, key) for title, key, columns in lines]
+    table += [
+        _arrange_line(f"{name}, {columns}: the same ratio", found, name, columns, "ratio")
+        for columns in COLUMNS
+        for name in SYMBOLS[1:]
+    ]
+    return [cells for cells in table if any(list(cells.values())[1:])]
+
+
+def _arrange_line(title: str, found: Mapping[Any, Row], name: str, columns: int, key: str) -> Row:
+    cells: Row = {"n": title}
+    for n in TABULATED:
+        value = found.get((name, columns, n), {}).get(key)
+        shown = "" if value is None else f"{value:.2f}"
+        cells[f"{n:,}"] = report.format_seconds(value) if key.endswith("seconds") else shown
+    return cells
 
 
 def show_inverses(n: int) -> None:

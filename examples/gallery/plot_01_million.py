@@ -37,7 +37,7 @@ print(f"info {info}, {len(residuals) - 1} cycles, {perf_counter() - start:.2f} s
 # slips would be found by `contact.friction`.
 fig, (left, right) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained")
 left.plot(problem.x[:: n // 2000], x[:: n // 2000])
-left.set(xlabel="x (mm)", ylabel="traction (N/mm²)", ylim=(0, 3 * np.median(x)))
+left.set(xlabel="x [mm]", ylabel="traction [N/mm²]", ylim=(0, 3 * np.median(x)))
 right.semilogy(np.array(residuals) / np.linalg.norm(problem.b), "o-")
 right.set(xlabel="cycle", ylabel="residual / right-hand side")
 right.xaxis.get_major_locator().set_params(integer=True)

@@ -14,7 +14,7 @@ import numpy as np
 from toeplitz_mg import contact
 
 R, force, n = 50.0, 100.0, 128
-element = (2.4 / n, 2.4 / n)
+element = (0.9 / n, 0.9 / n)
 steel = contact.Material(E=210000.0, nu=0.3)
 gap = contact.surfaces.sphere((n, n), element, radius=R)
 pressed = contact.normal_contact(gap, element, material=steel, force=force)
@@ -34,11 +34,11 @@ for name, ours, exact in (
 
 # %%
 # The pressures along the middle, and the picture of all of them.
-fig, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.8), layout="constrained")
-r = np.linspace(-1.2, 1.2, 500)
+fig, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.8), layout="compressed")
+r = np.linspace(-0.45, 0.45, 500)
 left.plot(r, p0 * np.sqrt(np.maximum(1 - (r / a) ** 2, 0)), label="Hertz")
 left.plot(pressed.x.ravel(), pressed.pressure[:, n // 2], ".", label="computed")
-left.set(xlabel="x (mm)", ylabel="pressure (N/mm²)")
+left.set(xlabel="x [mm]", ylabel="pressure [N/mm²]")
 left.legend()
 pressed.plot(right)
 plt.show()

@@ -44,10 +44,7 @@ for warning in pressed.warnings:
 
 # %%
 # Pressures, and the gap that is left.
-fig, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.9), layout="constrained")
-pressed.plot(left)
-size = (0, 96 * element[0], 0, 96 * element[1])
-image = right.imshow(1e3 * pressed.gap.T, origin="lower", extent=size, cmap="Blues")
-fig.colorbar(image, label="gap (µm)")
-right.set(xlabel="x (mm)", ylabel="y (mm)", title="Gap under load")
+fig, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.9), layout="compressed")
+pressed.plot(ax=left)
+pressed.plot("gap", ax=right)
 plt.show()

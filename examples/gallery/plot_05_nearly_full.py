@@ -10,7 +10,6 @@ hundreds of iterations to find them. The search by active sets takes as many as 
 # A soft body, whose gap is pressed closed by more and more. A product is one multiplication with
 # the matrix, which is what an iteration of any method costs.
 import matplotlib.pyplot as plt
-import numpy as np
 
 from toeplitz_mg import contact
 
@@ -25,10 +24,9 @@ for force in (0.03, 0.06, 0.1, 0.13, 0.2):
     print(f"{100 * pressed.contact_fraction:6.1f} % {pressed.products:4d} products")
 
 # %%
-# What is left open, at the largest loads. Blue is the gap that remains.
-fig, axes = plt.subplots(1, 3, figsize=(10, 3.4), layout="constrained")
-for ax, pressed in zip(axes, found[1::2] + found[-1:], strict=True):
-    remaining = np.where(pressed.contact, np.nan, pressed.gap)
-    ax.imshow(remaining.T, origin="lower", extent=(0, 1, 0, 1), cmap="Blues")
-    ax.set(title=f"{100 * pressed.contact_fraction:.1f} % in contact", xlabel="x (mm)")
+# What is left open. Blue is the gap that remains, white is contact.
+fig, axes = plt.subplots(1, 3, figsize=(13, 3.6), layout="compressed")
+for ax, pressed in zip(axes, (found[0], found[1], found[3]), strict=True):
+    pressed.plot("gap", ax=ax)
+    ax.set_title(f"{100 * pressed.contact_fraction:.1f} % in contact")
 plt.show()

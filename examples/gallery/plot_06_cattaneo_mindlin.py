@@ -14,7 +14,7 @@ import numpy as np
 from toeplitz_mg import contact
 
 n, R, force, mu = 64, 50.0, 100.0, 0.3
-element = (1.4 / n, 1.4 / n)
+element = (0.8 / n, 0.8 / n)
 material = contact.Material(E=210000.0, nu=0.28)
 gap = contact.surfaces.sphere((n, n), element, radius=R)
 pressed = contact.normal_contact(gap, element, material=material, force=force)
@@ -34,10 +34,10 @@ print(f"largest traction across over along the pull: {across:.3f}")
 # %%
 # The tractions along the middle: the sum of two semi-ellipses.
 x = pressed.x.ravel()
-fig, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.8), layout="constrained")
+fig, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.8), layout="compressed")
 left.plot(x, mu * pressed.pressure[:, n // 2], label="μ p")
 left.plot(x, shifted.traction[0][:, n // 2], label="traction")
-left.set(xlabel="x (mm)", ylabel="N/mm²")
+left.set(xlabel="x [mm]", ylabel="traction [N/mm²]")
 left.legend()
 shifted.plot(right)
 plt.show()

@@ -24,11 +24,12 @@ for creepage in creepages:
     line.append(rolled.force / (mu * pressure.sum() * h))
 
 # %%
-# A sphere on a flat, with half as many creepages.
+# A sphere on a flat.
 element, radius = (0.03, 0.03), 50.0
 gap = contact.surfaces.sphere((40, 40), element, radius=radius)
 pressed = contact.normal_contact(gap, element, material=steel, force=100.0)
-of_sphere = mu * np.sqrt(pressed.area / np.pi) / radius * np.linspace(0.1, 2.0, 6)
+shares = np.array([0.05, 0.15, 0.3, 0.5, 0.7, 0.9, 1.2])
+of_sphere = mu * np.sqrt(pressed.area / np.pi) / radius * shares
 curve = contact.creep_curve(mu * pressed.pressure, element, material=steel, longitudinal=-of_sphere)
 surface = curve.force[:, 0] / (mu * pressed.force)
 

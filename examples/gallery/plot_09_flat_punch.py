@@ -37,12 +37,13 @@ print(f"force {2 * force:.4f}, of the limit 5.36516")
 
 # %%
 qx, qy = q.reshape(2, n, n)
-fig, axes = plt.subplots(1, 2, figsize=(9.5, 3.8), layout="constrained")
+fig, axes = plt.subplots(1, 2, figsize=(9.5, 3.8), layout="compressed")
 for ax, field, name in zip(axes, (qx, qy), "xy", strict=True):
     most = np.quantile(abs(field), 0.98)
     image = ax.imshow(
         field.T, origin="lower", extent=(-1, 1, -1, 1), cmap="PuOr", vmin=-most, vmax=most
     )
-    fig.colorbar(image, label=f"traction along {name}, over G")
+    bar = ax.inset_axes((1.04, 0.0, 0.05, 1.0))
+    fig.colorbar(image, cax=bar, extend="both", label=f"traction along {name}, over G")
     ax.set(xlabel="x", ylabel="y")
 plt.show()

@@ -30,10 +30,11 @@ error = np.sqrt(np.mean((given.mean - field)[~observed] ** 2))
 print(f"{(~observed).sum()} missing of {n * n}; rms error there {error:.3f}, rms of the field 1.00")
 
 # %%
-fig, axes = plt.subplots(1, 4, figsize=(11, 3), layout="constrained", sharex=True, sharey=True)
+fig, axes = plt.subplots(1, 4, figsize=(11, 3), layout="compressed", sharex=True, sharey=True)
 titles = ("seen", "mean", "a draw", "the truth")
 for ax, values, title in zip(axes, (seen, given.mean, draws[0], field), titles, strict=True):
     image = ax.imshow(values.T, origin="lower", cmap="viridis", vmin=-2.5, vmax=2.5)
-    ax.set(title=title)
-fig.colorbar(image, ax=axes)
+    ax.set(title=title, xlabel="first axis")
+axes[0].set_ylabel("second axis")
+fig.colorbar(image, cax=axes[-1].inset_axes((1.05, 0.0, 0.05, 1.0)), label="value")
 plt.show()

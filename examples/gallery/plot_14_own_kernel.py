@@ -34,7 +34,7 @@ def tapered_preconditioner(A):
 
 
 # %%
-# On a mask, beside some of the package, and as the smoother of a cycle's sibling: in `cg`.
+# On a mask, as the preconditioner of `cg`, beside two of the package's own.
 ring = tmg.MaskedOperator(A, abs(np.hypot(i - 47.5, j - 47.5) - 32) < 12)
 b = np.random.default_rng(0).standard_normal(ring.shape[0])
 fig, ax = plt.subplots(layout="constrained")

@@ -3,8 +3,8 @@ A class: Toeplitz systems
 =========================
 
 What makes a Toeplitz system fast to multiply with, why plain conjugate gradients are slow on it,
-and how three ideas mend that. Long enough for an hour and a
-half; every cell can be changed and run.
+and how three ideas mend that. Long enough for an hour and a half; every cell can be changed and
+run.
 """
 
 # %%
@@ -41,7 +41,7 @@ eigenvalues = np.linalg.eigvalsh(scipy.linalg.toeplitz(c))
 fig, ax = plt.subplots(layout="constrained")
 ax.semilogy(np.sort(symbol), label="samples of the symbol, sorted")
 ax.semilogy(eigenvalues, "--", label="eigenvalues")
-ax.set(xlabel="index")
+ax.set(xlabel="index", ylabel="value")
 ax.legend()
 
 # %%

@@ -32,9 +32,22 @@ print(f"area goes with the force to the power {exponent:.3f}, by theory 0.667")
 # %%
 # A wave
 # ------
-# A sine wave that is pressed flat needs a mean pressure of π E* A/λ for an amplitude A in one
-# direction. *Exercise: find that for the wave in two directions, which has no formula.*
-#
+# A surface that is a cosine along x, of the amplitude A, touches in strips. By Westergaard their
+# width over the wavelength λ is 2/π arcsin √(p/p*), and all of it touches at the mean pressure
+# p* = π E* A/λ. *Exercise: find that pressure for a wave in two directions, which has no formula.*
+amplitude, wavelength = 1e-3, 2.0
+wave = amplitude * (1 - np.cos(np.pi * contact.surfaces.centres((n, 8), element)[0]))
+full = np.pi * amplitude / wavelength  # E* is 1.
+wave_force = full * wavelength * 8 * element[1]
+for share in (0.1, 0.3, 0.6, 0.9, 1.05):
+    pressed = contact.normal_contact(
+        np.broadcast_to(wave, (n, 8)), element, material=bodies, force=share * wave_force,
+        periodic=True,
+    )  # fmt: skip
+    expected = 2 / np.pi * np.arcsin(np.sqrt(min(share, 1.0)))
+    print(f"p/p* {share:.2f}: {pressed.contact_fraction:.3f} touches, by theory {expected:.3f}")
+
+# %%
 # Many wavelengths
 # ----------------
 # A self-affine surface has a power spectrum that falls with the wavenumber to the power -2 - 2H.
@@ -66,12 +79,14 @@ for load, pressed in zip(relative, found, strict=True):
 # Where it touches
 # ----------------
 # Spots grow, and join. Within each the pressures are as under a small, uneven sphere.
-fig, axes = plt.subplots(1, 3, figsize=(10, 3.4), layout="constrained")
+fig, axes = plt.subplots(1, 3, figsize=(10, 3.4), layout="compressed")
 for ax, pressed in zip(axes, found[::2], strict=True):
     shown = np.where(pressed.contact, pressed.pressure / slope, np.nan)
-    image = ax.imshow(shown.T, origin="lower", extent=(0, 2, 0, 2), cmap="viridis", vmin=0, vmax=1)
-    ax.set(title=f"{100 * pressed.contact_fraction:.1f} % in contact", xlabel="x (mm)")
-fig.colorbar(image, ax=axes, label="pressure / (E* × slope)")
+    image = ax.imshow(shown.T, origin="lower", extent=(0, 2, 0, 2), cmap="YlOrRd", vmin=0, vmax=1)
+    ax.set(title=f"{100 * pressed.contact_fraction:.1f} % in contact", xlabel="x [mm]")
+axes[0].set_ylabel("y [mm]")
+bar = axes[-1].inset_axes((1.05, 0.0, 0.05, 1.0))
+fig.colorbar(image, cax=bar, extend="max", label="pressure / (E* × slope)")
 
 # %%
 # Pressures

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from tests.slabs.ranks import refuses
 from toeplitz_mg import contact, slabs
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.slabs.contact import SlabGrid
+from toeplitz_mg.slabs.grid import SlabGrid
 
 STEEL = contact.Material.from_shear(82000.0, 0.28)
 SHAPES = [(40, 9), (41, 33), (130, 70), (150, 131), (257, 64)]

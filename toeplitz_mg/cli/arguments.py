@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import toeplitz_mg as tmg
 from toeplitz_mg._typing import Preconditioner
 from toeplitz_mg.cli import contact_arguments, files
-from toeplitz_mg.cli.parsing import Parser, whole_number
+from toeplitz_mg.cli.parsing import DPI, Parser, check_dpi, whole_number
 from toeplitz_mg.cli.report import EXIT_STATUS
 from toeplitz_mg.paper.problems import TESTS
 
@@ -81,6 +81,7 @@ def _method_options(parser: argparse.ArgumentParser) -> None:
         "--seed", type=int, help="start from a random guess, as the paper does, not from zero"
     )
     group.add_argument("--plot", type=Path, metavar="FILE", help="draw solution and convergence")
+    group.add_argument("--dpi", type=whole_number, help=f"dots an inch of it (default: {DPI})")
 
 
 def _add_threads(*parsers: argparse.ArgumentParser) -> None:
@@ -118,6 +119,7 @@ DEFAULTS: dict[str, Any] = {
     "maxiter": 200,
     "seed": None,
     "plot": None,
+    "dpi": DPI,
 }
 
 
@@ -177,6 +179,7 @@ def complete(given: argparse.Namespace) -> argparse.Namespace:
         raise ValueError(f"--seed is {options.seed}, but must not be negative")
     if options.plot is not None:
         files.check_plotting(options.plot)
+    check_dpi(vars(given))
     read = (options.column, options.rhs, options.mask)
     files.check_files((options.output, options.plot), read)
     return options

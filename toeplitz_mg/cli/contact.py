@@ -8,6 +8,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter
 from typing import Any, TypeVar
 
@@ -16,7 +17,7 @@ import numpy as np
 from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.contact_arguments import complete
-from toeplitz_mg.cli.report import print_step, step_printer
+from toeplitz_mg.cli.report import Waiting, print_step, step_printer
 from toeplitz_mg.cli.rough import Rough
 from toeplitz_mg.contact import (
     ContactError,
@@ -35,6 +36,7 @@ from toeplitz_mg.contact import (
 
 MARGIN = 1.3  # Side of the grid over the length of the contact by Hertz's theory.
 Result = TypeVar("Result", NormalResult, TangentialResult)
+Progress = Callable[[int, float], None]  # Is told of the products so far and of the violation.
 TANGENTIAL = "tangential traction"  # Name of the second result, where there is one.
 CREEPAGE = -0.002  # Longitudinal creepage (slip over distance) where no creepage is given.
 
@@ -99,9 +101,9 @@ class Case:
         """The arguments that all solvers are given."""
         o = self.options
         material = Material.from_shear(o.G, o.nu)
-        return {"material": material, "tolerance": o.tolerance, "progress": step_printer()}
+        return {"material": material, "tolerance": o.tolerance}
 
-    def press(self) -> NormalResult:
+    def press(self, progress: Progress) -> NormalResult:
         """Solve the normal problem."""
         o = self.options
         if o.line:
@@ -111,24 +113,26 @@ class Case:
             n1, n2 = self.shape
             gap = surfaces.ellipsoid((n1, n2), (self.h, self.h), radii=radii)
         load = {"force": o.force, "approach": o.approach}
-        return normal_contact(gap, self.element, **load, **self.common)
+        return normal_contact(gap, self.element, **load, **self.common, progress=progress)
 
-    def shift(self, pressed: NormalResult) -> TangentialResult:
+    def shift(self, pressed: NormalResult, progress: Progress) -> TangentialResult:
         """Solve the tangential problem of the pressures."""
         o = self.options
         half = [0.5 * o.friction * pressed.force]
         load: dict[str, Any] = {"force": self.components(o.tangential or half)}
         if o.shift is not None:
             load = {"shift": self.components(o.shift)}
-        return friction(self.bound(pressed), self.element, **load, **self.common)
+        bound = self.bound(pressed)
+        return friction(bound, self.element, **load, **self.common, progress=progress)
 
-    def roll(self, pressed: NormalResult) -> TangentialResult:
+    def roll(self, pressed: NormalResult, progress: Progress) -> TangentialResult:
         """Solve the problem of rolling with the pressures."""
         names = ("longitudinal", "lateral", "spin")
         given = {name: getattr(self.options, name) for name in names}
         creepages = {name: value for name, value in given.items() if value is not None}
         creepages = creepages or {"longitudinal": CREEPAGE}
-        return rolling(self.bound(pressed), self.element, **creepages, **self.common)
+        bound = self.bound(pressed)
+        return rolling(bound, self.element, **creepages, **self.common, progress=progress)
 
     def bound(self, pressed: NormalResult) -> Array:
         """Return the traction bound of the pressures: zero outside the contact, at any friction."""
@@ -146,9 +150,9 @@ def solve(case: Case | Rough) -> dict[str, ContactResult]:
     pressed = _solve("normal contact", case.press)
     results: dict[str, ContactResult] = {"pressure": pressed}
     if isinstance(case, Case) and case.options.case == "shift":
-        results[TANGENTIAL] = _solve("friction", lambda: case.shift(pressed))
+        results[TANGENTIAL] = _solve("friction", partial(case.shift, pressed))
     elif isinstance(case, Case) and case.options.case == "rolling":
-        results[TANGENTIAL] = _solve("steady rolling", lambda: case.roll(pressed))
+        results[TANGENTIAL] = _solve("steady rolling", partial(case.roll, pressed))
     return results
 
 
@@ -173,7 +177,7 @@ def run(given: argparse.Namespace) -> int:
     if options.output is not None:
         print(f"written to {options.output}")
     if options.plot is not None:
-        files.plot_contact(options.plot, case.title, results)
+        files.plot_contact(options.plot, options.dpi, case.title, results)
         print(f"drawn in {options.plot}")
     return 0
 
@@ -205,11 +209,11 @@ def _check_slides_not(case: Case) -> None:
         raise ValueError(f"--tangential is {wanted:g}, but friction carries less than {most:.6g}")
 
 
-def _solve(name: str, solve: Callable[[], Result]) -> Result:
+def _solve(name: str, solve: Callable[[Progress], Result]) -> Result:
     print(f"\n{name}\n  products   violation", flush=True)
-    with warnings.catch_warnings():
+    with Waiting(name) as waiting, warnings.catch_warnings():
         warnings.simplefilter("ignore", ContactWarning)  # They are printed below the figures.
-        result = solve()
+        result = solve(step_printer(waiting))
     print_step(result.products, result.residual)
     return result
 
@@ -238,8 +242,8 @@ def _print_report(case: Case | Rough, results: Mapping[str, ContactResult], seco
     print(f"{'':26s}{'this run':>28s}{'theory':>14s}")
     for name, ours, exact in rows:
         numbers = np.atleast_1d(ours)
-        rounding = 1e-12 * float(np.abs(numbers).max())
-        values = " ".join(f"{x if abs(x) > rounding else 0.0:.6g}" for x in numbers)
+        nothing = case.options.tolerance * float(np.abs(numbers).max())
+        values = " ".join(f"{x if abs(x) > nothing else 0.0:.6g}" for x in numbers)
         print(f"{name:26s}{values:>28s}{'' if exact is None else f'{exact:.6g}':>14s}")
     _print_doubts(results.values())
 

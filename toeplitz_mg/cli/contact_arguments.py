@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from toeplitz_mg.cli import files
-from toeplitz_mg.cli.parsing import Parser, whole_number
+from toeplitz_mg.cli.parsing import DPI, Parser, check_dpi, whole_number
 from toeplitz_mg.cli.report import EXIT_STATUS
 from toeplitz_mg.values import in_range
 
@@ -117,6 +117,7 @@ OPTIONS = {
     "periodic": Option("the surface repeats, whatever the file says", bool, cases=("rough",)),
     "output": Option("write the fields, as arrays by name", Path),
     "plot": Option("draw the tractions and the areas of stick and slip", Path),
+    "dpi": Option(f"dots an inch of the picture (default: {DPI})", int, default=DPI),
 }
 SHORT = {"n": ("-n",), "output": ("-o", "--output")}
 METAVARS = {"output": "FIELDS.npz", "plot": "FILE"}
@@ -140,7 +141,8 @@ def add_parser(commands: Any) -> Parser:
         type=Path,
         default=None,
         metavar="FILE",
-        help="rough: heights, positive at summits; .npy, or what SurfaceTopography reads",
+        help="rough: heights, positive at summits; .npy, a table of text, or what "
+        "SurfaceTopography reads; a single column is a profile",
     )
     for name, option in OPTIONS.items():
         special: dict[str, Any] = {"type": whole_number if option.kind is int else option.kind}
@@ -205,6 +207,7 @@ def _check(name: str, option: Option, value: Any) -> None:
 
 def _check_together(case: str, options: dict[str, Any]) -> None:
     """Check what options mean for each other."""
+    check_dpi(options)
     for one, other in (("force", "approach"), ("tangential", "shift"), ("E", "G")):
         if one in options and other in options:
             raise ValueError(f"--{one} and --{other} are both given, but one decides the other")

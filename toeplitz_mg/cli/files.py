@@ -147,49 +147,47 @@ def save_fields(path: Path, fields: Mapping[str, Any]) -> None:
     write(path, data.getvalue())
 
 
-def save_figure(path: Path, figure: Any, **options: Any) -> None:
-    """Write a figure of matplotlib, in the format that the name ends in."""
+def save_figure(path: Path, figure: Any, dpi: float) -> None:
+    """Write a figure of matplotlib, in the format that the name ends in; `dpi` are dots an inch."""
     data = io.BytesIO()
-    figure.savefig(data, format=path.suffix.lower().removeprefix("."), **options)
+    figure.savefig(data, format=path.suffix.lower().removeprefix("."), dpi=dpi)
     write(path, data.getvalue())
 
 
-def plot_contact(path: Path, title: str, results: Mapping[str, ContactResult]) -> None:
+def plot_contact(path: Path, dpi: int, title: str, results: Mapping[str, ContactResult]) -> None:
     """Draw the tractions of contact problems beside each other, by their titles."""
     import matplotlib.figure
 
-    figure = matplotlib.figure.Figure(figsize=(5.5 * len(results), 4.5), layout="constrained")
+    figure = matplotlib.figure.Figure(figsize=(5.5 * len(results), 4.5), layout="compressed")
     axes = figure.subplots(1, len(results), squeeze=False)[0]
     figure.suptitle(title)
     for ax, (name, result) in zip(axes, results.items(), strict=True):
         result.plot(ax=ax)
         ax.set_title(name)
-    save_figure(path, figure)
+    save_figure(path, figure, dpi)
 
 
 def plot(
     path: Path,
+    dpi: int,
     title: str,
     solution: Array,
     x: Array | None,
-    mask: Array | None,
     residuals: Sequence[float],
 ) -> None:
-    """Draw the solution, and the relative residuals, from that of the first guess."""
+    """Draw the solution on its grid, and the relative residuals, from that of the first guess."""
     import matplotlib.figure
 
     figure = matplotlib.figure.Figure(figsize=(10, 4), layout="constrained")
     left, right = figure.subplots(1, 2)
     # It has the name of a file, so there may be a $ in it, or bytes that are no characters.
     figure.suptitle(title.encode(errors="backslashreplace").decode(), parse_math=False)
-    grid, x = spread(solution, mask, np.nan), None if x is None else spread(x, mask, np.nan)
-    if grid.ndim == 2 and min(grid.shape) > 1:
-        image = left.imshow(grid.T, origin="lower")
-        figure.colorbar(image, ax=left)
+    if solution.ndim == 2 and min(solution.shape) > 1:
+        _draw_grid(left, solution)
     else:
-        left.plot(np.arange(grid.size) if x is None else x, grid.ravel())
+        left.plot(np.arange(solution.size) if x is None else x, solution.ravel())
         # The traction is singular at the ends: show its shape, not its largest value.
-        low, high = np.nanquantile(grid, [0.002, 0.998])
+        low, high = np.nanquantile(solution, [0.002, 0.998])
         if low or high:  # Else all is zero.
             left.set_ylim(min(low, 0.0) * 1.1, max(high, 0.0) * 1.1)
         left.set_xlabel("unknown" if x is None else "x (mm)")
@@ -199,7 +197,28 @@ def plot(
     right.set_xlabel("iteration")
     right.set_ylabel("residual / right-hand side")
     right.grid(alpha=0.3)
-    save_figure(path, figure)
+    save_figure(path, figure, dpi)
+
+
+def _draw_grid(ax: Any, grid: Array) -> None:
+    """Draw values on a grid of two axes, with a bar of colours as high as the axes.
+
+    White is what is not on the mask. Small values are light, and of two signs in two colours.
+    """
+    # As on a line: a few values at singular edges would leave no colours to all others.
+    largest = float(np.nanquantile(np.abs(grid), 0.998)) or 1.0
+    has_signs = bool((grid < 0.0).any())
+    image = ax.imshow(
+        grid.T,
+        origin="lower",
+        cmap="PuOr" if has_signs else "YlOrRd",
+        vmin=-largest if has_signs else 0.0,
+        vmax=largest,
+    )
+    bar = ax.inset_axes((1.03, 0.0, 0.05, 1.0))
+    beyond = "both" if has_signs else "max"
+    ax.figure.colorbar(image, cax=bar, extend=beyond, label="solution")
+    ax.set(xlabel="first axis", ylabel="second axis")
 
 
 def spread(values: Array, mask: Array | None, outside: float) -> Array:

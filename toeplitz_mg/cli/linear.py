@@ -1,9 +1,10 @@
 """What the main command and `solve` share: iterating on a linear system, and the report."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import prod
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -39,6 +40,16 @@ class System:
         """Return ‖b - A x‖ / ‖b‖."""
         return _size(self.b - self.A @ x) / _size(self.b)
 
+    def plot(self, x: Array, residuals: Sequence[float], path: Path, dpi: int) -> None:
+        """Draw a solution and the residuals, and say so."""
+        grid = self._spread(x).reshape(grid_of(self.A))
+        places = None if self.x is None else self._spread(self.x)
+        files.plot(path, dpi, self.title, grid, places, residuals)
+        print(f"drawn in {path}")
+
+    def _spread(self, values: Array) -> Array:
+        return files.spread(values, self.mask, np.nan)
+
     def on_its_grid(self, x: Array) -> Array:
         """Return a solution in the shape of the right-hand side: the unknowns, or the grid."""
         return files.spread(x, self.mask if self.on_grid else None, 0.0)
@@ -61,6 +72,7 @@ class Progress:
     """Prints the true residual after each iteration; what that costs is not in the figures."""
 
     system: System
+    waiting: report.Waiting
     residuals: list[float] = field(default_factory=list)
     points: float = 0.0  # Points of the transforms that the display itself has taken.
     seconds: float = 0.0
@@ -70,6 +82,7 @@ class Progress:
         start = perf_counter()
         with tmg.count_products() as work:
             self.residuals.append(self.system.residual(x))
+        self.waiting.before_line()
         print_step(len(self.residuals), self.residuals[-1])
         self.points += work.points
         self.seconds += perf_counter() - start
@@ -101,9 +114,7 @@ def run(
     if written:
         print(f"written to {options.output}")
     if options.plot is not None:
-        x, residuals = solution.x, solution.residuals
-        files.plot(options.plot, system.title, x, system.x, system.mask, residuals)
-        print(f"drawn in {options.plot}")
+        system.plot(solution.x, solution.residuals, options.plot, options.dpi)
     return 0 if solution.converged else 1
 
 
@@ -120,8 +131,7 @@ def answer_zero(system: System, options: argparse.Namespace) -> int:
         files.save(options.output, system.on_its_grid(system.b))
         print(f"written to {options.output}")
     if options.plot is not None:
-        files.plot(options.plot, system.title, system.b, system.x, system.mask, [])
-        print(f"drawn in {options.plot}")
+        system.plot(system.b, [], options.plot, options.dpi)
     return 0
 
 
@@ -145,7 +155,7 @@ def set_up(A: LinearOperator, options: argparse.Namespace) -> tuple[LinearOperat
 def iterate(system: System, M: LinearOperator | None, options: argparse.Namespace) -> Solution:
     """Iterate from zero or a random guess, and print the residuals."""
     print(" iteration   residual / right-hand side", flush=True)
-    progress = Progress(system)
+    progress = Progress(system, report.Waiting("iterating"))
     guess, first = None, 1.0
     if options.seed is not None:
         guess = np.random.default_rng(options.seed).random(len(system.b))
@@ -153,7 +163,7 @@ def iterate(system: System, M: LinearOperator | None, options: argparse.Namespac
     solver = tmg.cg if options.solver == "cg" else tmg.richardson
     stop: dict[str, Any] = {"rtol": options.rtol, "maxiter": options.maxiter}
     start = perf_counter()
-    with tmg.count_products() as work:
+    with progress.waiting, tmg.count_products() as work:
         x, info = solver(system.A, system.b, guess, M=M, callback=progress, **stop)
     seconds = perf_counter() - start - progress.seconds
     work.points -= progress.points

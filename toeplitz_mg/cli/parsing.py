@@ -2,9 +2,11 @@
 
 import argparse
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
+DPI = 150  # Dots an inch of a picture, where none are given.
+MOST_DPI = 1200  # Dots an inch: more than any journal asks for.
 # A number and no option: argparse itself does not know that one may have an exponent.
 NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 
@@ -27,6 +29,16 @@ def whole_number(text: str) -> int:
 
 
 whole_number.__name__ = "whole number"  # What argparse calls it where it refuses one.
+
+
+def check_dpi(given: Mapping[str, Any]) -> None:
+    """Refuse dots an inch that are none, too many, or of no picture."""
+    if "dpi" not in given:
+        return
+    if "plot" not in given:
+        raise ValueError("--dpi is of the picture that --plot draws, which is not given")
+    if not 10 <= given["dpi"] <= MOST_DPI:
+        raise ValueError(f"--dpi is {given['dpi']}, but must be 10 to {MOST_DPI}")
 
 
 class Parser(argparse.ArgumentParser):

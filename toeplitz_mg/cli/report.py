@@ -32,7 +32,8 @@ def format_error(error: float, digits: int) -> str:
 class Waiting:
     """What a terminal shows on the standard error while something takes long, and then erases.
 
-    Nothing is shown in the first two seconds, nor where the standard error is no terminal.
+    Nothing is shown in the first two seconds, nor where the standard error is no terminal, nor
+    once lines of the report come on a terminal, which show enough.
     """
 
     def __init__(self, what: str) -> None:
@@ -46,6 +47,15 @@ class Waiting:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def before_line(self) -> None:
+        """Make room for a line of the report."""
+        if sys.stdout.isatty():
+            self.end()
+
+    def end(self) -> None:
+        """Show no more, and erase what is shown."""
         self._over.set()
         if self._thread.ident is not None:
             self._thread.join()
@@ -60,7 +70,7 @@ class Waiting:
             print(f"\r{' ' * len(text)}\r", end="", file=sys.stderr, flush=True)
 
 
-def step_printer() -> Callable[[int, float], None]:
+def step_printer(waiting: Waiting) -> Callable[[int, float], None]:
     """Return what prints a step of a contact problem where it is told of another violation.
 
     It is told after each product, and with none on coarser grids, which are not printed.
@@ -70,6 +80,7 @@ def step_printer() -> Callable[[int, float], None]:
     def tell(products: int, violation: float) -> None:
         nonlocal last
         if products and violation != last:
+            waiting.before_line()
             print_step(products, violation)
             last = violation
 

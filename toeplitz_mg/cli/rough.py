@@ -1,22 +1,25 @@
 """The case ``rough`` of ``toeplitz-mg contact``: a measured surface, from a file, on a flat."""
 
 import argparse
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from toeplitz_mg._typing import Array
 from toeplitz_mg.cli import files
-from toeplitz_mg.cli.report import step_printer
+from toeplitz_mg.cli.report import Waiting
 from toeplitz_mg.contact import Material, NormalResult, normal_contact
 
-OURS = ".npy"  # Ending of files that are read without the extra `surfaces`.
+TABLES = (".npy", *files.TEXT)  # Endings of files that are read without the extra `surfaces`.
+FEWEST = 4  # Fewest columns of a table of heights: of two or three, the first are positions.
 
 
 @dataclass(frozen=True)
 class Rough:
-    """A surface from a file, that is pressed on a flat.
+    """A surface from a file, or a profile, that is pressed on a flat.
 
     Attributes
     ----------
@@ -24,40 +27,79 @@ class Rough:
         What the user asked for, with the defaults.
     surface : dict
         The arguments of `normal_contact` that say what is pressed.
+    shape : tuple of int
+        The pixels along each axis.
     """
 
     options: argparse.Namespace
     surface: dict[str, Any]
+    shape: tuple[int, ...]
 
     @classmethod
     def of(cls, options: argparse.Namespace) -> "Rough":
         """Read the file, or say why it does not do."""
         o = options
         surface: dict[str, Any] = {"unit": o.unit, "periodic": True if o.periodic else None}
-        element = None if o.element is None else tuple(np.broadcast_to(o.element, 2).tolist())
-        if o.file.suffix.lower() == OURS:
-            if element is None:
+        if is_table(o.file):
+            heights = read_table(o.file)
+            if o.element is None:
                 raise ValueError(f"{o.file} has no sizes: give --element, and --unit if not mm")
-            return cls(o, surface | {"heights": files.load(o.file), "element": element})
-        return cls(o, surface | {"heights": read_topography(o.file, element)})
+            shape, size = heights.shape, np.array(o.element)
+            surface["element"] = tuple((size if len(shape) == 1 else size + np.zeros(2)).tolist())
+        else:
+            with Waiting(f"reading {o.file}"):
+                heights = read_topography(o.file, o.element)
+            shape = tuple(heights.nb_grid_pts)
+        case = cls(o, surface | {"heights": heights}, shape)
+        if o.approach is not None and case.is_plane and not o.periodic:
+            raise ValueError(
+                f"--approach is not for {o.file}, a profile: plane strain leaves it open by a "
+                "constant; give --force"
+            )
+        return case
+
+    @property
+    def is_plane(self) -> bool:
+        """Whether it is plane strain: a profile without a length."""
+        return len(self.shape) == 1 and len(self.surface.get("element", "1")) == 1
 
     @property
     def title(self) -> str:
         """A line that says what is solved."""
-        return f"rough: {self.options.file}"
+        plane = " of a profile, in plane strain: forces are N/mm" if self.is_plane else ""
+        return f"rough: {self.options.file}, {' x '.join(map(str, self.shape))} heights{plane}"
 
-    def press(self) -> NormalResult:
+    def press(self, progress: Callable[[int, float], None]) -> NormalResult:
         """Solve the normal problem."""
         o = self.options
-        bodies: dict[str, Any] = {
-            "material": Material.from_shear(o.G, o.nu),
-            "progress": step_printer(),
-        }
+        material = Material.from_shear(o.G, o.nu)
         load: dict[str, Any] = {"force": o.force, "approach": o.approach, "tolerance": o.tolerance}
-        return normal_contact(**self.surface, **load, **bodies)
+        return normal_contact(**self.surface, **load, material=material, progress=progress)
 
 
-def read_topography(path: Path, element: tuple[float, float] | None) -> Any:
+def is_table(path: Path) -> bool:
+    """Whether a file is a table of numbers, with nothing written above them that says sizes."""
+    if path.suffix.lower() not in TABLES:
+        return False
+    with path.open("rb") as file:
+        return path.suffix.lower() not in files.TEXT or file.read(1) != b"#"
+
+
+def read_table(path: Path) -> Array:
+    """Read heights, of a surface or along a profile, or say why these are none."""
+    try:
+        heights = files.load(path)
+    except ValueError as error:
+        raise ValueError(f"{error}; a height that is missing is written nan") from error
+    if heights.ndim == 2 and heights.shape[1] < FEWEST <= heights.shape[0]:
+        raise ValueError(
+            f"{path} has {heights.shape[1]} columns, as positions beside heights, but must be a "
+            "table of heights alone, or a file .xyz"
+        )
+    return heights
+
+
+def read_topography(path: Path, element: list[float] | None) -> Any:
     """Read a file by SurfaceTopography; `element` is the size of a pixel where it has none.
 
     Raises
@@ -73,17 +115,24 @@ def read_topography(path: Path, element: tuple[float, float] | None) -> Any:
     except ImportError as error:
         raise ValueError(
             f"reading {path} needs SurfaceTopography: pip install 'toeplitz-mg[surfaces]'; or "
-            f"give heights of NumPy, as a file {OURS}"
+            f"give heights alone, as a file {', '.join(TABLES)}"
         ) from error
     try:
-        reader = open_topography(str(path))
-        if element is None:
-            return reader.topography()
-        pixels = reader.default_channel.nb_grid_pts
-        return reader.topography(
-            physical_sizes=tuple(n * h for n, h in zip(pixels, element, strict=False))
-        )
+        channel = open_topography(str(path)).default_channel
+        sizes: dict[str, Any] = {}
+        if element is not None and channel.physical_sizes is None:
+            pixels = np.array(channel.nb_grid_pts)
+            sizes["physical_sizes"] = tuple((pixels * element).tolist())
+        topography = channel.topography(**sizes)
     except OSError:
         raise
     except Exception as error:  # Each of its formats raises errors of its own.
         raise ValueError(f"{path} cannot be read: {error}") from error
+    if element is not None and not sizes:
+        raise ValueError(f"{path} has its own sizes: leave --element out")
+    if not topography.is_uniform:
+        raise ValueError(
+            f"{path} is a profile at positions that are not evenly spaced: interpolate it first, "
+            "as by the method to_uniform() of SurfaceTopography"
+        )
+    return topography

@@ -20,8 +20,8 @@ from toeplitz_mg.values import field
 
 # Units of length in mm. SurfaceTopography writes them so; the two signs for micro look alike.
 UNITS = {
-    "km": 1e6, "m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3, "µm": 1e-3, "μm": 1e-3,
-    "nm": 1e-6, "Å": 1e-7, "pm": 1e-9,
+    "Gm": 1e12, "Mm": 1e9, "km": 1e6, "m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3, "µm": 1e-3,
+    "μm": 1e-3, "nm": 1e-6, "Å": 1e-7, "A": 1e-7, "pm": 1e-9, "fm": 1e-12,
 }  # fmt: skip
 
 
@@ -81,7 +81,8 @@ def read_surface(
 
 def _is_topography(surface: Any) -> bool:
     """Whether this is of SurfaceTopography, which need not be imported for that."""
-    if not hasattr(surface, "physical_sizes"):
+    is_of_library = type(surface).__module__.partition(".")[0] == "SurfaceTopography"
+    if not (is_of_library or hasattr(surface, "physical_sizes")):
         return False
     if not hasattr(surface, "heights") or not getattr(surface, "is_uniform", True):
         kind = type(surface).__name__

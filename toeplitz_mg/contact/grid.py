@@ -198,11 +198,9 @@ class Grid:
         """Return the matrix of steady rolling as an array where it is small, or else None."""
         return _steady_array(self) if self._is_kept and K.shape[0] <= DENSE else None
 
-    def invert_shifted(self, K: Any, shifts: Array, dtype: DTypeLike) -> Any:
+    def invert_shifted(self, K: Any, dtype: DTypeLike) -> Any:
         """Return approximate inverses of the matrix of steady rolling with additions."""
-        if self._is_kept:
-            return _inverses(self, tuple(shifts.tolist()), np.dtype(dtype))
-        return ShiftedInverses(K, shifts, np.dtype(dtype))
+        return _inverses(self, np.dtype(dtype)) if self._is_kept else ShiftedInverses(K, dtype)
 
     def invert_by_transform(self, A: Any, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid."""
@@ -270,5 +268,5 @@ def _steady_array(grid: Grid) -> Array:
 
 
 @lru_cache(maxsize=KEPT)
-def _inverses(grid: Grid, shifts: tuple[float, ...], dtype: np.dtype[Any]) -> ShiftedInverses:
-    return ShiftedInverses(_steady(grid), np.array(shifts), dtype)
+def _inverses(grid: Grid, dtype: np.dtype[Any]) -> ShiftedInverses:
+    return ShiftedInverses(_steady(grid), dtype)

@@ -18,6 +18,7 @@ SHADES = {"pressure": "YlOrRd", "gap": "Blues", "slip": "Oranges", "displacement
 LIGHTEST = 0.15  # Part of a map of colours that is too near to white to be seen beside it.
 PEAK = 1.25  # Largest value over nearly the largest, above which a few elements decide the colours.
 NEARLY = 0.995  # Share of the elements that are below what is nearly the largest value.
+BAR, SPACE = 0.14, 0.1  # Width of a bar of colours, and of the space before it, inches.
 ARROWS = 15  # Arrows along each side of a contact as long as it is wide.
 SHORTEST = 0.03  # Length of an arrow, over that of the longest, below which it is but a point.
 FILLED = 0.3  # Share of the smallest rectangle around the contact, below which arrows hide spots.
@@ -36,7 +37,7 @@ def draw(result: Any, field: Any = None, ax: Any = None) -> Any:
     except ImportError as error:
         raise ImportError("plot() needs matplotlib: pip install 'toeplitz-mg[plot]'") from error
     if ax is None:
-        _, ax = plt.subplots(layout="constrained")
+        _, ax = plt.subplots(layout="compressed")
     (_draw_line if len(result.shape) == 1 else _draw_surface)(result, field, ax)
     if result.stick is not None and result.creepages is not None:
         _show_travel(ax, 1.03 if len(result.shape) == 1 else 0.05)
@@ -76,11 +77,13 @@ def _draw_surface(result: Any, field: str, ax: Any) -> None:
     shown = result.contact
     if result.stick is None and field != "pressure":  # The others are of contact alone.
         shown = ~result.contact if field == "gap" else np.ones_like(result.contact)
+    if field == "slip":  # It is zero where the bodies stick.
+        shown = result.sliding
     shown = shown & np.isfinite(size)  # The gap is infinite where there is no material.
     top = _top(size[shown])
     label = _label(result, field)
     if field == "traction":
-        bars = (("Blues", 0.03, None), ("Oranges", 0.08, label))
+        bars = (("Blues", SPACE, None), ("Oranges", SPACE + 1.2 * BAR, label))
         for (name, area, shade), (shades, place, text) in zip(_areas(result), bars, strict=True):
             image = _show(result, ax, size, area, shades, top)
             _add_bar(ax, image, place, text)
@@ -88,7 +91,7 @@ def _draw_surface(result: Any, field: str, ax: Any) -> None:
         ax.legend(loc="upper right", fontsize="x-small", handlelength=1.0, borderpad=0.3)
     else:
         image = _show(result, ax, size, shown, SHADES[field], top)
-        _add_bar(ax, image, 0.03, label)
+        _add_bar(ax, image, SPACE, label)
     if values.ndim > 2:
         _show_arrows(result, ax, values)
     ax.set(xlabel="x [mm]", ylabel="y [mm]")
@@ -129,10 +132,13 @@ def _show(result: Any, ax: Any, size: Array, shown: Array, shades: str, top: flo
 
 
 def _add_bar(ax: Any, image: Any, place: float, label: str | None) -> Any:
-    """Add a bar of colours as high as the axes, so far to their right; or without any text."""
-    left, right, low, high = image.get_extent()
-    unit = max(1.0, (high - low) / (right - left))  # Bars beside narrow axes would be too thin.
-    inset = ax.inset_axes((1.0 + place * unit, 0.0, 0.04 * unit, 1.0))
+    """Add a bar of colours as high as the axes, so many inches to their right; or without text."""
+    from matplotlib.transforms import ScaledTranslation, blended_transform_factory
+
+    # In inches: a layout asks for the width of what is beside the axes before it changes theirs.
+    inches = ax.figure.dpi_scale_trans + ScaledTranslation(1.0, 0.0, ax.transAxes)
+    place_of_bar = blended_transform_factory(inches, ax.transAxes)
+    inset = ax.inset_axes((place, 0.0, BAR, 1.0), transform=place_of_bar)
     largest = image.get_array().max()
     beyond = largest is not np.ma.masked and largest > image.norm.vmax
     bar = ax.figure.colorbar(image, cax=inset, extend="max" if beyond else "neither")

@@ -1,8 +1,9 @@
 """Results in files, and in the containers of other libraries.
 
 A result is an ``.npz`` file of its arrays by their names, which `numpy.load` reads too, and of a
-text in JSON, `about`: what kind of result it is, its numbers, and the units of all. `save`,
-`to_xarray` and `to_vtk` are methods of both kinds of results.
+text in JSON, `about`: what kind of result it is, its numbers, and the units of all. What a result
+that has parts, as `FrictionalResult` has, names its parts comes before the names of theirs, as in
+`normal_pressure`. `save`, `to_xarray` and `to_vtk` are methods of all kinds of results.
 """
 
 import base64
@@ -11,7 +12,7 @@ import os
 import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 from xml.etree import ElementTree
@@ -48,15 +49,8 @@ def save(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) 
     --------
     load : reads it; `numpy.load` finds the arrays by their names, and a text in JSON, `about`.
     """
-    arrays, values = split_fields(result)
-    about: dict[str, Any] = {
-        "format": FORMAT,
-        "kind": type(result).__name__,
-        "material": asdict(result.material),
-        "values": values,
-        "units": name_units(result),
-    }
-    text = json.dumps(about, ensure_ascii=False, indent=1)
+    arrays, about = _describe(result)
+    text = json.dumps({"format": FORMAT} | about, ensure_ascii=False, indent=1)
     everything: dict[str, Any] = arrays | {"about": np.array(text)}
     with _new_file(path, ".npz", overwrite=overwrite) as file:
         np.savez(file, **everything)
@@ -71,23 +65,57 @@ def load_result(path: str | os.PathLike[str], kinds: Mapping[str, type]) -> Any:
         about = json.loads(str(arrays.pop("about")))
         if about["format"] != FORMAT:
             raise ValueError(f"its format is {about['format']!r}")
-        kind = kinds[about["kind"]]
-        values = {name: _thaw(value) for name, value in about["values"].items()}
-        centres = tuple(arrays.pop(name) for name in "xy" if name in arrays)
-        material = _read_material(about["material"])
-        return kind(material=material, centres=centres, **arrays, **values)
+        return _compose(arrays, about, kinds)
     except OSError:
         raise
     except Exception as error:  # NumPy, zip files and JSON raise many.
-        raise ValueError(f"{path} is not a file of a contact result: {error}") from error
+        said = "" if "pickle" in str(error) else f": {error}"  # NumPy advises to unpickle anything.
+        raise ValueError(f"{path} is not a file of a contact result{said}") from error
+
+
+def _describe(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Return the arrays of a result, or of a part of one, and in words and numbers the rest."""
+    arrays, values = split_fields(result)
+    about: dict[str, Any] = {"kind": type(result).__name__, "values": values, "parts": {}}
+    if "material" in vars(result):
+        about |= {"material": asdict(result.material), "units": name_units(result)}
+    for name, part in _parts(result).items():
+        own, about["parts"][name] = _describe(part)
+        arrays |= {f"{name}_{key}": x for key, x in own.items()}
+    return arrays, about
+
+
+def _compose(arrays: dict[str, Array], about: dict[str, Any], kinds: Mapping[str, type]) -> Any:
+    """Return what `_describe` has described."""
+    given = {name: _thaw(value) for name, value in about["values"].items()}
+    for name, part in about.get("parts", {}).items():
+        own = {key: arrays.pop(key) for key in [*arrays] if key.startswith(f"{name}_")}
+        own = {key.removeprefix(f"{name}_"): x for key, x in own.items()}
+        given[name] = _compose(own, part, kinds)
+    if "material" in about:
+        given["material"] = _read_material(about["material"])
+        given["centres"] = tuple(arrays.pop(name) for name in "xy" if name in arrays)
+    return kinds[about["kind"]](**given, **arrays)
+
+
+def _parts(result: Any) -> dict[str, Any]:
+    """Return the parts of a result that have fields of their own."""
+    own = {field.name: vars(result)[field.name] for field in fields(result)}
+    return {k: value for k, value in own.items() if k != "material" and is_dataclass(value)}
+
+
+def _results(result: Any) -> dict[str, Any]:
+    """Return the parts of a result that are results."""
+    return {name: part for name, part in _parts(result).items() if "centres" in vars(part)}
 
 
 def split_fields(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Return the arrays of a result by their names, and its other values but the material."""
-    arrays: dict[str, Array] = dict(zip("xy", result.centres, strict=False))
+    """Return the arrays of a result by their names, and its other values but its parts."""
+    arrays: dict[str, Array] = dict(zip("xy", vars(result).get("centres", ()), strict=False))
     values: dict[str, Any] = {}
+    parts = _parts(result)
     for field in fields(result):
-        if field.name in ("material", "centres"):
+        if field.name in ("material", "centres", *parts):
             continue
         value = vars(result)[field.name]
         if callable(value):  # It is computed on demand: where there are several ranks, by all.
@@ -117,6 +145,14 @@ def to_xarray(result: Any) -> Any:
         import xarray  # It is an extra, and slow to import.
     except ImportError as error:
         raise ImportError("to_xarray() needs xarray: pip install 'toeplitz-mg[xarray]'") from error
+    if parts := _results(result):
+        both: dict[str, Any] = {}
+        about: dict[str, Any] = {}
+        for name, part in parts.items():
+            data = to_xarray(part)
+            both |= {f"{name}_{key}": x for key, x in data.data_vars.items()}
+            about |= {f"{name}_{key}": value for key, value in data.attrs.items()}
+        return xarray.Dataset(both, attrs=about)
     arrays, values = split_fields(result)
     units, grid = name_units(result), ("x", "y")[: len(result.shape)]
     coordinates: dict[str, Any] = {name: (name, arrays.pop(name), {"units": "mm"}) for name in grid}
@@ -161,6 +197,9 @@ def to_vtk(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False
         As `save`.
     """
     arrays, _ = split_fields(result)
+    for name, part in _results(result).items():
+        arrays |= {f"{name}_{key}": x for key, x in split_fields(part)[0].items()}
+        result = part
     shape, axes = result.contact.shape, len(result.contact.shape)
     sizes = (*result.element[:axes], *(1.0,) * (3 - axes))
     origin = (*(x[0] - h / 2.0 for x, h in zip(result.centres, sizes, strict=False)), 0.0, 0.0)[:3]

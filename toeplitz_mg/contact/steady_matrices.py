@@ -1,17 +1,25 @@
 """The matrix of steady rolling, and approximate inverses of it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.threads import share_slices
 from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 
 WRAPPED = 0.03  # What goes around a circulant comes back so many times as large.
-LEAST = 0.01  # Addition where nothing slides, over the largest of the symbol: bounds the inverse.
+# Addition where nothing slides, over the largest of the symbol and by the number of elements along
+# the rolling direction: it bounds the inverse. A fixed one fades what comes from far ahead.
+LEAST = 1.0
+# Additions to the matrix whose inverses are interpolated, over its diagonal.
+ADDITIONS = np.array([0.0, 0.1, 0.5, 3.0])
+PANEL_BYTES = 2**20  # Bytes of a panel of frequencies, or of lines: it stays in the cache.
 
 
 def subtract_operators(A: Any, S: Any) -> Any:
@@ -41,47 +49,80 @@ class ShiftedInverses:
     K : ToeplitzOperator or CoupledOperator
         The components of a coupled one are inverted each by itself: the coupling is weak, and
         inverted too, it saves no iteration.
-    shifts : ndarray
-        The additions ν.
     dtype : float32 or float64
     """
 
-    def __init__(self, K: Any, shifts: Array, dtype: np.dtype[Any]) -> None:
+    def __init__(self, K: Any, dtype: DTypeLike) -> None:
         is_coupled = isinstance(K, CoupledOperator)
         blocks = [K.component(i) for i in range(len(K.blocks))] if is_coupled else [K]
         grid: tuple[int, ...] = blocks[0].grid_shape
-        self.dtype, self._lengths = dtype, tuple(fft.next_fast_len(2 * n - 1) for n in grid)
-        n = grid[0]
-        rate, axes = fade_rate(self._lengths[0]), (1,) * (len(grid) - 1)
+        self.dtype, self._k0 = np.dtype(dtype), float(blocks[0].c.flat[0])
+        lengths = tuple(fft.next_fast_len(2 * n - 1) for n in grid)
+        n, rate, axes = grid[0], fade_rate(lengths[0]), (1,) * (len(grid) - 1)
         self._fade = np.exp(rate * np.arange(n)).astype(dtype).reshape(-1, *axes)
         lags = np.exp(-rate * np.arange(1 - n, n)).reshape(-1, *axes)
         spectra = []
         for block in blocks:
-            count_transforms(1, *self._lengths)
-            circulant = ToeplitzOperator.from_lags(block.lags * lags).circulant(self._lengths)
+            count_transforms(1, *lengths)
+            circulant = ToeplitzOperator.from_lags(block.lags * lags).circulant(lengths)
             spectra.append(fft.rfftn(circulant))
-        self._spectra = [
-            np.stack([1.0 / (s + nu + LEAST * np.abs(s).max()) for s in spectra]).astype(
-                np.result_type(dtype, np.complex64)
-            )
-            for nu in shifts
+        inverses = [
+            [1.0 / (s + nu + LEAST / n * np.abs(s).max()) for s in spectra]
+            for nu in self._k0 * ADDITIONS
         ]
+        # A single axis is the last one of two.
+        self._lengths = (1, *lengths)[-2:]
+        shape = (len(ADDITIONS), len(blocks), self._lengths[0], -1)
+        precision = np.result_type(self.dtype, np.complex64)
+        self._inverses = np.array(inverses, precision).reshape(shape)
 
-    def __call__(self, r: Array, weights: Sequence[Array]) -> Array:
-        """Return the sum of the inverses of a field, (components, ...), each with its weights."""
-        *columns, last = self._lengths
-        *rows, n = r.shape[1:]
-        count_transforms((1 + len(weights)) * len(r), *self._lengths)
-        R = fft.rfft(r.astype(self.dtype, copy=False) / self._fade, last)
-        if columns:
-            R = fft.fft(R, columns[0], axis=1, overwrite_x=True)
-        total = np.zeros(r.shape, self.dtype)
-        for spectrum, weight in zip(self._spectra, weights, strict=True):
-            Y = R * spectrum
-            if columns:
-                Y = fft.ifft(Y, axis=1, overwrite_x=True)[:, : rows[0]]
-            total += weight * fft.irfft(Y, last)[..., :n]
-        return total * self._fade
+    def at(self, addition: Array) -> Callable[[Array], Array]:
+        """Return the approximate inverse of K + an addition to the diagonal at each place.
+
+        It takes a field, (components, ...), to another one.
+        """
+        weights = interpolate(addition / self._k0, self.dtype)
+        used = np.flatnonzero(weights.reshape(len(weights), -1).any(axis=1))
+        some = slice(int(used[0]), int(used[-1]) + 1)
+        weights, inverses = weights[some] * self._fade, self._inverses[some]
+        return lambda r: self._multiply(r.astype(self.dtype, copy=False), weights, inverses)
+
+    def _multiply(self, r: Array, weights: Array, inverses: Array) -> Array:
+        """Return the sum of the circulants of a field, each with its weights."""
+        (length, last), number, components = self._lengths, len(inverses), len(r)
+        count_transforms((1 + number) * components, length, last)
+        n = r.shape[-1]
+        R = fft.rfft((r / self._fade).reshape(components, -1, n), last)
+        weights = weights.reshape(number, -1, n)
+        rows, frequencies = R.shape[1:]
+        Y = workspace((number, components, rows, frequencies), R.dtype)
+        total = np.empty((components, rows, n), self.dtype)
+
+        def invert(columns: slice) -> None:
+            Z = fft.fft(R[..., columns], length, axis=1) * inverses[..., columns]
+            Y[..., columns] = fft.ifft(Z, axis=2, overwrite_x=True)[:, :, :rows]
+
+        def add(lines: slice) -> None:
+            y = fft.irfft(Y[:, :, lines], last)[..., :n]
+            np.einsum("krn,kcrn->crn", weights[:, lines], y, out=total[:, lines])
+
+        of_column, of_row = (number * components * m * R.itemsize for m in (length, frequencies))
+        share_slices(invert, frequencies, 1 + PANEL_BYTES // of_column, Y.size)
+        share_slices(add, rows, 1 + PANEL_BYTES // of_row, Y.size)
+        return total.reshape(r.shape)
+
+
+def interpolate(addition: Array, dtype: DTypeLike) -> Array:
+    """Return weights, shape (k, ...), with which the inverses make up one for an addition, over k₀.
+
+    They are linear in 1/(k₀ + ν), and so exact where K is its diagonal k₀; beyond the last ν the
+    inverse is that times the ratio.
+    """
+    of_nodes, wanted = 1.0 / (1.0 + ADDITIONS), 1.0 / (1.0 + addition)
+    units = np.eye(len(ADDITIONS))
+    weights = np.stack([np.interp(-wanted, -of_nodes, unit).astype(dtype) for unit in units])
+    weights[-1] *= np.minimum(1.0, wanted / of_nodes[-1]).astype(dtype)
+    return weights
 
 
 def fade_rate(length: int) -> float:

@@ -178,7 +178,10 @@ def _check_results(results: tuple[ContactResult, ...]) -> ContactResult:
     """Return one of the results, whose grid and material are those of all."""
     for result in results:
         if not isinstance(result, NormalResult | TangentialResult):
-            raise TypeError(f"a result is {result!r}, but must be one of contact")
+            raise TypeError(
+                f"a result is {result!r}, but must be a NormalResult or a TangentialResult: of "
+                "unlike bodies, its normal and its tangential one"
+            )
         if any(result.periodic):
             raise ValueError(
                 f"periodic is {result.periodic} in a result, but stresses are those below bodies "

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-ROUNDING = 1e-12  # Size of a component, relative to the largest, that is shown as zero.
+NOTHING = 1e-8  # Size of a component over the largest that is shown as zero: the usual tolerance.
 FEW = 3  # Figures in the repr of a result, which is one line.
 
 
@@ -23,7 +23,7 @@ class Figure(NamedTuple):
         if isinstance(self.value, str):
             return self.value
         values = np.atleast_1d(self.value)
-        least = ROUNDING * float(np.abs(values).max())
+        least = NOTHING * float(np.abs(values).max())
         numbers = ", ".join(f"{x if abs(x) > least else 0.0:.5g}" for x in values)
         return f"{numbers if len(values) == 1 else f'({numbers})'} {self.unit}".rstrip()
 

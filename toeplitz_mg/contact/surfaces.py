@@ -5,8 +5,9 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.theory import add_curvatures
 from toeplitz_mg.halfspace import Material
-from toeplitz_mg.values import count, field, positive, real, refuse_masked
+from toeplitz_mg.values import count, positive, real, refuse_masked
 
 
 def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]:
@@ -109,13 +110,8 @@ def ellipsoid(shape: tuple[int, int], element: tuple[float, float], *, radii: Ar
     """
     if refuse_masked("shape", shape).size != 2:
         raise ValueError(f"shape is {shape}, but must be (n1, n2)")
-    R = field("radii", radii)
-    if R.shape not in ((2,), (2, 2)):
-        raise ValueError(f"radii is {radii!r}, but must be (R1, R2), or a pair of them")
-    if (R == 0.0).any():
-        raise ValueError(f"radii is {radii!r}, but no radius of curvature is zero")
+    kx, ky = add_curvatures(radii)
     x, y = centres(shape, element)
-    kx, ky = (1.0 / R.reshape(-1, 2)).sum(axis=0)
     return 0.5 * (kx * x**2 + ky * y**2)
 
 

@@ -81,7 +81,7 @@ class HertzContact:
 
 def hertz(
     *,
-    radii: float | tuple[float, float],
+    radii: ArrayLike,
     material: Any,
     force: float | None = None,
     approach: float | None = None,
@@ -91,9 +91,10 @@ def hertz(
 
     Parameters
     ----------
-    radii : float or (float, float)
+    radii : float or (float, float), or a pair of these
         The radius of a sphere, mm; or the radii of curvature in the planes of x and of y, of which
-        one may be infinite: a cylinder, in line contact. Of two bodies 1/R = 1/R₁ + 1/R₂.
+        one may be infinite: a cylinder, in line contact. Or those of both bodies, negative where
+        one is concave: their curvatures 1/R add up.
     material : Material or (Material, Material)
         Of both bodies, or of the first and the second (see `contact.Material`).
     force : float
@@ -112,7 +113,7 @@ def hertz(
     ------
     ValueError, TypeError
         For input that makes no sense; and for radii of which one is 10,000 times the other and
-        not infinite.
+        not infinite, or whose curvatures add up to a hollow.
 
     See Also
     --------
@@ -126,16 +127,18 @@ def hertz(
 
     Examples
     --------
-    A steel ball of 10 mm on a steel plate; a wheel of 460 mm on a rail of 300 mm; a roller.
+    A steel ball of 10 mm on a steel plate; a wheel of 460 mm, hollow across by 330 mm, on a rail
+    of 300 mm; a roller.
 
     >>> from toeplitz_mg import contact
     >>> steel = contact.Material(E=210000.0, nu=0.3)
     >>> ball = contact.hertz(radii=10.0, material=steel, force=100.0)
     >>> f"{ball.half_axes[0]:.4f} mm, {ball.max_pressure:.0f} N/mm², {ball.approach:.5f} mm"
     '0.1866 mm, 1371 N/mm², 0.00348 mm'
-    >>> wheel = contact.hertz(radii=(460.0, 300.0), material=steel, force=80000.0)
+    >>> bodies = (460.0, -330.0), (float("inf"), 300.0)
+    >>> wheel = contact.hertz(radii=bodies, material=steel, force=80000.0)
     >>> f"{wheel.half_axes[0]:.2f} and {wheel.half_axes[1]:.2f} mm"
-    '6.65 and 5.00 mm'
+    '4.30 and 15.67 mm'
     >>> roller = contact.hertz(radii=(10.0, float("inf")), material=steel, force=100.0)
     >>> f"{roller.area:.4f} mm wide, {roller.max_pressure:.0f} N/mm²"
     '0.2101 mm wide, 606 N/mm²'
@@ -165,16 +168,28 @@ def hertz(
     return _press_ellipsoid(R, modulus, force, approach)
 
 
-def _check_radii(radii: float | tuple[float, float]) -> tuple[float, float]:
-    array = field("radii", radii)
-    if array.shape not in ((), (2,)):
-        raise ValueError(f"radii is {radii}, but must be R or (R1, R2)")
-    R = float(array.flat[0]), float(array.flat[-1])
-    if not (min(R) > 0.0 and math.isfinite(min(R))):
-        raise ValueError(f"radii is {radii}, but must be positive, and only one infinite")
+def add_curvatures(radii: ArrayLike) -> tuple[float, float]:
+    """Return the curvatures along x and y, of one body or the sum of both, 1/mm."""
+    R = field("radii", radii)
+    if R.shape not in ((2,), (2, 2)):
+        raise ValueError(f"radii is {radii!r}, but must be (R1, R2), or a pair of them")
+    if (R == 0.0).any():
+        raise ValueError(f"radii is {radii!r}, but no radius of curvature is zero")
+    kx, ky = (1.0 / R.reshape(-1, 2)).sum(axis=0).tolist()
+    return kx, ky
+
+
+def _check_radii(radii: ArrayLike) -> tuple[float, float]:
+    one = field("radii", radii)
+    k = add_curvatures([float(one)] * 2 if one.ndim == 0 else radii)  # One radius is of a sphere.
+    if not min(k) >= 0.0 < max(k):
+        raise ValueError(
+            f"radii is {radii!r}, but both curvatures must be convex, and only one of them zero"
+        )
+    R = 1.0 / k[0] if k[0] else math.inf, 1.0 / k[1] if k[1] else math.inf
     if math.isfinite(max(R)) and max(R) > FLATTEST * min(R):
         raise ValueError(
-            f"radii is {radii}, but one may be {FLATTEST:g} times the other at most: an infinite "
+            f"radii is {radii!r}, but one may be {FLATTEST:g} times the other at most: an infinite "
             "one makes it a cylinder, in line contact"
         )
     return R

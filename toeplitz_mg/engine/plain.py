@@ -1,14 +1,13 @@
 """The engine for arrays of any library of the array API standard, as on a GPU.
 
-It has plain passes over whole arrays, in the place of panels for a processor's cache. All axes but
-the last are extended by zeros for a part of the frequencies of the last one at a time, so that
-little more than the vectors is ever held. No array is written to, but by ``y += x``, as those of
-JAX cannot be changed, and no number of one is looked at in a product.
+It has plain passes over whole arrays (`plain_passes`), in the place of panels for a processor's
+cache, and cosine transforms by Fourier transforms (`plain_transforms`). This file has what the rest
+of the package needs of a library, as `library.NumPy` has it for NumPy's arrays, and its vectors.
 """
 
 from collections.abc import Callable
 from functools import lru_cache, partial
-from math import inf, pi, prod, sqrt
+from math import inf, prod, sqrt
 from types import MappingProxyType
 from typing import Any
 
@@ -16,12 +15,14 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.embedding import cut, parts_of, phases, zeros
+from toeplitz_mg.engine.embedding import zeros
 from toeplitz_mg.engine.library import library_of, refuse_mixed
 from toeplitz_mg.engine.multilevel import MultilevelProduct
+from toeplitz_mg.engine.plain_passes import PlainDiagonalised, PlainPasses
+from toeplitz_mg.engine.plain_transforms import along, cosine_sums, dct, dst, idct, idst
 from toeplitz_mg.engine.products import Transforms
 from toeplitz_mg.engine.vectors import Gather
-from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
+from toeplitz_mg.engine.work import count_work
 
 try:
     import array_api_compat as compat
@@ -42,8 +43,9 @@ class Plain:
         self.vectors = PlainVectors(self)
         self.fourier = Transforms(xp.fft.rfftn, self._of_complex(xp.fft.irfftn))
         self.complex_fourier = Transforms(xp.fft.fftn, self._of_complex(xp.fft.ifftn))
-        self.cosine = Transforms(*(partial(self._each, f) for f in (dct, idct)))
-        self.sine = Transforms(*(partial(self._each, f) for f in (dst, idst)))
+        self.cosine = Transforms(*(partial(along, f, self) for f in (dct, idct)))
+        self.sine = Transforms(*(partial(along, f, self) for f in (dst, idst)))
+        self.cosine_sums = partial(cosine_sums, self)
         self.diagonalise = partial(PlainDiagonalised, self)
         self.passes = partial(PlainPasses, self)
 
@@ -202,127 +204,10 @@ class Plain:
             self.xp.astype(a, self.xp.result_type(a.dtype, complex64), copy=False), **options
         )
 
-    def cosine_sums(self, column: Any) -> Any:
-        """Return f_k = Σ a_j cos(πjk/n) over all lags (see `transforms.cosine_sums`)."""
-        count_transforms(1, *(m - 1 for m in column.shape))
-        for axis, m in enumerate(column.shape):
-            inside = self.xp.flip(column[cut(axis, 1, m - 1)], axis=axis)
-            period = self.xp.concat([column, inside], axis=axis)
-            column = self.xp.real(self.xp.fft.rfft(period, axis=axis))
-        return column
-
-    def _each(self, transform: Any, a: Any, axes: Any, s: Any = None) -> Any:
-        for axis in axes:
-            a = transform(self, a, axis)
-        return a
-
 
 @lru_cache(maxsize=16)
 def _library(xp: Any, device: Any) -> Plain:
     return Plain(xp, device)
-
-
-class PlainPasses:
-    """The passes of a `multilevel.MultilevelProduct` (see `passes.PanelPasses`)."""
-
-    def __init__(
-        self,
-        library: Plain,
-        grid_shape: tuple[int, ...],
-        dtype: np.dtype[Any],
-        lengths: tuple[int, ...],
-        spectrum: Any,
-    ) -> None:
-        self.library, self.grid_shape, self.lengths = library, grid_shape, lengths
-        self.spectrum, self.dtype, self._w = spectrum, dtype, None
-        if dtype.kind != "c":
-            angle, precision = pi / (2 * lengths[-1]), dtype.char.upper()
-            self._w = phases(library, grid_shape[-1], angle, precision)
-
-    def multiply(self, X: Any, out: Any = None) -> Any:
-        """Multiply the rows of `X`, of shape (rows, N), in the precision of the matrix."""
-        xp = self.library.xp
-        Z = self.rows_in(xp.reshape(X, (-1, *self.grid_shape)))
-        parts = [self.columns_through(Z[..., p], p.start) for p in parts_of(self.lengths)]
-        del Z  # The memory is for what comes.
-        Z = xp.concat(parts, axis=-1)
-        del parts
-        return xp.reshape(self.rows_out(Z), X.shape)
-
-    def rows_in(self, Z: Any) -> Any:
-        """Transform fields, of shape (rows, components, n₁, ...), along their last axis."""
-        Z = self.library.cast(Z, self.dtype)
-        Z = Z if self._w is None else Z * self._w
-        return self.library.xp.fft.fft(Z, n=self.lengths[-1], axis=-1)
-
-    def columns_through(self, Z: Any, first: int = 0) -> Any:
-        """Multiply frequencies of the last axis by their matrices of the others."""
-        xp, columns = self.library.xp, slice(first, first + Z.shape[-1])
-        lengths, grid = self.lengths[:-1], self.grid_shape[1:-1]
-        for axis in reversed(range(len(grid))):
-            Z = xp.fft.fft(Z, n=lengths[axis], axis=2 + axis)
-        rows = [
-            [(j, s[..., columns]) for j, s in enumerate(row) if s is not None]
-            for row in self.spectrum
-        ]
-        if len(rows) == 1:
-            Z *= rows[0][0][1] if rows[0] else 0.0
-        else:
-            zero = xp.zeros_like(Z[:, 0, ...])
-            Z = xp.stack([sum((Z[:, j, ...] * s for j, s in row), zero) for row in rows], axis=1)
-        for axis, n in enumerate(grid):
-            Z = xp.fft.ifft(Z, axis=2 + axis, norm="forward")[cut(2 + axis, 0, n)]
-        # A view would keep the memory of the zeros.
-        return xp.asarray(Z, copy=True) if grid else Z
-
-    def rows_out(self, Z: Any, out: Any = None) -> Any:
-        """Return fields from their transforms along the last axis."""
-        xp = self.library.xp
-        Z = xp.fft.ifft(Z, axis=-1, norm="forward")[..., : self.grid_shape[-1]]
-        if self._w is None:
-            return Z
-        Z *= xp.conj(self._w)
-        return xp.asarray(xp.real(Z), copy=True)
-
-
-class PlainDiagonalised:
-    """Multiplication by a matrix that a transform diagonalises (see `DiagonalisedProduct`)."""
-
-    def __init__(
-        self,
-        library: Plain,
-        spectrum: Any,
-        fft_shape: tuple[int, ...],
-        grid_shape: tuple[int, ...],
-        dtype: DTypeLike,
-        transforms: Transforms,
-    ) -> None:
-        self.points = prod(grid_shape) / 2 ** axes_of(grid_shape)
-        self.library, self.grid_shape, self.dtype = library, grid_shape, np.dtype(dtype)
-        self.spectrum = library.cast_numbers(spectrum, dtype)
-        self.fft_shape, self.transforms = fft_shape, transforms
-        self.is_hermitian = library.dtype(spectrum).kind != "c"
-
-    def adjoint(self) -> "PlainDiagonalised":
-        """Return the multiplication by the conjugate transpose of a circulant."""
-        spectrum = self.library.conj(self.spectrum)
-        shapes = self.fft_shape, self.grid_shape
-        return PlainDiagonalised(self.library, spectrum, *shapes, self.dtype, self.transforms)
-
-    def __call__(self, X: Any, out: Any = None) -> Any:
-        """Multiply the rows of `X`, shape (..., N)."""
-        return self.library.multiply_rows(self, X, out)
-
-    def multiply(self, X: Any, out: Any = None) -> Any:
-        """Multiply the rows of `X`, of shape (rows, N), in the precision of the matrix."""
-        xp, axes = self.library.xp, tuple(range(1, 1 + len(self.grid_shape)))
-        Z = self.library.pad(xp.reshape(X, (-1, *self.grid_shape)), self.fft_shape)
-        Z = self.transforms.forward(Z, axes=axes)
-        Z *= self.spectrum
-        Z = self.transforms.backward(Z, s=self.fft_shape, axes=axes)
-        for axis, n in enumerate(self.grid_shape):
-            Z = Z[cut(1 + axis, 0, n)]
-        return xp.reshape(Z, X.shape)
 
 
 class PlainVectors:
@@ -368,57 +253,3 @@ class PlainVectors:
         y *= a
         y += x
         return y
-
-
-def dct(library: Plain, a: Any, axis: int) -> Any:
-    """Return an orthonormal DCT-II, by a real transform of the same length (Makhoul)."""
-    xp, n = library.xp, a.shape[axis]
-    odd = xp.flip(a[cut(axis, 1, None, 2)], axis=axis)
-    V = xp.fft.rfft(xp.concat([a[cut(axis, 0, None, 2)], odd], axis=axis), axis=axis)
-    V *= _turns(library, n, V.dtype, V.ndim - 1 - axis)
-    last = xp.flip(xp.imag(V[cut(axis, 1, (n + 1) // 2)]), axis=axis)
-    return xp.concat([xp.real(V), -last], axis=axis)
-
-
-def idct(library: Plain, f: Any, axis: int) -> Any:
-    """Return its inverse."""
-    xp, n = library.xp, f.shape[axis]
-    last = xp.flip(f[cut(axis, n - n // 2)], axis=axis)
-    back = xp.concat([zeros(library, f, axis, 1), last], axis=axis)
-    V = xp.astype(back, xp.result_type(f.dtype, xp.complex64))
-    V *= -1j
-    V += f[cut(axis, 0, n // 2 + 1)]
-    V /= _turns(library, n, V.dtype, V.ndim - 1 - axis)
-    v = xp.fft.irfft(V, n=n, axis=axis)
-    even, odd = v[cut(axis, 0, (n + 1) // 2)], xp.flip(v[cut(axis, (n + 1) // 2)], axis=axis)
-    if n % 2:
-        odd = xp.concat([odd, zeros(library, f, axis, 1)], axis=axis)
-    v = xp.reshape(
-        xp.stack([even, odd], axis=axis + 1), (*f.shape[:axis], -1, *f.shape[axis + 1 :])
-    )
-    return v[cut(axis, 0, n)]
-
-
-def dst(library: Plain, a: Any, axis: int) -> Any:
-    """Return an orthonormal DST-II."""
-    return library.xp.flip(dct(library, a * _signs(library, a, axis), axis), axis=axis)
-
-
-def idst(library: Plain, f: Any, axis: int) -> Any:
-    """Return its inverse."""
-    return idct(library, library.xp.flip(f, axis=axis), axis) * _signs(library, f, axis)
-
-
-def _signs(library: Plain, a: Any, axis: int) -> Any:
-    """Return (-1)^j along an axis."""
-    xp = library.xp
-    signs = 1 - 2 * (xp.arange(a.shape[axis], device=library.device) % 2)
-    return xp.reshape(xp.astype(signs, a.dtype), (-1, *[1] * (a.ndim - 1 - axis)))
-
-
-def _turns(library: Plain, n: int, dtype: Any, rest: int) -> Any:
-    """Return exp(-iπk/2n) for k = 0 ... n/2, times what makes the transform orthonormal."""
-    xp = library.xp
-    turns = sqrt(2.0 / n) * phases(library, n // 2 + 1, pi / (2 * n), np.complex128)
-    turns = xp.concat([turns[:1] * sqrt(0.5), turns[1:]])
-    return xp.reshape(xp.astype(turns, dtype), (-1, *[1] * rest))

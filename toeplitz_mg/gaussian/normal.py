@@ -1,13 +1,14 @@
 """The normal distribution of a stationary process on a grid."""
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array, Mask, Rows
+from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.gaussian.checks import check_series, generator, real_numbers
+from toeplitz_mg.gaussian.conditional import Conditional
 from toeplitz_mg.gaussian.observed import Observed, Whole, observe
 from toeplitz_mg.gaussian.sampling import (
     Embedding,
@@ -18,10 +19,9 @@ from toeplitz_mg.gaussian.sampling import (
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.masked import check_mask
 from toeplitz_mg.preconditioners.positivity import require_positive_diagonal
-from toeplitz_mg.solvers.szego import correlations
-from toeplitz_mg.values import count, refuse_masked
-
-SHOWN = 5  # Positions that an error names.
+from toeplitz_mg.preconditioners.schur import whiten_rows
+from toeplitz_mg.solvers.szego import autocorrelations
+from toeplitz_mg.values import count
 
 
 class ToeplitzNormal:
@@ -88,11 +88,11 @@ class ToeplitzNormal:
     """
 
     def __init__(self, c: ArrayLike, mean: ArrayLike = 0.0) -> None:
-        c = _real("c", c)
+        c = real_numbers("c", c)
         self.A = ToeplitzOperator(c)
         require_positive_diagonal(float(c.flat[0]))
         self.shape = self.A.grid_shape
-        mean = _real("mean", mean)
+        mean = real_numbers("mean", mean)
         try:
             self.mean = np.broadcast_to(mean, self.shape)
         except ValueError:
@@ -150,9 +150,8 @@ class ToeplitzNormal:
         >>> round(float(process.logpdf(y, observed=~np.isnan(y))), 6)
         -2.541422
         """
-        rows, mask, series = self._residuals(y, observed)
-        known = observe(self._whole, mask)
-        return self._logpdf(known, rows, known.solve(rows), mask).reshape(series)[()]
+        value, _, _ = self._logpdf(y, observed)
+        return value[()]
 
     def logpdf_and_grad(
         self, y: ArrayLike, observed: ArrayLike | None = None
@@ -186,15 +185,56 @@ class ToeplitzNormal:
         Σ_i α_i α_(i+k) - D_k, for k = 0 half of that. With m missing points it costs m products
         with A⁻¹ more.
         """
-        rows, mask, series = self._residuals(y, observed)
-        known = observe(self._whole, mask)
-        value = self._logpdf(known, rows, X := known.solve(rows), mask)
-        by_c = np.concatenate([correlations(x, x)[np.newaxis] for x in X]) - known.diagonal_sums()
+        value, X, known = self._logpdf(y, observed)
+        by_c = np.array([*map(autocorrelations, X)]).reshape(X.shape) - known.diagonal_sums()
         by_c[:, 0] *= 0.5
-        shape = (*series, *self.shape)
-        return value.reshape(series)[()], by_c.reshape(shape), -X.reshape(shape)
+        shape = (*value.shape, *self.shape)
+        return value[()], by_c.reshape(shape), -X.reshape(shape)
 
-    def conditional(self, y: ArrayLike, observed: ArrayLike | None = None) -> "Conditional":
+    def whiten(self, y: ArrayLike) -> Array:
+        """Return independent standard normal numbers in the place of a series of this process.
+
+        Parameters
+        ----------
+        y : array_like of shape (..., n)
+            One series, or many.
+
+        Returns
+        -------
+        ndarray of the shape of `y`
+            L⁻¹ (y - mean), with Cholesky's lower factor L of A: the error with which each number is
+            predicted from those before it, over its standard deviation.
+
+        Raises
+        ------
+        ValueError
+            As by `logpdf`; or where c has several axes.
+        numpy.linalg.LinAlgError
+            Where the covariance is not positive definite.
+
+        Notes
+        -----
+        It is in O(n log² n), by the superfast Schur algorithm (`toeplitz_mg.preconditioners.schur`)
+        and takes some times as long as a likelihood.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import toeplitz_mg as tmg
+        >>> process = tmg.ToeplitzNormal(0.8 ** np.arange(4))
+        >>> process.whiten([1.0, 0.8, 0.64, 1.112]).round(12)
+        array([1., 0., 0., 1.])
+        """
+        residual, _ = check_series(y, None, self.mean)
+        if len(self.shape) > 1:
+            raise ValueError(
+                f"c has {len(self.shape)} axes, but whiten is for one: no fast way is known for "
+                "several"
+            )
+        rows = residual.reshape(-1, *self.shape)
+        return whiten_rows(self.A.c, rows).reshape(residual.shape)
+
+    def conditional(self, y: ArrayLike, observed: ArrayLike | None = None) -> Conditional:
         """Return the distribution of all points, given those that are observed (kriging).
 
         Parameters
@@ -233,13 +273,14 @@ class ToeplitzNormal:
         >>> given.rvs(3, random_state=0).shape
         (3, 5)
         """
-        values = _real("y", y)
+        values = real_numbers("y", y)
         if values.shape != self.shape:
             raise ValueError(f"y has shape {values.shape}, but must be of that of c, {self.shape}")
         if observed is None:
             observed = ~np.isnan(values)
-        rows, mask, _ = self._residuals(values, observed)
-        return Conditional(self, observe(self._whole, mask), mask, rows[0])
+        mask = check_mask(observed, self.shape)
+        residual, _ = check_series(values, mask, self.mean)
+        return Conditional(self, observe(self._whole, mask), mask, residual)
 
     def rvs(self, size: int | tuple[int, ...] = 1, random_state: Any = None) -> Array:
         """Draw samples.
@@ -274,7 +315,7 @@ class ToeplitzNormal:
         """
         shape = (size,) if np.ndim(size) == 0 else tuple(size)  # type: ignore[arg-type]
         shape = tuple(count("size", k, least=0) for k in shape)
-        rows = self._embedding.draw(int(np.prod(shape)), _generator(random_state)) + self.mean
+        rows = self._embedding.draw(int(np.prod(shape)), generator(random_state)) + self.mean
         return rows.reshape(self.shape if shape == (1,) else (*shape, *self.shape))
 
     @property
@@ -287,86 +328,15 @@ class ToeplitzNormal:
         if len(self.shape) > 1:
             return embed_field(self.A.c)
         embedding = embed_in_circulant(self.A.c)
-        return embedding or embed_by_column(self.A.c, self._whole.columns.x)
+        return embedding or embed_by_column(self.A.c, self._whole.column.x)
 
-    def _logpdf(self, known: Observed, Y: Rows, X: Rows, mask: Mask | None) -> Array:
-        """Return the logarithms of the densities of rows y, with X the rows A⁻¹ y."""
-        size = Y.shape[1] if mask is None else int(np.count_nonzero(mask))
+    def _logpdf(self, y: ArrayLike, observed: ArrayLike | None) -> tuple[Array, Rows, Observed]:
+        """Return the logarithms of the densities, the rows A⁻¹ (y - mean), and what is known."""
+        residual, mask = check_series(y, observed, self.mean)
+        known = observe(self._whole, mask)
+        rows = residual.reshape(-1, self.A.shape[0])
+        X = known.solve(rows)
+        size = rows.shape[1] if mask is None else int(np.count_nonzero(mask))
         constant = known.logdet() + size * float(np.log(2.0 * np.pi))
-        return -0.5 * (np.vecdot(Y, X) + constant)
-
-    def _residuals(
-        self, y: ArrayLike, observed: ArrayLike | None
-    ) -> tuple[Rows, Mask | None, tuple[int, ...]]:
-        """Return y - mean as rows, zero where not observed; the mask; the shape of the series."""
-        values = _real("y", y)
-        axes = len(self.shape)
-        if values.shape[max(values.ndim - axes, 0) :] != self.shape:
-            raise ValueError(
-                f"y has shape {values.shape}, but its last axes must be those of c, {self.shape}"
-            )
-        mask = None if observed is None else check_mask(observed, self.shape)
-        wrong = ~np.isfinite(values)
-        if mask is not None:
-            wrong &= mask
-        if wrong.any():
-            _refuse_positions(wrong, observed is None)
-        rows = values - self.mean
-        if mask is not None:
-            rows[..., ~mask] = 0.0
-        return rows.reshape(-1, self.A.shape[0]), mask, values.shape[: values.ndim - axes]
-
-
-@dataclass(frozen=True)
-class Conditional:
-    """The distribution of all points of a process, given those that are observed."""
-
-    process: ToeplitzNormal
-    known: Observed
-    mask: Mask | None
-    residual: Array
-
-    @cached_property
-    def mean(self) -> Array:
-        """The mean at each point: where it is observed, the value itself."""
-        return self._estimate(self.residual[np.newaxis])[0] + self.process.mean
-
-    def rvs(self, size: int | tuple[int, ...] = 1, random_state: Any = None) -> Array:
-        """Draw samples, as `ToeplitzNormal.rvs` does; each costs a solve."""
-        process = self.process
-        X = process.rvs(size, random_state) - process.mean
-        rows = X.reshape(-1, self.residual.size)
-        return X + self._estimate(self.residual - rows).reshape(X.shape) + process.mean
-
-    def _estimate(self, Y: Rows) -> Array:
-        """Return the means of the points, given rows at those that are observed."""
-        if self.mask is None:
-            return Y.reshape(-1, *self.process.shape)
-        inside = self.mask.ravel()
-        Y = np.where(inside, Y, 0.0)
-        X = self.process.A.apply(self.known.solve(Y))
-        X[:, inside] = Y[:, inside]
-        return X.reshape(-1, *self.process.shape)
-
-
-def _real(name: str, values: ArrayLike) -> Array:
-    """Return an array of real numbers in double precision."""
-    array = refuse_masked(name, values)
-    if array.dtype.kind not in "buif":
-        raise TypeError(f"{name} has dtype {array.dtype}, but must be of real numbers")
-    return array.astype(np.float64)
-
-
-def _generator(random_state: Any) -> Any:
-    if hasattr(random_state, "standard_normal"):
-        return random_state
-    return np.random.default_rng(random_state)
-
-
-def _refuse_positions(wrong: Array, everywhere: bool) -> None:
-    """Raise the ValueError that says where y is not finite."""
-    positions = [tuple(map(int, p)) if len(p) > 1 else int(p[0]) for p in np.argwhere(wrong)]
-    named = ", ".join(map(str, positions[:SHOWN]))
-    more = f" and {len(positions) - SHOWN} more positions" if len(positions) > SHOWN else ""
-    advice = ": say what is observed, as by observed=~np.isnan(y)" if everywhere else ""
-    raise ValueError(f"y is not finite at {named}{more}, but must be where it is observed{advice}")
+        value = -0.5 * (np.vecdot(rows, X) + constant)
+        return value.reshape(residual.shape[: residual.ndim - len(self.shape)]), X, known

@@ -21,10 +21,10 @@ from toeplitz_mg._typing import Array, Mask, Rows
 from toeplitz_mg.engine.vectors import axpy
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners import default_preconditioner
-from toeplitz_mg.preconditioners.columns import Columns
 from toeplitz_mg.solvers.cg import cg
-from toeplitz_mg.solvers.inverse import ToeplitzInverse, first_columns
-from toeplitz_mg.solvers.szego import LogDeterminant, diagonal_sums, log_determinant, sharpen
+from toeplitz_mg.solvers.inverse import first_columns
+from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
+from toeplitz_mg.solvers.szego import LogDeterminant, diagonal_sums, log_determinant
 
 MOST = 4096  # Points, missing or observed, of which a dense matrix is factorised: 134 MB.
 PART = 64  # Rows that are multiplied at once.
@@ -53,23 +53,18 @@ class Whole:
     A: ToeplitzOperator
 
     @cached_property
-    def columns(self) -> Columns:
+    def column(self) -> SharpColumn:
         """The first column of A⁻¹."""
         return sharpen(first_columns(self.A))
 
     @cached_property
-    def inverse(self) -> ToeplitzInverse:
-        """A⁻¹, with one step of refinement."""
-        return ToeplitzInverse(self.A, self.columns.inverse, 1)
-
-    @cached_property
     def log_determinant(self) -> LogDeterminant:
         """The log-determinant with its error."""
-        return log_determinant(self.columns)
+        return log_determinant(self.column)
 
     def solve(self, Y: Rows) -> Rows:
         """Return A⁻¹ y for each row."""
-        return self.inverse.apply(Y)
+        return self.column.solve(Y)
 
     def logdet(self) -> float:
         """Return log det A."""
@@ -77,7 +72,7 @@ class Whole:
 
     def diagonal_sums(self) -> Array:
         """Return the sums of the diagonals of A⁻¹."""
-        return diagonal_sums(self.columns.x)
+        return diagonal_sums(self.column.x)
 
 
 @dataclass(frozen=True)
@@ -103,7 +98,7 @@ class Gaps:
         """
         V = Y.copy()
         for _ in range(2):
-            error = self.whole.inverse.G.apply(V)[:, self.missing]
+            error = self.whole.column.inverse.apply(V)[:, self.missing]
             V[:, self.missing] -= cho_solve((self._factor, True), error.T).T
         X = self.whole.solve(V)
         X[:, self.missing] = 0.0
@@ -238,7 +233,7 @@ def inverse_block(whole: Whole, index: Array) -> Array:
 
     The next position is reached row by row where it is near, and by a product where it is far.
     """
-    x = whole.columns.x
+    x = whole.column.x
     n, last = len(x), int(index[-1])
     ahead, back = x / x[0], x[::-1] / x[0]
     B = np.empty((len(index), len(index)))

@@ -17,7 +17,7 @@ from toeplitz_mg.halfspace.expansion import Kernel
 # Pairs of a distance t, in sizes of the rectangle, and the nodes of Gauss's rule from there on: the
 # integrand is analytic in an ellipse whose half axes add up to ϱ = 2 t + √(4 t² - 1) half sizes,
 # and the rule errs by ϱ^(-2 nodes).
-GAUSS = ((2.0, 10), (16.0, 5), (100.0, 3))
+GAUSS = ((2.0, 10), (16.0, 5), (100.0, 3), (2500.0, 2))
 
 # From the first k on, the k-th ∫ ln|s| is ln k - Σ 1/(2j (2j+1) (2k)^2j) with so many terms: the
 # next is 1e-20.
@@ -145,8 +145,14 @@ def _gauss_in_x(x: Array, y: Array, h1: float, h2: float, nodes: int) -> tuple[A
 
 def _across(X: Array, low: Array, high: Array, _: float) -> tuple[Array, Array]:
     """Return ∫ dy/ρ and ∫ x²/ρ³ dy from low ≤ 0 to high > 0 at the distance X > 0."""
-    one = np.arcsinh(high / X) - np.arcsinh(low / X)
-    return one, high / np.hypot(X, high) - low / np.hypot(X, low)
+    one, xx = np.zeros_like(X), np.zeros_like(X)
+    for Y in (high, -low):
+        r = np.sqrt(X * X + Y * Y)
+        ratio = Y / X
+        ratio += ratio * Y / (X + r)
+        one += np.log1p(ratio)  # This is asinh(Y/X).
+        xx += Y / r
+    return one, xx
 
 
 def _beside(X: Array, low: Array, high: Array, h: float) -> tuple[Array, Array]:

@@ -76,12 +76,8 @@ def stresses_x(
 
     Parameters
     ----------
-    x, y, z : array_like
-        Points relative to the element's centre, mm, z ≥ 0 the depth; broadcast.
-    element : (float, float)
-        Its size h₁ × h₂, mm; any ratio.
-    nu : float
-        Poisson's ratio of the body. Its modulus is of no importance.
+    x, y, z, element, nu
+        The arguments of `stresses_z`.
 
     Returns
     -------
@@ -119,12 +115,8 @@ def stresses_y(
 
     Parameters
     ----------
-    x, y, z : array_like
-        Points relative to the element's centre, mm, z ≥ 0 the depth; broadcast.
-    element : (float, float)
-        Its size h₁ × h₂, mm; any ratio.
-    nu : float
-        Poisson's ratio of the body. Its modulus is of no importance.
+    x, y, z, element, nu
+        The arguments of `stresses_z`.
 
     Returns
     -------
@@ -195,17 +187,13 @@ def line_stresses_x(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array
 
     Parameters
     ----------
-    x, z : array_like
-        Points relative to the middle of the strip, mm, z ≥ 0 the depth; broadcast.
-    h : float
-        Width of the strip, mm.
-    nu : float
-        Poisson's ratio of the body: it decides about yy alone.
+    x, z, h, nu
+        The arguments of `line_stresses_z`.
 
     Returns
     -------
     ndarray of float64, of shape (6, ...)
-        As `stresses_z` returns it; yz and xy are zero, xx and yy infinite on the edges.
+        As `line_stresses_z` returns it; xx and yy are infinite on the edges.
 
     Raises
     ------

@@ -131,16 +131,32 @@ class Certificate:
         length = 2 * fft.next_fast_len(OVERSAMPLING // 2 * len(x), real=True)
         count_transforms(1, length)
         is_complex = x.dtype.kind == "c"
-        z = (fft.fft if is_complex else fft.rfft)(x.astype(np.result_type(x, np.float64)), length)
-        size = np.abs(z)
-        smallest, largest = float(size.min()), float(size.max())
+        x = x.astype(np.result_type(x, np.float64))
+        scale = np.abs(x).max() or 1.0  # Then no square overflows.
+        z = (fft.fft if is_complex else fft.rfft)(x / scale, length)
+        squares = z.real**2 + z.imag**2
+        smallest, largest = float(squares.min()), float(squares.max())
         if not smallest > 0.0:
             return cls(False, np.inf)
         # Of a real x the turns are those on the upper half of the circle, which the lower half
         # mirrors; of a complex one the last sample is followed by the first.
-        following = np.roll(z, -1) if is_complex else z[1:]
-        turns = np.angle((following / largest) * (z[: len(following)].conj() / largest))
-        resolved = np.abs(turns).max() < np.pi * (1.0 - 1.0 / OVERSAMPLING)
-        positive = x[0].real > 0.0 and resolved and abs(turns.sum()) < 1.0
-        ratio = largest / smallest
-        return cls(bool(positive), ratio * ratio)
+        if is_complex:
+            z = np.append(z, z[:1])
+        turn = z[1:] * z[:-1].conj()
+        # A turn by less than 3π/4 has a cosine above minus the size of its sine.
+        resolved = bool((turn.real > -np.abs(turn.imag)).all())
+        positive = x[0].real > 0.0 and resolved and _count_turns(z, turn.imag > 0.0) == 0
+        return cls(bool(positive), largest / smallest)
+
+
+def _count_turns(z: Array, is_left: Array) -> int:
+    """Return how often a path goes around zero, in half turns where it ends opposite its start.
+
+    It crosses the negative real axis where the imaginary part changes its sign while it turns from
+    above to the left, or from below to the right; each turn is less than half of one.
+    """
+    above = z.imag >= 0.0
+    leaves = above[:-1] & ~above[1:] & is_left
+    enters = ~above[:-1] & above[1:] & ~is_left
+    crossings = int(np.count_nonzero(leaves)) - int(np.count_nonzero(enters))
+    return round((np.angle(z[-1]) - np.angle(z[0])) / np.pi) + 2 * crossings

@@ -243,13 +243,6 @@ def candidates_of_complex_line(A: ToeplitzOperator) -> Iterator[Candidate]:
     yield Candidate.of(spectral_preconditioner, "whatever the symbol", schur_inverse)
 
 
-def candidates_for_inverse(A: ToeplitzOperator) -> Iterator[Candidate]:
-    """Yield the preconditioners for the first column of the inverse of a line."""
-    if traits.decays_slowly(A.c):
-        yield Candidate.of(fsai_preconditioner, "slow decay")
-    yield OF_ANY_LINE
-
-
 def _of_grid(A: ToeplitzOperator) -> Iterator[Candidate]:
     """Yield what may be taken of the whole of a grid."""
     if _has_slow_transforms(A):

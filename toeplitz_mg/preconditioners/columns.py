@@ -3,11 +3,15 @@
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
 
+EPS = float(np.finfo(np.float64).eps)
+NEAR = 1e-6  # Largest ‖A x - e₁‖ of an inverse that one step of refinement brings to rounding.
 RESOLVED = 0.25  # Largest ‖A x - e₁‖ at which a better x would not make a better preconditioner.
 
 
@@ -22,11 +26,14 @@ class Columns:
     x : ndarray of shape (n,)
     w : ndarray of shape (n,), or None
         None where A is Hermitian, and w is x.
+    previous : GohbergSemencul, optional
+        The inverse by which these columns were improved, where it is near.
     """
 
     A: ToeplitzOperator
     x: Array
     w: Array | None = None
+    previous: GohbergSemencul | None = None
 
     @cached_property
     def errors(self) -> list[Array]:
@@ -43,10 +50,20 @@ class Columns:
         """The larger of ‖A x - e₁‖ and ‖Aᴴ w - e₁‖."""
         return max(map(norm, self.errors))
 
+    @property
+    def rounding(self) -> float:
+        """What a residual ‖A x - e₁‖ has of rounding, if that is random."""
+        return float(EPS * np.sqrt(2.0) * norm(self.A.c) * norm(self.x))
+
     @cached_property
     def inverse(self) -> GohbergSemencul:
         """The inverse that has these columns; a LinAlgError where none has."""
         return GohbergSemencul(self.x, None if self.w is None else self.w.conj())
+
+    @property
+    def near_inverse(self) -> GohbergSemencul:
+        """An inverse that one step of refinement brings to rounding: one that was made before."""
+        return self.previous or self.inverse
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -66,10 +83,11 @@ class Columns:
         these columns; so the next step has a better G.
         """
         G = self.inverse
+        previous = G if self.residual <= NEAR else None
         x = self.x + G @ self.errors[0]
         if self.w is None:
             x[0] = x[0].real
-            return Columns(self.A, x)
+            return Columns(self.A, x, None, previous)
         w = self.w + G.H @ self.errors[1]
         # The first entries of a column and a row are the same.
-        return Columns(self.A, x, w * (x[0] / w[0].conj()).conj() if w[0] else w)
+        return Columns(self.A, x, w * (x[0] / w[0].conj()).conj() if w[0] else w, previous)

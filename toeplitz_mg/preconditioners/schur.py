@@ -7,7 +7,7 @@ import numpy as np
 from scipy import fft
 from scipy.linalg import solve_toeplitz, solve_triangular, toeplitz
 
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.preconditioners.positivity import LAST_RESORT, require_positive_diagonal
 
@@ -64,43 +64,74 @@ def schur_column(c: Array) -> tuple[Array, Array]:
     >>> gamma
     array([-0.5       , -0.33333333])
     """
+    x, gamma, _ = _run(c, np.empty((0, len(c)), c.dtype))
+    return x, gamma
+
+
+def whiten_rows(c: Array, Y: Rows) -> Rows:
+    """Return L⁻¹ y for each row y of `Y`, A = L Lᴴ with L lower triangular, from the column of A.
+
+    These are the errors with which each number is predicted from those before it, over their
+    standard deviations: Σ_j a_j y_(k-j) for the polynomials a of all steps of `schur_column`, whose
+    recursion turns the series y in the same way as the residuals e and g. So it takes as long as
+    that, and some half of it more for each row.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        As `schur_column`.
+    """
+    _, gamma, errors = _run(c, Y)
+    variances = c[0].real * np.cumprod(np.append(1.0, 1.0 - np.abs(gamma) ** 2))
+    return np.concatenate([Y[:, :1], errors], axis=1) / np.sqrt(variances)
+
+
+def _run(c: Array, Y: Rows) -> tuple[Array, Array, Rows]:
+    """Return A⁻¹ e₁, the Schur parameters, and the prediction errors of rows but the first ones."""
     diagonal = float(c[0].real)
     require_positive_diagonal(diagonal)
+    if len(c) == 1:
+        return np.ones(1, c.dtype) / diagonal, np.zeros(0, c.dtype), Y[:, 1:]
+    # One part of the time goes as the number of blocks, another as their length.
+    block = min(4 * isqrt(len(c)), LARGEST_BLOCK)
     blocks: list[Array] = []
-    a = np.ones(1, c.dtype)
-    if len(c) > 1:
-        # One part of the time goes as the number of blocks, another as their length.
-        block = min(4 * isqrt(len(c)), LARGEST_BLOCK)
-        try:
-            P = _steps(np.stack([c[1:], c[:-1]]) / diagonal, block, blocks)
-        except np.linalg.LinAlgError:
-            _schur_parameters(blocks)  # It says after how many steps.
-            raise
-        a = np.append(P[0], 0.0)
-        a[1:] += P[1]
-        a[0] = 1.0  # It is that, but for rounding, which may be complex.
-    gamma = _schur_parameters(blocks)
-    return a / np.vdot(c, a).real, gamma
+    rows = np.concatenate([c[np.newaxis] / diagonal, Y])
+    try:
+        P = _steps(np.stack([rows[:, 1:], rows[:, :-1]], axis=1), block, blocks)
+    except np.linalg.LinAlgError:
+        _recur(blocks)  # It says after how many steps.
+        raise
+    a = np.append(P[0], 0.0)
+    a[1:] += P[1]
+    a[0] = 1.0  # It is that, but for rounding, which may be complex.
+    gamma, errors = _recur(blocks)
+    return a / np.vdot(c, a).real, gamma, errors
 
 
-def _steps(EG: Array, block: int, blocks: list[Array]) -> Array:
-    """Take the steps that the residuals e and g, the rows of `EG`, are long enough for.
+def _steps(series: Array, block: int, blocks: list[Array]) -> Array:
+    """Take the steps that the residuals are long enough for.
 
     It returns the polynomials P₁, P₂ by which s steps turn a into P₁ a + P₂ z a*. They turn z a*
     into zˢ (P₂(1/z) a + P₁(1/z) z a*), with conjugate coefficients. The residuals that each
     block starts from are appended to `blocks`.
+
+    Parameters
+    ----------
+    series : ndarray of shape (rows, 2, s)
+        The residuals e and g, and after them those of other series.
     """
-    s = EG.shape[1]
+    s = series.shape[-1]
     if s <= block:
-        return _block(EG, blocks)
-    forward, backward = _transforms(EG)
+        blocks.append(series)
+        return _block(series[0])
+    forward, backward = _transforms(series)
     length = 2 * fft.next_fast_len(-(-s // 2), real=forward is fft.rfft)
     half = length // 2  # Then zʰ is ±1 at the roots of unity of the length.
-    count_transforms(10, length)
-    P = _both_rows(forward(_steps(EG[:, :half], block, blocks), length))
-    # What wraps around falls on the first half, where the residuals are zero now.
-    EG = backward(_product(P, forward(EG, length)), length)[:, half:s]
-    Q = _both_rows(forward(_steps(EG, block, blocks), length))
+    count_transforms(6 + 4 * len(series), length)
+    P = _both_rows(forward(_steps(series[..., :half], block, blocks), length))
+    # What wraps around falls on the first half, which is done with.
+    series = backward(_product(P, forward(series, length)), length)[..., half:s]
+    Q = _both_rows(forward(_steps(series, block, blocks), length))
     return backward(_product(P.swapaxes(0, 1), Q[0]), length)[:, :s]
 
 
@@ -120,12 +151,12 @@ def _both_rows(P: Array) -> Array:
 
 
 def _product(P: Array, v: Array) -> Array:
-    return P[:, 0] * v[0] + P[:, 1] * v[1]
+    """Multiply pairs, of shape (..., 2, length), by matrices of shape (2, 2, length)."""
+    return P[:, 0] * v[..., :1, :] + P[:, 1] * v[..., 1:, :]
 
 
-def _block(EG: Array, blocks: list[Array]) -> Array:
+def _block(EG: Array) -> Array:
     """Take the steps by Levinson's recursion, for the Toeplitz matrix that has these residuals."""
-    blocks.append(EG)
     s = EG.shape[1]
     e, g = EG
     # The residuals at the start, e = (c₁ …) and g = (c₀ …), have g = c₀ + z e. So e and g are
@@ -162,28 +193,32 @@ _NOT_POSITIVE = (
 )
 
 
-def _schur_parameters(blocks: list[Array]) -> Array:
-    """Return the Schur parameters of all blocks, by Schur's recursion on all of them at once."""
-    if not blocks:
-        return np.zeros(0)
-    steps = np.array([EG.shape[1] for EG in blocks])
-    E, G = np.zeros((2, steps.max(), len(blocks)), blocks[0].dtype)  # Each column has a block.
-    for k, EG in enumerate(blocks):
-        E[: steps[k], k], G[: steps[k], k] = EG
-    gamma = np.zeros_like(E)
+def _recur(blocks: list[Array]) -> tuple[Array, Rows]:
+    """Return the Schur parameters, and the prediction errors of the series after the first.
+
+    By Schur's recursion on all blocks at once.
+    """
+    steps = np.array([series.shape[-1] for series in blocks])
+    shape, dtype = (steps.max(), len(blocks[0]), len(blocks)), blocks[0].dtype
+    E, G = np.zeros((2, *shape), dtype)
+    for k, series in enumerate(blocks):
+        E[: steps[k], :, k], G[: steps[k], :, k] = series.transpose(1, 2, 0)
+    gamma, errors = np.zeros((shape[0], shape[2]), dtype), np.zeros(shape, dtype)
     with np.errstate(all="ignore"):  # After a parameter that is not below 1 comes anything.
         for m in range(len(gamma)):
-            gamma[m] = -E[0] / G[0]
+            gamma[m] = -E[0, 0] / G[0, 0]
             gamma[m, steps <= m] = 0.0
             change = gamma[m].conj() * E
             E += gamma[m] * G
             G += change
+            errors[m] = E[0]
             # The first e is zero now, and z a* is shifted by one.
             E, G = E[1:], G[:-1]
-    gamma = np.concatenate([g[:s] for g, s in zip(gamma.T, steps, strict=True)])
+    is_step = (np.arange(shape[0])[:, np.newaxis] < steps).T
+    gamma = gamma.T[is_step]
     if (n := int(np.argmin(np.append(np.abs(gamma) < 1.0, False)))) < len(gamma):
         raise np.linalg.LinAlgError(
             f"the leading {n + 2} x {n + 2} block of A is not positive definite, or so "
             f"ill-conditioned that float64 cannot tell: {ADVICE}"
         )
-    return gamma
+    return gamma, errors.transpose(1, 2, 0)[1:, is_step]

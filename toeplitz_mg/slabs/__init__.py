@@ -1,14 +1,12 @@
 """Grids cut into slabs of rows, one for each rank of MPI: the package's names for a cluster."""
 
 from toeplitz_mg.slabs.contact import friction, normal_contact, rolling, rolling_steps
+from toeplitz_mg.slabs.coupled import CoupledOperator
+from toeplitz_mg.slabs.fft import fft_preconditioner
 from toeplitz_mg.slabs.fsai import fsai_preconditioner
-from toeplitz_mg.slabs.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
-from toeplitz_mg.slabs.preconditioners import (
-    cosine_preconditioner,
-    fft_preconditioner,
-    sine_preconditioner,
-)
+from toeplitz_mg.slabs.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.slabs.slab import Slab
+from toeplitz_mg.slabs.trigonometric import cosine_preconditioner, sine_preconditioner
 
 __all__ = [
     "CoupledOperator",

@@ -1,253 +1,37 @@
-"""Contact on the rows of each rank: the searches of `toeplitz_mg.contact`, on a grid in slabs."""
+"""Contact on the rows of each rank: the searches of `toeplitz_mg.contact`, on a grid in slabs.
 
-from collections.abc import Iterator, Sequence
-from functools import cached_property
-from math import prod
+The searches are those functions' own, and so are their arguments; a coarser grid of few elements is
+solved by every rank alone. Tangential problems are solved on the whole grid, as the rows of a
+window around the contact would have to go to other ranks.
+"""
+
+from collections.abc import Callable, Iterator
+from inspect import signature
+from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, DTypeLike
+from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array, Element, Mask, Progress
+from toeplitz_mg import contact
+from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_bound
-from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.problem import press
 from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
-from toeplitz_mg.contact.steady_matrices import LEAST, fade_rate
 from toeplitz_mg.contact.tangential.friction import shift_bodies
 from toeplitz_mg.contact.tangential.rolling import roll, roll_steps
-from toeplitz_mg.contact.tangential.steady import SteadyOptions
-from toeplitz_mg.engine.lengths import embedding_lengths
-from toeplitz_mg.halfspace.matrices import KERNELS, evaluate
-from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
-from toeplitz_mg.slabs.fsai import fsai_preconditioner
-from toeplitz_mg.slabs.operators import (
-    CoupledOperator,
-    MaskedOperator,
-    ToeplitzOperator,
-)
-from toeplitz_mg.slabs.preconditioners import cosine_preconditioner
-from toeplitz_mg.slabs.product import SlabProduct
+from toeplitz_mg.slabs.grid import SlabGrid
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.values import field
 
-FEW = 2**13  # Most elements of a coarser grid that every rank has all of, and solves alone.
-AT: dict[int, float] = {0: 1.0}  # Displacements where the elements are.
-AHEAD: dict[int, float] = {1: 1.0}  # Displacements one element further along x.
-BLOCK = 64  # Rows whose coefficients are evaluated at once: what that takes is small.
-
-
-class SlabGrid:
-    """The rows that a rank has of a grid of elements: what `contact.grid.Grid` is for all of it.
-
-    Fields are of these rows, and may have components before them.
-
-    Parameters
-    ----------
-    whole : Grid
-        Of two axes.
-    slab : Slab
-    """
-
-    def __init__(self, whole: Grid, slab: Slab) -> None:
-        self.whole, self.slab, self.vectors = whole, slab, slab.vectors
-        self.shape, self.element, self.material = whole.shape, whole.element, whole.material
-        self.area, self.components = whole.area, whole.components
-        self.directions = whole.directions
-        self.periodic, self.has_free_mean = whole.periodic, whole.has_free_mean
-        self.agree = slab.agree
-        self._is_first = slab.comm.rank == 0
-        self._is_last = slab.comm.rank == slab.comm.size - 1
-
-    @cached_property
-    def _coarser(self) -> Any:
-        whole = self.whole.coarser()
-        if whole is None or prod(whole.shape) <= FEW:
-            return whole  # Every rank has all of it.
-        if np.diff(self._coarse_starts).min() == 0:
-            return None
-        return SlabGrid(whole, self.slab.coarser(whole.shape, 2))
-
-    @property
-    def _coarse_starts(self) -> Array:
-        """The first coarser rows of the ranks, where the one of two rows that are averaged is."""
-        return -(-self.slab.starts // 2)
-
-    def centres(self) -> tuple[Array, Array]:
-        """Return the centres of this rank's elements along each axis."""
-        x, y = self.whole.centres()
-        return x[self.slab.rows], y
-
-    def coarser(self) -> Any:
-        """Return the grid of elements twice the size, or None where that would be too coarse."""
-        return self._coarser
-
-    def coarsen(self, x: Array) -> Array:
-        """Return the averages of a field on the coarser grid."""
-        a, b = self._coarse_starts[self.slab.comm.rank :][:2].tolist()
-        x, first = self._with_neighbours(x)
-        x = coarsen(x[..., 2 * a - first : 2 * b - first, :])
-        if isinstance(self._coarser, SlabGrid):
-            return x
-        return np.moveaxis(self.slab.everywhere(np.moveaxis(x, -2, 0)), 0, -2)
-
-    def refine(self, x: Array) -> Array:
-        """Interpolate a field from the coarser grid."""
-        a, b = self._coarse_starts[self.slab.comm.rank :][:2].tolist()
-        if isinstance(self._coarser, SlabGrid):
-            x, first = self._coarser._with_neighbours(x)
-        else:
-            first = max(0, a - 1)
-            x = x[..., first : b + 1, :]
-        fine = refine(x, (min(2 * x.shape[-2], self.shape[0]), self.shape[1]))
-        start, end = self.slab.rows.start - 2 * first, self.slab.rows.stop - 2 * first
-        return np.ascontiguousarray(fine[..., start:end, :])
-
-    def _with_neighbours(self, x: Array) -> tuple[Array, int]:
-        """Return a field with a row of each rank beside this one, and which row is the first."""
-        rows = np.moveaxis(x, -2, 0)
-        above = self.slab.shift(rows[-1:], int(not self._is_first), 1)
-        below = self.slab.shift(rows[:1], int(not self._is_last), -1)
-        whole = np.moveaxis(np.concatenate([above, rows, below]), 0, -2)
-        return whole, self.slab.rows.start - len(above)
-
-    def lines(self, x: Array, axis: int) -> Array:
-        """Return lines of a field along an axis, that each rank has a share of, as rows."""
-        return x if axis == 1 else self.slab.to_columns(x).T
-
-    def fragmentation(self, C: Mask) -> float:
-        """Return how long the edge of some elements is (see `traits.fragmentation`)."""
-        rows = np.pad(self.slab.with_rows_above(C, 1), ((self._is_first, self._is_last), (0, 0)))
-        columns = np.pad(C, ((0, 0), (1, 1)))
-        own = np.count_nonzero(np.diff(rows, axis=0)) + np.count_nonzero(np.diff(columns))
-        return float(sum(self.vectors.gather(own)) / self.vectors.count(C) ** 0.5)
-
-    def scaled_normal(self) -> tuple[ToeplitzOperator, float]:
-        """Return the matrix of normal contact over its diagonal, and that."""
-        c = self._evaluate("zz", AT)
-        unit = float(self.vectors.gather(c[0, 0])[0])
-        c /= unit
-        return ToeplitzOperator(c, self.slab), unit
-
-    def tangential(self) -> CoupledOperator:
-        """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
-        return self._matrix(AT)
-
-    def upstream(self) -> CoupledOperator:
-        """Return the matrix of the tangential displacements one element ahead, at x + h1."""
-        return self._matrix(AHEAD)
-
-    def steady(self, A: CoupledOperator) -> CoupledOperator:
-        """Return the matrix of steady rolling."""
-        return self._matrix(AT | {ahead: -weight for ahead, weight in AHEAD.items()})
-
-    def steady_array(self, K: CoupledOperator) -> None:
-        """Say that the matrix of steady rolling is no array, as no rank has all of it."""
-
-    def invert_shifted(
-        self, K: CoupledOperator, shifts: Array, dtype: DTypeLike
-    ) -> "ShiftedInverses":
-        """Return approximate inverses of the matrix of steady rolling with additions."""
-        return ShiftedInverses(K, shifts, np.dtype(dtype))
-
-    def restrict(self, A: Any, C: Mask) -> MaskedOperator:
-        """Return the rows and columns of some elements of a matrix of this grid."""
-        return MaskedOperator(A, C)
-
-    def diagonal(self, A: Any) -> float:
-        """Return the entry on the diagonal of a matrix of this grid, of the first component."""
-        first: Any = A.blocks[0][0] if isinstance(A, CoupledOperator) else A
-        return float(self.vectors.gather(first.c[0, 0])[0])
-
-    def _matrix(self, weights: dict[int, float]) -> CoupledOperator:
-        """Return the sum of the displacements so many elements ahead, with these weights."""
-        xx, xy, yy = (self._block(name, weights) for name in ("xx", "xy", "yy"))
-        return CoupledOperator([[xx, xy], [xy, yy]])
-
-    def _block(self, name: str, weights: dict[int, float]) -> ToeplitzOperator | None:
-        """Return the part of a matrix for two directions, or None where it is zero."""
-        c, behind, parity = self._evaluate(name, weights), None, KERNELS[name][1]
-        if weights is not AT:
-            behind, parity = self._evaluate(name, weights, -1.0), (1, parity[1])
-        if not self.vectors.count(c) and (behind is None or not self.vectors.count(behind)):
-            return None
-        return ToeplitzOperator(c, self.slab, parity=parity, behind=behind)
-
-    def _evaluate(self, name: str, weights: dict[int, float], sign: float = 1.0) -> Array:
-        """Return this rank's rows of the coefficients of lags of this sign along x."""
-        x, y = self.slab.lags((self.element[0], self.element[1]))
-        c = np.zeros(self.slab.local)
-        for k in range(0, len(x), BLOCK):
-            for ahead, weight in weights.items():
-                at = sign * x[k : k + BLOCK] + ahead * self.element[0]
-                c[k : k + BLOCK] += weight * evaluate(name, at, y, self.element, self.material)
-        return c
-
-    def invert_by_transform(self, A: Any, dtype: DTypeLike | None = None) -> Any:
-        """Return an approximate inverse of a matrix of this grid."""
-        return cosine_preconditioner(A, dtype=dtype)
-
-    def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
-        """Return an approximate inverse of a matrix of this grid on some elements."""
-        return fsai_preconditioner(MaskedOperator(A, C), neighbours=NEIGHBOURS, dtype=dtype)
-
-
-class ShiftedInverses:
-    """Approximate inverses of K + ν on slabs (see `contact.steady_matrices.ShiftedInverses`).
-
-    Parameters
-    ----------
-    K : CoupledOperator
-    shifts : ndarray
-        The additions ν.
-    dtype : float32 or float64
-    """
-
-    def __init__(self, K: CoupledOperator, shifts: Array, dtype: np.dtype[Any]) -> None:
-        slab, m = K.slab, len(K.blocks)
-        length = embedding_lengths(slab.shape)[0]
-        self.dtype = dtype
-        fade = np.exp(fade_rate(length) * np.arange(slab.rows.start, slab.rows.stop))[:, None]
-        self._fade = fade.astype(dtype)
-        faded = []
-        for i, row in enumerate(K.blocks):
-            block: Any = row[i]
-            c, behind = block.c / fade, block.behind * fade
-            faded.append(ToeplitzOperator(c, slab, parity=block.parity, behind=behind).product)
-        self._products = []
-        for nu in shifts:
-            spectra: list[list[Array | None]] = [[None] * m for _ in range(m)]
-            for i, product in enumerate(faded):
-                s, points = product.spectra[0][0], product.points
-                least = LEAST * max(slab.gather(np.abs(s).max(initial=0.0)))
-                # Those of the inverse, as those of K, are divided by the points of a transform.
-                spectra[i][i] = 1.0 / ((s + nu / points + least) * points**2)
-            self._products.append(SlabProduct(slab, K.library, spectra, dtype))
-
-    def __call__(self, r: Array, weights: Sequence[Array]) -> Array:
-        """Return the sum of the inverses of a field, (components, ...), each with its weights."""
-        x = (r / self._fade).astype(self.dtype)
-        total, y = np.zeros_like(x), np.empty_like(x)
-        for product, weight in zip(self._products, weights, strict=True):
-            product.multiply(x.reshape(-1), y.reshape(-1))
-            total += weight * y
-        return total * self._fade
+# The arguments of the functions of `contact` that are taken on slabs.
+SEARCH = ("tolerance", "nested", "max_products", "progress")
+MOTION = ("longitudinal", "lateral", "spin", "force", "slip", "pole")
 
 
 def normal_contact(
-    gap: ArrayLike,
-    slab: Slab,
-    element: Element,
-    *,
-    material: Any,
-    approach: float | None = None,
-    force: float | None = None,
-    tolerance: float = 1e-8,
-    nested: bool = True,
-    max_products: int = 2000,
-    progress: Progress | None = None,
+    gap: ArrayLike, slab: Slab, element: Element, *, material: Any, **arguments: Any
 ) -> NormalResult:
     """Press two bodies together (see `contact.normal_contact`).
 
@@ -257,8 +41,9 @@ def normal_contact(
         This rank's rows of the gap, mm. They may come from a file that is mapped into memory.
     slab : Slab
         Of a grid of two axes.
-    element, material, approach, force, tolerance, nested, max_products, progress
-        The arguments of `contact.normal_contact`: the same on all ranks, but `progress`.
+    element, material, **arguments
+        Those of `contact.normal_contact`: approach, force, tolerance, nested, max_products and
+        progress. They are the same on all ranks, but `progress`.
 
     Returns
     -------
@@ -281,8 +66,7 @@ def normal_contact(
 
     Notes
     -----
-    The pressures are the same up to rounding, and the products about as many. A coarser grid of
-    few elements is solved by every rank alone.
+    The pressures are the same up to rounding, and the products about as many.
 
     Examples
     --------
@@ -295,25 +79,13 @@ def normal_contact(
     >>> f"{pressed.approach:.5f} mm"
     '0.00351 mm'
     """
+    how = _bind(contact.normal_contact, ("approach", "force", *SEARCH), arguments)
     grid, z = _read("gap", gap, field, slab, element, material)
-    result = press(grid, z, approach, force, tolerance, nested, max_products, progress)
-    doubts.warn(check_converged(result, tolerance).warnings)
-    return result
+    return _check(press(grid, z, **how), how)
 
 
 def friction(
-    bound: ArrayLike,
-    slab: Slab,
-    element: Element,
-    *,
-    material: Any,
-    shift: ArrayLike | None = None,
-    force: ArrayLike | None = None,
-    previous: TangentialResult | None = None,
-    tolerance: float = 1e-8,
-    nested: bool = True,
-    max_products: int = 2000,
-    progress: Progress | None = None,
+    bound: ArrayLike, slab: Slab, element: Element, *, material: Any, **arguments: Any
 ) -> TangentialResult:
     """Shift two bodies in contact tangentially (see `contact.friction`).
 
@@ -323,12 +95,10 @@ def friction(
         This rank's rows of the traction bound, N/mm².
     slab : Slab
         Of a grid of two axes.
-    shift : array_like
-        (δx, δy), the same on all ranks, or this rank's rows of a field (2, n1, n2), mm.
-    previous : TangentialResult, optional
-        The tractions before: a result of `friction` on a slab with the same rows.
-    element, material, force, tolerance, nested, max_products, progress
-        The arguments of `contact.friction`: the same on all ranks, but `progress`.
+    element, material, **arguments
+        Those of `contact.friction`: shift, force, previous (a result on the same rows), tolerance,
+        nested, max_products and progress. They are the same on all ranks, but `progress`; of a
+        field of shifts, (2, n1, n2), each has its rows.
 
     Returns
     -------
@@ -338,53 +108,24 @@ def friction(
     See Also
     --------
     toeplitz_mg.contact.friction : the same on one machine.
-
-    Notes
-    -----
-    Products are with the whole grid, and not with the smallest rectangle around the contact.
     """
-    grid, g = _read("bound", bound, lambda _, g: check_bound(g), slab, element, material)
-    result = shift_bodies(
-        grid, g, Whole, shift, force, previous, tolerance, nested, max_products, progress
-    )
-    doubts.warn(check_converged(result, tolerance).warnings)
-    return result
+    how = _bind(contact.friction, ("shift", "force", "previous", *SEARCH), arguments)
+    grid, g = _read("bound", bound, _check_bound, slab, element, material)
+    return _check(shift_bodies(grid, g, _whole, **how), how)
 
 
 def rolling(
-    bound: ArrayLike,
-    slab: Slab,
-    element: Element,
-    *,
-    material: Any,
-    longitudinal: float = 0.0,
-    lateral: float = 0.0,
-    spin: float = 0.0,
-    force: tuple[float | None, float | None] | None = None,
-    moment: float | None = None,
-    slip: ArrayLike | None = None,
-    pole: tuple[float, float] = (0.0, 0.0),
-    tolerance: float = 1e-8,
-    nested: bool = True,
-    max_products: int = 2000,
-    progress: Progress | None = None,
-    options: SteadyOptions | None = None,
+    bound: ArrayLike, slab: Slab, element: Element, *, material: Any, **arguments: Any
 ) -> TangentialResult:
     """Roll steadily towards positive x, by creepages or forces (see `contact.rolling`).
 
     Parameters
     ----------
-    bound : array_like of shape `slab.local`
-        This rank's rows of the traction bound, N/mm².
-    slab : Slab
-        Of a grid of two axes.
-    slip : array_like, optional
-        This rank's rows of a field of rigid slip, of shape (2, n1, n2).
-    element, material, longitudinal, lateral, spin, force, moment, pole
-        The arguments of `contact.rolling`: the same on all ranks.
-    tolerance, nested, max_products, progress
-        Those too, but for `progress`.
-    options : SteadyOptions, optional
+    bound, slab, element, material
+        As in `friction`.
+    **arguments
+        Those of `contact.rolling`: longitudinal, lateral, spin, force, moment, slip (this rank's
+        rows of a field), pole, tolerance, nested, max_products, progress and options.
 
     Returns
     -------
@@ -395,73 +136,64 @@ def rolling(
     --------
     toeplitz_mg.contact.rolling : the same on one machine.
     """
-    grid, g = _read("bound", bound, lambda _, g: check_bound(g), slab, element, material)
-    asked = (longitudinal, lateral, spin), force, moment, slip, pole
-    result = roll(grid, g, Whole, asked, tolerance, nested, max_products, progress, options)
-    doubts.warn(check_converged(result, tolerance).warnings)
-    return result
+    how = _bind(contact.rolling, (*MOTION, "moment", *SEARCH, "options"), arguments)
+    asked = _take_motion(how)
+    grid, g = _read("bound", bound, _check_bound, slab, element, material)
+    return _check(roll(grid, g, _whole, asked, **how), how)
 
 
 def rolling_steps(
-    bound: ArrayLike,
-    slab: Slab,
-    element: Element,
-    *,
-    material: Any,
-    longitudinal: float = 0.0,
-    lateral: float = 0.0,
-    spin: float = 0.0,
-    force: tuple[float, float] | None = None,
-    slip: ArrayLike | None = None,
-    pole: tuple[float, float] = (0.0, 0.0),
-    steps: int,
-    previous: TangentialResult | None = None,
-    tolerance: float = 1e-8,
-    max_products: int = 2000,
-    progress: Progress | None = None,
+    bound: ArrayLike, slab: Slab, element: Element, *, material: Any, **arguments: Any
 ) -> Iterator[TangentialResult]:
     """Roll step by step, one element in each, from given tractions (see `contact.rolling_steps`).
 
     Parameters
     ----------
-    bound : array_like of shape `slab.local`
-        This rank's rows of the traction bound, N/mm².
-    slab : Slab
-        Of a grid of two axes.
-    slip : array_like, optional
-        This rank's rows of a field of rigid slip, of shape (2, n1, n2).
-    previous : TangentialResult, optional
-        The tractions before the first step: a result on a slab with the same rows.
-    element, material, longitudinal, lateral, spin, force, pole, steps, tolerance, max_products
-        The arguments of `contact.rolling_steps`: the same on all ranks.
-    progress : callable, optional
+    bound, slab, element, material
+        As in `friction`.
+    **arguments
+        Those of `contact.rolling_steps`: longitudinal, lateral, spin, force, slip, pole, steps,
+        previous (a result on the same rows), tolerance, max_products and progress.
 
     Yields
     ------
     TangentialResult
         The result after each step. All ranks have to take the same number of them.
+
+    See Also
+    --------
+    toeplitz_mg.contact.rolling_steps : the same on one machine.
     """
-    grid, g = _read("bound", bound, lambda _, g: check_bound(g), slab, element, material)
-    asked = (longitudinal, lateral, spin), force, None, slip, pole
-    return roll_steps(grid, g, Whole, asked, steps, previous, tolerance, max_products, progress)
+    names = (*MOTION, "steps", "previous", "tolerance", "max_products", "progress")
+    how = _bind(contact.rolling_steps, names, arguments)
+    asked = _take_motion(how)
+    grid, g = _read("bound", bound, _check_bound, slab, element, material)
+    return roll_steps(grid, g, _whole, asked, **how)
 
 
-class Whole:
-    """The whole of a grid in slabs, in the place of a window around the elements in contact.
+def _whole(grid: Any, elements: Array) -> Any:
+    """Return the whole of a grid, in the place of a window around the elements in contact."""
+    return SimpleNamespace(whole=grid, grid=grid, cut=lambda x: x, extend=lambda x: x)
 
-    The rows of a window would have to go to other ranks.
-    """
 
-    def __init__(self, grid: Any, elements: Array) -> None:
-        self.whole = self.grid = grid
+def _bind(
+    function: Callable[..., Any], names: tuple[str, ...], given: dict[str, Any]
+) -> dict[str, Any]:
+    """Return these arguments of a function of `contact`, by default its own."""
+    for name in given:
+        if name not in names:
+            raise TypeError(
+                f"{name} is given, but {function.__name__} on slabs takes {', '.join(names)}"
+            )
+    call = signature(function).bind(None, None, material=None, **given)
+    call.apply_defaults()
+    return {name: call.arguments[name] for name in names}
 
-    def cut(self, x: Array) -> Array:
-        """Return the part of a field that is inside."""
-        return x
 
-    def extend(self, x: Array) -> Array:
-        """Return a field on the whole grid."""
-        return x
+def _take_motion(how: dict[str, Any]) -> tuple[Any, ...]:
+    """Take the arguments of `Motion.of` from those of rolling."""
+    longitudinal, lateral, spin, force, slip, pole = (how.pop(name) for name in MOTION)
+    return (longitudinal, lateral, spin), force, how.pop("moment", None), slip, pole
 
 
 def _read(
@@ -477,3 +209,13 @@ def _read(
         whole = Grid.of(slab.shape, element, material, None)
         same["element"], same["material"] = whole.element, whole.material
     return SlabGrid(whole, slab), x
+
+
+def _check_bound(name: str, bound: ArrayLike) -> Array:
+    return check_bound(bound)
+
+
+def _check(result: Any, how: dict[str, Any]) -> Any:
+    """Return a result that has converged, and warn of what is doubtful about it."""
+    doubts.warn(check_converged(result, how["tolerance"]).warnings)
+    return result

@@ -15,6 +15,7 @@ from toeplitz_mg.preconditioners.fsai.coupled import select_coupled_stencil
 from toeplitz_mg.preconditioners.fsai.neighbours import choose_stencil
 from toeplitz_mg.preconditioners.fsai.preconditioner import check_neighbours
 from toeplitz_mg.preconditioners.positivity import require_range
+from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.fsai_levels import (
     CommonLevel,
     SlabLevel,
@@ -22,13 +23,9 @@ from toeplitz_mg.slabs.fsai_levels import (
     build_on_slab,
     find_near,
 )
-from toeplitz_mg.slabs.operators import (
-    CoupledOperator,
-    MaskedOperator,
-    SlabOperator,
-    ToeplitzOperator,
-)
+from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator
 from toeplitz_mg.slabs.slab import Slab
+from toeplitz_mg.slabs.structure import unwrap
 
 Blocks = Sequence[Sequence[Any]]  # Of ToeplitzOperator or None.
 
@@ -111,14 +108,9 @@ def fsai_preconditioner(
     >>> info
     0
     """
-    full = A.full if isinstance(A, MaskedOperator) else A
-    if not isinstance(full, ToeplitzOperator | CoupledOperator):
-        raise TypeError(
-            f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a CoupledOperator of "
-            "toeplitz_mg.slabs, or a MaskedOperator of one"
-        )
+    full = unwrap(A)
     require_numpy(full, "fsai_preconditioner on slabs")
-    slab, blocks = full.slab, ((full,),) if isinstance(full, ToeplitzOperator) else full.blocks
+    slab, blocks = full.slab, full.blocks
     with slab.agree() as same:
         options = Options(check_neighbours(neighbours))
         precision = check_precision(full.dtype if dtype is None else dtype, full.dtype)

@@ -20,6 +20,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.preconditioners.fsai.build import Options, build, build_factors
 from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
+from toeplitz_mg.preconditioners.fsai.line import LineLevel, LineMatrix, build_line
 from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.windows import Windows
@@ -113,12 +114,12 @@ class CommonLevel:
     slab : Slab
     counts : ndarray of int, shape (d, P)
         The number of unknowns of each rank, in each component.
-    level : Level or Direct
+    level : Level, LineLevel or Direct
     """
 
     slab: Slab
     counts: Array
-    level: Level | Direct
+    level: Level | LineLevel | Direct
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -139,29 +140,18 @@ class CommonLevel:
 def build_on_slab(
     matrix: SlabMatrix, options: Options, dtype: np.dtype[Any], most: float
 ) -> SlabLevel | CommonLevel:
-    """Build a level and those below it.
-
-    Parameters
-    ----------
-    matrix : SlabMatrix
-    options : Options
-    dtype : dtype
-        The precision in which it is applied.
-    most : float
-        The number of cells up to which all ranks have a level.
-    """
-    slab, starts, stencil, ends = (
-        matrix.slab,
-        matrix.starts,
-        matrix.stencil,
-        matrix.count_unknowns(),
-    )
+    """Build a level and those below it; all ranks have those of so many cells at most."""
+    slab, starts, stencil = matrix.slab, matrix.starts, matrix.stencil
+    ends = matrix.count_unknowns()
     rank, n1, (d, _, n2) = slab.comm.rank, int(starts[-1]), matrix.c.shape
     counts = np.diff(ends[:, starts], axis=1)
     if slab.comm.size > 1 and counts.sum() <= options.direct:
         return CommonLevel(slab, counts, _direct(matrix, counts, dtype))
     if slab.comm.size == 1 or n1 * n2 <= most:
         with slab.agree():
+            if slab.comm.size == 1 and 1 in (n1, n2) and counts.tolist() == [[n1 * n2]]:
+                line = LineMatrix.of_kernel(matrix.kernel.ravel())
+                return CommonLevel(slab, counts, build_line(line, dtype, options))
             exchange = partial(slab.everywhere, lengths=np.diff(starts))
             whole = replace(stencil, kernel=_of_rows(exchange, matrix.kernel))
             level = build(whole, matrix.on_places(whole, exchange), dtype, options)
@@ -205,10 +195,9 @@ def _direct(matrix: SlabMatrix, counts: Array, dtype: np.dtype[Any]) -> Direct:
     component, i, j = np.nonzero(matrix.c)
     c = matrix.c[component, i, j].astype(float)
     d = matrix.stencil.zero[component] if matrix.d is None else matrix.d[component, i, j]
-    mine = _split(
-        np.stack([i + starts[slab.comm.rank], j, c, d], axis=1), counts[:, slab.comm.rank]
-    )
-    whole = [slab.everywhere(x, n) for x, n in zip(mine, counts, strict=True)]
+    mine = np.stack([i + starts[slab.comm.rank], j, c, d], axis=1)
+    parts = _split(mine, counts[:, slab.comm.rank])
+    whole = [slab.everywhere(x, n) for x, n in zip(parts, counts, strict=True)]
     component = np.repeat(np.arange(len(counts)), counts.sum(axis=1))
     i, j, c, d = np.concatenate(whole).T
     step_i, step_j = (x.astype(int)[:, None] - x.astype(int) for x in (i, j))

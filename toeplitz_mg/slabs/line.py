@@ -17,7 +17,8 @@ from numpy.typing import DTypeLike
 from scipy import fft
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.slabs.slab import Slab, Turn, line_width
+from toeplitz_mg.slabs.cuts import Turn, line_width
+from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.windows import Windows
 
 TURN = 2**19  # Complex numbers of the columns that a rank has at a time.
@@ -26,19 +27,8 @@ TURN = 2**19  # Complex numbers of the columns that a rank has at a time.
 class Line:
     """The unknowns of one axis as the rows of a matrix.
 
-    Parameters
-    ----------
-    slab : Slab
-        Of one axis.
-    width : int, optional
-        The unknowns of a row.
-    length : int, optional
-        The numbers of a vector, where they are not those of the slab: the last rank has more.
-
-    Attributes
-    ----------
-    slab : Slab
-        That of the matrix: each rank has the rows that are nearest to its unknowns.
+    Its `slab` is that of the matrix: each rank has the rows that are nearest to its unknowns. Where
+    a vector has more numbers than the grid, its `length`, the last rank has these.
     """
 
     def __init__(self, slab: Slab, width: int = 0, length: int = 0) -> None:
@@ -71,10 +61,7 @@ class Line:
     def lags(self, c: Array, behind: Array) -> Array:
         """Return the coefficients of the lags (i, j), |j| < W, of this rank's rows i.
 
-        Parameters
-        ----------
-        c, behind : ndarray
-            This rank's part of those of the lags from 0 on, and from 0 down.
+        They are given by its part of those of the lags from 0 on, and from 0 down.
         """
         (rows, width), before = self.slab.local, self.width - 1
         line = np.zeros((rows + 1) * width - 1)
@@ -96,17 +83,9 @@ class Line:
 class LongTransform:
     """Real transforms of vectors of one axis, extended by zeros, whose frequencies ranks share.
 
-    Those of the places (k₁, k₂), k₁ = 0 … N₁/2: of the others they are the complex conjugates.
-
-    Parameters
-    ----------
-    slab : Slab
-        Of one axis.
-    known : int
-        The numbers of a vector: the last rank has more than its unknowns.
-    length : int
-        That of the transform, N₁ N₂.
-    dtype : float32 or float64
+    Those of the places (k₁, k₂), k₁ = 0 … N₁/2: of the others they are the complex conjugates. The
+    `length` is N₁ N₂; a vector has `known` numbers, of which the last rank has those that are more
+    than the unknowns.
     """
 
     def __init__(self, slab: Slab, known: int, length: int, dtype: DTypeLike = np.float64) -> None:

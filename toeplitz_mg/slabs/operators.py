@@ -8,7 +8,6 @@ There is no multigrid on slabs: a cycle moves six times the bytes of an iteratio
 gradients with `fsai_preconditioner`, and takes more of them.
 """
 
-from collections.abc import Sequence
 from math import prod
 from typing import Any
 
@@ -17,7 +16,7 @@ from numpy.typing import ArrayLike, DTypeLike
 
 from toeplitz_mg import operators
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import NUMPY, Library, library_of, refuse_mixed
+from toeplitz_mg.engine.library import NUMPY, Library, library_of
 from toeplitz_mg.operators.coefficients import check_finite, check_precision, require_digits
 from toeplitz_mg.operators.masked import check_booleans
 from toeplitz_mg.slabs.product import SlabProduct, embed_on_slab
@@ -44,7 +43,7 @@ class SlabOperator:
         The cost of one application, in products with a Toeplitz matrix; of such a matrix itself.
     """
 
-    product: SlabProduct  # What multiplies, unless a class says otherwise.
+    product: Any  # What multiplies, unless a class says otherwise.
     work = 1.0
 
     def __init__(
@@ -78,7 +77,12 @@ class SlabOperator:
 
     def multiply(self, x: Array, y: Array) -> Any:
         """Multiply a vector into another, which may be the same; return the result."""
-        return self.product.multiply(x, y)
+        return self.product.apply(x, y)
+
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: that of the matrix in which the products embed this one."""
+        return float(self.product.norm_bound)
 
     def __matmul__(self, x: ArrayLike) -> Array:
         with self.slab.agree() as same:
@@ -90,6 +94,20 @@ class SlabOperator:
                 raise ValueError(f"x has shape {vector.shape}, but A has {self.shape}")
             same["the dtype of x"] = dtype
         return self.apply(vector)
+
+    def astype(self, dtype: DTypeLike) -> Any:
+        """Return the matrix in another precision, or itself where it has that one."""
+        dtype = check_precision(dtype, self.dtype)
+        return self if self.dtype == dtype else self._cast(dtype)
+
+    def _cast(self, dtype: np.dtype[Any]) -> Any:
+        raise TypeError(
+            f"A is {self!r}, which is made in one precision: give its function the dtype"
+        )
+
+    def __repr__(self) -> str:
+        # The same on all ranks, for errors.
+        return f"<{type(self).__name__} of {self.slab.name}, {self.dtype}>"
 
 
 class ToeplitzOperator(SlabOperator):
@@ -145,20 +163,18 @@ class ToeplitzOperator(SlabOperator):
         *,
         parity: tuple[int, ...] | None = None,
         behind: ArrayLike | None = None,
-        product: "SlabProduct | None" = None,
+        product: Any = None,
     ) -> None:
         if not isinstance(slab, Slab):
             raise TypeError(f"slab is {slab!r}, but must be a Slab: Slab(MPI.COMM_WORLD, shape)")
-        parity = (1,) * len(slab.shape) if parity is None else tuple(parity)
+        self.parity = (1,) * len(slab.shape) if parity is None else tuple(parity)
         with slab.agree() as same:
             library = library_of(c)
             self.c = _check_rows("c", library.to_numpy(library.read("c", c)), slab)
             same["the library of c"] = library.name
             self.behind = None if behind is None else _check_rows("behind", behind, slab)
-            _check_parity(self.c, parity, slab)
-            if self.behind is not None and not slab.rows.start:
-                _check_lag_zero(self.c[0], self.behind[0])
-            same["the dtype of c"], same["parity"] = self.c.dtype, parity
+            _check_zeros(self.c, self.behind, self.parity, slab)
+            same["the dtype of c"], same["parity"] = self.c.dtype, self.parity
             same["whether behind is given"] = behind is not None
         sizes = np.abs(self.c)
         with np.errstate(over="ignore"):  # What overflows to inf is too much.
@@ -166,24 +182,38 @@ class ToeplitzOperator(SlabOperator):
         largest = slab.vectors.max(sizes)
         require_digits("c", self.c.dtype, tuple(2 * n - 1 for n in slab.shape), total, largest)
         super().__init__(slab, self.c.dtype, slab.local, library=library)
-        self.parity = parity
-        self.is_even = set(parity) == {1} and behind is None
-        self.is_symmetric = prod(parity) == 1 and behind is None
-        if product is None:
-            spectrum = embed_on_slab(slab, self.c, self.behind, parity)
-            product = SlabProduct(slab, library, [[spectrum]], self.dtype)
-        self.product = product
+        self.is_symmetric = prod(self.parity) == 1 and behind is None
+        self.is_even = set(self.parity) == {1} and behind is None
+        self.product = product or self._make_product()
+
+    def _make_product(self) -> Any:
+        if self.slab.is_line and self.slab.comm.size == 1:
+            # What makes a matrix of rows of a line moves less, but takes twice the time.
+            lags = np.concatenate([self.opposite.ravel()[:0:-1], self.c.ravel()])
+            return operators.ToeplitzOperator.from_lags(self.library.from_numpy(lags))
+        return SlabProduct(self.slab, self.library, [[self._embed()]], self.dtype)
+
+    def _embed(self) -> Array:
+        return embed_on_slab(self.slab, self.c, self.behind, self.opposite, self.parity)
 
     @property
-    def norm_bound(self) -> float:
-        """A bound of the 2-norm: that of the matrix in which the products embed this one."""
-        return self.product.norm_bound
+    def blocks(self) -> "tuple[tuple[ToeplitzOperator]]":
+        """The matrix as the only block of one component."""
+        return ((self,),)
 
-    def astype(self, dtype: DTypeLike) -> "ToeplitzOperator":
-        """Return the matrix in another precision, or itself where it has that one."""
-        dtype = check_precision(dtype, self.dtype)
-        if self.dtype == dtype:
-            return self
+    @property
+    def opposite(self) -> Array:
+        """The coefficients of the opposite lags of those of `c`."""
+        behind = self.parity[0] * self.c if self.behind is None else self.behind
+        return prod(self.parity[1:]) * behind
+
+    @property
+    def spectrum(self) -> Array:
+        """The eigenvalues of the embedding, of the frequencies that this rank has."""
+        product = self.product
+        return product.spectra[0][0] if isinstance(product, SlabProduct) else self._embed()
+
+    def _cast(self, dtype: np.dtype[Any]) -> "ToeplitzOperator":
         return ToeplitzOperator(
             self.library.from_numpy(self.c.astype(dtype)),
             self.slab,
@@ -195,89 +225,6 @@ class ToeplitzOperator(SlabOperator):
     def __repr__(self) -> str:
         kind = "symmetric" if self.is_symmetric else "general"
         return f"<ToeplitzOperator {self.slab.name}, {kind}, {self.dtype}>"
-
-
-class CoupledOperator(SlabOperator):
-    """A square array of Toeplitz matrices, between the components of a field on one grid.
-
-    The vectors hold this rank's rows of one component after the other.
-
-    Parameters
-    ----------
-    blocks : sequence of sequences of ToeplitzOperator or None
-        ``blocks[i][j]`` takes component j of the vector to component i of the result; None is
-        zero. All live on one slab.
-
-    Attributes
-    ----------
-    blocks : tuple of tuples of ToeplitzOperator or None
-
-    Raises
-    ------
-    TypeError
-        Where a block is no ToeplitzOperator of this module.
-    ValueError
-        Where the array is not square, or the blocks live on several slabs.
-
-    See Also
-    --------
-    toeplitz_mg.CoupledOperator
-    """
-
-    def __init__(self, blocks: Sequence[Sequence[ToeplitzOperator | None]]) -> None:
-        self.blocks = tuple(map(tuple, blocks))
-        given = [block for row in self.blocks for block in row if block is not None]
-        if not given or not all(isinstance(block, ToeplitzOperator) for block in given):
-            raise TypeError(
-                f"blocks is {blocks!r}, but must have rows of ToeplitzOperator of "
-                "toeplitz_mg.slabs, or None, as [[xx, xy], [xy, yy]]"
-            )
-        slab, library, components = given[0].slab, given[0].library, len(self.blocks)
-        with slab.agree() as same:
-            same["which blocks there are"] = [[b is not None for b in row] for row in self.blocks]
-            if any(len(row) != components for row in self.blocks):
-                raise ValueError(
-                    f"blocks has {components} rows of {[len(row) for row in self.blocks]} blocks, "
-                    "but must be square"
-                )
-            if any(block.slab is not slab for block in given):
-                raise ValueError("the blocks live on several slabs, but must live on one")
-            for block in given:
-                if block.library is not library:
-                    refuse_mixed("a block", block.library, library)
-        dtype = np.result_type(*(block.dtype for block in given))
-        super().__init__(slab, dtype, (components, *slab.local), library=library)
-        spectra = [[block and block.product.spectra[0][0] for block in row] for row in self.blocks]
-        self.product = SlabProduct(slab, library, spectra, self.dtype)
-
-    @property
-    def norm_bound(self) -> float:
-        """A bound of the 2-norm: that of the matrix in which the products embed this one."""
-        return self.product.norm_bound
-
-    def astype(self, dtype: DTypeLike) -> "CoupledOperator":
-        """Return the matrix in another precision, or itself where it has that one."""
-        dtype = check_precision(dtype, self.dtype)
-        if self.dtype == dtype:
-            return self
-        return CoupledOperator(
-            [[block and block.astype(dtype) for block in row] for row in self.blocks]
-        )
-
-    def check_symmetric(self) -> None:
-        """Raise ValueError where it is not symmetric, or a component has no block on itself."""
-        for i, row in enumerate(self.blocks):
-            if row[i] is None:
-                raise ValueError(f"the block of component {i} on itself is zero")
-            for j, block in enumerate(row[: i + 1]):
-                if not _is_transpose(block, self.blocks[j][i]):
-                    raise ValueError(
-                        f"A is not symmetric: its blocks ({i}, {j}) and ({j}, {i}) are not each "
-                        "other's transpose"
-                    )
-
-    def __repr__(self) -> str:
-        return f"<CoupledOperator of {len(self.blocks)} components {self.slab.name}, {self.dtype}>"
 
 
 class MaskedOperator(SlabOperator):
@@ -316,38 +263,20 @@ class MaskedOperator(SlabOperator):
             )
         with A.slab.agree():
             mask = library_of(mask).to_numpy(mask)
-            self.mask = check_booleans(mask, A.grid_shape, isinstance(A, CoupledOperator))
+            self.mask = check_booleans(mask, A.grid_shape, len(A.grid_shape) > len(A.slab.shape))
         if not A.slab.vectors.count(self.mask):
             raise ValueError("mask is nowhere true on any rank: there are no unknowns")
         index = np.flatnonzero(self.mask)
         super().__init__(A.slab, A.dtype, A.grid_shape, len(index), A.library)
         self.full, self._cells = A, A.library.cells(index, self.mask.size)
 
-    def astype(self, dtype: DTypeLike) -> "MaskedOperator":
-        """Return the matrix in another precision, or itself where it has that one."""
-        full: Any = self.full
-        return self if self.dtype == dtype else MaskedOperator(full.astype(dtype), self.mask)
+    def _cast(self, dtype: np.dtype[Any]) -> "MaskedOperator":
+        return MaskedOperator(self.full.astype(dtype), self.mask)
 
     apply = operators.MaskedOperator.apply
 
     def __repr__(self) -> str:
-        return f"<MaskedOperator of {self.full!r}>"  # The same on all ranks, for errors.
-
-
-def _is_transpose(one: ToeplitzOperator | None, other: ToeplitzOperator | None) -> bool:
-    """Whether a block is the transpose of the other."""
-    if one is None or other is None:
-        return one is other
-    # The transpose has the coefficients of the opposite lags.
-    (c, behind), (d, ahead) = ((A.c, _behind(A)) for A in (one, other))
-    sign = prod(one.parity[1:])
-    differ = np.logical_or(d != sign * behind, ahead != sign * c)
-    return one.parity[1:] == other.parity[1:] and not one.slab.vectors.count(differ)
-
-
-def _behind(A: ToeplitzOperator) -> Array:
-    """Return the coefficients of the lags along the first axis that are not positive."""
-    return A.parity[0] * A.c if A.behind is None else A.behind
+        return f"<MaskedOperator of {self.full!r}>"
 
 
 def _check_rows(name: str, values: ArrayLike, slab: Slab) -> Array:
@@ -361,22 +290,18 @@ def _check_rows(name: str, values: ArrayLike, slab: Slab) -> Array:
     return c
 
 
-def _check_parity(c: Array, parity: tuple[int, ...], slab: Slab) -> None:
+def _check_zeros(c: Array, behind: Array | None, parity: tuple[int, ...], slab: Slab) -> None:
+    """Refuse parities, and coefficients of the lag zero, that make no sense."""
     if len(parity) != len(slab.shape) or not set(parity) <= {1, -1}:
         raise ValueError(
             f"parity is {parity}, but must say 1 (even) or -1 (odd) for each axis of {slab.shape}"
         )
+    is_first = slab.rows.start == 0
     for axis, sign in enumerate(parity):
-        zero = slice(
-            0, int(axis > 0 or slab.rows.start == 0)
-        )  # The lag zero, where this rank has it.
-        if sign < 0 and np.moveaxis(c, axis, 0)[zero].any():
+        if sign < 0 and (axis or is_first) and np.moveaxis(c, axis, 0)[0].any():
             raise ValueError(
                 f"parity is {parity}, but where c is odd, along axis {axis}, its coefficients of "
                 "the lag zero must be zero"
             )
-
-
-def _check_lag_zero(ahead: Array, behind: Array) -> None:
-    if not np.array_equal(ahead, behind):
+    if behind is not None and is_first and not np.array_equal(c[0], behind[0]):
         raise ValueError("behind and c differ in their first row, the lag 0, which both have")

@@ -15,8 +15,9 @@ from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.passes import NARROW
 from toeplitz_mg.engine.work import count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.slabs.cuts import Turn
 from toeplitz_mg.slabs.line import Line
-from toeplitz_mg.slabs.slab import Slab, Turn
+from toeplitz_mg.slabs.slab import Slab
 
 TURN_BYTES = 2**23  # Bytes of the columns that a rank has at a time.
 
@@ -39,7 +40,7 @@ class SlabProduct:
     """
 
     def __init__(self, slab: Slab, library: Library, spectrum: Any, dtype: DTypeLike) -> None:
-        self.line = Line(slab) if slab.is_line else None
+        self._given, self.line = slab, Line(slab) if slab.is_line else None
         self.slab, self.library = self.line.slab if self.line else slab, library
         casts = [
             [s if s is None else library.from_numpy(NUMPY.cast_numbers(s, dtype)) for s in row]
@@ -61,9 +62,9 @@ class SlabProduct:
 
     def astype(self, dtype: DTypeLike) -> "SlabProduct":
         """Return the multiplication in another precision; no transform is made."""
-        return SlabProduct(self.slab, self.library, self.spectra, dtype)
+        return SlabProduct(self._given, self.library, self.spectra, dtype)
 
-    def multiply(self, x: Any, y: Any) -> Any:
+    def apply(self, x: Any, y: Any) -> Any:
         """Multiply a vector into another, which may be the same; return the result."""
         count_work(1, float(prod(x.shape)))
         if self.line is None:
@@ -98,15 +99,16 @@ def turns_of(slab: Slab, lengths: tuple[int, ...], number: int) -> Iterator[Turn
     return slab.turns(lengths[-1], max(NARROW, TURN_BYTES // (number * prod(lengths[:-1]))))
 
 
-def embed_on_slab(slab: Slab, c: Array, behind: Array | None, parity: tuple[int, ...]) -> Array:
+def embed_on_slab(
+    slab: Slab, c: Array, behind: Array | None, opposite: Array, parity: tuple[int, ...]
+) -> Array:
     """Return the eigenvalues of the embedding for this rank's frequencies of the last axis.
 
-    The parameters are those of `slabs.ToeplitzOperator`.
+    The parameters are those of `slabs.ToeplitzOperator`, and its coefficients of opposite lags.
     """
     is_symmetric, sign = behind is None and prod(parity) == 1, parity[0]
     if slab.is_line:
-        line, c = Line(slab), c.reshape(-1)
-        back = prod(parity) * c if behind is None else behind.reshape(-1)
+        line, c, back = Line(slab), c.reshape(-1), opposite.reshape(-1)
         slab, parity = line.slab, (0, 0)
         # Of a symmetric matrix what is behind has the conjugate transform.
         c, behind = line.lags(c, back), None if is_symmetric else line.lags(back, c)[:, ::-1]

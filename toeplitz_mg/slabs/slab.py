@@ -7,7 +7,6 @@ the same bits on all ranks: otherwise one would wait for ever for a message that
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from itertools import pairwise
 from math import inf, prod
 from os import PathLike
 from typing import Any
@@ -21,14 +20,11 @@ from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.halfspace.points import check_element
+from toeplitz_mg.slabs.cuts import Turn, choose_unit, cut_in_turns, cuts_of
 from toeplitz_mg.slabs.files import save_rows
 from toeplitz_mg.values import count
 
-UNITS = (64, 16, 4, 1)  # Rows that may stay together: the cells of FSAI grow fourfold a level.
-SHARE = 16  # Units that a rank has at least, so that one more of them is not felt.
 REFUSALS = (np.linalg.LinAlgError, ValueError, TypeError, OSError)  # What all ranks raise alike.
-
-Turn = Sequence[tuple[int, int]]  # The first column of each rank, and the one behind its last.
 
 
 class Slab:
@@ -87,8 +83,7 @@ class Slab:
                 raise ValueError(f"shape is {shape!r}, but must be a tuple of one axis at least")
             shape = tuple(count("each number of shape", n) for n in shape)
             if unit is None:
-                of_line = () if prod(shape[1:]) > 1 else (line_width(shape[0]),)
-                unit = next((k for k in (*of_line, *UNITS) if shape[0] >= SHARE * k * ranks), 1)
+                unit = choose_unit(shape, ranks)
             units = -(-shape[0] // count("unit", unit))
             if ranks > units:
                 of_units = "" if unit == 1 else f", {units} units of {unit} rows"
@@ -97,7 +92,7 @@ class Slab:
                     "needs one at least: use fewer ranks, or make the longest axis the first one"
                 )
             same["the shape of the grid"], same["unit"] = shape, unit
-        self._set(shape, unit, np.minimum(unit * _cuts(units, ranks), shape[0]))
+        self._set(shape, unit, np.minimum(unit * cuts_of(units, ranks), shape[0]))
 
     def _set(self, shape: tuple[int, ...], unit: int, starts: Array) -> None:
         self.shape, self.unit, self.starts = shape, unit, starts
@@ -109,12 +104,7 @@ class Slab:
     def coarser(self, shape: tuple[int, ...], height: int) -> "Slab":
         """Return the slab of a coarser grid, each row of which is made of so many of this one.
 
-        Parameters
-        ----------
-        shape : tuple of int
-            That of the coarser grid.
-        height : int
-            A divisor of `unit`, so that no row is made of those of two ranks.
+        That divides `unit`, so that no row is made of those of two ranks.
         """
         return self.alike(shape, self.unit // height, -(-self.starts // height))
 
@@ -125,7 +115,7 @@ class Slab:
 
     def evenly(self, shape: tuple[int, ...]) -> "Slab":
         """Return the slab of another grid, of which all ranks have about as many rows, or none."""
-        return self.alike(shape, 1, _cuts(shape[0], self.comm.size))
+        return self.alike(shape, 1, cuts_of(shape[0], self.comm.size))
 
     def alike(self, shape: tuple[int, ...], unit: int, starts: Array) -> "Slab":
         """Return the slab of another grid that is cut at these rows."""
@@ -166,14 +156,13 @@ class Slab:
     def save(self, path: str | PathLike[str], x: ArrayLike) -> None:
         """Write a field to a ``.npy`` file, each rank its rows, on a disk that all of them see.
 
-        It is written beside what is there, and replaces it when all ranks have written theirs: the
-        file is whole, or as it was.
+        The file is whole, or as it was.
 
         Parameters
         ----------
         path : str or PathLike
-            The same on all ranks; a link stays a link. An old file is replaced, and its rights are
-            kept.
+            The same on all ranks. An old file is replaced when all have written; its rights stay,
+            and a link stays a link.
         x : array_like of shape ``slab.local``, or (components, ...) of that
             Of numbers.
 
@@ -194,13 +183,9 @@ class Slab:
     def agree(self) -> Iterator[dict[str, Any]]:
         """Do what may be refused on some ranks only, so that all ranks raise the same error.
 
-        Without it the others would wait for ever for the rank that has raised one.
-
-        Yields
-        ------
-        dict
-            To be filled with what has to be the same on all ranks, by its name; otherwise it is a
-            ValueError.
+        Without it the others would wait for ever for the rank that has raised one. The dictionary
+        is to be filled with what has to be the same on all ranks, by its name; otherwise it is a
+        ValueError.
         """
         same: dict[str, Any] = {}
         refusal: Exception | None = None
@@ -244,13 +229,8 @@ class Slab:
     def everywhere(self, x: Array, lengths: Array | None = None) -> Array:
         """Return the rows of all ranks, one after the other, on each of them.
 
-        It is for what is small: nothing of the size of the grid may go this way.
-
-        Parameters
-        ----------
-        x : ndarray of shape (rows, ...)
-        lengths : ndarray of int, shape (ranks,), optional
-            The number of rows of each rank. Where it is known one message less is sent.
+        It is for what is small: nothing of the size of the grid may go this way. Where the number
+        of rows of each rank is known, `lengths`, one message less is sent.
         """
         if self.comm.size == 1:
             return x
@@ -261,15 +241,9 @@ class Slab:
         return whole
 
     def exchange(self, x: Array, starts: Array, lengths: Array, expected: Array) -> Array:
-        """Send each rank some rows, and return those that all ranks send, one after the other.
+        """Send each rank some rows, from `starts` on, and return those that all ranks send.
 
-        Parameters
-        ----------
-        x : ndarray of shape (rows, ...)
-        starts, lengths : ndarray of int, shape (ranks,)
-            Which rows each rank is sent.
-        expected : ndarray of int, shape (ranks,)
-            How many each of them sends.
+        Rank k is sent `lengths[k]` rows, and sends `expected[k]`.
         """
         size = prod(x.shape[1:])
         got = np.empty((int(expected.sum()), *x.shape[1:]), x.dtype)
@@ -279,18 +253,14 @@ class Slab:
 
     def columns(self, n: int) -> slice:
         """Return which of n columns this rank has between `to_columns` and `to_rows`."""
-        return slice(*_cuts(n, self.comm.size)[self.comm.rank : self.comm.rank + 2].tolist())
+        return slice(*cuts_of(n, self.comm.size)[self.comm.rank : self.comm.rank + 2].tolist())
 
     def turns(self, n: int, width: int) -> Iterator[Turn]:
         """Cut n columns into turns, in each of which a rank has at most `width` of its own."""
-        cuts = _cuts(n, self.comm.size).tolist()
-        of_ranks = list(pairwise(cuts))
-        turns = max(1, -(-max(b - a for a, b in of_ranks) // width))
-        for k in range(turns):
-            yield [(a + (b - a) * k // turns, a + (b - a) * (k + 1) // turns) for a, b in of_ranks]
+        return cut_in_turns(n, self.comm.size, width)
 
     def to_columns(self, Z: Array, turn: Turn | None = None, out: Array | None = None) -> Array:
-        """Exchange all columns of this rank's rows for all rows of this rank's columns.
+        """Exchange the columns of this rank's rows for the rows of this rank's columns.
 
         Parameters
         ----------
@@ -298,11 +268,7 @@ class Slab:
         turn : list of (int, int), optional
             The columns of each rank, by default all of `columns`.
         out : ndarray of shape (n₁, ..., k), C-contiguous, optional
-
-        Returns
-        -------
-        ndarray of shape (n₁, ..., k)
-            The k columns of this rank.
+            For the k columns of this rank.
         """
         turn = turn or next(self.turns(Z.shape[-1], Z.shape[-1]))
         own = turn[self.comm.rank]
@@ -317,20 +283,7 @@ class Slab:
         return out
 
     def to_rows(self, C: Array, out: Array, turn: Turn | None = None) -> Array:
-        """Exchange back what `to_columns` has returned, into the array that it was given.
-
-        Parameters
-        ----------
-        C : ndarray of shape (n₁, ..., k)
-        out : ndarray of shape (rows, ..., n)
-            Of it the columns of the turn are written.
-        turn : list of (int, int), optional
-
-        Returns
-        -------
-        ndarray
-            `out`.
-        """
+        """Exchange back what `to_columns` has returned, into the columns of the turn of `out`."""
         turn = turn or next(self.turns(out.shape[-1], out.shape[-1]))
         sizes = self._sizes(turn, out)
         got = workspace((sum(sizes),), out.dtype)
@@ -362,15 +315,9 @@ class Slab:
                 yield flat[start:end].reshape(*Z.shape[:-1], b - a), (a, b)
 
     def shift(self, x: Array, count: int, step: int) -> Array:
-        """Send rows to a neighbour, and return those that the other neighbour sends.
+        """Send rows to the next rank (step 1), or to the one before (step -1), if there is one.
 
-        Parameters
-        ----------
-        x : ndarray of shape (k, ...)
-            What is sent to the next rank (step 1) or to the one before (step -1), if there is one.
-        count : int
-            The length of what comes from the other side: 0 where there is no rank.
-        step : {1, -1}
+        What is returned are the `count` rows from the other side: 0 where there is no rank.
         """
         from mpi4py import MPI
 
@@ -415,13 +362,3 @@ def _check_communicator(comm: Any) -> Any:
             "mpi4py"
         )
     return comm
-
-
-def line_width(n: int) -> int:
-    """Return how many of n unknowns of one axis are a row, where they are taken as a matrix."""
-    return 1 << n.bit_length() // 2
-
-
-def _cuts(n: int, parts: int) -> Array:
-    """Return where n things are cut into parts of about the same size, shape (parts + 1,)."""
-    return np.array([n * k // parts for k in range(parts + 1)])

@@ -1,7 +1,7 @@
 """Iterations as methods of `solve_toeplitz`: they are given up where they converge too slowly."""
 
 from collections.abc import Callable, Mapping
-from math import inf
+from math import ceil, inf, log
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.gmres import gmres
+from toeplitz_mg.solvers.system import TINY
 
 
 class Patience(NamedTuple):
@@ -34,6 +35,8 @@ USUAL = Patience(24, {10: 1e-2, 20: 1e-5})  # That of a complex one costs more.
 PATIENT = Patience(60, {10: 1e-2, 20: 1e-4})  # The same, where an iteration is a product alone.
 OF_GMRES = Patience(30, USUAL.expected)  # And so vectors: 240 MiB in 2^20 real unknowns.
 USEFUL = 1e-6  # ‖b - A x‖/‖b‖ at which rounding may have stopped it: the caller corrects that.
+
+CYCLE = 1e-5  # ‖b - A x‖/‖b‖ that an iteration in single precision reaches without effort.
 
 Attempt = Callable[[Array], tuple[Array, int]]
 
@@ -137,6 +140,30 @@ def solve_by_gmres(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -
         return x, watch.iterations
 
     return _solve_rows(attempt, B)
+
+
+def solve_in_cycles(
+    A: LinearOperator, solve: Callable[[Rows, float], tuple[Rows, int]], B: Rows, rtol: float
+) -> tuple[Rows, int]:
+    """Solve for rows in single precision, then for their residuals, which are in that of A.
+
+    Parameters
+    ----------
+    A : LinearOperator
+    solve : callable
+        ``solve(B, rtol)`` returns solutions in single precision, and iterations.
+    """
+    cycles = ceil(log(rtol) / log(CYCLE))
+    single = np.complex64 if B.dtype.kind == "c" else np.float32
+    X, R, iterations = np.zeros_like(B), B, 0
+    for cycle in range(cycles):
+        if cycle > 0:
+            R = B - A.apply(X)
+        sizes = np.abs(R).max(axis=-1, keepdims=True) + TINY
+        Y, steps = solve((R / sizes).astype(single), rtol ** (1.0 / cycles))
+        X += sizes * Y
+        iterations += steps
+    return X, iterations
 
 
 def _solve_rows(attempt: Attempt, B: Rows) -> tuple[Rows, int]:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 # They take half the time of those of scipy.fft where vectors are short; that of the call is theirs.
-from scipy.fftpack import dct, dst, idct
+from scipy.fftpack import dct, dst, idct, idst
 from scipy.linalg.lapack import dpotrf, dpotri
 
 from toeplitz_mg._typing import Array, Rows
@@ -62,9 +62,10 @@ class CosineForm:
         np.multiply(lags, 1.0 - np.arange(m + 1) / m, out=weighted)
         count_transforms(2, m)
         self.samples, self._fejer = dct(self._lags, 1)
-        # Half the samples in the order of the DCT and in that of the DCT of alternating signs.
+        # Half the samples in the order of the DCT and in that of the DST, at θ = πk/m, k = 1 … m,
+        # which is the DCT of alternating signs in reverse.
         half = 0.5 * self.samples
-        self._cosine, self._sine = half[:-1], half[:0:-1].copy()
+        self._cosine, self._sine = half[:-1], half[1:]
         self.signs = np.ones(m)
         self.signs[1::2] = -1.0
 
@@ -80,7 +81,7 @@ class CosineForm:
         Y[1] *= self.signs
         Y = dct(Y, norm="ortho", overwrite_x=True)
         Y[0] *= self._cosine
-        Y[1] *= self._sine
+        Y[1] *= self._sine[::-1]
         Y = idct(Y, norm="ortho", overwrite_x=True)
         Y[1] *= self.signs
         return np.add(Y[0], Y[1])[..., self.middle]
@@ -95,12 +96,9 @@ class CosineForm:
 
     def multiply_transformed(self, P: Rows) -> Rows:
         """Multiply rows in the domain of the transform by A."""
-        Y = idct(P, norm="ortho")
-        Y *= self.signs
-        Y = dct(Y, norm="ortho", overwrite_x=True)
+        Y = dst(idct(P, norm="ortho"), norm="ortho", overwrite_x=True)
         Y *= self._sine
-        Y = idct(Y, norm="ortho", overwrite_x=True)
-        Y *= self.signs
+        Y = idst(Y, norm="ortho", overwrite_x=True)
         if self.m > self.n:
             Y += idct(self._cosine * P, norm="ortho", overwrite_x=True)
             return self._cut(Y)

@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.spectral import double_line
 from toeplitz_mg.solvers.inverse import first_columns
-from toeplitz_mg.solvers.szego import log_determinant, sharpen
+from toeplitz_mg.solvers.sharp_column import sharpen
+from toeplitz_mg.solvers.szego import log_determinant
 
 INEXACT = 1e-10  # Estimated error for each unknown above which there is a warning.
 

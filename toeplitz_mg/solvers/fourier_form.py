@@ -6,9 +6,12 @@ takes four transforms: of real vectors of length n two of these, and two of half
 """
 
 from collections.abc import Callable
+from copy import copy
 
 import numpy as np
-from scipy import fft
+
+# Their calls take less than those of scipy.fft, and a real transform is as many real numbers.
+from scipy.fftpack import fft, ifft, irfft, rfft
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.lengths import near_fast_length
@@ -20,6 +23,7 @@ from toeplitz_mg.preconditioners.positivity import require_nonzero
 
 LARGEST = 2**14  # Most unknowns of which a transform at once is as fast as one in panels.
 ROOT = np.sqrt(2.0)
+SINGLE = {"d": "f", "D": "F"}  # The numbers of single precision that are as those of double.
 
 
 def has_fourier_form(n: int) -> bool:
@@ -30,9 +34,10 @@ def has_fourier_form(n: int) -> bool:
 class FourierForm:
     """A Toeplitz matrix as F A Fᴴ, with F the unitary Fourier transform.
 
-    The transform of a real vector is kept as n real numbers: those of the frequencies 0 and n/2,
-    and then the parts of the others, times √2, as each of them stands for two. So inner products
-    are those of the vectors.
+    The transform of a real vector is kept as n real numbers in the order of FFTPACK: that of the
+    frequency 0, then the real and the imaginary part of each other one, and that of n/2 last. The
+    two ends are divided by √2, as each other frequency stands for two. So inner products are, but
+    for a factor, those of the vectors.
 
     Parameters
     ----------
@@ -52,13 +57,14 @@ class FourierForm:
         self._is_complex = c.dtype.kind == "c"
         behind = np.concatenate([np.zeros(1, r.dtype), r[:0:-1]])  # The lags k - n.
         count_transforms(3, n)
-        transform = fft.fft if self._is_complex else fft.rfft
-        self.samples = transform(smooth_column(c, r))
-        self._circulant = _Diagonal(0.5 * transform(c + behind), n, c.dtype)
+        transform = fft if self._is_complex else rfft
+        samples = transform(smooth_column(c, r))
+        self.samples = samples if self._is_complex else _unpack(samples)
+        self._circulant = _Diagonal(0.5 * transform(c + behind), c.dtype)
         twist = phase_factors(n, 0.5, np.dtype(np.complex128))
         self._twist = twist if self._is_complex else twist[: n // 2]
         self._untwist = self._twist.conj()
-        self._skew = fft.fft(self._fold(0.5 * (c - behind)))
+        self._skew = fft(self._fold(0.5 * (c - behind)))
         self.A = _Operator(n, c.dtype, self._multiply)
 
     def inverse(self, eigenvalues: Array) -> "_Diagonal":
@@ -70,7 +76,18 @@ class FourierForm:
             Where an eigenvalue is zero.
         """
         require_nonzero(eigenvalues, self.A.dtype, "the circulant has the eigenvalue", "gmres")
-        return _Diagonal(1.0 / eigenvalues, self.n, self.A.dtype)
+        values = 1.0 / eigenvalues
+        return _Diagonal(values if self._is_complex else _pack(values), self.A.dtype)
+
+    def in_single_precision(self) -> "FourierForm":
+        """Return the form for numbers of single precision, real or complex as they are."""
+        form = copy(self)
+        form._twist, form._untwist, form._skew = (
+            a.astype(SINGLE[a.dtype.char]) for a in (self._twist, self._untwist, self._skew)
+        )
+        form._circulant = self._circulant.in_single_precision()
+        form.A = _Operator(self.n, form._circulant.dtype, form._multiply)
+        return form
 
     def multiply(self, X: Rows) -> Rows:
         """Multiply rows by A, in no domain but their own."""
@@ -80,19 +97,19 @@ class FourierForm:
         """Return rows in the domain of the transform."""
         count_transforms(X.size // self.n, self.n)
         if self._is_complex:
-            return fft.fft(X, norm="ortho")
-        Y = fft.rfft(X, norm="ortho")
-        Z = np.empty(X.shape)
-        np.multiply(Y[..., :-1], ROOT, out=Z.view(Y.dtype))
-        Z[..., 0], Z[..., 1] = Y[..., 0].real, Y[..., -1].real
+            return fft(X) / np.sqrt(self.n)
+        Z = rfft(X) * np.sqrt(2.0 / self.n)
+        Z[..., :: self.n - 1] /= ROOT
         return Z
 
     def transform_back(self, Z: Rows) -> Rows:
         """Return the rows that rows in the domain of the transform stand for."""
         count_transforms(Z.size // self.n, self.n)
         if self._is_complex:
-            return fft.ifft(Z, norm="ortho")
-        return fft.irfft(self._unpack(Z), self.n, norm="ortho", overwrite_x=True) / ROOT
+            return ifft(Z) * np.sqrt(self.n)
+        X = Z * np.sqrt(0.5 * self.n)
+        X[..., :: self.n - 1] *= ROOT
+        return irfft(X, overwrite_x=True)
 
     def within(
         self, solve: Callable[[Rows, float], tuple[Rows, int]]
@@ -108,30 +125,27 @@ class FourierForm:
     def _multiply(self, X: Rows, out: Rows) -> Rows:
         """Multiply rows in the domain of the transform by A, into `out`, which may be `X`."""
         count_transforms(4 * (X.size // self.n), self.n)
-        n, h = self.n, self.n // 2
-        x = fft.ifft(X) if self._is_complex else fft.irfft(self._unpack(X), n, overwrite_x=True)
-        Z = fft.fft(self._fold(x), overwrite_x=True)
-        Z *= self._skew
-        Z = fft.ifft(Z, overwrite_x=True)
-        Z *= self._untwist
-        self._circulant.apply(X, out)
         if self._is_complex:
-            out += fft.fft(Z, overwrite_x=True)
-            return out
-        x[..., :h] = Z.real
-        np.negative(Z.imag, out=x[..., h:])
-        Y = fft.rfft(x)
-        out.view(Y.dtype)[..., 1:] += Y[..., 1:-1]
-        out[..., 0] += Y[..., 0].real / ROOT
-        out[..., 1] += Y[..., -1].real / ROOT
+            x = ifft(X)
+        else:
+            x = X.copy()
+            x[..., :: self.n - 1] *= ROOT
+            x = irfft(x, overwrite_x=True)
+        Z = fft(self._fold(x), overwrite_x=True)
+        Z *= self._skew
+        Z = ifft(Z, overwrite_x=True)
+        Z *= self._untwist
+        if self._is_complex:
+            Y = fft(Z, overwrite_x=True)
+        else:
+            h = self.n // 2
+            x[..., :h] = Z.real
+            np.negative(Z.imag, out=x[..., h:])
+            Y = rfft(x, overwrite_x=True)
+            Y[..., :: self.n - 1] /= ROOT
+        self._circulant.apply(X, out)
+        out += Y
         return out
-
-    def _unpack(self, Z: Rows) -> Rows:
-        """Return √2 times the transforms of real rows, for frequencies up to n/2."""
-        Y = np.empty((*Z.shape[:-1], self.n // 2 + 1), np.complex128)
-        Y[..., 1:-1] = Z.view(Y.dtype)[..., 1:]
-        Y[..., 0], Y[..., -1] = ROOT * Z[..., 0], ROOT * Z[..., 1]
-        return Y
 
     def _fold(self, x: Rows) -> Rows:
         """Return rows whose transforms are those of `x` at the frequencies k + 1/2.
@@ -142,34 +156,52 @@ class FourierForm:
         if self._is_complex:
             return x * self._twist
         h = self.n // 2
-        Z = np.empty((*x.shape[:-1], h), np.complex128)
+        Z = np.empty((*x.shape[:-1], h), self._twist.dtype)
         Z.real = x[..., :h]
         np.negative(x[..., h:], out=Z.imag)
         Z *= self._twist
         return Z
 
 
+def _unpack(y: Array) -> Array:
+    """Return the frequencies 0 … n/2 of a transform in the order of FFTPACK, as complex numbers."""
+    z = np.empty(len(y) // 2 + 1, np.complex128)
+    z[0], z[-1], z[1:-1] = y[0], y[-1], y[1:-1].view(z.dtype)
+    return z
+
+
+def _pack(z: Array) -> Array:
+    """Return the numbers that `_unpack` takes, of real ones too."""
+    z = z.astype(np.complex128)
+    return np.concatenate([z[:1].real, z[1:-1].view(np.float64), z[-1:].real])
+
+
 class _Diagonal:
-    """A circulant in the domain of the transform."""
+    """A circulant in the domain of the transform, by its eigenvalues in the order of that."""
 
     vectors = ALONE
 
-    def __init__(self, eigenvalues: Array, n: int, dtype: np.dtype[np.generic]) -> None:
-        self.dtype, self.shape = dtype, (n, n)
-        self._eigenvalues, self._ends = eigenvalues, None
-        if self.dtype.kind != "c":
-            self._eigenvalues = eigenvalues[:-1].astype(np.complex128)
-            self._ends = eigenvalues[[0, -1]].real
+    def __init__(self, eigenvalues: Array, dtype: np.dtype[np.generic]) -> None:
+        self.dtype, self.shape = dtype, 2 * (len(eigenvalues),)
+        self._eigenvalues = eigenvalues
+
+    def in_single_precision(self) -> "_Diagonal":
+        """Return the circulant for numbers of single precision."""
+        values = self._eigenvalues.astype(SINGLE[self._eigenvalues.dtype.char])
+        return _Diagonal(values, np.dtype(SINGLE[self.dtype.char]))
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
-        if self._ends is None:
-            return np.multiply(X, self._eigenvalues, out=out)
+        values = self._eigenvalues
+        if self.dtype.kind == "c":
+            return np.multiply(X, values, out=out)
         out = np.empty_like(X) if out is None else out
-        ends = X[..., :2] * self._ends
-        numbers = self._eigenvalues.dtype
-        np.multiply(X.view(numbers), self._eigenvalues, out=out.view(numbers))
-        out[..., :2] = ends
+        n = len(values)
+        np.multiply(X[..., :: n - 1], values[:: n - 1], out=out[..., :: n - 1])
+        inner, of_pairs = np.s_[..., 1:-1], np.result_type(values, np.complex64)
+        np.multiply(
+            X[inner].view(of_pairs), values[1:-1].view(of_pairs), out=out[inner].view(of_pairs)
+        )
         return out
 
 

@@ -6,27 +6,32 @@ from functools import cached_property
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator
 from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.structure import accept_any, unwrap_toeplitz
-from toeplitz_mg.preconditioners.choice import candidates_for_inverse
-from toeplitz_mg.preconditioners.columns import Columns
+from toeplitz_mg.preconditioners.columns import RESOLVED, Columns
+from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.spectral import (
     approximate_columns,
     double_line,
     exact_columns,
+    factor_column,
 )
+from toeplitz_mg.preconditioners.symbol import sample_symbol
+from toeplitz_mg.preconditioners.traits import decays_slowly
 from toeplitz_mg.preconditioners.wiener_hopf import factor_positive_symbol
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.cosine_form import CosineForm
+from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.system import LARGEST_COSINE
-from toeplitz_mg.solvers.szego import LogDeterminant, diagonal_sums, log_determinant, sharpen
+from toeplitz_mg.solvers.szego import LogDeterminant, diagonal_sums, log_determinant
 from toeplitz_mg.values import positive
 
-MOSTLY_ROUNDING = 1e-12  # ‖e₁ - A x‖ below which a step adds as much rounding as it removes.
+MOSTLY_ROUNDING = 1e-12  # ‖e₁ - A x‖ below which a step may add as much rounding as it removes.
 FEW = 256  # Unknowns up to which any matrix is solved with directly.
 ROUGH = 1e-6  # Relative residual of CG, from which one or two steps lead to rounding.
 STALLED = 1e-6  # ‖e₁ - A x‖ at which the steps had better start from an exact column.
@@ -84,7 +89,7 @@ class ToeplitzInverse(GridOperator):
         return sums
 
     @cached_property
-    def _column(self) -> Columns:
+    def _column(self) -> SharpColumn:
         """The column of the inverse, in double precision, as exact as that allows."""
         if not self.A.is_hermitian:
             raise TypeError(
@@ -214,9 +219,10 @@ def first_columns(A: ToeplitzOperator) -> Columns:
     """Solve A x = e₁, and Aᴴ w = e₁ unless A is Hermitian, as well as float64 allows."""
     if not A.is_hermitian:
         return _correct(_of_general(A))
-    start = _by_factor(A) if A.dtype.kind == "c" else _by_cg(A)
-    if start is not None and (columns := _correct(start)).residual <= STALLED:
-        return columns
+    for make in (_by_cg, _by_factor):
+        start = make(A)
+        if start is not None and (columns := _correct(start)).residual <= STALLED:
+            return columns
     return _correct(exact_columns(A))
 
 
@@ -234,7 +240,7 @@ def _of_general(A: ToeplitzOperator) -> Columns:
 
 def _correct(columns: Columns) -> Columns:
     """Take steps of Newton's method while they help."""
-    while columns.residual > MOSTLY_ROUNDING:
+    while columns.residual > max(MOSTLY_ROUNDING, 2.0 * columns.rounding):
         better = columns.improve()
         if not better.residual < 0.5 * columns.residual:
             break
@@ -242,24 +248,27 @@ def _correct(columns: Columns) -> Columns:
     return columns
 
 
-def _by_factor(A: ToeplitzOperator) -> Columns | None:
-    """Take the column of the spectral factor of a complex matrix, or None where it is no use."""
-    factor = factor_positive_symbol(A)
-    return factor if factor is not None and factor.is_inverse else None
-
-
 def _by_cg(A: ToeplitzOperator) -> Columns | None:
-    """Solve A x = e₁ roughly by CG, or return None where no preconditioner leads there soon."""
-    unit = np.zeros(A.shape[0])
-    unit[0] = 1.0
-    if FEW < A.shape[0] <= LARGEST_COSINE:
-        with suppress(np.linalg.LinAlgError):
+    """Solve A x = e₁ roughly by CG, or return None where the factor of the symbol is better."""
+    n = A.shape[0]
+    if A.dtype.kind == "c":
+        return None
+    unit = np.eye(1, n)
+    with suppress(np.linalg.LinAlgError):
+        if FEW < n <= LARGEST_COSINE:
             solver = CosineSolver(CosineForm(A.c), A.norm_bound)
-            return Columns(A, solver.solve(unit[np.newaxis], ROUGH)[0][0])
-    for candidate in candidates_for_inverse(A):
-        with suppress(np.linalg.LinAlgError):
-            M = candidate.make(A)
-            x, _, converged = cg_by_recurrence(A, unit, M=M, rtol=ROUGH, maxiter=50)
-            if converged:
-                return Columns(A, x)
+            return Columns(A, solver.solve(unit, ROUGH)[0][0])
+        if decays_slowly(A.c):
+            M = fsai_preconditioner(A)
+            x, _, converged = cg_by_recurrence(A, unit[0], M=M, rtol=ROUGH, maxiter=50)
+            return Columns(A, x) if converged else None
     return None
+
+
+def _by_factor(A: ToeplitzOperator) -> Columns | None:
+    """Take the column of the spectral factor of the symbol, or None where it is no use."""
+    if A.dtype.kind == "c":
+        factor = factor_positive_symbol(A)
+    else:
+        factor = factor_column(A, sample_symbol(A, (near_fast_length(A.shape[0]),)))
+    return factor if factor is not None and factor.residual <= RESOLVED else None

@@ -3,7 +3,7 @@
 import warnings
 from cmath import isfinite
 from math import inf, isnan
-from typing import Any, Literal, NamedTuple, overload
+from typing import Any, Literal, overload
 
 import numpy as np
 import scipy.linalg
@@ -12,31 +12,19 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.solvers.batch import is_faster_at_once, solve_at_once
 from toeplitz_mg.solvers.checks import check_numbers
-from toeplitz_mg.solvers.choice import Method, methods
+from toeplitz_mg.solvers.refinement import (
+    ACCEPTED,
+    GOOD,
+    ILL_CONDITIONED,
+    ROUNDING,
+    RTOL,
+    SINGULAR,
+    SolveInfo,
+    solve_system,
+)
 from toeplitz_mg.solvers.scaling import exponents, scale_back
-from toeplitz_mg.solvers.system import EPS, ToeplitzSystem, largest, norms
+from toeplitz_mg.solvers.system import ToeplitzSystem
 from toeplitz_mg.values import real, refuse_masked
-
-ROUNDING = 16 * EPS  # Backward error at which no correction can be expected to help.
-GOOD = 64 * EPS  # Backward error at which no other method is tried.
-ACCEPTED = 1e4 * EPS  # Largest backward error of an answer.
-SINGULAR = 0.1  # Relative residual above which there is no answer in float64.
-ILL_CONDITIONED = 1e-8  # Relative residual above which the user is warned.
-CORRECTION = 1e-2  # Relative residual to which a correction is solved for.
-
-
-class SolveInfo(NamedTuple):
-    """How `solve_toeplitz` has solved a system.
-
-    See Also
-    --------
-    solve_toeplitz : returns it with ``full_output=True``.
-    """
-
-    method: str
-    iterations: int  # Iterations, most of all columns; or solves by a direct method.
-    residual: float  # The largest ‖b - A x‖/‖b‖ of all columns.
-    backward_error: float  # The largest ‖b - A x‖/(‖A‖₁ ‖x‖ + ‖b‖) of all columns.
 
 
 @overload
@@ -45,7 +33,7 @@ def solve_toeplitz(
     b: ArrayLike,
     check_finite: bool = ...,
     *,
-    rtol: float = ...,
+    rtol: float | None = ...,
     full_output: Literal[False] = ...,
 ) -> Array: ...
 @overload
@@ -54,7 +42,7 @@ def solve_toeplitz(
     b: ArrayLike,
     check_finite: bool = ...,
     *,
-    rtol: float = ...,
+    rtol: float | None = ...,
     full_output: Literal[True],
 ) -> tuple[Array, SolveInfo]: ...
 def solve_toeplitz(
@@ -62,7 +50,7 @@ def solve_toeplitz(
     b: ArrayLike,
     check_finite: bool = True,
     *,
-    rtol: float = 1e-12,
+    rtol: float | None = None,
     full_output: bool = False,
 ) -> Array | tuple[Array, SolveInfo]:
     """Solve A x = b for a Toeplitz matrix A: the drop-in for `scipy.linalg.solve_toeplitz`.
@@ -80,9 +68,12 @@ def solve_toeplitz(
     b : array_like of shape (n,) or (..., n, k)
     check_finite : bool
         Whether to look for numbers that are not finite; the solution for them is not a number.
-    rtol : float
+    rtol : float, optional
         Where ‖b - A x‖ ≤ rtol ‖b‖ the system is solved; where rounding does not allow that, the
-        backward error is to be that of a direct method.
+        backward error is to be that of a direct method. By default it is 1e-12; but what SciPy's
+        recursion gives for a matrix of more than 256 unknowns that is not Hermitian, and has no
+        symbol, is left as it is where its backward error is below 7e-12: to correct it takes
+        another recursion.
     full_output : bool
         Whether to return a `SolveInfo` too; of a batch, that of the worst residual.
 
@@ -107,7 +98,8 @@ def solve_toeplitz(
     -----
     scipy.linalg.LinAlgWarning
         Where the residual ‖b - A x‖ is above 1e-8 ‖b‖ and `rtol`: A is so ill-conditioned that
-        no solution in float64 does better, and x may have few correct digits.
+        no solution in float64 does better, and x may have few correct digits; or, without `rtol`,
+        x is what SciPy's recursion gives, and better ones are to be had.
 
     See Also
     --------
@@ -135,7 +127,7 @@ def solve_toeplitz(
     >>> info.method, info.residual <= 1e-12
     ('cg, fsai_preconditioner', True)
     """
-    if not 0.0 < real("rtol", rtol) < 1.0:
+    if rtol is not None and not 0.0 < real("rtol", rtol) < 1.0:
         raise ValueError(f"rtol is {rtol}, but must be between 0 and 1")
     c, r = c_or_cr, None
     if isinstance(c_or_cr, tuple):
@@ -155,11 +147,16 @@ def solve_toeplitz(
     is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
     with np.errstate(all="ignore"):  # It is seen in the residual.
         x, info = (_solve_batch if is_batch else _solve)(c, r, b, check_finite, rtol)
-    if info.residual > max(ILL_CONDITIONED, rtol):
+    is_doubtful = info.residual > max(ILL_CONDITIONED, rtol or RTOL)
+    if is_doubtful or (rtol is None and info.backward_error > ACCEPTED):
+        reason = "A is ill-conditioned, and x may have few correct digits"
+        if rtol is None and info.backward_error > GOOD:
+            reason = (
+                "the recursion loses digits of x, which rtol=1e-10 has corrected by another one"
+            )
         warnings.warn(
             f"‖b - A x‖/‖b‖ is {info.residual:.1e} although x is the solution of a system that "
-            f"differs from this one by {info.backward_error:.1e}: A is ill-conditioned, and x may "
-            "have few correct digits",
+            f"differs from this one by {info.backward_error:.1e}: {reason}",
             scipy.linalg.LinAlgWarning,
             stacklevel=2,
         )
@@ -174,7 +171,7 @@ def _numbers(values: ArrayLike, name: str) -> Array:
 
 
 def _solve_batch(
-    c: Array, r: Array, b: Array, check_finite: bool, rtol: float
+    c: Array, r: Array, b: Array, check_finite: bool, rtol: float | None
 ) -> tuple[Array, SolveInfo]:
     """Solve each system of a batch, whose shapes are broadcast."""
     core = min(b.ndim, 2)
@@ -191,7 +188,7 @@ def _solve_batch(
     is_plain = is_symmetric and x.dtype == np.float64 and x.size > 0 and n == b.shape[-core]
     if is_plain and is_faster_at_once(rest.size, n):
         found = solve_at_once(c.reshape(-1, n), b.reshape(rest.size, n, -1))
-        good = (found.residuals <= rtol) | (
+        good = (found.residuals <= (rtol or RTOL)) | (
             (found.backward_errors <= ROUNDING) & (found.residuals <= SINGULAR)
         )
         x[...] = found.x.reshape(b.shape)
@@ -209,7 +206,7 @@ def _solve_batch(
 
 
 def _solve(
-    c: Array, r: Array, b: Array, check_finite: bool, rtol: float
+    c: Array, r: Array, b: Array, check_finite: bool, rtol: float | None
 ) -> tuple[Array, SolveInfo]:
     """Solve one system, with one right-hand side or many."""
     if c.ndim != 1 or r.shape != c.shape or b.ndim == 0 or len(b) != len(c):
@@ -224,19 +221,20 @@ def _solve(
     if parts == 2:
         B = np.concatenate([np.atleast_2d(B.real), np.atleast_2d(B.imag)])
     B = np.ascontiguousarray(B, dtype)
-    if len(c) and c[0].real < 0.0:
-        # The negative of both sides: that of a negative definite matrix is positive definite.
-        B = -B
-        c, r = (-c, -r) if r is not c else 2 * (-c,)
-    if r is not c and r.dtype != c.dtype:
-        c, r = c.astype(dtype), r.astype(dtype)
-    system = ToeplitzSystem(c, r, B)
     if B.size == 0:
         X, info = B, SolveInfo("none", 0, 0.0, 0.0)
-    elif system.is_of_usual_size and isfinite(r[0]):
-        X, info = _try_methods(system, rtol)
     else:
-        X, info = _solve_unusual(system, rtol, parts, check_finite)
+        if c[0].real < 0.0:
+            # The negative of both sides: that of a negative definite matrix is positive definite.
+            B = -B
+            c, r = (-c, -r) if r is not c else 2 * (-c,)
+        if r is not c and r.dtype != c.dtype:
+            c, r = c.astype(dtype), r.astype(dtype)
+        system = ToeplitzSystem(c, r, B)
+        if system.is_of_usual_size and isfinite(r[0]):
+            X, info = solve_system(system, rtol)
+        else:
+            X, info = _solve_unusual(system, rtol, parts, check_finite)
     if parts == 2:
         X = X[: len(X) // 2] + 1j * X[len(X) // 2 :]
     elif b.ndim == 1:
@@ -245,7 +243,7 @@ def _solve(
 
 
 def _solve_unusual(
-    system: ToeplitzSystem, rtol: float, parts: int, check_finite: bool
+    system: ToeplitzSystem, rtol: float | None, parts: int, check_finite: bool
 ) -> tuple[Rows, SolveInfo]:
     """Solve a system scaled by powers of two, which changes no digit, if it is finite.
 
@@ -261,50 +259,5 @@ def _solve_unusual(
     of_A, of_B = exponents(np.concatenate([c, r[1:]])), exponents(B)
     scale = np.ldexp(1.0, -of_A)
     scaled = ToeplitzSystem(c * scale, r * scale, B * np.ldexp(1.0, -of_B))
-    X, info = _try_methods(scaled, rtol)
+    X, info = solve_system(scaled, rtol)
     return scale_back(X, of_B - of_A, parts).reshape(system.B.shape), info
-
-
-def _try_methods(system: ToeplitzSystem, rtol: float) -> tuple[Rows, SolveInfo]:
-    """Solve by the first method whose solutions, corrected, have small residuals."""
-    best: tuple[Rows, SolveInfo] | None = None
-    tried = ""
-    for method in methods(system):
-        try:
-            X, info = _correct(method, system, rtol)
-        except np.linalg.LinAlgError:
-            continue
-        if info.residual <= rtol or (info.backward_error <= GOOD and info.residual <= SINGULAR):
-            return X, info
-        if best is None or info.backward_error < best[1].backward_error:
-            best = X, info
-        tried += (
-            f"; by {method.name} ‖b - A x‖ is {info.residual:.1e} ‖b‖ and the backward error "
-            f"{info.backward_error:.1e}"
-        )
-    if best and best[1].backward_error <= ACCEPTED and best[1].residual <= SINGULAR:
-        return best
-    raise np.linalg.LinAlgError("A is singular, exactly or numerically" + tried)
-
-
-def _correct(method: Method, system: ToeplitzSystem, rtol: float) -> tuple[Rows, SolveInfo]:
-    """Solve, and correct the solution by that of its residual while this helps."""
-    sizes = system.sizes
-    X, iterations = method.solve(system.B, 0.9 * rtol)  # The recurrence of CG may drift.
-    best, least = None, inf
-    while True:
-        R = system.B - system.multiply(X)
-        errors, scales = norms(R), system.size * norms(X)
-        residual, backward_error = largest(errors / sizes), largest(errors / (scales + sizes))
-        if largest(EPS * scales / sizes) > 1.0:
-            raise np.linalg.LinAlgError("x is so large that its residual is rounding")
-        if not backward_error < least / 2:
-            return best or (X, SolveInfo(method.name, iterations, inf, inf))
-        least = backward_error
-        best = X, SolveInfo(method.name, iterations, residual, backward_error)
-        # Each column is as good as can be, by one error or by the other.
-        if residual <= rtol or np.all(errors <= np.maximum(rtol * sizes, ROUNDING * scales)):
-            return best
-        correction, steps = method.solve(R, CORRECTION)
-        X = X + correction
-        iterations += steps

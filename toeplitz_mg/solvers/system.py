@@ -1,11 +1,14 @@
 """A Toeplitz system of any size, with the quickest product of its matrix."""
 
 from functools import cached_property
-from math import sqrt
 
 import numpy as np
+from scipy.fft import next_fast_len
+from scipy.linalg.blas import dasum
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.engine.vectors import norm
+from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.circulant import smooth_eigenvalues
 from toeplitz_mg.solvers.cosine_form import CosineForm
@@ -13,6 +16,7 @@ from toeplitz_mg.solvers.fourier_form import FourierForm, has_fourier_form
 
 EPS = float(np.finfo(np.float64).eps)
 SHORT = 800  # Most unknowns of which a product by its definition is as fast as one by FFT.
+LONG = 2048  # Fewest unknowns of which a product in a domain of their own is faster than by FFT.
 LARGEST_COSINE = 2**16  # Most unknowns of which a product is by transforms at once, not in panels.
 SMALL = 256  # Most unknowns where a filled matrix is as fast, for several vectors.
 TINY = 1e-300  # Size in the place of zero, so that the relative error of zero is zero.
@@ -47,7 +51,8 @@ class ToeplitzSystem:
         self.c, self.r, self.B = c, r, B
         self.columns = 1 if B.ndim == 1 else len(B)
         self.lags = np.concatenate([r[:0:-1], c])
-        self.size = float(np.add.reduce(np.abs(self.lags)))
+        is_short = len(c) <= SHORT and c.dtype == np.float64  # BLAS has that in fewer calls.
+        self.size = dasum(self.lags) if is_short else float(np.abs(self.lags).sum())
         self.sizes = norms(B) + TINY
         self.is_symmetric = c.dtype == np.float64 and (r is c or np.array_equal(c[1:], r[1:]))
 
@@ -96,6 +101,8 @@ class ToeplitzSystem:
         if X.ndim == 1 and n <= SHORT:
             # This is `numpy.convolve`, which for some unknowns takes twice as long.
             return np.correlate(self.lags, X[::-1].conj(), "valid")
+        if X.ndim == 1 and n < LONG:
+            return self._multiply_by_transforms(X)
         if n <= SMALL:
             return X @ self._dense.T
         if self.is_symmetric and n <= LARGEST_COSINE:
@@ -103,6 +110,15 @@ class ToeplitzSystem:
         if not self.is_symmetric and self.fourier_form is not None:
             return self.fourier_form.multiply(X)
         return self.A.apply(X)
+
+    def _multiply_by_transforms(self, x: Array) -> Array:
+        """Multiply a vector by a circulant that has A as a block: that takes few calls."""
+        n = len(self.c)
+        is_complex = self.c.dtype.kind == "c"
+        forward, back = (np.fft.fft, np.fft.ifft) if is_complex else (np.fft.rfft, np.fft.irfft)
+        m = next_fast_len(len(self.lags), real=not is_complex)
+        count_transforms(3, m)
+        return back(forward(self.lags, m) * forward(x, m), m)[n - 1 : 2 * n - 1]
 
     @cached_property
     def _dense(self) -> Array:
@@ -113,11 +129,9 @@ class ToeplitzSystem:
 
 
 def norms(X: Rows) -> Array | float:
-    """Return the 2-norms of rows, or that of one vector, sooner than what prevents overflow."""
+    """Return the 2-norms of rows, or that of one vector."""
     # Python's own numbers are quicker than NumPy's, which matters where n is small.
-    if X.ndim > 1:
-        return np.sqrt(np.vecdot(X, X).real)
-    return sqrt(X.dot(X) if X.dtype == np.float64 else np.vdot(X, X).real)
+    return np.sqrt(np.vecdot(X, X).real) if X.ndim > 1 else norm(X)
 
 
 def largest(values: Array | float) -> float:

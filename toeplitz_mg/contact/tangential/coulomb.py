@@ -81,22 +81,24 @@ class Tangent:
     areas : Areas
     q : ndarray
         Admissible, |q| = g where it slides.
-    balanced : bool
-        Whether the sum of the tractions is given, so that the changes have the sum zero.
     vectors : Vectors
         The inner products of fields.
+    balanced : tuple of int
+        The components whose sum is given, so that the changes have the sum zero.
     """
 
-    def __init__(self, areas: Areas, q: Array, vectors: Vectors, *, balanced: bool) -> None:
+    def __init__(
+        self, areas: Areas, q: Array, vectors: Vectors, *, balanced: tuple[int, ...]
+    ) -> None:
         self._vectors = vectors
         self.inside = areas.stick | areas.slide
         self._is_everywhere = bool(self.inside.all())
         self.n = np.where(areas.slide, direction(q), 0.0)
-        self._normals: Array | None = None
+        self._balanced = list(balanced)
         if balanced:
-            units = np.zeros((len(q), *q.shape))
-            for k in range(len(q)):
-                units[k, k] = 1.0
+            units = np.zeros((len(balanced), *q.shape))
+            for k, component in enumerate(balanced):
+                units[k, component] = 1.0
             self._units = np.stack([self._project(e) for e in units])
             self._normals = np.linalg.pinv([vectors.dots(self._units, e) for e in self._units])
 
@@ -104,7 +106,7 @@ class Tangent:
         """Return the same directions in another precision."""
         other = copy(self)
         other.n = self.n.astype(dtype)
-        if self._normals is not None:
+        if self._balanced:
             other._units = self._units.astype(dtype)
         return other
 
@@ -115,15 +117,23 @@ class Tangent:
         return v - self.n * along(v, self.n)
 
     def multiplier(self, s: Array) -> Array:
-        """Return the components of the uniform field nearest to `s` in these directions."""
-        assert self._normals is not None
-        return self._normals @ self._vectors.dots(self._units, s)
+        """Return the components of the uniform field nearest to `s` in these directions.
+
+        Those whose sum is not given are zero.
+        """
+        multiplier = np.zeros(len(s))
+        multiplier[self._balanced] = self._weights(s)
+        return multiplier
+
+    def _weights(self, s: Array) -> Array:
+        weights: Array = self._normals @ self._vectors.dots(self._units, s)
+        return weights
 
     def __call__(self, v: Array) -> Array:
         """Project a field orthogonally to these directions."""
         v = self._project(v)
-        if self._normals is not None:
-            v -= self._vectors.combine(self.multiplier(v), self._units)
+        if self._balanced:
+            v -= self._vectors.combine(self._weights(v), self._units)
         return v
 
 
@@ -138,7 +148,7 @@ def along(v: Array, n: Array) -> Array:
 def make_admissible(
     q: Array, g: Array, areas: Areas, on_circle: Array, total: Array | None, vectors: Vectors
 ) -> tuple[Array, Areas]:
-    """Scale tractions to the bound on some elements, and restore the sum of all.
+    """Scale tractions to the bound on some elements, and restore the sum of all (see `balance`).
 
     The elements that stick carry what is missing, or else all turn. The areas change only where
     that does not do either.
@@ -168,7 +178,8 @@ def spread(total: Array, g: Array, vectors: Vectors) -> Array:
     """Return tractions of a given sum in proportion to the bound; where some are bonded, there."""
     bonded = np.isinf(g)
     share = bonded.astype(np.float64) if vectors.count(bonded) else g
-    return total.reshape(-1, *(1,) * g.ndim) * (share / vectors.sum(share))
+    wanted = np.nan_to_num(total).reshape(-1, *(1,) * g.ndim)
+    return wanted * (share / vectors.sum(share))
 
 
 def balance(
@@ -188,7 +199,7 @@ def balance(
     g : ndarray
         Their bound.
     total : ndarray of shape (components,)
-        The sum that they shall have.
+        The sum that they shall have; NaN in a component that may have any.
     movable : ndarray of bool
         The elements where the tractions may change.
     on_circle : ndarray of bool or None
@@ -202,8 +213,12 @@ def balance(
     ndarray of the shape of `q`, or None
         None where the movable elements cannot carry what is missing.
     """
-    m = len(q)
-    rest = total - sum_components(np.where(movable, 0.0, q), vectors)
+    wanted = ~np.isnan(total)
+
+    def less(q: Array, total: Array) -> Array:
+        return np.where(wanted, total - sum_components(q, vectors), 0.0)
+
+    rest = less(np.where(movable, 0.0, q), total)
     z, g_m = q[:, movable], g[movable]
     circle, unit = np.zeros(g_m.shape, bool), np.ones_like(g_m)
     if on_circle is not None:
@@ -211,10 +226,10 @@ def balance(
     if not np.linalg.norm(rest) < vectors.sum(g_m) * (1.0 - ON_BOUND):
         return None
     # The sum is the gradient of a convex function of c: Newton's method, with a search along it.
-    c = np.zeros(m)
+    c = np.zeros(len(q))
     value, p = _primitive(z, g_m, circle, unit, vectors)
-    missing = rest - sum_components(p, vectors)
-    goal = BALANCED * max(float(np.linalg.norm(total)), vectors.sum(size(p)))
+    missing = less(p, rest)
+    goal = BALANCED * max(float(np.linalg.norm(total[wanted])), vectors.sum(size(p)))
     for _ in range(STEPS):
         error = float(np.linalg.norm(missing))
         if error <= goal:
@@ -227,12 +242,14 @@ def balance(
         n = np.where(outside, direction(y), 0.0)
         weight = unit * np.where(outside, g_m / np.where(a > 0.0, a, 1.0), 1.0)
         weights = vectors.sum(weight)
-        H = weights * np.eye(m) - np.sum(vectors.gather((weight * n) @ n.T), axis=0)
-        move = np.linalg.solve(H + 1e-9 * weights * np.eye(m), missing)
+        identity = np.eye(len(q))
+        H = (1.0 + 1e-9) * weights * identity - np.sum(vectors.gather((weight * n) @ n.T), axis=0)
+        # Where any sum will do, c is zero and stays so.
+        move = np.linalg.solve(np.where(np.outer(wanted, wanted), H, identity), missing)
         for step in 0.5 ** np.arange(float(HALVINGS)):
             trial = c + step * move
             new, p = _primitive(z + trial[:, None] * unit, g_m, circle, unit, vectors)
-            missing = rest - sum_components(p, vectors)
+            missing = less(p, rest)
             descends = new - trial @ rest < value - c @ rest
             if descends or np.linalg.norm(missing) < 0.5 * error:
                 break

@@ -1,29 +1,38 @@
 """Friction that depends on the slip: a bound and the slip that belong to each other.
 
-The bound makes the tractions, these the slip, and the slip the bound: they are repeated until they
-agree, from the tractions before. Where friction falls so steeply that an element that slides more
-resists much less, they need not agree, as there may be several answers; each change is then made
-smaller.
+The bound makes the tractions, these the slip, and the slip the bound: a fixed point, which there
+always is where friction has no jumps. Anderson's acceleration finds it. Repeating the three alone
+does not, from a fall on that is a fraction of the stiffness of an element: what slides disturbs
+what is behind it, and overshoots.
+
+Where friction falls by more than that stiffness, an element may slide slowly with much friction, or
+fast with little, under the same tractions of the others: then there may be several answers, of
+which one is found.
 """
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.result import TangentialResult
+from toeplitz_mg.contact.acceleration import Pairs, accelerate, extend
+from toeplitz_mg.contact.result import ContactError, TangentialResult
 from toeplitz_mg.values import field
 
 ROUNDS = 200  # Bounds that are tried: a dozen are usual.
-LESS = 0.5  # Factor of the change of the bound where one has not brought it closer.
+LEAST = 1e-10  # Least factor of the bound: with none at all an element would be no contact.
+SLIPS = 32  # Slips between which the steepest fall is looked for.
+SMALLEST = 1e-4  # The least of them, over the largest.
 
 
 def fall(
     solve: Callable[[Array, TangentialResult | None], TangentialResult],
     g: Array,
     falling: Callable[[Array], ArrayLike],
+    stiffness: float,
     guess: TangentialResult | None,
     tolerance: float,
 ) -> TangentialResult:
@@ -37,32 +46,63 @@ def fall(
         The bound of bodies that do not slip.
     falling : callable
         Takes the size of the slip, and returns the factor.
+    stiffness : float
+        The change of the traction of an element by which its slip changes by 1, N/mm².
     guess : TangentialResult or None
     tolerance : float
         Of the bound, relative to the largest.
     """
     if not callable(falling):
         raise TypeError(f"falling is {falling!r}, but must be a function of the slip, or None")
-    largest = float(np.max(g, where=np.isfinite(g), initial=0.0))
-    bound, result = g * _factor(falling, np.zeros(g.shape)), guess
-    products, work, length, before = 0, 0.0, 1.0, np.inf
+    falls = (g > 0.0) & np.isfinite(g)  # Where the bodies are bonded they do not slip.
+    largest = float(np.max(g, where=falls, initial=0.0)) or 1.0
+    pairs: Pairs = []
+    bound = g.copy()
+    bound[falls] *= _factor(falling, np.zeros(g.shape))[falls]
+    products, work = 0, 0.0
     for _ in range(ROUNDS):
-        result = solve(bound, result)
+        result = guess = solve(bound, guess)
         products, work = products + result.products, work + result.work
-        slip = result.slip
-        s = np.abs(slip) if slip.ndim == g.ndim else np.hypot(*slip)
-        change = np.where(result.contact, _factor(falling, s), 1.0) * g - bound
-        change[~np.isfinite(change)] = 0.0  # Where the bodies are bonded they do not slip.
-        away = float(np.abs(change).max(initial=0.0)) / max(largest, np.finfo(np.float64).tiny)
-        result = replace(result, residual=max(result.residual, away), products=products, work=work)
-        if away <= tolerance or result.residual > max(away, tolerance):
+        s = np.abs(result.slip) if result.slip.ndim == g.ndim else np.hypot(*result.slip)
+        x, y = bound[falls], g[falls] * _factor(falling, s)[falls]
+        away = float(np.abs(y - x).max(initial=0.0)) / largest
+        result = replace(result, products=products, work=work)
+        if away <= tolerance or result.residual > tolerance:
             break
-        if away > before:
-            length *= LESS
-        before = away
-        bound = bound + length * change
-    assert result is not None
-    return result
+        pairs = extend(pairs, x, y)
+        bound = bound.copy()
+        bound[falls] = accelerate(pairs)
+    else:
+        raise ContactError(
+            f"after {ROUNDS} rounds of slip and friction the traction bound is off by {away:.1e} "
+            f"of the largest from that of the slip, but the tolerance is {tolerance:g}: friction "
+            f"falls by up to {_steepest(falling, g, falls, s):.3g} N/mm² where the slip grows by "
+            f"1, and from {stiffness:.3g} on, the stiffness of an element, there may be several "
+            "answers",
+            replace(result, residual=away),
+        )
+    steepest_fall = _steepest(falling, g, falls, s)
+    if steepest_fall > stiffness:
+        doubt = (
+            f"friction falls by up to {steepest_fall:.3g} N/mm² where the slip grows by 1, but an "
+            f"element resists by {stiffness:.3g} only: there may be other answers than this one"
+        )
+        result = replace(result, warnings=(*result.warnings, doubt))
+    return replace(result, residual=max(result.residual, away))
+
+
+def _steepest(falling: Callable[..., Any], g: Array, falls: Array, s: Array) -> float:
+    """Return by how much friction falls at most where the slip grows by 1, up to the slip `s`."""
+    largest = float(s.max(initial=0.0))
+    if not falls.any() or largest == 0.0:
+        return 0.0
+    slips = np.array([0.0, *np.geomspace(SMALLEST, 1.0, SLIPS) * largest])
+    before, steepest = _factor(falling, np.zeros(g.shape)), 0.0
+    for slip, step in zip(slips[1:].tolist(), np.diff(slips).tolist(), strict=True):
+        factor = _factor(falling, np.full(g.shape, slip))
+        steepest = max(steepest, float(((before - factor)[falls] * g[falls]).max()) / step)
+        before = factor
+    return steepest
 
 
 def _factor(falling: Callable[[Array], ArrayLike], s: Array) -> Array:
@@ -78,4 +118,4 @@ def _factor(falling: Callable[[Array], ArrayLike], s: Array) -> Array:
             f"falling has returned {factor.min():g} to {factor.max():g}, but a factor of the bound "
             "is finite and at least zero"
         )
-    return np.broadcast_to(factor, s.shape)
+    return np.broadcast_to(np.maximum(factor, LEAST), s.shape)

@@ -8,10 +8,12 @@ with the creepages ξ, η and the spin φ. Each has a load that works on it: Fx,
 about the pole. Either of the two is given, and the other is found.
 
 The slip of a step belongs to the middle of that step, half an element ahead of where it stands
-(`rolling`), so that the moment has the arm x + h/2: without that half an element, Kalker's C₃₃ is
-far off where few elements lie along the direction of rolling.
+(`rolling`). So the spin of the elements is one about a point half an element ahead of the pole, and
+the moment that works on it has the arm x - h/2: with the arm x Kalker's C₃₃ is 70 % off on 128²
+elements of an ellipse ten times as long as it is wide, with this arm 2 %.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -103,7 +105,7 @@ class Motion:
         arms = {"force": np.ones(g.shape)}
         wanted = {"force": float(np.linalg.norm(forces))}
         if self.loads[2] is not None:
-            arm = self._unit(grid, 2, 0.5 * grid.element[0])
+            arm = self._arm(grid, 2)
             arms["moment"], wanted["moment"] = np.hypot(*arm), abs(self.loads[2])
         for name, load in wanted.items():
             # Where there is no arm, an infinite bound carries nothing either.
@@ -120,16 +122,16 @@ class Motion:
         w = np.zeros((grid.components, *self._distances(grid)[0].shape))
         for k, value in enumerate(self.creepages):
             if value:
-                w += value * self._unit(grid, k, 0.0)
+                w += value * self._unit(grid, k)
         return w if self.slip is None else w + self.slip
 
     def units(self, grid: Any) -> Array:
         """Return the rigid slip over the distance rolled by a unit of each unknown creepage."""
-        return self._stack(grid, 0.0)
+        return self._stack(grid, self._unit)
 
     def arms(self, grid: Any) -> Array:
         """Return the fields whose inner products with the tractions are the loads given."""
-        return grid.area * self._stack(grid, 0.5 * grid.element[0])
+        return grid.area * self._stack(grid, self._arm)
 
     def work(self, grid: Any, q: Array, creepages: Array) -> tuple[Array, float]:
         """Return the forces and, on a surface, the moment of tractions, and the power they lose.
@@ -139,10 +141,7 @@ class Motion:
         of which those at the trailing edge are large and of both signs.
         """
         arms = range(grid.components + (len(grid.shape) == 2))
-        h = grid.element[0]
-        loads = np.array(
-            [grid.area * grid.vectors.sum(q * self._unit(grid, k, 0.5 * h)) for k in arms]
-        )
+        loads = np.array([grid.area * grid.vectors.sum(q * self._arm(grid, k)) for k in arms])
         power = -float(loads @ creepages[: len(loads)])
         if self.slip is not None:
             power -= grid.area * grid.vectors.sum(q * self.slip)
@@ -155,16 +154,20 @@ class Motion:
             creepages[k] = value
         return np.array(creepages, dtype=np.float64)
 
-    def _stack(self, grid: Any, ahead: float) -> Array:
+    def _stack(self, grid: Any, field_of: Callable[[Any, int], Array]) -> Array:
         if not self.unknown:
             return np.zeros((0, grid.components, *self._distances(grid)[0].shape))
-        return np.stack([self._unit(grid, k, ahead) for k in self.unknown])
+        return np.stack([field_of(grid, k) for k in self.unknown])
 
     def _distances(self, grid: Any) -> list[Array]:
         x, *y = np.meshgrid(*grid.centres(), indexing="ij")
         return [r - p for r, p in zip((x, *y), self.pole, strict=False)]
 
-    def _unit(self, grid: Any, k: int, ahead: float) -> Array:
+    def _arm(self, grid: Any, k: int) -> Array:
+        """Return the field whose inner product with the tractions, by area, is a load."""
+        return self._unit(grid, k, -0.5 * grid.element[0])
+
+    def _unit(self, grid: Any, k: int, ahead: float = 0.0) -> Array:
         """Return the field of one unit of a creepage, `ahead` of the elements along x."""
         x, *y = self._distances(grid)
         unit = np.zeros((grid.components, *x.shape))

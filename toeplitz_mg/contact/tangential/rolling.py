@@ -157,9 +157,19 @@ def rolling(
             grid, g, Window.around, asked, tolerance, nested, max_products, progress, options, guess
         )
 
-    result = solve(g, guess) if falling is None else fall(solve, g, falling, guess, tolerance)
+    if falling is None:
+        result = solve(g, guess)
+    else:
+        result = fall(solve, g, falling, stiffness_of_element(grid), guess, tolerance)
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
+
+
+def stiffness_of_element(grid: Grid) -> float:
+    """Return the change of the traction of an element by which its own slip changes by 1."""
+    alone = replace(grid, shape=(1,) * len(grid.shape))
+    K = alone.steady(alone.tangential()).toarray()
+    return grid.element[0] / float(K.diagonal().max())
 
 
 def roll(
@@ -252,8 +262,9 @@ def rolling_steps(
     bound, element, material, longitudinal, lateral, spin, slip, pole, tolerance, max_products
         The arguments of `rolling`.
     force : (float, float) or float, optional
-        The tangential force (Fx, Fy) in each step, in the place of both creepages, which are then
-        found, N; in line contact a number for the longitudinal one alone.
+        The tangential force (Fx, Fy) in each step, in the place of creepages, which are then found,
+        N; None in the place of one that is not given. In line contact a number for the longitudinal
+        one alone.
     steps : int
         The number of steps.
     previous : TangentialResult, optional
@@ -333,16 +344,14 @@ def roll_steps(
         same["whether there are tractions before"] = previous is not None
         shape = (len(motion.directions), *g.shape)
         q = np.zeros(shape) if previous is None else check_previous(previous, grid.element, shape)
-        if motion.unknown not in ((), tuple(range(len(motion.directions)))):
-            force = asked[1]
-            raise ValueError(
-                f"force is {force}, but in steps all of its components are given, or none"
-            )
     if grid.directions != motion.directions:
         grid = replace(grid, directions=motion.directions)
     motion.check_loads(grid, g)
     h = grid.element[0]
-    total = motion.wanted / grid.area if motion.unknown else None
+    total = None
+    if unknown := list(motion.unknown):
+        total = np.full(len(q), np.nan)
+        total[unknown] = motion.wanted / grid.area
     w = h * motion.rigid_slip(grid)
     about = doubts.examine_bound(grid, g > 0.0)
     window = window_around(grid, (g > 0.0) | q.any(axis=0))
@@ -363,7 +372,7 @@ def roll_steps(
                 state = solve(problem, products, guess, nested=False)
             q = state.q
             result = make_result(problem, state, window, products.count + 1, work.units(w.size))
-            found = motion.complete(-state.shift / h if motion.unknown else np.zeros(0))
+            found = motion.complete(-state.shift[unknown] / h)
             result = _per_distance(result, motion, window, q, found)
             yield check_converged(result, tolerance)
 

@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.products import Products
@@ -37,6 +36,7 @@ from toeplitz_mg.contact.tangential.motion import Complement, inner_products
 from toeplitz_mg.contact.tangential.stick_slip import (
     COARSE_PRODUCTS,
     SHARP,
+    STIFFEST,
     Linearisation,
     Problem,
     State,
@@ -50,8 +50,6 @@ from toeplitz_mg.operators import apply_to_rows
 
 REDUCTION = 0.01  # Reduction of the residual by one solution where the problem is linearised.
 SINGLE = 1e-5  # Reduction of the residual for which single precision is good.
-# Additions to the matrix whose inverses are interpolated, over its diagonal.
-ADDITIONS = np.array([0.0, 0.1, 0.5, 3.0])
 LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Least and largest diagonal of K in its range.
 BETTER = 0.9  # Factor of the least residual so far, below which a new one is progress.
 CARRYING = 8  # Attempts to restore the loads without a product: the rest is left to the next step.
@@ -144,7 +142,7 @@ def look(problem: Problem, loads: Loads, areas: Areas, q: Array, u: Array) -> Lo
     """Say what is wrong with tractions q, with the displacements u = K q."""
     vectors, b, creepages = problem.vectors, problem.b, loads.wanted
     if len(loads.wanted):
-        T = Tangent(areas, q, vectors, balanced=False)
+        T = Tangent(areas, q, vectors, balanced=())
         creepages = _complement(loads.units, T, vectors).coordinates(T(u - b))
         b = b + vectors.combine(creepages, loads.units)
         problem = replace(problem, b=b)
@@ -206,7 +204,7 @@ def find_steady_state(
             v, count = _direct_step(loads, now, areas, dense), 1
         else:
             if M is None:
-                M = problem.grid.invert_shifted(K.A, k0 * ADDITIONS, dtype)
+                M = problem.grid.invert_shifted(K.A, dtype)
             v, count = _newton_step(problem, loads, now, areas, q, K, M, options)
         iterations.append(count)
         q = q + v
@@ -233,7 +231,7 @@ def _carry(problem: Problem, loads: Loads, areas: Areas, q: Array) -> Array:
     for _ in range(CARRYING if len(loads.wanted) else 0):
         if loads.error(q, vectors) <= CARRIED:
             break
-        T = Tangent(areas, q, vectors, balanced=False)
+        T = Tangent(areas, q, vectors, balanced=())
         v = _complement(loads.arms, T, vectors).reach(loads.missing(q, vectors))
         q, _ = make_admissible(q + v, problem.g, areas, areas.slide, None, vectors)
     return q
@@ -293,52 +291,43 @@ def _newton_step(
     law, vectors = now.law, problem.vectors
     T, lam, r = law.T, law.stiffness, law.r
     k0 = problem.grid.diagonal(K.A)
-    weights = _interpolate(np.where(areas.slide, lam / k0, 0.0), M.dtype)
+    invert = M.at(np.where(areas.slide, lam, 0.0))
     of_slip = _complement(loads.units, T, vectors)
     of_tractions = _complement(loads.arms, T, vectors)
     first = np.zeros_like(q)
     if loads.error(q, vectors) > CARRIED:
         first = of_tractions.reach(now.missing)
         r = of_slip(r - T(K(first)) - lam * first)
-    before = vectors.norm(r)
-    if before == 0.0:
+    if vectors.norm(r) == 0.0:
         return first, 0
     largest = vectors.max(np.abs(r))
-    exact = max(SHARP * problem.tolerance * law.scale, SINGLE * before)
+    exact = max(SHARP * problem.tolerance * law.scale, SINGLE * largest)
     if len(r) > 1 and vectors.count(areas.slide):  # The circle |q| = g is linearised.
-        exact = max(exact, REDUCTION * before)
-
-    def goal(v: Array) -> float:
-        return max(exact, k0 * problem.excess(q + v) * before / largest)
-
+        exact = max(exact, REDUCTION * largest)
     most = min(options.iterations, max(1, K.limit - K.count))
-    # All of them are kept, so that the goal of each iterate is told without a product more.
+    # All of them are kept, so that what is wrong with each iterate is told without a product more.
     directions = np.empty((most, *r.shape), M.dtype)
+    along_n = np.empty((most, *r.shape[1:]), M.dtype)
+    T, lam = T.astype(M.dtype), np.minimum(lam, STIFFEST * k0).astype(M.dtype)
 
     def multiply(v: Array, out: Array) -> Array:
         d = directions[space.dimension]
-        d[...] = of_tractions(T(M(T(v), weights)))
-        return of_slip(T(K(d)) + lam * d)
+        d[...] = of_tractions(T(invert(T(v))))
+        Kd = K(d)
+        along_n[space.dimension] = along(Kd, T.n)
+        return of_slip(T(Kd) + lam * d)
 
     space = KrylovSpace(multiply, r.shape, M.dtype, most, vectors)
     space.begin(r)
+    against = along(law.minus_slip, law.T.n)
     while True:
-        least = space.extend()
-        v = vectors.combine(space.weights(), directions[: space.dimension]).astype(np.float64)
-        if least <= goal(first + v) or space.dimension == most:
-            return first + v, space.dimension
-
-
-def _interpolate(addition: Array, dtype: DTypeLike) -> list[Array]:
-    """Return weights with which the inverses of K + ν make up one for an addition at each place.
-
-    They are linear in 1/(k₀ + ν), and so exact where K is its diagonal k₀; beyond the last ν the
-    inverse is that times the ratio.
-    """
-    of_nodes, wanted = 1.0 / (1.0 + ADDITIONS), 1.0 / (1.0 + addition)
-    weights = [np.interp(-wanted, -of_nodes, unit).astype(dtype) for unit in np.eye(len(ADDITIONS))]
-    weights[-1] *= np.minimum(1.0, wanted / of_nodes[-1]).astype(dtype)
-    return weights
+        space.extend()
+        weights, k = space.weights(), space.dimension
+        v = first + vectors.combine(weights, directions[:k])
+        slips = vectors.min(against - vectors.combine(weights, along_n[:k]))
+        goal = max(exact, k0 * problem.excess(q + v), -slips)
+        if vectors.max(np.abs(space.residual())) <= goal or k == most:
+            return v, k
 
 
 def _first_guess(

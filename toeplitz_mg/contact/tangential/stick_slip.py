@@ -60,7 +60,7 @@ class Problem:
     b : ndarray of shape (components, ...)
         The displacements, were there no slip. With a total they lack a uniform shift.
     total : ndarray of shape (components,) or None
-        Sum of the tractions, where the force is given.
+        Sum of the tractions, where the force is given; NaN in a component where it is not.
     tolerance : float
         The violation that is allowed, over the largest displacement or `least`.
     least : float
@@ -90,6 +90,13 @@ class Problem:
     def vectors(self) -> Vectors:
         """The inner products, sums and extremes of fields."""
         return self.grid.vectors
+
+    @property
+    def balanced(self) -> tuple[int, ...]:
+        """The components whose sum is given."""
+        if self.total is None:
+            return ()
+        return tuple(k for k, F in enumerate(self.total.tolist()) if F == F)
 
     def uniform(self, vector: Array) -> Array:
         """Return the components of a vector, to broadcast with fields."""
@@ -148,7 +155,7 @@ class Linearisation:
 def linearise(problem: Problem, areas: Areas, q: Array, u: Array) -> Linearisation:
     """Linearise Coulomb's law about the tractions q, with the displacements u = A q."""
     contact, b, vectors = problem.g > 0.0, problem.b, problem.vectors
-    T = Tangent(areas, q, vectors, balanced=problem.total is not None)
+    T = Tangent(areas, q, vectors, balanced=problem.balanced)
     shift = np.zeros(len(q)) if problem.total is None else T.multiplier(u - b)
     target = b + problem.uniform(shift)
     minus_slip = target - u

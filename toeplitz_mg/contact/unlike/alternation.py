@@ -3,17 +3,17 @@
 For pressures p the tangential problem has the bound μ p, and displacements by p; for its tractions
 q the normal problem has a gap that is wider by their displacements. One after the other they are
 a map p → p' whose fixed point solves both. It contracts: by K of the materials and by μ. Anderson's
-acceleration finds the fixed point from the last three pairs.
+acceleration finds the fixed point from the last three pairs: their combination presses on elements
+of the last one only, as where others were in contact it would press on an open gap.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
 from typing import Protocol
 
-import numpy as np
-
 from toeplitz_mg._typing import Array, Progress
-
-DEPTH = 2  # Differences of pairs that the acceleration combines: more of them save nothing.
+from toeplitz_mg.contact.acceleration import Pairs, accelerate, extend
 
 
 class Normal(Protocol):
@@ -29,6 +29,36 @@ class Normal(Protocol):
         """Return pressures of the given sum, if one is given."""
 
 
+@dataclass
+class Report:
+    """What is told of the products of one solution after the other.
+
+    Attributes
+    ----------
+    progress : callable or None
+        Called as ``progress(products, residual)`` after each product.
+    products : int
+        Those of the solutions before.
+    residual : float
+        The violation after the last iteration: infinite before, when a solution tells its own.
+    """
+
+    progress: Progress | None
+    products: int = 0
+    residual: float = inf
+
+    def __call__(self, products: int, residual: float) -> None:
+        """Tell of products of the solution that is under way."""
+        if self.progress is not None:
+            known = self.residual < inf
+            self.progress(self.products + products, self.residual if known else residual)
+
+    def look(self, residual: float) -> None:
+        """Tell of the violation after an iteration."""
+        self.residual = residual
+        self(0, residual)
+
+
 def alternate(
     normal: Normal,
     shear: Callable[[Array], Array],
@@ -36,7 +66,7 @@ def alternate(
     *,
     tolerance: float,
     most: int,
-    progress: Progress | None = None,
+    report: Report,
 ) -> tuple[Array, tuple[float, ...]]:
     """Find the pressures with which both problems hold.
 
@@ -52,8 +82,7 @@ def alternate(
         The violation of the conditions of normal contact that is allowed.
     most : int
         Most iterations.
-    progress : callable, optional
-        Called as ``progress(iterations, residual)``.
+    report : Report
 
     Returns
     -------
@@ -61,33 +90,13 @@ def alternate(
     residuals : tuple of float
         The violation in each iteration.
     """
-    pairs: list[tuple[Array, Array]] = []
+    pairs: Pairs = []
     residuals: list[float] = []
     while True:
         q = shear(p)
         residuals.append(normal.look(q, p))
-        if progress is not None:
-            progress(len(residuals), residuals[-1])
+        report.look(residuals[-1])
         if residuals[-1] <= tolerance or len(residuals) == most:
             return p, tuple(residuals)
-        pairs = [*pairs, (p, normal.solve(q, p))][-DEPTH - 1 :]
+        pairs = extend(pairs, p, normal.solve(q, p))
         p = normal.balance(accelerate(pairs))
-
-
-def accelerate(pairs: list[tuple[Array, Array]]) -> Array:
-    """Return pressures near the fixed point, by Anderson's method, from pairs (p, p').
-
-    Of the affine combinations of the pairs it is p' of the one in which p' - p is least. The
-    elements in contact are those of the last pair: where others were, the combination would press
-    on an open gap.
-    """
-    _, image = pairs[-1]
-    if len(pairs) == 1:
-        return image
-    steps = [y - x for x, y in pairs]
-    differences = [(steps[-1] - step).ravel() for step in steps[:-1]]
-    weights, *_ = np.linalg.lstsq(np.stack(differences, axis=1), steps[-1].ravel(), rcond=None)
-    mixed = image.copy()
-    for weight, (_, earlier) in zip(weights, pairs[:-1], strict=True):
-        mixed -= weight * (image - earlier)
-    return np.where((image > 0.0) & (mixed > 0.0), mixed, image)

@@ -16,13 +16,9 @@ from toeplitz_mg.contact.checks import (
     check_shift,
 )
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.unlike.alternation import alternate
-from toeplitz_mg.contact.unlike.result import (
-    Before,
-    FrictionalResult,
-    check_both,
-    check_friction,
-)
+from toeplitz_mg.contact.unlike.alternation import Report, alternate
+from toeplitz_mg.contact.unlike.checks import check_both, check_friction
+from toeplitz_mg.contact.unlike.result import Before, FrictionalResult
 from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Shifting, bound_of
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
@@ -97,7 +93,8 @@ def frictional_contact(
     max_products : int
         More products with a matrix in a solution of one of them are taken for a failure.
     progress : callable, optional
-        Called as ``progress(iterations, residual)`` in each iteration.
+        Called as ``progress(products, residual)`` after each product, of both problems, with the
+        violation after the last iteration between them.
 
     Returns
     -------
@@ -162,7 +159,7 @@ def frictional_contact(
     else:
         before = check_state(previous, grid, b.shape)
         guess = extrapolate(previous, before, approach, force).reshape(b.shape)
-    inner = INNER * tolerance
+    inner, report = INNER * tolerance, Report(progress)
     with count_products() as work:
         coupling = Coupling(grid.coupling())
         least = 0.0
@@ -170,9 +167,9 @@ def frictional_contact(
             u = apply_to_rows(grid.tangential(), before.traction.ravel()).reshape(b.shape)
             u += coupling.along(previous.normal.pressure)
             b, least = b + u, float(np.abs(u).max())
-        pressing = Pressing.of(grid, z, coupling, approach, force, inner, max_products)
+        pressing = Pressing.of(grid, z, coupling, approach, force, inner, max_products, report)
         shifting = Shifting(
-            grid, coupling, mu, b, total, least, inner, max_products, nested, q=guess
+            grid, coupling, mu, b, total, least, inner, max_products, nested, report, guess
         )
         p = pressing.begin(guess, nested=nested)
         if total is not None:
@@ -183,7 +180,7 @@ def frictional_contact(
             p,
             tolerance=tolerance,
             most=most,
-            progress=progress,
+            report=report,
         )
         assert shifting.q is not None
         normal = pressing.result(shifting.q, p, 0.0)

@@ -1,27 +1,26 @@
 """What contact with friction of unlike materials has for an answer."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.result import (
-    ContactError,
-    NormalResult,
-    TangentialResult,
-    check_converged,
-)
-from toeplitz_mg.values import real
+from toeplitz_mg.contact import fields, saving
+from toeplitz_mg.contact.normal.result import NormalResult
+from toeplitz_mg.contact.tangential.result import TangentialResult
 
 
-class Before(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Before:
     """Tractions before a step, with the force and the approach that pressed."""
 
     traction: Array
     force: float
     approach: float
 
+    def __post_init__(self) -> None:
+        fields.protect(self)
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class FrictionalResult:
     """Bodies that are pressed together with friction: what holds across, and what along.
 
@@ -58,27 +57,15 @@ class FrictionalResult:
         """Why the answer may not be of the problem that was meant."""
         return self.normal.warnings + self.tangential.warnings
 
+    save, to_xarray, to_vtk = saving.save, saving.to_xarray, saving.to_vtk
+
     def summary(self) -> str:
         """Return the figures of both results with their units, a line each."""
         return f"{self.normal.summary()}\n\n{self.tangential.summary()}"
 
+    def __repr__(self) -> str:
+        """Return the first figures of both results."""
+        return f"<FrictionalResult: {self.normal!r}, {self.tangential!r}>"
 
-def check_friction(mu: float) -> float:
-    """Return a coefficient of friction, or say what is wrong with it."""
-    mu = real("mu", mu)
-    if not mu >= 0.0:
-        raise ValueError(f"mu is {mu}, but a coefficient of friction is at least zero")
-    return mu
-
-
-def check_both(result: FrictionalResult, tolerance: float) -> FrictionalResult:
-    """Return the result, or raise ContactError where it violates a condition."""
-    check_converged(result.tangential, tolerance)
-    if result.residual <= tolerance:
-        return result
-    raise ContactError(
-        f"after {len(result.residuals)} iterations between pressures and friction the conditions "
-        f"of contact are violated by {result.residual:.1e} of the largest interference, but the "
-        f"tolerance is {tolerance:g}",
-        result.normal,
-    )
+    def _repr_html_(self) -> str:
+        return self.normal._repr_html_() + self.tangential._repr_html_()

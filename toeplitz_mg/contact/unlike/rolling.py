@@ -15,9 +15,10 @@ from toeplitz_mg.contact.tangential.motion import Motion
 from toeplitz_mg.contact.tangential.rolling import roll
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
 from toeplitz_mg.contact.tangential.window import Window
-from toeplitz_mg.contact.unlike.alternation import alternate
+from toeplitz_mg.contact.unlike.alternation import Report, alternate
+from toeplitz_mg.contact.unlike.checks import check_both, check_friction
 from toeplitz_mg.contact.unlike.pressing import INNER
-from toeplitz_mg.contact.unlike.result import FrictionalResult, check_both, check_friction
+from toeplitz_mg.contact.unlike.result import FrictionalResult
 from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Rolling, bound_of
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.values import count, field, refuse_masked
@@ -125,23 +126,25 @@ def frictional_rolling(
     given = np.zeros((grid.components, *z.shape))
     if motion.slip is not None:
         given = given + motion.slip
-    inner = INNER * tolerance
+    inner, report = INNER * tolerance, Report(progress)
 
     def solve(g: Array, slip: Array, guess: TangentialResult | None) -> TangentialResult:
         field_of_slip = slip[0] if len(slip) == 1 else slip
         asked = creepages, tangential_force, moment, field_of_slip, pole
-        return roll(
-            grid, g, Window.around, asked, inner, nested, max_products, None, options, guess
+        found = roll(
+            grid, g, Window.around, asked, inner, nested, max_products, report, options, guess
         )
+        report.products += found.products
+        return found
 
     with count_products() as work:
         coupling = Coupling(grid.coupling())
-        pressing = Pressing.of(grid, z, coupling, approach, force, inner, max_products)
+        pressing = Pressing.of(grid, z, coupling, approach, force, inner, max_products, report)
         rolling = Rolling(grid, coupling, Coupling(grid.coupling(ahead=1)), mu, solve, given)
         p = pressing.begin(None, nested=nested)
         motion.check_loads(grid, bound_of(mu, p))
         p, residuals = alternate(
-            pressing, rolling, p, tolerance=tolerance, most=most, progress=progress
+            pressing, rolling, p, tolerance=tolerance, most=most, report=report
         )
         assert rolling.found is not None
         q = rolling.found.traction.reshape(given.shape)

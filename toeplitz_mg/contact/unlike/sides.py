@@ -17,6 +17,7 @@ from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.contact.tangential import friction, stick_slip
 from toeplitz_mg.contact.tangential.window import Window
+from toeplitz_mg.contact.unlike.alternation import Report
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.values import in_range
 
@@ -67,6 +68,8 @@ class Pressing:
     tolerance : float
     max_products : int
         The limit of products in each solution.
+    report : Report
+        What is told of them.
     products : int
         Products so far.
     iterations : list of int
@@ -81,6 +84,7 @@ class Pressing:
     force: float | None
     tolerance: float
     max_products: int
+    report: Report
     products: int = 0
     iterations: list[int] = field(default_factory=list)
 
@@ -94,6 +98,7 @@ class Pressing:
         force: float | None,
         tolerance: float,
         max_products: int,
+        report: Report,
     ) -> Self:
         """Return the problem of a gap, an approach from where it is given, or a force."""
         # A large distance would bury the interference in its rounding.
@@ -103,7 +108,8 @@ class Pressing:
         if approach is not None:
             approach = float(approach) - distance
             in_range("the interference", max(0.0, approach))
-        return cls(grid, z - distance, distance, coupling, approach, force, tolerance, max_products)
+        gap = z - distance
+        return cls(grid, gap, distance, coupling, approach, force, tolerance, max_products, report)
 
     def begin(self, q: Array | None, *, nested: bool) -> Array:
         """Return the pressures with tractions q, or none."""
@@ -131,7 +137,7 @@ class Pressing:
         return make_result(self.grid, self.z, state, self.products, work, self.distance)
 
     def _search(self, z: Array) -> Search:
-        search = Search(self.grid, z, self.approach, self.force, self.tolerance)
+        search = Search(self.grid, z, self.approach, self.force, self.tolerance, self.report)
         if np.isinf(z).any():
             search = replace(search, z=search.put_out_of_reach())
         return search
@@ -143,10 +149,14 @@ class Pressing:
         products = Products(search.matrix, self.max_products)
         guess = None if guess is None or not guess.any() else guess * search.unit
         state = solve(search, products, nested=nested, guess=guess)
-        self.products += products.count
+        self._add(products.count)
         self.iterations += state.iterations
         p: Array = state.p / search.unit
         return p
+
+    def _add(self, products: int) -> None:
+        self.products += products
+        self.report.products += products
 
     def _is_apart(self, z: Array) -> bool:
         """Return whether nothing is pressed where the gap is z."""
@@ -162,7 +172,7 @@ class Pressing:
         search = self._search(self.z + across)
         x = p * search.unit
         u = apply_to_rows(search.matrix, x.ravel()).reshape(x.shape)
-        self.products += 1
+        self._add(1)
         law = search.look(Iterate(x, u, p > 0.0))
         return State(p, u + across, law.touching, law.residual)
 
@@ -186,6 +196,7 @@ class Shifting:
     tolerance : float
     max_products : int
     nested : bool
+    report : Report
     q : ndarray or None
         The tractions, on the whole grid: the last, or a first guess.
     """
@@ -199,6 +210,7 @@ class Shifting:
     tolerance: float
     max_products: int
     nested: bool
+    report: Report
     q: Array | None = None
     slide: Array | None = None
     products: int = 0
@@ -218,6 +230,7 @@ class Shifting:
             self.total,
             self.tolerance,
             self.least,
+            self.report,
         )
         products = Products(self._matrix, self.max_products)
         guess, areas = None, None
@@ -226,6 +239,7 @@ class Shifting:
             guess, areas = stick_slip.admit(problem, window.cut(self.q), window.cut(slide))
         state = stick_slip.solve(problem, products, guess, nested=self.nested, areas=areas)
         self.products += products.count
+        self.report.products += products.count
         self.problem, self.state = problem, state
         self.slide = window.extend(state.areas.slide)
         self.q = window.extend(state.q)

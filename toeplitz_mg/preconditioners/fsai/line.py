@@ -96,6 +96,12 @@ class LineLevel:
         """The number of multiplications in one application."""
         return 2 * self.n * (BLOCK + 1) + self.coarse.multiplications
 
+    def __call__(self, x: Array) -> Array:
+        """Apply the levels to a vector."""
+        y = np.empty_like(x)
+        self.multiply(x, y)
+        return y
+
     def multiply(self, X: Array, out: Array) -> None:
         """Apply the levels to rows, of shape (..., n), into `out`, contiguous, which may be X."""
         X, out = X.reshape(-1, self.n), out.reshape(-1, self.n)

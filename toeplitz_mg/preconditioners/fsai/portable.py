@@ -2,7 +2,8 @@
 
 The sparse matrices have at most so many entries in each row, and so have their transposes: of each
 row the first entries are a vector, the second ones another, and so on. A product multiplies them
-with the numbers that they see, and needs no sparse matrices of the library.
+with the numbers that they see, and needs no sparse matrices of the library. The transpose has no
+entries of its own, but their places, which also say which number they are multiplied with.
 """
 
 from functools import partial
@@ -18,7 +19,7 @@ from toeplitz_mg.preconditioners.fsai.levels import Direct
 
 
 class EntriesInTurn:
-    """A sparse matrix as vectors of entries.
+    """A sparse matrix as vectors of entries, and its transpose as the places of these.
 
     Parameters
     ----------
@@ -27,39 +28,58 @@ class EntriesInTurn:
     """
 
     def __init__(self, library: Any, matrix: csr_array) -> None:
-        self._library, self._entries = library, []
-        lengths, self._rows = np.diff(matrix.indptr), matrix.shape[0]
-        for k in range(max(1, int(lengths.max(initial=0)))):
-            at = np.minimum(matrix.indptr[:-1] + k, max(0, matrix.nnz - 1))
-            entries = np.where(k < lengths, matrix.data[at], 0)
-            columns = np.where(k < lengths, matrix.indices[at], 0).astype(np.int32)
-            self._entries.append((library.from_numpy(entries), library.from_numpy(columns)))
+        self._take, self._n = library.xp.take, max(1, matrix.shape[0])
+        lengths, columns = np.diff(matrix.indptr), matrix.indices
+        rows = np.repeat(np.arange(matrix.shape[0]), lengths)
+        places = (np.arange(matrix.nnz) - matrix.indptr[rows]) * self._n + rows
+        size = self._n * max(1, int(lengths.max(initial=0)))
+        # What a row has not, and what a row of the transpose has not, is the zero at the end.
+        entries, seen = np.zeros(size + 1, matrix.dtype), np.zeros(size, np.int32)
+        entries[places], seen[places] = matrix.data, columns
+        self._entries = library.from_numpy(entries)
+        self._columns = [library.from_numpy(a) for a in seen.reshape(-1, self._n)]
+        places = places[np.argsort(columns, kind="stable")]
+        counts = np.bincount(columns, minlength=matrix.shape[1])
+        ends = np.cumsum(counts)
+        small = np.dtype(np.int32 if size < 2**31 else np.int64)
+        self._places = []
+        for k in range(max(1, int(counts.max(initial=0)))):
+            at = np.where(k < counts, ends - counts + k, 0)
+            place = np.where(k < counts, places[at] if len(places) else 0, size)
+            self._places.append(library.from_numpy(place.astype(small)))
 
-    def __call__(self, x: Any) -> Any:
+    def multiply(self, x: Any) -> Any:
         """Return the product with a vector."""
         y = None
-        for entries, columns in self._entries:
-            part = self._library.xp.take(x, columns)
-            part *= entries
+        for k, columns in enumerate(self._columns):
+            part = self._take(x, columns)
+            part *= self._entries[k * self._n : (k + 1) * self._n]
             y = part if y is None else y + part
         return y
+
+    def multiply_transposed(self, y: Any) -> Any:
+        """Return the product of the transpose with a vector."""
+        x = None
+        for places in self._places:
+            part = self._take(self._entries, places)
+            part *= self._take(y, places % self._n)
+            x = part if x is None else x + part
+        return x
 
 
 class PortableLevel:
     """Gᵀ (I - W Wᵀ + W E⁻¹ Wᵀ) G (see `levels.Level`)."""
 
     def __init__(self, library: Any, level: Any) -> None:
-        G, W = level.G.tocsr(), level.W.tocsr()
-        self._G, self._to_G = (EntriesInTurn(library, a) for a in (G, G.T.tocsr()))
-        self._W, self._to_W = (EntriesInTurn(library, a) for a in (W, W.T.tocsr()))
+        self._G, self._W = (EntriesInTurn(library, a.tocsr()) for a in (level.G, level.W))
         self._coarse = bring(library, level.coarse)
 
     def __call__(self, x: Any) -> Any:
         """Apply the inverse to a vector."""
-        y = self._G(x)
-        a = self._to_W(y)
-        y += self._W(self._coarse(a) - a)
-        return self._to_G(y)
+        y = self._G.multiply(x)
+        a = self._W.multiply_transposed(y)
+        y += self._W.multiply(self._coarse(a) - a)
+        return self._G.multiply_transposed(y)
 
 
 def bring(library: Any, level: Any) -> Any:

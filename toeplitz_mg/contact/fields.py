@@ -1,0 +1,54 @@
+"""What both kinds of results have: fields that cannot be written to, and where they are."""
+
+import dataclasses
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+
+# These are methods and properties of results, of both classes.
+
+
+def protect(result: Any) -> None:
+    """Put views that cannot be written to in the place of the arrays."""
+    for field in dataclasses.fields(result):
+        value = vars(result)[field.name]  # What is computed on demand is not asked for here.
+        if isinstance(value, np.ndarray):
+            value = _read_only(value)
+        elif isinstance(value, tuple):
+            value = tuple(_read_only(x) if isinstance(x, np.ndarray) else x for x in value)
+        object.__setattr__(result, field.name, value)
+
+
+def restore(result: Any, state: dict[str, Any]) -> None:
+    """Read what was pickled, or copied: arrays can be written to then, until they are protected."""
+    vars(result).update(state)
+    protect(result)
+
+
+def _x(result: Any) -> Array:
+    """The centres of the elements along the first axis, mm."""
+    centres: Array = result.centres[0]
+    return centres
+
+
+def _y(result: Any) -> Array | None:
+    """The centres of the elements along the second axis, mm; None in line contact."""
+    return result.centres[1] if len(result.centres) > 1 else None
+
+
+def _contact_fraction(result: Any) -> float:
+    """The area of contact over that of the grid."""
+    share: float = result.area / (prod(result.shape) * prod(result.element))
+    return share
+
+
+x, y, contact_fraction = property(_x), property(_y), property(_contact_fraction)
+
+
+def _read_only(x: Array) -> Array:
+    view = x.view()
+    view.flags.writeable = False
+    return view

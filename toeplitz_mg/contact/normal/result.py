@@ -1,0 +1,202 @@
+"""What bodies that are pressed together have for an answer."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact import fields, plotting, saving
+from toeplitz_mg.contact.summary import (
+    Figure,
+    describe_cost,
+    describe_grid,
+    list_figures,
+    shorten,
+    tabulate_figures,
+)
+from toeplitz_mg.contact.units import units_of
+from toeplitz_mg.halfspace import CombinedMaterial
+
+
+class OnDemand:
+    """A number of a dataclass, or a function that computes it when it is first asked for."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, instance: Any, owner: type) -> float | None:
+        if instance is None:
+            return None  # The default.
+        value = vars(instance)[self._name]
+        if callable(value):
+            value = vars(instance)[self._name] = value()
+        return value
+
+    def __set__(self, instance: Any, value: float | Callable[[], float] | None) -> None:
+        vars(instance)[self._name] = value
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class NormalResult:
+    """Two bodies that are pressed together: pressures, gap, area, force, and what they cost.
+
+    Fields have the shape of the grid, (n,) or (n1, n2), and cannot be written to.
+
+    Attributes
+    ----------
+    material : CombinedMaterial
+        Of the two bodies together; `material=` of all functions takes it.
+    shape : tuple of int
+        The elements of the grid along each axis.
+    element : tuple of float
+        Size of an element, mm.
+    centres : tuple of ndarray
+        The centres of the elements along each axis, mm (see `x` and `y`).
+    pressure : ndarray
+        The pressures, N/mm²; also named `traction`.
+    displacement : ndarray
+        The displacement of both bodies together along the pressure, mm.
+    gap : ndarray
+        The gap under load, mm: at least zero, and zero in contact, within `residual` of the
+        largest interference.
+    contact : ndarray of bool
+        Where the bodies touch: the pressure is positive.
+    area : float
+        The area of contact, mm²; in plane strain its width, mm.
+    force : float
+        The force that presses, N; in plane strain N per mm of length.
+    approach : float
+        The approach of the bodies, mm; also named `rigid`.
+    max_pressure : float
+        The largest pressure, N/mm².
+    energy : float
+        The elastic energy ½ ∫ p u of both bodies, N mm; in plane strain N.
+    touches_edge : bool
+        Whether the contact reaches an edge of the grid.
+    periodic : tuple of bool
+        Along which axes the surface repeats.
+    plastic : ndarray or None
+        Where a hardness was given, the depth by which elements that bear it have yielded, mm.
+    stiffness : float or None
+        The change of the force by that of the approach, N/mm; in plane strain N/mm². It is
+        computed when it is first asked for, by a few products.
+    products : int
+        Products with the matrix of this grid.
+    work : float
+        All work, that on coarser grids, in preconditioners and in transforms of coefficients
+        too, in such products.
+    iterations : tuple of int
+        Iterations of conjugate gradients on this grid, between two changes of the area.
+    residual : float
+        The largest violation of the conditions of contact, over the largest interference: at most
+        the tolerance.
+    warnings : tuple of str
+        Why the answer may not be of the problem that was meant, each of which is a
+        `ContactWarning` too: the grid too small or too coarse, a unit or a sign mistaken, or
+        pressures and slopes beyond the theory.
+
+    See Also
+    --------
+    TangentialResult : of friction and rolling.
+    """
+
+    material: CombinedMaterial
+    shape: tuple[int, ...]
+    element: tuple[float, ...]
+    centres: tuple[Array, ...]
+    pressure: Array
+    displacement: Array
+    gap: Array
+    contact: Array
+    area: float
+    force: float
+    approach: float
+    max_pressure: float
+    energy: float
+    touches_edge: bool
+    periodic: tuple[bool, ...] = ()
+    plastic: Array | None = None
+    stiffness: OnDemand = OnDemand()
+    products: int = 0
+    work: float = 0.0
+    iterations: tuple[int, ...] = ()
+    residual: float = 0.0
+    warnings: tuple[str, ...] = ()
+
+    # What only tangential contact has.
+    slip: ClassVar[None] = None
+    stick: ClassVar[None] = None
+    sliding: ClassVar[None] = None
+    bound: ClassVar[None] = None
+
+    def __post_init__(self) -> None:
+        fields.protect(self)
+
+    @property
+    def traction(self) -> Array:
+        """The pressures, N/mm², by the name that they share with tangential tractions."""
+        return self.pressure
+
+    @property
+    def magnitude(self) -> Array:
+        """The size of the traction in each element, N/mm²: here the pressures."""
+        return self.pressure
+
+    @property
+    def rigid(self) -> float:
+        """The approach, mm, by the name that it shares with a shift and creepages."""
+        return self.approach
+
+    @property
+    def mean_pressure(self) -> float:
+        """The mean pressure in contact, N/mm²; zero where nothing touches."""
+        return self.force / self.area if self.area else 0.0
+
+    def plot(self, field: str | None = None, ax: Any = None) -> Any:
+        """Draw the pressures, or another field.
+
+        Parameters
+        ----------
+        field : str, optional
+            "pressure", "gap" or "displacement"; by default the first.
+        ax : matplotlib.axes.Axes, optional
+            Where to draw, as beside other results; by default on a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ValueError
+            Where there is no such field.
+        ImportError
+            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
+        """
+        return plotting.draw(self, field, ax)
+
+    __setstate__ = fields.restore
+    x, y, contact_fraction = fields.x, fields.y, fields.contact_fraction
+    save, to_xarray, to_vtk = saving.save, saving.to_xarray, saving.to_vtk
+    summary, __repr__, _repr_html_ = list_figures, shorten, tabulate_figures
+
+    def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
+        title = f"Normal contact, {describe_grid(self.shape, self.element)}"
+        figures = self._figures()
+        stiffness = saving.split_fields(self)[1]["stiffness"]
+        if stiffness is not None:
+            figures.insert(2, Figure("stiffness", stiffness, units_of(self.element).stiffness))
+        return title, figures, describe_cost(self.products, self.residual), self.warnings
+
+    def _figures(self) -> list[Figure]:
+        units = units_of(self.element)
+        figures = [
+            Figure("force", self.force, units.force),
+            Figure("approach", self.approach, "mm"),
+            Figure("contact", self.area, units.area),
+            Figure("share of the grid", 100.0 * self.contact_fraction, "%"),
+            Figure("mean pressure", self.mean_pressure, "N/mm²"),
+            Figure("largest pressure", self.max_pressure, "N/mm²"),
+            Figure("elastic energy", self.energy, units.energy),
+        ]
+        return [figure for figure in figures if figure.value is not None]

@@ -1,0 +1,203 @@
+"""What bodies that shift or roll on each other have for an answer."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact import fields, plotting, saving
+from toeplitz_mg.contact.summary import (
+    Figure,
+    describe_cost,
+    describe_grid,
+    list_figures,
+    shorten,
+    tabulate_figures,
+)
+from toeplitz_mg.contact.units import units_of
+from toeplitz_mg.halfspace import CombinedMaterial
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class TangentialResult:
+    """Two bodies that shift or roll on each other: tractions, slip, areas of stick and of slip.
+
+    Fields have the shape of the grid, and cannot be written to; those with a direction have on a
+    surface the components x and y first, (2, n1, n2).
+
+    Attributes
+    ----------
+    material : CombinedMaterial
+        Of the two bodies together; `material=` of all functions takes it.
+    shape : tuple of int
+        The elements of the grid along each axis.
+    element : tuple of float
+        Size of an element, mm.
+    centres : tuple of ndarray
+        The centres of the elements along each axis, mm (see `x` and `y`).
+    traction : ndarray
+        The tangential tractions, N/mm².
+    displacement : ndarray
+        The displacement of both bodies together along the tractions, mm, in rolling too. It is
+        given, as the slip is, in contact only, and zero elsewhere.
+    slip : ndarray
+        The slip (Eq. 1): along minus the traction where the bodies slide, zero where they stick.
+        It is in mm, in rolling over the distance rolled, dimensionless.
+    bound : ndarray
+        The traction bound g, N/mm².
+    contact : ndarray of bool
+        Where the bodies touch: the traction bound is positive.
+    stick : ndarray of bool
+        Where the bodies stick.
+    area : float
+        The area of contact, mm²; in plane strain its width, mm.
+    stick_area : float
+        The part of it where the bodies stick.
+    force : float or ndarray of shape (2,)
+        The sum of the tractions, N; in plane strain N per mm of length.
+    energy : float
+        The elastic energy ½ ∫ q u of both bodies, N mm; in plane strain N.
+    touches_edge : bool
+        Whether the contact reaches an edge of the grid.
+    periodic : tuple of bool
+        Along which axes the surface repeats.
+    shift : float, ndarray or None
+        In friction, the rigid shift of the bodies since the previous tractions, mm; None in
+        rolling.
+    total_shift : float, ndarray or None
+        In friction, the sum of that shift and those of all results before it; None in rolling.
+    creepages : float, ndarray or None
+        In rolling, the creepages (longitudinal, lateral, spin), the first two dimensionless, the
+        spin in 1/mm, and in line contact that is rolled along x alone the longitudinal one; None in
+        friction.
+    moment : float or None
+        In rolling, the moment of the tractions about the pole, N mm, with the arm x - h/2, as the
+        slip belongs half an element ahead of where it stands; None in friction and in line contact.
+    power : float or None
+        The power that slip dissipates, in rolling over the speed, N, from forces and creepages,
+        which is exact in the steady state; in friction the work of this shift, N mm; None where it
+        was not asked for.
+    products : int
+        Products with the matrix of the smallest rectangle around the elements in contact.
+    work : float
+        All work, that on coarser grids, in preconditioners and in transforms of coefficients
+        too, in such products.
+    iterations : tuple of int
+        Iterations of the Krylov method on this grid, between two changes of the areas.
+    residual : float
+        The largest violation of Coulomb's law, at most the tolerance. It is relative, in friction
+        to the largest displacement that there would be without slip, or was before; in steady
+        rolling to the largest rigid slip, and in a step of rolling to what would be without slip,
+        if that is larger.
+    warnings : tuple of str
+        Why the answer may not be of the problem that was meant, each of which is a
+        `ContactWarning` too.
+
+    See Also
+    --------
+    NormalResult : of bodies that are pressed together.
+    """
+
+    material: CombinedMaterial
+    shape: tuple[int, ...]
+    element: tuple[float, ...]
+    centres: tuple[Array, ...]
+    traction: Array
+    displacement: Array
+    slip: Array
+    bound: Array
+    contact: Array
+    stick: Array
+    area: float
+    stick_area: float
+    force: Any
+    energy: float
+    touches_edge: bool
+    periodic: tuple[bool, ...] = ()
+    shift: Any = None
+    total_shift: Any = None
+    creepages: Any = None
+    moment: float | None = None
+    power: float | None = None
+    products: int = 0
+    work: float = 0.0
+    iterations: tuple[int, ...] = ()
+    residual: float = 0.0
+    warnings: tuple[str, ...] = ()
+
+    # What only normal contact has.
+    gap: ClassVar[None] = None
+
+    def __post_init__(self) -> None:
+        fields.protect(self)
+
+    @property
+    def sliding(self) -> Array:
+        """Where the bodies slide on each other."""
+        return self.contact & ~self.stick
+
+    @property
+    def magnitude(self) -> Array:
+        """The size of the traction in each element, N/mm²."""
+        is_vector = self.traction.ndim > self.contact.ndim
+        return np.hypot(*self.traction) if is_vector else np.abs(self.traction)
+
+    @property
+    def rigid(self) -> Any:
+        """The shift, or the creepages, by the name that they share with an approach."""
+        return self.shift if self.creepages is None else self.creepages
+
+    def plot(self, field: str | None = None, ax: Any = None) -> Any:
+        """Draw the tractions where the bodies stick and where they slip, or another field.
+
+        Parameters
+        ----------
+        field : str, optional
+            "traction", "slip" or "displacement"; by default the first.
+        ax : matplotlib.axes.Axes, optional
+            Where to draw, as beside other results; by default on a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ValueError
+            Where there is no such field.
+        ImportError
+            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
+        """
+        return plotting.draw(self, field, ax)
+
+    __setstate__ = fields.restore
+    x, y, contact_fraction = fields.x, fields.y, fields.contact_fraction
+    save, to_xarray, to_vtk = saving.save, saving.to_xarray, saving.to_vtk
+    summary, __repr__, _repr_html_ = list_figures, shorten, tabulate_figures
+
+    def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
+        kind = "Friction" if self.creepages is None else "Rolling"
+        title = f"{kind}, {describe_grid(self.shape, self.element)}"
+        return title, self._figures(), describe_cost(self.products, self.residual), self.warnings
+
+    def _figures(self) -> list[Figure]:
+        units = units_of(self.element)
+        is_rolling = self.creepages is not None
+        creepages, spin = self.creepages, None
+        if is_rolling and np.size(creepages) == 3:
+            *creepages, spin = creepages
+        figures = [
+            Figure("force", self.force, units.force),
+            Figure("creepages", creepages),
+            Figure("spin", spin, "1/mm"),
+            Figure("shift", "a field" if np.size(self.shift) > 2 else self.shift, "mm"),
+            Figure("moment", self.moment, "N mm"),
+            Figure("power over speed", self.power, units.force)
+            if is_rolling
+            else Figure("work of slip", self.power, units.energy),
+            Figure("contact", self.area, units.area),
+            Figure("of which sticks", self.stick_area, units.area),
+            Figure("elastic energy", self.energy, units.energy),
+        ]
+        return [figure for figure in figures if figure.value is not None]

@@ -1,0 +1,86 @@
+"""Cosine and sine transforms of arrays of any library, by its Fourier transforms.
+
+References
+----------
+J. Makhoul, A fast cosine transform in one and two dimensions, IEEE Trans. Acoust. Speech Signal
+Process. 28 (1980).
+"""
+
+from math import pi, sqrt
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg.engine.embedding import cut, phases, zeros
+from toeplitz_mg.engine.work import count_transforms
+
+
+def cosine_sums(library: Any, column: Any) -> Any:
+    """Return f_k = Σ a_j cos(πjk/n) over all lags (see `transforms.cosine_sums`)."""
+    xp = library.xp
+    count_transforms(1, *(m - 1 for m in column.shape))
+    for axis, m in enumerate(column.shape):
+        inside = xp.flip(column[cut(axis, 1, m - 1)], axis=axis)
+        column = xp.real(xp.fft.rfft(xp.concat([column, inside], axis=axis), axis=axis))
+    return column
+
+
+def along(transform: Any, library: Any, a: Any, axes: Any, s: Any = None) -> Any:
+    """Return a transform of an array along some axes."""
+    for axis in axes:
+        a = transform(library, a, axis)
+    return a
+
+
+def dct(library: Any, a: Any, axis: int) -> Any:
+    """Return an orthonormal DCT-II, by a real transform of the same length."""
+    xp, n = library.xp, a.shape[axis]
+    odd = xp.flip(a[cut(axis, 1, None, 2)], axis=axis)
+    V = xp.fft.rfft(xp.concat([a[cut(axis, 0, None, 2)], odd], axis=axis), axis=axis)
+    V *= _turns(library, n, V.dtype, V.ndim - 1 - axis)
+    last = xp.flip(xp.imag(V[cut(axis, 1, (n + 1) // 2)]), axis=axis)
+    return xp.concat([xp.real(V), -last], axis=axis)
+
+
+def idct(library: Any, f: Any, axis: int) -> Any:
+    """Return its inverse."""
+    xp, n = library.xp, f.shape[axis]
+    last = xp.flip(f[cut(axis, n - n // 2)], axis=axis)
+    back = xp.concat([zeros(library, f, axis, 1), last], axis=axis)
+    V = xp.astype(back, xp.result_type(f.dtype, xp.complex64))
+    V *= -1j
+    V += f[cut(axis, 0, n // 2 + 1)]
+    V /= _turns(library, n, V.dtype, V.ndim - 1 - axis)
+    v = xp.fft.irfft(V, n=n, axis=axis)
+    even, odd = v[cut(axis, 0, (n + 1) // 2)], xp.flip(v[cut(axis, (n + 1) // 2)], axis=axis)
+    if n % 2:
+        odd = xp.concat([odd, zeros(library, f, axis, 1)], axis=axis)
+    v = xp.reshape(
+        xp.stack([even, odd], axis=axis + 1), (*f.shape[:axis], -1, *f.shape[axis + 1 :])
+    )
+    return v[cut(axis, 0, n)]
+
+
+def dst(library: Any, a: Any, axis: int) -> Any:
+    """Return an orthonormal DST-II."""
+    return library.xp.flip(dct(library, a * _signs(library, a, axis), axis), axis=axis)
+
+
+def idst(library: Any, f: Any, axis: int) -> Any:
+    """Return its inverse."""
+    return idct(library, library.xp.flip(f, axis=axis), axis) * _signs(library, f, axis)
+
+
+def _signs(library: Any, a: Any, axis: int) -> Any:
+    """Return (-1)^j along an axis."""
+    xp = library.xp
+    signs = 1 - 2 * (xp.arange(a.shape[axis], device=library.device) % 2)
+    return xp.reshape(xp.astype(signs, a.dtype), (-1, *[1] * (a.ndim - 1 - axis)))
+
+
+def _turns(library: Any, n: int, dtype: Any, rest: int) -> Any:
+    """Return exp(-iπk/2n) for k = 0 ... n/2, times what makes the transform orthonormal."""
+    xp = library.xp
+    turns = sqrt(2.0 / n) * phases(library, n // 2 + 1, pi / (2 * n), np.complex128)
+    turns = xp.concat([turns[:1] * sqrt(0.5), turns[1:]])
+    return xp.reshape(xp.astype(turns, dtype), (-1, *[1] * rest))

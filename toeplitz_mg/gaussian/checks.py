@@ -1,0 +1,56 @@
+"""The arguments of distributions: numbers, series with gaps, and where random numbers come from."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from toeplitz_mg._typing import Array, Mask
+from toeplitz_mg.operators.masked import check_mask
+from toeplitz_mg.values import refuse_masked
+
+SHOWN = 5  # Positions that an error names.
+
+
+def real_numbers(name: str, values: ArrayLike) -> Array:
+    """Return an array of real numbers in double precision."""
+    array = refuse_masked(name, values)
+    if array.dtype.kind not in "buif":
+        raise TypeError(f"{name} has dtype {array.dtype}, but must be of real numbers")
+    return array.astype(np.float64)
+
+
+def check_series(
+    y: ArrayLike, observed: ArrayLike | None, mean: Array
+) -> tuple[Array, Mask | None]:
+    """Return y - mean, zero where it is not observed, of one or many series; and the mask."""
+    residual = real_numbers("y", y)
+    shape = mean.shape
+    if residual.shape[max(residual.ndim - len(shape), 0) :] != shape:
+        raise ValueError(
+            f"y has shape {residual.shape}, but its last axes must be those of c, {shape}"
+        )
+    mask = None if observed is None else check_mask(observed, shape)
+    residual -= mean
+    if mask is not None:
+        residual[..., ~mask] = 0.0
+    wrong = ~np.isfinite(residual)
+    if wrong.any():
+        _refuse_positions(wrong, mask is None)
+    return residual, mask
+
+
+def generator(random_state: Any) -> Any:
+    """Return a generator of random numbers: this one, or a new one with this seed."""
+    if hasattr(random_state, "standard_normal"):
+        return random_state
+    return np.random.default_rng(random_state)
+
+
+def _refuse_positions(wrong: Array, everywhere: bool) -> None:
+    """Raise the ValueError that says where y is not finite."""
+    positions = [tuple(map(int, p)) if len(p) > 1 else int(p[0]) for p in np.argwhere(wrong)]
+    named = ", ".join(map(str, positions[:SHOWN]))
+    more = f" and {len(positions) - SHOWN} more positions" if len(positions) > SHOWN else ""
+    advice = ": say what is observed, as by observed=~np.isnan(y)" if everywhere else ""
+    raise ValueError(f"y is not finite at {named}{more}, but must be where it is observed{advice}")

@@ -1,0 +1,54 @@
+"""What is known of a process where some of it was observed: kriging."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array, Mask, Rows
+from toeplitz_mg.gaussian.observed import Observed
+
+if TYPE_CHECKING:  # A ToeplitzNormal makes it.
+    from toeplitz_mg.gaussian.normal import ToeplitzNormal
+
+
+@dataclass(frozen=True)
+class Conditional:
+    """The distribution of all points of a process, given those that are observed.
+
+    Attributes
+    ----------
+    process : ToeplitzNormal
+    known : Observed
+        What is known of the covariance of the observed points.
+    mask : ndarray of bool
+        Where it is observed.
+    residual : ndarray of the shape of `process`
+        What was observed less the mean of the process, zero elsewhere.
+    """
+
+    process: "ToeplitzNormal"
+    known: Observed
+    mask: Mask
+    residual: Array
+
+    @cached_property
+    def mean(self) -> Array:
+        """The mean at each point: where it is observed, the value itself."""
+        return self._estimate(self.residual[np.newaxis])[0] + self.process.mean
+
+    def rvs(self, size: int | tuple[int, ...] = 1, random_state: Any = None) -> Array:
+        """Draw samples, as `ToeplitzNormal.rvs` does; each costs a solve."""
+        process = self.process
+        X = process.rvs(size, random_state) - process.mean
+        fields = X.reshape(-1, *process.shape)
+        return X + self._estimate(self.residual - fields).reshape(X.shape) + process.mean
+
+    def _estimate(self, fields: Array) -> Array:
+        """Return the means of the points, given fields at those that are observed."""
+        inside = self.mask.ravel()
+        Y: Rows = np.where(inside, fields.reshape(len(fields), -1), 0.0)
+        X = self.process.A.apply(self.known.solve(Y))
+        X[:, inside] = Y[:, inside]
+        return X.reshape(fields.shape)

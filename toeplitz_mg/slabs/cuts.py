@@ -1,0 +1,38 @@
+"""Where grids are cut into the rows, and into the columns, of ranks."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from math import prod
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+
+UNITS = (64, 16, 4, 1)  # Rows that may stay together: the cells of FSAI grow fourfold a level.
+SHARE = 16  # Units that a rank has at least, so that one more of them is not felt.
+
+Turn = Sequence[tuple[int, int]]  # The first column of each rank, and the one behind its last.
+
+
+def choose_unit(shape: tuple[int, ...], ranks: int) -> int:
+    """Return how many rows stay together, so that all ranks have about as many."""
+    of_line = () if prod(shape[1:]) > 1 else (line_width(shape[0]),)
+    return next((k for k in (*of_line, *UNITS) if shape[0] >= SHARE * k * ranks), 1)
+
+
+def cut_in_turns(n: int, ranks: int, width: int) -> Iterator[Turn]:
+    """Cut n columns into turns, in each of which a rank has at most `width` of its own."""
+    of_ranks = list(pairwise(cuts_of(n, ranks).tolist()))
+    turns = max(1, -(-max(b - a for a, b in of_ranks) // width))
+    for k in range(turns):
+        yield [(a + (b - a) * k // turns, a + (b - a) * (k + 1) // turns) for a, b in of_ranks]
+
+
+def line_width(n: int) -> int:
+    """Return how many of n unknowns of one axis are a row, where they are taken as a matrix."""
+    return 1 << n.bit_length() // 2
+
+
+def cuts_of(n: int, parts: int) -> Array:
+    """Return where n things are cut into parts of about the same size, shape (parts + 1,)."""
+    return np.array([n * k // parts for k in range(parts + 1)])

@@ -1,0 +1,217 @@
+"""A grid of elements in slabs, and its matrices: what the searches of `contact` need of it."""
+
+from collections.abc import Callable
+from functools import cached_property
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from toeplitz_mg._typing import Array, Mask
+from toeplitz_mg.contact.coarsening import coarsen, refine
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.steady_matrices import ADDITIONS, LEAST, fade_rate, interpolate
+from toeplitz_mg.engine.lengths import embedding_lengths
+from toeplitz_mg.halfspace.matrices import KERNELS, evaluate
+from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
+from toeplitz_mg.slabs.coupled import CoupledOperator
+from toeplitz_mg.slabs.fsai import fsai_preconditioner
+from toeplitz_mg.slabs.operators import MaskedOperator, ToeplitzOperator
+from toeplitz_mg.slabs.product import SlabProduct
+from toeplitz_mg.slabs.slab import Slab
+from toeplitz_mg.slabs.trigonometric import cosine_preconditioner
+
+FEW = 2**13  # Most elements of a coarser grid that every rank has all of, and solves alone.
+AT: dict[int, float] = {0: 1.0}  # Displacements where the elements are.
+AHEAD: dict[int, float] = {1: 1.0}  # Displacements one element further along x.
+BLOCK = 64  # Rows whose coefficients are evaluated at once: what that takes is small.
+
+
+class SlabGrid:
+    """The rows that a rank has of a grid of elements: what `contact.grid.Grid` is for all of it.
+
+    Fields are of these rows, and may have components before them. The methods are those of `Grid`.
+
+    Parameters
+    ----------
+    whole : Grid
+        Of two axes.
+    slab : Slab
+    """
+
+    def __init__(self, whole: Grid, slab: Slab) -> None:
+        self.whole, self.slab, self.vectors, self.agree = whole, slab, slab.vectors, slab.agree
+        self.shape, self.element, self.material = whole.shape, whole.element, whole.material
+        self.area, self.components, self.directions = whole.area, whole.components, whole.directions
+        self.periodic, self.has_free_mean = whole.periodic, whole.has_free_mean
+        self._is_first = slab.comm.rank == 0
+        self._is_last = slab.comm.rank == slab.comm.size - 1
+
+    @cached_property
+    def _coarser(self) -> Any:
+        whole = self.whole.coarser()
+        if whole is None or prod(whole.shape) <= FEW:
+            return whole  # Every rank has all of it.
+        if np.diff(self._coarse_starts).min() == 0:
+            return None
+        return SlabGrid(whole, self.slab.coarser(whole.shape, 2))
+
+    @property
+    def _coarse_starts(self) -> Array:
+        """The first coarser rows of the ranks, where the one of two rows that are averaged is."""
+        return -(-self.slab.starts // 2)
+
+    def centres(self) -> tuple[Array, Array]:
+        """Return the centres of this rank's elements along each axis."""
+        x, y = self.whole.centres()
+        return x[self.slab.rows], y
+
+    def coarser(self) -> Any:
+        """Return the grid of elements twice the size, or None where that would be too coarse."""
+        return self._coarser
+
+    def coarsen(self, x: Array) -> Array:
+        """Return the averages of a field on the coarser grid."""
+        a, b = self._coarse_starts[self.slab.comm.rank :][:2].tolist()
+        x, first = self._with_neighbours(x)
+        x = coarsen(x[..., 2 * a - first : 2 * b - first, :])
+        if isinstance(self._coarser, SlabGrid):
+            return x
+        return np.moveaxis(self.slab.everywhere(np.moveaxis(x, -2, 0)), 0, -2)
+
+    def refine(self, x: Array) -> Array:
+        """Interpolate a field from the coarser grid."""
+        a, b = self._coarse_starts[self.slab.comm.rank :][:2].tolist()
+        if isinstance(self._coarser, SlabGrid):
+            x, first = self._coarser._with_neighbours(x)
+        else:
+            first = max(0, a - 1)
+            x = x[..., first : b + 1, :]
+        fine = refine(x, (min(2 * x.shape[-2], self.shape[0]), self.shape[1]))
+        start, end = self.slab.rows.start - 2 * first, self.slab.rows.stop - 2 * first
+        return np.ascontiguousarray(fine[..., start:end, :])
+
+    def _with_neighbours(self, x: Array) -> tuple[Array, int]:
+        """Return a field with a row of each rank beside this one, and which row is the first."""
+        rows = np.moveaxis(x, -2, 0)
+        above = self.slab.shift(rows[-1:], int(not self._is_first), 1)
+        below = self.slab.shift(rows[:1], int(not self._is_last), -1)
+        whole = np.moveaxis(np.concatenate([above, rows, below]), 0, -2)
+        return whole, self.slab.rows.start - len(above)
+
+    def lines(self, x: Array, axis: int) -> Array:
+        """Return lines of a field along an axis, that each rank has a share of, as rows."""
+        return x if axis == 1 else self.slab.to_columns(x).T
+
+    def fragmentation(self, C: Mask) -> float:
+        """Return how long the edge of some elements is (see `traits.fragmentation`)."""
+        rows = np.pad(self.slab.with_rows_above(C, 1), ((self._is_first, self._is_last), (0, 0)))
+        columns = np.pad(C, ((0, 0), (1, 1)))
+        own = np.count_nonzero(np.diff(rows, axis=0)) + np.count_nonzero(np.diff(columns))
+        return float(sum(self.vectors.gather(own)) / self.vectors.count(C) ** 0.5)
+
+    def scaled_normal(self) -> tuple[ToeplitzOperator, float]:
+        """Return the matrix of normal contact over its diagonal, and that."""
+        c = self._evaluate("zz", AT)
+        unit = float(self.vectors.gather(c[0, 0])[0])
+        c /= unit
+        return ToeplitzOperator(c, self.slab), unit
+
+    def tangential(self) -> CoupledOperator:
+        """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
+        return self._matrix(AT)
+
+    def upstream(self) -> CoupledOperator:
+        """Return the matrix of the tangential displacements one element ahead, at x + h1."""
+        return self._matrix(AHEAD)
+
+    def steady(self, A: CoupledOperator) -> CoupledOperator:
+        """Return the matrix of steady rolling."""
+        return self._matrix(AT | {ahead: -weight for ahead, weight in AHEAD.items()})
+
+    def steady_array(self, K: CoupledOperator) -> None:
+        """Say that the matrix of steady rolling is no array, as no rank has all of it."""
+
+    def invert_shifted(self, K: CoupledOperator, dtype: DTypeLike) -> "ShiftedInverses":
+        """Return approximate inverses of the matrix of steady rolling with additions."""
+        return ShiftedInverses(K, np.dtype(dtype), self.diagonal(K))
+
+    def restrict(self, A: Any, C: Mask) -> MaskedOperator:
+        """Return the rows and columns of some elements of a matrix of this grid."""
+        return MaskedOperator(A, C)
+
+    def diagonal(self, A: Any) -> float:
+        """Return the entry on the diagonal of a matrix of this grid, of the first component."""
+        return float(self.vectors.gather(A.blocks[0][0].c[0, 0])[0])
+
+    def _matrix(self, weights: dict[int, float]) -> CoupledOperator:
+        """Return the sum of the displacements so many elements ahead, with these weights."""
+        xx, xy, yy = (self._block(name, weights) for name in ("xx", "xy", "yy"))
+        return CoupledOperator([[xx, xy], [xy, yy]])
+
+    def _block(self, name: str, weights: dict[int, float]) -> ToeplitzOperator | None:
+        """Return the part of a matrix for two directions, or None where it is zero."""
+        c, behind, parity = self._evaluate(name, weights), None, KERNELS[name][1]
+        if weights is not AT:
+            behind, parity = self._evaluate(name, weights, -1.0), (1, parity[1])
+        if not self.vectors.count(c) and (behind is None or not self.vectors.count(behind)):
+            return None
+        return ToeplitzOperator(c, self.slab, parity=parity, behind=behind)
+
+    def _evaluate(self, name: str, weights: dict[int, float], sign: float = 1.0) -> Array:
+        """Return this rank's rows of the coefficients of lags of this sign along x."""
+        x, y = self.slab.lags((self.element[0], self.element[1]))
+        c = np.zeros(self.slab.local)
+        for k in range(0, len(x), BLOCK):
+            for ahead, weight in weights.items():
+                at = sign * x[k : k + BLOCK] + ahead * self.element[0]
+                c[k : k + BLOCK] += weight * evaluate(name, at, y, self.element, self.material)
+        return c
+
+    def invert_by_transform(self, A: Any, dtype: DTypeLike | None = None) -> Any:
+        """Return an approximate inverse of a matrix of this grid."""
+        return cosine_preconditioner(A, dtype=dtype)
+
+    def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
+        """Return an approximate inverse of a matrix of this grid on some elements."""
+        return fsai_preconditioner(MaskedOperator(A, C), neighbours=NEIGHBOURS, dtype=dtype)
+
+
+class ShiftedInverses:
+    """Approximate inverses of K + ν on slabs (see `contact.steady_matrices.ShiftedInverses`)."""
+
+    def __init__(self, K: CoupledOperator, dtype: np.dtype[Any], k0: float) -> None:
+        slab, m = K.slab, len(K.blocks)
+        length = embedding_lengths(slab.shape)[0]
+        self.dtype, self._k0 = dtype, k0
+        fade = np.exp(fade_rate(length) * np.arange(slab.rows.start, slab.rows.stop))[:, None]
+        self._fade = fade.astype(dtype)
+        faded = []
+        for i, row in enumerate(K.blocks):
+            block: Any = row[i]
+            c, behind = block.c / fade, block.behind * fade
+            faded.append(ToeplitzOperator(c, slab, parity=block.parity, behind=behind).product)
+        self._products = []
+        for nu in k0 * ADDITIONS:
+            spectra: list[list[Array | None]] = [[None] * m for _ in range(m)]
+            for i, product in enumerate(faded):
+                s, points = product.spectra[0][0], product.points
+                least = LEAST / slab.shape[0] * max(slab.gather(np.abs(s).max(initial=0.0)))
+                # Those of the inverse, as those of K, are divided by the points of a transform.
+                spectra[i][i] = 1.0 / ((s + nu / points + least) * points**2)
+            self._products.append(SlabProduct(slab, K.library, spectra, dtype))
+
+    def at(self, addition: Array) -> Callable[[Array], Array]:
+        """Return the approximate inverse of K + an addition to the diagonal at each place."""
+        weights = interpolate(addition / self._k0, self.dtype)
+
+        def invert(r: Array) -> Array:
+            x = (r / self._fade).astype(self.dtype)
+            total, y = np.zeros_like(x), np.empty_like(x)
+            for product, weight in zip(self._products, weights, strict=True):
+                product.apply(x.reshape(-1), y.reshape(-1))
+                total += weight * y
+            return total * self._fade
+
+        return invert

@@ -1,0 +1,84 @@
+"""Masks and components on slabs: preconditioners of the parts alone (see `operators.structure`)."""
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from toeplitz_mg import operators
+from toeplitz_mg.operators.coefficients import check_precision
+from toeplitz_mg.preconditioners.positivity import require_range
+from toeplitz_mg.slabs.coupled import CoupledOperator
+from toeplitz_mg.slabs.operators import MaskedOperator, SlabOperator, ToeplitzOperator
+
+Make = Callable[[ToeplitzOperator, np.dtype[Any]], SlabOperator]
+ROBUST = "fsai_preconditioner(A), or cg without M"
+
+
+def unwrap(A: Any) -> Any:
+    """Return the operator on the whole grid, or say that it is none of slabs."""
+    full = A.full if isinstance(A, MaskedOperator) else A
+    if not isinstance(full, ToeplitzOperator | CoupledOperator):
+        raise TypeError(
+            f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a CoupledOperator of "
+            "toeplitz_mg.slabs, or a MaskedOperator of one"
+        )
+    return full
+
+
+def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator]:
+    """Return the preconditioner that takes masks and components too.
+
+    Parameters
+    ----------
+    make : callable
+        A function of an even `ToeplitzOperator` and of the precision of the result. On a mask the
+        preconditioner is the restriction of that of the whole grid; of coupled components it
+        treats each by itself.
+    of_coupled : callable, optional
+        The function of a `CoupledOperator` in the place of that.
+    """
+
+    @wraps(make)
+    def preconditioner(A: SlabOperator, *, dtype: DTypeLike | None = None) -> SlabOperator:
+        full = unwrap(A)
+        M: SlabOperator
+        if isinstance(full, ToeplitzOperator):
+            M = _make(make, full, dtype)
+        elif of_coupled is None:
+            M = BlockDiagonal([_make(make, row[i], dtype) for i, row in enumerate(full.blocks)])
+        else:
+            M = of_coupled(full, _precision(full, dtype))
+        return MaskedOperator(M, A.mask) if isinstance(A, MaskedOperator) else M
+
+    return preconditioner
+
+
+def _make(make: Make, A: ToeplitzOperator | None, dtype: DTypeLike | None) -> SlabOperator:
+    if A is None or not A.is_even:
+        raise ValueError(f"A, or a component's block on itself, is {A!r}, but must be even")
+    return make(A, _precision(A, dtype))
+
+
+def _precision(A: Any, dtype: DTypeLike | None) -> np.dtype[Any]:
+    """Return the precision of a preconditioner of A (see `positivity.precision`)."""
+    with A.slab.agree() as same:
+        same["dtype"] = precision = check_precision(A.dtype if dtype is None else dtype, A.dtype)
+    for block in (row[i] for i, row in enumerate(A.blocks)):
+        if block is not None:
+            # Rank 0 has the diagonal.
+            require_range(abs(A.slab.gather(block.c.flat[0])[0]), precision)
+    return precision
+
+
+class BlockDiagonal(SlabOperator):
+    """Matrices of the components of a field, each of which acts on its own component."""
+
+    def __init__(self, blocks: list[SlabOperator]) -> None:
+        slab, dtype = blocks[0].slab, np.result_type(*(block.dtype for block in blocks))
+        super().__init__(slab, dtype, (len(blocks), *slab.local), library=blocks[0].library)
+        self.blocks = blocks
+
+    apply = operators.BlockDiagonal.apply

@@ -1,0 +1,155 @@
+"""The symbol of a matrix on slabs: sums of its coefficients, of whose frequencies ranks have some.
+
+Coefficients are even or odd along each axis, and so are their transforms, which are imaginary along
+the odd ones. So half of the frequencies of each axis say it all, in real numbers.
+"""
+
+from collections.abc import Iterator, Sequence
+from math import prod
+
+import numpy as np
+from scipy import fft
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.embedding import around, cut, split
+from toeplitz_mg.engine.library import NUMPY
+from toeplitz_mg.preconditioners.symbol import Tail, continue_axis, tail_length
+from toeplitz_mg.slabs.cuts import Turn
+from toeplitz_mg.slabs.line import LongTransform
+from toeplitz_mg.slabs.product import turns_of
+from toeplitz_mg.slabs.slab import Slab
+from toeplitz_mg.slabs.windows import Windows
+
+Parity = tuple[int, ...]  # Along each axis: 1 of even coefficients, -1 of odd ones.
+UNITS = (1.0, 1.0j, -1.0, -1.0j)  # Powers of i: one for each axis along which a block is odd.
+
+
+class GridSymbol:
+    """Symbols of blocks on a grid, of which this rank has columns: frequencies of the last axis.
+
+    Parameters
+    ----------
+    slab : Slab
+    lengths : sequence of int
+        Those of the circulant along each axis.
+    numbers : sequence of range, optional
+        The frequencies, by default one of each two that are alike.
+    """
+
+    def __init__(
+        self, slab: Slab, lengths: Sequence[int], numbers: Sequence[range] | None = None
+    ) -> None:
+        self.slab, self._lengths = slab, tuple(lengths)
+        self._numbers = numbers or [range(m // 2 + 1) for m in lengths]
+        self._points = tuple(map(len, self._numbers))
+
+    def sample(self, c: Array, parity: Parity, *, is_continued: bool = False) -> Array:
+        """Return the symbol of a block, from this rank's rows of its coefficients.
+
+        Those that are missing are on a straight line to those of the opposite lags, or as
+        `continue_axis` continues them, where the lengths are even.
+        """
+        slab = self.slab
+        if is_continued:
+            c = _continue_line(slab, c, self._lengths[0] // 2)
+            slab = slab.longer(self._lengths[0] // 2 + 1)
+            for axis in range(1, c.ndim):
+                c = continue_axis(c, axis, self._lengths[axis] // 2)
+        for axis in range(1, c.ndim):
+            c = self._sums(c, axis, parity[axis])
+        own = self.slab.columns(self._points[-1])
+        S = np.empty((*self._points[:-1], own.stop - own.start))
+        for columns, turn in self._turns():
+            S[..., columns] = self._sums(slab.to_columns(c, turn), 0, parity[0])
+        return S * unit if (unit := _unit(parity)) != 1.0 else S
+
+    def lags(self, S: Array, parity: Parity) -> Array:
+        """Return this rank's rows of the coefficients of a block, from its symbol."""
+        S = (S / _unit(parity)).real
+        rows = np.empty((self.slab.local[0], *self._points[1:]))
+        for columns, turn in self._turns():
+            self.slab.to_rows(self._lags(S[..., columns], 0, parity[0]), rows, turn)
+        for axis in range(1, rows.ndim):
+            rows = self._lags(rows, axis, parity[axis])
+        return rows
+
+    def _turns(self) -> Iterator[tuple[slice, Turn]]:
+        """Yield the turns of columns, and which of its own this rank has in each."""
+        first = self.slab.columns(self._points[-1]).start
+        for turn in turns_of(self.slab, self._points, 2 * np.dtype(float).itemsize):
+            a, b = turn[self.slab.comm.rank]
+            yield slice(a - first, b - first), turn
+
+    def _sums(self, c: Array, axis: int, sign: int) -> Array:
+        """Return the sums over all lags along an axis, without the i of odd ones."""
+        length, numbers = self._lengths[axis], self._numbers[axis]
+        wanted = cut(axis, numbers.start, numbers.stop)
+        if length == 2 * (c.shape[axis] - 1):
+            return fft.dct(c, type=1, axis=axis)[wanted]
+        ahead, behind = split(NUMPY, c, axis, sign)
+        column = around(NUMPY, ahead, behind, axis, length, is_straight=True)
+        sums = fft.rfft(column, axis=axis)[wanted]
+        return sums.real if sign > 0 else sums.imag
+
+    def _lags(self, S: Array, axis: int, sign: int) -> Array:
+        lags = fft.irfft(S if sign > 0 else 1j * S, self._lengths[axis], axis)
+        return lags[cut(axis, 0, self.slab.shape[axis])]
+
+
+class LineSymbol:
+    """The same on one axis, of which this rank has the frequencies of a long transform."""
+
+    def __init__(self, slab: Slab, lengths: Sequence[int]) -> None:
+        (self._length,) = lengths
+        self.slab = slab
+        self._transform = LongTransform(slab, self._length // 2 + 1, self._length)
+
+    def sample(self, c: Array, parity: Parity, *, is_continued: bool = False) -> Array:
+        """Return the symbol of a block, from this rank's part of its coefficients."""
+        sign, c, n = prod(parity), c.reshape(-1), prod(self.slab.shape)
+        if is_continued:
+            c = _continue_line(self.slab, c, self._length // 2)
+        elif self.slab.comm.rank == self.slab.comm.size - 1:
+            # Straight from the last coefficient to that of the opposite lag.
+            t = np.arange(1.0, self._length // 2 - n + 2) / (self._length - 2 * n + 2)
+            c = np.concatenate([c, c[-1] + t * (sign - 1) * c[-1]])
+        return self._transform.sums(c, sign)
+
+    def lags(self, S: Array, parity: Parity) -> Array:
+        """Return this rank's part of the coefficients of a block, from its symbol."""
+        c = self._transform.backward(np.array(S, complex))
+        return c[: prod(self.slab.local)].reshape(self.slab.local)
+
+
+def _unit(parity: Parity) -> complex:
+    return UNITS[parity.count(-1) % 4]
+
+
+def _continue_line(slab: Slab, c: Array, length: int) -> Array:
+    """Continue the first axis to the lags 0 … `length`, on the last rank (see `continue_axis`).
+
+    It is the first axis to be continued, and before any transform: otherwise it is not the same.
+    """
+    above = slab.shift(c[-1:], min(slab.comm.rank, 1), 1)
+    if slab.comm.rank < slab.comm.size - 1:
+        return c
+    last = np.concatenate([above, c[-2:]])[-2:]
+    known = slab.rows.start * (len(c) // slab.local[0]) + len(c)
+    return np.concatenate([c, continue_axis(last, 0, length - known + len(last))[len(last) :]])
+
+
+def sum_line(slab: Slab, c: Array, length: int) -> Array:
+    """Return this rank's part of what `sum_tail` does, or of the coefficients that continue."""
+    n = prod(slab.shape)
+    ends = slab.starts * (n // slab.shape[0])
+    everywhere = np.full(slab.comm.size, n)
+    last = Windows(slab, ends, everywhere - tail_length(n), everywhere).spread(c)
+    if (tail := Tail.of(slab.gather(c[0])[0], last, n)) is None:
+        return _continue_line(slab, c, length)
+    start = ends[slab.comm.rank]
+    is_last = slab.comm.rank == slab.comm.size - 1
+    lags = np.arange(float(start), length + 1.0 if is_last else start + len(c))
+    sums = np.concatenate([c, tail.beyond(lags[len(c) :])]) + tail.of_periods(lags, length)
+    # Those of the negative lags: of lag 0 they are a period further.
+    back = np.where(lags > 0.0, 2.0 * length - lags, 0.0)
+    return sums + np.where(lags > 0.0, tail.beyond(back), 0.0) + tail.of_periods(back, length)

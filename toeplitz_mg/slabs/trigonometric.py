@@ -1,0 +1,153 @@
+"""What a cosine or sine transform diagonalises, on slabs, sampled from the symbol of A."""
+
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.lengths import near_fast_length
+from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
+from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.preconditioners import trigonometric
+from toeplitz_mg.preconditioners.positivity import require_positive
+from toeplitz_mg.preconditioners.trigonometric import lift_lowest
+from toeplitz_mg.slabs.line import LongTransform
+from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator
+from toeplitz_mg.slabs.product import turns_of
+from toeplitz_mg.slabs.slab import Slab
+from toeplitz_mg.slabs.structure import ROBUST, restricted
+from toeplitz_mg.slabs.symbol import GridSymbol, sum_line
+
+NAMES = "cosine", "sine"  # Of the transforms whose first sample is that number 0, or 1.
+ALONE = trigonometric.cosine_preconditioner, trigonometric.sine_preconditioner
+
+
+@restricted
+def cosine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperator:
+    """Return the inverse of a DCT-II matrix (see `toeplitz_mg.cosine_preconditioner`).
+
+    Parameters, results and errors are those of `fft_preconditioner`. It moves half the bytes.
+
+    See Also
+    --------
+    toeplitz_mg.cosine_preconditioner : the same on one machine.
+    """
+    return _diagonalise(A, dtype, 0)
+
+
+@restricted
+def sine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperator:
+    """Return the inverse of a DST-II matrix (see `toeplitz_mg.sine_preconditioner`).
+
+    Parameters, results and errors are those of `fft_preconditioner`. It moves half the bytes.
+
+    See Also
+    --------
+    toeplitz_mg.sine_preconditioner : the same on one machine.
+    """
+    return _diagonalise(A, dtype, 1)
+
+
+def _diagonalise(A: ToeplitzOperator, dtype: np.dtype[Any], first: int) -> SlabOperator:
+    if not A.slab.is_line:
+        return DiagonalisedGrid(A, dtype, first)
+    if A.slab.comm.size > 1:
+        return DiagonalisedLine(A, dtype, first)
+    M = SlabOperator(A.slab, dtype, A.slab.local, library=A.library)
+    M.product = ALONE[first](A.product, dtype=dtype)
+    return M
+
+
+class DiagonalisedGrid(SlabOperator):
+    """The inverse of the matrix that a transform diagonalises, with samples of the symbol of A.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator
+    dtype : float32 or float64
+    first : {0, 1}
+        The number of the first sample along each axis: 0 of the cosine, 1 of the sine transform.
+    """
+
+    def __init__(self, A: ToeplitzOperator, dtype: np.dtype[Any], first: int) -> None:
+        slab, library = A.slab, A.library
+        super().__init__(slab, dtype, slab.local, library=library)
+        self._transforms = (library.cosine, library.sine)[first]
+        self._lengths = tuple(map(near_fast_length, slab.shape))
+        count_transforms(1, *slab.local)
+        numbers = [range(first, first + n) for n in self._lengths]
+        symbol = GridSymbol(slab, [2 * n for n in self._lengths], numbers)
+        samples = symbol.sample(A.c.astype(np.float64), A.parity, is_continued=True)
+        samples = check_samples(slab, samples, dtype, NAMES[first])
+        inverse = np.reciprocal(samples, out=samples).astype(dtype, copy=False)
+        self._inverse = library.from_numpy(inverse)
+
+    def multiply(self, x: Any, y: Any) -> Any:
+        """Multiply a vector into another, which may be the same; return the result."""
+        slab, library, lengths = self.slab, self.library, self._lengths
+        count_work(1, prod(x.shape) / 2 ** axes_of(slab.shape))
+        forward, backward = self._transforms
+        local_axes = tuple(range(1, len(lengths)))
+        Z = library.enlarge(library.xp.reshape(x, slab.local), lengths[1:], self.dtype)
+        rows = library.to_numpy(forward(Z, axes=local_axes, **library.in_place))
+        rows = rows if rows.flags.writeable else rows.copy()
+        start = 0
+        for turn in turns_of(slab, lengths, rows.itemsize):
+            a, b = turn[slab.comm.rank]
+            host = workspace((*lengths[:-1], b - a), self.dtype)
+            slab.to_columns(rows, turn, host[: slab.shape[0]])
+            host[slab.shape[0] :] = 0.0
+            C = forward(library.from_numpy(host), axes=(0,), **library.in_place)
+            C *= self._inverse[..., start : start + b - a]
+            C = library.to_numpy(backward(C, axes=(0,), **library.in_place))
+            slab.to_rows(C[: slab.shape[0]], rows, turn)
+            start += b - a
+        Z = backward(library.from_numpy(rows), axes=local_axes, **library.in_place)
+        result = library.xp.reshape(Z[tuple(slice(n) for n in slab.local)], x.shape)
+        if y is None:
+            return result
+        y[...] = result
+        return y
+
+
+class DiagonalisedLine(SlabOperator):
+    """The same on one axis, by transforms of a vector extended by zeros.
+
+    With w = exp(-iθ/2) at the frequencies θ = πk/n, the real parts of w times the transform of x
+    are the cosine sums of x at the points j + 1/2, and the imaginary parts its sine sums. On
+    other arrays than NumPy's it is applied in the memory of the processor.
+    """
+
+    def __init__(self, A: ToeplitzOperator, dtype: np.dtype[Any], first: int) -> None:
+        slab, n = A.slab, prod(A.slab.shape)
+        super().__init__(slab, dtype, slab.local, library=A.library)
+        self._first, half = first, near_fast_length(n)
+        c = sum_line(slab, A.c.ravel().astype(np.float64, copy=False), half)
+        of_samples = LongTransform(slab, half + 1, 2 * half)
+        samples, k = of_samples.sums(c), of_samples.numbers
+        # Of two frequencies with the same sample one counts.
+        is_sampled = (k != half * (1 - first)) & ((k <= half) | ~of_samples.have_both)
+        checked = check_samples(slab, samples[is_sampled], dtype, NAMES[first])
+        self._inverse = (2.0 / np.maximum(samples, slab.vectors.min(checked))).astype(dtype)
+        self._w = np.exp(-0.5j * np.pi / half * k).astype(dtype.char.upper())
+        self._transform = LongTransform(slab, n, 2 * half, dtype)
+
+    def multiply(self, x: Any, y: Any) -> Any:
+        """Multiply a vector into another, which may be the same; return the result."""
+        count_work(1, prod(x.shape) / 2)
+        U = self._transform.forward(self.library.to_numpy(x))
+        U *= self._w
+        (U.real if self._first else U.imag)[...] = 0.0
+        U *= self._inverse
+        U *= self._w.conj()
+        result = self.library.from_numpy(self._transform.backward(U))
+        return self.library.join([result], y)
+
+
+def check_samples(slab: Slab, samples: Array, dtype: np.dtype[Any], name: str) -> Array:
+    """Return the samples of a symbol, lifted where that is right, or refuse them."""
+    samples = lift_lowest(samples, dtype, slab.vectors)
+    subject = f"the symbol of A, which the {name} preconditioner samples, has the value"
+    require_positive(np.array(slab.extent(samples)), dtype, subject, ROBUST)
+    return samples

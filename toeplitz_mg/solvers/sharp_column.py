@@ -1,0 +1,92 @@
+"""The first column of the inverse of a positive definite Toeplitz matrix, to its last digits."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.engine.vectors import norm
+from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
+from toeplitz_mg.preconditioners.columns import Columns
+from toeplitz_mg.solvers.long_residual import EPS, LongResidual
+
+WELL_CONDITIONED = 1e6  # Condition up to which gradients have ten digits in double precision.
+FINE = 2e-14  # Error of log x₀ over it up to which a log-determinant has twelve digits.
+SOLVED = 1e-10  # Relative size of a correction that leaves nothing but rounding.
+MOST_STEPS = 4  # Corrections, of which one is enough up to a condition number of some 10⁸.
+
+
+@dataclass(frozen=True)
+class SharpColumn:
+    """The column x = A⁻¹ e₁, and with it A⁻¹.
+
+    Attributes
+    ----------
+    A : ToeplitzOperator
+        Of one axis, Hermitian, in double precision.
+    x : ndarray of shape (n,)
+    error : float
+        An estimate of the relative error of x₀.
+    near_inverse : GohbergSemencul
+        An approximation of A⁻¹ that one step of refinement brings to rounding.
+    residual : LongResidual or None
+        What x was corrected by, or None where double precision is enough.
+    """
+
+    A: ToeplitzOperator
+    x: Array
+    error: float
+    near_inverse: GohbergSemencul
+    residual: LongResidual | None = None
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """Whether A⁻¹ is positive definite."""
+        return Certificate.of(self.x)
+
+    @cached_property
+    def inverse(self) -> GohbergSemencul:
+        """A⁻¹ by the formula alone."""
+        return GohbergSemencul(self.x)
+
+    def solve(self, Y: Rows) -> Rows:
+        """Return A⁻¹ y for each row y, with one step of refinement."""
+        X = self.near_inverse.apply(Y)
+        if self.residual is None:
+            X += self.near_inverse.apply(Y - self.A.apply(X))
+        else:
+            for y, x in zip(Y, X, strict=True):
+                x += self.near_inverse.apply(self.residual(y, x))
+        return X
+
+
+def sharpen(columns: Columns) -> SharpColumn:
+    """Correct the column of a Hermitian matrix where double precision is not enough.
+
+    That is where a log-determinant would have fewer than twelve digits, or a gradient fewer than
+    ten.
+    """
+    A, x, n = columns.A, columns.x, len(columns.x)
+    size = float(x[0].real)
+    # The residual would change x₀ by xᴴ (e₁ - A x).
+    change = abs(np.vdot(x, columns.errors[0])) + columns.rounding * norm(x) / np.sqrt(n)
+    column = SharpColumn(A, x, float(change) / size, columns.near_inverse)
+    is_fine = column.error <= FINE * abs(np.log(size))
+    if is_fine and column.certificate.condition <= WELL_CONDITIONED:
+        return column
+    residual, unit = LongResidual(A.c), np.eye(1, n, dtype=x.dtype)[0]
+    last = np.inf
+    for _ in range(MOST_STEPS):
+        correction = columns.near_inverse.apply(residual(unit, x))
+        x = x + correction
+        moved = norm(correction) / norm(x)
+        if moved <= SOLVED:
+            last = 0.0
+            break
+        if not moved < 0.5 * last:
+            break
+        last = moved
+    x[0] = x[0].real
+    return SharpColumn(A, x, last + 2.0 * EPS, columns.near_inverse, residual)
