@@ -15,7 +15,7 @@ from tabulate import tabulate
 
 from comparisons.harness import report
 from comparisons.harness.report import Row
-from comparisons.preconditioners import areas
+from comparisons.preconditioners import areas, fractional_diffusion, general_symbols
 from comparisons.speed import baselines, by_hand, drop_in
 from toeplitz_mg.cli import files
 
@@ -49,6 +49,18 @@ TABLES = {
     "products": Table("benchmarks.md", "speed.by_hand", "products.csv", by_hand.arrange_products),
     "solves": Table("benchmarks.md", "speed.by_hand", "solves.csv", by_hand.arrange_solves),
     "baselines": Table("benchmarks.md", "speed.baselines", "baselines.csv", baselines.arrange),
+    "general_symbols": Table(
+        "which_method.md",
+        "preconditioners.general_symbols",
+        "general_symbols.csv",
+        general_symbols.arrange,
+    ),
+    "fractional_diffusion": Table(
+        "which_method.md",
+        "preconditioners.fractional_diffusion",
+        "fractional_diffusion.csv",
+        fractional_diffusion.arrange,
+    ),
     "areas": Table("masks.md", "preconditioners.areas", "areas.csv", areas.arrange),
 }
 

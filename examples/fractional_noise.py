@@ -14,10 +14,17 @@ import toeplitz_mg as tmg
 
 
 def covariance(n, H):
-    """The covariance of fractional Gaussian noise, and its derivative by H."""
-    k = np.abs(np.arange(-1.0, n + 1.0))
-    logs = np.log(np.where(k > 0, k, 1.0))  # 0²ᴴ log 0 is 0.
-    return np.diff(k ** (2 * H), 2) / 2, np.diff(k ** (2 * H) * logs, 2)
+    """Return the covariance of fractional Gaussian noise, and its derivative by H.
+
+    A second difference of k²ᴴ/2, whose digits cancel for lags in the thousands: so it is computed
+    from log (1 ± 1/k) = s ± d.
+    """
+    k = np.arange(2.0, n)
+    s, d = 0.5 * np.log1p(-(k**-2)), np.arctanh(1.0 / k)
+    power, cosh, sinh = k ** (2 * H), np.cosh(2 * H * d), np.sinh(2 * H * d)
+    c = power * (np.expm1(2 * H * s) * cosh + 2.0 * np.sinh(H * d) ** 2)
+    by_H = 2.0 * np.log(k) * c + 2.0 * power * np.exp(2 * H * s) * (s * cosh + d * sinh)
+    return np.r_[1.0, 4.0**H / 2 - 1.0, c], np.r_[0.0, np.log(2.0) * 4.0**H, by_H]
 
 
 def negative_logpdf(parameters, y):

@@ -68,6 +68,17 @@ def test_a_curve_takes_fewer_products_than_single_loads():
 
 
 @doubtful
+def test_a_curve_of_smooth_bodies_takes_hardly_more_products_than_single_loads():
+    """There coarser grids are the better first guess, and so they are taken."""
+    n, loads = 128, np.linspace(0.05, 0.2, 8)
+    gap, element = sphere_gap(n), (2.0 / n, 2.0 / n)
+    curve = list(load_curve(gap, element, material=UNIT, forces=[0.0, *loads]))
+    alone = [normal_contact(gap, element, material=UNIT, force=load) for load in loads]
+    products = sum(result.products for result in curve)
+    assert products <= 1.2 * sum(result.products for result in alone)
+
+
+@doubtful
 def test_the_loads_are_solved_one_by_one():
     reports = []
     curve = load_curve(

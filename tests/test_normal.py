@@ -15,6 +15,7 @@ from toeplitz_mg.contact import Material, surfaces
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.inverse import LocalInverse
+from toeplitz_mg.contact.normal import active_set
 from toeplitz_mg.contact.normal.problem import normal_contact
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import ContactError
@@ -500,3 +501,20 @@ def test_plot(shape):
     axes = normal_contact(gap, (1.0, 1.0), material=UNIT, approach=5.0).plot()
     assert axes.get_xlabel() == "x [mm]"
     mpl.pyplot.close(axes.figure)
+
+
+@doubtful
+@pytest.mark.parametrize("periodic", [False, True, (True, False)])
+def test_a_part_of_the_elements_is_enough(periodic, monkeypatch):
+    """The pressures do not depend on whether the iterations know elements that cannot touch."""
+    gap = surfaces.rough((64, 64), (0.1, 0.1), rms=0.01, shortest=0.8, seed=4)
+    found = []
+    for share in (0.0, 1.0):
+        monkeypatch.setattr(active_set, "SPARSE", share)
+        result = normal_contact(
+            gap, (0.1, 0.1), material=UNIT, force=0.02, periodic=periodic, tolerance=1e-11
+        )
+        assert 0.0 < result.contact_fraction < 0.2
+        found.append(result)
+    assert np.array_equal(found[0].contact, found[1].contact)
+    assert_allclose(found[0].pressure, found[1].pressure, atol=1e-9 * found[0].max_pressure)

@@ -185,6 +185,11 @@ def test_products_are_those_of_the_blocks(periodic):
     assert A.work <= (0.25 if all(periodic) else 0.6)
 
 
+@pytest.mark.parametrize("periodic", [(True, True), (True, False), (False, True)])
+def test_the_tangential_matrix_is_symmetric_to_the_last_bit(periodic):
+    assert Grid.of((48, 54), (0.3, 0.2), UNIT, None, periodic).tangential().is_symmetric
+
+
 @pytest.mark.parametrize("matrix", ["normal", "tangential"])
 @pytest.mark.parametrize("shape", [(8, 5), (7, 1), (6, 3)])
 def test_where_one_axis_repeats_the_matrix_is_positive_definite(shape, matrix):

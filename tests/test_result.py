@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 
 from toeplitz_mg.contact import (
     ContactResult,
+    FrictionalResult,
     Material,
     NormalResult,
     TangentialResult,
@@ -286,3 +287,8 @@ def test_a_notebook_shows_a_short_table(result):
     for row in table.findall("tr"):
         assert row.find("th").text
         assert row.find("td").text
+
+
+def test_a_notebook_shows_both_results_of_contact_with_friction():
+    both = FrictionalResult(normal=PRESSED, tangential=SHIFTED, residuals=(0.0,))
+    assert both._repr_html_() == PRESSED._repr_html_() + SHIFTED._repr_html_()

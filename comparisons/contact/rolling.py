@@ -8,7 +8,9 @@ more steeply, beside the stiffness of an element, above which there is more than
 """
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from itertools import product
 from time import process_time
 from typing import Any
 
@@ -21,6 +23,7 @@ from comparisons.contact.rolling_theory import PART, carter_bound
 from comparisons.contact.theory import MU, UNIT, A, semi_ellipse
 from comparisons.contact.unlike import accelerated
 from comparisons.harness import report
+from comparisons.harness.processes import in_a_fresh_process, prepare
 from comparisons.harness.report import Row
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import (
@@ -40,8 +43,8 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.tangential.motion import CREEPAGES as CREEPAGE_NAMES
 from toeplitz_mg.contact.tangential.rolling import stiffness_of_element
 
-SURFACES, QUICK_SURFACES = (11, 32, 64, 128, 256), (11, 32)
-LINES, QUICK_LINES = (64, 256, 1024, 4096), (64, 256)
+SURFACES, LINES = (11, 32, 64, 128, 256), (64, 256, 1024, 4096)
+QUICK = (11, 32), (64, 256), 32  # Sizes of surfaces, of lines, and of falling friction.
 # Longitudinal and lateral creepage and spin, from nearly without slip to nearly all slip.
 CREEPAGES = (
     (0.01, 0.0, 0.0),
@@ -82,11 +85,11 @@ def circle(N: int) -> tuple[Array, dict[str, Any]]:
     return 0.3 * semi_ellipse(r, A), {"element": (h, h), "material": Material.from_shear(1.0, 0.25)}
 
 
-def by_force(N: int) -> list[Row]:
+def by_force(sizes: Sequence[int]) -> list[Row]:
     """Roll a circle by creepages, and by the loads that belong to them."""
-    g, case = circle(N)
     rows: list[Row] = []
-    for creepages in CREEPAGES:
+    for N, creepages in product(sizes, CREEPAGES):
+        g, case = circle(N)
         xi, eta, phi = creepages
         known, products, seconds = roll(g, case | _named(creepages))
         for name, loads in {
@@ -186,10 +189,10 @@ def curves(sizes: Sequence[int]) -> list[Row]:
     return [*rows, {"N": "order", "error of F/μP": f"{order(errors, sizes):.2f}"}]
 
 
-def coefficients() -> list[Row]:
+def coefficients(tables: Mapping[tuple[float, float], tuple[float, ...]]) -> list[Row]:
     """Compare with Kalker's tables."""
     rows: list[Row] = []
-    for (ratio, nu), table in KALKER.items():
+    for (ratio, nu), table in tables.items():
         start = process_time()
         found = kalker_coefficients(ratio, nu)
         seconds = process_time() - start
@@ -237,21 +240,26 @@ def falling(N: int) -> list[Row]:
 
 def main() -> None:
     """Run the comparison."""
+    prepare("comparisons.contact.unlike")
     arguments = report.options("contact.rolling", "Rolling by force, from rest, curves, tables.")
-    warnings.simplefilter("ignore", ContactWarning)  # The smallest contacts are coarse.
-    quick = arguments.quick
-    loads = [row for N in tqdm(QUICK_SURFACES if quick else SURFACES) for row in by_force(N)]
-    tables = {
-        "By the loads of creepages, beside these creepages": loads,
-        f"From rest, in {STEPS} steps": from_rest(),
-        "Curves, against Carter's": curves(QUICK_LINES if quick else LINES),
-        "Coefficients, and how far from Kalker's tables": coefficients(),
-        "Falling friction": falling(32 if quick else 64),
+    surfaces, lines, N = (SURFACES, LINES, 64) if not arguments.quick else QUICK
+    tables: dict[str, tuple[str, Callable[[], list[Row]]]] = {
+        "loads": ("By the loads of creepages, beside these", partial(by_force, surfaces)),
+        "from_rest": (f"From rest, in {STEPS} steps", from_rest),
+        "curves": ("Curves, against Carter's", partial(curves, lines)),
+        "coefficients": ("Coefficients, and how far from Kalker's", partial(coefficients, KALKER)),
+        "falling": ("Friction that falls", partial(falling, N)),
     }
-    for title, rows in tables.items():
-        name = title.lower().replace(",", "").split()
-        report.write_csv(arguments.output / f"{'_'.join(name[:2])}.csv", rows)
+    for name, (title, compute) in tqdm(tables.items(), unit="table"):
+        rows = in_a_fresh_process(partial(quietly, compute))
+        report.write_csv(arguments.output / f"{name}.csv", rows)
         report.show(title, rows)
+
+
+def quietly(compute: Callable[[], list[Row]]) -> list[Row]:
+    """Compute a table; the smallest contacts are coarse, which is no concern of it."""
+    warnings.simplefilter("ignore", ContactWarning)
+    return compute()
 
 
 if __name__ == "__main__":

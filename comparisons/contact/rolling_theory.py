@@ -25,6 +25,7 @@ PART = 0.6  # Of the contact of Carter's cylinder that sticks.
 # Coefficients of a circle, ν = 1/4, by Kalker (1990).
 KALKER = {"C11": 4.12, "C22": 3.67, "C23": 1.47, "C33": 1.19}
 CREEPAGE = 1e-3  # Creepage of Kalker's problems; bonded rolling is linear in it.
+STICKY = 10.0  # Coefficient of friction that leaves no slip, and bonds no edge without pressure.
 ROLLERS = Material.from_shear(0.35, 0.3), Material.from_shear(1.4, 0.3)  # Unlike, E* of some 1.1.
 
 
@@ -123,11 +124,11 @@ def bufler(N: int) -> Solved:
     force = np.pi * both.E_star / (4.0 * radius) * A**2 * (1.0 + 4.0 * gamma**2)
     gap = surfaces.cylinder(N, h, radius=radius)
     result = frictional_rolling(
-        gap, h, material=ROLLERS, mu=np.inf, force=force, tangential_force=0.0, tolerance=1e-8
+        gap, h, material=ROLLERS, mu=STICKY, force=force, tangential_force=0.0, tolerance=1e-8
     )
     errors = {
         "a": result.normal.area / (2.0 * A) - 1.0,
         "ξ": -result.tangential.creepages / (2.0 * gamma * A / radius) - 1.0,
     }
     results: list[ContactResult] = [result.tangential, result.normal]
-    return Solved(results, errors, gap=gap, bound=result.tangential.bound)
+    return Solved(results, errors, gap=gap, bound=STICKY * result.normal.pressure)

@@ -32,6 +32,7 @@ KINDS = {
 }
 SIZES = tuple(2**k for k in (10, 12, 14, 17, 20))
 QUICK_SIZES = SIZES[:2]
+TABULATED = SIZES[1:3]  # Those of the table in docs.
 LEVINSON = 2**14  # Largest n for SciPy's method, and for what has no other.
 RESTART = 30  # Iterations of a cycle of GMRES.
 MAXITER = 300  # Iterations after which a method is given up.
@@ -136,9 +137,9 @@ def run(kinds: Sequence[str], sizes: Sequence[int], path: Path) -> list[Row]:
 
 def cell(row: Row) -> str:
     """Return the iterations, the time and the residual, or what there is of them."""
-    if "seconds" not in row:
+    if row.get("seconds") is None:
         return "-"
-    iterations = row["iterations"]
+    iterations = row.get("iterations")
     count = "direct" if iterations is None else str(iterations)
     if iterations is not None and iterations >= MAXITER:
         count = f"> {MAXITER}"
@@ -159,6 +160,23 @@ def show(rows: Sequence[Row]) -> None:
         "\nIterations / CPU time of SciPy's over that of the method, set-up included, or seconds "
         "where\nSciPy's takes too long / true residual. - : refused, or not tried."
     )
+
+
+def arrange(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of docs/which_method.md: a line for each matrix, some sizes across."""
+    table: list[Row] = []
+    for (_, symbol), own in report.group(rows, "kind", "symbol").items():
+        found = {(row["method"], row["n"]): row for row in own}
+        line: Row = {"matrix": symbol}
+        for n in TABULATED:
+            for method in (DROP_IN, f"{DROP_IN}, default"):
+                row = found.get((method, n), {})
+                line[f"{method}, 2^{n.bit_length() - 1}"] = cell(row) if row else ""
+        for method in ("T. Chan", "spectral"):
+            row = found.get((method, TABULATED[-1]), {})
+            line[method] = row.get("iterations", "-")
+        table.append(line)
+    return table
 
 
 def main(quick_sizes: Sequence[int] = QUICK_SIZES) -> None:

@@ -72,7 +72,8 @@ class Problem(NamedTuple):
 
 def rolling_problem(rng: Generator) -> Outcome:
     """Roll steadily or in steps, by any of creepages and loads; check by dense products."""
-    n1, n2 = random_grid(rng, int(log_uniform(rng, 1, MOST)), 2)
+    # One element by itself, at the pole, has no moment.
+    n1, n2 = (max(2, n) for n in random_grid(rng, int(log_uniform(rng, 4, MOST)), 2))
     shape = n1, n2
     h = log_uniform(rng, 1e-3, 10.0)
     element = h, h * log_uniform(rng, 0.3, 3.0)
@@ -148,7 +149,7 @@ def by_falling_friction(rng: Generator, problem: Problem) -> str:
     """Roll steadily with friction that falls, gently beside the stiffness of an element."""
     stiffness = problem.element[0] / float((problem.here - problem.ahead)[0, 0])
     share = rng.uniform(0.1, 0.9)
-    scale = share * float(problem.g.max()) / (GENTLE * stiffness * rng.random())
+    scale = share * float(problem.g.max()) / (GENTLE * stiffness * rng.random()) or 1.0
 
     def falling(slip: Array) -> Array:
         return 1.0 - share + share / (1.0 + slip / scale)

@@ -51,13 +51,22 @@ def refine(
         axis = k - len(shape)
         if n == 1 or not halved[k]:
             continue
-        if periodic[k]:
-            before, after = np.roll(x, 1, axis), np.roll(x, -1, axis)
-        else:
-            before = np.concatenate([np.take(x, [0], axis), np.delete(x, -1, axis)], axis=axis)
-            after = np.concatenate([np.delete(x, 0, axis), np.take(x, [-1], axis)], axis=axis)
-        pair = np.stack([0.75 * x + 0.25 * before, 0.75 * x + 0.25 * after], axis=axis % x.ndim + 1)
-        fine = [*x.shape]
-        fine[axis] *= 2
-        x = np.take(pair.reshape(fine), np.arange(n), axis=axis)
+        m, behind = x.shape[axis], (slice(None),) * (-1 - axis)
+
+        def at(start: int, stop: int | None, step: int = 1, behind: Any = behind) -> Any:
+            return (..., slice(start, stop, step), *behind)
+
+        near, far = 0.75 * x, 0.25 * x
+        fine = np.empty((*x.shape[:axis], n, *x.shape[x.ndim + axis + 1 :]), near.dtype)
+        even, odd = fine[at(0, None, 2)], fine[at(1, None, 2)]
+        even[...], odd[...] = near, near[at(0, n // 2)]
+        # Each is between its own element of the coarser grid, and that before or after it.
+        ends = (far[at(m - 1, m)], far[at(0, 1)])
+        before_first, after_last = ends if periodic[k] else ends[::-1]
+        even[at(0, 1)] += before_first
+        even[at(1, m)] += far[at(0, m - 1)]
+        odd[at(0, m - 1)] += far[at(1, m)]
+        if n == 2 * m:
+            odd[at(m - 1, m)] += after_last
+        x = fine
     return x

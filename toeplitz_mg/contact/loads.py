@@ -36,8 +36,9 @@ def load_curve(
     """Press two bodies together under several loads, one after the other.
 
     Each result is the first guess of the next one: from the last two the edge of the contact is
-    extrapolated. So loads in order take about half of the products of as many calls of
-    `normal_contact`, and the same answers come out.
+    extrapolated. So loads of a rough surface in order take about half of the products of as many
+    calls of `normal_contact`, and the same answers come out. Where coarser grids were a better
+    guess, as of smooth bodies, the next load begins with those.
 
     Parameters
     ----------
@@ -95,8 +96,11 @@ def load_curve(
 
     def solve() -> Iterator[NormalResult]:
         known: tuple[NormalResult, ...] = ()
+        # Products of the last load that began with the results before it, and of one without.
+        after, alone = 0, 0
         for load in loads.tolist():
             approach, force = (None, load) if is_force else (load, None)
+            begins = known if after <= alone else ()
             result = press(
                 grid,
                 z,
@@ -106,12 +110,14 @@ def load_curve(
                 nested,
                 max_products,
                 progress,
-                known,
+                begins,
                 hardness,
             )
             doubts.warn(check_converged(result, tolerance).warnings)
             yield result
-            known = (*known, result)[-2:]
+            if result.products:  # Without a load there was nothing to find.
+                after, alone = (result.products, alone) if begins else (after, result.products)
+                known = (*known, result)[-2:]
 
     return solve()
 

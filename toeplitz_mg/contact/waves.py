@@ -87,10 +87,12 @@ class Waves:
             column /= unit
             eigenvalues /= unit
         product = DiagonalisedProduct(eigenvalues, self._lengths, self.shape)
-        # What couples x and y is odd in both, all else even.
-        is_even = directions[0] == directions[1]
-        lags = np.ix_(*(np.arange(0 if is_even else 1 - n, n) for n in self.shape))
-        return ToeplitzOperator(Coefficients(column[lags], is_even), product=product), unit
+        if directions[0] == directions[1]:
+            coefficients = Coefficients(column[tuple(map(slice, self.shape))].copy(), is_even=True)
+        else:  # It is odd in x and in y. The transform has rounded what is to be symmetric.
+            lags = column[np.ix_(*(np.arange(1 - n, n) for n in self.shape))]
+            coefficients = Coefficients(0.5 * (lags + np.flip(lags)), is_even=False)
+        return ToeplitzOperator(coefficients, product=product), unit
 
     @property
     def _lengths(self) -> tuple[int, ...]:

@@ -20,6 +20,19 @@ def real_numbers(name: str, values: ArrayLike) -> Array:
     return array.astype(np.float64)
 
 
+def check_mean(mean: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return means of this shape."""
+    array = real_numbers("mean", mean)
+    if not np.isfinite(array).all():
+        raise ValueError("mean is not finite somewhere")
+    try:
+        return np.broadcast_to(array, shape)
+    except ValueError:
+        raise ValueError(
+            f"mean has shape {array.shape}, but must broadcast to that of c, {shape}"
+        ) from None
+
+
 def check_series(
     y: ArrayLike, observed: ArrayLike | None, mean: Array
 ) -> tuple[Array, Mask | None]:

@@ -7,15 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Rows
-from toeplitz_mg.gaussian.checks import check_series, generator, real_numbers
+from toeplitz_mg.gaussian.checks import check_mean, check_series, generator, real_numbers
 from toeplitz_mg.gaussian.conditional import Conditional
 from toeplitz_mg.gaussian.observed import Observed, Whole, observe
-from toeplitz_mg.gaussian.sampling import (
-    Embedding,
-    embed_by_column,
-    embed_field,
-    embed_in_circulant,
-)
+from toeplitz_mg.gaussian.sampling import Embedding, embed
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.masked import check_mask
 from toeplitz_mg.preconditioners.positivity import require_positive_diagonal
@@ -92,15 +87,7 @@ class ToeplitzNormal:
         self.A = ToeplitzOperator(c)
         require_positive_diagonal(float(c.flat[0]))
         self.shape = self.A.grid_shape
-        mean = real_numbers("mean", mean)
-        try:
-            self.mean = np.broadcast_to(mean, self.shape)
-        except ValueError:
-            raise ValueError(
-                f"mean has shape {mean.shape}, but must broadcast to that of c, {self.shape}"
-            ) from None
-        if not np.isfinite(mean).all():
-            raise ValueError("mean is not finite somewhere")
+        self.mean = check_mean(mean, self.shape)
         self._whole = Whole(self.A)
 
     def __repr__(self) -> str:
@@ -214,8 +201,7 @@ class ToeplitzNormal:
 
         Notes
         -----
-        It is in O(n log² n), by the superfast Schur algorithm (`toeplitz_mg.preconditioners.schur`)
-        and takes some times as long as a likelihood.
+        In O(n log² n), by the superfast Schur algorithm (`toeplitz_mg.preconditioners.schur`).
 
         Examples
         --------
@@ -325,10 +311,7 @@ class ToeplitzNormal:
 
     @cached_property
     def _embedding(self) -> Embedding:
-        if len(self.shape) > 1:
-            return embed_field(self.A.c)
-        embedding = embed_in_circulant(self.A.c)
-        return embedding or embed_by_column(self.A.c, self._whole.column.x)
+        return embed(self.A.c, lambda: self._whole.column.x)
 
     def _logpdf(self, y: ArrayLike, observed: ArrayLike | None) -> tuple[Array, Rows, Observed]:
         """Return the logarithms of the densities, the rows A⁻¹ (y - mean), and what is known."""

@@ -242,7 +242,7 @@ def inverse_block(whole: Whole, index: Array) -> Array:
         if position - i > NEAR:
             unit = np.zeros((1, n))
             unit[0, position] = 1.0
-            row, i = whole.solve(unit)[0, position : last + 1], position
+            row, i = whole.column.inverse.apply(unit)[0, position : last + 1], position
         while i < position:
             row = row[:-1]
             axpy(x[i + 1], ahead[i + 1 : last + 1], row)

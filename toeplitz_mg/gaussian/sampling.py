@@ -1,5 +1,6 @@
 """Samples of a stationary Gaussian process, from a periodic one on a larger grid."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,6 +51,13 @@ class Embedding:
             hat *= self.root
             part[...] = fft.irfftn(hat, s=self.period, axes=axes, overwrite_x=True)[cut]
         return X
+
+
+def embed(c: Array, column: Callable[[], Array]) -> Embedding:
+    """Continue a covariance periodically; `column` returns A⁻¹ e₁ of one axis."""
+    if c.ndim > 1:
+        return embed_field(c)
+    return embed_in_circulant(c) or embed_by_column(c, column())
 
 
 def embed_in_circulant(c: Array) -> Embedding | None:

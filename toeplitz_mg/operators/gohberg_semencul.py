@@ -11,7 +11,7 @@ from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.base import GridOperator
 from toeplitz_mg.values import refuse_masked
 
-OVERSAMPLING = 4  # Samples on the circle for each coefficient: the phase may turn 3π/4 between two.
+OVERSAMPLING = 4  # Fewest samples for each coefficient: the phase may turn 3π/4 between two.
 
 
 class GohbergSemencul(GridOperator):
@@ -110,6 +110,8 @@ class Certificate:
         Whether it is positive definite for certain. Where it is not, it still may be.
     condition : float
         max|x|²/min|x|² of the samples.
+    resolved : bool
+        Whether it is known: that it is positive, or that the formula is not.
 
     Notes
     -----
@@ -124,11 +126,12 @@ class Certificate:
 
     positive: bool
     condition: float
+    resolved: bool
 
     @classmethod
-    def of(cls, x: Array) -> "Certificate":
-        """Sample the polynomial, at the cost of one work unit."""
-        length = 2 * fft.next_fast_len(OVERSAMPLING // 2 * len(x), real=True)
+    def of(cls, x: Array, oversampling: int = OVERSAMPLING) -> "Certificate":
+        """Sample the polynomial, at the cost of one work unit; with more samples more."""
+        length = 2 * fft.next_fast_len(oversampling // 2 * len(x), real=True)
         count_transforms(1, length)
         is_complex = x.dtype.kind == "c"
         x = x.astype(np.result_type(x, np.float64))
@@ -137,7 +140,7 @@ class Certificate:
         squares = z.real**2 + z.imag**2
         smallest, largest = float(squares.min()), float(squares.max())
         if not smallest > 0.0:
-            return cls(False, np.inf)
+            return cls(False, np.inf, True)
         # Of a real x the turns are those on the upper half of the circle, which the lower half
         # mirrors; of a complex one the last sample is followed by the first.
         if is_complex:
@@ -146,7 +149,7 @@ class Certificate:
         # A turn by less than 3π/4 has a cosine above minus the size of its sine.
         resolved = bool((turn.real > -np.abs(turn.imag)).all())
         positive = x[0].real > 0.0 and resolved and _count_turns(z, turn.imag > 0.0) == 0
-        return cls(bool(positive), largest / smallest)
+        return cls(bool(positive), largest / smallest, resolved)
 
 
 def _count_turns(z: Array, is_left: Array) -> int:

@@ -26,9 +26,8 @@ def toeplitz_logdet(c: ArrayLike) -> float:
     Returns
     -------
     float
-        log det A. Relative to the dense matrix it has an error of up to some 1e-12 where the
-        condition number is up to 10⁷, and one that grows with the condition number beyond; for
-        an estimate of it see ``toeplitz_inverse(A).logdet_error``.
+        log det A, with a relative error of up to some 1e-12 where the condition number is up to
+        10⁷, and mostly beyond; for an estimate of it see ``toeplitz_inverse(A).logdet_error``.
 
     Raises
     ------
@@ -55,9 +54,10 @@ def toeplitz_logdet(c: ArrayLike) -> float:
     which is exact for it, gives ``log det A = n log e + Σ k |ℓₖ|²`` with log a(z) = Σ ℓₖ zᵏ. That
     series is computed from samples on the circle, from more where its last terms are not small.
     Covariances of long memory have one real zero next to the circle, whose part of the series is
-    known. Where the series is too long, or x not exact enough, log det A is the sum of the
-    logarithms of the prediction errors, by the superfast Schur algorithm, at some 30 work units;
-    up to 512 unknowns it is that of Cholesky's factors.
+    known. Where the series is too long, log det A is the sum of the logarithms of the prediction
+    errors, by the superfast Schur algorithm, at some 30 work units, or up to 512 unknowns that of
+    Cholesky's factors; or the longer series, where its estimated error is smaller. Where A is
+    ill-conditioned x is corrected by residuals of more than double precision.
 
     References
     ----------

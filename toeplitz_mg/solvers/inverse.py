@@ -164,12 +164,11 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
 
     Notes
     -----
-    The first column x = A⁻¹ e₁ is solved for by CG to 1e-6: in the domain of the cosine transform,
-    or with `spectral_preconditioner`, or with `fsai_preconditioner` where the coefficients decay
-    slowly, or else by the Schur algorithm. It is then corrected by the inverse that it gives until
-    its residual is 1e-12, or decreases no more. Of a complex matrix, or one that is not symmetric,
-    what the factors of the symbol give is corrected in the same way, the first row too, and the
-    inverse with it: by Newton's method, with three to five steps.
+    The first column x = A⁻¹ e₁ is solved for by CG to 1e-6, in the domain of the cosine transform,
+    or with `fsai_preconditioner` where the coefficients decay slowly; or it is that of the factor
+    of the symbol, or else of the Schur algorithm. It is then corrected by the inverse that it gives
+    until its residual is 1e-12, or rounding, or decreases no more: by Newton's method, in one to
+    five steps. So is the first row of a matrix that is not symmetric.
 
     Where the formula alone does not meet `rtol` and one step of refinement does, the refined
     operator is returned.

@@ -19,7 +19,7 @@ from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.preconditioners.schur import schur_column
 from toeplitz_mg.solvers.long_residual import EPS
-from toeplitz_mg.solvers.sharp_column import SharpColumn
+from toeplitz_mg.solvers.sharp_column import LONGEST, SharpColumn
 
 GOAL = 1e-12  # Relative error of a log-determinant above which the Schur algorithm may do better.
 DENSE = 512  # Unknowns up to which Cholesky's factorisation takes no longer than that.
@@ -27,7 +27,6 @@ FEWEST = 64  # Unknowns from which on the cepstrum has terms enough to see how t
 FEWEST_SAMPLES = 2.0  # Samples for each unknown, which are enough for smooth covariances.
 LONG_SAMPLES = 4.25  # Those which are enough for most of long memory, their real zero divided out.
 MOST_SAMPLES = 16  # Samples for each unknown beyond which the Schur algorithm takes no longer.
-LONGEST = 2**22  # Samples where that is not exact enough.
 WRAPPED = 1e-7  # How much a series is damped over its length: then less of it wraps around.
 CUT = 0.1  # What is cut off of a sum is less than the last eighth of it over this.
 SPREAD = 50.0  # Largest ratio of an error that was seen to the one of random rounding.

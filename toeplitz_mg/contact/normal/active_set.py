@@ -15,36 +15,18 @@ from typing import NamedTuple
 import numpy as np
 
 from toeplitz_mg._typing import Array, Progress
-from toeplitz_mg.contact.active_sets import Iterate, find_sets
+from toeplitz_mg.contact.active_sets import Iterate
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.inverse import Inverse
 from toeplitz_mg.contact.normal.inner import Area, Look, solve_on_set
 from toeplitz_mg.contact.normal.part import Part
-from toeplitz_mg.contact.products import Products, for_coarser_grids
+from toeplitz_mg.contact.products import Products
 from toeplitz_mg.engine.threads import elementwise
 from toeplitz_mg.operators import ToeplitzOperator
 
-ETA = 0.5  # Misfit that is left on a set, relative to its violation, while the energy falls.
-ROUGH = 0.2  # Tolerance on a coarser grid, relative to the detail of the gap that it does not have.
-# Limits of the tolerance on a coarser grid: a finer guess, and a rougher, save nothing.
-LEAST, MOST = 1.5e-3, 1e-2
-FALL = 0.5  # Part of the error that a step may leave: beyond, the search changes the set.
-DAMPING = 0.5  # Part of Jacobi's step by which the pressures follow the detail of a finer grid.
-FULL = 1e-13  # Part of the largest force, which all elements carry at the hardness, as rounding.
 NEAR = 4.0  # Gap that may close in the solution on a set, over the largest error before it.
 SPARSE = 0.2  # Share of the elements up to which fields are cut to those that may be in contact.
 BALANCED = 1e-15  # Error of the sum of projected pressures, relative to it, that is rounding.
-COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is but a guess.
-
-
-class State(NamedTuple):
-    """Pressures and their displacements, the approach, and how they were found."""
-
-    p: Array
-    u: Array
-    approach: float
-    residual: float = 0.0
-    iterations: tuple[int, ...] = ()
 
 
 class Law(NamedTuple):
@@ -108,7 +90,8 @@ class Search:
         return self.hardness * self.unit
 
     @cached_property
-    def _inverse(self) -> Inverse:
+    def inverse(self) -> Inverse:
+        """An approximate inverse, on a set that it is fitted to."""
         return Inverse(self.grid, self.matrix)
 
     @cached_property
@@ -126,102 +109,6 @@ class Search:
         farthest = vectors.max(np.where(z < np.inf, z, 0.0))
         far = 2.0 * self.approach if self.approach is not None else farthest + self.total
         return np.where(z < np.inf, z, max(far, farthest))
-
-    def run(self, A: Products, *, nested: bool, guess: Array | None = None) -> State:
-        """Find the pressures and the area of contact.
-
-        Parameters
-        ----------
-        A : Products
-        nested : bool
-            Whether the first guess comes from coarser grids, where there is no other.
-        guess : ndarray, optional
-            Pressures, none of which is negative, that are near those to be found.
-        """
-        b, u = (self.approach or 0.0) - self.z, None
-        if guess is None:
-            p, C = self._first_guess(nested=nested)
-        else:
-            near = self._come_near(A, guess)
-            p, u, C = near.x, near.u, near.sets
-        now, law, iterations = find_sets(
-            self, A, p, C, u=u, b=b, eta=ETA, tolerance=self.tolerance, progress=self.progress
-        )
-        return State(now.x, now.u, law.touching, law.residual, iterations)
-
-    def _come_near(self, A: Products, p: Array) -> Iterate:
-        """Return what some steps make of pressures that are nearly right: their set, above all.
-
-        A step corrects the pressures by the approximate inverse, and clips those below zero. On a
-        set that is nearly right that leaves a fifth of the error, and takes one product, where an
-        iteration on the set and a change of it take two.
-        """
-        p = self._clip(p)
-        now = Iterate(p, A(p), self.sets_of(p))
-        error = self.look(now).residual
-        while error > self.tolerance and not A.exhausted:
-            following = self._step(A, now)
-            fallen = self.look(following).residual
-            if fallen > FALL * error:
-                return following if fallen < error else now
-            if not A.vectors.count(following.sets ^ now.sets):
-                return following  # On one set conjugate gradients are faster.
-            now, error = following, fallen
-        return now
-
-    def _step(self, A: Products, now: Iterate) -> Iterate:
-        """Correct pressures by the approximate inverse, where they will be free (`_change`)."""
-        gap, M, vectors = self.look(now).look.gap, self._inverse, A.vectors
-        C = self._change(now.x, gap)
-        if not vectors.count(C):
-            return now
-        r = np.where(C, -gap, 0.0)
-        largest = vectors.max(np.abs(r))
-        M.fit(C, is_near=True)
-        change = np.where(C, M((r / largest).astype(M.dtype)), 0.0) * largest
-        if self.force is not None:
-            change -= np.where(C, vectors.sum(change) / vectors.count(C), 0.0)
-        p = self._clip(now.x + change)
-        return Iterate(p, A(p), self.sets_of(p))
-
-    def _first_guess(self, *, nested: bool) -> tuple[Array, Array]:
-        """Return pressures and elements in contact: of a coarser grid, or more than in contact."""
-        if self.force is not None:
-            everywhere = self.total / prod(self.grid.shape)
-            if everywhere >= self.most * (1.0 - FULL):
-                return np.full(self.z.shape, self.most), np.zeros(self.z.shape, bool)
-        coarse = self._coarser() if nested else None
-        if coarse is not None:
-            state = coarse.run(Products(coarse.matrix, COARSE_PRODUCTS), nested=True)
-            p = self._interpolate(state, self.unit / coarse.unit)
-            if self.grid.vectors.count(p):
-                return p, self.sets_of(p)
-        if self.approach is not None:
-            return np.zeros(self.z.shape), self.z < self.approach
-        return np.full(self.z.shape, everywhere), np.ones(self.z.shape, bool)
-
-    def _coarser(self) -> "Search | None":
-        """Return the problem on a coarser grid, or None where that says nothing."""
-        grid = self.grid.coarser()
-        if grid is None:
-            return None
-        z, vectors = self.grid.coarsen(self.z), self.grid.vectors
-        if self.approach is not None and not grid.vectors.count(z < self.approach):
-            return None  # The averages touch nowhere.
-        detail = vectors.max(np.abs(self.z - self.grid.refine(z)))
-        detail /= vectors.max(self.z) - self.lowest or 1.0
-        tolerance = float(np.clip(ROUGH * detail, LEAST, MOST))
-        progress = for_coarser_grids(self.progress)
-        return Search(grid, z, self.approach, self.force, tolerance, progress, self.hardness)
-
-    def _interpolate(self, coarse: State, ratio: float) -> Array:
-        """Interpolate from a coarser grid, and follow the detail that it does not have.
-
-        That is a step of Jacobi's iteration, without a product, as displacements are smooth.
-        """
-        p, u = (self.grid.refine(x) for x in (coarse.p, coarse.u))
-        p = np.clip(ratio * p - DAMPING * (u + self.z - coarse.approach), 0.0, self.most)
-        return self._clip(p) if self.grid.vectors.count(p) else p
 
     def look(self, now: Iterate) -> Law:
         """Return what is wrong with pressures and a set."""
@@ -245,7 +132,7 @@ class Search:
 
     def advance(self, A: Products, now: Iterate, law: Law, eta: float) -> tuple[Iterate, int]:
         """Solve on the set C = `now.sets`, and change it."""
-        C, M, count, gap = now.sets, self._inverse, 0, law.look.gap
+        C, M, count, gap = now.sets, self.inverse, 0, law.look.gap
         part = None
         while A.vectors.count(C):  # Where all elements of a contact yield there is none.
             M.fit(C)
@@ -277,13 +164,13 @@ class Search:
             law = self.look(now)
             if law.look.tension == 0.0 and law.residual <= self.tolerance:
                 return now, count
-        p, C = now.x, self._change(now.x, gap)
+        p, C = now.x, self.change(now.x, gap)
         is_bounded = self.hardness < np.inf
         is_admissible = A.vectors.min(p) >= 0.0 and not (
             is_bounded and A.vectors.max(p) > self.most
         )
         if part is not None or not is_admissible:
-            p = p if is_admissible else self._clip(p)
+            p = p if is_admissible else self.clip(p)
             if is_bounded:
                 C |= self.sets_of(p)
             return Iterate(p, A(p), C), count
@@ -297,7 +184,7 @@ class Search:
             return None
         return Part(near)
 
-    def _change(self, p: Array, gap: Array) -> Array:
+    def change(self, p: Array, gap: Array) -> Array:
         """Return the elements whose pressure is free from now on.
 
         These are they that are pressed, those that are not but penetrate, and those at the
@@ -315,7 +202,7 @@ class Search:
         """Return the elements that are pressed, by less than the hardness."""
         return (p > 0.0) & (p < self.most)
 
-    def _clip(self, p: Array) -> Array:
+    def clip(self, p: Array) -> Array:
         """Return admissible pressures, of the given sum: near these, if not the nearest.
 
         What the sum lacks is shared among the elements that are between the bounds.

@@ -4,7 +4,7 @@ The pressures p and the gap w = A p + z - δ (Eq. 6-7) are complementary:
 
     in contact  w = 0, p ≥ 0;        elsewhere  w ≥ 0, p = 0.
 
-The elements in contact are found by `active_set`, from a first guess on coarser grids.
+The elements in contact are found by `active_set`, from a first guess that `solving` has.
 """
 
 from collections.abc import Sequence
@@ -25,8 +25,9 @@ from toeplitz_mg.contact.checks import (
 )
 from toeplitz_mg.contact.gaps import read_surface
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.normal.active_set import Search, State
+from toeplitz_mg.contact.normal.active_set import Search
 from toeplitz_mg.contact.normal.prediction import Known, predict
+from toeplitz_mg.contact.normal.solving import State, solve
 from toeplitz_mg.contact.normal.stiffness import find_stiffness
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import NormalResult, check_converged, touches_edge
@@ -211,7 +212,7 @@ def press(
             for r in previous
         ]
         guess = predict(known, load, grid.vectors) if known else None
-        state = search.run(products, nested=nested, guess=guess)
+        state = solve(search, products, nested=nested, guess=guess)
         state = state._replace(p=np.where(state.p < search.most, state.p / search.unit, most))
     units = work.units(z.size) / search.matrix.work
     return make_result(grid, z, state, products.count, units, distance, most)

@@ -10,8 +10,9 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.active_sets import Iterate
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.normal.active_set import Search, State
+from toeplitz_mg.contact.normal.active_set import Search
 from toeplitz_mg.contact.normal.problem import make_result
+from toeplitz_mg.contact.normal.solving import State, solve
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.contact.tangential import friction, stick_slip
@@ -147,7 +148,7 @@ class Pressing:
         search = self._search(z)
         products = Products(search.matrix, self.max_products)
         guess = None if guess is None or not guess.any() else guess * search.unit
-        state = search.run(products, nested=nested, guess=guess)
+        state = solve(search, products, nested=nested, guess=guess)
         self._add(products.count)
         self.iterations += state.iterations
         p: Array = state.p / search.unit
