@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from comparisons.contact import cases, methods, peers, rolling
+from comparisons.contact import cases, growth, methods, peers, rolling
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
 
@@ -140,3 +140,12 @@ def test_help(monkeypatch, capsys):
         cases.main()
     assert caught.value.code == 0
     assert "--quick" in capsys.readouterr().out
+
+
+def test_rolling_on_finer_grids(folder, capsys):
+    growth.main()
+    assert str(folder) in capsys.readouterr().out
+    rows = rows_of(folder / "growth.csv")
+    assert len(rows) == len(growth.MOTIONS) * len(growth.QUICK_SIZES)
+    for row in rows:
+        assert float(row["violation"]) <= 1e-8

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from tests.test_friction import assert_areas, assert_slip, doubtful, semi_ellipse
 from toeplitz_mg import halfspace
-from toeplitz_mg.contact import Material, normal_contact, surfaces
+from toeplitz_mg.contact import Material, normal_contact, steady_matrices, surfaces
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import ContactError
 from toeplitz_mg.contact.tangential import steady
@@ -183,6 +183,36 @@ def test_the_matrix_of_steady_rolling_is_that_of_the_half_space():
         assert_allclose(
             K @ np.eye(K.shape[0]), influences(grid, 0.0) - influences(grid, 0.5), atol=1e-14
         )
+
+
+@pytest.mark.parametrize("shape", [(70,), (40, 30)])
+def test_inverses_are_the_same_in_panels_of_any_size(shape, monkeypatch):
+    rng = np.random.default_rng(0)
+    grid = Grid.of(shape, (0.5,) * len(shape), Material.from_shear(2.0, 0.3), None)
+    K = grid.steady(grid.tangential())
+    M = steady_matrices.ShiftedInverses(K, np.float64)
+    addition, r = 3.0 * rng.random(shape), rng.standard_normal((grid.components, *shape))
+    whole = M.at(addition)(r)
+    monkeypatch.setattr(steady_matrices, "PANEL_BYTES", 1)
+    assert_allclose(M.at(addition)(r), whole, atol=1e-12 * np.abs(whole).max())
+    # In each place it is that of its own addition alone.
+    uniform = M.at(np.full(shape, addition.flat[7]))(r)
+    assert_allclose(uniform.reshape(len(r), -1)[:, 7], whole.reshape(len(r), -1)[:, 7])
+
+
+def test_what_is_around_the_contact_is_not_multiplied():
+    g, alone = circle(40, (0.05, 0.02, 0.1))
+    around = np.pad(g, 30)
+    result = rolling(
+        around,
+        alone.element,
+        material=Material.from_shear(1.0, 0.25),
+        longitudinal=0.05,
+        lateral=0.02,
+        spin=0.1,
+    )
+    assert np.array_equal(result.traction[:, 30:-30, 30:-30], alone.traction)
+    assert (result.products, result.work) == (alone.products, alone.work)
 
 
 def test_a_step_obeys_coulombs_law_in_time():
