@@ -93,7 +93,7 @@ def test_diagonal_sums_are_derivatives(n):
     assert (ahead - back) / (2 * h) == pytest.approx(slope, rel=1e-6)
 
 
-@pytest.mark.parametrize("n", [2, 65, 900])
+@pytest.mark.parametrize("n", [2, 65, pytest.param(900, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", HERMITIAN)
 def test_of_hermitian_matrices(name, n):
     c, r = HERMITIAN[name](n)

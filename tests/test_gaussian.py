@@ -114,7 +114,10 @@ def test_gradients_of_many_series():
 
 @pytest.mark.parametrize(
     ("family", "truth", "bounds"),
-    [(fractional_noise, 0.8, (0.1, 0.95)), (matern, 4.0, (0.5, 20.0))],
+    [
+        pytest.param(fractional_noise, 0.8, (0.1, 0.95), marks=pytest.mark.slow),
+        (matern, 4.0, (0.5, 20.0)),
+    ],
 )
 def test_a_fit_finds_the_estimates_of_a_dense_fit(family, truth, bounds):
     """Of a variance, and of Hurst's exponent or of a correlation length."""

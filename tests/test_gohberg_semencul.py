@@ -30,7 +30,7 @@ def matrix(n, dtype, *, hermitian=False):
 
 
 # The longest are 1, 5 and 9 short of a fast length.
-@pytest.mark.parametrize("n", [1, 2, 5, 64, 67, 534, 1601])
+@pytest.mark.parametrize("n", [1, 2, 5, 64, 67, 534, pytest.param(1601, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("dtype", [np.float64, np.complex128])
 @pytest.mark.parametrize("hermitian", [False, True])
 def test_is_the_inverse_that_has_the_column_and_the_row(n, dtype, hermitian):

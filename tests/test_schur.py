@@ -81,6 +81,7 @@ def test_refuses_small_ones(c):
         schur_column(np.array(c))
 
 
+@pytest.mark.slow
 def test_three_plane_waves_and_noise():
     """No circulant has their eigenvalues: T. Chan's takes CG over 200 iterations."""
     n = 3000

@@ -273,7 +273,7 @@ def test_a_recursion_that_loses_digits_is_told_or_corrected(pivot, is_told):
     assert info.backward_error <= (1e-11 if is_told else 1e-14)
 
 
-@pytest.mark.parametrize("n", [4, 300, 3000, 40000])
+@pytest.mark.parametrize("n", [4, 300, 3000, pytest.param(40000, marks=pytest.mark.slow)])
 def test_a_singular_system_is_an_error(n):
     for c in (np.zeros(n), np.ones(n), np.exp(-((np.arange(n) / (0.1 * n)) ** 2) / 2)):
         if n == 4 and 0 < c[1] < 1:

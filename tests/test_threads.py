@@ -49,7 +49,9 @@ def assert_same_bits(compute, message=""):
 
 
 @pytest.mark.usefixtures("eager")
-@pytest.mark.parametrize(("dtype", "step"), [(np.float64, 1), (np.float32, 8)])
+@pytest.mark.parametrize(
+    ("dtype", "step"), [(np.float64, 1), pytest.param(np.float32, 8, marks=pytest.mark.slow)]
+)
 def test_every_operator_has_the_same_bits(dtype, step):
     """Its set-up, its products with one vector and with several."""
     rng = np.random.default_rng(0)
@@ -85,7 +87,7 @@ def test_pieces_of_a_transform_may_begin_anywhere():
     assert_same_bits(lambda: plan.spectrum(x, None, 0.25).copy())
 
 
-@pytest.mark.parametrize("shape", [(2**17,), (400, 700)])
+@pytest.mark.parametrize("shape", [(2**17,), pytest.param((400, 700), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("choose", [tmg.default_preconditioner, tmg.fsai_preconditioner])
 def test_cg_has_the_same_bits(shape, choose):
     c = contact(*shape)

@@ -20,12 +20,9 @@ each_number_of_ranks = pytest.mark.parametrize(
         "products",
         "solves",
         "lines",
-        "fsai",
         "saving",
-        pytest.param("gathering", marks=slow),
         "pressing",
-        "sliding",
-        "rolling",
+        *(pytest.param(x, marks=slow) for x in ("fsai", "gathering", "sliding", "rolling")),
     ],
 )
 def test_on_ranks(cases, ranks):
