@@ -401,8 +401,9 @@ def test_large_rough_surfaces(mean, share):
 def test_the_area_is_in_proportion_to_the_force():
     """κ = A E* g'/F of light loads, with g' the root mean square of the slopes.
 
-    It lies between √(8/π) of Persson's theory and √(2π) of that of asperities. The elements at the edges of spots are in contact in part: the area is corrected by what that
-    makes of the length of the edges (Yastrebov, Anciaux, Molinari, Tribol. Int. 114 (2017)).
+    It lies between √(8/π) of Persson's theory and √(2π) of that of asperities. The elements at the
+    edges of spots are in contact in part: the area is corrected by what that makes of the length of
+    the edges (Yastrebov, Anciaux, Molinari, Tribol. Int. 114 (2017)).
     """
     n = 512
     h, found = 1.0 / n, []
