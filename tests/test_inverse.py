@@ -12,7 +12,7 @@ from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 WELL = ["θ⁴ + 1", "(1+k)^-1.1", "cos k/(k+1)", "0.9^k", "fGn, H = 0.9", "|θ|", "contact"]
 
 
-@pytest.mark.parametrize("n", [3, 64, 211, 1000])
+@pytest.mark.parametrize("n", [3, 64, 211, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", [*WELL, "Gaussian", "θ²", "2 - 2 cos θ", "2 + 2 cos θ"])
 def test_is_the_inverse(name, n):
     A = tmg.ToeplitzOperator(column(name, n))

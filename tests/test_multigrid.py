@@ -229,6 +229,7 @@ ZEROS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ZEROS)
 def test_symbols_with_a_zero_take_a_number_of_cycles_independent_of_n(name):
     interpolation, most = ZEROS[name]
@@ -371,7 +372,11 @@ def test_cg_takes_at_most_four_iterations_on_every_grid(test):
 
 
 @pytest.mark.parametrize("test", TESTS)
-@pytest.mark.parametrize("cycle", [{"pre": 0}, {"post": 0}, {}], ids=str)
+@pytest.mark.parametrize(
+    "cycle",
+    [{"pre": 0}, *(pytest.param(x, marks=pytest.mark.slow) for x in ({"post": 0}, {}))],
+    ids=str,
+)
 def test_the_stationary_cycle_does_not_depend_on_n(test, cycle):
     def count(n):
         problem = test(n)

@@ -13,7 +13,7 @@ PROBLEM = test1(500)
 M = tmg.fft_rsm_preconditioner(PROBLEM.A)
 
 
-@pytest.mark.parametrize("n", [100, 1000, 4096])
+@pytest.mark.parametrize("n", [100, 1000, pytest.param(4096, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("test", [test1, test2, test3])
 def test_agrees_with_a_dense_cholesky_solve(test, n):
     problem = test(n)

@@ -48,10 +48,9 @@ def assert_same_bits(compute, message=""):
         np.testing.assert_array_equal(a, b, err_msg=message, strict=True)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("eager")
-@pytest.mark.parametrize(
-    ("dtype", "step"), [(np.float64, 1), pytest.param(np.float32, 8, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("dtype", "step"), [(np.float64, 1), (np.float32, 8)])
 def test_every_operator_has_the_same_bits(dtype, step):
     """Its set-up, its products with one vector and with several."""
     rng = np.random.default_rng(0)

@@ -19,10 +19,11 @@ each_number_of_ranks = pytest.mark.parametrize(
         "rows",
         "products",
         "solves",
-        "lines",
         "saving",
-        "pressing",
-        *(pytest.param(x, marks=slow) for x in ("fsai", "gathering", "sliding", "rolling")),
+        *(
+            pytest.param(x, marks=slow)
+            for x in ("lines", "fsai", "gathering", "pressing", "sliding", "rolling")
+        ),
     ],
 )
 def test_on_ranks(cases, ranks):
