@@ -31,7 +31,7 @@ SHOWN_SIZES = (2**10, 2**14, 2**20)
 # The methods that are drawn, in colours of Okabe and Ito that are told apart: the table has all.
 DRAWN = {
     "dense Cholesky": "#000000",
-    "solve_toeplitz": "#56B4E9",
+    "SciPy's solve_toeplitz": "#56B4E9",
     "CG": "#009E73",
     "CG + pyamg RS, banded": "#CC79A7",
     "CG + M": "#D55E00",
@@ -39,7 +39,8 @@ DRAWN = {
 }
 OURS = {contender.name for contender in CONTENDERS if contender.ours}
 ROOM = 2.0**3  # Factor of the largest n up to which the axis goes on, for the names of lines.
-APART = 1.9  # Ratio of two times whose names, written beside each other, do not overlap.
+APART = 1.9  # Ratio of two times whose names, one above the other, do not overlap.
+LETTER = 2.0**0.42  # Factor of n that a letter of a name is wide.
 
 
 def test1_random(n: int) -> Problem:
@@ -164,11 +165,15 @@ def write_names(ax: Any, ends: Sequence[tuple[str, str, float, float]]) -> None:
     ends : sequence of (name, colour, x, y)
     """
     largest = max(x for _, _, x, _ in ends)
-    free = {"left": 0.0, "right": 0.0}  # The lowest y from which there is no name yet.
-    for name, colour, x, y in sorted(ends, key=lambda end: end[2:]):
+    taken: list[tuple[float, float, float]] = []  # Where names begin and end, and their heights.
+    for name, colour, x, height in sorted(ends, key=lambda end: end[3]):
         align, offset = ("left", 7.0) if x == largest else ("right", -7.0)
-        height = max(y, free[align])
-        free[align] = height * APART
+        width = LETTER ** len(name)
+        first, last = (x, x * width) if x == largest else (x / width, x)
+        for begin, end, other in taken:  # The lowest of them comes first.
+            if first < end and begin < last and other / APART < height < other * APART:
+                height = other * APART
+        taken.append((first, last, height))
         ax.annotate(
             name, (x, height), (offset, 0.0), textcoords="offset points", color=colour,
             ha=align, va="center", fontsize="small",

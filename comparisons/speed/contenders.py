@@ -156,7 +156,7 @@ def cg_algebraic(
 
 CONTENDERS = (
     Contender("dense Cholesky", cholesky, counted=False),
-    Contender("solve_toeplitz", levinson, counted=False),
+    Contender("SciPy's solve_toeplitz", levinson, counted=False),
     Contender("CG", partial(by_iteration, cg, nothing)),
     Contender("CG + Strang", partial(by_iteration, cg, tmg.strang_preconditioner)),
     Contender("CG + T. Chan", partial(by_iteration, cg, tmg.chan_preconditioner)),
