@@ -30,7 +30,7 @@ from comparisons.harness import report
 from comparisons.harness.measuring import TOLERANCE, iterate, time_call
 from comparisons.harness.processes import prepare
 from comparisons.harness.report import Row
-from comparisons.systems.symbols import column
+from comparisons.systems.symbols import column, fractional_noise
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.preconditioners.schur import schur_column
@@ -46,11 +46,7 @@ TURNS = 5
 
 
 def _fractional(H: float) -> Callable[[int], Array]:
-    def c(n: int) -> Array:
-        k = np.arange(n, dtype=float)
-        return ((k + 1) ** (2 * H) - 2 * k ** (2 * H) + abs(k - 1) ** (2 * H)) / 2
-
-    return c
+    return lambda n: fractional_noise(np.arange(n), H)
 
 
 def _matern(length: float) -> Callable[[int], Array]:

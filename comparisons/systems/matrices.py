@@ -13,7 +13,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from comparisons.systems import masks
 from comparisons.systems.punch import KINDS, influence
-from comparisons.systems.symbols import column, fourier
+from comparisons.systems.symbols import column, fourier, fractional_noise
 from toeplitz_mg import ToeplitzOperator
 from toeplitz_mg._typing import Array
 
@@ -79,8 +79,7 @@ def covariance(
 
 def noise(hurst: float, n: int, share: float) -> LinearOperator:
     """Return the covariance of fractional Gaussian noise."""
-    k, power = np.arange(float(n)), 2 * hurst
-    return of_column(((k + 1) ** power - 2 * k**power + abs(k - 1) ** power) / 2, share)
+    return of_column(fractional_noise(np.arange(n), hurst), share)
 
 
 def laplacian(alpha: float, shift: float, shape: Shape, share: float) -> LinearOperator:
