@@ -104,6 +104,29 @@ class FourStep:
         share(work, self._count(0), self.length)
         return W
 
+    def invert(self, spectrum: Array, shift: float, store: Store) -> None:
+        """Transform a spectrum, in the order [k₁, k₂], back.
+
+        Parameters
+        ----------
+        spectrum : ndarray of shape (N₁, N₂)
+        shift : float
+        store : callable
+            Receives a panel Q, which it may overwrite; the columns of the vector are the conjugate
+            of u Q over the length.
+        """
+        W = workspace(self.shape, self.dtype)
+
+        def work(blocks: range) -> None:
+            for rows, twiddles in self._blocks(blocks, shift):
+                R = workspace(twiddles.shape, self.dtype)
+                np.conjugate(spectrum[rows], out=R)
+                R = fft.fft(R, axis=1, overwrite_x=True)
+                np.multiply(R, twiddles, out=W[rows])
+
+        share(work, self._count(0), self.length)
+        self._columns_out(W, store)
+
     def multiply(self, load: Load, factors: Sequence[Factor], store: Store) -> None:
         """Multiply by matrices that shifted transforms diagonalise, the first one first.
 

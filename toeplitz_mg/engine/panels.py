@@ -35,6 +35,26 @@ class Panels:
 
         return self.plan.spectrum(load, shift)
 
+    def parts(self, spectrum: Array, shift: float) -> tuple[Array, Array]:
+        """Return the real and the imaginary part of the vector that has a spectrum."""
+        real, imag = parts = np.empty((2, *self.plan.shape), self.plan.dtype.char.lower())
+        u = self.plan.weights(shift) / self.length
+
+        def store(columns: slice, Q: Array) -> None:
+            Q *= u
+            real[:, columns] = Q.real
+            np.negative(Q.imag, out=imag[:, columns])
+
+        self.plan.invert(spectrum, shift, store)
+        real, imag = parts.reshape(2, -1)
+        return real, imag
+
+    def in_order(self, spectrum: Array) -> Array:
+        """Return a spectrum in the order of the frequencies."""
+        ordered = np.empty(self.plan.shape[::-1], spectrum.dtype)
+        self.plan.transpose(spectrum, ordered)
+        return ordered.ravel()
+
     def eigenvalues(self, spectrum: Array) -> Array:
         """Prepare a spectrum for the products."""
         return self.plan.eigenvalues(spectrum)

@@ -51,6 +51,15 @@ class OneStep:
         column = real if imag is None else real + 1j * imag
         return fft.fft(column * self.weights(shift))
 
+    def parts(self, spectrum: Array, shift: float) -> tuple[Array, Array]:
+        """Return the real and the imaginary part of the vector that has a spectrum."""
+        vector = fft.ifft(spectrum) * self.weights(-shift)
+        return vector.real, vector.imag
+
+    def in_order(self, spectrum: Array) -> Array:
+        """Return a spectrum in the order of the frequencies."""
+        return spectrum
+
     def eigenvalues(self, spectrum: Array) -> Array:
         """Prepare a spectrum for the products."""
         spectrum = spectrum / self.length

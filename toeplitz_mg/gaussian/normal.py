@@ -15,7 +15,7 @@ from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.masked import check_mask
 from toeplitz_mg.preconditioners.positivity import require_positive_diagonal
 from toeplitz_mg.preconditioners.schur import whiten_rows
-from toeplitz_mg.solvers.szego import autocorrelations
+from toeplitz_mg.solvers.szego_polynomial import autocorrelations
 from toeplitz_mg.values import count
 
 

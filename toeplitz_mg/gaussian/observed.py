@@ -24,7 +24,7 @@ from toeplitz_mg.preconditioners import default_preconditioner
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
-from toeplitz_mg.solvers.szego import LogDeterminant, diagonal_sums, log_determinant
+from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
 
 MOST = 4096  # Points, missing or observed, of which a dense matrix is factorised: 134 MB.
 PART = 64  # Rows that are multiplied at once.
@@ -72,7 +72,7 @@ class Whole:
 
     def diagonal_sums(self) -> Array:
         """Return the sums of the diagonals of A⁻¹."""
-        return diagonal_sums(self.column.x)
+        return self.column.polynomial.diagonal_sums
 
 
 @dataclass(frozen=True)

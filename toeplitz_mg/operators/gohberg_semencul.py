@@ -1,17 +1,17 @@
 """The inverse of a Toeplitz matrix, from its first column and its first row."""
 
 from dataclasses import dataclass
+from math import pi, tan
 
 import numpy as np
-from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.circle import Circle, circle_of
 from toeplitz_mg.engine.gohberg_semencul import GohbergSemenculProduct
-from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.base import GridOperator
 from toeplitz_mg.values import refuse_masked
 
-OVERSAMPLING = 4  # Fewest samples for each coefficient: the phase may turn 3π/4 between two.
+OVERSAMPLING = 4  # Samples for each coefficient: the phase may turn 3π/4 between two.
 
 
 class GohbergSemencul(GridOperator):
@@ -131,23 +131,25 @@ class Certificate:
     @classmethod
     def of(cls, x: Array, oversampling: int = OVERSAMPLING) -> "Certificate":
         """Sample the polynomial, at the cost of one work unit; with more samples more."""
-        length = 2 * fft.next_fast_len(oversampling // 2 * len(x), real=True)
-        count_transforms(1, length)
-        is_complex = x.dtype.kind == "c"
         x = x.astype(np.result_type(x, np.float64))
-        scale = np.abs(x).max() or 1.0  # Then no square overflows.
-        z = (fft.fft if is_complex else fft.rfft)(x / scale, length)
+        circle = circle_of(oversampling * len(x), x.dtype)
+        x = x / (np.abs(x).max() or 1.0)  # Then no square overflows.
+        return cls.of_values(x, circle, circle.values(x))
+
+    @classmethod
+    def of_values(cls, x: Array, circle: Circle, values: Array) -> "Certificate":
+        """Look at the values of the polynomial on a circle."""
+        z = circle.path(x, values)
         squares = z.real**2 + z.imag**2
         smallest, largest = float(squares.min()), float(squares.max())
         if not smallest > 0.0:
             return cls(False, np.inf, True)
         # Of a real x the turns are those on the upper half of the circle, which the lower half
-        # mirrors; of a complex one the last sample is followed by the first.
-        if is_complex:
-            z = np.append(z, z[:1])
+        # mirrors.
         turn = z[1:] * z[:-1].conj()
-        # A turn by less than 3π/4 has a cosine above minus the size of its sine.
-        resolved = bool((turn.real > -np.abs(turn.imag)).all())
+        # The cotangent of a turn is above that of a larger one.
+        farthest = 1.0 / tan(pi * (1.0 - len(x) / circle.points))
+        resolved = bool((turn.real > farthest * np.abs(turn.imag)).all())
         positive = x[0].real > 0.0 and resolved and _count_turns(z, turn.imag > 0.0) == 0
         return cls(bool(positive), largest / smallest, resolved)
 

@@ -8,14 +8,14 @@ import numpy as np
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.gohberg_semencul import OVERSAMPLING, Certificate, GohbergSemencul
+from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.preconditioners.columns import Columns
 from toeplitz_mg.solvers.long_residual import EPS, LongResidual
+from toeplitz_mg.solvers.szego_polynomial import SzegoPolynomial
 
 WELL_CONDITIONED = 1e6  # Condition up to which gradients have ten digits in double precision.
 FINE = 2e-14  # Error of log x₀ over it up to which a log-determinant has twelve digits.
 SOLVED = 1e-10  # Relative size of a correction that leaves nothing but rounding.
-LONGEST = 2**22  # Most samples of a column that are taken where fewer do not tell.
 MOST_STEPS = 4  # Corrections, of which one is enough up to a condition number of some 10⁸.
 
 
@@ -43,12 +43,9 @@ class SharpColumn:
     residual: LongResidual | None = None
 
     @cached_property
-    def certificate(self) -> Certificate:
-        """Whether A⁻¹ is positive definite, from as many samples as that takes."""
-        certificate, samples = Certificate.of(self.x), OVERSAMPLING
-        while not certificate.resolved and (samples := 4 * samples) * len(self.x) <= LONGEST:
-            certificate = Certificate.of(self.x, samples)
-        return certificate
+    def polynomial(self) -> SzegoPolynomial:
+        """Its polynomial, on the unit circle."""
+        return SzegoPolynomial(self.x)
 
     @cached_property
     def inverse(self) -> GohbergSemencul:
@@ -78,7 +75,7 @@ def sharpen(columns: Columns) -> SharpColumn:
     change = abs(np.vdot(x, columns.errors[0])) + columns.rounding * norm(x) / np.sqrt(n)
     column = SharpColumn(A, x, float(change) / size, columns.near_inverse)
     is_fine = column.error <= FINE * abs(np.log(size))
-    if is_fine and column.certificate.condition <= WELL_CONDITIONED:
+    if is_fine and column.polynomial.certificate.condition <= WELL_CONDITIONED:
         return column
     residual, unit = LongResidual(A.c), np.eye(1, n, dtype=x.dtype)[0]
     last = np.inf

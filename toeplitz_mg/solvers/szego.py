@@ -6,26 +6,23 @@ process has (Bernstein and Szegő). Its matrices have determinants that Szegő's
 gives exactly, as it is one of those for which the limit is reached.
 """
 
-from collections.abc import Callable
 from math import isqrt, log
 from typing import NamedTuple
 
 import numpy as np
-from scipy import fft
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.lengths import near_fast_length
+from toeplitz_mg.engine.circle import Circle, circle_of
 from toeplitz_mg.engine.vectors import norm
-from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.preconditioners.schur import schur_column
 from toeplitz_mg.solvers.long_residual import EPS
-from toeplitz_mg.solvers.sharp_column import LONGEST, SharpColumn
+from toeplitz_mg.solvers.sharp_column import SharpColumn
+from toeplitz_mg.solvers.szego_polynomial import LONGEST
 
 GOAL = 1e-12  # Relative error of a log-determinant above which the Schur algorithm may do better.
 DENSE = 512  # Unknowns up to which Cholesky's factorisation takes no longer than that.
 FEWEST = 64  # Unknowns from which on the cepstrum has terms enough to see how they decrease.
-FEWEST_SAMPLES = 2.0  # Samples for each unknown, which are enough for smooth covariances.
-LONG_SAMPLES = 4.25  # Those which are enough for most of long memory, their real zero divided out.
+LONG_SAMPLES = 4.25  # Enough for each unknown for most of long memory, its real zero divided out.
 MOST_SAMPLES = 16  # Samples for each unknown beyond which the Schur algorithm takes no longer.
 WRAPPED = 1e-7  # How much a series is damped over its length: then less of it wraps around.
 CUT = 0.1  # What is cut off of a sum is less than the last eighth of it over this.
@@ -73,7 +70,7 @@ def _factor(column: SharpColumn) -> LogDeterminant:
     except np.linalg.LinAlgError:
         schur_column(A.c)  # It says which leading block is not positive definite.
         raise
-    trace = float(diagonal_sums(column.x)[0].real)
+    trace = float(column.polynomial.diagonal_sums[0].real)
     error = EPS * (float(np.sqrt(2.0 / n)) * norm(A.c) * trace + n)
     return LogDeterminant(2.0 * float(np.log(diagonal).sum()), error)
 
@@ -89,62 +86,43 @@ def _sum_schur_parameters(column: SharpColumn) -> LogDeterminant:
     return LogDeterminant(value, 3.0 * n * (last + EPS))
 
 
-def diagonal_sums(x: Array) -> Array:
-    """Return Σ_i (A⁻¹)_(i,i+k), k = 0 … n - 1, from x = A⁻¹ e₁.
-
-    By the Gohberg-Semencul formula it is Σ_p (n - k - 2p) x_p x̄_(p+k)/x₀. The weight is the mean of
-    n - 2p and n - 2(p + k): so it is the mean of the correlations of (n - 2p) x_p with x and of x
-    with that, whose transforms are conjugate to each other.
-    """
-    n = len(x)
-    weighted = (n - 2.0 * np.arange(n)) * x
-    return _correlate(lambda hat, other: (hat * other.conj()).real, x, weighted) / x[0].real
-
-
-def autocorrelations(x: Array) -> Array:
-    """Return Σ_p x_p x̄_(p+k), k = 0 … n - 1."""
-    return _correlate(lambda hat: hat.real**2 + hat.imag**2, x)
-
-
-def _correlate(combine: Callable[..., Array], *series: Array) -> Array:
-    """Return the lags 0 … n - 1 of what real combinations of the transforms of series stand for."""
-    n = len(series[0])
-    length = fft.next_fast_len(2 * n - 1, real=True)
-    count_transforms(len(series) + 1, length)
-    if any(x.dtype.kind == "c" for x in series):
-        return fft.ifft(combine(*(fft.fft(x, length) for x in series)))[:n].conj()
-    return fft.irfft(combine(*(fft.rfft(x, length) for x in series)), length)[:n]
-
-
 def _sum_cepstrum(column: SharpColumn, most: int) -> LogDeterminant | None:
     """Return log det A = n log e + Σ k |ℓₖ|², where log a = Σ ℓₖ zᵏ; None if A⁻¹ is not positive.
 
     The series is computed from so many samples that its last terms are small, as what is cut off is
     of their size, and what wraps around too; but from at most so many.
     """
-    x = column.x
-    if not column.certificate.positive:
+    polynomial = column.polynomial
+    if not polynomial.certificate.positive:
         return None
-    n, size = len(x), x[0].real
-    leading = -n * float(np.log(size))
-    a, part = _divide_by_real_zero(x / size)
-    samples = (LONG_SAMPLES if part else FEWEST_SAMPLES) * n
+    n = len(column.x)
+    leading = -n * float(np.log(column.x[0].real))
+    a, part = _divide_by_real_zero(polynomial.coefficients)
+    if part:
+        series = _Series.of(a, round(LONG_SAMPLES * n))
+    else:  # Enough for smooth covariances, and taken already.
+        series = _Series.on(polynomial.circle, polynomial.slopes / polynomial.values)
     best = None
-    while samples <= most:
-        series = _Series.of(a, near_fast_length(round(samples)))
+    while True:
         value = leading + part + series.total
         rounding = SPREAD * (n * column.error + EPS * (abs(leading) + abs(value)))
-        found = LogDeterminant(value, series.missing + rounding)
+        found = LogDeterminant(value, series.cut_off + series.wrapped + rounding)
         if best is not None and not found.error < 0.5 * best.error:
             break  # What is left is the rounding of the transforms.
         best = found
-        excess = series.missing / (0.1 * GOAL * abs(value) + rounding)
-        if excess <= 1.0:
+        allowed = 0.1 * GOAL * abs(value) + rounding
+        if series.cut_off + series.wrapped <= allowed:
             break
         growth = 1.0
-        if series.decay > 1.0:  # In half of the samples.
+        if series.cut_off <= allowed:
+            growth = 0.0  # Damped, it does not wrap around.
+        elif series.decay > 1.0:  # In half of the samples.
+            excess = series.cut_off / allowed
             growth = max(0.5 * 1.4 * np.log(excess) / np.log(series.decay), 0.25)
-        samples *= 1.0 + growth
+        samples = round((1.0 + growth) * series.samples)
+        if samples > most:
+            break
+        series = _Series.of(a, samples)
     return best
 
 
@@ -153,31 +131,42 @@ class _Series(NamedTuple):
 
     Attributes
     ----------
+    samples : int
+        N.
     total : float
-    missing : float
-        A bound of what is cut off, and of what wraps around.
+    cut_off : float
+        A bound of what is cut off.
+    wrapped : float
+        A bound of what wraps around.
     decay : float
         How much the last terms are smaller than those in the middle.
     """
 
+    samples: int
     total: float
-    missing: float
+    cut_off: float
+    wrapped: float
     decay: float
 
     @classmethod
-    def of(cls, a: Array, length: int) -> "_Series":
+    def of(cls, a: Array, samples: int) -> "_Series":
         """Compute the series on a circle of a radius r < 1, on which it wraps around as rᴺ sₖ₊ₙ."""
-        n, eighth = len(a), max((length - 1) // 8, 1)
-        k = np.arange(float(length))
-        growth = _powers(-log(WRAPPED) / length, length)
+        n, circle = len(a), circle_of(samples, a.dtype)
+        growth = _powers(-log(WRAPPED) / circle.points, circle.points)
         damped = a / growth[:n]
-        count_transforms(3, length)
-        is_complex = a.dtype.kind == "c"
-        forward, backward = (fft.fft, fft.ifft) if is_complex else (fft.rfft, fft.irfft)
-        hat = forward(k[:n] * damped, length)
-        hat /= forward(damped, length)
-        s = backward(hat, length)
-        if is_complex:
+        values = circle.values(np.arange(float(n)) * damped)
+        values /= circle.values(damped)
+        return cls.on(circle, values, growth, WRAPPED)
+
+    @classmethod
+    def on(
+        cls, circle: Circle, values: Array, growth: Array | float = 1.0, wrapped: float = 1.0
+    ) -> "_Series":
+        """Compute the series from values of z a'/a, on a circle on which it does not grow so."""
+        length = circle.points
+        k, eighth = np.arange(float(length)), max((length - 1) // 8, 1)
+        s = circle.coefficients(values, length)
+        if s.dtype.kind == "c":
             s = np.abs(s)
         s *= growth
         terms = s * s
@@ -186,8 +175,8 @@ class _Series(NamedTuple):
         last, middle = (float(terms[e - eighth : e].sum()) for e in (length, half))
         # Σ |sₖ|/k is at most √(Σ |sₖ|²/k) √(1 + log N).
         sizes = float(np.sqrt(total * (1.0 + log(length))))
-        wrapped = 2.0 * WRAPPED * sizes * float(np.abs(s[-eighth:]).max())
-        return cls(total, last / CUT + wrapped, middle / last if last else np.inf)
+        wrapped *= 2.0 * sizes * float(np.abs(s[-eighth:]).max())
+        return cls(length, total, last / CUT, wrapped, middle / last if last else np.inf)
 
 
 def _powers(exponent: float, number: int) -> Array:

@@ -1,0 +1,82 @@
+"""The polynomial a(z) = Σ xₖ zᵏ/x₀ of the column x = A⁻¹ e₁, on the unit circle.
+
+Its values are taken once, for all that follows from them: whether A⁻¹ is positive definite, the
+sums of its diagonals, and the logarithm of det A (`toeplitz_mg.solvers.szego`).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.circle import Circle, circle_of
+from toeplitz_mg.operators.gohberg_semencul import OVERSAMPLING, Certificate
+
+LONGEST = 2**22  # Most samples of a column that are taken where fewer do not tell.
+
+
+@dataclass(frozen=True)
+class SzegoPolynomial:
+    """The polynomial a = x/x₀, of a column whose first entry is positive.
+
+    Attributes
+    ----------
+    x : ndarray of float64 or complex128, of shape (n,)
+    """
+
+    x: Array
+
+    @cached_property
+    def coefficients(self) -> Array:
+        """Those of a."""
+        return np.asarray(self.x / self.x[0].real)
+
+    @cached_property
+    def circle(self) -> Circle:
+        """So many points that a correlation does not wrap around."""
+        return circle_of(2 * len(self.x) - 1, self.x.dtype)
+
+    @cached_property
+    def values(self) -> Array:
+        """The values of a on the circle."""
+        return self.circle.values(self.coefficients)
+
+    @cached_property
+    def slopes(self) -> Array:
+        """The values of z a' on the circle."""
+        return self.circle.values(np.arange(float(len(self.x))) * self.coefficients)
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """Whether A⁻¹ is positive definite, from as many samples as that takes."""
+        certificate = Certificate.of_values(self.coefficients, self.circle, self.values)
+        samples = OVERSAMPLING
+        while not certificate.resolved and (
+            samples == OVERSAMPLING or samples * len(self.x) <= LONGEST
+        ):
+            certificate = Certificate.of(self.coefficients, samples)
+            samples *= 4
+        return certificate
+
+    @cached_property
+    def diagonal_sums(self) -> Array:
+        """Σ_i (A⁻¹)_(i,i+k), k = 0 … n - 1.
+
+        By the Gohberg-Semencul formula it is Σ_p (n - k - 2p) x_p x̄_(p+k)/x₀. The weight is the
+        mean of n - 2p and n - 2(p + k): so it is the mean of the correlations of (n - 2p) x_p with
+        x and of x with that, whose values on the circle are conjugate to each other.
+        """
+        a, slopes, n = self.values, self.slopes, len(self.x)
+        products = a.real * (n * a.real - 2.0 * slopes.real)
+        products += a.imag * (n * a.imag - 2.0 * slopes.imag)
+        sums = self.circle.coefficients(products, n).conj()
+        sums *= self.x[0].real
+        return sums
+
+
+def autocorrelations(x: Array) -> Array:
+    """Return Σ_p x_p x̄_(p+k), k = 0 … n - 1."""
+    circle = circle_of(2 * len(x) - 1, x.dtype)
+    z = circle.values(x)
+    return circle.coefficients(z.real**2 + z.imag**2, len(x)).conj()
