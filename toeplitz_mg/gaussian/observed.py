@@ -14,11 +14,10 @@ from typing import Protocol
 
 import numpy as np
 from scipy import fft
-from scipy.linalg import cho_solve, solve_triangular
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Mask, Rows
-from toeplitz_mg.engine.vectors import axpy
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners import default_preconditioner
 from toeplitz_mg.solvers.cg import cg
@@ -29,6 +28,9 @@ from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
 MOST = 4096  # Points, missing or observed, of which a dense matrix is factorised: 134 MB.
 PART = 64  # Rows that are multiplied at once.
 NEAR = 64  # Rows of the inverse that take as long, one from the other, as a product.
+PANEL = (
+    2**16
+)  # Numbers of the rows that are made one from the other at once: they stay in the cache.
 RTOL = 1e-11  # Relative residual of an iteration.
 MOST_ITERATIONS = 1000  # After which the matrix is too ill-conditioned for one.
 
@@ -87,21 +89,25 @@ class Gaps:
 
     @cached_property
     def _factor(self) -> Array:
-        """Cholesky's lower factor of B."""
-        return np.linalg.cholesky(inverse_block(self.whole, self.missing))
+        """Cholesky's lower factor of B; above the diagonal anything."""
+        # The transpose is as Fortran stores it, and so its other half is what is known.
+        B = inverse_block(self.whole, self.missing).T
+        factor: Array = cho_factor(B, lower=True, overwrite_a=True, check_finite=False)[0]
+        return factor
 
     def solve(self, Y: Rows) -> Rows:
         """Return A⁻¹ v, where v is y, and on the gaps such that A⁻¹ v is zero there.
 
         So v continues y into the gaps as well as can be. The second step makes up for the rounding
-        of the first, whose y falls to zero there.
+        of the first, whose y falls to zero there, and changes v so little that the refinement makes
+        up for that.
         """
-        V = Y.copy()
+        V, column, m = Y.copy(), self.whole.column, self.missing
         for _ in range(2):
-            error = self.whole.column.inverse.apply(V)[:, self.missing]
-            V[:, self.missing] -= cho_solve((self._factor, True), error.T).T
-        X = self.whole.solve(V)
-        X[:, self.missing] = 0.0
+            X = column.inverse.apply(V)
+            V[:, m] -= cho_solve((self._factor, True), X[:, m].T, check_finite=False).T
+        column.refine(V, X)
+        X[:, m] = 0.0
         return X
 
     def logdet(self) -> float:
@@ -227,26 +233,37 @@ def observe(whole: Whole, mask: Mask | None) -> Observed:
 def inverse_block(whole: Whole, index: Array) -> Array:
     """Return the rows and columns of A⁻¹ at some positions, in ascending order.
 
-    By the Gohberg-Semencul formula each row follows from the one above it: with x = A⁻¹ e₁
+    What is below the diagonal is not set. By the Gohberg-Semencul formula each row follows from the
+    one above it: with x = A⁻¹ e₁ and xₙ = 0
 
-        (A⁻¹)_(i+1,j+1) = (A⁻¹)_ij + (x_(i+1) x_(j+1) - x_(n-1-i) x_(n-1-j))/x₀.
+        (A⁻¹)_ij = (A⁻¹)_(i-1,j-1) + (x_i x_j - x_(n-i) x_(n-j))/x₀.
 
     The next position is reached row by row where it is near, and by a product where it is far.
     """
     x = whole.column.x
-    n, last = len(x), int(index[-1])
-    ahead, back = x / x[0], x[::-1] / x[0]
-    B = np.empty((len(index), len(index)))
-    row, i = x[: last + 1].copy(), 0  # The entries (i, i), (i, i + 1) … of A⁻¹.
-    for k, position in enumerate(map(int, index)):
-        if position - i > NEAR:
+    n, m, last = len(x), len(index), int(index[-1])
+    pairs = np.stack([x, np.append(0.0, x[:0:-1])])
+    weights = np.array([[1.0], [-1.0]]) / x[0]
+    near = np.append(np.diff(index) <= NEAR, False)
+    B = np.empty((m, m))
+    row, i, k = x[: last + 1], 0, 0  # The entries (i, i), (i, i + 1) … of A⁻¹.
+    while k < m:
+        if index[k] - i > NEAR:
+            i = int(index[k])
             unit = np.zeros((1, n))
-            unit[0, position] = 1.0
-            row, i = whole.column.inverse.apply(unit)[0, position : last + 1], position
-        while i < position:
-            row = row[:-1]
-            axpy(x[i + 1], ahead[i + 1 : last + 1], row)
-            axpy(-x[n - 1 - i], back[i:last], row)
-            i += 1
-        B[k, k:] = B[k:, k] = row[index[k:] - position]
+            unit[0, i] = 1.0
+            row = whole.column.inverse.apply(unit)[0, i : last + 1]
+        # The rows from i on, down to the last position that is near to the one before it.
+        rows = max(2, PANEL // len(row))
+        stop = int(np.searchsorted(index, i + rows))
+        if not near[k:stop].all():
+            stop = k + int(np.argmin(near[k:stop])) + 1
+            rows = int(index[stop - 1]) + 1 - i
+        D = (weights * pairs[:, i : i + rows]).T @ pairs[:, i : last + 1]
+        D[0] = row
+        for above, below in enumerate(D[1:]):
+            below[above + 1 :] += D[above, above:-1]
+        # No index is clipped, but then they are taken without a buffer, in a fifth of the time.
+        D[index[k:stop] - i].take(index[k:] - i, axis=1, out=B[k:stop, k:], mode="clip")
+        row, i, k = D[-1, len(D) - 1 :], i + len(D) - 1, stop
     return B

@@ -55,12 +55,16 @@ class SharpColumn:
     def solve(self, Y: Rows) -> Rows:
         """Return A⁻¹ y for each row y, with one step of refinement."""
         X = self.near_inverse.apply(Y)
+        self.refine(Y, X)
+        return X
+
+    def refine(self, Y: Rows, X: Rows) -> None:
+        """Correct approximations x of A⁻¹ y by their residuals, in place."""
         if self.residual is None:
             X += self.near_inverse.apply(Y - self.A.apply(X))
-        else:
-            for y, x in zip(Y, X, strict=True):
-                x += self.near_inverse.apply(self.residual(y, x))
-        return X
+            return
+        for y, x in zip(Y, X, strict=True):
+            x += self.near_inverse.apply(self.residual(y, x))
 
 
 def sharpen(columns: Columns) -> SharpColumn:
