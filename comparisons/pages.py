@@ -13,6 +13,7 @@ from pathlib import Path
 
 from tabulate import tabulate
 
+from comparisons.gaussian import likelihood
 from comparisons.harness import report
 from comparisons.harness.report import Row
 from comparisons.preconditioners import areas, fractional_diffusion, general_symbols
@@ -60,6 +61,15 @@ TABLES = {
         "preconditioners.fractional_diffusion",
         "fractional_diffusion.csv",
         fractional_diffusion.arrange,
+    ),
+    "likelihood_errors": Table(
+        "gaussian_processes.md", "gaussian.likelihood", "errors.csv", likelihood.arrange_errors
+    ),
+    "likelihood_times": Table(
+        "gaussian_processes.md", "gaussian.likelihood", "times.csv", likelihood.arrange_times
+    ),
+    "likelihood_gaps": Table(
+        "gaussian_processes.md", "gaussian.likelihood", "gaps.csv", likelihood.arrange_gaps
     ),
     "areas": Table("masks.md", "preconditioners.areas", "areas.csv", areas.arrange),
 }

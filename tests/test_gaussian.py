@@ -379,6 +379,16 @@ def test_bad_arguments():
         process.rvs(1.5)
 
 
+@pytest.mark.filterwarnings("error")
+def test_what_is_not_so_in_float64_is_refused_without_a_warning():
+    """Though numbers overflow on the way."""
+    process = tmg.ToeplitzNormal(np.exp(-((np.arange(3000) / 200) ** 2)))
+    with pytest.raises(np.linalg.LinAlgError, match=r"leading \d+ x \d+ block .* nugget"):
+        process.logpdf(np.zeros(3000))
+    with pytest.raises(np.linalg.LinAlgError, match=r"c\[0\], the diagonal .* is -1, .*nugget"):
+        tmg.ToeplitzNormal([-1.0, 0.5])
+
+
 @pytest.mark.parametrize("method", ["logpdf", "logpdf_and_grad"])
 def test_what_is_not_positive_definite_is_refused(method):
     process = tmg.ToeplitzNormal(np.r_[1.0, 0.5, 0.9, -0.9, np.zeros(6)])

@@ -36,13 +36,19 @@ from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.preconditioners.schur import schur_column
 
 SIZES = tuple(2**k for k in (12, 14, 16, 18, 20))
+GAP_SIZES = tuple(2**k for k in (12, 15, 16))
 QUICK_SIZES = SIZES[:1]
+NOISE_SIZE = 2**16
 DENSE_SIZES, QUICK_DENSE = (600, 2000), (600,)
 TIMED = ("fGn, H = 0.9", "0.9^k", "Matérn 3/2, ℓ = 5", "exp(-k/1000)")
+TABULATED = (  # Those in the table of errors of the page.
+    *("fGn, H = 0.9", "fGn, H = 0.99", "θ²", "Matérn 3/2, ℓ = 20", "exp(-k/1000)", "sinc"),
+    *("Matérn 3/2", "1/(1 + k²/100)"),
+)
 SAMPLES = 100_000
 LENGTH = 16  # Of the series that are sampled: their covariance has 136 different entries.
 PROBES, STEPS = 10, 100  # Random vectors, and steps of Lanczos's method on each.
-TURNS = 5
+TURNS = 3
 
 
 def _fractional(H: float) -> Callable[[int], Array]:
@@ -172,7 +178,7 @@ def time_gaps(n: int) -> list[Row]:
     for name in TIMED:
         c, y = covariance(name, n), rng.standard_normal(n)
         one = np.ones(n, dtype=bool)
-        one[n // 3 : n // 3 + n // 64] = False
+        one[n // 3 : n // 3 + 1000 * n // 2**16] = False
         random = rng.random(n) > 0.1
         process = tmg.ToeplitzNormal(c)
         row: Row = {"covariance": name, "n": n}
@@ -234,6 +240,37 @@ def count_with_noise(name: str, n: int) -> list[Row]:
     return rows
 
 
+def arrange_errors(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of errors of some covariances, in order of their condition numbers."""
+    own = [row for row in rows if row["n"] == DENSE_SIZES[0] and row["covariance"] in TABULATED]
+    own.sort(key=lambda row: float(row["condition"]))
+    table = [report.format_cells(row, FORMATS["errors"]) for row in own]
+    return [{key: row[key] for key in row if key not in ("n", "log det")} for row in table]
+
+
+def arrange_times(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of times of a value with its gradient, and their ratios to Schur's."""
+    table = []
+    for name, own in report.group(rows, "covariance").items():
+        line: Row = {"covariance": name}
+        for row in own:
+            seconds = report.format_seconds(row["value and gradient"])
+            line[f"n = {row['n']}"] = f"{seconds} ({row['ratio']:.2f})"
+        table.append(line)
+    return table
+
+
+def arrange_gaps(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of times with gaps, and of iterations."""
+    table = []
+    for row in rows:
+        cells = report.format_cells(row, FORMATS["gaps"])
+        for key in ("value, one gap", "value, at random"):
+            cells[key] = report.format_seconds(row.get(key)) or "refused"
+        table.append(cells)
+    return table
+
+
 FORMATS = {
     "errors": {
         **{"covariance": "", "n": "d", "condition": ".0e", "log det": ".6g", "error": ".0e"},
@@ -263,14 +300,15 @@ def main(quick_sizes: Sequence[int] = QUICK_SIZES, quick_samples: int = 10_000) 
     arguments = report.options("gaussian.likelihood", "Likelihoods of stationary processes.")
     quick = arguments.quick
     sizes, dense = (quick_sizes, QUICK_DENSE) if quick else (SIZES, DENSE_SIZES)
+    gaps, noise = (quick_sizes, quick_sizes[-1] // 16) if quick else (GAP_SIZES, NOISE_SIZE)
     samples = quick_samples if quick else SAMPLES
     sampled = ("fGn, H = 0.75", "fGn, H = 0.99", "0.9^k", "Matérn 3/2, ℓ = 5", "Matérn 3/2, ℓ = 20")
     tables = {
         "errors": [compare_with_dense(name, n) for n in dense for name in (*NAMED, *COVARIANCES)],
         "times": [time_likelihood(name, n) for n in sizes for name in TIMED],
-        "gaps": [row for n in sizes if n <= SIZES[2] for row in time_gaps(n)],
+        "gaps": [row for n in gaps for row in time_gaps(n)],
         "samples": [examine_samples(name, samples) for name in sampled],
-        "noise": [row for name in TIMED for row in count_with_noise(name, sizes[-1] // 16)],
+        "noise": [row for name in TIMED for row in count_with_noise(name, noise)],
     }
     for key, rows in tables.items():
         report.show(key, [report.format_cells(row, FORMATS[key]) for row in rows])

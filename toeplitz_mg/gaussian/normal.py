@@ -13,7 +13,6 @@ from toeplitz_mg.gaussian.observed import Observed, Whole, observe
 from toeplitz_mg.gaussian.sampling import Embedding, embed
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.masked import check_mask
-from toeplitz_mg.preconditioners.positivity import require_positive_diagonal
 from toeplitz_mg.preconditioners.schur import whiten_rows
 from toeplitz_mg.solvers.szego_polynomial import autocorrelations
 from toeplitz_mg.values import count
@@ -85,7 +84,12 @@ class ToeplitzNormal:
     def __init__(self, c: ArrayLike, mean: ArrayLike = 0.0) -> None:
         c = real_numbers("c", c)
         self.A = ToeplitzOperator(c)
-        require_positive_diagonal(float(c.flat[0]))
+        variance = float(c.flat[0])
+        if not variance > 0.0:
+            raise np.linalg.LinAlgError(
+                f"c[0], the diagonal of the covariance matrix, is {variance:g}, but must be "
+                "positive: it is the variance, a nugget included"
+            )
         self.shape = self.A.grid_shape
         self.mean = check_mean(mean, self.shape)
         self._whole = Whole(self.A)

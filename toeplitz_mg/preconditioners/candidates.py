@@ -9,7 +9,7 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg.operators.structure import unwrap
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.direct import DenseInverse
-from toeplitz_mg.preconditioners.fsai.neighbours import NUMBERS
+from toeplitz_mg.preconditioners.fsai.neighbours import NUMBERS, ON_LINE
 from toeplitz_mg.preconditioners.fsai.preconditioner import coupled_fsai, fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
 from toeplitz_mg.preconditioners.positivity import precision
@@ -44,6 +44,11 @@ OF_SMOOTH = Candidate.of(
     fsai_preconditioner,
     f"{SMOOTH} neighbours, for a smooth kernel",
     partial(fsai_preconditioner, neighbours=SMOOTH),
+)
+OF_LINE_WITH_GAPS = Candidate.of(
+    fsai_preconditioner,
+    f"a mask of a line; {ON_LINE} neighbours",
+    partial(fsai_preconditioner, neighbours=ON_LINE),
 )
 OF_ANY_LINE = Candidate.of(spectral_preconditioner, "as good as the inverse, whatever the symbol")
 OF_ANY_MATRIX = Candidate.of(chan_preconditioner, "whatever the kernel")

@@ -30,6 +30,7 @@ from toeplitz_mg.preconditioners import traits
 from toeplitz_mg.preconditioners.candidates import (
     OF_ANY_LINE,
     OF_ANY_MATRIX,
+    OF_LINE_WITH_GAPS,
     OF_SMOOTH,
     OTHERS,
     couple,
@@ -279,6 +280,9 @@ def _of_mask(A: ToeplitzOperator, mask: Mask, is_worth_set_up: bool) -> Iterator
     elif is_worth_set_up:
         yield Candidate.of(fsai_preconditioner, "a mask, and a set-up that pays off")
         yield OF_SMOOTH
+    elif len(A.grid_shape) == 1:
+        yield OF_LINE_WITH_GAPS
+        yield OF_SMOOTH
     elif (trait := _why_fsai(A, mask)) is not None:
         yield Candidate.of(fsai_preconditioner, f"{trait}; {NEIGHBOURS} neighbours", quick_fsai)
         yield OF_SMOOTH
@@ -288,8 +292,6 @@ def _of_mask(A: ToeplitzOperator, mask: Mask, is_worth_set_up: bool) -> Iterator
 
 def _why_fsai(A: ToeplitzOperator, mask: Mask) -> str | None:
     """Return why FSAI is worth its set-up on a mask, or None where it is not."""
-    if len(A.grid_shape) == 1:
-        return "a mask of a line"
     if np.count_nonzero(mask) >= FEW:
         return "many unknowns"
     if traits.fragmentation(mask) > COMPACT:

@@ -97,7 +97,9 @@ def _run(c: Array, Y: Rows) -> tuple[Array, Array, Rows]:
     blocks: list[Array] = []
     rows = np.concatenate([c[np.newaxis] / diagonal, Y])
     try:
-        P = _steps(np.stack([rows[:, 1:], rows[:, :-1]], axis=1), block, blocks)
+        # Of a matrix that is not positive definite anything may grow, until it is seen.
+        with np.errstate(over="ignore", invalid="ignore"):
+            P = _steps(np.stack([rows[:, 1:], rows[:, :-1]], axis=1), block, blocks)
     except np.linalg.LinAlgError:
         _recur(blocks)  # It says after how many steps.
         raise

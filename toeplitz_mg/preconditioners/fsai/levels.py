@@ -14,7 +14,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.threads import WORTH_THREADS, share
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.preconditioners.fsai.refusals import refusal, require_definite
-from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
+from toeplitz_mg.preconditioners.fsai.stencil import MOST_TABULATED, Stencil
 
 BLOCK = 2**17  # Rows of a block of a sparse matrix: enough of them that threads do not wait.
 WIDE = 1.5  # Columns that all blocks reach, over those that there are, beyond which there is one.
@@ -47,7 +47,7 @@ class LevelMatrix:
         active = np.concatenate([stencil.grid.place(grid, False) for grid in grids])
         matrix = cls(active, stencil.on_places(stencil.zero), True)
         # More neighbours have too many patterns for a table.
-        return matrix if stencil.neighbours <= NEIGHBOURS else matrix.without_table()
+        return matrix if stencil.neighbours <= MOST_TABULATED else matrix.without_table()
 
     def without_table(self) -> "LevelMatrix":
         """Return the same matrix, whose rows of G are computed one by one."""

@@ -24,6 +24,8 @@ from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
 from toeplitz_mg.preconditioners.positivity import name_for_smooth
 
 NUMBERS = NEIGHBOURS, 24, 40  # Neighbours to try: half of the cells within 2, 3 and 4 of the own.
+ON_LINE = 14  # Neighbours on a mask of a line, with one iteration less than 12 in as much time.
+COARSE_ON_LINE = 24  # Neighbours on coarse levels of a line, for those with more than the fewest.
 CELLS = 2**12  # Cells of the grid of a trial, a square if it can be: it has three levels.
 CELLS_OF_LINE = 2**14  # Cells of a trial on a line, where CELLS have too few aggregates at an edge.
 SPARSE = 0.1  # Share of active cells in the sparse part: with less each is nearly by itself.
@@ -83,9 +85,13 @@ def choose_stencil(
         return stencil, replace(options, direct=options.direct_on_line)
     if options.neighbours is not None or unknowns <= options.direct:
         # What is solved for directly has no G, so that neighbours do not matter.
-        return Stencil.of_one(near, options.neighbours or NEIGHBOURS), options
-    enough = select_stencil(near.reshape(1, -1) if is_line else near)
-    return Stencil.of_one(near, enough.neighbours), options
+        neighbours = options.neighbours or NEIGHBOURS
+    else:
+        neighbours = select_stencil(near.reshape(1, -1) if is_line else near).neighbours
+    stencil = Stencil.of_one(near, neighbours)
+    if is_line and neighbours > NEIGHBOURS:  # With fewer, coarse levels would be what is left.
+        stencil = replace(stencil, coarse_neighbours=COARSE_ON_LINE)
+    return stencil, options
 
 
 def is_enough(stencil: Stencil) -> bool:

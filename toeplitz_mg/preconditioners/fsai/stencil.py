@@ -19,6 +19,7 @@ from toeplitz_mg.preconditioners.fsai.refusals import require_positive
 from toeplitz_mg.preconditioners.fsai.rows import Neighbourhood, add_loads, tabulate_rows
 
 NEIGHBOURS = 12  # Cells before its own that a row of G sees: half of a 5 x 5 neighbourhood.
+MOST_TABULATED = 14  # Neighbours up to which the rows of all patterns are tabulated: an int16.
 EXACT = 3  # Lag in blocks from which on the loads of two blocks are taken as uniform.
 OTHERS = 2  # Neighbours in the other component: with 12 of its own 2 · 2^14 patterns fill an int16.
 
