@@ -28,9 +28,7 @@ from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
 MOST = 4096  # Points, missing or observed, of which a dense matrix is factorised: 134 MB.
 PART = 64  # Rows that are multiplied at once.
 NEAR = 64  # Rows of the inverse that take as long, one from the other, as a product.
-PANEL = (
-    2**16
-)  # Numbers of the rows that are made one from the other at once: they stay in the cache.
+PANEL = 2**16  # Numbers of the rows that are made at once: they stay in the cache.
 RTOL = 1e-11  # Relative residual of an iteration.
 MOST_ITERATIONS = 1000  # After which the matrix is too ill-conditioned for one.
 

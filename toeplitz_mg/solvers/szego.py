@@ -102,7 +102,7 @@ def _sum_cepstrum(column: SharpColumn, most: int) -> LogDeterminant | None:
         series = _Series.of(a, round(LONG_SAMPLES * n))
     else:  # Enough for smooth covariances, and taken already.
         series = _Series.on(polynomial.circle, polynomial.slopes / polynomial.values)
-    best = None
+    best, is_damped = None, bool(part)
     while True:
         value = leading + part + series.total
         rounding = SPREAD * (n * column.error + EPS * (abs(leading) + abs(value)))
@@ -113,16 +113,17 @@ def _sum_cepstrum(column: SharpColumn, most: int) -> LogDeterminant | None:
         allowed = 0.1 * GOAL * abs(value) + rounding
         if series.cut_off + series.wrapped <= allowed:
             break
+        # Once damped, the series hardly wraps around.
+        excess = (series.cut_off + is_damped * series.wrapped) / allowed
         growth = 1.0
-        if series.cut_off <= allowed:
-            growth = 0.0  # Damped, it does not wrap around.
+        if excess <= 1.0:
+            growth = 0.0
         elif series.decay > 1.0:  # In half of the samples.
-            excess = series.cut_off / allowed
             growth = max(0.5 * 1.4 * np.log(excess) / np.log(series.decay), 0.25)
         samples = round((1.0 + growth) * series.samples)
         if samples > most:
             break
-        series = _Series.of(a, samples)
+        series, is_damped = _Series.of(a, samples), True
     return best
 
 
