@@ -61,7 +61,8 @@ def normal_contact(
     gap : array_like of shape (n1, n2) or (n,)
         Between the bodies before they touch, at the centres of the elements, mm; up to a
         constant, that adds to the approach. It is infinite where there is no material. One axis is
-        line contact. See `surfaces`.
+        line contact. See `surfaces`. It may be an array of another library, as on a GPU (see the
+        notes).
     element : (float, float) or float
         Size (h1, h2) of an element, mm. In line contact the width and the length of the strips,
         or the width alone: plane strain, with forces per mm of length.
@@ -70,7 +71,7 @@ def normal_contact(
     heights : array_like, masked array, or topography of SurfaceTopography
         In the place of the gap: the heights of a surface on a flat, positive at summits, whose gap
         is zero at the highest one. Those that are missing, NaN or masked, are no material. A
-        topography also says element, unit and periodicity.
+        topography also says element, unit and periodicity. They may be of another library, too.
     unit : str, optional
         The unit of gap or heights, and element: "m", "mm", "um", "nm", ... Loads and results are
         in N and mm. By default mm, or what a topography says.
@@ -143,6 +144,11 @@ def normal_contact(
     wavenumbers q of the grid, as `tamaas` and `aspher` have it. Where only one of two axes
     repeats, the images of an element have no finite sum, and `reference` decides on the constant
     (see `halfspace.periodic`).
+
+    The search is made on the arrays of the gap: those of CuPy, torch, JAX, or another library of
+    the array API standard, too, by the extra `arrays`, if the surface does not repeat. The fields
+    of the result are NumPy's in any case. In an iteration a few numbers go to the memory of the
+    processor, and no field.
 
     Examples
     --------
