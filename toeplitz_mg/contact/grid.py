@@ -151,7 +151,7 @@ class Grid:
 
     def lines(self, x: Array, axis: int) -> Array:
         """Return the lines of a field along an axis, as the last axis."""
-        return self.library.xp.moveaxis(x, axis, -1)
+        return np.moveaxis(x, axis, -1)
 
     def fragmentation(self, C: Mask) -> float:
         """Return how long the edge of some elements is (see `traits.fragmentation`)."""

@@ -30,8 +30,8 @@ class LocalInverse:
 
     def __init__(self, P: Any, C: Array) -> None:
         self.C, self._library, self._apply = C, library_for(P), partial(apply_to_rows, P)
-        elements = np.flatnonzero(self._library.to_numpy(C))
-        self._cells = self._library.cells(elements, C.size)
+        on_host = self._library.to_numpy(C)
+        self._cells = self._library.cells(np.flatnonzero(on_host), on_host.size)
 
     def __call__(self, r: Array) -> Array:
         """Apply it to a field."""

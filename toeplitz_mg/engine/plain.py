@@ -179,8 +179,9 @@ class Plain:
         """Return a field with what is computed from its unknowns in their place."""
         xp, (index, lookup) = self.xp, cells
         x = xp.reshape(field, (-1,))
-        y = xp.take(self.pad(compute(xp.take(x, index)), (index.size + 1,)), lookup)
-        return xp.reshape(xp.where(lookup < index.size, y, x), field.shape)
+        n = index.shape[0]
+        y = xp.take(self.pad(compute(xp.take(x, index)), (n + 1,)), lookup)
+        return xp.reshape(xp.where(lookup < n, y, x), field.shape)
 
     def copy(self, array: Any) -> Any:
         """Return an array as it is: it need not be in one piece."""
@@ -226,8 +227,7 @@ class PlainVectors:
     cuts_fields = False  # What has another size each time is compiled anew by some libraries.
 
     def __init__(self, library: Plain, gather: Gather | None = None) -> None:
-        self.library, self.xp = library, library.xp
-        xp = library.xp
+        self.library, self.xp, xp = library, library.xp, library.xp
         self.gather = gather or (lambda number: (number,))
 
         def extreme(of: Any, combine: Any, empty: float) -> Callable[[Any], float]:

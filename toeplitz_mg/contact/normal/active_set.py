@@ -152,7 +152,8 @@ class Search:
             )
             count += change.iterations
             if part is None:
-                x, u = map(partial(vectors.elementwise, vectors.xp.add), (now.x, now.u), change[:2])
+                add = partial(vectors.elementwise, vectors.xp.add)
+                x, u = add(now.x, change.p), add(now.u, change.u)
                 gap = change.gap
             else:
                 x, u = part.put(part.cut(now.x) + change.p, now.x), now.u

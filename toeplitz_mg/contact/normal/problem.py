@@ -241,8 +241,7 @@ def press(
         return make_result(grid, z, nothing, 0, 0.0, distance, most)
     with count_products() as work:
         there = grid if library is NUMPY else replace(grid, library=library)
-        z_there = library.from_numpy(z)
-        search = Search(there, z_there, approach, force, tolerance, progress, most)
+        search = Search(there, library.from_numpy(z), approach, force, tolerance, progress, most)
         if grid.vectors.count(np.isinf(z)):
             search = replace(search, z=search.put_out_of_reach())
         products = Products(search.matrix, max_products)
