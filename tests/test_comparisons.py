@@ -154,6 +154,10 @@ def test_gpu(tmp_path, monkeypatch, capsys):
     assert row["iterations"] == row["iterations_numpy"]
     assert float(row["ratio"]) > 0.0
     assert float(row["bytes_an_unknown"]) > 0.0
+    (row,) = rows_of(tmp_path / "gpu_contact.csv")
+    assert row["products"] == row["products_numpy"]
+    assert row["elements_that_differ"] == "0"
+    assert float(row["bytes_an_element"]) > 0.0
 
 
 @with_ranks

@@ -2,8 +2,10 @@
 
 For each size of a square grid of a half-space: the error of a product against NumPy's, its time
 over that of its transforms alone, the iterations of CG with the cosine preconditioner beside those
-on NumPy, and the most bytes an unknown that are held from the coefficients to the solution. It says
-on what it ran: figures of a CPU say nothing about a GPU.
+on NumPy, and the most bytes an unknown that are held from the coefficients to the solution. And of
+normal contact of a sphere the products beside those on NumPy, and the seconds from the gap to the
+result, also of the first time, when some libraries compile. It says on what it ran: figures of a
+CPU say nothing about a GPU.
 """
 
 import platform
@@ -20,7 +22,7 @@ import numpy as np
 import toeplitz_mg as tmg
 from comparisons.harness import report
 from comparisons.harness.report import Row
-from toeplitz_mg import halfspace
+from toeplitz_mg import contact, halfspace
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import embedding_lengths
 from toeplitz_mg.engine.library import library_of
@@ -32,6 +34,8 @@ COMPARED = 2048  # Side of the largest grid that is multiplied and solved on Num
 RUNS = 7  # Of which the median is taken.
 RTOL = 1e-8
 ELEMENT = (0.01, 0.01)
+STEEL = contact.Material(E=210000.0, nu=0.28)
+LENGTH, RADIUS, FORCE = 0.64, 10.0, 100.0  # Of the grid, mm; of the sphere, mm; on it, N.
 
 
 class Device:
@@ -164,18 +168,44 @@ def measure(device: Device, n: int) -> Row:
     return row
 
 
+def measure_contact(device: Device, n: int) -> Row:
+    """Return a row of the table of normal contact."""
+    element = (LENGTH / n, LENGTH / n)
+    gap = contact.surfaces.sphere((n, n), element, radius=RADIUS)
+
+    def press(gap: Any) -> tuple[contact.NormalResult, float]:
+        start = perf_counter()
+        result = contact.normal_contact(gap, element, material=STEEL, force=FORCE)
+        return result, perf_counter() - start
+
+    row: Row = {"device": device.name, "n": f"{n} x {n}"}
+    there = device.put(gap)
+    with device.peak() as peak:
+        result, row["first_seconds"] = press(there)
+        held = peak()
+    row["bytes_an_element"] = None if held is None else held / n**2
+    row["seconds"], row["products"] = press(there)[1], result.products
+    expected, seconds = press(gap) if n <= COMPARED else (None, None)
+    row["seconds_numpy"], row["products_numpy"] = seconds, expected and expected.products
+    row["elements_that_differ"] = expected and int((expected.contact ^ result.contact).sum())
+    return row
+
+
 def main(quick_sizes: Sequence[int] = QUICK_SIZES) -> None:
     """Run the comparison."""
     arguments = report.options(
         "speed.gpu", "Compare arrays on a GPU with NumPy's.", library=LIBRARIES, largest=4096
     )
     sizes = quick_sizes if arguments.quick else [n for n in SIZES if n <= arguments.largest]
-    rows = []
+    rows, pressed = [], []
     for library in arguments.library or LIBRARIES[:1]:
         device = Device(library)
         rows += [measure(device, n) for n in sizes]
+        pressed += [measure_contact(device, n) for n in sizes]
     report.show("Products and solves, and the device on which they ran", rows)
+    report.show("Normal contact", pressed)
     report.write_csv(arguments.output / "gpu.csv", rows)
+    report.write_csv(arguments.output / "gpu_contact.csv", pressed)
 
 
 if __name__ == "__main__":

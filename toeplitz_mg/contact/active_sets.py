@@ -103,7 +103,7 @@ def find_sets(
     """
     vectors, A.progress = A.vectors, progress
     if u is None:
-        u = A(x) if vectors.count(x) else np.zeros_like(x)
+        u = A(x) if vectors.count(x) else vectors.zeros(x)
     now = Iterate(x, u, sets)
     strikes, lowest = 0, np.inf
     iterations: list[int] = []

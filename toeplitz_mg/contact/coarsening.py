@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.embedding import cut
 
 
-def coarsen(x: Array, halved: tuple[bool, ...] = (True, True)) -> Array:
+def coarsen(x: Array, halved: tuple[bool, ...] = (True, True), xp: Any = np) -> Array:
     """Average 2 elements along each of the last axes; a last one alone counts twice.
 
     Parameters
@@ -15,17 +16,16 @@ def coarsen(x: Array, halved: tuple[bool, ...] = (True, True)) -> Array:
     x : ndarray
     halved : tuple of bool
         Whether elements are averaged, for each axis of the grid; before these axes are components.
+    xp : module
+        The library of the array.
     """
-    for axis, two in zip(range(-len(halved), 0), halved, strict=True):
+    for axis, two in enumerate(halved, x.ndim - len(halved)):
         n = x.shape[axis]
         if n == 1 or not two:
             continue
         if n % 2:
-            x = np.concatenate([x, np.take(x, [-1], axis)], axis=axis)
-        behind = (slice(None),) * (-1 - axis)
-        even: Any = (..., slice(0, None, 2), *behind)
-        odd: Any = (..., slice(1, None, 2), *behind)
-        x = 0.5 * (x[even] + x[odd])
+            x = xp.concat([x, x[cut(axis, n - 1)]], axis=axis)
+        x = 0.5 * (x[cut(axis, 0, None, 2)] + x[cut(axis, 1, None, 2)])
     return x
 
 
@@ -34,6 +34,7 @@ def refine(
     shape: tuple[int, ...],
     halved: tuple[bool, ...] = (True, True),
     periodic: tuple[bool, ...] = (False, False),
+    xp: Any = np,
 ) -> Array:
     """Interpolate a field of a coarser grid: 3/4 of the nearest element, 1/4 of the next.
 
@@ -46,27 +47,21 @@ def refine(
         The axes along which the coarser grid has half of the elements.
     periodic : tuple of bool
         The axes along which the first element is the next of the last one.
+    xp : module
+        The library of the array.
     """
     for k, n in enumerate(shape):
-        axis = k - len(shape)
+        axis = x.ndim - len(shape) + k
         if n == 1 or not halved[k]:
             continue
-        m, behind = x.shape[axis], (slice(None),) * (-1 - axis)
-
-        def at(start: int, stop: int | None, step: int = 1, behind: Any = behind) -> Any:
-            return (..., slice(start, stop, step), *behind)
-
         near, far = 0.75 * x, 0.25 * x
-        fine = np.empty((*x.shape[:axis], n, *x.shape[x.ndim + axis + 1 :]), near.dtype)
-        even, odd = fine[at(0, None, 2)], fine[at(1, None, 2)]
-        even[...], odd[...] = near, near[at(0, n // 2)]
         # Each is between its own element of the coarser grid, and that before or after it.
-        ends = (far[at(m - 1, m)], far[at(0, 1)])
-        before_first, after_last = ends if periodic[k] else ends[::-1]
-        even[at(0, 1)] += before_first
-        even[at(1, m)] += far[at(0, m - 1)]
-        odd[at(0, m - 1)] += far[at(1, m)]
-        if n == 2 * m:
-            odd[at(m - 1, m)] += after_last
-        x = fine
+        first, last = far[cut(axis, 0, 1)], far[cut(axis, x.shape[axis] - 1)]
+        before_first, after_last = (last, first) if periodic[k] else (first, last)
+        even = near + xp.concat([before_first, far[cut(axis, 0, x.shape[axis] - 1)]], axis=axis)
+        odd = near + xp.concat([far[cut(axis, 1)], after_last], axis=axis)
+        pairs = xp.stack([even, odd], axis=axis + 1)
+        x = xp.reshape(pairs, (*x.shape[:axis], n + n % 2, *x.shape[axis + 1 :]))
+        if n % 2:
+            x = xp.asarray(x[cut(axis, 0, n)], copy=True)
     return x

@@ -4,7 +4,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import prod
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -15,7 +15,7 @@ from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.elements import read_periodic, read_reference, read_sizes
 from toeplitz_mg.contact.steady_matrices import ShiftedInverses, subtract_operators
 from toeplitz_mg.contact.waves import Waves
-from toeplitz_mg.engine.vectors import ALONE, Vectors
+from toeplitz_mg.engine.library import NUMPY, Library
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.materials import combine
 from toeplitz_mg.halfspace.matrices import coupling_matrices, quadrant
@@ -54,17 +54,17 @@ class Grid:
         Along which axes the surface repeats.
     directions : str
         Of tangential tractions: "x" or "xy".
-    vectors : Vectors
-        The inner products, sums and extremes of fields.
+    library : Library
+        Of the arrays that fields are.
     """
 
-    vectors: ClassVar[Vectors] = ALONE
     shape: tuple[int, ...]
     element: tuple[float, ...]
     material: CombinedMaterial
     reference: float
     periodic: tuple[bool, ...]
     directions: str = "xy"
+    library: Library = NUMPY
 
     @classmethod
     def of(
@@ -89,6 +89,11 @@ class Grid:
                 "more than one element: the mean displacement is no part of the answer"
             )
         return grid
+
+    @property
+    def vectors(self) -> Any:
+        """The inner products, sums and extremes of fields."""
+        return self.library.vectors
 
     @property
     def area(self) -> float:
@@ -138,11 +143,11 @@ class Grid:
 
     def coarsen(self, x: Array) -> Array:
         """Return the averages of a field, of any components, on the coarser grid."""
-        return coarsen(x, self.halved)
+        return coarsen(x, self.halved, self.library.xp)
 
     def refine(self, x: Array) -> Array:
         """Interpolate a field, of any components, from the coarser grid."""
-        return refine(x, self.shape, self.halved, self.periodic)
+        return refine(x, self.shape, self.halved, self.periodic, self.library.xp)
 
     def lines(self, x: Array, axis: int) -> Array:
         """Return the lines of a field along an axis, as the last axis."""
@@ -150,7 +155,7 @@ class Grid:
 
     def fragmentation(self, C: Mask) -> float:
         """Return how long the edge of some elements is (see `traits.fragmentation`)."""
-        return fragmentation(C)
+        return fragmentation(self.library.to_numpy(C))
 
     def normal(self) -> ToeplitzOperator:
         """Return the matrix of the normal displacements by the pressures (Eq. 6-7)."""
@@ -169,7 +174,7 @@ class Grid:
         c = self.normal_coefficients()
         unit = float(c.flat[0])
         c /= unit
-        return ToeplitzOperator(c), unit
+        return ToeplitzOperator(self.library.from_numpy(c)), unit
 
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""

@@ -11,6 +11,7 @@ from numpy.typing import DTypeLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.operators import ToeplitzOperator, apply_to_rows
+from toeplitz_mg.operators.base import library_for
 from toeplitz_mg.preconditioners.choice import is_fsai_kept, is_fsai_worthwhile
 
 LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Diagonals of a matrix that single precision is good for.
@@ -28,14 +29,13 @@ class LocalInverse:
     """
 
     def __init__(self, P: Any, C: Array) -> None:
-        self.C, self._P = C, P
-        self._elements = np.flatnonzero(C)
+        self.C, self._library, self._apply = C, library_for(P), partial(apply_to_rows, P)
+        on_host = self._library.to_numpy(C)
+        self._cells = self._library.cells(np.flatnonzero(on_host), on_host.size)
 
     def __call__(self, r: Array) -> Array:
         """Apply it to a field."""
-        y = r.flatten()
-        y[self._elements] = apply_to_rows(self._P, y[self._elements])
-        return y.reshape(r.shape)
+        return self._library.replace(r, self._cells, self._apply)
 
 
 def invert_locally(
@@ -92,7 +92,7 @@ def invert_on(grid: Grid, A: Any, C: Array) -> Any:
 
 def extend_to_components(grid: Grid, A: Any, C: Array) -> Array:
     """Return the same elements for each component of a matrix."""
-    return np.broadcast_to(C, (*A.grid_shape[: len(A.grid_shape) - len(grid.shape)], *C.shape))
+    return grid.vectors.xp.broadcast_to(C, (*A.grid_shape[: -C.ndim], *C.shape))
 
 
 def _count(grid: Grid, A: Any) -> int:
@@ -147,8 +147,9 @@ class Inverse:
         """
         if self._local is not None:
             return self._local(r)
-        memory = None if out is None else out.reshape(-1)
-        return apply_to_rows(self._everywhere, r.reshape(-1), memory).reshape(r.shape)
+        reshape = self._grid.vectors.reshape
+        memory = None if out is None else reshape(out, (-1,))
+        return reshape(apply_to_rows(self._everywhere, reshape(r, (-1,)), memory), r.shape)
 
     def _measure_change(self, C: Array, before: Array) -> float:
         """Return the elements that differ, as a share of those of the set."""

@@ -27,6 +27,8 @@ class Products:
 
     Attributes
     ----------
+    vectors : Vectors
+        The inner products, sums and extremes of the fields.
     count : int
         Products made so far.
     progress : callable or None
@@ -37,15 +39,11 @@ class Products:
 
     def __init__(self, A: LinearOperator, limit: int) -> None:
         self.A = A
+        self.vectors: Vectors = vectors_of(A)
         self.count = 0
         self.limit = limit
         self.progress: Progress | None = None
         self.residual = inf
-
-    @property
-    def vectors(self) -> Vectors:
-        """The inner products, sums and extremes of the fields."""
-        return vectors_of(self.A)
 
     @cached_property
     def _single(self) -> LinearOperator:
@@ -64,9 +62,10 @@ class Products:
     def __call__(self, x: Array, out: Array | None = None) -> Array:
         """Multiply a field; the result is `out`, if that is given, or a new array."""
         self.count += 1
-        A = self._single if x.dtype == np.float32 else self.A
-        memory = None if out is None else out.reshape(-1)
-        product = apply_to_rows(A, x.reshape(-1), memory).reshape(x.shape)
+        reshape = self.vectors.reshape
+        A = self._single if x.dtype == self.vectors.xp.float32 else self.A
+        memory = None if out is None else reshape(out, (-1,))
+        product = reshape(apply_to_rows(A, reshape(x, (-1,)), memory), x.shape)
         if self.progress is not None and self.residual < inf:
             self.progress(self.count, self.residual)
         return product

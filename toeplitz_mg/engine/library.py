@@ -5,6 +5,7 @@ have in common from a `Library`: `NUMPY`, which has the engine of this package, 
 `plain.Plain`, whose products are plain passes over whole arrays, as a GPU wants them.
 """
 
+from collections.abc import Callable
 from math import prod
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -145,6 +146,14 @@ class NumPy:
 
         share_rows(fill, index)
         return out
+
+    def replace(
+        self, field: Array, cells: tuple[Array, Any], compute: Callable[[Array], Array]
+    ) -> Array:
+        """Return a field with what is computed from its unknowns in their place."""
+        index, y = cells[0], field.flatten()
+        y[index] = compute(y[index])
+        return y.reshape(field.shape)
 
     def copy(self, array: Array) -> Array:
         """Return an array in one piece."""

@@ -175,6 +175,14 @@ class Plain:
         """Return the unknowns of rows on the grid, of the shape and the dtype of `out`."""
         return self.xp.reshape(self.xp.take(grid, cells[0], axis=-1), out.shape)
 
+    def replace(self, field: Any, cells: tuple[Any, Any], compute: Callable[[Any], Any]) -> Any:
+        """Return a field with what is computed from its unknowns in their place."""
+        xp, (index, lookup) = self.xp, cells
+        x = xp.reshape(field, (-1,))
+        n = index.shape[0]
+        y = xp.take(self.pad(compute(xp.take(x, index)), (n + 1,)), lookup)
+        return xp.reshape(xp.where(lookup < n, y, x), field.shape)
+
     def copy(self, array: Any) -> Any:
         """Return an array as it is: it need not be in one piece."""
         return array
@@ -216,8 +224,10 @@ class PlainVectors:
     The squares of the numbers of a vector neither over- nor underflow.
     """
 
+    cuts_fields = False  # What has another size each time is compiled anew by some libraries.
+
     def __init__(self, library: Plain, gather: Gather | None = None) -> None:
-        self.library, xp = library, library.xp
+        self.library, self.xp, xp = library, library.xp, library.xp
         self.gather = gather or (lambda number: (number,))
 
         def extreme(of: Any, combine: Any, empty: float) -> Callable[[Any], float]:
@@ -236,7 +246,8 @@ class PlainVectors:
         self.divide = lambda x, a, out: x / a
         self.subtract = lambda x, y, out: x - y
         self.empty = lambda x, out=None: x
-        self.cast = library.cast
+        self.cast, self.reshape = library.cast, xp.reshape
+        self.elementwise = lambda function, *fields, out=None: function(*fields)
 
     def zeros(self, x: Any, dtype: DTypeLike | None = None) -> Any:
         """Return a vector of zeros as long as another, in its precision or another one."""

@@ -22,7 +22,7 @@ from numpy.typing import DTypeLike
 from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.threads import WORTH_THREADS, share_rows, share_slices
+from toeplitz_mg.engine.threads import WORTH_THREADS, elementwise, share_rows, share_slices
 from toeplitz_mg.engine.workspace import workspace
 
 # From a number, or an array of them, to those of all processes, in the same order in each of them.
@@ -248,6 +248,12 @@ class Vectors:
         From a field to how many of its numbers are not zero.
     axpy, aypx, combine, add_combination : callable
         The functions of this module.
+    elementwise : callable
+        From a function of each element, and fields, to the field of its values (see `threads`).
+    xp : module
+        The library of the vectors, for what is done with each number by itself.
+    cuts_fields : bool
+        Whether it is worth it to pick the few numbers of a field that are not zero.
 
     Examples
     --------
@@ -257,6 +263,9 @@ class Vectors:
     >>> with_another.dot(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
     20.0
     """
+
+    xp: Any = np
+    cuts_fields = True
 
     def __init__(self, gather: Gather | None = None) -> None:
         self.gather: Gather = gather or (lambda number: (number,))
@@ -295,6 +304,8 @@ class Vectors:
     # These return what they compute, in `out`, their last argument: vectors that cannot be changed
     # have no other way.
     divide, subtract = np.divide, np.subtract
+    elementwise = staticmethod(elementwise)
+    reshape: Any = staticmethod(np.ndarray.reshape)
     axpy = staticmethod(axpy)
     aypx = staticmethod(aypx)
     combine = staticmethod(combine)

@@ -1,11 +1,9 @@
 """Projected gradients: slow, but they always descend. They help where sets of elements cycle."""
 
 from collections.abc import Callable
-
-import numpy as np
+from math import sqrt
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.threads import elementwise
 from toeplitz_mg.engine.vectors import ALONE, Vectors
 
 
@@ -65,7 +63,7 @@ def descend(
         new_u = A(new)
         if vectors.dot(y - new, new - x) > 0.0:  # It went uphill: forget the momentum.
             t = 1.0
-        following = (1.0 + np.sqrt(1.0 + 4.0 * t * t)) / 2.0
+        following = (1.0 + sqrt(1.0 + 4.0 * t * t)) / 2.0
         momentum = (t - 1.0) / following
         y, Ay = new + momentum * (new - x), new_u + momentum * (new_u - u)
         x, u, t = new, new_u, following
@@ -77,4 +75,4 @@ def descend(
 
 def energy(x: Array, u: Array, b: Array, vectors: Vectors) -> float:
     """Return ½ x·Ax - b·x, where u = A x."""
-    return vectors.dot(x, elementwise(lambda u, b: 0.5 * u - b, u, b))
+    return vectors.dot(x, vectors.elementwise(lambda u, b: 0.5 * u - b, u, b))

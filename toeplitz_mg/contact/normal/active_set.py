@@ -8,7 +8,7 @@ Pressures are in units of the displacement that an element gives itself: the dia
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from math import prod
 from typing import NamedTuple
 
@@ -19,9 +19,8 @@ from toeplitz_mg.contact.active_sets import Iterate
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.inverse import Inverse
 from toeplitz_mg.contact.normal.inner import Area, Look, solve_on_set
-from toeplitz_mg.contact.normal.part import Part
+from toeplitz_mg.contact.normal.part import Part, Whole
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.engine.threads import elementwise
 from toeplitz_mg.operators import ToeplitzOperator
 
 NEAR = 4.0  # Gap that may close in the solution on a set, over the largest error before it.
@@ -106,24 +105,26 @@ class Search:
         displaced by that, if it carried all.
         """
         z, vectors = self.z, self.grid.vectors
-        farthest = vectors.max(np.where(z < np.inf, z, 0.0))
+        where = vectors.xp.where
+        farthest = vectors.max(where(z < np.inf, z, 0.0))
         far = 2.0 * self.approach if self.approach is not None else farthest + self.total
-        return np.where(z < np.inf, z, max(far, farthest))
+        return where(z < np.inf, z, max(far, farthest))
 
     def look(self, now: Iterate) -> Law:
         """Return what is wrong with pressures and a set."""
         yields = room = None
         if self.hardness < np.inf:
             yields, room = (now.x == self.most) & ~now.sets, self.most - now.x
-        area = Area(now.sets, np.float64, self.grid.vectors, yields)
+        vectors = self.grid.vectors
+        area = Area(now.sets, np.float64, vectors, yields)
         if self.approach is None:
-            gap = elementwise(np.add, now.u, self.z)
+            gap = vectors.elementwise(vectors.xp.add, now.u, self.z)
             look = Look.at(now.x, gap, area, balanced=True, room=room)
             approach = look.mean
             touching = approach + (look.lowest if room is None else 0.0)
         else:
             approach = touching = self.approach
-            gap = elementwise(lambda u, z: u + z - approach, now.u, self.z)
+            gap = vectors.elementwise(lambda u, z: u + z - approach, now.u, self.z)
             look = Look.at(now.x, gap, area, balanced=False, room=room)
         interference = approach - self.lowest
         # On a coarser grid the interference may be below the rounding of the gap.
@@ -133,8 +134,8 @@ class Search:
     def advance(self, A: Products, now: Iterate, law: Law, eta: float) -> tuple[Iterate, int]:
         """Solve on the set C = `now.sets`, and change it."""
         C, M, count, gap = now.sets, self.inverse, 0, law.look.gap
-        part = None
-        while A.vectors.count(C):  # Where all elements of a contact yield there is none.
+        part, vectors = None, A.vectors
+        while vectors.count(C):  # Where all elements of a contact yield there is none.
             M.fit(C)
             part = self._part(C, law.look)
             change = solve_on_set(
@@ -151,7 +152,8 @@ class Search:
             )
             count += change.iterations
             if part is None:
-                x, u = elementwise(np.add, now.x, change.p), elementwise(np.add, now.u, change.u)
+                add = partial(vectors.elementwise, vectors.xp.add)
+                x, u = add(now.x, change.p), add(now.u, change.u)
                 gap = change.gap
             else:
                 x, u = part.put(part.cut(now.x) + change.p, now.x), now.u
@@ -166,9 +168,7 @@ class Search:
                 return now, count
         p, C = now.x, self.change(now.x, gap)
         is_bounded = self.hardness < np.inf
-        is_admissible = A.vectors.min(p) >= 0.0 and not (
-            is_bounded and A.vectors.max(p) > self.most
-        )
+        is_admissible = vectors.min(p) >= 0.0 and not (is_bounded and vectors.max(p) > self.most)
         if part is not None or not is_admissible:
             p = p if is_admissible else self.clip(p)
             if is_bounded:
@@ -176,13 +176,13 @@ class Search:
             return Iterate(p, A(p), C), count
         return replace(now, sets=C), count
 
-    def _part(self, C: Array, look: Look) -> Part | None:
+    def _part(self, C: Array, look: Look) -> Part | Whole | None:
         """Return the elements of a set, and those that may come in contact, if these are few."""
         vectors, reach = self.grid.vectors, NEAR * max(look.misfit, look.violation)
-        near = elementwise(lambda C, gap: C | (gap < reach), C, look.gap)
+        near = vectors.elementwise(lambda C, gap: C | (gap < reach), C, look.gap)
         if self.hardness < np.inf or vectors.count(near) > SPARSE * prod(self.grid.shape):
             return None
-        return Part(near)
+        return Part(near) if vectors.cuts_fields else Whole()
 
     def change(self, p: Array, gap: Array) -> Array:
         """Return the elements whose pressure is free from now on.
@@ -191,7 +191,7 @@ class Search:
         hardness that open; where there are none, it goes on where the bodies would touch first.
         """
         most, vectors = self.most, self.grid.vectors
-        C = elementwise(lambda p, gap: (p > 0.0) | ((p == 0.0) & (gap < 0.0)), p, gap)
+        C = vectors.elementwise(lambda p, gap: (p > 0.0) | ((p == 0.0) & (gap < 0.0)), p, gap)
         if most < np.inf:
             C &= (p < most) | ((p == most) & (gap > 0.0))
         if not vectors.count(C) and not vectors.count(p >= most):
@@ -207,31 +207,33 @@ class Search:
 
         What the sum lacks is shared among the elements that are between the bounds.
         """
-        p = np.clip(p, 0.0, self.most)
+        vectors = self.grid.vectors
+        xp = vectors.xp
+        p = xp.clip(p, 0.0, self.most)
         if self.force is None:
             return p
-        vectors = self.grid.vectors
         if self.hardness == np.inf:
             p *= self.total / vectors.sum(p)
             return p
         lack = self.total - vectors.sum(p)
-        share = np.where(self.sets_of(p), p if lack < 0.0 else self.most - p, 0.0)
+        share = xp.where(self.sets_of(p), p if lack < 0.0 else self.most - p, 0.0)
         room = vectors.sum(share)
         if abs(lack) > room:
             return self.project(p)
-        return np.clip(p + share * (lack / room), 0.0, self.most) if room > 0.0 else p
+        return xp.clip(p + share * (lack / room), 0.0, self.most) if room > 0.0 else p
 
     def project(self, p: Array) -> Array:
         """Return the nearest admissible pressures, of the given sum."""
+        clip = self.grid.vectors.xp.clip
         if self.force is None:
-            return np.clip(p, 0.0, self.most)
+            return clip(p, 0.0, self.most)
         # The nearest ones are p - c, clipped, with the constant c that gives the sum. Newton's
         # method finds it; where a step leaves the interval that has it, that is halved.
         vectors, most, total = self.grid.vectors, self.most, self.total
         low, high = vectors.min(p) - min(most, total), vectors.max(p)
         c = low
         while True:
-            clipped = np.clip(p - c, 0.0, most)
+            clipped = clip(p - c, 0.0, most)
             excess = vectors.sum(clipped) - total
             if excess > 0.0:
                 low = c

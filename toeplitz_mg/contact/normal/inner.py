@@ -12,10 +12,9 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array, Multiply
 from toeplitz_mg.contact.inverse import Inverse
-from toeplitz_mg.contact.normal.part import Part
+from toeplitz_mg.contact.normal.part import Part, Whole
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
-from toeplitz_mg.engine.threads import elementwise
 from toeplitz_mg.engine.vectors import Vectors
 
 REDUCTION = 1e-5  # Reduction of the misfit for which single precision is good.
@@ -40,11 +39,11 @@ class Area:
     def __init__(
         self, C: Array, dtype: DTypeLike, vectors: Vectors, yields: Array | None = None
     ) -> None:
-        self.mask = elementwise(lambda C: C.astype(dtype), C)
+        self.mask = vectors.elementwise(lambda C: vectors.cast(C, dtype), C)
         self.size = vectors.count(C)
         self.vectors = vectors
         self.yields = yields
-        self.side = None if yields is None else np.where(yields, -1.0, 1.0).astype(dtype)
+        self.side = None if yields is None else 1.0 - 2.0 * vectors.cast(yields, dtype)
 
     def mean(self, x: Array) -> float:
         """Return the mean of a field on the elements."""
@@ -54,8 +53,9 @@ class Area:
         """Return the approach that belongs to a gap: its mean, or where it suits all others."""
         if self.size or self.yields is None:
             return self.mean(x)
-        above = -self.vectors.min(np.where(self.yields, -x, np.inf))
-        below = self.vectors.min(np.where(self.yields, np.inf, x))
+        where = self.vectors.xp.where
+        above = -self.vectors.min(where(self.yields, -x, np.inf))
+        below = self.vectors.min(where(self.yields, np.inf, x))
         if above <= below:  # All that yield are below it, and all that do not touch are above.
             return above if above > -np.inf else below
         return 0.5 * (above + below)
@@ -81,18 +81,16 @@ class Look(NamedTuple):
 
         What the pressures lack to the hardness, where there is one, is `room`.
         """
-        mean = 0.0
+        mean, vectors = 0.0, area.vectors
+        xp, elementwise = vectors.xp, vectors.elementwise
         if balanced:
             mean = area.approach(gap)
             gap = elementwise(lambda g: g - mean, gap)
-        r, vectors = (
-            elementwise(lambda g, in_contact: -(g * in_contact), gap, area.mask),
-            area.vectors,
-        )
+        r = elementwise(lambda g, in_contact: -(g * in_contact), gap, area.mask)
         low, high = -vectors.max(r), -vectors.min(r)
-        elsewhere = elementwise(np.add, gap, r)
+        elsewhere = elementwise(xp.add, gap, r)
         if area.side is not None:
-            elsewhere = elementwise(np.multiply, elsewhere, area.side)
+            elsewhere = elementwise(xp.multiply, elsewhere, area.side)
         least = vectors.min(elsewhere)
         lowest, tension = min(low, least), max(0.0, -vectors.min(p))
         if room is not None:
@@ -121,7 +119,7 @@ def solve_on_set(
     p: Array,
     now: Look,
     *,
-    part: Part | None,
+    part: Part | Whole | None,
     most: float,
     eta: float,
     tolerance: float,
@@ -141,7 +139,7 @@ def solve_on_set(
         The pressures to start from.
     now : Look
         What is wrong with them.
-    part : Part or None
+    part : Part, Whole or None
         The elements that are looked at, to which the set belongs: what is returned is of these.
         All, where there is none.
     most : float
@@ -155,6 +153,7 @@ def solve_on_set(
         approach is free.
     """
     vectors, gap = A.vectors, now.gap
+    xp, elementwise = vectors.xp, vectors.elementwise
     multiply: Multiply = A
     invert: Multiply = M
     if part is not None:
@@ -165,12 +164,11 @@ def solve_on_set(
     unit = max(now.misfit, tolerance)
 
     def scale(x: Array) -> Array:
-        scaled: Array = np.clip(x * (1.0 / unit), -FAR, FAR).astype(M.dtype)
-        return scaled
+        return vectors.cast(xp.clip(x * (1.0 / unit), -FAR, FAR), M.dtype)
 
     p0, gap0 = (elementwise(scale, x) for x in (p, gap))
     room0 = scale(most - p) if is_bounded else None
-    v, Av = (np.zeros(p.shape, M.dtype) for _ in range(2))
+    v, Av = (vectors.zeros(p, M.dtype) for _ in range(2))
 
     def precondition(r: Array, out: Array) -> Array:
         y = invert(r, out)
@@ -178,7 +176,7 @@ def solve_on_set(
         return elementwise(lambda y, in_contact: (y - mean) * in_contact, y, area.mask, out=out)
 
     def add(p: Array, gap: Array) -> tuple[Array, Array]:
-        return elementwise(np.add, p, v), elementwise(np.add, gap, Av)
+        return elementwise(xp.add, p, v), elementwise(xp.add, gap, Av)
 
     iteration = ConjugateGradients(multiply, precondition, vectors)
     count = 0
@@ -195,7 +193,7 @@ def solve_on_set(
         v = vectors.axpy(length, iteration.direction, v)
         Av = vectors.axpy(length, iteration.product, Av)
         count += 1
-    dp, du = (elementwise(lambda x: x.astype(np.float64) * unit, x) for x in (v, Av))
+    dp, du = (elementwise(lambda x: vectors.cast(x, np.float64) * unit, x) for x in (v, Av))
     if balanced:
-        dp -= np.where(C, vectors.sum(dp) / area.size, 0.0)
+        dp = xp.where(C, dp - vectors.sum(dp) / area.size, dp)
     return Change(dp, du, look.gap, is_solved and not is_answer, count)

@@ -6,6 +6,22 @@ from numpy.typing import DTypeLike
 from toeplitz_mg._typing import Array, Mask, Multiply
 
 
+class Whole:
+    """All elements, in the place of a part: of vectors that are not worth to be cut."""
+
+    def cut(self, x: Array) -> Array:
+        """Return the field itself."""
+        return x
+
+    def put(self, part: Array, x: Array) -> Array:
+        """Return the other field."""
+        return part
+
+    def restrict(self, multiply: Multiply, dtype: DTypeLike) -> Multiply:
+        """Return what multiplies."""
+        return multiply
+
+
 class Part:
     """Some elements of a grid, whose fields are vectors of one axis.
 

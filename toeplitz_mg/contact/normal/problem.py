@@ -31,8 +31,9 @@ from toeplitz_mg.contact.normal.solving import State, solve
 from toeplitz_mg.contact.normal.stiffness import find_stiffness
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import NormalResult, check_converged, touches_edge
+from toeplitz_mg.engine.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.work import count_products
-from toeplitz_mg.values import in_range
+from toeplitz_mg.values import in_range, refuse_masked
 
 
 def normal_contact(
@@ -60,7 +61,8 @@ def normal_contact(
     gap : array_like of shape (n1, n2) or (n,)
         Between the bodies before they touch, at the centres of the elements, mm; up to a
         constant, that adds to the approach. It is infinite where there is no material. One axis is
-        line contact. See `surfaces`.
+        line contact. See `surfaces`. It may be an array of another library, as on a GPU (see the
+        notes).
     element : (float, float) or float
         Size (h1, h2) of an element, mm. In line contact the width and the length of the strips,
         or the width alone: plane strain, with forces per mm of length.
@@ -69,7 +71,7 @@ def normal_contact(
     heights : array_like, masked array, or topography of SurfaceTopography
         In the place of the gap: the heights of a surface on a flat, positive at summits, whose gap
         is zero at the highest one. Those that are missing, NaN or masked, are no material. A
-        topography also says element, unit and periodicity.
+        topography also says element, unit and periodicity. They may be of another library, too.
     unit : str, optional
         The unit of gap or heights, and element: "m", "mm", "um", "nm", ... Loads and results are
         in N and mm. By default mm, or what a topography says.
@@ -143,6 +145,11 @@ def normal_contact(
     repeats, the images of an element have no finite sum, and `reference` decides on the constant
     (see `halfspace.periodic`).
 
+    The search is made on the arrays of the gap: those of CuPy, torch, JAX, or another library of
+    the array API standard, too, by the extra `arrays`, if the surface does not repeat. The fields
+    of the result are NumPy's in any case. In an iteration a few numbers go to the memory of the
+    processor, and no field.
+
     Examples
     --------
     Hertz: a steel sphere of 10 mm on a steel plate.
@@ -156,14 +163,40 @@ def normal_contact(
     >>> f"{contact.approach:.5f} mm, {a**2 / 10.0:.5f} by Hertz"
     '0.00351 mm, 0.00351 by Hertz'
     """
+    name, surface = ("gap", gap) if heights is None else ("heights", heights)
+    library = library_of(surface)
+    gap, heights = (x if x is None else library.to_numpy(x) for x in (gap, heights))
     z, element, periodic = read_surface(gap, element, heights, unit, periodic)
     grid = Grid.of(z.shape, element, material, reference, periodic)
+    if library is not NUMPY:
+        _check_library(library, name, surface, grid)
     before = () if previous is None else (previous,)
     result = press(
-        grid, z, approach, force, tolerance, nested, max_products, progress, before, hardness
+        grid,
+        z,
+        approach,
+        force,
+        tolerance,
+        nested,
+        max_products,
+        progress,
+        before,
+        hardness,
+        library=library,
     )
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
+
+
+def _check_library(library: Library, name: str, surface: Any, grid: Grid) -> None:
+    """Refuse arrays of a library on which the search cannot be made."""
+    if any(grid.periodic):
+        refuse_masked(name, surface)
+    if library.dtype(library.from_numpy(np.zeros(1))) != np.float64:
+        raise TypeError(
+            f"{name} is an array of {library.name}, which has no double precision here, but the "
+            'search needs it: in JAX it is jax.config.update("jax_enable_x64", True)'
+        )
 
 
 def press(
@@ -177,8 +210,12 @@ def press(
     progress: Progress | None,
     previous: Sequence[NormalResult] = (),
     hardness: float | None = None,
+    library: Library = NUMPY,
 ) -> NormalResult:
-    """Return what `normal_contact` finds for the gap `z`, converged or not."""
+    """Return what `normal_contact` finds for the gap `z`, converged or not.
+
+    The search is made on arrays of a library, and all else on NumPy's.
+    """
     with grid.agree() as same:
         force = check_load(grid, z, approach, force)
         most = check_hardness(grid, hardness, force)
@@ -203,7 +240,8 @@ def press(
         nothing = State(np.zeros(z.shape), np.zeros(z.shape), approach or 0.0)
         return make_result(grid, z, nothing, 0, 0.0, distance, most)
     with count_products() as work:
-        search = Search(grid, z, approach, force, tolerance, progress, most)
+        there = grid if library is NUMPY else replace(grid, library=library)
+        search = Search(there, library.from_numpy(z), approach, force, tolerance, progress, most)
         if grid.vectors.count(np.isinf(z)):
             search = replace(search, z=search.put_out_of_reach())
         products = Products(search.matrix, max_products)
@@ -212,8 +250,11 @@ def press(
             for r in previous
         ]
         guess = predict(known, load, grid.vectors) if known else None
+        if guess is not None:
+            guess = library.from_numpy(guess)
         state = solve(search, products, nested=nested, guess=guess)
-        state = state._replace(p=np.where(state.p < search.most, state.p / search.unit, most))
+        p, u = library.to_numpy(state.p), library.to_numpy(state.u)
+        state = state._replace(p=np.where(p < search.most, p / search.unit, most), u=u)
     units = work.units(z.size) / search.matrix.work
     return make_result(grid, z, state, products.count, units, distance, most)
 

@@ -79,25 +79,29 @@ def _come_near(search: Search, A: Products, p: Array) -> Iterate:
 def _step(search: Search, A: Products, now: Iterate) -> Iterate:
     """Correct pressures by the approximate inverse, where they will be free (`Search.change`)."""
     gap, M, vectors = search.look(now).look.gap, search.inverse, A.vectors
+    xp = vectors.xp
     C = search.change(now.x, gap)
     if not vectors.count(C):
         return now
-    r = np.where(C, -gap, 0.0)
-    largest = vectors.max(np.abs(r))
+    r = xp.where(C, -gap, 0.0)
+    largest = vectors.max(xp.abs(r))
     M.fit(C, is_near=True)
-    change = np.where(C, M((r / largest).astype(M.dtype)), 0.0) * largest
+    change = xp.where(C, M(vectors.cast(r / largest, M.dtype)), 0.0) * largest
     if search.force is not None:
-        change -= np.where(C, vectors.sum(change) / vectors.count(C), 0.0)
+        mean = vectors.sum(change) / vectors.count(C)
+        balanced = xp.where(C, vectors.cast(change, np.float64) - mean, 0.0)
+        change = vectors.cast(balanced, M.dtype)
     p = search.clip(now.x + change)
     return Iterate(p, A(p), search.sets_of(p))
 
 
 def _first_guess(search: Search, *, nested: bool) -> tuple[Array, Array]:
     """Return pressures and elements in contact: of a coarser grid, or more than in contact."""
+    zeros, z = search.grid.vectors.zeros, search.z
     if search.force is not None:
         everywhere = search.total / prod(search.grid.shape)
         if everywhere >= search.most * (1.0 - FULL):
-            return np.full(search.z.shape, search.most), np.zeros(search.z.shape, bool)
+            return zeros(z) + search.most, zeros(z, bool)
     coarse = _coarser(search) if nested else None
     if coarse is not None:
         state = solve(coarse, Products(coarse.matrix, COARSE_PRODUCTS), nested=True)
@@ -105,8 +109,8 @@ def _first_guess(search: Search, *, nested: bool) -> tuple[Array, Array]:
         if search.grid.vectors.count(p):
             return p, search.sets_of(p)
     if search.approach is not None:
-        return np.zeros(search.z.shape), search.z < search.approach
-    return np.full(search.z.shape, everywhere), np.ones(search.z.shape, bool)
+        return zeros(z), z < search.approach
+    return zeros(z) + everywhere, ~zeros(z, bool)
 
 
 def _coarser(search: Search) -> Search | None:
@@ -117,7 +121,7 @@ def _coarser(search: Search) -> Search | None:
     z, vectors = search.grid.coarsen(search.z), search.grid.vectors
     if search.approach is not None and not grid.vectors.count(z < search.approach):
         return None  # The averages touch nowhere.
-    detail = vectors.max(np.abs(search.z - search.grid.refine(z)))
+    detail = vectors.max(vectors.xp.abs(search.z - search.grid.refine(z)))
     detail /= vectors.max(search.z) - search.lowest or 1.0
     tolerance = float(np.clip(ROUGH * detail, LEAST, MOST))
     progress = for_coarser_grids(search.progress)
@@ -130,5 +134,7 @@ def _interpolate(search: Search, coarse: State, ratio: float) -> Array:
     That is a step of Jacobi's iteration, without a product, as displacements are smooth.
     """
     p, u = (search.grid.refine(x) for x in (coarse.p, coarse.u))
-    p = np.clip(ratio * p - DAMPING * (u + search.z - coarse.approach), 0.0, search.most)
-    return search.clip(p) if search.grid.vectors.count(p) else p
+    vectors = search.grid.vectors
+    p = ratio * p - DAMPING * (u + search.z - coarse.approach)
+    p = vectors.xp.clip(p, 0.0, search.most)
+    return search.clip(p) if vectors.count(p) else p

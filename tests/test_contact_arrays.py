@@ -1,0 +1,175 @@
+"""Contact on arrays of other libraries: the search is that on NumPy's, and so is what it finds."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import toeplitz_mg as tmg
+from toeplitz_mg import contact, halfspace
+from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
+from toeplitz_mg.engine.library import library_of
+from toeplitz_mg.preconditioners.fsai.portable import PortableSparseInverse
+from toeplitz_mg.solvers.projected_gradients import descend
+
+strict = pytest.importorskip("array_api_strict")
+STEEL, H = contact.Material(E=210000.0, nu=0.28), 0.01
+pytestmark = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+
+
+def load_jax():
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    return jax.numpy
+
+
+def press(gap, element=(H, H), **load):
+    return contact.normal_contact(gap, element, material=STEEL, **load)
+
+
+def rough(n, seed=0):
+    """A self-affine surface of n x n elements, pressed on a flat."""
+    k = np.hypot(np.fft.fftfreq(n)[:, None], np.fft.rfftfreq(n))
+    spectrum = np.fft.rfft2(np.random.default_rng(seed).standard_normal((n, n)))
+    z = np.fft.irfft2(spectrum * np.maximum(k, 4 / n) ** -1.8, s=(n, n))
+    return 1e-3 * (z.max() - z) / z.std()
+
+
+SPHERE = contact.surfaces.sphere((47, 40), (H, H), radius=10.0)
+HOLES = np.where(np.random.default_rng(1).random(SPHERE.shape) < 0.1, np.inf, SPHERE)
+CASES = {
+    "force": lambda a: press(a(SPHERE), force=60.0),
+    "approach": lambda a: press(a(SPHERE), approach=0.0025),
+    "no guess": lambda a: press(a(SPHERE), force=60.0, nested=False),
+    "little contact": lambda a: press(a(SPHERE), force=1.0),
+    "rough": lambda a: press(a(rough(64)), force=800.0),
+    "rough by approach": lambda a: press(a(rough(64)), approach=0.002),
+    "punch": lambda a: press(a(np.zeros((20, 33))), force=60.0),
+    "hardness": lambda a: press(a(SPHERE), force=60.0, hardness=1500.0),
+    "all yields": lambda a: press(a(np.zeros((3, 4))), force=120 * H * H, hardness=10.0),
+    "holes": lambda a: press(a(HOLES), force=60.0),
+    "heights": lambda a: press(None, heights=a(-SPHERE), force=60.0),
+    "micrometres": lambda a: press(a(1e3 * SPHERE), (10.0, 10.0), unit="um", force=60.0),
+    "another load": lambda a: press(a(SPHERE), force=60.0, previous=press(SPHERE, force=50.0)),
+    "line": lambda a: press(a(SPHERE[:, 20]), H, force=60.0),
+    "no load": lambda a: press(a(SPHERE), force=0.0),
+    "single precision": lambda a: press(a(SPHERE.astype(np.float32)), force=60.0),
+}
+
+
+def assert_same(actual, expected):
+    """The same area, products and iterations; pressures to the tolerance of the search."""
+    assert np.array_equal(actual.contact, expected.contact)
+    assert actual.products == expected.products
+    assert actual.iterations == expected.iterations
+    assert actual.warnings == expected.warnings
+    scale = expected.max_pressure or 1.0
+    assert_allclose(actual.pressure, expected.pressure, rtol=0.0, atol=1e-6 * scale)
+    assert_allclose(actual.approach, expected.approach, rtol=1e-8)
+    for name in ("force", "energy", "stiffness"):
+        assert_allclose(getattr(actual, name), getattr(expected, name), rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_normal_contact_is_that_on_numpy(name):
+    expected, actual = CASES[name](np.asarray), CASES[name](strict.asarray)
+    assert_same(actual, expected)
+    for field in (actual.pressure, actual.displacement, actual.gap, actual.contact):
+        assert type(field) is np.ndarray  # So that it is drawn, written and given to friction.
+
+
+@pytest.mark.slow
+def test_normal_contact_on_jax_is_that_on_numpy():
+    """A few loads of one size: all is compiled anew for another."""
+    jnp = load_jax()
+    for name in ("force", "approach", "hardness"):
+        assert_same(CASES[name](jnp.asarray), CASES[name](np.asarray))
+
+
+def test_a_fragmented_contact_is_preconditioned_on_its_arrays(monkeypatch):
+    """From 2¹⁶ elements on a rough contact takes FSAI, as on NumPy."""
+    applied, multiply = [], PortableSparseInverse.multiply
+
+    def count(M, X, out=None):
+        applied.append(M.sizes)
+        return multiply(M, X, out)
+
+    monkeypatch.setattr(PortableSparseInverse, "multiply", count)
+    z = rough(256)
+    actual, expected = (press(a(z), force=3300.0) for a in (strict.asarray, np.asarray))
+    assert_same(actual, expected)
+    assert len(applied) > 4
+
+
+@pytest.mark.parametrize(
+    ("load", "numbers"), [({"approach": 0.002}, 6), ({"force": 800.0}, 8)], ids=str
+)
+def test_an_iteration_takes_a_few_numbers_to_the_host(monkeypatch, load, numbers):
+    """Two products of vectors and four extremes, by force two means more; and no field."""
+    looked, copied, steps = [], [], []
+    array = type(strict.ones(1))
+    for name in ("__float__", "__bool__", "__int__", "__index__", "__complex__"):
+        method = getattr(array, name)
+        monkeypatch.setattr(array, name, lambda x, m=method: looked.append(x.shape) or m(x))
+    for name in ("__array__", "__buffer__"):
+        monkeypatch.delattr(array, name, raising=False)
+    export, step = array.__dlpack__, ConjugateGradients.step
+
+    def record_copy(x, **options):
+        copied.append(x.shape)
+        return export(x, **options)
+
+    def record_step(iteration, r):
+        steps.append((iteration, len(looked), len(copied)))
+        return step(iteration, r)
+
+    monkeypatch.setattr(array, "__dlpack__", record_copy)
+    monkeypatch.setattr(ConjugateGradients, "step", record_step)
+    press(strict.asarray(rough(64)), **load)
+    # The first step on a grid makes the matrix in single precision.
+    pairs = [(b, c) for a, b, c in zip(steps, steps[1:], steps[2:], strict=False) if a[0] is c[0]]
+    assert len(pairs) > 4
+    assert {c[1] - b[1] for b, c in pairs} == {numbers}
+    assert all(b[2] == c[2] for b, c in pairs)
+    assert set(looked) == {()}
+    # What is given goes there once, and what is found.
+    assert copied.count((64, 64)) == 3
+
+
+def test_projected_gradients_are_those_on_numpy():
+    x, y = halfspace.offsets((9, 8), (1.0, 1.0))
+    c = halfspace.influence_zz(x, y, (1.0, 1.0), G=1.0, nu=0.28)
+    b = np.random.default_rng(2).standard_normal(72)
+    found = []
+    for a, clip in ((np.asarray, np.clip), (strict.asarray, strict.clip)):
+        A = tmg.ToeplitzOperator(a(c))
+        project = partial(clip, min=0.0, max=5.0)
+        found += descend(A.apply, a(b), a(np.zeros(72)), project, A.norm_bound, 20, A.vectors)
+    to_numpy = library_of(found[2]).to_numpy
+    assert_allclose(to_numpy(found[2]), found[0], rtol=0.0, atol=1e-12)
+    assert_allclose(to_numpy(found[3]), found[1], rtol=0.0, atol=1e-12)
+
+
+def test_surfaces_that_repeat_and_curves_need_numpys_arrays():
+    gap = strict.asarray(SPHERE)
+    for wrong in (
+        lambda: press(gap, force=1.0, periodic=True),
+        lambda: press(None, heights=gap, force=1.0, periodic=(True, False)),
+        lambda: contact.load_curve(gap, (H, H), material=STEEL, forces=[1.0]),
+    ):
+        with pytest.raises(TypeError, match=r"is an array of array_api_strict, but .* numpy"):
+            wrong()
+    with pytest.raises(ValueError, match="gap is not a number somewhere"):
+        press(strict.asarray(SPHERE * np.nan), force=1.0)
+
+
+@pytest.mark.slow
+def test_a_library_without_double_precision_is_refused():
+    jnp, jax = load_jax(), pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", False)
+    try:
+        with pytest.raises(TypeError, match=r"no double precision here.*jax_enable_x64"):
+            press(jnp.asarray(SPHERE), force=1.0)
+    finally:
+        jax.config.update("jax_enable_x64", True)
