@@ -93,6 +93,18 @@ def test_the_inverse_is_exact_but_for_the_mean(shape, element):
     assert np.linalg.eigvalsh(M @ np.eye(len(x))).min() > 0.0
 
 
+@ANY
+def test_the_pressures_by_the_displacements_are_the_pseudoinverse(shape, element):
+    grid = Grid.of(shape, element, UNIT, None, True)
+    if shape == (5, 1):
+        expected = np.linalg.pinv(dense_waves((5,), 0.3), rcond=1e-9)
+    else:
+        expected = np.linalg.pinv(dense_waves(shape, element), rcond=1e-9)
+    K, diagonal = grid.scaled_inverse()
+    assert_allclose(np.diag(K.toarray()), 1.0)
+    assert_allclose(diagonal * K.toarray(), expected, atol=1e-11)
+
+
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("wave", [1, 3])
 def test_where_one_axis_repeats_it_is_a_sum_of_images(axis, wave):
@@ -326,6 +338,27 @@ def test_any_surface_and_load(seed, shape, load, is_force):
     assert_allclose(result.gap.mean(), gap.mean() - result.rigid, atol=1e-15)
     if is_force:
         assert_allclose(result.force, arguments["force"], rtol=1e-8)
+
+
+@doubtful
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.08])
+def test_nearly_full_contact(share):
+    """Forces that would pull a share of the elements, if all were held in contact."""
+    shape, element = (16, 12), (0.3, 0.2)
+    gap = surfaces.rough(shape, element, rms=0.01, longest=2.0, shortest=0.8, seed=4)
+    A = dense_waves(shape, element)
+    held = -(np.linalg.pinv(A, rcond=1e-9) @ gap.ravel()).reshape(shape)
+    mean = -np.quantile(held, share) + (1e-3 if share == 0.0 else 0.0)
+    force = mean * gap.size * np.prod(element)
+    result = normal_contact(
+        gap, element, material=UNIT, force=force, periodic=True, tolerance=1e-11
+    )
+    assert_complementary(result, A, gap, tolerance=1e-11)
+    assert_allclose(result.force, force)
+    apart = np.count_nonzero(result.pressure == 0.0)
+    if share == 0.0:
+        assert_allclose(result.pressure, held + mean, rtol=1e-9)
+    assert share * gap.size <= apart < 3.0 * share * gap.size + 1.0
 
 
 @doubtful

@@ -176,6 +176,13 @@ class Grid:
         c /= unit
         return ToeplitzOperator(self.library.from_numpy(c)), unit
 
+    def scaled_inverse(self) -> tuple[ToeplitzOperator, float]:
+        """Return the pressures by the displacements over their diagonal, and that.
+
+        The surface repeats along all axes. A mean displacement takes no pressure.
+        """
+        return self._waves.inverse_of_normal()
+
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
         if any(self.periodic):

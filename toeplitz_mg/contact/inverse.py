@@ -108,6 +108,8 @@ class Inverse:
     grid : Grid
     A : ToeplitzOperator
         A matrix of the grid, whose diagonal is 1.
+    everywhere : LinearOperator, optional
+        An inverse of it on the whole grid, where that is known.
 
     Attributes
     ----------
@@ -115,12 +117,12 @@ class Inverse:
         Single precision, unless A is too ill-conditioned for that, as it is of very long elements.
     """
 
-    def __init__(self, grid: Grid, A: ToeplitzOperator) -> None:
+    def __init__(self, grid: Grid, A: ToeplitzOperator, everywhere: Any = None) -> None:
         self._grid, self._A = grid, A
         self._before: Array | None = None
         self._local: LocalInverse | None = None
         try:
-            self._everywhere = grid.invert_by_transform(A, np.float32)
+            self._everywhere = everywhere or grid.invert_by_transform(A, np.float32)
         except np.linalg.LinAlgError:  # The symbol sinks into the rounding.
             self._everywhere = grid.invert_by_transform(A)
         self.dtype = self._everywhere.dtype

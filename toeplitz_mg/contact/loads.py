@@ -15,6 +15,8 @@ from toeplitz_mg.contact.normal.problem import press
 from toeplitz_mg.contact.result import NormalResult, check_converged
 from toeplitz_mg.values import field
 
+LEAP = 2.0  # Factor between two loads from which the pressures of one are no guess of the other.
+
 
 def load_curve(
     gap: ArrayLike | None = None,
@@ -96,11 +98,14 @@ def load_curve(
 
     def solve() -> Iterator[NormalResult]:
         known: tuple[NormalResult, ...] = ()
+        known_load = 0.0
         # Products of the last load that began with the results before it, and of one without.
         after, alone = 0, 0
         for load in loads.tolist():
             approach, force = (None, load) if is_force else (load, None)
             begins = known if after <= alone else ()
+            if len(known) == 1 and not known_load / LEAP < load < known_load * LEAP:
+                begins = ()
             result = press(
                 grid,
                 z,
@@ -116,8 +121,9 @@ def load_curve(
             doubts.warn(check_converged(result, tolerance).warnings)
             yield result
             if result.products:  # Without a load there was nothing to find.
-                after, alone = (result.products, alone) if begins else (after, result.products)
-                known = (*known, result)[-2:]
+                if len(known) != 1:  # A beginning with one result says nothing of one with two.
+                    after, alone = (result.products, alone) if begins else (after, result.products)
+                known, known_load = (*known, result)[-2:], load
 
     return solve()
 

@@ -39,6 +39,15 @@ class Waves:
         """Return the matrix of normal contact, over its diagonal if so wanted, and that."""
         return self._matrix("zz", is_scaled=is_scaled)
 
+    def inverse_of_normal(self) -> tuple[ToeplitzOperator, float]:
+        """Return the pressures by the displacements over their diagonal, and that.
+
+        All axes repeat. A mean displacement takes no pressure.
+        """
+        eigenvalues = self._eigenvalues("zz")
+        eigenvalues.flat[0] = np.inf
+        return self._operator(1.0 / eigenvalues, is_scaled=True)
+
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of tangential contact."""
         if len(self.shape) == 1:
@@ -80,14 +89,20 @@ class Waves:
         self, directions: str, *, is_scaled: bool = False
     ) -> tuple[ToeplitzOperator, float]:
         """Return a matrix, over its diagonal if so wanted, and that."""
-        eigenvalues = self._eigenvalues(directions)
+        is_even = directions[0] == directions[1]
+        return self._operator(self._eigenvalues(directions), is_scaled=is_scaled, is_even=is_even)
+
+    def _operator(
+        self, eigenvalues: Array, *, is_scaled: bool, is_even: bool = True
+    ) -> tuple[ToeplitzOperator, float]:
+        """Return the matrix of a circulant's eigenvalues, over its diagonal if wanted, and that."""
         column = fft.irfftn(eigenvalues, s=self._lengths)
         unit = float(column.flat[0])
         if is_scaled:
             column /= unit
             eigenvalues /= unit
         product = DiagonalisedProduct(eigenvalues, self._lengths, self.shape)
-        if directions[0] == directions[1]:
+        if is_even:
             coefficients = Coefficients(column[tuple(map(slice, self.shape))].copy(), is_even=True)
         else:  # It is odd in x and in y. The transform has rounded what is to be symmetric.
             lags = column[np.ix_(*(np.arange(1 - n, n) for n in self.shape))]

@@ -25,6 +25,7 @@ from toeplitz_mg.operators import ToeplitzOperator
 
 NEAR = 4.0  # Gap that may close in the solution on a set, over the largest error before it.
 SPARSE = 0.2  # Share of the elements up to which fields are cut to those that may be in contact.
+ROUGH = 0.1  # Residual beyond which a product in single precision is good enough after a step.
 BALANCED = 1e-15  # Error of the sum of projected pressures, relative to it, that is rounding.
 
 
@@ -53,6 +54,9 @@ class Search:
     progress : callable, optional
     hardness : float
         The largest pressure.
+    exchanged : (ToeplitzOperator, ToeplitzOperator), optional
+        The matrix and its inverse in single precision, where gap and pressure have exchanged their
+        roles (see `exchange`).
     """
 
     grid: Grid
@@ -62,10 +66,11 @@ class Search:
     tolerance: float
     progress: Progress | None = None
     hardness: float = np.inf
+    exchanged: tuple[ToeplitzOperator, ToeplitzOperator] | None = None
 
     @cached_property
     def _scaled(self) -> tuple[ToeplitzOperator, float]:
-        return self.grid.scaled_normal()
+        return (self.exchanged[0], 1.0) if self.exchanged else self.grid.scaled_normal()
 
     @property
     def matrix(self) -> ToeplitzOperator:
@@ -91,7 +96,7 @@ class Search:
     @cached_property
     def inverse(self) -> Inverse:
         """An approximate inverse, on a set that it is fitted to."""
-        return Inverse(self.grid, self.matrix)
+        return Inverse(self.grid, self.matrix, self.exchanged and self.exchanged[1])
 
     @cached_property
     def lowest(self) -> float:
@@ -134,7 +139,7 @@ class Search:
     def advance(self, A: Products, now: Iterate, law: Law, eta: float) -> tuple[Iterate, int]:
         """Solve on the set C = `now.sets`, and change it."""
         C, M, count, gap = now.sets, self.inverse, 0, law.look.gap
-        part, vectors = None, A.vectors
+        p, part, vectors = now.x, None, A.vectors
         while vectors.count(C):  # Where all elements of a contact yield there is none.
             M.fit(C)
             part = self._part(C, law.look)
@@ -153,28 +158,36 @@ class Search:
             count += change.iterations
             if part is None:
                 add = partial(vectors.elementwise, vectors.xp.add)
-                x, u = add(now.x, change.p), add(now.u, change.u)
-                gap = change.gap
+                p, u = add(now.x, change.p), add(now.u, change.u)
+                gap, now = change.gap, Iterate(p, u, C, is_exact=False)
             else:
-                x, u = part.put(part.cut(now.x) + change.p, now.x), now.u
+                p = part.put(part.cut(now.x) + change.p, now.x)
                 gap = part.put(change.gap, law.look.gap)
-            now = Iterate(x, u, C, is_exact=False)
             if change.is_solved or A.exhausted:
                 break
             # An answer, or all that single precision can do: look with double precision.
-            now = replace(now, u=A(now.x), is_exact=True)
+            now = Iterate(p, A(p), C)
             law = self.look(now)
             if law.look.tension == 0.0 and law.residual <= self.tolerance:
                 return now, count
-        p, C = now.x, self.change(now.x, gap)
+        C = self.change(p, gap)
         is_bounded = self.hardness < np.inf
         is_admissible = vectors.min(p) >= 0.0 and not (is_bounded and vectors.max(p) > self.most)
         if part is not None or not is_admissible:
             p = p if is_admissible else self.clip(p)
             if is_bounded:
                 C |= self.sets_of(p)
+            if self.exchanged and law.residual > ROUGH:  # It begins far away.
+                return Iterate(p, self._follow(A, now, p), C, is_exact=False), count
             return Iterate(p, A(p), C), count
         return replace(now, sets=C), count
+
+    def _follow(self, A: Products, now: Iterate, p: Array) -> Array:
+        """Return the displacements by other pressures than those of an iterate, without digits."""
+        change = p - now.x
+        largest = A.vectors.peak(change) or 1.0
+        following: Array = now.u + largest * A(A.vectors.cast(change / largest, self.inverse.dtype))
+        return following
 
     def _part(self, C: Array, look: Look) -> Part | Whole | None:
         """Return the elements of a set, and those that may come in contact, if these are few."""

@@ -8,6 +8,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.active_sets import Iterate, find_sets
 from toeplitz_mg.contact.normal.active_set import Search
+from toeplitz_mg.contact.normal.exchange import press_all_but_few
 from toeplitz_mg.contact.products import Products, for_coarser_grids
 
 ETA = 0.5  # Misfit that is left on a set, relative to its violation, while the energy falls.
@@ -43,6 +44,9 @@ def solve(search: Search, A: Products, *, nested: bool, guess: Array | None = No
     guess : ndarray, optional
         Pressures, none of which is negative, that are near those to be found.
     """
+    before: tuple[int, ...] = ()
+    if guess is None:
+        guess, before = press_all_but_few(search, A, ETA)
     b, u = (search.approach or 0.0) - search.z, None
     if guess is None:
         p, C = _first_guess(search, nested=nested)
@@ -52,7 +56,7 @@ def solve(search: Search, A: Products, *, nested: bool, guess: Array | None = No
     now, law, iterations = find_sets(
         search, A, p, C, u=u, b=b, eta=ETA, tolerance=search.tolerance, progress=search.progress
     )
-    return State(now.x, now.u, law.touching, law.residual, iterations)
+    return State(now.x, now.u, law.touching, law.residual, before + iterations)
 
 
 def _come_near(search: Search, A: Products, p: Array) -> Iterate:
