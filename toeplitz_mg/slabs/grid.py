@@ -40,6 +40,8 @@ class SlabGrid:
     slab : Slab
     """
 
+    is_kept = False
+
     def __init__(self, whole: Grid, slab: Slab) -> None:
         self.whole, self.slab, self.vectors, self.agree = whole, slab, slab.vectors, slab.agree
         self.shape, self.element, self.material = whole.shape, whole.element, whole.material
@@ -130,7 +132,7 @@ class SlabGrid:
         """Return the matrix of steady rolling."""
         return self._matrix(AT | {ahead: -weight for ahead, weight in AHEAD.items()})
 
-    def steady_array(self, K: CoupledOperator) -> None:
+    def steady_array(self, contact: Mask) -> None:
         """Say that the matrix of steady rolling is no array, as no rank has all of it."""
 
     def invert_shifted(self, K: CoupledOperator, dtype: DTypeLike) -> "ShiftedInverses":

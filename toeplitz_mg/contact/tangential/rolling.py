@@ -26,14 +26,10 @@ from toeplitz_mg.contact.result import TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.coulomb import clip, project
 from toeplitz_mg.contact.tangential.falling import fall
 from toeplitz_mg.contact.tangential.friction import make_result
+from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.motion import Motion
-from toeplitz_mg.contact.tangential.steady import (
-    Loads,
-    SteadyOptions,
-    find_steady_state,
-    start_from,
-)
-from toeplitz_mg.contact.tangential.stick_slip import Problem, solve
+from toeplitz_mg.contact.tangential.steady import SteadyOptions, find_steady_state
+from toeplitz_mg.contact.tangential.stick_slip import Problem, State, admit, solve
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
@@ -216,26 +212,17 @@ def roll(
         start = None
         if before is not None:
             q, slide = (window.cut(x) for x in before)
-            start = start_from(problem, q, slide)
+            start = admit(problem, q, slide)
         state = find_steady_state(
             problem, products, loads, guess=start, nested=nested, options=options or SteadyOptions()
         )
         if loads.wanted.size:
-            b = b + grid.vectors.combine(state.shift, loads.units)
+            problem = replace(problem, b=b + grid.vectors.combine(state.shift, loads.units))
+        # The slip is of K, the displacements are of A.
         u = np.where(g > 0.0, apply_to_rows(A, state.q.reshape(-1)).reshape(b.shape), 0.0)
-    result = make_result(
-        replace(problem, b=b),
-        replace(state, shift=np.zeros(len(b))),
-        window,
-        products.count + 1,
-        work.units(b.size),
-    )
-    result = replace(
-        result,
-        displacement=window.extend(u).reshape(result.traction.shape),
-        energy=0.5 * grid.area * grid.vectors.dot(state.q, u),
-    )
-    return _per_distance(result, motion, window, state.q, motion.complete(state.shift))
+    slip, state = (state.u - problem.b) / h, replace(state, u=u)
+    count, creepages = products.count + 1, motion.complete(state.shift)
+    return _make_result(motion, problem, state, window, count, work.units(b.size), slip, creepages)
 
 
 def rolling_steps(
@@ -371,25 +358,45 @@ def roll_steps(
                 guess = project(clip(q, g), g, total, vectors)
                 state = solve(problem, products, guess, nested=False)
             q = state.q
-            result = make_result(problem, state, window, products.count + 1, work.units(w.size))
+            slip = (state.u - b - problem.uniform(state.shift)) / h
             found = motion.complete(-state.shift[unknown] / h)
-            result = _per_distance(result, motion, window, q, found)
+            result = _make_result(
+                motion,
+                problem,
+                state,
+                window,
+                products.count + 1,
+                work.units(w.size),
+                slip,
+                found,
+            )
             yield check_converged(result, tolerance)
 
     return march(q)
 
 
-def _per_distance(
-    result: TangentialResult, motion: Motion, window: Any, q: Array, creepages: Array
+def _make_result(
+    motion: Motion,
+    problem: Problem,
+    state: State,
+    window: Any,
+    products: int,
+    work: float,
+    slip: Array,
+    creepages: Array,
 ) -> TangentialResult:
-    """Return the result over the distance rolled, with the creepages, the moment and the power."""
+    """Return the result, with the slip over the distance rolled, the moment and the power."""
     grid = window.whole
-    loads, power = motion.work(grid, window.extend(q), creepages)
-    return replace(
-        result,
-        slip=result.slip / grid.element[0],
+    loads, power = motion.work(grid, window.extend(state.q), creepages)
+    return make_result(
+        problem,
+        state,
+        window,
+        products,
+        work,
+        slip,
         shift=None,
-        creepages=creepages if len(q) > 1 else float(creepages[0]),
+        creepages=creepages if len(state.q) > 1 else float(creepages[0]),
         moment=float(loads[2]) if len(loads) > 2 else None,
         power=power,
     )
