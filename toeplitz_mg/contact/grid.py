@@ -112,9 +112,12 @@ class Grid:
             for n, h in zip(self.shape, self.element, strict=False)
         )
 
-    def coarser(self) -> "Grid | None":
-        """Return the grid of elements twice the size, or None where that would be too coarse."""
-        if max(self.shape) <= COARSEST or not any(self.halved):
+    def coarser(self, coarsest: int = COARSEST) -> "Grid | None":
+        """Return the grid of elements twice the size, or None where that would be too coarse.
+
+        That is where this one has so many elements along its longest axis, or fewer.
+        """
+        if max(self.shape) <= coarsest or not any(self.halved):
             return None
         factors = [1 + two for two in self.halved]
         shape = tuple(-(-n // two) for n, two in zip(self.shape, factors, strict=True))

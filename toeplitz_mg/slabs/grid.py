@@ -10,7 +10,7 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
-from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.grid import COARSEST, Grid
 from toeplitz_mg.contact.steady_matrices import ADDITIONS, LEAST, fade_rate, interpolate
 from toeplitz_mg.engine.lengths import embedding_lengths
 from toeplitz_mg.halfspace.matrices import KERNELS, evaluate
@@ -69,8 +69,10 @@ class SlabGrid:
         x, y = self.whole.centres()
         return x[self.slab.rows], y
 
-    def coarser(self) -> Any:
+    def coarser(self, coarsest: int = COARSEST) -> Any:
         """Return the grid of elements twice the size, or None where that would be too coarse."""
+        if max(self.shape) <= COARSEST:  # Every rank has all of it.
+            return self.whole.coarser(coarsest)
         return self._coarser
 
     def coarsen(self, x: Array) -> Array:

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.grid import COARSEST
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.steady_matrices import LEAST_UNIT, MOST_UNIT
 from toeplitz_mg.contact.tangential.coulomb import Areas, along, clip
@@ -96,9 +97,12 @@ def find_steady_state(
     """
     patience = options.patience
     iterations: tuple[int, ...] = ()
+    array = problem.grid.steady_array(problem.g > 0.0)
     if guess is None and nested:
-        guess = _guess_from_coarser_grids(problem, loads, options)
-    if (array := problem.grid.steady_array(problem.g > 0.0)) is not None:
+        # What is not solved directly has at least that for a coarser grid which is.
+        coarsest = 1 if array is None else COARSEST
+        guess = _guess_from_coarser_grids(problem, loads, options, coarsest)
+    if array is not None:
         state = find_directly(problem, loads, K, array, guess, patience)
         if state.residual <= problem.tolerance or K.exhausted:
             return state
@@ -165,9 +169,12 @@ def _newton_step(
 
     space = KrylovSpace(multiply, r.shape, M.dtype, most, vectors)
     space.begin(r)
+    enough = np.inf  # A norm of what is left from which on it may do: then an iterate is made.
     while True:
-        least = space.extend()
-        weights, k = space.weights(), space.dimension
+        least, k = space.extend(), space.dimension
+        if enough < least and k < most:
+            continue
+        weights = space.weights()
         v, Kv = (vectors.combine(weights, x[:k]) for x in (directions, products))
         rest = vectors.max(np.abs(r - of_slip(T(Kv) + lam * v)))
         v, Kv = first + v, K_first + Kv
@@ -176,13 +183,14 @@ def _newton_step(
         wrong = max(k0 * problem.excess(q + v), -slips)
         if least == 0.0 or rest <= max(exact, wrong) or k == most:
             return v, k
+        enough = least * max(exact, wrong) / rest
 
 
 def _guess_from_coarser_grids(
-    problem: Problem, loads: Loads, options: SteadyOptions
+    problem: Problem, loads: Loads, options: SteadyOptions, coarsest: int
 ) -> tuple[Array, Areas] | None:
     """Return tractions and areas to start from, or None where no grid is coarser."""
-    coarse = problem.coarser()
+    coarse = problem.coarser(coarsest)
     if coarse is None:
         return None
     # The rigid slip in a step is in proportion to the step.

@@ -22,7 +22,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.contact.active_sets import Iterate, find_sets
-from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.grid import COARSEST, Grid
 from toeplitz_mg.contact.inverse import extend_to_components, invert_on
 from toeplitz_mg.contact.products import Products, for_coarser_grids
 from toeplitz_mg.contact.tangential.coulomb import (
@@ -77,9 +77,9 @@ class Problem:
     least: float = 0.0
     progress: Progress | None = None
 
-    def coarser(self) -> "Problem | None":
+    def coarser(self, coarsest: int = COARSEST) -> "Problem | None":
         """Return the problem on elements of twice the size, to be solved roughly, or None."""
-        grid = self.grid.coarser()
+        grid = self.grid.coarser(coarsest)
         if grid is None:
             return None
         g, b = self.grid.coarsen(self.g), self.grid.coarsen(self.b)
