@@ -21,7 +21,7 @@ WRAPPED = 0.03  # What goes around a circulant comes back so many times as large
 LEAST = 1.0
 # Additions to the matrix whose inverses are interpolated, over its diagonal.
 ADDITIONS = np.array([0.0, 0.1, 0.5, 3.0])
-LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Least and largest diagonal in the range of single precision.
+LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Diagonals of a matrix that single precision is good for.
 PANEL_BYTES = 2**20  # Bytes of a panel of frequencies, or of lines: it stays in the cache.
 
 

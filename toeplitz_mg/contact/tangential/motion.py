@@ -247,8 +247,8 @@ class Complement:
         sizes = np.array([vectors.norm(f) for f in fields])
         self._sizes = np.where(sizes > 0.0, sizes, 1.0)
         self._units = fields / self._sizes.reshape(-1, *(1,) * (fields.ndim - 1))
-        gram = [self._products(f) for f in self._units]
-        self._inverse = np.linalg.pinv(np.reshape(gram, (len(fields),) * 2), DEPENDENT)
+        gram = np.reshape([self._products(f) for f in self._units], (len(fields),) * 2)
+        self._inverse = np.linalg.pinv(gram, DEPENDENT) if len(fields) else gram
 
     def _products(self, v: Array) -> Array:
         return inner_products(self._units, v, self._vectors)

@@ -66,11 +66,14 @@ def settle(
         iterations.append(count)
         q = q + v
         out = areas.stick & (size(q) > g)
-        stuck = areas.exchange(out, np.zeros_like(out))
-        q, _ = make_admissible(q, g, areas, stuck.slide, None, vectors)
-        q, b = carry(problem, loads, stuck, q), now.b
-        u = K(q)
+        q, _ = make_admissible(q, g, areas, areas.slide | out, None, vectors)
+        b = now.b
         if len(loads.wanted):
+            stuck = areas.exchange(out, np.zeros_like(out))
+            q = carry(problem, loads, stuck, q)
+            u = K(q)
             b = look(problem, loads, stuck, q, u).b
+        else:
+            u = K(q)
         back = areas.slide & (along(b - u, now.law.T.n) < 0.0)
         areas = areas.exchange(out, back)
