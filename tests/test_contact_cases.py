@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from comparisons.contact import cases, growth, methods, peers, rolling
+from comparisons.contact import cases, growth, methods, peers, rolling, small
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
 
@@ -149,3 +149,13 @@ def test_rolling_on_finer_grids(folder, capsys):
     assert len(rows) == len(growth.MOTIONS) * len(growth.QUICK_SIZES)
     for row in rows:
         assert float(row["violation"]) <= 1e-8
+
+
+def test_small_cases_of_rolling(folder, monkeypatch, capsys):
+    monkeypatch.setattr(small, "REPEATED", 1)
+    small.main()
+    assert str(folder) in capsys.readouterr().out
+    rows = rows_of(folder / "small.csv")
+    assert {int(row["N"]) for row in rows} == {11, 25}
+    # The largest violation in a direction is at most 1e-8: of both together, √2 times that.
+    assert all(float(row["violation"]) <= 1.5e-8 for row in rows)

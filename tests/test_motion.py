@@ -252,7 +252,7 @@ def test_small_cases_are_solved_directly_to_the_same_tractions(creepages, loads,
     wanted = {"none": {}, "force": {"force": expected.force}, "all": given}[loads]
     free = creepages if loads == "none" else (0.0, 0.0, 0.0 if loads == "all" else creepages[2])
     _, direct = circle(11, free, **wanted)
-    monkeypatch.setattr(Grid, "steady_array", lambda self, K: None)
+    monkeypatch.setattr(Grid, "steady_array", lambda self, contact: None)
     _, by_krylov = circle(11, free, **wanted)
     assert_allclose(direct.traction, expected.traction, atol=1e-6 * g.max())
     assert_allclose(by_krylov.traction, expected.traction, atol=1e-6 * g.max())

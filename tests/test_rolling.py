@@ -14,7 +14,8 @@ from toeplitz_mg.contact import Material, normal_contact, steady_matrices, surfa
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import ContactError
 from toeplitz_mg.contact.tangential import steady
-from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
+from toeplitz_mg.contact.tangential.rolling import rolling
+from toeplitz_mg.contact.tangential.steps import rolling_steps
 
 MU, A = 0.3, 0.6
 

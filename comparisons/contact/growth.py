@@ -39,11 +39,14 @@ def roll(N: int, creepages: tuple[float, float, float]) -> TangentialResult:
     return rolling(g, (h, h), material=BODY, longitudinal=longitudinal, lateral=lateral, spin=spin)
 
 
-def violation(result: TangentialResult, creepages: tuple[float, float, float]) -> float:
+def violation(result: TangentialResult, creepages: tuple[float, ...]) -> float:
     """Return how far the tractions are from obeying Coulomb's law, as a part of the rigid slip."""
-    shape, (h, _), q = result.shape, result.element, result.traction
-    here, ahead = (halfspace.influence_matrix("xy", shape, (h, h), BODY, ahead=k) for k in (0, 1))
-    x, y = surfaces.centres(shape, (h, h))
+    shape, element, q = result.shape, result.element, result.traction
+    h, material = element[0], result.material
+    here, ahead = (
+        halfspace.influence_matrix("xy", shape, element, material, ahead=k) for k in (0, 1)
+    )
+    x, y = surfaces.centres(shape, (h, element[1]))
     longitudinal, lateral, spin = creepages
     w: Array = h * np.stack(np.broadcast_arrays(longitudinal - spin * y, lateral + spin * x))
     slip = (here @ q.ravel() - ahead @ q.ravel()).reshape(q.shape) + w

@@ -15,8 +15,9 @@ from toeplitz_mg.contact.subsurface import Stresses, subsurface_stresses
 from toeplitz_mg.contact.tangential.curves import CreepCurve, creep_curve
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.contact.tangential.kalker import KalkerCoefficients, kalker_coefficients
-from toeplitz_mg.contact.tangential.rolling import rolling, rolling_steps
+from toeplitz_mg.contact.tangential.rolling import rolling
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
+from toeplitz_mg.contact.tangential.steps import rolling_steps
 from toeplitz_mg.contact.theory import HertzContact, hertz
 from toeplitz_mg.contact.unlike.pressing import frictional_contact
 from toeplitz_mg.contact.unlike.result import FrictionalResult

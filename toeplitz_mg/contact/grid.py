@@ -13,7 +13,7 @@ from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.elements import read_periodic, read_reference, read_sizes
-from toeplitz_mg.contact.steady_matrices import ShiftedInverses, subtract_operators
+from toeplitz_mg.contact.steady_matrices import ShiftedInverses, SteadyArray, subtract_operators
 from toeplitz_mg.contact.waves import Waves
 from toeplitz_mg.engine.library import NUMPY, Library
 from toeplitz_mg.halfspace import CombinedMaterial
@@ -98,7 +98,7 @@ class Grid:
     @property
     def area(self) -> float:
         """The area of an element; in plane strain per unit of length, its width."""
-        return float(np.prod(self.element))
+        return prod(self.element)
 
     @property
     def components(self) -> int:
@@ -117,9 +117,12 @@ class Grid:
             for n, h in zip(self.shape, self.element, strict=False)
         )
 
-    def coarser(self) -> "Grid | None":
-        """Return the grid of elements twice the size, or None where that would be too coarse."""
-        if max(self.shape) <= COARSEST or not any(self.halved):
+    def coarser(self, coarsest: int = COARSEST) -> "Grid | None":
+        """Return the grid of elements twice the size, or None where that would be too coarse.
+
+        That is where this one has so many elements along its longest axis, or fewer.
+        """
+        if max(self.shape) <= coarsest or not any(self.halved):
             return None
         factors = [1 + two for two in self.halved]
         shape = tuple(-(-n // two) for n, two in zip(self.shape, factors, strict=True))
@@ -204,15 +207,18 @@ class Grid:
 
     def steady(self, A: Any) -> Any:
         """Return the matrix of steady rolling, A - S with A and S = `tangential` and `upstream`."""
-        return _steady(self) if self._is_kept else subtract_operators(A, self.upstream())
+        return _steady(self) if self.is_kept else subtract_operators(A, self.upstream())
 
-    def steady_array(self, K: Any) -> Array | None:
+    def steady_array(self, contact: Mask) -> SteadyArray | None:
         """Return the matrix of steady rolling as an array where it is small, or else None."""
-        return _steady_array(self) if self._is_kept and K.shape[0] <= DENSE else None
+        n = self.components * np.count_nonzero(contact)
+        if not (self.is_kept and 0 < n <= DENSE):
+            return None
+        return _steady_array(self, contact.tobytes())
 
     def invert_shifted(self, K: Any, dtype: DTypeLike) -> Any:
         """Return approximate inverses of the matrix of steady rolling with additions."""
-        return _inverses(self, np.dtype(dtype)) if self._is_kept else ShiftedInverses(K, dtype)
+        return _inverses(self, np.dtype(dtype)) if self.is_kept else ShiftedInverses(K, dtype)
 
     def invert_by_transform(self, A: Any, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid."""
@@ -234,7 +240,7 @@ class Grid:
         return float(first.c.flat[0])
 
     @property
-    def _is_kept(self) -> bool:
+    def is_kept(self) -> bool:
         """Whether the matrices are kept for the next case on the same grid."""
         return prod(self.shape) <= SMALL
 
@@ -244,7 +250,7 @@ class Grid:
         return Waves(self.shape, self.element, self.material, self.periodic, self.reference)
 
     def _matrix(self, directions: str, ahead: int = 0) -> Any:
-        compute = _matrix if self._is_kept else Grid._compute
+        compute = _matrix if self.is_kept else Grid._compute
         return compute(self, directions, ahead)
 
     def _compute(self, directions: str, ahead: int) -> Any:
@@ -273,10 +279,8 @@ def _steady(grid: Grid) -> Any:
 
 
 @lru_cache(maxsize=KEPT)
-def _steady_array(grid: Grid) -> Array:
-    array: Array = _steady(grid).toarray()
-    array.flags.writeable = False
-    return array
+def _steady_array(grid: Grid, contact: bytes) -> SteadyArray:
+    return SteadyArray(_steady(grid), np.frombuffer(contact, bool).reshape(grid.shape))
 
 
 @lru_cache(maxsize=KEPT)

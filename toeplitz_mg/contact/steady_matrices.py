@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 from scipy import fft
+from scipy.linalg import lu_factor, lu_solve
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.threads import share_slices
-from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.engine.vectors import ALONE
+from toeplitz_mg.engine.work import count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 
@@ -19,6 +21,7 @@ WRAPPED = 0.03  # What goes around a circulant comes back so many times as large
 LEAST = 1.0
 # Additions to the matrix whose inverses are interpolated, over its diagonal.
 ADDITIONS = np.array([0.0, 0.1, 0.5, 3.0])
+LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Diagonals of a matrix that single precision is good for.
 PANEL_BYTES = 2**20  # Bytes of a panel of frequencies, or of lines: it stays in the cache.
 
 
@@ -31,6 +34,45 @@ def subtract_operators(A: Any, S: Any) -> Any:
         return CoupledOperator([[subtract_operators(a, s) for a, s in row] for row in pairs])
     # On a single row of elements S couples the components, and A does not.
     return ToeplitzOperator.from_lags(-S.lags if A is None else A.lags - S.lags)
+
+
+class SteadyArray:
+    """The matrix of steady rolling on the elements in contact, as an array.
+
+    Parameters
+    ----------
+    K : ToeplitzOperator or CoupledOperator
+    contact : ndarray of bool
+        The elements in contact: the fields of these are one axis.
+
+    Attributes
+    ----------
+    array : ndarray
+        In double precision.
+    rough : ndarray
+        In single precision, where its range is that of the numbers.
+    """
+
+    vectors = ALONE
+
+    def __init__(self, K: Any, contact: Array) -> None:
+        m = K.shape[0] // contact.size
+        self.array = K.block(np.flatnonzero(np.tile(contact.ravel(), m)))
+        self.rough = self.array
+        if LEAST_UNIT < self.array[0, 0] < MOST_UNIT:
+            self.rough = self.array.astype(np.float32)
+        for array in (self.array, self.rough):
+            array.flags.writeable = False
+        self._factors = lu_factor(self.array)
+
+    def apply(self, X: Array, out: Array | None = None) -> Array:
+        """Multiply a field of the elements in contact."""
+        count_work(1, X.size)
+        return self.array @ X
+
+    def solve(self, u: Array) -> Array:
+        """Return the tractions that have these displacements in a step."""
+        return lu_solve(self._factors, u, check_finite=False)
 
 
 class ShiftedInverses:

@@ -20,7 +20,8 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.problem import press
 from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.friction import shift_bodies
-from toeplitz_mg.contact.tangential.rolling import roll, roll_steps
+from toeplitz_mg.contact.tangential.rolling import roll
+from toeplitz_mg.contact.tangential.steps import roll_steps
 from toeplitz_mg.slabs.grid import SlabGrid
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.values import field

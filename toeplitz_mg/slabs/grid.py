@@ -10,7 +10,7 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
-from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.grid import COARSEST, Grid
 from toeplitz_mg.contact.steady_matrices import ADDITIONS, LEAST, fade_rate, interpolate
 from toeplitz_mg.engine.lengths import embedding_lengths
 from toeplitz_mg.halfspace.matrices import KERNELS, evaluate
@@ -40,6 +40,8 @@ class SlabGrid:
     slab : Slab
     """
 
+    is_kept = False
+
     def __init__(self, whole: Grid, slab: Slab) -> None:
         self.whole, self.slab, self.vectors, self.agree = whole, slab, slab.vectors, slab.agree
         self.shape, self.element, self.material = whole.shape, whole.element, whole.material
@@ -67,8 +69,10 @@ class SlabGrid:
         x, y = self.whole.centres()
         return x[self.slab.rows], y
 
-    def coarser(self) -> Any:
+    def coarser(self, coarsest: int = COARSEST) -> Any:
         """Return the grid of elements twice the size, or None where that would be too coarse."""
+        if max(self.shape) <= COARSEST:  # Every rank has all of it.
+            return self.whole.coarser(coarsest)
         return self._coarser
 
     def coarsen(self, x: Array) -> Array:
@@ -130,7 +134,7 @@ class SlabGrid:
         """Return the matrix of steady rolling."""
         return self._matrix(AT | {ahead: -weight for ahead, weight in AHEAD.items()})
 
-    def steady_array(self, K: CoupledOperator) -> None:
+    def steady_array(self, contact: Mask) -> None:
         """Say that the matrix of steady rolling is no array, as no rank has all of it."""
 
     def invert_shifted(self, K: CoupledOperator, dtype: DTypeLike) -> "ShiftedInverses":

@@ -253,8 +253,9 @@ def make_result(
     products: int,
     work: float,
     slip: Array | None = None,
+    **more: Any,
 ) -> TangentialResult:
-    """Return what was found, on the whole grid and in the shapes of the user."""
+    """Return what was found, and `more`, on the whole grid and in the shapes of the user."""
     q, contact = state.q, problem.g > 0.0
     whole_contact = window.extend(contact)
     if slip is None:
@@ -266,7 +267,10 @@ def make_result(
         return x[0] if is_line else x
 
     total = problem.grid.area * sum_components(q, problem.vectors)
+    if "shift" not in more:
+        more["shift"] = float(state.shift[0]) if is_line else state.shift
     return TangentialResult(
+        **more,
         material=window.whole.material,
         shape=window.whole.shape,
         element=window.whole.element,
@@ -280,7 +284,6 @@ def make_result(
         energy=0.5 * problem.grid.area * problem.vectors.dot(q, state.u),
         periodic=window.whole.periodic,
         touches_edge=touches_edge(window.whole, whole_contact),
-        shift=float(state.shift[0]) if is_line else state.shift,
         slip=whole(np.where(contact, slip, 0.0)),
         stick=window.extend(state.areas.stick),
         bound=window.extend(problem.g),

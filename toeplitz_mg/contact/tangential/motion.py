@@ -13,14 +13,15 @@ the moment that works on it has the arm x - h/2: with the arm x Kalker's C₃₃
 elements of an ellipse ten times as long as it is wide, with this arm 2 %.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.grid import KEPT
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.values import field, finite, in_range, refuse_masked
 
@@ -101,11 +102,13 @@ class Motion:
 
     def check_loads(self, grid: Any, g: Array) -> None:
         """Refuse loads that the traction bound cannot carry, so that the bodies would slide off."""
+        if not self.unknown:
+            return
         forces = [F or 0.0 for F in self.loads[:2]]
         arms = {"force": np.ones(g.shape)}
         wanted = {"force": float(np.linalg.norm(forces))}
         if self.loads[2] is not None:
-            arm = self._arm(grid, 2)
+            arm = _arms(grid, self.pole)[2]
             arms["moment"], wanted["moment"] = np.hypot(*arm), abs(self.loads[2])
         for name, load in wanted.items():
             # Where there is no arm, an infinite bound carries nothing either.
@@ -119,19 +122,20 @@ class Motion:
 
     def rigid_slip(self, grid: Any) -> Array:
         """Return the rigid slip over the distance rolled by all that is given (Eq. 1)."""
-        w = np.zeros((grid.components, *self._distances(grid)[0].shape))
-        for k, value in enumerate(self.creepages):
+        units = unit_slips(grid, self.pole)
+        w = np.zeros_like(units[0])
+        for value, unit in zip(self.creepages, units, strict=False):
             if value:
-                w += value * self._unit(grid, k)
+                w += value * unit
         return w if self.slip is None else w + self.slip
 
     def units(self, grid: Any) -> Array:
         """Return the rigid slip over the distance rolled by a unit of each unknown creepage."""
-        return self._stack(grid, self._unit)
+        return self._stack(unit_slips(grid, self.pole))
 
     def arms(self, grid: Any) -> Array:
         """Return the fields whose inner products with the tractions are the loads given."""
-        return grid.area * self._stack(grid, self._arm)
+        return grid.area * self._stack(_arms(grid, self.pole))
 
     def work(self, grid: Any, q: Array, creepages: Array) -> tuple[Array, float]:
         """Return the forces and, on a surface, the moment of tractions, and the power they lose.
@@ -140,8 +144,8 @@ class Motion:
         state it is what slip dissipates, and far more exact than the sum of q·s over the elements,
         of which those at the trailing edge are large and of both signs.
         """
-        arms = range(grid.components + (len(grid.shape) == 2))
-        loads = np.array([grid.area * grid.vectors.sum(q * self._arm(grid, k)) for k in arms])
+        arms = _arms(grid, self.pole)
+        loads = np.array([grid.area * grid.vectors.sum(q * arm) for arm in arms])
         power = -float(loads @ creepages[: len(loads)])
         if self.slip is not None:
             power -= grid.area * grid.vectors.sum(q * self.slip)
@@ -154,28 +158,43 @@ class Motion:
             creepages[k] = value
         return np.array(creepages, dtype=np.float64)
 
-    def _stack(self, grid: Any, field_of: Callable[[Any, int], Array]) -> Array:
+    def _stack(self, fields: tuple[Array, ...]) -> Array:
+        """Return the fields that belong to the unknown creepages, of shape (m, components, ...)."""
         if not self.unknown:
-            return np.zeros((0, grid.components, *self._distances(grid)[0].shape))
-        return np.stack([field_of(grid, k) for k in self.unknown])
+            return np.zeros((0, *fields[0].shape))
+        return np.stack([fields[k] for k in self.unknown])
 
-    def _distances(self, grid: Any) -> list[Array]:
-        x, *y = np.meshgrid(*grid.centres(), indexing="ij")
-        return [r - p for r, p in zip((x, *y), self.pole, strict=False)]
 
-    def _arm(self, grid: Any, k: int) -> Array:
-        """Return the field whose inner product with the tractions, by area, is a load."""
-        return self._unit(grid, k, -0.5 * grid.element[0])
+def unit_slips(grid: Any, pole: tuple[float, float]) -> tuple[Array, ...]:
+    """Return the rigid slip over the distance rolled by one unit of each creepage.
 
-    def _unit(self, grid: Any, k: int, ahead: float = 0.0) -> Array:
-        """Return the field of one unit of a creepage, `ahead` of the elements along x."""
-        x, *y = self._distances(grid)
-        unit = np.zeros((grid.components, *x.shape))
-        if k < 2:
-            unit[k] = 1.0
-        elif y:
-            unit[0], unit[1] = -y[0], x + ahead
-        return unit
+    On a surface the last is the spin. Those of a small grid are kept for the next case.
+    """
+    return (_keep_unit_slips if grid.is_kept else _compute_unit_slips)(grid, pole)
+
+
+def _compute_unit_slips(grid: Any, pole: tuple[float, float]) -> tuple[Array, ...]:
+    centres = np.meshgrid(*grid.centres(), indexing="ij")
+    units = list(np.zeros((grid.components, grid.components, *centres[0].shape)))
+    for k, unit in enumerate(units):
+        unit[k] = 1.0
+    if len(centres) == 2:
+        x, y = (r - p for r, p in zip(centres, pole, strict=True))
+        units.append(np.stack([-y, x]))
+    for unit in units:
+        unit.flags.writeable = False
+    return tuple(units)
+
+
+_keep_unit_slips = lru_cache(maxsize=KEPT)(_compute_unit_slips)
+
+
+def _arms(grid: Any, pole: tuple[float, float]) -> tuple[Array, ...]:
+    """Return the fields whose inner products with the tractions, by area, are the loads."""
+    *units, last = unit_slips(grid, pole)
+    if len(units) < 2:
+        return *units, last
+    return *units, last - 0.5 * grid.element[0] * units[1]
 
 
 def _read_force(is_line: bool, force: Any) -> tuple[float | None, float | None]:
@@ -228,8 +247,8 @@ class Complement:
         sizes = np.array([vectors.norm(f) for f in fields])
         self._sizes = np.where(sizes > 0.0, sizes, 1.0)
         self._units = fields / self._sizes.reshape(-1, *(1,) * (fields.ndim - 1))
-        gram = [self._products(f) for f in self._units]
-        self._inverse = np.linalg.pinv(np.reshape(gram, (len(fields),) * 2), DEPENDENT)
+        gram = np.reshape([self._products(f) for f in self._units], (len(fields),) * 2)
+        self._inverse = np.linalg.pinv(gram, DEPENDENT) if len(fields) else gram
 
     def _products(self, v: Array) -> Array:
         return inner_products(self._units, v, self._vectors)

@@ -1,16 +1,11 @@
-"""Rolling contact: tractions by creepage, in the steady state and on the way there (Eq. 1-8).
+"""Rolling contact in the steady state: tractions by creepage, or by force (Eq. 1-8).
 
-The contact rolls towards positive x. What was, one step of one element before, at x + h is now at
-x, so that Eq. (8) with this step reads, w being the rigid slip in a step,
-
-    s = w + A q - S q',        (S q)(x) = (A q)(x + h),
-
-and in the steady state, where q' = q, s = w + K q with K = A - S. This is still a (block) Toeplitz
-matrix, though not symmetric: the steady state is found directly, without marching. The active sets
-are those of `friction`, and GMRES takes the place of conjugate gradients.
+Step by step (`steps`) the slip is s = w + A q - S q'. In the steady state, where q' = q, it is
+s = w + K q with K = A - S. This is still a (block) Toeplitz matrix, though not symmetric: the
+steady state is found directly, without marching.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -23,21 +18,15 @@ from toeplitz_mg.contact.checks import check_bound, check_iteration, check_previ
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import TangentialResult, check_converged
-from toeplitz_mg.contact.tangential.coulomb import clip, project
 from toeplitz_mg.contact.tangential.falling import fall
 from toeplitz_mg.contact.tangential.friction import make_result
+from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.motion import Motion
-from toeplitz_mg.contact.tangential.steady import (
-    Loads,
-    SteadyOptions,
-    find_steady_state,
-    start_from,
-)
-from toeplitz_mg.contact.tangential.stick_slip import Problem, solve
+from toeplitz_mg.contact.tangential.steady import SteadyOptions, find_steady_state
+from toeplitz_mg.contact.tangential.stick_slip import Problem, State, admit
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.values import count
 
 
 def rolling(
@@ -216,180 +205,42 @@ def roll(
         start = None
         if before is not None:
             q, slide = (window.cut(x) for x in before)
-            start = start_from(problem, q, slide)
+            start = admit(problem, q, slide)
         state = find_steady_state(
             problem, products, loads, guess=start, nested=nested, options=options or SteadyOptions()
         )
         if loads.wanted.size:
-            b = b + grid.vectors.combine(state.shift, loads.units)
+            problem = replace(problem, b=b + grid.vectors.combine(state.shift, loads.units))
+        # The slip is of K, the displacements are of A.
         u = np.where(g > 0.0, apply_to_rows(A, state.q.reshape(-1)).reshape(b.shape), 0.0)
-    result = make_result(
-        replace(problem, b=b),
-        replace(state, shift=np.zeros(len(b))),
-        window,
-        products.count + 1,
-        work.units(b.size),
-    )
-    result = replace(
-        result,
-        displacement=window.extend(u).reshape(result.traction.shape),
-        energy=0.5 * grid.area * grid.vectors.dot(state.q, u),
-    )
-    return _per_distance(result, motion, window, state.q, motion.complete(state.shift))
+    slip, state = (state.u - problem.b) / h, replace(state, u=u)
+    cost = products.count + 1, work.units(b.size)
+    creepages = motion.complete(state.shift)
+    return make_rolling_result(motion, problem, state, window, cost, slip, creepages)
 
 
-def rolling_steps(
-    bound: ArrayLike,
-    element: Element,
-    *,
-    material: Any,
-    longitudinal: float = 0.0,
-    lateral: float = 0.0,
-    spin: float = 0.0,
-    force: Any = None,
-    slip: ArrayLike | None = None,
-    pole: tuple[float, float] = (0.0, 0.0),
-    steps: int,
-    previous: TangentialResult | None = None,
-    tolerance: float = 1e-8,
-    max_products: int = 2000,
-    progress: Progress | None = None,
-) -> Iterator[TangentialResult]:
-    """Roll step by step, one element in each, from given tractions (Eq. 8).
-
-    Parameters
-    ----------
-    bound, element, material, longitudinal, lateral, spin, slip, pole, tolerance, max_products
-        The arguments of `rolling`.
-    force : (float, float) or float, optional
-        The tangential force (Fx, Fy) in each step, in the place of creepages, which are then found,
-        N; None in the place of one that is not given. In line contact a number for the longitudinal
-        one alone.
-    steps : int
-        The number of steps.
-    previous : TangentialResult, optional
-        Tractions before the first step, of any function for tangential contact on this grid; by
-        default none. So a bound that changes is followed step by step.
-    progress : callable, optional
-        Called as ``progress(products, residual)`` after each product of a step.
-
-    Yields
-    ------
-    TangentialResult
-        The result after each step, with the slip over the distance rolled.
-
-    Warns
-    -----
-    ContactWarning
-        The warnings of `rolling`, once for all steps.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For input that makes no sense, before any work.
-    ContactError
-        Where the tolerance is not reached: it says what is violated.
-
-    See Also
-    --------
-    rolling : its steady state, at once.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from toeplitz_mg.contact import Material, rolling, rolling_steps
-    >>> x = np.linspace(-0.95, 0.95, 20)
-    >>> case = dict(element=0.1, material=Material.from_shear(1.0, 0.3), longitudinal=-0.1)
-    >>> g = 0.3 * np.sqrt(1 - x**2)
-    >>> *_, last = rolling_steps(g, steps=60, **case)
-    >>> bool(np.allclose(last.traction, rolling(g, **case).traction, atol=1e-6))
-    True
-
-    From a force at rest to the same force when it rolls, so that the bodies begin to creep:
-
-    >>> from toeplitz_mg.contact import friction
-    >>> case = dict(element=0.1, material=Material.from_shear(1.0, 0.3), force=0.3)
-    >>> at_rest = friction(g, **case)
-    >>> *_, last = rolling_steps(g, steps=60, previous=at_rest, **case)
-    >>> bool(np.isclose(last.rigid, rolling(g, **case).rigid, rtol=1e-5))
-    True
-    """
-    g = check_bound(bound)
-    grid = Grid.of(g.shape, element, material, None)
-    asked = (longitudinal, lateral, spin), force, None, slip, pole
-    return roll_steps(
-        grid, g, Window.around, asked, steps, previous, tolerance, max_products, progress
-    )
-
-
-def roll_steps(
-    grid: Grid,
-    g: Array,
-    window_around: Callable[[Any, Array], Any],
-    asked: tuple[Any, ...],
-    steps: int,
-    previous: TangentialResult | None,
-    tolerance: float,
-    max_products: int,
-    progress: Progress | None,
-) -> Iterator[TangentialResult]:
-    """Return what `rolling_steps` yields for the traction bound `g` (see `roll`)."""
-    with grid.agree() as same:
-        motion = Motion.of(g.shape, *asked)
-        check_iteration(tolerance, max_products, progress)
-        same["steps"] = steps = count("steps", steps)
-        same["the creepages"], same["the loads"] = motion.creepages, motion.loads
-        same["pole"], same["directions"] = motion.pole, motion.directions
-        same["tolerance"], same["max_products"] = tolerance, max_products
-        same["whether there are tractions before"] = previous is not None
-        shape = (len(motion.directions), *g.shape)
-        q = np.zeros(shape) if previous is None else check_previous(previous, grid.element, shape)
-    if grid.directions != motion.directions:
-        grid = replace(grid, directions=motion.directions)
-    motion.check_loads(grid, g)
-    h = grid.element[0]
-    total = None
-    if unknown := list(motion.unknown):
-        total = np.full(len(q), np.nan)
-        total[unknown] = motion.wanted / grid.area
-    w = h * motion.rigid_slip(grid)
-    about = doubts.examine_bound(grid, g > 0.0)
-    window = window_around(grid, (g > 0.0) | q.any(axis=0))
-    q, g, w, grid = window.cut(q), window.cut(g), window.cut(w), window.grid
-    vectors = grid.vectors
-
-    doubts.warn(about, within=1)
-
-    def march(q: Array) -> Iterator[TangentialResult]:
-        A, S = grid.tangential(), grid.upstream()
-        for _ in range(steps):
-            with count_products() as work:
-                products = Products(A, max_products)
-                b = apply_to_rows(S, q.reshape(-1)).reshape(q.shape) - w
-                least = vectors.max(np.abs(w))
-                problem = Problem(grid, g, b, total, tolerance, least, progress)
-                guess = project(clip(q, g), g, total, vectors)
-                state = solve(problem, products, guess, nested=False)
-            q = state.q
-            result = make_result(problem, state, window, products.count + 1, work.units(w.size))
-            found = motion.complete(-state.shift[unknown] / h)
-            result = _per_distance(result, motion, window, q, found)
-            yield check_converged(result, tolerance)
-
-    return march(q)
-
-
-def _per_distance(
-    result: TangentialResult, motion: Motion, window: Any, q: Array, creepages: Array
+def make_rolling_result(
+    motion: Motion,
+    problem: Problem,
+    state: State,
+    window: Any,
+    cost: tuple[int, float],
+    slip: Array,
+    creepages: Array,
 ) -> TangentialResult:
-    """Return the result over the distance rolled, with the creepages, the moment and the power."""
-    grid = window.whole
-    loads, power = motion.work(grid, window.extend(q), creepages)
-    return replace(
-        result,
-        slip=result.slip / grid.element[0],
+    """Return the result, with the slip over the distance rolled, the moment and the power.
+
+    The cost is in products, and in units of work.
+    """
+    loads, power = motion.work(window.whole, window.extend(state.q), creepages)
+    return make_result(
+        problem,
+        state,
+        window,
+        *cost,
+        slip,
         shift=None,
-        creepages=creepages if len(q) > 1 else float(creepages[0]),
+        creepages=creepages if len(state.q) > 1 else float(creepages[0]),
         moment=float(loads[2]) if len(loads) > 2 else None,
         power=power,
     )

@@ -15,13 +15,14 @@ precision on the change of the tractions, which is added up in double precision.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.contact.active_sets import Iterate, find_sets
-from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.grid import COARSEST, Grid
 from toeplitz_mg.contact.inverse import extend_to_components, invert_on
 from toeplitz_mg.contact.products import Products, for_coarser_grids
 from toeplitz_mg.contact.tangential.coulomb import (
@@ -76,9 +77,9 @@ class Problem:
     least: float = 0.0
     progress: Progress | None = None
 
-    def coarser(self) -> "Problem | None":
+    def coarser(self, coarsest: int = COARSEST) -> "Problem | None":
         """Return the problem on elements of twice the size, to be solved roughly, or None."""
-        grid = self.grid.coarser()
+        grid = self.grid.coarser(coarsest)
         if grid is None:
             return None
         g, b = self.grid.coarsen(self.g), self.grid.coarsen(self.b)
@@ -86,10 +87,19 @@ class Problem:
         progress = for_coarser_grids(self.progress)
         return Problem(grid, g, b, total, COARSE, self.least, progress)
 
+    def restrict(self, C: Array) -> "Problem":
+        """Return the problem on the elements in contact only, as one axis."""
+        return replace(self, g=self.g[C], b=np.ascontiguousarray(self.b[:, C]))
+
     @property
     def vectors(self) -> Vectors:
         """The inner products, sums and extremes of fields."""
         return self.grid.vectors
+
+    @cached_property
+    def least_bound(self) -> float:
+        """A bound below which none counts in a stiffness λ = |s|/g."""
+        return TINY * self.vectors.max(np.where(np.isfinite(self.g), self.g, 0.0))
 
     @property
     def balanced(self) -> tuple[int, ...]:
@@ -121,6 +131,17 @@ class State:
     shift: Array
     residual: float = np.inf
     iterations: tuple[int, ...] = ()
+
+    def extend(self, C: Array) -> "State":
+        """Return the state on a grid, where it is one on the elements in contact."""
+
+        def whole(x: Array) -> Array:
+            field = np.zeros((*x.shape[:-1], *C.shape), x.dtype)
+            field[..., C] = x
+            return field
+
+        areas = Areas(whole(self.areas.stick), whole(self.areas.slide))
+        return replace(self, q=whole(self.q), u=whole(self.u), areas=areas)
 
 
 @dataclass(frozen=True)
@@ -160,8 +181,7 @@ def linearise(problem: Problem, areas: Areas, q: Array, u: Array) -> Linearisati
     target = b + problem.uniform(shift)
     minus_slip = target - u
     against = along(minus_slip, T.n)  # Eq. 3 wants the slip to oppose the traction.
-    g_max = vectors.max(np.where(np.isfinite(problem.g), problem.g, 0.0))
-    g_slide = np.where(areas.slide, np.maximum(problem.g, TINY * g_max), 1.0)
+    g_slide = np.where(areas.slide, np.maximum(problem.g, problem.least_bound), 1.0)
     r = T(minus_slip)
     scale = max(problem.least, vectors.max(np.where(contact, size(target), 0.0)))
     violation = max(vectors.max(size(r)), -vectors.min(against))
@@ -197,8 +217,8 @@ def solve(
     if not grid.vectors.count(C):
         nothing = np.zeros_like(problem.b)
         return State(nothing, nothing, areas, np.zeros(len(nothing)), residual=0.0)
-    b, q = (np.ascontiguousarray(x[:, C]) for x in (problem.b, guess))
-    on_contact = replace(problem, g=problem.g[C], b=b)
+    q = np.ascontiguousarray(guess[:, C])
+    on_contact = problem.restrict(C)
     restricted = Products(grid.restrict(A.A, extend_to_components(grid, A.A, C)), A.limit)
     restricted.count = A.count
     search = Search(on_contact, invert_on(grid, A.A, C), grid.diagonal(A.A))
@@ -207,20 +227,13 @@ def solve(
         restricted,
         q,
         Areas(areas.stick[C], areas.slide[C]),
-        b=b,
+        b=on_contact.b,
         eta=ETA,
         tolerance=problem.tolerance,
         progress=problem.progress,
     )
     A.count = restricted.count
-
-    def whole(x: Array) -> Array:
-        field = np.zeros((*x.shape[:-1], *C.shape), x.dtype)
-        field[..., C] = x
-        return field
-
-    areas = Areas(whole(now.sets.stick), whole(now.sets.slide))
-    return State(whole(now.x), whole(now.u), areas, law.shift, law.residual, iterations)
+    return State(now.x, now.u, now.sets, law.shift, law.residual, iterations).extend(C)
 
 
 class Search(NamedTuple):

@@ -1,0 +1,173 @@
+"""Rolling step by step, on the way to the steady state or as the bound changes (Eq. 8).
+
+The contact rolls towards positive x. What was, one step of one element before, at x + h is now at
+x, so that Eq. (8) with this step reads, w being the rigid slip in a step,
+
+    s = w + A q - S q',        (S q)(x) = (A q)(x + h).
+
+Each step is a problem of friction, with S q' - w for the displacements without slip.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from toeplitz_mg._typing import Array, Element, Progress
+from toeplitz_mg.contact import doubts
+from toeplitz_mg.contact.checks import check_bound, check_iteration, check_previous
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.result import TangentialResult, check_converged
+from toeplitz_mg.contact.tangential.coulomb import clip, project
+from toeplitz_mg.contact.tangential.motion import Motion
+from toeplitz_mg.contact.tangential.rolling import make_rolling_result
+from toeplitz_mg.contact.tangential.stick_slip import Problem, solve
+from toeplitz_mg.contact.tangential.window import Window
+from toeplitz_mg.engine.work import count_products
+from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.values import count
+
+
+def rolling_steps(
+    bound: ArrayLike,
+    element: Element,
+    *,
+    material: Any,
+    longitudinal: float = 0.0,
+    lateral: float = 0.0,
+    spin: float = 0.0,
+    force: Any = None,
+    slip: ArrayLike | None = None,
+    pole: tuple[float, float] = (0.0, 0.0),
+    steps: int,
+    previous: TangentialResult | None = None,
+    tolerance: float = 1e-8,
+    max_products: int = 2000,
+    progress: Progress | None = None,
+) -> Iterator[TangentialResult]:
+    """Roll step by step, one element in each, from given tractions (Eq. 8).
+
+    Parameters
+    ----------
+    bound, element, material, longitudinal, lateral, spin, slip, pole, tolerance, max_products
+        The arguments of `rolling`.
+    force : (float, float) or float, optional
+        The tangential force (Fx, Fy) in each step, in the place of creepages, which are then found,
+        N; None in the place of one that is not given. In line contact a number for the longitudinal
+        one alone.
+    steps : int
+        The number of steps.
+    previous : TangentialResult, optional
+        Tractions before the first step, of any function for tangential contact on this grid; by
+        default none. So a bound that changes is followed step by step.
+    progress : callable, optional
+        Called as ``progress(products, residual)`` after each product of a step.
+
+    Yields
+    ------
+    TangentialResult
+        The result after each step, with the slip over the distance rolled.
+
+    Warns
+    -----
+    ContactWarning
+        The warnings of `rolling`, once for all steps.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For input that makes no sense, before any work.
+    ContactError
+        Where the tolerance is not reached: it says what is violated.
+
+    See Also
+    --------
+    rolling : its steady state, at once.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from toeplitz_mg.contact import Material, rolling, rolling_steps
+    >>> x = np.linspace(-0.95, 0.95, 20)
+    >>> case = dict(element=0.1, material=Material.from_shear(1.0, 0.3), longitudinal=-0.1)
+    >>> g = 0.3 * np.sqrt(1 - x**2)
+    >>> *_, last = rolling_steps(g, steps=60, **case)
+    >>> bool(np.allclose(last.traction, rolling(g, **case).traction, atol=1e-6))
+    True
+
+    From a force at rest to the same force when it rolls, so that the bodies begin to creep:
+
+    >>> from toeplitz_mg.contact import friction
+    >>> case = dict(element=0.1, material=Material.from_shear(1.0, 0.3), force=0.3)
+    >>> at_rest = friction(g, **case)
+    >>> *_, last = rolling_steps(g, steps=60, previous=at_rest, **case)
+    >>> bool(np.isclose(last.rigid, rolling(g, **case).rigid, rtol=1e-5))
+    True
+    """
+    g = check_bound(bound)
+    grid = Grid.of(g.shape, element, material, None)
+    asked = (longitudinal, lateral, spin), force, None, slip, pole
+    return roll_steps(
+        grid, g, Window.around, asked, steps, previous, tolerance, max_products, progress
+    )
+
+
+def roll_steps(
+    grid: Grid,
+    g: Array,
+    window_around: Callable[[Any, Array], Any],
+    asked: tuple[Any, ...],
+    steps: int,
+    previous: TangentialResult | None,
+    tolerance: float,
+    max_products: int,
+    progress: Progress | None,
+) -> Iterator[TangentialResult]:
+    """Return what `rolling_steps` yields for the traction bound `g` (see `roll`)."""
+    with grid.agree() as same:
+        motion = Motion.of(g.shape, *asked)
+        check_iteration(tolerance, max_products, progress)
+        same["steps"] = steps = count("steps", steps)
+        same["the creepages"], same["the loads"] = motion.creepages, motion.loads
+        same["pole"], same["directions"] = motion.pole, motion.directions
+        same["tolerance"], same["max_products"] = tolerance, max_products
+        same["whether there are tractions before"] = previous is not None
+        shape = (len(motion.directions), *g.shape)
+        q = np.zeros(shape) if previous is None else check_previous(previous, grid.element, shape)
+    if grid.directions != motion.directions:
+        grid = replace(grid, directions=motion.directions)
+    motion.check_loads(grid, g)
+    h = grid.element[0]
+    total = None
+    if unknown := list(motion.unknown):
+        total = np.full(len(q), np.nan)
+        total[unknown] = motion.wanted / grid.area
+    w = h * motion.rigid_slip(grid)
+    about = doubts.examine_bound(grid, g > 0.0)
+    window = window_around(grid, (g > 0.0) | q.any(axis=0))
+    q, g, w, grid = window.cut(q), window.cut(g), window.cut(w), window.grid
+    vectors = grid.vectors
+
+    doubts.warn(about, within=1)
+
+    def march(q: Array) -> Iterator[TangentialResult]:
+        A, S = grid.tangential(), grid.upstream()
+        for _ in range(steps):
+            with count_products() as work:
+                products = Products(A, max_products)
+                b = apply_to_rows(S, q.reshape(-1)).reshape(q.shape) - w
+                least = vectors.max(np.abs(w))
+                problem = Problem(grid, g, b, total, tolerance, least, progress)
+                guess = project(clip(q, g), g, total, vectors)
+                state = solve(problem, products, guess, nested=False)
+            q = state.q
+            slip = (state.u - b - problem.uniform(state.shift)) / h
+            cost = products.count + 1, work.units(w.size)
+            found = motion.complete(-state.shift[unknown] / h)
+            result = make_rolling_result(motion, problem, state, window, cost, slip, found)
+            yield check_converged(result, tolerance)
+
+    return march(q)
