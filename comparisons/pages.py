@@ -61,6 +61,12 @@ TABLES = {
         "fractional_diffusion.csv",
         fractional_diffusion.arrange,
     ),
+    "fractional_diffusion_growing": Table(
+        "which_method.md",
+        "preconditioners.fractional_diffusion",
+        "growing.csv",
+        fractional_diffusion.arrange_growing,
+    ),
     "areas": Table("masks.md", "preconditioners.areas", "areas.csv", areas.arrange),
 }
 
