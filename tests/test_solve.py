@@ -122,7 +122,8 @@ def test_the_choice_needs_few_iterations(name, n):
 
 @pytest.mark.parametrize("n", [1259, 4096, 4099])
 @pytest.mark.parametrize("name", ["0.9^k", "exp(-k/1000)", "contact", "fGn, H = 0.9"])
-def test_the_choice_is_no_more_than_twice_the_work_of_the_best(name, n):
+def test_the_choice_is_no_more_than_twice_the_work_of_the_best(name, n, monkeypatch):
+    monkeypatch.setenv(machine.VARIABLE, "1.0")  # So it is not measured among what is counted.
     c = column(name, n)
     A = tmg.ToeplitzOperator(c)
     b = np.ones(n)

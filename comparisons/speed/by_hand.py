@@ -241,7 +241,7 @@ def _two_digits(value: float | None) -> str:
     """Return a number with two digits, of more where it is large; nothing where it is none."""
     if value is None or math.isnan(value):
         return ""
-    return f"{value:.2g}" if value < 100.0 else f"{value:.0f}"
+    return f"{value:#.2g}".rstrip(".") if value < 100.0 else f"{value:.0f}"
 
 
 def _power(n: int) -> str:

@@ -60,7 +60,7 @@ class ToeplitzSystem:
     def is_hermitian(self) -> bool:
         """Whether A is Hermitian, of complex numbers, or real and symmetric."""
         c, r = self.c, self.r
-        return c[0].imag == 0.0 and np.array_equal(c[1:], r[1:].conj())
+        return self.is_symmetric or (c[0].imag == 0.0 and bool(np.array_equal(c[1:], r[1:].conj())))
 
     @property
     def is_of_usual_size(self) -> bool:
