@@ -62,6 +62,12 @@ TABLES = {
         "fractional_diffusion.csv",
         fractional_diffusion.arrange,
     ),
+    "fractional_diffusion_growing": Table(
+        "which_method.md",
+        "preconditioners.fractional_diffusion",
+        "growing.csv",
+        fractional_diffusion.arrange_growing,
+    ),
     "likelihood_errors": Table(
         "gaussian_processes.md", "gaussian.likelihood", "errors.csv", likelihood.arrange_errors
     ),

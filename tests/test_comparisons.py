@@ -376,6 +376,9 @@ def test_fractional_diffusion(tmp_path, monkeypatch, capsys):
         assert float(row["residual"]) <= 1.1e-8
         assert (row["published"] == "≤ 15") == (row["problem"][:5] + row["method"] == "Riesztau")
     assert len(rows_of(tmp_path / "tau.csv")) == 2 * 2
+    growing = rows_of(tmp_path / "growing.csv")
+    assert len(growing) == 3 * (2 + 2)
+    assert all(int(row["iterations"]) <= fractional_diffusion.MANY for row in growing)
 
 
 def test_fractional_diffusion_fails_where_tau_takes_more(tmp_path, monkeypatch, capsys):

@@ -6,7 +6,7 @@ import scipy.linalg
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
-from toeplitz_mg.preconditioners.circulant import smooth_eigenvalues
+from toeplitz_mg.preconditioners.circulant import chan_eigenvalues, smooth_eigenvalues
 from toeplitz_mg.solvers.fourier_form import LARGEST, FourierForm, has_fourier_form
 
 SIZES = [2, 4, 6, 250, 512]
@@ -60,8 +60,10 @@ def test_the_products_are_those_of_the_matrix(dtype, n):
 @pytest.mark.parametrize("n", SIZES)
 def test_the_samples_are_those_of_a_circulant_which_it_inverts(dtype, n):
     form, A = make(dtype, n)
-    samples = smooth_eigenvalues(tmg.ToeplitzOperator(A[:, 0], A[0]))
+    operator = tmg.ToeplitzOperator(A[:, 0], A[0])
+    samples, means = smooth_eigenvalues(operator), chan_eigenvalues(operator)
     assert_allclose(form.samples, samples, atol=1e-12 * np.abs(samples).max())
+    assert_allclose(form.means(), means, atol=1e-12 * np.abs(means).max())
     # The lags k and k - n of the circulant have weights whose sum is one.
     w = 0.5 + 0.5 * np.cos(np.pi * np.arange(n) / n)
     column = w * A[:, 0] + np.r_[0.0, (1 - w[1:]) * A[0, :0:-1]]

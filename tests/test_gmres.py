@@ -9,6 +9,8 @@ import scipy.sparse.linalg
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
+from comparisons.systems.symbols import NONSYMMETRIC
+from toeplitz_mg.solvers.gmres import gmres_by_recurrence
 
 DTYPES = [np.float32, np.float64, np.complex64, np.complex128]
 
@@ -329,3 +331,20 @@ def test_norms_that_are_called_back_are_of_what_is_solved():
     norms = []
     tmg.gmres(np.ones((3, 3)), [1.0, 2.0, 3.0], callback=norms.append, callback_type="pr_norm")
     assert min(norms) > 0.3  # A singular matrix leaves that much of b.
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-10])
+def test_the_recurrence_alone_finds_the_same_solution(rtol):
+    n = 300
+    A = tmg.ToeplitzOperator(*NONSYMMETRIC["1/(1+k) | (-1)^k/(1+k)"](n))
+    b, M = np.random.default_rng(5).standard_normal(n), tmg.chan_preconditioner(A)
+    residuals, norms = [], []
+    x, converged = gmres_by_recurrence(
+        A, b, M=M, rtol=rtol, most=30, residuals=residuals, callback=norms.append
+    )
+    assert converged
+    assert np.linalg.norm(b - A @ x) <= 1.1 * rtol * np.linalg.norm(b)
+    assert_allclose(np.array(residuals[1:]), np.array(norms) * residuals[0])
+    expected, info = tmg.gmres(A, b, M=M, rtol=rtol, restart=30)
+    assert info == 0
+    assert_allclose(x, expected, atol=1e-9 * abs(expected).max())

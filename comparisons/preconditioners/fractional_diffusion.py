@@ -10,7 +10,8 @@ Beside them stand the iterations of τ as published: the eigenvalues of the prec
 between 1/2 and 3/2 for constant coefficients of Riesz (Huang, Lin, Ng, Sun 2022), so that CG takes
 at most 15 iterations to 1e-8.
 
-Then τ alone on Riesz derivatives of every order from 1.1 to 1.9 and n = 2^k - 1: it is an error if
+Then τ alone on all of them as n grows, up to 2^20 unknowns, as long as it takes few iterations, and
+on Riesz derivatives of every order from 1.1 to 1.9 and n = 2^k - 1: it is an error if
 one takes more than 9 iterations for a constant load, or more than 10 for a random one. Here it is
 SciPy's CG, which stops by the recurrence for the residual: with condition numbers of up to 1e11
 there is no x in float64 with a residual of 1e-8.
@@ -36,6 +37,10 @@ CHECKED_ORDERS = tuple(k / 10 for k in range(11, 20))
 SIZES = {1: (2**8 - 1, 2**11 - 1, 2**14 - 1), 2: (2**4 - 1, 2**5 - 1, 2**7 - 1)}
 QUICK_SIZES = {1: (2**6 - 1, 2**10 - 1), 2: (2**5 - 1,)}
 LEVELS, QUICK_LEVELS = {1: 20, 2: 10}, {1: 10, 2: 5}  # Largest k of n = 2^k - 1 along an axis.
+GROWING = {1: (2**14 - 1, 2**17 - 1, 2**20 - 1), 2: (2**7 - 1, 2**10 - 1)}  # For τ alone.
+QUICK_GROWING = {1: (2**6 - 1, 2**8 - 1), 2: (2**3 - 1, 2**4 - 1)}
+GROWING_ORDER = 1.5
+MANY = 40  # Iterations after which τ is not run at a larger n.
 PUBLISHED = "≤ 15"  # Iterations of CG to 1e-8 with eigenvalues in (1/2, 3/2), whatever n.
 # Iterations of τ, in one level and in two. A random load, which is rough at the ends too, takes one
 # more from 2^19 points on.
@@ -108,6 +113,18 @@ def run(
         yield rows
 
 
+def grow(problems: Sequence[str], sizes: Mapping[int, Sequence[int]]) -> Iterator[list[Row]]:
+    """Solve every problem with τ, while it takes few iterations; yield the rows so far."""
+    rows: list[Row] = []
+    cases = [(problem, axes) for axes in sizes for problem in problems]
+    for problem, axes in tqdm(cases, unit="problem"):
+        for n in sizes[axes]:
+            rows += measure(problem, axes, GROWING_ORDER, n, ["tau"])
+            yield rows
+            if not isinstance(count := rows[-1].get("iterations"), int) or count > MANY:
+                break
+
+
 def check(orders: Sequence[float], levels: Mapping[int, int]) -> Iterator[Row]:
     """Count the iterations of τ on Riesz derivatives, for each n = 2^k - 1."""
     cases = [(axes, order) for axes in levels for order in orders]
@@ -155,8 +172,24 @@ def arrange(rows: Sequence[Row]) -> list[Row]:
     return table
 
 
+def arrange_growing(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of docs/which_method.md of τ alone: a line for each problem, n across."""
+    table: list[Row] = []
+    for problem, own in report.group(rows, "problem").items():
+        line: Row = {"problem": problem}
+        found = {(row["axes"], row["n"]): row for row in own if row.get("iterations")}
+        for axes, lengths in GROWING.items():
+            for n in lengths:
+                row = found.get((axes, n))
+                cell = f"{row['iterations']} / {row['cpu_s']:.2g} s" if row else "-"
+                line[f"n = {n}" + " squared" * (axes > 1)] = cell
+        table.append(line)
+    return table
+
+
 def main(
     quick_sizes: Mapping[int, Sequence[int]] = QUICK_SIZES,
+    quick_growing: Mapping[int, Sequence[int]] = QUICK_GROWING,
     quick_levels: Mapping[int, int] = QUICK_LEVELS,
 ) -> None:
     """Run the comparison."""
@@ -174,6 +207,9 @@ def main(
     for rows in run(problems, arguments.orders or ORDERS, sizes, methods):
         report.write_csv(arguments.output / "fractional_diffusion.csv", rows)
     report.show("Iterations to a residual of 1e-8", tabulate(rows))
+    for rows in grow(problems, quick_growing if arguments.quick else GROWING):
+        report.write_csv(arguments.output / "growing.csv", rows)
+    report.show("τ as n grows", tabulate(rows))
     checked = list(check(arguments.orders or CHECKED_ORDERS, levels))
     report.write_csv(arguments.output / "tau.csv", checked)
     report.show("Iterations of τ on Riesz derivatives, by the points along an axis", checked)

@@ -107,12 +107,11 @@ class KrylovSpace:
         whole = self._of.norm(w)
         if not isfinite(whole):
             return 0.0
-        # A product with a good approximation of A⁻¹ cancels with the last vector above all: first
-        # by itself, it leaves less of that to do twice.
-        self._subtract(slice(k, k + 1), w)
-        size, before = self._of.norm(w), np.inf
+        size, before = whole, np.inf
         while size < CANCELLED * before:
-            self._subtract(slice(k + 1), w)
+            h = self._of.dots(V[: k + 1], w)
+            self._of.add_combination(-h, V[: k + 1], w)
+            H[: k + 1, k] += h
             size, before = self._of.norm(w), size
         self.dimension = k + 1
         if size <= self._exhausted * whole:
@@ -121,12 +120,6 @@ class KrylovSpace:
         w /= size
         g[k + 1] = -np.dot(g[: k + 1], H[: k + 1, k]) / size
         return self._size / norm(g[: k + 2])
-
-    def _subtract(self, some: slice, w: Array) -> None:
-        """Subtract from a product its parts along some of the basis, and put them down in H."""
-        h = self._of.dots(self._vectors[some], w)
-        self._of.add_combination(-h, self._vectors[some], w)
-        self._H[some, self.dimension] += h
 
     def weights(self) -> Array:
         """Return the weights of the basis in the x that makes ‖r - A x‖ least."""

@@ -51,6 +51,8 @@ def dots(X: Array, y: Array) -> Array:
     -------
     ndarray of shape (k,), float64 or complex128
     """
+    if y.ndim == 1 and y.size <= PART and X.dtype.char in "dD":
+        return np.vecdot(X, y)  # In a small system each call more is a part of the time.
     rest: Any = 0.0
     if y.shape[-1] > PART:
         X, y = X.reshape(len(X), -1), y.reshape(-1)
@@ -170,7 +172,7 @@ def add_combination(weights: Array, X: Array, y: Array) -> None:
     """
     _require_contiguous(y)
     rows, y = X.reshape(len(X), y.size), y.reshape(-1)
-    if y.dtype.kind == "c":  # The sum of the other branch would take three times as long.
+    if y.dtype.kind == "c" or y.size <= PART:  # The sum below would take three times as long.
         add = _blas("axpy", y.dtype.char)
         for k in range(0, y.size, PART):
             for weight, row in zip(weights, rows, strict=True):

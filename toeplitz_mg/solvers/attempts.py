@@ -9,7 +9,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.solvers.cg import cg_by_recurrence
-from toeplitz_mg.solvers.gmres import gmres
+from toeplitz_mg.solvers.gmres import gmres_by_recurrence
 from toeplitz_mg.solvers.system import TINY
 
 
@@ -120,22 +120,19 @@ def solve_by_gmres(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -
 
     def attempt(b: Array) -> tuple[Array, int]:
         watch = _Watch(OF_GMRES)
-        info = 1
         try:
-            x, info = gmres(
+            x, converged = gmres_by_recurrence(
                 A,
                 b,
                 M=M,
                 rtol=rtol,
-                restart=OF_GMRES.most,
-                maxiter=1,
-                callback=watch,
-                callback_type="pr_norm",
+                most=min(OF_GMRES.most, len(b)),
                 residuals=watch.residuals,
+                callback=watch,
             )
         except _TooSlow:
             raise watch.failure("gmres") from None
-        if info > 0 and not watch.reduction <= USEFUL:
+        if not converged and not watch.reduction <= USEFUL:
             raise watch.failure("gmres")
         return x, watch.iterations
 

@@ -12,10 +12,7 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.choice import candidates_of_complex_line, candidates_of_line
-from toeplitz_mg.preconditioners.circulant import (
-    chan_eigenvalues,
-    smooth_inverse,
-)
+from toeplitz_mg.preconditioners.circulant import smooth_inverse
 from toeplitz_mg.preconditioners.positivity import is_positive, rounding
 from toeplitz_mg.preconditioners.selection import Candidate
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
@@ -97,7 +94,7 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
     if steps <= (STEPS_OF_CG if columns <= FEW else STEPS_OF_INVERSE):
         yield from _dense_methods(system)
         return
-    if not may_be_definite(means := chan_eigenvalues(system.A)):
+    if not may_be_definite(means := system.means):
         yield from _methods_of_indefinite(system)
         return
     if columns <= FEW:
@@ -114,7 +111,7 @@ def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a system that is complex, or not symmetric."""
     by_gmres = partial(_circulant_method, system, system.samples, solve_by_gmres)
     if system.is_hermitian:
-        if may_be_definite(means := chan_eigenvalues(system.A)):
+        if may_be_definite(means := system.means):
             if system.columns <= FEW:
                 yield from _methods_of_hermitian(system, means)
             yield from _inverse_method(system.A)
@@ -136,13 +133,13 @@ def _methods_of_hermitian(system: ToeplitzSystem, means: Array) -> Iterator[Meth
     Of those symbols that n coefficients resolve the circulant takes more iterations than the
     factor does, but next to no set-up.
     """
-    A, samples = system.A, system.samples
+    samples = system.samples
     if is_nearly_white(means):
         yield from _method_of_nearly_white(system, means)
     by_cg = partial(solve_by_cg, patience=USUAL)
-    eigenvalues = samples if is_positive(samples, A.dtype) else means
+    eigenvalues = samples if is_positive(samples, system.c.dtype) else means
     yield from _circulant_method(system, eigenvalues, by_cg, "cg, circulant")
-    yield from _cg_methods(A, candidates_of_complex_line(A))
+    yield from _cg_methods(system.A, candidates_of_complex_line(system.A))
 
 
 def _method_of_nearly_white(system: ToeplitzSystem, means: Array) -> Iterator[Method]:

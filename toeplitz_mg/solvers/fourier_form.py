@@ -56,16 +56,22 @@ class FourierForm:
         self.n = n = len(c)
         self._is_complex = c.dtype.kind == "c"
         behind = np.concatenate([np.zeros(1, r.dtype), r[:0:-1]])  # The lags k - n.
-        count_transforms(3, n)
+        self._sides = c, behind
+        count_transforms(2, n)
+        self.samples = self._eigenvalues(smooth_column(c, r))
         transform = fft if self._is_complex else rfft
-        samples = transform(smooth_column(c, r))
-        self.samples = samples if self._is_complex else _unpack(samples)
         self._circulant = _Diagonal(0.5 * transform(c + behind), c.dtype)
         twist = phase_factors(n, 0.5, np.dtype(np.complex128))
         self._twist = twist if self._is_complex else twist[: n // 2]
         self._untwist = self._twist.conj()
         self._skew = fft(self._fold(0.5 * (c - behind)))
         self.A = _Operator(n, c.dtype, self._multiply)
+
+    def means(self) -> Array:
+        """Return the eigenvalues of T. Chan's circulant, as `chan_eigenvalues` does."""
+        c, behind = self._sides
+        weights = 1.0 - np.arange(self.n) / self.n
+        return self._eigenvalues(weights * c + (1.0 - weights) * behind)
 
     def inverse(self, eigenvalues: Array) -> "_Diagonal":
         """Return the inverse of a circulant in that domain, where it is a diagonal.
@@ -121,6 +127,11 @@ class FourierForm:
             return self.transform_back(X), iterations
 
         return solve_within
+
+    def _eigenvalues(self, column: Array) -> Array:
+        """Return the eigenvalues of the circulant with this first column."""
+        count_transforms(1, self.n)
+        return fft(column) if self._is_complex else _unpack(rfft(column))
 
     def _multiply(self, X: Rows, out: Rows) -> Rows:
         """Multiply rows in the domain of the transform by A, into `out`, which may be `X`."""
@@ -183,7 +194,8 @@ class _Diagonal:
 
     def __init__(self, eigenvalues: Array, dtype: np.dtype[np.generic]) -> None:
         self.dtype, self.shape = dtype, 2 * (len(eigenvalues),)
-        self._eigenvalues = eigenvalues
+        # Real numbers times complex ones would be cast in each product, which takes as long.
+        self._eigenvalues = eigenvalues.astype(np.result_type(eigenvalues, dtype), copy=False)
 
     def in_single_precision(self) -> "_Diagonal":
         """Return the circulant for numbers of single precision."""

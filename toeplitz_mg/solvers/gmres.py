@@ -153,6 +153,35 @@ def gmres(
     return state.x, 0
 
 
+def gmres_by_recurrence(
+    A: LinearOperator,
+    b: Array,
+    *,
+    M: LinearOperator | None,
+    rtol: float,
+    most: int,
+    residuals: list[float],
+    callback: Callable[[float], object],
+) -> tuple[Array, bool]:
+    """Return what `gmres` finds in one cycle by the recurrence alone, and whether it converged.
+
+    It is for those who compute the residual of the result themselves, and correct it. The callback
+    is called with ‖b - A x‖₂/‖b‖₂ after each iteration.
+    """
+    system = check_system(A, b, None, M, rtol, 0.0, 1, residuals)
+    state = Iterate(system)
+    if state.size_of_b == 0.0:
+        return state.x, True
+    goal, least = state.goal(rtol, 0.0), state.size_of_b
+    state.record(least)
+    space = KrylovSpace(_product(system), b.shape, check_precision(system), most)
+    for least in _extend(space, state.r, most, goal):
+        state.iterations += 1
+        state.record(least)
+        callback(least / state.size_of_b)
+    return _find(state, space, M), least <= goal
+
+
 def _product(system: System) -> Multiply:
     """Return the products with A M, or with A."""
     A, M = system.A, system.M
@@ -174,14 +203,19 @@ def _extend(space: KrylovSpace, r: Array, most: int, goal: float) -> Iterator[fl
 
 def _correct(state: Iterate, space: KrylovSpace, M: LinearOperator | None, before: float) -> float:
     """Add to x the best in the space, if it is better, and return the norm of the residual."""
-    z = combine(space.weights(), space.basis)
-    if M is not None:
-        apply_to_rows(M, z, z)
-    z *= state.scale
     x = state.x
-    state.x = x + z
+    state.x = x + _find(state, space, M)
     residual = state.compute_residual()
     if residual < before:
         return residual
     state.x = x
     return before
+
+
+def _find(state: Iterate, space: KrylovSpace, M: LinearOperator | None) -> Array:
+    """Return the best change of x in the space."""
+    z = combine(space.weights(), space.basis)
+    if M is not None:
+        apply_to_rows(M, z, z)
+    z *= state.scale
+    return z

@@ -10,7 +10,7 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.preconditioners.circulant import smooth_eigenvalues
+from toeplitz_mg.preconditioners.circulant import chan_eigenvalues, smooth_eigenvalues
 from toeplitz_mg.solvers.cosine_form import CosineForm
 from toeplitz_mg.solvers.fourier_form import FourierForm, has_fourier_form
 
@@ -94,6 +94,14 @@ class ToeplitzSystem:
             return smooth_eigenvalues(self.A)
         samples = self.fourier_form.samples
         return samples.real if self.is_hermitian else samples
+
+    @cached_property
+    def means(self) -> Array:
+        """The eigenvalues of T. Chan's circulant, as `chan_eigenvalues` returns them."""
+        if self.is_symmetric or self.fourier_form is None:
+            return chan_eigenvalues(self.A)
+        means = self.fourier_form.means()
+        return means.real if self.is_hermitian else means
 
     def multiply(self, X: Rows) -> Rows:
         """Multiply rows by A, as cheaply as can be for its size."""
