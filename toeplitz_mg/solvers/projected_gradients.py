@@ -48,6 +48,7 @@ def descend(
 
     Examples
     --------
+    >>> import numpy as np
     >>> A, b = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([2.0, -1.0])
     >>> def project(x):
     ...     return np.maximum(x, 0.0)
