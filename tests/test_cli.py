@@ -4,6 +4,7 @@ import io
 import os
 import subprocess
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -187,7 +188,7 @@ def test_refusals_are_one_line_and_status_two(options, message, capsys):
         ("b.npy", np.ones((3, 100)), "has shape (3, 100)"),
         ("b.npy", np.full(300, np.inf), "not finite"),
         ("b.npy", np.full(300, "text"), "has dtype <U4, but must be of real numbers"),
-        ("mask.npy", np.full(300, 2.0), "must be of booleans"),
+        ("mask.npy", np.full(300, 2.0), "must be of booleans, or of 0 and 1"),
         ("mask.npy", np.zeros(300, dtype=bool), "nowhere true"),
         ("mask.npy", np.ones(7, dtype=bool), "has shape (7,)"),
     ],
@@ -394,6 +395,16 @@ def test_files_of_text(folder, ending, mark):
     assert np.loadtxt(folder / out).shape == (120,)
 
 
+@pytest.mark.parametrize("content", ["", " \n", "# A heading and no more\n"])
+def test_text_without_numbers_is_refused_in_one_line(folder, content, capsys):
+    (folder / "c.csv").write_text(content)
+    with warnings.catch_warnings(action="error"):
+        assert solve(folder, column="c.csv") == 2
+    printed = capsys.readouterr().err
+    assert "holds no numbers" in printed
+    assert printed.count("\n") == 1
+
+
 @pytest.mark.parametrize("content", ["0,5;0,3\n0,1;0,2\n", "1 2\n3\n", "one\n", "\udcff"])
 def test_text_that_is_no_table_is_refused(folder, content, capsys):
     """Decimal commas too: they would be two numbers each."""
@@ -429,6 +440,15 @@ def test_an_error_shows_the_usage_of_its_command(command, folder, capsys):
     printed = capsys.readouterr().err
     assert printed.startswith("usage: " + " ".join(["toeplitz-mg", *command, "[-h]"]))
     assert "unrecognized arguments: --nonsense" in printed
+
+
+def test_contact_without_a_case_shows_its_usage(capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["contact"])
+    assert caught.value.code == 2
+    printed = capsys.readouterr().err
+    assert printed.startswith("usage: toeplitz-mg contact [-h]")
+    assert "required: case" in printed
 
 
 class Screen(io.StringIO):

@@ -77,15 +77,15 @@ def test_rolling_with_all_creepages(capsys):
     creepages = ["--longitudinal=-1e-3", "--lateral", "0.0005", "--spin", "0.002"]
     assert run("rolling", "-n", "40", *creepages) == 0
     found = figures(capsys.readouterr().out)
-    assert found["creepages"] == [-1e-3, 5e-4, 2e-3]
-    Fx, Fy = found["tangential force"]
+    assert found["creepages [1, 1, 1/mm]"] == [-1e-3, 5e-4, 2e-3]
+    Fx, Fy = found["tangential force [N]"]
     assert Fx > 0.0 > Fy
 
 
 def test_what_is_zero_to_the_tolerance_is_printed_as_zero(capsys):
     """By symmetry there is no force across: what the solver leaves of one says nothing."""
     assert run("rolling", "-n", "32", "--longitudinal=-2e-3") == 0
-    _, across = figures(capsys.readouterr().out)["tangential force"]
+    _, across = figures(capsys.readouterr().out)["tangential force [N]"]
     assert across == 0.0
 
 
@@ -161,7 +161,7 @@ def test_says_where_the_grid_does_not_do(options, notes, capsys):
 
 def test_a_negative_number_may_have_an_exponent(capsys):
     assert run("rolling", "-n", "40", "--longitudinal", "-2e-3", "--spin", "-1.5E-3") == 0
-    assert figures(capsys.readouterr().out)["creepages"] == [-2e-3, 0.0, -1.5e-3]
+    assert figures(capsys.readouterr().out)["creepages [1, 1, 1/mm]"] == [-2e-3, 0.0, -1.5e-3]
 
 
 def test_youngs_modulus_is_that_of_the_shear_modulus(capsys):
@@ -339,7 +339,6 @@ def test_a_surface_is_not_written_over(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ([], "contact needs a case"),
         (["hertz", "--force", "-1"], "--force is -1.0, but must be positive"),
         (["hertz", "--force", "inf"], "--force is inf, but must be finite"),
         (["hertz", "--force", "1e99"], "--force is of size 1e+99, but must be"),

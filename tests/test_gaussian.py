@@ -221,9 +221,41 @@ def test_all_ways_to_what_is_observed_agree():
     gaps = ways.Gaps(ways.Whole(A), np.flatnonzero(~observed))
     few, many = ways.Few(A, np.flatnonzero(observed)), ways.Many(A, observed)
     assert gaps.logdet() == pytest.approx(few.logdet(), rel=1e-12)
-    assert_allclose(gaps.diagonal_sums(), few.diagonal_sums(), rtol=0, atol=1e-9)
+    X = gaps.solve(Y)
     for other in (few, many):
-        assert_allclose(gaps.solve(Y), other.solve(Y), rtol=0, atol=1e-8)
+        assert_allclose(X, other.solve(Y), rtol=0, atol=1e-8)
+    assert_allclose(gaps.by_covariances(X), few.by_covariances(X), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("shape", [(3, 4), (5, 1), (2, 3, 2)])
+@pytest.mark.parametrize("share", [1.0, 0.7])
+def test_gradients_of_a_field_are_derivatives(shape, share):
+    distance = np.sqrt((np.indices(shape) ** 2).sum(axis=0))
+    c = np.exp(-distance / 3.0) + 0.1 * (distance == 0.0)
+    rng = np.random.default_rng(0)
+    y, observed = rng.standard_normal((2, *shape)), rng.random(shape) < share
+    observed.flat[0] = True
+    _, by_c, by_y = tmg.ToeplitzNormal(c).logpdf_and_grad(y, observed)
+    h = 1e-5
+    for index in np.ndindex(shape):
+        step = np.zeros(shape)
+        step[index] = h
+        ahead, back = (tmg.ToeplitzNormal(c + t).logpdf(y, observed) for t in (step, -step))
+        assert_allclose(by_c[:, *index], (ahead - back) / (2 * h), rtol=0, atol=1e-6)
+        process = tmg.ToeplitzNormal(c)
+        ahead, back = (process.logpdf(y + t, observed) for t in (step, -step))
+        assert_allclose(by_y[:, *index], (ahead - back) / (2 * h), rtol=0, atol=1e-6)
+
+
+def test_an_error_of_the_determinant_is_said_once():
+    k = np.arange(2000)
+    process = tmg.ToeplitzNormal(np.exp(-((k / 50) ** 2)) + 1e-12 * (k == 0))
+    with pytest.warns(scipy.linalg.LinAlgWarning, match=r"error of up to .*larger c\[0\]"):
+        process.logpdf(np.zeros(2000))
+    assert process.logdet_error > 1e-7
+    assert tmg.ToeplitzNormal(0.5**k).logdet_error < 1e-9
+    with pytest.raises(ValueError, match="c has 2 axes"):
+        _ = tmg.ToeplitzNormal([[2.0, 1.0], [1.0, 0.5]]).logdet_error
 
 
 @pytest.mark.parametrize("panel", [1, 500, 10**6])
@@ -318,6 +350,19 @@ def test_a_field_that_needs_a_larger_grid_says_which_and_that_is_enough(length):
         tmg.ToeplitzNormal(c).rvs()
     assert str(shape) in str(error.value)
     assert tmg.ToeplitzNormal(field_covariance(shape, length)).sampling_error <= 1e-12
+
+
+def test_a_field_that_has_decayed_and_is_none_needs_a_nugget(monkeypatch):
+    distance = np.hypot(*np.indices((20, 20)))
+    c = np.where(distance < 1.5, 1.0, 0.0)
+    process = tmg.ToeplitzNormal(c)
+    with pytest.raises(np.linalg.LinAlgError, match=r"add to c\[0\] \(a nugget\)"):
+        process.rvs()
+    monkeypatch.setattr(ways, "MOST", 5)
+    with pytest.raises(np.linalg.LinAlgError, match=r"observed points is not.*nugget"):
+        _ = process.conditional(np.where(distance < 25.0, c, np.nan)).mean
+    c[0, 0] += 9.0  # More than all others together.
+    assert tmg.ToeplitzNormal(c).rvs(random_state=0).shape == (20, 20)
 
 
 def test_a_field_that_does_not_decay_has_no_size():

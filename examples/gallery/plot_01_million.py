@@ -4,7 +4,7 @@ The million of unknowns
 
 Test 1 of the paper: the tangential tractions of a line of 2²⁰ elements under a rigid shift. The
 matrix is dense, a million by a million; it is never made. One multigrid cycle with the smoother M̄
-costs five products with it, and three cycles are enough.
+costs four products with it and one for the residual, and three cycles are enough.
 """
 
 # %%

@@ -39,7 +39,7 @@ right.set(xlabel="element", ylabel="eigenvector")
 right.legend()
 
 # %%
-# **Figure 9.** Subdomain deflation takes these two away, and leaves zeros.
+# **Figure 9.** Subdomain deflation takes these two to the coarse space, and puts 1 in their place.
 deflated = np.sort(np.linalg.eigvals(step(tmg.fft_sd_preconditioner(A))).real)
 fig, ax = plt.subplots(layout="constrained")
 ax.plot(values, ".", label="I - M A")

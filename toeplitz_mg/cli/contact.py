@@ -268,9 +268,12 @@ def _tangential_figures(
     elif o.line:  # Carter's theory says both.
         sticks = max(0.0, 1.0 - abs(result.rigid) * o.radius[0] / (o.friction * a))
         force = 1.0 - sticks**2
+    rigid = "shift [mm]"
+    if o.case == "rolling":
+        rigid = "creepage" if o.line else "creepages [1, 1, 1/mm]"
     return [
-        ("tangential force", result.force, None),
+        (f"tangential force [{'N/mm' if o.line else 'N'}]", result.force, None),
         ("that over friction's", part, force),
-        ("creepages" if o.case == "rolling" else "shift [mm]", result.rigid, None),
+        (rigid, result.rigid, None),
         ("part that sticks", share, sticks),
     ]

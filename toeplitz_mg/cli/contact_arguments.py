@@ -134,7 +134,7 @@ def add_parser(commands: Any) -> Parser:
         epilog="Files are written whole or not at all, and only where the solver has converged. "
         + EXIT_STATUS,
     )
-    parser.add_argument("case", nargs="?", choices=CASES, default=None, help="what to do")
+    parser.add_argument("case", choices=CASES, help="what to do")
     parser.add_argument(
         "file",
         nargs="?",
@@ -163,9 +163,7 @@ def complete(given: argparse.Namespace) -> argparse.Namespace:
     # argparse also takes options of the main command, where they stand before this one.
     for name in options.keys() - OPTIONS.keys() - {"command", "case", "file"}:
         raise ValueError(f"--{name} is for linear systems, not for contact")
-    case = options.get("case")
-    if case is None:
-        raise ValueError(f"contact needs a case: {', '.join(CASES)}")
+    case = options["case"]
     for name, option in OPTIONS.items():
         if name in options:
             if case not in option.cases:

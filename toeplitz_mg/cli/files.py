@@ -3,6 +3,7 @@
 import io
 import os
 import stat
+import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib.util import find_spec
@@ -55,7 +56,9 @@ def _read_text(data: bytes) -> Array:
     """Read a table of numbers, separated by semicolons, or else by commas, or else by blanks."""
     text = data.decode()
     separator = next((mark for mark in ";," if mark in text), None)
-    return np.loadtxt(io.StringIO(text), delimiter=separator, ndmin=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # Of no numbers, which is refused anyway.
+        return np.loadtxt(io.StringIO(text), delimiter=separator, ndmin=1)
 
 
 def _describe(path: Path, error: Exception) -> str:

@@ -42,10 +42,12 @@ def _load_real(path: Path) -> Array:
 
 
 def _load_mask(path: Path) -> Array:
-    """Read a mask of booleans, or of 0 and 1; anything else is refused where it is used."""
+    """Read a mask of booleans, or of 0 and 1."""
     mask = files.load(path)
     if mask.dtype.kind in "uif" and np.isin(mask, (0, 1)).all():
         return mask.astype(bool)
+    if mask.dtype != np.bool_:
+        raise ValueError(f"{path} has dtype {mask.dtype}, but must be of booleans, or of 0 and 1")
     return mask
 
 

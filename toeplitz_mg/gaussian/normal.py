@@ -14,7 +14,6 @@ from toeplitz_mg.gaussian.sampling import Embedding, embed
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.masked import check_mask
 from toeplitz_mg.preconditioners.schur import whiten_rows
-from toeplitz_mg.solvers.szego_polynomial import autocorrelations
 from toeplitz_mg.values import count
 
 
@@ -99,8 +98,15 @@ class ToeplitzNormal:
 
     @property
     def logdet(self) -> float:
-        """The log-determinant of A, of one axis (see `toeplitz_logdet`)."""
+        """The log-determinant of A (see `toeplitz_logdet`)."""
         return observe(self._whole, None).logdet()
+
+    @property
+    def logdet_error(self) -> float:
+        """An estimate of the error of `logdet`, of one axis; half of it is that of a density."""
+        if len(self.shape) > 1:
+            raise ValueError(f"c has {len(self.shape)} axes, but the error is estimated for one")
+        return self._whole.log_determinant.error
 
     def logpdf(self, y: ArrayLike, observed: ArrayLike | None = None) -> Any:
         """Return the logarithm of the probability density.
@@ -125,6 +131,11 @@ class ToeplitzNormal:
             than 4096 observed points: no exact way to the log-determinant is known that is fast.
         numpy.linalg.LinAlgError
             Where the covariance is not positive definite.
+
+        Warns
+        -----
+        scipy.linalg.LinAlgWarning
+            Where the estimated error of the log-determinant is large (see `toeplitz_logdet`).
 
         Notes
         -----
@@ -160,7 +171,7 @@ class ToeplitzNormal:
             As of `logpdf`.
         by_c : ndarray of shape (..., n)
             Derivatives by the covariances c[k]. That by a parameter of c is the inner product with
-            the derivatives of c.
+            the derivatives of c; of a field, the sum of the products of all entries.
         by_y : ndarray of shape (..., n)
             Derivatives by the values, zero where they are not observed. Those by the means are the
             same with the other sign.
@@ -177,8 +188,7 @@ class ToeplitzNormal:
         with A⁻¹ more.
         """
         value, X, known = self._logpdf(y, observed)
-        by_c = np.array([*map(autocorrelations, X)]).reshape(X.shape) - known.diagonal_sums()
-        by_c[:, 0] *= 0.5
+        by_c = known.by_covariances(X)
         shape = (*value.shape, *self.shape)
         return value[()], by_c.reshape(shape), -X.reshape(shape)
 

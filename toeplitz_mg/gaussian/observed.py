@@ -21,9 +21,11 @@ from toeplitz_mg._typing import Array, Mask, Rows
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners import default_preconditioner
 from toeplitz_mg.solvers.cg import cg
+from toeplitz_mg.solvers.determinant import warn_of_error
 from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
+from toeplitz_mg.solvers.szego_polynomial import autocorrelations
 
 MOST = 4096  # Points, missing or observed, of which a dense matrix is factorised: 134 MB.
 PART = 64  # Rows that are multiplied at once.
@@ -42,8 +44,8 @@ class Observed(Protocol):
     def logdet(self) -> float:
         """Return log det A_oo."""
 
-    def diagonal_sums(self) -> Array:
-        """Return the sums of the diagonals of E A_oo⁻¹ Eᵀ."""
+    def by_covariances(self, X: Rows) -> Array:
+        """Return the derivatives of the logarithm of the density by all c, for each row α."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,10 @@ class Whole:
 
     @cached_property
     def log_determinant(self) -> LogDeterminant:
-        """The log-determinant with its error."""
-        return log_determinant(self.column)
+        """The log-determinant with its error, of which there is a warning where it is large."""
+        found = log_determinant(self.column)
+        warn_of_error(found, self.A.shape[0], stacklevel=7)
+        return found
 
     def solve(self, Y: Rows) -> Rows:
         """Return A⁻¹ y for each row."""
@@ -73,6 +77,10 @@ class Whole:
     def diagonal_sums(self) -> Array:
         """Return the sums of the diagonals of A⁻¹."""
         return self.column.polynomial.diagonal_sums
+
+    def by_covariances(self, X: Rows) -> Array:
+        """Return the derivatives by all covariances (see `Observed`)."""
+        return _by_lags(X, self.diagonal_sums())
 
 
 @dataclass(frozen=True)
@@ -112,7 +120,11 @@ class Gaps:
         """Return log det A + log det B."""
         return self.whole.logdet() + 2.0 * float(np.log(self._factor.diagonal()).sum())
 
-    def diagonal_sums(self) -> Array:
+    def by_covariances(self, X: Rows) -> Array:
+        """Return the derivatives by all covariances (see `Observed`)."""
+        return _by_lags(X, self._diagonal_sums())
+
+    def _diagonal_sums(self) -> Array:
         """Return those of A⁻¹ without those of W Wᵀ, W = A⁻¹_:m L⁻ᵀ, B = L Lᵀ."""
         n, m = self.whole.A.shape[0], len(self.missing)
         length = fft.next_fast_len(2 * n - 1, real=True)
@@ -154,12 +166,19 @@ class Few:
         """Return log det A_oo."""
         return 2.0 * float(np.log(self._factor.diagonal()).sum())
 
-    def diagonal_sums(self) -> Array:
-        """Return the sums of the entries of A_oo⁻¹ of the same lag."""
+    def by_covariances(self, X: Rows) -> Array:
+        """Return half of the sums of α αᵀ - A_oo⁻¹ over the pairs of points of the same lag.
+
+        A lag is that along each axis, of either sign.
+        """
         inverse = cho_solve((self._factor, True), np.eye(len(self.index)))
-        lags = self.index - self.index[:, np.newaxis]
-        upper = lags >= 0
-        return np.bincount(lags[upper], inverse[upper], self.A.shape[0])
+        points = np.unravel_index(self.index, self.A.grid_shape)
+        distances = tuple(np.abs(np.subtract.outer(i, i)) for i in points)
+        lags = np.ravel_multi_index(distances, self.A.grid_shape).ravel()
+        alphas = X[:, self.index]
+        differences = (np.outer(alpha, alpha) - inverse for alpha in alphas)
+        sums = [np.bincount(lags, part.ravel(), X.shape[1]) for part in differences]
+        return 0.5 * np.array(sums).reshape(X.shape)
 
 
 @dataclass(frozen=True)
@@ -172,7 +191,13 @@ class Many:
     @cached_property
     def _operators(self) -> tuple[LinearOperator, LinearOperator]:
         A = self.A if self.mask.all() else MaskedOperator(self.A, self.mask)
-        return A, default_preconditioner(A)
+        try:
+            return A, default_preconditioner(A)
+        except np.linalg.LinAlgError as error:
+            raise np.linalg.LinAlgError(
+                f"the covariance of the observed points is not positive definite, or too "
+                f"ill-conditioned: add to c[0] (a nugget); {error}"
+            ) from None
 
     def solve(self, Y: Rows) -> Rows:
         """Solve by CG for each row."""
@@ -193,7 +218,7 @@ class Many:
         """Refuse."""
         raise ValueError(self._reason())
 
-    def diagonal_sums(self) -> Array:
+    def by_covariances(self, X: Rows) -> Array:
         """Refuse."""
         raise ValueError(self._reason())
 
@@ -210,6 +235,13 @@ class Many:
             f"exactly only where at most {MOST} are missing, or at most {MOST} observed; "
             "conditional needs none"
         )
+
+
+def _by_lags(X: Rows, diagonal_sums: Array) -> Array:
+    """Return the derivatives on a line: the correlations of α, less the sums of diagonals."""
+    by_c = np.array([*map(autocorrelations, X)]).reshape(X.shape) - diagonal_sums
+    by_c[:, 0] *= 0.5
+    return by_c
 
 
 def observe(whole: Whole, mask: Mask | None) -> Observed:

@@ -100,11 +100,12 @@ def embed_field(c: Array) -> Embedding:
     if embedding is not None:
         return embedding
     shape = suggest_shape(c)
-    advice = (
-        "the covariance does not decay over the grid, and so no size can be told"
-        if shape is None
-        else f"give c on a grid of some {shape}, where it has decayed, and cut the samples"
-    )
+    if shape is None:
+        advice = "the covariance does not decay over the grid, and so no size can be told"
+    elif shape == c.shape:
+        advice = "it has decayed there, so that no field has it: add to c[0] (a nugget)"
+    else:
+        advice = f"give c on a grid of some {shape}, where it has decayed, and cut the samples"
     raise np.linalg.LinAlgError(
         f"the covariance on the grid {c.shape}, continued by its mirror image, is not positive "
         f"semidefinite: {advice}"

@@ -9,7 +9,7 @@ from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.spectral import double_line
 from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.sharp_column import sharpen
-from toeplitz_mg.solvers.szego import log_determinant
+from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
 
 INEXACT = 1e-10  # Estimated error for each unknown above which there is a warning.
 
@@ -27,7 +27,7 @@ def toeplitz_logdet(c: ArrayLike) -> float:
     -------
     float
         log det A, with a relative error of up to some 1e-12 where the condition number is up to
-        10⁷, and mostly beyond; for an estimate of it see ``toeplitz_inverse(A).logdet_error``.
+        10⁷, and mostly beyond; for an estimate of it see `ToeplitzNormal.logdet_error`.
 
     Raises
     ------
@@ -79,12 +79,18 @@ def toeplitz_logdet(c: ArrayLike) -> float:
         )
     if not A.is_hermitian:
         raise ValueError(f"c[0] is {A.c[0]}, but must be real, as the matrix is to be Hermitian")
-    value, error = log_determinant(sharpen(first_columns(double_line(A))))
-    if error > INEXACT * max(len(A.c), abs(value)):
+    found = log_determinant(sharpen(first_columns(double_line(A))))
+    warn_of_error(found, len(A.c), stacklevel=3)
+    return found.value
+
+
+def warn_of_error(found: LogDeterminant, n: int, stacklevel: int) -> None:
+    """Warn where the estimated error of a log-determinant of n unknowns is large."""
+    value, error = found
+    if error > INEXACT * max(n, abs(value)):
         warnings.warn(
             f"log det A is {value:.12g} with an error of up to {error:.1e}: A is ill-conditioned, "
             "for which a larger c[0] would help",
             scipy.linalg.LinAlgWarning,
-            stacklevel=2,
+            stacklevel=stacklevel,
         )
-    return value
