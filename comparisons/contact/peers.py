@@ -80,7 +80,7 @@ def problems(N: int) -> list[Problem]:
         Problem("rough, 10 %", N, 0.06, is_rough=True),
         Problem("rough, 28 %", N, 0.2, is_rough=True),
         *(
-            Problem(f"rough, nearly full, F = {force:g}", N, force, is_rough=True)
+            Problem(f"rough, nearly full, F = {force:g}", N // 2, force, is_rough=True)
             for force in (0.5, 1.0, 2.0, 4.0)
         ),
         *(
