@@ -100,7 +100,7 @@ def test_the_order_of_a_power():
 
 @pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")  # The grid is coarse.
 def test_violations_are_measured():
-    for problem in peers.problems(16):
+    for problem in peers.problems(32):
         answer = methods.ours(problem, 1e-10)
         assert problem.violation(answer.traction, answer.bound) <= 1e-9
         assert problem.violation(1.01 * answer.traction, answer.bound) > 1e-4
