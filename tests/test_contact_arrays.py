@@ -1,7 +1,5 @@
 """Contact on arrays of other libraries: the search is that on NumPy's, and so is what it finds."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -142,10 +140,13 @@ def test_projected_gradients_are_those_on_numpy():
     c = halfspace.influence_zz(x, y, (1.0, 1.0), G=1.0, nu=0.28)
     b = np.random.default_rng(2).standard_normal(72)
     found = []
-    for a, clip in ((np.asarray, np.clip), (strict.asarray, strict.clip)):
-        A = tmg.ToeplitzOperator(a(c))
-        project = partial(clip, min=0.0, max=5.0)
-        found += descend(A.apply, a(b), a(np.zeros(72)), project, A.norm_bound, 20, A.vectors)
+    for xp in (np, strict):
+        A, b_there, zeros = tmg.ToeplitzOperator(xp.asarray(c)), xp.asarray(b), xp.zeros(72)
+
+        def project(p, xp=xp):
+            return xp.clip(p, 0.0, 5.0)
+
+        found += descend(A.apply, b_there, zeros, project, A.norm_bound, 20, A.vectors)
     to_numpy = library_of(found[2]).to_numpy
     assert_allclose(to_numpy(found[2]), found[0], rtol=0.0, atol=1e-12)
     assert_allclose(to_numpy(found[3]), found[1], rtol=0.0, atol=1e-12)
