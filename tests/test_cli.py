@@ -123,7 +123,9 @@ def test_solves_on_a_grid_of_two_axes(folder):
     assert_allclose(A @ np.load(folder / "x.npy"), 1.0, atol=1e-6)
 
 
-@pytest.mark.parametrize("command", [[], ["solve", "c.npy", "b.npy", "-o", "x.npy"], ["contact", "hertz"]])
+@pytest.mark.parametrize(
+    "command", [[], ["solve", "c.npy", "b.npy", "-o", "x.npy"], ["contact", "hertz"]]
+)
 def test_threads_are_those_asked_for_or_all_cores(command, monkeypatch):
     seen = []
     for name in COMMANDS:
