@@ -65,13 +65,13 @@ def test_is_that_of_the_dense_matrix(name, n):
 
 
 @each_covariance
-@pytest.mark.parametrize("n", [2, 100, 700])
+@pytest.mark.parametrize("n", [2, 100, 400])
 def test_of_an_inverse_too_and_the_error_is_below_what_it_says(name, n):
     c = covariance(name, n)
     inverse = tmg.toeplitz_inverse(tmg.ToeplitzOperator(c))
-    dense = 2.0 * np.log(np.linalg.cholesky(scipy.linalg.toeplitz(c)).diagonal()).sum()
-    assert abs(inverse.logdet - dense) <= inverse.logdet_error
-    assert inverse.logdet_error <= 1e-11 * abs(dense)
+    determinant, _ = exact(c)  # A dense factorisation in float64 may be off by more than is said.
+    assert abs(inverse.logdet - determinant) <= inverse.logdet_error
+    assert inverse.logdet_error <= 1e-11 * abs(determinant)
 
 
 @each_covariance
