@@ -14,6 +14,7 @@ from toeplitz_mg.gaussian.sampling import Embedding, embed
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.masked import check_mask
 from toeplitz_mg.preconditioners.schur import whiten_rows
+from toeplitz_mg.solvers.determinant import warn_of_error
 from toeplitz_mg.values import count
 
 
@@ -99,7 +100,10 @@ class ToeplitzNormal:
     @property
     def logdet(self) -> float:
         """The log-determinant of A (see `toeplitz_logdet`)."""
-        return observe(self._whole, None).logdet()
+        known = observe(self._whole, None)
+        value = known.logdet()
+        self._warn_of_error(known, stacklevel=4)
+        return value
 
     @property
     def logdet_error(self) -> float:
@@ -327,6 +331,11 @@ class ToeplitzNormal:
     def _embedding(self) -> Embedding:
         return embed(self.A.c, lambda: self._whole.column.x)
 
+    def _warn_of_error(self, known: Observed, stacklevel: int) -> None:
+        """Warn where a log-determinant rests on one of the whole series that is inexact."""
+        if known.log_determinant is not None:
+            warn_of_error(known.log_determinant, self.A.shape[0], stacklevel)
+
     def _logpdf(self, y: ArrayLike, observed: ArrayLike | None) -> tuple[Array, Rows, Observed]:
         """Return the logarithms of the densities, the rows A⁻¹ (y - mean), and what is known."""
         residual, mask = check_series(y, observed, self.mean)
@@ -335,5 +344,6 @@ class ToeplitzNormal:
         X = known.solve(rows)
         size = rows.shape[1] if mask is None else int(np.count_nonzero(mask))
         constant = known.logdet() + size * float(np.log(2.0 * np.pi))
+        self._warn_of_error(known, stacklevel=5)
         value = -0.5 * (np.vecdot(rows, X) + constant)
         return value.reshape(residual.shape[: residual.ndim - len(self.shape)]), X, known

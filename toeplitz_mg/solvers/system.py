@@ -97,11 +97,10 @@ class ToeplitzSystem:
 
     @cached_property
     def means(self) -> Array:
-        """The eigenvalues of T. Chan's circulant, as `chan_eigenvalues` returns them."""
+        """The eigenvalues of T. Chan's circulant, of a Hermitian A (see `chan_eigenvalues`)."""
         if self.is_symmetric or self.fourier_form is None:
             return chan_eigenvalues(self.A)
-        means = self.fourier_form.means()
-        return means.real if self.is_hermitian else means
+        return self.fourier_form.means().real
 
     def multiply(self, X: Rows) -> Rows:
         """Multiply rows by A, as cheaply as can be for its size."""
