@@ -12,7 +12,7 @@ import numpy as np
 from scipy import fft
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.threads import share
+from toeplitz_mg.engine.threads import TRANSFORM, share
 from toeplitz_mg.engine.transforms import in_batches, phase_factors
 from toeplitz_mg.engine.workspace import workspace
 
@@ -65,7 +65,7 @@ class PanelPasses:
                 R[:, n:] = 0.0
                 _in_place(fft.fft, R, 1)
 
-        share(work, -(-len(x) // height), Z.size)
+        share(work, -(-len(x) // height), TRANSFORM * Z.size)
         return Z.reshape(*fields.shape[:-1], L)
 
     def columns_through(self, matrix: Array, first: int = 0) -> Array:
@@ -86,7 +86,7 @@ class PanelPasses:
                 frequencies = slice(first + columns.start, first + columns.stop)
                 self._panel(matrix[..., columns], frequencies)
 
-        share(work, -(-count // width), matrix.size)
+        share(work, -(-count // width), TRANSFORM * matrix.size)
         return matrix
 
     def rows_out(self, Z: Array, fields: Array) -> Array:
@@ -106,7 +106,7 @@ class PanelPasses:
                     R *= w.conj()
                     y[rows] = R.real
 
-        share(work, -(-len(y) // height), Z.size)
+        share(work, -(-len(y) // height), TRANSFORM * Z.size)
         return fields
 
     @property
