@@ -11,6 +11,7 @@ import scipy.sparse
 
 import toeplitz_mg as tmg
 from tests.cases import CASES, contact
+from tests.test_fsai_coupled import tangential
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import Material, normal_contact, surfaces
 from toeplitz_mg.engine import threads
@@ -100,6 +101,24 @@ def test_cg_has_the_same_bits(shape, choose):
             return x
 
         assert_same_bits(solve)
+
+
+@pytest.mark.usefixtures("eager")
+@pytest.mark.parametrize("neighbours", [None, 24])
+@pytest.mark.parametrize("shape", [(40, 50), (2000,)])
+def test_the_set_up_of_fsai_has_the_same_bits(shape, neighbours):
+    """Of rows from the table of patterns, and of rows by themselves, on all levels."""
+    rng = np.random.default_rng(0)
+    A = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(*shape)), rng.random(shape) < 0.7)
+    b = rng.standard_normal(A.shape[0])
+    assert_same_bits(lambda: tmg.fsai_preconditioner(A, neighbours=neighbours) @ b)
+
+
+@pytest.mark.usefixtures("eager")
+def test_the_set_up_of_fsai_of_components_has_the_same_bits():
+    A = tangential((30, 25))
+    b = np.random.default_rng(0).standard_normal(A.shape[0])
+    assert_same_bits(lambda: tmg.fsai_preconditioner(A) @ b)
 
 
 @pytest.mark.parametrize("size", [4096, 2**17, 2**18 + 5])
