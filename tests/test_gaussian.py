@@ -378,7 +378,7 @@ def test_random_states():
     process = tmg.ToeplitzNormal(0.5 ** np.arange(6), mean=1.0)
     first = process.rvs(3, random_state=7)
     assert_allclose(process.rvs(3, random_state=np.random.default_rng(7)), first)
-    assert process.rvs().shape == (6,)
+    assert process.rvs().shape == process.rvs(None).shape == (6,)
     assert process.rvs((2, 0)).shape == (2, 0, 6)
     assert process.rvs((1,), random_state=np.random.RandomState(1)).shape == (6,)
     assert not np.allclose(process.rvs(), process.rvs())

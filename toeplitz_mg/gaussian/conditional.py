@@ -38,7 +38,7 @@ class Conditional:
         """The mean at each point: where it is observed, the value itself."""
         return self._estimate(self.residual[np.newaxis])[0] + self.process.mean
 
-    def rvs(self, size: int | tuple[int, ...] = 1, random_state: Any = None) -> Array:
+    def rvs(self, size: int | tuple[int, ...] | None = 1, random_state: Any = None) -> Array:
         """Draw samples, as `ToeplitzNormal.rvs` does; each costs a solve."""
         process = self.process
         X = process.rvs(size, random_state) - process.mean

@@ -286,13 +286,13 @@ class ToeplitzNormal:
         residual, _ = check_series(values, mask, self.mean)
         return Conditional(self, observe(self._whole, mask), mask, residual)
 
-    def rvs(self, size: int | tuple[int, ...] = 1, random_state: Any = None) -> Array:
+    def rvs(self, size: int | tuple[int, ...] | None = 1, random_state: Any = None) -> Array:
         """Draw samples.
 
         Parameters
         ----------
         size : int or tuple of int, optional
-            How many.
+            How many. None is 1.
         random_state : int, numpy.random.Generator or RandomState, optional
             Where the random numbers come from: a generator, or the seed of one.
 
@@ -317,6 +317,7 @@ class ToeplitzNormal:
         measured, and is at most 1e-6. No eigenvalue that is negative beyond rounding
         is ever set to zero.
         """
+        size = 1 if size is None else size
         shape = (size,) if np.ndim(size) == 0 else tuple(size)  # type: ignore[arg-type]
         shape = tuple(count("size", k, least=0) for k in shape)
         rows = self._embedding.draw(int(np.prod(shape)), generator(random_state)) + self.mean

@@ -201,10 +201,10 @@ class Many:
         A = self.A if self.mask.all() else MaskedOperator(self.A, self.mask)
         try:
             return A, default_preconditioner(A)
-        except np.linalg.LinAlgError as error:
+        except np.linalg.LinAlgError:
             raise np.linalg.LinAlgError(
-                f"the covariance of the observed points is not positive definite, or too "
-                f"ill-conditioned: add to c[0] (a nugget); {error}"
+                "the covariance of the observed points is not positive definite, or too "
+                "ill-conditioned: add to c[0] (a nugget)"
             ) from None
 
     def solve(self, Y: Rows) -> Rows:

@@ -189,7 +189,10 @@ def _block(EG: Array) -> Array:
 
 
 # A covariance needs what it is meant to have; of another matrix there are other methods.
-ADVICE = f"add to c[0] (a nugget, as noise in the data makes it), or use {LAST_RESORT}"
+ADVICE = (
+    "add to c[0] (a nugget, as noise in the data makes it); to solve with A as it is, use "
+    f"{LAST_RESORT}"
+)
 _NOT_POSITIVE = (
     f"A is not positive definite, or so ill-conditioned that float64 cannot tell: {ADVICE}"
 )
