@@ -14,8 +14,9 @@ from scipy.linalg import lapack
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.steady_matrices import SteadyArray
-from toeplitz_mg.contact.tangential.coulomb import Areas, size
+from toeplitz_mg.contact.tangential.coulomb import Areas
 from toeplitz_mg.contact.tangential.given_loads import Loads, Look
+from toeplitz_mg.contact.tangential.leading_edge import roll_backwards
 from toeplitz_mg.contact.tangential.settling import settle
 from toeplitz_mg.contact.tangential.stick_slip import STIFFEST, Problem, State, admit
 
@@ -46,7 +47,7 @@ def find_directly(
         q, slide = np.zeros(problem.b.shape), np.zeros(C.shape, bool)
         if not len(loads.wanted):  # Where loads are given, something must stick to carry them.
             q[:, C] = array.solve(on_contact.b.reshape(-1)).reshape(on_contact.b.shape)
-            q, slide = _roll_backwards(q, problem.g)
+            q, slide = roll_backwards(q, problem.g)
         guess = admit(problem, q, slide)
     q, areas = guess
     products = Products(array, K.limit)
@@ -74,22 +75,6 @@ def _combine(solutions: Array, arms: Array, wanted: Array) -> Array:
         weights = np.linalg.lstsq(system, (wanted - arms @ q) / of_arms)[0]
         q = q + others @ (weights / of_others)
     return q
-
-
-def _roll_backwards(bonded: Array, g: Array) -> tuple[Array, Array]:
-    """Return tractions that grow as those without slip, within the bound, and where they slide."""
-    growth, q = bonded.copy(), np.empty_like(bonded)
-    growth[:, :-1] -= bonded[:, 1:]
-    slide = np.empty(g.shape, bool)
-    now = np.zeros_like(bonded[:, 0])
-    for i in range(len(g) - 1, -1, -1):
-        now = now + growth[:, i]
-        sizes = size(now)
-        slide[i] = exceeds = sizes > g[i]
-        if exceeds.any():
-            now = now * (np.where(exceeds, g[i], 1.0) / np.where(exceeds, sizes, 1.0))
-        q[:, i] = now
-    return q, slide
 
 
 def _newton_step(now: Look, areas: Areas, K: SteadyArray, loads: Loads) -> Array:

@@ -97,9 +97,19 @@ class Problem:
         return self.grid.vectors
 
     @cached_property
-    def least_bound(self) -> float:
-        """A bound below which none counts in a stiffness λ = |s|/g."""
-        return TINY * self.vectors.max(np.where(np.isfinite(self.g), self.g, 0.0))
+    def divisor(self) -> Array:
+        """The bound by which a stiffness λ = |s|/g is divided."""
+        least = TINY * self.vectors.max(np.where(np.isfinite(self.g), self.g, 0.0))
+        return np.where(self.g > 0.0, np.maximum(self.g, least), 1.0)
+
+    @cached_property
+    def largest(self) -> float:
+        """The largest displacement, were there no slip, where no force is given."""
+        return self.largest_of(self.b)
+
+    def largest_of(self, u: Array) -> float:
+        """Return the largest of some displacements in contact."""
+        return self.vectors.max(np.where(self.g > 0.0, size(u), 0.0))
 
     @property
     def balanced(self) -> tuple[int, ...]:
@@ -114,7 +124,7 @@ class Problem:
 
     def excess(self, q: Array) -> float:
         """Return the largest amount by which the tractions exceed the bound, or zero."""
-        return max(0.0, self.vectors.max(np.where(self.g > 0.0, size(q) - self.g, 0.0)))
+        return max(0.0, self.vectors.max(size(q) - self.g))
 
     def balance(self, T: Tangent, s: Array) -> Array:
         """Return minus a slip, less the shift that belongs to it where the force is given."""
@@ -175,18 +185,21 @@ class Linearisation:
 
 def linearise(problem: Problem, areas: Areas, q: Array, u: Array) -> Linearisation:
     """Linearise Coulomb's law about the tractions q, with the displacements u = A q."""
-    contact, b, vectors = problem.g > 0.0, problem.b, problem.vectors
+    vectors = problem.vectors
     T = Tangent(areas, q, vectors, balanced=problem.balanced)
-    shift = np.zeros(len(q)) if problem.total is None else T.multiplier(u - b)
-    target = b + problem.uniform(shift)
+    if problem.total is None:
+        shift, target, largest = np.zeros(len(q)), problem.b, problem.largest
+    else:
+        shift = T.multiplier(u - problem.b)
+        target = problem.b + problem.uniform(shift)
+        largest = problem.largest_of(target)
     minus_slip = target - u
     against = along(minus_slip, T.n)  # Eq. 3 wants the slip to oppose the traction.
-    g_slide = np.where(areas.slide, np.maximum(problem.g, problem.least_bound), 1.0)
     r = T(minus_slip)
-    scale = max(problem.least, vectors.max(np.where(contact, size(target), 0.0)))
+    scale = max(problem.least, largest)
     violation = max(vectors.max(size(r)), -vectors.min(against))
     residual = violation / scale if scale > 0.0 else 0.0
-    stiffness = np.maximum(against, 0.0) / g_slide
+    stiffness = np.maximum(against, 0.0) / problem.divisor
     return Linearisation(T, shift, minus_slip, stiffness, r, scale, residual)
 
 
