@@ -1,7 +1,7 @@
 """Discrete Fourier transforms of small grids, by matrices, and what is made of them.
 
 Of a few dozen elements along an axis a transform is a product with a matrix, one call of BLAS for
-each axis and all components, and a third of the time of fast ones. The matrices stay in the cache,
+each axis and all components, in about half the time of fast ones. The matrices stay in the cache,
 where a dense matrix of all unknowns would not.
 """
 

@@ -3,9 +3,8 @@
 The search knows the elements in contact only, as one axis. Its linear systems are solved in single
 precision, which leaves a part of some 1e-6 of each to the next one.
 
-It starts as Kalker's simplified theory does, from the leading edge backwards: from one element to
-the next the tractions grow as they would without slip, and where they exceed the bound they are cut
-to it. The growth is that of bonded bodies here, so that the start is exact where nothing slips.
+It starts from the leading edge. The growth of the tractions is that of bonded bodies here, so that
+the start is exact where nothing slips.
 """
 
 import numpy as np
@@ -17,8 +16,8 @@ from toeplitz_mg.contact.steady_matrices import SteadyArray
 from toeplitz_mg.contact.tangential.coulomb import Areas
 from toeplitz_mg.contact.tangential.given_loads import Loads, Look
 from toeplitz_mg.contact.tangential.leading_edge import roll_backwards
+from toeplitz_mg.contact.tangential.problem import STIFFEST, Problem, State, admit
 from toeplitz_mg.contact.tangential.settling import settle
-from toeplitz_mg.contact.tangential.stick_slip import STIFFEST, Problem, State, admit
 
 
 def find_directly(

@@ -12,7 +12,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.tangential.coulomb import Areas, along
 from toeplitz_mg.contact.tangential.given_loads import CARRIED, Loads, Look, complement
-from toeplitz_mg.contact.tangential.stick_slip import SHARP, STIFFEST, Problem
+from toeplitz_mg.contact.tangential.problem import SHARP, STIFFEST, Problem
 
 REDUCTION = 0.01  # Reduction of the residual by one solution where the problem is linearised.
 SINGLE = 1e-5  # Reduction of the residual for which single precision is good.

@@ -1,7 +1,9 @@
 """The steady state of rolling, directly: the areas of stick and slip for a matrix not symmetric.
 
 Of few elements the matrix is an array (`direct`); of many, Newton's method has GMRES for its linear
-systems. Where the areas do not settle, rolling step by step leads on.
+systems (`newton`). On small grids the search starts from the leading edge, on
+larger grids from the solution on elements of twice the size. Where the areas do not settle, rolling
+step by step leads on.
 
 GMRES is preconditioned by inverses of the symbol of K, â(θ)(1 - e^{iθ₁}), plus ν, for a few ν.
 Where elements stick it is K that is to be inverted, and where they slide K + λ, with λ of any size:
@@ -28,15 +30,9 @@ from toeplitz_mg.contact.tangential.direct import find_directly
 from toeplitz_mg.contact.tangential.given_loads import Loads, Look
 from toeplitz_mg.contact.tangential.leading_edge import roll_backwards
 from toeplitz_mg.contact.tangential.newton import make_step
+from toeplitz_mg.contact.tangential.problem import Problem, State, admit, refine_guess
 from toeplitz_mg.contact.tangential.settling import settle
-from toeplitz_mg.contact.tangential.stick_slip import (
-    COARSE_PRODUCTS,
-    Problem,
-    State,
-    admit,
-    refine_guess,
-    solve,
-)
+from toeplitz_mg.contact.tangential.stick_slip import COARSE_PRODUCTS, solve
 from toeplitz_mg.operators import apply_to_rows
 
 STEP_TOLERANCE = 1e-6  # Tolerance of a step of rolling that only leads to the steady state.
