@@ -34,7 +34,8 @@ from toeplitz_mg.contact.tangential.coulomb import (
     scale_to_bound,
     sum_components,
 )
-from toeplitz_mg.contact.tangential.stick_slip import Problem, State, solve
+from toeplitz_mg.contact.tangential.problem import Problem, State
+from toeplitz_mg.contact.tangential.stick_slip import solve
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.values import refuse_masked
