@@ -1,5 +1,7 @@
 """Stresses in bodies in contact: Hertz, sliding, both bodies, sums of elements, errors."""
 
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -232,3 +234,16 @@ def test_refuses_surfaces_that_repeat():
     waves = normal_contact(gap, (0.125, 0.125), material=STEEL, force=0.1, periodic=True)
     with pytest.raises(ValueError, match=r"periodic is .* in a result"):
         subsurface_stresses(waves, depths=0.1)
+
+
+@pytest.mark.parametrize("make", [sphere, line])
+def test_a_notebook_shows_where_it_yields_first(make):
+    stresses = subsurface_stresses(make(33), depths=np.array([0.1, 0.3, 0.5]))
+    assert repr(stresses).startswith("<Stresses: first body, below 33 ")
+    rows = ElementTree.fromstring(stresses._repr_html_()).findall("tr")
+    cells = {row.find("th").text: row.find("td").text for row in rows}
+    assert cells["largest von Mises"] == f"{stresses.von_mises.max():.5g} N/mm²"
+    assert cells["largest shear"] == f"{stresses.max_shear.max():.5g} N/mm²"
+    k = np.unravel_index(stresses.von_mises.argmax(), stresses.von_mises.shape)[0]
+    assert cells["at a depth of"] == f"{stresses.depths[k]:.5g} mm"
+    assert cells["largest shear"] in stresses.summary()

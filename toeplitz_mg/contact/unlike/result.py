@@ -1,9 +1,10 @@
 """What contact with friction of unlike materials has for an answer."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact import fields, saving
+from toeplitz_mg.contact import fields, plotting, saving
 from toeplitz_mg.contact.normal.result import NormalResult
 from toeplitz_mg.contact.tangential.result import TangentialResult
 
@@ -58,6 +59,28 @@ class FrictionalResult:
         return self.normal.warnings + self.tangential.warnings
 
     save, to_xarray, to_vtk = saving.save, saving.to_xarray, saving.to_vtk
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the pressures, and beside them where the bodies stick and where they slip.
+
+        `normal` and `tangential` have each a `plot` for their other fields.
+
+        Parameters
+        ----------
+        ax : pair of matplotlib.axes.Axes, optional
+            Where to draw, as ``plt.subplots(1, 2)`` returns them; by default on a new figure.
+
+        Returns
+        -------
+        pair of matplotlib.axes.Axes
+
+        Raises
+        ------
+        ImportError
+            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
+        """
+        left, right = plotting.find_axes(ax, 2)
+        return self.normal.plot(ax=left), self.tangential.plot(ax=right)
 
     def summary(self) -> str:
         """Return the figures of both results with their units, a line each."""
