@@ -18,6 +18,7 @@ LEAST, MOST = 1.5e-3, 1e-2
 FALL = 0.5  # Part of the error that a step may leave: beyond, the search changes the set.
 DAMPING = 0.5  # Part of Jacobi's step by which the pressures follow the detail of a finer grid.
 FULL = 1e-13  # Part of the largest force, which all elements carry at the hardness, as rounding.
+COARSEST = 64  # Elements along the longest axis that coarser grids are no good guess for.
 COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is but a guess.
 
 
@@ -47,16 +48,28 @@ def solve(search: Search, A: Products, *, nested: bool, guess: Array | None = No
     before: tuple[int, ...] = ()
     if guess is None:
         guess, before = press_all_but_few(search, A, ETA)
-    b, u = (search.approach or 0.0) - search.z, None
     if guess is None:
-        p, C = _first_guess(search, nested=nested)
+        state = _search_from(search, A, *_first_guess(search, nested=nested))
     else:
         near = _come_near(search, A, guess)
-        p, u, C = near.x, near.u, near.sets
+        state = _search_from(search, A, near.x, near.sets, near.u)
+    return state._replace(iterations=before + state.iterations)
+
+
+def _search_from(search: Search, A: Products, p: Array, C: Array, u: Array | None = None) -> State:
+    """Find the pressures from some, of which the displacements may be known, and from a set."""
     now, law, iterations = find_sets(
-        search, A, p, C, u=u, b=b, eta=ETA, tolerance=search.tolerance, progress=search.progress
+        search,
+        A,
+        p,
+        C,
+        u=u,
+        b=(search.approach or 0.0) - search.z,
+        eta=ETA,
+        tolerance=search.tolerance,
+        progress=search.progress,
     )
-    return State(now.x, now.u, law.touching, law.residual, before + iterations)
+    return State(now.x, now.u, law.touching, law.residual, iterations)
 
 
 def _come_near(search: Search, A: Products, p: Array) -> Iterate:
@@ -108,7 +121,8 @@ def _first_guess(search: Search, *, nested: bool) -> tuple[Array, Array]:
             return zeros(z) + search.most, zeros(z, bool)
     coarse = _coarser(search) if nested else None
     if coarse is not None:
-        state = solve(coarse, Products(coarse.matrix, COARSE_PRODUCTS), nested=True)
+        products = Products(coarse.matrix, COARSE_PRODUCTS)
+        state = _search_from(coarse, products, *_first_guess(coarse, nested=True))
         p = _interpolate(search, state, search.unit / coarse.unit)
         if search.grid.vectors.count(p):
             return p, search.sets_of(p)
@@ -119,7 +133,7 @@ def _first_guess(search: Search, *, nested: bool) -> tuple[Array, Array]:
 
 def _coarser(search: Search) -> Search | None:
     """Return the problem on a coarser grid, or None where that says nothing."""
-    grid = search.grid.coarser()
+    grid = search.grid.coarser(COARSEST)
     if grid is None:
         return None
     z, vectors = search.grid.coarsen(search.z), search.grid.vectors
