@@ -42,8 +42,8 @@ def press_all_but_few(
         Those on the sets of elements that are apart.
     """
     grid, z, vectors = search.grid, search.z, search.grid.vectors
-    is_free = search.force is not None and search.hardness == np.inf and grid.has_free_mean
-    if not is_free or search.inverse.dtype != np.float32:
+    is_free = search.hardness == np.inf and grid.has_free_mean
+    if search.force is None or not is_free or search.inverse.dtype != np.float32:
         return None, ()
     if search.force < FULL * vary_by(search):
         return None, ()

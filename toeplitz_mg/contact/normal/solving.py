@@ -76,38 +76,53 @@ def _come_near(search: Search, A: Products, p: Array) -> Iterate:
     """Return what some steps make of pressures that are nearly right: their set, above all.
 
     A step corrects the pressures by the approximate inverse, and clips those below zero. On a
-    set that is nearly right that leaves a fifth of the error, and takes one product, where an
-    iteration on the set and a change of it take two.
+    set that is nearly right that leaves less than a fifth of the error, and takes one product,
+    where an iteration on the set and a change of it take two.
     """
     p = search.clip(p)
-    now = Iterate(p, A(p), search.sets_of(p))
+    now, before = Iterate(p, A(p), search.sets_of(p)), None
     error = search.look(now).residual
+    A.progress = search.progress
     while error > search.tolerance and not A.exhausted:
-        following = _step(search, A, now)
+        A.residual = error
+        following = _step(search, A, now, before)
         fallen = search.look(following).residual
         if fallen > FALL * error:
             return following if fallen < error else now
-        if not A.vectors.count(following.sets ^ now.sets):
-            return following  # On one set conjugate gradients are faster.
-        now, error = following, fallen
+        now, before, error = following, now, fallen
     return now
 
 
-def _step(search: Search, A: Products, now: Iterate) -> Iterate:
-    """Correct pressures by the approximate inverse, where they will be free (`Search.change`)."""
+def _step(search: Search, A: Products, now: Iterate, before: Iterate | None) -> Iterate:
+    """Correct pressures by the approximate inverse, where they will be free (`Search.change`).
+
+    As in conjugate gradients the step before is given the length at which the error is least, and
+    the direction is conjugate to it. Only the length of the last step is as yet unknown: it is one.
+    """
     gap, M, vectors = search.look(now).look.gap, search.inverse, A.vectors
     xp = vectors.xp
     C = search.change(now.x, gap)
     if not vectors.count(C):
         return now
     r = xp.where(C, -gap, 0.0)
-    largest = vectors.max(xp.abs(r))
+    curvature = lack = 0.0
+    if before is not None:
+        last, product = (
+            xp.where(C, after - earlier, 0.0)
+            for after, earlier in ((now.x, before.x), (now.u, before.u))
+        )
+        curvature = vectors.dot(last, product)
+    if curvature > 0.0:
+        lack = vectors.dot(r, last) / curvature
+        r = r - lack * product
+    largest = vectors.max(xp.abs(r)) or 1.0
     M.fit(C, is_near=True)
     change = xp.where(C, M(vectors.cast(r / largest, M.dtype)), 0.0) * largest
+    change = vectors.cast(change, np.float64)
     if search.force is not None:
-        mean = vectors.sum(change) / vectors.count(C)
-        balanced = xp.where(C, vectors.cast(change, np.float64) - mean, 0.0)
-        change = vectors.cast(balanced, M.dtype)
+        change = xp.where(C, change - vectors.sum(change) / vectors.count(C), 0.0)
+    if curvature > 0.0:
+        change = change + (lack - vectors.dot(change, product) / curvature) * last
     p = search.clip(now.x + change)
     return Iterate(p, A(p), search.sets_of(p))
 
