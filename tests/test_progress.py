@@ -24,12 +24,8 @@ GAP = surfaces.sphere((N, N), H, radius=1.0)
 X, Y = surfaces.centres((N, N), H)
 BOUND = 0.1 * np.sqrt(np.maximum(0.0, 0.36 - X**2 - Y**2))
 
-FINE = surfaces.sphere((2 * N, 2 * N), (H[0] / 2, H[1] / 2), radius=1.0)
-
 SOLVERS = {
-    "normal": lambda **options: normal_contact(
-        FINE, (H[0] / 2, H[1] / 2), material=SOFT, force=0.2, **options
-    ),
+    "normal": lambda **options: normal_contact(GAP, H, material=SOFT, force=0.2, **options),
     "friction": lambda **options: friction(BOUND, H, material=SOFT, shift=(0.02, 0.01), **options),
     "force": lambda **options: friction(BOUND, H, material=SOFT, force=(0.01, 0.02), **options),
     "rolling": lambda **options: rolling(BOUND, H, material=SOFT, longitudinal=0.02, **options),

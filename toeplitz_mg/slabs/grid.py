@@ -71,7 +71,7 @@ class SlabGrid:
 
     def coarser(self, coarsest: int = COARSEST) -> Any:
         """Return the grid of elements twice the size, or None where that would be too coarse."""
-        if max(self.shape) <= max(coarsest, COARSEST):  # Every rank has all of it.
+        if max(self.shape) <= COARSEST:  # Every rank has all of it.
             return self.whole.coarser(coarsest)
         return self._coarser
 

@@ -18,7 +18,6 @@ LEAST, MOST = 1.5e-3, 1e-2
 FALL = 0.5  # Part of the error that a step may leave: beyond, the search changes the set.
 DAMPING = 0.5  # Part of Jacobi's step by which the pressures follow the detail of a finer grid.
 FULL = 1e-13  # Part of the largest force, which all elements carry at the hardness, as rounding.
-COARSEST = 64  # Elements along the longest axis that coarser grids are no good guess for.
 COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is but a guess.
 
 
@@ -148,7 +147,7 @@ def _first_guess(search: Search, *, nested: bool) -> tuple[Array, Array]:
 
 def _coarser(search: Search) -> Search | None:
     """Return the problem on a coarser grid, or None where that says nothing."""
-    grid = search.grid.coarser(COARSEST)
+    grid = search.grid.coarser()
     if grid is None:
         return None
     z, vectors = search.grid.coarsen(search.z), search.grid.vectors
