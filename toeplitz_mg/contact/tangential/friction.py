@@ -198,6 +198,11 @@ def shift_bodies(
         if previous is not None:
             u = products(before)
             b, least = b + u, grid.vectors.max(np.abs(u))
+        if total is not None and (elements := grid.vectors.count(g)):
+            # Where a surface repeats, a uniform traction displaces nothing: then the scale is what
+            # the mean traction, now or before, displaces on an element by itself.
+            sums = [float(np.linalg.norm(x)) for x in (total, sum_components(before, grid.vectors))]
+            least = max(least, window.grid.diagonal(products.A) * max(sums) / elements)
         problem = Problem(window.grid, g, b, total, tolerance, least, progress)
         if all_slides:
             state, slip = _slide_off(problem, products)

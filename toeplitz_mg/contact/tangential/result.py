@@ -87,7 +87,8 @@ class TangentialResult:
         Iterations of the Krylov method on this grid, between two changes of the areas.
     residual : float
         The largest violation of Coulomb's law, at most the tolerance. It is relative, in friction
-        to the largest displacement that there would be without slip, or was before; in steady
+        to the largest displacement that there would be without slip, or was before, or that by
+        the mean traction on one element where a force is given, if that is larger; in steady
         rolling to the largest rigid slip, and in a step of rolling to what would be without slip,
         if that is larger.
     warnings : tuple of str
