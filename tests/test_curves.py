@@ -40,6 +40,15 @@ def test_points_of_a_curve_are_those_alone():
     assert curve.products.shape == curve.power.shape == (3,)
 
 
+def test_a_curve_of_a_line_may_begin_without_lateral_creepage():
+    g, case = MU * A / 2 * semi_ellipse(surfaces.centres(60, 0.03)[0], A), {"material": BODY}
+    curve = creep_curve(g, 0.03, longitudinal=-0.05, lateral=[0.0, 0.02], **case)
+    back = creep_curve(g, 0.03, longitudinal=-0.05, lateral=[0.02, 0.0], **case)
+    assert_allclose(curve.creepages, [[-0.05, 0.0, 0.0], [-0.05, 0.02, 0.0]])
+    assert_allclose(back.force[::-1], curve.force, atol=1e-7 * g.sum() * 0.03)
+    assert curve.force[0, 1] == 0.0
+
+
 @pytest.mark.parametrize(
     "creepages", [{}, {"longitudinal": [0.1, 0.2], "lateral": [0.1]}, {"spin": [[0.1]]}]
 )

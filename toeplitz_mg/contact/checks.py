@@ -118,11 +118,11 @@ def check_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:
     m, *grid = shape
     if array.shape == (m,):
         return array.reshape(-1, *(1,) * len(grid))
-    if m == 1 and array.shape in ((), tuple(grid)):
-        return array[None]
+    if len(grid) == 1 and array.shape in ((), tuple(grid)):
+        return widen(array.reshape(1, -1), m)
     if array.shape == shape:
         return array
-    allowed = f"(2,) or {shape}" if m == 2 else f"() or {tuple(grid)}"
+    allowed = f"(2,) or {shape}" if len(grid) == 2 else f"() or {tuple(grid)}"
     raise ValueError(f"shift has shape {array.shape}, but must have {allowed}")
 
 
@@ -133,6 +133,8 @@ def check_force(force: Any, most: float, grid: Grid) -> tuple[Array, bool]:
     """
     m, area = grid.components, grid.area
     total = np.atleast_1d(field("force", force)) / area
+    if len(grid.shape) == 1 and total.shape == (1,):
+        total = widen(total, m)
     if total.shape != (m,) or not np.isfinite(total).all():
         wanted = "(Fx, Fy)" if m == 2 else "a number"
         raise ValueError(f"force is {force}, but must be {wanted}, and finite")
@@ -145,10 +147,23 @@ def check_force(force: Any, most: float, grid: Grid) -> tuple[Array, bool]:
     return total, size >= most * (1.0 - SLIDES)
 
 
+def is_lateral(previous: Any) -> bool:
+    """Whether a tangential contact has tractions of two components, in line contact too."""
+    return isinstance(previous, TangentialResult) and previous.traction.ndim > len(previous.shape)
+
+
+def widen(x: Array, components: int) -> Array:
+    """Return a field, (components, ...), with more components, that are zero."""
+    return np.concatenate([x, np.zeros((components - len(x), *x.shape[1:]))])
+
+
 def check_previous(
     previous: TangentialResult, element: tuple[float, ...], shape: tuple[int, ...]
 ) -> Array:
-    """Return the tractions of a tangential contact on the same grid, in that shape."""
+    """Return the tractions of a tangential contact on the same grid, in that shape.
+
+    In line contact they may have fewer components: then the lateral one is zero.
+    """
     if isinstance(previous, NormalResult):
         raise ValueError("previous is a normal contact, but must be one with friction")
     if not isinstance(previous, TangentialResult):
@@ -159,7 +174,7 @@ def check_previous(
             f"previous has {previous.contact.shape} elements of {previous.element}, but the grid "
             f"has {shape[1:]} of {element}"
         )
-    return previous.traction.reshape(shape)
+    return widen(previous.traction.reshape(-1, *shape[1:]), shape[0])
 
 
 def check_same_grid(previous: Any, grid: Grid) -> None:

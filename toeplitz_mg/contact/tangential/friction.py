@@ -16,6 +16,7 @@ from toeplitz_mg.contact.checks import (
     check_pressed,
     check_previous,
     check_shift,
+    is_lateral,
 )
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
@@ -78,6 +79,8 @@ def friction(
         of shape (2, n1, n2) or (n,), as for a rotation. In the paper's symbols it is -w δt.
     force : array_like
         Total tangential force (Fx, Fy), or in line contact a number, N; in plane strain N/mm.
+        In line contact after tractions with a lateral component, as rolling may leave them, force
+        and shift may be of two components too.
         Either this or the shift is given. A force of μ P, within rounding, lets all slide: then
         the shift that is returned is the least that does, with a force; the slip is against the
         force, as after a longer way, beside which what the elements do across it is nothing.
@@ -146,6 +149,8 @@ def friction(
     """
     g, element, material, periodic = check_pressed(bound, element, material, periodic, mu)
     grid = Grid.of(g.shape, element, material, reference, periodic)
+    if is_lateral(previous):
+        grid = replace(grid, directions="xy")
     result = shift_bodies(
         grid, g, Window.around, shift, force, previous, tolerance, nested, max_products, progress
     )
@@ -167,6 +172,7 @@ def shift_bodies(
 ) -> TangentialResult:
     """Return what `friction` finds for the traction bound `g`, converged or not."""
     b = np.zeros((grid.components, *g.shape))
+    change = b
     with grid.agree() as same:
         check_iteration(tolerance, max_products, progress)
         if (shift is None) == (force is None):
@@ -213,8 +219,7 @@ def shift_bodies(
     result = make_result(problem, state, window, products.count, work.units(b.size), slip)
     moved = result.shift
     if shift is not None:
-        given = np.array(shift, dtype=np.float64)
-        moved = float(given) if given.ndim == 0 else given
+        moved = _as_given(change)
     return replace(result, shift=moved, total_shift=_add_shifts(moved, previous, window.whole))
 
 
@@ -245,10 +250,14 @@ def _add_shifts(moved: Any, previous: TangentialResult | None, grid: Any) -> Any
         return moved
     # One may be of the whole bodies, and the other a field.
     given, earlier = (check_shift(x, (grid.components, *grid.shape)) for x in (moved, before))
-    total = given + earlier
-    if total.size > grid.components:
-        return total[0] if grid.components == 1 else total
-    return float(total.ravel()[0]) if grid.components == 1 else total.ravel()
+    return _as_given(given + earlier)
+
+
+def _as_given(shift: Array) -> Any:
+    """Return a shift, (components, ...), as users give it."""
+    if shift.size > len(shift):
+        return shift[0] if len(shift) == 1 else shift
+    return float(shift.ravel()[0]) if len(shift) == 1 else shift.ravel()
 
 
 def make_result(
