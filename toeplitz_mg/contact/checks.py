@@ -11,7 +11,9 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.values import count, field, finite, in_range, positive, real
 
-SLIDES = 1e-12  # Relative distance of a force from the bound at which all slides: that is rounding.
+# Relative distance of a force from the bound at which all slides. Nearer, the last element that
+# sticks is beyond any grid, and its share of the force below the default tolerance.
+SLIDES = 1e-9
 
 
 def check_load(grid: Grid, z: Array, approach: float | None, force: float | None) -> float | None:
@@ -126,22 +128,27 @@ def check_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:
     raise ValueError(f"shift has shape {array.shape}, but must have {allowed}")
 
 
-def check_force(force: Any, most: float, grid: Grid) -> tuple[Array, bool]:
+def check_force(force: Any, most: float, grid: Grid, *, name: str = "force") -> tuple[Array, bool]:
     """Return the sum of the tractions, by components, that a force needs, and whether all slides.
 
-    That is where it is all that can be carried, `most`, within rounding.
+    That is where it is all that can be carried, the sum `most`, but for `SLIDES`.
     """
     m, area = grid.components, grid.area
-    total = np.atleast_1d(field("force", force)) / area
+    wanted = "(Fx, Fy)" if m == 2 else "a number"
+    if isinstance(force, list | tuple) and any(F is None for F in force):
+        raise ValueError(
+            f"{name} is {force}, but must be {wanted}: with a component that is not given only "
+            "bodies roll"
+        )
+    total = np.atleast_1d(field(name, force)) / area
     if len(grid.shape) == 1 and total.shape == (1,):
         total = widen(total, m)
     if total.shape != (m,) or not np.isfinite(total).all():
-        wanted = "(Fx, Fy)" if m == 2 else "a number"
-        raise ValueError(f"force is {force}, but must be {wanted}, and finite")
+        raise ValueError(f"{name} is {force}, but must be {wanted}, and finite")
     size = float(np.linalg.norm(total))
     if size > most * (1.0 + SLIDES):
         raise ValueError(
-            f"force is {force}, of size {size * area:g}, but the traction bound carries "
+            f"{name} is {force}, of size {size * area:g}, but the traction bound carries "
             f"{most * area:g} at most: the bodies would slide off"
         )
     return total, size >= most * (1.0 - SLIDES)

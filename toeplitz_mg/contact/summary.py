@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 NOTHING = 1e-8  # Size of a component over the largest that is shown as zero: the usual tolerance.
+ENERGY = "elastic energy"
 FEW = 3  # Figures in the repr of a result, which is one line.
 
 
@@ -26,6 +27,11 @@ class Figure(NamedTuple):
         least = NOTHING * float(np.abs(values).max())
         numbers = ", ".join(f"{x if abs(x) > least else 0.0:.5g}" for x in values)
         return f"{numbers if len(values) == 1 else f'({numbers})'} {self.unit}".rstrip()
+
+    @property
+    def line(self) -> str:
+        """The name and the value of the figure as a line of a list."""
+        return f"  {self.name:18s}{self.text}"
 
 
 def describe_grid(shape: Sequence[int], element: Sequence[float]) -> str:
@@ -52,10 +58,7 @@ def shorten(result: Any) -> str:
 
 def list_figures(result: Any) -> str:
     """Return the figures of this result with their units, a line each."""
-    title, figures, cost, warnings = result._summary()
-    lines = [title, *(f"  {figure.name:18s}{figure.text}" for figure in figures)]
-    lines += [f"  {'solved by':18s}{cost}", *(f"  warning: {warning}" for warning in warnings)]
-    return "\n".join(lines)
+    return write_lines(*result._summary())
 
 
 def tabulate_figures(result: Any) -> str:
@@ -65,3 +68,10 @@ def tabulate_figures(result: Any) -> str:
     rows += [("warning", warning) for warning in warnings]
     cells = "".join(f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows)
     return f"<table><caption>{escape(title)}</caption>{cells}</table>"
+
+
+def write_lines(title: str, figures: Sequence[Figure], cost: str, warnings: Sequence[str]) -> str:
+    """Return what `_summary` of a result has, a line each."""
+    lines = [title, *(figure.line for figure in figures)]
+    lines += [f"  {'solved by':18s}{cost}", *(f"  warning: {warning}" for warning in warnings)]
+    return "\n".join(lines)

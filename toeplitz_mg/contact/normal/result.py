@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import fields, plotting, saving
 from toeplitz_mg.contact.summary import (
+    ENERGY,
     Figure,
     describe_cost,
     describe_grid,
@@ -197,6 +198,6 @@ class NormalResult:
             Figure("share of the grid", 100.0 * self.contact_fraction, "%"),
             Figure("mean pressure", self.mean_pressure, "N/mm²"),
             Figure("largest pressure", self.max_pressure, "N/mm²"),
-            Figure("elastic energy", self.energy, units.energy),
+            Figure(ENERGY, self.energy, units.energy),
         ]
         return [figure for figure in figures if figure.value is not None]

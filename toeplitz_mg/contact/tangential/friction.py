@@ -26,15 +26,8 @@ from toeplitz_mg.contact.result import (
     check_converged,
     touches_edge,
 )
-from toeplitz_mg.contact.tangential.coulomb import (
-    Areas,
-    along,
-    clip,
-    direction,
-    project,
-    scale_to_bound,
-    sum_components,
-)
+from toeplitz_mg.contact.tangential.coulomb import clip, project, sum_components
+from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given, slide_off
 from toeplitz_mg.contact.tangential.stick_slip import Problem, State, solve
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
@@ -81,9 +74,10 @@ def friction(
         Total tangential force (Fx, Fy), or in line contact a number, N; in plane strain N/mm.
         In line contact after tractions with a lateral component, as rolling may leave them, force
         and shift may be of two components too.
-        Either this or the shift is given. A force of μ P, within rounding, lets all slide: then
-        the shift that is returned is the least that does, with a force; the slip is against the
-        force, as after a longer way, beside which what the elements do across it is nothing.
+        Either this or the shift is given. A force of μ P, to 1e-9 of it, lets all slide: then
+        the slip is against the force, as after a long way, beside which what the elements do across
+        it is nothing, and the shift that is returned is the one at which the last element begins
+        to slide so.
     previous : TangentialResult, optional
         The tractions before: a result of `friction` on the same grid.
     reference : float, optional
@@ -211,7 +205,7 @@ def shift_bodies(
             least = max(least, window.grid.diagonal(products.A) * max(sums) / elements)
         problem = Problem(window.grid, g, b, total, tolerance, least, progress)
         if all_slides:
-            state, slip = _slide_off(problem, products)
+            state, slip = slide_off(problem, products)
         else:
             if previous is not None:
                 guess = project(clip(before, g), g, total, grid.vectors)
@@ -219,45 +213,8 @@ def shift_bodies(
     result = make_result(problem, state, window, products.count, work.units(b.size), slip)
     moved = result.shift
     if shift is not None:
-        moved = _as_given(change)
-    return replace(result, shift=moved, total_shift=_add_shifts(moved, previous, window.whole))
-
-
-def _slide_off(problem: Problem, A: Products) -> tuple[State, Array]:
-    """Return the state in which all slides along the force, with the least shift, and the slip."""
-    assert problem.total is not None
-    contact, vectors = problem.g > 0.0, problem.vectors
-    n = np.broadcast_to(direction(problem.uniform(problem.total)), problem.b.shape)
-    q = scale_to_bound(n, problem.g, contact)
-    u = A(q)
-    ahead = np.where(contact, u - problem.b, 0.0)
-    forwards = along(ahead, n)
-    shift = np.zeros(len(q))
-    if elements := vectors.count(contact):
-        farthest = vectors.max(np.where(contact, forwards, -np.inf))
-        # Across the force the shift is the mean of what the elements do.
-        across = sum_components(ahead - forwards * n, vectors) / elements
-        shift = across + farthest * direction(problem.total)
-        forwards = np.where(contact, forwards - farthest, 0.0)
-    areas = Areas(np.zeros_like(contact), contact)
-    return State(q, u, areas, shift, residual=0.0), forwards * n
-
-
-def _add_shifts(moved: Any, previous: TangentialResult | None, grid: Any) -> Any:
-    """Return a shift, and those that led to the tractions before it."""
-    before = None if previous is None else previous.total_shift
-    if before is None:
-        return moved
-    # One may be of the whole bodies, and the other a field.
-    given, earlier = (check_shift(x, (grid.components, *grid.shape)) for x in (moved, before))
-    return _as_given(given + earlier)
-
-
-def _as_given(shift: Array) -> Any:
-    """Return a shift, (components, ...), as users give it."""
-    if shift.size > len(shift):
-        return shift[0] if len(shift) == 1 else shift
-    return float(shift.ravel()[0]) if len(shift) == 1 else shift.ravel()
+        moved = as_given(change)
+    return replace(result, shift=moved, total_shift=add_shifts(moved, previous, window.whole))
 
 
 def make_result(
@@ -282,7 +239,15 @@ def make_result(
 
     total = problem.grid.area * sum_components(q, problem.vectors)
     if "shift" not in more:
-        more["shift"] = float(state.shift[0]) if is_line else state.shift
+        more["shift"] = as_given(state.shift)
+    if "power" not in more:
+        lost = np.where(state.areas.slide, q * slip, 0.0)
+        more["power"] = problem.grid.area * (0.0 - problem.vectors.sum(lost))
+    if "moment" not in more and len(window.whole.shape) == 2:
+        x, y = window.whole.centres()
+        qx, qy = window.extend(q)
+        moment = problem.vectors.sum(x[:, None] * qy - y * qx)
+        more["moment"] = problem.grid.area * moment
     return TangentialResult(
         **more,
         material=window.whole.material,

@@ -16,6 +16,7 @@ from toeplitz_mg.contact.checks import (
     check_shift,
 )
 from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given
 from toeplitz_mg.contact.unlike.alternation import Report, alternate
 from toeplitz_mg.contact.unlike.checks import check_both, check_friction
 from toeplitz_mg.contact.unlike.result import Before, FrictionalResult
@@ -75,7 +76,7 @@ def frictional_contact(
         contact a number, or a field, as in `friction`. By default none.
     tangential_force : array_like, optional
         Total tangential force (Fx, Fy), or in line contact a number, N; in plane strain N/mm, in
-        the place of the shift.
+        the place of the shift. Of μ P all slides, as in `friction`.
     previous : FrictionalResult, optional
         The state before, on the same grid: what slips depends on the way there, so that a load is
         best applied in steps.
@@ -109,8 +110,8 @@ def frictional_contact(
     Raises
     ------
     ValueError, TypeError
-        For input that makes no sense, before any work; also where the tangential force is not
-        less than the bound carries.
+        For input that makes no sense, before any work; also where the tangential force is more
+        than the bound carries.
     ContactError
         Where the tolerance is not reached: it says what is violated.
 
@@ -149,8 +150,10 @@ def frictional_contact(
             "the two may be given"
         )
     b = np.zeros((grid.components, *z.shape))
+    change = np.zeros((grid.components, *(1,) * z.ndim))
     if shift is not None:
-        b = b + check_shift(shift, b.shape)
+        change = check_shift(shift, b.shape)
+    b = b + change
     total = None
     if tangential_force is not None:
         total = check_carried(tangential_force, np.inf if force is None else mu * force, grid)
@@ -183,26 +186,22 @@ def frictional_contact(
             report=report,
         )
         assert shifting.q is not None
+        if total is not None:
+            check_carried(tangential_force, float(bound_of(mu, p).sum()) * grid.area, grid)
         normal = pressing.result(shifting.q, p, 0.0)
         tangential = shifting.result(p, 0.0)
     normal = replace(normal, work=work.units(z.size))
-    if tangential_force is None:
-        given = np.zeros(len(b)) if shift is None else np.array(shift, dtype=np.float64)
-        tangential = replace(tangential, shift=given.item() if given.size == 1 else given)
+    moved = tangential.shift if tangential_force is not None else as_given(change)
+    earlier = None if previous is None else previous.tangential
+    tangential = replace(tangential, shift=moved, total_shift=add_shifts(moved, earlier, grid))
     result = FrictionalResult(normal, tangential, residuals, before)
     doubts.warn(check_both(result, tolerance).warnings)
     return result
 
 
 def check_carried(force: Any, most: float, grid: Grid) -> Array:
-    """Return the sum of the tractions that a tangential force needs, of less than `most`."""
-    total, slides = check_force(force, most / grid.area, grid)
-    if slides:
-        raise ValueError(
-            f"tangential_force is {force}, but must be less than the traction bound carries: "
-            f"{most:g}"
-        )
-    return total
+    """Return the sum of the tractions that a tangential force needs, of at most `most`."""
+    return check_force(force, most / grid.area, grid, name="tangential_force")[0]
 
 
 def check_state(previous: FrictionalResult, grid: Grid, shape: tuple[int, ...]) -> Before:

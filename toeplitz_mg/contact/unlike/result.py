@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import fields, saving
 from toeplitz_mg.contact.normal.result import NormalResult
+from toeplitz_mg.contact.summary import ENERGY, Figure, write_lines
 from toeplitz_mg.contact.tangential.result import TangentialResult
+from toeplitz_mg.contact.units import units_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +29,14 @@ class FrictionalResult:
     Attributes
     ----------
     normal : NormalResult
-        Pressures, contact, approach; the displacement is that by tractions too.
+        Pressures, contact, approach; the displacement is that by tractions too. Where the materials
+        are unlike, the tractions change with the approach, so that the stiffness is no solution
+        with the elements in contact alone: it is None.
     tangential : TangentialResult
         Tractions, slip, stick; the displacement is that by pressures too.
+    energy : float
+        The elastic energy of both bodies, N mm; in plane strain N. The `energy` of each part is
+        the work of its tractions, which may be negative.
     residuals : tuple of float
         The largest violation of the conditions of normal contact, over the largest interference,
         in each iteration between the two problems.
@@ -53,6 +60,11 @@ class FrictionalResult:
         return self.residuals[-1]
 
     @property
+    def energy(self) -> float:
+        """The elastic energy ½ ∫ (p u + q·u) of both bodies, N mm; in plane strain N."""
+        return self.normal.energy + self.tangential.energy
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Why the answer may not be of the problem that was meant."""
         return self.normal.warnings + self.tangential.warnings
@@ -61,7 +73,13 @@ class FrictionalResult:
 
     def summary(self) -> str:
         """Return the figures of both results with their units, a line each."""
-        return f"{self.normal.summary()}\n\n{self.tangential.summary()}"
+        texts = []
+        for part in (self.normal, self.tangential):
+            title, figures, cost, warnings = part._summary()
+            own = [figure for figure in figures if figure.name != ENERGY]
+            texts.append(write_lines(title, own, cost, warnings))
+        total = Figure(ENERGY, self.energy, units_of(self.normal.element).energy)
+        return "\n\n".join([*texts, f"Both\n{total.line}"])
 
     def __repr__(self) -> str:
         """Return the first figures of both results."""
