@@ -316,6 +316,42 @@ def test_the_energy_is_of_both_parts_and_the_stiffness_of_none():
     assert "stiffness" not in result.summary()
 
 
+def test_heights_and_units_are_those_of_normal_contact():
+    gap, element, known = sphere()
+    case = {"material": known.normal.material.bodies, "mu": 0.3, "force": known.normal.force}
+    pixel = tuple(1e3 * h for h in element)
+    result = frictional_contact(heights=7.0 - 1e3 * gap, element=pixel, unit="um", **case)
+    assert_allclose(result.normal.pressure, known.normal.pressure, atol=1e-6)
+    assert_allclose(result.tangential.traction, known.tangential.traction, atol=1e-6)
+
+    class Topography:
+        pixel_size, unit, is_periodic, is_uniform = pixel, "um", True, True
+        physical_sizes = tuple(24 * h for h in pixel)
+
+        def heights(self):
+            return -1e3 * gap
+
+    with pytest.raises(ValueError, match="a topography that repeats"):
+        frictional_contact(heights=Topography(), **case)
+    Topography.is_periodic = False
+    same = frictional_contact(heights=Topography(), **case)
+    assert_allclose(same.normal.pressure, known.normal.pressure, atol=1e-6)
+
+
+def test_friction_of_each_element():
+    mu = np.where(np.arange(24) < 12, 0.1, 0.3)[:, None] + np.zeros((24, 24))
+    _, _, result = sphere(mu=mu, tolerance=1e-8)
+    q, p = result.tangential.magnitude, result.normal.pressure
+    assert (q <= mu * p * (1 + 1e-12)).all()
+    slides = result.tangential.sliding
+    assert slides[:12].any()
+    assert slides[12:].any()
+    assert_allclose(q[slides], (mu * p)[slides], rtol=1e-12)
+    _, _, uniform = sphere(mu=np.full((24, 24), 0.3), tolerance=1e-8)
+    _, _, number = sphere(mu=0.3, tolerance=1e-8)
+    assert np.array_equal(uniform.tangential.traction, number.tangential.traction)
+
+
 def test_a_step_that_changes_nothing():
     _, _, one = sphere(tolerance=1e-8)
     _, _, two = sphere(previous=one, tolerance=1e-8)
@@ -408,7 +444,13 @@ def test_where_the_gap_is_infinite_there_is_no_material():
     ("change", "error", "match"),
     [
         ({"mu": -0.1}, ValueError, "mu is -0.1, but a coefficient of friction is at least zero"),
-        ({"mu": np.nan}, ValueError, "mu is nan"),
+        ({"mu": np.nan}, ValueError, "mu is not a number somewhere"),
+        (
+            {"mu": [0.1, 0.2]},
+            ValueError,
+            r"mu has shape \(2,\), but must be a number, or have that",
+        ),
+        ({"heights": np.ones((4, 4))}, ValueError, "either gap or heights must be given"),
         ({"approach": 1.0}, ValueError, "one of the two must be given"),
         (
             {"shift": (0.0, 0.0), "tangential_force": (0.0, 0.0)},

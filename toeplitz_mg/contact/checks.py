@@ -72,6 +72,21 @@ def check_bound(bound: ArrayLike) -> Array:
     return g
 
 
+def check_friction(mu: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return a coefficient of friction, of all elements or of each; check it."""
+    friction = field("mu", mu)
+    if (friction < 0.0).any():
+        raise ValueError(
+            f"mu is {friction.min():g}, but a coefficient of friction is at least zero"
+        )
+    if friction.shape not in ((), shape):
+        raise ValueError(
+            f"mu has shape {friction.shape}, but must be a number, or have that of the grid, "
+            f"{shape}"
+        )
+    return friction
+
+
 def check_pressed(
     bound: Any, element: Any, material: Any, periodic: Any, mu: Any
 ) -> tuple[Array, Any, Any, Any]:
@@ -97,16 +112,7 @@ def check_pressed(
             raise TypeError(f"{name} is given, but a normal result has its own: leave it out")
     if mu is None:
         raise TypeError("mu is not given, but a normal result needs a coefficient of friction")
-    friction = field("mu", mu)
-    if (friction < 0.0).any():
-        raise ValueError(
-            f"mu is {friction.min():g}, but a coefficient of friction is at least zero"
-        )
-    if friction.shape not in ((), bound.shape):
-        raise ValueError(
-            f"mu has shape {friction.shape}, but must be a number, or have that of the grid, "
-            f"{bound.shape}"
-        )
+    friction = check_friction(mu, bound.shape)
     # Where nothing is pressed a coefficient may be infinite.
     g = np.multiply(friction, bound.pressure, where=bound.contact, out=np.zeros(bound.shape))
     return g, bound.element, bound.material, bound.periodic or False

@@ -10,6 +10,7 @@ from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import (
     check_force,
+    check_friction,
     check_iteration,
     check_load,
     check_previous,
@@ -18,23 +19,25 @@ from toeplitz_mg.contact.checks import (
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given
 from toeplitz_mg.contact.unlike.alternation import Report, alternate
-from toeplitz_mg.contact.unlike.checks import check_both, check_friction
+from toeplitz_mg.contact.unlike.checks import check_both, read_gap
 from toeplitz_mg.contact.unlike.result import Before, FrictionalResult
 from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Shifting, bound_of
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.values import count, field
+from toeplitz_mg.values import count
 
 INNER = 0.01  # Tolerance of each problem by itself, over that of both together.
 FARTHEST = 2.0  # Largest step, over the last, for which the tractions are extrapolated.
 
 
 def frictional_contact(
-    gap: ArrayLike,
-    element: Element,
+    gap: ArrayLike | None = None,
+    element: Element | None = None,
     *,
     material: Any,
-    mu: float,
+    mu: ArrayLike,
+    heights: Any = None,
+    unit: str | None = None,
     approach: float | None = None,
     force: float | None = None,
     shift: ArrayLike | None = None,
@@ -64,9 +67,12 @@ def frictional_contact(
     material : (Material, Material)
         Of the first and the second body (see `contact.Material`). The tractions are those on the
         first.
-    mu : float
-        The coefficient of friction: the traction bound is μ p. Infinite where the bodies are
-        bonded wherever they are pressed.
+    mu : float, or array_like of shape (n1, n2) or (n,)
+        The coefficient of friction, of all elements or of each: the traction bound is μ p. Infinite
+        where the bodies are bonded wherever they are pressed.
+    heights, unit
+        In the place of the gap, and its unit, as in `normal_contact`. A surface that repeats, or a
+        hardness, is not taken here.
     approach : float
         The approach of the bodies, from where the gap is given, mm.
     force : float
@@ -138,10 +144,10 @@ def frictional_contact(
     >>> f"{rough.normal.max_pressure / smooth.max_pressure:.2f}"
     '1.32'
     """
-    z = field("gap", gap)
+    z, element = read_gap(gap, element, heights, unit)
     grid = Grid.of(z.shape, element, material, reference)
     force = check_load(grid, z, approach, force)
-    mu = check_friction(mu)
+    friction = check_friction(mu, z.shape)
     check_iteration(tolerance, max_products, progress)
     most = count("max_iterations", max_iterations)
     if shift is not None and tangential_force is not None:
@@ -156,7 +162,8 @@ def frictional_contact(
     b = b + change
     total = None
     if tangential_force is not None:
-        total = check_carried(tangential_force, np.inf if force is None else mu * force, grid)
+        largest = np.inf if force is None else float(friction.max()) * force
+        total = check_carried(tangential_force, largest, grid)
     if previous is None:
         before, guess = Before(np.zeros_like(b), 0.0, float(z.min())), None
     else:
@@ -172,11 +179,11 @@ def frictional_contact(
             b, least = b + u, float(np.abs(u).max())
         pressing = Pressing.of(grid, z, coupling, approach, force, inner, max_products, report)
         shifting = Shifting(
-            grid, coupling, mu, b, total, least, inner, max_products, nested, report, guess
+            grid, coupling, friction, b, total, least, inner, max_products, nested, report, guess
         )
         p = pressing.begin(guess, nested=nested)
         if total is not None:
-            check_carried(tangential_force, float(bound_of(mu, p).sum()) * grid.area, grid)
+            check_carried(tangential_force, float(bound_of(friction, p).sum()) * grid.area, grid)
         p, residuals = alternate(
             pressing,
             shifting,
@@ -187,7 +194,7 @@ def frictional_contact(
         )
         assert shifting.q is not None
         if total is not None:
-            check_carried(tangential_force, float(bound_of(mu, p).sum()) * grid.area, grid)
+            check_carried(tangential_force, float(bound_of(friction, p).sum()) * grid.area, grid)
         normal = pressing.result(shifting.q, p, 0.0)
         tangential = shifting.result(p, 0.0)
     normal = replace(normal, work=work.units(z.size))

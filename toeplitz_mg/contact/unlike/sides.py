@@ -193,8 +193,8 @@ class Shifting:
     ----------
     grid : Grid
     coupling : Coupling
-    mu : float
-        The coefficient of friction.
+    mu : ndarray
+        The coefficient of friction, of all elements or of each.
     b : ndarray of shape (components, ...)
         The displacements along the surface, were there neither slip nor pressures.
     total : ndarray of shape (components,) or None
@@ -211,7 +211,7 @@ class Shifting:
 
     grid: Grid
     coupling: Coupling
-    mu: float
+    mu: Array
     b: Array
     total: Array | None
     least: float
@@ -296,8 +296,8 @@ class Rolling:
     grid : Grid
     coupling, upstream : Coupling
         Of the displacements here, and one element ahead.
-    mu : float
-        The coefficient of friction.
+    mu : ndarray
+        The coefficient of friction, of all elements or of each.
     solve : callable
         Returns what `rolling` finds for a traction bound, a rigid slip over the distance rolled
         that adds to that of the creepages, and a result to start from, or None.
@@ -312,7 +312,7 @@ class Rolling:
     grid: Grid
     coupling: Coupling
     upstream: Coupling
-    mu: float
+    mu: Array
     solve: Callable[[Array, Array, TangentialResult | None], TangentialResult]
     slip: Array
     found: TangentialResult | None = None
@@ -332,7 +332,7 @@ class Rolling:
         return add_displacements(result, self.coupling.along(p), self.grid)
 
 
-def bound_of(mu: float, p: Array) -> Array:
+def bound_of(mu: Array, p: Array) -> Array:
     """Return the traction bound of pressures: none where there are none, for any coefficient."""
     return np.multiply(mu, p, out=np.zeros_like(p), where=p > 0.0)
 
