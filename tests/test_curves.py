@@ -22,6 +22,9 @@ def test_a_curve_is_carters():
     assert_allclose(curve.stick_share, np.maximum(0, 1 - part), atol=0.01)
     assert_allclose(curve.power, MU * A * part * curve.force, rtol=1e-12)
     assert curve.moment is None
+    products = curve.products.sum()
+    largest = f"{curve.force.max():.5g}"
+    assert repr(curve) == f"<CreepCurve of 5 points: forces up to {largest}; {products} products>"
 
 
 def test_points_of_a_curve_are_those_alone():
@@ -50,8 +53,10 @@ def test_a_curve_of_a_line_may_begin_without_lateral_creepage():
 
 
 @pytest.mark.parametrize(
-    "creepages", [{}, {"longitudinal": [0.1, 0.2], "lateral": [0.1]}, {"spin": [[0.1]]}]
+    "creepages", [{"longitudinal": [0.1, 0.2], "lateral": [0.1]}, {"spin": [[0.1]]}]
 )
 def test_refuses_what_is_no_curve(creepages):
     with pytest.raises(ValueError, match=r"has shape .*, but they must be numbers, and arrays"):
         creep_curve(np.ones((4, 4)), (1.0, 1.0), material=BODY, **creepages)
+    with pytest.raises(ValueError, match="are numbers, but one at least must be an array"):
+        creep_curve(np.ones((4, 4)), (1.0, 1.0), material=BODY, longitudinal=0.1)

@@ -693,3 +693,25 @@ def test_a_force_just_below_the_bound_is_solved(missing):
     assert not result.stick.any()
     assert_allclose(result.force, (carried, 0.0), rtol=1e-8, atol=1e-8 * carried)
     assert result.products < 50
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"material": Material.from_shear(0.7, 0.25)},
+            "previous is of .*: a history is of the sam",
+        ),
+        ({"material": Material.from_shear(0.8, 0.3)}, "previous is of .*: a history is of the sam"),
+        ({"periodic": True}, r"previous repeats along the axes \(False, False\), but"),
+    ],
+)
+def test_a_history_is_of_one_surface(change, message):
+    _, g, before = circle(24, 0.3, force=(1e-3, 0.0))
+    case = {"element": before.element, "force": (0.0, 0.0), "previous": before}
+    case["material"] = Material.from_shear(0.7, 0.3)
+    assert friction(g, **case).residual <= 1e-8
+    with pytest.raises(ValueError, match=message):
+        friction(g, **(case | change))
+    with pytest.raises(ValueError, match=r"force is \(1.0, None\), but must be \(Fx, Fy\): with a"):
+        friction(g, **(case | {"force": (1.0, None)}))

@@ -249,3 +249,8 @@ def test_refuses_surfaces_that_repeat():
     waves = normal_contact(gap, (0.125, 0.125), material=STEEL, force=0.1, periodic=True)
     with pytest.raises(ValueError, match=r"periodic is .* in a result"):
         subsurface_stresses(waves, depths=0.1)
+
+
+def test_a_repr_is_one_line():
+    stresses = subsurface_stresses(sphere(8), depths=[0.1, 0.25])
+    assert repr(stresses) == "<Stresses of the first body, 8 x 8: 2 depths from 0.1 to 0.25 mm>"

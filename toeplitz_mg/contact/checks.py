@@ -14,6 +14,7 @@ from toeplitz_mg.values import count, field, finite, in_range, positive, real
 # Relative distance of a force from the bound at which all slides. Nearer, the last element that
 # sticks is beyond any grid, and its share of the force below the default tolerance.
 SLIDES = 1e-9
+ALIKE = 1e-9  # Relative difference of the constants of one material, which are computed ones.
 
 
 def check_load(grid: Grid, z: Array, approach: float | None, force: float | None) -> float | None:
@@ -171,23 +172,41 @@ def widen(x: Array, components: int) -> Array:
 
 
 def check_previous(
-    previous: TangentialResult, element: tuple[float, ...], shape: tuple[int, ...]
+    previous: TangentialResult, grid: Grid, shape: tuple[int, ...], *, is_guess: bool = False
 ) -> Array:
     """Return the tractions of a tangential contact on the same grid, in that shape.
 
-    In line contact they may have fewer components: then the lateral one is zero.
+    In line contact they may have fewer components: then the lateral one is zero. Those before are
+    of the same bodies, too, and those of a guess may be of others.
     """
     if isinstance(previous, NormalResult):
         raise ValueError("previous is a normal contact, but must be one with friction")
     if not isinstance(previous, TangentialResult):
         kind = type(previous).__name__
         raise TypeError(f"previous is of type {kind}, but must be a TangentialResult")
-    if previous.contact.shape != shape[1:] or previous.element != element:
+    if previous.contact.shape != shape[1:] or previous.element != grid.element:
         raise ValueError(
             f"previous has {previous.contact.shape} elements of {previous.element}, but the grid "
-            f"has {shape[1:]} of {element}"
+            f"has {shape[1:]} of {grid.element}"
         )
+    if not is_guess:
+        _check_same_bodies(previous, grid)
     return widen(previous.traction.reshape(-1, *shape[1:]), shape[0])
+
+
+def _check_same_bodies(previous: TangentialResult, grid: Grid) -> None:
+    """Refuse tractions of other bodies, or of a surface that repeats in another way."""
+    if tuple(previous.periodic) != tuple(grid.periodic):
+        raise ValueError(
+            f"previous repeats along the axes {previous.periodic}, but the surface along "
+            f"{grid.periodic}: a history is of one surface"
+        )
+    was, now = ((m.G, m.nu, m.difference) for m in (previous.material, grid.material))
+    if not np.allclose(was, now, rtol=ALIKE, atol=0.0):
+        raise ValueError(
+            f"previous is of {previous.material}, but the bodies are of {grid.material}: a history "
+            "is of the same bodies"
+        )
 
 
 def check_same_grid(previous: Any, grid: Grid) -> None:

@@ -17,7 +17,7 @@ from toeplitz_mg.values import field
 BODIES = ("first", "second")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Stresses:
     """The stresses in one body at some depths below the elements of a grid.
 
@@ -44,6 +44,15 @@ class Stresses:
     depths: Array
     centres: tuple[Array, ...]
     components: Array
+
+    def __repr__(self) -> str:
+        """Return the body, the depths and the grid."""
+        low, high = self.depths.min(initial=np.inf), self.depths.max(initial=0.0)
+        depths = f"{len(self.depths)} depth{'s' * (len(self.depths) != 1)}"
+        grid = " x ".join(map(str, self.components.shape[2:]))
+        return (
+            f"<Stresses of the {self.body} body, {grid}: {depths} from {low:.5g} to {high:.5g} mm>"
+        )
 
     @property
     def xx(self) -> Array:

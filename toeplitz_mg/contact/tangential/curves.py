@@ -14,7 +14,7 @@ from toeplitz_mg.contact.tangential.rolling import rolling
 from toeplitz_mg.values import field
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class CreepCurve:
     """Forces over creepages, a row for each point (see `creep_curve`).
 
@@ -43,6 +43,12 @@ class CreepCurve:
     power: Array
     stick_share: Array
     products: Array
+
+    def __repr__(self) -> str:
+        """Return how many points there are, and the largest of their forces."""
+        largest = np.linalg.norm(self.force.reshape(len(self.force), -1), axis=1).max()
+        points, products = len(self.force), int(self.products.sum())
+        return f"<CreepCurve of {points} points: forces up to {largest:.5g}; {products} products>"
 
 
 def creep_curve(
@@ -135,6 +141,11 @@ def _read_points(*creepages: ArrayLike) -> Array:
     """Return the creepages of each point, shape (points, 3)."""
     given = [field(name, values) for name, values in zip(CREEPAGES, creepages, strict=True)]
     lengths = {len(values) for values in given if values.ndim == 1}
+    if all(values.ndim == 0 for values in given):
+        raise ValueError(
+            "longitudinal, lateral and spin are numbers, but one at least must be an array, with a "
+            "number for each point of the curve: of one point use rolling"
+        )
     if any(values.ndim > 1 for values in given) or len(lengths) != 1 or lengths == {0}:
         shapes = ", ".join(
             f"{name} has shape {values.shape}"

@@ -173,7 +173,7 @@ def shift_bodies(
             raise ValueError(
                 f"shift is {shift!r} and force is {force!r}, but one of the two must be given"
             )
-        before = b if previous is None else check_previous(previous, grid.element, b.shape)
+        before = b if previous is None else check_previous(previous, grid, b.shape)
         if shift is not None:
             change = check_shift(shift, b.shape)
             b = b + change

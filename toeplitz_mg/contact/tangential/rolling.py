@@ -189,7 +189,7 @@ def roll(
     motion.check_loads(grid, g)
     before = None
     if guess is not None:
-        q = check_previous(guess, grid.element, (grid.components, *g.shape))
+        q = check_previous(guess, grid, (grid.components, *g.shape), is_guess=True)
         before = q, guess.contact & ~guess.stick
     h = grid.element[0]
     with count_products() as work:

@@ -136,7 +136,7 @@ def roll_steps(
         same["tolerance"], same["max_products"] = tolerance, max_products
         same["whether there are tractions before"] = previous is not None
         shape = (len(motion.directions), *g.shape)
-        q = np.zeros(shape) if previous is None else check_previous(previous, grid.element, shape)
+        q = np.zeros(shape) if previous is None else check_previous(previous, grid, shape)
     if grid.directions != motion.directions:
         grid = replace(grid, directions=motion.directions)
     motion.check_loads(grid, g)

@@ -216,7 +216,7 @@ def check_state(previous: FrictionalResult, grid: Grid, shape: tuple[int, ...]) 
     if not isinstance(previous, FrictionalResult):
         kind = type(previous).__name__
         raise TypeError(f"previous is of type {kind}, but must be a FrictionalResult")
-    traction = check_previous(previous.tangential, grid.element, shape)
+    traction = check_previous(previous.tangential, grid, shape)
     return Before(traction, previous.normal.force, previous.normal.approach)
 
 
