@@ -182,8 +182,6 @@ def frictional_contact(
             grid, coupling, friction, b, total, least, inner, max_products, nested, report, guess
         )
         p = pressing.begin(guess, nested=nested)
-        if total is not None:
-            check_carried(tangential_force, float(bound_of(friction, p).sum()) * grid.area, grid)
         p, residuals = alternate(
             pressing,
             shifting,
