@@ -13,10 +13,17 @@ from pathlib import Path
 
 from tabulate import tabulate
 
+from comparisons.contact import cases, punch3d
 from comparisons.gaussian import likelihood
 from comparisons.harness import report
 from comparisons.harness.report import Row
-from comparisons.preconditioners import areas, fractional_diffusion, general_symbols
+from comparisons.paper import tables
+from comparisons.preconditioners import (
+    areas,
+    fractional_diffusion,
+    general_symbols,
+    symbols,
+)
 from comparisons.speed import baselines, by_hand, drop_in
 from toeplitz_mg.cli import files
 
@@ -77,6 +84,15 @@ TABLES = {
     "likelihood_gaps": Table(
         "gaussian_processes.md", "gaussian.likelihood", "gaps.csv", likelihood.arrange_gaps
     ),
+    "likelihood_noise": Table(
+        "gaussian_processes.md", "gaussian.likelihood", "noise.csv", likelihood.arrange_noise
+    ),
+    "symbols": Table("which_method.md", "preconditioners.symbols", "symbols.csv", symbols.arrange),
+    "paper": Table("reproduce.md", "paper.tables", tables.CELLS, tables.arrange),
+    "cases_errors": Table("contact.md", "contact.cases", "errors.csv", cases.arrange_errors),
+    "cases_products": Table("contact.md", "contact.cases", "costs.csv", cases.arrange_products),
+    "cases_stresses": Table("stresses.md", "contact.cases", "errors.csv", cases.arrange_stresses),
+    "punch3d": Table("three_dimensions.md", "contact.punch3d", "punch3d.csv", punch3d.arrange),
     "areas": Table("masks.md", "preconditioners.areas", "areas.csv", areas.arrange),
 }
 

@@ -4,4 +4,6 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 rm -rf _build api gallery
+# It is to take less than three minutes; seconds of CPU are the same on a machine that is busy.
+ulimit -t 180
 OPENBLAS_NUM_THREADS=1 "${PYTHON:-python}" -m sphinx -b html -W --keep-going -n -q . _build/html

@@ -2,6 +2,7 @@
 
 import csv
 import os
+import re
 import sys
 import time
 from dataclasses import replace
@@ -52,12 +53,16 @@ def rows_of(path):
 
 def test_paper_tables(tmp_path, monkeypatch, capsys):
     printed = run(paper_tables, tmp_path, monkeypatch, capsys)
-    assert sorted(p.name for p in tmp_path.glob("*.csv")) == [
-        f"table_{k}.csv" for k in range(1, 10)
-    ]
+    names = ["cells.csv", "table_1.csv", "table_6.csv"]
+    assert sorted(p.name for p in tmp_path.glob("*.csv")) == names
     for number in ("I", "II", "III", "IV", "V", "VI", "VII", "VIII", "IX"):
         assert f"Table {number}" in printed
-    assert all(row["converged"] == "True" for row in rows_of(tmp_path / "table_5.csv"))
+    cells = rows_of(tmp_path / "cells.csv")
+    assert {row["table"] for row in cells} == set("2345789")
+    assert all(row["converged"] == "True" for row in cells if row["table"] == "5")
+    lines = paper_tables.arrange(report.read_csv(tmp_path / "cells.csv"))
+    assert lines[0][""] == "RSM test 1 V(1,1), ours"
+    assert sum(line[""].endswith("ours") for line in lines) == 3 * 3 + 3 + 2 * 3
 
 
 def test_likelihood(tmp_path, monkeypatch, capsys):
@@ -112,6 +117,14 @@ def test_symbols(tmp_path, monkeypatch, capsys):
             assert float(row["residual"]) <= 1.01e-8
         # What is missing has its reason.
         assert row["converged"] == "True" or row["note"]
+    monkeypatch.setattr(symbols, "TABULATED", 1200)
+    first, second = symbols.arrange(report.read_csv(tmp_path / "symbols.csv"))
+    assert first["symbol, or coefficients"] == "contact"
+    assert second["cosine"] == "–"  # It is refused: θ² has a zero.
+    for line in (first, second):
+        iterations, work = line[line["least work"]].split(" / ")
+        assert 0 < int(iterations) <= int(work)
+        assert "none" not in line
 
 
 def test_general_symbols(tmp_path, monkeypatch, capsys):
@@ -233,6 +246,12 @@ def test_punch3d(tmp_path, monkeypatch, capsys):
     assert all(float(row["peak_mb"]) >= 0.0 for row in rows)
     # Coefficients count.
     assert all(0.0 < float(row["matrix_s"]) < float(row["cpu_s"]) for row in rows)
+    monkeypatch.setattr(punch3d, "TABULATED", 16)
+    lines = punch3d.arrange(report.read_csv(tmp_path / "punch3d.csv"))
+    assert [line.pop("method").replace("\\|", "|") for line in lines] == list(methods)
+    for line in lines:
+        assert list(line) == [f"{k}, {a}" for a in areas for k in ("normal", "coupled")]
+        assert all(re.fullmatch(r"\d+ / [\d.]+ m?s", cell) for cell in line.values())
     # Every method finds the same force.
     for key in {(row["problem"], row["area"], row["N"]) for row in rows}:
         own = [float(r["force"]) for r in rows if (r["problem"], r["area"], r["N"]) == key]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from comparisons.contact import cases, growth, methods, peers, rolling, small
+from comparisons.harness import report
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
 
@@ -40,12 +41,21 @@ def test_quick_run_without_the_peers(folder, capsys):
         assert float(row["error"]) < power * 2.0 / int(row["N"])
     for row in rows_of(folder / "costs.csv"):
         assert float(row["violation"]) <= 1e-8
-    rough = rows_of(folder / "rough.csv")
+    rough = [row for row in rows_of(folder / "costs.csv") if row["case"] == "rough"]
     assert len(rough) == len(cases.LOADS)
     for row in rough:
         assert float(row["force error"]) <= 1e-8
         assert float(row["least pressure"]) >= 0.0
         assert float(row["least gap"]) >= -1e-12
+    errors, costs = (report.read_csv(folder / f"{name}.csv") for name in ("errors", "costs"))
+    named = [case for case in cases.CASES if not case.startswith(cases.BELOW)]
+    assert [line["case"] for line in cases.arrange_errors(errors)] == named
+    (line,) = cases.arrange_stresses(errors)
+    assert len(line) == 1 + len(cases.CASES) - len(named)
+    lines = cases.arrange_products(costs)
+    assert [line["case"] for line in lines[: len(named)]] == named
+    assert all(line["case"].endswith(" %") for line in lines[len(named) :])
+    assert all(line["N = 64"] for line in lines)
     found = rows_of(folder / "peers.csv")
     assert len(found) == len(peers.problems(64))
     for row in found:

@@ -1,5 +1,7 @@
 """Curves of forces over creepages: the points of `rolling`."""
 
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -22,9 +24,6 @@ def test_a_curve_is_carters():
     assert_allclose(curve.stick_share, np.maximum(0, 1 - part), atol=0.01)
     assert_allclose(curve.power, MU * A * part * curve.force, rtol=1e-12)
     assert curve.moment is None
-    products = curve.products.sum()
-    largest = f"{curve.force.max():.5g}"
-    assert repr(curve) == f"<CreepCurve of 5 points: forces up to {largest}; {products} products>"
 
 
 def test_points_of_a_curve_are_those_alone():
@@ -60,3 +59,49 @@ def test_refuses_what_is_no_curve(creepages):
         creep_curve(np.ones((4, 4)), (1.0, 1.0), material=BODY, **creepages)
     with pytest.raises(ValueError, match="are numbers, but one at least must be an array"):
         creep_curve(np.ones((4, 4)), (1.0, 1.0), material=BODY, longitudinal=0.1)
+
+
+def line_curve():
+    h = 2 * A / 40
+    (x,) = surfaces.centres(44, h)
+    g = MU * A / 2 * semi_ellipse(x, A)
+    return creep_curve(g, h, material=BODY, longitudinal=[-0.02, -0.05, -0.1])
+
+
+def surface_curve():
+    g, alone = circle(16, (0.05, 0.02, 0.1))
+    return creep_curve(g, alone.element, material=BODY, lateral=[0.01, 0.02], spin=0.1)
+
+
+@pytest.mark.parametrize(
+    ("make", "varied", "name", "unit"),
+    [
+        (line_curve, [-0.02, -0.05, -0.1], "longitudinal creepage", "N/mm"),
+        (surface_curve, [0.01, 0.02], "lateral creepage", "N"),
+    ],
+)
+def test_a_curve_is_drawn_over_the_creepage_that_varies(make, varied, name, unit):
+    figure = pytest.importorskip("matplotlib.figure").Figure()
+    curve, ax = make(), figure.subplots()
+    assert curve.plot(ax=ax) is ax
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (name, f"force [{unit}]")
+    forces = np.atleast_2d(curve.force.T)
+    for line, force in zip(ax.lines, forces, strict=False):
+        assert_allclose(line.get_xdata(), varied)
+        assert_allclose(line.get_ydata(), force)
+    assert len(ax.get_legend().get_texts()) == len(forces)
+
+
+@pytest.mark.parametrize("make", [line_curve, surface_curve])
+def test_a_curve_is_told_by_its_first_and_its_last_point(make):
+    curve = make()
+    assert repr(curve).startswith(f"<CreepCurve {len(curve.force)} points: creepages ")
+    assert "\n" not in repr(curve)
+    rows = ElementTree.fromstring(curve._repr_html_()).findall("tr")
+    cells = {row.find("th").text: row.find("td").text for row in rows}
+    last = 100 * curve.stick_share[-1]
+    assert cells["share that sticks"].endswith(f" to {last:.5g} %")
+    assert cells["solved by"] == f"{curve.products.sum()} products"
+    assert ("spin" in cells) == (make is surface_curve)
+    for name, value in cells.items():
+        assert f"  {name:18s}{value}" in curve.summary()

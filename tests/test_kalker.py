@@ -1,5 +1,7 @@
 """Kalker's coefficients, against his tables and their own symmetries."""
 
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -48,3 +50,10 @@ def test_refuses_what_makes_no_sense(arguments, message):
         kalker_coefficients(*arguments)
     with pytest.raises(ValueError, match="n is 9, but must be even"):
         kalker_coefficients(1.0, 0.25, n=9)
+
+
+def test_a_notebook_shows_the_coefficients():
+    found = kalker_coefficients(1.0, 0.25, n=8)
+    rows = ElementTree.fromstring(found._repr_html_()).findall("tr")
+    shown = {row.find("th").text: float(row.find("td").text) for row in rows}
+    assert_allclose([shown[name] for name in found._fields], found, rtol=1e-4)

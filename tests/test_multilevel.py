@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
 from tests.cases import contact, dense_of_lags
+from toeplitz_mg.engine import passes
 from toeplitz_mg.engine.library import NUMPY
 from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.operators.coefficients import Coefficients
@@ -60,6 +61,26 @@ def test_is_the_dense_matrix(shape, components, dtype, seed):
     expected = product(X)
     assert np.array_equal(product(X, X), expected)  # It works in place.
     assert np.array_equal(X, expected)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.complex128])
+@pytest.mark.parametrize("shape", [(19, 23), (23, 19), (7, 5, 11)])
+@pytest.mark.parametrize("components", [1, 2])
+def test_panels_are_the_whole(monkeypatch, components, shape, dtype):
+    """A field goes through the cache in panels, or stays there: the product is the same."""
+    lags = [random(k, *(2 * n - 1 for n in shape)) for k in range(components**2)]
+    blocks = [
+        [Coefficients.of_lags(a.astype(dtype)) for a in lags[i::components]]
+        for i in range(components)
+    ]
+    product = MultilevelProduct.of(NUMPY, blocks, dtype)
+    X = random(9, 2, components * np.prod(shape)).astype(dtype)
+    whole = product(X)
+    for constant in ("WHOLE_BYTES", "PANEL_BYTES", "BLOCK_BYTES"):
+        monkeypatch.setattr(passes, constant, 0)
+    by_panels = product(X)
+    error = 100 * np.finfo(dtype).eps * np.abs(whole).max()
+    assert_allclose(by_panels, whole, rtol=0, atol=error)
 
 
 @pytest.mark.parametrize("shape", [(700, 1), (1, 700), (1, 700, 1)])

@@ -17,7 +17,13 @@ from tests.test_result import (
     SHIFTED,
     SHIFTED_LINE,
 )
-from toeplitz_mg.contact import friction, normal_contact, surfaces
+from toeplitz_mg.contact import (
+    FrictionalResult,
+    friction,
+    normal_contact,
+    subsurface_stresses,
+    surfaces,
+)
 
 figure_module = pytest.importorskip("matplotlib.figure")
 
@@ -204,6 +210,46 @@ def test_nothing_in_contact_is_drawn_too():
     bound = np.zeros((48, 32))
     bound[20:24, 10:20] = 1.0
     draw(friction(bound, PRESSED.element, material=PRESSED.material, shift=(0.0, 0.0)))
+
+
+def test_contact_with_friction_is_the_pictures_of_both_beside_each_other():
+    both = FrictionalResult(normal=PRESSED, tangential=SHIFTED, residuals=(0.0,))
+    axes = axes_of(2)
+    assert both.plot(axes) == tuple(axes)
+    for ax, part in zip(axes, (PRESSED, SHIFTED), strict=True):
+        expected = draw(part)
+        assert labels(ax) == labels(expected)
+        for image, other in zip(ax.get_images(), expected.get_images(), strict=True):
+            assert np.ma.allequal(image.get_array(), other.get_array())
+
+
+DEPTHS = np.array([0.0, 0.02, 0.05, 0.1])
+
+
+@pytest.mark.parametrize(
+    ("field", "label"), [("von_mises", "von Mises"), ("max_shear", "largest shear"), ("xz", "xz")]
+)
+@pytest.mark.parametrize("result", [PRESSED, PRESSED_LINE])
+def test_stresses_are_drawn_where_they_are_the_largest(result, field, label):
+    stresses = subsurface_stresses(result, depths=DEPTHS)
+    (ax,) = axes_of()
+    assert stresses.plot(field, ax=ax) is ax
+    ax.figure.draw_without_rendering()
+    (image,) = ax.collections
+    values = getattr(stresses, field)
+    assert image.get_array().shape == (len(DEPTHS), len(result.x))
+    assert np.abs(image.get_array()).max() == image.norm.vmax == np.abs(values).max()
+    assert image.norm.vmin == (-image.norm.vmax if field == "xz" else 0.0)
+    assert ax.yaxis_inverted()
+    assert sorted(labels(ax)) == sorted([f"{label} [N/mm²]", "x [mm]", "depth [mm]"])
+
+
+def test_stresses_are_drawn_over_depths_in_order():
+    with pytest.raises(ValueError, match="must rise, and be two at least"):
+        subsurface_stresses(PRESSED_LINE, depths=0.1).plot()
+    stresses = subsurface_stresses(PRESSED_LINE, depths=DEPTHS)
+    with pytest.raises(ValueError, match="field is 'zx', but must be one of von_mises, max_shear"):
+        stresses.plot("zx")
 
 
 def test_axes_may_come_first():

@@ -19,7 +19,7 @@ from toeplitz_mg.contact import (
 )
 
 SOFT = Material.from_shear(0.7, 0.3)
-N, H = 64, (2.0 / 64, 2.0 / 64)
+N, H = 72, (2.0 / 72, 2.0 / 72)
 GAP = surfaces.sphere((N, N), H, radius=1.0)
 X, Y = surfaces.centres((N, N), H)
 BOUND = 0.1 * np.sqrt(np.maximum(0.0, 0.36 - X**2 - Y**2))
@@ -116,7 +116,7 @@ def test_rolling_on_goes_on_counting():
     counts = [products for products, _ in seen]
     assert counts[-1] >= 200
     assert counts == sorted(counts)
-    assert max(later - former for former, later in pairwise(counts)) <= 3
+    assert max(later - former for former, later in pairwise(counts)) <= 5
 
 
 @pytest.mark.parametrize("name", SOLVERS)

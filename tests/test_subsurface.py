@@ -1,6 +1,7 @@
 """Stresses in bodies in contact: Hertz, sliding, both bodies, sums of elements, errors."""
 
 import dataclasses
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -251,6 +252,14 @@ def test_refuses_surfaces_that_repeat():
         subsurface_stresses(waves, depths=0.1)
 
 
-def test_a_repr_is_one_line():
-    stresses = subsurface_stresses(sphere(8), depths=[0.1, 0.25])
-    assert repr(stresses) == "<Stresses of the first body, 8 x 8: 2 depths from 0.1 to 0.25 mm>"
+@pytest.mark.parametrize("make", [sphere, line])
+def test_a_notebook_shows_where_it_yields_first(make):
+    stresses = subsurface_stresses(make(33), depths=np.array([0.1, 0.3, 0.5]))
+    assert repr(stresses).startswith("<Stresses: first body, below 33 ")
+    rows = ElementTree.fromstring(stresses._repr_html_()).findall("tr")
+    cells = {row.find("th").text: row.find("td").text for row in rows}
+    assert cells["largest von Mises"] == f"{stresses.von_mises.max():.5g} N/mm²"
+    assert cells["largest shear"] == f"{stresses.max_shear.max():.5g} N/mm²"
+    k = np.unravel_index(stresses.von_mises.argmax(), stresses.von_mises.shape)[0]
+    assert cells["at a depth of"] == f"{stresses.depths[k]:.5g} mm"
+    assert cells["largest shear"] in stresses.summary()

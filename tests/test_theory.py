@@ -1,5 +1,7 @@
 """Hertz's theory in closed form, against its own equations in other integrals."""
 
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -137,3 +139,23 @@ def test_without_a_force_nothing_touches(radii):
     assert_allclose(none.half_axes, little.half_axes, atol=1e-5)
     assert none.approach == (0.0 if little.approach is not None else None)
     assert_array_equal(none.pressure_at([0.0, 1.0], 0.0), [0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("radii", "said"),
+    [
+        (10.0, {"force": "100 N", "stiffness": "43067 N/mm", "half axes": "(0.18663, 0.18663) mm"}),
+        (
+            (10.0, np.inf),
+            {"force": "100 N/mm", "half width": "0.10505 mm", "contact": "0.21009 mm"},
+        ),
+    ],
+)
+def test_a_notebook_shows_the_figures_of_the_theory_with_units(radii, said):
+    theory = hertz(radii=radii, material=Material(E=210000.0, nu=0.3), force=100.0)
+    rows = ElementTree.fromstring(theory._repr_html_()).findall("tr")
+    cells = {row.find("th").text: row.find("td").text for row in rows}
+    assert said.items() <= cells.items()
+    assert ("approach" in cells) == (theory.approach is not None)
+    for name, value in cells.items():
+        assert f"  {name:18s}{value}" in theory.summary()

@@ -11,6 +11,7 @@ import scipy.sparse
 
 import toeplitz_mg as tmg
 from tests.cases import CASES, contact
+from tests.test_fsai_coupled import tangential
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import Material, normal_contact, surfaces
 from toeplitz_mg.engine import threads
@@ -24,7 +25,7 @@ STEEL = Material(E=210000.0, nu=0.28)
 
 
 SMALL = {"WORTH_THREADS": 16, "PIECE": 16, "BATCH": 64, "CHUNK": 32, "BLOCK": 16}
-SMALL |= {"PANEL_BYTES": 1024, "BLOCK_BYTES": 1024, "NARROW": 1}
+SMALL |= {"WHOLE_BYTES": 1024, "PANEL_BYTES": 1024, "BLOCK_BYTES": 1024, "NARROW": 1}
 
 
 @pytest.fixture
@@ -102,6 +103,24 @@ def test_cg_has_the_same_bits(shape, choose):
         assert_same_bits(solve)
 
 
+@pytest.mark.usefixtures("eager")
+@pytest.mark.parametrize("neighbours", [None, 24])
+@pytest.mark.parametrize("shape", [(40, 50), (2000,)])
+def test_the_set_up_of_fsai_has_the_same_bits(shape, neighbours):
+    """Of rows from the table of patterns, and of rows by themselves, on all levels."""
+    rng = np.random.default_rng(0)
+    A = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(*shape)), rng.random(shape) < 0.7)
+    b = rng.standard_normal(A.shape[0])
+    assert_same_bits(lambda: tmg.fsai_preconditioner(A, neighbours=neighbours) @ b)
+
+
+@pytest.mark.usefixtures("eager")
+def test_the_set_up_of_fsai_of_components_has_the_same_bits():
+    A = tangential((30, 25))
+    b = np.random.default_rng(0).standard_normal(A.shape[0])
+    assert_same_bits(lambda: tmg.fsai_preconditioner(A) @ b)
+
+
 @pytest.mark.parametrize("size", [4096, 2**17, 2**18 + 5])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64, np.complex128])
 def test_vectors_have_the_same_bits(size, dtype):
@@ -162,7 +181,8 @@ def test_blocks_of_a_sparse_matrix_multiply_as_it_does(shape, monkeypatch):
     for width in (2, 1000):
         near = np.abs(np.arange(shape[0])[:, None] - np.arange(shape[1])) <= width
         dense = np.where(near & (rng.random(shape) < 0.5), rng.standard_normal(shape), 0.0)
-        blocks = levels.Blocks(scipy.sparse.csr_array(dense))
+        matrix = scipy.sparse.csr_array(dense)
+        blocks = levels.Blocks([matrix[rows] for rows in levels.cut_rows(shape[0], 4)])
         x, y = rng.standard_normal((shape[1], 3)), rng.standard_normal((shape[0], 3))
         product, transposed = np.full_like(y, np.nan), np.full_like(x, np.nan)
         blocks.multiply(x, product)

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
 from tests.cases import CASES, aggregate, contact, dense_of_column, exponential
-from toeplitz_mg.engine import threads
+from toeplitz_mg.engine import passes, threads
 from toeplitz_mg.engine.workspace import LARGE_PAGE, SMALL, count_blocks, workspace
 from toeplitz_mg.multigrid_cycle.cycle import Multigrid
 from toeplitz_mg.multigrid_cycle.hierarchy import Level
@@ -129,6 +129,7 @@ def test_an_interrupt_within_does_no_harm():
 def test_a_product_after_an_interrupted_one_is_right(shape, monkeypatch):
     """A part of the first product that goes on writes in the midst of the second."""
     monkeypatch.setattr(threads, "WORTH_THREADS", 2**17)
+    monkeypatch.setattr(passes, "WHOLE_BYTES", 0)
     A = tmg.ToeplitzOperator(exponential(*shape))
     x, wrong = random(A.shape[0]), np.full(A.shape[0], 1e3)
     here, fft, do = threading.current_thread(), scipy.fft.fft, threads.do_part
@@ -298,6 +299,7 @@ def test_an_operator_may_be_called_by_its_callers():
 @pytest.mark.parametrize("shape", [(2**17,), (512, 150)])
 def test_products_again_and_again_take_no_more_memory(shape, workers, monkeypatch):
     monkeypatch.setattr(threads, "WORTH_THREADS", 2**17)
+    monkeypatch.setattr(passes, "WHOLE_BYTES", 0)
     A = tmg.ToeplitzOperator(contact(*shape))
     mask = random(*shape) < 0.5
     x = np.ones(A.shape[0])

@@ -36,6 +36,8 @@ LINES, QUICK_LINES = (64, 128, 256, 512, 1024, 2048, 4096), (64, 128, 256)
 SURFACES, QUICK_SURFACES = (32, 64, 128, 256, 512), (32, 64)
 ROLLING, QUICK_ROLLING = (32, 64, 128, 256), (32, 64)
 ROUGH, QUICK_ROUGH = (256, 512, 1024), (64,)
+BELOW = ("Largest shear", "Stresses")  # Cases below the surface start with these.
+GIVEN = 1e-14  # Relative error of a quantity that is given, and so no error.
 SECONDS = 1200.0  # Time after which a case is given up.
 LOADS = (0.006, 0.0123, 0.06, 0.2, 0.36)  # Normal forces that give 1 to 40 % of contact.
 
@@ -120,8 +122,8 @@ def study(
     return costs, errors
 
 
-def analytic(cases: Mapping[str, Case], quick: bool, folder: Path) -> None:
-    """Solve cases with a known answer."""
+def analytic(cases: Mapping[str, Case], quick: bool, folder: Path) -> list[Row]:
+    """Solve cases with a known answer, and return what they cost."""
     costs: list[Row] = []
     errors: list[Row] = []
     orders: list[Row] = []
@@ -136,11 +138,11 @@ def analytic(cases: Mapping[str, Case], quick: bool, folder: Path) -> None:
             orders.append(row | {f"N = {n}": v for n, v in zip(sizes, values, strict=True)})
     convergence(errors, folder / "convergence.png")
     report.write_csv(folder / "errors.csv", errors)
-    report.write_csv(folder / "costs.csv", costs)
     report.write_csv(folder / "orders.csv", orders)
     for case, own in report.group(orders, "case").items():
         show(f"{case}: errors against theory", own)
     show("Products, iterations between changes of the areas, CPU time", costs)
+    return costs
 
 
 def study_rough(N: int, folder: Path) -> list[Row]:
@@ -161,13 +163,58 @@ def study_rough(N: int, folder: Path) -> list[Row]:
     return rows
 
 
-def rough_surfaces(quick: bool, folder: Path) -> None:
-    """Solve rough surfaces at several loads."""
+def rough_surfaces(quick: bool, folder: Path) -> list[Row]:
+    """Solve rough surfaces at several loads, and return what they cost."""
     rows: list[Row] = []
     for N in QUICK_ROUGH if quick else ROUGH:
         rows += in_a_fresh_process(partial(study_rough, N, folder), SECONDS)
-    report.write_csv(folder / "rough.csv", rows)
     show("Rough surfaces", rows)
+    return rows
+
+
+def arrange_errors(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of errors on the finest grids, with their orders."""
+    table: list[Row] = []
+    for case, own in report.group(rows, "case").items():
+        if case.startswith(BELOW):
+            continue
+        errors, orders = [], []
+        for quantity, several in report.group(own, "quantity").items():
+            values, sizes = [row["error"] for row in several], [row["N"] for row in several]
+            if values[-1] > GIVEN:
+                errors.append(f"{quantity} {values[-1]:.0e}")
+                orders.append(f"{order(values, sizes):.1f}")
+        line = {"case": case, "N": own[-1]["N"]}
+        table.append(line | {"errors": ", ".join(errors), "order": ", ".join(orders)})
+    return table
+
+
+def arrange_stresses(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of errors of the stresses, a row for each grid."""
+    own = [row for row in rows if row["case"].startswith(BELOW)]
+    columns = dict.fromkeys((row["case"] for row in own), "")
+    table: list[Row] = []
+    for N in sorted({row["N"] for row in own}):
+        line: Row = {"N": N} | columns
+        for case, several in report.group([r for r in own if r["N"] == N], "case").items():
+            line[case] = ", ".join(f"{r['quantity']} {r['error']:.0e}" for r in several)
+        table.append(line)
+    return table
+
+
+def arrange_products(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of products on the grid itself, a column for each size."""
+    sizes = {f"N = {N}": "" for N in sorted({row["N"] for row in rows})}
+    shares = {row["load"]: row["contact"] for row in reversed(rows) if "load" in row}
+    table: dict[str, Row] = {}
+    for row in rows:
+        name = row["case"]
+        if "load" in row:  # Named by the contact on the coarsest grid.
+            name += f", {float(shares[row['load']].rstrip('%')):.0f} %"
+        if not name.startswith(BELOW):  # Which is of the same bodies.
+            line = table.setdefault(name, {"case": name} | sizes)
+            line[f"N = {row['N']}"] = row["products"]
+    return list(table.values())
 
 
 def show(title: str, rows: Sequence[Row]) -> None:
@@ -189,8 +236,9 @@ def main(
     """Run the comparison."""
     prepare("comparisons.contact.peers", "comparisons.contact.figures")
     arguments = report.options("contact.cases", "Contact problems: theory, rough surfaces, peers.")
-    analytic(cases, arguments.quick, arguments.output)
-    rough_surfaces(arguments.quick, arguments.output)
+    costs = analytic(cases, arguments.quick, arguments.output)
+    costs += rough_surfaces(arguments.quick, arguments.output)
+    report.write_csv(arguments.output / "costs.csv", costs)
     rows = peers.run(peers.problems(64 if arguments.quick else 256), normal, friction)
     report.write_csv(arguments.output / "peers.csv", rows)
     for problem, own in report.group(rows, "problem").items():

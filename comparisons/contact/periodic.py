@@ -37,7 +37,7 @@ from toeplitz_mg.contact.tangential.coulomb import clip
 
 SIZES, QUICK_SIZES = (256, 512, 1024), (64,)
 LOADS = {2: 0.0123, 10: 0.06, 31: 0.2, 77: 0.7, 99: 1.6}  # Forces by the share in contact, %.
-TURNS = 5  # Times that each method solves: the least CPU time counts.
+TURNS = 3  # Times that each method solves: the least CPU time counts.
 WAYS: dict[str, Callable[[Problem, float], Answer]] = {
     "|q| by FFT": partial(aspher, "fourier-fft"),
     "nested": aspher_nested,

@@ -57,6 +57,7 @@ SECONDS = 600.0  # Time after which a method is given up on a punch.
 SIZES = (64, 128, 256, 512, 1024, 2048)
 SMALL_SIZES = (8, 16, 32)
 QUICK_SIZES = (32, 64)
+TABULATED = 1024  # The size in the table of the page.
 ASKED = [10.0 ** (-k / 2) for k in range(10, 22)]  # Tolerances that `aspher` is asked for.
 GROWTH = 1.25  # Growth of the time that is allowed, over that of n log n.
 
@@ -182,6 +183,20 @@ def format_row(row: Row) -> Row:
     formats |= {"peak_mb": ".0f", "residual": ".1e", "force": ".5f"}
     cells = report.format_cells(row, formats)
     return {"method": row["method"], **cells, "note": row["note"]}
+
+
+def arrange(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of iterations and CPU seconds, a row for each method."""
+    table: dict[str, Row] = {}
+    for row in rows:
+        if row["N"] != TABULATED or row["problem"] == "tangential":
+            continue
+        line = table.setdefault(row["method"], {"method": row["method"].replace("|", r"\|")})
+        cell = row.get("note", "")
+        if "residual" in row and "not converged" not in cell:
+            cell = f"{row['iterations']} / {report.format_seconds(row['cpu_s'])}"
+        line[f"{row['problem']}, {row['area']}"] = cell
+    return list(table.values())
 
 
 def main() -> None:

@@ -273,6 +273,17 @@ def arrange_gaps(rows: Sequence[Row]) -> list[Row]:
     return table
 
 
+def arrange_noise(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of iterations with noise that varies, a column for each spread."""
+    table = []
+    for name, own in report.group(rows, "covariance").items():
+        line: Row = {"covariance": name}
+        for row in own:
+            line[f"log d ± {row['spread of log d']:g}"] = str(row.get("default", "refused"))
+        table.append(line)
+    return table
+
+
 FORMATS = {
     "errors": {
         **{"covariance": "", "n": "d", "condition": ".0e", "log det": ".6g", "error": ".0e"},

@@ -1,6 +1,6 @@
 """Tables I-IX of the paper: ours beside its legible cells, work units counted."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 import toeplitz_mg as tmg
 from comparisons.harness.measuring import solve
-from comparisons.harness.report import Row, options, show, write_csv
+from comparisons.harness.report import Row, group, options, show, write_csv
 from toeplitz_mg._typing import Preconditioner
 from toeplitz_mg.multigrid_cycle.hierarchy import Level
 from toeplitz_mg.multigrid_cycle.transfer import Transfer
@@ -19,6 +19,9 @@ from toeplitz_mg.paper.problems import TESTS
 from toeplitz_mg.preconditioners.direct import DenseInverse
 
 CYCLES = {"V(1,1)": (1, 1), "V(1,0)": (1, 0), "V(0,1)": (0, 1)}
+CELLS = "cells.csv"  # The cells of all tables but the first and the sixth, which follows from them.
+# The numbers of the tables in the order of the page, and which smoother they are of.
+SMOOTHERS = {4: "RSM", 5: "RSM", 8: "RSM", 7: "RSM", 9: "RSM", 2: "SD", 3: "SD"}
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,17 @@ class Cell:
     work_units: float
     converged: bool
     paper: published.Published | None
+
+    @classmethod
+    def read(cls, row: Row) -> "Cell":
+        """Return the cell that a row of the CSV file is of."""
+        paper = None
+        if "paper_iterations" in row:
+            paper = published.Published(row["paper_iterations"], row["paper_factor"])
+        log_n = row["n"].bit_length() - 1
+        own = {key: row[key] for key in ("test", "method", "iterations", "factor")}
+        own |= {key: row[key] for key in ("work_units", "converged")}
+        return cls(log_n=log_n, paper=paper, **own)
 
     def row(self) -> Row:
         """Return the cell as a row of the CSV file."""
@@ -91,11 +105,11 @@ def spectral_radii(cycle: str) -> Iterator[tuple[int, float]]:
         yield n, float(np.abs(np.linalg.eigvals(iteration)).max())
 
 
-def table_of(runs: list[Cell]) -> list[Row]:
+def table_of(runs: list[Cell], smoother: str = "") -> list[Row]:
     """Return two rows a method, ours and the paper's: iterations (convergence factor)."""
     rows = []
     for test, method in dict.fromkeys((run.test, run.method) for run in runs):
-        ours: Row = {"": f"test {test} {method}, ours"}
+        ours: Row = {"": f"{smoother} test {test} {method}, ours".lstrip()}
         theirs: Row = {"": "the paper"}
         for run in runs:
             if (run.test, run.method) == (test, method):
@@ -108,6 +122,25 @@ def table_of(runs: list[Cell]) -> list[Row]:
                 )
         rows += [ours, theirs]
     return rows
+
+
+def arrange(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of all cells, with the work units of the largest problem."""
+    lines: list[Row] = []
+    tables = group(rows, "table")
+    for number, smoother in SMOOTHERS.items():
+        for own in group(tables[number], "test", "method").values():
+            runs = [Cell.read(row) for row in own]
+            ours, theirs = table_of(runs, smoother)
+            last = runs[-1]
+            units = f"work units, 2^{last.log_n}"
+            ours[units] = f"{last.work_units:.0f}" if last.converged else ""
+            if smoother == "RSM" and last.log_n == 20:
+                theirs[units] = published.WORK_UNITS[last.test, last.method]
+            lines.append(ours)
+            if any(run.paper for run in runs):
+                lines.append({key: f"*{text}*" if text else "" for key, text in theirs.items()})
+    return lines
 
 
 def work_table(runs: list[Cell]) -> list[Row]:
@@ -152,11 +185,11 @@ def main() -> None:
     }
     tables: dict[str, tuple[str, list[Cell]]] = {}
     with tqdm(total=(len(cycles) * len(CYCLES) + len(TESTS)) * len(sizes), unit="run") as bar:
-        for number, (title, smoother, cells, test) in cycles.items():
+        for number, (title, smoother, columns, test) in cycles.items():
             tables[number] = (title, [])
             for cycle in CYCLES:
                 for log_n in sizes:
-                    paper_cell = cells.get((test, cycle), {}).get(log_n)
+                    paper_cell = columns.get((test, cycle), {}).get(log_n)
                     tables[number][1].append(
                         measure(
                             test,
@@ -179,9 +212,11 @@ def main() -> None:
                         measure(test, "solver", log_n, lambda p: rsm(p.A), paper_cell)
                     )
                     bar.update()
+    cells: list[Row] = []
     for number, (title, runs) in sorted(tables.items()):
         show(f"{title}: iterations (convergence factor)", table_of(runs))
-        write_csv(arguments.output / f"table_{number}.csv", [run.row() for run in runs])
+        cells += [{"table": number} | run.row() for run in runs]
+    write_csv(arguments.output / CELLS, cells)
     largest = [
         run
         for number in ("4", "5", "8", "7", "9")

@@ -36,6 +36,8 @@ from toeplitz_mg._typing import Array
 SIZES = tuple(2**k for k in (8, 11, 14, 17, 20))
 QUICK_SIZES = SIZES[:2]
 MAXITER = 200  # Iterations after which a method is not run at a larger n.
+TABULATED = 2**14  # The size in the table of the page.
+LEFT_OUT = ("none", "Strang")  # Of that table.
 OVERHEAD = 1.5  # Work units of `solve_toeplitz` for the transform of A and the check of x.
 # Interpolation for the zero of a symbol; a positive one can do with copies.
 INTERPOLATIONS = {
@@ -149,6 +151,33 @@ def show(rows: Sequence[Row]) -> None:
         f" above {TOLERANCE:g};\n> : over {MAXITER} iterations; - : refused, no positive "
         "eigenvalues; direct: Levinson's recursion."
     )
+
+
+def arrange(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of iterations and work units for a random right-hand side."""
+    table = []
+    of_page = [row for row in rows if row["n"] == TABULATED and row["rhs"] == "random"]
+    for name, own in report.group(of_page, "symbol").items():
+        line: Row = {"symbol, or coefficients": name.replace("|", r"\|")}
+        units: dict[str, float] = {}
+        for row in own:
+            if row["method"] in LEFT_OUT:
+                continue
+            if row.get("iterations") is None:
+                line[row["method"]] = ">" if "iterations" in row["note"] else "–"
+                continue
+            work = row["setup_units"] + row["solve_units"]
+            line[row["method"]] = f"{row['iterations']} / {work:.0f}"
+            if row["iterations"] == MAXITER:
+                line[row["method"]] = ">"
+            elif not row["converged"]:
+                line[row["method"]] += f" ({row['residual']:.0e})"
+            else:
+                units[row["method"]] = work
+        units.pop("solve_toeplitz", None)  # It is one of the others, with a check.
+        best = min(units, key=lambda key: units[key], default="")
+        table.append(line | {"least work": best})
+    return table
 
 
 def show_the_choice(rows: Sequence[Row]) -> None:

@@ -69,4 +69,4 @@ def test_only_one_file_knows_of_messages():
             elif isinstance(node, ast.Attribute):
                 names = [node.attr]
             of_messages = [name for name in names if MESSAGES.match(name)]
-            assert not of_messages or path == PACKAGE / "slabs" / "slab.py", path
+            assert not of_messages or path == PACKAGE / "slabs" / "messages.py", path

@@ -13,6 +13,7 @@ from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.elements import read_periodic, read_reference, read_sizes
+from toeplitz_mg.contact.short_transforms import ShortInverses, ShortOperator
 from toeplitz_mg.contact.steady_matrices import ShiftedInverses, SteadyArray, subtract_operators
 from toeplitz_mg.contact.waves import Waves
 from toeplitz_mg.engine.library import NUMPY, Library
@@ -28,6 +29,7 @@ from toeplitz_mg.values import in_range
 SMALL = 2**11  # Most elements of a grid whose matrices are kept: half a megabyte each, at most.
 KEPT = 32  # Grids whose matrices are kept.
 DENSE = 300  # Most unknowns of a matrix that is kept as an array, to be solved directly.
+SHORT = 40  # Elements along an axis up to which transforms are by matrices, in steady rolling.
 COARSEST = 32  # Elements along the longest axis from which nested iteration coarsens no further.
 
 
@@ -220,6 +222,11 @@ class Grid:
         """Return approximate inverses of the matrix of steady rolling with additions."""
         return _inverses(self, np.dtype(dtype)) if self.is_kept else ShiftedInverses(K, dtype)
 
+    @property
+    def is_short(self) -> bool:
+        """Whether the grid is of a surface, and so small that transforms are by matrices."""
+        return len(self.shape) == 2 and max(self.shape) <= SHORT
+
     def invert_by_transform(self, A: Any, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid."""
         if any(self.periodic):
@@ -275,7 +282,8 @@ def _matrix(grid: Grid, directions: str, ahead: int) -> Any:
 
 @lru_cache(maxsize=KEPT)
 def _steady(grid: Grid) -> Any:
-    return subtract_operators(grid.tangential(), grid.upstream())
+    K = subtract_operators(grid.tangential(), grid.upstream())
+    return ShortOperator(K) if grid.is_short else K
 
 
 @lru_cache(maxsize=KEPT)
@@ -285,4 +293,4 @@ def _steady_array(grid: Grid, contact: bytes) -> SteadyArray:
 
 @lru_cache(maxsize=KEPT)
 def _inverses(grid: Grid, dtype: np.dtype[Any]) -> ShiftedInverses:
-    return ShiftedInverses(_steady(grid), dtype)
+    return (ShortInverses if grid.is_short else ShiftedInverses)(_steady(grid), dtype)

@@ -35,15 +35,48 @@ def draw(result: Any, field: Any = None, ax: Any = None) -> Any:
     field = field or names[0]
     if field not in names:
         raise ValueError(f"field is {field!r}, but must be one of {', '.join(names)}")
+    ax = find_axes(ax)
+    (_draw_line if len(result.shape) == 1 else _draw_surface)(result, field, ax)
+    if result.stick is not None and result.creepages is not None:
+        _show_travel(ax, 1.03 if len(result.shape) == 1 else 0.05)
+    return ax
+
+
+def find_axes(ax: Any, columns: int = 1) -> Any:
+    """Return these axes, or else new ones, several beside each other on one figure.
+
+    Raises
+    ------
+    ImportError
+        Where matplotlib is not installed.
+    """
     try:
         from matplotlib import pyplot as plt  # It is an extra, and slow to import.
     except ImportError as error:
         raise ImportError("plot() needs matplotlib: pip install 'toeplitz-mg[plot]'") from error
     if ax is None:
-        _, ax = plt.subplots(layout="compressed")
-    (_draw_line if len(result.shape) == 1 else _draw_surface)(result, field, ax)
-    if result.stick is not None and result.creepages is not None:
-        _show_travel(ax, 1.03 if len(result.shape) == 1 else 0.05)
+        width, height = plt.rcParams["figure.figsize"]
+        size = (columns * width, height)
+        _, ax = plt.subplots(1, columns, figsize=size, layout="compressed")
+    return ax
+
+
+def draw_section(stresses: Any, field: str, label: str, ax: Any) -> Any:
+    """Draw a stress along x and over the depth, and return the axes (see `Stresses.plot`)."""
+    ax = find_axes(ax)
+    values = getattr(stresses, field)
+    if values.ndim > 2:  # Under the y at which it is the largest.
+        column = np.unravel_index(np.abs(values).argmax(), values.shape)[-1]
+        values = values[..., column]
+        ax.set_title(f"y = {stresses.centres[1][column]:.4g} mm")
+    top, is_signed = float(np.abs(values).max()) or 1.0, values.min() < 0.0
+    image = ax.pcolormesh(
+        stresses.centres[0], stresses.depths, values, shading="nearest", vmax=top,
+        vmin=-top if is_signed else 0.0, cmap="RdBu_r" if is_signed else "YlOrRd",
+    )  # fmt: skip
+    _add_bar(ax, image, SPACE, f"{label} [N/mm²]")
+    ax.set(xlabel="x [mm]", ylabel="depth [mm]")
+    ax.invert_yaxis()
     return ax
 
 

@@ -104,6 +104,6 @@ def touches_edge(grid: Any, contact: Mask) -> bool:
     return any(
         n > 1
         and not grid.periodic[axis]
-        and grid.vectors.count(grid.lines(contact, axis)[..., [0, -1]])
+        and grid.vectors.count(grid.lines(contact, axis)[..., :: n - 1])
         for axis, n in enumerate(grid.shape)
     )

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 from scipy import fft
-from scipy.linalg import lu_factor, lu_solve
+from scipy.linalg import get_lapack_funcs, lu_factor
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.threads import share_slices
@@ -64,6 +64,7 @@ class SteadyArray:
         for array in (self.array, self.rough):
             array.flags.writeable = False
         self._factors = lu_factor(self.array)
+        (self._solve,) = get_lapack_funcs(("getrs",), self._factors[:1])
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply a field of the elements in contact."""
@@ -72,7 +73,7 @@ class SteadyArray:
 
     def solve(self, u: Array) -> Array:
         """Return the tractions that have these displacements in a step."""
-        return lu_solve(self._factors, u, check_finite=False)
+        return self._solve(*self._factors, u)[0]
 
 
 class ShiftedInverses:
@@ -92,14 +93,23 @@ class ShiftedInverses:
         The components of a coupled one are inverted each by itself: the coupling is weak, and
         inverted too, it saves no iteration.
     dtype : float32 or float64
+
+    Attributes
+    ----------
+    additions : ndarray
+        Those whose inverses are interpolated, over the diagonal of K.
+    diagonal : float
+        That of K.
     """
+
+    additions = ADDITIONS
 
     def __init__(self, K: Any, dtype: DTypeLike) -> None:
         is_coupled = isinstance(K, CoupledOperator)
         blocks = [K.component(i) for i in range(len(K.blocks))] if is_coupled else [K]
         grid: tuple[int, ...] = blocks[0].grid_shape
-        self.dtype, self._k0 = np.dtype(dtype), float(blocks[0].c.flat[0])
-        lengths = tuple(fft.next_fast_len(2 * n - 1) for n in grid)
+        self.dtype, self.diagonal = np.dtype(dtype), float(blocks[0].c.flat[0])
+        lengths = self._embed(grid)
         n, rate, axes = grid[0], fade_rate(lengths[0]), (1,) * (len(grid) - 1)
         self._fade = np.exp(rate * np.arange(n)).astype(dtype).reshape(-1, *axes)
         lags = np.exp(-rate * np.arange(1 - n, n)).reshape(-1, *axes)
@@ -110,11 +120,11 @@ class ShiftedInverses:
             spectra.append(fft.rfftn(circulant))
         inverses = [
             [1.0 / (s + nu + LEAST / n * np.abs(s).max()) for s in spectra]
-            for nu in self._k0 * ADDITIONS
+            for nu in self.diagonal * self.additions
         ]
         # A single axis is the last one of two.
         self._lengths = (1, *lengths)[-2:]
-        shape = (len(ADDITIONS), len(blocks), self._lengths[0], -1)
+        shape = (len(inverses), len(blocks), self._lengths[0], -1)
         precision = np.result_type(self.dtype, np.complex64)
         self._inverses = np.array(inverses, precision).reshape(shape)
 
@@ -123,11 +133,15 @@ class ShiftedInverses:
 
         It takes a field, (components, ...), to another one.
         """
-        weights = interpolate(addition / self._k0, self.dtype)
+        weights = interpolate(addition / self.diagonal, self.dtype, self.additions)
         used = np.flatnonzero(weights.reshape(len(weights), -1).any(axis=1))
         some = slice(int(used[0]), int(used[-1]) + 1)
         weights, inverses = weights[some] * self._fade, self._inverses[some]
         return lambda r: self._multiply(r.astype(self.dtype, copy=False), weights, inverses)
+
+    def _embed(self, grid: tuple[int, ...]) -> tuple[int, ...]:
+        """Return the lengths of the circulants."""
+        return tuple(fft.next_fast_len(2 * n - 1) for n in grid)
 
     def _multiply(self, r: Array, weights: Array, inverses: Array) -> Array:
         """Return the sum of the circulants of a field, each with its weights."""
@@ -154,17 +168,19 @@ class ShiftedInverses:
         return total.reshape(r.shape)
 
 
-def interpolate(addition: Array, dtype: DTypeLike) -> Array:
+def interpolate(addition: Array, dtype: DTypeLike, additions: Array = ADDITIONS) -> Array:
     """Return weights, shape (k, ...), with which the inverses make up one for an addition, over k₀.
 
     They are linear in 1/(k₀ + ν), and so exact where K is its diagonal k₀; beyond the last ν the
     inverse is that times the ratio.
     """
-    of_nodes, wanted = 1.0 / (1.0 + ADDITIONS), 1.0 / (1.0 + addition)
-    units = np.eye(len(ADDITIONS))
-    weights = np.stack([np.interp(-wanted, -of_nodes, unit).astype(dtype) for unit in units])
-    weights[-1] *= np.minimum(1.0, wanted / of_nodes[-1]).astype(dtype)
-    return weights
+    ends = np.append(1.0 / (1.0 + additions), 0.0).reshape(-1, *(1,) * addition.ndim)
+    wanted = 1.0 / (1.0 + addition)
+    # How much of the inverses up to each node there is: what the next one adds is its own.
+    shares = (wanted - ends[1:]) / (ends[:-1] - ends[1:])
+    shares = np.minimum(np.maximum(shares, 0.0), 1.0).astype(dtype)
+    shares[1:] -= shares[:-1].copy()
+    return shares
 
 
 def fade_rate(length: int) -> float:

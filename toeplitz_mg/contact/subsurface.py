@@ -2,12 +2,15 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.contact import plotting
 from toeplitz_mg.contact.result import ContactResult, NormalResult, TangentialResult
+from toeplitz_mg.contact.summary import Figure, Summary, list_figures, span, tabulate_figures
 from toeplitz_mg.engine.threads import elementwise
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.stress_matrices import stress_matrices
@@ -15,6 +18,9 @@ from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.values import field
 
 BODIES = ("first", "second")
+COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
+# What `plot` draws, and what it calls it.
+SHOWN = {"von_mises": "von Mises", "max_shear": "largest shear"} | {c: c for c in COMPONENTS}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,15 +50,6 @@ class Stresses:
     depths: Array
     centres: tuple[Array, ...]
     components: Array
-
-    def __repr__(self) -> str:
-        """Return the body, the depths and the grid."""
-        low, high = self.depths.min(initial=np.inf), self.depths.max(initial=0.0)
-        depths = f"{len(self.depths)} depth{'s' * (len(self.depths) != 1)}"
-        grid = " x ".join(map(str, self.components.shape[2:]))
-        return (
-            f"<Stresses of the {self.body} body, {grid}: {depths} from {low:.5g} to {high:.5g} mm>"
-        )
 
     @property
     def xx(self) -> Array:
@@ -97,6 +94,57 @@ class Stresses:
         where two principal stresses are the same.
         """
         return _by_depth(_largest_shear, self.components)
+
+    def plot(self, field: str = "von_mises", ax: Any = None) -> Any:
+        """Draw a stress along x and over the depth: of a surface, under the y of its largest value.
+
+        Parameters
+        ----------
+        field : str
+            "von_mises", "max_shear", or a component as "xz".
+        ax : matplotlib.axes.Axes, optional
+            Where to draw, as beside other results; by default on a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ValueError
+            Where there is no such stress, or depths are fewer than two or not in order.
+        ImportError
+            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
+        """
+        if field not in SHOWN:
+            raise ValueError(f"field is {field!r}, but must be one of {', '.join(SHOWN)}")
+        if len(self.depths) < 2 or not (np.diff(self.depths) > 0.0).all():
+            raise ValueError(f"depths is {self.depths}, but must rise, and be two at least")
+        return plotting.draw_section(self, field, SHOWN[field], ax)
+
+    summary, _repr_html_ = list_figures, tabulate_figures
+
+    def __repr__(self) -> str:
+        """Return what these are in one line."""
+        return f"<Stresses: {self._title}>"
+
+    def _summary(self) -> Summary:
+        largest = self.von_mises
+        k, *place = np.unravel_index(largest.argmax(), largest.shape)
+        found = [float(x[i]) for x, i in zip(self.centres, place, strict=True)]
+        figures = [
+            Figure("largest von Mises", largest.max(), "N/mm²"),
+            Figure("at x, y" if len(found) > 1 else "at x", found, "mm"),
+            Figure("at a depth of", self.depths[k], "mm"),
+            Figure("largest shear", self.max_shear.max(), "N/mm²"),
+        ]
+        return Summary(f"Stresses: {self._title}", figures)
+
+    @property
+    def _title(self) -> str:
+        grid = " x ".join(str(len(x)) for x in self.centres)
+        deep = span("", self.depths, "mm").text
+        return f"{self.body} body, below {grid} elements, {len(self.depths)} depths, {deep}"
 
     def _component(self, k: int) -> Array:
         component: Array = self.components[k]

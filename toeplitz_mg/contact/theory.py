@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike
 from scipy.special import elliprd, elliprf
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.summary import Figure, Summary, list_figures, tabulate_figures
+from toeplitz_mg.contact.units import units_of
 from toeplitz_mg.halfspace.materials import combine
 from toeplitz_mg.values import field, finite, in_range, positive
 
@@ -79,6 +81,24 @@ class HertzContact:
             return np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)))
         inside = 1.0 - (field("x", x) / a) ** 2 - (field("y", y) / b) ** 2
         return self.max_pressure * np.sqrt(np.maximum(0.0, inside))
+
+    summary, _repr_html_ = list_figures, tabulate_figures
+
+    def _summary(self) -> Summary:
+        axes = [a for a in self.half_axes if math.isfinite(a)]
+        units = units_of(axes)  # Line contact is in plane strain.
+        kind, name = ("line", "half width") if len(axes) == 1 else ("point", "half axes")
+        figures = [
+            Figure("force", self.force, units.force),
+            Figure("approach", self.approach, "mm"),
+            Figure("stiffness", self.stiffness, units.stiffness),
+            Figure(name, axes, "mm"),
+            Figure("contact", self.area, units.area),
+            Figure("mean pressure", self.mean_pressure, "N/mm²"),
+            Figure("largest pressure", self.max_pressure, "N/mm²"),
+        ]
+        known = [figure for figure in figures if figure.value is not None]
+        return Summary(f"Hertz's theory, {kind} contact", known)
 
 
 def hertz(

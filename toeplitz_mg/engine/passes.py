@@ -12,10 +12,11 @@ import numpy as np
 from scipy import fft
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.threads import share
+from toeplitz_mg.engine.threads import TRANSFORM, share
 from toeplitz_mg.engine.transforms import in_batches, phase_factors
 from toeplitz_mg.engine.workspace import workspace
 
+WHOLE_BYTES = 2**22  # Bytes of an extended field up to which it stays in the cache as a whole.
 PANEL_BYTES = 2**20  # Bytes of a panel of frequencies of the last axis: it stays in the cache.
 BLOCK_BYTES = 2**18  # Bytes of a block of lines along the last axis, which stays there too.
 NARROW = 8  # Least frequencies of a panel: shorter pieces of a line take as long to copy.
@@ -45,27 +46,28 @@ class PanelPasses:
 
     def _multiply(self, X: Array, out: Array) -> None:
         fields = (len(X), self._components, *self._grid)
-        Z = self.rows_in(X.reshape(fields))
-        self.rows_out(self.columns_through(Z), out.reshape(fields))
+        extended = (*fields[:2], *self.lengths)
+        if prod(extended) * self.precision.itemsize > WHOLE_BYTES:
+            Z = self.rows_in(X.reshape(fields))
+            self.rows_out(self.columns_through(Z), out.reshape(fields))
+            return
+        lines = self._lines(workspace(extended, self.precision))
+        self._enter(X.reshape(fields), lines[-1])
+        self._columns(lines, slice(None))
+        self._leave(lines[-1], out.reshape(fields))
 
     def rows_in(self, fields: Array) -> Array:
         """Transform fields, shape (rows, components, n₁, ..., n), along their last axis."""
-        n, L, w = self._grid[-1], self.lengths[-1], self._phases
+        n, L = self._grid[-1], self.lengths[-1]
         x = fields.reshape(-1, n)
         Z = workspace((len(x), L), self.precision)
         height = max(1, BLOCK_BYTES // (L * Z.itemsize))
 
         def work(blocks: range) -> None:
             for rows in _slices(blocks, height, len(x)):
-                R = Z[rows]
-                if w is None:
-                    R[:, :n] = x[rows]
-                else:
-                    np.multiply(x[rows], w, out=R[:, :n], casting="same_kind")
-                R[:, n:] = 0.0
-                _in_place(fft.fft, R, 1)
+                self._enter(x[rows], Z[rows])
 
-        share(work, -(-len(x) // height), Z.size)
+        share(work, -(-len(x) // height), TRANSFORM * Z.size)
         return Z.reshape(*fields.shape[:-1], L)
 
     def columns_through(self, matrix: Array, first: int = 0) -> Array:
@@ -86,27 +88,20 @@ class PanelPasses:
                 frequencies = slice(first + columns.start, first + columns.stop)
                 self._panel(matrix[..., columns], frequencies)
 
-        share(work, -(-count // width), matrix.size)
+        share(work, -(-count // width), TRANSFORM * matrix.size)
         return matrix
 
     def rows_out(self, Z: Array, fields: Array) -> Array:
         """Transform what `rows_in` has returned back, into fields."""
-        n, L, w = self._grid[-1], self.lengths[-1], self._phases
+        n, L = self._grid[-1], self.lengths[-1]
         Z, y = Z.reshape(-1, L), fields.reshape(-1, n)
         height = max(1, BLOCK_BYTES // (L * Z.itemsize))
 
         def work(blocks: range) -> None:
             for rows in _slices(blocks, height, len(y)):
-                R = Z[rows]
-                _in_place(fft.ifft, R, 1)
-                R = R[:, :n]
-                if w is None:
-                    y[rows] = R
-                else:
-                    R *= w.conj()
-                    y[rows] = R.real
+                self._leave(Z[rows], y[rows])
 
-        share(work, -(-len(y) // height), Z.size)
+        share(work, -(-len(y) // height), TRANSFORM * Z.size)
         return fields
 
     @property
@@ -116,20 +111,52 @@ class PanelPasses:
             return None
         return phase_factors(self.lengths[-1], 0.25, self.precision)[: self._grid[-1]]
 
+    def _enter(self, x: Array, R: Array) -> None:
+        """Transform lines along the last axis into `R`, which is longer."""
+        n, w = x.shape[-1], self._phases
+        if w is None:
+            R[..., :n] = x
+        else:
+            np.multiply(x, w, out=R[..., :n], casting="same_kind")
+        R[..., n:] = 0.0
+        _in_place(fft.fft, R, -1)
+
+    def _leave(self, R: Array, y: Array) -> None:
+        """Transform what `_enter` has returned back, into `y`."""
+        _in_place(fft.ifft, R, -1)
+        R, w = R[..., : y.shape[-1]], self._phases
+        if w is None:
+            y[...] = R
+        else:
+            R *= w.conj()
+            y[...] = R.real
+
     def _panel(self, part: Array, columns: slice) -> None:
         """Multiply some frequencies of the last axis, in place."""
-        grid = self._grid[:-1]
-        P = workspace((*part.shape[:2], *self.lengths[:-1], part.shape[-1]), part.dtype)
-        # Number k has the lines along axis k, where the axes before are not extended, or cut again.
-        lines = [P[(slice(None), slice(None), *map(slice, grid[:k]))] for k in range(len(grid) + 1)]
+        lines = self._lines(
+            workspace((*part.shape[:2], *self.lengths[:-1], part.shape[-1]), part.dtype)
+        )
         lines[-1][...] = part
+        self._columns(lines, columns)
+        part[...] = lines[-1]
+
+    def _lines(self, P: Array) -> list[Array]:
+        """Return views of an extended field.
+
+        Number k has the lines along axis k, where the axes before are not extended, or cut again.
+        """
+        grid = self._grid[:-1]
+        return [P[(slice(None), slice(None), *map(slice, grid[:k]))] for k in range(len(grid) + 1)]
+
+    def _columns(self, lines: list[Array], columns: slice) -> None:
+        """Multiply some frequencies of the last axis, given these views, in place."""
+        grid = self._grid[:-1]
         for k in reversed(range(len(grid))):
             lines[k][(slice(None),) * (2 + k) + (slice(grid[k], None),)] = 0.0
             _in_place(fft.fft, lines[k], 2 + k)
-        self._times_spectrum(P, columns)
+        self._times_spectrum(lines[0], columns)
         for k in range(len(grid)):
             _in_place(fft.ifft, lines[k], 2 + k)
-        part[...] = lines[-1]
 
     def _times_spectrum(self, P: Array, columns: slice) -> None:
         if self._components == 1:

@@ -19,6 +19,7 @@ from toeplitz_mg._typing import Array
 Work = Callable[[range], None]  # Does the parts that have these numbers.
 
 WORTH_THREADS = 2**19  # Numbers of a loop from which on threads make it faster, not slower.
+TRANSFORM = 2  # What a number counts that is transformed: threads gain on 512² elements, not 256².
 PIECE = 2**15  # Numbers that a thread does at once: what comes in between stays in the cache.
 # Pieces for each thread: one that has the core to itself takes those of another that has not.
 PIECES = 4

@@ -11,7 +11,7 @@ from scipy import fft
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.fourstep import four_step
 from toeplitz_mg.engine.panels import Panels
-from toeplitz_mg.engine.threads import WORTH_THREADS, share_slices
+from toeplitz_mg.engine.threads import TRANSFORM, WORTH_THREADS, share_slices
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
 
@@ -180,7 +180,7 @@ def in_batches(multiply: Callable[[Array, Array], None], X: Array, out: Array, s
     def work(rows: slice) -> None:
         multiply(X[rows], out[rows])
 
-    if size < WORTH_THREADS:
+    if TRANSFORM * size < WORTH_THREADS:
         share_slices(work, len(X), max(1, BATCH // size), len(X) * size)
         return
     for k in range(len(X)):

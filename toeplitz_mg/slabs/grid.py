@@ -40,7 +40,7 @@ class SlabGrid:
     slab : Slab
     """
 
-    is_kept = False
+    is_kept = is_short = False
 
     def __init__(self, whole: Grid, slab: Slab) -> None:
         self.whole, self.slab, self.vectors, self.agree = whole, slab, slab.vectors, slab.agree
@@ -188,7 +188,7 @@ class ShiftedInverses:
     def __init__(self, K: CoupledOperator, dtype: np.dtype[Any], k0: float) -> None:
         slab, m = K.slab, len(K.blocks)
         length = embedding_lengths(slab.shape)[0]
-        self.dtype, self._k0 = dtype, k0
+        self.dtype, self.diagonal = dtype, k0
         fade = np.exp(fade_rate(length) * np.arange(slab.rows.start, slab.rows.stop))[:, None]
         self._fade = fade.astype(dtype)
         faded = []
@@ -208,7 +208,7 @@ class ShiftedInverses:
 
     def at(self, addition: Array) -> Callable[[Array], Array]:
         """Return the approximate inverse of K + an addition to the diagonal at each place."""
-        weights = interpolate(addition / self._k0, self.dtype)
+        weights = interpolate(addition / self.diagonal, self.dtype)
 
         def invert(r: Array) -> Array:
             x = (r / self._fade).astype(self.dtype)

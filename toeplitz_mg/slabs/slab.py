@@ -1,12 +1,9 @@
-"""A grid cut into slabs of rows, one for each rank: what is moved, and what is summed.
+"""A grid cut into slabs of rows, one for each rank: which these are, and columns in their place.
 
-Every rank runs the same program on its own rows, which are plain arrays. No other file sends
-messages. A condition on which the next message depends rests on gathered numbers only, which are
-the same bits on all ranks: otherwise one would wait for ever for a message that no other sends.
+Every rank runs the same program on its own rows, which are plain arrays.
 """
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from math import inf, prod
 from os import PathLike
 from typing import Any
@@ -22,12 +19,11 @@ from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.halfspace.points import check_element
 from toeplitz_mg.slabs.cuts import Turn, choose_unit, cut_in_turns, cuts_of
 from toeplitz_mg.slabs.files import save_rows
+from toeplitz_mg.slabs.messages import Messages
 from toeplitz_mg.values import count
 
-REFUSALS = (np.linalg.LinAlgError, ValueError, TypeError, OSError)  # What all ranks raise alike.
 
-
-class Slab:
+class Slab(Messages):
     """The rows of a grid that this rank has.
 
     Parameters
@@ -76,7 +72,7 @@ class Slab:
     """
 
     def __init__(self, comm: Any, shape: tuple[int, ...], *, unit: int | None = None) -> None:
-        self.comm = _check_communicator(comm)
+        super().__init__(comm)
         ranks = comm.size
         with self.agree() as same:
             if not isinstance(shape, Sequence) or not shape:
@@ -179,77 +175,11 @@ class Slab:
         """
         save_rows(self, path, x)
 
-    @contextmanager
-    def agree(self) -> Iterator[dict[str, Any]]:
-        """Do what may be refused on some ranks only, so that all ranks raise the same error.
-
-        Without it the others would wait for ever for the rank that has raised one. The dictionary
-        is to be filled with what has to be the same on all ranks, by its name; otherwise it is a
-        ValueError.
-        """
-        same: dict[str, Any] = {}
-        refusal: Exception | None = None
-        try:
-            yield same
-        except REFUSALS as error:
-            refusal = error
-        kind = next((k for k in REFUSALS if isinstance(refusal, k)), None)
-        told = self.comm.allgather((kind, str(refusal), same))
-        for rank, (kind, text, _) in enumerate(told):
-            if kind is not None:
-                raise kind(f"rank {rank}: {text}") from refusal
-        first = told[0][2]
-        for rank, (_, _, other) in enumerate(told):
-            if other.keys() != first.keys():
-                raise ValueError(
-                    f"rank 0 compares {list(first)}, and rank {rank} {list(other)}, but all ranks "
-                    "must call the same functions in the same order"
-                )
-            for name, value in first.items():
-                if other[name] != value:
-                    raise ValueError(
-                        f"{name} is {value} on rank 0 and {other[name]} on rank {rank}, but must "
-                        "be the same on all"
-                    )
-
-    def gather(self, number: Any) -> Sequence[Any]:
-        """Return a number, or an array of numbers, of each rank, in the order of the ranks."""
-        own = np.asarray(number)
-        own = own.astype(np.result_type(own, np.float64), copy=False)
-        numbers = np.empty((self.comm.size, *own.shape), own.dtype)
-        self.comm.Allgather(np.ascontiguousarray(own), numbers)
-        return numbers.tolist() if own.ndim == 0 else list(numbers)
-
     def extent(self, x: Array) -> tuple[float, float]:
         """Return the least and the largest number of a field; of an empty one inf and -inf."""
         own = np.array([-x.min(initial=inf), x.max(initial=-inf)])
         low, high = np.max(self.gather(own), axis=0).tolist()
         return -low, high
-
-    def everywhere(self, x: Array, lengths: Array | None = None) -> Array:
-        """Return the rows of all ranks, one after the other, on each of them.
-
-        It is for what is small: nothing of the size of the grid may go this way. Where the number
-        of rows of each rank is known, `lengths`, one message less is sent.
-        """
-        if self.comm.size == 1:
-            return x
-        if lengths is None:
-            lengths = np.array(self.gather(len(x)), int)
-        whole = np.empty((int(lengths.sum()), *x.shape[1:]), x.dtype)
-        self.comm.Allgatherv(np.ascontiguousarray(x), [whole, lengths * prod(x.shape[1:])])
-        return whole
-
-    def exchange(self, x: Array, starts: Array, lengths: Array, expected: Array) -> Array:
-        """Send each rank some rows, from `starts` on, and return those that all ranks send.
-
-        Rank k is sent `lengths[k]` rows, and sends `expected[k]`.
-        """
-        size = prod(x.shape[1:])
-        got = np.empty((int(expected.sum()), *x.shape[1:]), x.dtype)
-        sent = [np.ascontiguousarray(x), (lengths * size, starts * size)]
-        self.comm.Alltoallv(sent, [got, expected * size])
-        return got
 
     def columns(self, n: int) -> slice:
         """Return which of n columns this rank has between `to_columns` and `to_rows`."""
@@ -279,7 +209,7 @@ class Slab:
         for part, (a, b) in self._pieces(sent, turn, Z):
             part[...] = Z[..., a:b]
         out[self.rows] = Z[..., slice(*own)]
-        self.comm.Alltoallv([sent, sizes], [out, self._places_of_rows(out)])
+        self.swap([sent, sizes], [out, self._places_of_rows(out)])
         return out
 
     def to_rows(self, C: Array, out: Array, turn: Turn | None = None) -> Array:
@@ -287,7 +217,7 @@ class Slab:
         turn = turn or next(self.turns(out.shape[-1], out.shape[-1]))
         sizes = self._sizes(turn, out)
         got = workspace((sum(sizes),), out.dtype)
-        self.comm.Alltoallv([np.ascontiguousarray(C), self._places_of_rows(C)], [got, sizes])
+        self.swap([np.ascontiguousarray(C), self._places_of_rows(C)], [got, sizes])
         for part, (a, b) in self._pieces(got, turn, out):
             out[..., a:b] = part
         out[..., slice(*turn[self.comm.rank])] = C[self.rows]
@@ -314,21 +244,6 @@ class Slab:
             if size:
                 yield flat[start:end].reshape(*Z.shape[:-1], b - a), (a, b)
 
-    def shift(self, x: Array, count: int, step: int) -> Array:
-        """Send rows to the next rank (step 1), or to the one before (step -1), if there is one.
-
-        What is returned are the `count` rows from the other side: 0 where there is no rank.
-        """
-        from mpi4py import MPI
-
-        there, back = (
-            rank if 0 <= rank < self.comm.size else MPI.PROC_NULL
-            for rank in (self.comm.rank + step, self.comm.rank - step)
-        )
-        got = np.empty((count, *x.shape[1:]), x.dtype)
-        self.comm.Sendrecv(np.ascontiguousarray(x), there, recvbuf=got, source=back)
-        return got
-
     def with_rows_above(self, x: Array, count: int) -> Array:
         """Return this rank's rows and so many before them, as far as there are any.
 
@@ -347,18 +262,3 @@ class Slab:
         return (
             f"<Slab of the grid {self.shape}: rows {start} to {stop - 1} on rank {self.comm.rank}>"
         )
-
-
-def _check_communicator(comm: Any) -> Any:
-    try:
-        from mpi4py import MPI
-    except ImportError as error:
-        raise ImportError(
-            'toeplitz_mg.slabs needs mpi4py, but it is not there: pip install "toeplitz-mg[mpi]"'
-        ) from error
-    if not isinstance(comm, MPI.Intracomm) or comm == MPI.COMM_NULL:
-        raise TypeError(
-            f"comm is a {type(comm).__name__}, but must be a communicator, as MPI.COMM_WORLD of "
-            "mpi4py"
-        )
-    return comm

@@ -179,7 +179,7 @@ class Search:
             p = p if is_admissible else self.clip(p)
             if is_bounded:
                 C |= self.sets_of(p)
-            if self.exchanged and law.residual > ROUGH:  # It begins far away.
+            if law.residual > ROUGH:
                 return Iterate(p, self._follow(A, now, p), C, is_exact=False), count
             return Iterate(p, A(p), C), count
         return replace(now, sets=C), count

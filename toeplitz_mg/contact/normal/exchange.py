@@ -16,7 +16,9 @@ from toeplitz_mg.contact.normal.active_set import Search
 from toeplitz_mg.contact.products import Products
 
 PART = 0.5  # Part of the tolerance that is left to the exchange.
-FEW = 0.1  # Share of the elements, that full contact pulls apart, up to which they are few.
+# Force over its deviation in full contact beyond which few elements are pulled apart: a tenth of
+# them where the pressures are normally distributed.
+FULL = 1.28
 
 
 def press_all_but_few(
@@ -40,18 +42,14 @@ def press_all_but_few(
         Those on the sets of elements that are apart.
     """
     grid, z, vectors = search.grid, search.z, search.grid.vectors
-    is_free = search.force is not None and search.hardness == np.inf and grid.has_free_mean
-    if not is_free or search.inverse.dtype != np.float32:
+    is_free = search.hardness == np.inf and grid.has_free_mean
+    if search.force is None or not is_free or search.inverse.dtype != np.float32:
+        return None, ()
+    if search.force < FULL * vary_by(search):
         return None, ()
     K, scale = grid.scaled_inverse()
     products, scale = Products(K, A.limit - A.count), -scale * search.unit
     approach = -search.total / prod(grid.shape)
-    # Whether they are few needs no digits.
-    largest = vectors.max(z) or 1.0
-    rough = products((z / largest).astype(np.float32))
-    A.count += 1
-    if vectors.count(rough * (scale * largest) < approach) > FEW * prod(grid.shape):
-        return None, ()
     z = products(z) * scale
     roles = (K, A.A.astype(np.float32))
     tolerance = search.tolerance
@@ -71,5 +69,17 @@ def press_all_but_few(
         tolerance=tolerance,
         progress=search.progress,
     )
-    A.count += products.count - 1
+    A.count += products.count
     return np.where(now.x > 0.0, 0.0, np.maximum(now.u + z - approach, 0.0)), iterations
+
+
+def vary_by(search: Search) -> float:
+    """Return how much full contact varies the force, by the root mean square of its pressures.
+
+    These are E*|q|/2 of a wave with a wavenumber q, and so E*/2 of its slopes. Where the pressures
+    vary by more than their mean, those of many elements pull.
+    """
+    grid, z = search.grid, search.z
+    slopes = (np.diff(z, axis=axis) / h for axis, h in enumerate(grid.element))
+    squares = sum(grid.vectors.dot(slope, slope) for slope in slopes) / z.size
+    return float(0.5 * grid.material.E_star * np.sqrt(squares) * grid.area * z.size)

@@ -9,6 +9,7 @@ from toeplitz_mg.contact import fields, plotting, saving
 from toeplitz_mg.contact.summary import (
     ENERGY,
     Figure,
+    Summary,
     describe_cost,
     describe_grid,
     list_figures,
@@ -182,13 +183,14 @@ class NormalResult:
     save, to_xarray, to_vtk = saving.save, saving.to_xarray, saving.to_vtk
     summary, __repr__, _repr_html_ = list_figures, shorten, tabulate_figures
 
-    def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
+    def _summary(self) -> Summary:
         title = f"Normal contact, {describe_grid(self.shape, self.element)}"
         figures = self._figures()
         stiffness = saving.split_fields(self)[1]["stiffness"]
         if stiffness is not None:
             figures.insert(2, Figure("stiffness", stiffness, units_of(self.element).stiffness))
-        return title, figures, describe_cost(self.products, self.residual), self.warnings
+        cost = describe_cost(self.products, self.residual)
+        return Summary(title, figures, cost, self.warnings)
 
     @property
     def _yields(self) -> str | None:

@@ -47,54 +47,81 @@ def solve(search: Search, A: Products, *, nested: bool, guess: Array | None = No
     before: tuple[int, ...] = ()
     if guess is None:
         guess, before = press_all_but_few(search, A, ETA)
-    b, u = (search.approach or 0.0) - search.z, None
     if guess is None:
-        p, C = _first_guess(search, nested=nested)
+        state = _search_from(search, A, *_first_guess(search, nested=nested))
     else:
         near = _come_near(search, A, guess)
-        p, u, C = near.x, near.u, near.sets
+        state = _search_from(search, A, near.x, near.sets, near.u)
+    return state._replace(iterations=before + state.iterations)
+
+
+def _search_from(search: Search, A: Products, p: Array, C: Array, u: Array | None = None) -> State:
+    """Find the pressures from some, of which the displacements may be known, and from a set."""
     now, law, iterations = find_sets(
-        search, A, p, C, u=u, b=b, eta=ETA, tolerance=search.tolerance, progress=search.progress
+        search,
+        A,
+        p,
+        C,
+        u=u,
+        b=(search.approach or 0.0) - search.z,
+        eta=ETA,
+        tolerance=search.tolerance,
+        progress=search.progress,
     )
-    return State(now.x, now.u, law.touching, law.residual, before + iterations)
+    return State(now.x, now.u, law.touching, law.residual, iterations)
 
 
 def _come_near(search: Search, A: Products, p: Array) -> Iterate:
     """Return what some steps make of pressures that are nearly right: their set, above all.
 
     A step corrects the pressures by the approximate inverse, and clips those below zero. On a
-    set that is nearly right that leaves a fifth of the error, and takes one product, where an
-    iteration on the set and a change of it take two.
+    set that is nearly right that leaves less than a fifth of the error, and takes one product,
+    where an iteration on the set and a change of it take two.
     """
     p = search.clip(p)
-    now = Iterate(p, A(p), search.sets_of(p))
+    now, before = Iterate(p, A(p), search.sets_of(p)), None
     error = search.look(now).residual
+    A.progress = search.progress
     while error > search.tolerance and not A.exhausted:
-        following = _step(search, A, now)
+        A.residual = error
+        following = _step(search, A, now, before)
         fallen = search.look(following).residual
         if fallen > FALL * error:
             return following if fallen < error else now
-        if not A.vectors.count(following.sets ^ now.sets):
-            return following  # On one set conjugate gradients are faster.
-        now, error = following, fallen
+        now, before, error = following, now, fallen
     return now
 
 
-def _step(search: Search, A: Products, now: Iterate) -> Iterate:
-    """Correct pressures by the approximate inverse, where they will be free (`Search.change`)."""
+def _step(search: Search, A: Products, now: Iterate, before: Iterate | None) -> Iterate:
+    """Correct pressures by the approximate inverse, where they will be free (`Search.change`).
+
+    As in conjugate gradients the step before is given the length at which the error is least, and
+    the direction is conjugate to it. Only the length of the last step is as yet unknown: it is one.
+    """
     gap, M, vectors = search.look(now).look.gap, search.inverse, A.vectors
     xp = vectors.xp
     C = search.change(now.x, gap)
     if not vectors.count(C):
         return now
     r = xp.where(C, -gap, 0.0)
-    largest = vectors.max(xp.abs(r))
+    curvature = lack = 0.0
+    if before is not None:
+        last, product = (
+            xp.where(C, after - earlier, 0.0)
+            for after, earlier in ((now.x, before.x), (now.u, before.u))
+        )
+        curvature = vectors.dot(last, product)
+    if curvature > 0.0:
+        lack = vectors.dot(r, last) / curvature
+        r = r - lack * product
+    largest = vectors.max(xp.abs(r)) or 1.0
     M.fit(C, is_near=True)
     change = xp.where(C, M(vectors.cast(r / largest, M.dtype)), 0.0) * largest
+    change = vectors.cast(change, np.float64)
     if search.force is not None:
-        mean = vectors.sum(change) / vectors.count(C)
-        balanced = xp.where(C, vectors.cast(change, np.float64) - mean, 0.0)
-        change = vectors.cast(balanced, M.dtype)
+        change = xp.where(C, change - vectors.sum(change) / vectors.count(C), 0.0)
+    if curvature > 0.0:
+        change = change + (lack - vectors.dot(change, product) / curvature) * last
     p = search.clip(now.x + change)
     return Iterate(p, A(p), search.sets_of(p))
 
@@ -108,7 +135,8 @@ def _first_guess(search: Search, *, nested: bool) -> tuple[Array, Array]:
             return zeros(z) + search.most, zeros(z, bool)
     coarse = _coarser(search) if nested else None
     if coarse is not None:
-        state = solve(coarse, Products(coarse.matrix, COARSE_PRODUCTS), nested=True)
+        products = Products(coarse.matrix, COARSE_PRODUCTS)
+        state = _search_from(coarse, products, *_first_guess(coarse, nested=True))
         p = _interpolate(search, state, search.unit / coarse.unit)
         if search.grid.vectors.count(p):
             return p, search.sets_of(p)

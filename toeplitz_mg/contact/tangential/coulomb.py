@@ -9,7 +9,6 @@ While the sets are fixed, q may change by any vector where it sticks, and along 
 where it slides: by a tangent vector. In one component there is none of those, the sign stays.
 """
 
-from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,7 +44,10 @@ class Areas:
 
 def size(q: Array) -> Array:
     """Return |q| in each element."""
-    return np.abs(q[0]) if len(q) == 1 else np.hypot(q[0], q[1])
+    if len(q) == 1:
+        return np.abs(q[0])
+    x, y = q  # No square of a number that is allowed under- or overflows, so that this is enough.
+    return np.sqrt(x * x + y * y)
 
 
 def direction(q: Array) -> Array:
@@ -69,8 +71,11 @@ def clip(q: Array, g: Array) -> Array:
 
 def scale_to_bound(q: Array, g: Array, on_circle: Array) -> Array:
     """Return tractions of the size of the bound on some elements, within it on the others."""
-    g_circle = np.where(on_circle, g, 0.0)  # Elsewhere the bound may be infinite, and q zero.
-    return clip(np.where(on_circle, direction(q) * g_circle, q), g)
+    if len(q) == 1:
+        return np.clip(np.where(on_circle & (q != 0.0), np.copysign(g, q), q), -g, g)
+    a, within = size(q), g * (1.0 - ROUNDING)
+    outside = (on_circle | (a > within)) & (a > 0.0)
+    return q * np.divide(within, a, out=np.ones_like(a), where=outside)
 
 
 class Tangent:
@@ -93,7 +98,8 @@ class Tangent:
         self._vectors = vectors
         self.inside = areas.stick | areas.slide
         self._is_everywhere = bool(self.inside.all())
-        self.n = np.where(areas.slide, direction(q), 0.0)
+        a = size(q)
+        self.n = np.divide(q, a, out=np.zeros_like(q), where=areas.slide & (a > 0.0))
         self._balanced = list(balanced)
         if balanced:
             units = np.zeros((len(balanced), *q.shape))
@@ -104,7 +110,8 @@ class Tangent:
 
     def astype(self, dtype: DTypeLike) -> "Tangent":
         """Return the same directions in another precision."""
-        other = copy(self)
+        other = object.__new__(Tangent)
+        other.__dict__.update(self.__dict__)
         other.n = self.n.astype(dtype)
         if self._balanced:
             other._units = self._units.astype(dtype)

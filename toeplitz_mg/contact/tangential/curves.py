@@ -8,9 +8,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element
+from toeplitz_mg.contact import plotting
 from toeplitz_mg.contact.result import TangentialResult
+from toeplitz_mg.contact.summary import (
+    Figure,
+    Summary,
+    describe_cost,
+    list_figures,
+    span,
+    tabulate_figures,
+)
 from toeplitz_mg.contact.tangential.motion import CREEPAGES
 from toeplitz_mg.contact.tangential.rolling import rolling
+from toeplitz_mg.contact.units import Units, units_of
 from toeplitz_mg.values import field
 
 
@@ -44,11 +54,67 @@ class CreepCurve:
     stick_share: Array
     products: Array
 
+    summary, _repr_html_ = list_figures, tabulate_figures
+
     def __repr__(self) -> str:
-        """Return how many points there are, and the largest of their forces."""
-        largest = np.linalg.norm(self.force.reshape(len(self.force), -1), axis=1).max()
-        points, products = len(self.force), int(self.products.sum())
-        return f"<CreepCurve of {points} points: forces up to {largest:.5g}; {products} products>"
+        """Return the creepages and the forces in one line."""
+        few = ", ".join(f"{figure.name} {figure.text}" for figure in self._figures()[:2])
+        return f"<CreepCurve {len(self.force)} points: {few}; {self._cost}>"
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the forces over the creepage that varies, or over the first that does.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw, as beside other curves; by default on a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ImportError
+            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
+        """
+        ax = plotting.find_axes(ax)
+        points = self.creepages.reshape(len(self.force), -1).T
+        over = next((k for k, x in enumerate(points) if np.ptp(x) > 0.0), 0)
+        for name, values in zip("xy", np.atleast_2d(self.force.T), strict=False):
+            ax.plot(points[over], values, "o-", label=f"along {name}")
+        label = ("longitudinal creepage", "lateral creepage", "spin [1/mm]")[over]
+        ax.set(xlabel=label, ylabel=f"force [{self._units.force}]")
+        ax.ticklabel_format(axis="x", scilimits=(-2, 3))
+        ax.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
+        ax.legend()
+        return ax
+
+    def _summary(self) -> Summary:
+        title = f"Creep curve of {len(self.force)} points, from the first to the last"
+        return Summary(title, self._figures(), self._cost)
+
+    def _figures(self) -> list[Figure]:
+        units, creepages, spin = self._units, self.creepages, None
+        if creepages.ndim > 1:
+            creepages, spin = creepages[:, :2], creepages[:, 2]
+        columns = (
+            ("creepages", creepages, ""),
+            ("force", self.force, units.force),
+            ("spin", spin if np.any(spin) else None, "1/mm"),
+            ("moment", self.moment, "N mm"),
+            ("power over speed", self.power, units.force),
+            ("share that sticks", 100.0 * self.stick_share, "%"),
+        )
+        return [span(name, x, unit) for name, x, unit in columns if x is not None]
+
+    @property
+    def _units(self) -> Units:
+        return units_of((0.0,) if self.moment is None else (0.0, 0.0))
+
+    @property
+    def _cost(self) -> str:
+        return describe_cost(int(self.products.sum()))
 
 
 def creep_curve(

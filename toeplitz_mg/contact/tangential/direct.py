@@ -3,9 +3,8 @@
 The search knows the elements in contact only, as one axis. Its linear systems are solved in single
 precision, which leaves a part of some 1e-6 of each to the next one.
 
-It starts as Kalker's simplified theory does, from the leading edge backwards: from one element to
-the next the tractions grow as they would without slip, and where they exceed the bound they are cut
-to it. The growth is that of bonded bodies here, so that the start is exact where nothing slips.
+It starts from the leading edge. The growth of the tractions is that of bonded bodies here, so that
+the start is exact where nothing slips.
 """
 
 import numpy as np
@@ -14,10 +13,11 @@ from scipy.linalg import lapack
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.steady_matrices import SteadyArray
-from toeplitz_mg.contact.tangential.coulomb import Areas, size
+from toeplitz_mg.contact.tangential.coulomb import Areas
 from toeplitz_mg.contact.tangential.given_loads import Loads, Look
+from toeplitz_mg.contact.tangential.leading_edge import roll_backwards
+from toeplitz_mg.contact.tangential.problem import STIFFEST, Problem, State, admit
 from toeplitz_mg.contact.tangential.settling import settle
-from toeplitz_mg.contact.tangential.stick_slip import STIFFEST, Problem, State, admit
 
 
 def find_directly(
@@ -46,7 +46,7 @@ def find_directly(
         q, slide = np.zeros(problem.b.shape), np.zeros(C.shape, bool)
         if not len(loads.wanted):  # Where loads are given, something must stick to carry them.
             q[:, C] = array.solve(on_contact.b.reshape(-1)).reshape(on_contact.b.shape)
-            q, slide = _roll_backwards(q, problem.g)
+            q, slide = roll_backwards(q, problem.g)
         guess = admit(problem, q, slide)
     q, areas = guess
     products = Products(array, K.limit)
@@ -74,22 +74,6 @@ def _combine(solutions: Array, arms: Array, wanted: Array) -> Array:
         weights = np.linalg.lstsq(system, (wanted - arms @ q) / of_arms)[0]
         q = q + others @ (weights / of_others)
     return q
-
-
-def _roll_backwards(bonded: Array, g: Array) -> tuple[Array, Array]:
-    """Return tractions that grow as those without slip, within the bound, and where they slide."""
-    growth, q = bonded.copy(), np.empty_like(bonded)
-    growth[:, :-1] -= bonded[:, 1:]
-    slide = np.empty(g.shape, bool)
-    now = np.zeros_like(bonded[:, 0])
-    for i in range(len(g) - 1, -1, -1):
-        now = now + growth[:, i]
-        sizes = size(now)
-        slide[i] = exceeds = sizes > g[i]
-        if exceeds.any():
-            now = now * (np.where(exceeds, g[i], 1.0) / np.where(exceeds, sizes, 1.0))
-        q[:, i] = now
-    return q, slide
 
 
 def _newton_step(now: Look, areas: Areas, K: SteadyArray, loads: Loads) -> Array:

@@ -27,8 +27,9 @@ from toeplitz_mg.contact.result import (
     touches_edge,
 )
 from toeplitz_mg.contact.tangential.coulomb import clip, project, sum_components
+from toeplitz_mg.contact.tangential.problem import Problem, State
 from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given, slide_off
-from toeplitz_mg.contact.tangential.stick_slip import Problem, State, solve
+from toeplitz_mg.contact.tangential.stick_slip import solve
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.values import refuse_masked

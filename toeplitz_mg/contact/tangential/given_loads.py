@@ -12,7 +12,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.tangential.coulomb import Areas, Tangent, make_admissible, size
 from toeplitz_mg.contact.tangential.motion import Complement, inner_products
-from toeplitz_mg.contact.tangential.stick_slip import Linearisation, Problem, linearise
+from toeplitz_mg.contact.tangential.problem import Linearisation, Problem, linearise
 from toeplitz_mg.engine.vectors import Vectors
 
 CARRYING = 8  # Attempts to restore the loads without a product: the rest is left to the next step.

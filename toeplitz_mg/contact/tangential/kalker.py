@@ -7,6 +7,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import surfaces
 from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.summary import Figure, Summary, tabulate_figures
 from toeplitz_mg.contact.tangential.rolling import roll
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.halfspace.materials import Material, check_ratio
@@ -35,6 +36,13 @@ class KalkerCoefficients(NamedTuple):
     C22: float
     C23: float
     C33: float
+
+    def _repr_html_(self) -> str:
+        return tabulate_figures(self)
+
+    def _summary(self) -> Summary:
+        figures = [Figure(name, value) for name, value in self._asdict().items()]
+        return Summary("Kalker's coefficients", figures)
 
 
 def kalker_coefficients(ratio: float, nu: float, *, n: int = ELEMENTS) -> KalkerCoefficients:

@@ -12,6 +12,7 @@ from toeplitz_mg.contact.summary import (
     ENERGY,
     NOTHING,
     Figure,
+    Summary,
     describe_cost,
     describe_grid,
     list_figures,
@@ -182,10 +183,11 @@ class TangentialResult:
     save, to_xarray, to_vtk = saving.save, saving.to_xarray, saving.to_vtk
     summary, __repr__, _repr_html_ = list_figures, shorten, tabulate_figures
 
-    def _summary(self) -> tuple[str, list[Figure], str, tuple[str, ...]]:
+    def _summary(self) -> Summary:
         kind = "Friction" if self.creepages is None else "Rolling"
         title = f"{kind}, {describe_grid(self.shape, self.element)}"
-        return title, self._figures(), describe_cost(self.products, self.residual), self.warnings
+        cost = describe_cost(self.products, self.residual)
+        return Summary(title, self._figures(), cost, self.warnings)
 
     def _figures(self) -> list[Figure]:
         units = units_of(self.element)

@@ -22,8 +22,8 @@ from toeplitz_mg.contact.tangential.falling import fall
 from toeplitz_mg.contact.tangential.friction import make_result
 from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.motion import Motion
+from toeplitz_mg.contact.tangential.problem import Problem, State, admit
 from toeplitz_mg.contact.tangential.steady import SteadyOptions, find_steady_state
-from toeplitz_mg.contact.tangential.stick_slip import Problem, State, admit
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows

@@ -13,7 +13,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.tangential.coulomb import Areas, along, make_admissible, size
 from toeplitz_mg.contact.tangential.given_loads import Loads, Look, carry, look
-from toeplitz_mg.contact.tangential.stick_slip import Problem, State
+from toeplitz_mg.contact.tangential.problem import Problem, State
 
 BETTER = 0.9  # Factor of the least residual so far, below which a new one is progress.
 

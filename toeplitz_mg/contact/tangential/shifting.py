@@ -15,7 +15,7 @@ from toeplitz_mg.contact.tangential.coulomb import (
     scale_to_bound,
     sum_components,
 )
-from toeplitz_mg.contact.tangential.stick_slip import Problem, State
+from toeplitz_mg.contact.tangential.problem import Problem, State
 
 
 def slide_off(problem: Problem, A: Products) -> tuple[State, Array]:

@@ -1,7 +1,9 @@
 """The steady state of rolling, directly: the areas of stick and slip for a matrix not symmetric.
 
 Of few elements the matrix is an array (`direct`); of many, Newton's method has GMRES for its linear
-systems. Where the areas do not settle, rolling step by step leads on.
+systems (`newton`). On small grids the search starts from the leading edge, on
+larger grids from the solution on elements of twice the size. Where the areas do not settle, rolling
+step by step leads on.
 
 GMRES is preconditioned by inverses of the symbol of K, â(θ)(1 - e^{iθ₁}), plus ν, for a few ν.
 Where elements stick it is K that is to be inverted, and where they slide K + λ, with λ of any size:
@@ -23,24 +25,16 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import COARSEST
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.steady_matrices import LEAST_UNIT, MOST_UNIT
-from toeplitz_mg.contact.tangential.coulomb import Areas, along, clip
+from toeplitz_mg.contact.tangential.coulomb import Areas, clip
 from toeplitz_mg.contact.tangential.direct import find_directly
-from toeplitz_mg.contact.tangential.given_loads import CARRIED, Loads, Look, complement
+from toeplitz_mg.contact.tangential.given_loads import Loads, Look
+from toeplitz_mg.contact.tangential.leading_edge import roll_backwards
+from toeplitz_mg.contact.tangential.newton import make_step
+from toeplitz_mg.contact.tangential.problem import Problem, State, admit, refine_guess
 from toeplitz_mg.contact.tangential.settling import settle
-from toeplitz_mg.contact.tangential.stick_slip import (
-    COARSE_PRODUCTS,
-    SHARP,
-    STIFFEST,
-    Problem,
-    State,
-    refine_guess,
-    solve,
-)
-from toeplitz_mg.engine.krylov_space import KrylovSpace
+from toeplitz_mg.contact.tangential.stick_slip import COARSE_PRODUCTS, solve
 from toeplitz_mg.operators import apply_to_rows
 
-REDUCTION = 0.01  # Reduction of the residual by one solution where the problem is linearised.
-SINGLE = 1e-5  # Reduction of the residual for which single precision is good.
 STEP_TOLERANCE = 1e-6  # Tolerance of a step of rolling that only leads to the steady state.
 
 
@@ -98,7 +92,8 @@ def find_steady_state(
     patience = options.patience
     iterations: tuple[int, ...] = ()
     array = problem.grid.steady_array(problem.g > 0.0)
-    if guess is None and nested:
+    grid = problem.grid
+    if guess is None and nested and not grid.is_short:
         # What is not solved directly has at least that for a coarser grid which is.
         coarsest = 1 if array is None else COARSEST
         guess = _guess_from_coarser_grids(problem, loads, options, coarsest)
@@ -107,15 +102,16 @@ def find_steady_state(
         if state.residual <= problem.tolerance or K.exhausted:
             return state
         guess, iterations = (state.q, state.areas), state.iterations
+    k0 = grid.diagonal(K.A)
+    M = grid.invert_shifted(K.A, np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64)
     if guess is None:
-        everything_sticks = Areas(problem.g > 0.0, np.zeros(problem.g.shape, bool))
-        guess = np.zeros(problem.b.shape), everything_sticks
-    k0 = problem.grid.diagonal(K.A)
-    dtype = np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64
-    M = problem.grid.invert_shifted(K.A, dtype)
+        q, slide = np.zeros(problem.b.shape), np.zeros(problem.g.shape, bool)
+        if grid.is_short and not len(loads.wanted):
+            q, slide = roll_backwards(M.at(np.zeros(grid.shape))(problem.b), problem.g)
+        guess = admit(problem, q, slide)
 
     def newton(now: Look, areas: Areas, q: Array) -> tuple[Array, int]:
-        return _newton_step(problem, loads, now, areas, q, K, M, options)
+        return make_step(problem, loads, now, areas, q, K, M, options.iterations)
 
     while True:
         state = settle(problem, loads, K, guess, newton, patience)
@@ -124,66 +120,6 @@ def find_steady_state(
             return replace(state, iterations=iterations)
         b = problem.b + problem.vectors.combine(state.shift, loads.units)
         guess = _roll_on(replace(problem, b=b), state.q, K)
-
-
-def _newton_step(
-    problem: Problem,
-    loads: Loads,
-    now: Look,
-    areas: Areas,
-    q: Array,
-    K: Products,
-    M: Any,
-    options: SteadyOptions,
-) -> tuple[Array, int]:
-    """Return a change of the tractions by Newton's method, and the iterations of GMRES."""
-    law, vectors = now.law, problem.vectors
-    T, lam, r = law.T, law.stiffness, law.r
-    k0 = problem.grid.diagonal(K.A)
-    invert = M.at(np.where(areas.slide, lam, 0.0))
-    of_slip = complement(loads.units, T, vectors)
-    of_tractions = complement(loads.arms, T, vectors)
-    first, K_first = np.zeros_like(q), np.zeros_like(q)
-    if loads.error(q, vectors) > CARRIED:
-        first = of_tractions.reach(now.missing)
-        K_first = K(first)
-        r = of_slip(r - T(K_first) - lam * first)
-    if vectors.norm(r) == 0.0:
-        return first, 0
-    largest = vectors.max(np.abs(r))
-    exact = max(SHARP * problem.tolerance * law.scale, SINGLE * largest)
-    if len(r) > 1 and vectors.count(areas.slide):  # The circle |q| = g is linearised.
-        exact = max(exact, REDUCTION * largest)
-    most = min(options.iterations, max(1, K.limit - K.count))
-    # All of them are kept, so that what is wrong with each iterate is told without a product more.
-    directions = np.empty((most, *r.shape), M.dtype)
-    products = np.empty_like(directions)
-    T, lam = T.astype(M.dtype), np.minimum(lam, STIFFEST * k0).astype(M.dtype)
-
-    def multiply(v: Array, out: Array) -> Array:
-        d = directions[space.dimension]
-        d[...] = of_tractions(T(invert(T(v))))
-        Kd = products[space.dimension]
-        Kd[...] = K(d)
-        return of_slip(T(Kd) + lam * d)
-
-    space = KrylovSpace(multiply, r.shape, M.dtype, most, vectors)
-    space.begin(r)
-    enough = np.inf  # A norm of what is left from which on it may do: then an iterate is made.
-    while True:
-        least, k = space.extend(), space.dimension
-        if enough < least and k < most:
-            continue
-        weights = space.weights()
-        v, Kv = (vectors.combine(weights, x[:k]) for x in (directions, products))
-        rest = vectors.max(np.abs(r - of_slip(T(Kv) + lam * v)))
-        v, Kv = first + v, K_first + Kv
-        # What is wrong with the areas and with the linearisation is left to the next step.
-        slips = vectors.min(along(law.minus_slip - Kv, law.T.n))
-        wrong = max(k0 * problem.excess(q + v), -slips)
-        if least == 0.0 or rest <= max(exact, wrong) or k == most:
-            return v, k
-        enough = least * max(exact, wrong) / rest
 
 
 def _guess_from_coarser_grids(

@@ -23,8 +23,9 @@ from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.coulomb import clip, project
 from toeplitz_mg.contact.tangential.motion import Motion
+from toeplitz_mg.contact.tangential.problem import Problem
 from toeplitz_mg.contact.tangential.rolling import make_rolling_result
-from toeplitz_mg.contact.tangential.stick_slip import Problem, solve
+from toeplitz_mg.contact.tangential.stick_slip import solve
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows

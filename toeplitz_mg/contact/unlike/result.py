@@ -1,11 +1,13 @@
 """What contact with friction of unlike materials has for an answer."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact import fields, saving
+from toeplitz_mg.contact import fields, plotting, saving
 from toeplitz_mg.contact.normal.result import NormalResult
-from toeplitz_mg.contact.summary import ENERGY, Figure, write_lines
+from toeplitz_mg.contact.summary import ENERGY, Figure, Summary
 from toeplitz_mg.contact.tangential.result import TangentialResult
 from toeplitz_mg.contact.units import units_of
 
@@ -71,19 +73,43 @@ class FrictionalResult:
 
     save, to_xarray, to_vtk = saving.save, saving.to_xarray, saving.to_vtk
 
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the pressures, and beside them where the bodies stick and where they slip.
+
+        `normal` and `tangential` have each a `plot` for their other fields.
+
+        Parameters
+        ----------
+        ax : pair of matplotlib.axes.Axes, optional
+            Where to draw, as ``plt.subplots(1, 2)`` returns them; by default on a new figure.
+
+        Returns
+        -------
+        pair of matplotlib.axes.Axes
+
+        Raises
+        ------
+        ImportError
+            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
+        """
+        left, right = plotting.find_axes(ax, 2)
+        return self.normal.plot(ax=left), self.tangential.plot(ax=right)
+
     def summary(self) -> str:
         """Return the figures of both results with their units, a line each."""
-        texts = []
-        for part in (self.normal, self.tangential):
-            title, figures, cost, warnings = part._summary()
-            own = [figure for figure in figures if figure.name != ENERGY]
-            texts.append(write_lines(title, own, cost, warnings))
-        total = Figure(ENERGY, self.energy, units_of(self.normal.element).energy)
-        return "\n\n".join([*texts, f"Both\n{total.line}"])
+        return "\n\n".join(summary.write() for summary in self._summaries())
 
     def __repr__(self) -> str:
         """Return the first figures of both results."""
         return f"<FrictionalResult: {self.normal!r}, {self.tangential!r}>"
 
     def _repr_html_(self) -> str:
-        return self.normal._repr_html_() + self.tangential._repr_html_()
+        return "".join(summary.tabulate() for summary in self._summaries())
+
+    def _summaries(self) -> Iterator[Summary]:
+        """Yield those of both parts, and of what they have together only."""
+        for part in (self.normal, self.tangential):
+            summary = part._summary()
+            yield summary._replace(figures=[x for x in summary.figures if x.name != ENERGY])
+        energy = Figure(ENERGY, self.energy, units_of(self.normal.element).energy)
+        yield Summary("Both together", [energy])

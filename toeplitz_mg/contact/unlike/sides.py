@@ -17,6 +17,7 @@ from toeplitz_mg.contact.normal.solving import State, solve
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.contact.tangential import friction, stick_slip
+from toeplitz_mg.contact.tangential import problem as coulomb_problem
 from toeplitz_mg.contact.tangential.shifting import slide_off
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.contact.unlike.alternation import Report
@@ -223,8 +224,8 @@ class Shifting:
     slide: Array | None = None
     products: int = 0
     window: Window | None = None
-    problem: stick_slip.Problem | None = None
-    state: stick_slip.State | None = None
+    problem: coulomb_problem.Problem | None = None
+    state: coulomb_problem.State | None = None
     slip: Array | None = None
 
     def __call__(self, p: Array) -> Array:
@@ -232,7 +233,7 @@ class Shifting:
         g = bound_of(self.mu, p)
         window = self._fit(g > 0.0)
         b = self.b - self.coupling.along(p)
-        problem = stick_slip.Problem(
+        problem = coulomb_problem.Problem(
             window.grid,
             window.cut(g),
             window.cut(b),
@@ -248,7 +249,7 @@ class Shifting:
         else:
             if self.q is not None:
                 slide = np.zeros(g.shape, bool) if self.slide is None else self.slide
-                guess, areas = stick_slip.admit(problem, window.cut(self.q), window.cut(slide))
+                guess, areas = coulomb_problem.admit(problem, window.cut(self.q), window.cut(slide))
             state = stick_slip.solve(problem, products, guess, nested=self.nested, areas=areas)
         self.products += products.count
         self.report.products += products.count

@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.threads import share_slices
 from toeplitz_mg.preconditioners.fsai.levels import LevelMatrix
 from toeplitz_mg.preconditioners.fsai.refusals import require_positive
-from toeplitz_mg.preconditioners.fsai.rows import add_loads, split_range
+from toeplitz_mg.preconditioners.fsai.rows import CHUNK, add_loads
 from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 
 
@@ -51,7 +52,8 @@ def aggregate(
     c, diagonal = np.zeros(d * coarser.grid.size), np.ones(d * coarser.grid.size)
     inverse = np.zeros((1 if d == 1 else 3, coarser.grid.size))
     blocks = _touched_blocks(stencil, at)
-    for part in split_range(len(blocks)):
+
+    def work(part: slice) -> None:
         origins, J = grid.origins[blocks[part]], coarser.grid.inside[blocks[part]]
         slots = [grid.slots[:, None] + origins + a * grid.size for a in stencil.components]
         within = [matrix.active.take(s) for s in slots]
@@ -78,6 +80,8 @@ def aggregate(
             w = U[a][0].compress(new, axis=1) / norms[a][new]
             index = place[a].compress(new, axis=1)
             diagonal[K[new]] = _diagonal(stencil, matrix, rows, a, slots[a][0, new], index, w)
+
+    share_slices(work, len(blocks), CHUNK, len(at) * len(stencil.steps[0]))
     return LevelMatrix(c, diagonal), inverse
 
 

@@ -7,9 +7,17 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.threads import share, share_slices
 from toeplitz_mg.preconditioners.fsai.aggregates import Rows, aggregate, prolong
-from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix, number_places
-from toeplitz_mg.preconditioners.fsai.rows import CHUNK, solve_rows, split_range
+from toeplitz_mg.preconditioners.fsai.levels import (
+    BLOCK,
+    Direct,
+    Level,
+    LevelMatrix,
+    cut_rows,
+    number_places,
+)
+from toeplitz_mg.preconditioners.fsai.rows import CHUNK, solve_rows
 from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 
 
@@ -63,40 +71,58 @@ def build(
 
 def build_factors(
     stencil: Stencil, coarser: Stencil, matrix: LevelMatrix, at: Array, dtype: np.dtype[Any]
-) -> tuple[csr_array, csr_array, LevelMatrix]:
-    """Return the rows of G and W of the unknowns in these places, and E.
+) -> tuple[list[csr_array], list[csr_array], LevelMatrix]:
+    """Return the rows of G and W of the unknowns in these places, in blocks, and E.
 
     The columns of G are all unknowns, those of W the unknowns of E, which is of the aggregates that
     some of these places are in, on the cells of `coarser`.
     """
     rows = compute_rows(stencil, matrix, at)
     E, inverse = aggregate(stencil, coarser, matrix, rows, at)
-    w, columns = prolong(stencil, coarser, rows, inverse, at)
-    columns = E.number.take(columns)
-    starts = np.arange(0, w.size + 1, w.shape[1], dtype=np.int32)
-    entries = w.ravel().astype(dtype, copy=False)
-    W = csr_array((entries, columns.ravel(), starts), (len(at), E.count))
-    return assemble_factor(stencil, matrix, rows, at, dtype), W, E
+    counts = matrix.count, E.count
+    blocks = cut_rows(len(at), len(stencil.steps[0]))
+    G, W = ([csr_array((0, 0))] * len(blocks) for _ in range(2))
+
+    def work(some: range) -> None:
+        for k in some:
+            own = at[blocks[k]]
+            g = assemble_factor(stencil, matrix, rows, own, blocks[k])
+            w, columns = prolong(stencil, coarser, rows, inverse, own)
+            columns = E.number.take(columns)
+            starts = np.arange(0, w.size + 1, w.shape[1], dtype=np.int32)
+            parts = (g.data, g.indices, g.indptr), (w.ravel(), columns.ravel(), starts)
+            for F, (data, *places), m in zip((G, W), parts, counts, strict=True):
+                F[k] = csr_array((data.astype(dtype, copy=False), *places), (len(own), m))
+
+    share(work, len(blocks), len(at) * len(stencil.steps[0]))
+    return G, W, E
 
 
 def compute_rows(stencil: Stencil, matrix: LevelMatrix, at: Array) -> Rows:
     """Return the rows of G of the unknowns in these places."""
-    parts = stencil.split(at)
+    parts, entries = stencil.split(at), len(stencil.steps[0])
     if matrix.by_table:
         place = np.zeros(len(matrix.c), np.int16)
         for a, part in enumerate(parts):
-            pattern = _find_patterns(stencil.steps[a], matrix.active, part)
-            place[part] = pattern + np.int16(a * stencil.patterns)
+
+            def find(some: slice, a: int = a, part: Array = part) -> None:
+                pattern = _find_patterns(stencil.steps[a], matrix.active, part[some])
+                place[part[some]] = pattern + np.int16(a * stencil.patterns)
+
+            share_slices(find, len(part), BLOCK, len(part) * entries)
         return Rows(stencil.table, stencil.table_sums, place)
-    rows, sums = np.empty((len(at), stencil.steps.shape[1])), np.empty((len(parts), len(at)))
+    rows, sums = np.empty((len(at), entries)), np.empty((len(parts), len(at)))
     start = 0
     for a, places in enumerate(parts):
-        for some in split_range(len(places), 2 * CHUNK):
+
+        def compute(some: slice, a: int = a, places: Array = places, start: int = start) -> None:
             near = stencil.steps[a][:, None] + places[some]
             c = matrix.c.take(near)
             found = solve_rows(stencil.near[a], c, matrix.d.take(near))
             own = slice(start + some.start, start + some.stop)
             rows[own], sums[:, own] = found.T, stencil.sums(found, c)
+
+        share_slices(compute, len(places), 2 * CHUNK, len(places) * entries**2)
         start += len(places)
     return Rows(rows.T, sums, number_places(at, len(matrix.c)))
 
@@ -117,28 +143,30 @@ def _find_patterns(steps: Array, active: Array, at: Array) -> Array:
 
 
 def assemble_factor(
-    stencil: Stencil, matrix: LevelMatrix, rows: Rows, at: Array, dtype: np.dtype[Any]
+    stencil: Stencil, matrix: LevelMatrix, rows: Rows, at: Array, own: slice
 ) -> csr_array:
-    """Return rows of G, those of the unknowns in these places."""
+    """Return some rows of G in float64, those of the unknowns in these places.
+
+    Parameters
+    ----------
+    stencil : Stencil
+    matrix : LevelMatrix
+    rows : Rows
+    at : ndarray of int
+    own : slice
+        Where these places are among those of all unknowns that `rows` is of.
+    """
     parts = stencil.split(at)
     if matrix.by_table:
-        G = convert(stencil.sparse_table, dtype)[rows.place.take(at)]
+        G = stencil.sparse_table[rows.place.take(at)]
     else:
-        G = convert(stencil.compress(rows.rows, [len(part) for part in parts]), dtype)
+        G = stencil.compress(rows.rows[:, own], [len(part) for part in parts])
     # This is the first place that each row might see.
     lowest = [part + steps.min() for part, steps in zip(parts, stencil.steps, strict=True)]
-    first, number = np.concatenate(lowest).astype(np.int32), matrix.number
-    for part in split_range(len(first), 4 * CHUNK):
-        starts = G.indptr[part.start : part.stop + 1]
-        columns = G.indices[starts[0] : starts[-1]]
-        columns += np.repeat(first[part], np.diff(starts))
-        number.take(columns, out=columns, mode="clip")
-    return csr_array((G.data, G.indices, G.indptr), (len(at), matrix.count))
-
-
-def convert(G: csr_array, dtype: np.dtype[Any]) -> csr_array:
-    """Return a sparse matrix in this precision; its own `astype` would look for duplicates."""
-    return csr_array((G.data.astype(dtype, copy=False), G.indices, G.indptr), G.shape)
+    first = np.concatenate(lowest).astype(np.int32)
+    G.indices += np.repeat(first, np.diff(G.indptr))
+    matrix.number.take(G.indices, out=G.indices, mode="clip")
+    return G
 
 
 def _dense(stencil: Stencil, matrix: LevelMatrix, at: Array) -> Array:

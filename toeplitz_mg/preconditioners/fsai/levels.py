@@ -2,13 +2,12 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_factor
 from scipy.linalg.lapack import dpotrs, spotrs
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, vstack
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.threads import WORTH_THREADS, share
@@ -63,7 +62,7 @@ class LevelMatrix:
         """The number of unknowns."""
         return int(np.count_nonzero(self.active))
 
-    @property
+    @cached_property
     def number(self) -> Array:
         """The number of the unknown in each place, in the order of their places."""
         return number_places(np.flatnonzero(self.active), len(self.c))
@@ -134,34 +133,42 @@ class Blocks:
 
     Parameters
     ----------
-    matrix : csr_array
-        Its arrays are taken over, and changed.
+    pieces : list of csr_array
+        Its rows, as many in each as `cut_rows` says. Their arrays are taken over, and changed.
     """
 
-    def __init__(self, matrix: csr_array) -> None:
-        self.shape, self.nnz = matrix.shape, matrix.nnz
-        n, m = matrix.shape
-        # Without rows, as some ranks are on slabs, there is one empty block.
-        one = max(n, 1)
-        cuts = np.append(np.arange(0, one, BLOCK if n >= WORTH_THREADS else one), n)
-        first, stop = _find_reach(matrix, cuts)
+    def __init__(self, pieces: list[csr_array]) -> None:
+        m = pieces[0].shape[1]
+        self.nnz = sum(piece.nnz for piece in pieces)
+        reach = np.empty((2, len(pieces)), int)
+
+        def find_reach(some: range) -> None:
+            for k in some:
+                near = pieces[k].indices
+                reach[:, k] = near.min(initial=m), near.max(initial=-1) + 1
+
+        share(find_reach, len(pieces), self.nnz)
+        first, stop = np.minimum(*reach), reach[1]
         if (stop - first).sum() > WIDE * m:
             # The rows of a component see those of another, so that a block would reach half of all.
-            cuts, first, stop = np.array([0, n]), np.array([0]), np.array([m])
+            pieces, first, stop = [vstack(pieces)], np.array([0]), np.array([m])
         begin = np.maximum(first, np.maximum.accumulate(np.append(0, stop[:-1]))).clip(max=stop)
         end = np.minimum.accumulate(np.append(first[1:], m)[::-1])[::-1].clip(begin, stop)
-        self._blocks = []
-        for k in range(len(first)):
-            a, b = matrix.indptr[cuts[k]], matrix.indptr[cuts[k + 1]]
-            near = matrix.indices[a:b]
-            near -= near.dtype.type(first[k])
-            block = csr_array(
-                (matrix.data[a:b], near, matrix.indptr[cuts[k] : cuts[k + 1] + 1] - a),
-                (cuts[k + 1] - cuts[k], stop[k] - first[k]),
-            )
-            parts = cuts[k : k + 2], (first[k], stop[k]), (begin[k], end[k])
-            rows, columns, own = (slice(int(i), int(j)) for i, j in parts)
-            self._blocks.append(Block(rows, columns, own, block))
+        cuts = np.cumsum([0, *(piece.shape[0] for piece in pieces)])
+        self.shape = int(cuts[-1]), m
+        self._blocks: list[Any] = [None] * len(pieces)
+
+        def cut_columns(some: range) -> None:
+            for k in some:
+                near = pieces[k].indices
+                near -= near.dtype.type(first[k])
+                arrays = pieces[k].data, near, pieces[k].indptr
+                block = csr_array(arrays, (pieces[k].shape[0], stop[k] - first[k]))
+                parts = cuts[k : k + 2], (first[k], stop[k]), (begin[k], end[k])
+                rows, columns, own = (slice(int(i), int(j)) for i, j in parts)
+                self._blocks[k] = Block(rows, columns, own, block)
+
+        share(cut_columns, len(pieces), self.nnz)
 
     def tocsr(self) -> csr_array:
         """Return the matrix in one piece."""
@@ -187,7 +194,7 @@ class Blocks:
                 else:
                     y[block.rows] = product
 
-        share(work, len(self._blocks), self.shape[0])
+        share(work, len(self._blocks), self.nnz)
 
     def multiply_transposed(self, y: Array, x: Array) -> None:
         """Write the product of the transpose with y, or with its columns, to x."""
@@ -199,7 +206,7 @@ class Blocks:
                 products[k] = product = matrix.T @ y[rows]
                 x[own] = product[own.start - columns.start : own.stop - columns.start]
 
-        share(work, len(self._blocks), self.shape[0])
+        share(work, len(self._blocks), self.nnz)
         # What several blocks reach is added here, in their order.
         done = 0
         for block in self._blocks:
@@ -211,14 +218,11 @@ class Blocks:
             x[own.stop : columns.stop] += product[own.stop - columns.start :]
 
 
-def _find_reach(matrix: csr_array, cuts: Array) -> tuple[Array, Array]:
-    """Return the first column that the rows between these reach, and that behind the last."""
-    first, stop = [], []
-    for a, b in pairwise(matrix.indptr[cuts].tolist()):
-        near = matrix.indices[a:b]
-        first.append(near.min(initial=matrix.shape[1]))
-        stop.append(near.max(initial=-1) + 1)
-    return np.minimum(first, stop), np.array(stop)
+def cut_rows(count: int, entries: int) -> list[slice]:
+    """Return the blocks of so many rows that threads share: one, if they have few entries each."""
+    # Without rows, as some ranks are on slabs, there is one empty block.
+    size = BLOCK if count * entries >= WORTH_THREADS else max(count, 1)
+    return [slice(k, min(k + size, count)) for k in range(0, max(count, 1), size)]
 
 
 class Level:
@@ -226,15 +230,15 @@ class Level:
 
     Parameters
     ----------
-    G : csr_array
-        The local factor. Its rows are the unknowns in the order of their places. Its arrays, and
-        those of W, are taken over.
-    W : csr_array
+    G : list of csr_array
+        The local factor, in blocks of its rows, which are the unknowns in the order of their
+        places. Its arrays, and those of W, are taken over.
+    W : list of csr_array
         The tentative prolongator.
     coarse : Level or Direct, or what is alike
     """
 
-    def __init__(self, G: csr_array, W: csr_array, coarse: Any) -> None:
+    def __init__(self, G: list[csr_array], W: list[csr_array], coarse: Any) -> None:
         self.G, self.W, self.coarse = Blocks(G), Blocks(W), coarse
 
     @property

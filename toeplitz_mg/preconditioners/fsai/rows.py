@@ -1,6 +1,5 @@
 """Rows of the factor G: of every pattern of active neighbours, or of each unknown by itself."""
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -118,8 +117,3 @@ def add_loads(grid: CellGrid, rows: Array, index: Array, w: Array) -> Array:
         part = loads[p1 + a : p1 + a + h1, p2 + b : p2 + b + h2]
         part += (g.take(index) * w).reshape(part.shape)
     return loads.reshape(len(grid.window), w.shape[1])
-
-
-def split_range(m: int, size: int = CHUNK) -> Iterator[slice]:
-    """Cut range(m) into slices of a size, of which the last may be shorter."""
-    return (slice(k, min(k + size, m)) for k in range(0, m, size))

@@ -1,0 +1,162 @@
+"""Discrete Fourier transforms of small grids, by matrices, and what is made of them.
+
+Of a few dozen elements along an axis a transform is a product with a matrix, one call of BLAS for
+each axis and all components, in about half the time of fast ones. The matrices stay in the cache,
+where a dense matrix of all unknowns would not.
+"""
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.steady_matrices import ShiftedInverses
+from toeplitz_mg.engine.products import multiply_rows
+from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.operators import CoupledOperator
+
+# Additions whose inverses are interpolated, over the diagonal: of two, and not four, GMRES takes an
+# iteration more in twenty, each of which takes two thirds of the time.
+ADDITIONS = np.array([0.0, 3.0])
+
+
+class ShortTransforms:
+    """Transforms of real fields on a grid of two axes, padded so that no lag meets another.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Of the grid.
+    dtype : float32 or float64
+    fade : ndarray of shape (n,)
+        What fields are divided by along the first axis before they are transformed, and multiplied
+        with after they are transformed back.
+
+    Attributes
+    ----------
+    lengths : (int, int)
+        Of the padded grid: 2 n - 1, which is odd.
+    """
+
+    def __init__(self, shape: tuple[int, ...], dtype: DTypeLike, fade: Any = 1.0) -> None:
+        self.shape, self.dtype = shape, np.dtype(dtype)
+        self.lengths = 2 * shape[0] - 1, 2 * shape[1] - 1
+        rows, columns = (_roots(length) for length in self.lengths)
+        n, m = shape  # Of the frequencies along the second axis the first m are all others' too.
+        complex_ = np.result_type(self.dtype, np.complex64)
+        columns = columns[:m, :m]
+        self._along_columns = columns.astype(complex_).view(self.dtype)
+        fades = np.broadcast_to(fade, n)
+        self._along_rows = np.ascontiguousarray(rows[:, :n] / fades, complex_)
+        back = rows[:n].conj() * (fades[:, None] / self.lengths[0])
+        self._back_along_rows = back.astype(complex_)
+        weights = np.where(np.arange(m) > 0, 2.0, 1.0) / self.lengths[1]
+        back = columns.T * weights[:, None]
+        back = np.stack([back.real, back.imag], axis=1).reshape(2 * m, m)
+        self._back_along_columns = back.astype(self.dtype)
+
+    def forward(self, x: Array) -> Array:
+        """Return the transforms of fields, (k, n, m), at all frequencies along the first axis."""
+        n, m = self.shape
+        along_columns = (x.reshape(-1, m) @ self._along_columns).view(self._along_rows.dtype)
+        return self._along_rows @ along_columns.reshape(-1, n, m)
+
+    def back(self, X: Array) -> Array:
+        """Return the fields, of the shape of the grid, that have these transforms."""
+        n, m = self.shape
+        along_columns = (self._back_along_rows @ X).view(self.dtype)
+        return (along_columns.reshape(-1, 2 * m) @ self._back_along_columns).reshape(-1, n, m)
+
+
+class ShortProduct:
+    """Multiplication by Toeplitz matrices between components, on a small grid.
+
+    Parameters
+    ----------
+    spectra : ndarray of shape (components, components, frequencies, frequencies)
+        The transforms of their lags.
+    transforms : ShortTransforms
+    """
+
+    def __init__(self, spectra: Array, transforms: ShortTransforms) -> None:
+        self.dtype, self._transforms = transforms.dtype, transforms
+        self._spectra = spectra.astype(np.result_type(self.dtype, np.complex64))
+        self.points = float(len(spectra) * np.prod(transforms.shape))
+
+    @classmethod
+    def of(cls, K: CoupledOperator) -> "ShortProduct":
+        """Return the products of an operator of two axes."""
+        transforms = ShortTransforms(K.grid_shape[1:], np.float64)
+        zero = np.zeros((1, 1))
+        circulants = [
+            [zero if a is None else a.circulant(transforms.lengths) for a in row]
+            for row in K.blocks
+        ]
+        spectra = [[np.fft.rfft2(c, transforms.lengths) for c in row] for row in circulants]
+        return cls(np.array(spectra), transforms)
+
+    def astype(self, dtype: DTypeLike) -> "ShortProduct":
+        """Return the same products in another precision."""
+        return ShortProduct(self._spectra, ShortTransforms(self._transforms.shape, dtype))
+
+    __call__ = multiply_rows
+
+    def multiply(self, X: Array, out: Array) -> None:
+        """Multiply the rows of `X` into `out`."""
+        components, *frequencies = self._spectra.shape[1:]
+        fields = X.astype(self.dtype, copy=False).reshape(-1, *self._transforms.shape)
+        Z = self._transforms.forward(fields).reshape(-1, 1, components, *frequencies)
+        Z = (self._spectra * Z).sum(axis=2).reshape(-1, *frequencies)
+        out[...] = self._transforms.back(Z).reshape(out.shape)
+
+
+class ShortOperator(CoupledOperator):
+    """A coupled operator of a small grid of two axes, that is kept in single precision too."""
+
+    def __init__(self, K: CoupledOperator) -> None:
+        super().__init__(K.blocks, product=ShortProduct.of(K))
+
+    @cached_property
+    def _single(self) -> CoupledOperator:
+        return super().astype(np.float32)
+
+    def astype(self, dtype: Any) -> CoupledOperator:
+        """Return the matrix in another precision, or itself where it has that one."""
+        return self._single if dtype == np.float32 else super().astype(dtype)
+
+
+class ShortInverses(ShiftedInverses):
+    """`ShiftedInverses` of a small grid.
+
+    Parameters
+    ----------
+    K : CoupledOperator
+        Of two axes.
+    dtype : float32 or float64
+    """
+
+    additions = ADDITIONS
+
+    def __init__(self, K: CoupledOperator, dtype: DTypeLike) -> None:
+        super().__init__(K, dtype)
+        fade, self._fade = self._fade.ravel(), np.ones((1, 1), dtype)
+        self._transforms = ShortTransforms(K.grid_shape[1:], dtype, fade)
+
+    def _embed(self, grid: tuple[int, ...]) -> tuple[int, ...]:
+        return tuple(2 * n - 1 for n in grid)
+
+    def _multiply(self, r: Array, weights: Array, inverses: Array) -> Array:
+        """Return the sum of the circulants of a field, each with its weights."""
+        count_transforms((1 + len(inverses)) * len(r), *self._transforms.lengths)
+        R = self._transforms.forward(r)
+        Z = (inverses * R).reshape(-1, *R.shape[1:])
+        y = self._transforms.back(Z).reshape(len(inverses), *r.shape)
+        return np.einsum("krn,kcrn->crn", weights, y)
+
+
+def _roots(length: int) -> Array:
+    """Return the matrix of a discrete Fourier transform."""
+    k = np.arange(length)
+    return np.exp(-2j * np.pi / length * (np.outer(k, k) % length))

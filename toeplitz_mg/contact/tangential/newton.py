@@ -1,0 +1,108 @@
+"""A step of Newton's method for the steady state of rolling, by GMRES.
+
+GMRES makes the residual orthogonal to one product after the other ("simpler GMRES"), so that it is
+known after each of them, and how far it has to go depends on what else is wrong.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.tangential.coulomb import Areas, along
+from toeplitz_mg.contact.tangential.given_loads import CARRIED, Loads, Look, complement
+from toeplitz_mg.contact.tangential.problem import SHARP, STIFFEST, Problem
+
+REDUCTION = 0.01  # Reduction of the residual by one solution where the problem is linearised.
+SINGLE = 1e-5  # Reduction of the residual for which single precision is good.
+# Part of a product's size that may be left before it is made orthogonal again: with a tenth of it,
+# what is left grows in single precision after ten iterations.
+CANCELLED = 0.5
+ROUNDING = 10.0  # Machine epsilons that are left of a product which adds nothing.
+
+
+def make_step(
+    problem: Problem,
+    loads: Loads,
+    now: Look,
+    areas: Areas,
+    q: Array,
+    K: Products,
+    M: Any,
+    most: int,
+) -> tuple[Array, int]:
+    """Return a change of the tractions by Newton's method, and the iterations of GMRES.
+
+    Parameters
+    ----------
+    problem, loads, K
+        The arguments of `settling.settle`.
+    now : Look
+        What is wrong with the tractions q in these areas.
+    M : ShiftedInverses
+        Approximate inverses of K and additions to its diagonal.
+    most : int
+        Most iterations.
+
+    References
+    ----------
+    H. F. Walker, L. Zhou, A simpler GMRES, Numer. Linear Algebra Appl. 1 (1994).
+    """
+    law, vectors, is_loaded = now.law, problem.vectors, len(loads.wanted) > 0
+    T, lam, minus_slip, r = law.T, law.stiffness, law.minus_slip, law.r
+    first: Any = 0.0
+    if is_loaded:
+        of_slip = complement(loads.units, T, vectors)
+        of_tractions = complement(loads.arms, T, vectors)
+        if loads.error(q, vectors) > CARRIED:
+            first = of_tractions.reach(now.missing)
+            K_first = K(first)
+            minus_slip = minus_slip - K_first
+            r = of_slip(r - T(K_first) - lam * first)
+    largest = vectors.max(np.abs(r))
+    if largest == 0.0:
+        return np.zeros_like(q) + first, 0
+    exact = max(SHARP * problem.tolerance * law.scale / largest, SINGLE)
+    if len(r) > 1 and vectors.count(areas.slide):  # The circle |q| = g is linearised.
+        exact = max(exact, REDUCTION)
+    most = min(most, max(1, K.limit - K.count))
+    dtype, k0, invert = M.dtype, M.diagonal, M.at(lam)
+    T, lam = T.astype(dtype), np.minimum(lam, STIFFEST * k0).astype(dtype)
+    nothing = ROUNDING * float(np.finfo(dtype).eps)
+    # Each row is a part of the residual, the change of the tractions that removes it, and the
+    # displacements of that. The first row is what is left, after minus all changes.
+    rows = np.empty((most + 1, 3, *r.shape), dtype)
+    rows[0] = 0.0
+    rows[0, 0] = r / largest
+    removes, k = rows[:, 0], 0
+    while True:
+        k += 1
+        row = rows[k]
+        part, d, Kd = row
+        d[...] = T(invert(removes[k - 1]))
+        if is_loaded:
+            d[...] = of_tractions(d)
+        Kd[...] = K(d)
+        part[...] = T(Kd) + lam * d
+        if is_loaded:
+            part[...] = of_slip(part)
+        before, size = np.inf, vectors.norm(part)
+        least = nothing * size
+        while size < CANCELLED * before:
+            weights = vectors.dots(removes[:k], part)
+            if k > 1:
+                vectors.add_combination(-weights[1:], rows[1:k], row)
+            size, before = vectors.norm(part), size
+        adds = least < size < np.inf
+        if adds:
+            row /= size
+            vectors.axpy(-weights[0] / size, row, rows[0])
+        rest = vectors.max(np.abs(removes[0]))
+        v, Kv = -largest * rows[0, 1:].astype(np.float64)
+        # What is wrong with the areas and with the linearisation is left to the next step.
+        slips = vectors.min(along(minus_slip - Kv, law.T.n))
+        v += first
+        wrong = max(k0 * problem.excess(q + v), -slips) / largest
+        if not adds or rest <= max(exact, wrong) or k == most:
+            return v, k

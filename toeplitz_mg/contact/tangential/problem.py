@@ -1,0 +1,187 @@
+"""The problem of Coulomb's law and elasticity together, its states, and what is wrong with them."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from toeplitz_mg._typing import Array, Progress
+from toeplitz_mg.contact.grid import COARSEST, Grid
+from toeplitz_mg.contact.products import for_coarser_grids
+from toeplitz_mg.contact.tangential.coulomb import Areas, Tangent, along, make_admissible, size
+from toeplitz_mg.engine.vectors import Vectors
+
+COARSE = 3e-3  # Tolerance on a coarser grid: a better guess saves no product on the finer one.
+SHARP = 0.3  # Part of the tolerance beyond which no areas are solved more exactly.
+STIFFEST = 1e20  # Largest λ over the diagonal of A: single precision ends at 1e38.
+TINY = 1e-15  # Least bound, relative to the largest, that a stiffness λ = |s|/g is divided by.
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Find tractions whose slip s = A q - b obeys Coulomb's law.
+
+    Attributes
+    ----------
+    grid : Grid
+    g : ndarray
+        Traction bound.
+    b : ndarray of shape (components, ...)
+        The displacements, were there no slip. With a total they lack a uniform shift.
+    total : ndarray of shape (components,) or None
+        Sum of the tractions, where the force is given; NaN in a component where it is not.
+    tolerance : float
+        The violation that is allowed, over the largest displacement or `least`.
+    least : float
+        A displacement below which none counts as the largest.
+    progress : callable, optional
+    """
+
+    grid: Grid
+    g: Array
+    b: Array
+    total: Array | None
+    tolerance: float
+    least: float = 0.0
+    progress: Progress | None = None
+
+    def coarser(self, coarsest: int = COARSEST) -> "Problem | None":
+        """Return the problem on elements of twice the size, to be solved roughly, or None."""
+        grid = self.grid.coarser(coarsest)
+        if grid is None:
+            return None
+        g, b = self.grid.coarsen(self.g), self.grid.coarsen(self.b)
+        total = None if self.total is None else self.total * (self.grid.area / grid.area)
+        progress = for_coarser_grids(self.progress)
+        return Problem(grid, g, b, total, COARSE, self.least, progress)
+
+    def restrict(self, C: Array) -> "Problem":
+        """Return the problem on the elements in contact only, as one axis."""
+        return replace(self, g=self.g[C], b=np.ascontiguousarray(self.b[:, C]))
+
+    @property
+    def vectors(self) -> Vectors:
+        """The inner products, sums and extremes of fields."""
+        return self.grid.vectors
+
+    @cached_property
+    def divisor(self) -> Array:
+        """The bound by which a stiffness λ = |s|/g is divided."""
+        least = TINY * self.vectors.max(np.where(np.isfinite(self.g), self.g, 0.0))
+        return np.where(self.g > 0.0, np.maximum(self.g, least), 1.0)
+
+    @cached_property
+    def largest(self) -> float:
+        """The largest displacement, were there no slip, where no force is given."""
+        return self.largest_of(self.b)
+
+    def largest_of(self, u: Array) -> float:
+        """Return the largest of some displacements in contact."""
+        return self.vectors.max(np.where(self.g > 0.0, size(u), 0.0))
+
+    @property
+    def balanced(self) -> tuple[int, ...]:
+        """The components whose sum is given."""
+        if self.total is None:
+            return ()
+        return tuple(k for k, F in enumerate(self.total.tolist()) if F == F)
+
+    def uniform(self, vector: Array) -> Array:
+        """Return the components of a vector, to broadcast with fields."""
+        return vector.reshape(-1, *(1,) * self.g.ndim)
+
+    def excess(self, q: Array) -> float:
+        """Return the largest amount by which the tractions exceed the bound, or zero."""
+        return max(0.0, self.vectors.max(size(q) - self.g))
+
+    def balance(self, T: Tangent, s: Array) -> Array:
+        """Return minus a slip, less the shift that belongs to it where the force is given."""
+        return s if self.total is None else s - self.uniform(T.multiplier(s))
+
+
+@dataclass(frozen=True)
+class State:
+    """Tractions, displacements, areas, and the shift that belongs to a force."""
+
+    q: Array
+    u: Array
+    areas: Areas
+    shift: Array
+    residual: float = np.inf
+    iterations: tuple[int, ...] = ()
+
+    def extend(self, C: Array) -> "State":
+        """Return the state on a grid, where it is one on the elements in contact."""
+
+        def whole(x: Array) -> Array:
+            field = np.zeros((*x.shape[:-1], *C.shape), x.dtype)
+            field[..., C] = x
+            return field
+
+        areas = Areas(whole(self.areas.stick), whole(self.areas.slide))
+        return replace(self, q=whole(self.q), u=whole(self.u), areas=areas)
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """Coulomb's law about some tractions.
+
+    Attributes
+    ----------
+    T : Tangent
+    shift : ndarray of shape (components,)
+    minus_slip : ndarray
+        b + shift - A q.
+    stiffness : ndarray
+        λ = |s|/g where it slides against the traction.
+    r : ndarray
+        What Newton's step is to remove.
+    scale : float
+        The largest displacement, were there no slip.
+    residual : float
+        The largest violation, relative to that.
+    """
+
+    T: Tangent
+    shift: Array
+    minus_slip: Array
+    stiffness: Array
+    r: Array
+    scale: float
+    residual: float
+
+
+def linearise(problem: Problem, areas: Areas, q: Array, u: Array) -> Linearisation:
+    """Linearise Coulomb's law about the tractions q, with the displacements u = A q."""
+    vectors = problem.vectors
+    T = Tangent(areas, q, vectors, balanced=problem.balanced)
+    if problem.total is None:
+        shift, target, largest = np.zeros(len(q)), problem.b, problem.largest
+    else:
+        shift = T.multiplier(u - problem.b)
+        target = problem.b + problem.uniform(shift)
+        largest = problem.largest_of(target)
+    minus_slip = target - u
+    against = along(minus_slip, T.n)  # Eq. 3 wants the slip to oppose the traction.
+    r = T(minus_slip)
+    scale = max(problem.least, largest)
+    violation = max(vectors.max(size(r)), -vectors.min(against))
+    residual = violation / scale if scale > 0.0 else 0.0
+    stiffness = np.maximum(against, 0.0) / problem.divisor
+    return Linearisation(T, shift, minus_slip, stiffness, r, scale, residual)
+
+
+def refine_guess(problem: Problem, coarse: State) -> tuple[Array, Areas]:
+    """Return admissible tractions and areas from those of a coarser grid."""
+    refine = problem.grid.refine
+    return admit(problem, refine(coarse.q), refine(coarse.areas.slide.astype(np.float64)) > 0.5)
+
+
+def admit(problem: Problem, q: Array, slide: Array) -> tuple[Array, Areas]:
+    """Return admissible tractions and areas from some that are nearly so."""
+    g = problem.g
+    contact = g > 0.0
+    q = np.where(contact, q, 0.0)
+    slide = slide & contact & np.isfinite(g) & (size(q) > 0.0)
+    areas = Areas(contact & ~slide, slide)
+    return make_admissible(q, g, areas, slide, problem.total, problem.vectors)

@@ -1,0 +1,132 @@
+"""What ranks tell each other. No other file sends messages.
+
+A condition on which the next message depends rests on gathered numbers only, which are the same
+bits on all ranks: otherwise one would wait for ever for a message that no other sends.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+
+REFUSALS = (np.linalg.LinAlgError, ValueError, TypeError, OSError)  # What all ranks raise alike.
+
+
+class Messages:
+    """The messages of this rank to the others, and of the others to this one.
+
+    All ranks have to call the same methods in the same order.
+
+    Parameters
+    ----------
+    comm : mpi4py.MPI.Intracomm
+        As ``MPI.COMM_WORLD``.
+    """
+
+    def __init__(self, comm: Any) -> None:
+        self.comm = _check(comm)
+
+    @contextmanager
+    def agree(self) -> Iterator[dict[str, Any]]:
+        """Do what may be refused on some ranks only, so that all ranks raise the same error.
+
+        Without it the others would wait for ever for the rank that has raised one. The dictionary
+        is to be filled with what has to be the same on all ranks, by its name; otherwise it is a
+        ValueError.
+        """
+        same: dict[str, Any] = {}
+        refusal: Exception | None = None
+        try:
+            yield same
+        except REFUSALS as error:
+            refusal = error
+        kind = next((k for k in REFUSALS if isinstance(refusal, k)), None)
+        told = self.comm.allgather((kind, str(refusal), same))
+        for rank, (kind, text, _) in enumerate(told):
+            if kind is not None:
+                raise kind(f"rank {rank}: {text}") from refusal
+        first = told[0][2]
+        for rank, (_, _, other) in enumerate(told):
+            if other.keys() != first.keys():
+                raise ValueError(
+                    f"rank 0 compares {list(first)}, and rank {rank} {list(other)}, but all ranks "
+                    "must call the same functions in the same order"
+                )
+            for name, value in first.items():
+                if other[name] != value:
+                    raise ValueError(
+                        f"{name} is {value} on rank 0 and {other[name]} on rank {rank}, but must "
+                        "be the same on all"
+                    )
+
+    def gather(self, number: Any) -> Sequence[Any]:
+        """Return a number, or an array of numbers, of each rank, in the order of the ranks."""
+        own = np.asarray(number)
+        own = own.astype(np.result_type(own, np.float64), copy=False)
+        numbers = np.empty((self.comm.size, *own.shape), own.dtype)
+        self.comm.Allgather(np.ascontiguousarray(own), numbers)
+        return numbers.tolist() if own.ndim == 0 else list(numbers)
+
+    def everywhere(self, x: Array, lengths: Array | None = None) -> Array:
+        """Return the rows of all ranks, one after the other, on each of them.
+
+        It is for what is small: nothing of the size of the grid may go this way. Where the number
+        of rows of each rank is known, `lengths`, one message less is sent.
+        """
+        if self.comm.size == 1:
+            return x
+        if lengths is None:
+            lengths = np.array(self.gather(len(x)), int)
+        whole = np.empty((int(lengths.sum()), *x.shape[1:]), x.dtype)
+        self.comm.Allgatherv(np.ascontiguousarray(x), [whole, lengths * prod(x.shape[1:])])
+        return whole
+
+    def exchange(self, x: Array, starts: Array, lengths: Array, expected: Array) -> Array:
+        """Send each rank some rows, from `starts` on, and return those that all ranks send.
+
+        Rank k is sent `lengths[k]` rows, and sends `expected[k]`.
+        """
+        size = prod(x.shape[1:])
+        got = np.empty((int(expected.sum()), *x.shape[1:]), x.dtype)
+        self.swap(
+            [np.ascontiguousarray(x), (lengths * size, starts * size)], [got, expected * size]
+        )
+        return got
+
+    def swap(self, sent: list[Any], got: list[Any]) -> None:
+        """Send each rank some numbers of an array, and put those of each rank into another."""
+        self.comm.Alltoallv(sent, got)
+
+    def shift(self, x: Array, count: int, step: int) -> Array:
+        """Send rows to the next rank (step 1), or to the one before (step -1), if there is one.
+
+        What is returned are the `count` rows from the other side: 0 where there is no rank.
+        """
+        from mpi4py import MPI
+
+        there, back = (
+            rank if 0 <= rank < self.comm.size else MPI.PROC_NULL
+            for rank in (self.comm.rank + step, self.comm.rank - step)
+        )
+        got = np.empty((count, *x.shape[1:]), x.dtype)
+        self.comm.Sendrecv(np.ascontiguousarray(x), there, recvbuf=got, source=back)
+        return got
+
+
+def _check(comm: Any) -> Any:
+    try:
+        from mpi4py import MPI
+    except ImportError as error:
+        raise ImportError(
+            'toeplitz_mg.slabs needs mpi4py, but it is not there: pip install "toeplitz-mg[mpi]"'
+        ) from error
+    if not isinstance(comm, MPI.Intracomm) or comm == MPI.COMM_NULL:
+        raise TypeError(
+            f"comm is a {type(comm).__name__}, but must be a communicator, as MPI.COMM_WORLD of "
+            "mpi4py"
+        )
+    return comm
