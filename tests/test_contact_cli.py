@@ -82,6 +82,13 @@ def test_rolling_with_all_creepages(capsys):
     assert Fx > 0.0 > Fy
 
 
+def test_a_force_of_all_that_friction_carries_slides(capsys):
+    assert run("shift", "-n", "32", "--tangential", "18", "24") == 0
+    found = figures(capsys.readouterr().out)
+    assert found["part that sticks"][0] == 0.0
+    assert_allclose(found["tangential force [N]"], (18.0, 24.0), rtol=1e-5)
+
+
 def test_what_is_zero_to_the_tolerance_is_printed_as_zero(capsys):
     """By symmetry there is no force across: what the solver leaves of one says nothing."""
     assert run("rolling", "-n", "32", "--longitudinal=-2e-3") == 0
@@ -359,7 +366,7 @@ def test_a_surface_is_not_written_over(tmp_path, capsys):
         (["shift", "--friction", "nan"], "--friction is nan, but must be finite"),
         (["shift", "--friction", "0"], "--friction is 0.0, but must be positive"),
         (["shift", "--tangential", "3", "--shift", "1"], "--tangential and --shift are both"),
-        (["shift", "--tangential", "18", "24"], "--tangential is 30, but friction carries less"),
+        (["shift", "--tangential", "18", "24.1"], "but friction carries 30 at most"),
         (["shift", "--spin", "1"], "--spin is for rolling, not shift"),
         (["rolling", "--line", "--lateral", "1"], "--lateral is not for --line"),
         (["hertz", "-o", "x.npy"], "--output is x.npy, but must end in .npz"),

@@ -42,12 +42,23 @@ def test_points_of_a_curve_are_those_alone():
     assert curve.products.shape == curve.power.shape == (3,)
 
 
+def test_a_curve_of_a_line_may_begin_without_lateral_creepage():
+    g, case = MU * A / 2 * semi_ellipse(surfaces.centres(60, 0.03)[0], A), {"material": BODY}
+    curve = creep_curve(g, 0.03, longitudinal=-0.05, lateral=[0.0, 0.02], **case)
+    back = creep_curve(g, 0.03, longitudinal=-0.05, lateral=[0.02, 0.0], **case)
+    assert_allclose(curve.creepages, [[-0.05, 0.0, 0.0], [-0.05, 0.02, 0.0]])
+    assert_allclose(back.force[::-1], curve.force, atol=1e-7 * g.sum() * 0.03)
+    assert curve.force[0, 1] == 0.0
+
+
 @pytest.mark.parametrize(
-    "creepages", [{}, {"longitudinal": [0.1, 0.2], "lateral": [0.1]}, {"spin": [[0.1]]}]
+    "creepages", [{"longitudinal": [0.1, 0.2], "lateral": [0.1]}, {"spin": [[0.1]]}]
 )
 def test_refuses_what_is_no_curve(creepages):
     with pytest.raises(ValueError, match=r"has shape .*, but they must be numbers, and arrays"):
         creep_curve(np.ones((4, 4)), (1.0, 1.0), material=BODY, **creepages)
+    with pytest.raises(ValueError, match="are numbers, but one at least must be an array"):
+        creep_curve(np.ones((4, 4)), (1.0, 1.0), material=BODY, longitudinal=0.1)
 
 
 def line_curve():

@@ -650,3 +650,68 @@ def test_refuses_a_coefficient_of_friction_that_makes_no_sense():
         friction(bound, 1.0, force=0.1)
     with pytest.raises(TypeError, match="bound is a tangential result"):
         friction(friction(pressed_line(), mu=0.3, shift=0.01), mu=0.3, shift=0.01)
+
+
+def test_the_work_of_slip_is_that_of_the_force_less_the_energy():
+    """Of the line of Mindlin and Deresiewicz, by steps: ∮F dδ = W + ΔE."""
+    steps, before, work, lost = (
+        np.linspace(0.0, 0.9, 46)[1:] * MU * np.pi * A**2 / 4,
+        None,
+        0.0,
+        0.0,
+    )
+    for force in steps:
+        _, _, now = line(256, force=force, previous=before)
+        mean = force if before is None else force + before.force
+        work += 0.5 * mean * now.shift
+        lost += now.power
+        assert now.power >= 0.0
+        before = now
+    assert_allclose(lost, work - now.energy, rtol=2e-3)
+    _, _, at_once = line(256, force=steps[-1])
+    assert_allclose(at_once.power, lost, rtol=2e-3)
+
+
+@doubtful
+@pytest.mark.parametrize("nu", [0.0, 0.3])
+def test_the_moment_is_about_the_middle_of_the_grid(nu):
+    _, _, result = circle(32, nu, force=(0.02, 0.01))
+    assert_allclose(result.moment, 0.0, atol=1e-12)
+    bound = np.zeros((8, 6))
+    bound[1, 2] = np.inf
+    one = friction(bound, (0.1, 0.2), material=Material.from_shear(1.0, nu), force=(2.0, 3.0))
+    x, y = surfaces.centres((8, 6), (0.1, 0.2))
+    assert_allclose(one.moment, x[1, 0] * 3.0 - y[0, 2] * 2.0, rtol=1e-9)
+    assert one.power == 0.0
+
+
+@pytest.mark.parametrize("missing", [1e-12, 1e-10, 2e-9])
+def test_a_force_just_below_the_bound_is_solved(missing):
+    _, g, _ = circle(24, 0.3, force=(0.0, 0.0))
+    carried = g.sum() * (2.0 / 24) ** 2
+    _, _, result = circle(24, 0.3, force=((1.0 - missing) * carried, 0.0))
+    assert not result.stick.any()
+    assert_allclose(result.force, (carried, 0.0), rtol=1e-8, atol=1e-8 * carried)
+    assert result.products < 50
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"material": Material.from_shear(0.7, 0.25)},
+            "previous is of .*: a history is of the sam",
+        ),
+        ({"material": Material.from_shear(0.8, 0.3)}, "previous is of .*: a history is of the sam"),
+        ({"periodic": True}, r"previous repeats along the axes \(False, False\), but"),
+    ],
+)
+def test_a_history_is_of_one_surface(change, message):
+    _, g, before = circle(24, 0.3, force=(1e-3, 0.0))
+    case = {"element": before.element, "force": (0.0, 0.0), "previous": before}
+    case["material"] = Material.from_shear(0.7, 0.3)
+    assert friction(g, **case).residual <= 1e-8
+    with pytest.raises(ValueError, match=message):
+        friction(g, **(case | change))
+    with pytest.raises(ValueError, match=r"force is \(1.0, None\), but must be \(Fx, Fy\): with a"):
+        friction(g, **(case | {"force": (1.0, None)}))

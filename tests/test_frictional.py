@@ -280,6 +280,78 @@ def test_by_approach_as_by_force_and_by_a_tangential_force_as_by_a_shift():
     assert_allclose(two.tangential.traction, one.tangential.traction, atol=1e-6)
 
 
+def test_all_that_friction_carries_slides():
+    _, _, result = sphere(tangential_force=(0.036, 0.048), tolerance=1e-8)
+    tangential, normal = result.tangential, result.normal
+    assert not tangential.stick.any()
+    direction = np.reshape([0.6, 0.8], (2, 1, 1))
+    assert_allclose(tangential.traction, 0.3 * normal.pressure * direction, rtol=1e-12)
+    # It slides against the force, and one element only begins to.
+    along = (tangential.slip * direction).sum(axis=0)
+    assert_allclose(along[normal.contact].max(), 0.0, atol=1e-12)
+    assert (along <= 1e-12).all()
+
+
+def test_shifts_add_up():
+    _, _, one = sphere(shift=(1e-3, 0.0))
+    _, _, two = sphere(shift=(0.0, 2e-3), previous=one)
+    _, _, three = sphere(tangential_force=two.tangential.force, previous=two)
+    assert_allclose(one.tangential.total_shift, (1e-3, 0.0))
+    assert_allclose(two.tangential.total_shift, (1e-3, 2e-3))
+    expected = np.array([1e-3, 2e-3]) + three.tangential.shift
+    assert_allclose(three.tangential.total_shift, expected)
+
+
+def test_the_energy_is_of_both_parts_and_the_stiffness_of_none():
+    """A part has the work of its tractions on displacements that are of the other, too."""
+    _, _, result = sphere(shift=(0.004, 0.0))
+    normal, tangential = result.normal, result.tangential
+    parts = (normal.traction[None], tangential.traction)
+    moved = (normal.displacement[None], tangential.displacement)
+    work = sum((q * u).sum() for q, u in zip(parts, moved, strict=True))
+    assert_allclose(result.energy, 0.5 * work * np.prod(normal.element), rtol=1e-12)
+    assert result.energy > 0.0
+    assert result.summary().count("elastic energy") == 1
+    assert normal.stiffness is None
+    assert "stiffness" not in result.summary()
+
+
+def test_heights_and_units_are_those_of_normal_contact():
+    gap, element, known = sphere()
+    case = {"material": known.normal.material.bodies, "mu": 0.3, "force": known.normal.force}
+    pixel = tuple(1e3 * h for h in element)
+    result = frictional_contact(heights=7.0 - 1e3 * gap, element=pixel, unit="um", **case)
+    assert_allclose(result.normal.pressure, known.normal.pressure, atol=1e-6)
+    assert_allclose(result.tangential.traction, known.tangential.traction, atol=1e-6)
+
+    class Topography:
+        pixel_size, unit, is_periodic, is_uniform = pixel, "um", True, True
+        physical_sizes = tuple(24 * h for h in pixel)
+
+        def heights(self):
+            return -1e3 * gap
+
+    with pytest.raises(ValueError, match="a topography that repeats"):
+        frictional_contact(heights=Topography(), **case)
+    Topography.is_periodic = False
+    same = frictional_contact(heights=Topography(), **case)
+    assert_allclose(same.normal.pressure, known.normal.pressure, atol=1e-6)
+
+
+def test_friction_of_each_element():
+    mu = np.where(np.arange(24) < 12, 0.1, 0.3)[:, None] + np.zeros((24, 24))
+    _, _, result = sphere(mu=mu, tolerance=1e-8)
+    q, p = result.tangential.magnitude, result.normal.pressure
+    assert (q <= mu * p * (1 + 1e-12)).all()
+    slides = result.tangential.sliding
+    assert slides[:12].any()
+    assert slides[12:].any()
+    assert_allclose(q[slides], (mu * p)[slides], rtol=1e-12)
+    _, _, uniform = sphere(mu=np.full((24, 24), 0.3), tolerance=1e-8)
+    _, _, number = sphere(mu=0.3, tolerance=1e-8)
+    assert np.array_equal(uniform.tangential.traction, number.tangential.traction)
+
+
 def test_a_step_that_changes_nothing():
     _, _, one = sphere(tolerance=1e-8)
     _, _, two = sphere(previous=one, tolerance=1e-8)
@@ -372,15 +444,20 @@ def test_where_the_gap_is_infinite_there_is_no_material():
     ("change", "error", "match"),
     [
         ({"mu": -0.1}, ValueError, "mu is -0.1, but a coefficient of friction is at least zero"),
-        ({"mu": np.nan}, ValueError, "mu is nan"),
+        ({"mu": np.nan}, ValueError, "mu is not a number somewhere"),
+        (
+            {"mu": [0.1, 0.2]},
+            ValueError,
+            r"mu has shape \(2,\), but must be a number, or have that",
+        ),
+        ({"heights": np.ones((4, 4))}, ValueError, "either gap or heights must be given"),
         ({"approach": 1.0}, ValueError, "one of the two must be given"),
         (
             {"shift": (0.0, 0.0), "tangential_force": (0.0, 0.0)},
             ValueError,
             "at most one of the two may be given",
         ),
-        ({"tangential_force": (0.06, 0.0)}, ValueError, "less than the traction bound carries"),
-        ({"tangential_force": (0.07, 0.0)}, ValueError, "the bodies would slide off"),
+        ({"tangential_force": (0.07, 0.0)}, ValueError, "tangential_force is .* would slide off"),
         (
             {"tangential_force": (0.07, 0.0), "force": None, "approach": 0.2},
             ValueError,

@@ -159,6 +159,24 @@ def test_nan_masked_and_minus_infinity_are_missing_heights():
         assert_allclose(result.pressure, expected.pressure, atol=1e-6 * expected.max_pressure)
 
 
+@pytest.mark.parametrize("shape", [(24,), (12, 10)])
+def test_a_periodic_surface_with_missing_pixels_under_any_approach(shape):
+    """Where all that is there touches, the rest takes up the mean: p solves A p = δ - z."""
+    element = (0.1,) * len(shape)
+    gap = surfaces.rough(shape, element, rms=1e-3, shortest=0.2, seed=3)
+    missing = np.random.default_rng(4).random(shape) < 0.05
+    missing.flat[7] = True
+    there = ~missing.ravel()
+    A = Grid.of(shape, element, UNIT, None, True).normal().toarray()[np.ix_(there, there)]
+    for approach in (gap[~missing].max() + 0.01, 1.0):
+        result = normal_contact(
+            np.where(missing, np.inf, gap), element, material=UNIT, approach=approach, periodic=True
+        )
+        p = np.linalg.solve(A, approach - gap.ravel()[there])
+        assert p.min() > 0.0
+        assert_allclose(result.pressure.ravel()[there], p, atol=1e-6 * p.max())
+
+
 @pytest.mark.parametrize("periodic", [True, (True, False)])
 def test_a_periodic_surface_may_have_missing_pixels(periodic):
     missing = punctured()
@@ -255,7 +273,12 @@ UNEVEN = Topography(np.zeros((4, 4)), (4.0, 4.0), "um", is_uniform=False)
         ({"heights": ["a"], "element": 1.0}, TypeError, "heights has dtype"),
         ({"gap": np.full((4, 4), np.inf), "element": (H, H)}, ValueError, "infinite everywhere"),
         ({"gap": np.full((4, 4), -np.inf), "element": (H, H)}, ValueError, "the value -inf"),
-        ({"gap": np.full((4, 4), np.nan), "element": (H, H)}, ValueError, "not a number"),
+        (
+            {"gap": np.full((4, 4), np.nan), "element": (H, H)},
+            ValueError,
+            "where there is no material it is inf; of measured heights, heights=",
+        ),
+        ({"heights": "a.nc", "element": 1.0}, TypeError, "SurfaceTopography.read_topography"),
     ],
 )
 def test_refuses_what_makes_no_sense(given, error, message):

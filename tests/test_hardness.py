@@ -163,3 +163,13 @@ def test_rough_surfaces_near_full_contact(share):
 def test_refuses_what_makes_no_sense(change, message):
     with pytest.raises(ValueError, match=message):
         normal_contact(np.zeros((2, 2)), (1.0, 1.0), material=UNIT, force=1.0, **change)
+
+
+def test_a_result_says_how_many_elements_yield():
+    gap = surfaces.sphere((32, 32), (2 / 32, 2 / 32), radius=1.0)
+    case = {"element": (2 / 32, 2 / 32), "material": UNIT, "force": 4 / 3 * A**3}
+    soft = normal_contact(gap, hardness=0.8 * P0, **case)
+    count = (soft.plastic > 0.0).sum()
+    assert f"yields            {count} elements, by {soft.plastic.max():.5g} mm" in soft.summary()
+    assert "yields            0 elements" in normal_contact(gap, hardness=9 * P0, **case).summary()
+    assert "yields" not in normal_contact(gap, **case).summary()

@@ -131,7 +131,7 @@ USES = {
     },
     **{
         name: [(getattr(halfspace, name), {**DEPTHS, "h": 1.0})]
-        for name in ("line_stresses_x", "line_stresses_z")
+        for name in ("line_stresses_x", "line_stresses_y", "line_stresses_z")
     },
     "offsets": [(halfspace.offsets, {"grid_shape": SHAPE, "element": ELEMENT})],
     "all_offsets": [(halfspace.all_offsets, {"grid_shape": SHAPE, "element": ELEMENT})],

@@ -114,6 +114,7 @@ def test_a_field_of_slip_is_what_the_creepages_are():
     for result in (by_field, by_both, by_force):
         assert_allclose(result.traction, by_creepages.traction, atol=1e-7 * g.max())
         assert_allclose(result.slip, by_creepages.slip, atol=1e-7)
+        assert_allclose(result.power, by_creepages.power, rtol=1e-6)
     assert_allclose(by_force.rigid, 0.0, atol=1e-8)
 
 
@@ -139,6 +140,42 @@ def test_lateral_creepage_of_a_line_without_compression_is_longitudinal():
         expected = along.traction if angle == 0.0 else n[:, None] * along.traction
         assert_allclose(result.traction, expected, atol=1e-7 * g.max())
         assert_allclose(result.slip.reshape(-1, 150)[0], n[0] * along.slip, atol=1e-8)
+
+
+def test_in_line_contact_one_component_goes_with_two():
+    """A guess, or tractions before, along x alone are of no lateral component, and go on so."""
+    _, g, driven = line(40, longitudinal=-0.1)
+    case = {"element": driven.element[0], "material": BODY}
+    led = rolling(g, lateral=-0.05, **case)
+    along_x = np.stack([driven.traction, np.zeros(len(g))])
+    atol = 1e-7 * g.max()
+    guessed = rolling(g, longitudinal=-0.1, guess=led, **case)
+    assert_allclose(guessed.traction, along_x, atol=atol)
+    assert_allclose(
+        rolling(g, lateral=-0.05, guess=driven, **case).traction, led.traction, atol=atol
+    )
+    at_rest = friction(g, force=0.3 * driven.force, **case)
+    for before, asked, steady in (
+        (at_rest, {"lateral": -0.05}, led.traction),
+        (led, {"longitudinal": -0.1}, along_x),
+    ):
+        *_, last = rolling_steps(g, steps=200, previous=before, **asked, **case)
+        assert_allclose(last.traction, steady, atol=1e-3 * g.max())
+    halted = friction(g, force=0.0, previous=led, **case)
+    assert_allclose(halted.force, 0.0, atol=1e-12)
+    shift, field = np.zeros(2), np.zeros((2, len(g)))
+    for given in (0.0, shift, np.zeros(len(g)), field):
+        kept = friction(g, shift=given, previous=led, **case)
+        assert_allclose(kept.traction, led.traction, atol=atol)
+        assert np.shape(kept.shift) in (shift.shape, field.shape)
+
+
+def test_a_longitudinal_field_of_slip_beside_lateral_creepage_is_longitudinal():
+    x, g, _ = line(40, longitudinal=-0.1)
+    case = {"element": 2 * A / 40, "material": BODY, "lateral": 0.05}
+    along_x = rolling(g, slip=0.1 * x, **case)
+    both = rolling(g, slip=np.stack([0.1 * x, 0.0 * x]), **case)
+    assert np.array_equal(along_x.traction, both.traction)
 
 
 def test_carter_is_softer_along_the_strips():

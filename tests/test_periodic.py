@@ -567,6 +567,24 @@ def test_friction_takes_the_period_of_a_result():
         subsurface_stresses(pressed, depths=[0.1])
 
 
+@pytest.mark.parametrize("shape", [(32,), (16, 16)])
+def test_in_full_contact_without_slip_tractions_are_uniform(shape):
+    """A uniform traction displaces nothing, so that there is no displacement to compare with."""
+    element, m = (0.1,) * len(shape), len(shape)
+    gap = surfaces.rough(shape, element, rms=1e-5, seed=2)
+    pressed = normal_contact(gap, element, material=UNIT, force=0.5, periodic=True)
+    assert pressed.contact.all()
+    before = None
+    for part in (0.1, 0.0, -0.05):
+        force = part * pressed.force * np.eye(m)[0]
+        before = friction(pressed, mu=0.4, force=force if m == 2 else force[0], previous=before)
+        assert before.stick.all()
+        mean = force.reshape(-1, *(1,) * m) / (gap.size * np.prod(element))
+        atol = 1e-12 * pressed.max_pressure
+        assert_allclose(before.traction.reshape(m, *shape), mean + np.zeros((m, *shape)), atol=atol)
+        assert before.products <= 10
+
+
 @doubtful
 def test_strips_and_rows_that_repeat_are_one():
     """Strips of finite length are rows of one element; their tractions point along x."""

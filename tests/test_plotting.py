@@ -17,7 +17,13 @@ from tests.test_result import (
     SHIFTED,
     SHIFTED_LINE,
 )
-from toeplitz_mg.contact import FrictionalResult, friction, subsurface_stresses
+from toeplitz_mg.contact import (
+    FrictionalResult,
+    friction,
+    normal_contact,
+    subsurface_stresses,
+    surfaces,
+)
 
 figure_module = pytest.importorskip("matplotlib.figure")
 
@@ -273,3 +279,15 @@ def test_without_matplotlib_it_is_said_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(ImportError, match=r"pip install 'toeplitz-mg\[plot\]'"):
         PRESSED.plot()
+
+
+@pytest.mark.parametrize("hardness", [0.3, 1e3])
+def test_what_yields_is_drawn_where_there_is_a_hardness(hardness):
+    gap = surfaces.sphere((24, 24), (0.1, 0.1), radius=1.0)
+    soft = normal_contact(gap, (0.1, 0.1), material=PRESSED.material, force=0.3, hardness=hardness)
+    assert (hardness == 0.3) == soft.plastic.any()
+    assert "plastic [mm]" in labels(draw(soft, "plastic"))
+    line = normal_contact(gap[:, 12], 0.1, material=PRESSED.material, force=0.5, hardness=hardness)
+    assert "plastic [mm]" in labels(draw(line, "plastic"))
+    with pytest.raises(ValueError, match="field is 'plastic', but must be one of pressure"):
+        PRESSED.plot("plastic")

@@ -10,7 +10,11 @@ from toeplitz_mg.halfspace.stress_matrices import stress_matrices
 
 H = (1.3, 0.7)
 LOADS = {"x": halfspace.stresses_x, "y": halfspace.stresses_y, "z": halfspace.stresses_z}
-LINES = {"x": halfspace.line_stresses_x, "z": halfspace.line_stresses_z}
+LINES = {
+    "x": halfspace.line_stresses_x,
+    "y": halfspace.line_stresses_y,
+    "z": halfspace.line_stresses_z,
+}
 each_load = pytest.mark.parametrize("direction", LOADS)
 # The components xx, yy, zz, yz, xz, xy as a matrix.
 VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
@@ -107,9 +111,22 @@ def test_plane_strain_is_a_long_element(direction):
     x, z = rng.uniform(-3, 3, 50), rng.uniform(0, 3, 50)
     line = LINES[direction](x, z, 1.3, nu=0.3)
     long = LOADS[direction](x, 0.0, z, (1.3, 1e9), nu=0.3)
-    assert_allclose(line[[0, 2, 4]], long[[0, 2, 4]], atol=1e-8)
+    in_plane, antiplane = [0, 2, 4], [3, 5]
+    some, none = (antiplane, in_plane) if direction == "y" else (in_plane, antiplane)
+    assert_allclose(line[some], long[some], atol=1e-8)
     assert_allclose(line[1], 0.3 * (line[0] + line[2]), atol=1e-14)
-    assert not line[[3, 5]].any()
+    assert not line[none].any()
+
+
+def test_antiplane_shear_is_the_integral_of_line_loads():
+    # A line load along y of unit strength: the stress -1/(pi r), on every half circle around it.
+    s, w = leggauss(60)
+    for x, z in [(0.0, 0.4), (0.65, 0.5), (-1.5, 0.3), (9.0, 3.0)]:
+        apart = x - 0.65 * s
+        force = 0.65 * w / (np.pi * (apart**2 + z**2))
+        stress = halfspace.line_stresses_y(x, z, 1.3, nu=0.3)
+        assert_allclose(stress[3], -(force * z).sum(), rtol=1e-12)
+        assert_allclose(stress[5], -(force * apart).sum(), rtol=1e-12, atol=1e-14)
 
 
 def test_exchange_of_the_axes():

@@ -1,5 +1,6 @@
 """Stresses in bodies in contact: Hertz, sliding, both bodies, sums of elements, errors."""
 
+import dataclasses
 from xml.etree import ElementTree
 
 import numpy as np
@@ -152,6 +153,21 @@ def test_rolling_has_stresses_too():
     both = subsurface_stresses(pressed, rolled, depths=[0.1])
     parts = [subsurface_stresses(result, depths=[0.1]) for result in (pressed, rolled)]
     assert_allclose(both.components, parts[0].components + parts[1].components, atol=1e-15)
+
+
+def test_lateral_tractions_on_strips_are_those_on_long_elements():
+    pressed = line(64)
+    (h,) = pressed.element
+    g = 0.3 * pressed.pressure
+    rolled = rolling(g, h, material=STEEL, longitudinal=-0.01, lateral=-0.02)
+    strips = subsurface_stresses(rolled, depths=[0.0, 0.1])
+    centres, tractions = (pressed.x, np.zeros(1)), rolled.traction[..., None]
+    long = dataclasses.replace(
+        rolled, shape=(64, 1), element=(h, 1e6), centres=centres, traction=tractions
+    )
+    expected = subsurface_stresses(long, depths=[0.0, 0.1]).components[..., 0]
+    assert_allclose(strips.components, expected, atol=1e-6 * np.abs(g).max())
+    assert_allclose(strips.yz[0], -rolled.traction[1], atol=1e-13)
 
 
 # What they are compared by ------------------------------------------------------------------

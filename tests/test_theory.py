@@ -4,7 +4,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
 from scipy.special import ellipe, ellipk
 
@@ -117,7 +117,7 @@ def test_the_solver_in_plane_strain_agrees():
         ({"radii": (1.0, 1e5)}, "one may be 10000 times the other at most"),
         ({"force": None}, "one of the two must be given"),
         ({"approach": 0.1}, "one of the two must be given"),
-        ({"force": -1.0}, "force is -1.0, but must be positive"),
+        ({"force": -1.0}, "force is -1, but bodies that do not stick cannot pull"),
         ({"force": 1e50}, "force is of size 1e.50"),
         ({"force": None, "approach": 0.0}, "approach is 0.0, but must be positive"),
         ({"reference": 1.0}, "reference is 1.0, but is for a cylinder"),
@@ -129,6 +129,16 @@ def test_the_solver_in_plane_strain_agrees():
 def test_what_makes_no_sense_is_refused(given, said):
     with pytest.raises(ValueError, match=said):
         hertz(**{"radii": 1.0, "material": UNIT, "force": 1.0} | given)
+
+
+@pytest.mark.parametrize("radii", [10.0, (10.0, np.inf), (3.0, 7.0)])
+def test_without_a_force_nothing_touches(radii):
+    """As the limit of small forces."""
+    none, little = (hertz(radii=radii, material=STEEL, force=F) for F in (0.0, 1e-20))
+    assert none.force == none.area == none.max_pressure == none.mean_pressure == 0.0
+    assert_allclose(none.half_axes, little.half_axes, atol=1e-5)
+    assert none.approach == (0.0 if little.approach is not None else None)
+    assert_array_equal(none.pressure_at([0.0, 1.0], 0.0), [0.0, 0.0])
 
 
 @pytest.mark.parametrize(

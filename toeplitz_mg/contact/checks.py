@@ -11,7 +11,10 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.values import count, field, finite, in_range, positive, real
 
-SLIDES = 1e-12  # Relative distance of a force from the bound at which all slides: that is rounding.
+# Relative distance of a force from the bound at which all slides. Nearer, the last element that
+# sticks is beyond any grid, and its share of the force below the default tolerance.
+SLIDES = 1e-9
+ALIKE = 1e-9  # Relative difference of the constants of one material, which are computed ones.
 
 
 def check_load(grid: Grid, z: Array, approach: float | None, force: float | None) -> float | None:
@@ -70,6 +73,21 @@ def check_bound(bound: ArrayLike) -> Array:
     return g
 
 
+def check_friction(mu: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return a coefficient of friction, of all elements or of each; check it."""
+    friction = field("mu", mu)
+    if (friction < 0.0).any():
+        raise ValueError(
+            f"mu is {friction.min():g}, but a coefficient of friction is at least zero"
+        )
+    if friction.shape not in ((), shape):
+        raise ValueError(
+            f"mu has shape {friction.shape}, but must be a number, or have that of the grid, "
+            f"{shape}"
+        )
+    return friction
+
+
 def check_pressed(
     bound: Any, element: Any, material: Any, periodic: Any, mu: Any
 ) -> tuple[Array, Any, Any, Any]:
@@ -95,16 +113,7 @@ def check_pressed(
             raise TypeError(f"{name} is given, but a normal result has its own: leave it out")
     if mu is None:
         raise TypeError("mu is not given, but a normal result needs a coefficient of friction")
-    friction = field("mu", mu)
-    if (friction < 0.0).any():
-        raise ValueError(
-            f"mu is {friction.min():g}, but a coefficient of friction is at least zero"
-        )
-    if friction.shape not in ((), bound.shape):
-        raise ValueError(
-            f"mu has shape {friction.shape}, but must be a number, or have that of the grid, "
-            f"{bound.shape}"
-        )
+    friction = check_friction(mu, bound.shape)
     # Where nothing is pressed a coefficient may be infinite.
     g = np.multiply(friction, bound.pressure, where=bound.contact, out=np.zeros(bound.shape))
     return g, bound.element, bound.material, bound.periodic or False
@@ -118,48 +127,86 @@ def check_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:
     m, *grid = shape
     if array.shape == (m,):
         return array.reshape(-1, *(1,) * len(grid))
-    if m == 1 and array.shape in ((), tuple(grid)):
-        return array[None]
+    if len(grid) == 1 and array.shape in ((), tuple(grid)):
+        return widen(array.reshape(1, -1), m)
     if array.shape == shape:
         return array
-    allowed = f"(2,) or {shape}" if m == 2 else f"() or {tuple(grid)}"
+    allowed = f"(2,) or {shape}" if len(grid) == 2 else f"() or {tuple(grid)}"
     raise ValueError(f"shift has shape {array.shape}, but must have {allowed}")
 
 
-def check_force(force: Any, most: float, grid: Grid) -> tuple[Array, bool]:
+def check_force(force: Any, most: float, grid: Grid, *, name: str = "force") -> tuple[Array, bool]:
     """Return the sum of the tractions, by components, that a force needs, and whether all slides.
 
-    That is where it is all that can be carried, `most`, within rounding.
+    That is where it is all that can be carried, the sum `most`, but for `SLIDES`.
     """
     m, area = grid.components, grid.area
-    total = np.atleast_1d(field("force", force)) / area
+    wanted = "(Fx, Fy)" if m == 2 else "a number"
+    if isinstance(force, list | tuple) and any(F is None for F in force):
+        raise ValueError(
+            f"{name} is {force}, but must be {wanted}: with a component that is not given only "
+            "bodies roll"
+        )
+    total = np.atleast_1d(field(name, force)) / area
+    if len(grid.shape) == 1 and total.shape == (1,):
+        total = widen(total, m)
     if total.shape != (m,) or not np.isfinite(total).all():
-        wanted = "(Fx, Fy)" if m == 2 else "a number"
-        raise ValueError(f"force is {force}, but must be {wanted}, and finite")
+        raise ValueError(f"{name} is {force}, but must be {wanted}, and finite")
     size = float(np.linalg.norm(total))
     if size > most * (1.0 + SLIDES):
         raise ValueError(
-            f"force is {force}, of size {size * area:g}, but the traction bound carries "
+            f"{name} is {force}, of size {size * area:g}, but the traction bound carries "
             f"{most * area:g} at most: the bodies would slide off"
         )
     return total, size >= most * (1.0 - SLIDES)
 
 
+def is_lateral(previous: Any) -> bool:
+    """Whether a tangential contact has tractions of two components, in line contact too."""
+    return isinstance(previous, TangentialResult) and previous.traction.ndim > len(previous.shape)
+
+
+def widen(x: Array, components: int) -> Array:
+    """Return a field, (components, ...), with more components, that are zero."""
+    return np.concatenate([x, np.zeros((components - len(x), *x.shape[1:]))])
+
+
 def check_previous(
-    previous: TangentialResult, element: tuple[float, ...], shape: tuple[int, ...]
+    previous: TangentialResult, grid: Grid, shape: tuple[int, ...], *, is_guess: bool = False
 ) -> Array:
-    """Return the tractions of a tangential contact on the same grid, in that shape."""
+    """Return the tractions of a tangential contact on the same grid, in that shape.
+
+    In line contact they may have fewer components: then the lateral one is zero. Those before are
+    of the same bodies, too, and those of a guess may be of others.
+    """
     if isinstance(previous, NormalResult):
         raise ValueError("previous is a normal contact, but must be one with friction")
     if not isinstance(previous, TangentialResult):
         kind = type(previous).__name__
         raise TypeError(f"previous is of type {kind}, but must be a TangentialResult")
-    if previous.contact.shape != shape[1:] or previous.element != element:
+    if previous.contact.shape != shape[1:] or previous.element != grid.element:
         raise ValueError(
             f"previous has {previous.contact.shape} elements of {previous.element}, but the grid "
-            f"has {shape[1:]} of {element}"
+            f"has {shape[1:]} of {grid.element}"
         )
-    return previous.traction.reshape(shape)
+    if not is_guess:
+        _check_same_bodies(previous, grid)
+    return widen(previous.traction.reshape(-1, *shape[1:]), shape[0])
+
+
+def _check_same_bodies(previous: TangentialResult, grid: Grid) -> None:
+    """Refuse tractions of other bodies, or of a surface that repeats in another way."""
+    if tuple(previous.periodic) != tuple(grid.periodic):
+        raise ValueError(
+            f"previous repeats along the axes {previous.periodic}, but the surface along "
+            f"{grid.periodic}: a history is of one surface"
+        )
+    was, now = ((m.G, m.nu, m.difference) for m in (previous.material, grid.material))
+    if not np.allclose(was, now, rtol=ALIKE, atol=0.0):
+        raise ValueError(
+            f"previous is of {previous.material}, but the bodies are of {grid.material}: a history "
+            "is of the same bodies"
+        )
 
 
 def check_same_grid(previous: Any, grid: Grid) -> None:

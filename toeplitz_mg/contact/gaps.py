@@ -10,13 +10,14 @@ Where there is no material the gap is infinite: missing heights (NaN, or masked)
 are never in contact. Heights of the library SurfaceTopography bring sizes, units and periodicity.
 """
 
+import os
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element
-from toeplitz_mg.values import field
+from toeplitz_mg.values import field, refuse_masked
 
 # Units of length in mm. SurfaceTopography writes them so; the two signs for micro look alike.
 UNITS = {
@@ -72,7 +73,7 @@ def read_surface(
         heights = heights.heights()
     if element is None:
         raise TypeError("element is missing: the size (h1, h2) of an element must be given")
-    z = field("gap", gap) if gap is not None else _press_on_a_flat(heights)
+    z = _check_gap(gap) if gap is not None else _press_on_a_flat(heights)
     if (factor := _factor(unit)) != 1.0:
         z *= factor
         element = (factor * field("element", element)).tolist()
@@ -111,8 +112,24 @@ def _factor(unit: str | None) -> float:
     return UNITS[unit]
 
 
+def _check_gap(gap: ArrayLike) -> Array:
+    """Return a gap as an array, or say where there is no material."""
+    array = refuse_masked("gap", gap)
+    if array.dtype.kind == "f" and np.isnan(array).any():
+        raise ValueError(
+            "gap is not a number somewhere: where there is no material it is inf; of measured "
+            "heights, heights=, those that are not numbers are missing"
+        )
+    return field("gap", array)
+
+
 def _press_on_a_flat(heights: Any) -> Array:
     """Return the gap between heights and a flat that touches the highest of them."""
+    if isinstance(heights, str | os.PathLike):
+        raise TypeError(
+            f"heights is {str(heights)!r}, but must be heights: those of a file are read by "
+            "SurfaceTopography.read_topography, of numbers alone by np.load or np.loadtxt"
+        )
     if np.ma.isMaskedArray(heights):
         missing = np.ma.getmaskarray(heights)
         heights = np.ma.getdata(heights)

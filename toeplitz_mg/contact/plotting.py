@@ -15,6 +15,7 @@ FIELDS = {False: ("pressure", "gap", "displacement"), True: ("traction", "slip",
 # Blue and orange are told apart by all who see colours in whatever way.
 STICK, SLIP = "#3182BD", "#E6550D"
 SHADES = {"pressure": "YlOrRd", "gap": "Blues", "slip": "Oranges", "displacement": "Greens"}
+SHADES |= {"plastic": "Purples"}
 LIGHTEST = 0.15  # Part of a map of colours that is too near to white to be seen beside it.
 PEAK = 1.25  # Largest value over nearly the largest, above which a few elements decide the colours.
 NEARLY = 0.995  # Share of the elements that are below what is nearly the largest value.
@@ -28,7 +29,9 @@ def draw(result: Any, field: Any = None, ax: Any = None) -> Any:
     """Draw a field of a result, and return the axes (see `NormalResult.plot`)."""
     if field is not None and not isinstance(field, str):
         field, ax = None, field  # The axes alone were given.
-    names = FIELDS[result.stick is not None]
+    names: tuple[str, ...] = FIELDS[result.stick is not None]
+    if result.stick is None and result.plastic is not None:
+        names = (*names, "plastic")
     field = field or names[0]
     if field not in names:
         raise ValueError(f"field is {field!r}, but must be one of {', '.join(names)}")
@@ -110,6 +113,8 @@ def _draw_surface(result: Any, field: str, ax: Any) -> None:
     shown = result.contact
     if result.stick is None and field != "pressure":  # The others are of contact alone.
         shown = ~result.contact if field == "gap" else np.ones_like(result.contact)
+    if field == "plastic":
+        shown = result.plastic > 0.0
     if field == "slip":  # It is zero where the bodies stick.
         shown = result.sliding
     shown = shown & np.isfinite(size)  # The gap is infinite where there is no material.

@@ -9,6 +9,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 
 NOTHING = 1e-8  # Size of a component over the largest that is shown as zero: the usual tolerance.
+ENERGY = "elastic energy"
 FEW = 3  # Figures in the repr of a result, which is one line.
 
 
@@ -45,6 +46,21 @@ class Summary(NamedTuple):
         rows += [("solved by", self.cost)] * bool(self.cost)
         return rows + [("warning", warning) for warning in self.warnings]
 
+    def write(self) -> str:
+        """Return a line for each row, below the title."""
+        lines = (
+            f"  {name}: {text}" if name == "warning" else f"  {name:18s}{text}"
+            for name, text in self.rows
+        )
+        return "\n".join((self.title, *lines))
+
+    def tabulate(self) -> str:
+        """Return the same as a table of HTML."""
+        cells = "".join(
+            f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in self.rows
+        )
+        return f"<table><caption>{escape(self.title)}</caption>{cells}</table>"
+
 
 def describe_grid(shape: Sequence[int], element: Sequence[float]) -> str:
     """Return the elements of a grid in words."""
@@ -77,18 +93,11 @@ def shorten(result: Any) -> str:
 
 def list_figures(result: Any) -> str:
     """Return the figures of this result with their units, a line each."""
-    summary: Summary = result._summary()
-    lines = (
-        f"  {name}: {text}" if name == "warning" else f"  {name:18s}{text}"
-        for name, text in summary.rows
-    )
-    return "\n".join((summary.title, *lines))
+    text: str = result._summary().write()
+    return text
 
 
 def tabulate_figures(result: Any) -> str:
     """Return the same as a table of HTML."""
-    summary: Summary = result._summary()
-    cells = "".join(
-        f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in summary.rows
-    )
-    return f"<table><caption>{escape(summary.title)}</caption>{cells}</table>"
+    table: str = result._summary().tabulate()
+    return table

@@ -12,7 +12,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.summary import Figure, Summary, list_figures, tabulate_figures
 from toeplitz_mg.contact.units import units_of
 from toeplitz_mg.halfspace.materials import combine
-from toeplitz_mg.values import field, in_range, positive
+from toeplitz_mg.values import field, finite, in_range, positive
 
 FLATTEST = 1e4  # Ratio of two radii of curvature up to which the equation of the axes is solved.
 
@@ -54,7 +54,7 @@ class HertzContact:
     @property
     def mean_pressure(self) -> float:
         """The mean pressure in contact, N/mm²."""
-        return self.force / self.area
+        return self.force / self.area if self.area else 0.0
 
     def pressure_at(self, x: ArrayLike, y: ArrayLike = 0.0) -> Array:
         """Return the pressures at points: p₀ √(1 - x²/a² - y²/b²), zero outside, N/mm².
@@ -77,6 +77,8 @@ class HertzContact:
         array([1371., 1157.,    0.])
         """
         a, b = self.half_axes
+        if self.force == 0.0:
+            return np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)))
         inside = 1.0 - (field("x", x) / a) ** 2 - (field("y", y) / b) ** 2
         return self.max_pressure * np.sqrt(np.maximum(0.0, inside))
 
@@ -118,7 +120,7 @@ def hertz(
     material : Material or (Material, Material)
         Of both bodies, or of the first and the second (see `contact.Material`).
     force : float
-        The force that presses, N; of a cylinder N per mm of length.
+        The force that presses, N; of a cylinder N per mm of length. Without one nothing touches.
     approach : float
         The approach of the bodies, mm. Either this or the force is given; of a cylinder the force.
     reference : float, optional
@@ -171,7 +173,9 @@ def hertz(
             f"force is {force} and approach is {approach}, but one of the two must be given"
         )
     if force is not None:
-        force = positive("force", force)
+        force = finite("force", force)
+        if force < 0.0:
+            raise ValueError(f"force is {force:g}, but bodies that do not stick cannot pull")
         in_range("force", force)
     if approach is not None:
         approach = positive("approach", approach)
@@ -218,6 +222,10 @@ def _check_radii(radii: ArrayLike) -> tuple[float, float]:
 def _press_cylinder(
     radii: tuple[float, float], modulus: float, force: float, reference: float | None
 ) -> HertzContact:
+    if force == 0.0:
+        axes = (0.0, math.inf) if radii[0] < radii[1] else (math.inf, 0.0)
+        nothing = None if reference is None else 0.0
+        return HertzContact(axes, 0.0, 0.0, nothing, nothing)
     a = math.sqrt(4.0 * force * min(radii) / (math.pi * modulus))
     approach = stiffness = None
     if reference is not None:
@@ -236,6 +244,8 @@ def _press_cylinder(
 def _press_ellipsoid(
     radii: tuple[float, float], modulus: float, force: float | None, approach: float | None
 ) -> HertzContact:
+    if force == 0.0:
+        return HertzContact((0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
     R1, R2 = max(radii), min(radii)
     ratio = 1.0
     if R1 > R2:

@@ -19,6 +19,7 @@ from toeplitz_mg.halfspace.matrices import influence_matrix
 from toeplitz_mg.halfspace.points import all_offsets, offsets
 from toeplitz_mg.halfspace.stresses import (
     line_stresses_x,
+    line_stresses_y,
     line_stresses_z,
     stresses_x,
     stresses_y,
@@ -40,6 +41,7 @@ __all__ = [
     "influence_zz",
     "line_contact_coefficients",
     "line_stresses_x",
+    "line_stresses_y",
     "line_stresses_z",
     "offsets",
     "stresses_x",

@@ -117,6 +117,18 @@ def line_by_traction(X: Array, z: Array, nu: float) -> Array:
     return _in_plane(-2.0 * log - zz, yy, zz, xz)
 
 
+def line_by_lateral_traction(X: Array, z: Array) -> Array:
+    """Return the antiplane stresses by a unit traction along y on strips between edges.
+
+    The arguments are those of `line_by_pressure`; no stress depends on Poisson's ratio.
+    """
+    d, s, c = _directions_in_plane(X, z)
+    with np.errstate(divide="ignore"):
+        log = np.diff(np.log(d), axis=-1)
+    yz, nothing = -np.diff(np.arctan2(s, c), axis=-1), np.zeros_like(log)
+    return np.stack([nothing, nothing, nothing, yz, nothing, -log]) / np.pi
+
+
 def _in_plane(xx: Array, yy: Array, zz: Array, xz: Array) -> Array:
     nothing = np.zeros_like(xx)
     return np.stack([xx, yy, zz, nothing, xz, nothing]) / np.pi

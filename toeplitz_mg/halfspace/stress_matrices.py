@@ -10,6 +10,7 @@ from toeplitz_mg.halfspace.stress_integrals import (
     by_pressure,
     by_traction,
     exchange,
+    line_by_lateral_traction,
     line_by_pressure,
     line_by_traction,
 )
@@ -54,8 +55,9 @@ def _quadrants(
     z = np.array(depth)
     lines = [h * (np.arange(n + 1) - 0.5) for n, h in zip((*shape, 1), element, strict=False)]
     if len(element) == 1:
-        line = line_by_pressure if direction == "z" else line_by_traction
-        return line(lines[0], z, nu)
+        if direction == "y":
+            return line_by_lateral_traction(lines[0], z)
+        return (line_by_pressure if direction == "z" else line_by_traction)(lines[0], z, nu)
     X, Y = lines[0][:, None], lines[1]
     Y = Y[None, :]
     if direction == "z":

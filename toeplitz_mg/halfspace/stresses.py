@@ -14,6 +14,7 @@ from toeplitz_mg.halfspace.stress_integrals import (
     by_pressure,
     by_traction,
     exchange,
+    line_by_lateral_traction,
     line_by_pressure,
     line_by_traction,
 )
@@ -202,6 +203,7 @@ def line_stresses_x(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array
 
     See Also
     --------
+    line_stresses_y : by a traction along the strip.
     line_stresses_z : by a pressure.
     stresses_x : by a rectangle.
 
@@ -214,6 +216,42 @@ def line_stresses_x(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array
     nu = check_ratio(nu)
     X, Z = _edges(x, z, h)
     return line_by_traction(X, Z, nu)[..., 0]
+
+
+def line_stresses_y(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array:
+    """Return the antiplane stresses by a unit traction along a strip of infinite length.
+
+    Parameters
+    ----------
+    x, z, h, nu
+        The arguments of `line_stresses_z`; no stress depends on Poisson's ratio.
+
+    Returns
+    -------
+    ndarray of float64, of shape (6, ...)
+        As `line_stresses_z` returns it, with yz and xy alone; xy is infinite on the edges.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For arguments that `stresses_z` refuses.
+
+    See Also
+    --------
+    line_stresses_x : by a traction across the strip.
+    stresses_y : by a rectangle.
+
+    Examples
+    --------
+    At the surface what acts on it: on an edge the mean of both sides.
+
+    >>> from toeplitz_mg import halfspace
+    >>> print(halfspace.line_stresses_y([0.0, 0.5], 0.0, 1.0, nu=0.3)[3])
+    [-1.  -0.5]
+    """
+    check_ratio(nu)
+    X, Z = _edges(x, z, h)
+    return line_by_lateral_traction(X, Z)[..., 0]
 
 
 def _corners(

@@ -107,12 +107,14 @@ class Search:
         """Return the gap, with a finite one that never closes in the place of an infinite one.
 
         No displacement is larger than the sum of the pressures: an element by itself would be
-        displaced by that, if it carried all.
+        displaced by that, if it carried all. Where an approach is given, displacements in contact
+        are at most that; where their mean is zero, all the rest may be that of one element.
         """
         z, vectors = self.z, self.grid.vectors
         where = vectors.xp.where
         farthest = vectors.max(where(z < np.inf, z, 0.0))
-        far = 2.0 * self.approach if self.approach is not None else farthest + self.total
+        most = 2.0 + self.grid.has_free_mean * prod(self.grid.shape)
+        far = most * self.approach if self.approach is not None else farthest + self.total
         return where(z < np.inf, z, max(far, farthest))
 
     def look(self, now: Iterate) -> Law:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import fields, plotting, saving
 from toeplitz_mg.contact.summary import (
+    ENERGY,
     Figure,
     Summary,
     describe_cost,
@@ -159,7 +160,8 @@ class NormalResult:
         Parameters
         ----------
         field : str, optional
-            "pressure", "gap" or "displacement"; by default the first.
+            "pressure", "gap" or "displacement", and "plastic" where a hardness was given; by
+            default the first.
         ax : matplotlib.axes.Axes, optional
             Where to draw, as beside other results; by default on a new figure.
 
@@ -190,6 +192,14 @@ class NormalResult:
         cost = describe_cost(self.products, self.residual)
         return Summary(title, figures, cost, self.warnings)
 
+    @property
+    def _yields(self) -> str | None:
+        """How many elements yield, in words, where a hardness was given."""
+        if self.plastic is None:
+            return None
+        count = int((self.plastic > 0.0).sum())
+        return f"{count} element{'s' * (count != 1)}, by {self.plastic.max():.5g} mm at most"
+
     def _figures(self) -> list[Figure]:
         units = units_of(self.element)
         figures = [
@@ -199,6 +209,7 @@ class NormalResult:
             Figure("share of the grid", 100.0 * self.contact_fraction, "%"),
             Figure("mean pressure", self.mean_pressure, "N/mm²"),
             Figure("largest pressure", self.max_pressure, "N/mm²"),
-            Figure("elastic energy", self.energy, units.energy),
+            Figure("yields", self._yields),
+            Figure(ENERGY, self.energy, units.energy),
         ]
         return [figure for figure in figures if figure.value is not None]

@@ -186,8 +186,8 @@ def creep_curve(
     results = list(solve())
     moments = [result.moment for result in results]
     return CreepCurve(
-        creepages=np.array([result.creepages for result in results]),
-        force=np.array([result.force for result in results]),
+        creepages=_stack([result.creepages for result in results]),
+        force=_stack([result.force for result in results]),
         moment=None if moments[0] is None else np.array(moments),
         power=np.array([result.power for result in results]),
         stick_share=np.array([r.stick_area / r.area if r.area else 1.0 for r in results]),
@@ -195,10 +195,23 @@ def creep_curve(
     )
 
 
+def _stack(vectors: list[Any]) -> Array:
+    """Return vectors as rows; in line contact those before anything is lateral are numbers."""
+    rows = np.zeros((len(vectors), max(np.size(vector) for vector in vectors)))
+    for row, vector in zip(rows, vectors, strict=True):
+        row[: np.size(vector)] = vector
+    return rows[:, 0] if rows.shape[1] == 1 else rows
+
+
 def _read_points(*creepages: ArrayLike) -> Array:
     """Return the creepages of each point, shape (points, 3)."""
     given = [field(name, values) for name, values in zip(CREEPAGES, creepages, strict=True)]
     lengths = {len(values) for values in given if values.ndim == 1}
+    if all(values.ndim == 0 for values in given):
+        raise ValueError(
+            "longitudinal, lateral and spin are numbers, but one at least must be an array, with a "
+            "number for each point of the curve: of one point use rolling"
+        )
     if any(values.ndim > 1 for values in given) or len(lengths) != 1 or lengths == {0}:
         shapes = ", ".join(
             f"{name} has shape {values.shape}"

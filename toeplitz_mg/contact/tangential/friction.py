@@ -16,6 +16,7 @@ from toeplitz_mg.contact.checks import (
     check_pressed,
     check_previous,
     check_shift,
+    is_lateral,
 )
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
@@ -25,16 +26,9 @@ from toeplitz_mg.contact.result import (
     check_converged,
     touches_edge,
 )
-from toeplitz_mg.contact.tangential.coulomb import (
-    Areas,
-    along,
-    clip,
-    direction,
-    project,
-    scale_to_bound,
-    sum_components,
-)
+from toeplitz_mg.contact.tangential.coulomb import clip, project, sum_components
 from toeplitz_mg.contact.tangential.problem import Problem, State
+from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given, slide_off
 from toeplitz_mg.contact.tangential.stick_slip import solve
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
@@ -79,9 +73,12 @@ def friction(
         of shape (2, n1, n2) or (n,), as for a rotation. In the paper's symbols it is -w δt.
     force : array_like
         Total tangential force (Fx, Fy), or in line contact a number, N; in plane strain N/mm.
-        Either this or the shift is given. A force of μ P, within rounding, lets all slide: then
-        the shift that is returned is the least that does, with a force; the slip is against the
-        force, as after a longer way, beside which what the elements do across it is nothing.
+        In line contact after tractions with a lateral component, as rolling may leave them, force
+        and shift may be of two components too.
+        Either this or the shift is given. A force of μ P, to 1e-9 of it, lets all slide: then
+        the slip is against the force, as after a long way, beside which what the elements do across
+        it is nothing, and the shift that is returned is the one at which the last element begins
+        to slide so.
     previous : TangentialResult, optional
         The tractions before: a result of `friction` on the same grid.
     reference : float, optional
@@ -147,6 +144,8 @@ def friction(
     """
     g, element, material, periodic = check_pressed(bound, element, material, periodic, mu)
     grid = Grid.of(g.shape, element, material, reference, periodic)
+    if is_lateral(previous):
+        grid = replace(grid, directions="xy")
     result = shift_bodies(
         grid, g, Window.around, shift, force, previous, tolerance, nested, max_products, progress
     )
@@ -168,13 +167,14 @@ def shift_bodies(
 ) -> TangentialResult:
     """Return what `friction` finds for the traction bound `g`, converged or not."""
     b = np.zeros((grid.components, *g.shape))
+    change = b
     with grid.agree() as same:
         check_iteration(tolerance, max_products, progress)
         if (shift is None) == (force is None):
             raise ValueError(
                 f"shift is {shift!r} and force is {force!r}, but one of the two must be given"
             )
-        before = b if previous is None else check_previous(previous, grid.element, b.shape)
+        before = b if previous is None else check_previous(previous, grid, b.shape)
         if shift is not None:
             change = check_shift(shift, b.shape)
             b = b + change
@@ -199,9 +199,14 @@ def shift_bodies(
         if previous is not None:
             u = products(before)
             b, least = b + u, grid.vectors.max(np.abs(u))
+        if total is not None and (elements := grid.vectors.count(g)):
+            # Where a surface repeats, a uniform traction displaces nothing: then the scale is what
+            # the mean traction, now or before, displaces on an element by itself.
+            sums = [float(np.linalg.norm(x)) for x in (total, sum_components(before, grid.vectors))]
+            least = max(least, window.grid.diagonal(products.A) * max(sums) / elements)
         problem = Problem(window.grid, g, b, total, tolerance, least, progress)
         if all_slides:
-            state, slip = _slide_off(problem, products)
+            state, slip = slide_off(problem, products)
         else:
             if previous is not None:
                 guess = project(clip(before, g), g, total, grid.vectors)
@@ -209,42 +214,8 @@ def shift_bodies(
     result = make_result(problem, state, window, products.count, work.units(b.size), slip)
     moved = result.shift
     if shift is not None:
-        given = np.array(shift, dtype=np.float64)
-        moved = float(given) if given.ndim == 0 else given
-    return replace(result, shift=moved, total_shift=_add_shifts(moved, previous, window.whole))
-
-
-def _slide_off(problem: Problem, A: Products) -> tuple[State, Array]:
-    """Return the state in which all slides along the force, with the least shift, and the slip."""
-    assert problem.total is not None
-    contact, vectors = problem.g > 0.0, problem.vectors
-    n = np.broadcast_to(direction(problem.uniform(problem.total)), problem.b.shape)
-    q = scale_to_bound(n, problem.g, contact)
-    u = A(q)
-    ahead = np.where(contact, u - problem.b, 0.0)
-    forwards = along(ahead, n)
-    shift = np.zeros(len(q))
-    if elements := vectors.count(contact):
-        farthest = vectors.max(np.where(contact, forwards, -np.inf))
-        # Across the force the shift is the mean of what the elements do.
-        across = sum_components(ahead - forwards * n, vectors) / elements
-        shift = across + farthest * direction(problem.total)
-        forwards = np.where(contact, forwards - farthest, 0.0)
-    areas = Areas(np.zeros_like(contact), contact)
-    return State(q, u, areas, shift, residual=0.0), forwards * n
-
-
-def _add_shifts(moved: Any, previous: TangentialResult | None, grid: Any) -> Any:
-    """Return a shift, and those that led to the tractions before it."""
-    before = None if previous is None else previous.total_shift
-    if before is None:
-        return moved
-    # One may be of the whole bodies, and the other a field.
-    given, earlier = (check_shift(x, (grid.components, *grid.shape)) for x in (moved, before))
-    total = given + earlier
-    if total.size > grid.components:
-        return total[0] if grid.components == 1 else total
-    return float(total.ravel()[0]) if grid.components == 1 else total.ravel()
+        moved = as_given(change)
+    return replace(result, shift=moved, total_shift=add_shifts(moved, previous, window.whole))
 
 
 def make_result(
@@ -269,7 +240,15 @@ def make_result(
 
     total = problem.grid.area * sum_components(q, problem.vectors)
     if "shift" not in more:
-        more["shift"] = float(state.shift[0]) if is_line else state.shift
+        more["shift"] = as_given(state.shift)
+    if "power" not in more:
+        lost = np.where(state.areas.slide, q * slip, 0.0)
+        more["power"] = problem.grid.area * (0.0 - problem.vectors.sum(lost))
+    if "moment" not in more and len(window.whole.shape) == 2:
+        x, y = window.whole.centres()
+        qx, qy = window.extend(q)
+        moment = problem.vectors.sum(x[:, None] * qy - y * qx)
+        more["moment"] = problem.grid.area * moment
     return TangentialResult(
         **more,
         material=window.whole.material,

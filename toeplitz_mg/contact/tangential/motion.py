@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.checks import widen
 from toeplitz_mg.contact.grid import KEPT
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.values import field, finite, in_range, refuse_masked
@@ -63,8 +64,13 @@ class Motion:
         moment: float | None = None,
         slip: ArrayLike | None = None,
         pole: tuple[float, float] = (0.0, 0.0),
+        *,
+        beside_lateral: bool = False,
     ) -> Self:
-        """Return the motion that was given for fields of a shape, or say what is wrong with it."""
+        """Return the motion that was given for fields of a shape, or say what is wrong with it.
+
+        Tractions beside it, of a guess or before, may be lateral in line contact.
+        """
         loads = (*_read_force(len(shape) == 1, force), moment)
         given: list[float | None] = []
         for name, load, value, wanted in zip(CREEPAGES, LOADS, creepages, loads, strict=True):
@@ -87,7 +93,10 @@ class Motion:
             raise ValueError(f"pole is {pole}, but must be (x, y), and finite")
         x, y = middle.tolist()
         more = None if slip is None else _read_slip(shape, slip)
-        is_lateral = len(shape) == 2 or given[1] != 0.0 or (more is not None and len(more) > 1)
+        is_lateral = len(shape) == 2 or given[1] != 0.0 or beside_lateral
+        is_lateral = is_lateral or (more is not None and len(more) > 1)
+        if more is not None:
+            more = widen(more, 2 if is_lateral else 1)
         return cls(tuple(given), loads, (x, y), more, "xy" if is_lateral else "x")
 
     @property
@@ -148,7 +157,9 @@ class Motion:
         loads = np.array([grid.area * grid.vectors.sum(q * arm) for arm in arms])
         power = -float(loads @ creepages[: len(loads)])
         if self.slip is not None:
-            power -= grid.area * grid.vectors.sum(q * self.slip)
+            for traction, w in zip(q, self.slip, strict=True):
+                behind = _half_behind(grid.lines(w, 0))
+                power -= grid.area * grid.vectors.sum(grid.lines(traction, 0) * behind)
         return loads, power
 
     def complete(self, found: Array) -> Array:
@@ -195,6 +206,12 @@ def _arms(grid: Any, pole: tuple[float, float]) -> tuple[Array, ...]:
     if len(units) < 2:
         return *units, last
     return *units, last - 0.5 * grid.element[0] * units[1]
+
+
+def _half_behind(w: Array) -> Array:
+    """Return a field half an element behind along the last axis, as the arm of the moment is."""
+    before = 2.0 * w[..., :1] - w[..., 1:2] if w.shape[-1] > 1 else w
+    return 0.5 * (w + np.concatenate([before, w[..., :-1]], axis=-1))
 
 
 def _read_force(is_line: bool, force: Any) -> tuple[float | None, float | None]:

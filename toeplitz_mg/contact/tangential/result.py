@@ -1,6 +1,7 @@
 """What bodies that shift or roll on each other have for an answer."""
 
 from dataclasses import dataclass
+from math import prod
 from typing import Any, ClassVar
 
 import numpy as np
@@ -8,6 +9,8 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import fields, plotting, saving
 from toeplitz_mg.contact.summary import (
+    ENERGY,
+    NOTHING,
     Figure,
     Summary,
     describe_cost,
@@ -73,12 +76,14 @@ class TangentialResult:
         spin in 1/mm, and in line contact that is rolled along x alone the longitudinal one; None in
         friction.
     moment : float or None
-        In rolling, the moment of the tractions about the pole, N mm, with the arm x - h/2, as the
-        slip belongs half an element ahead of where it stands; None in friction and in line contact.
-    power : float or None
-        The power that slip dissipates, in rolling over the speed, N, from forces and creepages,
-        which is exact in the steady state; in friction the work of this shift, N mm; None where it
-        was not asked for.
+        The moment of the tractions, N mm, about the middle of the grid; in rolling about the pole,
+        with the arm x - h/2, as the slip belongs half an element ahead of where it stands. None in
+        line contact.
+    power : float
+        What slip dissipates. In rolling the power over the speed, N, from forces and creepages,
+        which is exact in the steady state. In friction the work of the slip since the previous
+        tractions, N mm, in plane strain N: the sum of -q·s over the elements that slide, exact
+        where each slides one way under the bound that it has now.
     products : int
         Products with the matrix of the smallest rectangle around the elements in contact.
     work : float
@@ -88,7 +93,8 @@ class TangentialResult:
         Iterations of the Krylov method on this grid, between two changes of the areas.
     residual : float
         The largest violation of Coulomb's law, at most the tolerance. It is relative, in friction
-        to the largest displacement that there would be without slip, or was before; in steady
+        to the largest displacement that there would be without slip, or was before, or that by
+        the mean traction on one element where a force is given, if that is larger; in steady
         rolling to the largest rigid slip, and in a step of rolling to what would be without slip,
         if that is larger.
     warnings : tuple of str
@@ -120,7 +126,7 @@ class TangentialResult:
     total_shift: Any = None
     creepages: Any = None
     moment: float | None = None
-    power: float | None = None
+    power: float = 0.0
     products: int = 0
     work: float = 0.0
     iterations: tuple[int, ...] = ()
@@ -189,17 +195,25 @@ class TangentialResult:
         creepages, spin = self.creepages, None
         if is_rolling and np.size(creepages) == 3:
             *creepages, spin = creepages
+        # A moment that is rounding of its parts is none.
+        arm = 0.5 * max(h * n for h, n in zip(self.element, self.shape, strict=False))
+        largest = arm * prod(self.element) * float(self.magnitude.sum())
+        moment = 0.0 if abs(self.moment or 0.0) <= NOTHING * largest else self.moment
+        lost = (
+            Figure("moment", None if self.moment is None else moment, "N mm"),
+            Figure("power over speed", self.power, units.force)
+            if is_rolling
+            else Figure("work of slip", self.power, units.energy),
+        )
         figures = [
             Figure("force", self.force, units.force),
             Figure("creepages", creepages),
             Figure("spin", spin, "1/mm"),
             Figure("shift", "a field" if np.size(self.shift) > 2 else self.shift, "mm"),
-            Figure("moment", self.moment, "N mm"),
-            Figure("power over speed", self.power, units.force)
-            if is_rolling
-            else Figure("work of slip", self.power, units.energy),
+            *(lost if is_rolling else ()),
             Figure("contact", self.area, units.area),
             Figure("of which sticks", self.stick_area, units.area),
-            Figure("elastic energy", self.energy, units.energy),
+            *(() if is_rolling else lost),
+            Figure(ENERGY, self.energy, units.energy),
         ]
         return [figure for figure in figures if figure.value is not None]

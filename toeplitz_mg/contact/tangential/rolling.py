@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
-from toeplitz_mg.contact.checks import check_bound, check_iteration, check_previous
+from toeplitz_mg.contact.checks import check_bound, check_iteration, check_previous, is_lateral
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import TangentialResult, check_converged
@@ -178,7 +178,7 @@ def roll(
     What is `asked` are the arguments of `Motion.of`.
     """
     with grid.agree() as same:
-        motion = Motion.of(g.shape, *asked)
+        motion = Motion.of(g.shape, *asked, beside_lateral=is_lateral(guess))
         check_iteration(tolerance, max_products, progress)
         same["the creepages"], same["the loads"] = motion.creepages, motion.loads
         same["pole"], same["directions"] = motion.pole, motion.directions
@@ -189,7 +189,7 @@ def roll(
     motion.check_loads(grid, g)
     before = None
     if guess is not None:
-        q = check_previous(guess, grid.element, (grid.components, *g.shape))
+        q = check_previous(guess, grid, (grid.components, *g.shape), is_guess=True)
         before = q, guess.contact & ~guess.stick
     h = grid.element[0]
     with count_products() as work:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
-from toeplitz_mg.contact.checks import check_bound, check_iteration, check_previous
+from toeplitz_mg.contact.checks import check_bound, check_iteration, check_previous, is_lateral
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import TangentialResult, check_converged
@@ -129,7 +129,7 @@ def roll_steps(
 ) -> Iterator[TangentialResult]:
     """Return what `rolling_steps` yields for the traction bound `g` (see `roll`)."""
     with grid.agree() as same:
-        motion = Motion.of(g.shape, *asked)
+        motion = Motion.of(g.shape, *asked, beside_lateral=is_lateral(previous))
         check_iteration(tolerance, max_products, progress)
         same["steps"] = steps = count("steps", steps)
         same["the creepages"], same["the loads"] = motion.creepages, motion.loads
@@ -137,7 +137,7 @@ def roll_steps(
         same["tolerance"], same["max_products"] = tolerance, max_products
         same["whether there are tractions before"] = previous is not None
         shape = (len(motion.directions), *g.shape)
-        q = np.zeros(shape) if previous is None else check_previous(previous, grid.element, shape)
+        q = np.zeros(shape) if previous is None else check_previous(previous, grid, shape)
     if grid.directions != motion.directions:
         grid = replace(grid, directions=motion.directions)
     motion.check_loads(grid, g)

@@ -1,15 +1,26 @@
 """Checks of contact with friction of unlike materials: what is given, and what was found."""
 
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from toeplitz_mg._typing import Array, Element
+from toeplitz_mg.contact.gaps import read_surface
 from toeplitz_mg.contact.result import ContactError, FrictionalResult, check_converged
-from toeplitz_mg.values import real
 
 
-def check_friction(mu: float) -> float:
-    """Return a coefficient of friction, or say what is wrong with it."""
-    mu = real("mu", mu)
-    if not mu >= 0.0:
-        raise ValueError(f"mu is {mu}, but a coefficient of friction is at least zero")
-    return mu
+def read_gap(
+    gap: ArrayLike | None, element: Element | None, heights: Any, unit: str | None
+) -> tuple[Array, Any]:
+    """Return the gap that was given, and the size of an element, mm: of what does not repeat."""
+    z, element, periodic = read_surface(gap, element, heights, unit, None)
+    if np.any(periodic):
+        raise ValueError(
+            "heights is a topography that repeats, but unlike bodies with friction are of surfaces "
+            "that end: give its heights as an array, with element and unit"
+        )
+    return z, element
 
 
 def check_both(result: FrictionalResult, tolerance: float) -> FrictionalResult:

@@ -10,30 +10,34 @@ from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import (
     check_force,
+    check_friction,
     check_iteration,
     check_load,
     check_previous,
     check_shift,
 )
 from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given
 from toeplitz_mg.contact.unlike.alternation import Report, alternate
-from toeplitz_mg.contact.unlike.checks import check_both, check_friction
+from toeplitz_mg.contact.unlike.checks import check_both, read_gap
 from toeplitz_mg.contact.unlike.result import Before, FrictionalResult
 from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Shifting, bound_of
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.values import count, field
+from toeplitz_mg.values import count
 
 INNER = 0.01  # Tolerance of each problem by itself, over that of both together.
 FARTHEST = 2.0  # Largest step, over the last, for which the tractions are extrapolated.
 
 
 def frictional_contact(
-    gap: ArrayLike,
-    element: Element,
+    gap: ArrayLike | None = None,
+    element: Element | None = None,
     *,
     material: Any,
-    mu: float,
+    mu: ArrayLike,
+    heights: Any = None,
+    unit: str | None = None,
     approach: float | None = None,
     force: float | None = None,
     shift: ArrayLike | None = None,
@@ -63,9 +67,12 @@ def frictional_contact(
     material : (Material, Material)
         Of the first and the second body (see `contact.Material`). The tractions are those on the
         first.
-    mu : float
-        The coefficient of friction: the traction bound is μ p. Infinite where the bodies are
-        bonded wherever they are pressed.
+    mu : float, or array_like of shape (n1, n2) or (n,)
+        The coefficient of friction, of all elements or of each: the traction bound is μ p. Infinite
+        where the bodies are bonded wherever they are pressed.
+    heights, unit
+        In the place of the gap, and its unit, as in `normal_contact`. A surface that repeats, or a
+        hardness, is not taken here.
     approach : float
         The approach of the bodies, from where the gap is given, mm.
     force : float
@@ -75,7 +82,7 @@ def frictional_contact(
         contact a number, or a field, as in `friction`. By default none.
     tangential_force : array_like, optional
         Total tangential force (Fx, Fy), or in line contact a number, N; in plane strain N/mm, in
-        the place of the shift.
+        the place of the shift. Of μ P all slides, as in `friction`.
     previous : FrictionalResult, optional
         The state before, on the same grid: what slips depends on the way there, so that a load is
         best applied in steps.
@@ -109,8 +116,8 @@ def frictional_contact(
     Raises
     ------
     ValueError, TypeError
-        For input that makes no sense, before any work; also where the tangential force is not
-        less than the bound carries.
+        For input that makes no sense, before any work; also where the tangential force is more
+        than the bound carries.
     ContactError
         Where the tolerance is not reached: it says what is violated.
 
@@ -137,10 +144,10 @@ def frictional_contact(
     >>> f"{rough.normal.max_pressure / smooth.max_pressure:.2f}"
     '1.32'
     """
-    z = field("gap", gap)
+    z, element = read_gap(gap, element, heights, unit)
     grid = Grid.of(z.shape, element, material, reference)
     force = check_load(grid, z, approach, force)
-    mu = check_friction(mu)
+    friction = check_friction(mu, z.shape)
     check_iteration(tolerance, max_products, progress)
     most = count("max_iterations", max_iterations)
     if shift is not None and tangential_force is not None:
@@ -149,11 +156,14 @@ def frictional_contact(
             "the two may be given"
         )
     b = np.zeros((grid.components, *z.shape))
+    change = np.zeros((grid.components, *(1,) * z.ndim))
     if shift is not None:
-        b = b + check_shift(shift, b.shape)
+        change = check_shift(shift, b.shape)
+    b = b + change
     total = None
     if tangential_force is not None:
-        total = check_carried(tangential_force, np.inf if force is None else mu * force, grid)
+        largest = np.inf if force is None else float(friction.max()) * force
+        total = check_carried(tangential_force, largest, grid)
     if previous is None:
         before, guess = Before(np.zeros_like(b), 0.0, float(z.min())), None
     else:
@@ -169,11 +179,9 @@ def frictional_contact(
             b, least = b + u, float(np.abs(u).max())
         pressing = Pressing.of(grid, z, coupling, approach, force, inner, max_products, report)
         shifting = Shifting(
-            grid, coupling, mu, b, total, least, inner, max_products, nested, report, guess
+            grid, coupling, friction, b, total, least, inner, max_products, nested, report, guess
         )
         p = pressing.begin(guess, nested=nested)
-        if total is not None:
-            check_carried(tangential_force, float(bound_of(mu, p).sum()) * grid.area, grid)
         p, residuals = alternate(
             pressing,
             shifting,
@@ -183,26 +191,22 @@ def frictional_contact(
             report=report,
         )
         assert shifting.q is not None
+        if total is not None:
+            check_carried(tangential_force, float(bound_of(friction, p).sum()) * grid.area, grid)
         normal = pressing.result(shifting.q, p, 0.0)
         tangential = shifting.result(p, 0.0)
     normal = replace(normal, work=work.units(z.size))
-    if tangential_force is None:
-        given = np.zeros(len(b)) if shift is None else np.array(shift, dtype=np.float64)
-        tangential = replace(tangential, shift=given.item() if given.size == 1 else given)
+    moved = tangential.shift if tangential_force is not None else as_given(change)
+    earlier = None if previous is None else previous.tangential
+    tangential = replace(tangential, shift=moved, total_shift=add_shifts(moved, earlier, grid))
     result = FrictionalResult(normal, tangential, residuals, before)
     doubts.warn(check_both(result, tolerance).warnings)
     return result
 
 
 def check_carried(force: Any, most: float, grid: Grid) -> Array:
-    """Return the sum of the tractions that a tangential force needs, of less than `most`."""
-    total, slides = check_force(force, most / grid.area, grid)
-    if slides:
-        raise ValueError(
-            f"tangential_force is {force}, but must be less than the traction bound carries: "
-            f"{most:g}"
-        )
-    return total
+    """Return the sum of the tractions that a tangential force needs, of at most `most`."""
+    return check_force(force, most / grid.area, grid, name="tangential_force")[0]
 
 
 def check_state(previous: FrictionalResult, grid: Grid, shape: tuple[int, ...]) -> Before:
@@ -210,7 +214,7 @@ def check_state(previous: FrictionalResult, grid: Grid, shape: tuple[int, ...]) 
     if not isinstance(previous, FrictionalResult):
         kind = type(previous).__name__
         raise TypeError(f"previous is of type {kind}, but must be a FrictionalResult")
-    traction = check_previous(previous.tangential, grid.element, shape)
+    traction = check_previous(previous.tangential, grid, shape)
     return Before(traction, previous.normal.force, previous.normal.approach)
 
 

@@ -1,12 +1,15 @@
 """What contact with friction of unlike materials has for an answer."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import fields, plotting, saving
 from toeplitz_mg.contact.normal.result import NormalResult
+from toeplitz_mg.contact.summary import ENERGY, Figure, Summary
 from toeplitz_mg.contact.tangential.result import TangentialResult
+from toeplitz_mg.contact.units import units_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +31,14 @@ class FrictionalResult:
     Attributes
     ----------
     normal : NormalResult
-        Pressures, contact, approach; the displacement is that by tractions too.
+        Pressures, contact, approach; the displacement is that by tractions too. Where the materials
+        are unlike, the tractions change with the approach, so that the stiffness is no solution
+        with the elements in contact alone: it is None.
     tangential : TangentialResult
         Tractions, slip, stick; the displacement is that by pressures too.
+    energy : float
+        The elastic energy of both bodies, N mm; in plane strain N. The `energy` of each part is
+        the work of its tractions, which may be negative.
     residuals : tuple of float
         The largest violation of the conditions of normal contact, over the largest interference,
         in each iteration between the two problems.
@@ -52,6 +60,11 @@ class FrictionalResult:
     def residual(self) -> float:
         """The violation that is left."""
         return self.residuals[-1]
+
+    @property
+    def energy(self) -> float:
+        """The elastic energy ½ ∫ (p u + q·u) of both bodies, N mm; in plane strain N."""
+        return self.normal.energy + self.tangential.energy
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -84,11 +97,19 @@ class FrictionalResult:
 
     def summary(self) -> str:
         """Return the figures of both results with their units, a line each."""
-        return f"{self.normal.summary()}\n\n{self.tangential.summary()}"
+        return "\n\n".join(summary.write() for summary in self._summaries())
 
     def __repr__(self) -> str:
         """Return the first figures of both results."""
         return f"<FrictionalResult: {self.normal!r}, {self.tangential!r}>"
 
     def _repr_html_(self) -> str:
-        return self.normal._repr_html_() + self.tangential._repr_html_()
+        return "".join(summary.tabulate() for summary in self._summaries())
+
+    def _summaries(self) -> Iterator[Summary]:
+        """Yield those of both parts, and of what they have together only."""
+        for part in (self.normal, self.tangential):
+            summary = part._summary()
+            yield summary._replace(figures=[x for x in summary.figures if x.name != ENERGY])
+        energy = Figure(ENERGY, self.energy, units_of(self.normal.element).energy)
+        yield Summary("Both together", [energy])

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
-from toeplitz_mg.contact.checks import check_iteration, check_load
+from toeplitz_mg.contact.checks import check_friction, check_iteration, check_load
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import TangentialResult
 from toeplitz_mg.contact.tangential.motion import Motion
@@ -16,20 +16,22 @@ from toeplitz_mg.contact.tangential.rolling import roll
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.contact.unlike.alternation import Report, alternate
-from toeplitz_mg.contact.unlike.checks import check_both, check_friction
+from toeplitz_mg.contact.unlike.checks import check_both, read_gap
 from toeplitz_mg.contact.unlike.pressing import INNER
 from toeplitz_mg.contact.unlike.result import FrictionalResult
 from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Rolling, bound_of
 from toeplitz_mg.engine.work import count_products
-from toeplitz_mg.values import count, field, refuse_masked
+from toeplitz_mg.values import count, refuse_masked
 
 
 def frictional_rolling(
-    gap: ArrayLike,
-    element: Element,
+    gap: ArrayLike | None = None,
+    element: Element | None = None,
     *,
     material: Any,
-    mu: float,
+    mu: ArrayLike,
+    heights: Any = None,
+    unit: str | None = None,
     approach: float | None = None,
     force: float | None = None,
     longitudinal: float = 0.0,
@@ -53,7 +55,7 @@ def frictional_rolling(
 
     Parameters
     ----------
-    gap, element, material, mu, approach, force
+    gap, element, material, mu, heights, unit, approach, force
         The arguments of `frictional_contact`; `force` is the one that presses.
     longitudinal, lateral, spin, moment, slip, pole
         The arguments of `rolling`.
@@ -113,10 +115,10 @@ def frictional_rolling(
     '-4.29e-04'
     '-3.69e-04'
     """
-    z = field("gap", gap)
+    z, element = read_gap(gap, element, heights, unit)
     grid = Grid.of(z.shape, element, material, None)
     force = check_load(grid, z, approach, force)
-    mu = check_friction(mu)
+    friction = check_friction(mu, z.shape)
     check_iteration(tolerance, max_products, progress)
     most = count("max_iterations", max_iterations)
     refuse_masked("tangential_force", tangential_force)
@@ -140,9 +142,9 @@ def frictional_rolling(
     with count_products() as work:
         coupling = Coupling(grid.coupling())
         pressing = Pressing.of(grid, z, coupling, approach, force, inner, max_products, report)
-        rolling = Rolling(grid, coupling, Coupling(grid.coupling(ahead=1)), mu, solve, given)
+        rolling = Rolling(grid, coupling, Coupling(grid.coupling(ahead=1)), friction, solve, given)
         p = pressing.begin(None, nested=nested)
-        motion.check_loads(grid, bound_of(mu, p))
+        motion.check_loads(grid, bound_of(friction, p))
         p, residuals = alternate(
             pressing, rolling, p, tolerance=tolerance, most=most, report=report
         )

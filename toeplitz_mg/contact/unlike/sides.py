@@ -9,6 +9,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.active_sets import Iterate
+from toeplitz_mg.contact.checks import SLIDES
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.active_set import Search
 from toeplitz_mg.contact.normal.problem import make_result
@@ -17,6 +18,7 @@ from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.contact.tangential import friction, stick_slip
 from toeplitz_mg.contact.tangential import problem as coulomb_problem
+from toeplitz_mg.contact.tangential.shifting import slide_off
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.contact.unlike.alternation import Report
 from toeplitz_mg.operators import apply_to_rows
@@ -34,6 +36,11 @@ class Coupling:
     """
 
     matrices: tuple[Any, ...]
+
+    @property
+    def is_there(self) -> bool:
+        """Whether pressures displace the bodies along the surface."""
+        return any(A is not None for A in self.matrices)
 
     def along(self, p: Array) -> Array:
         """Return the displacements along the surface by pressures, of shape (components, ...)."""
@@ -133,9 +140,10 @@ class Pressing:
         return scaled
 
     def result(self, q: Array, p: Array, work: float) -> NormalResult:
-        """Return what was found."""
+        """Return what was found; tractions that change with the approach leave no stiffness."""
         state = self._state(q, p)._replace(iterations=tuple(self.iterations))
-        return make_result(self.grid, self.z, state, self.products, work, self.distance)
+        result = make_result(self.grid, self.z, state, self.products, work, self.distance)
+        return replace(result, stiffness=None) if self.coupling.is_there else result
 
     def _search(self, z: Array) -> Search:
         search = Search(self.grid, z, self.approach, self.force, self.tolerance, self.report)
@@ -186,8 +194,8 @@ class Shifting:
     ----------
     grid : Grid
     coupling : Coupling
-    mu : float
-        The coefficient of friction.
+    mu : ndarray
+        The coefficient of friction, of all elements or of each.
     b : ndarray of shape (components, ...)
         The displacements along the surface, were there neither slip nor pressures.
     total : ndarray of shape (components,) or None
@@ -204,7 +212,7 @@ class Shifting:
 
     grid: Grid
     coupling: Coupling
-    mu: float
+    mu: Array
     b: Array
     total: Array | None
     least: float
@@ -218,6 +226,7 @@ class Shifting:
     window: Window | None = None
     problem: coulomb_problem.Problem | None = None
     state: coulomb_problem.State | None = None
+    slip: Array | None = None
 
     def __call__(self, p: Array) -> Array:
         """Return the tractions for pressures p."""
@@ -234,11 +243,14 @@ class Shifting:
             self.report,
         )
         products = Products(self._matrix, self.max_products)
-        guess, areas = None, None
-        if self.q is not None:
-            slide = np.zeros(g.shape, bool) if self.slide is None else self.slide
-            guess, areas = coulomb_problem.admit(problem, window.cut(self.q), window.cut(slide))
-        state = stick_slip.solve(problem, products, guess, nested=self.nested, areas=areas)
+        guess, areas, self.slip = None, None, None
+        if self._slides(g):
+            state, self.slip = slide_off(problem, products)
+        else:
+            if self.q is not None:
+                slide = np.zeros(g.shape, bool) if self.slide is None else self.slide
+                guess, areas = coulomb_problem.admit(problem, window.cut(self.q), window.cut(slide))
+            state = stick_slip.solve(problem, products, guess, nested=self.nested, areas=areas)
         self.products += products.count
         self.report.products += products.count
         self.problem, self.state = problem, state
@@ -251,8 +263,16 @@ class Shifting:
         assert self.problem is not None
         assert self.state is not None
         assert self.window is not None
-        result = friction.make_result(self.problem, self.state, self.window, self.products, work)
+        result = friction.make_result(
+            self.problem, self.state, self.window, self.products, work, self.slip
+        )
         return add_displacements(result, self.coupling.along(p), self.grid)
+
+    def _slides(self, g: Array) -> bool:
+        """Whether the given force is all that a bound carries, or more."""
+        if self.total is None:
+            return False
+        return float(np.linalg.norm(self.total)) >= float(g.sum()) * (1.0 - SLIDES)
 
     def _fit(self, contact: Array) -> Window:
         """Return a window of all elements in contact: the last one, while that has them all."""
@@ -277,8 +297,8 @@ class Rolling:
     grid : Grid
     coupling, upstream : Coupling
         Of the displacements here, and one element ahead.
-    mu : float
-        The coefficient of friction.
+    mu : ndarray
+        The coefficient of friction, of all elements or of each.
     solve : callable
         Returns what `rolling` finds for a traction bound, a rigid slip over the distance rolled
         that adds to that of the creepages, and a result to start from, or None.
@@ -293,7 +313,7 @@ class Rolling:
     grid: Grid
     coupling: Coupling
     upstream: Coupling
-    mu: float
+    mu: Array
     solve: Callable[[Array, Array, TangentialResult | None], TangentialResult]
     slip: Array
     found: TangentialResult | None = None
@@ -313,7 +333,7 @@ class Rolling:
         return add_displacements(result, self.coupling.along(p), self.grid)
 
 
-def bound_of(mu: float, p: Array) -> Array:
+def bound_of(mu: Array, p: Array) -> Array:
     """Return the traction bound of pressures: none where there are none, for any coefficient."""
     return np.multiply(mu, p, out=np.zeros_like(p), where=p > 0.0)
 
