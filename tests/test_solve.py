@@ -18,6 +18,7 @@ from comparisons.systems.symbols import (
     column,
     fourier,
 )
+from toeplitz_mg.preconditioners.circulant import smooth_eigenvalues
 from toeplitz_mg.solvers import machine
 from toeplitz_mg.solvers.choice import levinson_is_fastest, methods
 from toeplitz_mg.solvers.cosine_form import fast_length
@@ -180,6 +181,41 @@ def test_shifted_systems_take_few_iterations(name, n):
     assert info.method == "gmres, circulant of both signs"
     assert info.iterations <= 15
     assert np.linalg.norm(tmg.ToeplitzOperator(c) @ x - b) <= 1e-8 * np.linalg.norm(b)
+
+
+def with_zeros(n):
+    """Regular matrices, for n = 8 k, with a symbol that is zero at one of n samples, or nearly."""
+    k = np.arange(n)
+    decay, step = np.where(k > 0, 0.9**k, 0.0), (k == 1).astype(float)
+    odd = np.where(k % 2 == 1, 1.0 / np.maximum(k, 1), 0.0)
+    shifted = 0.9**k - np.eye(1, n)[0] * smooth_eigenvalues(tmg.ToeplitzOperator(0.9**k))[n // 7]
+    two, waves = np.roll(step, 1), step + np.roll(step, 2)
+    return {
+        "1 - z": ((k == 0) - step, 0.0 * k),
+        "skew-symmetric": (decay, -decay),
+        "skew-symmetric, odd 1/k": (odd, -odd),
+        "odd 1/k": (odd, odd),
+        "central differences": (step, -step),
+        "Hermitian, i (z - 1/z)": (1j * step, -1j * step),
+        "-2 cos 2θ": (-two, -two),
+        "cos θ + cos 3θ": (waves, waves),
+        "0.9^|k| less a sample": (shifted, shifted),
+    }
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e-14, 1e-9])
+@pytest.mark.parametrize("n", [2056, 6000, 8208])
+@pytest.mark.parametrize("name", with_zeros(8))
+def test_a_symbol_that_is_zero_at_a_sample_is_that_of_a_regular_matrix(name, n, shift):
+    c, r = with_zeros(n)[name]
+    c = c + shift * np.eye(1, n)[0]
+    r = np.append(c[:1], r[1:])
+    for b in (np.ones(n), random(n)):
+        x, info = tmg.solve_toeplitz((c, r), b, full_output=True)
+        assert info.method.startswith("gmres, circulant")
+        assert info.iterations <= 40
+        residual = np.linalg.norm(b - scipy.linalg.matmul_toeplitz((c, r), x))
+        assert residual <= 1e-10 * np.linalg.norm(b)
 
 
 @pytest.mark.parametrize("name", NONSYMMETRIC)

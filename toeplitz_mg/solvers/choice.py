@@ -7,12 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs, lu_solve, toeplitz
-from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.choice import candidates_of_complex_line, candidates_of_line
-from toeplitz_mg.preconditioners.circulant import smooth_inverse
+from toeplitz_mg.preconditioners.circulant import away_from_zero, smooth_inverse
 from toeplitz_mg.preconditioners.positivity import is_positive, rounding
 from toeplitz_mg.preconditioners.selection import Candidate
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
@@ -109,20 +108,17 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
 
 def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a system that is complex, or not symmetric."""
-    by_gmres = partial(_circulant_method, system, system.samples, solve_by_gmres)
     if system.is_hermitian:
         if may_be_definite(means := system.means):
             if system.columns <= FEW:
                 yield from _methods_of_hermitian(system, means)
             yield from _inverse_method(system.A)
         if not lu_is_faster_than_levinson(len(system.c), system.columns):
-            yield from by_gmres("gmres, circulant of both signs")
+            yield from _gmres_circulant(system, "gmres, circulant of both signs")
     elif has_symbol(system.samples):
         if system.columns <= FEW:
-            yield from by_gmres("gmres, circulant")
-            yield from _gmres_method(
-                system.A, spectral_preconditioner, "gmres, spectral_preconditioner"
-            )
+            yield from _gmres_circulant(system, "gmres, circulant")
+            yield from _gmres_spectral(system.A)
         yield from _inverse_method(system.A)
     yield from _dense_methods(system)
 
@@ -162,8 +158,7 @@ def _method_of_nearly_white(system: ToeplitzSystem, means: Array) -> Iterator[Me
 def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a symmetric system that is not positive definite."""
     if not lu_is_faster_than_levinson(len(system.c), system.columns):
-        by_gmres = partial(_circulant_method, system, system.samples, solve_by_gmres)
-        yield from by_gmres("gmres, circulant of both signs")
+        yield from _gmres_circulant(system, "gmres, circulant of both signs")
     yield from _dense_methods(system)
 
 
@@ -241,13 +236,17 @@ def _circulant_method(
             yield Method(name, form.within(partial(solve, form.A, form.inverse(eigenvalues))))
 
 
-def _gmres_method(
-    A: ToeplitzOperator, preconditioner: Callable[[ToeplitzOperator], LinearOperator], name: str
-) -> Iterator[Method]:
-    """Yield GMRES with a preconditioner, if there is such a one of A."""
+def _gmres_circulant(system: ToeplitzSystem, name: str) -> Iterator[Method]:
+    """Yield GMRES with a circulant, which may be indefinite, but for samples that are zero."""
+    eigenvalues = away_from_zero(system.samples, system.c.dtype)
+    yield from _circulant_method(system, eigenvalues, solve_by_gmres, name)
+
+
+def _gmres_spectral(A: ToeplitzOperator) -> Iterator[Method]:
+    """Yield GMRES with the factors of the symbol, if it has such."""
     with suppress(np.linalg.LinAlgError):
-        M = preconditioner(A)
-        yield Method(name, partial(solve_by_gmres, A, M))
+        M = spectral_preconditioner(A)
+        yield Method("gmres, spectral_preconditioner", partial(solve_by_gmres, A, M))
 
 
 def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
