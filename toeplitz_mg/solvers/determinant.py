@@ -1,13 +1,15 @@
 """The log-determinant of a positive definite Toeplitz matrix, in O(n log n)."""
 
 import warnings
+from math import log
 
 import scipy.linalg
 from numpy.typing import ArrayLike
 
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.spectral import double_line
-from toeplitz_mg.solvers.inverse import first_columns
+from toeplitz_mg.solvers.inverse import USUAL, first_columns
+from toeplitz_mg.solvers.scaling import power_above
 from toeplitz_mg.solvers.sharp_column import sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
 
@@ -79,7 +81,12 @@ def toeplitz_logdet(c: ArrayLike) -> float:
         )
     if not A.is_hermitian:
         raise ValueError(f"c[0] is {A.c[0]}, but must be real, as the matrix is to be Hermitian")
-    found = log_determinant(sharpen(first_columns(double_line(A))))
+    line, power = double_line(A), 0
+    if not USUAL[0] <= line.norm_bound <= USUAL[1]:
+        power = int(power_above(line.norm_bound))
+        line = ToeplitzOperator(line.c * 2.0**-power)
+    value, error = log_determinant(sharpen(first_columns(line)))
+    found = LogDeterminant(value + len(A.c) * power * log(2.0), error)
     warn_of_error(found, len(A.c), stacklevel=3)
     return found.value
 
