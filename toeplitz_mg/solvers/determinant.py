@@ -5,6 +5,7 @@ from math import log
 
 import scipy.linalg
 from numpy.typing import ArrayLike
+from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.spectral import double_line
@@ -73,6 +74,11 @@ def toeplitz_logdet(c: ArrayLike) -> float:
     >>> round(tmg.toeplitz_logdet(c) / float(np.log(1 - 0.9**2)), 8)
     99999.0
     """
+    if isinstance(c, LinearOperator):
+        raise TypeError(
+            f"c is {c!r}, but must be the first column of a matrix: of a ToeplitzOperator A write "
+            "toeplitz_logdet(A.c), or toeplitz_inverse(A).logdet"
+        )
     A = ToeplitzOperator(c)
     if A.c.ndim != 1:
         raise ValueError(
