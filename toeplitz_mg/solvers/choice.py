@@ -124,6 +124,8 @@ def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
             yield from _gmres_circulant(system, "gmres, circulant")
             yield from _gmres_spectral(system.A)
         yield from _inverse_method(system.A)
+        if system.columns > FEW and not lu_is_faster_than_levinson(len(system.c), system.columns):
+            yield from _gmres_circulant(system, "gmres, circulant")
     yield from _dense_methods(system)
 
 
@@ -169,12 +171,11 @@ def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
 def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what needs no more of A than that it is a Toeplitz matrix."""
     n, columns = len(system.c), system.columns
-    is_small = n <= LARGEST_DENSE
-    if not (is_small and lu_is_faster_than_levinson(n, columns)):
+    if not lu_is_faster_than_levinson(n, columns):
         # Where no symbol is left to hope for, a correction takes a second recursion.
         accepted = 0.0 if n <= SHORT or system.is_hermitian else UNSTABLE
         yield Method(LEVINSON, lambda B, rtol: (levinson(system.lags, B), 1), accepted)
-    if is_small:
+    if n <= LARGEST_DENSE:
         # Levinson's recursion fails where a leading block is singular, or nearly so.
         yield Method("scipy.linalg.lu_solve", _factorise(system))
     else:
@@ -190,8 +191,11 @@ def may_be_definite(eigenvalues: Array) -> bool:
 
 
 def lu_is_faster_than_levinson(n: int, columns: int) -> bool:
-    """Whether a dense factor is faster: its set-up is of n³ steps, but each column is free."""
-    return columns >= 4 + n // 32
+    """Whether a dense factor is faster, if there is memory for it.
+
+    Its set-up is of n³ steps, but each column is free.
+    """
+    return n <= LARGEST_DENSE and columns >= 4 + n // 32
 
 
 def levinson_is_fastest(n: int, columns: int) -> bool:
