@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from scipy.sparse import diags_array
 
 import toeplitz_mg as tmg
 from tests.cases import checkered
@@ -61,6 +62,9 @@ def general():
     A = tmg.ToeplitzOperator(0.5**k, 0.3**k)
     yield "coupled, no symmetry", tmg.CoupledOperator([[A, None], [None, A]])
     yield "masked, no symmetry", tmg.MaskedOperator(A, k % 4 > 0)
+    skewed = tmg.ToeplitzOperator(np.r_[0.1, -1.0, 0.0 * k[2:]], np.r_[0.1, 1.2, 0.0 * k[2:]])
+    yield "indefinite symmetric part", skewed
+    yield "sum, indefinite symmetric part", skewed + diags_array(1e-3 * k)
 
 
 PRECONDITIONERS = {
@@ -138,3 +142,33 @@ def test_advice_for_a_general_matrix_is_a_preconditioner_of_gmres(A):
                 assert solves_by_gmres(A, function(A))
             else:
                 assert "made" in follow(function, A)
+
+
+def test_a_negative_matrix_is_one_of_the_other_sign():
+    """Fractional derivatives have that sign, mostly."""
+    for name, A, _ in matrices():
+        if "negative" not in name:
+            continue
+        for make in PRECONDITIONERS.values():
+            refused = refusal(make, A)
+            if make is not tmg.toeplitz_inverse and "must" not in refused[0]:
+                assert "where -A is positive definite solve -A x = -b" in refused[0]
+    A = tmg.ToeplitzOperator(line(40)["contact"][0]) + diags_array(np.ones(40))
+    with pytest.raises(np.linalg.LinAlgError, match="solve -A x = -b"):
+        tmg.default_preconditioner(-1 * A)
+
+
+def test_a_sum_that_is_not_understood_has_the_preconditioner_of_a_part():
+    A = tmg.ToeplitzOperator(line(40)["contact"][0])
+    C = tmg.CoupledOperator([[A, None], [None, A]])
+    D = diags_array(np.linspace(0.0, 1.0, 80))
+    with pytest.raises(TypeError, match=r"use cg or gmres with default_preconditioner\(C\)"):
+        tmg.default_preconditioner(C + D)
+    assert solves_by_gmres(C + D, tmg.default_preconditioner(C))
+
+
+def test_the_inverse_of_a_sum_is_that_of_cg():
+    A = tmg.ToeplitzOperator(line(40)["contact"][0]) + diags_array(np.linspace(0.0, 1.0, 40))
+    with pytest.raises(TypeError, match=r"use cg with default_preconditioner\(A\), or gmres"):
+        tmg.toeplitz_inverse(A)
+    assert solves_by_gmres(A, tmg.default_preconditioner(A))

@@ -255,3 +255,16 @@ def test_the_work_is_that_of_a_few_products():
     with tmg.count_products() as work:
         tmg.toeplitz_logdet(covariance("fGn, H = 0.75", n))
     assert work.units(n) <= 45
+
+
+@pytest.mark.parametrize("n", [5, 300, 3000])
+@pytest.mark.parametrize("power", [-900, -400, 400, 900])
+def test_a_unit_adds_its_logarithm_for_each_unknown(n, power):
+    c = 0.9 ** np.arange(n)
+    expected = tmg.toeplitz_logdet(c) + n * power * np.log(2.0)
+    assert tmg.toeplitz_logdet(c * 2.0**power) == pytest.approx(expected, rel=1e-13)
+
+
+def test_of_an_operator_it_names_the_column():
+    with pytest.raises(TypeError, match=r"write toeplitz_logdet\(A\.c\), or toeplitz_inverse"):
+        tmg.toeplitz_logdet(tmg.ToeplitzOperator([2.0, 1.0]))

@@ -122,3 +122,20 @@ def test_refuses_bad_arguments():
 def test_repr():
     text = repr(tmg.toeplitz_inverse(tmg.ToeplitzOperator([2.0, 1.0])))
     assert text.startswith("<ToeplitzInverse 2, residual ")
+
+
+@pytest.mark.parametrize("n", [5, 300, 3000])
+def test_sizes_whose_squares_are_out_of_range_are_refused(n):
+    c = 0.9 ** np.arange(n)
+    for size in (1e-200, 1e200):
+        with pytest.raises(ValueError, match="coefficients of A are of size"):
+            tmg.toeplitz_inverse(tmg.ToeplitzOperator(size * c))
+        with pytest.raises(ValueError, match="coefficients of A are of size"):
+            tmg.ToeplitzNormal(size * c).logpdf(c)
+
+
+@pytest.mark.parametrize("n", [40, 97, 200])
+def test_a_matrix_that_is_far_from_normal_is_refused_without_a_warning(n):
+    """Its inverse has entries of up to 1000^n."""
+    with pytest.raises(np.linalg.LinAlgError):
+        tmg.toeplitz_inverse(tmg.ToeplitzOperator(0.001 * np.eye(1, n)[0], np.eye(1, n, 1)[0]))

@@ -1,6 +1,7 @@
 """solve_toeplitz: what SciPy takes, what SciPy returns, and no wrong answer without an error."""
 
 import warnings
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from comparisons.systems.symbols import (
     column,
     fourier,
 )
+from toeplitz_mg.preconditioners.circulant import smooth_eigenvalues
 from toeplitz_mg.solvers import machine
 from toeplitz_mg.solvers.choice import levinson_is_fastest, methods
 from toeplitz_mg.solvers.cosine_form import fast_length
@@ -182,6 +184,41 @@ def test_shifted_systems_take_few_iterations(name, n):
     assert np.linalg.norm(tmg.ToeplitzOperator(c) @ x - b) <= 1e-8 * np.linalg.norm(b)
 
 
+def with_zeros(n):
+    """Regular matrices, for n = 8 k, with a symbol that is zero at one of n samples, or nearly."""
+    k = np.arange(n)
+    decay, step = np.where(k > 0, 0.9**k, 0.0), (k == 1).astype(float)
+    odd = np.where(k % 2 == 1, 1.0 / np.maximum(k, 1), 0.0)
+    shifted = 0.9**k - np.eye(1, n)[0] * smooth_eigenvalues(tmg.ToeplitzOperator(0.9**k))[n // 7]
+    two, waves = np.roll(step, 1), step + np.roll(step, 2)
+    return {
+        "1 - z": ((k == 0) - step, 0.0 * k),
+        "skew-symmetric": (decay, -decay),
+        "skew-symmetric, odd 1/k": (odd, -odd),
+        "odd 1/k": (odd, odd),
+        "central differences": (step, -step),
+        "Hermitian, i (z - 1/z)": (1j * step, -1j * step),
+        "-2 cos 2θ": (-two, -two),
+        "cos θ + cos 3θ": (waves, waves),
+        "0.9^|k| less a sample": (shifted, shifted),
+    }
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e-14, 1e-9])
+@pytest.mark.parametrize("n", [2056, 6000, 8208])
+@pytest.mark.parametrize("name", with_zeros(8))
+def test_a_symbol_that_is_zero_at_a_sample_is_that_of_a_regular_matrix(name, n, shift):
+    c, r = with_zeros(n)[name]
+    c = c + shift * np.eye(1, n)[0]
+    r = np.append(c[:1], r[1:])
+    for b in (np.ones(n), random(n), random(n, 3)):
+        x, info = tmg.solve_toeplitz((c, r), b, full_output=True)
+        assert info.method.startswith("gmres, circulant") or b.ndim > 1
+        assert info.iterations <= 40
+        residual = np.linalg.norm(b - scipy.linalg.matmul_toeplitz((c, r), x))
+        assert residual <= 1e-10 * np.linalg.norm(b)
+
+
 @pytest.mark.parametrize("name", NONSYMMETRIC)
 @pytest.mark.parametrize("n", [2**12, 10007, 2**16])
 def test_systems_that_are_not_symmetric_take_ten_iterations(name, n):
@@ -274,6 +311,22 @@ def test_a_recursion_that_loses_digits_is_told_or_corrected(pivot, is_told):
     assert info.backward_error <= (1e-11 if is_told else 1e-14)
 
 
+@pytest.mark.parametrize("n", [300, 4500])
+def test_a_leading_block_that_is_singular_is_no_obstacle(n):
+    """Levinson's recursion divides by zero there, and there is no symbol."""
+    for c0 in (0.0, 1.0):
+        c, r = random(2, n)
+        c[0] = c0
+        if c0 == 1.0:
+            c[1] = r[1] = 1.0
+        for row in (r, c, r * 1j):
+            b = random(n)
+            x, info = tmg.solve_toeplitz((c, row), b, rtol=1e-10, full_output=True)
+            assert info.iterations <= 3
+            residual = np.linalg.norm(b - scipy.linalg.matmul_toeplitz((c, row), x))
+            assert residual <= 2e-10 * np.linalg.norm(b)
+
+
 @pytest.mark.parametrize("n", [4, 300, 3000, pytest.param(40000, marks=pytest.mark.slow)])
 def test_a_singular_system_is_an_error(n):
     for c in (np.zeros(n), np.ones(n), np.exp(-((np.arange(n) / (0.1 * n)) ** 2) / 2)):
@@ -283,6 +336,18 @@ def test_a_singular_system_is_an_error(n):
             tmg.solve_toeplitz(c, random(n))
 
 
+def test_an_error_says_what_was_tried():
+    with pytest.raises(np.linalg.LinAlgError, match=r"A is singular.*; .*lu_solve fails: A is"):
+        tmg.solve_toeplitz(([0.0, 0.0], [0.0, 1.0]), [1.0, 1.0])
+
+
+def test_a_complex_matrix_of_any_size_may_have_an_imaginary_part_of_zero():
+    for size in (1e-200, 1e200):
+        for turn in (1.0 + 0.0j, 1.0j):
+            c, b = size * turn * np.array([3.0, 1.0]), turn * np.array([1.0, 3.0])
+            assert_allclose(tmg.solve_toeplitz((c, c), b) * size, [0.0, 1.0], atol=1e-15)
+
+
 @pytest.mark.parametrize("systems", [1, 100])
 def test_a_solution_that_is_so_large_that_its_residual_is_rounding_is_none(systems):
     """Of the matrix of ones but for rounding, ‖A‖ ‖x‖ is over ‖b‖/ε: the residual tells nothing."""
@@ -290,6 +355,21 @@ def test_a_solution_that_is_so_large_that_its_residual_is_rounding_is_none(syste
     c[:, 1] -= 2.0**-53
     with pytest.raises(np.linalg.LinAlgError, match="A is singular"):
         tmg.solve_toeplitz(c, np.tile([[1.0], [-1.0]], (systems, 1, 1)))
+
+
+def test_a_residual_that_is_small_by_chance_is_not_believed():
+    """Rounding of A x is larger than its difference to b, as measured in float64: 3e-16 ‖b‖."""
+    c, r = [0.7769513306110662, -58526404924396.21, -1.0285366648357602e-12], [0.0] * 3
+    r[1:] = -83930371413307.45, 0.0031347323222615238
+    b = [-8.15073034368816e-05, -9.456447495685684e-10, -885356591.2550571]
+    with pytest.warns(scipy.linalg.LinAlgWarning, match="A is ill-conditioned"):
+        x, info = tmg.solve_toeplitz((c, r), b, full_output=True)
+    A = [[Fraction(a) for a in row] for row in scipy.linalg.toeplitz(c, r).tolist()]
+    exact = [
+        float(Fraction(right) - sum(a * Fraction(y) for a, y in zip(row, x.tolist(), strict=True)))
+        for row, right in zip(A, b, strict=True)
+    ]
+    assert 1e-4 <= np.linalg.norm(exact) / np.linalg.norm(b) <= info.residual <= 0.1
 
 
 def test_an_ill_conditioned_system_is_solved_with_a_warning():

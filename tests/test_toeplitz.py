@@ -326,3 +326,24 @@ def test_masked_coefficients_are_refused():
         tmg.ToeplitzOperator.from_lags(c)
     with pytest.raises(TypeError, match="c is a masked array"):
         tmg.ToeplitzOperator([c, c])
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_nor_is_one_that_is_computed_entry_by_entry(dtype):
+    """Its diagonals are constant but for rounding."""
+    x = np.linspace(0.0, 1.0, 50).astype(dtype)
+    for c, advised in (
+        (np.exp(-np.abs(x[:, None] - x) / dtype(0.3)), "c[:, 0]"),
+        (np.exp((x[:, None] - x) / dtype(0.3)), "c[:, 0], c[0]"),
+    ):
+        assert not np.array_equal(c[1:, 1:], c[:-1, :-1])
+        with pytest.warns(UserWarning, match=re.escape(f"use ToeplitzOperator({advised})")):
+            tmg.ToeplitzOperator(c)
+
+
+def test_a_tuple_of_column_and_row_is_no_grid_of_two_rows():
+    c, r = np.array([2.0, 1.0, 0.5]), np.array([2.0, 0.5, 0.1])
+    with pytest.raises(ValueError, match=r"first row use ToeplitzOperator\(c, r\)"):
+        tmg.ToeplitzOperator((c, r))
+    for grid in ([c, r], np.array([c, r]), (tuple(c), tuple(r))):
+        assert tmg.ToeplitzOperator(grid).grid_shape == (2, 3)

@@ -11,9 +11,12 @@ import toeplitz_mg as tmg
 from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, TOLD, Outcome
 from comparisons.systems.random_matrices import log_uniform, random_column
 from toeplitz_mg._typing import Array
+from toeplitz_mg.preconditioners.circulant import smooth_eigenvalues
 
 BACKWARD = 1e-11  # Backward error above which there has to be an error or a warning.
 ILL = 1e-7  # Relative residual that nobody should get without a warning (it warns from 1e-8 on).
+REGULAR = 1e10  # Condition number up to which no matrix may be refused.
+DENSE = 1000  # Most unknowns where that is known: it takes the time of a thousand products.
 LARGEST = 6000  # Unknowns: what is solved by Levinson's recursion takes a tenth of a second.
 
 Line = tuple[Array, Array]  # First column and first row.
@@ -95,6 +98,34 @@ def complex_decaying(rng: Generator, n: int) -> Line:
     return c * turn[0] * np.exp(1j * rng.uniform(-3.0, 3.0)), r * turn[1]
 
 
+def skew_symmetric(rng: Generator, n: int) -> Line:
+    """Return a matrix A = -Aᵀ with decaying coefficients; of an even size: others are singular."""
+    c, _ = decaying(rng, n + n % 2)
+    c[0] = 0.0
+    return c, -c
+
+
+def zero_diagonal(rng: Generator, n: int) -> Line:
+    """Return a matrix without a diagonal, with a symbol or without, symmetric or not."""
+    c, r = (decaying if rng.random() < 0.5 else without_symbol)(rng, n)
+    c[0] = 0.0
+    return (c, c) if rng.random() < 0.5 else (c, r)
+
+
+def less_a_sample(rng: Generator, n: int) -> Line:
+    """Return a symmetric matrix less a sample of its symbol, which so is zero there, or nearly."""
+    _, c = random_column(rng, (n,))
+    c[0] -= rng.choice(smooth_eigenvalues(tmg.ToeplitzOperator(c))) * rng.choice([1.0, 1.0 - 1e-9])
+    return c, c
+
+
+def complex_symmetric(rng: Generator, n: int) -> Line:
+    """Return a complex matrix A = Aᵀ, which is not Hermitian."""
+    c, r = decaying(rng, n)
+    c = c + 1j * rng.uniform(0.1, 3.0) * r
+    return c, c
+
+
 KINDS: list[Kind] = [
     positive_definite,
     indefinite,
@@ -104,6 +135,10 @@ KINDS: list[Kind] = [
     without_symbol,
     hermitian,
     complex_decaying,
+    skew_symmetric,
+    zero_diagonal,
+    less_a_sample,
+    complex_symmetric,
 ]
 
 
@@ -112,6 +147,7 @@ def every_kind(rng: Generator) -> Outcome:
     kind = KINDS[rng.integers(len(KINDS))]
     n = int(log_uniform(rng, 2.0, LARGEST))
     c, r = kind(rng, n)
+    n = len(c)
     columns = int(rng.choice([1, 1, 1, 1, 3]))
     B = rng.standard_normal((n, columns))
     if rng.random() < 0.2:
@@ -123,7 +159,10 @@ def every_kind(rng: Generator) -> Outcome:
         try:
             X, info = tmg.solve_toeplitz((c, r), B, full_output=True)
         except np.linalg.LinAlgError as error:
-            return Outcome(kind.__name__, REFUSED, f"n = {n}: {error}")
+            is_known = n <= DENSE
+            condition = float(np.linalg.cond(scipy.linalg.toeplitz(c, r))) if is_known else np.inf
+            verdict = FAILED if condition < REGULAR else REFUSED
+            return Outcome(kind.__name__, verdict, f"n = {n}, condition {condition:.0e}: {error}")
     errors = np.linalg.norm(B - scipy.linalg.matmul_toeplitz((c, r), X), axis=0)
     sizes = np.linalg.norm(B, axis=0)
     norm = np.abs(c).sum() + np.abs(r[1:]).sum()

@@ -89,9 +89,18 @@ def add(A: Any, x: Any) -> Any:
     """Return A + x, for an operator or a sparse matrix; and for 0, with which `sum` begins."""
     factor = read_factor(x, A.shape[0])
     if factor is not None and np.ndim(factor) == 0:
-        return NotImplemented if factor else A
+        if not factor:
+            return A
+        raise TypeError(
+            f"A + {x} is not defined: with {x} on the diagonal it is A + {x} * "
+            "scipy.sparse.eye_array(n)"
+        )
+    if isinstance(x, np.ndarray):
+        raise TypeError(
+            f"A + x is not defined of an array x of shape {x.shape}: with d on the diagonal it is "
+            "A + scipy.sparse.diags_array(d), with a dense matrix A + aslinearoperator(x)"
+        )
     other = x if factor is None else factor
-    # An array of the user's is a vector or a dense matrix, but no diagonal one.
     if factor is not None or isinstance(x, LinearOperator):
         total = A.plus(other)
         if total is not NotImplemented:

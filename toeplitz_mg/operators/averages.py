@@ -15,6 +15,13 @@ def hermitian_part(A: Any) -> Any:
     return A if A.H is A else (A + A.H) / 2
 
 
+def advise_of_negative(largest: float) -> str:
+    """Return the end of the message that refuses a matrix with this largest diagonal entry."""
+    if not largest < 0.0:
+        return ""
+    return "; the diagonal of -A is positive: where -A is positive definite solve -A x = -b"
+
+
 def average(
     A: ToeplitzSum, mask: Mask | None = None, part: Callable[[Any], Any] = hermitian_part
 ) -> tuple[ToeplitzOperator, Array]:
@@ -51,7 +58,7 @@ def average(
     if not diagonal.min() > 0.0:
         raise np.linalg.LinAlgError(
             f"the diagonal of A has the entry {diagonal.min():.3g}, but a preconditioner needs "
-            "all positive: use GMRES without one"
+            f"all positive: use GMRES without one{advise_of_negative(float(diagonal.max()))}"
         )
     mean: Any = 0
     for left, T, right in A.terms:

@@ -13,9 +13,9 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.embedding import cut
 from toeplitz_mg.engine.library import Library, library_of
 
-HEADROOM = (
-    2.0**-8
-)  # Share of the largest number that a row may sum up to: the rest is for products.
+# Share of the largest number that a row may sum up to: the rest is for products.
+HEADROOM = 2.0**-8
+ALIKE = 1e-12  # Difference of entries over the largest that is rounding of what computed them.
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,11 @@ class Coefficients:
     @classmethod
     def of_column(cls, c: ArrayLike) -> "Coefficients":
         """Take the first column of a matrix: Hermitian, and symmetric in each axis where real."""
+        if isinstance(c, tuple) and len(c) == 2 and all(getattr(a, "ndim", 0) == 1 for a in c):
+            raise ValueError(
+                "c is a tuple of two arrays of one axis, but must be one array: for a first column "
+                "and a first row use ToeplitzOperator(c, r), for a grid of two rows np.array(c)"
+            )
         column = check_coefficients(c, "c")
         xp = (library := library_of(column)).xp
         if library.dtype(column).kind != "c":
@@ -190,17 +195,24 @@ class Coefficients:
 def name_dense(c: Array) -> str:
     """Return what to write for `c` if it looks like a dense Toeplitz matrix, or else nothing.
 
-    It has three rows at least, and all entries of a diagonal are equal. In the first column of a
-    matrix of two axes this makes the coefficient of the lag (1, 1) as large as that of lag zero,
-    which no positive definite matrix has. A constant array may be either.
+    It has three rows at least, and all entries of a diagonal are equal, but for rounding. In the
+    first column of a matrix of two axes this makes the coefficient of the lag (1, 1) as large as
+    that of lag zero, which no positive definite matrix has. A constant array may be either.
     """
+    if c.ndim != 2 or not c.shape[0] == c.shape[1] > 2:
+        return ""
+    library = library_of(c)
+    row, column, corner = (library.to_numpy(part) for part in (c[0, :], c[:, 0], c[:2, :2]))
+    size = max(np.abs(row).max(), np.abs(column).max())
+    error = size * max(ALIKE, 16.0 * float(np.finfo(row.dtype).eps))
     # That of two entries is soon told of a large array.
-    if c.ndim != 2 or not c.shape[0] == c.shape[1] > 2 or c[0, 0] != c[1, 1]:
+    if abs(corner[0, 0] - corner[1, 1]) > error:
         return ""
-    c = library_of(c).to_numpy(c)
-    if not np.array_equal(c[1:, 1:], c[:-1, :-1]) or (c == c[0, 0]).all():
+    c = library.to_numpy(c)
+    is_dense = (np.abs(c[1:, 1:] - c[:-1, :-1]) <= error).all()
+    if not is_dense or (np.abs(c - corner[0, 0]) <= error).all():
         return ""
-    is_hermitian = np.array_equal(c[0], c[:, 0].conj())
+    is_hermitian = (np.abs(row - column.conj()) <= error).all()
     return f"ToeplitzOperator({'c[:, 0]' if is_hermitian else 'c[:, 0], c[0]'})"
 
 

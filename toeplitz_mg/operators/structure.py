@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Mask
-from toeplitz_mg.operators.averages import average, hermitian_part
+from toeplitz_mg.operators.averages import advise_of_negative, average, hermitian_part
 from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.block_diagonal import BlockDiagonal
 from toeplitz_mg.operators.coupled import CoupledOperator
@@ -100,8 +100,17 @@ def unwrap_toeplitz(
                 "; to treat each of its components by itself write componentwise(f)(A) for the "
                 "function f that was called, as componentwise(multigrid)(A)"
             )
+        elif isinstance(full, ToeplitzSum):
+            advice = (
+                ": use cg with default_preconditioner(A), or gmres with chan_preconditioner(A), "
+                "which take sums"
+            )
         elif isinstance(full, LinearOperator):
-            advice = "; diagonal matrices in it are understood as scipy.sparse.diags_array(d)"
+            advice = (
+                "; sums and products of Toeplitz matrices with diagonal ones are understood, as "
+                "scipy.sparse.diags_array(d), but none with a CoupledOperator C: for C + D use cg "
+                "or gmres with default_preconditioner(C)"
+            )
         raise TypeError(
             f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a MaskedOperator "
             f"of one{advice}"
@@ -173,9 +182,20 @@ def averaged(
         if not any_library:
             require_numpy(A, function.__name__.strip("_"))
         if not isinstance(full, ToeplitzSum):
-            return function(A, *args, **kwargs)
+            try:
+                return function(A, *args, **kwargs)
+            except np.linalg.LinAlgError as error:
+                advice = advise_of_negative(float(full.diagonal().real.max()))
+                if advice not in str(error):
+                    error.args = (f"{error}{advice}",)
+                raise
         mean, scale = average(full, mask, part)
-        return DiagonallyScaled(function(restrict(mean, mask), *args, **kwargs), scale)
+        try:
+            return DiagonallyScaled(function(restrict(mean, mask), *args, **kwargs), scale)
+        except np.linalg.LinAlgError as error:
+            if full.is_hermitian or part is not hermitian_part:
+                raise
+            raise _of_hermitian_part() from error
 
     return cast(F, of_average)
 
@@ -185,11 +205,23 @@ def symmetrised(preconditioner: F) -> F:
 
     @wraps(preconditioner)
     def of_part(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
-        if isinstance(unwrap(A)[0], ToeplitzOperator):
-            A = hermitian_part(A)
-        return preconditioner(A, *args, **kwargs)
+        full, _ = unwrap(A)
+        if not isinstance(full, ToeplitzOperator) or full.is_hermitian:
+            return preconditioner(A, *args, **kwargs)
+        try:
+            return preconditioner(hermitian_part(A), *args, **kwargs)
+        except np.linalg.LinAlgError as error:
+            raise _of_hermitian_part() from error
 
     return cast(F, of_part)
+
+
+def _of_hermitian_part() -> np.linalg.LinAlgError:
+    """Return the refusal of a matrix that is not Hermitian, where that of its part is the cause."""
+    return np.linalg.LinAlgError(
+        "A is not symmetric, and its symmetric part is refused: use chan_preconditioner(A), which "
+        "takes any Toeplitz matrix, with gmres"
+    )
 
 
 def restricted(preconditioner: F) -> F:

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs, lu_solve, toeplitz
-from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.choice import candidates_of_complex_line, candidates_of_line
-from toeplitz_mg.preconditioners.circulant import smooth_inverse
+from toeplitz_mg.preconditioners.circulant import away_from_zero, smooth_inverse
 from toeplitz_mg.preconditioners.positivity import is_positive, rounding
 from toeplitz_mg.preconditioners.selection import Candidate
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
@@ -39,6 +39,9 @@ from toeplitz_mg.solvers.system import EPS, LARGEST_COSINE, ToeplitzSystem
 FEW = 2  # Most columns for which the inverse is not worth its set-up.
 UNSTABLE = 32_000 * EPS  # Backward error of the recursion that another one need not correct: 7e-12.
 ALIKE = 100.0  # Largest ratio of eigenvalues where a product in single precision has 5 digits.
+# Shift of the diagonal over the 2-norm of all coefficients. Of random ones without a diagonal the
+# first solution has a backward error of 1e-10 to 1e-11 with it, with 10 times more or less 1e-9.
+SHIFT = 1e-9
 LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in n³/3 operations.
 
 # `python -m comparisons.speed.drop_in` measures both sides of these.
@@ -109,21 +112,20 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
 
 def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a system that is complex, or not symmetric."""
-    by_gmres = partial(_circulant_method, system, system.samples, solve_by_gmres)
     if system.is_hermitian:
         if may_be_definite(means := system.means):
             if system.columns <= FEW:
                 yield from _methods_of_hermitian(system, means)
             yield from _inverse_method(system.A)
         if not lu_is_faster_than_levinson(len(system.c), system.columns):
-            yield from by_gmres("gmres, circulant of both signs")
+            yield from _gmres_circulant(system, "gmres, circulant of both signs")
     elif has_symbol(system.samples):
         if system.columns <= FEW:
-            yield from by_gmres("gmres, circulant")
-            yield from _gmres_method(
-                system.A, spectral_preconditioner, "gmres, spectral_preconditioner"
-            )
+            yield from _gmres_circulant(system, "gmres, circulant")
+            yield from _gmres_spectral(system.A)
         yield from _inverse_method(system.A)
+        if system.columns > FEW and not lu_is_faster_than_levinson(len(system.c), system.columns):
+            yield from _gmres_circulant(system, "gmres, circulant")
     yield from _dense_methods(system)
 
 
@@ -162,22 +164,22 @@ def _method_of_nearly_white(system: ToeplitzSystem, means: Array) -> Iterator[Me
 def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a symmetric system that is not positive definite."""
     if not lu_is_faster_than_levinson(len(system.c), system.columns):
-        by_gmres = partial(_circulant_method, system, system.samples, solve_by_gmres)
-        yield from by_gmres("gmres, circulant of both signs")
+        yield from _gmres_circulant(system, "gmres, circulant of both signs")
     yield from _dense_methods(system)
 
 
 def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what needs no more of A than that it is a Toeplitz matrix."""
     n, columns = len(system.c), system.columns
-    is_small = n <= LARGEST_DENSE
-    if not (is_small and lu_is_faster_than_levinson(n, columns)):
+    if not lu_is_faster_than_levinson(n, columns):
         # Where no symbol is left to hope for, a correction takes a second recursion.
         accepted = 0.0 if n <= SHORT or system.is_hermitian else UNSTABLE
         yield Method(LEVINSON, lambda B, rtol: (levinson(system.lags, B), 1), accepted)
-    if is_small:
+    if n <= LARGEST_DENSE:
         # Levinson's recursion fails where a leading block is singular, or nearly so.
         yield Method("scipy.linalg.lu_solve", _factorise(system))
+    else:
+        yield _shifted_recursion(system)
 
 
 def may_be_definite(eigenvalues: Array) -> bool:
@@ -189,8 +191,11 @@ def may_be_definite(eigenvalues: Array) -> bool:
 
 
 def lu_is_faster_than_levinson(n: int, columns: int) -> bool:
-    """Whether a dense factor is faster: its set-up is of n³ steps, but each column is free."""
-    return columns >= 4 + n // 32
+    """Whether a dense factor is faster, if there is memory for it.
+
+    Its set-up is of n³ steps, but each column is free.
+    """
+    return n <= LARGEST_DENSE and columns >= 4 + n // 32
 
 
 def levinson_is_fastest(n: int, columns: int) -> bool:
@@ -241,13 +246,17 @@ def _circulant_method(
             yield Method(name, form.within(partial(solve, form.A, form.inverse(eigenvalues))))
 
 
-def _gmres_method(
-    A: ToeplitzOperator, preconditioner: Callable[[ToeplitzOperator], LinearOperator], name: str
-) -> Iterator[Method]:
-    """Yield GMRES with a preconditioner, if there is such a one of A."""
+def _gmres_circulant(system: ToeplitzSystem, name: str) -> Iterator[Method]:
+    """Yield GMRES with a circulant, which may be indefinite, but for samples that are zero."""
+    eigenvalues = away_from_zero(system.samples, system.c.dtype)
+    yield from _circulant_method(system, eigenvalues, solve_by_gmres, name)
+
+
+def _gmres_spectral(A: ToeplitzOperator) -> Iterator[Method]:
+    """Yield GMRES with the factors of the symbol, if it has such."""
     with suppress(np.linalg.LinAlgError):
-        M = preconditioner(A)
-        yield Method(name, partial(solve_by_gmres, A, M))
+        M = spectral_preconditioner(A)
+        yield Method("gmres, spectral_preconditioner", partial(solve_by_gmres, A, M))
 
 
 def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
@@ -256,6 +265,18 @@ def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
     except np.linalg.LinAlgError:  # A is not positive definite.
         return
     yield Method("toeplitz_inverse", lambda B, rtol: (G.apply(B), 1))
+
+
+def _shifted_recursion(system: ToeplitzSystem) -> Method:
+    """Return Levinson's recursion for A + ε I, with which corrections of the residual converge.
+
+    No leading block of that is as singular as one of A may be, and ε is small beside the singular
+    values of A itself.
+    """
+    n = len(system.c)
+    lags = system.lags.copy()
+    lags[n - 1] += SHIFT * norm(lags)
+    return Method(f"{LEVINSON} of A + ε I", lambda B, rtol: (levinson(lags, B), 1))
 
 
 def _factorise(system: ToeplitzSystem) -> Callable[[Rows, float], tuple[Rows, int]]:

@@ -1,13 +1,16 @@
 """The log-determinant of a positive definite Toeplitz matrix, in O(n log n)."""
 
 import warnings
+from math import log
 
 import scipy.linalg
 from numpy.typing import ArrayLike
+from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.spectral import double_line
-from toeplitz_mg.solvers.inverse import first_columns
+from toeplitz_mg.solvers.inverse import USUAL, first_columns
+from toeplitz_mg.solvers.scaling import power_above
 from toeplitz_mg.solvers.sharp_column import sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
 
@@ -71,6 +74,11 @@ def toeplitz_logdet(c: ArrayLike) -> float:
     >>> round(tmg.toeplitz_logdet(c) / float(np.log(1 - 0.9**2)), 8)
     99999.0
     """
+    if isinstance(c, LinearOperator):
+        raise TypeError(
+            f"c is {c!r}, but must be the first column of a matrix: of a ToeplitzOperator A write "
+            "toeplitz_logdet(A.c), or toeplitz_inverse(A).logdet"
+        )
     A = ToeplitzOperator(c)
     if A.c.ndim != 1:
         raise ValueError(
@@ -79,7 +87,12 @@ def toeplitz_logdet(c: ArrayLike) -> float:
         )
     if not A.is_hermitian:
         raise ValueError(f"c[0] is {A.c[0]}, but must be real, as the matrix is to be Hermitian")
-    found = log_determinant(sharpen(first_columns(double_line(A))))
+    line, power = double_line(A), 0
+    if not USUAL[0] <= line.norm_bound <= USUAL[1]:
+        power = int(power_above(line.norm_bound))
+        line = ToeplitzOperator(line.c * 2.0**-power)
+    value, error = log_determinant(sharpen(first_columns(line)))
+    found = LogDeterminant(value + len(A.c) * power * log(2.0), error)
     warn_of_error(found, len(A.c), stacklevel=3)
     return found.value
 

@@ -34,6 +34,7 @@ from toeplitz_mg.values import positive
 MOSTLY_ROUNDING = 1e-12  # ‖e₁ - A x‖ below which a step may add as much rounding as it removes.
 FEW = 256  # Unknowns up to which any matrix is solved with directly.
 ROUGH = 1e-6  # Relative residual of CG, from which one or two steps lead to rounding.
+USUAL = 1e-100, 1e100  # Sizes of A for which no square of a norm of A or A⁻¹ over- or underflows.
 STALLED = 1e-6  # ‖e₁ - A x‖ at which the steps had better start from an exact column.
 
 
@@ -125,6 +126,7 @@ class ToeplitzInverse(GridOperator):
         return f"<ToeplitzInverse {self.shape[0]}{refined}, residual {self.residual:.1e}>"
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # It is seen in the residual.
 def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> ToeplitzInverse:
     """Return A⁻¹ as an operator, by the Gohberg-Semencul formula.
 
@@ -152,7 +154,8 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
         matrix that is not Hermitian, of more than 256 unknowns, has no factors, or these are no
         use with so few unknowns.
     ValueError
-        Where `A` has several axes; where `rtol` is not positive.
+        Where `A` has several axes; where `rtol` is not positive; where the coefficients are of a
+        size below 1e-100 or above 1e100.
     TypeError
         Where `A` is no ToeplitzOperator.
 
@@ -215,7 +218,16 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
 
 
 def first_columns(A: ToeplitzOperator) -> Columns:
-    """Solve A x = e₁, and Aᴴ w = e₁ unless A is Hermitian, as well as float64 allows."""
+    """Solve A x = e₁, and Aᴴ w = e₁ unless A is Hermitian, as well as float64 allows.
+
+    Raises ValueError where squares of norms might be out of the range of float64.
+    """
+    low, high = USUAL
+    if A.norm_bound and not low <= A.norm_bound <= high:
+        raise ValueError(
+            f"the coefficients of A are of size {A.norm_bound:.1e}, but must be of {low:.0e} to "
+            f"{high:.0e} for its inverse: divide A by their size, and the inverse too"
+        )
     if not A.is_hermitian:
         return _correct(_of_general(A))
     for make in (_by_cg, _by_factor):

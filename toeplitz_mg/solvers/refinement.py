@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from toeplitz_mg._typing import Rows
+from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.solvers.choice import Method, methods
 from toeplitz_mg.solvers.system import EPS, ToeplitzSystem, largest, norms
 
@@ -22,15 +23,30 @@ CORRECTION = 1e-2  # Relative residual to which a correction is solved for.
 class SolveInfo(NamedTuple):
     """How `solve_toeplitz` has solved a system.
 
+    Attributes
+    ----------
+    method : str
+    iterations : int
+        Iterations, the most of all columns; or solves by a direct method.
+    residual : float
+        The largest ‖b - A x‖/‖b‖ of all columns, as measured. Where ‖x‖ is so large that rounding
+        of A x alone may be more than 1e-8 ‖b‖, it is at least ε ‖a‖₂ ‖x‖/‖b‖, with a the 2n - 1
+        coefficients: that is the size of such rounding, and what is measured may be less by chance.
+    backward_error : float
+        The largest ‖b - A x‖/(‖a‖₁ ‖x‖ + ‖b‖) of all columns, in 2-norms. ‖a‖₁, the sum of the
+        absolute values of all coefficients, is an upper bound of ‖A‖₂: x solves a system that
+        differs from this one by so much in proportion to ‖a‖₁ and ‖b‖. In proportion to ‖A‖₂
+        itself it may be more, by up to ‖a‖₁/‖A‖₂.
+
     See Also
     --------
     solve_toeplitz : returns it with ``full_output=True``.
     """
 
     method: str
-    iterations: int  # Iterations, most of all columns; or solves by a direct method.
-    residual: float  # The largest ‖b - A x‖/‖b‖ of all columns.
-    backward_error: float  # The largest ‖b - A x‖/(‖A‖₁ ‖x‖ + ‖b‖) of all columns.
+    iterations: int
+    residual: float
+    backward_error: float
 
 
 def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, SolveInfo]:
@@ -40,7 +56,8 @@ def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Solv
     for method in methods(system):
         try:
             X, info, is_good = _correct(method, system, rtol)
-        except np.linalg.LinAlgError:
+        except np.linalg.LinAlgError as error:
+            tried += f"; {method.name} fails: {error}"
             continue
         if is_good:
             return X, info
@@ -75,8 +92,12 @@ def _correct(
         R = system.B - system.multiply(X)
         errors, scales = norms(R), system.size * norms(X)
         residual, backward_error = largest(errors / sizes), largest(errors / (scales + sizes))
-        if largest(EPS * scales / sizes) > 1.0:
+        noise = largest(EPS * scales / sizes)  # Rounding of the residual itself, at most.
+        if noise > 1.0:
             raise np.linalg.LinAlgError("x is so large that its residual is rounding")
+        if noise > ILL_CONDITIONED:
+            # The errors of the terms of a sum add up as their squares do.
+            residual = max(residual, noise * norm(system.lags) / system.size)
         if not backward_error < least / 2:
             break
         best, least = X, backward_error

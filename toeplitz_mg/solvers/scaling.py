@@ -14,9 +14,10 @@ def exponents(a: Array) -> Array:
 
     Of complex numbers that is so for the larger of all real and imaginary parts.
     """
-    if a.dtype.kind == "c":  # The absolute value of a number may overflow.
-        return np.maximum(exponents(a.real), exponents(a.imag))
-    return power_above(np.abs(a).max(axis=-1, keepdims=True, initial=0.0))
+    # The absolute value of a complex number may overflow.
+    parts = (a.real, a.imag) if a.dtype.kind == "c" else (a,)
+    sizes = [np.abs(part).max(axis=-1, keepdims=True, initial=0.0) for part in parts]
+    return power_above(np.maximum.reduce(sizes))
 
 
 def power_above(size: Any) -> Any:
