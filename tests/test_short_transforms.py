@@ -11,11 +11,17 @@ from toeplitz_mg.contact import Material, rolling, surfaces
 from toeplitz_mg.contact.grid import SHORT, Grid
 from toeplitz_mg.contact.short_transforms import (
     ADDITIONS,
-    ShortInverses,
-    ShortOperator,
+    ShortCirculants,
+    ShortProduct,
     ShortTransforms,
 )
-from toeplitz_mg.contact.steady_matrices import LEAST, fade_rate, subtract_operators
+from toeplitz_mg.contact.steady_matrices import (
+    LEAST,
+    ShiftedInverses,
+    fade_rate,
+    subtract_operators,
+)
+from toeplitz_mg.operators import CoupledOperator
 
 SHAPES = [(6, 5), (1, 4), (7, 1), (9, 14)]
 ROUNDING = {np.float32: 1e-5, np.float64: 1e-13}
@@ -43,7 +49,7 @@ def test_transforms_are_those_of_the_padded_fields_and_back(shape, dtype):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_products_are_those_of_the_matrix(shape, dtype):
     K = matrix_of(shape)
-    short = ShortOperator(K).astype(dtype)
+    short = CoupledOperator(K.blocks, product=ShortProduct.of(K)).astype(dtype)
     X = np.random.default_rng(1).standard_normal((K.shape[0], 3)).astype(dtype)
     expected = K.toarray() @ X
     assert_allclose(short @ X, expected, atol=ROUNDING[dtype] * np.abs(expected).max())
@@ -53,7 +59,7 @@ def test_products_are_those_of_the_matrix(shape, dtype):
 @pytest.mark.parametrize("shape", [(6, 5), (9, 14)])
 def test_inverses_are_of_the_circulant_that_embeds_the_matrix(shape):
     K, rng = matrix_of(shape), np.random.default_rng(2)
-    short = ShortInverses(K, np.float64)
+    short = ShiftedInverses(K, np.float64, ShortCirculants)
     r, k0 = rng.standard_normal((2, *shape)), K.component(0).c.flat[0]
     lengths = [2 * n - 1 for n in shape]
     fade = np.exp(fade_rate(lengths[0]) * np.arange(1 - shape[0], shape[0]))[:, None]

@@ -13,8 +13,13 @@ from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.elements import read_periodic, read_reference, read_sizes
-from toeplitz_mg.contact.short_transforms import ShortInverses, ShortOperator
-from toeplitz_mg.contact.steady_matrices import ShiftedInverses, SteadyArray, subtract_operators
+from toeplitz_mg.contact.short_transforms import ShortCirculants, ShortProduct
+from toeplitz_mg.contact.steady_matrices import (
+    Circulants,
+    ShiftedInverses,
+    SteadyArray,
+    subtract_operators,
+)
 from toeplitz_mg.contact.waves import Waves
 from toeplitz_mg.engine.library import NUMPY, Library
 from toeplitz_mg.halfspace import CombinedMaterial
@@ -283,7 +288,7 @@ def _matrix(grid: Grid, directions: str, ahead: int) -> Any:
 @lru_cache(maxsize=KEPT)
 def _steady(grid: Grid) -> Any:
     K = subtract_operators(grid.tangential(), grid.upstream())
-    return ShortOperator(K) if grid.is_short else K
+    return CoupledOperator(K.blocks, product=ShortProduct.of(K)) if grid.is_short else K
 
 
 @lru_cache(maxsize=KEPT)
@@ -293,4 +298,5 @@ def _steady_array(grid: Grid, contact: bytes) -> SteadyArray:
 
 @lru_cache(maxsize=KEPT)
 def _inverses(grid: Grid, dtype: np.dtype[Any]) -> ShiftedInverses:
-    return (ShortInverses if grid.is_short else ShiftedInverses)(_steady(grid), dtype)
+    circulants = ShortCirculants if grid.is_short else Circulants
+    return ShiftedInverses(_steady(grid), dtype, circulants)

@@ -2,6 +2,7 @@
 
 from functools import cached_property
 from math import inf
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
@@ -47,7 +48,7 @@ class Products:
 
     @cached_property
     def _single(self) -> LinearOperator:
-        return self.A.astype(np.float32)
+        return _in_single_precision(self.A)
 
     @property
     def exhausted(self) -> bool:
@@ -69,6 +70,19 @@ class Products:
         if self.progress is not None and self.residual < inf:
             self.progress(self.count, self.residual)
         return product
+
+
+# Matrices of small grids are kept for the next problem, and this is kept with them.
+_singles: WeakKeyDictionary[LinearOperator, LinearOperator] = WeakKeyDictionary()
+
+
+def _in_single_precision(A: LinearOperator) -> LinearOperator:
+    if A.dtype == np.float32:
+        return A  # No value is to refer to its own key.
+    single = _singles.get(A)
+    if single is None:
+        single = _singles.setdefault(A, A.astype(np.float32))
+    return single
 
 
 def for_coarser_grids(progress: Progress | None) -> Progress | None:

@@ -5,14 +5,13 @@ each axis and all components, in about half the time of fast ones. The matrices 
 where a dense matrix of all unknowns would not.
 """
 
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.steady_matrices import ShiftedInverses
+from toeplitz_mg.contact.steady_matrices import fade_rate
 from toeplitz_mg.engine.products import multiply_rows
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator
@@ -112,47 +111,26 @@ class ShortProduct:
         out[...] = self._transforms.back(Z).reshape(out.shape)
 
 
-class ShortOperator(CoupledOperator):
-    """A coupled operator of a small grid of two axes, that is kept in single precision too."""
-
-    def __init__(self, K: CoupledOperator) -> None:
-        super().__init__(K.blocks, product=ShortProduct.of(K))
-
-    @cached_property
-    def _single(self) -> CoupledOperator:
-        return super().astype(np.float32)
-
-    def astype(self, dtype: Any) -> CoupledOperator:
-        """Return the matrix in another precision, or itself where it has that one."""
-        return self._single if dtype == np.float32 else super().astype(dtype)
-
-
-class ShortInverses(ShiftedInverses):
-    """`ShiftedInverses` of a small grid.
-
-    Parameters
-    ----------
-    K : CoupledOperator
-        Of two axes.
-    dtype : float32 or float64
-    """
+class ShortCirculants:
+    """Sums of circulants, as `steady_matrices.Circulants` has them, of a small grid."""
 
     additions = ADDITIONS
 
-    def __init__(self, K: CoupledOperator, dtype: DTypeLike) -> None:
-        super().__init__(K, dtype)
-        fade, self._fade = self._fade.ravel(), np.ones((1, 1), dtype)
-        self._transforms = ShortTransforms(K.grid_shape[1:], dtype, fade)
+    def __init__(self, grid: tuple[int, ...], dtype: DTypeLike) -> None:
+        fade = np.exp(fade_rate(2 * grid[0] - 1) * np.arange(grid[0]))
+        self._transforms = ShortTransforms(grid, dtype, fade)
+        self.lengths = self._transforms.lengths
 
-    def _embed(self, grid: tuple[int, ...]) -> tuple[int, ...]:
-        return tuple(2 * n - 1 for n in grid)
+    def prepare(self, weights: Array) -> Array:
+        """Return weights as `add` takes them: what they fade is in the transforms."""
+        return weights
 
-    def _multiply(self, r: Array, weights: Array, inverses: Array) -> Array:
+    def add(self, r: Array, weights: Array, eigenvalues: Array) -> Array:
         """Return the sum of the circulants of a field, each with its weights."""
-        count_transforms((1 + len(inverses)) * len(r), *self._transforms.lengths)
+        count_transforms((1 + len(eigenvalues)) * len(r), *self.lengths)
         R = self._transforms.forward(r)
-        Z = (inverses * R).reshape(-1, *R.shape[1:])
-        y = self._transforms.back(Z).reshape(len(inverses), *r.shape)
+        Z = (eigenvalues * R).reshape(-1, *R.shape[1:])
+        y = self._transforms.back(Z).reshape(len(eigenvalues), *r.shape)
         return np.einsum("krn,kcrn->crn", weights, y)
 
 

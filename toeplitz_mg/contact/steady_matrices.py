@@ -76,76 +76,39 @@ class SteadyArray:
         return self._solve(*self._factors, u)[0]
 
 
-class ShiftedInverses:
-    """Approximate inverses of K + ν, of the matrix of steady rolling and additions ν.
-
-    Their fields are added with weights that depend on the place: where an element slides, what is
-    to be inverted is K + λ with a λ of its own.
+class Circulants:
+    """Sums of circulants of a field on a grid, each with weights, by fast transforms.
 
     Rolling is known from the leading edge backwards, so that an inverse that is periodic would have
     its ends disturb each other: what is constant along the rolling direction, where K̂ is zero, most
-    of all. So the vectors are multiplied by an exponential, K by the same from both sides, and the
+    of all. So the fields are multiplied by an exponential, K by the same from both sides, and the
     circulant that embeds it is inverted: what goes around comes back `WRAPPED` times as large.
-
-    Parameters
-    ----------
-    K : ToeplitzOperator or CoupledOperator
-        The components of a coupled one are inverted each by itself: the coupling is weak, and
-        inverted too, it saves no iteration.
-    dtype : float32 or float64
 
     Attributes
     ----------
     additions : ndarray
         Those whose inverses are interpolated, over the diagonal of K.
-    diagonal : float
-        That of K.
+    lengths : tuple of int
+        Those of the circulants.
     """
 
     additions = ADDITIONS
 
-    def __init__(self, K: Any, dtype: DTypeLike) -> None:
-        is_coupled = isinstance(K, CoupledOperator)
-        blocks = [K.component(i) for i in range(len(K.blocks))] if is_coupled else [K]
-        grid: tuple[int, ...] = blocks[0].grid_shape
-        self.dtype, self.diagonal = np.dtype(dtype), float(blocks[0].c.flat[0])
-        lengths = self._embed(grid)
-        n, rate, axes = grid[0], fade_rate(lengths[0]), (1,) * (len(grid) - 1)
-        self._fade = np.exp(rate * np.arange(n)).astype(dtype).reshape(-1, *axes)
-        lags = np.exp(-rate * np.arange(1 - n, n)).reshape(-1, *axes)
-        spectra = []
-        for block in blocks:
-            count_transforms(1, *lengths)
-            circulant = ToeplitzOperator.from_lags(block.lags * lags).circulant(lengths)
-            spectra.append(fft.rfftn(circulant))
-        inverses = [
-            [1.0 / (s + nu + LEAST / n * np.abs(s).max()) for s in spectra]
-            for nu in self.diagonal * self.additions
-        ]
+    def __init__(self, grid: tuple[int, ...], dtype: DTypeLike) -> None:
+        self.dtype = np.dtype(dtype)
+        self.lengths = tuple(fft.next_fast_len(2 * n - 1) for n in grid)
+        fade = np.exp(fade_rate(self.lengths[0]) * np.arange(grid[0])).astype(dtype)
+        self._fade = fade.reshape(-1, *(1,) * (len(grid) - 1))
+
+    def prepare(self, weights: Array) -> Array:
+        """Return weights as `add` takes them, for many fields."""
+        return weights * self._fade
+
+    def add(self, r: Array, weights: Array, eigenvalues: Array) -> Array:
+        """Return the sum of the circulants of a field, (components, ...), each with its weights."""
         # A single axis is the last one of two.
-        self._lengths = (1, *lengths)[-2:]
-        shape = (len(inverses), len(blocks), self._lengths[0], -1)
-        precision = np.result_type(self.dtype, np.complex64)
-        self._inverses = np.array(inverses, precision).reshape(shape)
-
-    def at(self, addition: Array) -> Callable[[Array], Array]:
-        """Return the approximate inverse of K + an addition to the diagonal at each place.
-
-        It takes a field, (components, ...), to another one.
-        """
-        weights = interpolate(addition / self.diagonal, self.dtype, self.additions)
-        used = np.flatnonzero(weights.reshape(len(weights), -1).any(axis=1))
-        some = slice(int(used[0]), int(used[-1]) + 1)
-        weights, inverses = weights[some] * self._fade, self._inverses[some]
-        return lambda r: self._multiply(r.astype(self.dtype, copy=False), weights, inverses)
-
-    def _embed(self, grid: tuple[int, ...]) -> tuple[int, ...]:
-        """Return the lengths of the circulants."""
-        return tuple(fft.next_fast_len(2 * n - 1) for n in grid)
-
-    def _multiply(self, r: Array, weights: Array, inverses: Array) -> Array:
-        """Return the sum of the circulants of a field, each with its weights."""
-        (length, last), number, components = self._lengths, len(inverses), len(r)
+        length, last = (1, *self.lengths)[-2:]
+        number, components = len(eigenvalues), len(r)
         count_transforms((1 + number) * components, length, last)
         n = r.shape[-1]
         R = fft.rfft((r / self._fade).reshape(components, -1, n), last)
@@ -154,8 +117,8 @@ class ShiftedInverses:
         Y = workspace((number, components, rows, frequencies), R.dtype)
         total = np.empty((components, rows, n), self.dtype)
 
-        def invert(columns: slice) -> None:
-            Z = fft.fft(R[..., columns], length, axis=1) * inverses[..., columns]
+        def multiply(columns: slice) -> None:
+            Z = fft.fft(R[..., columns], length, axis=1) * eigenvalues[..., columns]
             Y[..., columns] = fft.ifft(Z, axis=2, overwrite_x=True)[:, :, :rows]
 
         def add(lines: slice) -> None:
@@ -163,9 +126,65 @@ class ShiftedInverses:
             np.einsum("krn,kcrn->crn", weights[:, lines], y, out=total[:, lines])
 
         of_column, of_row = (number * components * m * R.itemsize for m in (length, frequencies))
-        share_slices(invert, frequencies, 1 + PANEL_BYTES // of_column, Y.size)
+        share_slices(multiply, frequencies, 1 + PANEL_BYTES // of_column, Y.size)
         share_slices(add, rows, 1 + PANEL_BYTES // of_row, Y.size)
         return total.reshape(r.shape)
+
+
+class ShiftedInverses:
+    """Approximate inverses of K + ν, of the matrix of steady rolling and additions ν.
+
+    Their fields are added with weights that depend on the place: where an element slides, what is
+    to be inverted is K + λ with a λ of its own. They are circulants (see `Circulants`).
+
+    Parameters
+    ----------
+    K : ToeplitzOperator or CoupledOperator
+        The components of a coupled one are inverted each by itself: the coupling is weak, and
+        inverted too, it saves no iteration.
+    dtype : float32 or float64
+    circulants : type, optional
+        How the circulants are multiplied with.
+
+    Attributes
+    ----------
+    diagonal : float
+        That of K.
+    """
+
+    def __init__(self, K: Any, dtype: DTypeLike, circulants: Any = Circulants) -> None:
+        is_coupled = isinstance(K, CoupledOperator)
+        blocks = [K.component(i) for i in range(len(K.blocks))] if is_coupled else [K]
+        grid: tuple[int, ...] = blocks[0].grid_shape
+        self.dtype, self.diagonal = np.dtype(dtype), float(blocks[0].c.flat[0])
+        self._circulants = circulants(grid, dtype)
+        lengths, n = self._circulants.lengths, grid[0]
+        lags = np.exp(-fade_rate(lengths[0]) * np.arange(1 - n, n))
+        lags = lags.reshape(-1, *(1,) * (len(grid) - 1))
+        spectra = []
+        for block in blocks:
+            count_transforms(1, *lengths)
+            circulant = ToeplitzOperator.from_lags(block.lags * lags).circulant(lengths)
+            spectra.append(fft.rfftn(circulant))
+        inverses = [
+            [1.0 / (s + nu + LEAST / n * np.abs(s).max()) for s in spectra]
+            for nu in self.diagonal * self._circulants.additions
+        ]
+        shape = (len(inverses), len(blocks), (1, *lengths)[-2], -1)
+        precision = np.result_type(self.dtype, np.complex64)
+        self._inverses = np.array(inverses, precision).reshape(shape)
+
+    def at(self, addition: Array) -> Callable[[Array], Array]:
+        """Return the approximate inverse of K + an addition to the diagonal at each place.
+
+        It takes a field, (components, ...), to another one.
+        """
+        circulants = self._circulants
+        weights = interpolate(addition / self.diagonal, self.dtype, circulants.additions)
+        used = np.flatnonzero(weights.reshape(len(weights), -1).any(axis=1))
+        some = slice(int(used[0]), int(used[-1]) + 1)
+        weights, inverses = circulants.prepare(weights[some]), self._inverses[some]
+        return lambda r: circulants.add(r.astype(self.dtype, copy=False), weights, inverses)
 
 
 def interpolate(addition: Array, dtype: DTypeLike, additions: Array = ADDITIONS) -> Array:
