@@ -85,7 +85,7 @@ def share_slices(work: Callable[[slice], None], length: int, size: int, points: 
         for block in blocks:
             work(slice(block * size, min(length, (block + 1) * size)))
 
-    if length <= size and fft.get_workers() == 1:
+    if 0 < length <= size and fft.get_workers() == 1:
         work(slice(0, length))  # In a small system each call more is a part of the time.
         return
     share(do, -(-length // size), points)
