@@ -208,6 +208,17 @@ def test_each_part_is_done_once(count, points, workers):
     assert sorted(done) == list(range(count))
 
 
+@pytest.mark.parametrize("workers", WORKERS)
+@pytest.mark.parametrize("points", [1, threads.WORTH_THREADS])
+@pytest.mark.parametrize("length", [0, 1, 7, 8, 9, 100])
+def test_each_slice_is_done_once_and_none_is_empty(length, points, workers):
+    done = []
+    with scipy.fft.set_workers(workers):
+        threads.share_slices(done.append, length, 8, points)
+    assert all(0 < part.stop - part.start <= 8 for part in done)
+    assert sorted(k for part in done for k in range(part.start, part.stop)) == list(range(length))
+
+
 def test_a_thread_that_does_a_part_is_one():
     """What it does is not shared again, neither by us nor by SciPy."""
     seen = []
