@@ -409,7 +409,9 @@ def test_units():
     one = normal_contact(gap, (0.1, 0.1), material=UNIT, force=0.5, **exact)
     stiff = Material.from_shear(0.7e9, 0.3)
     other = normal_contact(1e3 * gap, (100.0, 100.0), material=stiff, force=0.5e15, **exact)
-    assert_allclose(other.traction, 1e9 * one.traction, rtol=1e-9)
+    # Beside an area that is found to 1e-11 small pressures have fewer digits than large ones.
+    atol = 1e-8 * other.traction.max()
+    assert_allclose(other.traction, 1e9 * one.traction, rtol=0, atol=atol)
     assert_allclose(other.rigid, 1e3 * one.rigid)
 
 
