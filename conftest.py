@@ -3,9 +3,9 @@
 import os
 from importlib.util import find_spec
 
-# It is read where NumPy is imported, after this file. OpenBLAS's kernels for an old processor crash
-# in products of complex64, NumPy's own, where the cache is 1 MB, as it is of new processors.
-if os.environ.get("OPENBLAS_CORETYPE") == "Prescott":
+# It is read where NumPy is imported, after this file. The kernels of another processor, which this
+# variable asks OpenBLAS for, crash in NumPy's own products where its cache is larger than theirs.
+if os.environ.get("OPENBLAS_CORETYPE"):
     os.environ.setdefault("OPENBLAS_L2_SIZE", "512")
 
 # What imports mpi4py: the examples of the package are run on one rank.
