@@ -9,7 +9,6 @@ from tests.test_rolling import assert_rolls, influences
 from toeplitz_mg.contact import Material, rolling, surfaces
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.steady_matrices import SteadyArray
-from toeplitz_mg.contact.tangential import direct
 from toeplitz_mg.contact.tangential.leading_edge import NEARLY, roll_backwards
 
 
@@ -84,16 +83,3 @@ def test_the_array_is_the_matrix_of_the_elements_in_contact():
     u = np.arange(float(both.sum()))
     assert_allclose(array.array @ array.solve(u), u, atol=1e-10)
     assert_array_equal(array.apply(u), array.array @ u)
-
-
-def test_tangents_are_orthogonal_to_the_tractions_that_slide():
-    rng = np.random.default_rng(4)
-    slide = rng.random(7) < 0.5
-    q = rng.standard_normal((2, 7))
-    n = np.where(slide, q / np.hypot(*q), 0.0)
-    tangents = direct._Tangents(direct.Areas(~slide, slide), n)
-    v = tangents.combine(rng.standard_normal(tangents.count))
-    assert_allclose((v * n).sum(axis=0), 0.0, atol=1e-14)
-    # They are a basis of such fields, and an orthonormal one.
-    assert tangents.count == 14 - slide.sum()
-    assert_allclose(tangents.combine(tangents.of_rows(v.reshape(-1, 1))[:, 0]), v)

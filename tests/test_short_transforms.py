@@ -1,5 +1,7 @@
 """Transforms of small grids by matrices, and products and inverses that are made of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -54,6 +56,20 @@ def test_products_are_those_of_the_matrix(shape, dtype):
     expected = K.toarray() @ X
     assert_allclose(short @ X, expected, atol=ROUNDING[dtype] * np.abs(expected).max())
     assert (short @ X).dtype == dtype
+    expected = K.toarray().T @ X
+    assert_allclose(short.H @ X, expected, atol=ROUNDING[dtype] * np.abs(expected).max())
+    # The circulant that embeds the matrix is larger than it.
+    assert short.norm_bound >= np.linalg.norm(K.toarray(), 2) * (1.0 - ROUNDING[dtype])
+
+
+def test_small_grids_have_these_products_whatever_they_are_for():
+    grid = Grid.of((9, 14), (0.5, 0.8), Material.from_shear(2.0, 0.3), None)
+    plain = replace(grid, shape=(SHORT + 1, SHORT + 1))
+    assert type(grid.tangential()._product) is ShortProduct
+    assert type(plain.tangential()._product) is not ShortProduct
+    q = np.random.default_rng(4).standard_normal(grid.tangential().shape[0])
+    expected = grid.tangential().toarray() @ q
+    assert_allclose(grid.tangential() @ q, expected, atol=1e-13 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("shape", [(6, 5), (9, 14)])

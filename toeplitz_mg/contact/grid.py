@@ -34,7 +34,7 @@ from toeplitz_mg.values import in_range
 SMALL = 2**11  # Most elements of a grid whose matrices are kept: half a megabyte each, at most.
 KEPT = 32  # Grids whose matrices are kept.
 DENSE = 300  # Most unknowns of a matrix that is kept as an array, to be solved directly.
-SHORT = 40  # Elements along an axis up to which transforms are by matrices, in steady rolling.
+SHORT = 40  # Elements along an axis up to which tangential products are by matrices.
 COARSEST = 32  # Elements along the longest axis from which nested iteration coarsens no further.
 
 
@@ -282,13 +282,18 @@ class Grid:
 
 @lru_cache(maxsize=KEPT)
 def _matrix(grid: Grid, directions: str, ahead: int) -> Any:
-    return grid._compute(directions, ahead)
+    A = grid._compute(directions, ahead)
+    return A if ahead else _with_short_product(grid, A)
 
 
 @lru_cache(maxsize=KEPT)
 def _steady(grid: Grid) -> Any:
-    K = subtract_operators(grid.tangential(), grid.upstream())
-    return CoupledOperator(K.blocks, product=ShortProduct.of(K)) if grid.is_short else K
+    return _with_short_product(grid, subtract_operators(grid.tangential(), grid.upstream()))
+
+
+def _with_short_product(grid: Grid, A: Any) -> Any:
+    """Return a matrix of a grid with the product that is fastest there."""
+    return CoupledOperator(A.blocks, product=ShortProduct.of(A)) if grid.is_short else A
 
 
 @lru_cache(maxsize=KEPT)

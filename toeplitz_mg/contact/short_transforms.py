@@ -5,6 +5,7 @@ each axis and all components, in about half the time of fast ones. The matrices 
 where a dense matrix of all unknowns would not.
 """
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from toeplitz_mg.operators import CoupledOperator
 # Additions whose inverses are interpolated, over the diagonal: of two, and not four, GMRES takes an
 # iteration more in twenty, each of which takes two thirds of the time.
 ADDITIONS = np.array([0.0, 3.0])
+KEPT = 8  # Lengths whose matrices are kept: a grid has two, for several operators.
 
 
 class ShortTransforms:
@@ -96,9 +98,18 @@ class ShortProduct:
         spectra = [[np.fft.rfft2(c, transforms.lengths) for c in row] for row in circulants]
         return cls(np.array(spectra), transforms)
 
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: the largest size of the matrices between the components."""
+        return float(np.linalg.norm(self._spectra, axis=(0, 1)).max())
+
     def astype(self, dtype: DTypeLike) -> "ShortProduct":
         """Return the same products in another precision."""
         return ShortProduct(self._spectra, ShortTransforms(self._transforms.shape, dtype))
+
+    def adjoint(self) -> "ShortProduct":
+        """Return the products with the adjoint."""
+        return ShortProduct(self._spectra.conj().swapaxes(0, 1), self._transforms)
 
     __call__ = multiply_rows
 
@@ -134,7 +145,10 @@ class ShortCirculants:
         return np.einsum("krn,kcrn->crn", weights, y)
 
 
+@lru_cache(maxsize=KEPT)
 def _roots(length: int) -> Array:
     """Return the matrix of a discrete Fourier transform."""
     k = np.arange(length)
-    return np.exp(-2j * np.pi / length * (np.outer(k, k) % length))
+    roots = np.exp(-2j * np.pi / length * (np.outer(k, k) % length))
+    roots.flags.writeable = False
+    return roots

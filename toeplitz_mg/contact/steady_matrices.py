@@ -1,12 +1,12 @@
 """The matrix of steady rolling, and approximate inverses of it."""
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
 from scipy import fft
-from scipy.linalg import get_lapack_funcs, lu_factor
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.threads import share_slices
@@ -49,8 +49,6 @@ class SteadyArray:
     ----------
     array : ndarray
         In double precision.
-    rough : ndarray
-        In single precision, where its range is that of the numbers.
     """
 
     vectors = ALONE
@@ -58,13 +56,24 @@ class SteadyArray:
     def __init__(self, K: Any, contact: Array) -> None:
         m = K.shape[0] // contact.size
         self.array = K.block(np.flatnonzero(np.tile(contact.ravel(), m)))
-        self.rough = self.array
-        if LEAST_UNIT < self.array[0, 0] < MOST_UNIT:
-            self.rough = self.array.astype(np.float32)
-        for array in (self.array, self.rough):
+        # In single precision, where its range is that of the numbers.
+        is_single = LEAST_UNIT < self.array[0, 0] < MOST_UNIT
+        self._rough = self.array.astype(np.float32) if is_single else self.array
+        self._rough_inverse = np.linalg.inv(self._rough)
+        for array in (self.array, self._rough, self._rough_inverse):
             array.flags.writeable = False
-        self._factors = lu_factor(self.array)
-        (self._solve,) = get_lapack_funcs(("getrs",), self._factors[:1])
+
+    @cached_property
+    def _inverse(self) -> Array:
+        inverse = np.linalg.inv(self.array)
+        inverse.flags.writeable = False
+        return inverse
+
+    def choose(self, *, inverse: bool, precisely: bool) -> Array:
+        """Return the matrix, or its inverse, in double precision or in single."""
+        if precisely:
+            return self._inverse if inverse else self.array
+        return self._rough_inverse if inverse else self._rough
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply a field of the elements in contact."""
@@ -72,8 +81,10 @@ class SteadyArray:
         return self.array @ X
 
     def solve(self, u: Array) -> Array:
-        """Return the tractions that have these displacements in a step."""
-        return self._solve(*self._factors, u)[0]
+        """Return the tractions that have these displacements in a step, to some 10 digits."""
+        rough: Array = self._rough_inverse @ u.astype(self._rough.dtype)
+        q = rough.astype(np.float64)
+        return q + self._rough_inverse @ (u - self.array @ q).astype(self._rough.dtype)
 
 
 class Circulants:

@@ -8,7 +8,6 @@ the start is exact where nothing slips.
 """
 
 import numpy as np
-from scipy.linalg import lapack
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.products import Products
@@ -17,6 +16,7 @@ from toeplitz_mg.contact.tangential.coulomb import Areas
 from toeplitz_mg.contact.tangential.given_loads import Loads, Look
 from toeplitz_mg.contact.tangential.leading_edge import roll_backwards
 from toeplitz_mg.contact.tangential.problem import STIFFEST, Problem, State, admit
+from toeplitz_mg.contact.tangential.reduced import solve_on_tangents
 from toeplitz_mg.contact.tangential.settling import settle
 
 
@@ -63,87 +63,29 @@ def find_directly(
     return state.extend(C)
 
 
-def _combine(solutions: Array, arms: Array, wanted: Array) -> Array:
-    """Return the first column, and of the others what makes its products with arms as wanted."""
-    q, others = solutions[:, 0], solutions[:, 1:]
+def _combine(v: Array, arms: Array, wanted: Array) -> Array:
+    """Return the first field, and of the others what makes its products with arms as wanted."""
+    first, others = v[0], v[1:]
     if len(wanted):
         # Units differ, and where too little sticks nothing restores the loads.
-        sizes = [np.linalg.norm(x, axis=1) for x in (arms, others.T)]
+        rows, columns = arms.reshape(len(arms), -1), others.reshape(len(others), -1)
+        sizes = [np.linalg.norm(x, axis=1) for x in (rows, columns)]
         of_arms, of_others = (np.where(s > 0.0, s, 1.0) for s in sizes)
-        system = (arms @ others) / of_arms[:, None] / of_others
-        weights = np.linalg.lstsq(system, (wanted - arms @ q) / of_arms)[0]
-        q = q + others @ (weights / of_others)
-    return q
+        system = (rows @ columns.T) / of_arms[:, None] / of_others
+        weights = np.linalg.lstsq(system, (wanted - rows @ first.ravel()) / of_arms)[0]
+        first = first + np.tensordot(weights / of_others, others, 1)
+    return first
 
 
 def _newton_step(now: Look, areas: Areas, K: SteadyArray, loads: Loads) -> Array:
     """Return the change of the tractions by Newton's method."""
-    law, given = now.law, len(loads.wanted)
-    # Loads are to be restored to their last digit.
-    matrix = K.array if given else K.rough
-    tangents = _Tangents(areas, law.T.n)
-    if not tangents.count:
-        return np.zeros_like(law.r)
-    system = tangents.of_rows(np.ascontiguousarray(tangents.of_rows(matrix).T)).T
-    stiffness = np.minimum(law.stiffness, STIFFEST * K.array[0, 0])
-    system.ravel("K")[:: len(system) + 1][tangents.stuck :] += stiffness[tangents.turning]
+    law = now.law
     scale = float(np.abs(law.r).max()) or 1.0
-    fields = np.concatenate([law.r[None] / scale, loads.units]).reshape(1 + given, -1)
-    right = tangents.of_rows(fields.T.astype(matrix.dtype))
-    gesv = lapack.sgesv if matrix.dtype == np.float32 else lapack.dgesv
-    *_, solutions, is_singular = gesv(system, right, overwrite_a=True, overwrite_b=True)
-    if is_singular:  # There is no step, the areas do not settle, and the search goes on by GMRES.
+    r = np.concatenate([law.r[None] / scale, loads.units])
+    stiffness = np.minimum(law.stiffness, STIFFEST * K.array[0, 0])
+    # Loads are to be restored to their last digit.
+    v = solve_on_tangents(K, areas, law.T.n, stiffness, r, precisely=len(loads.wanted) > 0)
+    if v is None:  # There is no step, the areas do not settle, and the search goes on by GMRES.
         return np.zeros_like(law.r)
-    solutions = solutions.astype(np.float64)
-    solutions[:, 0] *= scale
-    arms = tangents.of_rows(loads.arms.reshape(given, -1).T).T if given else loads.arms
-    return tangents.combine(_combine(solutions, arms, now.missing))
-
-
-class _Tangents:
-    """A basis of the tangents: each direction where it sticks, across the traction where it slides.
-
-    Parameters
-    ----------
-    areas : Areas
-    n : ndarray of shape (components, m)
-        The directions of the tractions where it slides.
-
-    Attributes
-    ----------
-    stuck : int
-        How many of the tangents are of elements that stick; the others follow.
-    turning : ndarray of int
-        The elements of these others: in one component there are none.
-    """
-
-    def __init__(self, areas: Areas, n: Array) -> None:
-        components, m = self._shape = n.shape
-        stuck = np.flatnonzero(areas.stick)
-        self._stuck = np.concatenate([stuck + k * m for k in range(components)])
-        self.stuck = len(self._stuck)
-        self.turning = np.flatnonzero(areas.slide) if components == 2 else stuck[:0]
-        self._across = n[::-1, self.turning] * [[-1.0], [1.0]] if len(self.turning) else n[:, :0]
-
-    @property
-    def count(self) -> int:
-        """How many there are."""
-        return self.stuck + len(self.turning)
-
-    def of_rows(self, V: Array) -> Array:
-        """Return the components along the tangents of fields, the columns of an array."""
-        parts = np.empty((self.count, V.shape[1]), V.dtype)
-        V.take(self._stuck, axis=0, out=parts[: self.stuck], mode="clip")
-        if len(self.turning):
-            x, y = self._across.astype(V.dtype)[..., None]
-            along_y = self.turning + self._shape[1]
-            parts[self.stuck :] = x * V.take(self.turning, axis=0) + y * V.take(along_y, axis=0)
-        return parts
-
-    def combine(self, weights: Array) -> Array:
-        """Return the field with these components along the tangents."""
-        v = np.zeros(self._shape)
-        v.reshape(-1)[self._stuck] = weights[: self.stuck]
-        if len(self.turning):
-            v[:, self.turning] = self._across * weights[self.stuck :]
-        return v
+    v[0] *= scale
+    return _combine(v, loads.arms, now.missing)
