@@ -55,7 +55,7 @@ def kernels(n: int, chance: int) -> Iterator[tuple[str, Array]]:
     rng = np.random.default_rng(0)
     for _ in range(chance):
         nu, length = rng.uniform(0.3, 3.0), rng.uniform(0.5, 7.0)
-        nugget = rng.choice([0.0, 0.01, 0.1, 1.0])
+        nugget = float(rng.choice([0.0, 0.01, 0.1, 1.0]))
         name = f"Matérn {nu:.2f}, {length:.1f}, nugget {nugget:g}"
         yield name, matern(plane, nu, length, nugget)
 
