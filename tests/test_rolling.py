@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from tests.test_friction import assert_areas, assert_slip, doubtful, semi_ellipse
 from toeplitz_mg import halfspace
-from toeplitz_mg.contact import Material, normal_contact, steady_matrices, surfaces
+from toeplitz_mg.contact import Material, creep_curve, normal_contact, steady_matrices, surfaces
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import ContactError
 from toeplitz_mg.contact.tangential import steady
@@ -286,11 +286,37 @@ def test_refuses_creepages_that_are_no_numbers(value):
 
 
 @doubtful
-def test_refuses_pressures_without_a_coefficient_of_friction():
+def test_a_normal_result_has_the_bound_the_elements_and_the_material():
+    gap, steel = surfaces.sphere((16, 12), (0.1, 0.1), radius=10.0), Material.from_shear(1.0, 0.3)
+    pressed = normal_contact(gap, (0.1, 0.1), material=steel, force=0.01)
+    case = {"element": (0.1, 0.1), "material": steel}
+    for mu in (0.3, np.linspace(0.2, 0.4, 12) + np.zeros((16, 1))):
+        g, creepage = mu * pressed.pressure, -1e-3
+        expected = rolling(g, **case, longitudinal=creepage)
+        result = rolling(pressed, mu=mu, longitudinal=creepage)
+        assert_array_equal(result.traction, expected.traction)
+        *_, last = rolling_steps(pressed, mu=mu, longitudinal=creepage, steps=2)
+        *_, expected = rolling_steps(g, **case, longitudinal=creepage, steps=2)
+        assert_array_equal(last.traction, expected.traction)
+        curve = creep_curve(pressed, mu=mu, longitudinal=[-1e-3, -2e-3])
+        expected = creep_curve(g, **case, longitudinal=[-1e-3, -2e-3])
+        assert_array_equal(curve.force, expected.force)
+
+
+@doubtful
+def test_refuses_a_normal_result_that_does_not_do():
     gap, steel = surfaces.cylinder(32, 0.1, radius=10.0), Material.from_shear(1.0, 0.3)
     pressed = normal_contact(gap, 0.1, material=steel, force=0.01)
-    with pytest.raises(TypeError, match="bound is a normal result, but must be a traction bound"):
-        rolling(pressed, 0.1, material=steel, longitudinal=1e-3)
+    with pytest.raises(TypeError, match="mu is not given"):
+        rolling(pressed, longitudinal=1e-3)
+    with pytest.raises(TypeError, match="element is given, but a normal result has its own"):
+        rolling(pressed, 0.1, mu=0.3, longitudinal=1e-3)
+    with pytest.raises(TypeError, match="material is not given"):
+        rolling(np.ones(4), 0.1, longitudinal=1e-3)
+    wave = np.cos(2.0 * np.pi * np.arange(32) / 32)
+    repeats = normal_contact(wave, 0.1, material=steel, force=0.5, periodic=True)
+    with pytest.raises(ValueError, match="surfaces that roll do not repeat"):
+        rolling(repeats, mu=0.3, longitudinal=1e-3)
 
 
 def test_refuses_bad_steps():

@@ -119,6 +119,20 @@ def check_pressed(
     return g, bound.element, bound.material, bound.periodic or False
 
 
+def check_rolled(bound: Any, element: Any, material: Any, mu: Any) -> tuple[Array, Any, Any]:
+    """Return a traction bound, the element and the material, as `check_pressed` does, for rolling.
+
+    Bodies that roll do not repeat.
+    """
+    g, element, material, periodic = check_pressed(bound, element, material, None, mu)
+    if np.any(periodic):
+        raise ValueError(
+            f"bound is a normal result with periodic={periodic}, but surfaces that roll do not "
+            "repeat: press them with periodic=False"
+        )
+    return g, element, material
+
+
 def check_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return a shift as an array that broadcasts to a field of this shape, (components, ...)."""
     array = field("shift", shift)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.contact import plotting
-from toeplitz_mg.contact.result import TangentialResult
+from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.contact.summary import (
     Figure,
     Summary,
@@ -118,10 +118,11 @@ class CreepCurve:
 
 
 def creep_curve(
-    bound: ArrayLike,
-    element: Element,
+    bound: ArrayLike | NormalResult,
+    element: Element | None = None,
     *,
-    material: Any,
+    mu: ArrayLike | None = None,
+    material: Any = None,
     longitudinal: ArrayLike = 0.0,
     lateral: ArrayLike = 0.0,
     spin: ArrayLike = 0.0,
@@ -131,7 +132,7 @@ def creep_curve(
 
     Parameters
     ----------
-    bound, element, material
+    bound, element, mu, material
         The arguments of `rolling`.
     longitudinal, lateral, spin : array_like
         The creepages of each point, or one number for all points.
@@ -179,7 +180,7 @@ def creep_curve(
         for point in points.tolist():
             creepages = dict(zip(CREEPAGES, point, strict=True))
             guess = rolling(
-                bound, element, material=material, guess=guess, **creepages, **arguments
+                bound, element, mu=mu, material=material, guess=guess, **creepages, **arguments
             )
             yield guess
 

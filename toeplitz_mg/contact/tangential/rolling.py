@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
-from toeplitz_mg.contact.checks import check_bound, check_iteration, check_previous, is_lateral
+from toeplitz_mg.contact.checks import check_iteration, check_previous, check_rolled, is_lateral
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.result import TangentialResult, check_converged
+from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.falling import fall
 from toeplitz_mg.contact.tangential.friction import make_result
 from toeplitz_mg.contact.tangential.given_loads import Loads
@@ -30,10 +30,11 @@ from toeplitz_mg.operators import apply_to_rows
 
 
 def rolling(
-    bound: ArrayLike,
-    element: Element,
+    bound: ArrayLike | NormalResult,
+    element: Element | None = None,
     *,
-    material: Any,
+    mu: ArrayLike | None = None,
+    material: Any = None,
     longitudinal: float = 0.0,
     lateral: float = 0.0,
     spin: float = 0.0,
@@ -53,14 +54,18 @@ def rolling(
 
     Parameters
     ----------
-    bound : array_like of shape (n1, n2) or (n,)
-        The traction bound g = μ p of each element, N/mm²: zero outside the contact, and infinite
-        where the bodies are bonded (μ = ∞). One axis is line contact.
+    bound : NormalResult, or array_like of shape (n1, n2) or (n,)
+        The bodies that are pressed together, with `mu`, of which element and material are taken.
+        Or the traction bound g = μ p of each element, N/mm²: zero outside the contact, and
+        infinite where the bodies are bonded (μ = ∞). One axis is line contact.
     element : (float, float) or float
-        Size (h1, h2) of an element, mm. In line contact the width and the length of the strips,
-        or the width alone: plane strain, with forces per mm of length.
+        With a traction bound, size (h1, h2) of an element, mm. In line contact the width and the
+        length of the strips, or the width alone: plane strain, with forces per mm of length.
+    mu : float, or array_like of shape (n1, n2) or (n,)
+        With a normal result, the coefficient of friction, of all elements or of each.
     material : Material or (Material, Material)
-        Of both bodies, or of the first and the second (see `contact.Material`).
+        With a traction bound, of both bodies, or of the first and the second (see
+        `contact.Material`).
     longitudinal, lateral : float
         Creepages: rigid slip along x and y over the distance rolled.
     spin : float
@@ -137,7 +142,7 @@ def rolling(
     >>> bool(abs(rolled.force / (mu * p.sum() * 0.05) - (1 - 0.6**2)) < 0.01)
     True
     """
-    g = check_bound(bound)
+    g, element, material = check_rolled(bound, element, material, mu)
     grid = Grid.of(g.shape, element, material, None)
     asked = (longitudinal, lateral, spin), force, moment, slip, pole
 

@@ -17,10 +17,10 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
-from toeplitz_mg.contact.checks import check_bound, check_iteration, check_previous, is_lateral
+from toeplitz_mg.contact.checks import check_iteration, check_previous, check_rolled, is_lateral
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.result import TangentialResult, check_converged
+from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.coulomb import clip, project
 from toeplitz_mg.contact.tangential.motion import Motion
 from toeplitz_mg.contact.tangential.problem import Problem
@@ -33,10 +33,11 @@ from toeplitz_mg.values import count
 
 
 def rolling_steps(
-    bound: ArrayLike,
-    element: Element,
+    bound: ArrayLike | NormalResult,
+    element: Element | None = None,
     *,
-    material: Any,
+    mu: ArrayLike | None = None,
+    material: Any = None,
     longitudinal: float = 0.0,
     lateral: float = 0.0,
     spin: float = 0.0,
@@ -53,7 +54,7 @@ def rolling_steps(
 
     Parameters
     ----------
-    bound, element, material, longitudinal, lateral, spin, slip, pole, tolerance, max_products
+    bound, element, mu, material, longitudinal, lateral, spin, slip, pole, tolerance, max_products
         The arguments of `rolling`.
     force : (float, float) or float, optional
         The tangential force (Fx, Fy) in each step, in the place of creepages, which are then found,
@@ -108,7 +109,7 @@ def rolling_steps(
     >>> bool(np.isclose(last.rigid, rolling(g, **case).rigid, rtol=1e-5))
     True
     """
-    g = check_bound(bound)
+    g, element, material = check_rolled(bound, element, material, mu)
     grid = Grid.of(g.shape, element, material, None)
     asked = (longitudinal, lateral, spin), force, None, slip, pole
     return roll_steps(
