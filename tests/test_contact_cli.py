@@ -212,6 +212,20 @@ def test_a_surface_from_a_file_is_pressed(load, is_periodic, tmp_path, capsys):
     assert_allclose(fields["approach"], expected.approach, rtol=1e-6)
 
 
+@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+def test_the_hardness_bounds_the_pressures_of_a_surface(tmp_path):
+    path, gap, element = surface(tmp_path)
+    written = tmp_path / "fields.npz"
+    soft = normal_contact(gap, element, material=STEEL, force=2.0)
+    hardness = float(soft.max_pressure) / 2.0
+    options = ["--force", "2", "--unit", "um", "--element", "25", "--hardness", str(hardness)]
+    assert run("rough", str(path), *options, "-o", str(written)) == 0
+    expected = normal_contact(gap, element, material=STEEL, force=2.0, hardness=hardness)
+    pressure = read(written)["pressure"]
+    assert pressure.max() == hardness
+    assert_allclose(pressure, expected.pressure, atol=1e-6 * hardness)
+
+
 def test_a_surface_of_the_library_is_pressed(tmp_path, capsys):
     pytest.importorskip("SurfaceTopography")
     _, gap, element = surface(tmp_path)
@@ -300,6 +314,8 @@ def test_a_line_scan_of_the_library_is_pressed(tmp_path, capsys):
         (["rough", "FILE", "--force", "1", "--radius", "3"], "--radius is for hertz and shift"),
         (["rough", "FILE", "--force", "1", "-n", "64"], "-n is for hertz and shift and rolling"),
         (["hertz", "FILE"], "is for rough, not hertz"),
+        (["hertz", "--hardness", "1"], "--hardness is for rough, not hertz"),
+        (["rough", "FILE", "--force", "1", "--hardness", "0"], "--hardness is 0.0, but must be"),
         (["hertz", "--periodic"], "--periodic is for rough, not hertz"),
         (["rough", "OTHER", "--force", "1"], "needs SurfaceTopography: pip install"),
         (["rough", "HEADED", "--force", "1"], "needs SurfaceTopography: pip install"),

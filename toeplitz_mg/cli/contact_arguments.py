@@ -115,6 +115,11 @@ OPTIONS = {
         "of heights and pixels, as um (default: that of the file, or mm)", str, cases=("rough",)
     ),
     "periodic": Option("the surface repeats, whatever the file says", bool, cases=("rough",)),
+    "hardness": Option(
+        "pressure at which the softer body yields, N/mm² (default: it does not)",
+        cases=("rough",),
+        positive=True,
+    ),
     "output": Option("write the fields, as arrays by name", Path),
     "plot": Option("draw the tractions and the areas of stick and slip", Path),
     "dpi": Option(f"dots an inch of the picture (default: {DPI})", int, default=DPI),

@@ -73,8 +73,15 @@ class Rough:
         """Solve the normal problem."""
         o = self.options
         material = Material.from_shear(o.G, o.nu)
-        load: dict[str, Any] = {"force": o.force, "approach": o.approach, "tolerance": o.tolerance}
-        return normal_contact(**self.surface, **load, material=material, progress=progress)
+        load: dict[str, Any] = {"force": o.force, "approach": o.approach}
+        return normal_contact(
+            **self.surface,
+            **load,
+            material=material,
+            hardness=o.hardness,
+            tolerance=o.tolerance,
+            progress=progress,
+        )
 
 
 def is_table(path: Path) -> bool:
