@@ -221,7 +221,7 @@ def test_tiny_and_subnormal_numbers_in_float32():
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("name", ["θ²", "θ⁴", "wide Gaussian", "sinc", "contact"])
 @pytest.mark.parametrize("with_guess", [False, True])
-def test_info_is_zero_only_near_the_goal(dtype, name, with_guess):
+def test_info_is_zero_only_at_the_goal(dtype, name, with_guess):
     """The recurrence reaches any goal, in float32 or where A is ill-conditioned; x does not."""
     n = 300
     A = tmg.ToeplitzOperator(column(name, n).astype(dtype))
@@ -236,9 +236,9 @@ def test_info_is_zero_only_near_the_goal(dtype, name, with_guess):
             A, b, x0 if with_guess else None, M=M, rtol=rtol, maxiter=500, callback=steps.append
         )
         residual = np.linalg.norm(b - dense @ x.astype(np.float64)) / np.linalg.norm(b)
-        # 11: the residual that is computed has a rounding of its own.
         assert info in (0, max(len(steps), 1))
-        assert info > 0 or residual <= 11 * rtol
+        # 3: the residual that is computed has a rounding of its own.
+        assert info > 0 or residual <= 3 * rtol
         refused += info > 0
     if dtype == np.float32:  # In float32 nothing is solved to 1e-11.
         assert refused > 0
@@ -262,7 +262,7 @@ def test_a_residual_that_has_drifted_is_iterated_upon_once():
         assert min(info, 1) == expected
         assert info in (0, len(steps))
         if info == 0:
-            assert np.linalg.norm(b - A @ x) <= 1e-9 * np.linalg.norm(b)
+            assert np.linalg.norm(b - A @ x) <= 2e-10 * np.linalg.norm(b)
 
 
 def test_one_product_an_iteration_and_one_to_look_at_the_result():

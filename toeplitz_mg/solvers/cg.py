@@ -25,7 +25,6 @@ RELIABLE = 1e-3  # Relative error of an `inner` residual that does not disturb t
 # Factors by which ‖r‖ falls before an `inner` residual is computed anew: the least, the first, and
 # that where the residual is rough, as to compute it more often costs too much.
 LEAST_FALL, FIRST_FALL, MOST_FALL = 1e-5, 0.1, 0.5
-DRIFT = 10.0  # Goals that the true residual may reach: one digit more, where rounding sets in.
 STARTS = 2  # Starts of the iteration: rounding that spoils the second will spoil a third.
 
 
@@ -59,8 +58,8 @@ def cg(
     rtol, atol : float
         It has converged where ‖b - A x‖₂ ≤ max(rtol ‖b‖₂, atol). The recurrence for the residual
         says when to stop; then the true one is computed, with one product more in the precision of
-        `A` and `b`, and where rounding has made it larger than 10 times that goal the iteration
-        starts once more from there.
+        `A` and `b`, and where rounding has made it larger than that goal the iteration starts once
+        more from there.
     maxiter : int, optional
         Most iterations, 10 n by default.
     M : array_like, sparse matrix or LinearOperator, optional
@@ -86,8 +85,7 @@ def cg(
     -------
     x : ndarray of shape (n,)
     info : int
-        0 where it has converged: the recurrence has reached the goal, and ‖b - A x‖₂ is at most
-        10 times as large (with `inner` it is at the goal itself). Otherwise the iterations done
+        0 where it has converged: ‖b - A x‖₂ itself is at the goal. Otherwise the iterations done
         (at least 1): they are used up; or `A` or `M` is found not to be positive definite, or not
         to be finite; or no such residual is found in this precision, as `A` is too
         ill-conditioned. `x` is then the last iterate.
@@ -129,7 +127,7 @@ def cg(
     for _ in range(STARTS):
         if not _descend(state, system, goal, callback):
             return state.x, max(state.iterations, 1)
-        if state.true_residual() <= DRIFT * goal:
+        if state.true_residual() <= goal:
             return state.x, 0
     return state.x, state.iterations
 
