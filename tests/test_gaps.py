@@ -359,3 +359,9 @@ def test_without_a_roll_off_the_longest_wave_is_where_the_fall_begins():
     assert np.array_equal(plain, rolled)
     with pytest.raises(ValueError, match="roll_off is 64, but must be between"):
         surfaces.rough((64, 64), (1.0, 1.0), roll_off=64.0, **options)
+
+
+@pytest.mark.parametrize(("seed", "error"), [(-1, ValueError), (1.5, TypeError), ("a", TypeError)])
+def test_a_seed_that_is_none_is_named(seed, error):
+    with pytest.raises(error, match=f"seed is {seed!r}, but must be an integer of at least zero"):
+        surfaces.rough((16, 16), (1.0, 1.0), rms=1.0, seed=seed)

@@ -368,6 +368,16 @@ def test_a_field_that_has_decayed_and_is_none_needs_a_nugget(monkeypatch):
     assert tmg.ToeplitzNormal(c).rvs(random_state=0).shape == (20, 20)
 
 
+@pytest.mark.parametrize("shape", [(12,), (4, 3)])
+def test_no_samples_have_the_shape_of_none(shape):
+    process = tmg.ToeplitzNormal(np.exp(-np.hypot(*np.indices((*shape, 1)[:2]))).reshape(shape))
+    y = np.full(shape, np.nan)
+    y.flat[5] = 1.0
+    for given in (process, process.conditional(y), process.conditional(np.nan_to_num(y))):
+        assert given.rvs(0).shape == (0, *shape)
+        assert given.rvs((3, 0)).shape == (3, 0, *shape)
+
+
 def test_a_field_that_does_not_decay_has_no_size():
     k, j = np.indices((20, 25))
     with pytest.raises(np.linalg.LinAlgError, match="no size can be told"):
@@ -409,10 +419,14 @@ def test_bad_arguments():
             process.logpdf(y)
     with pytest.raises(ValueError, match="must be of that of c"):
         process.conditional(np.zeros((2, 20)))
-    with pytest.raises(TypeError, match="mask has dtype"):
+    with pytest.raises(TypeError, match="observed has dtype float64, but must be of booleans"):
         process.logpdf(np.zeros(20), np.ones(20))
-    with pytest.raises(ValueError, match="nowhere true"):
+    with pytest.raises(ValueError, match=r"observed has shape \(2,\), but must have that of c"):
+        process.conditional(np.zeros(20), [True, False])
+    with pytest.raises(ValueError, match="y is observed nowhere"):
         process.logpdf(np.zeros(20), np.zeros(20, dtype=bool))
+    with pytest.raises(ValueError, match="y is observed nowhere"):
+        process.conditional(np.full(20, np.nan))
     with pytest.raises(ValueError, match="must broadcast"):
         tmg.ToeplitzNormal(np.ones(3), mean=np.zeros(2))
     with pytest.raises(ValueError, match="mean is not finite"):
@@ -425,6 +439,10 @@ def test_bad_arguments():
         process.rvs(-1)
     with pytest.raises(TypeError, match="must be an integer"):
         process.rvs(1.5)
+    with pytest.raises(ValueError, match="random_state is -1, but must be an integer of at least"):
+        process.rvs(random_state=-1)
+    with pytest.raises(TypeError, match="random_state is 'a'"):
+        process.conditional(np.zeros(20)).rvs(random_state="a")
 
 
 @pytest.mark.filterwarnings("error")

@@ -60,11 +60,14 @@ def load_result(path: str | os.PathLike[str], kinds: Mapping[str, type]) -> Any:
     """Read a result of one of some kinds, by their names (see `contact.load`)."""
     path = Path(path)
     try:
-        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+        with path.open("rb") as opened:
+            file = np.load(opened, allow_pickle=False)
+            if isinstance(file, np.ndarray):
+                raise ValueError("it is a single array")
             arrays = {name: file[name] for name in file.files}
-        about = json.loads(str(arrays.pop("about")))
-        if about["format"] != FORMAT:
-            raise ValueError(f"its format is {about['format']!r}")
+        about = json.loads(str(arrays.pop("about", "{}")))
+        if about.get("format") != FORMAT:
+            raise ValueError(f"its format is {about.get('format')!r}, but must be {FORMAT!r}")
         return _compose(arrays, about, kinds)
     except OSError:
         raise
@@ -95,6 +98,8 @@ def _compose(arrays: dict[str, Array], about: dict[str, Any], kinds: Mapping[str
     if "material" in about:
         given["material"] = _read_material(about["material"])
         given["centres"] = tuple(arrays.pop(name) for name in "xy" if name in arrays)
+    if about["kind"] not in kinds:
+        raise ValueError(f"its kind is {about['kind']!r}, but must be one of {', '.join(kinds)}")
     return kinds[about["kind"]](**given, **arrays)
 
 

@@ -116,7 +116,7 @@ class Stresses:
         ImportError
             Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
         """
-        if field not in SHOWN:
+        if field not in [*SHOWN]:  # A list has no hash, but is refused as any other.
             raise ValueError(f"field is {field!r}, but must be one of {', '.join(SHOWN)}")
         if len(self.depths) < 2 or not (np.diff(self.depths) > 0.0).all():
             raise ValueError(f"depths is {self.depths}, but must rise, and be two at least")
@@ -215,7 +215,7 @@ def subsurface_stresses(
     """
     grid = _check_results(results)
     z = np.atleast_1d(field("depths", depths))
-    if z.ndim != 1 or not np.isfinite(z).all():
+    if z.ndim != 1 or z.size == 0 or not np.isfinite(z).all():
         raise ValueError(f"depths is {depths!r}, but must be a number, or a list of finite ones")
     if (z < 0.0).any():
         raise ValueError(f"depths has the value {z.min():g}, but a depth is at least zero")

@@ -7,7 +7,7 @@ from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.theory import add_curvatures
 from toeplitz_mg.halfspace import Material
-from toeplitz_mg.values import count, positive, real, refuse_masked
+from toeplitz_mg.values import count, generator, positive, real, refuse_masked
 
 
 def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]:
@@ -260,7 +260,7 @@ def rough(
         )
     falloff = np.zeros(grid.shape)
     falloff[inside] = np.maximum(k[inside], 1.0 / roll_off) ** (-hurst - len(grid.shape) / 2.0)
-    noise = np.random.default_rng(seed).standard_normal(grid.shape)
+    noise = generator("seed", seed).standard_normal(grid.shape)
     heights: Array = np.fft.ifftn(np.fft.fftn(noise) * falloff).real
     heights *= positive("rms", rms) / heights.std()
     return heights.max() - heights

@@ -1,12 +1,9 @@
-"""The arguments of distributions: numbers, series with gaps, and where random numbers come from."""
-
-from typing import Any
+"""The arguments of distributions: numbers, means, and series with gaps."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Mask
-from toeplitz_mg.operators.masked import check_mask
 from toeplitz_mg.values import refuse_masked
 
 SHOWN = 5  # Positions that an error names.
@@ -43,7 +40,7 @@ def check_series(
         raise ValueError(
             f"y has shape {residual.shape}, but its last axes must be those of c, {shape}"
         )
-    mask = None if observed is None else check_mask(observed, shape)
+    mask = None if observed is None else check_observed(observed, shape)
     residual -= mean
     if mask is not None:
         residual[..., ~mask] = 0.0
@@ -53,11 +50,18 @@ def check_series(
     return residual, mask
 
 
-def generator(random_state: Any) -> Any:
-    """Return a generator of random numbers: this one, or a new one with this seed."""
-    if hasattr(random_state, "standard_normal"):
-        return random_state
-    return np.random.default_rng(random_state)
+def check_observed(observed: ArrayLike, shape: tuple[int, ...]) -> Mask:
+    """Return a copy, that cannot be changed, of the mask of what is observed."""
+    mask = refuse_masked("observed", observed)
+    if mask.dtype != np.bool_:
+        raise TypeError(f"observed has dtype {mask.dtype}, but must be of booleans")
+    if mask.shape != shape:
+        raise ValueError(f"observed has shape {mask.shape}, but must have that of c, {shape}")
+    if not mask.any():
+        raise ValueError("y is observed nowhere, but must be somewhere")
+    mask = mask.copy()
+    mask.flags.writeable = False
+    return mask
 
 
 def _refuse_positions(wrong: Array, everywhere: bool) -> None:

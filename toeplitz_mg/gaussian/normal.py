@@ -1,21 +1,26 @@
 """The normal distribution of a stationary process on a grid."""
 
 from functools import cached_property
+from math import prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Rows
-from toeplitz_mg.gaussian.checks import check_mean, check_series, generator, real_numbers
+from toeplitz_mg.gaussian.checks import (
+    check_mean,
+    check_observed,
+    check_series,
+    real_numbers,
+)
 from toeplitz_mg.gaussian.conditional import Conditional
 from toeplitz_mg.gaussian.observed import Observed, Whole, observe
 from toeplitz_mg.gaussian.sampling import Embedding, embed
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.masked import check_mask
 from toeplitz_mg.preconditioners.schur import whiten_rows
 from toeplitz_mg.solvers.determinant import warn_of_error
-from toeplitz_mg.values import count
+from toeplitz_mg.values import count, generator
 
 
 class ToeplitzNormal:
@@ -282,7 +287,7 @@ class ToeplitzNormal:
             raise ValueError(f"y has shape {values.shape}, but must be of that of c, {self.shape}")
         if observed is None:
             observed = ~np.isnan(values)
-        mask = check_mask(observed, self.shape)
+        mask = check_observed(observed, self.shape)
         residual, _ = check_series(values, mask, self.mean)
         return Conditional(self, observe(self._whole, mask), mask, residual)
 
@@ -303,6 +308,8 @@ class ToeplitzNormal:
 
         Raises
         ------
+        ValueError, TypeError
+            For a size that is no count, or a seed that is none.
         numpy.linalg.LinAlgError
             Where the covariance is not positive definite. With several axes also where its mirror
             images do not continue it to that of a periodic field: the message names the size of a
@@ -320,7 +327,8 @@ class ToeplitzNormal:
         size = 1 if size is None else size
         shape = (size,) if np.ndim(size) == 0 else tuple(size)  # type: ignore[arg-type]
         shape = tuple(count("size", k, least=0) for k in shape)
-        rows = self._embedding.draw(int(np.prod(shape)), generator(random_state)) + self.mean
+        random = generator("random_state", random_state)
+        rows = self._embedding.draw(prod(shape), random) + self.mean
         return rows.reshape(self.shape if shape == (1,) else (*shape, *self.shape))
 
     @property

@@ -136,7 +136,11 @@ class CombinedMaterial:
 
     def __post_init__(self) -> None:
         check_constants(self.G, self.nu)
-        check_difference(self.difference)
+        check_difference(self.difference, name="difference")
+        match self.bodies:
+            case None | (Material(), Material()):
+                return
+        raise TypeError(f"bodies is {self.bodies!r}, but must be two of contact.Material, or None")
 
     @property
     def E_star(self) -> float:
@@ -268,10 +272,10 @@ def check_constants(G: float, nu: float) -> tuple[float, float]:
     return positive("G", G), check_ratio(nu)
 
 
-def check_difference(K: float) -> float:
+def check_difference(K: float, *, name: str = "K") -> float:
     """Return a difference parameter, or say that no two bodies have it."""
-    K = real("K", K)
+    K = real(name, K)
     # The largest, ½ (1-2ν), is that of a body on a rigid one.
     if not -1.5 < K < 1.5:
-        raise ValueError(f"K is {K}, but a difference parameter lies in (-1.5, 1.5)")
+        raise ValueError(f"{name} is {K}, but a difference parameter lies in (-1.5, 1.5)")
     return K

@@ -305,6 +305,11 @@ def componentwise(preconditioner: F) -> F:
         The same function, that takes a `CoupledOperator` or a `MaskedOperator` of one too: the
         result is block diagonal. It is symmetric positive definite where its blocks are.
 
+    Raises
+    ------
+    TypeError
+        For what is no function, as a matrix is none.
+
     See Also
     --------
     CoupledOperator : the matrix of several components.
@@ -320,6 +325,12 @@ def componentwise(preconditioner: F) -> F:
     >>> np.array_equal(M @ np.ones(8), np.tile(tmg.fft_preconditioner(xx) @ np.ones(4), 2))
     True
     """
+    # An operator can be called too: it multiplies.
+    if isinstance(preconditioner, LinearOperator) or not callable(preconditioner):
+        raise TypeError(
+            f"preconditioner is {preconditioner!r}, but must be a function of a ToeplitzOperator: "
+            "for one of each component of A write componentwise(chan_preconditioner)(A)"
+        )
     return _of_each(preconditioner, check_hermitian)
 
 
