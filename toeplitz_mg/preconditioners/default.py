@@ -10,7 +10,8 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import BlockDiagonal
 from toeplitz_mg.operators.base import grid_of
-from toeplitz_mg.operators.structure import averaged, check_hermitian, unwrap_toeplitz
+from toeplitz_mg.operators.lifting import averaged
+from toeplitz_mg.operators.structure import check_hermitian, unwrap_toeplitz
 from toeplitz_mg.preconditioners.choice import Plan, plan
 from toeplitz_mg.preconditioners.direct import NotPositiveDefinite
 from toeplitz_mg.preconditioners.jacobi import ScaledIdentity
