@@ -25,11 +25,14 @@ def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]
     tuple of ndarray
         x of shape (n,); or x and y of shape (n1, n2).
 
+    Raises
+    ------
+    ValueError, TypeError
+        For numbers of elements that are not at least 1, or sizes that are not positive.
+
     See Also
     --------
-    sphere : another surface.
-    rough : another surface.
-    toeplitz_mg.contact.normal_contact : presses it.
+    sphere, ellipsoid, cylinder, wavy, rough : gaps at these points.
 
     Examples
     --------
@@ -57,10 +60,15 @@ def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: floa
     ndarray of the shape given
         mm, r²/(2R).
 
+    Raises
+    ------
+    ValueError, TypeError
+        For a grid that is none of `centres`, or a radius that is not positive and finite.
+
     See Also
     --------
-    ellipsoid : another surface.
-    cylinder : another surface.
+    ellipsoid : of two radii of curvature, or of two bodies.
+    toeplitz_mg.contact.hertz : what theory says of it.
     toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
@@ -91,10 +99,15 @@ def ellipsoid(shape: tuple[int, int], element: tuple[float, float], *, radii: Ar
     ndarray of the shape given
         mm, x²/(2R₁) + y²/(2R₂).
 
+    Raises
+    ------
+    ValueError, TypeError
+        For a grid that is none of `centres`, or radii that are zero, or not one or two pairs.
+
     See Also
     --------
-    sphere : another surface.
-    cylinder : another surface.
+    sphere : of one radius.
+    toeplitz_mg.contact.hertz : what theory says of it.
     toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
@@ -131,10 +144,15 @@ def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -
     ndarray of the shape given
         mm, x²/(2R).
 
+    Raises
+    ------
+    ValueError, TypeError
+        For a grid that is none of `centres`, or a radius that is not positive and finite.
+
     See Also
     --------
-    sphere : another surface.
-    ellipsoid : another surface.
+    sphere : of a curvature along y too.
+    toeplitz_mg.contact.hertz : what theory says of it.
     toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
@@ -170,9 +188,14 @@ def wavy(
     ndarray of the shape given
         mm, with a crest, where the gap is zero, in the middle of the grid.
 
+    Raises
+    ------
+    ValueError, TypeError
+        For a grid that is none of `centres`, or lengths that are not positive and finite.
+
     See Also
     --------
-    rough : another surface.
+    rough : of waves of many lengths.
     centres : where the elements are.
     toeplitz_mg.contact.normal_contact : presses it.
 
@@ -223,9 +246,15 @@ def rough(
     ndarray of the shape given
         mm, zero at the highest point. The heights are periodic.
 
+    Raises
+    ------
+    ValueError, TypeError
+        For a grid that is none of `centres`, an exponent outside (0, 1], lengths that are not
+        positive and finite, wavelengths that the grid does not have, or what is no seed.
+
     See Also
     --------
-    wavy : another surface.
+    wavy : of one wavelength.
     centres : where the elements are.
     toeplitz_mg.contact.normal_contact : presses it.
 

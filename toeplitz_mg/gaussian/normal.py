@@ -195,6 +195,18 @@ class ToeplitzNormal:
         With α = A⁻¹ (y - mean) and the sums D_k = Σ_i (A⁻¹)_(i,i+k), the derivative by c_k is
         Σ_i α_i α_(i+k) - D_k, for k = 0 half of that. With m missing points it costs m products
         with A⁻¹ more.
+
+        Examples
+        --------
+        The derivative by the variance s of the covariance s 2⁻ᵏ is zero at its estimate.
+
+        >>> import numpy as np
+        >>> import toeplitz_mg as tmg
+        >>> c, y = 0.5 ** np.arange(3), [1.0, 0.5, -0.5]
+        >>> s = np.mean(tmg.ToeplitzNormal(c).whiten(y) ** 2)
+        >>> value, by_c, by_y = tmg.ToeplitzNormal(s * c).logpdf_and_grad(y)
+        >>> bool(abs(by_c @ c) < 1e-12)
+        True
         """
         value, X, known = self._logpdf(y, observed)
         by_c = known.by_covariances(X)
@@ -323,6 +335,12 @@ class ToeplitzNormal:
         autoregressive process, whose spectral density is positive. What `sampling_error` says was
         measured, and is at most 1e-6. No eigenvalue that is negative beyond rounding
         is ever set to zero.
+
+        Examples
+        --------
+        >>> import toeplitz_mg as tmg
+        >>> tmg.ToeplitzNormal([1.0, 0.5, 0.25]).rvs((2, 5), random_state=0).shape
+        (2, 5, 3)
         """
         size = 1 if size is None else size
         shape = (size,) if np.ndim(size) == 0 else tuple(size)  # type: ignore[arg-type]

@@ -61,7 +61,23 @@ class Material:
 
     @classmethod
     def from_shear(cls, G: float, nu: float) -> Self:
-        """Return the body of this shear modulus, N/mm², and this Poisson's ratio.
+        """Return the body of this shear modulus and this Poisson's ratio.
+
+        Parameters
+        ----------
+        G : float
+            Shear modulus, N/mm².
+        nu : float
+            Poisson's ratio.
+
+        Returns
+        -------
+        Material
+
+        Raises
+        ------
+        ValueError, TypeError
+            As by `Material`.
 
         Examples
         --------
@@ -74,6 +90,11 @@ class Material:
     @classmethod
     def rigid(cls) -> Self:
         """Return the body that does not deform; only one of two may be it.
+
+        Returns
+        -------
+        Material
+            Its moduli are infinite.
 
         Examples
         --------
