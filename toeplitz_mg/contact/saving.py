@@ -1,8 +1,8 @@
 """Results in files, and in the containers of other libraries.
 
 A result is an ``.npz`` file of its arrays by their names, which `numpy.load` reads too, and of a
-text in JSON, `about`: what kind of result it is, its numbers, and the units of all. What a result
-that has parts, as `FrictionalResult` has, names its parts comes before the names of theirs, as in
+text in JSON, `about`: what kind of result it is, its numbers, and the units of all. Of a result
+with parts, as `FrictionalResult`, the name of the part comes before that of its array, as in
 `normal_pressure`. `save`, `to_xarray` and `to_vtk` are methods of all kinds of results.
 """
 

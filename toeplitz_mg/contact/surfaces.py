@@ -7,7 +7,7 @@ from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.theory import add_curvatures
 from toeplitz_mg.halfspace import Material
-from toeplitz_mg.values import count, generator, positive, real, refuse_masked
+from toeplitz_mg.values import count, generator, in_range, positive, real, refuse_masked
 
 
 def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]:
@@ -78,7 +78,7 @@ def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: floa
     array([[0.01],
            [0.01]])
     """
-    return ellipsoid(shape, element, radii=(positive("radius", radius), radius))
+    return ellipsoid(shape, element, radii=(_length("radius", radius), radius))
 
 
 def ellipsoid(shape: tuple[int, int], element: tuple[float, float], *, radii: ArrayLike) -> Array:
@@ -161,7 +161,7 @@ def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -
     >>> surfaces.cylinder(2, 2.0, radius=50.0)
     array([0.01, 0.01])
     """
-    return centres(shape, element)[0] ** 2 / (2.0 * positive("radius", radius))
+    return centres(shape, element)[0] ** 2 / (2.0 * _length("radius", radius))
 
 
 def wavy(
@@ -205,9 +205,9 @@ def wavy(
     >>> surfaces.wavy(3, 1.0, amplitude=0.5, wavelength=2.0)
     array([1., 0., 1.])
     """
-    k = 2.0 * np.pi / positive("wavelength", wavelength)
+    k = 2.0 * np.pi / _length("wavelength", wavelength)
     crests = np.prod([np.cos(k * x) for x in centres(shape, element)], axis=0)
-    return positive("amplitude", amplitude) * (1.0 - crests)
+    return _length("amplitude", amplitude) * (1.0 - crests)
 
 
 def rough(
@@ -265,16 +265,16 @@ def rough(
     >>> gap.min(), gap.std().round(6)
     (np.float64(0.0), np.float64(0.002))
     """
-    grid = _grid(shape, element)
+    grid, rms, random = _grid(shape, element), _length("rms", rms), generator("seed", seed)
     if not 0.0 < real("hurst", hurst) <= 1.0:
         raise ValueError(f"hurst is {hurst}, but must be in (0, 1]")
     sizes = grid.element[: len(grid.shape)]
     sides = [n * h for n, h in zip(grid.shape, sizes, strict=True)]
     if longest is None:
         longest = max(sides) / (4.0 if roll_off is None else 1.0)
-    longest = positive("longest", longest)
-    roll_off = longest if roll_off is None else positive("roll_off", roll_off)
-    shortest = 4.0 * max(sizes) if shortest is None else positive("shortest", shortest)
+    longest = _length("longest", longest)
+    roll_off = longest if roll_off is None else _length("roll_off", roll_off)
+    shortest = 4.0 * max(sizes) if shortest is None else _length("shortest", shortest)
     frequencies = [np.fft.fftfreq(n, h) for n, h in zip(grid.shape, sizes, strict=True)]
     k = np.sqrt(sum(f**2 for f in np.meshgrid(*frequencies, indexing="ij")))
     inside = (k > 0.0) & (k * longest >= 1.0 - 1e-12) & (k * shortest <= 1.0 + 1e-12)
@@ -289,10 +289,17 @@ def rough(
         )
     falloff = np.zeros(grid.shape)
     falloff[inside] = np.maximum(k[inside], 1.0 / roll_off) ** (-hurst - len(grid.shape) / 2.0)
-    noise = generator("seed", seed).standard_normal(grid.shape)
+    noise = random.standard_normal(grid.shape)
     heights: Array = np.fft.ifftn(np.fft.fftn(noise) * falloff).real
-    heights *= positive("rms", rms) / heights.std()
+    heights *= rms / heights.std()
     return heights.max() - heights
+
+
+def _length(name: str, value: float) -> float:
+    """Return a length, mm, that is positive, and whose powers can be represented."""
+    length = positive(name, value)
+    in_range(name, length)
+    return length
 
 
 def _grid(shape: int | tuple[int, ...], element: Element) -> Grid:

@@ -27,7 +27,7 @@ from toeplitz_mg.solvers.szego_polynomial import autocorrelations
 MOST = 4096  # Points, missing or observed, of which a dense matrix is factorised: 134 MB.
 PART = 64  # Rows that are multiplied at once.
 RTOL = 1e-11  # Relative residual of an iteration.
-MOST_ITERATIONS = 1000  # After which the matrix is too ill-conditioned for one.
+MOST_ITERATIONS = 1000  # Iterations after which the matrix is said to be too ill-conditioned.
 
 
 class Observed(Protocol):

@@ -35,6 +35,7 @@ from toeplitz_mg.preconditioners.candidates import (
     factorise,
     quick_fsai,
 )
+from toeplitz_mg.preconditioners.direct import DIRECT
 from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
 from toeplitz_mg.preconditioners.selection import Candidate
@@ -54,8 +55,7 @@ from toeplitz_mg.preconditioners.trigonometric import (
 from toeplitz_mg.preconditioners.wiener_hopf import factor_positive_symbol
 from toeplitz_mg.values import count
 
-# `python -m comparisons.preconditioners.areas` measures both sides of these:
-DIRECT = 600  # Most unknowns that a Cholesky factor, of 3 MB, solves for at once.
+# `python -m comparisons.preconditioners.areas` measures both sides of these, and of DIRECT:
 FEW = 40_000  # Most unknowns of one blob that sine transforms solve for before FSAI is set up.
 COMPACT = 5.0  # Largest `fragmentation` of one blob.
 LONG = 2**14  # Fewest elements of a grid whose transforms take longer than the calls of FSAI.
