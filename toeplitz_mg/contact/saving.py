@@ -150,14 +150,10 @@ def to_xarray(result: Any) -> Any:
         import xarray  # It is an extra, and slow to import.
     except ImportError as error:
         raise ImportError("to_xarray() needs xarray: pip install 'toeplitz-mg[xarray]'") from error
-    if parts := _results(result):
-        both: dict[str, Any] = {}
-        about: dict[str, Any] = {}
-        for name, part in parts.items():
-            data = to_xarray(part)
-            both |= {f"{name}_{key}": x for key, x in data.data_vars.items()}
-            about |= {f"{name}_{key}": value for key, value in data.attrs.items()}
-        return xarray.Dataset(both, attrs=about)
+    if parts := {name: to_xarray(part) for name, part in _results(result).items()}:
+        fields_of = {f"{name}_{k}": x for name, part in parts.items() for k, x in part.items()}
+        about = {f"{name}_{k}": x for name, part in parts.items() for k, x in part.attrs.items()}
+        return xarray.Dataset(fields_of, attrs=about)
     arrays, values = split_fields(result)
     units, grid = name_units(result), ("x", "y")[: len(result.shape)]
     coordinates: dict[str, Any] = {name: (name, arrays.pop(name), {"units": "mm"}) for name in grid}
@@ -171,19 +167,30 @@ def to_xarray(result: Any) -> Any:
         variables[name] = ((*components, *grid), x, {"units": units[name]})
         if components:
             coordinates["component"] = ("component", ["x", "y"], {})
-    material = asdict(result.material)
-    for k, body in enumerate(material.pop("bodies") or (), 1):
-        material |= {f"{name}_{k}": value for name, value in body.items()}
-    for name, value in (values | material).items():
-        # What netCDF cannot keep is left out, or made what it can.
-        if isinstance(value, bool):
-            attributes[name] = int(value)
-        elif name == "warnings":
-            attributes[name] = "\n".join(value)
-        elif value not in (None, ()):
-            attributes[name] = value
+    attributes |= _keep_in_netcdf(values | _list_constants(result.material))
     attributes |= {f"{name}_units": unit for name, unit in units.items() if name in attributes}
     return xarray.Dataset(variables, coordinates, attributes)
+
+
+def _list_constants(material: CombinedMaterial) -> dict[str, Any]:
+    """Return the combined constants by their names, and those of the bodies, as `G_1`."""
+    constants = asdict(material)
+    for k, body in enumerate(constants.pop("bodies") or (), 1):
+        constants |= {f"{name}_{k}": value for name, value in body.items()}
+    return constants
+
+
+def _keep_in_netcdf(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values as netCDF can keep them, without those that it cannot."""
+    kept: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, bool):
+            kept[name] = int(value)
+        elif name == "warnings":
+            kept[name] = "\n".join(value)
+        elif value not in (None, ()):
+            kept[name] = value
+    return kept
 
 
 def to_vtk(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
