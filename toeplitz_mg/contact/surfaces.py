@@ -49,9 +49,8 @@ def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: floa
 
     Parameters
     ----------
-    shape : (int, int)
-    element : (float, float)
-        Size of an element, mm.
+    shape, element
+        The grid, as in `centres`, of two axes.
     radius : float
         mm. Of two spheres: 1/(1/R₁ + 1/R₂).
 
@@ -68,7 +67,6 @@ def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: floa
     See Also
     --------
     ellipsoid : of two radii of curvature, or of two bodies.
-    toeplitz_mg.contact.hertz : what theory says of it.
     toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
@@ -86,9 +84,8 @@ def ellipsoid(shape: tuple[int, int], element: tuple[float, float], *, radii: Ar
 
     Parameters
     ----------
-    shape : (int, int)
-    element : (float, float)
-        Size of an element, mm.
+    shape, element
+        The grid, as in `centres`, of two axes.
     radii : (float, float), or a pair of them
         Radii of curvature in the planes of x and of y, mm; or those of both bodies, whose
         curvatures 1/R add up. One is infinite where a body is straight, and negative where it is
@@ -107,7 +104,6 @@ def ellipsoid(shape: tuple[int, int], element: tuple[float, float], *, radii: Ar
     See Also
     --------
     sphere : of one radius.
-    toeplitz_mg.contact.hertz : what theory says of it.
     toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
@@ -133,9 +129,8 @@ def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -
 
     Parameters
     ----------
-    shape : int or (int,) or (int, int)
-    element : float or (float, float)
-        Size of an element, mm.
+    shape, element
+        The grid, as in `centres`.
     radius : float
         mm. Of two cylinders: 1/(1/R₁ + 1/R₂).
 
@@ -152,7 +147,6 @@ def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -
     See Also
     --------
     sphere : of a curvature along y too.
-    toeplitz_mg.contact.hertz : what theory says of it.
     toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
@@ -165,19 +159,14 @@ def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -
 
 
 def wavy(
-    shape: int | tuple[int, ...],
-    element: Element,
-    *,
-    amplitude: float,
-    wavelength: float,
+    shape: int | tuple[int, ...], element: Element, *, amplitude: float, wavelength: float
 ) -> Array:
     """Return the gap between a sinusoidal surface and a flat.
 
     Parameters
     ----------
-    shape : int or (int,) or (int, int)
-    element : float or (float, float)
-        Size of an element, mm.
+    shape, element
+        The grid, as in `centres`.
     amplitude : float
         From the mean to a crest, mm.
     wavelength : float
@@ -225,9 +214,8 @@ def rough(
 
     Parameters
     ----------
-    shape : int or (int,) or (int, int)
-    element : float or (float, float)
-        Size of an element, mm.
+    shape, element
+        The grid, as in `centres`.
     rms : float
         Root mean square of the heights, mm.
     hurst : float

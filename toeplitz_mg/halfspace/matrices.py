@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.halfspace.combined import CombinedMaterial, combine
 from toeplitz_mg.halfspace.influence import (
     influence_xx,
     influence_xy,
@@ -14,7 +15,6 @@ from toeplitz_mg.halfspace.influence import (
     influence_zz,
 )
 from toeplitz_mg.halfspace.line_contact import line_contact_coefficients
-from toeplitz_mg.halfspace.materials import CombinedMaterial, combine
 from toeplitz_mg.halfspace.points import offsets
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.values import refuse_masked
