@@ -109,7 +109,7 @@ def fields(**values: ArrayLike) -> list[Array]:
     """Return what `field` does of each, if their shapes broadcast with each other."""
     arrays = [field(name, x) for name, x in values.items()]
     try:
-        np.broadcast_shapes(*(x.shape for x in arrays))
+        np.broadcast(*arrays)
     except ValueError:
         shapes = ", ".join(f"{name} {x.shape}" for name, x in zip(values, arrays, strict=True))
         raise ValueError(f"the shapes are {shapes}, but must broadcast with each other") from None
