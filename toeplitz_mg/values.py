@@ -93,14 +93,20 @@ def _is_masked(values: Any) -> bool:
     return np.ma.isMaskedArray(values)
 
 
-def field(name: str, values: ArrayLike) -> Array:
-    """Return an array of real numbers in double precision."""
+def numbers(name: str, values: ArrayLike) -> Array:
+    """Return a copy of an array of real numbers, NaN and infinities too, in double precision."""
     array = refuse_masked(name, values)
     if array.dtype.kind not in "buif":
-        raise TypeError(f"{name} has dtype {array.dtype}, but must be of real numbers")
+        what = f"has dtype {array.dtype}" if array.ndim else f"is {values!r}"
+        raise TypeError(f"{name} {what}, but must be of real numbers")
+    return array.astype(np.float64)
+
+
+def field(name: str, values: ArrayLike) -> Array:
+    """Return a copy of an array of real numbers, infinities too, in double precision."""
+    array = numbers(name, values)
     if np.isnan(array).any():
         raise ValueError(f"{name} is not a number somewhere")
-    array = array.astype(np.float64)
     in_range(name, float(np.max(np.abs(array), where=np.isfinite(array), initial=0.0)))
     return array
 

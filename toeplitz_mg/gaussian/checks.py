@@ -4,22 +4,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Mask
-from toeplitz_mg.values import refuse_masked
+from toeplitz_mg.values import numbers, refuse_masked
 
 SHOWN = 5  # Positions that an error names.
 
 
-def real_numbers(name: str, values: ArrayLike) -> Array:
-    """Return an array of real numbers in double precision."""
-    array = refuse_masked(name, values)
-    if array.dtype.kind not in "buif":
-        raise TypeError(f"{name} has dtype {array.dtype}, but must be of real numbers")
-    return array.astype(np.float64)
-
-
 def check_mean(mean: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return means of this shape."""
-    array = real_numbers("mean", mean)
+    array = numbers("mean", mean)
     if not np.isfinite(array).all():
         raise ValueError("mean is not finite somewhere")
     try:
@@ -34,7 +26,7 @@ def check_series(
     y: ArrayLike, observed: ArrayLike | None, mean: Array
 ) -> tuple[Array, Mask | None]:
     """Return y - mean, zero where it is not observed, of one or many series; and the mask."""
-    residual = real_numbers("y", y)
+    residual = numbers("y", y)
     shape = mean.shape
     if residual.shape[max(residual.ndim - len(shape), 0) :] != shape:
         raise ValueError(

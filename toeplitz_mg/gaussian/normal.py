@@ -8,19 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Rows
-from toeplitz_mg.gaussian.checks import (
-    check_mean,
-    check_observed,
-    check_series,
-    real_numbers,
-)
+from toeplitz_mg.gaussian.checks import check_mean, check_observed, check_series
 from toeplitz_mg.gaussian.conditional import Conditional
 from toeplitz_mg.gaussian.observed import Observed, Whole, observe
 from toeplitz_mg.gaussian.sampling import Embedding, embed
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.schur import whiten_rows
 from toeplitz_mg.solvers.determinant import warn_of_error
-from toeplitz_mg.values import count, generator
+from toeplitz_mg.values import count, generator, numbers
 
 
 class ToeplitzNormal:
@@ -87,7 +82,7 @@ class ToeplitzNormal:
     """
 
     def __init__(self, c: ArrayLike, mean: ArrayLike = 0.0) -> None:
-        c = real_numbers("c", c)
+        c = numbers("c", c)
         self.A = ToeplitzOperator(c)
         variance = float(c.flat[0])
         if not variance > 0.0:
@@ -294,7 +289,7 @@ class ToeplitzNormal:
         >>> given.rvs(3, random_state=0).shape
         (3, 5)
         """
-        values = real_numbers("y", y)
+        values = numbers("y", y)
         if values.shape != self.shape:
             raise ValueError(f"y has shape {values.shape}, but must be of that of c, {self.shape}")
         if observed is None:
