@@ -152,11 +152,6 @@ def frictional_contact(
     friction = check_friction(mu, z.shape)
     check_iteration(tolerance, max_products, progress)
     most = count("max_iterations", max_iterations)
-    if shift is not None and tangential_force is not None:
-        raise ValueError(
-            f"shift is {shift!r} and tangential_force is {tangential_force!r}, but at most one of "
-            "the two may be given"
-        )
     largest = np.inf if force is None else float(friction.max()) * force
     change, total = read_motion(shift, tangential_force, largest, grid)
     before, guess = read_history(previous, grid, z, approach, force)
@@ -166,7 +161,17 @@ def frictional_contact(
         b, least = place_bodies(change, previous, before, grid, coupling)
         pressing = Pressing.of(grid, z, coupling, approach, force, inner, max_products, report)
         shifting = Shifting(
-            grid, coupling, friction, b, total, least, inner, max_products, nested, report, guess
+            grid=grid,
+            coupling=coupling,
+            mu=friction,
+            b=b,
+            total=total,
+            least=least,
+            tolerance=inner,
+            max_products=max_products,
+            nested=nested,
+            report=report,
+            q=guess,
         )
         p = pressing.begin(guess, nested=nested)
         p, q, residuals = alternate(
