@@ -1,5 +1,6 @@
 """Numbers and fields that a user gives: what they are, or what is wrong with them."""
 
+import reprlib
 from operator import index
 from typing import Any
 
@@ -66,7 +67,10 @@ def refuse_masked(name: str, values: Any) -> Array:
     try:
         return np.asarray(values)
     except ValueError:
-        raise ValueError(f"{name} is {values!r}, but its rows must be of the same length") from None
+        if not isinstance(values, list | tuple):
+            raise
+        shown = reprlib.repr(values)
+        raise ValueError(f"{name} is {shown}, but its rows must be of the same length") from None
 
 
 def is_foreign(values: Any) -> bool:
