@@ -43,7 +43,7 @@ def _load_real(path: Path) -> Array:
     if wrong.size:
         place = tuple(wrong[0].tolist())
         raise ValueError(f"{path} has the value {array[place]} at {place}, but must be finite")
-    return array.astype(np.float32 if array.dtype == np.float32 else np.float64)
+    return array.astype(np.float32 if array.dtype.char == "f" else np.float64)
 
 
 def _load_mask(path: Path) -> Array:

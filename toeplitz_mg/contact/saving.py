@@ -64,7 +64,8 @@ def load_result(path: str | os.PathLike[str], kinds: Mapping[str, type]) -> Any:
             file = np.load(opened, allow_pickle=False)
             if isinstance(file, np.ndarray):
                 raise ValueError("it is a single array")
-            arrays = {name: file[name] for name in file.files}
+            with file:
+                arrays = {name: file[name] for name in file.files}
         about = json.loads(str(arrays.pop("about", "{}")))
         if about.get("format") != FORMAT:
             raise ValueError(f"its format is {about.get('format')!r}, but must be {FORMAT!r}")
