@@ -11,8 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tabulate import tabulate
-
 from comparisons.contact import cases, punch3d
 from comparisons.gaussian import likelihood
 from comparisons.harness import report
@@ -24,7 +22,7 @@ from comparisons.preconditioners import (
     general_symbols,
     symbols,
 )
-from comparisons.speed import baselines, by_hand, drop_in
+from comparisons.speed import baselines, by_hand_tables, drop_in
 from toeplitz_mg.cli import files
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -54,8 +52,10 @@ class Table:
 
 TABLES = {
     "drop_in": Table("benchmarks.md", "speed.drop_in", "drop_in.csv", drop_in.arrange),
-    "products": Table("benchmarks.md", "speed.by_hand", "products.csv", by_hand.arrange_products),
-    "solves": Table("benchmarks.md", "speed.by_hand", "solves.csv", by_hand.arrange_solves),
+    "products": Table(
+        "benchmarks.md", "speed.by_hand", "products.csv", by_hand_tables.arrange_products
+    ),
+    "solves": Table("benchmarks.md", "speed.by_hand", "solves.csv", by_hand_tables.arrange_solves),
     "baselines": Table("benchmarks.md", "speed.baselines", "baselines.csv", baselines.arrange),
     "general_symbols": Table(
         "which_method.md",
@@ -107,10 +107,7 @@ def write_table(page: Path, name: str, rows: Sequence[Row], origin: str) -> None
     """
     text = page.read_text()
     pattern = rf"(<!-- table: {name} -->\n).*?(?=<!-- end -->)"
-    table = tabulate(
-        list(rows), headers="keys", missingval="", disable_numparse=True, tablefmt="github"
-    )
-    inside = f"{table}\n\n{origin}\n"
+    inside = f"{report.draw_markdown(rows)}\n\n{origin}\n"
     text, count = re.subn(pattern, lambda found: found[1] + inside, text, flags=re.DOTALL)
     if count != 1:
         raise ValueError(f"{page} has {count} tables with the name {name}, but must have one")

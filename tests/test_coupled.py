@@ -139,6 +139,12 @@ def test_what_is_refused():
             of_one(tangential(8))
 
 
+@pytest.mark.parametrize("given", [tangential(8), 3, "fft"])
+def test_componentwise_is_of_a_function(given):
+    with pytest.raises(TypeError, match=r"preconditioner is .* must be a function"):
+        tmg.componentwise(given)
+
+
 @pytest.mark.parametrize("scale", [1e39, 1e34, 1e-34, 1e-39])
 def test_what_float32_has_no_room_for_is_refused(scale):
     blocks = [

@@ -529,8 +529,8 @@ def test_refuses_another_history():
     [
         ({"bound": np.ma.ones(2)}, "bound is a masked array"),
         ({"shift": np.ma.ones(2)}, "shift is a masked array"),
-        ({"shift": "a"}, "shift has dtype <U1"),
-        ({"shift": None, "force": 1j}, "force has dtype complex128"),
+        ({"shift": "a"}, "shift is 'a', but must be of real numbers"),
+        ({"shift": None, "force": 1j}, "force is 1j, but must be of real numbers"),
         ({"previous": np.zeros(2)}, "previous is of type ndarray, but must be a TangentialResult"),
         ({"progress": 3}, "progress is 3"),
     ],

@@ -359,3 +359,22 @@ def test_without_a_roll_off_the_longest_wave_is_where_the_fall_begins():
     assert np.array_equal(plain, rolled)
     with pytest.raises(ValueError, match="roll_off is 64, but must be between"):
         surfaces.rough((64, 64), (1.0, 1.0), roll_off=64.0, **options)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e300])
+def test_lengths_whose_powers_cannot_be_represented_are_refused(size):
+    grid = (8, 8), (1.0, 1.0)
+    for make in (
+        lambda: surfaces.cylinder(*grid, radius=size),
+        lambda: surfaces.sphere(*grid, radius=size),
+        lambda: surfaces.wavy(*grid, amplitude=size, wavelength=2.0),
+        lambda: surfaces.rough(*grid, rms=size),
+    ):
+        with pytest.raises(ValueError, match=r"is of size 1e.300, but must be zero or 1e-40"):
+            make()
+
+
+@pytest.mark.parametrize(("seed", "error"), [(-1, ValueError), (1.5, TypeError), ("a", TypeError)])
+def test_a_seed_that_is_none_is_named(seed, error):
+    with pytest.raises(error, match=f"seed is {seed!r}, but must be an integer of at least zero"):
+        surfaces.rough((16, 16), (1.0, 1.0), rms=1.0, seed=seed)

@@ -11,6 +11,7 @@ from scipy.stats import multivariate_normal
 
 import toeplitz_mg as tmg
 from tests.test_determinant import covariance, fractional_noise, matern
+from toeplitz_mg.gaussian import block_of_inverse
 from toeplitz_mg.gaussian import observed as ways
 from toeplitz_mg.gaussian.sampling import embed_in_circulant, suggest_shape
 
@@ -266,13 +267,14 @@ def test_an_error_of_the_determinant_is_said_where_it_is_asked_for():
 def test_inverse_block_is_that_of_the_inverse(near, panel, monkeypatch):
     """By products for each position, by rows from the first one on, and by both."""
     n = 120
-    monkeypatch.setattr(ways, "NEAR", near)
-    monkeypatch.setattr(ways, "PANEL", panel)
+    monkeypatch.setattr(block_of_inverse, "NEAR", near)
+    monkeypatch.setattr(block_of_inverse, "PANEL", panel)
     whole = ways.Whole(tmg.ToeplitzOperator(covariance("fGn, H = 0.75", n)))
     inverse = np.linalg.inv(whole.A.toarray())
     for mask in masks(n).values():
         index = np.flatnonzero(mask)
-        block, exact = ways.inverse_block(whole, index), inverse[np.ix_(index, index)]
+        block = block_of_inverse.inverse_block(whole.column, index)
+        exact = inverse[np.ix_(index, index)]
         assert_allclose(np.triu(block), np.triu(exact), rtol=0, atol=1e-12)
 
 
@@ -368,6 +370,16 @@ def test_a_field_that_has_decayed_and_is_none_needs_a_nugget(monkeypatch):
     assert tmg.ToeplitzNormal(c).rvs(random_state=0).shape == (20, 20)
 
 
+@pytest.mark.parametrize("shape", [(12,), (4, 3)])
+def test_no_samples_have_the_shape_of_none(shape):
+    process = tmg.ToeplitzNormal(np.exp(-np.hypot(*np.indices((*shape, 1)[:2]))).reshape(shape))
+    y = np.full(shape, np.nan)
+    y.flat[5] = 1.0
+    for given in (process, process.conditional(y), process.conditional(np.nan_to_num(y))):
+        assert given.rvs(0).shape == (0, *shape)
+        assert given.rvs((3, 0)).shape == (3, 0, *shape)
+
+
 def test_a_field_that_does_not_decay_has_no_size():
     k, j = np.indices((20, 25))
     with pytest.raises(np.linalg.LinAlgError, match="no size can be told"):
@@ -409,10 +421,14 @@ def test_bad_arguments():
             process.logpdf(y)
     with pytest.raises(ValueError, match="must be of that of c"):
         process.conditional(np.zeros((2, 20)))
-    with pytest.raises(TypeError, match="mask has dtype"):
+    with pytest.raises(TypeError, match="observed has dtype float64, but must be of booleans"):
         process.logpdf(np.zeros(20), np.ones(20))
-    with pytest.raises(ValueError, match="nowhere true"):
+    with pytest.raises(ValueError, match=r"observed has shape \(2,\), but must have that of c"):
+        process.conditional(np.zeros(20), [True, False])
+    with pytest.raises(ValueError, match="y is observed nowhere"):
         process.logpdf(np.zeros(20), np.zeros(20, dtype=bool))
+    with pytest.raises(ValueError, match="y is observed nowhere"):
+        process.conditional(np.full(20, np.nan))
     with pytest.raises(ValueError, match="must broadcast"):
         tmg.ToeplitzNormal(np.ones(3), mean=np.zeros(2))
     with pytest.raises(ValueError, match="mean is not finite"):
@@ -425,6 +441,10 @@ def test_bad_arguments():
         process.rvs(-1)
     with pytest.raises(TypeError, match="must be an integer"):
         process.rvs(1.5)
+    with pytest.raises(ValueError, match="random_state is -1, but must be an integer of at least"):
+        process.rvs(random_state=-1)
+    with pytest.raises(TypeError, match="random_state is 'a'"):
+        process.conditional(np.zeros(20)).rvs(random_state="a")
 
 
 @pytest.mark.filterwarnings("error")

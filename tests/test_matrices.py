@@ -93,6 +93,13 @@ def test_coupled_strips():
         ({"element": (1.0,), "directions": "yz", "grid_shape": (4,)}, "x, y, xy or z for dir"),
         ({"element": (1.0, 0.0)}, r"element\[1\] is 0.0"),
         ({"grid_shape": (4, 0)}, r"grid_shape\[1\] is 0"),
+        ({"grid_shape": 4}, r"grid_shape is 4, but must be \(n1, n2\), or \(n,\) for strips"),
+        ({"grid_shape": (4, 4, 4)}, r"grid_shape is \(4, 4, 4\)"),
+        ({"element": 1.0}, r"element is 1.0, but must be \(h1, h2\), or \(h,\) for strips of inf"),
+        ({"element": (1.0, 1.0, 1.0)}, r"element is \(1.0, 1.0, 1.0\)"),
+        ({"directions": 3}, "directions is 3"),
+        ({"ahead": -1}, "ahead is -1, but must be at least 0"),
+        ({"reference": -1.0}, "reference is -1.0, but must be positive"),
     ],
 )
 def test_refuses_bad_arguments(change, match):

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 
 from tests.test_result import ALL, PRESSED, ROLLED, ROLLED_LINE, SHIFTED
 from toeplitz_mg import contact
-from toeplitz_mg.contact import Material, friction, normal_contact, surfaces
+from toeplitz_mg.contact import Material, friction, normal_contact, saving, surfaces
 
 WITH_ALL = replace(PRESSED, stiffness=0.1 + 0.2, warnings=("ä < b", "c"))
 BONDED = friction(
@@ -179,6 +179,13 @@ def test_other_files_are_no_results(tmp_path):
     PRESSED.save(tmp_path / "whole.npz")
     whole = (tmp_path / "whole.npz").read_bytes()
     (tmp_path / "half.npz").write_bytes(whole[: len(whole) // 2])
+    about = {"format": saving.FORMAT, "kind": "Sum", "values": {}}
+    np.savez(tmp_path / "kind.npz", about=np.array(json.dumps(about)))
+    np.save(tmp_path / "one.npy", np.ones(3))
+    (tmp_path / "one.npy").rename(tmp_path / "one.npz")
+    assert "it is a single array" in refusal(tmp_path / "one.npz")
+    assert "its format is None" in refusal(tmp_path / "arrays.npz")
+    assert "its kind is 'Sum', but must be one of NormalResult" in refusal(tmp_path / "kind.npz")
     for name in ("text", "arrays", "foreign", "half"):
         with pytest.raises(ValueError, match=f"{name}.npz is not a file of a contact result"):
             contact.load(tmp_path / f"{name}.npz")

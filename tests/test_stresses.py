@@ -168,6 +168,7 @@ def test_matrices_of_plane_strain(direction):
     [
         ({"z": -1.0}, "z has the value -1, but a depth is at least zero"),
         ({"x": np.inf}, "x has values that are not finite"),
+        ({"x": [1.0, 2.0], "y": [1.0, 2.0, 3.0]}, r"x \(2,\), y \(3,\), .* but must broadcast"),
         ({"nu": 0.6}, "nu is 0.6"),
         ({"element": (1.0, -1.0)}, r"element\[1\] is -1"),
     ],

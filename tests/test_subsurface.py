@@ -214,6 +214,7 @@ def sphere_of(scale, material):
         ({"depths": -0.1}, r"depths has the value -0\.1, but a depth is at least zero"),
         ({"depths": [[0.1]]}, "depths is .*but must be a number, or a list"),
         ({"depths": np.inf}, "a list of finite ones"),
+        ({"depths": []}, r"depths is \[\], but must be a number, or a list"),
         ({"body": "third"}, "body is 'third', but must be 'first' or 'second'"),
         ({"results": 0}, "there are 0 results"),
         ({"results": 2}, "there are 2 results, but must be a normal one"),

@@ -112,7 +112,9 @@ def test_the_solver_in_plane_strain_agrees():
         ({"radii": (1.0, -2.0)}, r"radii is \(1.0, -2.0\), but both curvatures must be convex"),
         ({"radii": ((1.0, 2.0), (-0.5, 2.0))}, "both curvatures must be convex"),
         ({"radii": (np.inf, np.inf)}, "only one of them zero"),
-        ({"radii": 0.0}, "no radius of curvature is zero"),
+        ({"radii": 0.0}, "radii is 0.0, but must be positive"),
+        ({"radii": (0.0, 1.0)}, "no radius of curvature is zero"),
+        ({"radii": ((1.0, 2.0), (3.0,))}, "radii is .*, but its rows must be of the same length"),
         ({"radii": (1.0, 2.0, 3.0)}, r"but must be \(R1, R2\), or a pair of them"),
         ({"radii": (1.0, 1e5)}, "one may be 10000 times the other at most"),
         ({"force": None}, "one of the two must be given"),
@@ -122,6 +124,7 @@ def test_the_solver_in_plane_strain_agrees():
         ({"force": None, "approach": 0.0}, "approach is 0.0, but must be positive"),
         ({"reference": 1.0}, "reference is 1.0, but is for a cylinder"),
         ({"radii": (1.0, np.inf), "reference": 0.1}, "more than the half width"),
+        ({"radii": (1.0, np.inf), "force": 0.0, "reference": -1.0}, "reference is -1.0, but must"),
         ({"radii": (1.0, np.inf), "force": None, "approach": 0.1}, "give the force"),
         ({"material": (Material.rigid(), Material.rigid())}, "both bodies are rigid"),
     ],
@@ -159,3 +162,12 @@ def test_a_notebook_shows_the_figures_of_the_theory_with_units(radii, said):
     assert ("approach" in cells) == (theory.approach is not None)
     for name, value in cells.items():
         assert f"  {name:18s}{value}" in theory.summary()
+
+
+def test_points_that_make_no_sense_are_refused_without_a_force_too():
+    for force in (0.0, 1.0):
+        ball = hertz(radii=1.0, material=UNIT, force=force)
+        with pytest.raises(ValueError, match="x is not a number"):
+            ball.pressure_at(np.nan)
+        with pytest.raises(ValueError, match=r"x \(2,\), y \(3,\), but must broadcast"):
+            ball.pressure_at([1.0, 2.0], [1.0, 2.0, 3.0])

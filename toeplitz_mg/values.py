@@ -1,5 +1,6 @@
 """Numbers and fields that a user gives: what they are, or what is wrong with them."""
 
+import reprlib
 from operator import index
 from typing import Any
 
@@ -41,7 +42,7 @@ def count(name: str, value: Any, least: int = 1) -> int:
     """Return an integer that is not below `least`."""
     refuse_masked(name, value)
     try:
-        n = index(value)
+        n = int(index(value))  # True is an index, but no length of an array.
     except TypeError:
         raise TypeError(f"{name} is {value!r}, but must be an integer") from None
     if n < least:
@@ -63,7 +64,13 @@ def refuse_masked(name: str, values: Any) -> Array:
         )
     if _is_masked(values):
         raise TypeError(f"{name} is a masked array, but must have a value in each element")
-    return np.asarray(values)
+    try:
+        return np.asarray(values)
+    except ValueError:
+        if not isinstance(values, list | tuple):
+            raise
+        shown = reprlib.repr(values)
+        raise ValueError(f"{name} is {shown}, but its rows must be of the same length") from None
 
 
 def is_foreign(values: Any) -> bool:
@@ -90,16 +97,45 @@ def _is_masked(values: Any) -> bool:
     return np.ma.isMaskedArray(values)
 
 
-def field(name: str, values: ArrayLike) -> Array:
-    """Return an array of real numbers in double precision."""
+def numbers(name: str, values: ArrayLike) -> Array:
+    """Return a copy of an array of real numbers, NaN and infinities too, in double precision."""
     array = refuse_masked(name, values)
     if array.dtype.kind not in "buif":
-        raise TypeError(f"{name} has dtype {array.dtype}, but must be of real numbers")
+        what = f"has dtype {array.dtype}" if array.ndim else f"is {values!r}"
+        raise TypeError(f"{name} {what}, but must be of real numbers")
+    return array.astype(np.float64)
+
+
+def field(name: str, values: ArrayLike) -> Array:
+    """Return a copy of an array of real numbers, infinities too, in double precision."""
+    array = numbers(name, values)
     if np.isnan(array).any():
         raise ValueError(f"{name} is not a number somewhere")
-    array = array.astype(np.float64)
     in_range(name, float(np.max(np.abs(array), where=np.isfinite(array), initial=0.0)))
     return array
+
+
+def fields(**values: ArrayLike) -> list[Array]:
+    """Return what `field` does of each, if their shapes broadcast with each other."""
+    arrays = [field(name, x) for name, x in values.items()]
+    try:
+        np.broadcast(*arrays)
+    except ValueError:
+        shapes = ", ".join(f"{name} {x.shape}" for name, x in zip(values, arrays, strict=True))
+        raise ValueError(f"the shapes are {shapes}, but must broadcast with each other") from None
+    return arrays
+
+
+def generator(name: str, seed: Any) -> Any:
+    """Return a generator of random numbers: the one that is given, or a new one with this seed."""
+    if hasattr(seed, "standard_normal"):
+        return seed
+    try:
+        return np.random.default_rng(seed)
+    except (TypeError, ValueError) as error:
+        raise type(error)(
+            f"{name} is {seed!r}, but must be an integer of at least zero, or a generator of numpy"
+        ) from None
 
 
 def in_range(name: str, size: float) -> None:

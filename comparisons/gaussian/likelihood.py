@@ -14,26 +14,23 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from importlib import import_module
 from importlib.util import find_spec
 from time import process_time
 from typing import Any
 
 import numpy as np
 import scipy.linalg
-from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import diags_array
 from scipy.stats import chi2
 
 import toeplitz_mg as tmg
+from comparisons.gaussian.rivals import logdet_by_linear_operator, stochastic_logdet, value_by_schur
 from comparisons.harness import report
 from comparisons.harness.measuring import TOLERANCE, iterate, time_call
 from comparisons.harness.processes import prepare
 from comparisons.harness.report import Row
 from comparisons.systems.symbols import column, fractional_noise
 from toeplitz_mg._typing import Array
-from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
-from toeplitz_mg.preconditioners.schur import schur_column
 
 SIZES = tuple(2**k for k in (12, 14, 16, 18, 20))
 GAP_SIZES = tuple(2**k for k in (12, 15, 16))
@@ -47,7 +44,6 @@ TABULATED = (  # Those in the table of errors of the page.
 )
 SAMPLES = 100_000
 LENGTH = 16  # Of the series that are sampled: their covariance has 136 different entries.
-PROBES, STEPS = 10, 100  # Random vectors, and steps of Lanczos's method on each.
 TURNS = 3
 
 
@@ -104,46 +100,6 @@ def compare_with_dense(name: str, n: int) -> Row:
         "error said": inverse.logdet_error / abs(exact),
         "error of the gradient": np.abs(by_c - gradient).max() / np.abs(gradient).max(),
     }
-
-
-def value_by_schur(c: Array, y: Array) -> float:
-    """Return the log-likelihood by the superfast Schur algorithm alone."""
-    n = len(c)
-    x, gamma = schur_column(c)
-    logdet = n * np.log(c[0]) + np.arange(n - 1, 0, -1.0) @ np.log1p(-(gamma**2))
-    return float(-0.5 * (y @ GohbergSemencul(x).apply(y) + logdet + n * np.log(2 * np.pi)))
-
-
-def stochastic_logdet(c: Array) -> float:
-    """Estimate log det A by Lanczos's method on random signs (stochastic quadrature)."""
-    A, n = tmg.ToeplitzOperator(c), len(c)
-    rng, total = np.random.default_rng(0), 0.0
-    for _ in range(PROBES):
-        basis = [rng.choice([-1.0, 1.0], n) / np.sqrt(n)]
-        diagonal: list[float] = []
-        beside: list[float] = []
-        for _ in range(min(STEPS, n)):
-            w = A @ basis[-1]
-            diagonal.append(float(w @ basis[-1]))
-            V = np.array(basis)
-            w -= V.T @ (V @ w)
-            w -= V.T @ (V @ w)
-            size = float(np.linalg.norm(w))
-            if size < 1e-12 * diagonal[0]:
-                break
-            beside.append(size)
-            basis.append(w / size)
-        values, vectors = eigh_tridiagonal(diagonal, beside[: len(diagonal) - 1])
-        total += n * float(vectors[0] ** 2 @ np.log(values))
-    return total / PROBES
-
-
-def logdet_by_linear_operator(c: Array) -> float:
-    """Estimate log det A as GPyTorch does above some size, with the settings it has by default."""
-    torch, package = import_module("torch"), import_module("linear_operator")
-    torch.manual_seed(0)
-    with package.settings.max_cholesky_size(0):
-        return float(package.operators.ToeplitzLinearOperator(torch.from_numpy(c)).logdet())
 
 
 def time_likelihood(name: str, n: int) -> Row:

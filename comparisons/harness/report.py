@@ -92,8 +92,18 @@ def group(rows: Iterable[Row], *keys: str) -> dict[Any, list[Row]]:
 
 def show(title: str, rows: Sequence[Row]) -> None:
     """Print rows as a table under a title."""
-    print(f"\n{title}\n")
-    print(tabulate(list(rows), headers="keys", missingval="", disable_numparse=True))
+    print(f"\n{title}\n\n{_draw(rows, 'simple')}")
+
+
+def draw_markdown(rows: Sequence[Row]) -> str:
+    """Return rows as a table of a page."""
+    return _draw(rows, "github")
+
+
+def _draw(rows: Sequence[Row], style: str) -> str:
+    return tabulate(
+        list(rows), headers="keys", missingval="", disable_numparse=True, tablefmt=style
+    )
 
 
 def format_cells(row: Row, formats: Mapping[str, str]) -> Row:
@@ -119,10 +129,7 @@ def write_markdown(
     """Write tables under their headings, with the command of the module that measures them."""
     text = f"# {title}\n\nWritten by `python -m {module}` on {machine.describe()}.\n\n"
     for heading, rows in tables.items():
-        table = tabulate(
-            list(rows), headers="keys", missingval="", disable_numparse=True, tablefmt="github"
-        )
-        text += f"## {heading}\n\n{table}\n\n"
+        text += f"## {heading}\n\n{draw_markdown(rows)}\n\n"
     files.write(path, text.encode())
 
 

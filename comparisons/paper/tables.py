@@ -23,6 +23,22 @@ CELLS = "cells.csv"  # The cells of all tables but the first and the sixth, whic
 # The numbers of the tables in the order of the page, and which smoother they are of.
 SMOOTHERS = {4: "RSM", 5: "RSM", 8: "RSM", 7: "RSM", 9: "RSM", 2: "SD", 3: "SD"}
 
+# Tables of cycles by their numbers: title, smoother, what is published, and the test.
+CYCLE_TABLES: dict[
+    str, tuple[str, Preconditioner, dict[tuple[int, str], published.Column], int]
+] = {
+    "2": ("Table II. FFT+SD smoother, test 1", tmg.fft_sd_preconditioner, published.DEFLATION, 1),
+    "3": ("Table III. FFT+SD smoother, test 2", tmg.fft_sd_preconditioner, published.DEFLATION, 2),
+    "4": ("Table IV. FFT+RSM smoother, test 1", tmg.fft_rsm_preconditioner, published.ROW_SUM, 1),
+    "5": ("Table V. FFT+RSM smoother, test 2", tmg.fft_rsm_preconditioner, published.ROW_SUM, 2),
+    "8": ("Table VIII. FFT+RSM smoother, test 3", tmg.fft_rsm_preconditioner, published.ROW_SUM, 3),
+}
+# Tables of the smoother as a solver: title and tests.
+SOLVER_TABLES: dict[str, tuple[str, tuple[int, ...]]] = {
+    "7": ("Table VII. FFT+RSM as a solver", (1, 2)),
+    "9": ("Table IX. FFT+RSM as a solver, test 3", (3,)),
+}
+
 
 @dataclass(frozen=True)
 class Cell:
@@ -147,7 +163,6 @@ def work_table(runs: list[Cell]) -> list[Row]:
     """Return Table VI and the work of the solver: ours counted, the paper's for n = 2^20."""
     rows: list[Row] = []
     for run in runs:
-        key = (run.test, "solver" if run.method == "solver" else run.method)
         rows.append(
             {
                 "test": run.test,
@@ -155,75 +170,63 @@ def work_table(runs: list[Cell]) -> list[Row]:
                 "n": f"2^{run.log_n}",
                 "iterations": run.iterations,
                 "work units, counted": f"{run.work_units:.1f}",
-                "the paper": published.WORK_UNITS[key] if run.log_n == 20 else "",
+                "the paper": published.WORK_UNITS[run.test, run.method] if run.log_n == 20 else "",
             }
         )
     return rows
+
+
+def tabulate_radii() -> list[Row]:
+    """Return Table I: two rows a cycle, ours and the paper's."""
+    rows: list[Row] = []
+    for cycle, paper in published.SPECTRAL_RADII.items():
+        radii = dict(spectral_radii(cycle))
+        rows.append({"": f"{cycle}, ours"} | {f"n = {n}": f"{r:.3g}" for n, r in radii.items()})
+        rows.append({"": "the paper"} | {f"n = {n}": f"{r:.3g}" for n, r in paper.items()})
+    return rows
+
+
+def measure_cycles(number: str, sizes: Sequence[int]) -> Iterator[Cell]:
+    """Yield the cells of a table of cycles."""
+    _, smoother, columns, test = CYCLE_TABLES[number]
+    for cycle in CYCLES:
+        build = partial(papers_cycle, cycle=cycle, smoother=smoother)
+        for log_n in sizes:
+            yield measure(test, cycle, log_n, build, columns.get((test, cycle), {}).get(log_n))
+
+
+def measure_solvers(number: str, sizes: Sequence[int]) -> Iterator[Cell]:
+    """Yield the cells of a table of the FFT+RSM smoother as a solver."""
+    _, tests = SOLVER_TABLES[number]
+    for test in tests:
+        for log_n in sizes:
+            paper = published.SOLVER[test].get(log_n)
+            yield measure(test, "solver", log_n, lambda p: tmg.fft_rsm_preconditioner(p.A), paper)
 
 
 def main() -> None:
     """Run all tables."""
     arguments = options("paper.tables", __doc__ or "")
     sizes = range(10, 14) if arguments.quick else range(15, 21)
-
-    rows: list[Row] = []
-    for cycle, paper in published.SPECTRAL_RADII.items():
-        radii = dict(spectral_radii(cycle))
-        rows.append({"": f"{cycle}, ours"} | {f"n = {n}": f"{r:.3g}" for n, r in radii.items()})
-        rows.append({"": "the paper"} | {f"n = {n}": f"{r:.3g}" for n, r in paper.items()})
+    rows = tabulate_radii()
     show("Table I. Spectral radii with the FFT smoother", rows)
     write_csv(arguments.output / "table_1.csv", rows)
-
-    rsm, sd = tmg.fft_rsm_preconditioner, tmg.fft_sd_preconditioner
-    # Table: title, smoother, published cells, tests, cycles.
-    cycles: dict[str, tuple[str, Preconditioner, dict[tuple[int, str], published.Column], int]] = {
-        "2": ("Table II. FFT+SD smoother, test 1", sd, published.DEFLATION, 1),
-        "3": ("Table III. FFT+SD smoother, test 2", sd, published.DEFLATION, 2),
-        "4": ("Table IV. FFT+RSM smoother, test 1", rsm, published.ROW_SUM, 1),
-        "5": ("Table V. FFT+RSM smoother, test 2", rsm, published.ROW_SUM, 2),
-        "8": ("Table VIII. FFT+RSM smoother, test 3", rsm, published.ROW_SUM, 3),
-    }
-    tables: dict[str, tuple[str, list[Cell]]] = {}
-    with tqdm(total=(len(cycles) * len(CYCLES) + len(TESTS)) * len(sizes), unit="run") as bar:
-        for number, (title, smoother, columns, test) in cycles.items():
-            tables[number] = (title, [])
-            for cycle in CYCLES:
-                for log_n in sizes:
-                    paper_cell = columns.get((test, cycle), {}).get(log_n)
-                    tables[number][1].append(
-                        measure(
-                            test,
-                            cycle,
-                            log_n,
-                            partial(papers_cycle, cycle=cycle, smoother=smoother),
-                            paper_cell,
-                        )
-                    )
-                    bar.update()
-        for number, title, tests in (
-            ("7", "Table VII. FFT+RSM as a solver", (1, 2)),
-            ("9", "Table IX. FFT+RSM as a solver, test 3", (3,)),
-        ):
-            tables[number] = (title, [])
-            for test in tests:
-                for log_n in sizes:
-                    paper_cell = published.SOLVER[test].get(log_n)
-                    tables[number][1].append(
-                        measure(test, "solver", log_n, lambda p: rsm(p.A), paper_cell)
-                    )
-                    bar.update()
+    titles = {number: title for number, (title, *_) in (CYCLE_TABLES | SOLVER_TABLES).items()}
+    tables: dict[str, list[Cell]] = {}
+    with tqdm(total=(len(CYCLE_TABLES) * len(CYCLES) + len(TESTS)) * len(sizes), unit="run") as bar:
+        for number in titles:
+            run = measure_cycles if number in CYCLE_TABLES else measure_solvers
+            tables[number] = []
+            for cell in run(number, sizes):
+                tables[number].append(cell)
+                bar.update()
     cells: list[Row] = []
-    for number, (title, runs) in sorted(tables.items()):
-        show(f"{title}: iterations (convergence factor)", table_of(runs))
+    for number, runs in sorted(tables.items()):
+        show(f"{titles[number]}: iterations (convergence factor)", table_of(runs))
         cells += [{"table": number} | run.row() for run in runs]
     write_csv(arguments.output / CELLS, cells)
-    largest = [
-        run
-        for number in ("4", "5", "8", "7", "9")
-        for run in tables[number][1]
-        if run.log_n == sizes[-1]
-    ]
-    work = work_table(largest)
+    of_rsm = [run for number in ("4", "5", "8", "7", "9") for run in tables[number]]
+    work = work_table([run for run in of_rsm if run.log_n == sizes[-1]])
     show("Table VI, and the work of §5.3 and §5.4. Work units", work)
     write_csv(arguments.output / "table_6.csv", work)
 

@@ -1,6 +1,7 @@
 """Unlike materials: all conditions hold, with the displacements of the three directions."""
 
 import warnings
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
@@ -9,7 +10,8 @@ from comparisons.reliability.bodies import MOST
 from comparisons.reliability.trials import FAILED, RIGHT, TOLD, Outcome
 from comparisons.systems.random_matrices import log_uniform, random_grid
 from toeplitz_mg import halfspace
-from toeplitz_mg.contact import ContactError, Material, frictional_contact
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact import ContactError, FrictionalResult, Material, frictional_contact
 from toeplitz_mg.contact.tangential.coulomb import clip
 
 TOLERANCE = 1e-6
@@ -17,52 +19,82 @@ SLACK = 1.05  # Tolerances that a violation may have, for the rounding of anothe
 STEPS = (0.6, 1.0, 0.8)  # Loads of the steps, over the largest.
 
 
+@dataclass(frozen=True)
+class Case:
+    """Two bodies, what presses and shifts them, and the displacements by all tractions."""
+
+    gap: Array
+    element: tuple[float, float]
+    bodies: tuple[Material, Material]
+    mu: float
+    force: float
+    shift: Array
+    A: Array  # Of shape (3 n1 n2, 3 n1 n2), by tractions along x and y, and pressures.
+
+    @classmethod
+    def of(cls, rng: Generator) -> "Case":
+        """Draw a case."""
+        shape = random_grid(rng, int(log_uniform(rng, 1, MOST)), 2)
+        h = log_uniform(rng, 1e-3, 10.0)
+        element = (h, h * log_uniform(rng, 0.2, 5.0))
+        first, second = (
+            Material.from_shear(log_uniform(rng, 1e-1, 1e6), float(rng.uniform(0.0, 0.5)))
+            for _ in range(2)
+        )
+        bodies, mu = (first, second), log_uniform(rng, 1e-2, 1.0)
+        i, j = np.indices(shape)
+        height = h * log_uniform(rng, 1e-3, 1e-1)
+        gap = height * ((i / shape[0] - 0.5) ** 2 + (j / shape[1] - 0.5) ** 2)
+        gap += height * float(rng.choice([0.0, 0.1])) * rng.random(shape)
+        area = float(np.prod(element)) * gap.size
+        modulus = halfspace.combined_material(*bodies).E_star
+        force = modulus * height * np.sqrt(area) * log_uniform(rng, 1e-2, 1.0)
+        shift = height * log_uniform(rng, 1e-3, 1.0) * rng.standard_normal(2)
+        A = halfspace.influence_matrix("xyz", shape, element, bodies).toarray()
+        return cls(gap, element, bodies, mu, force, shift, A)
+
+    def violations(self, result: FrictionalResult, last: Array) -> tuple[float, float]:
+        """Return by how much the conditions across and along are violated, after some tractions."""
+        t = tractions_of(result)
+        a0, c0 = self.A[0, 0], self.A[-1, -1]
+        u, before = ((self.A @ x.ravel()).reshape(x.shape) for x in (t, last))
+        w = self.gap + u[2] - result.normal.approach
+        interference = result.normal.approach - float(self.gap.min())
+        gaps = np.abs(np.minimum(w, c0 * t[2])).max() / interference
+        slip = u[:2] - before[:2] - self.shift[:, None, None]
+        slips = a0 * np.abs(t[:2] - clip(t[:2] - slip / a0, self.mu * t[2])).max()
+        slips /= max(float(np.abs(slip).max()), float(np.abs(u[:2]).max()))
+        return float(gaps), float(slips)
+
+
+def tractions_of(result: FrictionalResult) -> Array:
+    """Return the tractions along x and y, and the pressures."""
+    return np.stack([*result.tangential.traction, result.normal.pressure])
+
+
 def unlike_problem(rng: Generator) -> Outcome:
     """Press two bodies, on and off, with a shift in each step; check by dense products."""
-    shape = random_grid(rng, int(log_uniform(rng, 1, MOST)), 2)
-    h = log_uniform(rng, 1e-3, 10.0)
-    element = (h, h * log_uniform(rng, 0.2, 5.0))
-    bodies = tuple(
-        Material.from_shear(log_uniform(rng, 1e-1, 1e6), float(rng.uniform(0.0, 0.5)))
-        for _ in range(2)
-    )
-    mu = log_uniform(rng, 1e-2, 1.0)
-    i, j = np.indices(shape)
-    height = h * log_uniform(rng, 1e-3, 1e-1)
-    gap = height * ((i / shape[0] - 0.5) ** 2 + (j / shape[1] - 0.5) ** 2)
-    gap += height * float(rng.choice([0.0, 0.1])) * rng.random(shape)
-    area = float(np.prod(element)) * gap.size
-    modulus = halfspace.combined_material(*bodies).E_star
-    force = modulus * height * np.sqrt(area) * log_uniform(rng, 1e-2, 1.0)
-    shift = height * log_uniform(rng, 1e-3, 1.0) * rng.standard_normal(2)
-    A = halfspace.influence_matrix("xyz", shape, element, bodies).toarray()
-    a0, c0 = A[0, 0], A[-1, -1]
+    case = Case.of(rng)
+    shape = case.gap.shape
     last, result = np.zeros((3, *shape)), None
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         for load in STEPS:
             try:
                 result = frictional_contact(
-                    gap,
-                    element,
-                    material=bodies,
-                    mu=mu,
-                    force=load * force,
-                    shift=shift,
+                    case.gap,
+                    case.element,
+                    material=case.bodies,
+                    mu=case.mu,
+                    force=load * case.force,
+                    shift=case.shift,
                     previous=result,
                     tolerance=TOLERANCE,
                 )
             except ContactError as error:
                 return Outcome("unlike", FAILED, f"{shape}: {error}")
-            t = np.stack([*result.tangential.traction, result.normal.pressure])
-            u, before = ((A @ x.ravel()).reshape(x.shape) for x in (t, last))
-            w = gap + u[2] - result.normal.approach
-            interference = result.normal.approach - float(gap.min())
-            gaps = np.abs(np.minimum(w, c0 * t[2])).max() / interference
-            slip = u[:2] - before[:2] - shift[:, None, None]
-            slips = a0 * np.abs(t[:2] - clip(t[:2] - slip / a0, mu * t[2])).max()
-            slips /= max(float(np.abs(slip).max()), float(np.abs(u[:2]).max()))
-            if not (t[2] >= 0.0).all() or max(gaps, slips) > SLACK * TOLERANCE:
+            gaps, slips = case.violations(result, last)
+            if not (result.normal.pressure >= 0.0).all() or max(gaps, slips) > SLACK * TOLERANCE:
                 return Outcome("unlike", FAILED, f"{shape}: gap {gaps:.1e}, slip {slips:.1e}")
-            last = t
+            last = tractions_of(result)
     return Outcome("unlike", TOLD if told else RIGHT)

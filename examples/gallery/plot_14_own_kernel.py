@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import toeplitz_mg as tmg
-from toeplitz_mg.operators.structure import componentwise, restricted
+from toeplitz_mg.operators.lifting import componentwise, restricted
 
 i, j = np.indices((96, 96))
 r = np.hypot(i, j) + 0.5

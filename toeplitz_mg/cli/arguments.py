@@ -78,7 +78,9 @@ def _method_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--rtol", type=float, help="relative residual (default: 1e-8)")
     group.add_argument("--maxiter", type=whole_number, help="most iterations (default: 200)")
     group.add_argument(
-        "--seed", type=int, help="start from a random guess, as the paper does, not from zero"
+        "--seed",
+        type=whole_number,
+        help="start from a random guess, as the paper does, not from zero",
     )
     group.add_argument("--plot", type=Path, metavar="FILE", help="draw solution and convergence")
     group.add_argument("--dpi", type=whole_number, help=f"dots an inch of it (default: {DPI})")

@@ -19,7 +19,7 @@ def run(given: argparse.Namespace) -> int:
     A: LinearOperator = ToeplitzOperator(_load_real(options.column))
     if options.mask is not None:
         A = MaskedOperator(A, _load_mask(options.mask))
-    b = _load_right_hand_side(options.rhs)
+    b = _load_real(options.rhs)
     on_grid = options.mask is not None and b.shape == A.grid_shape
     if on_grid:
         b = b[A.mask]
@@ -35,24 +35,25 @@ def run(given: argparse.Namespace) -> int:
 
 
 def _load_real(path: Path) -> Array:
+    """Read real numbers, in single or double precision."""
     array = files.load(path)
     if array.dtype.kind not in "buif":
         raise ValueError(f"{path} has dtype {array.dtype}, but must be of real numbers")
-    return array
+    wrong = np.argwhere(~np.isfinite(array))
+    if wrong.size:
+        place = tuple(wrong[0].tolist())
+        raise ValueError(f"{path} has the value {array[place]} at {place}, but must be finite")
+    return array.astype(np.float32 if array.dtype.char == "f" else np.float64)
 
 
 def _load_mask(path: Path) -> Array:
     """Read a mask of booleans, or of 0 and 1."""
     mask = files.load(path)
-    if mask.dtype.kind in "uif" and np.isin(mask, (0, 1)).all():
-        return mask.astype(bool)
-    if mask.dtype != np.bool_:
+    if mask.dtype == np.bool_:
+        return mask
+    if mask.dtype.kind not in "uif":
         raise ValueError(f"{path} has dtype {mask.dtype}, but must be of booleans, or of 0 and 1")
-    return mask
-
-
-def _load_right_hand_side(path: Path) -> Array:
-    b = _load_real(path)
-    if not np.isfinite(b).all():
-        raise ValueError(f"{path} has entries that are not finite")
-    return b.astype(np.float32 if b.dtype == np.float32 else np.float64)
+    others = mask[(mask != 0) & (mask != 1)]
+    if others.size:
+        raise ValueError(f"{path} has the value {others[0]:g}, but must be of 0 and 1")
+    return mask.astype(bool)

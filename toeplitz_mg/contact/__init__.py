@@ -11,7 +11,8 @@ from toeplitz_mg.contact.result import (
     TangentialResult,
     load,
 )
-from toeplitz_mg.contact.subsurface import Stresses, subsurface_stresses
+from toeplitz_mg.contact.stresses import Stresses
+from toeplitz_mg.contact.subsurface import subsurface_stresses
 from toeplitz_mg.contact.tangential.curves import CreepCurve, creep_curve
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.contact.tangential.kalker import KalkerCoefficients, kalker_coefficients

@@ -23,7 +23,7 @@ from toeplitz_mg.contact.steady_matrices import (
 from toeplitz_mg.contact.waves import Waves
 from toeplitz_mg.engine.library import NUMPY, Library
 from toeplitz_mg.halfspace import CombinedMaterial
-from toeplitz_mg.halfspace.materials import combine
+from toeplitz_mg.halfspace.combined import combine
 from toeplitz_mg.halfspace.matrices import coupling_matrices, quadrant
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners.candidates import quick_fsai

@@ -1,8 +1,8 @@
 """Results in files, and in the containers of other libraries.
 
 A result is an ``.npz`` file of its arrays by their names, which `numpy.load` reads too, and of a
-text in JSON, `about`: what kind of result it is, its numbers, and the units of all. What a result
-that has parts, as `FrictionalResult` has, names its parts comes before the names of theirs, as in
+text in JSON, `about`: what kind of result it is, its numbers, and the units of all. Of a result
+with parts, as `FrictionalResult`, the name of the part comes before that of its array, as in
 `normal_pressure`. `save`, `to_xarray` and `to_vtk` are methods of all kinds of results.
 """
 
@@ -60,11 +60,15 @@ def load_result(path: str | os.PathLike[str], kinds: Mapping[str, type]) -> Any:
     """Read a result of one of some kinds, by their names (see `contact.load`)."""
     path = Path(path)
     try:
-        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        about = json.loads(str(arrays.pop("about")))
-        if about["format"] != FORMAT:
-            raise ValueError(f"its format is {about['format']!r}")
+        with path.open("rb") as opened:
+            file = np.load(opened, allow_pickle=False)
+            if isinstance(file, np.ndarray):
+                raise ValueError("it is a single array")
+            with file:
+                arrays = {name: file[name] for name in file.files}
+        about = json.loads(str(arrays.pop("about", "{}")))
+        if about.get("format") != FORMAT:
+            raise ValueError(f"its format is {about.get('format')!r}, but must be {FORMAT!r}")
         return _compose(arrays, about, kinds)
     except OSError:
         raise
@@ -95,6 +99,8 @@ def _compose(arrays: dict[str, Array], about: dict[str, Any], kinds: Mapping[str
     if "material" in about:
         given["material"] = _read_material(about["material"])
         given["centres"] = tuple(arrays.pop(name) for name in "xy" if name in arrays)
+    if about["kind"] not in kinds:
+        raise ValueError(f"its kind is {about['kind']!r}, but must be one of {', '.join(kinds)}")
     return kinds[about["kind"]](**given, **arrays)
 
 
@@ -145,14 +151,10 @@ def to_xarray(result: Any) -> Any:
         import xarray  # It is an extra, and slow to import.
     except ImportError as error:
         raise ImportError("to_xarray() needs xarray: pip install 'toeplitz-mg[xarray]'") from error
-    if parts := _results(result):
-        both: dict[str, Any] = {}
-        about: dict[str, Any] = {}
-        for name, part in parts.items():
-            data = to_xarray(part)
-            both |= {f"{name}_{key}": x for key, x in data.data_vars.items()}
-            about |= {f"{name}_{key}": value for key, value in data.attrs.items()}
-        return xarray.Dataset(both, attrs=about)
+    if parts := {name: to_xarray(part) for name, part in _results(result).items()}:
+        fields_of = {f"{name}_{k}": x for name, part in parts.items() for k, x in part.items()}
+        about = {f"{name}_{k}": x for name, part in parts.items() for k, x in part.attrs.items()}
+        return xarray.Dataset(fields_of, attrs=about)
     arrays, values = split_fields(result)
     units, grid = name_units(result), ("x", "y")[: len(result.shape)]
     coordinates: dict[str, Any] = {name: (name, arrays.pop(name), {"units": "mm"}) for name in grid}
@@ -166,19 +168,30 @@ def to_xarray(result: Any) -> Any:
         variables[name] = ((*components, *grid), x, {"units": units[name]})
         if components:
             coordinates["component"] = ("component", ["x", "y"], {})
-    material = asdict(result.material)
-    for k, body in enumerate(material.pop("bodies") or (), 1):
-        material |= {f"{name}_{k}": value for name, value in body.items()}
-    for name, value in (values | material).items():
-        # What netCDF cannot keep is left out, or made what it can.
-        if isinstance(value, bool):
-            attributes[name] = int(value)
-        elif name == "warnings":
-            attributes[name] = "\n".join(value)
-        elif value not in (None, ()):
-            attributes[name] = value
+    attributes |= _keep_in_netcdf(values | _list_constants(result.material))
     attributes |= {f"{name}_units": unit for name, unit in units.items() if name in attributes}
     return xarray.Dataset(variables, coordinates, attributes)
+
+
+def _list_constants(material: CombinedMaterial) -> dict[str, Any]:
+    """Return the combined constants by their names, and those of the bodies, as `G_1`."""
+    constants = asdict(material)
+    for k, body in enumerate(constants.pop("bodies") or (), 1):
+        constants |= {f"{name}_{k}": value for name, value in body.items()}
+    return constants
+
+
+def _keep_in_netcdf(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values as netCDF can keep them, without those that it cannot."""
+    kept: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, bool):
+            kept[name] = int(value)
+        elif name == "warnings":
+            kept[name] = "\n".join(value)
+        elif value not in (None, ()):
+            kept[name] = value
+    return kept
 
 
 def to_vtk(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:

@@ -7,7 +7,7 @@ from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.theory import add_curvatures
 from toeplitz_mg.halfspace import Material
-from toeplitz_mg.values import count, positive, real, refuse_masked
+from toeplitz_mg.values import count, generator, in_range, positive, real, refuse_masked
 
 
 def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]:
@@ -25,11 +25,14 @@ def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]
     tuple of ndarray
         x of shape (n,); or x and y of shape (n1, n2).
 
+    Raises
+    ------
+    ValueError, TypeError
+        For numbers of elements that are not at least 1, or sizes that are not positive.
+
     See Also
     --------
-    sphere : another surface.
-    rough : another surface.
-    toeplitz_mg.contact.normal_contact : presses it.
+    sphere, ellipsoid, cylinder, wavy, rough : gaps at these points.
 
     Examples
     --------
@@ -46,9 +49,8 @@ def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: floa
 
     Parameters
     ----------
-    shape : (int, int)
-    element : (float, float)
-        Size of an element, mm.
+    shape, element
+        The grid, as in `centres`, of two axes.
     radius : float
         mm. Of two spheres: 1/(1/R₁ + 1/R₂).
 
@@ -57,10 +59,14 @@ def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: floa
     ndarray of the shape given
         mm, r²/(2R).
 
+    Raises
+    ------
+    ValueError, TypeError
+        For a grid that is none of `centres`, or a radius that is not positive and finite.
+
     See Also
     --------
-    ellipsoid : another surface.
-    cylinder : another surface.
+    ellipsoid : of two radii of curvature, or of two bodies.
     toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
@@ -70,7 +76,7 @@ def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: floa
     array([[0.01],
            [0.01]])
     """
-    return ellipsoid(shape, element, radii=(positive("radius", radius), radius))
+    return ellipsoid(shape, element, radii=(_length("radius", radius), radius))
 
 
 def ellipsoid(shape: tuple[int, int], element: tuple[float, float], *, radii: ArrayLike) -> Array:
@@ -78,9 +84,8 @@ def ellipsoid(shape: tuple[int, int], element: tuple[float, float], *, radii: Ar
 
     Parameters
     ----------
-    shape : (int, int)
-    element : (float, float)
-        Size of an element, mm.
+    shape, element
+        The grid, as in `centres`, of two axes.
     radii : (float, float), or a pair of them
         Radii of curvature in the planes of x and of y, mm; or those of both bodies, whose
         curvatures 1/R add up. One is infinite where a body is straight, and negative where it is
@@ -91,10 +96,14 @@ def ellipsoid(shape: tuple[int, int], element: tuple[float, float], *, radii: Ar
     ndarray of the shape given
         mm, x²/(2R₁) + y²/(2R₂).
 
+    Raises
+    ------
+    ValueError, TypeError
+        For a grid that is none of `centres`, or radii that are zero, or not one or two pairs.
+
     See Also
     --------
-    sphere : another surface.
-    cylinder : another surface.
+    sphere : of one radius.
     toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
@@ -120,9 +129,8 @@ def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -
 
     Parameters
     ----------
-    shape : int or (int,) or (int, int)
-    element : float or (float, float)
-        Size of an element, mm.
+    shape, element
+        The grid, as in `centres`.
     radius : float
         mm. Of two cylinders: 1/(1/R₁ + 1/R₂).
 
@@ -131,10 +139,14 @@ def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -
     ndarray of the shape given
         mm, x²/(2R).
 
+    Raises
+    ------
+    ValueError, TypeError
+        For a grid that is none of `centres`, or a radius that is not positive and finite.
+
     See Also
     --------
-    sphere : another surface.
-    ellipsoid : another surface.
+    sphere : of a curvature along y too.
     toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
@@ -143,23 +155,18 @@ def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -
     >>> surfaces.cylinder(2, 2.0, radius=50.0)
     array([0.01, 0.01])
     """
-    return centres(shape, element)[0] ** 2 / (2.0 * positive("radius", radius))
+    return centres(shape, element)[0] ** 2 / (2.0 * _length("radius", radius))
 
 
 def wavy(
-    shape: int | tuple[int, ...],
-    element: Element,
-    *,
-    amplitude: float,
-    wavelength: float,
+    shape: int | tuple[int, ...], element: Element, *, amplitude: float, wavelength: float
 ) -> Array:
     """Return the gap between a sinusoidal surface and a flat.
 
     Parameters
     ----------
-    shape : int or (int,) or (int, int)
-    element : float or (float, float)
-        Size of an element, mm.
+    shape, element
+        The grid, as in `centres`.
     amplitude : float
         From the mean to a crest, mm.
     wavelength : float
@@ -170,9 +177,14 @@ def wavy(
     ndarray of the shape given
         mm, with a crest, where the gap is zero, in the middle of the grid.
 
+    Raises
+    ------
+    ValueError, TypeError
+        For a grid that is none of `centres`, or lengths that are not positive and finite.
+
     See Also
     --------
-    rough : another surface.
+    rough : of waves of many lengths.
     centres : where the elements are.
     toeplitz_mg.contact.normal_contact : presses it.
 
@@ -182,9 +194,9 @@ def wavy(
     >>> surfaces.wavy(3, 1.0, amplitude=0.5, wavelength=2.0)
     array([1., 0., 1.])
     """
-    k = 2.0 * np.pi / positive("wavelength", wavelength)
+    k = 2.0 * np.pi / _length("wavelength", wavelength)
     crests = np.prod([np.cos(k * x) for x in centres(shape, element)], axis=0)
-    return positive("amplitude", amplitude) * (1.0 - crests)
+    return _length("amplitude", amplitude) * (1.0 - crests)
 
 
 def rough(
@@ -202,9 +214,8 @@ def rough(
 
     Parameters
     ----------
-    shape : int or (int,) or (int, int)
-    element : float or (float, float)
-        Size of an element, mm.
+    shape, element
+        The grid, as in `centres`.
     rms : float
         Root mean square of the heights, mm.
     hurst : float
@@ -223,9 +234,15 @@ def rough(
     ndarray of the shape given
         mm, zero at the highest point. The heights are periodic.
 
+    Raises
+    ------
+    ValueError, TypeError
+        For a grid that is none of `centres`, an exponent outside (0, 1], lengths that are not
+        positive and finite, wavelengths that the grid does not have, or what is no seed.
+
     See Also
     --------
-    wavy : another surface.
+    wavy : of one wavelength.
     centres : where the elements are.
     toeplitz_mg.contact.normal_contact : presses it.
 
@@ -236,16 +253,16 @@ def rough(
     >>> gap.min(), gap.std().round(6)
     (np.float64(0.0), np.float64(0.002))
     """
-    grid = _grid(shape, element)
+    grid, rms, random = _grid(shape, element), _length("rms", rms), generator("seed", seed)
     if not 0.0 < real("hurst", hurst) <= 1.0:
         raise ValueError(f"hurst is {hurst}, but must be in (0, 1]")
     sizes = grid.element[: len(grid.shape)]
     sides = [n * h for n, h in zip(grid.shape, sizes, strict=True)]
     if longest is None:
         longest = max(sides) / (4.0 if roll_off is None else 1.0)
-    longest = positive("longest", longest)
-    roll_off = longest if roll_off is None else positive("roll_off", roll_off)
-    shortest = 4.0 * max(sizes) if shortest is None else positive("shortest", shortest)
+    longest = _length("longest", longest)
+    roll_off = longest if roll_off is None else _length("roll_off", roll_off)
+    shortest = 4.0 * max(sizes) if shortest is None else _length("shortest", shortest)
     frequencies = [np.fft.fftfreq(n, h) for n, h in zip(grid.shape, sizes, strict=True)]
     k = np.sqrt(sum(f**2 for f in np.meshgrid(*frequencies, indexing="ij")))
     inside = (k > 0.0) & (k * longest >= 1.0 - 1e-12) & (k * shortest <= 1.0 + 1e-12)
@@ -260,10 +277,17 @@ def rough(
         )
     falloff = np.zeros(grid.shape)
     falloff[inside] = np.maximum(k[inside], 1.0 / roll_off) ** (-hurst - len(grid.shape) / 2.0)
-    noise = np.random.default_rng(seed).standard_normal(grid.shape)
+    noise = random.standard_normal(grid.shape)
     heights: Array = np.fft.ifftn(np.fft.fftn(noise) * falloff).real
-    heights *= positive("rms", rms) / heights.std()
+    heights *= rms / heights.std()
     return heights.max() - heights
+
+
+def _length(name: str, value: float) -> float:
+    """Return a length, mm, that is positive, and whose powers can be represented."""
+    length = positive(name, value)
+    in_range(name, length)
+    return length
 
 
 def _grid(shape: int | tuple[int, ...], element: Element) -> Grid:

@@ -11,8 +11,8 @@ from scipy.special import elliprd, elliprf
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.summary import Figure, Summary, list_figures, tabulate_figures
 from toeplitz_mg.contact.units import units_of
-from toeplitz_mg.halfspace.materials import combine
-from toeplitz_mg.values import field, finite, in_range, positive
+from toeplitz_mg.halfspace.combined import combine
+from toeplitz_mg.values import field, fields, finite, in_range, positive
 
 FLATTEST = 1e4  # Ratio of two radii of curvature up to which the equation of the axes is solved.
 
@@ -66,7 +66,12 @@ class HertzContact:
 
         Returns
         -------
-        ndarray
+        ndarray of float64, of the shape that `x` and `y` broadcast to
+
+        Raises
+        ------
+        ValueError, TypeError
+            For distances that are not numbers, or shapes that do not broadcast.
 
         Examples
         --------
@@ -76,10 +81,11 @@ class HertzContact:
         >>> ball.pressure_at([0.0, 0.1, 0.2]).round()
         array([1371., 1157.,    0.])
         """
-        a, b = self.half_axes
+        x, y = fields(x=x, y=y)
         if self.force == 0.0:
-            return np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)))
-        inside = 1.0 - (field("x", x) / a) ** 2 - (field("y", y) / b) ** 2
+            return np.zeros(np.broadcast_shapes(x.shape, y.shape))
+        a, b = self.half_axes
+        inside = 1.0 - (x / a) ** 2 - (y / b) ** 2
         return self.max_pressure * np.sqrt(np.maximum(0.0, inside))
 
     summary, _repr_html_ = list_figures, tabulate_figures
@@ -180,6 +186,10 @@ def hertz(
     if approach is not None:
         approach = positive("approach", approach)
         in_range("approach", approach)
+    if reference is not None:
+        if math.isfinite(max(R)):
+            raise ValueError(f"reference is {reference}, but is for a cylinder, in line contact")
+        reference = positive("reference", reference)
     if math.isinf(max(R)):
         if force is None:
             raise ValueError(
@@ -187,8 +197,6 @@ def hertz(
                 "force"
             )
         return _press_cylinder(R, modulus, force, reference)
-    if reference is not None:
-        raise ValueError(f"reference is {reference}, but is for a cylinder, in line contact")
     return _press_ellipsoid(R, modulus, force, approach)
 
 
@@ -205,7 +213,9 @@ def add_curvatures(radii: ArrayLike) -> tuple[float, float]:
 
 def _check_radii(radii: ArrayLike) -> tuple[float, float]:
     one = field("radii", radii)
-    k = add_curvatures([float(one)] * 2 if one.ndim == 0 else radii)  # One radius is of a sphere.
+    if one.ndim == 0:  # It is that of a sphere.
+        radii = [positive("radii", float(one))] * 2
+    k = add_curvatures(radii)
     if not min(k) >= 0.0 < max(k):
         raise ValueError(
             f"radii is {radii!r}, but both curvatures must be convex, and only one of them zero"
@@ -229,12 +239,11 @@ def _press_cylinder(
     a = math.sqrt(4.0 * force * min(radii) / (math.pi * modulus))
     approach = stiffness = None
     if reference is not None:
-        distance = positive("reference", reference)
-        if not distance > a:
+        if not reference > a:
             raise ValueError(
                 f"reference is {reference}, but must be more than the half width of contact, {a:g}"
             )
-        logarithm = math.log(2.0 * distance / a)
+        logarithm = math.log(2.0 * reference / a)
         approach = 2.0 * force / (math.pi * modulus) * (logarithm + 0.5)
         stiffness = math.pi * modulus / (2.0 * logarithm)
     axes = (a, math.inf) if radii[0] < radii[1] else (math.inf, a)

@@ -1,28 +1,17 @@
-"""The arguments of distributions: numbers, series with gaps, and where random numbers come from."""
-
-from typing import Any
+"""The arguments of distributions: numbers, means, and series with gaps."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Mask
-from toeplitz_mg.operators.masked import check_mask
-from toeplitz_mg.values import refuse_masked
+from toeplitz_mg.values import numbers, refuse_masked
 
 SHOWN = 5  # Positions that an error names.
 
 
-def real_numbers(name: str, values: ArrayLike) -> Array:
-    """Return an array of real numbers in double precision."""
-    array = refuse_masked(name, values)
-    if array.dtype.kind not in "buif":
-        raise TypeError(f"{name} has dtype {array.dtype}, but must be of real numbers")
-    return array.astype(np.float64)
-
-
 def check_mean(mean: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return means of this shape."""
-    array = real_numbers("mean", mean)
+    array = numbers("mean", mean)
     if not np.isfinite(array).all():
         raise ValueError("mean is not finite somewhere")
     try:
@@ -37,13 +26,13 @@ def check_series(
     y: ArrayLike, observed: ArrayLike | None, mean: Array
 ) -> tuple[Array, Mask | None]:
     """Return y - mean, zero where it is not observed, of one or many series; and the mask."""
-    residual = real_numbers("y", y)
+    residual = numbers("y", y)
     shape = mean.shape
     if residual.shape[max(residual.ndim - len(shape), 0) :] != shape:
         raise ValueError(
             f"y has shape {residual.shape}, but its last axes must be those of c, {shape}"
         )
-    mask = None if observed is None else check_mask(observed, shape)
+    mask = None if observed is None else check_observed(observed, shape)
     residual -= mean
     if mask is not None:
         residual[..., ~mask] = 0.0
@@ -53,11 +42,18 @@ def check_series(
     return residual, mask
 
 
-def generator(random_state: Any) -> Any:
-    """Return a generator of random numbers: this one, or a new one with this seed."""
-    if hasattr(random_state, "standard_normal"):
-        return random_state
-    return np.random.default_rng(random_state)
+def check_observed(observed: ArrayLike, shape: tuple[int, ...]) -> Mask:
+    """Return a copy, that cannot be changed, of the mask of what is observed."""
+    mask = refuse_masked("observed", observed)
+    if mask.dtype != np.bool_:
+        raise TypeError(f"observed has dtype {mask.dtype}, but must be of booleans")
+    if mask.shape != shape:
+        raise ValueError(f"observed has shape {mask.shape}, but must have that of c, {shape}")
+    if not mask.any():
+        raise ValueError("y is observed nowhere, but must be somewhere")
+    mask = mask.copy()
+    mask.flags.writeable = False
+    return mask
 
 
 def _refuse_positions(wrong: Array, everywhere: bool) -> None:

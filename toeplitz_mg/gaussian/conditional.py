@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,13 +43,13 @@ class Conditional:
         """Draw samples, as `ToeplitzNormal.rvs` does; each costs a solve."""
         process = self.process
         X = process.rvs(size, random_state) - process.mean
-        fields = X.reshape(-1, *process.shape)
+        fields = X.reshape(prod(X.shape[: -len(process.shape)]), *process.shape)
         return X + self._estimate(self.residual - fields).reshape(X.shape) + process.mean
 
     def _estimate(self, fields: Array) -> Array:
         """Return the means of the points, given fields at those that are observed."""
         inside = self.mask.ravel()
-        Y: Rows = np.where(inside, fields.reshape(len(fields), -1), 0.0)
+        Y: Rows = np.where(inside, fields.reshape(len(fields), inside.size), 0.0)
         X = self.process.A.apply(self.known.solve(Y))
         X[:, inside] = Y[:, inside]
         return X.reshape(fields.shape)

@@ -1,11 +1,8 @@
 """What is known of the covariance of the observed points of a grid: solves, log-determinants.
 
-`Whole`, `Gaps`, `Few` and `Many` have the same three methods, of which `Many` refuses two:
-
-- ``solve(Y)`` returns α = E A_oo⁻¹ Eᵀ y for each row y of `Y`, as long as the grid. E extends the
-  observed points by zeros.
-- ``logdet()`` returns log det A_oo.
-- ``diagonal_sums()`` returns Σ_i (E A_oo⁻¹ Eᵀ)_(i,i+k), k = 0 … n - 1.
+`observe` chooses by how many points are observed and missing: a series without gaps is a `Whole`,
+one with few a `Gaps`, a grid of few observed points a `Few`, and any other a `Many`, which has no
+log-determinant.
 """
 
 from dataclasses import dataclass
@@ -18,6 +15,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Mask, Rows
+from toeplitz_mg.gaussian.block_of_inverse import inverse_block
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners import default_preconditioner
 from toeplitz_mg.solvers.cg import cg
@@ -28,21 +26,22 @@ from toeplitz_mg.solvers.szego_polynomial import autocorrelations
 
 MOST = 4096  # Points, missing or observed, of which a dense matrix is factorised: 134 MB.
 PART = 64  # Rows that are multiplied at once.
-NEAR = 64  # Rows of the inverse that take as long, one from the other, as a product.
-PANEL = 2**16  # Numbers of the rows that are made at once: they stay in the cache.
 RTOL = 1e-11  # Relative residual of an iteration.
-MOST_ITERATIONS = 1000  # After which the matrix is too ill-conditioned for one.
+MOST_ITERATIONS = 1000  # Iterations after which the matrix is said to be too ill-conditioned.
 
 
 class Observed(Protocol):
-    """What is known of the covariance of the observed points (see the head of the file)."""
+    """What is known of the covariance A_oo of the observed points.
+
+    E extends these points by zeros to the grid.
+    """
 
     @property
     def log_determinant(self) -> LogDeterminant | None:
         """That of the series without gaps, with its error, where `logdet` rests on it."""
 
     def solve(self, Y: Rows) -> Rows:
-        """Return α for each row."""
+        """Return α = E A_oo⁻¹ Eᵀ y for each row y, as long as the grid."""
 
     def logdet(self) -> float:
         """Return log det A_oo."""
@@ -103,7 +102,7 @@ class Gaps:
     def _factor(self) -> Array:
         """Cholesky's lower factor of B; above the diagonal anything."""
         # The transpose is as Fortran stores it, and so its other half is what is known.
-        B = inverse_block(self.whole, self.missing).T
+        B = inverse_block(self.whole.column, self.missing).T
         factor: Array = cho_factor(B, lower=True, overwrite_a=True, check_finite=False)[0]
         return factor
 
@@ -223,11 +222,11 @@ class Many:
         return X
 
     def logdet(self) -> float:
-        """Refuse."""
+        """Raise the ValueError that says why none is known."""
         raise ValueError(self._reason())
 
     def by_covariances(self, X: Rows) -> Array:
-        """Refuse."""
+        """Raise the ValueError that says why no log-determinant is known."""
         raise ValueError(self._reason())
 
     def _reason(self) -> str:
@@ -253,7 +252,7 @@ def _by_lags(X: Rows, diagonal_sums: Array) -> Array:
 
 
 def observe(whole: Whole, mask: Mask | None) -> Observed:
-    """Choose by the numbers of points that are observed and missing."""
+    """Return what is known where a mask is true, or everywhere."""
     A = whole.A
     if mask is None or mask.all():
         mask = np.ones(A.grid_shape, dtype=bool)
@@ -266,42 +265,3 @@ def observe(whole: Whole, mask: Mask | None) -> Observed:
     if mask.ndim == 1 and missing <= MOST:
         return Gaps(whole, np.flatnonzero(~mask))
     return Many(A, mask)
-
-
-def inverse_block(whole: Whole, index: Array) -> Array:
-    """Return the rows and columns of A⁻¹ at some positions, in ascending order.
-
-    What is below the diagonal is not set. By the Gohberg-Semencul formula each row follows from the
-    one above it: with x = A⁻¹ e₁ and xₙ = 0
-
-        (A⁻¹)_ij = (A⁻¹)_(i-1,j-1) + (x_i x_j - x_(n-i) x_(n-j))/x₀.
-
-    The next position is reached row by row where it is near, and by a product where it is far.
-    """
-    x = whole.column.x
-    n, m, last = len(x), len(index), int(index[-1])
-    pairs = np.stack([x, np.append(0.0, x[:0:-1])])
-    weights = np.array([[1.0], [-1.0]]) / x[0]
-    near = np.append(np.diff(index) <= NEAR, False)
-    B = np.empty((m, m))
-    row, i, k = x[: last + 1], 0, 0  # The entries (i, i), (i, i + 1) … of A⁻¹.
-    while k < m:
-        if index[k] - i > NEAR:
-            i = int(index[k])
-            unit = np.zeros((1, n))
-            unit[0, i] = 1.0
-            row = whole.column.inverse.apply(unit)[0, i : last + 1]
-        # The rows from i on, down to the last position that is near to the one before it.
-        rows = max(2, PANEL // len(row))
-        stop = int(np.searchsorted(index, i + rows))
-        if not near[k:stop].all():
-            stop = k + int(np.argmin(near[k:stop])) + 1
-            rows = int(index[stop - 1]) + 1 - i
-        D = (weights * pairs[:, i : i + rows]).T @ pairs[:, i : last + 1]
-        D[0] = row
-        for above, below in enumerate(D[1:]):
-            below[above + 1 :] += D[above, above:-1]
-        # No index is clipped, but then they are taken without a buffer, in a fifth of the time.
-        D[index[k:stop] - i].take(index[k:] - i, axis=1, out=B[k:stop, k:], mode="clip")
-        row, i, k = D[-1, len(D) - 1 :], i + len(D) - 1, stop
-    return B

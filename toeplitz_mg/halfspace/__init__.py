@@ -1,5 +1,6 @@
 """The elastic half-space: its matrices, coefficients, stresses and elastic constants."""
 
+from toeplitz_mg.halfspace.combined import CombinedMaterial, combined_material, difference_parameter
 from toeplitz_mg.halfspace.influence import (
     influence_xx,
     influence_xy,
@@ -9,12 +10,7 @@ from toeplitz_mg.halfspace.influence import (
     influence_zz,
 )
 from toeplitz_mg.halfspace.line_contact import line_contact_coefficients
-from toeplitz_mg.halfspace.materials import (
-    CombinedMaterial,
-    Material,
-    combined_material,
-    difference_parameter,
-)
+from toeplitz_mg.halfspace.materials import Material
 from toeplitz_mg.halfspace.matrices import influence_matrix
 from toeplitz_mg.halfspace.points import all_offsets, offsets
 from toeplitz_mg.halfspace.stresses import (

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.halfspace.combined import CombinedMaterial, combine
 from toeplitz_mg.halfspace.influence import (
     influence_xx,
     influence_xy,
@@ -14,10 +15,9 @@ from toeplitz_mg.halfspace.influence import (
     influence_zz,
 )
 from toeplitz_mg.halfspace.line_contact import line_contact_coefficients
-from toeplitz_mg.halfspace.materials import CombinedMaterial, combine
 from toeplitz_mg.halfspace.points import offsets
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
-from toeplitz_mg.values import refuse_masked
+from toeplitz_mg.values import count, positive, refuse_masked
 
 # The blocks on and above the diagonal, and whether they are even (1) or odd (-1) in x and in y.
 KERNELS: dict[str, tuple[Any, tuple[int, int]]] = {
@@ -58,7 +58,7 @@ def influence_matrix(
         In plane strain, the distance at which a line load moves nothing, mm; the length of the
         grid by default.
     ahead : int, optional
-        The displacements are those so many elements further along x.
+        The displacements are those so many elements further along x, at least 0.
 
     Returns
     -------
@@ -70,8 +70,8 @@ def influence_matrix(
     Raises
     ------
     ValueError
-        For directions, an element or a material that there is none of, and for z with other
-        directions in plane strain.
+        For directions, a grid, an element or a material that there is none of, and for z with
+        other directions in plane strain.
     TypeError
         For what is no number, and no `Material`.
 
@@ -92,13 +92,18 @@ def influence_matrix(
     >>> halfspace.influence_matrix("xy", (32, 16), (0.25, 0.5), steel)
     <CoupledOperator of 2 components, 32 x 16, symmetric, float64>
     """
-    if not directions or directions != "".join(d for d in "xyz" if d in directions):
+    is_text = isinstance(directions, str) and directions
+    if not is_text or directions != "".join(d for d in "xyz" if d in directions):
         raise ValueError(
             f"directions is {directions!r}, but must be one or several of x, y and z, as 'xy'"
         )
-    for name, value in (("grid_shape", grid_shape), ("element", element), ("ahead", ahead)):
-        refuse_masked(name, value)
-    bodies = combine(material)
+    for name, value, wanted in (
+        ("grid_shape", grid_shape, "(n1, n2), or (n,) for strips"),
+        ("element", element, "(h1, h2), or (h,) for strips of infinite length"),
+    ):
+        if refuse_masked(name, value).shape not in ((1,), (2,)):
+            raise ValueError(f"{name} is {value!r}, but must be {wanted}")
+    ahead, bodies = count("ahead", ahead, least=0), combine(material)
     shape = (grid_shape[0] + ahead, *grid_shape[1:])
     if len(element) == 1 and (directions not in ("x", "y", "xy", "z") or len(shape) != 1):
         raise ValueError(
@@ -107,6 +112,8 @@ def influence_matrix(
         )
     if reference is None:
         reference = element[0] * grid_shape[0]
+    else:
+        reference = positive("reference", reference)
     blocks: dict[str, ToeplitzOperator | None] = {}
     for name, (_, parity) in KERNELS.items():
         if set(name) <= set(directions):

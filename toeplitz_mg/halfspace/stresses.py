@@ -18,7 +18,7 @@ from toeplitz_mg.halfspace.stress_integrals import (
     line_by_pressure,
     line_by_traction,
 )
-from toeplitz_mg.values import field, positive
+from toeplitz_mg.values import fields, positive
 
 SIDES = np.array([-0.5, 0.5])  # Where the sides of an element are, over its size.
 
@@ -48,7 +48,7 @@ def stresses_z(
     ------
     ValueError
         For an element that is not positive, a Poisson's ratio outside (-1, 0.5], points that are
-        not finite, or above the surface.
+        not finite, or above the surface, or whose shapes do not broadcast.
     TypeError
         For what is no real number.
 
@@ -259,20 +259,23 @@ def _corners(
 ) -> tuple[Array, Array, Array]:
     """Return the points relative to the lines that bound an element, on two more axes."""
     h1, h2 = check_element(element)
-    x, y, z = (_check(*point)[..., None, None] for point in (("x", x), ("y", y), ("z", z)))
+    x, y, z = (array[..., None, None] for array in _check(x=x, y=y, z=z))
     return x + h1 * SIDES[:, None], y + h2 * SIDES, z
 
 
 def _edges(x: ArrayLike, z: ArrayLike, h: float) -> tuple[Array, Array]:
     """Return the points relative to the edges of a strip, on one more axis."""
-    x, z = (_check(*point)[..., None] for point in (("x", x), ("z", z)))
+    x, z = (array[..., None] for array in _check(x=x, z=z))
     return x + positive("h", h) * SIDES, z
 
 
-def _check(name: str, points: ArrayLike) -> Array:
-    array = field(name, points)
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name} has values that are not finite")
-    if name == "z" and (array < 0.0).any():
-        raise ValueError(f"z has the value {array.min():g}, but a depth is at least zero")
-    return array
+def _check(**points: ArrayLike) -> list[Array]:
+    """Return coordinates of points in the body, or say which are none."""
+    arrays = fields(**points)
+    for name, array in zip(points, arrays, strict=True):
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} has values that are not finite")
+    depths = arrays[-1]
+    if (depths < 0.0).any():
+        raise ValueError(f"z has the value {depths.min():g}, but a depth is at least zero")
+    return arrays

@@ -1,24 +1,18 @@
-"""What a matrix is made of: a grid and a mask, components; and functions of the parts alone."""
+"""What a matrix is made of: a grid and a mask, components; and which of these a function takes."""
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import wraps
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Mask
-from toeplitz_mg.operators.averages import advise_of_negative, average, hermitian_part
-from toeplitz_mg.operators.base import require_numpy
-from toeplitz_mg.operators.block_diagonal import BlockDiagonal
 from toeplitz_mg.operators.coupled import CoupledOperator
-from toeplitz_mg.operators.diagonally_scaled import DiagonallyScaled
 from toeplitz_mg.operators.masked import MaskedOperator
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum
 
-F = TypeVar("F", bound=Callable[..., LinearOperator])
 Check = Callable[[ToeplitzOperator | CoupledOperator], None]
 
 
@@ -30,6 +24,22 @@ def unwrap(A: LinearOperator) -> tuple[LinearOperator, Mask | None]:
 def restrict(A: LinearOperator, mask: Mask | None) -> LinearOperator:
     """Return an operator on a mask, or as it is where there is none."""
     return A if mask is None else MaskedOperator(A, mask.reshape(A.grid_shape))
+
+
+def components(full: CoupledOperator, mask: Mask | None) -> list[LinearOperator]:
+    """Return the matrix of each component that has unknowns, on its part of the mask.
+
+    Raises
+    ------
+    ValueError
+        Where a component has no influence on itself.
+    """
+    parts = [None] * len(full.blocks) if mask is None else mask
+    return [
+        restrict(full.component(i), part)
+        for i, part in enumerate(parts)
+        if part is None or part.any()
+    ]
 
 
 def coefficients_on_numpy(A: LinearOperator) -> LinearOperator:
@@ -93,30 +103,37 @@ def unwrap_toeplitz(
     """
     full, mask = unwrap(A)
     if not isinstance(full, ToeplitzOperator):
-        advice = ""
         if isinstance(full, CoupledOperator):
             check(full)
-            advice = (
-                "; to treat each of its components by itself write componentwise(f)(A) for the "
-                "function f that was called, as componentwise(multigrid)(A)"
-            )
-        elif isinstance(full, ToeplitzSum):
-            advice = (
-                ": use cg with default_preconditioner(A), or gmres with chan_preconditioner(A), "
-                "which take sums"
-            )
-        elif isinstance(full, LinearOperator):
-            advice = (
-                "; sums and products of Toeplitz matrices with diagonal ones are understood, as "
-                "scipy.sparse.diags_array(d), but none with a CoupledOperator C: for C + D use cg "
-                "or gmres with default_preconditioner(C)"
-            )
         raise TypeError(
             f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a MaskedOperator "
-            f"of one{advice}"
+            f"of one{_advise(full)}"
         )
     check(full)
     return full, mask
+
+
+def _advise(other: Any) -> str:
+    """Return the end of the message that refuses what is no Toeplitz operator: what to write."""
+    if isinstance(other, CoupledOperator):
+        return (
+            "; to treat each of its components by itself write componentwise(f)(A) for the "
+            "function f that was called, as componentwise(multigrid)(A)"
+        )
+    if isinstance(other, ToeplitzSum):
+        return (
+            ": use cg with default_preconditioner(A), or gmres with chan_preconditioner(A), "
+            "which take sums"
+        )
+    if isinstance(other, LinearOperator):
+        return (
+            "; sums and products of Toeplitz matrices with diagonal ones are understood, as "
+            "scipy.sparse.diags_array(d), but none with a CoupledOperator C: for C + D use cg "
+            "or gmres with default_preconditioner(C)"
+        )
+    if isinstance(other, np.ndarray | list | tuple):
+        return ": write ToeplitzOperator(c) for the matrix with the first column c"
+    return ""
 
 
 def squeeze_line(A: ToeplitzOperator) -> ToeplitzOperator:
@@ -134,228 +151,3 @@ def squeeze_line(A: ToeplitzOperator) -> ToeplitzOperator:
             "element): use chan_preconditioner(A), which takes any number"
         )
     return line
-
-
-def _itself(A: Any) -> Any:
-    return A
-
-
-def averaged(
-    function: F, part: Callable[[Any], Any] = hermitian_part, any_library: bool = False
-) -> F:
-    """Return the preconditioner that of a `ToeplitzSum` is that of a Toeplitz matrix nearby.
-
-    Parameters
-    ----------
-    function : callable
-        A function of a `ToeplitzOperator` or a `MaskedOperator` of one.
-    part : callable
-        What it sees of each Toeplitz matrix, the Hermitian part by default.
-    any_library : bool
-        Whether it takes operators on arrays of other libraries than NumPy.
-
-    Returns
-    -------
-    callable
-        The same function, that takes a `ToeplitzSum` or a `MaskedOperator` of one too. What it
-        returns is symmetric positive definite where that of the Toeplitz matrix is.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        Where an entry of the diagonal of the sum is not positive.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from scipy.sparse import diags_array
-    >>> import toeplitz_mg as tmg
-    >>> A = tmg.ToeplitzOperator([2.0, 1.0, 0.5])
-    >>> S = diags_array([1.0, 10.0, 100.0]) @ A
-    >>> tmg.jacobi_preconditioner(S, omega=1.0) @ S.diagonal()
-    array([1., 1., 1.])
-    """
-
-    @wraps(function)
-    def of_average(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
-        full, mask = unwrap(A)
-        if not any_library:
-            require_numpy(A, function.__name__.strip("_"))
-        if not isinstance(full, ToeplitzSum):
-            try:
-                return function(A, *args, **kwargs)
-            except np.linalg.LinAlgError as error:
-                advice = advise_of_negative(float(full.diagonal().real.max()))
-                if advice not in str(error):
-                    error.args = (f"{error}{advice}",)
-                raise
-        mean, scale = average(full, mask, part)
-        try:
-            return DiagonallyScaled(function(restrict(mean, mask), *args, **kwargs), scale)
-        except np.linalg.LinAlgError as error:
-            if full.is_hermitian or part is not hermitian_part:
-                raise
-            raise _of_hermitian_part() from error
-
-    return cast(F, of_average)
-
-
-def symmetrised(preconditioner: F) -> F:
-    """Return the preconditioner that of a matrix that is not symmetric takes the symmetric part."""
-
-    @wraps(preconditioner)
-    def of_part(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
-        full, _ = unwrap(A)
-        if not isinstance(full, ToeplitzOperator) or full.is_hermitian:
-            return preconditioner(A, *args, **kwargs)
-        try:
-            return preconditioner(hermitian_part(A), *args, **kwargs)
-        except np.linalg.LinAlgError as error:
-            raise _of_hermitian_part() from error
-
-    return cast(F, of_part)
-
-
-def _of_hermitian_part() -> np.linalg.LinAlgError:
-    """Return the refusal of a matrix that is not Hermitian, where that of its part is the cause."""
-    return np.linalg.LinAlgError(
-        "A is not symmetric, and its symmetric part is refused: use chan_preconditioner(A), which "
-        "takes any Toeplitz matrix, with gmres"
-    )
-
-
-def restricted(preconditioner: F) -> F:
-    """Return the preconditioner that on a mask is the restriction of that of the whole grid.
-
-    Parameters
-    ----------
-    preconditioner : callable
-        A function of a real, symmetric `ToeplitzOperator`, and of other arguments.
-
-    Returns
-    -------
-    callable
-        The same function, that takes a `MaskedOperator` of one too, and a `ToeplitzSum` as
-        `averaged` does, and refuses what is none of these, or not real and
-        symmetric.
-
-    See Also
-    --------
-    restricted_hermitian : for functions that take complex Hermitian matrices too.
-    of_any_matrix : for functions that take all.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import toeplitz_mg as tmg
-    >>> @restricted
-    ... def nothing(A):
-    ...     return tmg.ToeplitzOperator(np.eye(1, A.shape[0])[0])
-    >>> A = tmg.ToeplitzOperator([2.0, 1.0, 0.5])
-    >>> nothing(tmg.MaskedOperator(A, [True, False, True])).shape
-    (2, 2)
-    """
-    return _restricted(preconditioner, check_symmetric)
-
-
-def restricted_hermitian(preconditioner: F) -> F:
-    """Return what `restricted` does, of a function that takes complex Hermitian matrices too."""
-    return _restricted(preconditioner, check_hermitian)
-
-
-def of_any_matrix(preconditioner: F) -> F:
-    """Return the preconditioner of a mask and of components, whatever the matrix.
-
-    Parameters
-    ----------
-    preconditioner : callable
-        A function of a `ToeplitzOperator`, real or complex, symmetric or not, and of other
-        arguments.
-
-    Returns
-    -------
-    callable
-        The same function, that takes a `MaskedOperator` of one too, and a `CoupledOperator`, whose
-        components it treats each by itself.
-    """
-    return _of_each(_restricted(preconditioner, accept_any), accept_any)
-
-
-def _restricted(preconditioner: F, check: Check) -> F:
-    @wraps(preconditioner)
-    def of_mask(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
-        full, mask = unwrap_toeplitz(A, check)
-        return restrict(preconditioner(full, *args, **kwargs), mask)
-
-    return averaged(cast(F, of_mask), _itself if check is accept_any else hermitian_part, True)
-
-
-def componentwise(preconditioner: F) -> F:
-    """Return the preconditioner that treats each component of a `CoupledOperator` by itself.
-
-    Parameters
-    ----------
-    preconditioner : callable
-        A function of a `ToeplitzOperator` or a `MaskedOperator` of one, such as
-        `fft_preconditioner`. The others of this package take a `CoupledOperator` as they are.
-
-    Returns
-    -------
-    callable
-        The same function, that takes a `CoupledOperator` or a `MaskedOperator` of one too: the
-        result is block diagonal. It is symmetric positive definite where its blocks are.
-
-    See Also
-    --------
-    CoupledOperator : the matrix of several components.
-    default_preconditioner : chooses.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import toeplitz_mg as tmg
-    >>> xx = tmg.ToeplitzOperator([[2.0, 0.5], [0.5, 0.1]])
-    >>> A = tmg.CoupledOperator([[xx, None], [None, xx]])
-    >>> M = tmg.componentwise(tmg.fft_preconditioner)(A)
-    >>> np.array_equal(M @ np.ones(8), np.tile(tmg.fft_preconditioner(xx) @ np.ones(4), 2))
-    True
-    """
-    return _of_each(preconditioner, check_hermitian)
-
-
-def _of_each(preconditioner: F, check: Check) -> F:
-    @wraps(preconditioner)
-    def of_each(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
-        full, mask = unwrap(A)
-        if not isinstance(full, CoupledOperator):
-            return preconditioner(A, *args, **kwargs)
-        check(full)
-        blocks = []
-        for block in components(full, mask):
-            try:
-                blocks.append(preconditioner(block, *args, **kwargs))
-            except np.linalg.LinAlgError as error:
-                error.add_note(
-                    f"This was the matrix of a component, {block!r}: what is advised for it takes "
-                    "all of them by componentwise, as in componentwise(chan_preconditioner)(A)"
-                )
-                raise
-        return BlockDiagonal(blocks, full.grid_shape)
-
-    return cast(F, of_each)
-
-
-def components(full: CoupledOperator, mask: Mask | None) -> list[LinearOperator]:
-    """Return the matrix of each component that has unknowns, on its part of the mask.
-
-    Raises
-    ------
-    ValueError
-        Where a component has no influence on itself.
-    """
-    parts = [None] * len(full.blocks) if mask is None else mask
-    return [
-        restrict(full.component(i), part)
-        for i, part in enumerate(parts)
-        if part is None or part.any()
-    ]

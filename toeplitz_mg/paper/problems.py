@@ -34,9 +34,9 @@ class Problem:
 
     See Also
     --------
-    test1 : the first problem of the paper.
-    test2 : the second.
-    test3 : the third.
+    test1 : steel, a constant shift.
+    test2 : rubber, a shift that grows with x.
+    test3 : test 1 on two strips.
     """
 
     name: str
@@ -83,8 +83,8 @@ def test1(n: int) -> Problem:
 
     See Also
     --------
-    test2 : another problem of the paper.
-    test3 : another problem of the paper.
+    test2 : rubber, a shift that grows with x.
+    test3 : test 1 on two strips.
     toeplitz_mg.multigrid : the solver.
 
     Examples
@@ -118,8 +118,8 @@ def test2(n: int) -> Problem:
 
     See Also
     --------
-    test1 : another problem of the paper.
-    test3 : another problem of the paper.
+    test1 : steel, a constant shift.
+    test3 : test 1 on two strips.
     toeplitz_mg.multigrid : the solver.
 
     Examples
@@ -154,8 +154,8 @@ def test3(n: int) -> Problem:
 
     See Also
     --------
-    test1 : another problem of the paper.
-    test2 : another problem of the paper.
+    test1 : steel, a constant shift.
+    test2 : rubber, a shift that grows with x.
     toeplitz_mg.multigrid : the solver.
 
     Examples

@@ -1,9 +1,8 @@
 """What approximates A⁻¹: one idea a file, one public function each."""
 
-from toeplitz_mg.operators.structure import componentwise
-from toeplitz_mg.preconditioners.choice import select_preconditioner
+from toeplitz_mg.operators.lifting import componentwise
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner, strang_preconditioner
-from toeplitz_mg.preconditioners.default import default_preconditioner
+from toeplitz_mg.preconditioners.default import default_preconditioner, select_preconditioner
 from toeplitz_mg.preconditioners.deflation import fft_sd_preconditioner
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner

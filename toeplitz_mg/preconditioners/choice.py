@@ -2,8 +2,8 @@
 
 Facts come from `toeplitz_mg.preconditioners.traits`; out go candidates with reasons, the fastest
 first. `default_preconditioner` makes the first that is not refused, `select_preconditioner` lists
-them, `solve_toeplitz` and `toeplitz_inverse` ask for those of a whole line, and the active sets of
-`toeplitz_mg.contact` ask whether FSAI is worth its set-up.
+them (both in `default`), `solve_toeplitz` and `toeplitz_inverse` ask for those of a whole line, and
+the active sets of `toeplitz_mg.contact` ask whether FSAI is worth its set-up.
 """
 
 from collections.abc import Callable, Iterator
@@ -16,13 +16,11 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Mask
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator, ToeplitzSum
-from toeplitz_mg.operators.averages import average
+from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.structure import (
     check_hermitian,
     components,
-    restrict,
     unwrap,
     unwrap_toeplitz,
 )
@@ -37,9 +35,10 @@ from toeplitz_mg.preconditioners.candidates import (
     factorise,
     quick_fsai,
 )
+from toeplitz_mg.preconditioners.direct import DIRECT
 from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
-from toeplitz_mg.preconditioners.selection import Candidate, Selection
+from toeplitz_mg.preconditioners.selection import Candidate
 from toeplitz_mg.preconditioners.spectral import (
     factor_column,
     inverse_of_factor,
@@ -56,8 +55,7 @@ from toeplitz_mg.preconditioners.trigonometric import (
 from toeplitz_mg.preconditioners.wiener_hopf import factor_positive_symbol
 from toeplitz_mg.values import count
 
-# `python -m comparisons.preconditioners.areas` measures both sides of these:
-DIRECT = 600  # Most unknowns that a Cholesky factor, of 3 MB, solves for at once.
+# `python -m comparisons.preconditioners.areas` measures both sides of these, and of DIRECT:
 FEW = 40_000  # Most unknowns of one blob that sine transforms solve for before FSAI is set up.
 COMPACT = 5.0  # Largest `fragmentation` of one blob.
 LONG = 2**14  # Fewest elements of a grid whose transforms take longer than the calls of FSAI.
@@ -79,67 +77,13 @@ KEPT = 0.004
 
 
 class Plan(NamedTuple):
-    """A `Selection` whose candidates and components are found as they are asked for."""
+    """A `Selection` whose candidates and components are found as they are asked for, once."""
 
     A: LinearOperator  # The matrix that they are made of, on a line without axes of one element.
     candidates: Iterator[Candidate]
     others: tuple[Candidate, ...]
     needs_trial: bool
     components: Iterator["Plan"]
-
-
-def select_preconditioner(A: LinearOperator, solves: int = 1) -> Selection:
-    """Return what `default_preconditioner` would take, and why, without building it.
-
-    Parameters
-    ----------
-    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
-        Symmetric or complex Hermitian positive definite, of any number of axes.
-    solves : int
-        For how many right-hand sides it is: more are worth a longer set-up.
-
-    Returns
-    -------
-    Selection
-        Its attribute `candidates` has the preconditioners in the order in which they are tried,
-        each with its `name` and `reason`. It prints as a list. Whether a candidate is refused, as
-        one that is not positive definite, shows only where it is built; nor is there a trial.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As `default_preconditioner`.
-
-    See Also
-    --------
-    default_preconditioner : builds what this lists.
-
-    Notes
-    -----
-    It costs nothing but a look at the coefficients, and on the whole of a line, where the symbol
-    decides, some transforms.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import toeplitz_mg as tmg
-    >>> A = tmg.ToeplitzOperator(1.0 / (1.0 + np.hypot(*np.indices((40, 40)))))
-    >>> checkered = np.indices((40, 40)).sum(axis=0) % 2 == 0
-    >>> tmg.select_preconditioner(tmg.MaskedOperator(A, checkered))
-    fsai_preconditioner: a fragmented mask; 12 neighbours
-    if refused, fsai_preconditioner: 24 neighbours, for a smooth kernel
-    if all are refused, the best of sine_preconditioner, cosine_preconditioner, chan_preconditioner
-    and none, by a trial of 20 steps of CG
-    """
-    full, mask = unwrap(A)
-    if isinstance(full, ToeplitzSum):
-        A = restrict(average(full, mask)[0], mask)
-    return _list(plan(A, solves))
-
-
-def _list(plan: Plan) -> Selection:
-    components = tuple(map(_list, plan.components))
-    return Selection(tuple(plan.candidates), plan.others, plan.needs_trial, components)
 
 
 def plan(A: LinearOperator, solves: int) -> Plan:

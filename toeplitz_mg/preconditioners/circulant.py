@@ -11,7 +11,7 @@ from toeplitz_mg.engine.embedding import cut
 from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
-from toeplitz_mg.operators.structure import of_any_matrix
+from toeplitz_mg.operators.lifting import of_any_matrix
 from toeplitz_mg.preconditioners.positivity import (
     LAST_RESORT,
     name_robust,

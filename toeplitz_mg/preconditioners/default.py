@@ -1,4 +1,4 @@
-"""The preconditioner that `toeplitz_mg.preconditioners.choice` takes, made: the default."""
+"""What `toeplitz_mg.preconditioners.choice` takes: made, the default preconditioner; or listed."""
 
 import logging
 from collections.abc import Iterable, Iterator
@@ -8,14 +8,21 @@ import numpy as np
 from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import BlockDiagonal
+from toeplitz_mg.operators import BlockDiagonal, ToeplitzSum
+from toeplitz_mg.operators.averages import average
 from toeplitz_mg.operators.base import grid_of
-from toeplitz_mg.operators.structure import averaged, check_hermitian, unwrap_toeplitz
+from toeplitz_mg.operators.lifting import averaged
+from toeplitz_mg.operators.structure import (
+    check_hermitian,
+    restrict,
+    unwrap,
+    unwrap_toeplitz,
+)
 from toeplitz_mg.preconditioners.choice import Plan, plan
 from toeplitz_mg.preconditioners.direct import NotPositiveDefinite
 from toeplitz_mg.preconditioners.jacobi import ScaledIdentity
 from toeplitz_mg.preconditioners.positivity import LAST_RESORT, precision
-from toeplitz_mg.preconditioners.selection import Candidate
+from toeplitz_mg.preconditioners.selection import Candidate, Selection
 from toeplitz_mg.preconditioners.trial import better_than_none
 
 logger = logging.getLogger(__name__)
@@ -114,6 +121,60 @@ def default_preconditioner(
     (800, 800)
     """
     return _make(plan(A, solves), dtype)
+
+
+def select_preconditioner(A: LinearOperator, solves: int = 1) -> Selection:
+    """Return what `default_preconditioner` would take, and why, without building it.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
+        Symmetric or complex Hermitian positive definite, of any number of axes.
+    solves : int
+        For how many right-hand sides it is: more are worth a longer set-up.
+
+    Returns
+    -------
+    Selection
+        Its attribute `candidates` has the preconditioners in the order in which they are tried,
+        each with its `name` and `reason`. It prints as a list. Whether a candidate is refused, as
+        one that is not positive definite, shows only where it is built; nor is there a trial.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `default_preconditioner`.
+
+    See Also
+    --------
+    default_preconditioner : builds what this lists.
+
+    Notes
+    -----
+    It costs nothing but a look at the coefficients, and on the whole of a line, where the symbol
+    decides, some transforms.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import toeplitz_mg as tmg
+    >>> A = tmg.ToeplitzOperator(1.0 / (1.0 + np.hypot(*np.indices((40, 40)))))
+    >>> checkered = np.indices((40, 40)).sum(axis=0) % 2 == 0
+    >>> tmg.select_preconditioner(tmg.MaskedOperator(A, checkered))
+    fsai_preconditioner: a fragmented mask; 12 neighbours
+    if refused, fsai_preconditioner: 24 neighbours, for a smooth kernel
+    if all are refused, the best of sine_preconditioner, cosine_preconditioner, chan_preconditioner
+    and none, by a trial of 20 steps of CG
+    """
+    full, mask = unwrap(A)
+    if isinstance(full, ToeplitzSum):
+        A = restrict(average(full, mask)[0], mask)
+    return _list(plan(A, solves))
+
+
+def _list(plan: Plan) -> Selection:
+    components = tuple(map(_list, plan.components))
+    return Selection(tuple(plan.candidates), plan.others, plan.needs_trial, components)
 
 
 def _make(plan: Plan, dtype: DTypeLike | None) -> LinearOperator:

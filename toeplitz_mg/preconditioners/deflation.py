@@ -5,7 +5,8 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows, grid_of, work_of
-from toeplitz_mg.operators.structure import averaged, check_symmetric, unwrap
+from toeplitz_mg.operators.lifting import averaged
+from toeplitz_mg.operators.structure import check_symmetric, unwrap
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.values import count
 

@@ -17,13 +17,8 @@ from toeplitz_mg.engine.products import Transforms
 from toeplitz_mg.engine.transforms import LONG
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
-from toeplitz_mg.operators.structure import (
-    averaged,
-    check_hermitian,
-    restrict,
-    restricted_hermitian,
-    unwrap,
-)
+from toeplitz_mg.operators.lifting import averaged, restricted_hermitian
+from toeplitz_mg.operators.structure import check_hermitian, restrict, unwrap
 from toeplitz_mg.preconditioners.positivity import name_robust, precision, require_positive
 from toeplitz_mg.preconditioners.symbol import continue_axis
 

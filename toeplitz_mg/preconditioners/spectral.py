@@ -10,7 +10,8 @@ from toeplitz_mg.engine.transforms import cosine_sums, sine_sums
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
-from toeplitz_mg.operators.structure import of_any_matrix, squeeze_line
+from toeplitz_mg.operators.lifting import of_any_matrix
+from toeplitz_mg.operators.structure import squeeze_line
 from toeplitz_mg.preconditioners.columns import RESOLVED, Columns
 from toeplitz_mg.preconditioners.positivity import is_positive, precision, require_condition
 from toeplitz_mg.preconditioners.schur import schur_column

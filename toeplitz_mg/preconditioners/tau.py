@@ -9,7 +9,8 @@ from toeplitz_mg.engine.products import TAU, DiagonalisedProduct
 from toeplitz_mg.engine.transforms import cosine_sums
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator, ToeplitzSum
 from toeplitz_mg.operators.base import require_numpy
-from toeplitz_mg.operators.structure import componentwise, restricted, symmetrised, unwrap
+from toeplitz_mg.operators.lifting import componentwise, restricted, symmetrised
+from toeplitz_mg.operators.structure import unwrap
 from toeplitz_mg.preconditioners.positivity import name_robust, precision, require_positive
 from toeplitz_mg.preconditioners.symbol import average_flips
 from toeplitz_mg.values import finite

@@ -10,7 +10,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
-from toeplitz_mg.operators.structure import componentwise, restricted
+from toeplitz_mg.operators.lifting import componentwise, restricted
 from toeplitz_mg.preconditioners.positivity import (
     is_positive,
     name_robust,

@@ -1,4 +1,4 @@
-"""Masks and components on slabs: preconditioners of the parts alone (see `operators.structure`)."""
+"""Masks and components on slabs: preconditioners of the parts alone (see `operators.lifting`)."""
 
 from collections.abc import Callable
 from functools import wraps

@@ -67,15 +67,14 @@ def alternate(
     tolerance: float,
     most: int,
     report: Report,
-) -> tuple[Array, tuple[float, ...]]:
+) -> tuple[Array, Array, tuple[float, ...]]:
     """Find the pressures with which both problems hold.
 
     Parameters
     ----------
     normal : Normal
     shear : callable
-        Returns the tangential tractions for pressures; the last that it returns are those of the
-        answer.
+        Returns the tangential tractions for pressures.
     p : ndarray
         Pressures to start from.
     tolerance : float
@@ -86,7 +85,8 @@ def alternate(
 
     Returns
     -------
-    p : ndarray
+    p, q : ndarray
+        The pressures, and the tangential tractions for them.
     residuals : tuple of float
         The violation in each iteration.
     """
@@ -97,6 +97,6 @@ def alternate(
         residuals.append(normal.look(q, p))
         report.look(residuals[-1])
         if residuals[-1] <= tolerance or len(residuals) == most:
-            return p, tuple(residuals)
+            return p, q, tuple(residuals)
         pairs = extend(pairs, p, normal.solve(q, p))
         p = normal.balance(accelerate(pairs))

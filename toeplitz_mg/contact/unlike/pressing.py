@@ -20,8 +20,10 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given
 from toeplitz_mg.contact.unlike.alternation import Report, alternate
 from toeplitz_mg.contact.unlike.checks import check_both, read_gap
+from toeplitz_mg.contact.unlike.coupling import Coupling, bound_of
+from toeplitz_mg.contact.unlike.normal_side import Pressing
 from toeplitz_mg.contact.unlike.result import Before, FrictionalResult
-from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Shifting, bound_of
+from toeplitz_mg.contact.unlike.tangential_sides import Shifting
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.values import count
@@ -150,51 +152,34 @@ def frictional_contact(
     friction = check_friction(mu, z.shape)
     check_iteration(tolerance, max_products, progress)
     most = count("max_iterations", max_iterations)
-    if shift is not None and tangential_force is not None:
-        raise ValueError(
-            f"shift is {shift!r} and tangential_force is {tangential_force!r}, but at most one of "
-            "the two may be given"
-        )
-    b = np.zeros((grid.components, *z.shape))
-    change = np.zeros((grid.components, *(1,) * z.ndim))
-    if shift is not None:
-        change = check_shift(shift, b.shape)
-    b = b + change
-    total = None
-    if tangential_force is not None:
-        largest = np.inf if force is None else float(friction.max()) * force
-        total = check_carried(tangential_force, largest, grid)
-    if previous is None:
-        before, guess = Before(np.zeros_like(b), 0.0, float(z.min())), None
-    else:
-        before = check_state(previous, grid, b.shape)
-        guess = extrapolate(previous, before, approach, force).reshape(b.shape)
+    largest = np.inf if force is None else float(friction.max()) * force
+    change, total = read_motion(shift, tangential_force, largest, grid)
+    before, guess = read_history(previous, grid, z, approach, force)
     inner, report = INNER * tolerance, Report(progress)
     with count_products() as work:
         coupling = Coupling(grid.coupling())
-        least = 0.0
-        if previous is not None:
-            u = apply_to_rows(grid.tangential(), before.traction.ravel()).reshape(b.shape)
-            u += coupling.along(previous.normal.pressure)
-            b, least = b + u, float(np.abs(u).max())
+        b, least = place_bodies(change, previous, before, grid, coupling)
         pressing = Pressing.of(grid, z, coupling, approach, force, inner, max_products, report)
         shifting = Shifting(
-            grid, coupling, friction, b, total, least, inner, max_products, nested, report, guess
+            grid=grid,
+            coupling=coupling,
+            mu=friction,
+            b=b,
+            total=total,
+            least=least,
+            tolerance=inner,
+            max_products=max_products,
+            nested=nested,
+            report=report,
+            q=guess,
         )
         p = pressing.begin(guess, nested=nested)
-        p, residuals = alternate(
-            pressing,
-            shifting,
-            p,
-            tolerance=tolerance,
-            most=most,
-            report=report,
+        p, q, residuals = alternate(
+            pressing, shifting, p, tolerance=tolerance, most=most, report=report
         )
-        assert shifting.q is not None
         if total is not None:
             check_carried(tangential_force, float(bound_of(friction, p).sum()) * grid.area, grid)
-        normal = pressing.result(shifting.q, p, 0.0)
-        tangential = shifting.result(p, 0.0)
+        normal, tangential = pressing.result(q, p), shifting.result(p)
     normal = replace(normal, work=work.units(z.size))
     moved = tangential.shift if tangential_force is not None else as_given(change)
     earlier = None if previous is None else previous.tangential
@@ -202,6 +187,58 @@ def frictional_contact(
     result = FrictionalResult(normal, tangential, residuals, before)
     doubts.warn(check_both(result, tolerance).warnings)
     return result
+
+
+def read_motion(
+    shift: ArrayLike | None, tangential_force: Any, largest: float, grid: Grid
+) -> tuple[Array, Array | None]:
+    """Return the rigid shift, zero where none is given, and the sum of the tractions, or None.
+
+    The tangential force is to be at most the `largest`.
+    """
+    if shift is not None and tangential_force is not None:
+        raise ValueError(
+            f"shift is {shift!r} and tangential_force is {tangential_force!r}, but at most one of "
+            "the two may be given"
+        )
+    still = np.zeros((grid.components, *(1,) * len(grid.shape)))
+    if tangential_force is not None:
+        return still, check_carried(tangential_force, largest, grid)
+    return still if shift is None else check_shift(shift, (grid.components, *grid.shape)), None
+
+
+def read_history(
+    previous: FrictionalResult | None,
+    grid: Grid,
+    z: Array,
+    approach: float | None,
+    force: float | None,
+) -> tuple[Before, Array | None]:
+    """Return the state before this step, and a guess of the tractions after it, or None."""
+    shape = (grid.components, *grid.shape)
+    if previous is None:
+        return Before(np.zeros(shape), 0.0, float(z.min())), None
+    before = check_state(previous, grid, shape)
+    return before, extrapolate(previous, before, approach, force).reshape(shape)
+
+
+def place_bodies(
+    change: Array,
+    previous: FrictionalResult | None,
+    before: Before,
+    grid: Grid,
+    coupling: Coupling,
+) -> tuple[Array, float]:
+    """Return where the bodies would be along the surface, were there no slip, nor pressures.
+
+    The second value is the largest displacement of the state before.
+    """
+    b = np.zeros((grid.components, *grid.shape)) + change
+    if previous is None:
+        return b, 0.0
+    u = apply_to_rows(grid.tangential(), before.traction.ravel()).reshape(b.shape)
+    u += coupling.along(previous.normal.pressure)
+    return b + u, float(np.abs(u).max())
 
 
 def check_carried(force: Any, most: float, grid: Grid) -> Array:

@@ -17,9 +17,11 @@ from toeplitz_mg.contact.tangential.steady import SteadyOptions
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.contact.unlike.alternation import Report, alternate
 from toeplitz_mg.contact.unlike.checks import check_both, read_gap
+from toeplitz_mg.contact.unlike.coupling import Coupling, bound_of
+from toeplitz_mg.contact.unlike.normal_side import Pressing
 from toeplitz_mg.contact.unlike.pressing import INNER
 from toeplitz_mg.contact.unlike.result import FrictionalResult
-from toeplitz_mg.contact.unlike.sides import Coupling, Pressing, Rolling, bound_of
+from toeplitz_mg.contact.unlike.tangential_sides import Rolling
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.values import count, refuse_masked
 
@@ -145,13 +147,10 @@ def frictional_rolling(
         rolling = Rolling(grid, coupling, Coupling(grid.coupling(ahead=1)), friction, solve, given)
         p = pressing.begin(None, nested=nested)
         motion.check_loads(grid, bound_of(friction, p))
-        p, residuals = alternate(
+        p, q, residuals = alternate(
             pressing, rolling, p, tolerance=tolerance, most=most, report=report
         )
-        assert rolling.found is not None
-        q = rolling.found.traction.reshape(given.shape)
-        normal = pressing.result(q, p, 0.0)
-        tangential = rolling.result(p, 0.0)
+        normal, tangential = pressing.result(q, p), rolling.result(p)
     normal = replace(normal, work=work.units(z.size))
     result = FrictionalResult(normal, tangential, residuals)
     doubts.warn(check_both(result, tolerance).warnings)

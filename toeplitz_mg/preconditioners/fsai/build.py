@@ -8,6 +8,7 @@ from scipy.sparse import csr_array
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.threads import share, share_slices
+from toeplitz_mg.preconditioners.direct import DIRECT
 from toeplitz_mg.preconditioners.fsai.aggregates import Rows, aggregate, prolong
 from toeplitz_mg.preconditioners.fsai.levels import (
     BLOCK,
@@ -31,7 +32,7 @@ class Options:
         The cells before its own that a row of G sees. By default a trial finds how many a kernel
         needs.
     direct : int
-        Most unknowns that are solved for directly, by a Cholesky factor of at most 3 MB.
+        Most unknowns that are solved for directly, by a Cholesky factor.
     direct_on_line : int
         Most unknowns of a whole line, whose levels cost next to nothing, that are solved for
         directly.
@@ -40,7 +41,7 @@ class Options:
     """
 
     neighbours: int | None = None
-    direct: int = 600
+    direct: int = DIRECT
     direct_on_line: int = 128
     is_line_alike: bool = True
 

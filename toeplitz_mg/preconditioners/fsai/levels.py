@@ -16,7 +16,8 @@ from toeplitz_mg.preconditioners.fsai.refusals import refusal, require_definite
 from toeplitz_mg.preconditioners.fsai.stencil import MOST_TABULATED, Stencil
 
 BLOCK = 2**17  # Rows of a block of a sparse matrix: enough of them that threads do not wait.
-WIDE = 1.5  # Columns that all blocks reach, over those that there are, beyond which there is one.
+# Sum of the columns that each block reaches, over all columns, above which the blocks are made one.
+WIDE = 1.5
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ times the application.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -105,15 +106,27 @@ class LineLevel:
     def multiply(self, X: Array, out: Array) -> None:
         """Apply the levels to rows, of shape (..., n), into `out`, contiguous, which may be X."""
         X, out = X.reshape(-1, self.n), out.reshape(-1, self.n)
+        y, a = self._multiply_factor(X)
+        e = workspace(a.shape, X.dtype)
+        self.coarse.multiply(a, e)
+        e -= a
+        self._multiply_transposed(y, e, out)
+
+    @cached_property
+    def _blocks_of_G(self) -> tuple[Array, ...]:
+        """The first block on the diagonal, any, and the last; any beside it, and the last."""
+        (_, before, final_before), (first, own, final) = self.G[..., :BLOCK], self.G[..., BLOCK:]
+        return first, own, final, before, final_before
+
+    def _multiply_factor(self, X: Array) -> tuple[Array, Array]:
+        """Return y = G x for each row, in blocks, of shape (..., m, 16), and a = Wᵀ y."""
+        first, own, final, before, final_before = self._blocks_of_G
+        w_first, w, w_last = self.W
         m = -(-self.n // BLOCK)
         cut = BLOCK * (m - 1)
-        rest = self.n - cut
         x = X[:, :cut].reshape(-1, m - 1, BLOCK)
         last = np.zeros((len(X), BLOCK), X.dtype)
-        last[:, :rest] = X[:, cut:]
-
-        (_, before, final_before), (first, own, final) = self.G[..., :BLOCK], self.G[..., BLOCK:]
-        w_first, w, w_last = self.W
+        last[:, : self.n - cut] = X[:, cut:]
         y = workspace((len(X), m, BLOCK), X.dtype)
         a = workspace((len(X), m), X.dtype)
 
@@ -125,22 +138,25 @@ class LineLevel:
             y[:, previous.start + 1 : blocks.stop] += part
             np.matmul(y[:, blocks], w, out=a[:, blocks])
 
-        size = CHUNK // BLOCK
-        share_slices(forward, m - 1, size, X.size)
+        share_slices(forward, m - 1, CHUNK // BLOCK, X.size)
         y[:, 0] = x[:, 0] @ first.T
         y[:, -1] = x[:, -1] @ final_before.T + last @ final.T
         a[:, 0], a[:, -1] = y[:, 0] @ w_first, y[:, -1] @ w_last
+        return y, a
 
-        e = workspace(a.shape, X.dtype)
-        self.coarse.multiply(a, e)
-        e -= a
+    def _multiply_transposed(self, y: Array, e: Array, out: Array) -> None:
+        """Write Gᵀ (y + W e) to the rows of `out`; y and e are changed."""
+        first, own, final, before, final_before = self._blocks_of_G
+        w_first, w, w_last = self.W
+        rows, m, _ = y.shape
+        cut = BLOCK * (m - 1)
         y[:, 0] += e[:, :1] * w_first
         y[:, -1] += e[:, -1:] * w_last
         e[:, 0] = e[:, -1] = 0.0  # These two are done.
         z = out[:, :cut].reshape(-1, m - 1, BLOCK)
 
         def sum_of(blocks: slice) -> Array:
-            part = workspace((len(X), blocks.stop - blocks.start, BLOCK), X.dtype)
+            part = workspace((rows, blocks.stop - blocks.start, BLOCK), y.dtype)
             np.multiply(e[:, blocks, np.newaxis], w, out=part)
             part += y[:, blocks]
             return part
@@ -148,14 +164,14 @@ class LineLevel:
         def back(blocks: slice) -> None:
             part = sum_of(slice(blocks.start, blocks.stop + 1))
             np.matmul(part[:, :-1], own, out=z[:, blocks])
-            product = workspace(part[:, 1:].shape, X.dtype)
+            product = workspace(part[:, 1:].shape, y.dtype)
             z[:, blocks] += np.matmul(part[:, 1:], before, out=product)
 
-        share_slices(back, m - 1, size, X.size)
+        share_slices(back, m - 1, CHUNK // BLOCK, out.size)
         second, last_but_one = sum_of(slice(1, 2))[:, 0], sum_of(slice(m - 2, m - 1))[:, 0]
         z[:, 0] = y[:, 0] @ first + second @ before
         z[:, -1] = last_but_one @ own + y[:, -1] @ final_before
-        out[:, cut:] = (y[:, -1] @ final)[:, :rest]
+        out[:, cut:] = (y[:, -1] @ final)[:, : self.n - cut]
 
 
 def build_line(

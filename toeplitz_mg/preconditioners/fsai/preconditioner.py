@@ -16,13 +16,8 @@ from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import CoupledOperator, GridOperator
 from toeplitz_mg.operators.base import library_for
-from toeplitz_mg.operators.structure import (
-    averaged,
-    coefficients_on_numpy,
-    componentwise,
-    unwrap,
-    unwrap_toeplitz,
-)
+from toeplitz_mg.operators.lifting import averaged, componentwise
+from toeplitz_mg.operators.structure import coefficients_on_numpy, unwrap, unwrap_toeplitz
 from toeplitz_mg.preconditioners.fsai.build import DEFAULT, Options, build
 from toeplitz_mg.preconditioners.fsai.coupled import find_coupled_stencil
 from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
