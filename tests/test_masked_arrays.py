@@ -79,7 +79,7 @@ USES = {
     ],
     "select_preconditioner": [
         (tmg.select_preconditioner, {"A": A.toarray()}),
-        (lambda solves: tmg.select_preconditioner(A, solves), {"solves": 1}),
+        (lambda solves: tmg.select_preconditioner(A, solves=solves), {"solves": 1}),
     ],
     "fft_rsm_preconditioner": [
         (tmg.fft_rsm_preconditioner, {"A": A.toarray()}),

@@ -319,6 +319,23 @@ def test_refuses_a_normal_result_that_does_not_do():
         rolling(repeats, mu=0.3, longitudinal=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: 3, TypeError, r"options is 3, but must be contact\.SteadyOptions"),
+        (lambda: steady.SteadyOptions(iterations=0), ValueError, "iterations is 0, but must be"),
+        (
+            lambda: steady.SteadyOptions(patience=1.5),
+            TypeError,
+            r"patience is 1\.5, but must be an",
+        ),
+    ],
+)
+def test_refuses_options_that_are_none(make, error, message):
+    with pytest.raises(error, match=message):
+        rolling(np.ones(4), 1.0, material=Material.from_shear(1.0, 0.3), options=make())
+
+
 def test_refuses_bad_steps():
     with pytest.raises(ValueError, match="steps is 0"):
         rolling_steps(np.ones(4), 1.0, material=Material.from_shear(1.0, 0.3), steps=0)

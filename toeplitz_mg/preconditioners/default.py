@@ -123,7 +123,7 @@ def default_preconditioner(
     return _make(plan(A, solves), dtype)
 
 
-def select_preconditioner(A: LinearOperator, solves: int = 1) -> Selection:
+def select_preconditioner(A: LinearOperator, *, solves: int = 1) -> Selection:
     """Return what `default_preconditioner` would take, and why, without building it.
 
     Parameters

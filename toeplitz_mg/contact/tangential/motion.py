@@ -114,8 +114,8 @@ class Motion:
         if not self.unknown:
             return
         forces = [F or 0.0 for F in self.loads[:2]]
-        arms = {"force": np.ones(g.shape)}
-        wanted = {"force": float(np.linalg.norm(forces))}
+        arms = {"tangential force": np.ones(g.shape)}
+        wanted = {"tangential force": float(np.linalg.norm(forces))}
         if self.loads[2] is not None:
             arm = _arms(grid, self.pole)[2]
             arms["moment"], wanted["moment"] = np.hypot(*arm), abs(self.loads[2])
@@ -125,7 +125,7 @@ class Motion:
             most = grid.area * grid.vectors.sum(carried)
             if load and not load < most:
                 raise ValueError(
-                    f"{name} is of size {load:g}, but must be less than the traction bound "
+                    f"the {name} is of size {load:g}, but must be less than the traction bound "
                     f"carries: {most:g}"
                 )
 
@@ -225,7 +225,8 @@ def _read_force(is_line: bool, force: Any) -> tuple[float | None, float | None]:
     except (TypeError, ValueError):
         wanted = "(Fx, Fy), or in line contact a number" if is_line else "(Fx, Fy)"
         raise ValueError(
-            f"force is {force}, but must be {wanted}; None in the place of one that is not given"
+            f"the tangential force is {force}, but must be {wanted}; None in the place of one that "
+            "is not given"
         ) from None
     return x, y
 

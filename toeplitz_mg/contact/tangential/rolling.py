@@ -185,6 +185,8 @@ def roll(
     with grid.agree() as same:
         motion = Motion.of(g.shape, *asked, beside_lateral=is_lateral(guess))
         check_iteration(tolerance, max_products, progress)
+        if not isinstance(options, SteadyOptions | None):
+            raise TypeError(f"options is {options!r}, but must be contact.SteadyOptions(...)")
         same["the creepages"], same["the loads"] = motion.creepages, motion.loads
         same["pole"], same["directions"] = motion.pole, motion.directions
         same["options"], same["nested"] = options, bool(nested)

@@ -34,6 +34,7 @@ from toeplitz_mg.contact.tangential.problem import Problem, State, admit, refine
 from toeplitz_mg.contact.tangential.settling import settle
 from toeplitz_mg.contact.tangential.stick_slip import COARSE_PRODUCTS, solve
 from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.values import count
 
 STEP_TOLERANCE = 1e-6  # Tolerance of a step of rolling that only leads to the steady state.
 
@@ -50,6 +51,11 @@ class SteadyOptions:
         Changes of the areas without a smaller residual, after which it rolls step by step over the
         length of the grid, and searches on from there.
 
+    Raises
+    ------
+    ValueError, TypeError
+        For what is no integer, or below 1.
+
     See Also
     --------
     rolling : takes it as ``options=``.
@@ -57,6 +63,10 @@ class SteadyOptions:
 
     iterations: int = 60
     patience: int = 30
+
+    def __post_init__(self) -> None:
+        for name in ("iterations", "patience"):
+            count(name, getattr(self, name))
 
 
 def find_steady_state(
