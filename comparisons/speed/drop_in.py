@@ -2,7 +2,8 @@
 
 The rivals: `scipy.linalg.solve_toeplitz`, and what one writes by hand on `scipy.fft`, CG with
 T. Chan's circulant. CPU time on one thread, set-ups and the check of our residual included; the
-contenders in turns in one process, a fresh one for each symbol and decade; low quantiles.
+contenders in turns, whose order is drawn, in one process, a fresh one for each symbol and decade;
+low quantiles.
 
 What `solve_toeplitz` chooses by a ratio of two times is shown as it is, and as it would be where
 Levinson's recursion costs half or twice as much beside all else: the ratio is then fixed by the
@@ -15,6 +16,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from itertools import groupby
 from pathlib import Path
+from random import Random
 from time import process_time
 from typing import Any, NamedTuple
 from unittest.mock import patch
@@ -134,8 +136,10 @@ def time_in_turns(contenders: Mapping[str, Contender]) -> dict[str, float]:
         repeats[key] = max(1, round(SHORTEST / max(first, 1e-6)))
         turn += repeats[key] * first
     times: dict[str, list[float]] = {key: [] for key in contenders}
+    order, chance = list(contenders.items()), Random(0)
     for _ in range(max(1, min(TURNS, round(ENOUGH / turn)))):
-        for key, (run, ratio) in contenders.items():
+        chance.shuffle(order)  # A run is slower after one that has emptied the caches.
+        for key, (run, ratio) in order:
             with patch.dict(os.environ, {VARIABLE: ratio}):
                 start = process_time()
                 for _ in range(repeats[key]):
