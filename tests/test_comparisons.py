@@ -157,7 +157,8 @@ def test_drop_in(tmp_path, monkeypatch, capsys):
 
 
 def test_drop_in_of_other_symbols(tmp_path, monkeypatch, capsys):
-    options = ["--symbols", "|θ|", "contact", "--sizes", "311", "320", "--digits", "11"]
+    options = ["--symbols", "|θ|", "contact", "--sizes", "311", "320", "--columns", "1"]
+    options += ["--digits", "11"]
     run(drop_in, tmp_path, monkeypatch, capsys, *options)
     rows = rows_of(tmp_path / "drop_in.csv")
     assert {(row["symbol"], row["n"]) for row in rows} == {

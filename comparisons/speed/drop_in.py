@@ -3,7 +3,8 @@
 The rivals: `scipy.linalg.solve_toeplitz`, and what one writes by hand on `scipy.fft`, CG with
 T. Chan's circulant. CPU time on one thread, set-ups and the check of our residual included; the
 contenders in turns, whose order is drawn, in one process, a fresh one for each symbol and decade;
-low quantiles. ``--symbols``, ``--sizes`` and ``--digits``, of the residual, choose others.
+low quantiles. ``--symbols``, ``--sizes``, ``--columns`` and ``--digits``, of the residual, choose
+others.
 
 What `solve_toeplitz` chooses by a ratio of two times is shown as it is, and as it would be where
 Levinson's recursion costs half or twice as much beside all else: the ratio is then fixed by the
@@ -155,19 +156,21 @@ def residual(c: Array, x: Array, b: Array) -> float:
     return float((np.linalg.norm(r, axis=0) / np.linalg.norm(b, axis=0)).max())
 
 
-def run(sizes: Sequence[int], path: Path, names: Sequence[str], rtol: float) -> list[Row]:
+def run(
+    sizes: Sequence[int], path: Path, names: Sequence[str], columns: Sequence[int], rtol: float
+) -> list[Row]:
     """Measure all, and keep the table on disk up to date."""
     rows: list[Row] = []
     jobs = []
     for name in names:
-        for k in COLUMNS:
+        for k in columns:
             some = [n for n in sizes if k * n <= 2**22]
             jobs += [(name, k, list(own)) for _, own in groupby(some, lambda n: len(str(n)))]
-    for name, columns, own in tqdm(jobs, unit="decade"):
+    for name, k, own in tqdm(jobs, unit="decade"):
         # A process of its own for each: what one leaves behind is not the time of the next.
-        pairs = in_a_fresh_process(partial(measure, name, own, columns, rtol))
+        pairs = in_a_fresh_process(partial(measure, name, own, k, rtol))
         for n, pair in zip(own, pairs, strict=True):
-            rows.append({"symbol": name, "n": n, "columns": columns, **asdict(pair)})
+            rows.append({"symbol": name, "n": n, "columns": k, **asdict(pair)})
         report.write_csv(path, rows)
     return rows
 
@@ -255,10 +258,9 @@ def show_inverses(n: int) -> None:
 def plot(rows: Sequence[Row], path: Path) -> None:
     """Draw time over n, a panel for each number of right-hand sides."""
     figure = Figure(figsize=(11, 5), layout="constrained")
-    panels = zip(
-        figure.subplots(1, 2, sharey=True), report.group(rows, "columns").items(), strict=True
-    )
-    for ax, (columns, of_panel) in panels:
+    groups = report.group(rows, "columns")
+    axes = figure.subplots(1, len(groups), sharey=True, squeeze=False)[0]
+    for ax, (columns, of_panel) in zip(axes, groups.items(), strict=True):
         for k, (name, own) in enumerate(report.group(of_panel, "symbol").items()):
             n = [row["n"] for row in own]
             ax.plot(n, [row["seconds"] for row in own], color=f"C{k}", marker="o", label=name)
@@ -280,11 +282,12 @@ def main(quick_sizes: Sequence[int] = QUICK_SIZES) -> None:
         "Compare solve_toeplitz with SciPy's.",
         symbols=tuple(symbols.COLUMNS),
         sizes=[],
+        columns=list(COLUMNS),
         digits=DIGITS,
     )
     sizes = arguments.sizes or (quick_sizes if arguments.quick else SIZES)
     path, rtol = arguments.output / "drop_in.csv", 10.0**-arguments.digits
-    rows = run(sizes, path, arguments.symbols or SYMBOLS, rtol)
+    rows = run(sizes, path, arguments.symbols or SYMBOLS, arguments.columns, rtol)
     show(rows)
     if not arguments.sizes:
         show_inverses(2**14 if arguments.quick else 2**20)
