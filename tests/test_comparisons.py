@@ -29,7 +29,7 @@ from comparisons.preconditioners import (
 )
 from comparisons.preconditioners import figures as area_figures
 from comparisons.reliability import __main__ as reliability
-from comparisons.speed import baselines, by_hand, drop_in, gpu, scaling, scaling_model
+from comparisons.speed import baselines, by_hand, columns, drop_in, gpu, scaling, scaling_model
 from comparisons.speed import threads as speed_of_threads
 from comparisons.systems import fractional, matrices, random_matrices
 from tests.slabs.ranks import with_ranks
@@ -151,9 +151,31 @@ def test_drop_in(tmp_path, monkeypatch, capsys):
         "scipy.linalg.solve_toeplitz",
         "scipy.linalg.lu_solve",
     }
-    assert all(float(row["residual"]) <= drop_in.TOLERANCE for row in rows)
+    assert all(float(row["residual"]) <= 1e-8 for row in rows)
     ratios = [float(row[f"ratio{key}"]) for row in rows for key in ("", "_half", "_twice")]
     assert min(ratios) > 0.0
+
+
+def test_drop_in_of_other_symbols(tmp_path, monkeypatch, capsys):
+    options = ["--symbols", "|θ|", "contact", "--sizes", "311", "320", "--columns", "1"]
+    options += ["--digits", "11"]
+    run(drop_in, tmp_path, monkeypatch, capsys, *options)
+    rows = rows_of(tmp_path / "drop_in.csv")
+    assert {(row["symbol"], row["n"]) for row in rows} == {
+        (name, n) for name in ("|θ|", "contact") for n in ("311", "320")
+    }
+    assert all(float(row["residual"]) <= 1e-11 for row in rows)
+
+
+def test_columns(tmp_path, monkeypatch, capsys):
+    run(columns, tmp_path, monkeypatch, capsys)
+    rows = rows_of(tmp_path / "columns.csv")
+    assert {row["columns"] for row in rows} == {"2", "16"}
+    assert all(float(row[key]) > 0.0 for row in rows for key in (*columns.LIMITS, "SciPy"))
+    assert {row["systems"] for row in rows_of(tmp_path / "batches.csv")} == {"100"}
+    (dense,) = rows_of(tmp_path / "dense.csv")
+    assert dense["method"] == "scipy.linalg.lu_solve"
+    assert float(dense["residual"]) <= 1e-10
 
 
 def test_gpu(tmp_path, monkeypatch, capsys):
@@ -479,6 +501,7 @@ ALL = [
     symbols,
     general_symbols,
     drop_in,
+    columns,
     by_hand,
     gpu,
     scaling,

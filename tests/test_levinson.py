@@ -46,7 +46,7 @@ def test_a_ratio_that_is_none_is_refused(ratio, monkeypatch):
         tmg.solve_toeplitz(1.0 / np.arange(1.0, 501.0), np.ones(500))
 
 
-def test_the_ratio_decides_between_256_and_2048_alone(monkeypatch):
+def test_the_ratio_decides_between_316_and_2048_alone(monkeypatch):
     def methods(n):
         for ratio in ("1e-9", "1e9"):
             monkeypatch.setenv(machine.VARIABLE, ratio)
@@ -54,8 +54,8 @@ def test_the_ratio_decides_between_256_and_2048_alone(monkeypatch):
             yield tmg.solve_toeplitz(c, np.ones(n), full_output=True)[1].method
 
     cosine, recursion = "cg in the DCT domain", "scipy.linalg.solve_toeplitz"
-    assert [*methods(256)] == [recursion, recursion]
-    assert [*methods(257)] == [cosine, recursion]
+    assert [*methods(316)] == [recursion, recursion]
+    assert [*methods(317)] == [cosine, recursion]
     assert [*methods(2047)] == [cosine, recursion]
     assert [*methods(2048)] == [cosine, cosine]
 

@@ -1,5 +1,6 @@
 """What holds for every operator: it is its dense matrix, and a linear operator of SciPy."""
 
+import inspect
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 
@@ -8,6 +9,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.sparse.linalg import LinearOperator
 
+import toeplitz_mg as tmg
+from tests import cases
 from tests.cases import CASES
 
 
@@ -25,6 +28,15 @@ def A(case):
 @pytest.fixture(scope="module")
 def dense(case):
     return case.dense()
+
+
+def test_all_that_is_public_is_among_the_cases():
+    kinds = ("Operator", "_preconditioner", "_inverse", "multigrid")
+    builders = {name for name in tmg.__all__ if name.endswith(kinds)}
+    builders.remove("select_preconditioner")  # It says what is taken, and is no operator.
+    source = inspect.getsource(cases)
+    assert len(builders) >= 17
+    assert {name for name in builders if f"tmg.{name}" not in source} == set()
 
 
 def random(*shape, dtype=np.float64, seed=0):

@@ -114,7 +114,9 @@ def by_ducc0(set_up: SetUp, c: Array, b: Array) -> Action:
     return set_up(c, b)
 
 
-def plain_cg(preconditioner: Callable[[Array], Any] | None, c: Array, b: Array) -> Action:
+def plain_cg(
+    preconditioner: Callable[[Array], Any] | None, c: Array, b: Array, rtol: float = TOLERANCE
+) -> Action:
     """Solve by SciPy's cg with all written by hand, set-up included."""
 
     def solve() -> Array:
@@ -122,7 +124,7 @@ def plain_cg(preconditioner: Callable[[Array], Any] | None, c: Array, b: Array) 
         A = LinearOperator(shape, Plain(c), dtype=float)
         inverse = preconditioner and PlainCirculant(preconditioner(c))
         M = None if inverse is None else LinearOperator(shape, inverse, dtype=float)
-        x, info = cg(A, b, M=M, rtol=TOLERANCE, maxiter=2000)
+        x, info = cg(A, b, M=M, rtol=rtol, maxiter=2000)
         if info:
             raise ArithmeticError("not converged")
         return x

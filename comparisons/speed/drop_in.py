@@ -2,7 +2,9 @@
 
 The rivals: `scipy.linalg.solve_toeplitz`, and what one writes by hand on `scipy.fft`, CG with
 T. Chan's circulant. CPU time on one thread, set-ups and the check of our residual included; the
-contenders in turns in one process, a fresh one for each symbol and decade; low quantiles.
+contenders in turns, whose order is drawn, in one process, a fresh one for each symbol and decade;
+low quantiles. ``--symbols``, ``--sizes``, ``--columns`` and ``--digits``, of the residual, choose
+others.
 
 What `solve_toeplitz` chooses by a ratio of two times is shown as it is, and as it would be where
 Levinson's recursion costs half or twice as much beside all else: the ratio is then fixed by the
@@ -11,10 +13,12 @@ environment variable, and to the times of those who call the recursion so much o
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from itertools import groupby
 from pathlib import Path
+from random import Random
 from time import process_time
 from typing import Any, NamedTuple
 from unittest.mock import patch
@@ -26,11 +30,11 @@ from tqdm import tqdm
 
 import toeplitz_mg as tmg
 from comparisons.harness import report
-from comparisons.harness.measuring import TOLERANCE, time_call
+from comparisons.harness.measuring import time_call
 from comparisons.harness.processes import in_a_fresh_process, prepare
 from comparisons.harness.report import Row
 from comparisons.speed.by_hand_contenders import chan_column, plain_cg
-from comparisons.systems.symbols import column
+from comparisons.systems import symbols
 from toeplitz_mg._typing import Array
 from toeplitz_mg.solvers.levinson import levinson
 from toeplitz_mg.solvers.machine import VARIABLE, cosine_over_levinson
@@ -41,6 +45,7 @@ SIZES = (*range(1, 41), *(round(10 ** (k / A_DECADE)) for k in range(39, 6 * A_D
 TABULATED = (32, 100, 316, 1000, 3162, 10_000, 100_000, 1_000_000)  # In docs/benchmarks.md.
 QUICK_SIZES = (*range(1, 41, 3), *SIZES[40:80:4])
 COLUMNS = (1, 64)
+DIGITS = 8  # Those of the relative residual that is asked for, unless told otherwise.
 FACTORS = (1.0, 0.5, 2.0)  # How much more Levinson's recursion costs: 1 is as it is.
 LEVINSON_STEPS = 2**28  # Most steps, n² a column, of SciPy's, and so n = 16,384.
 BY_HAND = range(100, 2**17)  # Sizes for the rival by hand, which is far behind at the others.
@@ -48,8 +53,6 @@ ENOUGH = 0.2  # CPU seconds of all contenders' runs, after which there are no mo
 TURNS = 40  # Most turns.
 SHORTEST = 0.001  # CPU seconds of the runs of one turn, so that the clock resolves them.
 QUANTILE = 0.2  # Share of the turns that are faster: the others were disturbed.
-
-
 RECURSIVE = "scipy.linalg.solve_toeplitz"  # The method that is Levinson's recursion.
 
 
@@ -75,15 +78,15 @@ class Pair:
     residual: float
 
 
-def measure(name: str, sizes: Sequence[int], columns: int) -> list[Pair]:
+def measure(name: str, sizes: Sequence[int], columns: int, rtol: float) -> list[Pair]:
     """Time all contenders in this process."""
     ratio = cosine_over_levinson()
-    return [measure_one(name, n, columns, ratio) for n in sizes]
+    return [measure_one(name, n, columns, rtol, ratio) for n in sizes]
 
 
-def measure_one(name: str, n: int, columns: int, ratio: float) -> Pair:
+def measure_one(name: str, n: int, columns: int, rtol: float, ratio: float) -> Pair:
     """Time all contenders on one system, in turns, after a first run of each."""
-    c = column(name, n)
+    c = symbols.column(name, n)
     b = np.random.default_rng(0).standard_normal((n, columns) if columns > 1 else n)
     lags, rows = np.concatenate([c[:0:-1], c]), np.ascontiguousarray(b.T)
     infos: dict[float, tmg.SolveInfo] = {}
@@ -92,9 +95,9 @@ def measure_one(name: str, n: int, columns: int, ratio: float) -> Pair:
     for factor in FACTORS:
         fixed = str(ratio / factor)
         with patch.dict(os.environ, {VARIABLE: fixed}):
-            x, info = tmg.solve_toeplitz(c, b, rtol=TOLERANCE, full_output=True)
+            x, info = tmg.solve_toeplitz(c, b, rtol=rtol, full_output=True)
         contenders.setdefault(
-            info.method, Contender(partial(tmg.solve_toeplitz, c, b, rtol=TOLERANCE), fixed)
+            info.method, Contender(partial(tmg.solve_toeplitz, c, b, rtol=rtol), fixed)
         )
         infos[factor] = info
         reached = max(reached, residual(c, x, b))
@@ -102,7 +105,9 @@ def measure_one(name: str, n: int, columns: int, ratio: float) -> Pair:
         contenders["scipy"] = Contender(partial(scipy.linalg.solve_toeplitz, c, b))
         contenders["recursion"] = Contender(partial(levinson, lags, rows))
     if columns == 1 and n in BY_HAND:
-        contenders["by hand"] = Contender(plain_cg(chan_column, c, b))
+        with suppress(ArithmeticError):  # It may not converge.
+            (by_hand := plain_cg(chan_column, c, b, rtol))()
+            contenders["by hand"] = Contender(by_hand)
     seconds = time_in_turns(contenders)
 
     def compare(factor: float) -> float | None:
@@ -134,8 +139,10 @@ def time_in_turns(contenders: Mapping[str, Contender]) -> dict[str, float]:
         repeats[key] = max(1, round(SHORTEST / max(first, 1e-6)))
         turn += repeats[key] * first
     times: dict[str, list[float]] = {key: [] for key in contenders}
+    order, chance = list(contenders.items()), Random(0)
     for _ in range(max(1, min(TURNS, round(ENOUGH / turn)))):
-        for key, (run, ratio) in contenders.items():
+        chance.shuffle(order)  # A run is slower after one that has emptied the caches.
+        for key, (run, ratio) in order:
             with patch.dict(os.environ, {VARIABLE: ratio}):
                 start = process_time()
                 for _ in range(repeats[key]):
@@ -150,19 +157,21 @@ def residual(c: Array, x: Array, b: Array) -> float:
     return float((np.linalg.norm(r, axis=0) / np.linalg.norm(b, axis=0)).max())
 
 
-def run(sizes: Sequence[int], path: Path) -> list[Row]:
+def run(
+    sizes: Sequence[int], path: Path, names: Sequence[str], columns: Sequence[int], rtol: float
+) -> list[Row]:
     """Measure all, and keep the table on disk up to date."""
     rows: list[Row] = []
     jobs = []
-    for name in SYMBOLS:
-        for k in COLUMNS:
+    for name in names:
+        for k in columns:
             some = [n for n in sizes if k * n <= 2**22]
             jobs += [(name, k, list(own)) for _, own in groupby(some, lambda n: len(str(n)))]
-    for name, columns, own in tqdm(jobs, unit="decade"):
+    for name, k, own in tqdm(jobs, unit="decade"):
         # A process of its own for each: what one leaves behind is not the time of the next.
-        pairs = in_a_fresh_process(partial(measure, name, own, columns))
+        pairs = in_a_fresh_process(partial(measure, name, own, k, rtol))
         for n, pair in zip(own, pairs, strict=True):
-            rows.append({"symbol": name, "n": n, "columns": columns, **asdict(pair)})
+            rows.append({"symbol": name, "n": n, "columns": k, **asdict(pair)})
         report.write_csv(path, rows)
     return rows
 
@@ -230,7 +239,7 @@ def show_inverses(n: int) -> None:
     """Print what `toeplitz_inverse` costs and achieves."""
     table = []
     for name in SYMBOLS:
-        A = tmg.ToeplitzOperator(column(name, n))
+        A = tmg.ToeplitzOperator(symbols.column(name, n))
         with tmg.count_products() as setup:
             inverse, seconds = time_call(partial(tmg.toeplitz_inverse, A, rtol=0.1))
         with tmg.count_products() as product:
@@ -250,10 +259,9 @@ def show_inverses(n: int) -> None:
 def plot(rows: Sequence[Row], path: Path) -> None:
     """Draw time over n, a panel for each number of right-hand sides."""
     figure = Figure(figsize=(11, 5), layout="constrained")
-    panels = zip(
-        figure.subplots(1, 2, sharey=True), report.group(rows, "columns").items(), strict=True
-    )
-    for ax, (columns, of_panel) in panels:
+    groups = report.group(rows, "columns")
+    axes = figure.subplots(1, len(groups), sharey=True, squeeze=False)[0]
+    for ax, (columns, of_panel) in zip(axes, groups.items(), strict=True):
         for k, (name, own) in enumerate(report.group(of_panel, "symbol").items()):
             n = [row["n"] for row in own]
             ax.plot(n, [row["seconds"] for row in own], color=f"C{k}", marker="o", label=name)
@@ -270,10 +278,20 @@ def plot(rows: Sequence[Row], path: Path) -> None:
 def main(quick_sizes: Sequence[int] = QUICK_SIZES) -> None:
     """Run the comparison."""
     prepare("comparisons.speed.drop_in")
-    arguments = report.options("speed.drop_in", "Compare solve_toeplitz with SciPy's.")
-    rows = run(quick_sizes if arguments.quick else SIZES, arguments.output / "drop_in.csv")
+    arguments = report.options(
+        "speed.drop_in",
+        "Compare solve_toeplitz with SciPy's.",
+        symbols=tuple(symbols.COLUMNS),
+        sizes=[],
+        columns=list(COLUMNS),
+        digits=DIGITS,
+    )
+    sizes = arguments.sizes or (quick_sizes if arguments.quick else SIZES)
+    path, rtol = arguments.output / "drop_in.csv", 10.0**-arguments.digits
+    rows = run(sizes, path, arguments.symbols or SYMBOLS, arguments.columns, rtol)
     show(rows)
-    show_inverses(2**14 if arguments.quick else 2**20)
+    if not arguments.sizes:
+        show_inverses(2**14 if arguments.quick else 2**20)
     plot(rows, arguments.output / "drop_in.png")
 
 

@@ -46,9 +46,10 @@ LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in 
 
 # `python -m comparisons.speed.drop_in` measures both sides of these.
 GENERAL = 2048  # Fewest unknowns where GMRES is faster than Levinson's recursion, on any machine.
-SHORT = 256  # Most unknowns where Levinson's recursion is the fastest for a column, on any machine.
-LONG = 2048  # Fewest unknowns where CG in the DCT domain is, on any machine.
-CALLS = 9.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
+SHORT = 256  # Most unknowns where nothing that takes transforms is the fastest, on any machine.
+FEW_STEPS = 100_000  # Steps of Levinson's recursion, n² a column, that nothing beats anywhere.
+LONG = 2048  # Fewest unknowns where CG in the DCT domain is the fastest, on any machine.
+CALLS = 5.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
 SLOW = 1.5  # Time of CG in the DCT domain for a slow length, over that for a fast one.
 COSINE_NUMBERS = 20_000  # Most numbers in all columns where that is faster than the inverse.
 STEPS_OF_CG = 1_400_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
@@ -76,17 +77,16 @@ class Method(NamedTuple):
 
 
 def methods(system: ToeplitzSystem) -> Iterator[Method]:
-    """Yield what may solve a system, the best choice first.
+    """Return what may solve a system, the best choice first.
 
     The next one is asked for only where one has failed.
     """
     n, columns = len(system.c), system.columns
     if system.is_symmetric and not levinson_is_fastest(n, columns):
-        yield from _methods_of_symmetric(system)
-    elif not system.is_symmetric and n >= GENERAL:
-        yield from _methods_of_general(system)
-    else:
-        yield from _dense_methods(system)
+        return _methods_of_symmetric(system)
+    if not system.is_symmetric and n >= GENERAL:
+        return _methods_of_general(system)
+    return _dense_methods(system)
 
 
 def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
@@ -173,7 +173,8 @@ def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
     n, columns = len(system.c), system.columns
     if not lu_is_faster_than_levinson(n, columns):
         # Where no symbol is left to hope for, a correction takes a second recursion.
-        accepted = 0.0 if n <= SHORT or system.is_hermitian else UNSTABLE
+        is_corrected = n <= SHORT or system.is_symmetric or system.is_hermitian
+        accepted = 0.0 if is_corrected else UNSTABLE
         yield Method(LEVINSON, lambda B, rtol: (levinson(system.lags, B), 1), accepted)
     if n <= LARGEST_DENSE:
         # Levinson's recursion fails where a leading block is singular, or nearly so.
@@ -204,13 +205,13 @@ def levinson_is_fastest(n: int, columns: int) -> bool:
     It takes n² steps for a column. CG in the DCT domain takes calls, which cost as much as `CALLS`
     columns of `WINDOW` numbers do, and a time in proportion to the numbers.
     """
-    if n <= SHORT or n >= LONG:
-        return n <= SHORT
-    steps = columns * (n / WINDOW) ** 2
+    steps = columns * n**2
+    if n <= SHORT or n >= LONG or steps <= FEW_STEPS:
+        return n < LONG
     of_cosine = (CALLS + columns * n / WINDOW) / (CALLS + 1.0)
     if fast_length(n) > n:
         of_cosine *= SLOW
-    return steps <= of_cosine * cosine_over_levinson()
+    return steps / WINDOW**2 <= of_cosine * cosine_over_levinson()
 
 
 def cosine_is_faster_than_inverse(n: int, columns: int) -> bool:

@@ -12,6 +12,7 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.solvers.cosine_form import (
     ApproximateInverse,
     CosineForm,
+    alternate,
     by_parity,
 )
 
@@ -61,27 +62,31 @@ class CosineSolver:
         return self._signed(form.transform_back(X)), iterations
 
     def _signed(self, X: Rows) -> Rows:
-        return X * self._form.signs[: self._form.n] if self._alternates else X
+        return alternate(X) if self._alternates else X
 
     def _iterate(self, R: Rows, rtol: float) -> tuple[Rows, int]:
-        """Iterate from zero, in the domain of the transform; R becomes the residual."""
+        """Iterate from zero, in the domain of the transform; R becomes the residual.
+
+        If A is shorter than that, what X, P and Z have outside of the middle is multiplied by zero:
+        it changes neither R nor inner products with R.
+        """
         form, M = self._form, self._M
         sizes = np.vecdot(R, R)
-        goals = rtol**2 * sizes
+        reached = rtol**2 * sizes
         X, P, Z, W = np.zeros_like(R), np.zeros_like(R), np.empty_like(R), np.empty_like(R)
         R_even, R_odd, Z_even, Z_odd, P_even, P_odd, W_even, W_odd = (
             part for V in (R, Z, P, W) for part in (V[..., ::2], V[..., 1::2])
         )
         W_even, W_odd = W_even.T, W_odd.T  # They take a number for each row.
         R_lowest, Z_lowest = by_parity(R), by_parity(Z)
-        even = odd = np.ones_like(goals)
+        even = odd = np.ones_like(sizes)
+        squares, goals = sizes, reached
         iterations = 0
-        while not ((squares := np.vecdot(R, R)) <= goals).all():
+        while not (squares <= goals).all():
             if iterations == MOST_ITERATIONS or (iterations == TRIAL and (squares > sizes).any()):
                 raise np.linalg.LinAlgError(f"no convergence in {iterations} iterations")
             np.multiply(R, M.diagonal, out=Z)
             np.matmul(R_lowest, M.lowest, out=Z_lowest)
-            form.cut(Z)
             last_even, last_odd = even, odd
             even, odd = np.vecdot(R_even, Z_even), np.vecdot(R_odd, Z_odd)
             W_even[...], W_odd[...] = _divide(even, last_even), _divide(odd, last_odd)
@@ -94,7 +99,8 @@ class CosineSolver:
             R -= Q
             W *= P
             X += W
-            goals = np.maximum(rtol**2 * sizes, self._rounding**2 * np.vecdot(X, X))
+            squares = np.vecdot(R, R)
+            goals = np.maximum(reached, self._rounding**2 * np.vecdot(X, X))
             iterations += 1
         return X, iterations
 

@@ -11,14 +11,14 @@ Linear Algebra Appl. 254 (1997), for C A Cᵀ as a Cauchy-like matrix; A. L. And
 certain matrices, Linear Algebra Appl. 7 (1973), for the even and the odd part of a vector.
 """
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import count
 from typing import NamedTuple
 
 import numpy as np
 
 # They take half the time of those of scipy.fft where vectors are short; that of the call is theirs.
-from scipy.fftpack import dct, dst, idct, idst
+from scipy.fftpack import dct, dst, idct, idst, irfft, rfft
 from scipy.linalg.lapack import dpotrf, dpotri
 
 from toeplitz_mg._typing import Array, Rows
@@ -54,37 +54,42 @@ class CosineForm:
         self.m = m
         start = (m - n) // 2
         self.middle = slice(start, start + n)
-        # The lags of c and of what may follow it, and all of them with Fejér's weights.
-        self._lags = np.empty((2, m + 1))
-        lags, weighted = self._lags
+        self._c = c
+        # The lags of c and of what may follow it, each as often as the circulant has it. Of their
+        # sums the cosines are what is wanted here, the sines are for the lowest frequencies.
+        lags = self._lags = np.empty(m + 1)
         lags[:n] = c
         lags[n:] = _continue(c, m - n + 1)
-        np.multiply(lags, 1.0 - np.arange(m + 1) / m, out=weighted)
-        count_transforms(2, m)
-        self.samples, self._fejer = dct(self._lags, 1)
-        # Half the samples in the order of the DCT and in that of the DST, at θ = πk/m, k = 1 … m,
-        # which is the DCT of alternating signs in reverse.
+        lags[1:m] *= 2.0
+        sums = _transform_extended(lags, 2 * m)
+        self.samples = np.empty(m + 1)
+        self.samples[0], self.samples[1:] = sums[0], sums[1::2]
+        self._sines = -sums[2 : 2 * LOWEST : 2]
+
+    @cached_property
+    def _halves(self) -> tuple[Array, Array]:
+        """Half the samples in the order of the DCT, and in that of the DST, at θ = πk/m."""
         half = 0.5 * self.samples
-        self._cosine, self._sine = half[:-1], half[1:]
-        self.signs = np.ones(m)
-        self.signs[1::2] = -1.0
+        return half[:-1], half[1:]
+
+    @cached_property
+    def _pairs(self) -> Array:
+        """The samples for the real and for the imaginary parts of what `rfft` returns."""
+        return np.repeat(self.samples, 2)[1:-1]
 
     def alternated(self) -> "CosineForm":
         """Return the form of D A D, whose symbol is f(π - θ): every second lag has another sign."""
-        return CosineForm(self._lags[0, : self.n] * self.signs[: self.n])
+        return CosineForm(alternate(self._c))
 
     def multiply(self, X: Rows) -> Rows:
-        """Multiply rows of length n by A."""
-        count_transforms(4 * (X.size // self.n), self.m)
-        Y = np.empty((2, *X.shape[:-1], self.m))
-        Y[:] = self._extend(X)
-        Y[1] *= self.signs
-        Y = dct(Y, norm="ortho", overwrite_x=True)
-        Y[0] *= self._cosine
-        Y[1] *= self._sine[::-1]
-        Y = idct(Y, norm="ortho", overwrite_x=True)
-        Y[1] *= self.signs
-        return np.add(Y[0], Y[1])[..., self.middle]
+        """Multiply rows of length n by A, as a block of the circulant."""
+        count_transforms(2 * (X.size // self.n), 2 * self.m)
+        return self._multiply(X)
+
+    def _multiply(self, X: Rows) -> Rows:
+        Y = _transform_extended(X, 2 * self.m)
+        Y *= self._pairs
+        return irfft(Y, overwrite_x=True)[..., : self.n]
 
     def transform(self, X: Rows) -> Rows:
         """Return rows of length n in the domain of the transform, of length m."""
@@ -95,37 +100,33 @@ class CosineForm:
         return idct(Y, norm="ortho")[..., self.middle]
 
     def multiply_transformed(self, P: Rows) -> Rows:
-        """Multiply rows in the domain of the transform by A."""
+        """Multiply rows in the domain of the transform by A: of longer ones, the middle."""
+        if self.m > self.n:
+            return self.transform(self._multiply(self.transform_back(P)))
+        cosine, sine = self._halves
         Y = dst(idct(P, norm="ortho"), norm="ortho", overwrite_x=True)
-        Y *= self._sine
-        Y = idst(Y, norm="ortho", overwrite_x=True)
-        if self.m > self.n:
-            Y += idct(self._cosine * P, norm="ortho", overwrite_x=True)
-            return self._cut(Y)
-        Y = dct(Y, norm="ortho", overwrite_x=True)
-        Y += self._cosine * P
+        Y *= sine
+        Y = dct(idst(Y, norm="ortho", overwrite_x=True), norm="ortho", overwrite_x=True)
+        Y += cosine * P
         return Y
-
-    def cut(self, P: Rows) -> None:
-        """Cut what rows in the domain of the transform have outside of the middle, in place."""
-        if self.m > self.n:
-            P[...] = self._cut(idct(P, norm="ortho"))
 
     def count_iterations(self, iterations: int, rows: int) -> None:
         """Count the transforms of so many iterations, and those of the vectors to and fro."""
-        each = 4 if self.m == self.n else 7
+        each = 4 if self.m == self.n else 6
         count_transforms((each * iterations + 2) * rows, self.m)
 
     def lowest_blocks(self) -> Array:
         """Return C A Cᵀ of the lowest frequencies, shape (2, k, k): the even ones, and the odd."""
         table = _table(self.m)
-        count_transforms(1, self.m)
-        S = np.zeros(LOWEST)  # Twice the sums of c_j sin jθ over 0 < j < m.
-        S[1:] = dst(self._lags[0, 1 : self.m], 1)[: LOWEST - 1]
+        count_transforms(2, 2 * self.m)  # This one, and that of the samples.
+        fejer = _transform_extended(self._lags * table.weights, 2 * self.m)
+        S, of_fejer = np.zeros(LOWEST), np.empty(LOWEST)
+        S[1:] = self._sines
+        of_fejer[0], of_fejer[1:] = fejer[0], fejer[1 : 2 * LOWEST - 1 : 2]
         N = table.kernel * by_parity(S)
         B = N + N.swapaxes(1, 2)
         diagonals = B.reshape(2, 1, -1)[:, :, :: LOWEST // 2 + 1]
-        diagonals[...] = by_parity(self._fejer[:LOWEST] - table.of_diagonal * S)
+        diagonals[...] = by_parity(of_fejer - table.of_diagonal * S)
         return B
 
     @property
@@ -142,11 +143,12 @@ class CosineForm:
         extended[..., self.middle] = X
         return extended
 
-    def _cut(self, Y: Rows) -> Rows:
-        """Transform rows of length m, and zeros in the place of what is not in the middle."""
-        Y[..., : self.middle.start] = 0.0
-        Y[..., self.middle.stop :] = 0.0
-        return dct(Y, norm="ortho", overwrite_x=True)
+
+def _transform_extended(X: Rows, length: int) -> Rows:
+    """Return the transform of rows with zeros behind them: real and imaginary parts in turn."""
+    extended = np.zeros((*X.shape[:-1], length))
+    extended[..., : X.shape[-1]] = X
+    return rfft(extended, overwrite_x=True)
 
 
 class ApproximateInverse:
@@ -190,6 +192,13 @@ def _invert(B: Array, out: Array) -> None:
     out.ravel()[:: len(B) + 1] *= 0.5
 
 
+def alternate(X: Rows) -> Rows:
+    """Return rows of which every second number has another sign."""
+    Y = X.copy()
+    Y[..., 1::2] *= -1.0
+    return Y
+
+
 def by_parity(X: Rows) -> Array:
     """Return a view of the lowest even and odd frequencies of rows, shape (2, rows, k)."""
     return X[..., :LOWEST].reshape(-1, LOWEST // 2, 2).transpose(2, 0, 1)
@@ -222,6 +231,7 @@ class _Table(NamedTuple):
 
     kernel: Array  # Shape (2, k, k): its columns times the sums, plus the transpose, are the block.
     of_diagonal: Array  # Shape (2 k,): times the sums it is taken from Fejér's for the diagonal.
+    weights: Array  # Shape (m + 1,): those of Fejér.
 
 
 @lru_cache(maxsize=64)
@@ -242,4 +252,4 @@ def _table(m: int) -> _Table:
     kernel = 0.5 * weights.swapaxes(1, 2) * weights * a / difference
     of_diagonal = np.zeros(LOWEST)
     of_diagonal[1:] = 1.0 / (m * np.sin(theta[1:]))
-    return _Table(kernel, of_diagonal)
+    return _Table(kernel, of_diagonal, 1.0 - np.arange(m + 1) / m)

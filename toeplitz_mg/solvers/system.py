@@ -15,7 +15,7 @@ from toeplitz_mg.solvers.cosine_form import CosineForm
 from toeplitz_mg.solvers.fourier_form import FourierForm, has_fourier_form
 
 EPS = float(np.finfo(np.float64).eps)
-SHORT = 800  # Most unknowns of which a product by its definition is as fast as one by FFT.
+SHORT = 700  # Most unknowns of which a product by its definition is as fast as one by FFT.
 LONG = 2048  # Fewest unknowns of which a product in a domain of their own is faster than by FFT.
 LARGEST_COSINE = 2**16  # Most unknowns of which a product is by transforms at once, not in panels.
 SMALL = 256  # Most unknowns where a filled matrix is as fast, for several vectors.
@@ -108,7 +108,7 @@ class ToeplitzSystem:
         if X.ndim == 1 and n <= SHORT:
             # This is `numpy.convolve`, which for some unknowns takes twice as long.
             return np.correlate(self.lags, X[::-1].conj(), "valid")
-        if X.ndim == 1 and n < LONG:
+        if X.ndim == 1 and n < LONG and "cosine_form" not in self.__dict__:
             return self._multiply_by_transforms(X)
         if n <= SMALL:
             return X @ self._dense.T
@@ -120,12 +120,16 @@ class ToeplitzSystem:
 
     def _multiply_by_transforms(self, x: Array) -> Array:
         """Multiply a vector by a circulant that has A as a block: that takes few calls."""
-        n = len(self.c)
+        n, of_lags = len(self.c), len(self.lags)
         is_complex = self.c.dtype.kind == "c"
         forward, back = (np.fft.fft, np.fft.ifft) if is_complex else (np.fft.rfft, np.fft.irfft)
-        m = next_fast_len(len(self.lags), real=not is_complex)
+        m = next_fast_len(of_lags, real=not is_complex)
+        rows = np.zeros((2, m), self.c.dtype)
+        rows[0, :of_lags], rows[1, :n] = self.lags, x
         count_transforms(3, m)
-        return back(forward(self.lags, m) * forward(x, m), m)[n - 1 : 2 * n - 1]
+        a, y = forward(rows)
+        y *= a
+        return back(y, m)[n - 1 : of_lags]
 
     @cached_property
     def _dense(self) -> Array:
