@@ -9,12 +9,13 @@ A vector may be a field of any shape, real or complex. The sums of its parts are
 precision.
 
 The functions are for vectors that this process has. `Vectors` has them as methods, for vectors of
-which each of several processes has a part: iterations take their inner products from there.
+which each of several processes has a part: iterations take their inner products from there. Those
+of fields of several axes are the same bits then, whoever has which rows (see `row_dots`).
 """
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from math import hypot, inf, sqrt
+from math import fsum, hypot, inf, prod, sqrt
 from typing import Any
 
 import numpy as np
@@ -22,13 +23,18 @@ from numpy.typing import DTypeLike
 from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.threads import WORTH_THREADS, elementwise, share_rows, share_slices
+from toeplitz_mg.engine.threads import PIECE, WORTH_THREADS, elementwise, share_rows, share_slices
 from toeplitz_mg.engine.workspace import workspace
 
 # From a number, or an array of them, to those of all processes, in the same order in each of them.
 Gather = Callable[[Any], Sequence[Any]]
 
 PART = 2**13  # Numbers of a part: OpenBLAS shares a vector of more than 10,000 among threads.
+SHORT = 32  # Numbers of a row from which on it is worth it to add up rows, and then these exactly.
+
+# How many unknowns each row of a field has, or the first unknown of each row where they differ in
+# that; None where a field has no rows, or short ones.
+Rows = int | Array | None
 
 
 def dot(x: Array, y: Array) -> float:
@@ -73,6 +79,65 @@ def dots(X: Array, y: Array) -> Array:
     return sums.reshape(len(X), -1).sum(axis=1, dtype=double) + rest
 
 
+def rows_of(shape: tuple[int, ...], mask: Array | None = None) -> Rows:
+    """Return the rows of a field of this shape, or of its unknowns: pieces of its last axis.
+
+    Of a field of which a process has a part, `shape` is that of the whole, and `mask` of the part.
+    """
+    n = shape[-1]
+    # Pieces of a row that is too long for one part are as long as each other.
+    count = next((k for k in range(-(-n // PART), n // SHORT + 1) if n % k == 0), 0)
+    if prod(shape[:-1]) <= 1 or not count:
+        return None
+    if mask is None:
+        return n // count
+    lengths = np.count_nonzero(mask.reshape(-1, n // count), axis=1)
+    return (np.cumsum(lengths) - lengths)[lengths > 0]
+
+
+def row_dots(x: Array, y: Array, rows: Any) -> Array:
+    """Return the inner products of the rows of two real vectors.
+
+    Neither other rows nor threads change the bits of one. The exact sum of all, rounded once, is
+    then the same for all processes that have the rows among them, and for one that has them all.
+    """
+    if type(rows) is int:
+        return _dots_of_equal_rows(x.reshape(-1, rows), y.reshape(-1, rows))
+    if x.size <= PIECE:
+        return np.add.reduceat(x * y, rows)
+    sums = np.empty(len(rows), np.result_type(x, y))
+
+    def work(part: slice) -> None:
+        start = int(rows[part.start])
+        stop = int(rows[part.stop]) if part.stop < len(rows) else x.size
+        product = workspace((stop - start,), sums.dtype)
+        np.multiply(x[start:stop], y[start:stop], out=product)
+        np.add.reduceat(product, rows[part] - start, out=sums[part])
+
+    share_slices(work, len(rows), max(1, PIECE * len(rows) // x.size), x.size)
+    return sums
+
+
+def _dots_of_equal_rows(X: Array, Y: Array) -> Array:
+    if X.size < WORTH_THREADS:
+        return np.vecdot(X, Y)
+    sums = np.empty(len(X), np.result_type(X, Y))
+
+    def work(part: slice) -> None:
+        np.vecdot(X[part], Y[part], out=sums[part])
+
+    share_rows(work, X)
+    return sums
+
+
+def _add_exactly(numbers: list[float]) -> float:
+    """Return the sum of numbers, rounded once, in whatever order they are."""
+    try:
+        return fsum(numbers)
+    except (OverflowError, ValueError):  # Some are not finite, or their sum is not.
+        return float(np.sum(numbers))
+
+
 def norm(x: Array) -> float:
     """Return the 2-norm of a vector, real or complex; no square of a number over- or underflows."""
     if x.ndim > 1:
@@ -101,23 +166,19 @@ def axpy(a: complex, x: Array, y: Array) -> Array:
         It is changed, and must be C-contiguous.
     """
     _require_contiguous(y)
+    a = y.dtype.type(a)
+    if y.size <= PIECE:
+        y += a * x
+        return y
+    # BLAS rounds the last few numbers otherwise on some processors, and so those of some ranks.
     x_line, y_line = (x.reshape(-1), y.reshape(-1)) if y.ndim > 1 else (x, y)
-    if y.size >= WORTH_THREADS:
 
-        def work(piece: slice) -> None:
-            product = workspace((y_line[piece].size,), y.dtype)
-            np.multiply(x_line[piece], a, out=product)
-            y_line[piece] += product
+    def work(piece: slice) -> None:
+        product = workspace((y_line[piece].size,), y.dtype)
+        np.multiply(x_line[piece], a, out=product)
+        y_line[piece] += product
 
-        a = y.dtype.type(a)
-        share_rows(work, y_line)
-        return y
-    add = _blas("axpy", y.dtype.char)
-    if 0 < y.size <= PART:
-        add(x_line, y_line, a=a)
-        return y
-    for k in range(0, y.size, PART):
-        add(x_line[k : k + PART], y_line[k : k + PART], a=a)
+    share_slices(work, y.size, PIECE, y.size)
     return y
 
 
@@ -132,6 +193,10 @@ def aypx(a: complex, x: Array, y: Array) -> Array:
         It is changed, and must be C-contiguous.
     """
     _require_contiguous(y)
+    if y.size < WORTH_THREADS:
+        y *= a
+        y += x
+        return y
     x_line, y_line = (x.reshape(-1), y.reshape(-1)) if y.ndim > 1 else (x, y)
 
     def work(piece: slice) -> None:
@@ -235,6 +300,8 @@ class Vectors:
     ----------
     gather : callable, optional
         Takes a number, or an array, and returns those of all processes, in the same order in each.
+    rows : int or ndarray of int, optional
+        Of real vectors of fields whose rows no two processes share: `rows_of` these.
 
     Attributes
     ----------
@@ -269,7 +336,7 @@ class Vectors:
     xp: Any = np
     cuts_fields = True
 
-    def __init__(self, gather: Gather | None = None) -> None:
+    def __init__(self, gather: Gather | None = None, rows: Rows = None) -> None:
         self.gather: Gather = gather or (lambda number: (number,))
 
         def of_parts(combine: Callable[[Sequence[Any]], Any], of_part: Any) -> Any:
@@ -277,7 +344,19 @@ class Vectors:
                 return of_part
             return lambda *vectors: combine(gather(of_part(*vectors)))
 
-        self.dot: Callable[[Array, Array], float] = of_parts(sum, dot)
+        def dot_by_rows(x: Array, y: Array) -> float:
+            numbers = row_dots(x, y, rows).tolist()
+            total = _add_exactly(numbers)
+            if gather is not None:
+                # What rounding takes from it goes with it: together they are as good as exact.
+                numbers.append(-total)
+                both = np.array([total, _add_exactly(numbers)])
+                total = _add_exactly(np.ravel(gather(both)).tolist())
+            return total
+
+        self.dot: Callable[[Array, Array], float] = (
+            of_parts(sum, dot) if rows is None else dot_by_rows
+        )
         self.dots: Callable[[Array, Array], Array] = of_parts(sum, dots)
         self.norm: Callable[[Array], float] = of_parts(lambda norms: hypot(*norms), norm)
         self.sum: Callable[[Array], float] = of_parts(sum, _sum)
