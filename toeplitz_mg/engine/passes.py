@@ -147,14 +147,19 @@ class PanelPasses:
 
         Number k has the lines along axis k, where the axes before are not extended, or cut again.
         """
-        grid = self._grid[:-1]
-        return [P[(slice(None), slice(None), *map(slice, grid[:k]))] for k in range(len(grid) + 1)]
+        return [P[cut] for cut in self._cuts]
+
+    @cached_property
+    def _cuts(self) -> list[tuple[slice, ...]]:
+        """The indices of these."""
+        whole = (slice(None),) * 2
+        return [(*whole, *map(slice, self._grid[:k])) for k in range(len(self._grid))]
 
     def _columns(self, lines: list[Array], columns: slice) -> None:
         """Multiply some frequencies of the last axis, given these views, in place."""
         grid = self._grid[:-1]
         for k in reversed(range(len(grid))):
-            lines[k][(slice(None),) * (2 + k) + (slice(grid[k], None),)] = 0.0
+            lines[k][:, :, *self._cuts[k][2:], grid[k] :] = 0.0
             _in_place(fft.fft, lines[k], 2 + k)
         self._times_spectrum(lines[0], columns)
         for k in range(len(grid)):

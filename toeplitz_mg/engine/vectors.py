@@ -102,7 +102,8 @@ def row_dots(x: Array, y: Array, rows: Any) -> Array:
     then the same for all processes that have the rows among them, and for one that has them all.
     """
     if type(rows) is int:
-        return _dots_of_equal_rows(x.reshape(-1, rows), y.reshape(-1, rows))
+        X, Y = x.reshape(-1, rows), y.reshape(-1, rows)
+        return np.vecdot(X, Y) if x.size < WORTH_THREADS else _share_dots(X, Y)
     if x.size <= PIECE:
         return np.add.reduceat(x * y, rows)
     sums = np.empty(len(rows), np.result_type(x, y))
@@ -118,9 +119,7 @@ def row_dots(x: Array, y: Array, rows: Any) -> Array:
     return sums
 
 
-def _dots_of_equal_rows(X: Array, Y: Array) -> Array:
-    if X.size < WORTH_THREADS:
-        return np.vecdot(X, Y)
+def _share_dots(X: Array, Y: Array) -> Array:
     sums = np.empty(len(X), np.result_type(X, Y))
 
     def work(part: slice) -> None:
