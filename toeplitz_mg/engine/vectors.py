@@ -30,6 +30,7 @@ from toeplitz_mg.engine.workspace import workspace
 Gather = Callable[[Any], Sequence[Any]]
 
 PART = 2**13  # Numbers of a part: OpenBLAS shares a vector of more than 10,000 among threads.
+AT_ONCE = 2**17  # Numbers up to which pieces take longer to begin than the cache saves.
 SHORT = 32  # Numbers of a row from which on it is worth it to add up rows, and then these exactly.
 
 # How many unknowns each row of a field has, or the first unknown of each row where they differ in
@@ -104,7 +105,7 @@ def row_dots(x: Array, y: Array, rows: Any) -> Array:
     if type(rows) is int:
         X, Y = x.reshape(-1, rows), y.reshape(-1, rows)
         return np.vecdot(X, Y) if x.size < WORTH_THREADS else _share_dots(X, Y)
-    if x.size <= PIECE:
+    if x.size <= AT_ONCE:
         return np.add.reduceat(x * y, rows)
     sums = np.empty(len(rows), np.result_type(x, y))
 
@@ -166,7 +167,7 @@ def axpy(a: complex, x: Array, y: Array) -> Array:
     """
     _require_contiguous(y)
     a = y.dtype.type(a)
-    if y.size <= PIECE:
+    if y.size <= AT_ONCE:
         y += a * x
         return y
     # BLAS rounds the last few numbers otherwise on some processors, and so those of some ranks.
