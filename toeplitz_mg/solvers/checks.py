@@ -9,7 +9,8 @@ from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.library import NUMPY, Library, library_of
-from toeplitz_mg.engine.vectors import Vectors, rows_of
+from toeplitz_mg.engine.row_sums import rows_of
+from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.operators.base import library_for, vectors_of
 from toeplitz_mg.values import count, is_foreign, real
 
