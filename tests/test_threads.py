@@ -26,6 +26,7 @@ STEEL = Material(E=210000.0, nu=0.28)
 
 SMALL = {"WORTH_THREADS": 16, "PIECE": 16, "BATCH": 64, "CHUNK": 32, "BLOCK": 16}
 SMALL |= {"WHOLE_BYTES": 1024, "PANEL_BYTES": 1024, "BLOCK_BYTES": 1024, "NARROW": 1}
+SMALL |= {"SHARED": 64, "AT_ONCE": 16}
 
 
 @pytest.fixture
@@ -101,6 +102,25 @@ def test_cg_has_the_same_bits(shape, choose):
             return x
 
         assert_same_bits(solve)
+
+
+@pytest.mark.usefixtures("eager")
+@pytest.mark.parametrize("shape", [(40, 50), (7, 6, 33)])
+def test_the_set_up_of_a_grid_and_sums_by_its_rows_have_the_same_bits(shape):
+    c = 0.5 ** np.indices(shape).sum(axis=0)
+    lags = np.random.default_rng(2).standard_normal([2 * n - 1 for n in shape])
+    mask = np.random.default_rng(0).random(shape) < 0.7
+
+    def solve():
+        full, general = tmg.ToeplitzOperator(c), tmg.ToeplitzOperator.from_lags(lags)
+        found = [general @ np.ones(general.shape[0])]
+        for A in (full, tmg.MaskedOperator(full, mask)):
+            x, info = tmg.cg(A, np.ones(A.shape[0]), rtol=1e-8)
+            assert info == 0
+            found.append(x)
+        return np.concatenate(found)
+
+    assert_same_bits(solve)
 
 
 @pytest.mark.usefixtures("eager")

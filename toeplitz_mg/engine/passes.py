@@ -5,6 +5,7 @@ out. They work on a panel of some frequencies of the last axis that stays in the
 """
 
 from collections.abc import Iterator
+from functools import cached_property
 from math import prod
 from typing import Any
 
@@ -104,31 +105,32 @@ class PanelPasses:
         share(work, -(-len(y) // height), TRANSFORM * Z.size)
         return fields
 
-    @property
-    def _phases(self) -> Array | None:
-        """The factors that shift the frequencies by 1/4; None of a complex matrix."""
+    @cached_property
+    def _phases(self) -> tuple[Array, Array] | None:
+        """The factors that shift the frequencies by 1/4 and back; None of a complex matrix."""
         if self._is_complex:
             return None
-        return phase_factors(self.lengths[-1], 0.25, self.precision)[: self._grid[-1]]
+        w = phase_factors(self.lengths[-1], 0.25, self.precision)[: self._grid[-1]]
+        return w, w.conj()
 
     def _enter(self, x: Array, R: Array) -> None:
         """Transform lines along the last axis into `R`, which is longer."""
-        n, w = x.shape[-1], self._phases
-        if w is None:
+        n, phases = x.shape[-1], self._phases
+        if phases is None:
             R[..., :n] = x
         else:
-            np.multiply(x, w, out=R[..., :n], casting="same_kind")
+            np.multiply(x, phases[0], out=R[..., :n], casting="same_kind")
         R[..., n:] = 0.0
         _in_place(fft.fft, R, -1)
 
     def _leave(self, R: Array, y: Array) -> None:
         """Transform what `_enter` has returned back, into `y`."""
         _in_place(fft.ifft, R, -1)
-        R, w = R[..., : y.shape[-1]], self._phases
-        if w is None:
+        R, phases = R[..., : y.shape[-1]], self._phases
+        if phases is None:
             y[...] = R
         else:
-            R *= w.conj()
+            R *= phases[1]
             y[...] = R.real
 
     def _panel(self, part: Array, columns: slice) -> None:
@@ -145,14 +147,19 @@ class PanelPasses:
 
         Number k has the lines along axis k, where the axes before are not extended, or cut again.
         """
-        grid = self._grid[:-1]
-        return [P[(slice(None), slice(None), *map(slice, grid[:k]))] for k in range(len(grid) + 1)]
+        return [P[cut] for cut in self._cuts]
+
+    @cached_property
+    def _cuts(self) -> list[tuple[slice, ...]]:
+        """The indices of these."""
+        whole = (slice(None),) * 2
+        return [(*whole, *map(slice, self._grid[:k])) for k in range(len(self._grid))]
 
     def _columns(self, lines: list[Array], columns: slice) -> None:
         """Multiply some frequencies of the last axis, given these views, in place."""
         grid = self._grid[:-1]
         for k in reversed(range(len(grid))):
-            lines[k][(slice(None),) * (2 + k) + (slice(grid[k], None),)] = 0.0
+            lines[k][:, :, *self._cuts[k][2:], grid[k] :] = 0.0
             _in_place(fft.fft, lines[k], 2 + k)
         self._times_spectrum(lines[0], columns)
         for k in range(len(grid)):

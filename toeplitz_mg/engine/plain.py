@@ -8,7 +8,7 @@ of the package needs of a library, as `library.NumPy` has it for NumPy's arrays,
 from collections.abc import Callable
 from functools import lru_cache, partial
 from math import inf, prod, sqrt
-from types import MappingProxyType
+from operator import truediv
 from typing import Any
 
 import numpy as np
@@ -31,21 +31,22 @@ except ImportError as error:
         "arrays of other libraries than NumPy need array-api-compat: install toeplitz-mg[arrays]"
     ) from error
 
+LESS = {"float64": "float32", "complex128": "complex64"}  # What some libraries have at the most.
+
 
 class Plain:
     """The library of some arrays, on one device (see `library.NumPy`)."""
 
-    dense, in_place = 0, MappingProxyType[str, Any]({})  # No product is dense, no `fft` in place.
-
     def __init__(self, xp: Any, device: Any) -> None:
         self.xp, self.fft, self.device = xp, xp.fft, device
+        self.dense, self.in_place = 0, dict[str, Any]()  # No product is dense, no `fft` in place.
         self.name = xp.__name__.removeprefix("array_api_compat.")
-        self.vectors = PlainVectors(self)
+        self.vectors, self.vectors_of = PlainVectors(self), partial(PlainVectors, self)
         self.fourier = Transforms(xp.fft.rfftn, self._of_complex(xp.fft.irfftn))
         self.complex_fourier = Transforms(xp.fft.fftn, self._of_complex(xp.fft.ifftn))
         self.cosine = Transforms(*(partial(along, f, self) for f in (dct, idct)))
         self.sine = Transforms(*(partial(along, f, self) for f in (dst, idst)))
-        self.cosine_sums = partial(cosine_sums, self)
+        self.cosine_sums, self.invert = partial(cosine_sums, self), partial(truediv, 1.0)
         self.diagonalise = partial(PlainDiagonalised, self)
         self.passes = partial(PlainPasses, self)
 
@@ -80,10 +81,8 @@ class Plain:
 
     def native(self, dtype: DTypeLike) -> Any:
         """Return a dtype of the library: that, or one of less precision where it has no other."""
-        dtypes = self.xp.__array_namespace_info__().dtypes()
-        name = np.dtype(dtype).name
-        less = {"float64": "float32", "complex128": "complex64"}
-        return dtypes[name if name in dtypes else less[name]]
+        dtypes, name = self.xp.__array_namespace_info__().dtypes(), np.dtype(dtype).name
+        return dtypes[name if name in dtypes else LESS[name]]
 
     def conj(self, array: Any) -> Any:
         """Return the complex conjugate of numbers, themselves where they are real."""
@@ -92,10 +91,6 @@ class Plain:
     def real(self, array: Any) -> Any:
         """Return the real part of numbers, themselves where they are real."""
         return self.xp.real(array) if self.dtype(array).kind == "c" else array
-
-    def invert(self, array: Any) -> Any:
-        """Return the inverses of numbers."""
-        return 1.0 / array
 
     def arange(self, n: int) -> Any:
         """Return 0, 1, ... n - 1, in double precision."""
@@ -107,17 +102,19 @@ class Plain:
 
     def sizes(self, array: Any) -> Any:
         """Return the sizes of numbers; of a complex one the sum of those of its parts."""
-        if self.dtype(array).kind != "c":
-            return self.xp.abs(array)
-        return self.xp.abs(self.xp.real(array)) + self.xp.abs(self.xp.imag(array))
+        if self.dtype(array).kind == "c":
+            return self.sizes(self.xp.real(array)) + self.sizes(self.xp.imag(array))
+        return self.xp.abs(array)
 
     def number(self, factor: Any) -> Any:
         """Return a number that an array may be multiplied with: Python's."""
         return np.asarray(factor).item()
 
     def keep(self, array: Any) -> Any:
-        """Return an array that nobody is to change."""
+        """Return an array as it is: nobody changes it, and it need not be in one piece."""
         return array
+
+    copy = keep
 
     def to_numpy(self, array: Any) -> Array:
         """Return an array of NumPy's, in the memory of the processor."""
@@ -168,8 +165,8 @@ class Plain:
     def extend(self, X: Any, cells: tuple[Any, Any], out: Any) -> Any:
         """Extend rows of unknowns to the grid, by zeros, in the precision of `out`."""
         rows = self.xp.reshape(X, (prod(X.shape[:-1]), X.shape[-1]))
-        rows = self.xp.astype(rows, out.dtype, copy=False)
-        return self.xp.take(self.pad(rows, (rows.shape[1] + 1,)), cells[1], axis=-1)
+        rows = self.pad(self.xp.astype(rows, out.dtype, copy=False), (rows.shape[1] + 1,))
+        return self.xp.take(rows, cells[1], axis=-1)
 
     def restrict(self, grid: Any, cells: tuple[Any, Any], out: Any) -> Any:
         """Return the unknowns of rows on the grid, of the shape and the dtype of `out`."""
@@ -177,19 +174,10 @@ class Plain:
 
     def replace(self, field: Any, cells: tuple[Any, Any], compute: Callable[[Any], Any]) -> Any:
         """Return a field with what is computed from its unknowns in their place."""
-        xp, (index, lookup) = self.xp, cells
+        xp, (index, lookup), n = self.xp, cells, cells[0].shape[0]
         x = xp.reshape(field, (-1,))
-        n = index.shape[0]
         y = xp.take(self.pad(compute(xp.take(x, index)), (n + 1,)), lookup)
         return xp.reshape(xp.where(lookup < n, y, x), field.shape)
-
-    def copy(self, array: Any) -> Any:
-        """Return an array as it is: it need not be in one piece."""
-        return array
-
-    def vectors_of(self, gather: Gather) -> "PlainVectors":
-        """Return the operations with vectors of which each process has a part."""
-        return PlainVectors(self, gather)
 
     def each(self, multiply: Any, X: Any, out: Any) -> Any:
         """Return the product with each row of X, of the dtype of `out`."""
@@ -213,9 +201,7 @@ class Plain:
         )
 
 
-@lru_cache(maxsize=16)
-def _library(xp: Any, device: Any) -> Plain:
-    return Plain(xp, device)
+_library = lru_cache(maxsize=16)(Plain)
 
 
 class PlainVectors:
@@ -237,9 +223,7 @@ class PlainVectors:
         self.peak = extreme(lambda x: xp.max(library.sizes(x)), max, 0.0)
         self.count = lambda x: int(sum(self.gather(int(xp.count_nonzero(x)))))
         self.sum: Callable[[Any], float] = lambda x: sum(self.gather(library.sum(x)))
-        self.dot: Callable[[Any, Any], float] = lambda x, y: self.sum(
-            library.real(library.conj(x) * y)
-        )
+        self.dot: Any = lambda x, y: self.sum(library.real(library.conj(x) * y))
         self.norm: Callable[[Any], float] = lambda x: sqrt(self.dot(x, x))
         # These have memory for the result as their last argument, of which they take the precision.
         self.copy = lambda x, out: xp.astype(x, out.dtype, copy=True)
@@ -251,8 +235,7 @@ class PlainVectors:
 
     def zeros(self, x: Any, dtype: DTypeLike | None = None) -> Any:
         """Return a vector of zeros as long as another, in its precision or another one."""
-        native = x.dtype if dtype is None else self.library.native(dtype)
-        return self.library.xp.zeros_like(x, dtype=native)
+        return self.xp.zeros_like(x, dtype=x.dtype if dtype is None else self.library.native(dtype))
 
     def axpy(self, a: float, x: Any, y: Any) -> Any:
         """Return y + a x."""

@@ -9,7 +9,8 @@ A vector may be a field of any shape, real or complex. The sums of its parts are
 precision.
 
 The functions are for vectors that this process has. `Vectors` has them as methods, for vectors of
-which each of several processes has a part: iterations take their inner products from there.
+which each of several processes has a part: iterations take their inner products from there. Those
+of fields of several axes are the same bits then, whoever has which rows (see `row_sums`).
 """
 
 from collections.abc import Callable, Sequence
@@ -22,13 +23,12 @@ from numpy.typing import DTypeLike
 from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.threads import WORTH_THREADS, elementwise, share_rows, share_slices
+from toeplitz_mg.engine.row_sums import AT_ONCE, PART, Rows, add_exactly, row_dots
+from toeplitz_mg.engine.threads import PIECE, WORTH_THREADS, elementwise, share_rows, share_slices
 from toeplitz_mg.engine.workspace import workspace
 
 # From a number, or an array of them, to those of all processes, in the same order in each of them.
 Gather = Callable[[Any], Sequence[Any]]
-
-PART = 2**13  # Numbers of a part: OpenBLAS shares a vector of more than 10,000 among threads.
 
 
 def dot(x: Array, y: Array) -> float:
@@ -101,23 +101,19 @@ def axpy(a: complex, x: Array, y: Array) -> Array:
         It is changed, and must be C-contiguous.
     """
     _require_contiguous(y)
+    a = y.dtype.type(a)
+    if y.size <= AT_ONCE:
+        y += a * x
+        return y
+    # BLAS rounds the last few numbers otherwise on some processors, and so those of some ranks.
     x_line, y_line = (x.reshape(-1), y.reshape(-1)) if y.ndim > 1 else (x, y)
-    if y.size >= WORTH_THREADS:
 
-        def work(piece: slice) -> None:
-            product = workspace((y_line[piece].size,), y.dtype)
-            np.multiply(x_line[piece], a, out=product)
-            y_line[piece] += product
+    def work(piece: slice) -> None:
+        product = workspace((y_line[piece].size,), y.dtype)
+        np.multiply(x_line[piece], a, out=product)
+        y_line[piece] += product
 
-        a = y.dtype.type(a)
-        share_rows(work, y_line)
-        return y
-    add = _blas("axpy", y.dtype.char)
-    if 0 < y.size <= PART:
-        add(x_line, y_line, a=a)
-        return y
-    for k in range(0, y.size, PART):
-        add(x_line[k : k + PART], y_line[k : k + PART], a=a)
+    share_slices(work, y.size, PIECE, y.size)
     return y
 
 
@@ -132,6 +128,10 @@ def aypx(a: complex, x: Array, y: Array) -> Array:
         It is changed, and must be C-contiguous.
     """
     _require_contiguous(y)
+    if y.size < WORTH_THREADS:
+        y *= a
+        y += x
+        return y
     x_line, y_line = (x.reshape(-1), y.reshape(-1)) if y.ndim > 1 else (x, y)
 
     def work(piece: slice) -> None:
@@ -235,6 +235,8 @@ class Vectors:
     ----------
     gather : callable, optional
         Takes a number, or an array, and returns those of all processes, in the same order in each.
+    rows : int or ndarray of int, optional
+        Of real vectors of fields whose rows no two processes share: `rows_of` these.
 
     Attributes
     ----------
@@ -269,7 +271,7 @@ class Vectors:
     xp: Any = np
     cuts_fields = True
 
-    def __init__(self, gather: Gather | None = None) -> None:
+    def __init__(self, gather: Gather | None = None, rows: Rows = None) -> None:
         self.gather: Gather = gather or (lambda number: (number,))
 
         def of_parts(combine: Callable[[Sequence[Any]], Any], of_part: Any) -> Any:
@@ -277,7 +279,19 @@ class Vectors:
                 return of_part
             return lambda *vectors: combine(gather(of_part(*vectors)))
 
-        self.dot: Callable[[Array, Array], float] = of_parts(sum, dot)
+        def dot_by_rows(x: Array, y: Array) -> float:
+            numbers = row_dots(x, y, rows).tolist()
+            total = add_exactly(numbers)
+            if gather is not None:
+                # What rounding takes from it goes with it: together they are as good as exact.
+                numbers.append(-total)
+                both = np.array([total, add_exactly(numbers)])
+                total = add_exactly(np.ravel(gather(both)).tolist())
+            return total
+
+        self.dot: Callable[[Array, Array], float] = (
+            of_parts(sum, dot) if rows is None else dot_by_rows
+        )
         self.dots: Callable[[Array, Array], Array] = of_parts(sum, dots)
         self.norm: Callable[[Array], float] = of_parts(lambda norms: hypot(*norms), norm)
         self.sum: Callable[[Array], float] = of_parts(sum, _sum)

@@ -55,7 +55,7 @@ class GridSymbol:
             slab = slab.longer(self._lengths[0] // 2 + 1)
             for axis in range(1, c.ndim):
                 c = continue_axis(c, axis, self._lengths[axis] // 2)
-        for axis in range(1, c.ndim):
+        for axis in reversed(range(1, c.ndim)):
             c = self._sums(c, axis, parity[axis])
         own = self.slab.columns(self._points[-1])
         S = np.empty((*self._points[:-1], own.stop - own.start))

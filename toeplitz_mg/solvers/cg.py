@@ -152,6 +152,7 @@ def cg_by_recurrence(
     return state.x, state.iterations, converged
 
 
+@np.errstate(over="ignore", invalid="ignore")  # Overflow is told by `info`.
 def _descend(
     state: "_Descent", system: System, goal: float, callback: Callable[[Array], object] | None
 ) -> bool:

@@ -9,6 +9,7 @@ from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.library import NUMPY, Library, library_of
+from toeplitz_mg.engine.row_sums import rows_of
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.operators.base import library_for, vectors_of
 from toeplitz_mg.values import count, is_foreign, real
@@ -101,7 +102,7 @@ def _check_alone(
     dtype = np.result_type(A.dtype, *(library.dtype(v) for v in (b, guess) if v is not None))
     if M is not None and M.dtype.kind == "c":
         dtype = np.result_type(dtype, np.complex64)
-    return System(A, M, b, guess, maxiter, residuals, dtype, vectors_of(A))
+    return System(A, M, b, guess, maxiter, residuals, dtype, _vectors_for(A, dtype))
 
 
 def check_precision(system: System) -> np.dtype[Any]:
@@ -158,6 +159,15 @@ def check_operator(name: str, A: Any) -> LinearOperator:
         elif A.dtype.kind not in "buifc":
             raise TypeError(f"{name} has dtype {A.dtype}, but must be of numbers")
     return aslinearoperator(A)
+
+
+def _vectors_for(A: Any, dtype: np.dtype[Any]) -> Vectors:
+    """Return the operations with vectors: of real unknowns of rows inner products are by rows."""
+    if dtype.kind == "c" or library_for(A) is not NUMPY or not hasattr(A, "grid_shape"):
+        return vectors_of(A)
+    slab = getattr(A, "slab", None)
+    rows = rows_of(A.grid_shape if slab is None else slab.shape, getattr(A, "mask", None))
+    return vectors_of(A) if rows is None else Vectors(vectors_of(A).gather if slab else None, rows)
 
 
 def _vector(values: ArrayLike, name: str, n: int, library: Library) -> Array:

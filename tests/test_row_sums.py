@@ -1,0 +1,77 @@
+"""Inner products by rows: dense definitions, and the same bits on all processes."""
+
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from toeplitz_mg.engine.row_sums import PART, row_dots, rows_of
+from toeplitz_mg.engine.vectors import Vectors
+
+
+def share_of_rows(fields, mask, rows):
+    """What a process has that has these rows: its vectors, and where their rows are."""
+    shape = mask.shape
+    some = mask[rows]
+    vectors = [field[rows][some] for field in fields]
+    return vectors, rows_of(shape, None if mask.all() else some)
+
+
+def dot_on_processes(shares):
+    """Inner products by `Vectors` of each process, that are told what the others gather."""
+    gathered = []
+    for (x, y), rows in shares:  # Each of them stops where it would wait for the others.
+        Vectors(lambda number: [gathered.append(number) or number], rows).dot(x, y)
+    return [Vectors(lambda number: gathered, rows).dot(x, y) for (x, y), rows in shares]
+
+
+@pytest.mark.parametrize("shape", [(20, 32), (12, 100), (2, 9, 40), (3, PART + 2)])
+@pytest.mark.parametrize("share", [0.02, 0.6, 1.0])
+@given(cuts=st.lists(st.integers(0, 20), max_size=3))
+def test_inner_products_by_rows_are_the_same_bits_on_all_processes(shape, share, cuts):
+    rng = np.random.default_rng(0)
+    fields = rng.standard_normal((2, *shape)) * 10.0 ** rng.integers(-9, 9, (2, *shape))
+    mask = rng.random(shape) < share
+    (x, y), rows = share_of_rows(fields, mask, slice(None))
+    alone = Vectors(None, rows).dot(x, y)
+    sums = map(Fraction, row_dots(x, y, rows).tolist())
+    assert alone == float(sum(sums))  # That of the rows is exact, and rounded once.
+    ends = [0, *sorted(min(k, shape[0]) for k in cuts), shape[0]]
+    parts = [share_of_rows(fields, mask, slice(*cut)) for cut in pairwise(ends)]
+    assert set(dot_on_processes(parts)) == {alone}
+
+
+def test_inner_products_by_rows():
+    mask = np.random.default_rng(0).random((50, 64)) < 0.5
+    fields = np.random.default_rng(1).random((2, 50, 64))
+    for own in (mask, np.ones_like(mask)):
+        (x, y), rows = share_of_rows(fields, own, slice(None))
+        for dtype, rtol in ((np.float64, 1e-14), (np.float32, 1e-6)):
+            expected = sum(map(Fraction, (x * y).tolist()))
+            found = Vectors(None, rows).dot(x.astype(dtype), y.astype(dtype))
+            assert_allclose(found, float(expected), rtol=rtol)
+
+
+def test_fields_without_rows():
+    """Lines, short rows, and rows that are too long and have no pieces of one length."""
+    assert [rows_of(s) for s in ((999,), (1, 999), (99, 31), (9, 8209))] == [None] * 4
+    assert [rows_of(s) for s in ((9, 32), (2, 9, PART), (9, 2 * PART))] == [32, PART, PART]
+
+
+@pytest.mark.parametrize("size", [1e200, np.inf, np.nan])
+@pytest.mark.parametrize("share", [0.9, 1.0])
+def test_inner_products_by_rows_that_are_not_finite(size, share):
+    fields = np.ones((2, 9, 32))
+    fields[:, 0, 5] = fields[0, 8, 5] = size
+    fields[1, 8, 5] = -size
+    mask = np.random.default_rng(1).random((9, 32)) < share
+    mask[:, 5] = True
+    with np.errstate(over="ignore", invalid="ignore"):
+        parts = [share_of_rows(fields, mask, slice(*cut)) for cut in ((0, 3), (3, 9))]
+        found = dot_on_processes(parts)
+        (x, y), rows = share_of_rows(fields, mask, slice(None))
+        assert not np.isfinite([Vectors(None, rows).dot(x, y), *found]).any()

@@ -1,0 +1,80 @@
+"""Inner products of fields by their rows: the same bits, whoever has which of the rows.
+
+Those of the rows are added exactly, and rounded once. So it does not matter in what order, and
+processes of which each has some rows find what one finds that has them all.
+"""
+
+from math import fsum, prod
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.threads import PIECE, WORTH_THREADS, share_rows, share_slices
+from toeplitz_mg.engine.workspace import workspace
+
+PART = 2**13  # Most numbers of a piece: OpenBLAS shares a vector of more than 10,000 among threads.
+AT_ONCE = 2**17  # Numbers up to which pieces take longer to begin than the cache saves.
+SHORT = 32  # Numbers of a row from which on it is worth it to add up rows, and then these exactly.
+
+# How many unknowns each row of a field has, or the first unknown of each row where they differ in
+# that; None where a field has no rows, or short ones.
+Rows = int | Array | None
+
+
+def rows_of(shape: tuple[int, ...], mask: Array | None = None) -> Rows:
+    """Return the rows of a field of this shape, or of its unknowns: pieces of its last axis.
+
+    Of a field of which a process has a part, `shape` is that of the whole, and `mask` of the part.
+    """
+    n = shape[-1]
+    # Pieces of a row that is too long for one part are as long as each other.
+    count = next((k for k in range(-(-n // PART), n // SHORT + 1) if n % k == 0), 0)
+    if prod(shape[:-1]) <= 1 or not count:
+        return None
+    if mask is None:
+        return n // count
+    lengths = np.count_nonzero(mask.reshape(-1, n // count), axis=1)
+    return (np.cumsum(lengths) - lengths)[lengths > 0]
+
+
+def row_dots(x: Array, y: Array, rows: Any) -> Array:
+    """Return the inner products of the rows of two real vectors.
+
+    Neither other rows nor threads change the bits of one. The exact sum of all, rounded once, is
+    then the same for all processes that have the rows among them, and for one that has them all.
+    """
+    if type(rows) is int:
+        X, Y = x.reshape(-1, rows), y.reshape(-1, rows)
+        return np.vecdot(X, Y) if x.size < WORTH_THREADS else _share_dots(X, Y)
+    if x.size <= AT_ONCE:
+        return np.add.reduceat(x * y, rows)
+    sums = np.empty(len(rows), np.result_type(x, y))
+
+    def work(part: slice) -> None:
+        start = int(rows[part.start])
+        stop = int(rows[part.stop]) if part.stop < len(rows) else x.size
+        product = workspace((stop - start,), sums.dtype)
+        np.multiply(x[start:stop], y[start:stop], out=product)
+        np.add.reduceat(product, rows[part] - start, out=sums[part])
+
+    share_slices(work, len(rows), max(1, PIECE * len(rows) // x.size), x.size)
+    return sums
+
+
+def _share_dots(X: Array, Y: Array) -> Array:
+    sums = np.empty(len(X), np.result_type(X, Y))
+
+    def work(part: slice) -> None:
+        np.vecdot(X[part], Y[part], out=sums[part])
+
+    share_rows(work, X)
+    return sums
+
+
+def add_exactly(numbers: list[float]) -> float:
+    """Return the sum of numbers, rounded once, in whatever order they are."""
+    try:
+        return fsum(numbers)
+    except (OverflowError, ValueError):  # Some are not finite, or their sum is not.
+        return float(np.sum(numbers))
