@@ -462,6 +462,27 @@ def test_products_for_a_rough_surface(mean, share):
     assert result.residual <= 1e-8
 
 
+def test_few_elements_that_are_apart_are_solved_for_by_fsai(monkeypatch):
+    """On a grid that is wide enough: with the same pressures as by transforms of the whole grid."""
+    built = []
+    invert = Grid.invert_by_fsai
+
+    def count(grid, A, C, dtype=None):
+        built.append(np.count_nonzero(C))
+        return invert(grid, A, C, dtype)
+
+    monkeypatch.setattr(Grid, "invert_by_fsai", count)
+    by_transforms = rough(128, 0.4)
+    assert not built
+    monkeypatch.setattr("toeplitz_mg.contact.inverse.WIDE", 0)
+    result = rough(128, 0.4)
+    assert built
+    assert max(built) < 0.1 * 128**2
+    assert result.residual <= 1e-8
+    atol = 1e-6 * by_transforms.pressure.max()
+    assert_allclose(result.pressure, by_transforms.pressure, rtol=0, atol=atol)
+
+
 @pytest.mark.slow
 @LOADS
 def test_large_rough_surfaces(mean, share):
