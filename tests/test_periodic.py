@@ -17,7 +17,7 @@ from toeplitz_mg.contact import (
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.active_set import Search
 from toeplitz_mg.contact.normal.exchange import vary_by
-from toeplitz_mg.halfspace.periodic import strip_eigenvalues
+from toeplitz_mg.halfspace.periodic import strip_eigenvalues, strip_length
 
 UNIT = Material.from_shear(0.7, 0.3)  # G and ν of bodies with E* = G/(1-ν) = 1.
 ANY = pytest.mark.parametrize(
@@ -233,17 +233,42 @@ def test_strips_of_finite_length_that_repeat():
     assert_allclose(strips.toarray(), column.toarray(), rtol=1e-14)
 
 
-def test_the_integrals_are_those_of_the_bessel_function():
+@pytest.mark.parametrize("directions", ["zz", "xx", "xy", "yy"])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_eigenvalues_along_an_axis_that_ends(directions, axis):
+    """They are those of a circulant of what a wave displaces, by the Bessel functions."""
     from scipy.integrate import quad
-    from scipy.special import k0
+    from scipy.special import k0, k1
 
-    found = strip_eigenvalues((4, 3), (0.5, 0.4), 0, G=1.0, nu=0.0, reference=2.0)
-    columns = np.fft.irfft(found, axis=1)[:, :3]
-    for k, q in ((1, np.pi), (2, 2 * np.pi)):
-        for j in range(3):
-            edges = (j - 0.5) * 0.4, (j + 0.5) * 0.4
-            exact, _ = quad(lambda t, q=q: k0(q * abs(t)), *edges, points=[0.0] * (j == 0))
-            assert_allclose(columns[k, j], 2.0 / np.pi * exact, rtol=1e-7)
+    nu, G, n, h = 0.3, 1.7, 3, (0.5, 0.4)
+    along, across = h[axis], h[1 - axis]
+    shape = (5, n) if axis == 0 else (n, 5)
+    arguments = {"G": G, "nu": nu, "reference": 20.0}
+    found = strip_eigenvalues(shape, h, axis, directions, **arguments)
+    is_odd, is_along = directions == "xy", directions == 2 * "xy"[axis]
+
+    def displacement(t, q):
+        x = abs(q * t)
+        if directions == "zz":
+            return (1.0 - nu) * k0(x)
+        if is_odd:
+            return -nu * q * t * k0(x)
+        return k0(x) - nu * x * k1(x) if is_along else (1.0 - nu) * k0(x) + nu * x * k1(x)
+
+    length = strip_length(n)
+    for k in range(1, 5):
+        q = 2.0 * np.pi * np.fft.fftfreq(5, along)[k]
+        column = np.zeros(length)
+        for j in range(1 - n, n):
+            edges = (j - 0.5) * across, (j + 0.5) * across
+            exact, _ = quad(displacement, *edges, args=(q,), points=[0.0] * (j == 0), epsabs=1e-13)
+            column[j] = 2.0 / (np.pi * G) * exact
+        hat = np.fft.fft(column)
+        expected = -hat.imag if is_odd else hat.real
+        line = found[k] if axis == 0 else found[:, k] if k < 3 else found[:, 5 - k]
+        if axis == 1 and k >= 3 and is_odd:
+            line = -line
+        assert_allclose(line, expected[: len(line)], rtol=0, atol=1e-11 * abs(expected).max())
 
 
 # Grids --------------------------------------------------------------------------------------
@@ -435,6 +460,27 @@ def test_products_for_a_rough_surface(mean, share):
     assert abs(result.contact.mean() - share) < 0.04
     assert result.products <= 45
     assert result.residual <= 1e-8
+
+
+def test_few_elements_that_are_apart_are_solved_for_by_fsai(monkeypatch):
+    """On a grid that is wide enough: with the same pressures as by transforms of the whole grid."""
+    built = []
+    invert = Grid.invert_by_fsai
+
+    def count(grid, A, C, dtype=None):
+        built.append(np.count_nonzero(C))
+        return invert(grid, A, C, dtype)
+
+    monkeypatch.setattr(Grid, "invert_by_fsai", count)
+    by_transforms = rough(128, 0.4)
+    assert not built
+    monkeypatch.setattr("toeplitz_mg.contact.inverse.WIDE", 0)
+    result = rough(128, 0.4)
+    assert built
+    assert max(built) < 0.1 * 128**2
+    assert result.residual <= 1e-8
+    atol = 1e-6 * by_transforms.pressure.max()
+    assert_allclose(result.pressure, by_transforms.pressure, rtol=0, atol=atol)
 
 
 @pytest.mark.slow

@@ -16,6 +16,10 @@ from toeplitz_mg.operators.base import library_for
 from toeplitz_mg.preconditioners.choice import is_fsai_kept, is_fsai_worthwhile
 
 FEW = 2**11  # Elements in contact up to which friction in single precision saves no time.
+# The inverse of A decays as the cube of the distance, so that FSAI of it serves sets of which up to
+# this share has changed: the diagonal alone is good enough for the others.
+ALIKE = 0.1
+WIDE = 2**17  # Fewest elements of a grid whose transforms take longer than FSAI of a few of them.
 
 
 class LocalInverse:
@@ -111,7 +115,8 @@ class Inverse:
     A : ToeplitzOperator
         A matrix of the grid, whose diagonal is 1.
     everywhere : LinearOperator, optional
-        An inverse of it on the whole grid, where that is known.
+        An inverse of it on the whole grid, where that is known: A is itself an inverse, of a matrix
+        of contact, and sets are of few elements (see `normal.exchange`).
 
     Attributes
     ----------
@@ -120,7 +125,7 @@ class Inverse:
     """
 
     def __init__(self, grid: Grid, A: ToeplitzOperator, everywhere: Any = None) -> None:
-        self._grid, self._A = grid, A
+        self._grid, self._A, self._decays = grid, A, everywhere is not None
         self._before: Array | None = None
         self._local: LocalInverse | None = None
         try:
@@ -134,6 +139,9 @@ class Inverse:
 
         Where the set is near that to be found it is worth that at once, else when it changes less.
         """
+        if self._decays:
+            self._fit_to_few(C)
+            return
         if any(self._grid.periodic):
             return  # There A itself has an inverse, that of its waves, as cheap as a product.
         before, self._before = self._before, C
@@ -143,6 +151,15 @@ class Inverse:
         if before is not None and not is_near:
             change = self._measure_change(C, before)
         self._local = invert_locally(self._grid, self._A, C, change=change, dtype=self.dtype)
+
+    def _fit_to_few(self, C: Array) -> None:
+        """Take FSAI from the second set on, as the first is far from the last."""
+        is_first, self._before = self._before is None, C
+        if is_first or prod(self._grid.shape) < WIDE:
+            return
+        if self._local is None or self._measure_change(C, self._local.C) > ALIKE:
+            with suppress(np.linalg.LinAlgError):
+                self._local = LocalInverse(self._grid.invert_by_fsai(self._A, C, self.dtype), C)
 
     def __call__(self, r: Array, out: Array | None = None) -> Array:
         """Apply it to a field that is zero outside of the set; the result is not.

@@ -12,6 +12,7 @@ contrast with a closed form, whose differences over the corners lose digits as (
 """
 
 from collections import defaultdict
+from collections.abc import Callable, Mapping
 from functools import cache
 from math import comb, factorial
 
@@ -51,7 +52,44 @@ def polynomials(kernel: Kernel, h1: float, h2: float) -> list[list[float]]:
     return [np.trim_zeros(p, "b").tolist() or [0.0] for p in P]
 
 
-def sum_series(P: list[list[float]], u: Array, e: Array) -> Array:
+def choose(
+    begins: Mapping[int, float],
+    distance: Array,
+    evaluate: Callable[..., Array],
+    *points: Array,
+) -> Array:
+    """Return values at points, each by the rule that begins last before its distance.
+
+    Parameters
+    ----------
+    begins : mapping
+        From where on each rule serves, upwards; the first one up to where the second begins.
+    distance : ndarray
+        Of the points.
+    evaluate : function
+        Of a rule, and of those of the `points` that it is to serve: arrays of shape (points,), or
+        all points in their own shape.
+    points : ndarray
+        Of the shape of the distances.
+    """
+    if distance.size == 0:
+        return np.empty(distance.shape)
+    rules, starts = list(begins), np.array(list(begins.values()))
+    ends = distance.min(), distance.max()
+    first, last = np.maximum(np.searchsorted(starts, ends, side="right") - 1, 0)
+    if first == last:
+        return evaluate(rules[first], *points)
+    value = np.empty(distance.shape)
+    for k in range(first, last + 1):
+        part = distance < starts[k + 1] if k < last else np.ones(distance.shape, bool)
+        if k > first:
+            part &= distance >= starts[k]
+        if part.any():
+            value[part] = evaluate(rules[k], *(array[part] for array in points))
+    return value
+
+
+def sum_series(P: list[list[float]], u: Array, e: Array | float) -> Array:
     """Return Σ_k e^k P_k(u)."""
     total = _evaluate(P[-1], u, np.empty_like(u))
     term = np.empty_like(u)

@@ -7,10 +7,11 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.threads import share
-from toeplitz_mg.halfspace.expansion import REACH, Kernel, polynomials, sum_series
-from toeplitz_mg.halfspace.integrals import BLOCK, integrate_exactly
+from toeplitz_mg.halfspace.expansion import REACH, Kernel, choose, polynomials, sum_series
+from toeplitz_mg.halfspace.integrals import BLOCK, exact_integral
 
 FARTHEST = 2.0**500  # Units whose squares do not overflow.
+NEAR, BEYOND = -1, -2  # The rules that are no order of a series.
 
 
 def integrate(kernel: Kernel, x: Array, y: Array, h1: float, h2: float) -> Array:
@@ -43,6 +44,20 @@ def integrate(kernel: Kernel, x: Array, y: Array, h1: float, h2: float) -> Array
     h1, h2 = h1 / unit, h2 / unit
     P = polynomials(kernel, h1, h2)
     reach = {order: (t * hypot(h1, h2) / 2.0) ** 2 for order, t in REACH.items()}
+    begins = {NEAR: 0.0, **dict(sorted(reach.items(), reverse=True)), BEYOND: FARTHEST**2}
+
+    near = exact_integral(kernel, h1, h2)
+
+    def evaluate(rule: int, x: Array, y: Array, r2: Array) -> Array:
+        if rule == NEAR:
+            return near(x.ravel(), y.ravel()).reshape(x.shape)
+        if (
+            rule == BEYOND
+        ):  # A kernel of degree -1 is so much less where all lengths are so much more.
+            x, y = x / FARTHEST, y / FARTHEST
+            return _sum(kernel, P[:1], x, y, x * x + y * y) / FARTHEST
+        return _sum(kernel, P[: rule + 1], x, y, r2)
+
     shape = np.broadcast_shapes(x.shape, y.shape)
     points = [np.broadcast_to(np.atleast_1d(axis), shape or 1) for axis in (x, y)]
     integral = np.empty(shape or 1)
@@ -53,44 +68,10 @@ def integrate(kernel: Kernel, x: Array, y: Array, h1: float, h2: float) -> Array
             x, y = (axis[block] / unit for axis in points)
             with np.errstate(over="ignore"):
                 r2 = x * x + y * y
-            far = (r2 >= min(reach.values())) & (r2 < FARTHEST**2)
-            if far.all():
-                integral[block] = _from_afar(kernel, P, reach, x, y, r2)
-                continue
-            part, near = integral[block], ~far
-            part[near] = integrate_exactly(kernel, x[near], y[near], h1, h2)
-            if far.any():
-                part[far] = _from_afar(kernel, P, reach, x[far], y[far], r2[far])
+            integral[block] = choose(begins, r2, evaluate, x, y, r2)
 
     share(work, len(blocks), integral.size)
     return integral.reshape(shape)
-
-
-def _from_afar(
-    kernel: Kernel,
-    P: list[list[float]],
-    reach: dict[int, float],
-    x: Array,
-    y: Array,
-    r2: Array,
-) -> Array:
-    """Return the integrals by series, each as long as the distance of its point needs."""
-    nearest, farthest = _order(reach, r2.min()), _order(reach, r2.max())
-    if nearest == farthest:
-        return _sum(kernel, P[: nearest + 1], x, y, r2)
-    value = np.empty_like(r2)
-    begins = dict(sorted(reach.items(), reverse=True))  # Where a series begins to be long enough.
-    begins = {order: least for order, least in begins.items() if farthest <= order <= nearest}
-    ends = [*list(begins.values())[1:], np.inf]
-    for (order, least), end in zip(begins.items(), ends, strict=True):
-        part = (least <= r2) & (r2 < end)
-        value[part] = _sum(kernel, P[: order + 1], x[part], y[part], r2[part])
-    return value
-
-
-def _order(reach: dict[int, float], r2: float) -> int:
-    """Return the order of the shortest series that is long enough."""
-    return min(order for order, least in reach.items() if least <= r2)
 
 
 def _sum(kernel: Kernel, P: list[list[float]], x: Array, y: Array, r2: Array) -> Array:
