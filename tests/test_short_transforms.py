@@ -89,9 +89,28 @@ def test_inverses_are_of_the_circulant_that_embeds_the_matrix(shape):
             padded[: shape[0], : shape[1]] = r[i] / fade[shape[0] - 1 :]
             y = np.fft.ifft2(np.fft.fft2(padded) / symbol).real
             of_nodes.append(y[: shape[0], : shape[1]] * fade[shape[0] - 1 :])
-        # An inverse of K + 2 k₀ is between those of K and of K + 3 k₀: 1/3 = 1/9 · 1 + 8/9 · 1/4.
+        # In x = 1/(1 + ν) what the inverse is more than x/k₀, over x², is linear between two ν:
+        # 2 k₀ is between 0 and 3 k₀, with 1/3 = 1/9 · 1 + 8/9 · 1/4.
         y = short.at(np.full(shape, 2.0 * k0))(r)[i]
-        assert_allclose(y, of_nodes[0] / 9.0 + of_nodes[1] * 8.0 / 9.0, atol=1e-12)
+        first, second = (
+            (of_node - x * r[i] / k0) / x**2
+            for of_node, x in zip(of_nodes, (1.0, 0.25), strict=True)
+        )
+        more = (first / 9.0 + second * 8.0 / 9.0) / 9.0
+        assert_allclose(y, r[i] / 3.0 / k0 + more, atol=1e-12)
+
+
+def test_inverses_of_large_additions_are_right_to_second_order():
+    K, rng = matrix_of((9, 14)), np.random.default_rng(5)
+    M, k0 = ShiftedInverses(K, np.float64), K.component(0).c.flat[0]
+    r, errors = rng.standard_normal((2, 9, 14)), []
+    for nu in (1e3, 1e4):
+        y = M.at(np.full((9, 14), nu * k0))(r)
+        again = np.stack([(K.component(i) @ y[i].ravel()).reshape(9, 14) for i in range(2)])
+        errors.append(np.abs(again + nu * k0 * y - r).max())
+    # The fields are x - x² (K - k₀) + ..., with x = 1/ν, but for what bounds the inverse.
+    assert errors[0] < 1e-3 * np.abs(r).max()
+    assert errors[1] < 0.15 * errors[0]
 
 
 @doubtful

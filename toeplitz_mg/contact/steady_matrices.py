@@ -20,7 +20,7 @@ WRAPPED = 0.03  # What goes around a circulant comes back so many times as large
 # the rolling direction: it bounds the inverse. A fixed one fades what comes from far ahead.
 LEAST = 1.0
 # Additions to the matrix whose inverses are interpolated, over its diagonal.
-ADDITIONS = np.array([0.0, 0.1, 0.5, 3.0])
+ADDITIONS = np.array([0.0, 0.1, 0.5, 2.0])
 LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Diagonals of a matrix that single precision is good for.
 PANEL_BYTES = 2**20  # Bytes of a panel of frequencies, or of lines: it stays in the cache.
 
@@ -146,7 +146,8 @@ class ShiftedInverses:
     """Approximate inverses of K + ν, of the matrix of steady rolling and additions ν.
 
     Their fields are added with weights that depend on the place: where an element slides, what is
-    to be inverted is K + λ with a λ of its own. They are circulants (see `Circulants`).
+    to be inverted is K + λ with a λ of its own. They are circulants (see `Circulants`), and for
+    large λ a multiple of the field itself.
 
     Parameters
     ----------
@@ -191,26 +192,39 @@ class ShiftedInverses:
         It takes a field, (components, ...), to another one.
         """
         circulants = self._circulants
-        weights = interpolate(addition / self.diagonal, self.dtype, circulants.additions)
+        weights, local = interpolate(addition / self.diagonal, self.dtype, circulants.additions)
         used = np.flatnonzero(weights.reshape(len(weights), -1).any(axis=1))
         some = slice(int(used[0]), int(used[-1]) + 1)
         weights, inverses = circulants.prepare(weights[some]), self._inverses[some]
-        return lambda r: circulants.add(r.astype(self.dtype, copy=False), weights, inverses)
+        local /= self.diagonal
+
+        def invert(r: Array) -> Array:
+            r = r.astype(self.dtype, copy=False)
+            return circulants.add(r, weights, inverses) + local * r
+
+        return invert
 
 
-def interpolate(addition: Array, dtype: DTypeLike, additions: Array = ADDITIONS) -> Array:
-    """Return weights, shape (k, ...), with which the inverses make up one for an addition, over k₀.
+def interpolate(
+    addition: Array, dtype: DTypeLike, additions: Array = ADDITIONS
+) -> tuple[Array, Array]:
+    """Return the weights of the inverses, (k, ...), and of 1/k₀ in one for an addition over k₀.
 
-    They are linear in 1/(k₀ + ν), and so exact where K is its diagonal k₀; beyond the last ν the
-    inverse is that times the ratio.
+    In x = 1/(k₀ + ν) the inverse of K + ν is x - x² (K - k₀) + ...: the first term is known, and
+    what the others are over x² is interpolated. So it is exact where K is its diagonal k₀, and
+    nearly so beyond the last ν.
     """
-    ends = np.append(1.0 / (1.0 + additions), 0.0).reshape(-1, *(1,) * addition.ndim)
-    wanted = 1.0 / (1.0 + addition)
-    # How much of the inverses up to each node there is: what the next one adds is its own.
-    shares = (wanted - ends[1:]) / (ends[:-1] - ends[1:])
-    shares = np.minimum(np.maximum(shares, 0.0), 1.0).astype(dtype)
-    shares[1:] -= shares[:-1].copy()
-    return shares
+    x, nodes = (1.0 / (1.0 + given).astype(dtype) for given in (addition, additions))
+    weights, local, before = np.empty((len(nodes), *x.shape), dtype), x.copy(), 0.0
+    for weight, node, after in zip(weights, nodes, [*nodes[1:], -np.inf], strict=True):
+        # How much of what is interpolated is of the nodes up to this one.
+        share = (
+            np.minimum(np.maximum((x - after) / (node - after), 0.0), 1.0) if after > 0.0 else 1.0
+        )
+        weight[...] = (share - before) * (x * x / node**2)
+        local -= node * weight
+        before = share
+    return weights, local
 
 
 def fade_rate(length: int) -> float:

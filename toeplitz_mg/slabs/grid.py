@@ -208,7 +208,8 @@ class ShiftedInverses:
 
     def at(self, addition: Array) -> Callable[[Array], Array]:
         """Return the approximate inverse of K + an addition to the diagonal at each place."""
-        weights = interpolate(addition / self.diagonal, self.dtype)
+        weights, local = interpolate(addition / self.diagonal, self.dtype)
+        local /= self.diagonal
 
         def invert(r: Array) -> Array:
             x = (r / self._fade).astype(self.dtype)
@@ -216,6 +217,6 @@ class ShiftedInverses:
             for product, weight in zip(self._products, weights, strict=True):
                 product.apply(x.reshape(-1), y.reshape(-1))
                 total += weight * y
-            return total * self._fade
+            return total * self._fade + local * r.astype(self.dtype, copy=False)
 
         return invert
