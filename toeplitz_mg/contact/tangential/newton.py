@@ -120,36 +120,24 @@ def make_step(
     most = min(most, max(1, K.limit - K.count))
     dtype, k0, invert = M.dtype, M.diagonal, M.at(lam)
     T, lam = T.astype(dtype), np.minimum(lam, STIFFEST * k0).astype(dtype)
-    nothing = ROUNDING * float(np.finfo(dtype).eps)
     # Each row is a part of the residual, the change of the tractions that removes it, and the
     # displacements of that. The first row is what is left, after minus all changes.
     rows = np.empty((most + 1, 3, *r.shape), dtype)
     rows[0] = 0.0
     rows[0, 0] = r / largest
-    removes, k = rows[:, 0], 0
+    k = 0
     while True:
         k += 1
-        row = rows[k]
-        part, d, Kd = row
-        d[...] = T(invert(removes[k - 1]))
+        part, d, Kd = rows[k]
+        d[...] = T(invert(rows[k - 1, 0]))
         if is_loaded:
             d[...] = of_tractions(d)
         Kd[...] = K(d)
         part[...] = T(Kd) + lam * d
         if is_loaded:
             part[...] = of_slip(part)
-        before, size = np.inf, vectors.norm(part)
-        least = nothing * size
-        while size < CANCELLED * before:
-            weights = vectors.dots(removes[:k], part)
-            if k > 1:
-                vectors.add_combination(-weights[1:], rows[1:k], row)
-            size, before = vectors.norm(part), size
-        adds = least < size < np.inf
-        if adds:
-            row /= size
-            vectors.axpy(-weights[0] / size, row, rows[0])
-        rest = vectors.max(np.abs(removes[0]))
+        adds = _take_out(rows, k, vectors)
+        rest = vectors.max(np.abs(rows[0, 0]))
         v, Kv = -largest * rows[0, 1:].astype(np.float64)
         # What is wrong with the areas and with the linearisation is left to the next step.
         slips = vectors.min(along(minus_slip - Kv, law.T.n))
@@ -157,3 +145,23 @@ def make_step(
         wrong = max(k0 * problem.excess(q + v), -slips) / largest
         if not adds or rest <= max(exact, ETA * wrong) or k == most:
             return v, k
+
+
+def _take_out(rows: Array, k: int, vectors: Vectors) -> bool:
+    """Take out of what is left, the first row, all that row k can; whether that is anything.
+
+    The part of the residual in row k is made orthogonal to those in the rows before.
+    """
+    parts, row = rows[:k, 0], rows[k]
+    before, size = np.inf, vectors.norm(row[0])
+    least = ROUNDING * float(np.finfo(rows.dtype).eps) * size
+    while size < CANCELLED * before:
+        weights = vectors.dots(parts, row[0])
+        if k > 1:
+            vectors.add_combination(-weights[1:], rows[1:k], row)
+        size, before = vectors.norm(row[0]), size
+    if not least < size < np.inf:
+        return False
+    row /= size
+    vectors.axpy(-weights[0] / size, row, rows[0])
+    return True
