@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from comparisons.contact import cases, punch3d
+from comparisons.contact import cases, growth, periodic, punch3d, small
 from comparisons.gaussian import likelihood
 from comparisons.harness import report
 from comparisons.harness.report import Row
@@ -92,6 +92,12 @@ TABLES = {
     "cases_errors": Table("contact.md", "contact.cases", "errors.csv", cases.arrange_errors),
     "cases_products": Table("contact.md", "contact.cases", "costs.csv", cases.arrange_products),
     "cases_stresses": Table("stresses.md", "contact.cases", "errors.csv", cases.arrange_stresses),
+    "growth": Table("rolling.md", "contact.growth", "growth.csv", growth.arrange),
+    "small": Table("rolling.md", "contact.small", "small.csv", small.arrange),
+    "periodic_products": Table(
+        "periodic.md", "contact.periodic", "rough.csv", periodic.arrange_products
+    ),
+    "periodic_peers": Table("periodic.md", "contact.periodic", "rough.csv", periodic.arrange_peers),
     "punch3d": Table("three_dimensions.md", "contact.punch3d", "punch3d.csv", punch3d.arrange),
     "areas": Table("masks.md", "preconditioners.areas", "areas.csv", areas.arrange),
 }

@@ -6,6 +6,7 @@ too, in products on the rectangle around the contact. The violation of Coulomb's
 with the matrices of the whole grid, over the largest rigid slip.
 """
 
+from collections.abc import Sequence
 from time import process_time
 
 import numpy as np
@@ -53,6 +54,15 @@ def violation(result: TangentialResult, creepages: tuple[float, ...]) -> float:
     k0 = float(here.diagonal()[0] - ahead.diagonal()[0])
     error = k0 * np.abs(q - clip(q - slip / k0, result.bound)).max()
     return float(error / np.abs(w * result.contact).max())
+
+
+def arrange(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of products, and of all work in products, a row for each grid."""
+    table: dict[int, Row] = {}
+    for row in rows:
+        line = table.setdefault(row["N"], {"products (all work)": f"{row['N']}²"})
+        line[row["motion"]] = f"{row['products']} ({row['work']})"
+    return list(table.values())
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ largest difference from μ times that of two pressures (Ciavarella; Jäger).
 """
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.util import find_spec
 from typing import Any
@@ -87,6 +87,24 @@ def rough(N: int, share: int, force: float) -> Row:
 def difference(first: Array, second: Array) -> str:
     """Return the largest difference over the largest pressure."""
     return f"{np.abs(first - second).max() / second.max():.1e}"
+
+
+def arrange_products(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of products, a row for each grid."""
+    return _arrange(rows, "products", "d")
+
+
+def arrange_peers(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of CPU times over those of `aspher`, a row for each grid."""
+    return _arrange(rows, "CPU over aspher's", ".2f")
+
+
+def _arrange(rows: Sequence[Row], figure: str, spec: str) -> list[Row]:
+    table: dict[int, Row] = {}
+    for row in rows:
+        line = table.setdefault(row["N"], {figure: f"{row['N']}²"})
+        line |= {row["in contact"]: report.format_cells(row, {figure: spec})[figure]}
+    return list(table.values())
 
 
 def area_over_force(N: int) -> Row:

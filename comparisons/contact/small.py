@@ -5,6 +5,7 @@ sticking to sliding. The matrices are kept, so that each case is run before it i
 violation of Coulomb's law is recomputed with the matrices of the whole grid.
 """
 
+from collections.abc import Sequence
 from time import process_time
 from typing import Any
 
@@ -61,19 +62,24 @@ def main() -> None:
                 }
             )
     report.write_csv(arguments.output / "small.csv", rows)
-    report.show("Small cases of steady rolling", [_summarise(rows, n) for n in SIZES])
+    report.show("Small cases of steady rolling", arrange(rows))
 
 
-def _summarise(rows: list[Row], n: int) -> Row:
+def arrange(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of the cases of each size."""
+    return [_summarise(rows, n) for n in SIZES]
+
+
+def _summarise(rows: Sequence[Row], n: int) -> Row:
     of_size = [row for row in rows if row["N"] == n]
     milliseconds = np.array([float(row["cpu_ms"]) for row in of_size])
     return {
-        "N": n,
+        "elements": f"{n}²",
         "cases": len(of_size),
-        "products": float(np.median([row["products"] for row in of_size])),
-        "violation": f"{max(float(row['violation']) for row in of_size):.1e}",
-        "median_ms": f"{np.median(milliseconds):.2f}",
-        "worst_ms": f"{milliseconds.max():.2f}",
+        "products, median": float(np.median([row["products"] for row in of_size])),
+        "violation, at most": f"{max(float(row['violation']) for row in of_size):.1e}",
+        "CPU, median": f"{np.median(milliseconds):.2f} ms",
+        "CPU, at most": f"{milliseconds.max():.2f} ms",
     }
 
 
