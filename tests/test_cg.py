@@ -380,3 +380,27 @@ def test_what_is_complex_and_not_hermitian_is_reported():
     x, info = tmg.cg(1j * np.eye(40), b)
     assert info == 1
     assert not x.any()
+
+
+def test_preconditioners_of_a_part_of_a_grid_are_operators_too():
+    """Some have fewer unknowns than their grid has elements, and do not know the mask."""
+    shape = 37, 41
+    rng = np.random.default_rng(0)
+    mask = rng.random(shape) < 0.5
+    full = tmg.ToeplitzOperator(1.0 / (1.0 + np.hypot(*np.indices(shape))))
+    A = tmg.MaskedOperator(full, mask)
+    coupled = tmg.MaskedOperator(tmg.CoupledOperator([[full, None], [None, full]]), [mask] * 2)
+    d = scipy.sparse.diags_array(np.linspace(0.5, 1.5, full.shape[0]))
+    shifted = tmg.MaskedOperator(full + d, mask)
+    for B in (A, coupled, shifted):
+        P = tmg.default_preconditioner(B)
+        b = rng.standard_normal(P.shape[0])
+        x, info = tmg.cg(P, b, rtol=1e-10)
+        assert info == 0
+        assert_allclose(P @ x, b, atol=1e-8)
+
+
+def test_what_a_callback_does_is_its_own():
+    A = tmg.ToeplitzOperator(0.5 ** np.arange(50))
+    with np.errstate(over="raise"), pytest.raises(FloatingPointError):
+        tmg.cg(A, np.ones(50), callback=lambda x: np.float64(1e308) * np.float64(10.0))

@@ -676,3 +676,24 @@ def test_refuses_what_makes_no_sense(change, message):
 def test_refuses_a_single_element_that_repeats():
     with pytest.raises(ValueError, match=r"the grid has shape \(1, 1\), but where it repeats"):
         normal_contact([[0.0]], (1.0, 1.0), material=UNIT, force=1.0, periodic=True)
+
+
+@doubtful
+@pytest.mark.parametrize("aspect", [1.0, 100.0, 1e4])
+@pytest.mark.parametrize("pressure", [0.01, 0.5])
+def test_long_elements_obey_the_conditions_of_contact(aspect, pressure):
+    """Their displacements differ so much that sets that are wrong look as if nothing touched."""
+    shape, element, rng = (8, 9), (0.1, 0.1 * aspect), np.random.default_rng(0)
+    material = Material.from_shear(1e3, 0.3)
+    A = Grid.of(shape, element, material, None, True).normal().toarray()
+    for _ in range(4):
+        gap = 1e-4 * rng.standard_normal(shape)
+        force = pressure * element[0] * element[1] * gap.size
+        result = normal_contact(gap, element, material=material, force=force, periodic=True)
+        p = result.pressure
+        assert_allclose(p.sum() * element[0] * element[1], force)
+        open_ = gap + (A @ p.ravel()).reshape(shape)
+        touching = open_[p > 0.0].mean()
+        slack = 1e-7 * max(np.ptp(open_), np.ptp(gap))
+        assert np.abs(open_[p > 0.0] - touching).max() <= slack
+        assert open_.min() >= touching - slack

@@ -27,7 +27,7 @@ def rows_of(shape: tuple[int, ...], mask: Array | None = None) -> Rows:
 
     Of a field of which a process has a part, `shape` is that of the whole, and `mask` of the part.
     """
-    n = shape[-1]
+    n = int(shape[-1])
     # Pieces of a row that is too long for one part are as long as each other.
     count = next((k for k in range(-(-n // PART), n // SHORT + 1) if n % k == 0), 0)
     if prod(shape[:-1]) <= 1 or not count:

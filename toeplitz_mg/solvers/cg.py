@@ -25,7 +25,9 @@ RELIABLE = 1e-3  # Relative error of an `inner` residual that does not disturb t
 # Factors by which ‖r‖ falls before an `inner` residual is computed anew: the least, the first, and
 # that where the residual is rough, as to compute it more often costs too much.
 LEAST_FALL, FIRST_FALL, MOST_FALL = 1e-5, 0.1, 0.5
-STARTS = 2  # Starts of the iteration: rounding that spoils the second will spoil a third.
+# What the recurrence is to reach in each start, over the goal, as it may drift from the residual:
+# rounding that spoils the second start will spoil a third.
+AIMS = (1.0, 0.5)
 
 
 def cg(
@@ -87,8 +89,8 @@ def cg(
     info : int
         0 where it has converged: ‖b - A x‖₂ itself is at the goal. Otherwise the iterations done
         (at least 1): they are used up; or `A` or `M` is found not to be positive definite, or not
-        to be finite; or no such residual is found in this precision, as `A` is too
-        ill-conditioned. `x` is then the last iterate.
+        to be finite; or no such residual is found in two starts, as `A` is too ill-conditioned
+        for this precision, or the tolerance too small. `x` is then the last iterate.
 
     Raises
     ------
@@ -124,8 +126,8 @@ def cg(
     if state.whole.size_of_b == 0.0:
         return state.whole.zero()
     goal = state.goal(rtol, atol)
-    for _ in range(STARTS):
-        if not _descend(state, system, goal, callback):
+    for aim in AIMS:
+        if not _descend(state, system, aim * goal, callback):
             return state.x, max(state.iterations, 1)
         if state.true_residual() <= goal:
             return state.x, 0
@@ -152,7 +154,6 @@ def cg_by_recurrence(
     return state.x, state.iterations, converged
 
 
-@np.errstate(over="ignore", invalid="ignore")  # Overflow is told by `info`.
 def _descend(
     state: "_Descent", system: System, goal: float, callback: Callable[[Array], object] | None
 ) -> bool:
@@ -168,7 +169,8 @@ def _descend(
         length = iteration.step(state.r)
         if length == 0.0:  # A or M is not positive definite, or not finite.
             return False
-        state.step(length, iteration)
+        with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
+            state.step(length, iteration)
         size = state.residual(goal)
         if callback is not None:
             callback(state.x)

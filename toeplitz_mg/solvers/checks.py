@@ -1,5 +1,6 @@
 """Checks of what the iterations are given."""
 
+from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.row_sums import rows_of
 from toeplitz_mg.engine.vectors import Vectors
-from toeplitz_mg.operators.base import library_for, vectors_of
+from toeplitz_mg.operators.base import GridOperator, library_for, vectors_of
 from toeplitz_mg.values import count, is_foreign, real
 
 
@@ -163,10 +164,14 @@ def check_operator(name: str, A: Any) -> LinearOperator:
 
 def _vectors_for(A: Any, dtype: np.dtype[Any]) -> Vectors:
     """Return the operations with vectors: of real unknowns of rows inner products are by rows."""
-    if dtype.kind == "c" or library_for(A) is not NUMPY or not hasattr(A, "grid_shape"):
+    slab, mask = getattr(A, "slab", None), getattr(A, "mask", None)
+    is_ours = slab is not None or isinstance(A, GridOperator)
+    if dtype.kind == "c" or not is_ours or library_for(A) is not NUMPY:
         return vectors_of(A)
-    slab = getattr(A, "slab", None)
-    rows = rows_of(A.grid_shape if slab is None else slab.shape, getattr(A, "mask", None))
+    # Some operators of the unknowns on a mask do not know it.
+    if A.shape[0] != (prod(A.grid_shape) if mask is None else np.count_nonzero(mask)):
+        return vectors_of(A)
+    rows = rows_of(A.grid_shape if slab is None else slab.shape, mask)
     return vectors_of(A) if rows is None else Vectors(vectors_of(A).gather if slab else None, rows)
 
 

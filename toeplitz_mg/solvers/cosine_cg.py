@@ -1,6 +1,7 @@
 """CG for symmetric positive definite Toeplitz matrices in the domain of the DCT-II.
 
-There the preconditioner is a diagonal and a small block, and an iteration takes four transforms.
+There the preconditioner is a diagonal and a small block, and an iteration takes four transforms,
+or six where the length is slow.
 A and the preconditioner commute with the flip of a vector, which in that domain changes the sign of
 every second number: the even and the odd part of a vector never mix, and each has scalars, and so
 a CG, of its own. That saves a quarter of the iterations.

@@ -1,8 +1,9 @@
 """A symmetric Toeplitz matrix, and what approximates its inverse, in the domain of the DCT-II.
 
-With C the DCT-II and D the alternating signs A is ½ (Cᵀ Λ C + D Cᵀ Λ' C D), where Λ and Λ' are
-samples of one function: the eigenvalues of any circulant of twice the size that has the lags of A.
-So a product takes four transforms of real vectors, and of x in that domain three more than none.
+With C the DCT-II and S the DST-II A is ½ (Cᵀ Λ C + Sᵀ Λ' S), where Λ and Λ' are samples of one
+function: the eigenvalues of any circulant of twice the size that has the lags of A. So C A Cᵀ is
+½ (Λ + C Sᵀ Λ' S Cᵀ), whose product takes four transforms of real vectors, and six where the vector
+is in the middle of a fast length.
 
 References
 ----------

@@ -134,7 +134,11 @@ class Search:
             gap = vectors.elementwise(lambda u, z: u + z - approach, now.u, self.z)
             look = Look.at(now.x, gap, area, balanced=False, room=room)
         interference = approach - self.lowest
-        # On a coarser grid the interference may be below the rounding of the gap.
+        if interference <= 0.0 and self.force is not None and (total := vectors.sum(now.x)) > 0.0:
+            # Where the mean displacement is free, that of a set that is wrong may be below the
+            # summits. Weighted with any pressures p it is above them, by pᵀ A p over their sum.
+            interference = vectors.dot(now.x, gap) / total - self.lowest
+        # The interference may be below the rounding of the gap.
         residual = look.error / interference if interference > 0.0 else 0.0
         return Law(look, touching, interference, residual)
 
