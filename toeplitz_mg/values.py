@@ -66,11 +66,11 @@ def refuse_masked(name: str, values: Any) -> Array:
         raise TypeError(f"{name} is a masked array, but must have a value in each element")
     try:
         return np.asarray(values)
-    except ValueError:
+    except ValueError as error:
         if not isinstance(values, list | tuple):
             raise
         shown = reprlib.repr(values)
-        raise ValueError(f"{name} is {shown}, but its rows must be of the same length") from None
+        raise ValueError(f"{name} is {shown}, but its rows must be of the same length") from error
 
 
 def is_foreign(values: Any) -> bool:

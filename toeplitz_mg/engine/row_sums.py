@@ -19,10 +19,10 @@ SHORT = 32  # Numbers of a row from which on it is worth it to add up rows, and 
 
 # How many unknowns each row of a field has, or the first unknown of each row where they differ in
 # that; None where a field has no rows, or short ones.
-Rows = int | Array | None
+RowsOf = int | Array | None
 
 
-def rows_of(shape: tuple[int, ...], mask: Array | None = None) -> Rows:
+def rows_of(shape: tuple[int, ...], mask: Array | None = None) -> RowsOf:
     """Return the rows of a field of this shape, or of its unknowns: pieces of its last axis.
 
     Of a field of which a process has a part, `shape` is that of the whole, and `mask` of the part.

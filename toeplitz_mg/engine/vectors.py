@@ -23,7 +23,7 @@ from numpy.typing import DTypeLike
 from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.row_sums import AT_ONCE, PART, Rows, add_exactly, row_dots
+from toeplitz_mg.engine.row_sums import AT_ONCE, PART, RowsOf, add_exactly, row_dots
 from toeplitz_mg.engine.threads import PIECE, WORTH_THREADS, elementwise, share_rows, share_slices
 from toeplitz_mg.engine.workspace import workspace
 
@@ -271,7 +271,7 @@ class Vectors:
     xp: Any = np
     cuts_fields = True
 
-    def __init__(self, gather: Gather | None = None, rows: Rows = None) -> None:
+    def __init__(self, gather: Gather | None = None, rows: RowsOf = None) -> None:
         self.gather: Gather = gather or (lambda number: (number,))
 
         def of_parts(combine: Callable[[Sequence[Any]], Any], of_part: Any) -> Any:

@@ -85,7 +85,7 @@ def _blocks(width: Array, n: int) -> Iterator[tuple[slice, slice]]:
     while start < len(width):
         w = float(width[start])
         stop = int(np.searchsorted(width, ALIKE * w, side="right"))
-        first, end = 1, min(n, int(FARTHEST / w + 1.5))
+        first, end = 1, int(min(n, FARTHEST / w + 1.5))
         while first < end:
             size = max(BLOCK // len(_nodes(w * (first - 0.5))[0]), 1)
             last = min(max(2 * first, NEAREST), first + size, end)

@@ -28,7 +28,7 @@ def integrate(kernel: Kernel, x: Array, y: Array, h1: float, h2: float) -> Array
     Returns
     -------
     ndarray of float64
-        To rounding, relative to each integral.
+        To rounding, relative to each integral; that of x²/ρ³ by itself, to that of 1/ρ.
 
     Notes
     -----
