@@ -1,4 +1,4 @@
-"""Rolling of few elements, directly: the same answers as by GMRES, and where it starts."""
+"""Rolling of few elements, directly: the same answers as by iteration, and where it starts."""
 
 import numpy as np
 import pytest
@@ -29,15 +29,15 @@ def random_case(seed):
 
 @doubtful
 @pytest.mark.parametrize("seed", range(40))
-def test_few_elements_roll_directly_as_by_gmres(seed, monkeypatch):
+def test_few_elements_roll_directly_as_by_iteration(seed, monkeypatch):
     g, case = random_case(seed)
     directly = rolling(g, **case)
     assert_rolls(directly, case["material"])
     monkeypatch.setattr(Grid, "steady_array", lambda self, contact: None)
-    by_gmres = rolling(g, **case)
-    assert set(directly.iterations) <= {1}
+    by_iteration = rolling(g, **case)
+    assert len(directly.iterations) == 1  # It settles, without an iteration after it.
     # The slip where they stick is within the tolerance; what tractions make of that is more.
-    assert_allclose(directly.traction, by_gmres.traction, rtol=0, atol=1e-5 * g.max())
+    assert_allclose(directly.traction, by_iteration.traction, rtol=0, atol=1e-5 * g.max())
 
 
 @doubtful
@@ -49,7 +49,7 @@ def test_the_start_is_the_answer_where_nothing_slips():
     g, case = random_case(1)
     small = case | {"longitudinal": 1e-3, "lateral": 0.0, "spin": 0.0}
     result = rolling(np.where(g > 0.0, np.inf, 0.0), **small)
-    assert result.iterations == ()
+    assert sum(result.iterations) == 0
 
 
 def test_the_start_grows_from_the_leading_edge_and_is_cut_to_the_bound():

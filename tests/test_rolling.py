@@ -234,7 +234,7 @@ def test_a_step_obeys_coulombs_law_in_time():
 
 @doubtful
 def test_marching_where_the_sets_do_not_settle():
-    impatient = steady.SteadyOptions(iterations=1, patience=1)  # GMRES alone would not settle.
+    impatient = steady.SteadyOptions(iterations=1, patience=1)  # Too little to settle.
     creepages = (0.05, 0.03, 0.1)
     _, result = circle(12, creepages, nested=False, options=impatient)
     assert_rolls(result, Material.from_shear(1.0, 0.25))

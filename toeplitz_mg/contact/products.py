@@ -5,12 +5,16 @@ from math import inf
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.operators.base import vectors_of
+
+LOST = 1e-6  # Error of a product in single precision, over the largest of its result.
+SMALL = 0.1  # Part of what may be lost that one product may lose, as several follow.
 
 
 class Products:
@@ -70,6 +74,60 @@ class Products:
         if self.progress is not None and self.residual < inf:
             self.progress(self.count, self.residual)
         return product
+
+
+class Displacements:
+    """The displacements of tractions that change step by step, less and less.
+
+    A change is multiplied in single precision, in half the time. What rounding takes adds up: a
+    product with all of the tractions clears it, in double precision, as soon as changes are so
+    small that from there on nothing is lost which matters.
+
+    Parameters
+    ----------
+    K : Products
+    q : ndarray
+        The tractions to begin with.
+    dtype : float32 or float64
+        The precision of a product with a change: where it is double, each is with all tractions.
+
+    Attributes
+    ----------
+    u : ndarray
+        The displacements.
+    lost : float
+        What they may be off by.
+    """
+
+    def __init__(self, K: Products, q: Array, dtype: DTypeLike) -> None:
+        self._K, self._q, self._is_single = K, q, np.dtype(dtype) == np.float32
+        self.u = K(q) if K.vectors.count(q) else np.zeros_like(q)
+        self.lost = 0.0
+
+    def renew(self) -> None:
+        """Compute the displacements from all of the tractions."""
+        self.u, self.lost = self._K(self._q), 0.0
+
+    def follow(self, q: Array, change: float, allowed: float) -> None:
+        """Go on to other tractions.
+
+        Parameters
+        ----------
+        q : ndarray
+        change : float
+            About how large the change of the displacements is.
+        allowed : float
+            What the displacements may be off by in the end.
+        """
+        before, self._q = self._q, q
+        if not self._is_single or (self.lost > allowed and LOST * change <= SMALL * allowed):
+            self.renew()
+            return
+        dq = q - before
+        largest = self._K.vectors.max(np.abs(dq)) or 1.0
+        du = largest * self._K((dq / largest).astype(np.float32))
+        self.u = self.u + du
+        self.lost += LOST * self._K.vectors.max(np.abs(du))
 
 
 # Matrices of small grids are kept for the next problem, and this is kept with them.

@@ -17,8 +17,8 @@ from toeplitz_mg.engine.products import multiply_rows
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator
 
-# Additions whose inverses are interpolated, over the diagonal: of two, and not four, GMRES takes an
-# iteration more in twenty, each of which takes two thirds of the time.
+# Additions whose inverses are interpolated, over the diagonal: of two, and not three, it takes an
+# iteration more in thirty, each of which takes less time.
 ADDITIONS = np.array([0.0, 3.0])
 KEPT = 8  # Lengths whose matrices are kept: a grid has two, for several operators.
 

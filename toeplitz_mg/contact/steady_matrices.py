@@ -20,7 +20,7 @@ WRAPPED = 0.03  # What goes around a circulant comes back so many times as large
 # the rolling direction: it bounds the inverse. A fixed one fades what comes from far ahead.
 LEAST = 1.0
 # Additions to the matrix whose inverses are interpolated, over its diagonal.
-ADDITIONS = np.array([0.0, 0.1, 0.5, 2.0])
+ADDITIONS = np.array([0.0, 0.3, 2.0])
 LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Diagonals of a matrix that single precision is good for.
 PANEL_BYTES = 2**20  # Bytes of a panel of frequencies, or of lines: it stays in the cache.
 
@@ -215,16 +215,16 @@ def interpolate(
     nearly so beyond the last ν.
     """
     x, nodes = (1.0 / (1.0 + given).astype(dtype) for given in (addition, additions))
-    weights, local, before = np.empty((len(nodes), *x.shape), dtype), x.copy(), 0.0
-    for weight, node, after in zip(weights, nodes, [*nodes[1:], -np.inf], strict=True):
-        # How much of what is interpolated is of the nodes up to this one.
-        share = (
-            np.minimum(np.maximum((x - after) / (node - after), 0.0), 1.0) if after > 0.0 else 1.0
-        )
-        weight[...] = (share - before) * (x * x / node**2)
-        local -= node * weight
-        before = share
-    return weights, local
+    nodes = nodes.reshape(-1, *(1,) * x.ndim)
+    here, after = nodes[:-1], nodes[1:]
+    weights = np.empty((len(nodes), *x.shape), dtype)
+    # How much of what is interpolated is of the nodes up to each: of the last ones, all of it.
+    weights[-1] = 1.0
+    share = np.multiply(x - after, 1.0 / (here - after), out=weights[:-1])
+    np.minimum(np.maximum(share, 0.0, out=share), 1.0, out=share)
+    weights[1:] -= weights[:-1].copy()
+    weights *= x * x / nodes**2
+    return weights, x - (nodes.ravel() @ weights.reshape(len(nodes), -1)).reshape(x.shape)
 
 
 def fade_rate(length: int) -> float:

@@ -73,6 +73,26 @@ def dots(X: Array, y: Array) -> Array:
     return sums.reshape(len(X), -1).sum(axis=1, dtype=double) + rest
 
 
+def gram(X: Array) -> Array:
+    """Return the inner products of the real vectors along the first axis of X with each other.
+
+    Parameters
+    ----------
+    X : ndarray of shape (k, ...)
+
+    Returns
+    -------
+    ndarray of shape (k, k), float64
+    """
+    if X[0].size <= PART:
+        rows = X.reshape(len(X), -1)
+        return np.vecdot(rows[:, None], rows).astype(np.float64)
+    products = np.empty((len(X), len(X)))
+    for k, x in enumerate(X):
+        products[k, : k + 1] = products[: k + 1, k] = dots(X[: k + 1], x)
+    return products
+
+
 def norm(x: Array) -> float:
     """Return the 2-norm of a vector, real or complex; no square of a number over- or underflows."""
     if x.ndim > 1:
@@ -241,7 +261,7 @@ class Vectors:
     Attributes
     ----------
     gather : callable
-    dot, dots, norm : callable
+    dot, dots, gram, norm : callable
         As the functions of this module.
     sum, min, max : callable
         From a real field to its sum, its least and its largest number; infinity, or minus
@@ -293,6 +313,7 @@ class Vectors:
             of_parts(sum, dot) if rows is None else dot_by_rows
         )
         self.dots: Callable[[Array, Array], Array] = of_parts(sum, dots)
+        self.gram: Callable[[Array], Array] = of_parts(lambda grams: np.sum(grams, axis=0), gram)
         self.norm: Callable[[Array], float] = of_parts(lambda norms: hypot(*norms), norm)
         self.sum: Callable[[Array], float] = of_parts(sum, _sum)
         self.min: Callable[[Array], float] = of_parts(min, _min)

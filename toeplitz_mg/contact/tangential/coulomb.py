@@ -123,6 +123,13 @@ class Tangent:
             v = np.where(self.inside, v, 0.0)
         return v - self.n * along(v, self.n)
 
+    def project_each(self, rows: Array) -> None:
+        """Project fields, (k, components, ...), in place, where no sum is given."""
+        assert not self._balanced
+        if not self._is_everywhere:
+            rows *= self.inside
+        rows -= self.n * np.einsum("kc...,c...->k...", rows, self.n)[:, None]
+
     def multiplier(self, s: Array) -> Array:
         """Return the components of the uniform field nearest to `s` in these directions.
 

@@ -56,7 +56,7 @@ def find_directly(
         few,
         products,
         (np.ascontiguousarray(q[:, C]), Areas(areas.stick[C], areas.slide[C])),
-        lambda now, areas, q: (_newton_step(now, areas, array, few), 1),
+        lambda now, areas, *_: _newton_step(now, areas, array, few),
         patience,
     )
     K.count = products.count
@@ -85,7 +85,7 @@ def _newton_step(now: Look, areas: Areas, K: SteadyArray, loads: Loads) -> Array
     stiffness = np.minimum(law.stiffness, STIFFEST * K.array[0, 0])
     # Loads are to be restored to their last digit.
     v = solve_on_tangents(K, areas, law.T.n, stiffness, r, precisely=len(loads.wanted) > 0)
-    if v is None:  # There is no step, the areas do not settle, and the search goes on by GMRES.
+    if v is None:  # There is no step, the areas do not settle, and `iteration` goes on.
         return np.zeros_like(law.r)
     v[0] *= scale
     return _combine(v, loads.arms, now.missing)

@@ -1,7 +1,7 @@
 """Loads that are given in the place of creepages, and what is wrong with tractions then.
 
-The creepages that belong to the loads are unknowns as the tractions are, and Newton's method is for
-all at once. A change of the tractions takes up what is missing of the loads, and the creepages are
+The creepages that belong to the loads are unknowns as the tractions are, and each step is for all
+at once. A change of the tractions takes up what is missing of the loads, and the creepages are
 those that leave the least slip.
 """
 

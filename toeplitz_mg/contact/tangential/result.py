@@ -90,7 +90,8 @@ class TangentialResult:
         All work, that on coarser grids, in preconditioners and in transforms of coefficients
         too, in such products.
     iterations : tuple of int
-        Iterations of the Krylov method on this grid, between two changes of the areas.
+        Iterations of the Krylov method on this grid, between two changes of the areas; in steady
+        rolling all steps, first those with the matrix as an array, where there were such.
     residual : float
         The largest violation of Coulomb's law, at most the tolerance. It is relative, in friction
         to the largest displacement that there would be without slip, or was before, or that by

@@ -1,4 +1,4 @@
-"""Newton's method for the steady state of rolling, until the areas of stick and slip settle.
+"""Changes of tractions and areas, until stick and slip settle in the steady state of rolling.
 
 The areas are those of `stick_slip`, with K = A - S in the place of A. As K is not symmetric, there
 is no energy that each change of the areas should lower (`active_sets`): progress is a smaller
@@ -8,17 +8,19 @@ residual.
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.products import Displacements, Products
 from toeplitz_mg.contact.tangential.coulomb import Areas, along, make_admissible, size
 from toeplitz_mg.contact.tangential.given_loads import Loads, Look, carry, look
 from toeplitz_mg.contact.tangential.problem import Problem, State
 
+EXACT = 0.1  # Part of the tolerance by which displacements in the end may be off.
 BETTER = 0.9  # Factor of the least residual so far, below which a new one is progress.
 
-# From what is wrong with tractions in some areas, a change of them, and the iterations it took.
-Newton = Callable[[Look, Areas, Array], tuple[Array, int]]
+# From what is wrong with tractions in some areas, these, and their displacements, a change of them.
+Step = Callable[[Look, Areas, Array, Array], Array]
 
 
 def settle(
@@ -26,8 +28,9 @@ def settle(
     loads: Loads,
     K: Products,
     guess: tuple[Array, Areas],
-    newton: Newton,
+    step: Step,
     patience: int,
+    dtype: DTypeLike = np.float64,
 ) -> State:
     """Change tractions and areas until they obey Coulomb's law, or are no better for long.
 
@@ -40,10 +43,12 @@ def settle(
         Products with A - S.
     guess : (ndarray, Areas)
         Admissible tractions and areas.
-    newton : callable
-        A step of Newton's method while the areas are fixed.
+    step : callable
+        A change of the tractions, as if the areas were fixed.
     patience : int
         Changes of the areas without a smaller residual, after which it is given up.
+    dtype : float32 or float64
+        The precision of products with changes of the tractions.
 
     Returns
     -------
@@ -52,28 +57,32 @@ def settle(
     """
     g, vectors, (q, areas) = problem.g, problem.vectors, guess
     q = carry(problem, loads, areas, q)
-    u = K(q) if vectors.count(q) else np.zeros_like(q)
+    displacements = Displacements(K, q, dtype)
     best, left = np.inf, patience
-    iterations: list[int] = []
+    steps = 0
     while True:
-        now = look(problem, loads, areas, q, u)
+        now = look(problem, loads, areas, q, displacements.u)
+        allowed = EXACT * problem.tolerance * now.law.scale
+        if now.residual <= problem.tolerance and displacements.lost > allowed and not K.exhausted:
+            displacements.renew()
+            continue
         left = patience if now.residual < BETTER * best else left - 1
         best = min(best, now.residual)
         if now.residual <= problem.tolerance or K.exhausted or left == 0:
-            return State(q, u, areas, now.creepages, now.residual, tuple(iterations))
+            return State(q, displacements.u, areas, now.creepages, now.residual, (steps,))
         K.progress, K.residual = problem.progress, now.residual
-        v, count = newton(now, areas, q)
-        iterations.append(count)
-        q = q + v
+        change = now.residual * now.law.scale
+        q = q + step(now, areas, q, displacements.u)
+        steps += 1
         out = areas.stick & (size(q) > g)
         q, _ = make_admissible(q, g, areas, areas.slide | out, None, vectors)
         b = now.b
         if len(loads.wanted):
             stuck = areas.exchange(out, np.zeros_like(out))
             q = carry(problem, loads, stuck, q)
-            u = K(q)
-            b = look(problem, loads, stuck, q, u).b
+            displacements.follow(q, change, allowed)
+            b = look(problem, loads, stuck, q, displacements.u).b
         else:
-            u = K(q)
-        back = areas.slide & (along(b - u, now.law.T.n) < 0.0)
+            displacements.follow(q, change, allowed)
+        back = areas.slide & (along(b - displacements.u, now.law.T.n) < 0.0)
         areas = areas.exchange(out, back)

@@ -1,13 +1,13 @@
 """The steady state of rolling, directly: the areas of stick and slip for a matrix not symmetric.
 
-Of few elements the matrix is an array (`direct`); of many, Newton's method has GMRES for its linear
-systems (`newton`). On small grids the search starts from the leading edge, on larger grids from the
+Of few elements the matrix is an array (`direct`); of many, approximate inverses and acceleration do
+(`iteration`). On small grids the search starts from the leading edge, on larger grids from the
 solution on elements of twice the size. Where the areas do not settle, rolling step by step leads
 on.
 
-GMRES is preconditioned by inverses of the symbol of K, â(θ)(1 - e^{iθ₁}), plus ν, for a few ν.
-Where elements stick it is K that is to be inverted, and where they slide K + λ, with λ of any size:
-in each place the inverses are interpolated to its λ. So the products hardly depend on the number of
+The approximate inverses are of the symbol of K, â(θ)(1 - e^{iθ₁}), plus ν, for a few ν. Where
+elements stick it is K that is to be inverted, and where they slide K + λ, with λ of any size: in
+each place the inverses are interpolated to its λ. So the products hardly depend on the number of
 elements. (With one ν for all, they doubled from 128² elements to 512².)
 
 Where loads are given, a change of the tractions takes up what is missing of them; the rest of it is
@@ -28,8 +28,8 @@ from toeplitz_mg.contact.steady_matrices import LEAST_UNIT, MOST_UNIT
 from toeplitz_mg.contact.tangential.coulomb import Areas, clip, size
 from toeplitz_mg.contact.tangential.direct import find_directly
 from toeplitz_mg.contact.tangential.given_loads import Loads
+from toeplitz_mg.contact.tangential.iteration import Iteration
 from toeplitz_mg.contact.tangential.leading_edge import roll_backwards
-from toeplitz_mg.contact.tangential.newton import Steps
 from toeplitz_mg.contact.tangential.problem import Problem, State, admit
 from toeplitz_mg.contact.tangential.settling import settle
 from toeplitz_mg.contact.tangential.stick_slip import COARSE_PRODUCTS, solve
@@ -49,10 +49,11 @@ class SteadyOptions:
     Attributes
     ----------
     iterations : int
-        Most iterations of GMRES between two changes of the areas, all of whose vectors are kept.
+        Most iterations whose products are kept, and combined with the next one. Beyond 3 they save
+        little.
     patience : int
-        Changes of the areas without a smaller residual, after which it rolls step by step over the
-        length of the grid, and searches on from there.
+        Iterations without a smaller residual, after which it rolls step by step over the length of
+        the grid, and searches on from there.
 
     Raises
     ------
@@ -64,7 +65,7 @@ class SteadyOptions:
     rolling : takes it as ``options=``.
     """
 
-    iterations: int = 60
+    iterations: int = 5
     patience: int = 30
 
     def __post_init__(self) -> None:
@@ -124,8 +125,10 @@ def find_steady_state(
         guess = admit(problem, q, slide)
 
     while True:
-        steps = Steps(problem, loads, K, M, options.iterations)
-        state = settle(problem, loads, K, guess, steps, patience)
+        step = Iteration(problem, loads, M, options.iterations)
+        # On a small grid a product in double precision takes little longer.
+        dtype = np.float64 if grid.is_short else M.dtype
+        state = settle(problem, loads, K, guess, step, patience, dtype)
         iterations += state.iterations
         if state.residual <= problem.tolerance or K.exhausted:
             return replace(state, iterations=iterations)

@@ -1,0 +1,99 @@
+"""Steps towards the steady state of rolling, by approximate inverses and Anderson's acceleration.
+
+A step changes the tractions as the approximate inverse has it. Before that it combines the last
+changes, whose displacements are known, so that what a combination removes in the areas of now is
+known too, without a product: the one that leaves least is taken. While the areas stay that is the
+minimal residual method (Anderson's acceleration of a linear iteration is GMRES); and where they
+change, no product is lost, as K is the same.
+"""
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.steady_matrices import ShiftedInverses
+from toeplitz_mg.contact.tangential.coulomb import Areas
+from toeplitz_mg.contact.tangential.given_loads import CARRIED, Loads, Look, complement
+from toeplitz_mg.contact.tangential.problem import STIFFEST, Problem
+
+DEPENDENT = 1e-6  # Relative addition to squared norms, so that changes may depend on each other.
+
+
+class Iteration:
+    """Steps of an accelerated iteration, one after the other.
+
+    Parameters
+    ----------
+    problem : Problem
+    loads : Loads
+        The loads that are given in the place of creepages.
+    M : ShiftedInverses
+        Approximate inverses of K and additions to its diagonal.
+    depth : int
+        Most changes that are combined.
+
+    References
+    ----------
+    D. G. Anderson, Iterative procedures for nonlinear integral equations, J. ACM 12 (1965).
+    H. F. Walker, P. Ni, Anderson acceleration for fixed-point iterations, SIAM J. Numer. Anal. 49
+    (2011).
+    """
+
+    def __init__(self, problem: Problem, loads: Loads, M: ShiftedInverses, depth: int) -> None:
+        self._problem, self._loads, self._M = problem, loads, M
+        # The last changes of the tractions and of the displacements, over what was wrong before.
+        self._changes = np.empty((2, depth, *problem.b.shape), M.dtype)
+        self._steps, self._scale = 0, 1.0
+        self._before: tuple[Array, Array] | None = None
+
+    def __call__(self, now: Look, areas: Areas, q: Array, u: Array) -> Array:
+        """Return a change of the tractions q, whose displacements are u."""
+        law, vectors, M = now.law, self._problem.vectors, self._M
+        dq, du = self._remember(q, u)
+        T = law.T.astype(M.dtype)
+        stiffness = np.minimum(law.stiffness, STIFFEST * M.diagonal).astype(M.dtype)
+        scale = self._scale = vectors.max(np.abs(law.r)) or 1.0
+        # The first row is what is wrong, the others are what the changes remove of it.
+        rows = np.empty((1 + len(dq), *q.shape), M.dtype)
+        rows[0] = law.r / scale
+        np.multiply(dq, stiffness, out=rows[1:])
+        rows[1:] += du
+        T.project_each(rows[1:])
+        if is_loaded := len(self._loads.wanted) > 0:
+            of_slip = complement(self._loads.units, law.T, vectors)
+            for row in rows[1:]:
+                row[...] = of_slip(row)
+        weights = _least(vectors.gram(rows))
+        vectors.add_combination(-weights, rows[1:], rows[0])
+        v = T(M.at(stiffness)(rows[0]))
+        vectors.add_combination(weights, dq, v)
+        v = scale * v.astype(np.float64)
+        if is_loaded:
+            of_tractions = complement(self._loads.arms, law.T, vectors)
+            v = of_tractions(v)
+            if self._loads.error(q, vectors) > CARRIED:
+                v += of_tractions.reach(now.missing)
+        return v
+
+    def _remember(self, q: Array, u: Array) -> tuple[Array, Array]:
+        """Return the last changes of tractions and of displacements, with those to q and u."""
+        depth = self._changes.shape[1]
+        if self._before is not None:
+            dq, du = (now - before for now, before in zip((q, u), self._before, strict=True))
+            self._changes[0, self._steps % depth] = dq / self._scale
+            self._changes[1, self._steps % depth] = du / self._scale
+            self._steps += 1
+        self._before = q, u
+        dq, du = self._changes[:, : min(self._steps, depth)]
+        return dq, du
+
+
+def _least(products: Array) -> Array:
+    """Return the weights of rows that leave least of the first one, from their inner products."""
+    G, right = products[1:, 1:].copy(), products[1:, 0]
+    if not np.isfinite(G).all():  # The squares of what stiffness makes of a change overflow.
+        return np.zeros(len(right))
+    diagonal = G.ravel()[:: len(G) + 1]
+    diagonal *= 1.0 + DEPENDENT
+    diagonal[diagonal == 0.0] = 1.0
+    weights: Array = np.linalg.solve(G, right)
+    return weights
