@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
-from toeplitz_mg import operators
+from toeplitz_mg import operators, preconditioners
 from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.preconditioners.positivity import require_range
 from toeplitz_mg.slabs.coupled import CoupledOperator
@@ -59,7 +59,12 @@ def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator
 def _make(make: Make, A: ToeplitzOperator | None, dtype: DTypeLike | None) -> SlabOperator:
     if A is None or not A.is_even:
         raise ValueError(f"A, or a component's block on itself, is {A!r}, but must be even")
-    return make(A, _precision(A, dtype))
+    dtype = _precision(A, dtype)
+    if not (A.slab.is_line and A.slab.comm.size == 1):
+        return make(A, dtype)
+    M = SlabOperator(A.slab, dtype, A.slab.local, library=A.library)
+    M.product = getattr(preconditioners, make.__name__)(A.product, dtype=dtype)
+    return M
 
 
 def _precision(A: Any, dtype: DTypeLike | None) -> np.dtype[Any]:

@@ -9,7 +9,6 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.preconditioners import trigonometric
 from toeplitz_mg.preconditioners.positivity import require_positive
 from toeplitz_mg.preconditioners.trigonometric import lift_lowest
 from toeplitz_mg.slabs.line import LongTransform
@@ -20,7 +19,6 @@ from toeplitz_mg.slabs.structure import ROBUST, restricted
 from toeplitz_mg.slabs.symbol import GridSymbol, sum_line
 
 NAMES = "cosine", "sine"  # Of the transforms whose first sample is that number 0, or 1.
-ALONE = trigonometric.cosine_preconditioner, trigonometric.sine_preconditioner
 
 
 @restricted
@@ -50,13 +48,7 @@ def sine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperat
 
 
 def _diagonalise(A: ToeplitzOperator, dtype: np.dtype[Any], first: int) -> SlabOperator:
-    if not A.slab.is_line:
-        return DiagonalisedGrid(A, dtype, first)
-    if A.slab.comm.size > 1:
-        return DiagonalisedLine(A, dtype, first)
-    M = SlabOperator(A.slab, dtype, A.slab.local, library=A.library)
-    M.product = ALONE[first](A.product, dtype=dtype)
-    return M
+    return (DiagonalisedLine if A.slab.is_line else DiagonalisedGrid)(A, dtype, first)
 
 
 class DiagonalisedGrid(SlabOperator):
