@@ -97,22 +97,6 @@ class Slab(Messages):
         self.local = (end - first, *shape[1:])
         self.vectors = Vectors(self.gather)
 
-    def coarser(self, shape: tuple[int, ...], height: int) -> "Slab":
-        """Return the slab of a coarser grid, each row of which is made of so many of this one.
-
-        That divides `unit`, so that no row is made of those of two ranks.
-        """
-        return self.alike(shape, self.unit // height, -(-self.starts // height))
-
-    def longer(self, length: int) -> "Slab":
-        """Return the slab of a grid of so many rows in all: the last rank has the new ones."""
-        starts = np.append(self.starts[:-1], length)
-        return self.alike((length, *self.shape[1:]), 1, starts)
-
-    def evenly(self, shape: tuple[int, ...]) -> "Slab":
-        """Return the slab of another grid, of which all ranks have about as many rows, or none."""
-        return self.alike(shape, 1, cuts_of(shape[0], self.comm.size))
-
     def alike(self, shape: tuple[int, ...], unit: int, starts: Array) -> "Slab":
         """Return the slab of another grid that is cut at these rows."""
         slab = Slab.__new__(Slab)
@@ -185,43 +169,51 @@ class Slab(Messages):
         """Return which of n columns this rank has between `to_columns` and `to_rows`."""
         return slice(*cuts_of(n, self.comm.size)[self.comm.rank : self.comm.rank + 2].tolist())
 
-    def turns(self, n: int, width: int) -> Iterator[Turn]:
-        """Cut n columns into turns, in each of which a rank has at most `width` of its own."""
-        return cut_in_turns(n, self.comm.size, width)
+    def turns(self, n: int, width: int) -> Iterator[tuple[slice, Turn]]:
+        """Cut n columns into turns, in each of which a rank has at most `width` of its own.
 
-    def to_columns(self, Z: Array, turn: Turn | None = None, out: Array | None = None) -> Array:
+        Yields
+        ------
+        own : slice
+            The columns of this rank in the turn, counted from its first one.
+        turn : list of (int, int)
+            Those of each rank, counted from the first of all.
+        """
+        first = self.columns(n).start
+        for turn in cut_in_turns(n, self.comm.size, width):
+            a, b = turn[self.comm.rank]
+            yield slice(a - first, b - first), turn
+
+    def to_columns(self, Z: Array, turn: Turn, out: Array | None = None) -> Array:
         """Exchange the columns of this rank's rows for the rows of this rank's columns.
 
         Parameters
         ----------
         Z : ndarray of shape (rows, ..., n)
-        turn : list of (int, int), optional
-            The columns of each rank, by default all of `columns`.
+        turn : list of (int, int)
+            The columns of each rank.
         out : ndarray of shape (n₁, ..., k), C-contiguous, optional
             For the k columns of this rank.
         """
-        turn = turn or next(self.turns(Z.shape[-1], Z.shape[-1]))
-        own = turn[self.comm.rank]
+        own = slice(*turn[self.comm.rank])
         if out is None:
-            out = np.empty((self.shape[0], *Z.shape[1:-1], own[1] - own[0]), Z.dtype)
+            out = np.empty((self.shape[0], *Z.shape[1:-1], own.stop - own.start), Z.dtype)
         sizes = self._sizes(turn, Z)
         sent = workspace((sum(sizes),), Z.dtype)
-        for part, (a, b) in self._pieces(sent, turn, Z):
-            part[...] = Z[..., a:b]
-        out[self.rows] = Z[..., slice(*own)]
+        for part, columns in self._pieces(sent, turn, Z):
+            part[...] = Z[..., columns]
+        out[self.rows] = Z[..., own]
         self.swap([sent, sizes], [out, self._places_of_rows(out)])
         return out
 
-    def to_rows(self, C: Array, out: Array, turn: Turn | None = None) -> Array:
+    def to_rows(self, C: Array, out: Array, turn: Turn) -> None:
         """Exchange back what `to_columns` has returned, into the columns of the turn of `out`."""
-        turn = turn or next(self.turns(out.shape[-1], out.shape[-1]))
         sizes = self._sizes(turn, out)
         got = workspace((sum(sizes),), out.dtype)
         self.swap([np.ascontiguousarray(C), self._places_of_rows(C)], [got, sizes])
-        for part, (a, b) in self._pieces(got, turn, out):
-            out[..., a:b] = part
+        for part, columns in self._pieces(got, turn, out):
+            out[..., columns] = part
         out[..., slice(*turn[self.comm.rank])] = C[self.rows]
-        return out
 
     def _sizes(self, turn: Turn, Z: Array) -> list[int]:
         """Return what goes to each rank; 0 to this one, whose own is copied once, here."""
@@ -236,13 +228,13 @@ class Slab(Messages):
         sizes[self.comm.rank] = 0
         return sizes, places[:-1].tolist()
 
-    def _pieces(self, flat: Array, turn: Turn, Z: Array) -> Iterator[tuple[Array, tuple[int, int]]]:
+    def _pieces(self, flat: Array, turn: Turn, Z: Array) -> Iterator[tuple[Array, slice]]:
         """Yield each other rank's piece of a message, as an array, and the columns of it."""
         end = 0
         for size, (a, b) in zip(self._sizes(turn, Z), turn, strict=True):
             start, end = end, end + size
             if size:
-                yield flat[start:end].reshape(*Z.shape[:-1], b - a), (a, b)
+                yield flat[start:end].reshape(*Z.shape[:-1], b - a), slice(a, b)
 
     def with_rows_above(self, x: Array, count: int) -> Array:
         """Return this rank's rows and so many before them, as far as there are any.

@@ -84,17 +84,14 @@ class DiagonalisedGrid(SlabOperator):
         Z = library.enlarge(library.xp.reshape(x, slab.local), lengths[1:], self.dtype)
         rows = library.to_numpy(forward(Z, axes=local_axes, **library.in_place))
         rows = rows if rows.flags.writeable else rows.copy()
-        start = 0
-        for turn in turns_of(slab, lengths, rows.itemsize):
-            a, b = turn[slab.comm.rank]
-            host = workspace((*lengths[:-1], b - a), self.dtype)
+        for own, turn in turns_of(slab, lengths, rows.itemsize):
+            host = workspace((*lengths[:-1], own.stop - own.start), self.dtype)
             slab.to_columns(rows, turn, host[: slab.shape[0]])
             host[slab.shape[0] :] = 0.0
             C = forward(library.from_numpy(host), axes=(0,), **library.in_place)
-            C *= self._inverse[..., start : start + b - a]
+            C *= self._inverse[..., own]
             C = library.to_numpy(backward(C, axes=(0,), **library.in_place))
             slab.to_rows(C[: slab.shape[0]], rows, turn)
-            start += b - a
         Z = backward(library.from_numpy(rows), axes=local_axes, **library.in_place)
         result = library.xp.reshape(Z[tuple(slice(n) for n in slab.local)], x.shape)
         if y is None:
