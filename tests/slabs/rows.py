@@ -75,10 +75,10 @@ def test_bytes_of_an_exchange(comm):
     assert P * sum(slab.gather(sent)) == 8 * 24 * 12 * (P - 1)
 
 
-def test_rows_of_the_rank_before(comm):
+def test_rows_of_the_ranks_beside(comm):
     slab, X = Slab(comm, (16, 3)), grid_of((16, 3))
-    above = slab.with_rows_above(X[slab.rows], 2)
-    assert np.array_equal(above, X[max(0, slab.rows.start - 2) : slab.rows.stop])
+    above = slab.shift(X[slab.rows][-2:], 2 * min(comm.rank, 1), 1)
+    assert np.array_equal(above, X[max(0, slab.rows.start - 2) : slab.rows.start])
     below = slab.shift(X[slab.rows][:1], int(comm.rank < comm.size - 1), -1)
     assert np.array_equal(below, X[slab.rows.stop : slab.rows.stop + 1])
 

@@ -114,7 +114,9 @@ class SlabGrid:
 
     def fragmentation(self, C: Mask) -> float:
         """Return how long the edge of some elements is (see `traits.fragmentation`)."""
-        rows = np.pad(self.slab.with_rows_above(C, 1), ((self._is_first, self._is_last), (0, 0)))
+        rows, first = self._with_neighbours(C)
+        rows = rows[: self.slab.rows.stop - first]  # The edges below are those of the next rank.
+        rows = np.pad(rows, ((self._is_first, self._is_last), (0, 0)))
         columns = np.pad(C, ((0, 0), (1, 1)))
         own = np.count_nonzero(np.diff(rows, axis=0)) + np.count_nonzero(np.diff(columns))
         return float(sum(self.vectors.gather(own)) / self.vectors.count(C) ** 0.5)

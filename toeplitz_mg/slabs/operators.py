@@ -191,10 +191,7 @@ class ToeplitzOperator(SlabOperator):
             # What makes a matrix of rows of a line moves less, but takes twice the time.
             lags = np.concatenate([self.opposite.ravel()[:0:-1], self.c.ravel()])
             return operators.ToeplitzOperator.from_lags(self.library.from_numpy(lags))
-        return SlabProduct(self.slab, self.library, [[self._embed()]], self.dtype)
-
-    def _embed(self) -> Array:
-        return embed_on_slab(self.slab, self.c, self.behind, self.opposite, self.parity)
+        return SlabProduct(self.slab, self.library, [[embed_on_slab(self)]], self.dtype)
 
     @property
     def blocks(self) -> "tuple[tuple[ToeplitzOperator]]":
@@ -211,7 +208,7 @@ class ToeplitzOperator(SlabOperator):
     def spectrum(self) -> Array:
         """The eigenvalues of the embedding, of the frequencies that this rank has."""
         product = self.product
-        return product.spectra[0][0] if isinstance(product, SlabProduct) else self._embed()
+        return product.spectra[0][0] if isinstance(product, SlabProduct) else embed_on_slab(self)
 
     def _cast(self, dtype: np.dtype[Any]) -> "ToeplitzOperator":
         return ToeplitzOperator(

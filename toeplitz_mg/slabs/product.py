@@ -96,24 +96,23 @@ def turns_of(slab: Slab, lengths: tuple[int, ...], number: int) -> Iterator[tupl
     return slab.turns(lengths[-1], max(NARROW, TURN_BYTES // (number * prod(lengths[:-1]))))
 
 
-def embed_on_slab(
-    slab: Slab, c: Array, behind: Array | None, opposite: Array, parity: tuple[int, ...]
-) -> Array:
-    """Return the eigenvalues of the embedding for this rank's frequencies of the last axis.
+def embed_on_slab(A: Any) -> Array:
+    """Return the eigenvalues of the embedding of a `slabs.ToeplitzOperator`.
 
-    The parameters are those of `slabs.ToeplitzOperator`, and its coefficients of opposite lags.
+    They are those of this rank's frequencies of the last axis.
     """
-    is_symmetric, sign = behind is None and prod(parity) == 1, parity[0]
+    slab, c, behind, parity = A.slab, A.c, A.behind, A.parity
+    sign = parity[0]
     if slab.is_line:
-        line, c, back = Line(slab), c.reshape(-1), opposite.reshape(-1)
+        line, c, back = Line(slab), c.reshape(-1), A.opposite.reshape(-1)
         slab, parity = line.slab, (0, 0)
         # Of a symmetric matrix what is behind has the conjugate transform.
-        c, behind = line.lags(c, back), None if is_symmetric else line.lags(back, c)[:, ::-1]
+        c, behind = line.lags(c, back), None if A.is_symmetric else line.lags(back, c)[:, ::-1]
     lengths = embedding_lengths(slab.shape)
     count_transforms(1, *(2 * n for n in slab.local))
     halves = [_transform_rows(a, parity, lengths) for a in (c, behind) if a is not None]
     mine = slab.columns(lengths[-1])
-    kind = np.float64 if is_symmetric else np.complex128
+    kind = np.float64 if A.is_symmetric else np.complex128
     spectrum = np.empty((*lengths[:-1], mine.stop - mine.start), kind)
     for own, turn in turns_of(slab, lengths, np.dtype(np.complex128).itemsize):
         ahead, *other = (slab.to_columns(half, turn) for half in halves)
@@ -122,7 +121,7 @@ def embed_on_slab(
         else:
             back = ahead.conj() if parity[0] == 0 else sign * ahead
         S = transform_around(NUMPY, ahead, np.flip(back[1:], axis=0), 0, lengths[0])
-        spectrum[..., own] = S.real if is_symmetric else S
+        spectrum[..., own] = S.real if A.is_symmetric else S
     return spectrum
 
 

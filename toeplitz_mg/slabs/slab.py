@@ -16,7 +16,7 @@ from toeplitz_mg.engine.library import NUMPY, library_of
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.halfspace.points import check_element
+from toeplitz_mg.halfspace.points import check_element, offsets
 from toeplitz_mg.slabs.cuts import Turn, choose_unit, cut_in_turns, cuts_of
 from toeplitz_mg.slabs.files import save_rows
 from toeplitz_mg.slabs.messages import Messages
@@ -122,11 +122,11 @@ class Slab(Messages):
         x, y : ndarray of shape (rows, 1) and (1, n₂)
             The centres i h₁ and j h₂, of the rows i of this rank.
         """
-        h1, h2 = check_element(element)
+        check_element(element)
         if len(self.shape) != 2:
             raise ValueError(f"the grid is {self.shape}, but the surface has the two axes x and y")
-        i, j = np.arange(self.rows.start, self.rows.stop), np.arange(self.shape[1])
-        return h1 * i[:, None], h2 * j[None, :]
+        x, y = offsets(self.shape, element)
+        return x[self.rows], y
 
     def sum(self, x: Array) -> float:
         """Return the sum of a field of which each rank has its part: the same on all ranks."""
@@ -235,14 +235,6 @@ class Slab(Messages):
             start, end = end, end + size
             if size:
                 yield flat[start:end].reshape(*Z.shape[:-1], b - a), slice(a, b)
-
-    def with_rows_above(self, x: Array, count: int) -> Array:
-        """Return this rank's rows and so many before them, as far as there are any.
-
-        No rank may have fewer rows than that.
-        """
-        above = self.shift(x[len(x) - count :], count if self.comm.rank else 0, 1)
-        return np.concatenate([above, x])
 
     @property
     def name(self) -> str:
