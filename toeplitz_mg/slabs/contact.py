@@ -51,23 +51,10 @@ def normal_contact(
     NormalResult
         Its fields have this rank's rows. The numbers are those of the whole contact.
 
-    Warns
-    -----
-    ContactWarning
-        The warnings of `contact.normal_contact`, on every rank.
-
-    Raises
-    ------
-    ValueError, TypeError, ContactError
-        On all ranks, where `contact.normal_contact` raises it, or the ranks differ about arguments.
-
     See Also
     --------
-    toeplitz_mg.contact.normal_contact : on one machine, also in line contact.
-
-    Notes
-    -----
-    The pressures are the same up to rounding, and the products about as many.
+    toeplitz_mg.contact.normal_contact : on one machine, also in line contact. What it warns of or
+        raises on one rank it does on all.
 
     Examples
     --------
@@ -100,11 +87,6 @@ def friction(
         Those of `contact.friction`: shift, force, previous (a result on the same rows), tolerance,
         nested, max_products and progress. Of a field of shifts, (2, n1, n2), each has its rows.
 
-    Returns
-    -------
-    TangentialResult
-        As that of `normal_contact`, also in what it warns of and raises.
-
     See Also
     --------
     toeplitz_mg.contact.friction : the same on one machine.
@@ -126,11 +108,6 @@ def rolling(
     **arguments
         Those of `contact.rolling`: longitudinal, lateral, spin, force, moment, slip (this rank's
         rows of a field), pole, tolerance, nested, max_products, progress and options.
-
-    Returns
-    -------
-    TangentialResult
-        As that of `normal_contact`, also in what it warns of and raises.
 
     See Also
     --------

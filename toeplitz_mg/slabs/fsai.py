@@ -82,31 +82,10 @@ def fsai_preconditioner(
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default.
 
-    Returns
-    -------
-    SlabSparseInverse
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError, TypeError, ValueError
-        On all ranks, where `toeplitz_mg.fsai_preconditioner` does, or the ranks differ.
-
     See Also
     --------
-    toeplitz_mg.fsai_preconditioner : where it says when to take it, and how it is built.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from mpi4py import MPI
-    >>> from toeplitz_mg import cg, halfspace, slabs
-    >>> slab, element = slabs.Slab(MPI.COMM_WORLD, (64, 64)), (1.0, 1.0)
-    >>> x, y = slab.lags(element)
-    >>> full = slabs.ToeplitzOperator(halfspace.influence_zz(x, y, element, G=1.0, nu=0.28), slab)
-    >>> A = slabs.MaskedOperator(full, (x - 32.0) ** 2 + (y - 32.0) ** 2 < 900.0)
-    >>> p, info = cg(A, np.ones(A.shape[0]), M=slabs.fsai_preconditioner(A), rtol=1e-8, maxiter=9)
-    >>> info
-    0
+    toeplitz_mg.fsai_preconditioner : when to take it, and how it is built. What it refuses on one
+        rank all refuse.
     """
     full = unwrap(A)
     require_numpy(full, "fsai_preconditioner on slabs")

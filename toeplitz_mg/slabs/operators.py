@@ -127,13 +127,6 @@ class ToeplitzOperator(SlabOperator):
         This rank's rows of the coefficients of lags along the first axis that are not positive,
         from 0 down, where they are neither even nor odd in it.
 
-    Attributes
-    ----------
-    c, parity, behind
-    is_even : bool
-        Symmetric along each axis, and so given by `c` alone.
-    is_symmetric : bool
-
     Raises
     ------
     ValueError, TypeError
@@ -142,7 +135,7 @@ class ToeplitzOperator(SlabOperator):
 
     See Also
     --------
-    toeplitz_mg.ToeplitzOperator
+    toeplitz_mg.ToeplitzOperator : on one machine, with the meaning of its attributes.
 
     Examples
     --------
@@ -235,21 +228,9 @@ class MaskedOperator(SlabOperator):
         True where there is an unknown; of coupled components one mask may do for all. It may be
         nowhere true on some ranks.
 
-    Attributes
-    ----------
-    full : SlabOperator
-        `A`.
-    mask : ndarray of bool
-
-    Raises
-    ------
-    TypeError, ValueError
-        On all ranks, where the mask of one is not of booleans, or has another shape, or where it is
-        nowhere true on any; or where `A` is not of this module, or on a mask already.
-
     See Also
     --------
-    toeplitz_mg.MaskedOperator
+    toeplitz_mg.MaskedOperator : on one machine. What it refuses on one rank all refuse.
     """
 
     def __init__(self, A: Any, mask: ArrayLike) -> None:

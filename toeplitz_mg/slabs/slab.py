@@ -16,7 +16,7 @@ from toeplitz_mg.engine.library import NUMPY, library_of
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.halfspace.points import check_element, offsets
+from toeplitz_mg.halfspace.points import offsets
 from toeplitz_mg.slabs.cuts import Turn, choose_unit, cut_in_turns, cuts_of
 from toeplitz_mg.slabs.files import save_rows
 from toeplitz_mg.slabs.messages import Messages
@@ -47,15 +47,6 @@ class Slab(Messages):
         The first row of each rank, and n₁.
     vectors : Vectors
         Inner products and the like of vectors of which each rank has its part.
-
-    Raises
-    ------
-    ImportError
-        Without mpi4py.
-    TypeError
-        Where `comm` is no communicator, or a number is no integer.
-    ValueError
-        Where there are more ranks than units of rows, or the ranks differ about the grid.
 
     See Also
     --------
@@ -122,7 +113,6 @@ class Slab(Messages):
         x, y : ndarray of shape (rows, 1) and (1, n₂)
             The centres i h₁ and j h₂, of the rows i of this rank.
         """
-        check_element(element)
         if len(self.shape) != 2:
             raise ValueError(f"the grid is {self.shape}, but the surface has the two axes x and y")
         x, y = offsets(self.shape, element)
@@ -142,20 +132,9 @@ class Slab(Messages):
         ----------
         path : str or PathLike
             The same on all ranks. An old file is replaced when all have written; its rights stay,
-            and a link stays a link.
+            and a link stays a link. ``np.load(path, mmap_mode="r")[slab.rows]`` reads it again.
         x : array_like of shape ``slab.local``, or (components, ...) of that
             Of numbers.
-
-        Raises
-        ------
-        OSError
-            On all ranks, where one could not write.
-        TypeError, ValueError
-            On all ranks, where `x` is not of numbers, or not on this rank's rows.
-
-        See Also
-        --------
-        numpy.load : reads it; ``np.load(path, mmap_mode="r")[slab.rows]`` this rank's rows alone.
         """
         save_rows(self, path, x)
 
