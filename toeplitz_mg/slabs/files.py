@@ -25,7 +25,18 @@ from toeplitz_mg.whole_files import (
 
 
 def save_rows(slab: Any, path: str | os.PathLike[str], x: Any) -> None:
-    """Write a field of which each rank has its rows, to one ``.npy`` file (see `Slab.save`)."""
+    """Write a field to a ``.npy`` file, each rank its rows, on a disk that all of them see.
+
+    The file is whole, or as it was.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        The same on all ranks. An old file is replaced when all have written; its rights stay, and a
+        link stays a link. ``np.load(path, mmap_mode="r")[slab.rows]`` reads it again.
+    x : array_like of shape ``slab.local``, or (components, ...) of that
+        Of numbers.
+    """
     with slab.agree() as same:
         path = Path(path)
         x = refuse_masked("x", library_of(x).to_numpy(x))

@@ -5,11 +5,9 @@ Every rank runs the same program on its own rows, which are plain arrays.
 
 from collections.abc import Iterator, Sequence
 from math import inf, prod
-from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.library import NUMPY, library_of
@@ -123,20 +121,7 @@ class Slab(Messages):
         library = library_of(x)
         return library.vectors_of(self.gather).sum(np.asarray(x) if library is NUMPY else x)
 
-    def save(self, path: str | PathLike[str], x: ArrayLike) -> None:
-        """Write a field to a ``.npy`` file, each rank its rows, on a disk that all of them see.
-
-        The file is whole, or as it was.
-
-        Parameters
-        ----------
-        path : str or PathLike
-            The same on all ranks. An old file is replaced when all have written; its rights stay,
-            and a link stays a link. ``np.load(path, mmap_mode="r")[slab.rows]`` reads it again.
-        x : array_like of shape ``slab.local``, or (components, ...) of that
-            Of numbers.
-        """
-        save_rows(self, path, x)
+    save = save_rows
 
     def extent(self, x: Array) -> tuple[float, float]:
         """Return the least and the largest number of a field; of an empty one inf and -inf."""

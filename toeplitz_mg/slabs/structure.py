@@ -50,7 +50,7 @@ def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator
         elif of_coupled is None:
             M = BlockDiagonal([_make(make, row[i], dtype) for i, row in enumerate(full.blocks)])
         else:
-            M = of_coupled(full, _precision(full, dtype))
+            M = of_coupled(full, find_precision(full, dtype))
         return MaskedOperator(M, A.mask) if isinstance(A, MaskedOperator) else M
 
     return preconditioner
@@ -59,7 +59,7 @@ def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator
 def _make(make: Make, A: ToeplitzOperator | None, dtype: DTypeLike | None) -> SlabOperator:
     if A is None or not A.is_even:
         raise ValueError(f"A, or a component's block on itself, is {A!r}, but must be even")
-    dtype = _precision(A, dtype)
+    dtype = find_precision(A, dtype)
     if not (A.slab.is_line and A.slab.comm.size == 1):
         return make(A, dtype)
     M = SlabOperator(A.slab, dtype, A.slab.local, library=A.library)
@@ -67,7 +67,7 @@ def _make(make: Make, A: ToeplitzOperator | None, dtype: DTypeLike | None) -> Sl
     return M
 
 
-def _precision(A: Any, dtype: DTypeLike | None) -> np.dtype[Any]:
+def find_precision(A: Any, dtype: DTypeLike | None) -> np.dtype[Any]:
     """Return the precision of a preconditioner of A (see `positivity.precision`)."""
     with A.slab.agree() as same:
         same["dtype"] = precision = check_precision(A.dtype if dtype is None else dtype, A.dtype)
