@@ -16,7 +16,7 @@ from toeplitz_mg.engine.workspace import workspace
 
 PART = 2**13  # Most numbers of a piece: OpenBLAS shares a vector of more than 10,000 among threads.
 AT_ONCE = 2**17  # Numbers up to which pieces take longer to begin than the cache saves.
-BITS = 58  # Digits of an inner product that a grain leaves.
+BITS = 56  # Binary digits of the last inner product before a grain.
 TOO_MANY = -(2**63)  # In the place of a number of grains that is no integer of 64 bits.
 TINY = float(np.finfo(np.float64).tiny)
 SHORT = 32  # Numbers of a row from which on it is worth it to add up rows, and then these exactly.
@@ -69,8 +69,9 @@ def row_dots(x: Array, y: Array, rows: Any) -> Array:
 def grain_near(near: float) -> float:
     """Return what all inner products of rows are rounded to multiples of; 0 if not at all.
 
-    It is so small that rounding them takes no more of a sum that is about `near` than rounding of
-    that itself, and so large that 2^63 of it are 16 times that: an integer says what a sum is.
+    It is so small that some thousand rows, whose errors are of both signs, lose the last digit of
+    a sum that is about `near` at most, and so large that 2^62 of it are 64 times that, or more: an
+    integer says what a sum is.
     """
     grain = 2.0 ** (frexp(near)[1] - BITS) if near > 0.0 else 0.0
     return grain if grain >= TINY else 0.0
