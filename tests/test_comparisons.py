@@ -31,7 +31,7 @@ from comparisons.preconditioners import figures as area_figures
 from comparisons.reliability import __main__ as reliability
 from comparisons.speed import baselines, by_hand, columns, drop_in, gpu, scaling, scaling_model
 from comparisons.speed import threads as speed_of_threads
-from comparisons.systems import fractional, matrices, random_matrices
+from comparisons.systems import fractional, masks, matrices, random_matrices
 from tests.slabs.ranks import with_ranks
 from toeplitz_mg.fractional import grunwald_coefficients, riesz_coefficients
 
@@ -370,12 +370,12 @@ def test_stretched_grids_take_no_more_iterations_than_square_ones(kind):
 def test_areas(tmp_path, monkeypatch, capsys):
     few = ("none", "FSAI", "default")
     names = ("full", "rough, 30 %", "checkerboard")
-    options = ("--methods", *few, "--areas", *names, *areas.ON_A_LINE)
+    options = ("--methods", *few, "--areas", *names, *masks.ON_A_LINE)
     sizes = {"quick_sizes": (24,), "quick_lines": (600,)}
     printed = run(areas, tmp_path, monkeypatch, capsys, *options, **sizes)
     assert "checkerboard, n = 24" in printed
     rows = rows_of(tmp_path / "areas.csv")
-    assert len(rows) == (len(names) + len(areas.ON_A_LINE)) * len(few)
+    assert len(rows) == (len(names) + len(masks.ON_A_LINE)) * len(few)
     for row in rows:
         if row["method"] in ("FSAI", "default"):
             assert int(row["random"]) <= 14
@@ -383,7 +383,7 @@ def test_areas(tmp_path, monkeypatch, capsys):
     written = (tmp_path / "areas.md").read_text()
     assert written.count("| checkerboard") == written.count("\n## ") == 5
     # The fastest of each is bold.
-    assert written.count("**") >= 4 * (len(names) + len(areas.ON_A_LINE))
+    assert written.count("**") >= 4 * (len(names) + len(masks.ON_A_LINE))
 
 
 def test_areas_say_what_was_not_solved():

@@ -55,7 +55,7 @@ def options(
                 type=kind,
                 default=values,
                 metavar=name_of,
-                help="%(default)s",
+                help="default: %(default)s",
                 **many,
             )
             continue

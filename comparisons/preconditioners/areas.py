@@ -9,7 +9,7 @@ of one product with A there, and what a solve takes beyond its work units is wha
 vectors, and memory that sparse products wait for.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from math import isnan, nan
 from pathlib import Path
@@ -28,7 +28,6 @@ from comparisons.harness.processes import peak_bytes, prepare, row_or_note
 from comparisons.harness.report import Row
 from comparisons.systems import masks
 from toeplitz_mg import halfspace
-from toeplitz_mg._typing import Array
 from toeplitz_mg.operators.structure import unwrap
 from toeplitz_mg.paper.problems import test1
 
@@ -43,13 +42,6 @@ QUICK_SIZES, QUICK_LINES = (32, 64), (2048,)
 TABULATED = ("none", "T. Chan", "cosine", "sine", "M", "FSAI")  # In docs/masks.md.
 SHOWN = 128  # Elements across the grid whose pressures are drawn.
 
-ON_A_LINE: dict[str, Callable[[int], Array]] = {
-    "paper's test 3": lambda n: (np.arange(n) // (n // 8)) % 8 != 3,
-    "100 islands": partial(masks.islands, 100),
-    "n/100 islands": lambda n: masks.islands(n // 100, n),
-    "random line, 50 %": lambda n: np.random.default_rng(1).random(n) < 0.5,
-}
-
 
 def operator(area: str, n: int) -> LinearOperator:
     """Return the matrix of an area, in the plane or on a line."""
@@ -59,7 +51,7 @@ def operator(area: str, n: int) -> LinearOperator:
         x, y = halfspace.offsets((n, n), element)
         full = tmg.ToeplitzOperator(halfspace.influence_zz(x, y, element, G=1.0, nu=0.28))
     else:
-        mask = ON_A_LINE[area](n)
+        mask = masks.ON_A_LINE[area](n)
         full = test1(n).A
     return masks.restrict(full, mask)
 
@@ -106,7 +98,7 @@ def run(jobs: Sequence[tuple[str, int]], methods: Sequence[str]) -> Iterator[lis
     with tqdm(total=len(jobs) * len(methods), unit="run") as progress:
         for area, n in jobs:
             # Sent, not built there: what it takes to build it would be the peak of memory.
-            A, small = operator(area, n), operator(area, 2048 if area in ON_A_LINE else 64)
+            A, small = operator(area, n), operator(area, 2048 if area in masks.ON_A_LINE else 64)
             for method in methods:
                 progress.set_postfix_str(f"{area}, {n}, {method}")
                 row: Row = {"area": area, "n": n, "method": method, "random_s": nan}
@@ -211,15 +203,15 @@ def main(
         "preconditioners.areas",
         f"{TITLE}.",
         sizes=QUICK_SIZES + SIZES + QUICK_LINES + LINES,
-        areas=(*masks.FRAGMENTED, *ON_A_LINE),
+        areas=(*masks.FRAGMENTED, *masks.ON_A_LINE),
         methods=tuple(PRECONDITIONERS),
     )
     quick = arguments.quick
     in_the_plane, on_a_line = (quick_sizes, quick_lines) if quick else (SIZES, LINES)
     jobs = [
         (area, n)
-        for area in arguments.areas or (*masks.FRAGMENTED, *ON_A_LINE)
-        for n in (on_a_line if area in ON_A_LINE else in_the_plane)
+        for area in arguments.areas or (*masks.FRAGMENTED, *masks.ON_A_LINE)
+        for n in (on_a_line if area in masks.ON_A_LINE else in_the_plane)
         if n in (arguments.sizes or (n,))
     ]
     rows: list[Row] = []

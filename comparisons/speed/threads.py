@@ -2,7 +2,8 @@
 
 Wall time on one thread over that on k, beside what the machine allows: bare transforms of SciPy's
 and triads of the same size on k threads, in the same run. All take turns, thread counts innermost,
-so that what disturbs the machine disturbs all alike; low quantiles.
+so that what disturbs the machine disturbs all alike; low quantiles. What takes long has fewer
+turns.
 
 The serial share is measured on one thread, by its CPU time: what is neither in a loop that
 `toeplitz_mg.engine.threads` shares, nor in a transform of many lines, which SciPy shares. What it
@@ -12,12 +13,12 @@ means for more cores is Amdahl's law, 1/(s + (1 - s)/k): memory allows less wher
 import os
 import sys
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
-from time import perf_counter, process_time
+from time import process_time
 from typing import Any
 from unittest.mock import patch
 
@@ -37,17 +38,17 @@ from toeplitz_mg.engine import threads
 STEEL = Material(E=210000.0, nu=0.28)
 QUANTILE = 0.1  # Share of the turns that are faster: the others were disturbed.
 CORES = 16, 64  # Of machines for which the serial share says what is to be expected.
+LEAST_TURNS = 3  # Turns that are timed of what takes longest.
 BARE = "bare transforms", "bare triads"
 
 
 @dataclass(frozen=True)
 class Extent:
-    """What is timed: sides of the grids, numbers of threads, turns and their wall seconds."""
+    """What is timed: sides of the grids, most turns, and seconds after which a task has none."""
 
     sides: tuple[int, ...] = (512, 1024, 2048)
-    workers: tuple[int, ...] = (1, 2)
     turns: int = 15
-    seconds: float = 20.0
+    seconds: float = 10.0
 
 
 FULL, QUICK = Extent(), Extent((512,), turns=2)
@@ -157,21 +158,22 @@ def serial_share(action: Callable[[], object]) -> float:
     return max(0.0, 1.0 - meter.seconds / seconds)
 
 
-def measure(side: int, extent: Extent) -> list[Row]:
+def measure(side: int, extent: Extent, workers: Sequence[int]) -> list[Row]:
     """Time all tasks of one size, in turns."""
     actions = dict(tasks(side))
     wall: dict[tuple[str, int], list[float]] = defaultdict(list)
     cpu: dict[tuple[str, int], list[float]] = defaultdict(list)
-    start = perf_counter()
+    spent: dict[str, float] = defaultdict(float)
     for turn in tqdm(range(extent.turns + 1), desc=f"{side} x {side}", unit="turn"):
-        if turn > 2 and perf_counter() - start > extent.seconds * len(actions):
-            break
         for name, action in actions.items():
-            for k in extent.workers:
+            if turn > LEAST_TURNS and spent[name] > extent.seconds:
+                continue
+            for k in workers:
                 with scipy.fft.set_workers(k):
                     begin = process_time()
                     _, seconds = time_call(action)
                     used = process_time() - begin
+                spent[name] += seconds
                 if turn:  # The first one maps memory, and starts threads.
                     wall[name, k].append(seconds)
                     cpu[name, k].append(used)
@@ -180,7 +182,7 @@ def measure(side: int, extent: Extent) -> list[Row]:
     rows: list[Row] = []
     for name, action in actions.items():
         share = 0.0 if name in BARE else serial_share(action)
-        for k in extent.workers:
+        for k in workers:
             allowed = sum(times[bare, 1] for bare in BARE) / sum(times[bare, k] for bare in BARE)
             row: Row = {"n": side**2, "task": name, "workers": k, "wall_s": times[name, k]}
             row |= {"speed_up": times[name, 1] / times[name, k], "allowed": allowed}
@@ -198,16 +200,13 @@ FORMATS |= {f"on_{cores}": ".1f" for cores in CORES}
 
 def main(quick: Extent = QUICK) -> None:
     """Run the comparison."""
-    arguments = report.options("speed.threads", "Time threads.", cores=0)
+    arguments = report.options("speed.threads", "Time threads.", cores=2)
     extent = quick if arguments.quick else FULL
-    if arguments.cores:
-        powers = {2**k for k in range(11) if 2**k <= arguments.cores}
-        counts = sorted(powers | {arguments.cores})
-        extent = replace(extent, workers=tuple(counts))
+    workers = sorted({2**k for k in range(11) if 2**k <= arguments.cores} | {1, arguments.cores})
     print("Load of the machine before: " + ", ".join(f"{load:.1f}" for load in os.getloadavg()))
     rows: list[Row] = []
     for side in extent.sides:
-        rows += measure(side, extent)
+        rows += measure(side, extent, workers)
         report.write_csv(arguments.output / "threads.csv", rows)
     print("Load of the machine after: " + ", ".join(f"{load:.1f}" for load in os.getloadavg()))
     tables = {

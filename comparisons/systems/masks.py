@@ -117,3 +117,11 @@ def islands(number: int, n: int) -> Array:
     """Return the mask of intervals at random places of one axis, that cover half of it."""
     ends = np.sort(np.random.default_rng(2).choice(n, 2 * number, replace=False))
     return np.searchsorted(ends, np.arange(n), side="right") % 2 == 1
+
+
+ON_A_LINE: dict[str, Callable[[int], Array]] = {
+    "paper's test 3": lambda n: (np.arange(n) // (n // 8)) % 8 != 3,
+    "100 islands": partial(islands, 100),
+    "n/100 islands": lambda n: islands(n // 100, n),
+    "random line, 50 %": lambda n: np.random.default_rng(1).random(n) < 0.5,
+}

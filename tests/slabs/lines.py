@@ -3,12 +3,15 @@
 from functools import partial
 
 import numpy as np
+from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
+from comparisons.systems import masks
 from tests.slabs.products import assert_rows, tolerance
 from tests.slabs.ranks import refuses
-from tests.slabs.solves import NAMES, residuals_of
+from tests.slabs.solves import NAMES, RTOL, residuals_of
 from toeplitz_mg import slabs
+from toeplitz_mg.paper.problems import test1
 
 # 2 · 33000 - 1 is fast; of 65537, a prime, M inverts a longer circulant, and L = 65550 is even.
 LENGTHS = (33000, 65537)
@@ -60,6 +63,50 @@ def test_cg_takes_the_iterations_of_one_process(comm):
             assert len(residuals) == len(before), name
             error = np.abs(x - expected[here]).max(initial=0.0)
             assert error <= 1e-4 * np.abs(expected).max()
+
+
+def with_other_rounding(A, seed):
+    """A, whose products have other rounding errors, as those of ranks may have."""
+    rng = np.random.default_rng(seed)
+
+    def multiply(x):
+        y = A @ x.ravel()
+        return y + 1e-14 * np.abs(y).max() * rng.standard_normal(len(y))
+
+    return LinearOperator(A.shape, matvec=multiply, dtype=A.dtype)
+
+
+def test_cg_takes_the_iterations_of_one_process_on_every_line(comm):
+    """Where rounding alone does not change how many these are: there one has no other number."""
+    n = 2048
+    full = test1(n).A
+    slab = slabs.Slab(comm, (n,))
+    on_ranks = slabs.ToeplitzOperator(full.c[slab.rows], slab)
+    compared = set()
+    for name, area in masks.ON_A_LINE.items():
+        mask = area(n)
+        serial, own = tmg.MaskedOperator(full, mask), mask[slab.rows]
+        A = slabs.MaskedOperator(on_ranks, own)
+        b = np.where(mask, np.random.default_rng(0).standard_normal(n), 0.0)
+        for method in [None, *NAMES, "fsai_preconditioner"]:
+            M, W = (method and getattr(package, method) for package in (tmg, slabs))
+            M, W = M and M(serial), W and W(A)
+            x, residuals = residuals_of(A, b[slab.rows][own], M=W)
+            expected, before = residuals_of(serial, b[mask], M=M)
+            counts = {len(before)}
+            for seed in range(5):
+                B, P = (K and with_other_rounding(K, seed) for K in (serial, M))
+                counts.add(len(residuals_of(B, b[mask], M=P)[1]))
+            if len(counts) == 1:
+                assert {len(residuals)} == counts, (name, method)
+                compared.add((name, method))
+            # Each iteration makes rounding errors some ten times as large here.
+            np.testing.assert_allclose(residuals[:6], before[:6], rtol=1e-6)
+            whole = np.zeros(n)
+            whole[mask] = expected
+            error = np.abs(x - whole[slab.rows][own]).max(initial=0.0)
+            assert error <= 10 * RTOL * np.abs(expected).max()
+    assert {(name, "fsai_preconditioner") for name in masks.ON_A_LINE} <= compared
 
 
 def test_components_on_a_line(comm):

@@ -39,9 +39,10 @@ def test_columns_are_those_of_the_grid_and_come_back(comm):
         for dtype in (np.float32, np.complex128):
             Y = X.astype(dtype)
             own = np.ascontiguousarray(Y[slab.rows])
-            C = slab.to_columns(own)
+            ((_, turn),) = slab.turns(shape[-1], shape[-1])
+            C, back = slab.to_columns(own, turn), np.zeros_like(own)
             assert np.array_equal(C, Y[..., slab.columns(shape[-1])])
-            back = slab.to_rows(C, np.zeros_like(own))
+            slab.to_rows(C, back, turn)
             assert np.array_equal(back, own)
 
 
@@ -51,9 +52,11 @@ def test_turns_take_every_column_once(comm):
     own = X[slab.rows]
     for width in (1, 2, 5, 100):
         back, columns = np.zeros_like(own), []
-        for turn in slab.turns(shape[-1], width):
+        first = slab.columns(shape[-1]).start
+        for mine, turn in slab.turns(shape[-1], width):
             (a, b) = turn[comm.rank]
             assert b - a <= width
+            assert mine == slice(a - first, b - first)
             C = slab.to_columns(own, turn, np.empty((*shape[:-1], b - a)))
             assert np.array_equal(C, X[..., a:b])
             slab.to_rows(2.0 * C, back, turn)
@@ -66,25 +69,18 @@ def test_bytes_of_an_exchange(comm):
     slab = Slab(comm, (24, 12))
     P = comm.size
     comm.reset()
-    slab.to_columns(np.zeros(slab.local))
+    ((_, turn),) = slab.turns(12, 12)
+    slab.to_columns(np.zeros(slab.local), turn)
     sent = comm.sent
     assert P * sum(slab.gather(sent)) == 8 * 24 * 12 * (P - 1)
 
 
-def test_rows_of_the_rank_before(comm):
+def test_rows_of_the_ranks_beside(comm):
     slab, X = Slab(comm, (16, 3)), grid_of((16, 3))
-    above = slab.with_rows_above(X[slab.rows], 2)
-    assert np.array_equal(above, X[max(0, slab.rows.start - 2) : slab.rows.stop])
+    above = slab.shift(X[slab.rows][-2:], 2 * min(comm.rank, 1), 1)
+    assert np.array_equal(above, X[max(0, slab.rows.start - 2) : slab.rows.start])
     below = slab.shift(X[slab.rows][:1], int(comm.rank < comm.size - 1), -1)
     assert np.array_equal(below, X[slab.rows.stop : slab.rows.stop + 1])
-
-
-def test_coarser_rows_are_of_whole_units(comm):
-    slab = Slab(comm, (101, 5), unit=4)
-    coarse = slab.coarser((51, 3), 2)
-    assert coarse.unit == 2
-    assert np.array_equal(coarse.starts[:-1], slab.starts[:-1] // 2)
-    assert coarse.starts[-1] == 51
 
 
 def test_numbers_are_the_same_bits_on_all_ranks(comm):

@@ -76,7 +76,7 @@ class ConjugateGradients:
         is_first = self.rho == 0.0
         self.product = self._vectors.empty(r, None if is_first else self.product)
         z = self._precondition(r, self.product)
-        self.rho, previous = self._vectors.dot(r, z), self.rho
+        self.rho, previous = self._vectors.dot_near(r, z, self.rho), self.rho
         if not 0.0 < self.rho < inf:
             return 0.0
         if is_first:
@@ -85,5 +85,5 @@ class ConjugateGradients:
             self.direction = self._vectors.aypx(self.rho / previous, z, self.direction)
         del z  # Vectors that cannot be changed take memory for it, which the product may have.
         self.product = self._multiply(self.direction, self.product)
-        self.curvature = self._vectors.dot(self.direction, self.product)
+        self.curvature = self._vectors.dot_near(self.direction, self.product, self.curvature)
         return self.rho / self.curvature if 0.0 < self.curvature < inf else 0.0

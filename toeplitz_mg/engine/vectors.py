@@ -23,7 +23,17 @@ from numpy.typing import DTypeLike
 from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.row_sums import AT_ONCE, PART, RowsOf, add_exactly, row_dots
+from toeplitz_mg.engine.row_sums import (
+    AT_ONCE,
+    PART,
+    TOO_MANY,
+    RowsOf,
+    add_exactly,
+    count_grains,
+    grain_near,
+    round_to,
+    row_dots,
+)
 from toeplitz_mg.engine.threads import PIECE, WORTH_THREADS, elementwise, share_rows, share_slices
 from toeplitz_mg.engine.workspace import workspace
 
@@ -263,6 +273,9 @@ class Vectors:
     gather : callable
     dot, dots, gram, norm : callable
         As the functions of this module.
+    dot_near : callable
+        As `dot`, but of vectors whose product is about a third number, as the last one of an
+        iteration. Processes exchange one number then, where rows have told them two.
     sum, min, max : callable
         From a real field to its sum, its least and its largest number; infinity, or minus
         infinity, where it has none.
@@ -299,18 +312,28 @@ class Vectors:
                 return of_part
             return lambda *vectors: combine(gather(of_part(*vectors)))
 
-        def dot_by_rows(x: Array, y: Array) -> float:
-            numbers = row_dots(x, y, rows).tolist()
-            total = add_exactly(numbers)
+        def dot_by_rows(x: Array, y: Array, near: float = 0.0) -> float:
+            numbers = row_dots(x, y, rows)
+            if grain := grain_near(near):
+                numbers = round_to(numbers, grain)
+                if gather is not None:
+                    counts = gather(count_grains(numbers, grain))
+                    if TOO_MANY not in counts:
+                        return sum(counts) * grain
+            sums = numbers.tolist()
+            total = add_exactly(sums)
             if gather is not None:
                 # What rounding takes from it goes with it: together they are as good as exact.
-                numbers.append(-total)
-                both = np.array([total, add_exactly(numbers)])
+                sums.append(-total)
+                both = np.array([total, add_exactly(sums)])
                 total = add_exactly(np.ravel(gather(both)).tolist())
             return total
 
         self.dot: Callable[[Array, Array], float] = (
             of_parts(sum, dot) if rows is None else dot_by_rows
+        )
+        self.dot_near: Callable[[Array, Array, float], float] = (
+            (lambda x, y, near: self.dot(x, y)) if rows is None else dot_by_rows
         )
         self.dots: Callable[[Array, Array], Array] = of_parts(sum, dots)
         self.gram: Callable[[Array], Array] = of_parts(lambda grams: np.sum(grams, axis=0), gram)

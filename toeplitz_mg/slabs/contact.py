@@ -51,23 +51,10 @@ def normal_contact(
     NormalResult
         Its fields have this rank's rows. The numbers are those of the whole contact.
 
-    Warns
-    -----
-    ContactWarning
-        The warnings of `contact.normal_contact`, on every rank.
-
-    Raises
-    ------
-    ValueError, TypeError, ContactError
-        On all ranks, where `contact.normal_contact` raises it, or the ranks differ about arguments.
-
     See Also
     --------
-    toeplitz_mg.contact.normal_contact : on one machine, also in line contact.
-
-    Notes
-    -----
-    The pressures are the same up to rounding, and the products about as many.
+    toeplitz_mg.contact.normal_contact : on one machine, also in line contact. What it warns of or
+        raises on one rank it does on all.
 
     Examples
     --------
@@ -80,8 +67,8 @@ def normal_contact(
     >>> f"{pressed.approach:.5f} mm"
     '0.00351 mm'
     """
-    how = _bind(contact.normal_contact, ("approach", "force", *SEARCH), arguments)
-    grid, z = _read("gap", gap, field, slab, element, material)
+    names = ("approach", "force", *SEARCH)
+    grid, z, how = _begin(contact.normal_contact, names, gap, slab, element, material, arguments)
     return _check(press(grid, z, **how), how)
 
 
@@ -98,20 +85,14 @@ def friction(
         Of a grid of two axes.
     element, material, **arguments
         Those of `contact.friction`: shift, force, previous (a result on the same rows), tolerance,
-        nested, max_products and progress. They are the same on all ranks, but `progress`; of a
-        field of shifts, (2, n1, n2), each has its rows.
-
-    Returns
-    -------
-    TangentialResult
-        As that of `normal_contact`, also in what it warns of and raises.
+        nested, max_products and progress. Of a field of shifts, (2, n1, n2), each has its rows.
 
     See Also
     --------
     toeplitz_mg.contact.friction : the same on one machine.
     """
-    how = _bind(contact.friction, ("shift", "force", "previous", *SEARCH), arguments)
-    grid, g = _read("bound", bound, _check_bound, slab, element, material)
+    names = ("shift", "force", "previous", *SEARCH)
+    grid, g, how = _begin(contact.friction, names, bound, slab, element, material, arguments)
     return _check(shift_bodies(grid, g, _whole, **how), how)
 
 
@@ -128,19 +109,13 @@ def rolling(
         Those of `contact.rolling`: longitudinal, lateral, spin, force, moment, slip (this rank's
         rows of a field), pole, tolerance, nested, max_products, progress and options.
 
-    Returns
-    -------
-    TangentialResult
-        As that of `normal_contact`, also in what it warns of and raises.
-
     See Also
     --------
     toeplitz_mg.contact.rolling : the same on one machine.
     """
-    how = _bind(contact.rolling, (*MOTION, "moment", *SEARCH, "options"), arguments)
-    asked = _take_motion(how)
-    grid, g = _read("bound", bound, _check_bound, slab, element, material)
-    return _check(roll(grid, g, _whole, asked, **how), how)
+    names = (*MOTION, "moment", *SEARCH, "options")
+    grid, g, how = _begin(contact.rolling, names, bound, slab, element, material, arguments)
+    return _check(roll(grid, g, _whole, **how), how)
 
 
 def rolling_steps(
@@ -166,10 +141,8 @@ def rolling_steps(
     toeplitz_mg.contact.rolling_steps : the same on one machine.
     """
     names = (*MOTION, "steps", "previous", "tolerance", "max_products", "progress")
-    how = _bind(contact.rolling_steps, names, arguments)
-    asked = _take_motion(how)
-    grid, g = _read("bound", bound, _check_bound, slab, element, material)
-    return roll_steps(grid, g, _whole, asked, **how)
+    grid, g, how = _begin(contact.rolling_steps, names, bound, slab, element, material, arguments)
+    return roll_steps(grid, g, _whole, **how)
 
 
 def _whole(grid: Any, elements: Array) -> Any:
@@ -177,43 +150,41 @@ def _whole(grid: Any, elements: Array) -> Any:
     return SimpleNamespace(whole=grid, grid=grid, cut=lambda x: x, extend=lambda x: x)
 
 
-def _bind(
-    function: Callable[..., Any], names: tuple[str, ...], given: dict[str, Any]
-) -> dict[str, Any]:
-    """Return these arguments of a function of `contact`, by default its own."""
+def _begin(
+    function: Callable[..., Any],
+    names: tuple[str, ...],
+    rows: ArrayLike,
+    slab: Slab,
+    element: Element,
+    material: Any,
+    given: dict[str, Any],
+) -> tuple[Any, Array, dict[str, Any]]:
+    """Return the grid, this rank's rows of a field, and arguments of a function of `contact`.
+
+    Those that are not given have its own defaults. What makes no sense is refused by all ranks.
+    """
     for name in given:
         if name not in names:
             raise TypeError(
                 f"{name} is given, but {function.__name__} on slabs takes {', '.join(names)}"
             )
-    call = signature(function).bind(None, None, material=None, **given)
+    call = signature(function).bind(rows, None, material=None, **given)
     call.apply_defaults()
-    return {name: call.arguments[name] for name in names}
-
-
-def _take_motion(how: dict[str, Any]) -> tuple[Any, ...]:
-    """Take the arguments of `Motion.of` from those of rolling."""
-    longitudinal, lateral, spin, force, slip, pole = (how.pop(name) for name in MOTION)
-    return (longitudinal, lateral, spin), force, how.pop("moment", None), slip, pole
-
-
-def _read(
-    name: str, rows: ArrayLike, check: Any, slab: Slab, element: Element, material: Any
-) -> tuple[Any, Array]:
-    """Return the grid, and this rank's rows of a field, or say what is wrong with them."""
+    how = {name: call.arguments[name] for name in names}
+    if "pole" in how:
+        longitudinal, lateral, spin, force, slip, pole = (how.pop(name) for name in MOTION)
+        creepages = (longitudinal, lateral, spin)
+        how["asked"] = creepages, force, how.pop("moment", None), slip, pole
+    name = next(iter(call.arguments))
     with slab.agree() as same:
-        x = check(name, rows)
+        x = field(name, rows) if name == "gap" else check_bound(rows)
         if len(slab.shape) != 2:
             raise ValueError(f"the grid is {slab.shape}, but contact on slabs has two axes")
         if x.shape != slab.local:
             raise ValueError(f"{name} has shape {x.shape}, but this rank's rows have {slab.local}")
         whole = Grid.of(slab.shape, element, material, None)
         same["element"], same["material"] = whole.element, whole.material
-    return SlabGrid(whole, slab), x
-
-
-def _check_bound(name: str, bound: ArrayLike) -> Array:
-    return check_bound(bound)
+    return SlabGrid(whole, slab), x, how
 
 
 def _check(result: Any, how: dict[str, Any]) -> Any:

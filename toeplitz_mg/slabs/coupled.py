@@ -21,20 +21,9 @@ class CoupledOperator(SlabOperator):
         ``blocks[i][j]`` takes component j of the vector to component i of the result; None is
         zero. All live on one slab.
 
-    Attributes
-    ----------
-    blocks : tuple of tuples of ToeplitzOperator or None
-
-    Raises
-    ------
-    TypeError
-        Where a block is no ToeplitzOperator of this module.
-    ValueError
-        Where the array is not square, or the blocks live on several slabs.
-
     See Also
     --------
-    toeplitz_mg.CoupledOperator
+    toeplitz_mg.CoupledOperator : on one machine. What it refuses on one rank all refuse.
     """
 
     def __init__(self, blocks: Sequence[Sequence[ToeplitzOperator | None]]) -> None:

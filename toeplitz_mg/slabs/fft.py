@@ -22,16 +22,7 @@ SUBJECT = "the embedding of A in a circulant, which M inverts, has the eigenvalu
 
 
 def _invert_coupled(A: CoupledOperator, dtype: np.dtype[Any]) -> CoupledOperator:
-    """Return the leading block of the inverse of the block circulant that embeds `A`.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        Where that is not positive definite.
-    ValueError
-        Where A is not symmetric, the block of a component on itself is zero, or the blocks are
-        neither even nor odd along each axis, all components alike.
-    """
+    """Return the leading block of the inverse of the block circulant that embeds `A`."""
     A.check_symmetric()
     lengths = [near_fast_length(2 * n - 1) for n in _grid_of(A)]
     blocks = _invert(A, dtype, _signs(A), lengths, BLOCK_SUBJECT)
@@ -50,21 +41,9 @@ def fft_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperato
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default.
 
-    Returns
-    -------
-    SlabOperator
-        M ≈ A⁻¹, symmetric positive definite.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        Where an eigenvalue of the embedding in a circulant is not positive, on all ranks.
-    TypeError, ValueError
-        Where `A` is no Toeplitz operator on a slab, or not even.
-
     See Also
     --------
-    toeplitz_mg.fft_preconditioner : the same on one machine.
+    toeplitz_mg.fft_preconditioner : on one machine. What it refuses on one rank all refuse.
     """
     lengths = [2 * n - 1 for n in _grid_of(A)]
     is_fast = all(near_fast_length(m) == m for m in lengths)

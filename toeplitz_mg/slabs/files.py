@@ -4,6 +4,7 @@ import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,18 @@ from toeplitz_mg.whole_files import (
 
 
 def save_rows(slab: Any, path: str | os.PathLike[str], x: Any) -> None:
-    """Write a field of which each rank has its rows, to one ``.npy`` file (see `Slab.save`)."""
+    """Write a field to a ``.npy`` file, each rank its rows, on a disk that all of them see.
+
+    The file is whole, or as it was.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        The same on all ranks. An old file is replaced when all have written; its rights stay, and a
+        link stays a link. ``np.load(path, mmap_mode="r")[slab.rows]`` reads it again.
+    x : array_like of shape ``slab.local``, or (components, ...) of that
+        Of numbers.
+    """
     with slab.agree() as same:
         path = Path(path)
         x = refuse_masked("x", library_of(x).to_numpy(x))
@@ -32,15 +44,20 @@ def save_rows(slab: Any, path: str | os.PathLike[str], x: Any) -> None:
         same["path"], same["the dtype of x"] = str(path), x.dtype
         same["the number of axes of x"] = x.ndim
     components = x.shape[: x.ndim - len(slab.local)]
+    head = BytesIO()
+    about = {"descr": np.lib.format.dtype_to_descr(x.dtype), "fortran_order": False}
+    np.lib.format.write_array_header_1_0(head, {**about, "shape": (*components, *slab.shape)})
     token = int(slab.gather(int.from_bytes(os.urandom(6), "big"))[0])  # That of rank 0.
     target = find_target(path)
     part = find_part(target, f"{token:012x}")
     try:
         with _together(slab, path):
-            start = _begin(part, path, x, (*components, *slab.shape)) if not slab.comm.rank else 0
-        start = int(slab.gather(start)[0])
+            if not slab.comm.rank:
+                with new_part(part, find_status(path)) as file:
+                    file.write(head.getvalue())
+                    file.truncate(file.tell() + prod(components) * prod(slab.shape) * x.itemsize)
         with _together(slab, path):
-            _write(part, start, x.reshape(prod(components), *slab.local), slab)
+            _write(part, head.tell(), x.reshape(prod(components), *slab.local), slab)
         with _together(slab, path):
             if not slab.comm.rank:
                 os.replace(part, target)
@@ -70,16 +87,6 @@ def _check(path: Path, x: Array, slab: Any) -> None:
         if old is not None and not stat.S_ISREG(old.st_mode):
             raise OSError(f"{path} is no regular file, but ranks can write no other together")
         check_folder(path)
-
-
-def _begin(part: Path, path: Path, x: Array, shape: tuple[int, ...]) -> int:
-    """Make a file of the whole size, and return where its numbers begin."""
-    header = {"descr": np.lib.format.dtype_to_descr(x.dtype), "fortran_order": False}
-    with new_part(part, find_status(path)) as file:
-        np.lib.format.write_array_header_1_0(file, {**header, "shape": shape})
-        start = file.tell()
-        file.truncate(start + prod(shape) * x.itemsize)
-    return start
 
 
 def _write(part: Path, start: int, X: Array, slab: Any) -> None:

@@ -57,7 +57,8 @@ class SlabGrid:
             return whole  # Every rank has all of it.
         if np.diff(self._coarse_starts).min() == 0:
             return None
-        return SlabGrid(whole, self.slab.coarser(whole.shape, 2))
+        slab = self.slab.alike(whole.shape, self.slab.unit // 2, self._coarse_starts)
+        return SlabGrid(whole, slab)
 
     @property
     def _coarse_starts(self) -> Array:
@@ -106,11 +107,16 @@ class SlabGrid:
 
     def lines(self, x: Array, axis: int) -> Array:
         """Return lines of a field along an axis, that each rank has a share of, as rows."""
-        return x if axis == 1 else self.slab.to_columns(x).T
+        if axis == 1:
+            return x
+        ((_, turn),) = self.slab.turns(x.shape[1], x.shape[1])
+        return self.slab.to_columns(x, turn).T
 
     def fragmentation(self, C: Mask) -> float:
         """Return how long the edge of some elements is (see `traits.fragmentation`)."""
-        rows = np.pad(self.slab.with_rows_above(C, 1), ((self._is_first, self._is_last), (0, 0)))
+        rows, first = self._with_neighbours(C)
+        rows = rows[: self.slab.rows.stop - first]  # The edges below are those of the next rank.
+        rows = np.pad(rows, ((self._is_first, self._is_last), (0, 0)))
         columns = np.pad(C, ((0, 0), (1, 1)))
         own = np.count_nonzero(np.diff(rows, axis=0)) + np.count_nonzero(np.diff(columns))
         return float(sum(self.vectors.gather(own)) / self.vectors.count(C) ** 0.5)

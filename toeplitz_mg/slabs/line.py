@@ -17,7 +17,7 @@ from numpy.typing import DTypeLike
 from scipy import fft
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.slabs.cuts import Turn, line_width
+from toeplitz_mg.slabs.cuts import Turn, cuts_of, line_width
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.windows import Windows
 
@@ -93,7 +93,8 @@ class LongTransform:
         self._n2, self._known = length // self._n1, known
         self.length, self.dtype = length, np.dtype(dtype)
         self.line = Line(slab, self._n2, known)
-        self.frequencies = slab.evenly((self._n1 // 2 + 1, self._n2))
+        half = self._n1 // 2 + 1
+        self.frequencies = slab.alike((half, self._n2), 1, cuts_of(half, slab.comm.size))
 
     @property
     def numbers(self) -> Array:
@@ -110,7 +111,7 @@ class LongTransform:
     def _turns(self) -> list[tuple[Turn, Array]]:
         """The turns of columns, and the factors between the steps."""
         turns = []
-        for turn in self.line.slab.turns(self._n2, max(1, TURN // self._n1)):
+        for _, turn in self.line.slab.turns(self._n2, max(1, TURN // self._n1)):
             k = np.outer(np.arange(self._n1 // 2 + 1), np.arange(*turn[self.line.slab.comm.rank]))
             factors = np.exp(-2j * np.pi / self.length * k).astype(self.dtype.char.upper())
             turns.append((turn, factors))

@@ -64,9 +64,13 @@ class Messages:
                     )
 
     def gather(self, number: Any) -> Sequence[Any]:
-        """Return a number, or an array of numbers, of each rank, in the order of the ranks."""
+        """Return a number, or an array of numbers, of each rank, in the order of the ranks.
+
+        Integers, of 64 bits, are exchanged as they are, others in double precision.
+        """
         own = np.asarray(number)
-        own = own.astype(np.result_type(own, np.float64), copy=False)
+        if own.dtype != np.int64:
+            own = own.astype(np.result_type(own, np.float64), copy=False)
         numbers = np.empty((self.comm.size, *own.shape), own.dtype)
         self.comm.Allgather(np.ascontiguousarray(own), numbers)
         return numbers.tolist() if own.ndim == 0 else list(numbers)

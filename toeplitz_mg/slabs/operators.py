@@ -127,13 +127,6 @@ class ToeplitzOperator(SlabOperator):
         This rank's rows of the coefficients of lags along the first axis that are not positive,
         from 0 down, where they are neither even nor odd in it.
 
-    Attributes
-    ----------
-    c, parity, behind
-    is_even : bool
-        Symmetric along each axis, and so given by `c` alone.
-    is_symmetric : bool
-
     Raises
     ------
     ValueError, TypeError
@@ -142,7 +135,7 @@ class ToeplitzOperator(SlabOperator):
 
     See Also
     --------
-    toeplitz_mg.ToeplitzOperator
+    toeplitz_mg.ToeplitzOperator : on one machine, with the meaning of its attributes.
 
     Examples
     --------
@@ -191,10 +184,7 @@ class ToeplitzOperator(SlabOperator):
             # What makes a matrix of rows of a line moves less, but takes twice the time.
             lags = np.concatenate([self.opposite.ravel()[:0:-1], self.c.ravel()])
             return operators.ToeplitzOperator.from_lags(self.library.from_numpy(lags))
-        return SlabProduct(self.slab, self.library, [[self._embed()]], self.dtype)
-
-    def _embed(self) -> Array:
-        return embed_on_slab(self.slab, self.c, self.behind, self.opposite, self.parity)
+        return SlabProduct(self.slab, self.library, [[embed_on_slab(self)]], self.dtype)
 
     @property
     def blocks(self) -> "tuple[tuple[ToeplitzOperator]]":
@@ -211,7 +201,7 @@ class ToeplitzOperator(SlabOperator):
     def spectrum(self) -> Array:
         """The eigenvalues of the embedding, of the frequencies that this rank has."""
         product = self.product
-        return product.spectra[0][0] if isinstance(product, SlabProduct) else self._embed()
+        return product.spectra[0][0] if isinstance(product, SlabProduct) else embed_on_slab(self)
 
     def _cast(self, dtype: np.dtype[Any]) -> "ToeplitzOperator":
         return ToeplitzOperator(
@@ -238,21 +228,9 @@ class MaskedOperator(SlabOperator):
         True where there is an unknown; of coupled components one mask may do for all. It may be
         nowhere true on some ranks.
 
-    Attributes
-    ----------
-    full : SlabOperator
-        `A`.
-    mask : ndarray of bool
-
-    Raises
-    ------
-    TypeError, ValueError
-        On all ranks, where the mask of one is not of booleans, or has another shape, or where it is
-        nowhere true on any; or where `A` is not of this module, or on a mask already.
-
     See Also
     --------
-    toeplitz_mg.MaskedOperator
+    toeplitz_mg.MaskedOperator : on one machine. What it refuses on one rank all refuse.
     """
 
     def __init__(self, A: Any, mask: ArrayLike) -> None:

@@ -79,54 +79,49 @@ class SlabProduct:
         fields = (1, self._own.grid_shape[0], *slab.local)
         Z = library.to_numpy(passes.rows_in(library.xp.reshape(x, fields)))
         rows = Z[0] if Z.flags.writeable else Z[0].copy()
-        first = 0
-        for turn in turns_of(slab, self._own.lengths, len(rows) * rows.itemsize):
-            width = turn[slab.comm.rank][1] - turn[slab.comm.rank][0]
-            C = workspace((1, len(rows), *slab.shape[:-1], width), rows.dtype)
+        for own, turn in turns_of(slab, self._own.lengths, len(rows) * rows.itemsize):
+            C = workspace((1, len(rows), *slab.shape[:-1], own.stop - own.start), rows.dtype)
             for part, columns in zip(rows, C[0], strict=True):
                 slab.to_columns(part, turn, columns)
-            C = library.to_numpy(passes.columns_through(library.from_numpy(C), first))
+            C = library.to_numpy(passes.columns_through(library.from_numpy(C), own.start))
             for part, columns in zip(rows, C[0], strict=True):
                 slab.to_rows(columns, part, turn)
-            first += width
         out = None if y is None else y.reshape(fields)
         result = passes.rows_out(library.from_numpy(rows[np.newaxis]), out)
         return library.xp.reshape(result, x.shape)
 
 
-def turns_of(slab: Slab, lengths: tuple[int, ...], number: int) -> Iterator[Turn]:
-    """Return turns of columns, each number of which has so many bytes."""
+def turns_of(slab: Slab, lengths: tuple[int, ...], number: int) -> Iterator[tuple[slice, Turn]]:
+    """Yield `Slab.turns` of columns, each number of which has so many bytes."""
     return slab.turns(lengths[-1], max(NARROW, TURN_BYTES // (number * prod(lengths[:-1]))))
 
 
-def embed_on_slab(
-    slab: Slab, c: Array, behind: Array | None, opposite: Array, parity: tuple[int, ...]
-) -> Array:
-    """Return the eigenvalues of the embedding for this rank's frequencies of the last axis.
+def embed_on_slab(A: Any) -> Array:
+    """Return the eigenvalues of the embedding of a `slabs.ToeplitzOperator`.
 
-    The parameters are those of `slabs.ToeplitzOperator`, and its coefficients of opposite lags.
+    They are those of this rank's frequencies of the last axis.
     """
-    is_symmetric, sign = behind is None and prod(parity) == 1, parity[0]
+    slab, c, behind, parity = A.slab, A.c, A.behind, A.parity
+    sign = parity[0]
     if slab.is_line:
-        line, c, back = Line(slab), c.reshape(-1), opposite.reshape(-1)
+        line, c, back = Line(slab), c.reshape(-1), A.opposite.reshape(-1)
         slab, parity = line.slab, (0, 0)
         # Of a symmetric matrix what is behind has the conjugate transform.
-        c, behind = line.lags(c, back), None if is_symmetric else line.lags(back, c)[:, ::-1]
+        c, behind = line.lags(c, back), None if A.is_symmetric else line.lags(back, c)[:, ::-1]
     lengths = embedding_lengths(slab.shape)
     count_transforms(1, *(2 * n for n in slab.local))
     halves = [_transform_rows(a, parity, lengths) for a in (c, behind) if a is not None]
-    own = slab.columns(lengths[-1])
-    kind = np.float64 if is_symmetric else np.complex128
-    spectrum = np.empty((*lengths[:-1], own.stop - own.start), kind)
-    for turn in turns_of(slab, lengths, np.dtype(np.complex128).itemsize):
+    mine = slab.columns(lengths[-1])
+    kind = np.float64 if A.is_symmetric else np.complex128
+    spectrum = np.empty((*lengths[:-1], mine.stop - mine.start), kind)
+    for own, turn in turns_of(slab, lengths, np.dtype(np.complex128).itemsize):
         ahead, *other = (slab.to_columns(half, turn) for half in halves)
         if other:
             (back,) = other
         else:
             back = ahead.conj() if parity[0] == 0 else sign * ahead
         S = transform_around(NUMPY, ahead, np.flip(back[1:], axis=0), 0, lengths[0])
-        first, stop = turn[slab.comm.rank]
-        spectrum[..., first - own.start : stop - own.start] = S.real if is_symmetric else S
+        spectrum[..., own] = S.real if A.is_symmetric else S
     return spectrum
 
 

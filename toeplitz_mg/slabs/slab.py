@@ -5,18 +5,16 @@ Every rank runs the same program on its own rows, which are plain arrays.
 
 from collections.abc import Iterator, Sequence
 from math import inf, prod
-from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.library import NUMPY, library_of
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.halfspace.points import check_element
+from toeplitz_mg.halfspace.points import offsets
 from toeplitz_mg.slabs.cuts import Turn, choose_unit, cut_in_turns, cuts_of
 from toeplitz_mg.slabs.files import save_rows
 from toeplitz_mg.slabs.messages import Messages
@@ -47,15 +45,6 @@ class Slab(Messages):
         The first row of each rank, and n₁.
     vectors : Vectors
         Inner products and the like of vectors of which each rank has its part.
-
-    Raises
-    ------
-    ImportError
-        Without mpi4py.
-    TypeError
-        Where `comm` is no communicator, or a number is no integer.
-    ValueError
-        Where there are more ranks than units of rows, or the ranks differ about the grid.
 
     See Also
     --------
@@ -97,22 +86,6 @@ class Slab(Messages):
         self.local = (end - first, *shape[1:])
         self.vectors = Vectors(self.gather)
 
-    def coarser(self, shape: tuple[int, ...], height: int) -> "Slab":
-        """Return the slab of a coarser grid, each row of which is made of so many of this one.
-
-        That divides `unit`, so that no row is made of those of two ranks.
-        """
-        return self.alike(shape, self.unit // height, -(-self.starts // height))
-
-    def longer(self, length: int) -> "Slab":
-        """Return the slab of a grid of so many rows in all: the last rank has the new ones."""
-        starts = np.append(self.starts[:-1], length)
-        return self.alike((length, *self.shape[1:]), 1, starts)
-
-    def evenly(self, shape: tuple[int, ...]) -> "Slab":
-        """Return the slab of another grid, of which all ranks have about as many rows, or none."""
-        return self.alike(shape, 1, cuts_of(shape[0], self.comm.size))
-
     def alike(self, shape: tuple[int, ...], unit: int, starts: Array) -> "Slab":
         """Return the slab of another grid that is cut at these rows."""
         slab = Slab.__new__(Slab)
@@ -138,42 +111,17 @@ class Slab(Messages):
         x, y : ndarray of shape (rows, 1) and (1, n₂)
             The centres i h₁ and j h₂, of the rows i of this rank.
         """
-        h1, h2 = check_element(element)
         if len(self.shape) != 2:
             raise ValueError(f"the grid is {self.shape}, but the surface has the two axes x and y")
-        i, j = np.arange(self.rows.start, self.rows.stop), np.arange(self.shape[1])
-        return h1 * i[:, None], h2 * j[None, :]
+        x, y = offsets(self.shape, element)
+        return x[self.rows], y
 
     def sum(self, x: Array) -> float:
         """Return the sum of a field of which each rank has its part: the same on all ranks."""
         library = library_of(x)
         return library.vectors_of(self.gather).sum(np.asarray(x) if library is NUMPY else x)
 
-    def save(self, path: str | PathLike[str], x: ArrayLike) -> None:
-        """Write a field to a ``.npy`` file, each rank its rows, on a disk that all of them see.
-
-        The file is whole, or as it was.
-
-        Parameters
-        ----------
-        path : str or PathLike
-            The same on all ranks. An old file is replaced when all have written; its rights stay,
-            and a link stays a link.
-        x : array_like of shape ``slab.local``, or (components, ...) of that
-            Of numbers.
-
-        Raises
-        ------
-        OSError
-            On all ranks, where one could not write.
-        TypeError, ValueError
-            On all ranks, where `x` is not of numbers, or not on this rank's rows.
-
-        See Also
-        --------
-        numpy.load : reads it; ``np.load(path, mmap_mode="r")[slab.rows]`` this rank's rows alone.
-        """
-        save_rows(self, path, x)
+    save = save_rows
 
     def extent(self, x: Array) -> tuple[float, float]:
         """Return the least and the largest number of a field; of an empty one inf and -inf."""
@@ -185,43 +133,51 @@ class Slab(Messages):
         """Return which of n columns this rank has between `to_columns` and `to_rows`."""
         return slice(*cuts_of(n, self.comm.size)[self.comm.rank : self.comm.rank + 2].tolist())
 
-    def turns(self, n: int, width: int) -> Iterator[Turn]:
-        """Cut n columns into turns, in each of which a rank has at most `width` of its own."""
-        return cut_in_turns(n, self.comm.size, width)
+    def turns(self, n: int, width: int) -> Iterator[tuple[slice, Turn]]:
+        """Cut n columns into turns, in each of which a rank has at most `width` of its own.
 
-    def to_columns(self, Z: Array, turn: Turn | None = None, out: Array | None = None) -> Array:
+        Yields
+        ------
+        own : slice
+            The columns of this rank in the turn, counted from its first one.
+        turn : list of (int, int)
+            Those of each rank, counted from the first of all.
+        """
+        first = self.columns(n).start
+        for turn in cut_in_turns(n, self.comm.size, width):
+            a, b = turn[self.comm.rank]
+            yield slice(a - first, b - first), turn
+
+    def to_columns(self, Z: Array, turn: Turn, out: Array | None = None) -> Array:
         """Exchange the columns of this rank's rows for the rows of this rank's columns.
 
         Parameters
         ----------
         Z : ndarray of shape (rows, ..., n)
-        turn : list of (int, int), optional
-            The columns of each rank, by default all of `columns`.
+        turn : list of (int, int)
+            The columns of each rank.
         out : ndarray of shape (n₁, ..., k), C-contiguous, optional
             For the k columns of this rank.
         """
-        turn = turn or next(self.turns(Z.shape[-1], Z.shape[-1]))
-        own = turn[self.comm.rank]
+        own = slice(*turn[self.comm.rank])
         if out is None:
-            out = np.empty((self.shape[0], *Z.shape[1:-1], own[1] - own[0]), Z.dtype)
+            out = np.empty((self.shape[0], *Z.shape[1:-1], own.stop - own.start), Z.dtype)
         sizes = self._sizes(turn, Z)
         sent = workspace((sum(sizes),), Z.dtype)
-        for part, (a, b) in self._pieces(sent, turn, Z):
-            part[...] = Z[..., a:b]
-        out[self.rows] = Z[..., slice(*own)]
+        for part, columns in self._pieces(sent, turn, Z):
+            part[...] = Z[..., columns]
+        out[self.rows] = Z[..., own]
         self.swap([sent, sizes], [out, self._places_of_rows(out)])
         return out
 
-    def to_rows(self, C: Array, out: Array, turn: Turn | None = None) -> Array:
+    def to_rows(self, C: Array, out: Array, turn: Turn) -> None:
         """Exchange back what `to_columns` has returned, into the columns of the turn of `out`."""
-        turn = turn or next(self.turns(out.shape[-1], out.shape[-1]))
         sizes = self._sizes(turn, out)
         got = workspace((sum(sizes),), out.dtype)
         self.swap([np.ascontiguousarray(C), self._places_of_rows(C)], [got, sizes])
-        for part, (a, b) in self._pieces(got, turn, out):
-            out[..., a:b] = part
+        for part, columns in self._pieces(got, turn, out):
+            out[..., columns] = part
         out[..., slice(*turn[self.comm.rank])] = C[self.rows]
-        return out
 
     def _sizes(self, turn: Turn, Z: Array) -> list[int]:
         """Return what goes to each rank; 0 to this one, whose own is copied once, here."""
@@ -236,21 +192,13 @@ class Slab(Messages):
         sizes[self.comm.rank] = 0
         return sizes, places[:-1].tolist()
 
-    def _pieces(self, flat: Array, turn: Turn, Z: Array) -> Iterator[tuple[Array, tuple[int, int]]]:
+    def _pieces(self, flat: Array, turn: Turn, Z: Array) -> Iterator[tuple[Array, slice]]:
         """Yield each other rank's piece of a message, as an array, and the columns of it."""
         end = 0
         for size, (a, b) in zip(self._sizes(turn, Z), turn, strict=True):
             start, end = end, end + size
             if size:
-                yield flat[start:end].reshape(*Z.shape[:-1], b - a), (a, b)
-
-    def with_rows_above(self, x: Array, count: int) -> Array:
-        """Return this rank's rows and so many before them, as far as there are any.
-
-        No rank may have fewer rows than that.
-        """
-        above = self.shift(x[len(x) - count :], count if self.comm.rank else 0, 1)
-        return np.concatenate([above, x])
+                yield flat[start:end].reshape(*Z.shape[:-1], b - a), slice(a, b)
 
     @property
     def name(self) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
-from toeplitz_mg import operators
+from toeplitz_mg import operators, preconditioners
 from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.preconditioners.positivity import require_range
 from toeplitz_mg.slabs.coupled import CoupledOperator
@@ -50,7 +50,7 @@ def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator
         elif of_coupled is None:
             M = BlockDiagonal([_make(make, row[i], dtype) for i, row in enumerate(full.blocks)])
         else:
-            M = of_coupled(full, _precision(full, dtype))
+            M = of_coupled(full, find_precision(full, dtype))
         return MaskedOperator(M, A.mask) if isinstance(A, MaskedOperator) else M
 
     return preconditioner
@@ -59,10 +59,15 @@ def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator
 def _make(make: Make, A: ToeplitzOperator | None, dtype: DTypeLike | None) -> SlabOperator:
     if A is None or not A.is_even:
         raise ValueError(f"A, or a component's block on itself, is {A!r}, but must be even")
-    return make(A, _precision(A, dtype))
+    dtype = find_precision(A, dtype)
+    if not (A.slab.is_line and A.slab.comm.size == 1):
+        return make(A, dtype)
+    M = SlabOperator(A.slab, dtype, A.slab.local, library=A.library)
+    M.product = getattr(preconditioners, make.__name__)(A.product, dtype=dtype)
+    return M
 
 
-def _precision(A: Any, dtype: DTypeLike | None) -> np.dtype[Any]:
+def find_precision(A: Any, dtype: DTypeLike | None) -> np.dtype[Any]:
     """Return the precision of a preconditioner of A (see `positivity.precision`)."""
     with A.slab.agree() as same:
         same["dtype"] = precision = check_precision(A.dtype if dtype is None else dtype, A.dtype)

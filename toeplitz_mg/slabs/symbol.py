@@ -4,7 +4,7 @@ Coefficients are even or odd along each axis, and so are their transforms, which
 the odd ones. So half of the frequencies of each axis say it all, in real numbers.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from math import prod
 
 import numpy as np
@@ -14,13 +14,13 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.embedding import around, cut, split
 from toeplitz_mg.engine.library import NUMPY
 from toeplitz_mg.preconditioners.symbol import Tail, continue_axis, tail_length
-from toeplitz_mg.slabs.cuts import Turn
 from toeplitz_mg.slabs.line import LongTransform
 from toeplitz_mg.slabs.product import turns_of
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.windows import Windows
 
 Parity = tuple[int, ...]  # Along each axis: 1 of even coefficients, -1 of odd ones.
+COMPLEX = np.dtype(np.complex128).itemsize
 UNITS = (1.0, 1.0j, -1.0, -1.0j)  # Powers of i: one for each axis along which a block is odd.
 
 
@@ -52,33 +52,28 @@ class GridSymbol:
         slab = self.slab
         if is_continued:
             c = _continue_line(slab, c, self._lengths[0] // 2)
-            slab = slab.longer(self._lengths[0] // 2 + 1)
+            longer = self._lengths[0] // 2 + 1  # The last rank has the new rows.
+            starts = np.append(slab.starts[:-1], longer)
+            slab = slab.alike((longer, *slab.shape[1:]), 1, starts)
             for axis in range(1, c.ndim):
                 c = continue_axis(c, axis, self._lengths[axis] // 2)
         for axis in reversed(range(1, c.ndim)):
             c = self._sums(c, axis, parity[axis])
-        own = self.slab.columns(self._points[-1])
-        S = np.empty((*self._points[:-1], own.stop - own.start))
-        for columns, turn in self._turns():
-            S[..., columns] = self._sums(slab.to_columns(c, turn), 0, parity[0])
+        mine = self.slab.columns(self._points[-1])
+        S = np.empty((*self._points[:-1], mine.stop - mine.start))
+        for own, turn in turns_of(self.slab, self._points, COMPLEX):
+            S[..., own] = self._sums(slab.to_columns(c, turn), 0, parity[0])
         return S * unit if (unit := _unit(parity)) != 1.0 else S
 
     def lags(self, S: Array, parity: Parity) -> Array:
         """Return this rank's rows of the coefficients of a block, from its symbol."""
         S = (S / _unit(parity)).real
         rows = np.empty((self.slab.local[0], *self._points[1:]))
-        for columns, turn in self._turns():
-            self.slab.to_rows(self._lags(S[..., columns], 0, parity[0]), rows, turn)
+        for own, turn in turns_of(self.slab, self._points, COMPLEX):
+            self.slab.to_rows(self._lags(S[..., own], 0, parity[0]), rows, turn)
         for axis in range(1, rows.ndim):
             rows = self._lags(rows, axis, parity[axis])
         return rows
-
-    def _turns(self) -> Iterator[tuple[slice, Turn]]:
-        """Yield the turns of columns, and which of its own this rank has in each."""
-        first = self.slab.columns(self._points[-1]).start
-        for turn in turns_of(self.slab, self._points, 2 * np.dtype(float).itemsize):
-            a, b = turn[self.slab.comm.rank]
-            yield slice(a - first, b - first), turn
 
     def _sums(self, c: Array, axis: int, sign: int) -> Array:
         """Return the sums over all lags along an axis, without the i of odd ones."""

@@ -9,7 +9,6 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.preconditioners import trigonometric
 from toeplitz_mg.preconditioners.positivity import require_positive
 from toeplitz_mg.preconditioners.trigonometric import lift_lowest
 from toeplitz_mg.slabs.line import LongTransform
@@ -20,7 +19,6 @@ from toeplitz_mg.slabs.structure import ROBUST, restricted
 from toeplitz_mg.slabs.symbol import GridSymbol, sum_line
 
 NAMES = "cosine", "sine"  # Of the transforms whose first sample is that number 0, or 1.
-ALONE = trigonometric.cosine_preconditioner, trigonometric.sine_preconditioner
 
 
 @restricted
@@ -50,13 +48,7 @@ def sine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperat
 
 
 def _diagonalise(A: ToeplitzOperator, dtype: np.dtype[Any], first: int) -> SlabOperator:
-    if not A.slab.is_line:
-        return DiagonalisedGrid(A, dtype, first)
-    if A.slab.comm.size > 1:
-        return DiagonalisedLine(A, dtype, first)
-    M = SlabOperator(A.slab, dtype, A.slab.local, library=A.library)
-    M.product = ALONE[first](A.product, dtype=dtype)
-    return M
+    return (DiagonalisedLine if A.slab.is_line else DiagonalisedGrid)(A, dtype, first)
 
 
 class DiagonalisedGrid(SlabOperator):
@@ -92,17 +84,14 @@ class DiagonalisedGrid(SlabOperator):
         Z = library.enlarge(library.xp.reshape(x, slab.local), lengths[1:], self.dtype)
         rows = library.to_numpy(forward(Z, axes=local_axes, **library.in_place))
         rows = rows if rows.flags.writeable else rows.copy()
-        start = 0
-        for turn in turns_of(slab, lengths, rows.itemsize):
-            a, b = turn[slab.comm.rank]
-            host = workspace((*lengths[:-1], b - a), self.dtype)
+        for own, turn in turns_of(slab, lengths, rows.itemsize):
+            host = workspace((*lengths[:-1], own.stop - own.start), self.dtype)
             slab.to_columns(rows, turn, host[: slab.shape[0]])
             host[slab.shape[0] :] = 0.0
             C = forward(library.from_numpy(host), axes=(0,), **library.in_place)
-            C *= self._inverse[..., start : start + b - a]
+            C *= self._inverse[..., own]
             C = library.to_numpy(backward(C, axes=(0,), **library.in_place))
             slab.to_rows(C[: slab.shape[0]], rows, turn)
-            start += b - a
         Z = backward(library.from_numpy(rows), axes=local_axes, **library.in_place)
         result = library.xp.reshape(Z[tuple(slice(n) for n in slab.local)], x.shape)
         if y is None:
