@@ -14,11 +14,11 @@ from numpy.typing import DTypeLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.steady_matrices import fade_rate
 from toeplitz_mg.engine.products import multiply_rows
-from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.engine.work import count_work, points_of_transform
 from toeplitz_mg.operators import CoupledOperator
 
-# Additions whose inverses are interpolated, over the diagonal: of two, and not three, it takes an
-# iteration more in thirty, each of which takes less time.
+# Additions whose inverses are interpolated, over the diagonal: of two, and not three, it takes
+# hardly more iterations, each of which takes less time.
 ADDITIONS = np.array([0.0, 3.0])
 KEPT = 8  # Lengths whose matrices are kept: a grid has two, for several operators.
 
@@ -118,8 +118,10 @@ class ShortProduct:
         components, *frequencies = self._spectra.shape[1:]
         fields = X.astype(self.dtype, copy=False).reshape(-1, *self._transforms.shape)
         Z = self._transforms.forward(fields).reshape(-1, 1, components, *frequencies)
-        Z = (self._spectra * Z).sum(axis=2).reshape(-1, *frequencies)
-        out[...] = self._transforms.back(Z).reshape(out.shape)
+        total = self._spectra[:, 0] * Z[..., 0, :, :]
+        for k in range(1, components):
+            total += self._spectra[:, k] * Z[..., k, :, :]
+        out[...] = self._transforms.back(total.reshape(-1, *frequencies)).reshape(out.shape)
 
 
 class ShortCirculants:
@@ -131,6 +133,7 @@ class ShortCirculants:
         fade = np.exp(fade_rate(2 * grid[0] - 1) * np.arange(grid[0]))
         self._transforms = ShortTransforms(grid, dtype, fade)
         self.lengths = self._transforms.lengths
+        self._points = points_of_transform(*self.lengths)
 
     def prepare(self, weights: Array) -> Array:
         """Return weights as `add` takes them: what they fade is in the transforms."""
@@ -138,7 +141,7 @@ class ShortCirculants:
 
     def add(self, r: Array, weights: Array, eigenvalues: Array) -> Array:
         """Return the sum of the circulants of a field, each with its weights."""
-        count_transforms((1 + len(eigenvalues)) * len(r), *self.lengths)
+        count_work(1, (1 + len(eigenvalues)) * len(r) * self._points)
         R = self._transforms.forward(r)
         Z = (eigenvalues * R).reshape(-1, *R.shape[1:])
         y = self._transforms.back(Z).reshape(len(eigenvalues), *r.shape)

@@ -202,6 +202,9 @@ def add_combination(weights: Array, X: Array, y: Array) -> None:
     """
     _require_contiguous(y)
     rows, y = X.reshape(len(X), y.size), y.reshape(-1)
+    if y.size <= PART and y.dtype.kind == "f" and len(X) > 2:
+        y += np.einsum("k,kj->j", weights.astype(y.dtype), rows)
+        return
     if y.dtype.kind == "c" or y.size <= PART:  # The sum below would take three times as long.
         add = _blas("axpy", y.dtype.char)
         for k in range(0, y.size, PART):

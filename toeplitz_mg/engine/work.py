@@ -80,5 +80,10 @@ def axes_of(grid_shape: tuple[int, ...]) -> int:
 
 
 def count_transforms(number: float, *shape: int) -> None:
-    """Count real transforms that are no product: a product has two, twice as long on each axis."""
-    count_work(1, number * prod(shape) / 2 ** (axes_of(shape) + 1))
+    """Count real transforms that are no product."""
+    count_work(1, number * points_of_transform(*shape))
+
+
+def points_of_transform(*shape: int) -> float:
+    """Return the work of a real transform: a product has two, twice as long on each axis."""
+    return prod(shape) / 2 ** (axes_of(shape) + 1)

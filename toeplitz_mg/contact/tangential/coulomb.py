@@ -75,7 +75,7 @@ def scale_to_bound(q: Array, g: Array, on_circle: Array) -> Array:
         return np.clip(np.where(on_circle & (q != 0.0), np.copysign(g, q), q), -g, g)
     a, within = size(q), g * (1.0 - ROUNDING)
     outside = (on_circle | (a > within)) & (a > 0.0)
-    return q * np.divide(within, a, out=np.ones_like(a), where=outside)
+    return q * np.where(outside, within / np.where(outside, a, 1.0), 1.0)
 
 
 class Tangent:
@@ -99,7 +99,7 @@ class Tangent:
         self.inside = areas.stick | areas.slide
         self._is_everywhere = bool(self.inside.all())
         a = size(q)
-        self.n = np.divide(q, a, out=np.zeros_like(q), where=areas.slide & (a > 0.0))
+        self.n = q / np.where(areas.slide & (a > 0.0), a, np.inf)
         self._balanced = list(balanced)
         if balanced:
             units = np.zeros((len(balanced), *q.shape))
@@ -117,17 +117,17 @@ class Tangent:
             other._units = self._units.astype(dtype)
         return other
 
-    def _project(self, v: Array) -> Array:
+    def _project(self, v: Array, along_n: Array | None = None) -> Array:
         """Project a field orthogonally to the tangents, of any sum."""
+        if along_n is None:
+            along_n = along(v, self.n)
+        v = v - self.n * along_n
         if not self._is_everywhere:
-            v = np.where(self.inside, v, 0.0)
-        return v - self.n * along(v, self.n)
+            v *= self.inside
+        return v
 
     def project_each(self, rows: Array) -> None:
-        """Project fields, (k, components, ...), in place, where no sum is given."""
-        assert not self._balanced
-        if not self._is_everywhere:
-            rows *= self.inside
+        """Project fields of the elements inside, (k, components, ...), in place, of any sum."""
         rows -= self.n * np.einsum("kc...,c...->k...", rows, self.n)[:, None]
 
     def multiplier(self, s: Array) -> Array:
@@ -145,7 +145,11 @@ class Tangent:
 
     def __call__(self, v: Array) -> Array:
         """Project a field orthogonally to these directions."""
-        v = self._project(v)
+        return self.project(v)
+
+    def project(self, v: Array, along_n: Array | None = None) -> Array:
+        """Project a field orthogonally to these directions, where v·n may be known."""
+        v = self._project(v, along_n)
         if self._balanced:
             v -= self._vectors.combine(self._weights(v), self._units)
         return v

@@ -8,6 +8,7 @@ change, no product is lost, as K is the same.
 """
 
 import numpy as np
+from scipy.linalg import lapack
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.steady_matrices import ShiftedInverses
@@ -40,10 +41,12 @@ class Iteration:
 
     def __init__(self, problem: Problem, loads: Loads, M: ShiftedInverses, depth: int) -> None:
         self._problem, self._loads, self._M = problem, loads, M
-        # The last changes of the tractions and of the displacements, over what was wrong before.
+        # The last changes of tractions, and of displacements in contact, over what was wrong.
         self._changes = np.empty((2, depth, *problem.b.shape), M.dtype)
+        self._inside = problem.g > 0.0
         self._steps, self._scale = 0, 1.0
         self._before: tuple[Array, Array] | None = None
+        self._slide: Array | None = None
 
     def __call__(self, now: Look, areas: Areas, q: Array, u: Array) -> Array:
         """Return a change of the tractions q, whose displacements are u."""
@@ -64,7 +67,9 @@ class Iteration:
                 row[...] = of_slip(row)
         weights = _least(vectors.gram(rows))
         vectors.add_combination(-weights, rows[1:], rows[0])
-        v = T(M.at(stiffness)(rows[0]))
+        if self._slide is None or vectors.count(areas.slide ^ self._slide):
+            self._invert, self._slide = M.at(stiffness), areas.slide
+        v = T(self._invert(rows[0]))
         vectors.add_combination(weights, dq, v)
         v = scale * v.astype(np.float64)
         if is_loaded:
@@ -80,7 +85,7 @@ class Iteration:
         if self._before is not None:
             dq, du = (now - before for now, before in zip((q, u), self._before, strict=True))
             self._changes[0, self._steps % depth] = dq / self._scale
-            self._changes[1, self._steps % depth] = du / self._scale
+            self._changes[1, self._steps % depth] = np.where(self._inside, du / self._scale, 0.0)
             self._steps += 1
         self._before = q, u
         dq, du = self._changes[:, : min(self._steps, depth)]
@@ -90,10 +95,11 @@ class Iteration:
 def _least(products: Array) -> Array:
     """Return the weights of rows that leave least of the first one, from their inner products."""
     G, right = products[1:, 1:].copy(), products[1:, 0]
-    if not np.isfinite(G).all():  # The squares of what stiffness makes of a change overflow.
-        return np.zeros(len(right))
+    if not len(G):
+        return right
     diagonal = G.ravel()[:: len(G) + 1]
     diagonal *= 1.0 + DEPENDENT
     diagonal[diagonal == 0.0] = 1.0
-    weights: Array = np.linalg.solve(G, right)
-    return weights
+    _, weights, fails = lapack.dposv(G, right)
+    # Where a change is stiff, its square may overflow.
+    return np.zeros(len(G)) if fails else weights

@@ -163,7 +163,7 @@ def linearise(problem: Problem, areas: Areas, q: Array, u: Array) -> Linearisati
         largest = problem.largest_of(target)
     minus_slip = target - u
     against = along(minus_slip, T.n)  # Eq. 3 wants the slip to oppose the traction.
-    r = T(minus_slip)
+    r = T.project(minus_slip, against)
     scale = max(problem.least, largest)
     violation = max(vectors.max(size(r)), -vectors.min(against))
     residual = violation / scale if scale > 0.0 else 0.0
