@@ -163,8 +163,8 @@ def _refuse_numbers(material: Any) -> None:
     if isinstance(material, np.ndarray):
         material = refuse_masked("material", material).tolist()
     match material:
-        case (Real() as modulus, Real() as nu):
-            modulus, nu = float(modulus), float(nu)
+        case (Real(), Real()):
+            modulus, nu = map(float, material)
             raise TypeError(
                 f"material is {(modulus, nu)}, but a pair does not say which modulus it has: use "
                 f"contact.Material(E={modulus}, nu={nu}) for Young's modulus or "
