@@ -279,6 +279,7 @@ UNEVEN = Topography(np.zeros((4, 4)), (4.0, 4.0), "um", is_uniform=False)
             "where there is no material it is inf; of measured heights, heights=",
         ),
         ({"heights": "a.nc", "element": 1.0}, TypeError, "SurfaceTopography.read_topography"),
+        ({"heights": "a.nc"}, TypeError, "SurfaceTopography.read_topography"),
     ],
 )
 def test_refuses_what_makes_no_sense(given, error, message):

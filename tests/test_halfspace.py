@@ -369,6 +369,11 @@ def test_the_bonded_flat_punch_converges_at_first_order():
         ({"element": (1.0, -1.0)}, ValueError, r"element\[1\] is -1.0"),
         ({"element": (1.0, 1.0, 1.0)}, ValueError, "two sizes"),
         ({"x": np.inf}, ValueError, "x has coordinates that are not finite"),
+        (
+            {"x": np.ones(2), "y": np.ones(3)},
+            ValueError,
+            r"shapes are x \(2,\), y \(3,\), but must",
+        ),
         ({"element": 1.0}, ValueError, "element is 1.0, but an element has the two sizes"),
         ({"element": (1.0, "a")}, TypeError, r"element\[1\] is 'a', but must be a real number"),
         ({"G": "x"}, TypeError, "G is 'x', but must be a real number"),
@@ -392,6 +397,7 @@ def test_refuses_bad_arguments(kernel, change, error, match):
         ({"K": np.nan}, "K is nan"),
         ({"element": (0.0, 1.0)}, r"element\[0\] is 0.0"),
         ({"y": np.nan}, "y has coordinates that are not finite"),
+        ({"x": np.ones(2), "y": np.ones(3)}, r"shapes are x \(2,\), y \(3,\), but must"),
     ],
 )
 @pytest.mark.parametrize("kernel", COUPLING)

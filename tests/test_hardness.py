@@ -71,6 +71,15 @@ def test_hertz_with_a_hardness_on_a_finer_grid():
     assert_allclose(result.plastic, result.plastic[::-1, ::-1], atol=1e-7)
 
 
+def test_a_force_a_little_above_the_hardness_of_all_elements_is_told_apart_from_it():
+    gap, options = np.zeros((16, 16)), {"material": UNIT, "hardness": 0.1}
+    result = normal_contact(gap, (0.5, 0.5), force=6.4, **options)
+    assert result.pressure.min() == 0.1
+    assert not np.signbit(result.residual)
+    with pytest.raises(ValueError, match=r"force is 6\.40000064, but must be at most 6\.4, "):
+        normal_contact(gap, (0.5, 0.5), force=6.4 * (1.0 + 1e-7), **options)
+
+
 def test_a_hardness_that_is_not_reached_changes_nothing():
     _, elastic = sphere(64, force=4 / 3 * A**3, tolerance=1e-11)
     _, result = sphere(64, force=4 / 3 * A**3, tolerance=1e-11, hardness=1.2 * P0)

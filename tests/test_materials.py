@@ -104,3 +104,11 @@ def test_a_bare_pair_is_refused_with_both_spellings():
             solve()
         assert "contact.Material(E=210000.0, nu=0.3)" in str(caught.value)
         assert "contact.Material.from_shear(210000.0, 0.3)" in str(caught.value)
+
+
+@pytest.mark.parametrize("pair", [(210000.0, 0.3), [210000, 0.3], np.array([210000.0, 0.3])])
+@pytest.mark.parametrize("other", [None, Material(E=210000.0, nu=0.3), (70000.0, 0.33)])
+def test_bare_numbers_are_refused_alike_in_the_place_of_both_bodies_or_of_one(pair, other):
+    for material in (pair, (pair, other), (other, pair)) if other else (pair,):
+        with pytest.raises(TypeError, match=r"Material\(E=.*, nu=.*\) .*from_shear\("):
+            halfspace.influence_matrix("z", (4, 4), (1.0, 1.0), material)

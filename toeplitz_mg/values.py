@@ -117,13 +117,17 @@ def field(name: str, values: ArrayLike) -> Array:
 
 def fields(**values: ArrayLike) -> list[Array]:
     """Return what `field` does of each, if their shapes broadcast with each other."""
-    arrays = [field(name, x) for name, x in values.items()]
+    return require_broadcast(**{name: field(name, x) for name, x in values.items()})
+
+
+def require_broadcast(**arrays: Array) -> list[Array]:
+    """Return arrays whose shapes broadcast with each other, or say that they do not."""
     try:
-        np.broadcast(*arrays)
+        np.broadcast_shapes(*(x.shape for x in arrays.values()))
     except ValueError:
-        shapes = ", ".join(f"{name} {x.shape}" for name, x in zip(values, arrays, strict=True))
+        shapes = ", ".join(f"{name} {x.shape}" for name, x in arrays.items())
         raise ValueError(f"the shapes are {shapes}, but must broadcast with each other") from None
-    return arrays
+    return list(arrays.values())
 
 
 def generator(name: str, seed: Any) -> Any:

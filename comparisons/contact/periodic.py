@@ -7,7 +7,8 @@ one process, and the largest difference of the pressures from those of `aspher` 
 
 κ = A E* g'/F at F = 0.01 E* g' A₀, of surfaces whose waves do not change while the elements do: by
 all elements that touch, and by an area that is corrected for those at edges, which touch in part
-(Yastrebov, Anciaux, Molinari, Tribology International 114 (2017)).
+(Yastrebov, Anciaux, Molinari, Tribology International 114 (2017)). It falls as the waves are of
+more lengths, and so there are surfaces of two breadths of the spectrum.
 
 Friction under half of the force that it can carry, along both axes or one: the products, the work
 of one over that of a padded one, the violation of Coulomb's law, recomputed, and where ν = 0 the
@@ -44,9 +45,10 @@ WAYS: dict[str, Callable[[Problem, float], Answer]] = {
 }
 COMPARED = 256  # Most elements along an axis for which `tamaas` is waited for.
 ITERATIONS = 1000  # Of `tamaas`: enough for six digits.
-COARSE = 128  # Elements on which the surfaces for κ are drawn.
-AREAS, QUICK_AREAS = (128, 256, 512), (128,)
-WAVES = 32.0  # The period of the surfaces for κ, over their shortest wave.
+DRAWN = 4  # Elements in the shortest wave on which the surfaces for κ are drawn.
+FINER, QUICK_FINER = (4, 8, 16), (4,)  # Those on which they are pressed.
+# The period of the surfaces for κ, over their shortest wave: the longest is a quarter of it.
+WAVES, QUICK_WAVES = (32, 64), (32,)
 SEEDS = 12  # Surfaces whose mean κ is taken: that of one is 0.16 off.
 SHIFTED, QUICK_SHIFTED = (64, 128, 256), (32,)
 
@@ -107,16 +109,17 @@ def _arrange(rows: Sequence[Row], figure: str, spec: str) -> list[Row]:
     return list(table.values())
 
 
-def area_over_force(N: int) -> Row:
-    """Return κ of surfaces of N × N elements, by all that touches and corrected."""
-    h, coarse, found = 1.0 / N, 1.0 / COARSE, []
+def area_over_force(waves: int, elements: int) -> Row:
+    """Return κ by all that touches and corrected, with so many elements in the shortest wave."""
+    N, drawn, found = elements * waves, DRAWN * waves, []
+    h = 1.0 / N
     for seed in range(SEEDS):
         gap = surfaces.rough(
-            (COARSE, COARSE),
-            (coarse, coarse),
+            (drawn, drawn),
+            (1.0 / drawn, 1.0 / drawn),
             rms=5e-4,
             longest=0.25,
-            shortest=1 / WAVES,
+            shortest=1.0 / waves,
             seed=seed,
         )
         for axis in (0, 1):  # The same waves, on more elements.
@@ -133,7 +136,7 @@ def area_over_force(N: int) -> Row:
         np.mean(found, axis=0),
         np.std(found, axis=0)[1] / (SEEDS - 1) ** 0.5,
     )
-    row: Row = {"N": N, "elements in the shortest wave": f"{N / WAVES:g}"}
+    row: Row = {"period over shortest wave": waves, "elements in it": elements, "N": N}
     return row | {"κ": f"{plain:.3f}", "κ, corrected": f"{corrected:.3f} ± {error:.2f}"}
 
 
@@ -170,7 +173,11 @@ def main() -> None:
     rows = [rough(*case) for case in tqdm(cases, unit="surface")]
     report.show("Rough surfaces", rows)
     report.write_csv(arguments.output / "rough.csv", rows)
-    rows = [area_over_force(N) for N in (QUICK_AREAS if arguments.quick else AREAS)]
+    rows = [
+        area_over_force(waves, elements)
+        for waves in (QUICK_WAVES if arguments.quick else WAVES)
+        for elements in (QUICK_FINER if arguments.quick else FINER)
+    ]
     report.show("Area over force", rows)
     report.write_csv(arguments.output / "areas.csv", rows)
     rows = [

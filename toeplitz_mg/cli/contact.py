@@ -222,7 +222,7 @@ def _solve(name: str, solve: Callable[[Progress], Result]) -> Result:
 def _print_report(case: Case | Rough, results: Mapping[str, ContactResult], seconds: float) -> None:
     """Print what was found, and what theory says, as far as it does."""
     products = " + ".join(str(result.products) for result in results.values())
-    print(f"\nconverged: {products} products, {seconds:.2f} seconds")
+    print(f"\nconverged: {products} product{'s' * (products != '1')}, {seconds:.2f} seconds")
     if isinstance(case, Rough):
         print(results["pressure"].summary())
         return

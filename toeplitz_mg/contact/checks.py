@@ -55,8 +55,8 @@ def check_hardness(
     carried = hardness * grid.area * (prod(grid.shape) if elements is None else elements)
     if force is not None and force > carried:
         raise ValueError(
-            f"force is {force:g}, but must be at most {carried:g}, which all elements carry at the "
-            f"hardness {hardness:g}"
+            f"force is {force:.15g}, but must be at most {carried:.15g}, which all elements carry "
+            f"at the hardness {hardness:g}"
         )
     return float(hardness)
 

@@ -59,6 +59,11 @@ def read_surface(
             "either gap or heights must be given: "
             + ("neither is" if gap is None else "both are, but one decides the other")
         )
+    if isinstance(heights, str | os.PathLike):
+        raise TypeError(
+            f"heights is {str(heights)!r}, but must be heights: those of a file are read by "
+            "SurfaceTopography.read_topography, of numbers alone by np.load or np.loadtxt"
+        )
     if _is_topography(gap):
         raise TypeError("gap is a topography, which has heights: give it as heights")
     if _is_topography(heights):
@@ -125,11 +130,6 @@ def _check_gap(gap: ArrayLike) -> Array:
 
 def _press_on_a_flat(heights: Any) -> Array:
     """Return the gap between heights and a flat that touches the highest of them."""
-    if isinstance(heights, str | os.PathLike):
-        raise TypeError(
-            f"heights is {str(heights)!r}, but must be heights: those of a file are read by "
-            "SurfaceTopography.read_topography, of numbers alone by np.load or np.loadtxt"
-        )
     if np.ma.isMaskedArray(heights):
         missing = np.ma.getmaskarray(heights)
         heights = np.ma.getdata(heights)

@@ -1,6 +1,7 @@
 """Elastic constants of two bodies in contact, combined."""
 
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -147,15 +148,25 @@ def combine(material: Any) -> CombinedMaterial:
         return material
     if isinstance(material, Material):
         return combined_material(material, material)
-    refuse_masked("material", material)
+    _refuse_numbers(material)
     try:
         first, second = material
     except (TypeError, ValueError):
         raise TypeError(f"material is {material!r}, but must be {WANTED}") from None
-    if not isinstance(first, Material) and not isinstance(second, Material):
-        raise TypeError(
-            f"material is {material!r}, but a pair does not say which modulus it has: use "
-            f"contact.Material(E={first!r}, nu={second!r}) for Young's modulus or "
-            f"contact.Material.from_shear({first!r}, {second!r}) for the shear modulus"
-        )
+    for body in (first, second):
+        _refuse_numbers(body)
     return combined_material(first, second)
+
+
+def _refuse_numbers(material: Any) -> None:
+    """Refuse two numbers in the place of a body, or of both."""
+    if isinstance(material, np.ndarray):
+        material = refuse_masked("material", material).tolist()
+    match material:
+        case (Real(), Real()):
+            modulus, nu = map(float, material)
+            raise TypeError(
+                f"material is {(modulus, nu)}, but a pair does not say which modulus it has: use "
+                f"contact.Material(E={modulus}, nu={nu}) for Young's modulus or "
+                f"contact.Material.from_shear({modulus}, {nu}) for the shear modulus"
+            )

@@ -27,7 +27,7 @@ from toeplitz_mg.halfspace.integrals import ONE, XX, XY, X
 from toeplitz_mg.halfspace.materials import check_constants, check_difference
 from toeplitz_mg.halfspace.points import check_element
 from toeplitz_mg.halfspace.rectangles import integrate
-from toeplitz_mg.values import positive, refuse_masked
+from toeplitz_mg.values import positive, refuse_masked, require_broadcast
 
 
 def influence_zz(
@@ -320,7 +320,7 @@ def _displacement(
 ) -> Array:
     """Return 1/(πG) times the integral of a kernel, in which x and y may be exchanged."""
     h1, h2 = check_element(element)
-    x, y = _points("x", x), _points("y", y)
+    x, y = require_broadcast(x=_points("x", x), y=_points("y", y))
     weights = {monomial: weight / (np.pi * G) for monomial, weight in kernel.items()}
     return integrate(weights, y, x, h2, h1) if exchanged else integrate(weights, x, y, h1, h2)
 

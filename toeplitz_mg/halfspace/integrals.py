@@ -67,9 +67,8 @@ def exact_integral(kernel: Kernel, h1: float, h2: float) -> Callable[[Array, Arr
 def _closed(kernel: Kernel) -> tuple[tuple[LineIntegral, LineIntegral], Callable[..., Array]]:
     """Return a kernel's integrals along x and along y, and over the corners."""
     if X in kernel:
-        weight = kernel[X]
-        lines = LineIntegral.half_logarithm(weight), LineIntegral.angle(weight)
-        return lines, partial(_x_over_corners, weight)
+        lines = LineIntegral.half_logarithm(kernel[X]), LineIntegral.angle(kernel[X])
+        return lines, partial(_x_over_corners, lines)
     one, xx = kernel.get(ONE, 0.0), kernel.get(XX, 0.0)
     # Along x, x²/ρ³ is 1/ρ - y²/ρ³.
     lines = LineIntegral.inverse(one + xx, -xx), LineIntegral.inverse(one, xx)
@@ -122,27 +121,21 @@ def _over_corners(one: float, xx: float, x: Array, y: Array, h1: float, h2: floa
     return one * (of_xx + of_yy) + xx * of_xx
 
 
-def _x_over_corners(weight: float, x: Array, y: Array, h1: float, h2: float) -> Array:
-    """Return ∬ x/ρ² = [[½ Y ln(X² + Y²) + X arctan(Y/X)]] for x, y ≥ 0, by the integrals below."""
+def _x_over_corners(
+    lines: tuple[LineIntegral, LineIntegral], x: Array, y: Array, h1: float, h2: float
+) -> Array:
+    """Return ∬ x/ρ² = [[½ Y ln(X² + Y²) + X arctan(Y/X)]] for x, y ≥ 0, by those along sides."""
+    along_x, along_y = lines
+
+    def logarithm(Y: Array) -> Array:
+        # At a corner it is infinite, and its product with Y = 0 is zero.
+        return Y * along_x.at(np.where(Y == 0.0, h1, Y), x, h1)
+
     X1, X2 = np.abs(x - h1 / 2.0), x + h1 / 2.0  # The ends of the part that has one sign.
     Y1, Y2 = _sides(y, h2)
     # So near, what is subtracted is not large beside the integral, whatever the shape.
-    in_y = Y2 * _x_along_x(x, Y2, h1) - Y1 * _x_along_x(x, Y1, h1)
-    in_x = X2 * _x_along_y(X2, y, h2) - X1 * _x_along_y(X1, y, h2)
-    return weight * (in_y + in_x)
-
-
-def _x_along_x(x: Array, Y: Array, h: float) -> Array:
-    """Return ∫ X/ρ² dX over the length h about x ≥ 0: half the logarithm of a quotient."""
-    r2 = (x - h / 2.0) ** 2 + Y**2
-    return 0.5 * np.log1p(2.0 * x * h / np.where(r2 == 0.0, 1.0, r2))
-
-
-def _x_along_y(X: Array, y: Array, h: float) -> Array:
-    """Return ∫ X/ρ² dY over the length h about y, seen at an angle from the distance X ≥ 0."""
-    low, high = _sides(y, h)
-    # Where the sum cancels, it is small beside h X: the angle is close to a right one.
-    return np.arctan2(h * X, X**2 + low * high)
+    angles = X2 * along_y.at(X2, y, h2) - X1 * along_y.at(X1, y, h2)
+    return logarithm(Y2) - logarithm(Y1) + angles
 
 
 def _sides(x: Array, h: float) -> tuple[Array, Array]:

@@ -78,6 +78,10 @@ class LineIntegral:
         """Return the integral along s of s/ρ²."""
         return cls(weight, 0.0, _half_logarithm, (0, 0), (1.0, -1.0))
 
+    def at(self, t: Array, s: Array, length: float) -> Array:
+        """Return α closed, on the line at the distance t."""
+        return self._evaluate([], t, s, length)
+
     def over_width(self, rule: int, t: Array, s: Array, width: Array, length: float) -> Array:
         """Return the integral over a width, by a rule that is not `NEAR`."""
         P = self._polynomials

@@ -297,7 +297,7 @@ def make_result(
         products=products,
         work=work,
         iterations=state.iterations,
-        residual=state.residual,
+        residual=abs(state.residual),  # Not -0.0.
         stiffness=partial(find_stiffness, grid, contact & (state.p < hardness)),
         warnings=doubts.examine_pressures(grid, np.minimum(z, farthest), state.p, state.approach),
     )

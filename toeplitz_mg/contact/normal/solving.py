@@ -155,7 +155,7 @@ def _coarser(search: Search) -> Search | None:
         return None  # The averages touch nowhere.
     detail = vectors.max(vectors.xp.abs(search.z - search.grid.refine(z)))
     detail /= vectors.max(search.z) - search.lowest or 1.0
-    tolerance = float(np.clip(ROUGH * detail, LEAST, MOST))
+    tolerance = min(max(LEAST, ROUGH * detail), MOST)
     progress = for_coarser_grids(search.progress)
     return Search(grid, z, search.approach, search.force, tolerance, progress, search.hardness)
 
