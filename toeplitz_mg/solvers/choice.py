@@ -49,11 +49,11 @@ GENERAL = 2048  # Fewest unknowns where GMRES is faster than Levinson's recursio
 SHORT = 256  # Most unknowns where nothing that takes transforms is the fastest, on any machine.
 FEW_STEPS = 100_000  # Steps of Levinson's recursion, n² a column, that nothing beats anywhere.
 LONG = 2048  # Fewest unknowns where CG in the DCT domain is the fastest, on any machine.
-CALLS = 5.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
-SLOW = 1.5  # Time of CG in the DCT domain for a slow length, over that for a fast one.
-COSINE_NUMBERS = 20_000  # Most numbers in all columns where that is faster than the inverse.
+CALLS = 3.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
+SLOW = 1.3  # Time of CG in the DCT domain for a slow length, over that for a fast one.
 STEPS_OF_CG = 1_400_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
 STEPS_OF_INVERSE = 3_000_000  # The same for the inverse.
+COSINE_LIMIT = 80_000  # Most columns² n where CG in the DCT domain is faster than the inverse.
 
 
 LEVINSON = "scipy.linalg.solve_toeplitz"  # The name of the method that is its recursion.
@@ -216,7 +216,8 @@ def levinson_is_fastest(n: int, columns: int) -> bool:
 
 def cosine_is_faster_than_inverse(n: int, columns: int) -> bool:
     """Whether CG in the DCT domain is faster than anything that may follow it."""
-    return n <= LARGEST_COSINE and (columns <= FEW or columns * n <= COSINE_NUMBERS)
+    is_first = columns <= FEW or columns * n**2 <= STEPS_OF_INVERSE  # The inverse is none before.
+    return n <= LARGEST_COSINE and (is_first or columns**2 * n <= COSINE_LIMIT)
 
 
 def _cosine_method(system: ToeplitzSystem) -> Iterator[Method]:
