@@ -218,7 +218,12 @@ def fast_length(n: int) -> int:
     """Return n, or where its transforms are slow, a length that is above it by an even number."""
     if near_fast_length(n) == n:
         return n
-    return next(m for m in count(n, 2) if 210**12 % m == 0)  # No prime factor is above 7.
+    return next(m for m in count(n, 2) if is_smooth(m))
+
+
+def is_smooth(m: int) -> bool:
+    """Whether a length has no prime factor above 7, and so the fastest transforms."""
+    return 210**16 % m == 0
 
 
 class _Table(NamedTuple):
