@@ -13,6 +13,8 @@ import numpy as np
 from scipy.linalg.blas import daxpy, ddot, dscal
 
 from toeplitz_mg._typing import Rows
+from toeplitz_mg.engine.row_sums import PART
+from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.solvers.cosine_form import (
     ApproximateInverse,
     CosineForm,
@@ -79,8 +81,8 @@ class CosineSolver:
         R_lowest, Z_lowest = by_parity(R), by_parity(Z)
         # BLAS has every second number of a vector in fewer calls than NumPy.
         r, x, p, z, q = (V.reshape(-1) for V in (R, X, P, Z, Q))
-        m, rows, parts = form.m, range(0, R.size, form.m), _parts(R.size, form.m)
-        sizes = squares = [ddot(r, r, m, k, 1, k, 1) for k in rows]
+        rows, parts = R.size // form.m, _parts(R.size, form.m)
+        sizes = squares = [norm(row) ** 2 for row in R.reshape(rows, -1)]
         reached = goals = [rtol**2 * size for size in sizes]
         of_z = [1.0] * len(parts)
         iterations = 0
@@ -90,26 +92,41 @@ class CosineSolver:
                 raise np.linalg.LinAlgError(f"no convergence in {iterations} iterations")
             np.multiply(R, M.diagonal, out=Z)
             np.matmul(R_lowest, M.lowest, out=Z_lowest)
-            for part, (n, k) in enumerate(parts):
-                last = of_z[part]
-                of_z[part] = ddot(r, z, n, k, 2, k, 2)
-                dscal(_divide(of_z[part], last), p, n, k, 2)
+            for part, pieces in enumerate(parts):
+                last, of_z[part] = of_z[part], 0.0
+                for n, k in pieces:
+                    of_z[part] += ddot(r, z, n, k, 2, k, 2)
+                factor = _divide(of_z[part], last)
+                for n, k in pieces:
+                    dscal(factor, p, n, k, 2)
             P += Z
             form.multiply_transformed(P, Q)
-            for part, (n, k) in enumerate(parts):
-                step = _divide(of_z[part], ddot(p, q, n, k, 2, k, 2))
-                daxpy(p, x, n, step, k, 2, k, 2)
-                daxpy(q, r, n, -step, k, 2, k, 2)
-            squares = [ddot(r, r, m, k, 1, k, 1) for k in rows]
-            of_x = [ddot(x, x, m, k, 1, k, 1) for k in rows]
+            squares, of_x = [0.0] * rows, [0.0] * rows
+            for part, pieces in enumerate(parts):
+                of_p = 0.0
+                for n, k in pieces:
+                    of_p += ddot(p, q, n, k, 2, k, 2)
+                step = _divide(of_z[part], of_p)
+                for n, k in pieces:
+                    daxpy(p, x, n, step, k, 2, k, 2)
+                    daxpy(q, r, n, -step, k, 2, k, 2)
+                    squares[part // 2] += ddot(r, r, n, k, 2, k, 2)
+                    of_x[part // 2] += ddot(x, x, n, k, 2, k, 2)
             goals = [max(s, self._rounding**2 * t) for s, t in zip(reached, of_x, strict=True)]
             iterations += 1
         return X, iterations
 
 
-def _parts(size: int, m: int) -> list[tuple[int, int]]:
-    """Return the even and the odd part of each row: how many numbers, and where the first is."""
-    return [((m + 1 - k) // 2, row + k) for row in range(0, size, m) for k in (0, 1)]
+def _parts(size: int, m: int) -> list[list[tuple[int, int]]]:
+    """Return the even and the odd part of each row, in pieces so short that BLAS has one thread.
+
+    Of each piece it is told how many numbers it has, and where the first of them is.
+    """
+    return [
+        [(min(PART, (m + 1 - k) // 2), row + k) for k in range(parity, m, 2 * PART)]
+        for row in range(0, size, m)
+        for parity in (0, 1)
+    ]
 
 
 def _divide(a: float, b: float) -> float:

@@ -17,7 +17,7 @@ from itertools import count
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dpotri
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.lengths import near_fast_length
@@ -180,11 +180,11 @@ class ApproximateInverse:
 def _invert(B: Array, out: Array) -> None:
     """Invert a symmetric positive definite matrix; raise LinAlgError where it is not."""
     factor, not_positive = dpotrf(B)
-    upper, singular = dpotri(factor, overwrite_c=True)
+    # Of `dpotri` OpenBLAS makes threads, which may wait for each other for a hundred milliseconds.
+    inverse, singular = dtrtri(factor, overwrite_c=True)
     if not_positive or singular:
         raise np.linalg.LinAlgError("the block of the lowest frequencies is not positive definite")
-    np.add(upper, upper.T, out=out)  # What is below the diagonal of `upper` is zero.
-    out.ravel()[:: len(B) + 1] *= 0.5
+    np.matmul(inverse, inverse.T, out=out)
 
 
 def alternate(X: Rows) -> Rows:
