@@ -1,7 +1,7 @@
 """`toeplitz_mg.solve_toeplitz` for several right-hand sides, and for batches of small systems.
 
 The times of CG in the DCT domain for all right-hand sides, of the inverse and of the method that is
-chosen, over that of SciPy's function: where the first two cross is what `COSINE_NUMBERS` of
+chosen, over that of SciPy's function: where the first two cross is what `COSINE_LIMIT` of
 ``solvers/choice.py`` says. Then batches of symmetric systems, as of frames of linear prediction,
 and matrices without a symbol with so many right-hand sides that LU is sooner than Levinson's
 recursion. CPU time on one thread, in turns, whose order is drawn.
@@ -29,7 +29,7 @@ SIZES, QUICK_SIZES = (1024, 2048, 3001, 4096), (300,)
 COLUMNS, QUICK_COLUMNS = (2, 3, 4, 6, 8, 16), (2, 16)
 BATCHES, QUICK_BATCHES = ((1000, 12), (1000, 32), (100, 12), (200, 64)), ((100, 12),)
 DENSE, QUICK_DENSE = ((500, 500), (2000, 100), (2000, 2000)), ((300, 100),)
-LIMITS = {"CG in the DCT domain": 2**30, "inverse": 0}  # Values of `COSINE_NUMBERS`.
+LIMITS = {"CG in the DCT domain": 2**30, "inverse": 0}  # Values of `COSINE_LIMIT`.
 
 
 def measure_columns(name: str, n: int, columns: Sequence[int]) -> list[Row]:
@@ -54,7 +54,7 @@ def measure_columns(name: str, n: int, columns: Sequence[int]) -> list[Row]:
 
 
 def _limited(limit: int, solve: Callable[[], object]) -> None:
-    with patch.object(choice, "COSINE_NUMBERS", limit):
+    with patch.object(choice, "COSINE_LIMIT", limit):
         solve()
 
 

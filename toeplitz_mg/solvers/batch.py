@@ -59,13 +59,15 @@ def solve_at_once(c: Array, b: Array) -> Solutions:
 
 def _errors(c: Array, x: Array, b: Array) -> tuple[Array, Array]:
     """Return the residuals and the backward errors, shape (systems,), which is the last axis."""
-    n = len(c)
+    n, systems = c.shape
     lags = np.concatenate([c[:0:-1], c])
-    r = b.copy()
-    for j in range(n):  # Column j of A has the lags -j … n - 1 - j.
-        r -= lags[n - 1 - j : 2 * n - 1 - j, np.newaxis] * x[j]
+    step, next_one = lags.strides
+    # A[i, j] is the lag i - j.
+    A = np.ndarray((n, n, systems), lags.dtype, lags, (n - 1) * step, (step, -step, next_one))
+    r = b - np.einsum("ijs,jks->iks", A, x)
     errors, of_x, of_b = (np.sqrt(np.einsum("nks,nks->ks", v, v)) for v in (r, x, b))
-    of_A = np.abs(lags).sum(axis=0)
+    sizes = np.abs(c)
+    of_A = 2.0 * sizes.sum(axis=0) - sizes[0]
     low, high = USUAL
     is_usual = (low < of_A) & (of_A < high) & (low < of_b) & (of_b < high)
     is_known = is_usual & (EPS * of_A * of_x <= of_b)

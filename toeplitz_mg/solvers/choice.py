@@ -30,7 +30,7 @@ from toeplitz_mg.solvers.attempts import (
     solve_in_cycles,
 )
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
-from toeplitz_mg.solvers.cosine_form import fast_length
+from toeplitz_mg.solvers.cosine_form import is_smooth
 from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.levinson import levinson
 from toeplitz_mg.solvers.machine import WINDOW, cosine_over_levinson
@@ -49,11 +49,11 @@ GENERAL = 2048  # Fewest unknowns where GMRES is faster than Levinson's recursio
 SHORT = 256  # Most unknowns where nothing that takes transforms is the fastest, on any machine.
 FEW_STEPS = 100_000  # Steps of Levinson's recursion, n² a column, that nothing beats anywhere.
 LONG = 2048  # Fewest unknowns where CG in the DCT domain is the fastest, on any machine.
-CALLS = 5.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
-SLOW = 1.5  # Time of CG in the DCT domain for a slow length, over that for a fast one.
-COSINE_NUMBERS = 20_000  # Most numbers in all columns where that is faster than the inverse.
+CALLS = 3.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
+SLOW = 1.3  # Time of CG in the DCT domain for a length that is not smooth, over that for others.
 STEPS_OF_CG = 1_400_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
 STEPS_OF_INVERSE = 3_000_000  # The same for the inverse.
+COSINE_LIMIT = 80_000  # Most columns² n where CG in the DCT domain is faster than the inverse.
 
 
 LEVINSON = "scipy.linalg.solve_toeplitz"  # The name of the method that is its recursion.
@@ -209,14 +209,15 @@ def levinson_is_fastest(n: int, columns: int) -> bool:
     if n <= SHORT or n >= LONG or steps <= FEW_STEPS:
         return n < LONG
     of_cosine = (CALLS + columns * n / WINDOW) / (CALLS + 1.0)
-    if fast_length(n) > n:
+    if not is_smooth(n):
         of_cosine *= SLOW
     return steps / WINDOW**2 <= of_cosine * cosine_over_levinson()
 
 
 def cosine_is_faster_than_inverse(n: int, columns: int) -> bool:
     """Whether CG in the DCT domain is faster than anything that may follow it."""
-    return n <= LARGEST_COSINE and (columns <= FEW or columns * n <= COSINE_NUMBERS)
+    is_first = columns <= FEW or columns * n**2 <= STEPS_OF_INVERSE  # The inverse is none before.
+    return n <= LARGEST_COSINE and (is_first or columns**2 * n <= COSINE_LIMIT)
 
 
 def _cosine_method(system: ToeplitzSystem) -> Iterator[Method]:

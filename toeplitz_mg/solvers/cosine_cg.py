@@ -7,9 +7,14 @@ every second number: the even and the odd part of a vector never mix, and each h
 a CG, of its own. That saves a quarter of the iterations.
 """
 
-import numpy as np
+from operator import gt, le
 
-from toeplitz_mg._typing import Array, Rows
+import numpy as np
+from scipy.linalg.blas import daxpy, ddot, dscal
+
+from toeplitz_mg._typing import Rows
+from toeplitz_mg.engine.row_sums import PART
+from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.solvers.cosine_form import (
     ApproximateInverse,
     CosineForm,
@@ -72,40 +77,58 @@ class CosineSolver:
         it changes neither R nor inner products with R.
         """
         form, M = self._form, self._M
-        sizes = np.vecdot(R, R)
-        reached = rtol**2 * sizes
-        X, P, Z, W = np.zeros_like(R), np.zeros_like(R), np.empty_like(R), np.empty_like(R)
-        R_even, R_odd, Z_even, Z_odd, P_even, P_odd, W_even, W_odd = (
-            part for V in (R, Z, P, W) for part in (V[..., ::2], V[..., 1::2])
-        )
-        W_even, W_odd = W_even.T, W_odd.T  # They take a number for each row.
+        X, P, Z, Q = np.zeros_like(R), np.zeros_like(R), np.empty_like(R), np.empty_like(R)
         R_lowest, Z_lowest = by_parity(R), by_parity(Z)
-        even = odd = np.ones_like(sizes)
-        squares, goals = sizes, reached
+        # BLAS has every second number of a vector in fewer calls than NumPy.
+        r, x, p, z, q = (V.reshape(-1) for V in (R, X, P, Z, Q))
+        rows, parts = R.size // form.m, _parts(R.size, form.m)
+        sizes = squares = [norm(row) ** 2 for row in R.reshape(rows, -1)]
+        reached = goals = [rtol**2 * size for size in sizes]
+        of_z = [1.0] * len(parts)
         iterations = 0
-        while not (squares <= goals).all():
-            if iterations == MOST_ITERATIONS or (iterations == TRIAL and (squares > sizes).any()):
+        while not all(map(le, squares, goals)):
+            has_grown = any(map(gt, squares, sizes))
+            if iterations == MOST_ITERATIONS or (iterations == TRIAL and has_grown):
                 raise np.linalg.LinAlgError(f"no convergence in {iterations} iterations")
             np.multiply(R, M.diagonal, out=Z)
             np.matmul(R_lowest, M.lowest, out=Z_lowest)
-            last_even, last_odd = even, odd
-            even, odd = np.vecdot(R_even, Z_even), np.vecdot(R_odd, Z_odd)
-            W_even[...], W_odd[...] = _divide(even, last_even), _divide(odd, last_odd)
-            P *= W
+            for part, pieces in enumerate(parts):
+                last, of_z[part] = of_z[part], 0.0
+                for n, k in pieces:
+                    of_z[part] += ddot(r, z, n, k, 2, k, 2)
+                factor = _divide(of_z[part], last)
+                for n, k in pieces:
+                    dscal(factor, p, n, k, 2)
             P += Z
-            Q = form.multiply_transformed(P)
-            W_even[...] = _divide(even, np.vecdot(P_even, Q[..., ::2]))
-            W_odd[...] = _divide(odd, np.vecdot(P_odd, Q[..., 1::2]))
-            Q *= W
-            R -= Q
-            W *= P
-            X += W
-            squares = np.vecdot(R, R)
-            goals = np.maximum(reached, self._rounding**2 * np.vecdot(X, X))
+            form.multiply_transformed(P, Q)
+            squares, of_x = [0.0] * rows, [0.0] * rows
+            for part, pieces in enumerate(parts):
+                of_p = 0.0
+                for n, k in pieces:
+                    of_p += ddot(p, q, n, k, 2, k, 2)
+                step = _divide(of_z[part], of_p)
+                for n, k in pieces:
+                    daxpy(p, x, n, step, k, 2, k, 2)
+                    daxpy(q, r, n, -step, k, 2, k, 2)
+                    squares[part // 2] += ddot(r, r, n, k, 2, k, 2)
+                    of_x[part // 2] += ddot(x, x, n, k, 2, k, 2)
+            goals = [max(s, self._rounding**2 * t) for s, t in zip(reached, of_x, strict=True)]
             iterations += 1
         return X, iterations
 
 
-def _divide(a: Array, b: Array) -> Array:
-    """Return a/b; zero where both are zero, so that a part that a vector has not stays zero."""
-    return a / (b + (b == 0.0))
+def _parts(size: int, m: int) -> list[list[tuple[int, int]]]:
+    """Return the even and the odd part of each row, in pieces so short that BLAS has one thread.
+
+    Of each piece it is told how many numbers it has, and where the first of them is.
+    """
+    return [
+        [(min(PART, (m + 1 - k) // 2), row + k) for k in range(parity, m, 2 * PART)]
+        for row in range(0, size, m)
+        for parity in (0, 1)
+    ]
+
+
+def _divide(a: float, b: float) -> float:
+    """Return a/b; zero where b is zero, so that a part that a vector has not stays zero."""
+    return a / b if b else 0.0

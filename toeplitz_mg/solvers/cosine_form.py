@@ -17,15 +17,13 @@ from itertools import count
 from typing import NamedTuple
 
 import numpy as np
-
-# They take half the time of those of scipy.fft where vectors are short; that of the call is theirs.
-from scipy.fftpack import dct, dst, idct, idst, irfft, rfft
-from scipy.linalg.lapack import dpotrf, dpotri
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.preconditioners.positivity import is_positive
+from toeplitz_mg.solvers.compiled_transforms import transforms
 
 STEEP = 0.5  # Slope of the last two coefficients, over the last, that is none of a smooth function.
 LOWEST = 64  # Frequencies of which the inverse is that of A itself: beyond some 32 few are gained.
@@ -58,25 +56,23 @@ class CosineForm:
         self._c = c
         # The lags of c and of what may follow it, each as often as the circulant has it. Of their
         # sums the cosines are what is wanted here, the sines are for the lowest frequencies.
-        lags = self._lags = np.empty(m + 1)
-        lags[:n] = c
-        lags[n:] = _continue(c, m - n + 1)
-        lags[1:m] *= 2.0
-        sums = _transform_extended(lags, 2 * m)
-        self.samples = np.empty(m + 1)
-        self.samples[0], self.samples[1:] = sums[0], sums[1::2]
-        self._sines = -sums[2 : 2 * LOWEST : 2]
+        # The second row has Fejér's weights: its cosines are for the diagonal at those frequencies.
+        lags = np.empty((2, m + 1))
+        lags[0, :n] = c
+        lags[0, n:] = _continue(c, m - n + 1)
+        lags[0, 1:m] *= 2.0
+        np.multiply(lags[0], _table(m).weights, out=lags[1])
+        count_transforms(2, 2 * m)
+        sums, of_fejer = _transform_extended(lags, 2 * m)
+        self.samples = sums.real.copy()
+        self._sines = -sums.imag[:LOWEST]
+        self._of_fejer = of_fejer.real[:LOWEST]
 
     @cached_property
     def _halves(self) -> tuple[Array, Array]:
         """Half the samples in the order of the DCT, and in that of the DST, at θ = πk/m."""
         half = 0.5 * self.samples
         return half[:-1], half[1:]
-
-    @cached_property
-    def _pairs(self) -> Array:
-        """The samples for the real and for the imaginary parts of what `rfft` returns."""
-        return np.repeat(self.samples, 2)[1:-1]
 
     def alternated(self) -> "CosineForm":
         """Return the form of D A D, whose symbol is f(π - θ): every second lag has another sign."""
@@ -89,27 +85,37 @@ class CosineForm:
 
     def _multiply(self, X: Rows) -> Rows:
         Y = _transform_extended(X, 2 * self.m)
-        Y *= self._pairs
-        return irfft(Y, overwrite_x=True)[..., : self.n]
+        Y *= self.samples
+        return transforms().irfft(Y, 2 * self.m)[..., : self.n]
 
     def transform(self, X: Rows) -> Rows:
         """Return rows of length n in the domain of the transform, of length m."""
-        return dct(self._extend(X), norm="ortho")
+        extended = np.zeros((*X.shape[:-1], self.m))
+        extended[..., self.middle] = X
+        transforms().dct(extended, extended, 2)
+        return extended
 
     def transform_back(self, Y: Rows) -> Rows:
         """Return the rows of length n that rows in the domain of the transform stand for."""
-        return idct(Y, norm="ortho")[..., self.middle]
+        X = np.empty_like(Y)
+        transforms().dct(Y, X, 3)
+        return X[..., self.middle]
 
-    def multiply_transformed(self, P: Rows) -> Rows:
+    def multiply_transformed(self, P: Rows, out: Rows) -> None:
         """Multiply rows in the domain of the transform by A: of longer ones, the middle."""
+        dct, dst, *_ = transforms()
         if self.m > self.n:
-            return self.transform(self._multiply(self.transform_back(P)))
+            out[...] = 0.0
+            out[..., self.middle] = self._multiply(self.transform_back(P))
+            dct(out, out, 2)
+            return
         cosine, sine = self._halves
-        Y = dst(idct(P, norm="ortho"), norm="ortho", overwrite_x=True)
-        Y *= sine
-        Y = dct(idst(Y, norm="ortho", overwrite_x=True), norm="ortho", overwrite_x=True)
-        Y += cosine * P
-        return Y
+        dct(P, out, 3)
+        dst(out, out, 2)
+        out *= sine
+        dst(out, out, 3)
+        dct(out, out, 2)
+        out += cosine * P
 
     def count_iterations(self, iterations: int, rows: int) -> None:
         """Count the transforms of so many iterations, and those of the vectors to and fro."""
@@ -119,15 +125,11 @@ class CosineForm:
     def lowest_blocks(self) -> Array:
         """Return C A Cᵀ of the lowest frequencies, shape (2, k, k): the even ones, and the odd."""
         table = _table(self.m)
-        count_transforms(2, 2 * self.m)  # This one, and that of the samples.
-        fejer = _transform_extended(self._lags * table.weights, 2 * self.m)
-        S, of_fejer = np.zeros(LOWEST), np.empty(LOWEST)
-        S[1:] = self._sines
-        of_fejer[0], of_fejer[1:] = fejer[0], fejer[1 : 2 * LOWEST - 1 : 2]
+        S = self._sines
         N = table.kernel * by_parity(S)
         B = N + N.swapaxes(1, 2)
         diagonals = B.reshape(2, 1, -1)[:, :, :: LOWEST // 2 + 1]
-        diagonals[...] = by_parity(of_fejer - table.of_diagonal * S)
+        diagonals[...] = by_parity(self._of_fejer - table.of_diagonal * S)
         return B
 
     @property
@@ -136,20 +138,12 @@ class CosineForm:
         d, c, b, a = self.samples[-4:].tolist()
         return a + b < (b + 2.0 * c + d) / 4.0  # The means at the last one and two before it.
 
-    def _extend(self, X: Rows) -> Rows:
-        """Return rows of length m with rows of length n in the middle, zero elsewhere."""
-        if self.m == self.n:
-            return X
-        extended = np.zeros((*X.shape[:-1], self.m))
-        extended[..., self.middle] = X
-        return extended
 
-
-def _transform_extended(X: Rows, length: int) -> Rows:
-    """Return the transform of rows with zeros behind them: real and imaginary parts in turn."""
+def _transform_extended(X: Rows, length: int) -> Array:
+    """Return the transform of rows with zeros behind them."""
     extended = np.zeros((*X.shape[:-1], length))
     extended[..., : X.shape[-1]] = X
-    return rfft(extended, overwrite_x=True)
+    return transforms().rfft(extended)
 
 
 class ApproximateInverse:
@@ -186,11 +180,11 @@ class ApproximateInverse:
 def _invert(B: Array, out: Array) -> None:
     """Invert a symmetric positive definite matrix; raise LinAlgError where it is not."""
     factor, not_positive = dpotrf(B)
-    upper, singular = dpotri(factor, overwrite_c=True)
+    # Of `dpotri` OpenBLAS makes threads, which may wait for each other for a hundred milliseconds.
+    inverse, singular = dtrtri(factor, overwrite_c=True)
     if not_positive or singular:
         raise np.linalg.LinAlgError("the block of the lowest frequencies is not positive definite")
-    np.add(upper, upper.T, out=out)  # What is below the diagonal of `upper` is zero.
-    out.ravel()[:: len(B) + 1] *= 0.5
+    np.matmul(inverse, inverse.T, out=out)
 
 
 def alternate(X: Rows) -> Rows:
@@ -224,7 +218,12 @@ def fast_length(n: int) -> int:
     """Return n, or where its transforms are slow, a length that is above it by an even number."""
     if near_fast_length(n) == n:
         return n
-    return next(m for m in count(n, 2) if 210**12 % m == 0)  # No prime factor is above 7.
+    return next(m for m in count(n, 2) if is_smooth(m))
+
+
+def is_smooth(m: int) -> bool:
+    """Whether a length has no prime factor above 7, and so the fastest transforms."""
+    return 210**16 % m == 0
 
 
 class _Table(NamedTuple):

@@ -81,10 +81,12 @@ def levinson_of_batch(C: Array, B: Array) -> Array:
     e = C[0].copy()
     x[0] = B[0] / e
     for k in range(1, n):
-        lags = C[k:0:-1]
-        reflection = -np.einsum("ks,ks->s", a[:k], lags) / e
-        a[: k + 1] += reflection * a[k::-1]
-        e *= 1.0 - reflection**2
-        step = (B[k] - np.einsum("kcs,ks->cs", x[:k], lags)) / e
-        x[: k + 1] += step * a[k::-1, np.newaxis]
+        defect = np.einsum("ks,ks->s", a[:k], C[k:0:-1])
+        reflection = defect / e
+        a[: k + 1] -= reflection * a[k::-1]
+        e -= reflection * defect
+        # A times the flipped predictor is (0, …, 0, e).
+        flipped = a[k::-1]
+        step = np.einsum("ks,kcs->cs", flipped, B[: k + 1]) / e
+        x[: k + 1] += step * flipped[:, np.newaxis]
     return x

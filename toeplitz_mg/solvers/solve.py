@@ -10,6 +10,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.engine.workspace import keep_freed_memory
 from toeplitz_mg.solvers.batch import is_faster_at_once, solve_at_once
 from toeplitz_mg.solvers.checks import check_numbers
 from toeplitz_mg.solvers.refinement import (
@@ -145,6 +146,7 @@ def solve_toeplitz(
     else:
         r = c  # The same array: that A is symmetric needs no look at the numbers.
     is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
+    keep_freed_memory()
     with np.errstate(all="ignore"):  # It is seen in the residual.
         x, info = (_solve_batch if is_batch else _solve)(c, r, b, check_finite, rtol)
     is_doubtful = info.residual > max(ILL_CONDITIONED, rtol or RTOL)

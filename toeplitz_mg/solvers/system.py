@@ -11,11 +11,12 @@ from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.circulant import chan_eigenvalues, smooth_eigenvalues
+from toeplitz_mg.solvers.compiled_transforms import transforms
 from toeplitz_mg.solvers.cosine_form import CosineForm
 from toeplitz_mg.solvers.fourier_form import FourierForm, has_fourier_form
 
 EPS = float(np.finfo(np.float64).eps)
-SHORT = 700  # Most unknowns of which a product by its definition is as fast as one by FFT.
+SHORT = 512  # Most unknowns of which a product by its definition is as fast as one by FFT.
 LONG = 2048  # Fewest unknowns of which a product in a domain of their own is faster than by FFT.
 LARGEST_COSINE = 2**16  # Most unknowns of which a product is by transforms at once, not in panels.
 SMALL = 256  # Most unknowns where a filled matrix is as fast, for several vectors.
@@ -105,11 +106,11 @@ class ToeplitzSystem:
     def multiply(self, X: Rows) -> Rows:
         """Multiply rows by A, as cheaply as can be for its size."""
         n = len(self.c)
-        if X.ndim == 1 and n <= SHORT:
+        if X.ndim == 1 and n < LONG and "cosine_form" not in self.__dict__:
+            if n > SHORT:
+                return self._multiply_by_transforms(X)
             # This is `numpy.convolve`, which for some unknowns takes twice as long.
             return np.correlate(self.lags, X[::-1].conj(), "valid")
-        if X.ndim == 1 and n < LONG and "cosine_form" not in self.__dict__:
-            return self._multiply_by_transforms(X)
         if n <= SMALL:
             return X @ self._dense.T
         if self.is_symmetric and n <= LARGEST_COSINE:
@@ -122,7 +123,7 @@ class ToeplitzSystem:
         """Multiply a vector by a circulant that has A as a block: that takes few calls."""
         n, of_lags = len(self.c), len(self.lags)
         is_complex = self.c.dtype.kind == "c"
-        forward, back = (np.fft.fft, np.fft.ifft) if is_complex else (np.fft.rfft, np.fft.irfft)
+        *_, forward, back = (np.fft.fft, np.fft.ifft) if is_complex else transforms()
         m = next_fast_len(of_lags, real=not is_complex)
         rows = np.zeros((2, m), self.c.dtype)
         rows[0, :of_lags], rows[1, :n] = self.lags, x
