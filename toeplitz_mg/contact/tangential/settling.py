@@ -17,6 +17,8 @@ from toeplitz_mg.contact.tangential.given_loads import Loads, Look, carry, look
 from toeplitz_mg.contact.tangential.problem import Problem, State
 
 EXACT = 0.1  # Part of the tolerance by which displacements in the end may be off.
+HOPE = 5  # Steps without progress, after which each is made in part only.
+DAMPED = 0.5  # That part.
 BETTER = 0.9  # Factor of the least residual so far, below which a new one is progress.
 
 # From what is wrong with tractions in some areas, these, and their displacements, a change of them.
@@ -72,7 +74,9 @@ def settle(
             return State(q, displacements.u, areas, now.creepages, now.residual, (steps,))
         K.progress, K.residual = problem.progress, now.residual
         change = now.residual * now.law.scale
-        q = q + step(now, areas, q, displacements.u)
+        v = step(now, areas, q, displacements.u)
+        # Whole steps may go round in a circle, where elements turn out wrong in either area.
+        q = q + (v if left > patience - HOPE else DAMPED * v)
         steps += 1
         out = areas.stick & (size(q) > g)
         q, _ = make_admissible(q, g, areas, areas.slide | out, None, vectors)
