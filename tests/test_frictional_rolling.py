@@ -211,22 +211,3 @@ def test_refuses_bad_arguments(change, error, match):
 def test_says_where_it_does_not_converge():
     with pytest.raises(ContactError, match="after 1 iterations between pressures and friction"):
         rollers(max_iterations=1)
-
-
-@doubtful
-def test_elements_that_turn_out_wrong_in_either_area_settle():
-    # On some grids an element at the end of the contact slides the wrong way where it slides, and
-    # exceeds its bound where it sticks: whole steps go round in a circle.
-    n, soft, stiff = 4608, Material.from_shear(0.35, 0.3), Material.from_shear(1.4, 0.3)
-    gap = surfaces.cylinder(n, 2.0 / n, radius=1.0)
-    rolled = frictional_rolling(
-        gap,
-        2.0 / n,
-        material=(soft, stiff),
-        mu=10.0,
-        force=0.228942742,
-        tangential_force=0.0,
-        tolerance=1e-8,
-        max_products=200,
-    )
-    assert rolled.residuals[-1] <= 1e-8

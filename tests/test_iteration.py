@@ -11,6 +11,7 @@ from toeplitz_mg.contact.tangential.coulomb import Areas
 from toeplitz_mg.contact.tangential.given_loads import Loads, look
 from toeplitz_mg.contact.tangential.iteration import Iteration
 from toeplitz_mg.contact.tangential.problem import Problem
+from toeplitz_mg.contact.tangential.settling import settle
 from toeplitz_mg.engine.vectors import Vectors, gram
 
 SHAPES = (9,), (5, 4)
@@ -46,6 +47,20 @@ def test_on_given_areas_it_is_gmres(shape):
         q = q + v
         u = K(q)
         krylov.append(K(invert(krylov[-1])))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_steps_that_go_round_in_a_circle_are_made_in_part(shape):
+    problem, loads, areas, K, _ = bonded(shape)
+    inverse = np.linalg.inv(K.A @ np.eye(K.A.shape[0]))
+
+    def twice_as_far(now, areas, q, u):
+        # Whole, it only turns what is wrong around.
+        return 2.0 * (inverse @ now.law.r.ravel()).reshape(q.shape)
+
+    guess = np.zeros_like(problem.b), areas
+    state = settle(problem, loads, K, guess, twice_as_far, patience=30)
+    assert state.residual <= problem.tolerance
 
 
 @pytest.mark.parametrize("shape", SHAPES)
