@@ -20,7 +20,7 @@ from toeplitz_mg.halfspace.narrow import BEGINS, NEAR, LineIntegral, gauss
 # next is 1e-20.
 LOG_SERIES = (16, 5)
 LOG_GAUSS = (2, 10)  # The first k of Gauss's rule, and its nodes.
-BLOCK = 2**15  # Points of a block: of fewer, threads wait for the interpreter between passes.
+BLOCK = 2**14  # Points of a block: of fewer, threads wait for the interpreter between passes.
 
 ONE, XX, XY, X = (0, 0, 1), (2, 0, 3), (1, 1, 3), (1, 0, 2)  # 1/ρ, x²/ρ³, x y/ρ³ and x/ρ².
 
