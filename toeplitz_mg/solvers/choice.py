@@ -11,6 +11,7 @@ from scipy.linalg import get_lapack_funcs, lu_solve, toeplitz
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.preconditioners.choice import candidates_of_complex_line, candidates_of_line
 from toeplitz_mg.preconditioners.circulant import away_from_zero, smooth_inverse
 from toeplitz_mg.preconditioners.positivity import is_positive, rounding
@@ -35,6 +36,7 @@ from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.levinson import levinson
 from toeplitz_mg.solvers.machine import WINDOW, cosine_over_levinson
 from toeplitz_mg.solvers.system import EPS, LARGEST_COSINE, ToeplitzSystem
+from toeplitz_mg.solvers.trench import column_and_row_of_inverse
 
 FEW = 2  # Most columns for which the inverse is not worth its set-up.
 UNSTABLE = 32_000 * EPS  # Backward error of the recursion that another one need not correct: 7e-12.
@@ -45,7 +47,10 @@ SHIFT = 1e-9
 LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in n³/3 operations.
 
 # `python -m comparisons.speed.drop_in` measures both sides of these.
-GENERAL = 2048  # Fewest unknowns where GMRES is faster than Levinson's recursion, on any machine.
+# Fewest unknowns where GMRES, and Trench's recursion in calls of BLAS, are faster than Levinson's.
+GENERAL = 2048
+RECURSIVE = 1024  # The same for Trench's and two of Levinson's, or one of complex numbers.
+ITERATION = 256  # Unknowns where Trench's recursion takes as long as GMRES for one column.
 SHORT = 256  # Most unknowns where nothing that takes transforms is the fastest, on any machine.
 FEW_STEPS = 100_000  # Steps of Levinson's recursion, n² a column, that nothing beats anywhere.
 LONG = 2048  # Fewest unknowns where CG in the DCT domain is the fastest, on any machine.
@@ -117,14 +122,14 @@ def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
             if system.columns <= FEW:
                 yield from _methods_of_hermitian(system, means)
             yield from _inverse_method(system.A)
-        if not lu_is_faster_than_levinson(len(system.c), system.columns):
+        if not recursion_is_faster_than_gmres(system):
             yield from _gmres_circulant(system, "gmres, circulant of both signs")
     elif has_symbol(system.samples):
         if system.columns <= FEW:
             yield from _gmres_circulant(system, "gmres, circulant")
             yield from _gmres_spectral(system.A)
         yield from _inverse_method(system.A)
-        if system.columns > FEW and not lu_is_faster_than_levinson(len(system.c), system.columns):
+        if system.columns > FEW and not recursion_is_faster_than_gmres(system):
             yield from _gmres_circulant(system, "gmres, circulant")
     yield from _dense_methods(system)
 
@@ -163,24 +168,30 @@ def _method_of_nearly_white(system: ToeplitzSystem, means: Array) -> Iterator[Me
 
 def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a symmetric system that is not positive definite."""
-    if not lu_is_faster_than_levinson(len(system.c), system.columns):
+    if not recursion_is_faster_than_gmres(system):
         yield from _gmres_circulant(system, "gmres, circulant of both signs")
     yield from _dense_methods(system)
 
 
 def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what needs no more of A than that it is a Toeplitz matrix."""
-    n, columns = len(system.c), system.columns
-    if not lu_is_faster_than_levinson(n, columns):
+    n = len(system.c)
+    is_corrected = n <= SHORT or system.c.dtype.kind == "c" or system.is_symmetric
+    if n >= (RECURSIVE if is_corrected else GENERAL):
+        yield Method("trench", _recur(system, system.c))
+    elif not lu_is_faster_than_levinson(n, system.columns):
         # Where no symbol is left to hope for, a correction takes a second recursion.
-        is_corrected = n <= SHORT or system.is_symmetric or system.is_hermitian
         accepted = 0.0 if is_corrected else UNSTABLE
         yield Method(LEVINSON, lambda B, rtol: (levinson(system.lags, B), 1), accepted)
+    # A recursion fails where a leading block is singular, or nearly so.
     if n <= LARGEST_DENSE:
-        # Levinson's recursion fails where a leading block is singular, or nearly so.
         yield Method("scipy.linalg.lu_solve", _factorise(system))
     else:
-        yield _shifted_recursion(system)
+        # No leading block of A + ε I is as singular as one of A may be; and ε is small beside the
+        # singular values of A itself, so that corrections of the residual converge.
+        c = system.c.copy()
+        c[0] += SHIFT * norm(system.lags)
+        yield Method("trench of A + ε I", _recur(system, c))
 
 
 def may_be_definite(eigenvalues: Array) -> bool:
@@ -192,11 +203,13 @@ def may_be_definite(eigenvalues: Array) -> bool:
 
 
 def lu_is_faster_than_levinson(n: int, columns: int) -> bool:
-    """Whether a dense factor is faster, if there is memory for it.
+    """Whether a dense factor is faster: its set-up is of n³ steps, but each column is free."""
+    return columns >= 4 + n // 32
 
-    Its set-up is of n³ steps, but each column is free.
-    """
-    return n <= LARGEST_DENSE and columns >= 4 + n // 32
+
+def recursion_is_faster_than_gmres(system: ToeplitzSystem) -> bool:
+    """Whether Trench's recursion is faster: its set-up is of n² steps, but each column is free."""
+    return len(system.c) <= ITERATION * system.columns
 
 
 def levinson_is_fastest(n: int, columns: int) -> bool:
@@ -269,16 +282,15 @@ def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
     yield Method("toeplitz_inverse", lambda B, rtol: (G.apply(B), 1))
 
 
-def _shifted_recursion(system: ToeplitzSystem) -> Method:
-    """Return Levinson's recursion for A + ε I, with which corrections of the residual converge.
+def _recur(system: ToeplitzSystem, c: Array) -> Callable[[Rows, float], tuple[Rows, int]]:
+    """Return the solutions by Trench's recursion for this first column, made for the first."""
 
-    No leading block of that is as singular as one of A may be, and ε is small beside the singular
-    values of A itself.
-    """
-    n = len(system.c)
-    lags = system.lags.copy()
-    lags[n - 1] += SHIFT * norm(lags)
-    return Method(f"{LEVINSON} of A + ε I", lambda B, rtol: (levinson(lags, B), 1))
+    @cache
+    def inverse() -> GohbergSemencul:
+        r = c if system.is_symmetric else system.r
+        return GohbergSemencul(*column_and_row_of_inverse(c, r))
+
+    return lambda B, rtol: (inverse().apply(B), 1)
 
 
 def _factorise(system: ToeplitzSystem) -> Callable[[Rows, float], tuple[Rows, int]]:

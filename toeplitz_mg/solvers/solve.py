@@ -58,8 +58,8 @@ def solve_toeplitz(
 
     A large system takes O(n log n) operations in the place of O(n²), whether the matrix is
     symmetric or not, real or complex, definite or not, if its coefficients are those of a symbol
-    that n of them resolve; and O(n log² n) where it is positive definite. Others are solved as
-    SciPy does, and small ones too.
+    that n of them resolve; and O(n log² n) where it is positive definite. Others are solved by a
+    recursion of n² steps, and small ones as SciPy does.
 
     Parameters
     ----------
@@ -72,9 +72,8 @@ def solve_toeplitz(
     rtol : float, optional
         Where ‖b - A x‖ ≤ rtol ‖b‖ the system is solved; where rounding does not allow that, the
         backward error is to be that of a direct method. By default it is 1e-12; but what SciPy's
-        recursion gives for a matrix of more than 256 unknowns that is not Hermitian, and has no
-        symbol, is left as it is where its backward error is below 7e-12: to correct it takes
-        another recursion.
+        recursion gives for a real matrix of 257 to 2047 unknowns that is not symmetric is left as
+        it is where its backward error is below 7e-12: to correct it takes another recursion.
     full_output : bool
         Whether to return a `SolveInfo` too; of a batch, that of the worst residual.
 

@@ -52,7 +52,7 @@ class ToeplitzSystem:
         self.c, self.r, self.B = c, r, B
         self.columns = 1 if B.ndim == 1 else len(B)
         self.lags = np.concatenate([r[:0:-1], c])
-        is_short = len(c) <= SHORT and c.dtype == np.float64  # BLAS has that in fewer calls.
+        is_short = len(c) <= LONG and c.dtype == np.float64  # BLAS has that in fewer calls.
         self.size = dasum(self.lags) if is_short else float(np.abs(self.lags).sum())
         self.sizes = norms(B) + TINY
         self.is_symmetric = c.dtype == np.float64 and (r is c or np.array_equal(c[1:], r[1:]))
