@@ -35,7 +35,7 @@ USUAL = Patience(24, {10: 1e-2, 20: 1e-5})  # That of a complex one costs more.
 PATIENT = Patience(60, {10: 1e-2, 20: 1e-4})  # The same, where an iteration is a product alone.
 # It converges sooner and sooner, and what follows takes n² steps. So many vectors take 240 MiB in
 # 2^20 real unknowns.
-OF_GMRES = Patience(30, {15: 1e-2, 20: 1e-5})
+OF_GMRES = Patience(30, {8: 0.5, 15: 1e-2, 20: 1e-5})
 USEFUL = 1e-6  # ‖b - A x‖/‖b‖ at which rounding may have stopped it: the caller corrects that.
 
 CYCLE = 1e-5  # ‖b - A x‖/‖b‖ that an iteration in single precision reaches without effort.

@@ -56,7 +56,7 @@ FEW_STEPS = 100_000  # Steps of Levinson's recursion, n² a column, that nothing
 LONG = 2048  # Fewest unknowns where CG in the DCT domain is the fastest, on any machine.
 CALLS = 3.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
 SLOW = 1.3  # Time of CG in the DCT domain for a length that is not smooth, over that for others.
-STEPS_OF_CG = 1_400_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
+STEPS_OF_CG = 6_000_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
 STEPS_OF_INVERSE = 3_000_000  # The same for the inverse.
 COSINE_LIMIT = 80_000  # Most columns² n where CG in the DCT domain is faster than the inverse.
 
@@ -96,14 +96,19 @@ def methods(system: ToeplitzSystem) -> Iterator[Method]:
 
 def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
     n, columns = len(system.c), system.columns
-    steps = columns * n**2
+    is_short = columns * n**2 <= (STEPS_OF_CG if columns <= FEW else STEPS_OF_INVERSE)
     if cosine_is_faster_than_inverse(n, columns):
         yield from _cosine_method(system)
-    if steps <= (STEPS_OF_CG if columns <= FEW else STEPS_OF_INVERSE):
+    if is_short and n < RECURSIVE:
         yield from _dense_methods(system)
         return
     if not may_be_definite(means := system.means):
         yield from _methods_of_indefinite(system)
+        return
+    if is_short:
+        # Where A is definite Levinson's recursion loses no digits that another one would have.
+        yield from _levinson_method(system)
+        yield from _dense_methods(system)
         return
     if columns <= FEW:
         if is_nearly_circulant(system.c, means) and not decays_slowly(system.c):
@@ -168,7 +173,8 @@ def _method_of_nearly_white(system: ToeplitzSystem, means: Array) -> Iterator[Me
 
 def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a symmetric system that is not positive definite."""
-    if not recursion_is_faster_than_gmres(system):
+    is_fast = len(system.c) >= GENERAL or system.fourier_form is not None
+    if is_fast and not recursion_is_faster_than_gmres(system):
         yield from _gmres_circulant(system, "gmres, circulant of both signs")
     yield from _dense_methods(system)
 
@@ -180,9 +186,8 @@ def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
     if n >= (RECURSIVE if is_corrected else GENERAL):
         yield Method("trench", _recur(system, system.c))
     elif not lu_is_faster_than_levinson(n, system.columns):
-        # Where no symbol is left to hope for, a correction takes a second recursion.
-        accepted = 0.0 if is_corrected else UNSTABLE
-        yield Method(LEVINSON, lambda B, rtol: (levinson(system.lags, B), 1), accepted)
+        # A correction takes a second recursion.
+        yield from _levinson_method(system, 0.0 if is_corrected else UNSTABLE)
     # A recursion fails where a leading block is singular, or nearly so.
     if n <= LARGEST_DENSE:
         yield Method("scipy.linalg.lu_solve", _factorise(system))
@@ -192,6 +197,10 @@ def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
         c = system.c.copy()
         c[0] += SHIFT * norm(system.lags)
         yield Method("trench of A + ε I", _recur(system, c))
+
+
+def _levinson_method(system: ToeplitzSystem, accepted: float = 0.0) -> Iterator[Method]:
+    yield Method(LEVINSON, lambda B, rtol: (levinson(system.lags, B), 1), accepted)
 
 
 def may_be_definite(eigenvalues: Array) -> bool:
