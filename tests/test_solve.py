@@ -21,9 +21,10 @@ from comparisons.systems.symbols import (
 )
 from toeplitz_mg.preconditioners.circulant import smooth_eigenvalues
 from toeplitz_mg.solvers import machine
-from toeplitz_mg.solvers.choice import STEPS_OF_CG, levinson_is_fastest, methods
+from toeplitz_mg.solvers.choice import methods
 from toeplitz_mg.solvers.cosine_cg import MOST_ITERATIONS
 from toeplitz_mg.solvers.cosine_form import is_smooth
+from toeplitz_mg.solvers.crossovers import STEPS_OF_CG, levinson_is_fastest
 from toeplitz_mg.solvers.system import ToeplitzSystem
 
 

@@ -2,9 +2,9 @@
 
 The times of CG in the DCT domain for all right-hand sides, of the inverse and of the method that is
 chosen, over that of SciPy's function: where the first two cross is what `COSINE_LIMIT` of
-``solvers/choice.py`` says. Then batches of symmetric systems, as of frames of linear prediction,
-and matrices without a symbol with so many right-hand sides that LU is sooner than Levinson's
-recursion. CPU time on one thread, in turns, whose order is drawn.
+``solvers/crossovers.py`` says. Then batches of symmetric systems, as of frames of linear
+prediction, and matrices without a symbol with so many right-hand sides that LU is sooner than
+Levinson's recursion. CPU time on one thread, in turns, whose order is drawn.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -22,7 +22,7 @@ from comparisons.harness.processes import in_a_fresh_process, prepare
 from comparisons.harness.report import Row
 from comparisons.speed.drop_in import Contender, time_in_turns
 from comparisons.systems.symbols import column, random_pair
-from toeplitz_mg.solvers import choice
+from toeplitz_mg.solvers import crossovers
 
 SYMBOLS = ("contact", "fGn, H = 0.9", "0.9^k")
 SIZES, QUICK_SIZES = (1024, 2048, 3001, 4096), (300,)
@@ -54,7 +54,7 @@ def measure_columns(name: str, n: int, columns: Sequence[int]) -> list[Row]:
 
 
 def _limited(limit: int, solve: Callable[[], object]) -> None:
-    with patch.object(choice, "COSINE_LIMIT", limit):
+    with patch.object(crossovers, "COSINE_LIMIT", limit):
         solve()
 
 

@@ -31,36 +31,28 @@ from toeplitz_mg.solvers.attempts import (
     solve_in_cycles,
 )
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
-from toeplitz_mg.solvers.cosine_form import is_smooth
+from toeplitz_mg.solvers.crossovers import (
+    FEW,
+    GENERAL,
+    RECURSIVE,
+    SHORT,
+    cosine_is_faster_than_inverse,
+    levinson_is_faster_than_inverse,
+    levinson_is_fastest,
+    lu_is_faster_than_levinson,
+    recursion_is_faster_than_gmres,
+)
 from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.levinson import levinson
-from toeplitz_mg.solvers.machine import WINDOW, cosine_over_levinson
-from toeplitz_mg.solvers.system import EPS, LARGEST_COSINE, ToeplitzSystem
+from toeplitz_mg.solvers.system import EPS, ToeplitzSystem
 from toeplitz_mg.solvers.trench import column_and_row_of_inverse
 
-FEW = 2  # Most columns for which the inverse is not worth its set-up.
 UNSTABLE = 32_000 * EPS  # Backward error of the recursion that another one need not correct: 7e-12.
 ALIKE = 100.0  # Largest ratio of eigenvalues where a product in single precision has 5 digits.
 # Shift of the diagonal over the 2-norm of all coefficients. Of random ones without a diagonal the
 # first solution has a backward error of 1e-10 to 1e-11 with it, with 10 times more or less 1e-9.
 SHIFT = 1e-9
 LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in n³/3 operations.
-
-# `python -m comparisons.speed.drop_in` measures both sides of these.
-# Fewest unknowns where GMRES, and Trench's recursion in calls of BLAS, are faster than Levinson's.
-GENERAL = 2048
-RECURSIVE = 1024  # The same for Trench's and two of Levinson's, or one of complex numbers.
-ITERATION = 256  # Unknowns where Trench's recursion takes as long as GMRES for one column.
-SHORT = 256  # Most unknowns where nothing that takes transforms is the fastest, on any machine.
-FEW_STEPS = 100_000  # Steps of Levinson's recursion, n² a column, that nothing beats anywhere.
-LONG = 2048  # Fewest unknowns where CG in the DCT domain is the fastest, on any machine.
-CALLS = 3.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
-SLOW = 1.3  # Time of CG in the DCT domain for a length that is not smooth, over that for others.
-STEPS_OF_CG = 6_000_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
-STEPS_OF_INVERSE = 3_000_000  # The same for the inverse.
-COSINE_LIMIT = 80_000  # Most columns² n where CG in the DCT domain is faster than the inverse.
-
-
 LEVINSON = "scipy.linalg.solve_toeplitz"  # The name of the method that is its recursion.
 
 
@@ -96,7 +88,7 @@ def methods(system: ToeplitzSystem) -> Iterator[Method]:
 
 def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
     n, columns = len(system.c), system.columns
-    is_short = columns * n**2 <= (STEPS_OF_CG if columns <= FEW else STEPS_OF_INVERSE)
+    is_short = levinson_is_faster_than_inverse(n, columns)
     if cosine_is_faster_than_inverse(n, columns):
         yield from _cosine_method(system)
     if is_short and n < RECURSIVE:
@@ -122,19 +114,20 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
 
 def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a system that is complex, or not symmetric."""
+    n, columns = len(system.c), system.columns
     if system.is_hermitian:
         if may_be_definite(means := system.means):
-            if system.columns <= FEW:
+            if columns <= FEW:
                 yield from _methods_of_hermitian(system, means)
             yield from _inverse_method(system.A)
-        if not recursion_is_faster_than_gmres(system):
+        if not recursion_is_faster_than_gmres(n, columns):
             yield from _gmres_circulant(system, "gmres, circulant of both signs")
     elif has_symbol(system.samples):
-        if system.columns <= FEW:
+        if columns <= FEW:
             yield from _gmres_circulant(system, "gmres, circulant")
             yield from _gmres_spectral(system.A)
         yield from _inverse_method(system.A)
-        if system.columns > FEW and not recursion_is_faster_than_gmres(system):
+        if columns > FEW and not recursion_is_faster_than_gmres(n, columns):
             yield from _gmres_circulant(system, "gmres, circulant")
     yield from _dense_methods(system)
 
@@ -174,7 +167,7 @@ def _method_of_nearly_white(system: ToeplitzSystem, means: Array) -> Iterator[Me
 def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a symmetric system that is not positive definite."""
     is_fast = len(system.c) >= GENERAL or system.fourier_form is not None
-    if is_fast and not recursion_is_faster_than_gmres(system):
+    if is_fast and not recursion_is_faster_than_gmres(len(system.c), system.columns):
         yield from _gmres_circulant(system, "gmres, circulant of both signs")
     yield from _dense_methods(system)
 
@@ -209,37 +202,6 @@ def may_be_definite(eigenvalues: Array) -> bool:
     They are Rayleigh quotients of it.
     """
     return bool(eigenvalues.min() > -rounding(eigenvalues, eigenvalues.dtype))
-
-
-def lu_is_faster_than_levinson(n: int, columns: int) -> bool:
-    """Whether a dense factor is faster: its set-up is of n³ steps, but each column is free."""
-    return columns >= 4 + n // 32
-
-
-def recursion_is_faster_than_gmres(system: ToeplitzSystem) -> bool:
-    """Whether Trench's recursion is faster: its set-up is of n² steps, but each column is free."""
-    return len(system.c) <= ITERATION * system.columns
-
-
-def levinson_is_fastest(n: int, columns: int) -> bool:
-    """Whether Levinson's recursion is faster than any other method for a symmetric matrix.
-
-    It takes n² steps for a column. CG in the DCT domain takes calls, which cost as much as `CALLS`
-    columns of `WINDOW` numbers do, and a time in proportion to the numbers.
-    """
-    steps = columns * n**2
-    if n <= SHORT or n >= LONG or steps <= FEW_STEPS:
-        return n < LONG
-    of_cosine = (CALLS + columns * n / WINDOW) / (CALLS + 1.0)
-    if not is_smooth(n):
-        of_cosine *= SLOW
-    return steps / WINDOW**2 <= of_cosine * cosine_over_levinson()
-
-
-def cosine_is_faster_than_inverse(n: int, columns: int) -> bool:
-    """Whether CG in the DCT domain is faster than anything that may follow it."""
-    is_first = columns <= FEW or columns * n**2 <= STEPS_OF_INVERSE  # The inverse is none before.
-    return n <= LARGEST_COSINE and (is_first or columns**2 * n <= COSINE_LIMIT)
 
 
 def _cosine_method(system: ToeplitzSystem) -> Iterator[Method]:

@@ -1,0 +1,59 @@
+"""Where one way to solve a Toeplitz system becomes faster than another, by its size alone.
+
+`python -m comparisons.speed.drop_in` measures both sides of these, of several right-hand sides
+`python -m comparisons.speed.columns`.
+"""
+
+from toeplitz_mg.solvers.cosine_form import is_smooth
+from toeplitz_mg.solvers.machine import WINDOW, cosine_over_levinson
+from toeplitz_mg.solvers.system import LARGEST_COSINE
+
+FEW = 2  # Most columns for which the inverse is not worth its set-up.
+# Fewest unknowns where GMRES, and Trench's recursion in calls of BLAS, are faster than Levinson's.
+GENERAL = 2048
+RECURSIVE = 1024  # The same for Trench's and two of Levinson's, or one of complex numbers.
+ITERATION = 256  # Unknowns where Trench's recursion takes as long as GMRES for one column.
+SHORT = 256  # Most unknowns where nothing that takes transforms is the fastest, on any machine.
+FEW_STEPS = 100_000  # Steps of Levinson's recursion, n² a column, that nothing beats anywhere.
+LONG = 2048  # Fewest unknowns where CG in the DCT domain is the fastest, on any machine.
+CALLS = 3.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
+SLOW = 1.3  # Time of CG in the DCT domain for a length that is not smooth, over that for others.
+STEPS_OF_CG = 6_000_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
+STEPS_OF_INVERSE = 3_000_000  # The same for the inverse.
+COSINE_LIMIT = 80_000  # Most columns² n where CG in the DCT domain is faster than the inverse.
+
+
+def lu_is_faster_than_levinson(n: int, columns: int) -> bool:
+    """Whether a dense factor is faster: its set-up is of n³ steps, but each column is free."""
+    return columns >= 4 + n // 32
+
+
+def recursion_is_faster_than_gmres(n: int, columns: int) -> bool:
+    """Whether Trench's recursion is faster: its set-up is of n² steps, but each column is free."""
+    return n <= ITERATION * columns
+
+
+def levinson_is_fastest(n: int, columns: int) -> bool:
+    """Whether Levinson's recursion is faster than any other method for a symmetric matrix.
+
+    It takes n² steps for a column. CG in the DCT domain takes calls, which cost as much as `CALLS`
+    columns of `WINDOW` numbers do, and a time in proportion to the numbers.
+    """
+    steps = columns * n**2
+    if n <= SHORT or n >= LONG or steps <= FEW_STEPS:
+        return n < LONG
+    of_cosine = (CALLS + columns * n / WINDOW) / (CALLS + 1.0)
+    if not is_smooth(n):
+        of_cosine *= SLOW
+    return steps / WINDOW**2 <= of_cosine * cosine_over_levinson()
+
+
+def levinson_is_faster_than_inverse(n: int, columns: int) -> bool:
+    """Whether Levinson's recursion is faster than what may follow CG in the DCT domain."""
+    return columns * n**2 <= (STEPS_OF_CG if columns <= FEW else STEPS_OF_INVERSE)
+
+
+def cosine_is_faster_than_inverse(n: int, columns: int) -> bool:
+    """Whether CG in the DCT domain is faster than anything that may follow it."""
+    is_first = columns <= FEW or columns * n**2 <= STEPS_OF_INVERSE  # The inverse is none before.
+    return n <= LARGEST_COSINE and (is_first or columns**2 * n <= COSINE_LIMIT)
