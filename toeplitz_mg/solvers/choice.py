@@ -41,6 +41,7 @@ from toeplitz_mg.solvers.crossovers import (
     levinson_is_fastest,
     lu_is_faster_than_levinson,
     recursion_is_faster_than_gmres,
+    trench_is_faster_than_levinson,
 )
 from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.levinson import levinson
@@ -174,11 +175,11 @@ def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
 
 def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what needs no more of A than that it is a Toeplitz matrix."""
-    n = len(system.c)
+    n, columns = len(system.c), system.columns
     is_corrected = n <= SHORT or system.c.dtype.kind == "c" or system.is_symmetric
-    if n >= (RECURSIVE if is_corrected else GENERAL):
+    if trench_is_faster_than_levinson(n, columns, is_corrected):
         yield Method("trench", _recur(system, system.c))
-    elif not lu_is_faster_than_levinson(n, system.columns):
+    elif not lu_is_faster_than_levinson(n, columns):
         # A correction takes a second recursion.
         yield from _levinson_method(system, 0.0 if is_corrected else UNSTABLE)
     # A recursion fails where a leading block is singular, or nearly so.

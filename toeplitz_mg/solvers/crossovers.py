@@ -11,7 +11,7 @@ from toeplitz_mg.solvers.system import LARGEST_COSINE
 FEW = 2  # Most columns for which the inverse is not worth its set-up.
 # Fewest unknowns where GMRES, and Trench's recursion in calls of BLAS, are faster than Levinson's.
 GENERAL = 2048
-RECURSIVE = 1024  # The same for Trench's and two of Levinson's, or one of complex numbers.
+RECURSIVE = 1024  # The same for Trench's and two of Levinson's.
 ITERATION = 256  # Unknowns where Trench's recursion takes as long as GMRES for one column.
 SHORT = 256  # Most unknowns where nothing that takes transforms is the fastest, on any machine.
 FEW_STEPS = 100_000  # Steps of Levinson's recursion, n² a column, that nothing beats anywhere.
@@ -26,6 +26,15 @@ COSINE_LIMIT = 80_000  # Most columns² n where CG in the DCT domain is faster t
 def lu_is_faster_than_levinson(n: int, columns: int) -> bool:
     """Whether a dense factor is faster: its set-up is of n³ steps, but each column is free."""
     return columns >= 4 + n // 32
+
+
+def trench_is_faster_than_levinson(n: int, columns: int, is_corrected: bool) -> bool:
+    """Whether Trench's recursion is faster, which is one for all columns and corrections.
+
+    `is_corrected` says that Levinson's would take a second one to correct it, or that the numbers
+    are complex, which take it twice as long.
+    """
+    return n >= (RECURSIVE if is_corrected or columns > 1 else GENERAL)
 
 
 def recursion_is_faster_than_gmres(n: int, columns: int) -> bool:
