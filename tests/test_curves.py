@@ -105,3 +105,15 @@ def test_a_curve_is_told_by_its_first_and_its_last_point(make):
     assert ("spin" in cells) == (make is surface_curve)
     for name, value in cells.items():
         assert f"  {name:18s}{value}" in curve.summary()
+
+
+@pytest.mark.parametrize("bonded", [False, True])
+def test_a_curve_through_zero_has_no_force_there(bonded):
+    g, alone = circle(16, (0.05, 0.0, 0.0))
+    g = np.where(g > 0.0, np.inf, 0.0) if bonded else g
+    case = {"material": Material.from_shear(1.0, 0.25)}
+    ends = [-0.05, 0.0, 0.05]
+    curve = creep_curve(g, alone.element, longitudinal=ends, **case)
+    assert_allclose(curve.force[0], -curve.force[2], atol=1e-6 * abs(curve.force[0, 0]))
+    assert np.array_equal(curve.force[1], [0.0, 0.0])
+    assert curve.power[1] == 0.0

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from toeplitz_mg.contact import Material, normal_contact, surfaces
+from toeplitz_mg.contact import Material, load_curve, normal_contact, surfaces
 from toeplitz_mg.contact.grid import Grid
 
 UNIT = Material.from_shear(0.7, 0.3)  # G and ν of bodies with E* = G/(1-ν) = 1.
@@ -182,3 +182,19 @@ def test_a_result_says_how_many_elements_yield():
     assert f"yields            {count} elements, by {soft.plastic.max():.5g} mm" in soft.summary()
     assert "yields            0 elements" in normal_contact(gap, hardness=9 * P0, **case).summary()
     assert "yields" not in normal_contact(gap, **case).summary()
+
+
+def test_what_has_yielded_stays_pressed_in():
+    """Under less load the bodies meet as if the gap had the dents from the first."""
+    gap, element = surfaces.sphere((24, 24), (0.1, 0.1), radius=1.0), (0.1, 0.1)
+    case = {"material": UNIT, "hardness": 0.4}
+    first, less, again, none = load_curve(gap, element, forces=[1.0, 0.2, 1.0, 0.0], **case)
+    dents = gap + first.plastic
+    expected = normal_contact(dents, element, force=0.2, **case)
+    assert first.plastic.max() > 0.0
+    assert_allclose(less.pressure, expected.pressure, atol=1e-6)
+    assert_allclose(less.approach, expected.approach, rtol=1e-6)
+    assert_allclose(less.gap[less.contact], 0.0, atol=1e-7)
+    for later in (less, again, none):
+        assert_allclose(later.plastic, first.plastic, atol=1e-7)
+    assert_allclose(again.pressure, first.pressure, atol=1e-6)

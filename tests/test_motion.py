@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from tests.test_friction import doubtful, semi_ellipse
-from tests.test_rolling import MU, A, circle
+from tests.test_rolling import MU, A, assert_rolls, circle
 from toeplitz_mg.contact import Material, friction, rolling, rolling_steps, surfaces
 from toeplitz_mg.contact import grid as grid_module
 from toeplitz_mg.contact.grid import Grid
@@ -340,3 +340,30 @@ def test_no_force_is_no_creepage():
     assert_allclose(result.traction, 0.0, atol=1e-9 * g.max())
     nothing = rolling(np.zeros((4, 4)), (1.0, 1.0), material=BODY, force=(0.0, 0.0))
     assert_allclose(nothing.rigid, 0.0)
+
+
+@pytest.mark.parametrize("angle", range(0, 360, 45))
+def test_elements_that_bear_next_to_nothing_do_not_spoil_a_force(angle):
+    """What carries the loads is in proportion to the bound there, so that they need not turn."""
+    g, _ = circle(24, (0.0, 0.0, 0.0))
+    edge = (g == 0.0) & (np.roll(g, 1, 0) + np.roll(g, 1, 1) + np.roll(g, -1, 1) > 0.0)
+    g = np.where(edge, 1e-5 * g.max(), g)
+    case = {"element": (2.0 / 24,) * 2, "material": Material.from_shear(1.0, 0.25), "spin": 0.3}
+    carried = 0.6 * g.sum() * (2.0 / 24) ** 2
+    force = carried * np.cos(np.radians(angle)), carried * np.sin(np.radians(angle))
+    result = rolling(g, force=force, max_products=100, **case)
+    assert_allclose(result.force, force, atol=1e-8 * carried)
+    assert_rolls(result, case["material"])
+
+
+@pytest.mark.parametrize("part", [0.98, 1.02])
+def test_loads_together_are_refused_beyond_what_slides(part):
+    """Those of any creepages without end are the most that is carried in their proportion."""
+    g, sliding = circle(24, (2e3, -1e3, 5e3))
+    case = {"element": sliding.element, "material": Material.from_shear(1.0, 0.25)}
+    loads = {"force": tuple(part * sliding.force), "moment": part * sliding.moment}
+    if part < 1.0:
+        assert_rolls(rolling(g, **loads, **case), case["material"])
+    else:
+        with pytest.raises(ValueError, match=r"the loads together are 1\.02 times what"):
+            rolling(g, **loads, **case)

@@ -1,6 +1,7 @@
 """Normal contact under one load after the other, each the first guess of the next."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,9 @@ def load_curve(
     extrapolated. So loads of a rough surface in order take about half of the products of as many
     calls of `normal_contact`, and the same answers come out. Where coarser grids were a better
     guess, as of smooth bodies, the next load begins with those.
+
+    With a hardness, what has yielded stays pressed in: each load meets the gap that the loads
+    before have left, and `NormalResult.plastic` is the depth by all of them.
 
     Parameters
     ----------
@@ -101,6 +105,7 @@ def load_curve(
         known_load = 0.0
         # Products of the last load that began with the results before it, and of one without.
         after, alone = 0, 0
+        dents: Array = np.zeros(z.shape)
         for load in loads.tolist():
             approach, force = (None, load) if is_force else (load, None)
             begins = known if after <= alone else ()
@@ -108,7 +113,7 @@ def load_curve(
                 begins = ()
             result = press(
                 grid,
-                z,
+                z + dents,
                 approach,
                 force,
                 tolerance,
@@ -118,6 +123,9 @@ def load_curve(
                 begins,
                 hardness,
             )
+            if result.plastic is not None:
+                dents = dents + result.plastic
+                result = replace(result, plastic=dents)
             doubts.warn(check_converged(result, tolerance).warnings)
             yield result
             if result.products:  # Without a load there was nothing to find.

@@ -96,7 +96,8 @@ def normal_contact(
         topography says.
     hardness : float, optional
         The largest pressure that the softer body bears, N/mm²: an element yields where it would
-        be higher, and is pressed in by the depth `plastic` of the result. By default none does.
+        be higher, and is pressed in by the depth `plastic` of the result, which is to be added to
+        the gap before another load (`load_curve` does). By default none does.
     tolerance : float
         The error that is allowed, relative to the largest interference: the gap in contact, and
         the depth of penetration elsewhere. Pressures are never negative.

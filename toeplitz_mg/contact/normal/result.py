@@ -78,7 +78,8 @@ class NormalResult:
     periodic : tuple of bool
         Along which axes the surface repeats.
     plastic : ndarray or None
-        Where a hardness was given, the depth by which elements that bear it have yielded, mm.
+        Where a hardness was given, the depth by which elements have yielded, mm; of a
+        `load_curve` under all loads so far.
     stiffness : float or None
         The change of the force by that of the approach, N/mm; in plane strain N/mm². It is
         computed when it is first asked for, by a few products.

@@ -3,7 +3,8 @@
 The bound makes the tractions, these the slip, and the slip the bound: a fixed point, which there
 always is where friction has no jumps. Anderson's acceleration finds it. Repeating the three alone
 does not, from a fall on that is a fraction of the stiffness of an element: what slides disturbs
-what is behind it, and overshoots.
+what is behind it, and overshoots. Where friction rises with the slip, a larger bound leaves less
+slip: there a part of the way is gone, as if each element were alone.
 
 Where friction falls by more than that stiffness, an element may slide slowly with much friction, or
 fast with little, under the same tractions of the others: then there may be several answers, of
@@ -69,16 +70,18 @@ def fall(
         result = replace(result, products=products, work=work)
         if away <= tolerance or result.residual > tolerance:
             break
-        pairs = extend(pairs, x, y)
+        # Where friction rises, a larger bound leaves less slip, which would overshoot.
+        pairs = extend(pairs, x, x + (y - x) / (1.0 + _rise(falling, g, s)[falls] / stiffness))
         bound = bound.copy()
         bound[falls] = accelerate(pairs)
     else:
         raise ContactError(
             f"after {ROUNDS} rounds of slip and friction the traction bound is off by {away:.1e} "
-            f"of the largest from that of the slip, but the tolerance is {tolerance:g}: friction "
-            f"falls by up to {_steepest(falling, g, falls, s):.3g} N/mm² where the slip grows by "
-            f"1, and from {stiffness:.3g} on, the stiffness of an element, there may be several "
-            "answers",
+            f"of the largest from that of the slip, but the tolerance is {tolerance:g}: where the "
+            f"slip grows by 1, friction falls by up to {_steepest(falling, g, falls, s):.3g} N/mm² "
+            f"and rises by up to {float(_rise(falling, g, s)[falls].max()):.3g}, and an element "
+            f"resists by {stiffness:.3g}, beyond which there may be several answers, or none is "
+            "found",
             replace(result, residual=away),
         )
     steepest_fall = _steepest(falling, g, falls, s)
@@ -89,6 +92,13 @@ def fall(
         )
         result = replace(result, warnings=(*result.warnings, doubt))
     return replace(result, residual=max(result.residual, away))
+
+
+def _rise(falling: Callable[..., Any], g: Array, s: Array) -> Array:
+    """Return by how much friction rises where the slip `s` grows by 1; zero where it falls."""
+    step = SMALLEST * float(s.max(initial=0.0)) or 1.0
+    rise: Array = g * (_factor(falling, s + step) - _factor(falling, s))
+    return np.maximum(rise / step, 0.0)
 
 
 def _steepest(falling: Callable[..., Any], g: Array, falls: Array, s: Array) -> float:

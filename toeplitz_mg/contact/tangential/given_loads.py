@@ -8,6 +8,8 @@ those that leave the least slip.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import null_space
+from scipy.optimize import minimize
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.tangential.coulomb import Areas, Tangent, make_admissible, size
@@ -16,6 +18,7 @@ from toeplitz_mg.contact.tangential.problem import Linearisation, Problem, linea
 from toeplitz_mg.engine.vectors import Vectors
 
 CARRYING = 8  # Attempts to restore the loads without a product: the rest is left to the next step.
+SAFE = 0.9  # Sum of the shares that each load has of the bound, up to which all can be carried.
 CARRIED = 1e-12  # Part of the loads that is missing which is rounding.
 
 
@@ -41,6 +44,28 @@ class Loads:
     def missing(self, q: Array, vectors: Vectors) -> Array:
         """Return what is missing of the loads."""
         return self.wanted - inner_products(self.arms, q, vectors)
+
+    def share(self, g: Array, vectors: Vectors) -> float:
+        """Return the loads over the largest of the same proportions that a traction bound carries.
+
+        Tractions of sliding by any creepages c carry the most in the direction of c: with them the
+        product of the loads with c is the sum h(c) of g times the size of the slip. The least h(c)
+        of all c whose product with the loads is 1 is what is carried of them.
+        """
+        most = [vectors.sum(np.where(size(arm) > 0.0, g, 0.0) * size(arm)) for arm in self.arms]
+        shares = np.array([a / b if a else 0.0 for a, b in zip(self.wanted, most, strict=True)])
+        if len(shares) < 2 or np.abs(shares).sum() <= SAFE or vectors.count(np.isinf(g)):
+            return float(np.abs(shares).max(initial=0.0))
+        arms = self.arms / np.reshape(most, (-1, *(1,) * (self.arms.ndim - 1)))
+        start, others = shares / (shares @ shares), null_space(shares[None])
+
+        def carry(y: Array) -> tuple[float, Array]:
+            slip = vectors.combine(start + others @ y, arms)
+            a = size(slip)
+            n = slip / np.where(a > 0.0, a, 1.0)
+            return vectors.sum(g * a), others.T @ inner_products(arms, g * n, vectors)
+
+        return 1.0 / float(minimize(carry, np.zeros(others.shape[1]), jac=True).fun)
 
     def error(self, q: Array, vectors: Vectors) -> float:
         """Return the largest part of a load that is missing, of what tractions of a sign give."""
@@ -93,9 +118,11 @@ def look(problem: Problem, loads: Loads, areas: Areas, q: Array, u: Array) -> Lo
     return Look(law, creepages, b, missing, max(law.residual, error))
 
 
-def complement(fields: Array, T: Tangent, vectors: Vectors) -> Complement:
-    """Return the complement of some fields among the tangents."""
-    return Complement(np.array([T(f) for f in fields]).reshape(fields.shape), vectors)
+def complement(
+    fields: Array, T: Tangent, vectors: Vectors, weights: Array | None = None
+) -> Complement:
+    """Return the complement of some fields among the tangents (see `motion.Complement`)."""
+    return Complement(np.array([T(f) for f in fields]).reshape(fields.shape), vectors, weights)
 
 
 def carry(problem: Problem, loads: Loads, areas: Areas, q: Array) -> Array:
@@ -105,6 +132,6 @@ def carry(problem: Problem, loads: Loads, areas: Areas, q: Array) -> Array:
         if loads.error(q, vectors) <= CARRIED:
             break
         T = Tangent(areas, q, vectors, balanced=())
-        v = complement(loads.arms, T, vectors).reach(loads.missing(q, vectors))
+        v = complement(loads.arms, T, vectors, problem.carriers).reach(loads.missing(q, vectors))
         q, _ = make_admissible(q + v, problem.g, areas, areas.slide, None, vectors)
     return q

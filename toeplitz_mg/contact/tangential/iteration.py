@@ -73,7 +73,7 @@ class Iteration:
         vectors.add_combination(weights, dq, v)
         v = scale * v.astype(np.float64)
         if is_loaded:
-            of_tractions = complement(self._loads.arms, law.T, vectors)
+            of_tractions = complement(self._loads.arms, law.T, vectors, self._problem.carriers)
             v = of_tractions(v)
             if self._loads.error(q, vectors) > CARRIED:
                 v += of_tractions.reach(now.missing)

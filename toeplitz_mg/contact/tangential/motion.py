@@ -258,14 +258,18 @@ class Complement:
     fields : ndarray of shape (m, components, ...)
     vectors : Vectors
         The inner products of fields.
+    weights : ndarray, optional
+        How much a change in each element costs less than elsewhere: what is added to a field is in
+        proportion to it. By default it costs the same in all.
     """
 
-    def __init__(self, fields: Array, vectors: Vectors) -> None:
+    def __init__(self, fields: Array, vectors: Vectors, weights: Array | None = None) -> None:
         self._vectors = vectors
         sizes = np.array([vectors.norm(f) for f in fields])
         self._sizes = np.where(sizes > 0.0, sizes, 1.0)
         self._units = fields / self._sizes.reshape(-1, *(1,) * (fields.ndim - 1))
-        gram = np.reshape([self._products(f) for f in self._units], (len(fields),) * 2)
+        self._added = self._units if weights is None else self._units * weights
+        gram = np.reshape([self._products(f) for f in self._added], (len(fields),) * 2)
         self._inverse = np.linalg.pinv(gram, DEPENDENT) if len(fields) else gram
 
     def _products(self, v: Array) -> Array:
@@ -276,12 +280,12 @@ class Complement:
         return self._inverse @ self._products(v) / self._sizes
 
     def reach(self, products: Array) -> Array:
-        """Return the least combination of the fields with these inner products with them."""
-        return self._vectors.combine(self._inverse @ (products / self._sizes), self._units)
+        """Return the least field with these inner products with the fields."""
+        return self._vectors.combine(self._inverse @ (products / self._sizes), self._added)
 
     def __call__(self, v: Array) -> Array:
-        """Project a field orthogonally to the fields."""
+        """Return the nearest field that is orthogonal to the fields."""
         if not len(self._units):
             return v
         weights = self._inverse @ self._products(v)
-        return v - self._vectors.combine(weights, self._units)
+        return v - self._vectors.combine(weights, self._added)

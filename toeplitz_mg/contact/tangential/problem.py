@@ -14,6 +14,7 @@ from toeplitz_mg.engine.vectors import Vectors
 COARSE = 3e-3  # Tolerance on a coarser grid: a better guess saves no product on the finer one.
 SHARP = 0.3  # Part of the tolerance beyond which no areas are solved more exactly.
 STIFFEST = 1e20  # Largest λ over the diagonal of A: single precision ends at 1e38.
+SMALL = 0.1  # Bound below which an element carries less of a load, over the largest.
 TINY = 1e-15  # Least bound, relative to the largest, that a stiffness λ = |s|/g is divided by.
 
 
@@ -69,6 +70,15 @@ class Problem:
         """The bound by which a stiffness λ = |s|/g is divided."""
         least = TINY * self.vectors.max(np.where(np.isfinite(self.g), self.g, 0.0))
         return np.where(self.g > 0.0, np.maximum(self.g, least), 1.0)
+
+    @cached_property
+    def carriers(self) -> Array:
+        """The share of each element in what is added to carry a load: less where it bears little.
+
+        Tractions on a small bound would turn by any angle otherwise, and never settle.
+        """
+        small = SMALL * self.vectors.max(np.where(np.isfinite(self.g), self.g, 0.0))
+        return np.minimum(self.g / small, 1.0) if small > 0.0 else np.ones_like(self.g)
 
     @cached_property
     def largest(self) -> float:
@@ -166,7 +176,7 @@ def linearise(problem: Problem, areas: Areas, q: Array, u: Array) -> Linearisati
     r = T.project(minus_slip, against)
     scale = max(problem.least, largest)
     violation = max(vectors.max(size(r)), -vectors.min(against))
-    residual = violation / scale if scale > 0.0 else 0.0
+    residual = violation / scale if scale > 0.0 else np.inf if violation > 0.0 else 0.0
     stiffness = np.maximum(against, 0.0) / problem.divisor
     return Linearisation(T, shift, minus_slip, stiffness, r, scale, residual)
 

@@ -206,11 +206,17 @@ def roll(
             -h * window.cut(motion.units(grid)), window.cut(motion.arms(grid)), motion.wanted
         )
         grid = window.grid
+        if not (share := loads.share(g, grid.vectors)) < 1.0:
+            raise ValueError(
+                f"the loads together are {share:.4g} times what the traction bound carries of "
+                "them, but must be less than that: the bodies would slide off"
+            )
         A = grid.tangential()
         products = Products(grid.steady(A), max_products)
         problem = Problem(grid, g, b, None, tolerance, progress=progress)
         start = None
-        if before is not None:
+        # Without any slip or load there are no tractions: no guess is nearer.
+        if before is not None and (problem.largest > 0.0 or loads.wanted.any()):
             q, slide = (window.cut(x) for x in before)
             start = admit(problem, q, slide)
         state = find_steady_state(
