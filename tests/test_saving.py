@@ -299,3 +299,58 @@ def test_what_all_ranks_compute_together_is_not_asked_of_one(tmp_path):
     assert contact.load(tmp_path / "rows.npz").stiffness is None
     assert "stiffness" not in rows.summary()
     assert "stiffness" in PRESSED.summary()
+
+
+# Curves and stresses ------------------------------------------------------------------------
+
+CURVE = contact.creep_curve(
+    PRESSED, mu=0.3, longitudinal=np.array([-0.01, 0.02]), tolerance=1e-4, max_products=100
+)
+STRESSES = contact.subsurface_stresses(PRESSED, depths=[0.1, 0.3, 0.4])
+BELOW_A_LINE = contact.subsurface_stresses(ROLLED_LINE, depths=0.1)
+
+
+@pytest.mark.parametrize("result", [CURVE, STRESSES, BELOW_A_LINE])
+def test_a_curve_and_stresses_are_saved_and_loaded(result, tmp_path):
+    result.save(tmp_path / "x.npz")
+    assert_same(contact.load(tmp_path / "x.npz"), result)
+    with np.load(tmp_path / "x.npz") as file:
+        assert {*file.files} - {"about", "products"} <= {*json.loads(str(file["about"]))["units"]}
+
+
+@pytest.mark.parametrize("stresses", [STRESSES, BELOW_A_LINE])
+def test_stresses_as_a_grid_of_vtk(stresses, tmp_path):
+    stresses.to_vtk(tmp_path / "x.vtr")
+    grid, arrays = read_vtk(tmp_path / "x.vtr")
+    sizes = [len(arrays[name]) for name in ("x", "y", "depth")]
+    assert grid.get("WholeExtent") == " ".join(f"0 {n - 1}" for n in sizes)
+    assert np.array_equal(arrays["depth"], stresses.depths)
+    # The first axis runs first, the depths last.
+    von_mises = arrays["von_mises"].reshape(sizes[::-1])
+    expected = stresses.von_mises.reshape(sizes[2], sizes[0], sizes[1])
+    assert np.array_equal(von_mises, expected.transpose(0, 2, 1))
+    with pytest.raises(ValueError, match=r"must end in \.vtr"):
+        stresses.to_vtk(tmp_path / "x.vti")
+
+
+@pytest.mark.parametrize("stresses", [STRESSES, BELOW_A_LINE])
+def test_vtk_reads_stresses(stresses, tmp_path):
+    vtk = pytest.importorskip("vtk")
+    stresses.to_vtk(tmp_path / "x.vtr")
+    reader = vtk.vtkXMLRectilinearGridReader()
+    reader.SetFileName(str(tmp_path / "x.vtr"))
+    reader.Update()
+    grid = reader.GetOutput()
+    assert grid.GetNumberOfPoints() == stresses.xx.size
+    assert grid.GetPointData().GetArray("xz").GetNumberOfTuples() == stresses.xx.size
+    assert grid.GetBounds()[4:] == (stresses.depths[0], stresses.depths[-1])
+
+
+def test_stresses_as_a_dataset():
+    pytest.importorskip("xarray")
+    data = STRESSES.to_xarray()
+    assert data["xz"].dims == ("depth", "x", "y")
+    assert np.array_equal(data["max_shear"], STRESSES.max_shear)
+    assert data["depth"].attrs["units"] == "mm"
+    assert data["zz"].attrs["units"] == "N/mm²"
+    assert BELOW_A_LINE.to_xarray()["xx"].dims == ("depth", "x")

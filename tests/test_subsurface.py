@@ -1,6 +1,7 @@
 """Stresses in bodies in contact: Hertz, sliding, both bodies, sums of elements, errors."""
 
 import dataclasses
+import warnings
 from xml.etree import ElementTree
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.testing import assert_allclose
 from comparisons.contact import below, cases
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import (
+    ContactWarning,
     Material,
     Stresses,
     friction,
@@ -235,6 +237,16 @@ def test_refuses_results_that_do_not_belong_together():
         subsurface_stresses(line(16), other, depths=0.1)
     with pytest.raises(TypeError, match=r"a result is 3\.0"):
         subsurface_stresses(3.0, depths=0.1)
+
+
+def test_tractions_without_a_pressure_are_doubted():
+    gap, case = surfaces.sphere((24, 24), (0.1, 0.1), radius=1.0), {"material": STEEL}
+    larger, smaller = (normal_contact(gap, (0.1, 0.1), force=F, **case) for F in (0.5, 0.1))
+    shifted = friction(larger, mu=0.3, force=(0.01, 0.0))
+    with pytest.warns(ContactWarning, match=r"\d+ elements have tangential tractions, but no pr"):
+        subsurface_stresses(smaller, shifted, depths=0.1)
+    with warnings.catch_warnings(action="error"):
+        subsurface_stresses(larger, shifted, depths=0.1)
 
 
 def test_refuses_bodies_that_are_rigid_or_unknown():

@@ -231,7 +231,9 @@ def _check_together(case: str, options: dict[str, Any]) -> None:
         )
     for name in ("lateral", "spin"):
         if name in options:
-            raise ValueError(f"--{name} is not for --line, which rolls along x only")
+            raise ValueError(
+                f"--{name} is not for --line, which rolls along x here; contact.rolling takes it"
+            )
     for name in ("radius", "tangential", "shift"):
         if len(options.get(name, ())) > 1:
             raise ValueError(f"--{name} has two values, but --line takes one")

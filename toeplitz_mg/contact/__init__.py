@@ -2,6 +2,7 @@
 
 from toeplitz_mg.contact import surfaces
 from toeplitz_mg.contact.doubts import ContactWarning
+from toeplitz_mg.contact.loading import load
 from toeplitz_mg.contact.loads import load_curve
 from toeplitz_mg.contact.normal.problem import normal_contact
 from toeplitz_mg.contact.result import (
@@ -9,7 +10,6 @@ from toeplitz_mg.contact.result import (
     ContactResult,
     NormalResult,
     TangentialResult,
-    load,
 )
 from toeplitz_mg.contact.stresses import Stresses
 from toeplitz_mg.contact.subsurface import subsurface_stresses

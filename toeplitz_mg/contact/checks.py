@@ -193,14 +193,15 @@ def check_previous(
     In line contact they may have fewer components: then the lateral one is zero. Those before are
     of the same bodies, too, and those of a guess may be of others.
     """
+    name = "guess" if is_guess else "previous"
     if isinstance(previous, NormalResult):
-        raise ValueError("previous is a normal contact, but must be one with friction")
+        raise ValueError(f"{name} is a normal contact, but must be one with friction")
     if not isinstance(previous, TangentialResult):
         kind = type(previous).__name__
-        raise TypeError(f"previous is of type {kind}, but must be a TangentialResult")
+        raise TypeError(f"{name} is of type {kind}, but must be a TangentialResult")
     if previous.contact.shape != shape[1:] or previous.element != grid.element:
         raise ValueError(
-            f"previous has {previous.contact.shape} elements of {previous.element}, but the grid "
+            f"{name} has {previous.contact.shape} elements of {previous.element}, but the grid "
             f"has {shape[1:]} of {grid.element}"
         )
     if not is_guess:

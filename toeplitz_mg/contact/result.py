@@ -1,13 +1,11 @@
 """What contact problems have for answers, and the error where they have none."""
 
-import os
 from typing import Any, TypeVar
 
 from toeplitz_mg._typing import Mask
-from toeplitz_mg.contact import saving
 from toeplitz_mg.contact.normal.result import NormalResult
 from toeplitz_mg.contact.tangential.result import TangentialResult
-from toeplitz_mg.contact.unlike.result import Before, FrictionalResult
+from toeplitz_mg.contact.unlike.result import FrictionalResult
 
 __all__ = [
     "ContactError",
@@ -16,55 +14,11 @@ __all__ = [
     "NormalResult",
     "TangentialResult",
     "check_converged",
-    "load",
     "touches_edge",
 ]
 
 ContactResult = NormalResult | TangentialResult  # Of any contact problem.
-# What a file may have, and what a result in a file may have for a part.
-KINDS: dict[str, type] = {
-    kind.__name__: kind for kind in (NormalResult, TangentialResult, FrictionalResult, Before)
-}
 Result = TypeVar("Result", NormalResult, TangentialResult)
-
-
-def load(path: str | os.PathLike[str]) -> ContactResult | FrictionalResult:
-    """Read a result that `save` has written.
-
-    Parameters
-    ----------
-    path : str or path
-
-    Returns
-    -------
-    NormalResult, TangentialResult or FrictionalResult
-
-    Raises
-    ------
-    OSError
-        Where there is no such file.
-    ValueError
-        Where it is another file than of `save`.
-
-    See Also
-    --------
-    NormalResult.save, TangentialResult.save, FrictionalResult.save
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> from toeplitz_mg import contact
-    >>> steel, element = contact.Material(E=210000.0, nu=0.3), (0.01, 0.01)
-    >>> gap = contact.surfaces.sphere((64, 64), element, radius=10.0)
-    >>> pressed = contact.normal_contact(gap, element, material=steel, force=100.0)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = pathlib.Path(folder) / "pressed.npz"
-    ...     pressed.save(path)
-    ...     again = contact.load(path)
-    >>> again
-    <NormalResult 64 x 64: force 100 N, approach 0.0034825 mm, contact 0.1116 mm²; 10 products>
-    """
-    return saving.load_result(path, KINDS)
 
 
 class ContactError(RuntimeError):

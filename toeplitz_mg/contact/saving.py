@@ -3,10 +3,9 @@
 A result is an ``.npz`` file of its arrays by their names, which `numpy.load` reads too, and of a
 text in JSON, `about`: what kind of result it is, its numbers, and the units of all. Of a result
 with parts, as `FrictionalResult`, the name of the part comes before that of its array, as in
-`normal_pressure`. `save`, `to_xarray` and `to_vtk` are methods of all kinds of results.
+`normal_pressure`. `save` and `to_xarray` are methods of all kinds of results.
 """
 
-import base64
 import json
 import os
 import stat
@@ -15,7 +14,6 @@ from contextlib import contextmanager
 from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
-from xml.etree import ElementTree
 
 import numpy as np
 
@@ -25,7 +23,6 @@ from toeplitz_mg.halfspace import CombinedMaterial, Material
 from toeplitz_mg.whole_files import check_folder, find_status, new_whole
 
 FORMAT = "toeplitz_mg contact result"  # What a file of ours says that it is.
-VTK_TYPES = {"b": "UInt8", "f": "Float64", "i": "Int64"}  # By the kind of a dtype.
 
 
 def save(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
@@ -52,7 +49,7 @@ def save(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) 
     arrays, about = _describe(result)
     text = json.dumps({"format": FORMAT} | about, ensure_ascii=False, indent=1)
     everything: dict[str, Any] = arrays | {"about": np.array(text)}
-    with _new_file(path, ".npz", overwrite=overwrite) as file:
+    with new_file(path, ".npz", overwrite=overwrite) as file:
         np.savez(file, **everything)
 
 
@@ -83,6 +80,8 @@ def _describe(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
     about: dict[str, Any] = {"kind": type(result).__name__, "values": values, "parts": {}}
     if "material" in vars(result):
         about |= {"material": asdict(result.material), "units": name_units(result)}
+    elif hasattr(result, "units"):
+        about |= {"units": result.units}
     for name, part in _parts(result).items():
         own, about["parts"][name] = _describe(part)
         arrays |= {f"{name}_{key}": x for key, x in own.items()}
@@ -98,10 +97,20 @@ def _compose(arrays: dict[str, Array], about: dict[str, Any], kinds: Mapping[str
         given[name] = _compose(own, part, kinds)
     if "material" in about:
         given["material"] = _read_material(about["material"])
+    if "x" in arrays:
         given["centres"] = tuple(arrays.pop(name) for name in "xy" if name in arrays)
     if about["kind"] not in kinds:
         raise ValueError(f"its kind is {about['kind']!r}, but must be one of {', '.join(kinds)}")
     return kinds[about["kind"]](**given, **arrays)
+
+
+def import_xarray() -> Any:
+    """Return xarray, which is an extra, and slow to import, or say how to install it."""
+    try:
+        import xarray
+    except ImportError as error:
+        raise ImportError("to_xarray() needs xarray: pip install 'toeplitz-mg[xarray]'") from error
+    return xarray
 
 
 def _parts(result: Any) -> dict[str, Any]:
@@ -110,7 +119,7 @@ def _parts(result: Any) -> dict[str, Any]:
     return {k: value for k, value in own.items() if k != "material" and is_dataclass(value)}
 
 
-def _results(result: Any) -> dict[str, Any]:
+def list_parts(result: Any) -> dict[str, Any]:
     """Return the parts of a result that are results."""
     return {name: part for name, part in _parts(result).items() if "centres" in vars(part)}
 
@@ -147,11 +156,8 @@ def to_xarray(result: Any) -> Any:
     ImportError
         Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
     """
-    try:
-        import xarray  # It is an extra, and slow to import.
-    except ImportError as error:
-        raise ImportError("to_xarray() needs xarray: pip install 'toeplitz-mg[xarray]'") from error
-    if parts := {name: to_xarray(part) for name, part in _results(result).items()}:
+    xarray = import_xarray()
+    if parts := {name: to_xarray(part) for name, part in list_parts(result).items()}:
         fields_of = {f"{name}_{k}": x for name, part in parts.items() for k, x in part.items()}
         about = {f"{name}_{k}": x for name, part in parts.items() for k, x in part.attrs.items()}
         return xarray.Dataset(fields_of, attrs=about)
@@ -194,59 +200,8 @@ def _keep_in_netcdf(values: Mapping[str, Any]) -> dict[str, Any]:
     return kept
 
 
-def to_vtk(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Write the fields as an image of VTK, which ParaView and PyVista read.
-
-    Parameters
-    ----------
-    path : str or path
-        Must end in ``.vti``.
-    overwrite : bool
-        Whether a file that is there already may be replaced.
-
-    Raises
-    ------
-    FileExistsError, OSError, ValueError
-        As `save`.
-    """
-    arrays, _ = split_fields(result)
-    for name, part in _results(result).items():
-        arrays |= {f"{name}_{key}": x for key, x in split_fields(part)[0].items()}
-        result = part
-    shape, axes = result.contact.shape, len(result.contact.shape)
-    sizes = (*result.element[:axes], *(1.0,) * (3 - axes))
-    origin = (*(x[0] - h / 2.0 for x, h in zip(result.centres, sizes, strict=False)), 0.0, 0.0)[:3]
-    extent = " ".join(f"0 {n}" for n in (*shape, 0, 0)[:3])
-    kinds = {"type": "ImageData", "version": "1.0", "byte_order": "LittleEndian"}
-    root = ElementTree.Element("VTKFile", kinds, header_type="UInt64")
-    place = {"Origin": " ".join(f"{x!r}" for x in map(float, origin))}
-    place |= {"Spacing": " ".join(f"{h!r}" for h in sizes), "WholeExtent": extent}
-    piece = ElementTree.SubElement(ElementTree.SubElement(root, "ImageData", place), "Piece")
-    piece.set("Extent", extent)
-    cells = ElementTree.SubElement(piece, "CellData")
-    for name, x in arrays.items():
-        if x.shape[-axes:] == shape:
-            cells.append(_encode(name, x, axes))
-    with _new_file(path, ".vti", overwrite=overwrite) as file:
-        ElementTree.ElementTree(root).write(file, encoding="utf-8", xml_declaration=True)
-
-
-def _encode(name: str, x: Array, axes: int) -> ElementTree.Element:
-    """Return a field as VTK has it: vectors of three components, the first axis running first."""
-    element = ElementTree.Element("DataArray", Name=name, type=VTK_TYPES[x.dtype.kind])
-    element.set("format", "binary")
-    if x.ndim > axes:
-        element.set("NumberOfComponents", "3")
-        x = np.concatenate([x, np.zeros((3 - len(x), *x.shape[1:]))])
-    data = np.ascontiguousarray(x.T)
-    data = data.astype(data.dtype.newbyteorder("<"), copy=False)
-    size = np.array(data.nbytes, "<u8")
-    element.text = base64.b64encode(size.tobytes() + data.tobytes()).decode()
-    return element
-
-
 @contextmanager
-def _new_file(path: str | os.PathLike[str], ending: str, *, overwrite: bool) -> Iterator[BinaryIO]:
+def new_file(path: str | os.PathLike[str], ending: str, *, overwrite: bool) -> Iterator[BinaryIO]:
     """Open a file that is there when it is whole, in the place of none unless that is wanted."""
     path = Path(path)
     if path.suffix != ending:

@@ -1,13 +1,13 @@
 """The stresses in a body, at some depths below a contact: fields, figures and a picture."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact import plotting
+from toeplitz_mg.contact import plotting, saving, vtk
 from toeplitz_mg.contact.summary import Figure, Summary, list_figures, span, tabulate_figures
 from toeplitz_mg.engine.threads import elementwise
 
@@ -87,6 +87,38 @@ class Stresses:
         where two principal stresses are the same.
         """
         return _by_depth(_largest_shear, self.components)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the attributes, by their names."""
+        units = dict.fromkeys((*"xy"[: len(self.centres)], "depths"), "mm")
+        return units | {"components": "N/mm²"}
+
+    def fields(self) -> Iterator[tuple[str, Array]]:
+        """Yield the names of the stresses that `plot` draws, and their values, N/mm²."""
+        for name in SHOWN:
+            yield name, getattr(self, name)
+
+    def to_xarray(self) -> Any:
+        """Return the stresses as an `xarray.Dataset`, with coordinates and units.
+
+        Returns
+        -------
+        xarray.Dataset
+
+        Raises
+        ------
+        ImportError
+            Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
+        """
+        places = dict(zip(("depth", *"xy"), (self.depths, *self.centres), strict=False))
+        return saving.import_xarray().Dataset(
+            {name: ((*places,), values, {"units": "N/mm²"}) for name, values in self.fields()},
+            {name: (name, values, {"units": "mm"}) for name, values in places.items()},
+            {"kind": "Stresses", "body": self.body},
+        )
+
+    save, to_vtk = saving.save, vtk.stresses_to_vtk
 
     def plot(self, field: str = "von_mises", ax: Any = None) -> Any:
         """Draw a stress along x and over the depth: of a surface, under the y of its largest value.

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.result import ContactResult, NormalResult, TangentialResult
 from toeplitz_mg.contact.stresses import Stresses
 from toeplitz_mg.halfspace import CombinedMaterial
@@ -37,6 +38,12 @@ def subsurface_stresses(
     Stresses
         The six components below the centre of each element, at each depth, with `von_mises` and
         `max_shear`.
+
+    Warns
+    -----
+    ContactWarning
+        Where there are tangential tractions without a pressure: the two results do not belong
+        together.
 
     Raises
     ------
@@ -85,6 +92,7 @@ def subsurface_stresses(
     if (z < 0.0).any():
         raise ValueError(f"depths has the value {z.min():g}, but a depth is at least zero")
     nu = _find_ratio(grid.material, body)
+    _doubt(results)
     tractions = list(_tractions(results, -1.0 if body == BODIES[1] else 1.0))
     components = np.zeros((6, len(z), *grid.shape))
     for k, depth in enumerate(z.tolist()):
@@ -123,6 +131,22 @@ def _check_results(results: tuple[ContactResult, ...]) -> ContactResult:
                 "be of the same bodies on the same grid"
             )
     return first
+
+
+def _doubt(results: tuple[ContactResult, ...]) -> None:
+    """Warn of tangential tractions where another result has no pressure."""
+    pressed = [r.pressure > 0.0 for r in results if isinstance(r, NormalResult)]
+    shifted = [r.traction for r in results if isinstance(r, TangentialResult)]
+    for contact, traction in zip(pressed, shifted, strict=False):
+        count = np.count_nonzero(traction.reshape(-1, *contact.shape).any(axis=0) & ~contact)
+        if count:
+            doubts.warn(
+                (
+                    f"{count} elements have tangential tractions, but no pressure: the results may "
+                    "be of two contacts",
+                ),
+                within=1,
+            )
 
 
 def _find_ratio(material: CombinedMaterial, body: str) -> float:

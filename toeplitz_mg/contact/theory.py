@@ -120,9 +120,10 @@ def hertz(
     Parameters
     ----------
     radii : float or (float, float), or a pair of these
-        The radius of a sphere, mm; or the radii of curvature in the planes of x and of y, of which
-        one may be infinite: a cylinder, in line contact. Or those of both bodies, negative where
-        one is concave: their curvatures 1/R add up.
+        The radius of a sphere, mm; or the radii of curvature (Rx, Ry) of one body in the planes of
+        x and of y, of which one may be infinite: a cylinder, in line contact. Or those of both
+        bodies, negative where one is concave: their curvatures 1/R add up. So two spheres are
+        ``((R1, R1), (R2, R2))``.
     material : Material or (Material, Material)
         Of both bodies, or of the first and the second (see `contact.Material`).
     force : float

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact import fields, plotting, saving
+from toeplitz_mg.contact import fields, plotting, saving, vtk
 from toeplitz_mg.contact.summary import (
     ENERGY,
     Figure,
@@ -181,7 +181,7 @@ class NormalResult:
 
     __setstate__ = fields.restore
     x, y, contact_fraction = fields.x, fields.y, fields.contact_fraction
-    save, to_xarray, to_vtk = saving.save, saving.to_xarray, saving.to_vtk
+    save, to_xarray, to_vtk = saving.save, saving.to_xarray, vtk.to_vtk
     summary, __repr__, _repr_html_ = list_figures, shorten, tabulate_figures
 
     def _summary(self) -> Summary:

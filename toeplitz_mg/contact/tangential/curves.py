@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element
-from toeplitz_mg.contact import plotting
+from toeplitz_mg.contact import plotting, saving
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.contact.summary import (
     Figure,
@@ -60,6 +60,16 @@ class CreepCurve:
         """Return the creepages and the forces in one line."""
         few = ", ".join(f"{figure.name} {figure.text}" for figure in self._figures()[:2])
         return f"<CreepCurve {len(self.force)} points: {few}; {self._cost}>"
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the attributes, by their names."""
+        creepages = "1" if self.creepages.ndim == 1 else "1, 1, 1/mm"
+        moment = {} if self.moment is None else {"moment": "N mm"}
+        force = dict.fromkeys(("force", "power"), self._units.force)
+        return {"creepages": creepages, "stick_share": "1"} | force | moment
+
+    save = saving.save
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the forces over the creepage that varies, or over the first that does.
@@ -211,7 +221,8 @@ def _read_points(*creepages: ArrayLike) -> Array:
     if all(values.ndim == 0 for values in given):
         raise ValueError(
             "longitudinal, lateral and spin are numbers, but one at least must be an array, with a "
-            "number for each point of the curve: of one point use rolling"
+            "number for each point of the curve: of one point use rolling, and of several forces "
+            "or moments rolling for each"
         )
     if any(values.ndim > 1 for values in given) or len(lengths) != 1 or lengths == {0}:
         shapes = ", ".join(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact import fields, plotting, saving
+from toeplitz_mg.contact import fields, plotting, saving, vtk
 from toeplitz_mg.contact.normal.result import NormalResult
 from toeplitz_mg.contact.summary import ENERGY, Figure, Summary
 from toeplitz_mg.contact.tangential.result import TangentialResult
@@ -71,7 +71,7 @@ class FrictionalResult:
         """Why the answer may not be of the problem that was meant."""
         return self.normal.warnings + self.tangential.warnings
 
-    save, to_xarray, to_vtk = saving.save, saving.to_xarray, saving.to_vtk
+    save, to_xarray, to_vtk = saving.save, saving.to_xarray, vtk.to_vtk
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the pressures, and beside them where the bodies stick and where they slip.
