@@ -498,7 +498,7 @@ def test_frictionless_bodies_slide():
         ({"shift": (1.0, 2.0, 3.0)}, "shift has shape"),
         ({"shift": np.inf}, "shift has values that are not finite"),
         ({"shift": None, "force": 2.1}, "of size 2.1, but the traction bound carries 2 at most"),
-        ({"shift": None, "force": (1.0, 1.0)}, "force is .*a number"),
+        ({"shift": None, "force": (1.0, 1.0, 1.0)}, "force is .*a number"),
         ({"bound": np.ones((2, 2)), "element": (1.0, 1.0)}, "shift has shape"),
         ({"bound": np.ones((2, 2)), "element": (1.0, 1.0), "shift": None, "force": 0.1}, "Fx, Fy"),
         ({"tolerance": 2.0}, "tolerance is 2"),
@@ -715,3 +715,25 @@ def test_a_history_is_of_one_surface(change, message):
         friction(g, **(case | change))
     with pytest.raises(ValueError, match=r"force is \(1.0, None\), but must be \(Fx, Fy\): with a"):
         friction(g, **(case | {"force": (1.0, None)}))
+
+
+@pytest.mark.parametrize("load", [{"force": (0.02, -0.03)}, {"shift": (0.0, 0.05)}])
+def test_strips_that_shift_along_themselves_are_a_grid_of_one_column(load):
+    (x,) = surfaces.centres(20, 0.1)
+    g, case = (
+        semi_ellipse(x, 0.9),
+        {"element": (0.1, 3.0), "material": Material.from_shear(1.0, 0.3)} | load,
+    )
+    strips, grid = friction(g, **case), friction(g[:, None], **case)
+    assert_allclose(strips.traction, grid.traction[..., 0], atol=1e-7)
+    assert_allclose(strips.force, grid.force, atol=1e-7)
+    assert_allclose(strips.shift, grid.shift, atol=1e-7)
+
+
+def test_a_lateral_force_on_infinite_strips_slides_by_antiplane_shear():
+    """The displacement of a strip that sticks is softer along x by 1 - ν, at the same length."""
+    (x,) = surfaces.centres(40, 0.05)
+    g, nu = np.where(np.abs(x) < 0.8, np.inf, 0.0), 0.3
+    case = {"element": 0.05, "material": Material.from_shear(1.0, nu), "reference": 2.0}
+    across, along = friction(g, force=(1.0, 0.0), **case), friction(g, force=(0.0, 1.0), **case)
+    assert_allclose(along.traction[1], across.traction[0], atol=1e-6)

@@ -69,12 +69,12 @@ def friction(
         `contact.Material`).
     shift : array_like
         Rigid shift of the bodies, since the previous tractions if there are such, mm: (δx, δy), or
-        in line contact a number. Tractions and displacements point along it. It may be a field,
-        of shape (2, n1, n2) or (n,), as for a rotation. In the paper's symbols it is -w δt.
+        in line contact a number, that along x. Tractions and displacements point along it. It may
+        be a field, of shape (2, n1, n2) or (n,), as for a rotation. In the paper's symbols it is
+        -w δt. In line contact shift and force may have two components too, the second along the
+        strips: then the tractions have.
     force : array_like
         Total tangential force (Fx, Fy), or in line contact a number, N; in plane strain N/mm.
-        In line contact after tractions with a lateral component, as rolling may leave them, force
-        and shift may be of two components too.
         Either this or the shift is given. A force of μ P, to 1e-9 of it, lets all slide: then
         the slip is against the force, as after a long way, beside which what the elements do across
         it is nothing, and the shift that is returned is the one at which the last element begins
@@ -144,13 +144,19 @@ def friction(
     """
     g, element, material, periodic = check_pressed(bound, element, material, periodic, mu)
     grid = Grid.of(g.shape, element, material, reference, periodic)
-    if is_lateral(previous):
+    if is_lateral(previous) or (g.ndim == 1 and _has_two_components(g, shift, force)):
         grid = replace(grid, directions="xy")
     result = shift_bodies(
         grid, g, Window.around, shift, force, previous, tolerance, nested, max_products, progress
     )
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
+
+
+def _has_two_components(g: Array, shift: ArrayLike | None, force: ArrayLike | None) -> bool:
+    """Whether a shift or a force is of two components; one of two strips may be a field on them."""
+    is_field = np.shape(shift) == g.shape
+    return np.shape(force) == (2,) or (np.shape(shift)[:1] == (2,) and not is_field)
 
 
 def shift_bodies(
