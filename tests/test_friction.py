@@ -737,3 +737,27 @@ def test_a_lateral_force_on_infinite_strips_slides_by_antiplane_shear():
     case = {"element": 0.05, "material": Material.from_shear(1.0, nu), "reference": 2.0}
     across, along = friction(g, force=(1.0, 0.0), **case), friction(g, force=(0.0, 1.0), **case)
     assert_allclose(along.traction[1], across.traction[0], atol=1e-6)
+
+
+def test_a_body_that_is_stretched_shifts_the_stick_zone():
+    """Nowell and Hills: by e = σ a/(4 μ p₀) at a small strain σ/E', under a force as without."""
+    a, mu, nu, share = 1.0, 0.5, 0.3, 0.5
+    x, h = surfaces.centres(400, 0.0055)[0], 0.0055
+    g = mu * semi_ellipse(x, a)  # p₀ is 1.
+    material = Material.from_shear(1.0 - nu, nu)  # E* is 1, of two bodies with E' = 2.
+    force = share * g.sum() * h
+    strain = 0.05
+    case = {"element": h, "material": material, "force": force}
+    plain, stretched = friction(g, **case), friction(g, shift=strain * x, **case)
+    middle = x[stretched.stick].mean()
+    c = 0.5 * np.ptp(x[plain.stick])
+    assert_allclose(stretched.force, force, rtol=1e-9)
+    assert_allclose(0.5 * np.ptp(x[stretched.stick]), c, atol=2 * h)
+    assert_allclose(abs(middle), strain * a / (2 * mu), atol=2 * h)
+    assert stretched.shift.shape == x.shape
+
+
+def test_a_shift_beside_a_force_is_a_field():
+    case = {"material": Material.from_shear(1.0, 0.3), "force": 0.1}
+    with pytest.raises(ValueError, match="one of the two must be given: a shift beside a force"):
+        friction(np.ones(12), 1.0, shift=0.1, **case)

@@ -75,10 +75,11 @@ def friction(
         strips: then the tractions have.
     force : array_like
         Total tangential force (Fx, Fy), or in line contact a number, N; in plane strain N/mm.
-        Either this or the shift is given. A force of μ P, to 1e-9 of it, lets all slide: then
-        the slip is against the force, as after a long way, beside which what the elements do across
-        it is nothing, and the shift that is returned is the one at which the last element begins
-        to slide so.
+        Either this or the shift is given; or both, the shift as a field, as of bodies that are
+        stretched from afar: then the uniform shift that belongs to the force is added. A force of
+        μ P, to 1e-9 of it, lets all slide: then the slip is against the force, as after a long way,
+        beside which what the elements do across it is nothing, and the shift that is returned is
+        the one at which the last element begins to slide so.
     previous : TangentialResult, optional
         The tractions before: a result of `friction` on the same grid.
     reference : float, optional
@@ -153,7 +154,7 @@ def friction(
     return result
 
 
-def _has_two_components(g: Array, shift: ArrayLike | None, force: ArrayLike | None) -> bool:
+def _has_two_components(g: Array, shift: Any, force: Any) -> bool:
     """Whether a shift or a force is of two components; one of two strips may be a field on them."""
     is_field = np.shape(shift) == g.shape
     return np.shape(force) == (2,) or (np.shape(shift)[:1] == (2,) and not is_field)
@@ -176,20 +177,22 @@ def shift_bodies(
     change = b
     with grid.agree() as same:
         check_iteration(tolerance, max_products, progress)
-        if (shift is None) == (force is None):
-            raise ValueError(
-                f"shift is {shift!r} and force is {force!r}, but one of the two must be given"
-            )
         before = b if previous is None else check_previous(previous, grid, b.shape)
         if shift is not None:
             change = check_shift(shift, b.shape)
             b = b + change
+        is_field = shift is not None and change.size > len(b)
+        if (shift is None) == (force is None) and not (is_field and force is not None):
+            raise ValueError(
+                f"shift is {shift!r} and force is {force!r}, but one of the two must be given: a "
+                "shift beside a force is a field"
+            )
             # What is no field is of the whole bodies.
             same["shift"] = change.tolist() if change.size == len(b) else "a field"
         same["force"], same["nested"] = refuse_masked("force", force).tolist(), bool(nested)
         same["tolerance"], same["max_products"] = tolerance, max_products
         same["whether there is a previous contact"] = previous is not None
-    if shift is not None and grid.has_free_mean and grid.vectors.count(g) == prod(grid.shape):
+    if force is None and grid.has_free_mean and grid.vectors.count(g) == prod(grid.shape):
         raise ValueError(
             "shift is given, but surfaces that repeat and touch everywhere stick under many a "
             "force, at no shift from their mean: give the force"
@@ -219,8 +222,8 @@ def shift_bodies(
             state, slip = solve(problem, products, guess, nested=nested), None
     result = make_result(problem, state, window, products.count, work.units(b.size), slip)
     moved = result.shift
-    if shift is not None:
-        moved = as_given(change)
+    if shift is not None:  # A force adds a shift of the whole bodies.
+        moved = as_given(change if force is None else change + problem.uniform(state.shift))
     return replace(result, shift=moved, total_shift=add_shifts(moved, previous, window.whole))
 
 
