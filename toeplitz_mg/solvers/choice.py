@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache, partial
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -80,9 +81,12 @@ def methods(system: ToeplitzSystem) -> Iterator[Method]:
     The next one is asked for only where one has failed.
     """
     n, columns = len(system.c), system.columns
-    if system.is_symmetric and not levinson_is_fastest(n, columns):
-        return _methods_of_symmetric(system)
-    if not system.is_symmetric and n >= GENERAL:
+    if system.is_symmetric:
+        if not levinson_is_fastest(n, columns):
+            return _methods_of_symmetric(system)
+        if n >= RECURSIVE:
+            return chain(_levinson_method(system), _dense_methods(system))
+    elif n >= GENERAL:
         return _methods_of_general(system)
     return _dense_methods(system)
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import null_space
-from scipy.optimize import minimize
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.tangential.coulomb import Areas, Tangent, make_admissible, size
@@ -56,6 +55,8 @@ class Loads:
         shares = np.array([a / b if a else 0.0 for a, b in zip(self.wanted, most, strict=True)])
         if len(shares) < 2 or np.abs(shares).sum() <= SAFE or vectors.count(np.isinf(g)):
             return float(np.abs(shares).max(initial=0.0))
+        from scipy.optimize import minimize  # It is slow to import.
+
         arms = self.arms / np.reshape(most, (-1, *(1,) * (self.arms.ndim - 1)))
         start, others = shares / (shares @ shares), null_space(shares[None])
 
