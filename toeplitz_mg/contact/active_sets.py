@@ -17,6 +17,7 @@ from toeplitz_mg.contact.products import Products
 from toeplitz_mg.solvers.projected_gradients import descend, energy
 
 STRIKES = 3  # Changes of the sets in a row without a lower energy, after which gradients descend.
+LEAST_FALL = 1e-6  # Fall of the energy that counts, over it and the square of the residual.
 TIGHTER = 0.1  # Factor of the misfit left on the sets, at a change that does not lower the energy.
 RESCUE = 40  # Steps of projected gradients: enough to leave the sets that come back.
 
@@ -123,6 +124,8 @@ def find_sets(
         now, count = search.advance(A, now, law, eta)
         iterations.append(count)
         reached = energy(now.x, now.u, b, vectors)
-        strikes = 0 if reached < lowest else strikes + 1
+        # What is wrong by some part should lower the energy by its square: less may be rounding.
+        falls = lowest - reached > LEAST_FALL * law.residual**2 * abs(reached)
+        strikes = 0 if falls else strikes + 1
         eta = TIGHTER * eta if strikes else eta
         lowest = min(lowest, reached)
