@@ -123,6 +123,19 @@ def test_writes_the_fields(is_line, tmp_path, capsys):
     assert_allclose(fields["x"], surfaces.centres(shape, element)[0])
 
 
+def test_rolling_by_force_and_moment(capsys):
+    loads = ["--tangential", "10", "5", "--moment", "0.3"]
+    assert run("rolling", "-n", "32", "--radius", "10", *loads) == 0
+    found = figures(capsys.readouterr().out)
+    assert_allclose(found["tangential force [N]"], [10.0, 5.0], rtol=1e-5)
+    assert len(found["creepages [1, 1, 1/mm]"]) == 3
+    assert run("rolling", "-n", "32", "--line", "--tangential", "10") == 0
+    found = figures(capsys.readouterr().out)
+    # Carter's theory has the same force and stick for the creepage that was found.
+    ours, theory = found["that over friction's"]
+    assert_allclose(ours, theory, rtol=0.03)
+
+
 def test_rolling_writes_its_fields(tmp_path):
     path = tmp_path / "x.npz"
     assert run("rolling", "-n", "30", "--friction", "0.2", "--output", str(path)) == 0
@@ -384,6 +397,11 @@ def test_a_surface_is_not_written_over(tmp_path, capsys):
         (["shift", "--tangential", "3", "--shift", "1"], "--tangential and --shift are both"),
         (["shift", "--tangential", "18", "24.1"], "but friction carries 30 at most"),
         (["shift", "--spin", "1"], "--spin is for rolling, not shift"),
+        (["shift", "--moment", "1"], "--moment is for rolling, not shift"),
+        (["rolling", "--moment", "1", "--spin", "1"], "--moment and --spin are both given"),
+        (["rolling", "--tangential", "1", "--lateral", "1"], "--tangential and --lateral are both"),
+        (["rolling", "--tangential", "30"], "--tangential is 30, but friction carries 30 at most"),
+        (["rolling", "--line", "--moment", "1"], "--moment is not for --line"),
         (["rolling", "--line", "--lateral", "1"], "--lateral is not for --line"),
         (["hertz", "-o", "x.npy"], "--output is x.npy, but must end in .npz"),
         (["hertz", "-o", "/nowhere/x.npz"], "/nowhere is no folder"),

@@ -128,12 +128,14 @@ class Case:
 
     def roll(self, pressed: NormalResult, progress: Progress) -> TangentialResult:
         """Solve the problem of rolling with the pressures."""
-        names = ("longitudinal", "lateral", "spin")
+        names = ("longitudinal", "lateral", "spin", "moment")
         given = {name: getattr(self.options, name) for name in names}
-        creepages = {name: value for name, value in given.items() if value is not None}
-        creepages = creepages or {"longitudinal": CREEPAGE}
+        asked = {name: value for name, value in given.items() if value is not None}
+        if self.options.tangential is not None:
+            asked["force"] = self.components(self.options.tangential)
+        asked = asked or {"longitudinal": CREEPAGE}
         bound = self.bound(pressed)
-        return rolling(bound, self.element, **creepages, **self.common, progress=progress)
+        return rolling(bound, self.element, **asked, **self.common, progress=progress)
 
     def bound(self, pressed: NormalResult) -> Array:
         """Return the traction bound of the pressures: zero outside the contact, at any friction."""
@@ -202,11 +204,11 @@ def fields(results: Mapping[str, ContactResult]) -> dict[str, Any]:
 def _check_slides_not(case: Case) -> None:
     """Refuse a tangential force that friction cannot carry, before any work."""
     o = case.options
-    if o.case != "shift" or o.tangential is None:
+    if o.tangential is None:
         return
     wanted, most = math.hypot(*o.tangential), o.friction * case.theory.force
     # Where the approach is given, theory says the force, within the error of the grid.
-    if wanted > most * (1.0 + SLIDES):
+    if wanted > most * (1.0 + SLIDES) or (o.case == "rolling" and wanted >= most):
         raise ValueError(f"--tangential is {wanted:g}, but friction carries {most:.6g} at most")
 
 

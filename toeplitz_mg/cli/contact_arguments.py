@@ -85,9 +85,10 @@ OPTIONS = {
         infinite=True,
     ),
     "tangential": Option(
-        "tangential force along x, or x and y, N or N/mm (default: half of what friction carries)",
+        "tangential force along x, or x and y, N or N/mm (default of shift: half of what friction "
+        "carries); of rolling in the place of the creepages along x and y",
         most=2,
-        cases=("shift",),
+        cases=("shift", "rolling"),
     ),
     "shift": Option(
         "rigid shift along x, or x and y, mm; in place of the force", most=2, cases=("shift",)
@@ -99,6 +100,7 @@ OPTIONS = {
     ),
     "lateral": Option("creepage along y (default: 0)", cases=("rolling",)),
     "spin": Option("creepage by rotation, 1/mm (default: 0)", cases=("rolling",)),
+    "moment": Option("about the middle, N mm; in place of the spin", cases=("rolling",)),
     "tolerance": Option(
         "violation of the conditions of contact, relative to the largest displacement "
         "(default: 1e-8)",
@@ -124,6 +126,15 @@ OPTIONS = {
     "plot": Option("draw the tractions and the areas of stick and slip", Path),
     "dpi": Option(f"dots an inch of the picture (default: {DPI})", int, default=DPI),
 }
+# Of two options that both decide one thing only one is given.
+EXCLUSIVE = (
+    ("force", "approach"),
+    ("tangential", "shift"),
+    ("tangential", "longitudinal"),
+    ("tangential", "lateral"),
+    ("moment", "spin"),
+    ("E", "G"),
+)
 SHORT = {"n": ("-n",), "output": ("-o", "--output")}
 METAVARS = {"output": "FIELDS.npz", "plot": "FILE"}
 
@@ -211,7 +222,7 @@ def _check(name: str, option: Option, value: Any) -> None:
 def _check_together(case: str, options: dict[str, Any]) -> None:
     """Check what options mean for each other."""
     check_dpi(options)
-    for one, other in (("force", "approach"), ("tangential", "shift"), ("E", "G")):
+    for one, other in EXCLUSIVE:
         if one in options and other in options:
             raise ValueError(f"--{one} and --{other} are both given, but one decides the other")
     if case == "rough" and "file" not in options:
@@ -229,7 +240,7 @@ def _check_together(case: str, options: dict[str, Any]) -> None:
         raise ValueError(
             "--approach is not for --line: plane strain leaves it open by a constant; give --force"
         )
-    for name in ("lateral", "spin"):
+    for name in ("lateral", "spin", "moment"):
         if name in options:
             raise ValueError(
                 f"--{name} is not for --line, which rolls along x here; contact.rolling takes it"
