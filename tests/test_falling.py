@@ -90,6 +90,22 @@ def test_friction_steeper_than_an_element_is_stiff_is_found_and_doubted():
 
 
 @doubtful
+@pytest.mark.slow
+@pytest.mark.parametrize("steepness", [2.0, 5.0])
+def test_friction_that_falls_steeply_settles_on_fine_grids(steepness):
+    """Combined rounds lead astray there, and are no longer combined."""
+    g, _ = circle(64, (1.0, 0.0, 0.0))
+    scale = 0.5 * g.max() / (steepness * STIFFNESS)
+
+    def falling(s):
+        return 0.5 + 0.5 / (1.0 + s / scale)
+
+    _, result = circle(64, (0.1, 0.0, 0.1), falling=falling)
+    assert_allclose(result.bound, g * falling(np.hypot(*result.slip)), atol=1e-7 * g.max())
+    assert_rolls(result, Material.from_shear(1.0, 0.25))
+
+
+@doubtful
 def test_an_element_slides_slowly_or_fast_where_friction_falls_steeper_than_it_is_stiff():
     g, case = np.ones((1, 1)), {"element": (1.0, 1.0), "material": Material.from_shear(1.0, 0.25)}
 

@@ -127,8 +127,10 @@ class Tangent:
         return v
 
     def project_each(self, rows: Array) -> None:
-        """Project fields of the elements inside, (k, components, ...), in place, of any sum."""
+        """Project fields, (k, components, ...), in place, of any sum."""
         rows -= self.n * np.einsum("kc...,c...->k...", rows, self.n)[:, None]
+        if not self._is_everywhere:
+            rows *= self.inside
 
     def multiplier(self, s: Array) -> Array:
         """Return the components of the uniform field nearest to `s` in these directions.

@@ -6,6 +6,7 @@ those that leave the least slip.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import null_space
@@ -40,6 +41,11 @@ class Loads:
     arms: Array
     wanted: Array
 
+    @cached_property
+    def _lengths(self) -> Array:
+        """The lengths of the arms, of shape (m, ...)."""
+        return np.array([size(arm) for arm in self.arms])
+
     def missing(self, q: Array, vectors: Vectors) -> Array:
         """Return what is missing of the loads."""
         return self.wanted - inner_products(self.arms, q, vectors)
@@ -73,11 +79,9 @@ class Loads:
         if not len(self.wanted):
             return 0.0
         missing = np.abs(self.missing(q, vectors))
-        carried = np.array([vectors.sum(np.abs(arm * q)) for arm in self.arms])
-        scale = np.maximum(carried, np.abs(self.wanted))
         # A load of zero has the scale of the others, in the unit of its own tractions.
-        sizes = [vectors.sum(size(arm) * size(q)) for arm in self.arms]
-        scale = np.maximum(scale, sizes)
+        carried = inner_products(self._lengths, size(q), vectors)
+        scale = np.maximum(carried, np.abs(self.wanted))
         return float(np.max(missing / np.where(scale > 0.0, scale, 1.0)))
 
 
@@ -93,6 +97,8 @@ class Look:
         Those of them that are unknown.
     b : ndarray
         The displacements in a step, were there no slip, with these creepages.
+    of_slip : Complement
+        Of the slip by unknown creepages, in the directions in which the tractions may change.
     missing : ndarray of shape (m,)
         What is missing of the loads.
     residual : float
@@ -101,29 +107,44 @@ class Look:
     law: Linearisation
     creepages: Array
     b: Array
+    of_slip: Complement
     missing: Array
     residual: float
 
 
 def look(problem: Problem, loads: Loads, areas: Areas, q: Array, u: Array) -> Look:
     """Say what is wrong with tractions q, with the displacements u = K q."""
+    vectors = problem.vectors
     if not len(loads.wanted):
         law = linearise(problem, areas, q, u)
-        return Look(law, loads.wanted, problem.b, loads.wanted, law.residual)
-    vectors = problem.vectors
+        nothing = Complement(loads.units, vectors)
+        return Look(law, loads.wanted, problem.b, nothing, loads.wanted, law.residual)
     T = Tangent(areas, q, vectors, balanced=())
-    creepages = complement(loads.units, T, vectors).coordinates(T(u - problem.b))
-    b = problem.b + vectors.combine(creepages, loads.units)
-    law = linearise(replace(problem, b=b), areas, q, u)
+    of_slip, creepages, b = _suit(problem, loads, T, u)
+    law = linearise(replace(problem, b=b), areas, q, u, T)
     missing, error = loads.missing(q, vectors), loads.error(q, vectors)
-    return Look(law, creepages, b, missing, max(law.residual, error))
+    return Look(law, creepages, b, of_slip, missing, max(law.residual, error))
+
+
+def find_displacements(problem: Problem, loads: Loads, areas: Areas, q: Array, u: Array) -> Array:
+    """Return the displacements, were there no slip, with the creepages that suit tractions best."""
+    return _suit(problem, loads, Tangent(areas, q, problem.vectors, balanced=()), u)[-1]
+
+
+def _suit(problem: Problem, loads: Loads, T: Tangent, u: Array) -> tuple[Complement, Array, Array]:
+    """Return the slip that the creepages leave, those that leave least, and b with them."""
+    of_slip = complement(loads.units, T, problem.vectors)
+    creepages = of_slip.coordinates(T(u - problem.b))
+    return of_slip, creepages, problem.b + problem.vectors.combine(creepages, loads.units)
 
 
 def complement(
     fields: Array, T: Tangent, vectors: Vectors, weights: Array | None = None
 ) -> Complement:
     """Return the complement of some fields among the tangents (see `motion.Complement`)."""
-    return Complement(np.array([T(f) for f in fields]).reshape(fields.shape), vectors, weights)
+    tangents = fields.copy()
+    T.project_each(tangents)
+    return Complement(tangents, vectors, weights)
 
 
 def carry(problem: Problem, loads: Loads, areas: Areas, q: Array) -> Array:

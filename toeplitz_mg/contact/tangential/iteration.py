@@ -62,9 +62,8 @@ class Iteration:
         rows[1:] += du
         T.project_each(rows[1:])
         if is_loaded := len(self._loads.wanted) > 0:
-            of_slip = complement(self._loads.units, law.T, vectors)
             for row in rows[1:]:
-                row[...] = of_slip(row)
+                row[...] = now.of_slip(row)
         weights = _least(vectors.gram(rows))
         vectors.add_combination(-weights, rows[1:], rows[0])
         if self._slide is None or vectors.count(areas.slide ^ self._slide):

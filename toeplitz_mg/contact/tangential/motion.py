@@ -19,6 +19,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.checks import widen
@@ -247,7 +248,9 @@ def _read_slip(shape: tuple[int, ...], slip: ArrayLike) -> Array:
 
 def inner_products(fields: Array, v: Array, vectors: Vectors) -> Array:
     """Return the inner products of some fields, or of none, with another."""
-    return np.array([vectors.dot(f, v) for f in fields], dtype=np.float64)
+    if not len(fields):
+        return np.zeros(0)
+    return vectors.dots(fields.reshape(len(fields), -1), v.reshape(-1))
 
 
 class Complement:
@@ -264,28 +267,35 @@ class Complement:
     """
 
     def __init__(self, fields: Array, vectors: Vectors, weights: Array | None = None) -> None:
-        self._vectors = vectors
-        sizes = np.array([vectors.norm(f) for f in fields])
-        self._sizes = np.where(sizes > 0.0, sizes, 1.0)
-        self._units = fields / self._sizes.reshape(-1, *(1,) * (fields.ndim - 1))
-        self._added = self._units if weights is None else self._units * weights
-        gram = np.reshape([self._products(f) for f in self._added], (len(fields),) * 2)
-        self._inverse = np.linalg.pinv(gram, DEPENDENT) if len(fields) else gram
-
-    def _products(self, v: Array) -> Array:
-        return inner_products(self._units, v, self._vectors)
+        self._vectors, self._fields = vectors, fields
+        self._added = fields if weights is None else fields * weights
+        gram = np.array([inner_products(fields, f, vectors) for f in self._added])
+        self._inverse = _invert(gram) if len(fields) else np.zeros((0, 0))
 
     def coordinates(self, v: Array) -> Array:
         """Return the weights of the fields in the combination of them that is nearest to v."""
-        return self._inverse @ self._products(v) / self._sizes
+        return self._inverse @ inner_products(self._fields, v, self._vectors)
 
     def reach(self, products: Array) -> Array:
         """Return the least field with these inner products with the fields."""
-        return self._vectors.combine(self._inverse @ (products / self._sizes), self._added)
+        return self._vectors.combine(self._inverse @ products, self._added)
 
     def __call__(self, v: Array) -> Array:
         """Return the nearest field that is orthogonal to the fields."""
-        if not len(self._units):
+        if not len(self._fields):
             return v
-        weights = self._inverse @ self._products(v)
-        return v - self._vectors.combine(weights, self._added)
+        return v - self._vectors.combine(self.coordinates(v), self._added)
+
+
+def _invert(gram: Array) -> Array:
+    """Return the inverse of a few inner products, of fields that may depend on each other."""
+    sizes = np.sqrt(gram.diagonal())
+    sizes[sizes == 0.0] = 1.0
+    scale = sizes[:, None] * sizes
+    cosines = gram / scale
+    factor, fails = dpotrf(cosines)
+    # The squares are what each field has in common with none before it.
+    if fails or not (factor.diagonal() ** 2 > DEPENDENT).all():
+        return np.linalg.pinv(cosines, DEPENDENT) / scale
+    inverse, _ = dtrtri(factor)
+    return inverse @ inverse.T / scale

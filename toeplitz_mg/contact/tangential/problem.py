@@ -161,10 +161,15 @@ class Linearisation:
     residual: float
 
 
-def linearise(problem: Problem, areas: Areas, q: Array, u: Array) -> Linearisation:
-    """Linearise Coulomb's law about the tractions q, with the displacements u = A q."""
+def linearise(
+    problem: Problem, areas: Areas, q: Array, u: Array, T: Tangent | None = None
+) -> Linearisation:
+    """Linearise Coulomb's law about the tractions q, with the displacements u = A q.
+
+    The directions T in which they may change may be known.
+    """
     vectors = problem.vectors
-    T = Tangent(areas, q, vectors, balanced=problem.balanced)
+    T = T or Tangent(areas, q, vectors, balanced=problem.balanced)
     if problem.total is None:
         shift, target, largest = np.zeros(len(q)), problem.b, problem.largest
     else:

@@ -13,7 +13,13 @@ from numpy.typing import DTypeLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.products import Displacements, Products
 from toeplitz_mg.contact.tangential.coulomb import Areas, along, make_admissible, size
-from toeplitz_mg.contact.tangential.given_loads import Loads, Look, carry, look
+from toeplitz_mg.contact.tangential.given_loads import (
+    Loads,
+    Look,
+    carry,
+    find_displacements,
+    look,
+)
 from toeplitz_mg.contact.tangential.problem import Problem, State
 
 EXACT = 0.1  # Part of the tolerance by which displacements in the end may be off.
@@ -85,7 +91,7 @@ def settle(
             stuck = areas.exchange(out, np.zeros_like(out))
             q = carry(problem, loads, stuck, q)
             displacements.follow(q, change, allowed)
-            b = look(problem, loads, stuck, q, displacements.u).b
+            b = find_displacements(problem, loads, stuck, q, displacements.u)
         else:
             displacements.follow(q, change, allowed)
         back = areas.slide & (along(b - displacements.u, now.law.T.n) < 0.0)
