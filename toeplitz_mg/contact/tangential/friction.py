@@ -174,19 +174,12 @@ def shift_bodies(
 ) -> TangentialResult:
     """Return what `friction` finds for the traction bound `g`, converged or not."""
     b = np.zeros((grid.components, *g.shape))
-    change = b
     with grid.agree() as same:
         check_iteration(tolerance, max_products, progress)
         before = b if previous is None else check_previous(previous, grid, b.shape)
-        if shift is not None:
-            change = check_shift(shift, b.shape)
+        change = _read_shift(shift, force, b.shape)
+        if change is not None:
             b = b + change
-        is_field = shift is not None and change.size > len(b)
-        if (shift is None) == (force is None) and not (is_field and force is not None):
-            raise ValueError(
-                f"shift is {shift!r} and force is {force!r}, but one of the two must be given: a "
-                "shift beside a force is a field"
-            )
             # What is no field is of the whole bodies.
             same["shift"] = change.tolist() if change.size == len(b) else "a field"
         same["force"], same["nested"] = refuse_masked("force", force).tolist(), bool(nested)
@@ -222,9 +215,21 @@ def shift_bodies(
             state, slip = solve(problem, products, guess, nested=nested), None
     result = make_result(problem, state, window, products.count, work.units(b.size), slip)
     moved = result.shift
-    if shift is not None:  # A force adds a shift of the whole bodies.
+    if change is not None:  # A force adds a shift of the whole bodies.
         moved = as_given(change if force is None else change + problem.uniform(state.shift))
     return replace(result, shift=moved, total_shift=add_shifts(moved, previous, window.whole))
+
+
+def _read_shift(shift: Any, force: Any, shape: tuple[int, ...]) -> Array | None:
+    """Return the shift that is given, of the whole bodies or of each element, or None."""
+    change = None if shift is None else check_shift(shift, shape)
+    is_field = change is not None and change.shape[1:] != (1,) * len(shape[1:])
+    if (shift is None) == (force is None) and not (is_field and force is not None):
+        raise ValueError(
+            f"shift is {shift!r} and force is {force!r}, but one of the two must be given: a "
+            "shift beside a force is a field"
+        )
+    return change
 
 
 def make_result(
