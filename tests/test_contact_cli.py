@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from toeplitz_mg.cli import contact as contact_cli
-from toeplitz_mg.cli import files
+from toeplitz_mg.cli import files, hertzian
 from toeplitz_mg.cli.main import main
 from toeplitz_mg.contact import (
     ContactError,
     Material,
     friction,
+    frictional_contact,
+    frictional_rolling,
     normal_contact,
     rolling,
     surfaces,
@@ -191,6 +192,83 @@ def test_youngs_modulus_is_that_of_the_shear_modulus(capsys):
     assert figures(capsys.readouterr().out) == of_E
     assert run("hertz", "--E", "1", "--G", "1") == 2
     assert "--E and --G are both given" in capsys.readouterr().err
+
+
+# Two materials ---------------------------------------------------------------------------------
+
+SOFT = Material(E=3000.0, nu=0.4)
+SECOND = ["--E2", "3000", "--nu2", "0.4"]
+
+
+@pytest.mark.parametrize(
+    ("options", "second"),
+    [
+        (SECOND, SOFT),
+        (["--G2", "3000", "--nu2", "0.4"], Material.from_shear(3000.0, 0.4)),
+        (["--E2", "3000"], Material(E=3000.0, nu=0.28)),
+        (["--nu2", "0.1"], Material.from_shear(82000.0, 0.1)),
+        (["--E2", "inf"], Material.rigid()),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_the_second_body_is_that_of_the_python_interface(options, second, tmp_path):
+    path = tmp_path / "x.npz"
+    assert run("hertz", "-n", "16", *options, "-o", str(path)) == 0
+    fields = read(path)
+    gap = surfaces.sphere((16, 16), fields["element"], radius=10.0)
+    pressed = normal_contact(gap, fields["element"], material=(STEEL, second), force=100.0)
+    assert_allclose(fields["approach"], pressed.approach, rtol=1e-6)
+
+
+def test_the_second_body_has_the_moduli_that_the_first_is_given(capsys):
+    assert run("hertz", "-n", "16", "--E", "2e5", "--nu", "0.25", "--nu2", "0.25") == 0
+    alike = figures(capsys.readouterr().out)
+    assert run("hertz", "-n", "16", "--E", "2e5", "--nu", "0.25") == 0
+    assert figures(capsys.readouterr().out) == alike
+
+
+@pytest.mark.parametrize("load", [[], ["--shift", "1e-4"], ["--tangential", "1", "2"]])
+def test_unlike_bodies_are_shifted_with_what_they_do_to_each_other(load, tmp_path, capsys):
+    path = tmp_path / "x.npz"
+    assert run("shift", "-n", "16", *SECOND, *load, "-o", str(path)) == 0
+    assert "is left out" not in capsys.readouterr().out
+    fields = read(path)
+    moved = {"tangential_force": (15.0, 0.0)}
+    if load:
+        values = tuple(map(float, [*load[1:], "0"][:2]))
+        moved = {"shift" if load[0] == "--shift" else "tangential_force": values}
+    gap = surfaces.sphere((16, 16), fields["element"], radius=10.0)
+    expected = frictional_contact(
+        gap, fields["element"], material=(STEEL, SOFT), mu=0.3, force=100.0, tolerance=1e-8, **moved
+    )
+    largest = expected.normal.max_pressure
+    assert_allclose(fields["pressure"], expected.normal.pressure, atol=1e-6 * largest)
+    assert_allclose(fields["traction"], expected.tangential.traction, atol=1e-6 * largest)
+
+
+@pytest.mark.parametrize("line", [[], ["--line"]])
+def test_unlike_bodies_roll_with_what_they_do_to_each_other(line, tmp_path, capsys):
+    """Free of a tangential force they creep."""
+    path = tmp_path / "x.npz"
+    assert run("rolling", "-n", "16", *SECOND, "--tangential", "0", *line, "-o", str(path)) == 0
+    printed = capsys.readouterr().out.partition("written to")[0]
+    assert figures(printed)["that over friction's"] == [0.0]
+    fields = read(path)
+    element = fields["element"]
+    gap = surfaces.cylinder(16, element, radius=10.0)
+    if not line:
+        gap = surfaces.sphere((16, 16), element, radius=10.0)
+    expected = frictional_rolling(
+        gap,
+        element,
+        material=(STEEL, SOFT),
+        mu=0.3,
+        force=100.0,
+        tangential_force=0.0 if line else (0.0, 0.0),
+        tolerance=1e-8,
+    )
+    assert_allclose(fields["rigid"], expected.tangential.rigid, rtol=1e-5, atol=1e-10)
+    assert np.abs(fields["rigid"]).max() > 1e-4
 
 
 # A measured surface -----------------------------------------------------------------------------
@@ -382,7 +460,11 @@ def test_a_surface_is_not_written_over(tmp_path, capsys):
         (["hertz", "--radius", "1", "2", "3"], "--radius has 3 values"),
         (["hertz", "--radius", "1", "1e9"], "one may be 10000 times the other at most"),
         (["hertz", "--nu", "0.6"], "--nu is 0.6, but must be above -1 and at most 0.5"),
+        (["hertz", "--nu2", "0.6"], "--nu2 is 0.6, but must be above -1 and at most 0.5"),
         (["hertz", "--G", "0"], "--G is 0.0"),
+        (["hertz", "--E", "inf"], "--E is inf, but must be finite"),
+        (["hertz", "--E2", "nan"], "--E2 is nan, but must be finite"),
+        (["hertz", "--E2", "1", "--G2", "1"], "--E2 and --G2 are both given"),
         (["hertz", "-n", "7"], "-n is 7, but must be 8 to"),
         (["hertz", "-n", "1" + 30 * "0"], "but must be 8 to"),
         (["hertz", "--size", "0.1"], "--size is 0.1, but the contact is 0.3749 mm long"),
@@ -429,7 +511,7 @@ def test_not_converged_is_status_one_and_writes_nothing(tmp_path, monkeypatch, c
     def fail(*_, **__):
         raise ContactError("after 3 products Coulomb's law is violated", pressed)
 
-    monkeypatch.setattr(contact_cli, "friction", fail)
+    monkeypatch.setattr(hertzian, "friction", fail)
     assert run("shift", "-n", "16", "-o", str(tmp_path / "x.npz")) == 1
     assert "NOT CONVERGED: after 3 products" in capsys.readouterr().out
     assert not list(tmp_path.iterdir())
@@ -454,7 +536,7 @@ def test_interruption_writes_nothing(tmp_path, monkeypatch, capsys):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(contact_cli, "normal_contact", interrupt)
+    monkeypatch.setattr(hertzian, "normal_contact", interrupt)
     assert run("hertz", "-o", str(tmp_path / "x.npz")) == 130
     assert "interrupted" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

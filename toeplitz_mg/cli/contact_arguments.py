@@ -9,6 +9,7 @@ from typing import Any
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.parsing import DPI, Parser, check_dpi, whole_number
 from toeplitz_mg.cli.report import EXIT_STATUS
+from toeplitz_mg.contact import Material
 from toeplitz_mg.values import in_range
 
 SMOOTH = ("hertz", "shift", "rolling")  # The cases of Hertz's bodies.
@@ -66,6 +67,15 @@ OPTIONS = {
     ),
     "E": Option("Young's modulus of both bodies, N/mm²; in place of G", positive=True),
     "nu": Option("Poisson's ratio of both bodies (default: 0.28)", default=0.28),
+    "G2": Option(
+        "shear modulus of the second body where it is unlike the first; inf: it is rigid",
+        positive=True,
+        infinite=True,
+    ),
+    "E2": Option(
+        "Young's modulus of the second body; in place of G2", positive=True, infinite=True
+    ),
+    "nu2": Option("Poisson's ratio of the second body (default: that of the first)"),
     "n": Option(
         "elements along the longer side of the grid (default: 256)",
         int,
@@ -134,6 +144,7 @@ EXCLUSIVE = (
     ("tangential", "lateral"),
     ("moment", "spin"),
     ("E", "G"),
+    ("E2", "G2"),
 )
 SHORT = {"n": ("-n",), "output": ("-o", "--output")}
 METAVARS = {"output": "FIELDS.npz", "plot": "FILE"}
@@ -144,7 +155,7 @@ def add_parser(commands: Any) -> Parser:
     parser: Parser = commands.add_parser(
         "contact",
         help="contact of two elastic bodies",
-        description="Press a sphere, an ellipsoid or a cylinder on a flat of the same material "
+        description="Press a sphere, an ellipsoid or a cylinder on a flat "
         "(hertz), shift it then with Coulomb friction (shift), or roll it steadily (rolling); or "
         "press a measured surface, from a FILE of heights, on a flat (rough). Units are N and mm.",
         epilog="Files are written whole or not at all, and only where the solver has converged. "
@@ -190,9 +201,25 @@ def complete(given: argparse.Namespace) -> argparse.Namespace:
     defaults = {name: option.default for name, option in OPTIONS.items()}
     if "approach" not in options and case != "rough":
         defaults["force"] = FORCE
-    if "E" in options:
-        defaults["G"] = options["E"] / (2.0 * (1.0 + options.get("nu", defaults["nu"])))
-    return argparse.Namespace(**(defaults | options))
+    return argparse.Namespace(**(defaults | options), material=_materials(options))
+
+
+def _materials(options: dict[str, Any]) -> Material | tuple[Material, Material]:
+    """Return the material of both bodies, or that of each."""
+    first = {name: options[name] for name in ("E", "G", "nu") if name in options}
+    second = {name: options[f"{name}2"] for name in ("E", "G", "nu") if f"{name}2" in options}
+    if not second:
+        return _material(**first)
+    moduli = {name: first[name] for name in first if name == "nu" or second.keys() == {"nu"}}
+    return _material(**first), _material(**(moduli | second))
+
+
+def _material(
+    E: float | None = None, G: float = OPTIONS["G"].default, nu: float = OPTIONS["nu"].default
+) -> Material:
+    if math.isinf(G if E is None else E):
+        return Material.rigid()
+    return Material.from_shear(G, nu) if E is None else Material(E=E, nu=nu)
 
 
 def _check(name: str, option: Option, value: Any) -> None:
@@ -207,8 +234,8 @@ def _check(name: str, option: Option, value: Any) -> None:
             in_range(_flag(name), abs(x))
         if option.positive and not x > 0.0:
             raise ValueError(f"{_flag(name)} is {x}, but must be positive")
-    if name == "nu" and not -1.0 < value <= 0.5:
-        raise ValueError(f"--nu is {value}, but must be above -1 and at most 0.5")
+    if name in ("nu", "nu2") and not -1.0 < value <= 0.5:
+        raise ValueError(f"--{name} is {value}, but must be above -1 and at most 0.5")
     if name == "tolerance" and value >= 1.0:
         raise ValueError(f"--tolerance is {value}, but must be below 1")
     if name == "n" and not FEWEST <= value <= MOST:

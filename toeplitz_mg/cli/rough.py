@@ -1,17 +1,16 @@
 """The case ``rough`` of ``toeplitz-mg contact``: a measured surface, from a file, on a flat."""
 
 import argparse
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.cli import files
-from toeplitz_mg.cli.report import Waiting
-from toeplitz_mg.contact import Material, NormalResult, normal_contact
+from toeplitz_mg.cli.report import PRESSURE, Solve, Waiting
+from toeplitz_mg.contact import ContactResult, NormalResult, normal_contact
 
 TABLES = (".npy", *files.TEXT)  # Endings of files that are read without the extra `surfaces`.
 FEWEST = 4  # Fewest columns of a table of heights: of two or three, the first are positions.
@@ -69,19 +68,15 @@ class Rough:
         plane = " of a profile, in plane strain: forces are N/mm" if self.is_plane else ""
         return f"rough: {self.options.file}, {' x '.join(map(str, self.shape))} heights{plane}"
 
-    def press(self, progress: Callable[[int, float], None]) -> NormalResult:
+    def solve(self, solve: Solve) -> dict[str, ContactResult]:
         """Solve the normal problem."""
-        o = self.options
-        material = Material.from_shear(o.G, o.nu)
-        load: dict[str, Any] = {"force": o.force, "approach": o.approach}
-        return normal_contact(
-            **self.surface,
-            **load,
-            material=material,
-            hardness=o.hardness,
-            tolerance=o.tolerance,
-            progress=progress,
-        )
+        return {PRESSURE: solve("normal contact", self.press)}
+
+    def press(self, progress: Progress) -> NormalResult:
+        """Press the surface on the flat."""
+        names = "force", "approach", "material", "hardness", "tolerance"
+        load: dict[str, Any] = {name: getattr(self.options, name) for name in names}
+        return normal_contact(**self.surface, **load, progress=progress)
 
 
 def is_table(path: Path) -> bool:

@@ -39,6 +39,8 @@ class FrictionalResult:
     energy : float
         The elastic energy of both bodies, N mm; in plane strain N. The `energy` of each part is
         the work of its tractions, which may be negative.
+    products : int
+        The products with a matrix that both parts took.
     residuals : tuple of float
         The largest violation of the conditions of normal contact, over the largest interference,
         in each iteration between the two problems.
@@ -60,6 +62,11 @@ class FrictionalResult:
     def residual(self) -> float:
         """The violation that is left."""
         return self.residuals[-1]
+
+    @property
+    def products(self) -> int:
+        """The products with a matrix that both parts took."""
+        return self.normal.products + self.tangential.products
 
     @property
     def energy(self) -> float:
