@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.sparse import diags_array, eye_array
 
 import toeplitz_mg as tmg
 from tests.cases import checkered, coupled, coupled_kernel, half_space_kernel
@@ -96,6 +97,31 @@ def test_a_cycle_of_each_component_is_symmetric_positive_definite(components, sh
         dense = tmg.componentwise(tmg.multigrid)(B, coarsest=4) @ np.eye(B.shape[0])
         assert_allclose(dense, dense.T, atol=1e-13 * abs(dense).max())
         assert np.linalg.eigvalsh(dense).min() > 0
+
+
+@pytest.mark.parametrize("is_complex", [False, True])
+def test_multiples_and_sums_are_coupled_operators(is_complex):
+    a, b = (tmg.ToeplitzOperator(np.array([[4.0, 1.0], [1.0, 0.5]]) * k) for k in (1.0, 0.3))
+    A = tmg.CoupledOperator([[a, b], [b, None]])
+    B = tmg.CoupledOperator([[b, None], [None, a]])
+    dense, other, unit = A.toarray(), B.toarray(), eye_array(8)
+    s = 2.0 + 1j if is_complex else 2.0
+    for result, expected in (
+        (s * A, s * dense),
+        (A / s, dense / s),
+        (-A, -dense),
+        (s * unit @ A @ unit, s * dense),
+        (A + B, dense + other),
+        (A - B, dense - other),
+        (A + s * unit, dense + s * np.eye(8)),
+        (s * unit - A, s * np.eye(8) - dense),
+    ):
+        assert isinstance(result, tmg.CoupledOperator)
+        assert_allclose(result.toarray(), expected)
+        assert_allclose(result @ np.eye(8), expected, atol=1e-14)
+    D = diags_array(np.arange(1.0, 9.0))
+    for result, expected in ((D @ A, D @ dense), (A @ D, dense @ D.toarray()), (A + D, dense + D)):
+        assert_allclose(result @ np.eye(8), expected, atol=1e-13)
 
 
 def test_what_is_refused():

@@ -164,13 +164,42 @@ def test_a_rational_number_is_a_number():
     assert_allclose((A / Fraction(1, 3)).toarray(), 3 * A.toarray())
 
 
+def test_an_array_without_an_axis_is_a_number():
+    A, two = covariance(4), np.array(2.0)
+    for result, expected in ((two * A, 2.0), (A * two, 2.0), (A / two, 0.5)):
+        assert isinstance(result, tmg.ToeplitzOperator)
+        assert_allclose(result.toarray(), expected * A.toarray())
+
+
+def test_nothing_that_is_given_changes_a_sum():
+    A, d = covariance(4), np.arange(1.0, 5.0)
+    S = ToeplitzSum([(d, A, None)], d)
+    expected = S.toarray()
+    d[:] = 7.0
+    assert np.array_equal(S.toarray(), expected)
+    sum_of_user = A + diags(np.arange(4.0))
+    for entries in (S.offset, S.terms[0].left, sum_of_user.offset):
+        with pytest.raises(ValueError, match="read-only"):
+            entries[0] = 1.0
+
+
+def test_what_is_no_sum():
+    A = covariance(4)
+    with pytest.raises(ValueError, match="terms is empty"):
+        ToeplitzSum([])
+    with pytest.raises(ValueError, match=r"diagonal has shape \(2,\), but must have the 4 entries"):
+        ToeplitzSum([(None, A, None)], np.ones(2))
+    with pytest.raises(ValueError, match="left has entries that are not finite"):
+        ToeplitzSum([(np.full(4, np.nan), A, None)])
+
+
 def test_what_it_is_not_for():
     A = covariance(4)
     for other in (covariance(5), sparse.eye_array(5), diags(np.arange(5.0)) @ covariance(5)):
         for total in (lambda x: A + x, lambda x: A - x, lambda x: x + A, lambda x: x - A):
             with pytest.raises(ValueError, match="shape mismatch"):
                 total(other)
-    with pytest.raises(ValueError, match=r"[Dd]imension mismatch"):
+    with pytest.raises(ValueError, match="shape mismatch"):
         A @ sparse.eye_array(5)
     for number in (1, 0.5, np.float64(2)):
         with pytest.raises(TypeError, match=r"with .* on the diagonal it is .*eye_array"):
@@ -181,8 +210,9 @@ def test_what_it_is_not_for():
                 total(array)
     with pytest.raises(ZeroDivisionError, match="is divided by 0"):
         A / 0
-    with pytest.raises(ValueError, match="must be finite"):
-        np.inf * A
+    for number in (np.inf, np.nan, np.float64(np.nan), complex(0.0, np.inf)):
+        with pytest.raises(ValueError, match="must be finite"):
+            number * A
     with pytest.raises(ValueError, match="add up to"):
         1e308 * A
     with pytest.raises(ValueError, match="a diagonal has nan at 2, but all entries must be finite"):
@@ -215,6 +245,8 @@ def test_what_is_no_diagonal_matrix_is_composed_by_scipy():
         (A + aslinearoperator(B), A.toarray() + B.toarray()),
         (A + grid, A.toarray() + grid.toarray()),
         (A @ A, A.toarray() @ A.toarray()),
+        (A @ B, A.toarray() @ B.toarray()),
+        (B @ A, B.toarray() @ A.toarray()),
     ):
         assert isinstance(result, LinearOperator)
         assert_allclose(result @ np.eye(4), expected)

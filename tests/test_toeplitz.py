@@ -341,9 +341,15 @@ def test_nor_is_one_that_is_computed_entry_by_entry(dtype):
             tmg.ToeplitzOperator(c)
 
 
+def test_so_is_that_of_two_rows():
+    with pytest.warns(UserWarning, match=re.escape("use ToeplitzOperator(c[:, 0])")):
+        tmg.ToeplitzOperator([[2.0, 1.0], [1.0, 2.0]])
+
+
 def test_a_tuple_of_column_and_row_is_no_grid_of_two_rows():
     c, r = np.array([2.0, 1.0, 0.5]), np.array([2.0, 0.5, 0.1])
-    with pytest.raises(ValueError, match=r"first row use ToeplitzOperator\(c, r\)"):
-        tmg.ToeplitzOperator((c, r))
+    for pair in ((c, r), (c.tolist(), r.tolist()), (c, r.tolist())):
+        with pytest.raises(ValueError, match=r"first row use ToeplitzOperator\(c, r\)"):
+            tmg.ToeplitzOperator(pair)
     for grid in ([c, r], np.array([c, r]), (tuple(c), tuple(r))):
         assert tmg.ToeplitzOperator(grid).grid_shape == (2, 3)

@@ -112,6 +112,13 @@ def zero_diagonal(rng: Generator, n: int) -> Line:
     return (c, c) if rng.random() < 0.5 else (c, r)
 
 
+def every_other(rng: Generator, n: int) -> Line:
+    """Return a matrix of odd lags alone: every second leading block is singular, not the whole."""
+    c, r = (decaying if rng.random() < 0.5 else without_symbol)(rng, n + n % 2)
+    c, r = c * (np.arange(len(c)) % 2), r * (np.arange(len(r)) % 2)
+    return (c, c) if rng.random() < 0.5 else (c, r)
+
+
 def less_a_sample(rng: Generator, n: int) -> Line:
     """Return a symmetric matrix less a sample of its symbol, which so is zero there, or nearly."""
     _, c = random_column(rng, (n,))
@@ -137,6 +144,7 @@ KINDS: list[Kind] = [
     complex_decaying,
     skew_symmetric,
     zero_diagonal,
+    every_other,
     less_a_sample,
     complex_symmetric,
 ]

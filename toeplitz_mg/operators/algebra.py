@@ -32,7 +32,7 @@ def read_factor(x: Any, n: int) -> Any:
     TypeError
         For a masked array.
     ValueError
-        Where a diagonal has entries that are not finite.
+        Where the number, or an entry of the diagonal, is not finite.
 
     Examples
     --------
@@ -42,17 +42,22 @@ def read_factor(x: Any, n: int) -> Any:
     >>> read_factor(2, 2)
     2.0
     """
-    if type(x) is np.ndarray:  # This is a vector, or several.
-        return None
+    if type(x) is np.ndarray:
+        if x.ndim > 0:  # This is a vector, or several.
+            return None
+        x = x[()]
     if np.ma.isMaskedArray(x):
         refuse_masked("x", x)
     if issparse(x):
         return _read_diagonal(x, n)
+    number: Any = None
     if isinstance(x, np.generic):
-        return x if x.dtype.kind in "fciub" else None
-    if isinstance(x, complex):
-        return x
-    return float(x) if isinstance(x, Real) else None
+        number = x if x.dtype.kind in "fciub" else None
+    elif isinstance(x, complex | Real):
+        number = x if isinstance(x, complex) else float(x)
+    if number is not None and not np.isfinite(number):
+        raise ValueError(f"a matrix is multiplied by, or added to, {x}, but it must be finite")
+    return number
 
 
 def _read_diagonal(x: Any, n: int) -> Array | None:
@@ -80,7 +85,9 @@ def scaling(side: str, method: Callable[[Any, Any], Any]) -> Callable[[Any, Any]
     def multiply(A: Any, x: Any) -> Any:
         factor = read_factor(x, A.shape[0])
         product = NotImplemented if factor is None else A.scaled(**{side: factor})
-        return method(A, x) if product is NotImplemented else product
+        if product is NotImplemented:
+            return method(A, aslinearoperator(x) if issparse(x) else x)
+        return product
 
     return multiply
 
@@ -97,8 +104,9 @@ def add(A: Any, x: Any) -> Any:
         )
     if isinstance(x, np.ndarray):
         raise TypeError(
-            f"A + x is not defined of an array x of shape {x.shape}: with d on the diagonal it is "
-            "A + scipy.sparse.diags_array(d), with a dense matrix A + aslinearoperator(x)"
+            f"A + x and A - x are not defined of an array x of shape {x.shape}: with d on the "
+            "diagonal it is A + scipy.sparse.diags_array(d), with a dense matrix "
+            "A + aslinearoperator(x)"
         )
     other = x if factor is None else factor
     if factor is not None or isinstance(x, LinearOperator):

@@ -49,7 +49,7 @@ class Coefficients:
     @classmethod
     def of_column(cls, c: ArrayLike) -> "Coefficients":
         """Take the first column of a matrix: Hermitian, and symmetric in each axis where real."""
-        if isinstance(c, tuple) and len(c) == 2 and all(getattr(a, "ndim", 0) == 1 for a in c):
+        if isinstance(c, tuple) and len(c) == 2 and all(_is_line(a) for a in c):
             raise ValueError(
                 "c is a tuple of two arrays of one axis, but must be one array: for a first column "
                 "and a first row use ToeplitzOperator(c, r), for a grid of two rows np.array(c)"
@@ -192,14 +192,19 @@ class Coefficients:
         return Coefficients(check_coefficients(array, "lags"), self.is_even)
 
 
+def _is_line(a: Any) -> bool:
+    """Whether this is an array of one axis, or a list of numbers."""
+    return getattr(a, "ndim", 0) == 1 or (isinstance(a, list) and np.ndim(a) == 1)
+
+
 def name_dense(c: Array) -> str:
     """Return what to write for `c` if it looks like a dense Toeplitz matrix, or else nothing.
 
-    It has three rows at least, and all entries of a diagonal are equal, but for rounding. In the
+    It has two rows at least, and all entries of a diagonal are equal, but for rounding. In the
     first column of a matrix of two axes this makes the coefficient of the lag (1, 1) as large as
     that of lag zero, which no positive definite matrix has. A constant array may be either.
     """
-    if c.ndim != 2 or not c.shape[0] == c.shape[1] > 2:
+    if c.ndim != 2 or not c.shape[0] == c.shape[1] > 1:
         return ""
     library = library_of(c)
     row, column, corner = (library.to_numpy(part) for part in (c[0, :], c[:, 0], c[:2, :2]))

@@ -13,6 +13,7 @@ from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, name_symmetry
 from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
+from toeplitz_mg.operators.toeplitz_sum import constant_of
 from toeplitz_mg.values import refuse_masked
 
 
@@ -151,6 +152,36 @@ class CoupledOperator(GridOperator):
         )
         is_less = np.dtype(dtype).itemsize < self.dtype.itemsize
         return CoupledOperator(blocks, product=self._product.astype(dtype) if is_less else None)
+
+    def scaled(self, left: Any = None, right: Any = None) -> Any:
+        """Return L A R for multiples of the unit matrix (see `GridOperator.scaled`)."""
+        factors = [constant_of(D) for D in (left, right) if D is not None]
+        if any(factor is None for factor in factors):
+            return NotImplemented
+        factor = prod(factors)
+        return CoupledOperator(
+            [[block and block.times(factor) for block in row] for row in self.blocks]
+        )
+
+    def plus(self, other: Any) -> Any:
+        """Return the sum with a multiple of the unit matrix, or with another such operator."""
+        if isinstance(other, np.ndarray):
+            return self._plus_unit(constant_of(other))
+        if not isinstance(other, CoupledOperator) or other.grid_shape != self.grid_shape:
+            return NotImplemented
+        pairs = [zip(*rows, strict=True) for rows in zip(self.blocks, other.blocks, strict=True)]
+        return CoupledOperator(
+            [[a.plus(b) if a and b else a or b for a, b in row] for row in pairs]
+        )
+
+    def _plus_unit(self, factor: Any) -> Any:
+        if factor is None:
+            return NotImplemented
+        zero = next(filter(None, self.blocks[0])).times(0.0)
+        rows = [list(row) for row in self.blocks]
+        for i, row in enumerate(rows):
+            row[i] = (row[i] or zero).plus_unit(factor)
+        return CoupledOperator(rows)
 
     def toarray(self) -> Array:
         """Return the matrix as a dense array of shape (N, N), without any transform."""

@@ -50,6 +50,11 @@ class ToeplitzSum(GridOperator):
         Equal to its conjugate transpose ``A.H``. Of a real matrix this is the same.
     grid_shape : tuple of int
 
+    Raises
+    ------
+    ValueError
+        Where there is no term, or a diagonal has another shape or entries that are not finite.
+
     See Also
     --------
     ToeplitzOperator : its Toeplitz parts.
@@ -84,8 +89,16 @@ class ToeplitzSum(GridOperator):
     """
 
     def __init__(self, terms: Iterable[Term], diagonal: Array | None = None) -> None:
-        diagonal = None if diagonal is None else refuse_masked("diagonal", diagonal)
-        self.terms, self.offset = tuple(terms), diagonal
+        given = [Term(*term) for term in terms]
+        if not given:
+            raise ValueError("terms is empty, but a sum needs one at least")
+        n = given[0].A.shape[0]
+        diagonal = _freeze("diagonal", diagonal, n)
+        self.offset = diagonal
+        self.terms = tuple(
+            Term(_freeze("left", left, n), A, _freeze("right", right, n))
+            for left, A, right in given
+        )
         parts = [part for term in self.terms for part in term if part is not None]
         dtype = np.result_type(
             *(part.dtype for part in parts), *([] if diagonal is None else [diagonal.dtype])
@@ -241,6 +254,23 @@ def constant_of(factor: Any) -> Any:
     if np.ndim(factor) == 0:
         return factor
     return factor[0] if (factor == factor[0]).all() else None
+
+
+def _freeze(name: str, factor: Any, n: int) -> Any:
+    """Return the entries of a diagonal that nobody can change, or a number or None as it is."""
+    if factor is None:
+        return None
+    entries = refuse_masked(name, factor)
+    if entries.ndim == 0:
+        return factor
+    if entries.shape != (n,):
+        raise ValueError(f"{name} has shape {entries.shape}, but must have the {n} entries of D")
+    if not np.isfinite(entries).all():
+        raise ValueError(f"{name} has entries that are not finite")
+    if entries.flags.writeable:
+        entries = entries.copy()
+        entries.flags.writeable = False
+    return entries
 
 
 def _times(a: Any, b: Any) -> Any:

@@ -13,7 +13,9 @@ from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.lifting import of_any_matrix
 from toeplitz_mg.preconditioners.positivity import (
+    INDEFINITE,
     LAST_RESORT,
+    may_be_positive,
     name_robust,
     precision,
     require_nonzero,
@@ -246,7 +248,10 @@ def _definite_inverse(
     dtype = precision(A, dtype)
     if A.is_hermitian:
         eigenvalues = A.library.real(eigenvalues)
-        other = name_robust(A.grid_shape) if name == "Strang" else LAST_RESORT
+        if name == "Strang":
+            other = name_robust(A.grid_shape)
+        else:  # These eigenvalues are Rayleigh quotients of A.
+            other = LAST_RESORT if may_be_positive(eigenvalues, dtype) else INDEFINITE
         require_positive(eigenvalues, dtype, f"{name}'s circulant has the eigenvalue", other)
     else:
         eigenvalues = away_from_zero(eigenvalues, dtype)

@@ -19,8 +19,10 @@ from toeplitz_mg.operators.coefficients import check_precision
 # Error of an eigenvalue, in units of eps times the largest one: 1 to 3.8 was seen with transforms
 # of lengths up to 2^18.
 ROUNDING = 4.0
-# What is left where no preconditioner is: the end of the advice of all refusals.
-LAST_RESORT = "cg without M, or gmres where A is not positive definite"
+# What is left where no preconditioner is: the end of the advice of all refusals, where A is not
+# positive definite for certain, and where it may be.
+INDEFINITE = "gmres, which takes any matrix"
+LAST_RESORT = f"{INDEFINITE}, or cg without M if A is positive definite after all"
 
 
 def precision(A: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None) -> np.dtype[Any]:
@@ -52,13 +54,18 @@ def require_positive_diagonal(diagonal: float) -> None:
     if not diagonal > 0.0:
         raise np.linalg.LinAlgError(
             f"the diagonal of A is {diagonal:.3g}, but of a positive definite matrix it is "
-            f"positive: use {LAST_RESORT}"
+            f"positive: use {INDEFINITE}"
         )
 
 
 def is_positive(spectrum: Array, dtype: Any) -> bool:
     """Whether all eigenvalues are positive, beyond the rounding of the largest."""
     return _least(spectrum) > rounding(spectrum, dtype)
+
+
+def may_be_positive(spectrum: Array, dtype: Any) -> bool:
+    """Whether no eigenvalue is negative, beyond the rounding of the largest."""
+    return _least(spectrum) > -rounding(spectrum, dtype)
 
 
 def _least(spectrum: Array) -> float:

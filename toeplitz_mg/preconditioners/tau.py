@@ -51,12 +51,12 @@ def tau_preconditioner(
 
     Notes
     -----
-    On one axis τ(A) has the entries a[i-j] - a[i+j], i, j = 1 … n, with a[k] = 0 beyond the last
-    lag, and as eigenvalues the sum of a[k] cos kθ over all lags, at θ = πk/(n+1), k = 1 … n. For
-    the Riesz derivatives of orders 1 to 2 those of τ(A)⁻¹A lie between ½ and 3/2, for any n.
-    Where a length n + 1 has a prime factor above 61, a slightly longer matrix is inverted, and
-    cut. With variable coefficients, as of ``D1 @ A + D2 @ A.T + s * I``, it is the matrix between
-    two diagonal ones (see `toeplitz_mg.operators.averages.average`).
+    On one axis τ(A) has the entries a[i-j] - a[i+j] - a[2n+2-i-j], i, j = 1 … n, with a[k] = 0
+    beyond the last lag, and as eigenvalues the sum of a[k] cos kθ over all lags, at θ = πk/(n+1),
+    k = 1 … n. For the Riesz derivatives of orders 1 to 2 those of τ(A)⁻¹A lie between ½ and 3/2,
+    for any n. Where a length n + 1 has a prime factor above 61, a slightly longer matrix is
+    inverted, and cut. With variable coefficients, as of ``D1 @ A + D2 @ A.T + s * I``, it is the
+    matrix between two diagonal ones (see `toeplitz_mg.operators.averages.average`).
 
     References
     ----------

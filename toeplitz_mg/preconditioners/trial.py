@@ -11,7 +11,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.vectors import axpy, norm
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.preconditioners.positivity import LAST_RESORT
+from toeplitz_mg.preconditioners.positivity import INDEFINITE
 
 # They are measured by `python -m comparisons.preconditioners.default_choice`, by the cases in which
 # the choice is worse than none: with 10 steps, or a smaller advantage, wide covariances and plane
@@ -74,7 +74,7 @@ def _fall(A: LinearOperator, M: LinearOperator, b: Array) -> float:
         if length == 0.0:
             raise np.linalg.LinAlgError(
                 f"A is not positive definite: for some vector xᴴ A x is "
-                f"{iteration.curvature:.3g}: use {LAST_RESORT}"
+                f"{iteration.curvature:.3g}: use {INDEFINITE}"
             )
         axpy(-length, iteration.product, r)
         least = min(least, norm(r))

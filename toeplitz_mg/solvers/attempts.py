@@ -36,6 +36,7 @@ PATIENT = Patience(60, {10: 1e-2, 20: 1e-4})  # The same, where an iteration is 
 # It converges sooner and sooner, and what follows takes n² steps. So many vectors take 240 MiB in
 # 2^20 real unknowns.
 OF_GMRES = Patience(30, {8: 0.5, 15: 1e-2, 20: 1e-5})
+AT_LAST = Patience(100, {})  # What follows takes n³ steps, or there is nothing.
 USEFUL = 1e-6  # ‖b - A x‖/‖b‖ at which rounding may have stopped it: the caller corrects that.
 
 CYCLE = 1e-5  # ‖b - A x‖/‖b‖ that an iteration in single precision reaches without effort.
@@ -111,7 +112,13 @@ def solve_by_cg(
     return _solve_rows(attempt, B)
 
 
-def solve_by_gmres(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -> tuple[Rows, int]:
+def solve_by_gmres(
+    A: LinearOperator,
+    M: LinearOperator,
+    B: Rows,
+    rtol: float,
+    patience: Patience = OF_GMRES,
+) -> tuple[Rows, int]:
     """Solve for each row of B by GMRES, and return the most iterations of all.
 
     Raises
@@ -121,14 +128,14 @@ def solve_by_gmres(A: LinearOperator, M: LinearOperator, B: Rows, rtol: float) -
     """
 
     def attempt(b: Array) -> tuple[Array, int]:
-        watch = _Watch(OF_GMRES)
+        watch = _Watch(patience)
         try:
             x, converged = gmres_by_recurrence(
                 A,
                 b,
                 M=M,
                 rtol=rtol,
-                most=min(OF_GMRES.most, len(b)),
+                most=min(patience.most, len(b)),
                 residuals=watch.residuals,
                 callback=watch,
             )

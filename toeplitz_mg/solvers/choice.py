@@ -7,7 +7,7 @@ from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import get_lapack_funcs, lu_solve, toeplitz
+from scipy.linalg import get_lapack_funcs
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
@@ -15,7 +15,7 @@ from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.preconditioners.choice import candidates_of_complex_line, candidates_of_line
 from toeplitz_mg.preconditioners.circulant import away_from_zero, smooth_inverse
-from toeplitz_mg.preconditioners.positivity import is_positive, rounding
+from toeplitz_mg.preconditioners.positivity import is_positive, may_be_positive
 from toeplitz_mg.preconditioners.selection import Candidate
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
 from toeplitz_mg.preconditioners.traits import (
@@ -25,6 +25,7 @@ from toeplitz_mg.preconditioners.traits import (
     is_nearly_white,
 )
 from toeplitz_mg.solvers.attempts import (
+    AT_LAST,
     PATIENT,
     USUAL,
     solve_by_cg,
@@ -51,9 +52,10 @@ from toeplitz_mg.solvers.trench import column_and_row_of_inverse
 
 UNSTABLE = 32_000 * EPS  # Backward error of the recursion that another one need not correct: 7e-12.
 ALIKE = 100.0  # Largest ratio of eigenvalues where a product in single precision has 5 digits.
-# Shift of the diagonal over the 2-norm of all coefficients. Of random ones without a diagonal the
-# first solution has a backward error of 1e-10 to 1e-11 with it, with 10 times more or less 1e-9.
-SHIFT = 1e-9
+# Shift of the diagonal over the 2-norm of all coefficients. Of skew-symmetric matrices, and of odd
+# lags alone, GMRES takes 5 to 16 iterations with it, and 8 to 45 with one ten times as large; with
+# one ten times less Trench's recursion loses more digits than some of them can spare.
+SHIFT = 1e-4
 LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in n³/3 operations.
 LEVINSON = "scipy.linalg.solve_toeplitz"  # The name of the method that is its recursion.
 
@@ -99,7 +101,8 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
     if is_short and n < RECURSIVE:
         yield from _dense_methods(system)
         return
-    if not may_be_definite(means := system.means):
+    # T. Chan's eigenvalues are Rayleigh quotients of A.
+    if not may_be_positive(means := system.means, means.dtype):
         yield from _methods_of_indefinite(system)
         return
     if is_short:
@@ -121,7 +124,7 @@ def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a system that is complex, or not symmetric."""
     n, columns = len(system.c), system.columns
     if system.is_hermitian:
-        if may_be_definite(means := system.means):
+        if may_be_positive(means := system.means, means.dtype):
             if columns <= FEW:
                 yield from _methods_of_hermitian(system, means)
             yield from _inverse_method(system.A)
@@ -178,35 +181,25 @@ def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
 
 
 def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
-    """Yield what needs no more of A than that it is a Toeplitz matrix."""
+    """Yield what needs no more of A than that it is a Toeplitz matrix.
+
+    A recursion fails where a leading block is singular, or nearly so.
+    """
     n, columns = len(system.c), system.columns
-    is_corrected = n <= SHORT or system.c.dtype.kind == "c" or system.is_symmetric
-    if trench_is_faster_than_levinson(n, columns, is_corrected):
-        yield Method("trench", _recur(system, system.c))
-    elif not lu_is_faster_than_levinson(n, columns):
-        # A correction takes a second recursion.
-        yield from _levinson_method(system, 0.0 if is_corrected else UNSTABLE)
-    # A recursion fails where a leading block is singular, or nearly so.
+    factors_first = n <= LARGEST_DENSE and lu_is_faster_than_levinson(n, columns)
+    if trench_is_faster_than_levinson(n, columns, system.c.dtype.kind == "c"):
+        yield Method("trench", _recur(system))
+    elif not factors_first:
+        # A correction takes a second recursion, which a small system is worth.
+        yield from _levinson_method(system, 0.0 if n <= SHORT else UNSTABLE)
+    if n >= RECURSIVE and not factors_first:
+        yield Method("gmres, trench of A + ε I", _iterate_shifted(system))
     if n <= LARGEST_DENSE:
-        yield Method("scipy.linalg.lu_solve", _factorise(system))
-    else:
-        # No leading block of A + ε I is as singular as one of A may be; and ε is small beside the
-        # singular values of A itself, so that corrections of the residual converge.
-        c = system.c.copy()
-        c[0] += SHIFT * norm(system.lags)
-        yield Method("trench of A + ε I", _recur(system, c))
+        yield Method("lu", _factorise(system))
 
 
 def _levinson_method(system: ToeplitzSystem, accepted: float = 0.0) -> Iterator[Method]:
     yield Method(LEVINSON, lambda B, rtol: (levinson(system.lags, B), 1), accepted)
-
-
-def may_be_definite(eigenvalues: Array) -> bool:
-    """Whether the eigenvalues of T. Chan's circulant do not tell that a matrix is indefinite.
-
-    They are Rayleigh quotients of it.
-    """
-    return bool(eigenvalues.min() > -rounding(eigenvalues, eigenvalues.dtype))
 
 
 def _cosine_method(system: ToeplitzSystem) -> Iterator[Method]:
@@ -258,29 +251,49 @@ def _inverse_method(A: ToeplitzOperator) -> Iterator[Method]:
     yield Method("toeplitz_inverse", lambda B, rtol: (G.apply(B), 1))
 
 
-def _recur(system: ToeplitzSystem, c: Array) -> Callable[[Rows, float], tuple[Rows, int]]:
-    """Return the solutions by Trench's recursion for this first column, made for the first."""
+def _recur(system: ToeplitzSystem) -> Callable[[Rows, float], tuple[Rows, int]]:
+    """Return the solutions by Trench's recursion, which is done for the first of them."""
+    inverse = cache(partial(_inverse_by_recursion, system, system.c))
+    return lambda B, rtol: (inverse().apply(B), 1)
+
+
+def _inverse_by_recursion(system: ToeplitzSystem, c: Array) -> GohbergSemencul:
+    """Invert the matrix of the system, with this first column."""
+    r = c if system.is_symmetric else system.r
+    return GohbergSemencul(*column_and_row_of_inverse(c, r))
+
+
+def _iterate_shifted(system: ToeplitzSystem) -> Callable[[Rows, float], tuple[Rows, int]]:
+    """Return the solutions by GMRES, with the inverse of A and a small shift, made for the first.
+
+    No leading block of A + ε I is as singular as one of A may be. Only the few eigenvalues of A
+    that are not large beside ε are left to the iteration.
+    """
 
     @cache
     def inverse() -> GohbergSemencul:
-        r = c if system.is_symmetric else system.r
-        return GohbergSemencul(*column_and_row_of_inverse(c, r))
+        c = system.c.copy()
+        c[0] += SHIFT * norm(system.lags)
+        return _inverse_by_recursion(system, c)
 
-    return lambda B, rtol: (inverse().apply(B), 1)
+    return lambda B, rtol: solve_by_gmres(system.A, inverse(), B, rtol, AT_LAST)
 
 
 def _factorise(system: ToeplitzSystem) -> Callable[[Rows, float], tuple[Rows, int]]:
     """Return the solutions by a dense factor, which is made for the first of them."""
+    getrf, getrs = _lapack(system.c.dtype.char)
 
     @cache
     def factor() -> tuple[Array, Array]:
-        getrf = get_lapack_funcs("getrf", dtype=system.c.dtype)
-        lu, pivots, info = getrf(toeplitz(system.c, system.r), overwrite_a=True)
+        # It is that of the transpose, whose columns are the rows of the filled matrix.
+        lu, pivots, info = getrf(system.fill().T, overwrite_a=True)
         if info > 0:
             raise np.linalg.LinAlgError("A is singular")
         return lu, pivots
 
-    def solve(B: Rows, rtol: float) -> tuple[Rows, int]:
-        return lu_solve(factor(), B.T, check_finite=False).T, 1
+    return lambda B, rtol: (getrs(*factor(), B.T, trans=1)[0].T, 1)
 
-    return solve
+
+@cache
+def _lapack(dtype: str) -> Any:
+    return get_lapack_funcs(("getrf", "getrs"), dtype=dtype)

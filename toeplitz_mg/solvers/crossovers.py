@@ -28,13 +28,12 @@ def lu_is_faster_than_levinson(n: int, columns: int) -> bool:
     return columns >= 4 + n // 32
 
 
-def trench_is_faster_than_levinson(n: int, columns: int, is_corrected: bool) -> bool:
+def trench_is_faster_than_levinson(n: int, columns: int, is_complex: bool) -> bool:
     """Whether Trench's recursion is faster, which is one for all columns and corrections.
 
-    `is_corrected` says that Levinson's would take a second one to correct it, or that the numbers
-    are complex, which take it twice as long.
+    Of complex numbers Levinson's takes twice as long.
     """
-    return n >= (RECURSIVE if is_corrected or columns > 1 else GENERAL)
+    return n >= (RECURSIVE if is_complex or columns > 1 else GENERAL)
 
 
 def recursion_is_faster_than_gmres(n: int, columns: int) -> bool:

@@ -72,8 +72,9 @@ def solve_toeplitz(
     rtol : float, optional
         Where ‖b - A x‖ ≤ rtol ‖b‖ the system is solved; where rounding does not allow that, the
         backward error is to be that of a direct method. By default it is 1e-12; but what SciPy's
-        recursion gives for a real matrix of 257 to 2047 unknowns that is not symmetric is left as
-        it is where its backward error is below 7e-12: to correct it takes another recursion.
+        recursion gives for 257 to 2047 unknowns, where A is not symmetric and positive definite,
+        is left as it is where its backward error is below 7e-12: to correct it takes another
+        recursion.
     full_output : bool
         Whether to return a `SolveInfo` too; of a batch, that of the worst residual.
 
@@ -176,7 +177,13 @@ def _solve_batch(
 ) -> tuple[Array, SolveInfo]:
     """Solve each system of a batch, whose shapes are broadcast."""
     core = min(b.ndim, 2)
-    batch = np.broadcast_shapes(c.shape[:-1], r.shape[:-1], b.shape[:-core])
+    try:
+        batch = np.broadcast_shapes(c.shape[:-1], r.shape[:-1], b.shape[:-core])
+    except ValueError:
+        raise ValueError(
+            f"c has shape {c.shape}, r {r.shape} and b {b.shape}, but all dimensions before those "
+            "of a system must be those of one batch"
+        ) from None
     if 0 in batch:
         raise ValueError(f"the batch has shape {batch}, but must not be empty")
     is_symmetric = r is c or (c.shape == r.shape and np.array_equal(c[..., 1:], r[..., 1:]))

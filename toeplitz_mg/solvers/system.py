@@ -19,6 +19,7 @@ EPS = float(np.finfo(np.float64).eps)
 SHORT = 512  # Most unknowns of which a product by its definition is as fast as one by FFT.
 LONG = 2048  # Fewest unknowns of which a product in a domain of their own is faster than by FFT.
 LARGEST_COSINE = 2**16  # Most unknowns of which a product is by transforms at once, not in panels.
+FEW = 8  # Most vectors for which the set-up of products of several is not worth it there.
 SMALL = 256  # Most unknowns where a filled matrix is as fast, for several vectors.
 TINY = 1e-300  # Size in the place of zero, so that the relative error of zero is zero.
 USUAL = 1e-60, 1e60  # Sizes whose products, quotients and squares neither over- nor underflow.
@@ -113,11 +114,11 @@ class ToeplitzSystem:
     def multiply(self, X: Rows) -> Rows:
         """Multiply rows by A, as cheaply as can be for its size."""
         n = len(self.c)
-        if X.ndim == 1 and n < LONG and "cosine_form" not in self.__dict__:
-            if n > SHORT:
-                return self._multiply_by_transforms(X)
-            # This is `numpy.convolve`, which for some unknowns takes twice as long.
-            return np.correlate(self.lags, X[::-1].conj(), "valid")
+        if n < LONG and "cosine_form" not in self.__dict__:
+            if X.ndim == 1:
+                return self._multiply_one(X)
+            if n > SMALL and len(X) <= FEW:
+                return np.stack([self._multiply_one(x) for x in X])
         if n <= SMALL:
             return X @ self._dense.T
         if self.is_symmetric and n <= LARGEST_COSINE:
@@ -126,9 +127,12 @@ class ToeplitzSystem:
             return self.fourier_form.multiply(X)
         return self.A.apply(X)
 
-    def _multiply_by_transforms(self, x: Array) -> Array:
-        """Multiply a vector by a circulant that has A as a block: that takes few calls."""
+    def _multiply_one(self, x: Array) -> Array:
+        """Multiply a vector in few calls: by the definition, or a circulant with A as a block."""
         n, of_lags = len(self.c), len(self.lags)
+        if n <= SHORT:
+            # This is `numpy.convolve`, which for some unknowns takes twice as long.
+            return np.correlate(self.lags, x[::-1].conj(), "valid")
         is_complex = self.c.dtype.kind == "c"
         *_, forward, back = (np.fft.fft, np.fft.ifft) if is_complex else transforms()
         m = next_fast_len(of_lags, real=not is_complex)
@@ -141,6 +145,10 @@ class ToeplitzSystem:
 
     @cached_property
     def _dense(self) -> Array:
+        return self.fill()
+
+    def fill(self) -> Array:
+        """Return the matrix as a new array of shape (n, n)."""
         n, (step,) = len(self.c), self.lags.strides
         # A[i, j] is the lag i - j.
         A = np.ndarray((n, n), self.c.dtype, self.lags, (n - 1) * step, (step, -step))
