@@ -103,7 +103,5 @@ def test_the_recursion_for_all_is_that_for_each():
 
 
 def test_what_is_no_batch_is_refused():
-    with pytest.raises(
-        ValueError, match=r"c has shape \(2, 4\), .* and b \(3, 4, 1\), but"
-    ):
+    with pytest.raises(ValueError, match=r"c has shape \(2, 4\), .* and b \(3, 4, 1\), but"):
         tmg.solve_toeplitz(np.ones((2, 4)), np.ones((3, 4, 1)))

@@ -130,6 +130,8 @@ def test_rolling_by_force_and_moment(capsys):
     found = figures(capsys.readouterr().out)
     assert_allclose(found["tangential force [N]"], [10.0, 5.0], rtol=1e-5)
     assert len(found["creepages [1, 1, 1/mm]"]) == 3
+    assert_allclose(found["moment [N mm]"], [0.3], rtol=1e-5)
+    assert found["power over speed [N]"][0] > 0.0
     assert run("rolling", "-n", "32", "--line", "--tangential", "10") == 0
     found = figures(capsys.readouterr().out)
     # Carter's theory has the same force and stick for the creepage that was found.
@@ -146,6 +148,8 @@ def test_rolling_writes_its_fields(tmp_path):
     )
     assert_allclose(fields["traction"], rolled.traction)
     assert_allclose(fields["rigid"], [-0.002, 0.0, 0.0])
+    assert_allclose(fields["power"], rolled.power)
+    assert_allclose(fields["moment"], rolled.moment, atol=1e-6)
 
 
 @pytest.mark.parametrize("options", [["--tangential", "20"], ["--line", "--shift", "1e-4"]])

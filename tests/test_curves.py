@@ -51,6 +51,14 @@ def test_a_curve_of_a_line_may_begin_without_lateral_creepage():
     assert curve.force[0, 1] == 0.0
 
 
+def test_a_curve_starts_from_a_guess():
+    g, alone = circle(24, (0.05, 0.02, 0.1))
+    case = {"material": Material.from_shear(1.0, 0.25), "lateral": 0.02, "spin": 0.1}
+    curve = creep_curve(g, alone.element, longitudinal=[0.05], guess=alone, **case)
+    assert curve.products[0] < alone.products
+    assert_allclose(curve.force[0], alone.force, rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     "creepages", [{"longitudinal": [0.1, 0.2], "lateral": [0.1]}, {"spin": [[0.1]]}]
 )

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from toeplitz_mg import halfspace
-from toeplitz_mg.contact import Material, surfaces
+from toeplitz_mg.contact import FrictionalResult, Material, surfaces
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.problem import normal_contact
 from toeplitz_mg.contact.products import Products
@@ -648,6 +648,9 @@ def test_refuses_a_coefficient_of_friction_that_makes_no_sense():
         friction(bound, 1.0, mu=0.1, material=steel, force=0.1)
     with pytest.raises(TypeError, match="material is not given"):
         friction(bound, 1.0, force=0.1)
+    both = FrictionalResult(pressed_line(), friction(pressed_line(), mu=0.3, shift=0.01), (0.0,))
+    with pytest.raises(TypeError, match="bound is a FrictionalResult, but must be a normal result"):
+        friction(both, mu=0.3, force=0.1)
     with pytest.raises(TypeError, match="bound is a tangential result"):
         friction(friction(pressed_line(), mu=0.3, shift=0.01), mu=0.3, shift=0.01)
 

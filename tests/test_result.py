@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from toeplitz_mg.contact import (
+    ContactError,
     ContactResult,
     FrictionalResult,
     Material,
@@ -296,3 +297,29 @@ def test_a_notebook_shows_both_results_of_contact_with_friction():
     rows = [row for table in tables for row in table.findall("tr")]
     energies = [row.find("td").text for row in rows if row.find("th").text == "elastic energy"]
     assert energies == [f"{PRESSED.energy + SHIFTED.energy:.5g} N mm"]
+
+
+def test_an_error_of_another_process_has_its_result():
+    with pytest.raises(ContactError) as caught:
+        press(max_products=1)
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert str(again) == str(caught.value)
+    assert np.array_equal(again.result.pressure, caught.value.result.pressure)
+
+
+def test_what_is_infinite_is_not_told_as_nothing():
+    wave = 1e-6 * np.cos(2.0 * np.pi * np.arange(16) / 16)
+    full = normal_contact(wave, 1.0 / 16, material=SOFT, force=0.1, periodic=True)
+    assert full.stiffness == np.inf
+    assert "stiffness         inf N/mm" in full.summary()
+
+
+def test_an_element_is_the_same_but_for_rounding():
+    """A length over a number of pixels is not what one types."""
+    element = (H[0] * (1.0 + 4e-16), H[1])
+    assert element != H
+    case = {"material": SOFT, "force": (0.01, 0.0)}
+    again = friction(0.3 * PRESSED.pressure, element, previous=SHIFTED, **case)
+    assert_allclose(again.force, (0.01, 0.0), atol=1e-12)
+    gap = surfaces.sphere((48, 32), H, radius=1.0)
+    assert normal_contact(gap, element, material=SOFT, force=0.1, previous=PRESSED).products

@@ -17,7 +17,7 @@ from toeplitz_mg.cli.contact_arguments import complete
 from toeplitz_mg.cli.hertzian import Hertzian
 from toeplitz_mg.cli.report import PRESSURE, TANGENTIAL, Waiting, print_step, step_printer
 from toeplitz_mg.cli.rough import Rough
-from toeplitz_mg.contact import ContactError, ContactResult, ContactWarning
+from toeplitz_mg.contact import ContactError, ContactResult, ContactWarning, TangentialResult
 
 
 def run(given: argparse.Namespace) -> int:
@@ -47,6 +47,7 @@ def run(given: argparse.Namespace) -> int:
 def fields(results: Mapping[str, ContactResult]) -> dict[str, Any]:
     """Return what is written, by name."""
     pressed, tangential = results[PRESSURE], results.get(TANGENTIAL)
+    assert isinstance(tangential, TangentialResult | None)
     centres = np.meshgrid(*pressed.centres, indexing="ij")
     found: dict[str, Any] = dict(zip("xy", centres, strict=False))
     found |= {"element": pressed.element, "contact": pressed.contact}
@@ -57,6 +58,8 @@ def fields(results: Mapping[str, ContactResult]) -> dict[str, Any]:
         found |= {"stick": tangential.stick, "bound": tangential.bound}
         found |= {"tangential_displacement": tangential.displacement}
         found |= {"tangential_force": tangential.force, "rigid": tangential.rigid}
+        of_rolling = {"moment": tangential.moment, "power": tangential.power}
+        found |= {name: value for name, value in of_rolling.items() if value is not None}
     return found
 
 
@@ -129,9 +132,16 @@ def _tangential_figures(
     rigid = "shift [mm]"
     if o.case == "rolling":
         rigid = "creepage" if o.line else "creepages [1, 1, 1/mm]"
-    return [
-        (f"tangential force [{'N/mm' if o.line else 'N'}]", along, None),
+    unit = "N/mm" if o.line else "N"
+    rows: list[tuple[str, Any, Any]] = [
+        (f"tangential force [{unit}]", along, None),
         ("that over friction's", part, force),
         (rigid, result.rigid, None),
         ("part that sticks", share, sticks),
     ]
+    if o.case == "rolling":
+        rows.append((f"power over speed [{unit}]", result.power, None))
+    if result.moment is not None:
+        is_moment = abs(result.moment) > o.tolerance * min(carried, pressed.force) * a
+        rows.append(("moment [N mm]", result.moment if is_moment else 0.0, None))
+    return rows

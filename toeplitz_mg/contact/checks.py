@@ -99,6 +99,11 @@ def check_pressed(
         raise TypeError(
             "bound is a tangential result, but must be a normal one, or a traction bound"
         )
+    if not isinstance(bound, NormalResult) and hasattr(bound, "normal"):
+        raise TypeError(
+            f"bound is a {type(bound).__name__}, but must be a normal result, as its `normal`, or "
+            "a traction bound"
+        )
     if not isinstance(bound, NormalResult):
         if mu is not None:
             raise TypeError(
@@ -199,7 +204,7 @@ def check_previous(
     if not isinstance(previous, TangentialResult):
         kind = type(previous).__name__
         raise TypeError(f"{name} is of type {kind}, but must be a TangentialResult")
-    if previous.contact.shape != shape[1:] or previous.element != grid.element:
+    if previous.contact.shape != shape[1:] or not _is_same(previous.element, grid.element):
         raise ValueError(
             f"{name} has {previous.contact.shape} elements of {previous.element}, but the grid "
             f"has {shape[1:]} of {grid.element}"
@@ -229,11 +234,16 @@ def check_same_grid(previous: Any, grid: Grid) -> None:
     if not isinstance(previous, NormalResult):
         kind = type(previous).__name__
         raise TypeError(f"previous is of type {kind}, but must be a NormalResult")
-    if previous.shape != grid.shape or previous.element != grid.element:
+    if previous.shape != grid.shape or not _is_same(previous.element, grid.element):
         raise ValueError(
             f"previous has {previous.shape} elements of {previous.element}, but the grid has "
             f"{grid.shape} of {grid.element}"
         )
+
+
+def _is_same(element: tuple[float, ...], other: tuple[float, ...]) -> bool:
+    """Whether two elements are alike, but for the rounding of a size over a number of pixels."""
+    return len(element) == len(other) and np.allclose(element, other, rtol=ALIKE, atol=0.0)
 
 
 def check_iteration(tolerance: float, max_products: int, progress: Any = None) -> None:

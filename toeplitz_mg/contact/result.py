@@ -38,6 +38,10 @@ class ContactError(RuntimeError):
         super().__init__(message)
         self.result = result
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how it is made anew, as where another process has raised it."""
+        return type(self), (*self.args, self.result)
+
 
 def check_converged(result: Result, tolerance: float) -> Result:
     """Return the result, or raise ContactError where it violates the conditions of contact."""

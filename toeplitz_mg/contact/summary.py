@@ -26,7 +26,8 @@ class Figure(NamedTuple):
         if isinstance(self.value, str):
             return self.value
         values = np.atleast_1d(self.value)
-        least = NOTHING * float(np.abs(values).max())
+        sizes = np.abs(values)
+        least = NOTHING * float(np.max(sizes, where=np.isfinite(sizes), initial=0.0))
         numbers = ", ".join(f"{x if abs(x) > least else 0.0:.5g}" for x in values)
         return f"{numbers if len(values) == 1 else f'({numbers})'} {self.unit}".rstrip()
 

@@ -147,7 +147,8 @@ def creep_curve(
     longitudinal, lateral, spin : array_like
         The creepages of each point, or one number for all points.
     **arguments
-        More arguments of `rolling`: `slip`, `pole`, `falling`, `tolerance`, `max_products`.
+        More arguments of `rolling`: `slip`, `pole`, `falling`, `tolerance`, `max_products`,
+        and a `guess` for the first point.
 
     Returns
     -------
@@ -186,7 +187,7 @@ def creep_curve(
     points = _read_points(longitudinal, lateral, spin)
 
     def solve() -> Iterator[TangentialResult]:
-        guess = None
+        guess = arguments.pop("guess", None)
         for point in points.tolist():
             creepages = dict(zip(CREEPAGES, point, strict=True))
             guess = rolling(

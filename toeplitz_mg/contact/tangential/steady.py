@@ -17,6 +17,7 @@ about as many products as one by creepage.
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.iteration import Iteration
 from toeplitz_mg.contact.tangential.leading_edge import roll_backwards
 from toeplitz_mg.contact.tangential.problem import Problem, State, admit
+from toeplitz_mg.contact.tangential.searching import search_creepages
 from toeplitz_mg.contact.tangential.settling import settle
 from toeplitz_mg.contact.tangential.stick_slip import COARSE_PRODUCTS, solve
 from toeplitz_mg.operators import apply_to_rows
@@ -39,6 +41,9 @@ from toeplitz_mg.values import count
 # Ratio of what tractions lack of the bound on one side of an edge to slip/k₀ on the other: 0.5
 # leaves about the fewest elements in the wrong area; 0.25 and 1.0 leave up to twice as many.
 EDGE = 0.5
+# Part of the load of sliding bodies to which creepages are searched for, and by how much the next
+# search is closer, where that has not been enough.
+LOOSE, CLOSER = 1e-2, 1e-2
 STEP_TOLERANCE = 1e-6  # Tolerance of a step of rolling that only leads to the steady state.
 
 
@@ -124,6 +129,7 @@ def find_steady_state(
             q, slide = roll_backwards(M.at(np.zeros(grid.shape))(problem.b), problem.g)
         guess = admit(problem, q, slide)
 
+    accuracy, creepages = LOOSE, np.zeros(len(loads.wanted))
     while True:
         step = Iteration(problem, loads, M, options.iterations)
         # On a small grid a product in double precision takes little longer.
@@ -132,8 +138,32 @@ def find_steady_state(
         iterations += state.iterations
         if state.residual <= problem.tolerance or K.exhausted:
             return replace(state, iterations=iterations)
-        b = problem.b + problem.vectors.combine(state.shift, loads.units)
-        guess = _roll_on(replace(problem, b=b), state.q, K)
+        if len(loads.wanted):
+            roll = partial(_roll_by_creepages, problem, loads, K, options)
+            state, creepages = search_creepages(problem, loads, K, roll, state, creepages, accuracy)
+            residual = max(state.residual, loads.error(state.q, problem.vectors))
+            if residual <= problem.tolerance:
+                return replace(state, shift=creepages, residual=residual, iterations=iterations)
+            guess, accuracy = (state.q, state.areas), CLOSER * accuracy
+        else:
+            guess = _roll_on(problem, state.q, K)
+
+
+def _roll_by_creepages(
+    problem: Problem,
+    loads: Loads,
+    K: Products,
+    options: SteadyOptions,
+    creepages: Array,
+    state: State,
+) -> State:
+    """Return the steady state of creepages that are given, from one near by."""
+    b = problem.b + problem.vectors.combine(creepages, loads.units)
+    guess = state.q, state.areas
+    nothing = Loads(loads.units[:0], loads.arms[:0], loads.wanted[:0])
+    return find_steady_state(
+        replace(problem, b=b), K, nothing, guess=guess, nested=False, options=options
+    )
 
 
 def _guess_from_coarser_grids(

@@ -41,17 +41,25 @@ class Report:
         Those of the solutions before.
     residual : float
         The violation after the last iteration: infinite before, when a solution tells its own.
+    exhausted : bool
+        Whether a solution has taken all products that it may: then it is none, nor are others.
     """
 
     progress: Progress | None
     products: int = 0
     residual: float = inf
+    exhausted: bool = False
 
     def __call__(self, products: int, residual: float) -> None:
         """Tell of products of the solution that is under way."""
         if self.progress is not None:
             known = self.residual < inf
             self.progress(self.products + products, self.residual if known else residual)
+
+    def add(self, products: int, most: int) -> None:
+        """Add the products of a solution that is at its end, of which so many were allowed."""
+        self.products += products
+        self.exhausted = self.exhausted or products >= most
 
     def look(self, residual: float) -> None:
         """Tell of the violation after an iteration."""
@@ -96,7 +104,7 @@ def alternate(
         q = shear(p)
         residuals.append(normal.look(q, p))
         report.look(residuals[-1])
-        if residuals[-1] <= tolerance or len(residuals) == most:
+        if residuals[-1] <= tolerance or len(residuals) == most or report.exhausted:
             return p, q, tuple(residuals)
         pairs = extend(pairs, p, normal.solve(q, p))
         p = normal.balance(accelerate(pairs))

@@ -127,7 +127,7 @@ class Pressing:
 
     def _add(self, products: int) -> None:
         self.products += products
-        self.report.products += products
+        self.report.add(products, self.max_products)
 
     def _is_apart(self, z: Array) -> bool:
         """Return whether nothing is pressed where the gap is z."""

@@ -138,7 +138,7 @@ def frictional_rolling(
         found = roll(
             grid, g, Window.tight, asked, inner, nested, max_products, report, options, guess
         )
-        report.products += found.products
+        report.add(found.products, max_products)
         return found
 
     with count_products() as work:

@@ -97,7 +97,7 @@ class Shifting:
         solve = slide_off if self._slides(g) else partial(self._solve, window)
         state, slip = solve(problem, products)
         self.products += products.count
-        self.report.products += products.count
+        self.report.add(products.count, self.max_products)
         self.found = Found(problem, state, window, slip)
         self.slide, self.q = window.extend(state.areas.slide), window.extend(state.q)
         return self.q

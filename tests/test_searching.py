@@ -1,0 +1,65 @@
+"""Creepages that are searched for by loads: where little sticks, and in fields of slip."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from toeplitz_mg.contact import (
+    Material,
+    frictional_rolling,
+    hertz,
+    normal_contact,
+    rolling,
+    surfaces,
+)
+
+STEEL = Material(E=210000.0, nu=0.28)
+SOFT = Material(E=400.0, nu=0.3)
+FLANGE = ((460.0, np.inf), (np.inf, 20.0))
+
+
+def flange(n):
+    """A wheel's flange on a rail."""
+    a, b = hertz(radii=FLANGE, material=STEEL, force=60e3).half_axes
+    element = (2.3 * a / n, 2.3 * b / n)
+    gap = surfaces.ellipsoid((n, n), element, radii=FLANGE)
+    return normal_contact(gap, element, material=STEEL, force=60e3)
+
+
+@pytest.mark.parametrize("mu", [0.02, 0.05, 0.1])
+@pytest.mark.parametrize("share", [(0.0, -0.5), (0.0, 0.5), (0.3, 0.0), (0.0, 0.0), (0.6, -0.6)])
+@pytest.mark.parametrize("spin", [2e-3, 4e-3])
+def test_spin_with_little_friction(mu, share, spin):
+    """By the creepages that are found rolling has the same forces."""
+    pressed = flange(16)
+    wanted = mu * pressed.force * np.array(share)
+    found = rolling(pressed, mu=mu, spin=spin, force=wanted)
+    assert_allclose(found.force, wanted, atol=1e-6 * mu * pressed.force)
+    longitudinal, lateral, _ = found.creepages
+    again = rolling(pressed, mu=mu, longitudinal=longitudinal, lateral=lateral, spin=spin)
+    assert_allclose(again.force, wanted, atol=1e-4 * mu * pressed.force)
+
+
+@pytest.mark.parametrize("power", [1, 2])
+@pytest.mark.parametrize("size", [0.001, 0.05])
+@pytest.mark.parametrize("share", [-0.95, 0.0, 0.5])
+@pytest.mark.parametrize("mu", [0.01, 0.3])
+def test_a_field_of_slip_far_beyond_what_sticks(mu, share, size, power):
+    """A cylinder on a groove slides almost everywhere, one way and the other (Heathcote)."""
+    (x,) = surfaces.centres(24, 6.4 / 24)
+    pressed = normal_contact(x**2 / 200.0, 6.4 / 24, material=SOFT, approach=0.02)
+    wanted = share * mu * pressed.force
+    found = rolling(pressed, mu=mu, force=wanted, slip=size * x**power)
+    assert_allclose(found.force, wanted, atol=1e-6 * mu * pressed.force)
+
+
+def test_free_rollers_that_are_as_unlike_as_can_be():
+    (x,) = surfaces.centres(32, 0.2)
+    bodies = SOFT, Material.rigid()
+    for gap, mu in ((0.01 * np.abs(x), 0.05), (x**2 / 200.0, 0.02)):
+        force = normal_contact(gap, 0.2, material=bodies, approach=0.025).force
+        pressed = {"material": bodies, "mu": mu, "force": force}
+        free = frictional_rolling(gap, 0.2, tangential_force=0.0, **pressed)
+        assert abs(free.tangential.force) <= 1e-6 * mu * force
+        again = frictional_rolling(gap, 0.2, longitudinal=free.tangential.creepages, **pressed)
+        assert abs(again.tangential.force) <= 1e-3 * mu * force
