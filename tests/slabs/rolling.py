@@ -1,5 +1,7 @@
 """Rolling on slabs: its matrices, and the same tractions as on one machine."""
 
+from functools import partial
+
 import numpy as np
 from numpy.testing import assert_allclose
 
@@ -86,6 +88,17 @@ def test_bodies_roll_step_by_step(comm):
             assert_allclose(one.traction, other.traction[:, slab.rows], atol=1e-5 * size)
             assert_allclose(one.force, other.force, atol=1e-5 * load[0])
             assert_allclose(one.rigid, other.rigid, rtol=1e-4, atol=1e-9)
+
+
+def test_a_field_of_slip_on_some_ranks_only_is_refused(comm):
+    slab = slabs.Slab(comm, (24, 16))
+    field = None if comm.rank else np.full((2, *slab.local), 1e-5)
+    case = {"material": STEEL, "longitudinal": 1e-4, "slip": field}
+    rolled = (slabs.rolling, {}), (slabs.rolling_steps, {"steps": 1})
+    for function, more in rolled if comm.size > 1 else ():
+        work = partial(function, np.full(slab.local, 9.0), slab, (0.02, 0.03), **case, **more)
+        text = "whether there is a field of slip is True on rank 0 and False on rank 1"
+        refuses(comm, ValueError, text, work)
 
 
 def test_steps_are_refused_by_all(comm):
