@@ -101,6 +101,25 @@ def test_a_field_of_slip_on_some_ranks_only_is_refused(comm):
         refuses(comm, ValueError, text, work)
 
 
+@doubts_ignored()
+def test_strips_of_one_element_roll(comm):
+    """Grids of one axis, along which they roll or across it, whose products are those of a line."""
+    for shape, bound in (((30, 1), False), ((400, 1), True), ((1, 400), True)):
+        if shape[0] < comm.size:
+            continue
+        x = np.linspace(-1.1, 1.1, max(shape)).reshape(shape)
+        g = 100.0 * (np.sqrt(np.maximum(1.0 - x**2, 0.0)) if bound else np.ones(shape))
+        case = {"material": STEEL, "longitudinal": 1e-4, "lateral": 5e-5}
+        alone = contact.rolling(g, (0.02, 0.03), **case)
+        slab = slabs.Slab(comm, shape)
+        own = slabs.rolling(g[slab.rows], slab, (0.02, 0.03), **case)
+        assert own.residual <= 1e-8
+        # One process solves with few elements directly.
+        assert own.products <= max(1.2 * alone.products, 16)
+        assert_allclose(own.traction, alone.traction[:, slab.rows], atol=1e-6)
+        assert_allclose(own.force, alone.force, rtol=1e-6)
+
+
 def test_steps_are_refused_by_all(comm):
     g, element = bound_of(41)
     slab = slabs.Slab(comm, g.shape)
