@@ -1,6 +1,11 @@
 """Normal contact on slabs: the same areas as on one machine, with about as many products."""
 
+import pickle
 from contextlib import contextmanager
+from copy import deepcopy
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -179,6 +184,36 @@ def test_where_there_is_no_material(comm):
     assert own.area == pytest.approx(alone.area, rel=1e-5)
     size = alone.traction.max()
     assert_allclose(own.traction, alone.traction[slab.rows], atol=1e-5 * size)
+
+
+def test_a_result_of_one_rank_is_not_taken_for_that_of_all(comm):
+    gap, element, force = surface("sphere", 40)
+    slab, case = slabs.Slab(comm, gap.shape), {"material": STEEL}
+    own = slabs.normal_contact(gap[slab.rows], slab, element, force=force, **case)
+    shifted = slabs.friction(0.3 * own.pressure, slab, element, shift=(1e-4, 0.0), **case)
+    with TemporaryDirectory() as there:
+        path = Path(there) / "result"
+        uses = (
+            lambda: own.save(path.with_suffix(".npz")),
+            *([own.to_xarray] if find_spec("xarray") else ()),
+            lambda: own.to_vtk(path.with_suffix(".vti")),
+            lambda: shifted.save(path.with_suffix(".npz")),
+            lambda: own.plot(),
+            lambda: contact.subsurface_stresses(own, depths=1.0),
+            lambda: contact.friction(own, mu=0.3, force=(1.0, 0.0)),
+            lambda: contact.normal_contact(gap, element, force=force, previous=own, **case),
+        )
+        for use in uses if comm.size > 1 else ():
+            with pytest.raises(ValueError, match=r"rows of one rank, .*slab\.save"):
+                use()
+        assert not list(Path(there).iterdir())
+    assert "stiffness" not in own.summary() or comm.size == 1
+    # Pickled, it is without what all ranks have to compute together.
+    again = pickle.loads(pickle.dumps(own))
+    assert np.array_equal(again.pressure, own.pressure)
+    stiffness = own.stiffness
+    assert again.stiffness == (stiffness if comm.size == 1 else None)
+    assert deepcopy(own).stiffness == stiffness
 
 
 def test_bad_input_is_refused_on_all_ranks(comm):

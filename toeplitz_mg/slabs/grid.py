@@ -1,5 +1,6 @@
 """A grid of elements in slabs, and its matrices: what the searches of `contact` need of it."""
 
+from copy import copy
 from functools import cached_property
 from math import prod
 from typing import Any
@@ -46,6 +47,10 @@ class SlabGrid:
         self.periodic, self.has_free_mean = whole.periodic, whole.has_free_mean
         self._is_first = slab.comm.rank == 0
         self._is_last = slab.comm.rank == slab.comm.size - 1
+
+    def __reduce__(self) -> Any:
+        """Be pickled, with what a result computes on demand on one rank, as the whole grid."""
+        return copy, (self.whole,)
 
     @cached_property
     def _coarser(self) -> Any:
