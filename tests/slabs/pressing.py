@@ -228,6 +228,9 @@ def test_bad_input_is_refused_on_all_ranks(comm):
     bad = np.zeros(slab.local)
     bad[0, 0] = np.nan if last else 0.0
     name = f"rank {comm.size - 1}: "
+    unknown = {"force": 1.0} | ({"hardness": 2.0} if last else {})
+    refuses(comm, TypeError, name + "hardness is given, but normal_contact", press(**unknown))
+    refuses(comm, TypeError, "slab is 3, but must be a Slab", press(bad, slab=3))
     refuses(comm, ValueError, name + "gap is not a number somewhere", press(bad))
     short = np.zeros((slab.local[0] - last, 40))
     refuses(comm, ValueError, name + "gap has shape", press(short))

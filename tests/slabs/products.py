@@ -313,3 +313,10 @@ def test_wrong_vectors_and_masks_are_refused_by_all(comm):
     refuses(comm, TypeError, text, lambda: slabs.MaskedOperator(B, ~nothing))
     text = "blocks has 1 rows of [2] blocks"
     refuses(comm, ValueError, text, lambda: slabs.CoupledOperator([[A, A]]))
+    for wrong in ([A, A], [[A, 3], [3, A]], [A, [A]]):
+        blocks = wrong if is_last else [[A, None], [None, A]]
+        text = f"rank {last}: blocks is ["
+        refuses(comm, TypeError, text, lambda blocks=blocks: slabs.CoupledOperator(blocks))
+    for wrong in (3, [], [3], "xx"):
+        text = f"blocks is {wrong!r}, but must have rows of ToeplitzOperator"
+        refuses(comm, TypeError, text, lambda wrong=wrong: slabs.CoupledOperator(wrong))

@@ -21,7 +21,7 @@ from toeplitz_mg.engine.library import NUMPY, Library, library_of
 from toeplitz_mg.operators.coefficients import check_finite, check_precision, require_digits
 from toeplitz_mg.operators.masked import check_booleans
 from toeplitz_mg.slabs.product import SlabProduct, embed_on_slab
-from toeplitz_mg.slabs.slab import Slab
+from toeplitz_mg.slabs.slab import Slab, require_slab
 
 
 class SlabOperator:
@@ -158,8 +158,7 @@ class ToeplitzOperator(SlabOperator):
         behind: ArrayLike | None = None,
         product: Any = None,
     ) -> None:
-        if not isinstance(slab, Slab):
-            raise TypeError(f"slab is {slab!r}, but must be a Slab: Slab(MPI.COMM_WORLD, shape)")
+        require_slab(slab)
         with slab.agree() as same:
             library = library_of(c)
             self.c = _check_rows("c", c, library, slab)

@@ -210,3 +210,9 @@ class Slab(Messages):
         return (
             f"<Slab of the grid {self.shape}: rows {start} to {stop - 1} on rank {self.comm.rank}>"
         )
+
+
+def require_slab(slab: Any) -> None:
+    """Refuse what is no slab; other ranks may wait, as there is none to agree on."""
+    if not isinstance(slab, Slab):
+        raise TypeError(f"slab is {slab!r}, but must be a Slab: Slab(MPI.COMM_WORLD, shape)")
