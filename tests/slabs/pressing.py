@@ -142,8 +142,11 @@ def test_ranks_may_be_without_contact(comm):
 def test_doubts_are_told_on_every_rank(comm):
     gap, element, force = surface("sphere", 20)
     slab = slabs.Slab(comm, gap.shape)
-    with pytest.warns(contact.ContactWarning, match="reaches the edge of the grid along x and y"):
+    with pytest.warns(
+        contact.ContactWarning, match="reaches the edge of the grid along x and y"
+    ) as told:
         slabs.normal_contact(gap[slab.rows], slab, element, material=STEEL, force=20.0 * force)
+    assert told[0].filename == __file__
 
 
 def test_only_small_grids_are_gathered(comm):

@@ -191,5 +191,5 @@ def _begin(
 
 def _check(result: Any, how: dict[str, Any]) -> Any:
     """Return a result that has converged, and warn of what is doubtful about it."""
-    doubts.warn(check_converged(result, how["tolerance"]).warnings)
+    doubts.warn(check_converged(result, how["tolerance"]).warnings, within=1)
     return result

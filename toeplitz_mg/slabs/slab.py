@@ -117,8 +117,12 @@ class Slab(Messages):
         return x[self.rows], y
 
     def sum(self, x: Array) -> float:
-        """Return the sum of a field of which each rank has its part: the same on all ranks."""
-        library = library_of(x)
+        """Return the sum of a real field of which each rank has its part: the same on all ranks."""
+        with self.agree():
+            library = library_of(x)
+            dtype = library.dtype(library.read("x", x))
+            if dtype.kind not in "buif":
+                raise TypeError(f"x has dtype {dtype}, but must be of real numbers")
         return library.vectors_of(self.gather).sum(np.asarray(x) if library is NUMPY else x)
 
     save = save_rows

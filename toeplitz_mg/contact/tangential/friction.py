@@ -181,6 +181,8 @@ def shift_bodies(
         if change is not None:
             b = b + change
             same["shift"] = "a field" if of_elements else change.tolist()
+        if force is not None:
+            check_force(force, np.inf, grid)  # How much of it is carried all ranks know together.
         same["force"], same["nested"] = refuse_masked("force", force).tolist(), bool(nested)
         same["tolerance"], same["max_products"] = tolerance, max_products
         same["whether there is a previous contact"] = previous is not None
