@@ -59,8 +59,7 @@ class SlabGrid:
             return whole  # Every rank has all of it.
         if np.diff(self._coarse_starts).min() == 0:
             return None
-        slab = self.slab.alike(whole.shape, self.slab.unit // 2, self._coarse_starts)
-        return SlabGrid(whole, slab)
+        return SlabGrid(whole, self.slab.alike(whole.shape, self._coarse_starts))
 
     @property
     def _coarse_starts(self) -> Array:
@@ -85,7 +84,8 @@ class SlabGrid:
         x = coarsen(x[..., 2 * a - first : 2 * b - first, :])
         if isinstance(self._coarser, SlabGrid):
             return x
-        return np.moveaxis(self.slab.everywhere(np.moveaxis(x, -2, 0)), 0, -2)
+        lengths = np.diff(self._coarse_starts)
+        return np.moveaxis(self.slab.everywhere(np.moveaxis(x, -2, 0), lengths), 0, -2)
 
     def refine(self, x: Array) -> Array:
         """Interpolate a field from the coarser grid."""
