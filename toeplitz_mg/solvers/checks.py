@@ -65,7 +65,8 @@ def check_system(
         same["rtol, atol, maxiter"] = rtol, atol, maxiter
         same["the dtype of A, M, b and x0"] = system.dtype
         for name, operator in (("M", system.M), ("inner", system.inner)):
-            same[f"the dtype of {name}"] = None if operator is None else operator.dtype
+            # A name, as NumPy takes None for the dtype float64.
+            same[f"the dtype of {name}"] = None if operator is None else operator.dtype.name
         same["whether there is a first guess"] = x0 is not None
     if maxiter is None:
         # There are 10 for each unknown, also for those of other ranks.
