@@ -7,7 +7,8 @@
 #SBATCH --time=01:00:00
 
 # The cluster's own MPI: mpi4py runs on any. Where python -m mpi4py starts the script, an error on
-# one rank ends the others, which would wait for it.
+# one rank ends the others, which would wait for it. The script shares its work among the threads
+# of a rank itself: BLAS is not to take the same cores.
 module load python openmpi
-export OMP_NUM_THREADS=$SLURM_CPUS_PER_TASK
-srun python -m mpi4py press_on_a_cluster.py
+export OMP_NUM_THREADS=$SLURM_CPUS_PER_TASK OPENBLAS_NUM_THREADS=1
+srun --cpus-per-task="$SLURM_CPUS_PER_TASK" python -m mpi4py press_on_a_cluster.py

@@ -1,5 +1,6 @@
 """Arrays of other libraries: the operators, preconditioners and iterations are those on NumPy's."""
 
+import operator
 import os
 import pickle
 import subprocess
@@ -52,6 +53,15 @@ def random(*shape, dtype=np.float64, seed=0):
 def on_host(array):
     assert library_of(array) is not NUMPY
     return library_of(array).to_numpy(array)
+
+
+def test_sums_of_operators_of_two_libraries_are_refused(xp):
+    ours, theirs = tmg.ToeplitzOperator(kernel(5)), tmg.ToeplitzOperator(xp.asarray(kernel(5)))
+    text = f"{library_of(theirs.c).name}.*numpy|numpy.*{library_of(theirs.c).name}"
+    for A, B in ((ours, theirs), (theirs, ours)):
+        for combine in (operator.add, operator.sub):
+            with pytest.raises(TypeError, match=text):
+                combine(A, B)
 
 
 def error(actual, expected):

@@ -160,6 +160,13 @@ def test_less_precision_is_that_of_the_coefficients(shape):
     )
 
 
+def test_what_is_refused_as_callback():
+    A, b = system()
+    for solve in (tmg.cg, tmg.richardson, tmg.gmres):
+        with pytest.raises(TypeError, match="callback is 3, but must be a function, or None"):
+            solve(A, b, callback=3)
+
+
 def test_what_is_refused_as_inner():
     A, b = system()
     with pytest.raises(ValueError, match=r"inner has shape \(3, 3\), but A has \(900, 900\)"):

@@ -3,6 +3,7 @@
 import base64
 import json
 import os
+import pickle
 from dataclasses import fields, replace
 from xml.etree import ElementTree
 
@@ -295,9 +296,13 @@ def test_what_all_ranks_compute_together_is_not_asked_of_one(tmp_path):
         raise AssertionError("one rank alone asked for it")
 
     rows = replace(PRESSED, shape=(96, 32), stiffness=wait_for_ever)
-    rows.save(tmp_path / "rows.npz")
-    assert contact.load(tmp_path / "rows.npz").stiffness is None
     assert "stiffness" not in rows.summary()
+    assert pickle.loads(pickle.dumps(rows)).stiffness is None
+    with pytest.raises(
+        ValueError, match=r"rows of one rank, \(48, 32\) of the \(96, 32\) elements"
+    ):
+        rows.save(tmp_path / "rows.npz")
+    assert not list(tmp_path.iterdir())
     assert "stiffness" in PRESSED.summary()
 
 

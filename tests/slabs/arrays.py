@@ -32,7 +32,10 @@ def error(comm, actual, expected):
 
 def test_products_are_the_serial_ones(comm):
     # Each shape takes JAX a second or two.
-    libraries = [(array_api_strict, ((12, 15), (7, 5), (6, 4, 5))), (jax.numpy, ((12, 15),))]
+    libraries = [
+        (array_api_strict, ((12, 15), (7, 5), (6, 4, 5), (4, 2))),
+        (jax.numpy, ((12, 15),)),
+    ]
     for xp, shapes in libraries:
         for shape in shapes:
             for dtype, bound in ((np.float64, 1e-14), (np.float32, 2e-6))[: len(shapes)]:
@@ -44,6 +47,24 @@ def test_products_are_the_serial_ones(comm):
                 product = A @ xp.asarray(x[slab.rows].ravel())
                 assert type(product) is type(xp.ones(1))
                 assert error(comm, product, y[slab.rows].ravel()) <= bound
+
+
+def test_coefficients_that_are_neither_even_nor_odd(comm):
+    """Both parts are of one library, also where a rank has changed them since."""
+    slab = slabs.Slab(comm, (12, 15), unit=1)
+    _, own = of(slab)
+    behind = own.copy()
+    if comm.rank:
+        behind *= 0.5
+    expected = slabs.ToeplitzOperator(own, slab, behind=behind) @ np.ones(own.size)
+    a, b = array_api_strict.asarray(own, copy=True), array_api_strict.asarray(behind, copy=True)
+    A = slabs.ToeplitzOperator(a, slab, behind=b)
+    a[...] = 0.0
+    assert np.array_equal(A.c, own)
+    product = A @ array_api_strict.ones(own.size)
+    assert error(comm, product, expected) <= 1e-14
+    with pytest.raises(TypeError, match="behind is an array of numpy"):
+        slabs.ToeplitzOperator(array_api_strict.asarray(own), slab, behind=behind)
 
 
 def test_a_product_moves_no_more_than_on_numpy(comm):
@@ -73,6 +94,19 @@ def test_cg_takes_the_serial_iterations(comm):
     for wrong in (lambda: A @ b[slab.rows].ravel(), lambda: tmg.cg(A, b[slab.rows].ravel())):
         with pytest.raises(TypeError, match=r"numpy.* jax\.numpy"):
             wrong()
+
+
+def test_ranks_may_have_no_column(comm):
+    """Of a grid of fewer columns than ranks some have none to transform along the first axis."""
+    for shape in ((7, 3), (4, 2)):
+        slab = slabs.Slab(comm, shape, unit=1)
+        c, own = of(slab)
+        x = np.random.default_rng(0).standard_normal(shape)
+        A = slabs.ToeplitzOperator(array_api_strict.asarray(own), slab)
+        for name in ("cosine_preconditioner", "sine_preconditioner", "fft_preconditioner"):
+            y = getattr(tmg, name)(tmg.ToeplitzOperator(c)) @ x.ravel()
+            own_y = getattr(slabs, name)(A) @ array_api_strict.asarray(x[slab.rows].ravel())
+            assert error(comm, own_y, y.reshape(shape)[slab.rows].ravel()) <= 1e-13
 
 
 def test_masks_components_and_preconditioners_are_the_serial_ones(comm):

@@ -1,6 +1,11 @@
 """Normal contact on slabs: the same areas as on one machine, with about as many products."""
 
+import pickle
 from contextlib import contextmanager
+from copy import deepcopy
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -137,8 +142,11 @@ def test_ranks_may_be_without_contact(comm):
 def test_doubts_are_told_on_every_rank(comm):
     gap, element, force = surface("sphere", 20)
     slab = slabs.Slab(comm, gap.shape)
-    with pytest.warns(contact.ContactWarning, match="reaches the edge of the grid along x and y"):
+    with pytest.warns(
+        contact.ContactWarning, match="reaches the edge of the grid along x and y"
+    ) as told:
         slabs.normal_contact(gap[slab.rows], slab, element, material=STEEL, force=20.0 * force)
+    assert told[0].filename == __file__
 
 
 def test_only_small_grids_are_gathered(comm):
@@ -181,6 +189,36 @@ def test_where_there_is_no_material(comm):
     assert_allclose(own.traction, alone.traction[slab.rows], atol=1e-5 * size)
 
 
+def test_a_result_of_one_rank_is_not_taken_for_that_of_all(comm):
+    gap, element, force = surface("sphere", 40)
+    slab, case = slabs.Slab(comm, gap.shape), {"material": STEEL}
+    own = slabs.normal_contact(gap[slab.rows], slab, element, force=force, **case)
+    shifted = slabs.friction(0.3 * own.pressure, slab, element, shift=(1e-4, 0.0), **case)
+    with TemporaryDirectory() as there:
+        path = Path(there) / "result"
+        uses = (
+            lambda: own.save(path.with_suffix(".npz")),
+            *([own.to_xarray] if find_spec("xarray") else ()),
+            lambda: own.to_vtk(path.with_suffix(".vti")),
+            lambda: shifted.save(path.with_suffix(".npz")),
+            lambda: own.plot(),
+            lambda: contact.subsurface_stresses(own, depths=1.0),
+            lambda: contact.friction(own, mu=0.3, force=(1.0, 0.0)),
+            lambda: contact.normal_contact(gap, element, force=force, previous=own, **case),
+        )
+        for use in uses if comm.size > 1 else ():
+            with pytest.raises(ValueError, match=r"rows of one rank, .*slab\.save"):
+                use()
+        assert not list(Path(there).iterdir())
+    assert "stiffness" not in own.summary() or comm.size == 1
+    # Pickled, it is without what all ranks have to compute together.
+    again = pickle.loads(pickle.dumps(own))
+    assert np.array_equal(again.pressure, own.pressure)
+    stiffness = own.stiffness
+    assert again.stiffness == (stiffness if comm.size == 1 else None)
+    assert deepcopy(own).stiffness == stiffness
+
+
 def test_bad_input_is_refused_on_all_ranks(comm):
     slab = slabs.Slab(comm, (40, 40))
     last = comm.rank == comm.size - 1
@@ -193,6 +231,9 @@ def test_bad_input_is_refused_on_all_ranks(comm):
     bad = np.zeros(slab.local)
     bad[0, 0] = np.nan if last else 0.0
     name = f"rank {comm.size - 1}: "
+    unknown = {"force": 1.0} | ({"hardness": 2.0} if last else {})
+    refuses(comm, TypeError, name + "hardness is given, but normal_contact", press(**unknown))
+    refuses(comm, TypeError, "slab is 3, but must be a Slab", press(bad, slab=3))
     refuses(comm, ValueError, name + "gap is not a number somewhere", press(bad))
     short = np.zeros((slab.local[0] - last, 40))
     refuses(comm, ValueError, name + "gap has shape", press(short))

@@ -248,6 +248,7 @@ def test_wrong_coefficients_are_refused_by_all(comm):
     refuses(comm, TypeError, "on slabs coefficients are real", make(c + 1j))
     refuses(comm, ValueError, "add up to inf", make(np.full(c.shape, 1e308)))
     refuses(comm, ValueError, "parity is (1,)", make(c, parity=(1,)))
+    refuses(comm, ValueError, f"rank {last}: parity is 5", make(c, parity=5 if is_last else (1, 1)))
     refuses(comm, ValueError, "rank 0: parity is (-1, 1)", make(c, parity=(-1, 1)))
     refuses(comm, ValueError, "behind has shape (2, 8)", make(c, behind=np.ones((2, 8))))
     refuses(comm, ValueError, "differ in their first row", make(c, behind=c + 1.0))
@@ -258,6 +259,32 @@ def test_wrong_coefficients_are_refused_by_all(comm):
     if last:
         text = f"the dtype of c is float64 on rank 0 and float32 on rank {last}"
         refuses(comm, ValueError, text, make(c.astype(np.float32) if is_last else c))
+
+
+def test_what_the_caller_changes_later_changes_nothing(comm):
+    shape = (12, 8)
+    slab, c = slabs.Slab(comm, shape), kernel(shape)
+    own, behind = c[slab.rows].copy(), c[slab.rows].copy()
+    x = np.random.default_rng(0).random(own.size)
+    A = slabs.ToeplitzOperator(own, slab, behind=behind)
+    B = slabs.ToeplitzOperator(own, slab)
+    expected = A @ x, slabs.cosine_preconditioner(B) @ x
+    own[:] = behind[:] = 0.0
+    assert np.array_equal(A.c, c[slab.rows])
+    assert np.array_equal(A.behind, c[slab.rows])
+    assert np.array_equal(A @ x, expected[0])
+    assert np.array_equal(slabs.cosine_preconditioner(B) @ x, expected[1])
+
+
+def test_coefficients_of_another_order_of_bytes(comm):
+    shape = (12, 8)
+    slab, c = slabs.Slab(comm, shape), kernel(shape)
+    own, x = c[slab.rows], np.random.default_rng(0).random(c[slab.rows].size)
+    A, B = (slabs.ToeplitzOperator(a, slab) for a in (own, own.astype(">f8")))
+    assert np.array_equal(A @ x, B @ x)
+    for name in ("cosine_preconditioner", "fsai_preconditioner"):
+        make = getattr(slabs, name)
+        assert np.array_equal(make(A) @ x, make(B) @ x)
 
 
 def test_coefficients_may_be_tiny_far_away(comm):
@@ -286,3 +313,10 @@ def test_wrong_vectors_and_masks_are_refused_by_all(comm):
     refuses(comm, TypeError, text, lambda: slabs.MaskedOperator(B, ~nothing))
     text = "blocks has 1 rows of [2] blocks"
     refuses(comm, ValueError, text, lambda: slabs.CoupledOperator([[A, A]]))
+    for wrong in ([A, A], [[A, 3], [3, A]], [A, [A]]):
+        blocks = wrong if is_last else [[A, None], [None, A]]
+        text = f"rank {last}: blocks is ["
+        refuses(comm, TypeError, text, lambda blocks=blocks: slabs.CoupledOperator(blocks))
+    for wrong in (3, [], [3], "xx"):
+        text = f"blocks is {wrong!r}, but must have rows of ToeplitzOperator"
+        refuses(comm, TypeError, text, lambda wrong=wrong: slabs.CoupledOperator(wrong))

@@ -1,5 +1,7 @@
 """Rolling on slabs: its matrices, and the same tractions as on one machine."""
 
+from functools import partial
+
 import numpy as np
 from numpy.testing import assert_allclose
 
@@ -86,6 +88,36 @@ def test_bodies_roll_step_by_step(comm):
             assert_allclose(one.traction, other.traction[:, slab.rows], atol=1e-5 * size)
             assert_allclose(one.force, other.force, atol=1e-5 * load[0])
             assert_allclose(one.rigid, other.rigid, rtol=1e-4, atol=1e-9)
+
+
+def test_a_field_of_slip_on_some_ranks_only_is_refused(comm):
+    slab = slabs.Slab(comm, (24, 16))
+    field = None if comm.rank else np.full((2, *slab.local), 1e-5)
+    case = {"material": STEEL, "longitudinal": 1e-4, "slip": field}
+    rolled = (slabs.rolling, {}), (slabs.rolling_steps, {"steps": 1})
+    for function, more in rolled if comm.size > 1 else ():
+        work = partial(function, np.full(slab.local, 9.0), slab, (0.02, 0.03), **case, **more)
+        text = "whether there is a field of slip is True on rank 0 and False on rank 1"
+        refuses(comm, ValueError, text, work)
+
+
+@doubts_ignored()
+def test_strips_of_one_element_roll(comm):
+    """Grids of one axis, along which they roll or across it, whose products are those of a line."""
+    for shape, bound in (((30, 1), False), ((400, 1), True), ((1, 400), True)):
+        if shape[0] < comm.size:
+            continue
+        x = np.linspace(-1.1, 1.1, max(shape)).reshape(shape)
+        g = 100.0 * (np.sqrt(np.maximum(1.0 - x**2, 0.0)) if bound else np.ones(shape))
+        case = {"material": STEEL, "longitudinal": 1e-4, "lateral": 5e-5}
+        alone = contact.rolling(g, (0.02, 0.03), **case)
+        slab = slabs.Slab(comm, shape)
+        own = slabs.rolling(g[slab.rows], slab, (0.02, 0.03), **case)
+        assert own.residual <= 1e-8
+        # One process solves with few elements directly.
+        assert own.products <= max(1.2 * alone.products, 16)
+        assert_allclose(own.traction, alone.traction[:, slab.rows], atol=1e-6)
+        assert_allclose(own.force, alone.force, rtol=1e-6)
 
 
 def test_steps_are_refused_by_all(comm):

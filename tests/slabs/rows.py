@@ -96,6 +96,14 @@ def test_numbers_are_the_same_bits_on_all_ranks(comm):
     assert slab.vectors.count(x > 0) == np.count_nonzero(X > 0)
 
 
+def test_sums_are_of_real_numbers(comm):
+    slab, last = Slab(comm, (8, 3)), comm.size - 1
+    x = np.ones(slab.local) + (1j if comm.rank == last else 0.0)
+    refuses(comm, TypeError, f"rank {last}: x has dtype complex128", lambda: slab.sum(x))
+    assert slab.sum(np.ones(slab.local).tolist()) == 24.0
+    assert slab.sum(np.ones(slab.local) > 0.0) == 24.0
+
+
 def test_numbers_where_only_one_rank_has_any(comm):
     slab = Slab(comm, (8, 3))
     for rank in range(comm.size):

@@ -147,5 +147,8 @@ def test_what_cannot_be_saved_is_refused_by_all(comm):
             y = x.astype(np.float32) if comm.rank else x
             text = "the dtype of x is float64 on rank 0 and float32 on rank 1"
             refuses(comm, ValueError, text, lambda: save(there / "x.npy", y))
+            z = np.ones((2 if comm.rank else 3, *slab.local))
+            text = "the components of x is (3,) on rank 0 and (2,) on rank 1"
+            refuses(comm, ValueError, text, lambda: save(there / "x.npy", z))
         comm.allgather(None)
         assert not os.listdir(there)

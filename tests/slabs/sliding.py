@@ -64,6 +64,26 @@ def test_a_shift_after_another(comm):
     )
 
 
+@doubts_ignored()
+def test_a_field_of_shifts_where_ranks_have_a_single_element(comm):
+    g = np.full((5, 1), 100.0)
+    field = 1e-4 * np.arange(10.0).reshape(2, 5, 1)
+    slab, element = slabs.Slab(comm, g.shape), (0.1, 0.1)
+    rows = (slice(None), slab.rows)
+    for load in ({}, {"force": (0.5, 0.1)}):
+        alone = contact.friction(g, element, material=STEEL, shift=field, **load)
+        case = {"material": STEEL, "shift": field[rows], **load}
+        own = slabs.friction(g[slab.rows], slab, element, **case)
+        assert_allclose(own.traction, alone.traction[rows], atol=1e-5)
+        assert own.shift.shape == field[rows].shape
+        assert_allclose(own.shift, alone.shift[rows], atol=1e-9)
+        after = slabs.friction(
+            g[slab.rows], slab, element, material=STEEL, shift=(1e-4, 0.0), previous=own
+        )
+        expected = own.shift + np.array([1e-4, 0.0])[:, None, None]
+        assert_allclose(after.total_shift, expected, atol=1e-9)
+
+
 def test_friction_refuses_on_all_ranks(comm):
     slab = slabs.Slab(comm, (40, 40))
     last = comm.rank == comm.size - 1
@@ -78,6 +98,8 @@ def test_friction_refuses_on_all_ranks(comm):
     refuses(comm, ValueError, name + "bound has the value -1", shift(bad, force=(1.0, 0.0)))
     refuses(comm, ValueError, "one of the two must be given", shift())
     refuses(comm, ValueError, "but the traction bound carries", shift(force=(1e3, 0.0)))
+    text = "force is not a number somewhere"
+    refuses(comm, ValueError, text, shift(force=(np.nan, 0.0)))
     wrong = np.zeros((2, slab.local[0] + last, 40))
     refuses(comm, ValueError, name + "shift has shape", shift(shift=wrong))
     if comm.size > 1:

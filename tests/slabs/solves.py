@@ -317,6 +317,8 @@ def test_wrong_systems_are_refused_by_all(comm):
     refuses(comm, ValueError, text, solve(np.where(is_last, np.nan, b)))
     refuses(comm, ValueError, "rtol is -1", solve(b, rtol=-1.0))
     refuses(comm, ValueError, "rank 0: maxiter is 0", solve(b, maxiter=0))
+    text = f"rank {last}: callback is 3, but must be a function"
+    refuses(comm, TypeError, text, solve(b, callback=3 if is_last else None))
     refuses(comm, TypeError, "A and b give the dtype complex128", solve(b + 1j))
     serial = tmg.ToeplitzOperator(kernel(slab.local))
     text = "but both must be of toeplitz_mg.slabs, on the same slab, or none of them"
@@ -330,9 +332,18 @@ def test_wrong_systems_are_refused_by_all(comm):
     if last:
         text = "rtol, atol, maxiter is (1e-08, 0.0, None) on rank 0 and (0.0001, 0.0, None) on"
         refuses(comm, ValueError, text, solve(b, rtol=1e-4 if is_last else 1e-8))
-        text = "whether there is a preconditioner is True on rank 0 and False on rank"
-        M = slabs.fft_preconditioner(A)
+        M, single = slabs.fft_preconditioner(A), slabs.fft_preconditioner(A, dtype=np.float32)
+        text = "the dtype of M is float64 on rank 0 and None on rank"
         refuses(comm, ValueError, text, solve(b, M=None if is_last else M))
+        text = "the dtype of M is float64 on rank 0 and float32 on rank"
+        refuses(comm, ValueError, text, solve(b, M=single if is_last else M))
+        text = "the dtype of inner is float32 on rank 0 and None on rank"
+        less = A.astype(np.float32)
+        refuses(comm, ValueError, text, solve(b, inner=None if is_last else less))
+        text = "the dtype of inner is float32 on rank 0 and float64 on rank"
+        refuses(comm, ValueError, text, solve(b, inner=A if is_last else less))
+        text = f"rank {last}: inner is 3, but must be A in less precision"
+        refuses(comm, TypeError, text, solve(b, inner=3 if is_last else less))
 
 
 def test_iterations_of_scipy_refuse_what_is_on_slabs(comm):

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.fields import require_whole
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.values import count, field, finite, in_range, positive, real
@@ -116,6 +117,7 @@ def check_pressed(
     for name, value in (("element", element), ("material", material), ("periodic", periodic)):
         if value is not None:
             raise TypeError(f"{name} is given, but a normal result has its own: leave it out")
+    require_whole(bound, "bound")
     if mu is None:
         raise TypeError("mu is not given, but a normal result needs a coefficient of friction")
     friction = check_friction(mu, bound.shape)
@@ -234,6 +236,7 @@ def check_same_grid(previous: Any, grid: Grid) -> None:
     if not isinstance(previous, NormalResult):
         kind = type(previous).__name__
         raise TypeError(f"previous is of type {kind}, but must be a NormalResult")
+    require_whole(previous, "previous")
     if previous.shape != grid.shape or not _is_same(previous.element, grid.element):
         raise ValueError(
             f"previous has {previous.shape} elements of {previous.element}, but the grid has "

@@ -28,6 +28,22 @@ def restore(result: Any, state: dict[str, Any]) -> None:
     protect(result)
 
 
+def is_whole(result: Any) -> bool:
+    """Whether the fields are of the whole grid: on several ranks they have the rows of one."""
+    whole: bool = result.contact.size == prod(result.shape)
+    return whole
+
+
+def require_whole(result: Any, name: str = "the result") -> None:
+    """Refuse a result that has the rows of one rank, where the whole grid is needed."""
+    if not is_whole(result):
+        raise ValueError(
+            f"{name} has the rows of one rank, {result.contact.shape} of the {result.shape} "
+            "elements, but must have all: all ranks together write a field to a file by "
+            "slab.save(path, field), and numpy.load reads it"
+        )
+
+
 def _x(result: Any) -> Array:
     """The centres of the elements along the first axis, mm."""
     centres: Array = result.centres[0]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.fields import require_whole
 from toeplitz_mg.contact.units import name_units
 
 FIELDS = {False: ("pressure", "gap", "displacement"), True: ("traction", "slip", "displacement")}
@@ -27,6 +28,7 @@ FILLED = 0.3  # Share of the smallest rectangle around the contact, below which 
 
 def draw(result: Any, field: Any = None, ax: Any = None) -> Any:
     """Draw a field of a result, and return the axes (see `NormalResult.plot`)."""
+    require_whole(result)
     if field is not None and not isinstance(field, str):
         field, ax = None, field  # The axes alone were given.
     names: tuple[str, ...] = FIELDS[result.stick is not None]

@@ -18,6 +18,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.fields import require_whole
 from toeplitz_mg.contact.units import name_units
 from toeplitz_mg.halfspace import CombinedMaterial, Material
 from toeplitz_mg.whole_files import check_folder, find_status, new_whole
@@ -126,16 +127,15 @@ def list_parts(result: Any) -> dict[str, Any]:
 
 def split_fields(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
     """Return the arrays of a result by their names, and its other values but its parts."""
+    if "contact" in vars(result):
+        require_whole(result)
     arrays: dict[str, Array] = dict(zip("xy", vars(result).get("centres", ()), strict=False))
     values: dict[str, Any] = {}
     parts = _parts(result)
     for field in fields(result):
         if field.name in ("material", "centres", *parts):
             continue
-        value = vars(result)[field.name]
-        if callable(value):  # It is computed on demand: where there are several ranks, by all.
-            is_whole = result.contact.shape == result.shape
-            value = getattr(result, field.name) if is_whole else None
+        value = getattr(result, field.name)
         if isinstance(value, np.ndarray) and value.ndim:
             arrays[field.name] = value
         else:

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import doubts
+from toeplitz_mg.contact.fields import require_whole
 from toeplitz_mg.contact.result import ContactResult, NormalResult, TangentialResult
 from toeplitz_mg.contact.stresses import Stresses
 from toeplitz_mg.halfspace import CombinedMaterial
@@ -112,6 +113,7 @@ def _check_results(results: tuple[ContactResult, ...]) -> ContactResult:
                 f"a result is {result!r}, but must be a NormalResult or a TangentialResult: of "
                 "unlike bodies, its normal and its tangential one"
             )
+        require_whole(result, "a result")
         if any(result.periodic):
             raise ValueError(
                 f"periodic is {result.periodic} in a result, but stresses are those below bodies "

@@ -55,9 +55,9 @@ def idct(library: Any, f: Any, axis: int) -> Any:
     even, odd = v[cut(axis, 0, (n + 1) // 2)], xp.flip(v[cut(axis, (n + 1) // 2)], axis=axis)
     if n % 2:
         odd = xp.concat([odd, zeros(library, f, axis, 1)], axis=axis)
-    v = xp.reshape(
-        xp.stack([even, odd], axis=axis + 1), (*f.shape[:axis], -1, *f.shape[axis + 1 :])
-    )
+    both = xp.stack([even, odd], axis=axis + 1)
+    # There may be no lines to transform: then a length of -1 would be any.
+    v = xp.reshape(both, (*f.shape[:axis], 2 * even.shape[axis], *f.shape[axis + 1 :]))
     return v[cut(axis, 0, n)]
 
 

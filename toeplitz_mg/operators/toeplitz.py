@@ -271,6 +271,11 @@ class ToeplitzOperator(GridOperator):
         """Return the sum: a ToeplitzOperator with one (see `GridOperator.plus`)."""
         if isinstance(other, np.ndarray):
             return simplify([Term(None, self, None)], other)
+        if isinstance(other, GridOperator) and other.library is not self.library:
+            raise TypeError(
+                f"A has arrays of {self.library.name}, and what is added those of "
+                f"{other.library.name}, but both must have arrays of one library"
+            )
         if isinstance(other, ToeplitzSum):
             return other.plus(self)
         if isinstance(other, ToeplitzOperator) and other.grid_shape == self.grid_shape:

@@ -23,7 +23,7 @@ from toeplitz_mg.contact.tangential.friction import shift_bodies
 from toeplitz_mg.contact.tangential.rolling import roll
 from toeplitz_mg.contact.tangential.steps import roll_steps
 from toeplitz_mg.slabs.grid import SlabGrid
-from toeplitz_mg.slabs.slab import Slab
+from toeplitz_mg.slabs.slab import Slab, require_slab
 from toeplitz_mg.values import field
 
 # The arguments of the functions of `contact` that are taken on slabs.
@@ -163,12 +163,14 @@ def _begin(
 
     Those that are not given have its own defaults. What makes no sense is refused by all ranks.
     """
-    for name in given:
-        if name not in names:
-            raise TypeError(
-                f"{name} is given, but {function.__name__} on slabs takes {', '.join(names)}"
-            )
-    call = signature(function).bind(rows, None, material=None, **given)
+    require_slab(slab)
+    with slab.agree():
+        for name in given:
+            if name not in names:
+                raise TypeError(
+                    f"{name} is given, but {function.__name__} on slabs takes {', '.join(names)}"
+                )
+        call = signature(function).bind(rows, None, material=None, **given)
     call.apply_defaults()
     how = {name: call.arguments[name] for name in names}
     if "pole" in how:
@@ -189,5 +191,5 @@ def _begin(
 
 def _check(result: Any, how: dict[str, Any]) -> Any:
     """Return a result that has converged, and warn of what is doubtful about it."""
-    doubts.warn(check_converged(result, how["tolerance"]).warnings)
+    doubts.warn(check_converged(result, how["tolerance"]).warnings, within=1)
     return result

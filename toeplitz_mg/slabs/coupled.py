@@ -8,6 +8,7 @@ import numpy as np
 from toeplitz_mg.engine.library import refuse_mixed
 from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator
 from toeplitz_mg.slabs.product import SlabProduct
+from toeplitz_mg.slabs.slab import Slab
 
 
 class CoupledOperator(SlabOperator):
@@ -27,15 +28,18 @@ class CoupledOperator(SlabOperator):
     """
 
     def __init__(self, blocks: Sequence[Sequence[ToeplitzOperator | None]]) -> None:
-        self.blocks = tuple(map(tuple, blocks))
-        given = [block for row in self.blocks for block in row if block is not None]
-        if not given or not all(isinstance(block, ToeplitzOperator) for block in given):
-            raise TypeError(
-                f"blocks is {blocks!r}, but must have rows of ToeplitzOperator of "
-                "toeplitz_mg.slabs, or None, as [[xx, xy], [xy, yy]]"
-            )
-        slab, library, components = given[0].slab, given[0].library, len(self.blocks)
+        slab = _find_slab(blocks)
+        if slab is None:
+            raise _not_blocks(blocks)
         with slab.agree() as same:
+            if not all(isinstance(row, Sequence) for row in blocks):
+                raise _not_blocks(blocks)
+            self.blocks = tuple(map(tuple, blocks))
+            components = len(self.blocks)
+            given = [block for row in self.blocks for block in row if block is not None]
+            if not all(isinstance(block, ToeplitzOperator) for block in given):
+                raise _not_blocks(blocks)
+            library = given[0].library
             same["which blocks there are"] = [[b is not None for b in row] for row in self.blocks]
             if any(len(row) != components for row in self.blocks):
                 raise ValueError(
@@ -71,6 +75,21 @@ class CoupledOperator(SlabOperator):
 
     def __repr__(self) -> str:
         return f"<CoupledOperator of {len(self.blocks)} components {self.slab.name}, {self.dtype}>"
+
+
+def _find_slab(blocks: Any) -> Slab | None:
+    """Return the slab of some block, on which ranks may agree about the others."""
+    if isinstance(blocks, ToeplitzOperator):
+        return blocks.slab
+    parts = blocks if isinstance(blocks, Sequence) and not isinstance(blocks, str) else ()
+    return next((slab for part in parts if (slab := _find_slab(part)) is not None), None)
+
+
+def _not_blocks(blocks: Any) -> TypeError:
+    return TypeError(
+        f"blocks is {blocks!r}, but must have rows of ToeplitzOperator of toeplitz_mg.slabs, or "
+        "None, as [[xx, xy], [xy, yy]]"
+    )
 
 
 def _is_transpose(one: ToeplitzOperator | None, other: ToeplitzOperator | None) -> bool:

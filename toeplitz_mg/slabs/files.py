@@ -41,9 +41,9 @@ def save_rows(slab: Any, path: str | os.PathLike[str], x: Any) -> None:
         path = Path(path)
         x = refuse_masked("x", library_of(x).to_numpy(x))
         _check(path, x, slab)
+        components = x.shape[: x.ndim - len(slab.local)]
         same["path"], same["the dtype of x"] = str(path), x.dtype
-        same["the number of axes of x"] = x.ndim
-    components = x.shape[: x.ndim - len(slab.local)]
+        same["the components of x"] = components
     head = BytesIO()
     about = {"descr": np.lib.format.dtype_to_descr(x.dtype), "fortran_order": False}
     np.lib.format.write_array_header_1_0(head, {**about, "shape": (*components, *slab.shape)})

@@ -1,5 +1,6 @@
 """The multilevel sparse approximate inverse of a matrix on slabs."""
 
+import re
 from collections.abc import Sequence
 from math import prod
 from typing import Any
@@ -27,6 +28,11 @@ from toeplitz_mg.slabs.structure import find_precision, unwrap
 
 Blocks = Sequence[Sequence[Any]]  # Of ToeplitzOperator or None.
 
+# What errors advise that slabs have not, and what may be taken in its place.
+ELSEWHERE = re.compile(
+    r"(chan|spectral)_preconditioner\(A\)(, which is positive definite whenever A is)?"
+)
+HERE = "fft_preconditioner(A), or cg without M"
 REPEATED = 1 / 64  # Most cells of a level that all ranks have, together, over those of the grid.
 
 
@@ -94,10 +100,14 @@ def fsai_preconditioner(
     precision = find_precision(full, dtype)
     _require_symmetric(full, blocks)
     mask = np.ones(full.grid_shape, bool) if A is full else A.mask
-    joint = None if options.neighbours else _joint(blocks, mask)
-    parts = [(joint, options)] if joint else _alone(blocks, mask.reshape(len(blocks), -1), options)
     most = REPEATED * prod(slab.shape) / slab.comm.size
-    levels = [build_on_slab(*part, precision, most) for part in parts]
+    try:
+        joint = None if options.neighbours else _joint(blocks, mask)
+        each = mask.reshape(len(blocks), -1)
+        parts = [(joint, options)] if joint else _alone(blocks, each, options)
+        levels = [build_on_slab(*part, precision, most) for part in parts]
+    except np.linalg.LinAlgError as error:
+        raise np.linalg.LinAlgError(ELSEWHERE.sub(HERE, str(error))) from None
     counts = [int(np.count_nonzero(part.c)) for part, _ in parts]
     return SlabSparseInverse(levels, counts, slab, precision, full.grid_shape)
 

@@ -1,6 +1,6 @@
 """A grid of elements in slabs, and its matrices: what the searches of `contact` need of it."""
 
-from collections.abc import Callable
+from copy import copy
 from functools import cached_property
 from math import prod
 from typing import Any
@@ -11,14 +11,12 @@ from numpy.typing import DTypeLike
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.grid import COARSEST, Grid
-from toeplitz_mg.contact.steady_matrices import ADDITIONS, LEAST, fade_rate, interpolate
-from toeplitz_mg.engine.lengths import embedding_lengths
 from toeplitz_mg.halfspace.matrices import KERNELS, evaluate
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
 from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.fsai import fsai_preconditioner
 from toeplitz_mg.slabs.operators import MaskedOperator, ToeplitzOperator
-from toeplitz_mg.slabs.product import SlabProduct
+from toeplitz_mg.slabs.shifted_inverses import ShiftedInverses
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.trigonometric import cosine_preconditioner
 
@@ -50,6 +48,10 @@ class SlabGrid:
         self._is_first = slab.comm.rank == 0
         self._is_last = slab.comm.rank == slab.comm.size - 1
 
+    def __reduce__(self) -> Any:
+        """Be pickled, with what a result computes on demand on one rank, as the whole grid."""
+        return copy, (self.whole,)
+
     @cached_property
     def _coarser(self) -> Any:
         whole = self.whole.coarser()
@@ -57,8 +59,7 @@ class SlabGrid:
             return whole  # Every rank has all of it.
         if np.diff(self._coarse_starts).min() == 0:
             return None
-        slab = self.slab.alike(whole.shape, self.slab.unit // 2, self._coarse_starts)
-        return SlabGrid(whole, slab)
+        return SlabGrid(whole, self.slab.alike(whole.shape, self._coarse_starts))
 
     @property
     def _coarse_starts(self) -> Array:
@@ -83,7 +84,8 @@ class SlabGrid:
         x = coarsen(x[..., 2 * a - first : 2 * b - first, :])
         if isinstance(self._coarser, SlabGrid):
             return x
-        return np.moveaxis(self.slab.everywhere(np.moveaxis(x, -2, 0)), 0, -2)
+        lengths = np.diff(self._coarse_starts)
+        return np.moveaxis(self.slab.everywhere(np.moveaxis(x, -2, 0), lengths), 0, -2)
 
     def refine(self, x: Array) -> Array:
         """Interpolate a field from the coarser grid."""
@@ -143,7 +145,7 @@ class SlabGrid:
     def steady_array(self, contact: Mask) -> None:
         """Say that the matrix of steady rolling is no array, as no rank has all of it."""
 
-    def invert_shifted(self, K: CoupledOperator, dtype: DTypeLike) -> "ShiftedInverses":
+    def invert_shifted(self, K: CoupledOperator, dtype: DTypeLike) -> ShiftedInverses:
         """Return approximate inverses of the matrix of steady rolling with additions."""
         return ShiftedInverses(K, np.dtype(dtype), self.diagonal(K))
 
@@ -186,43 +188,3 @@ class SlabGrid:
     def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid on some elements."""
         return fsai_preconditioner(MaskedOperator(A, C), neighbours=NEIGHBOURS, dtype=dtype)
-
-
-class ShiftedInverses:
-    """Approximate inverses of K + ν on slabs (see `contact.steady_matrices.ShiftedInverses`)."""
-
-    def __init__(self, K: CoupledOperator, dtype: np.dtype[Any], k0: float) -> None:
-        slab, m = K.slab, len(K.blocks)
-        length = embedding_lengths(slab.shape)[0]
-        self.dtype, self.diagonal = dtype, k0
-        fade = np.exp(fade_rate(length) * np.arange(slab.rows.start, slab.rows.stop))[:, None]
-        self._fade = fade.astype(dtype)
-        faded = []
-        for i, row in enumerate(K.blocks):
-            block: Any = row[i]
-            c, behind = block.c / fade, block.behind * fade
-            faded.append(ToeplitzOperator(c, slab, parity=block.parity, behind=behind).product)
-        self._products = []
-        for nu in k0 * ADDITIONS:
-            spectra: list[list[Array | None]] = [[None] * m for _ in range(m)]
-            for i, product in enumerate(faded):
-                s, points = product.spectra[0][0], product.points
-                least = LEAST / slab.shape[0] * max(slab.gather(np.abs(s).max(initial=0.0)))
-                # Those of the inverse, as those of K, are divided by the points of a transform.
-                spectra[i][i] = 1.0 / ((s + nu / points + least) * points**2)
-            self._products.append(SlabProduct(slab, K.library, spectra, dtype))
-
-    def at(self, addition: Array) -> Callable[[Array], Array]:
-        """Return the approximate inverse of K + an addition to the diagonal at each place."""
-        weights, local = interpolate(addition / self.diagonal, self.dtype)
-        local /= self.diagonal
-
-        def invert(r: Array) -> Array:
-            x = (r / self._fade).astype(self.dtype)
-            total, y = np.zeros_like(x), np.empty_like(x)
-            for product, weight in zip(self._products, weights, strict=True):
-                product.apply(x.reshape(-1), y.reshape(-1))
-                total += weight * y
-            return total * self._fade + local * r.astype(self.dtype, copy=False)
-
-        return invert

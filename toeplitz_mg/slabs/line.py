@@ -39,7 +39,7 @@ class Line:
         cuts = np.minimum((ends + width // 2) // width, rows)
         cuts[-1] = rows
         self._ends, self._cuts = ends, np.minimum(cuts * width, length)
-        self.slab = slab.alike((rows, width), 1, cuts)
+        self.slab = slab.alike((rows, width), cuts)
 
     def _see(self, before: int = 0) -> Windows:
         """Return the exchange for those of a rank's rows, and so many numbers before them."""
@@ -94,7 +94,7 @@ class LongTransform:
         self.length, self.dtype = length, np.dtype(dtype)
         self.line = Line(slab, self._n2, known)
         half = self._n1 // 2 + 1
-        self.frequencies = slab.alike((half, self._n2), 1, cuts_of(half, slab.comm.size))
+        self.frequencies = slab.alike((half, self._n2), cuts_of(half, slab.comm.size))
 
     @property
     def numbers(self) -> Array:

@@ -8,6 +8,7 @@ There is no multigrid on slabs: a cycle moves six times the bytes of an iteratio
 gradients with `fsai_preconditioner`, and takes more of them.
 """
 
+from collections.abc import Sequence
 from math import prod
 from typing import Any
 
@@ -20,8 +21,7 @@ from toeplitz_mg.engine.library import NUMPY, Library, library_of
 from toeplitz_mg.operators.coefficients import check_finite, check_precision, require_digits
 from toeplitz_mg.operators.masked import check_booleans
 from toeplitz_mg.slabs.product import SlabProduct, embed_on_slab
-from toeplitz_mg.slabs.slab import Slab
-from toeplitz_mg.values import refuse_masked
+from toeplitz_mg.slabs.slab import Slab, require_slab
 
 
 class SlabOperator:
@@ -158,14 +158,13 @@ class ToeplitzOperator(SlabOperator):
         behind: ArrayLike | None = None,
         product: Any = None,
     ) -> None:
-        if not isinstance(slab, Slab):
-            raise TypeError(f"slab is {slab!r}, but must be a Slab: Slab(MPI.COMM_WORLD, shape)")
-        self.parity = (1,) * len(slab.shape) if parity is None else tuple(parity)
+        require_slab(slab)
         with slab.agree() as same:
             library = library_of(c)
-            self.c = _check_rows("c", library.to_numpy(library.read("c", c)), slab)
+            self.c = _check_rows("c", c, library, slab)
             same["the library of c"] = library.name
-            self.behind = None if behind is None else _check_rows("behind", behind, slab)
+            self.behind = None if behind is None else _check_rows("behind", behind, library, slab)
+            self.parity = _read_parity(parity, slab)
             _check_zeros(self.c, self.behind, self.parity, slab)
             same["the dtype of c"], same["parity"] = self.c.dtype, self.parity
             same["whether behind is given"] = behind is not None
@@ -257,23 +256,34 @@ class MaskedOperator(SlabOperator):
         return f"<MaskedOperator of {self.full!r}>"
 
 
-def _check_rows(name: str, values: ArrayLike, slab: Slab) -> Array:
-    """Return this rank's rows of real coefficients, or say what is wrong with them."""
-    c = refuse_masked(name, values)
+def _check_rows(name: str, values: ArrayLike, library: Library, slab: Slab) -> Array:
+    """Return this rank's rows of real coefficients, or say what is wrong with them.
+
+    They are a copy, as who gave them may change them, in the order of bytes that MPI knows.
+    """
+    c = library.to_numpy(library.read(name, values))
     if c.shape != slab.local:
         raise ValueError(f"{name} has shape {c.shape}, but this rank's rows have {slab.local}")
     c = check_finite(c, name)
     if c.dtype.kind == "c":
         raise TypeError(f"{name} has dtype {c.dtype}, but on slabs coefficients are real")
-    return c
+    return np.array(c, c.dtype.newbyteorder("="), order="C")
 
 
-def _check_zeros(c: Array, behind: Array | None, parity: tuple[int, ...], slab: Slab) -> None:
-    """Refuse parities, and coefficients of the lag zero, that make no sense."""
-    if len(parity) != len(slab.shape) or not set(parity) <= {1, -1}:
+def _read_parity(parity: Any, slab: Slab) -> tuple[int, ...]:
+    """Return 1 (even) or -1 (odd) for each axis, or say that this is none."""
+    if parity is None:
+        return (1,) * len(slab.shape)
+    signs = tuple(parity) if isinstance(parity, Sequence) else ()
+    if len(signs) != len(slab.shape) or not all(sign in (1, -1) for sign in signs):
         raise ValueError(
             f"parity is {parity}, but must say 1 (even) or -1 (odd) for each axis of {slab.shape}"
         )
+    return signs
+
+
+def _check_zeros(c: Array, behind: Array | None, parity: tuple[int, ...], slab: Slab) -> None:
+    """Refuse coefficients of the lag zero that make no sense."""
     is_first = slab.rows.start == 0
     for axis, sign in enumerate(parity):
         if sign < 0 and (axis or is_first) and np.moveaxis(c, axis, 0)[0].any():

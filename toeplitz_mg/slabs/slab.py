@@ -4,7 +4,7 @@ Every rank runs the same program on its own rows, which are plain arrays.
 """
 
 from collections.abc import Iterator, Sequence
-from math import inf, prod
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -77,20 +77,21 @@ class Slab(Messages):
                     "needs one at least: use fewer ranks, or make the longest axis the first one"
                 )
             same["the shape of the grid"], same["unit"] = shape, unit
-        self._set(shape, unit, np.minimum(unit * cuts_of(units, ranks), shape[0]))
+        self.unit = unit
+        self._set(shape, np.minimum(unit * cuts_of(units, ranks), shape[0]))
 
-    def _set(self, shape: tuple[int, ...], unit: int, starts: Array) -> None:
-        self.shape, self.unit, self.starts = shape, unit, starts
+    def _set(self, shape: tuple[int, ...], starts: Array) -> None:
+        self.shape, self.starts = shape, starts
         first, end = starts[self.comm.rank : self.comm.rank + 2].tolist()
         self.rows = slice(first, end)
         self.local = (end - first, *shape[1:])
         self.vectors = Vectors(self.gather)
 
-    def alike(self, shape: tuple[int, ...], unit: int, starts: Array) -> "Slab":
+    def alike(self, shape: tuple[int, ...], starts: Array) -> "Slab":
         """Return the slab of another grid that is cut at these rows."""
         slab = Slab.__new__(Slab)
         slab.comm = self.comm
-        slab._set(shape, unit, starts)
+        slab._set(shape, starts)
         return slab
 
     @property
@@ -117,17 +118,19 @@ class Slab(Messages):
         return x[self.rows], y
 
     def sum(self, x: Array) -> float:
-        """Return the sum of a field of which each rank has its part: the same on all ranks."""
-        library = library_of(x)
+        """Return the sum of a real field of which each rank has its part: the same on all ranks."""
+        with self.agree():
+            library = library_of(x)
+            dtype = library.dtype(library.read("x", x))
+            if dtype.kind not in "buif":
+                raise TypeError(f"x has dtype {dtype}, but must be of real numbers")
         return library.vectors_of(self.gather).sum(np.asarray(x) if library is NUMPY else x)
 
     save = save_rows
 
     def extent(self, x: Array) -> tuple[float, float]:
         """Return the least and the largest number of a field; of an empty one inf and -inf."""
-        own = np.array([-x.min(initial=inf), x.max(initial=-inf)])
-        low, high = np.max(self.gather(own), axis=0).tolist()
-        return -low, high
+        return self.vectors.min(x), self.vectors.max(x)
 
     def columns(self, n: int) -> slice:
         """Return which of n columns this rank has between `to_columns` and `to_rows`."""
@@ -210,3 +213,9 @@ class Slab(Messages):
         return (
             f"<Slab of the grid {self.shape}: rows {start} to {stop - 1} on rank {self.comm.rank}>"
         )
+
+
+def require_slab(slab: Any) -> None:
+    """Refuse what is no slab; other ranks may wait, as there is none to agree on."""
+    if not isinstance(slab, Slab):
+        raise TypeError(f"slab is {slab!r}, but must be a Slab: Slab(MPI.COMM_WORLD, shape)")

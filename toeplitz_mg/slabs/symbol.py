@@ -54,7 +54,7 @@ class GridSymbol:
             c = _continue_line(slab, c, self._lengths[0] // 2)
             longer = self._lengths[0] // 2 + 1  # The last rank has the new rows.
             starts = np.append(slab.starts[:-1], longer)
-            slab = slab.alike((longer, *slab.shape[1:]), 1, starts)
+            slab = slab.alike((longer, *slab.shape[1:]), starts)
             for axis in range(1, c.ndim):
                 c = continue_axis(c, axis, self._lengths[axis] // 2)
         for axis in reversed(range(1, c.ndim)):

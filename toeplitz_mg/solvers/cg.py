@@ -14,8 +14,6 @@ from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.solvers.checks import (
     System,
-    check_operator,
-    check_place,
     check_precision,
     check_system,
 )
@@ -121,8 +119,8 @@ def cg(
     >>> info, len(residuals) - 1 <= 10, residuals[-1] <= 1e-7 * residuals[0]
     (0, True, True)
     """
-    system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals)
-    state = _Descent(system, inner)
+    system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals, callback, inner)
+    state = _Descent(system)
     if state.whole.size_of_b == 0.0:
         return state.whole.zero()
     goal = state.goal(rtol, atol)
@@ -149,7 +147,7 @@ def cg_by_recurrence(
     It is for those who compute the residual of the result themselves, and correct it.
     """
     system = check_system(A, b, None, M, rtol, 0.0, maxiter, residuals)
-    state = _Descent(system, None)
+    state = _Descent(system)
     converged = _descend(state, system, state.goal(rtol, 0.0), callback)
     return state.x, state.iterations, converged
 
@@ -181,25 +179,6 @@ def _return_same(r: Array, out: Array) -> Array:
     return r
 
 
-def _check_inner(inner: Any, system: System) -> LinearOperator:
-    try:
-        B = check_operator("inner", inner)
-    except TypeError:
-        raise TypeError(
-            f"inner is {inner!r}, but must be A in less precision, as A.astype(np.float32)"
-        ) from None
-    check_place("inner", B, system.A)
-    if B.shape != system.A.shape:
-        raise ValueError(f"inner has shape {B.shape}, but A has {system.A.shape}")
-    kinds = "fdFD" if system.dtype.kind == "c" else "fd"
-    if np.dtype(B.dtype).char not in kinds:
-        raise TypeError(
-            f"inner has dtype {B.dtype}, but must be A in less precision, and A and b give the "
-            f"dtype {system.dtype}"
-        )
-    return B
-
-
 @dataclass
 class _Inner:
     """A change of the solution, and its residual, in less precision."""
@@ -216,9 +195,10 @@ class _Descent:
     the scale of the `Iterate`; without `inner` it is that one itself.
     """
 
-    def __init__(self, system: System, inner: Any) -> None:
+    def __init__(self, system: System) -> None:
         dtype = check_precision(system)
-        A = system.A if inner is None else _check_inner(inner, system)
+        inner = system.inner
+        A = system.A if inner is None else inner
         self.whole = whole = Iterate(system)
         self.A, self._vectors, self._goes_within = A, system.vectors, inner is not None
         self.goal = whole.goal

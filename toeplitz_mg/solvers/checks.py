@@ -1,5 +1,6 @@
 """Checks of what the iterations are given."""
 
+from collections.abc import Callable
 from math import prod
 from typing import Any, NamedTuple
 
@@ -27,6 +28,7 @@ class System(NamedTuple):
     residuals: list[float]
     dtype: np.dtype[Any]  # That of the solution.
     vectors: Vectors
+    inner: LinearOperator | None  # A in the precision of the iteration, where that is less.
 
 
 def check_system(
@@ -38,6 +40,8 @@ def check_system(
     atol: float,
     maxiter: int | None,
     residuals: list[float] | None = None,
+    callback: Callable[..., object] | None = None,
+    inner: Any = None,
 ) -> System:
     """Return a system with vectors of shape (n,), or say what is wrong with it.
 
@@ -48,18 +52,21 @@ def check_system(
         `maxiter` below 1.
     TypeError
         For vectors that are not of numbers, a `maxiter` that is no integer, or `residuals` that
-        are no list, or for operators of which one is on ranks and the other is not.
+        are no list, a `callback` that is no function, or for operators of which one is on ranks
+        and the other is not.
     """
     slab = getattr(A, "slab", None)
     if slab is None:
-        return _check_alone(A, b, x0, M, rtol, atol, maxiter, residuals)
+        return _check_alone(A, b, x0, M, rtol, atol, maxiter, residuals, callback, inner)
     with slab.agree() as same:  # The other ranks would wait for one that raises an error alone.
-        system = _check_alone(A, b, x0, M, rtol, atol, maxiter, residuals)
+        system = _check_alone(A, b, x0, M, rtol, atol, maxiter, residuals, callback, inner)
         if system.dtype.kind == "c":
             raise TypeError(f"A and b give the dtype {system.dtype}, but on slabs all is real")
         same["rtol, atol, maxiter"] = rtol, atol, maxiter
         same["the dtype of A, M, b and x0"] = system.dtype
-        same["whether there is a preconditioner"] = M is not None
+        for name, operator in (("M", system.M), ("inner", system.inner)):
+            # A name, as NumPy takes None for the dtype float64.
+            same[f"the dtype of {name}"] = None if operator is None else operator.dtype.name
         same["whether there is a first guess"] = x0 is not None
     if maxiter is None:
         # There are 10 for each unknown, also for those of other ranks.
@@ -76,6 +83,8 @@ def _check_alone(
     atol: float,
     maxiter: int | None,
     residuals: list[float] | None,
+    callback: Callable[..., object] | None,
+    inner: Any,
 ) -> System:
     A = check_operator("A", A)
     n = A.shape[0]
@@ -99,11 +108,32 @@ def _check_alone(
             f"residuals is {residuals!r}, but must be a list, which will be filled: make one by "
             "residuals = []"
         )
+    if callback is not None and not callable(callback):
+        raise TypeError(f"callback is {callback!r}, but must be a function, or None")
     b = _vector(b, "b", n, library)
     dtype = np.result_type(A.dtype, *(library.dtype(v) for v in (b, guess) if v is not None))
     if M is not None and M.dtype.kind == "c":
         dtype = np.result_type(dtype, np.complex64)
-    return System(A, M, b, guess, maxiter, residuals, dtype, _vectors_for(A, dtype))
+    within = None if inner is None else _check_inner(inner, A, dtype)
+    return System(A, M, b, guess, maxiter, residuals, dtype, _vectors_for(A, dtype), within)
+
+
+def _check_inner(inner: Any, A: LinearOperator, dtype: np.dtype[Any]) -> LinearOperator:
+    try:
+        B = check_operator("inner", inner)
+    except TypeError:
+        raise TypeError(
+            f"inner is {inner!r}, but must be A in less precision, as A.astype(np.float32)"
+        ) from None
+    check_place("inner", B, A)
+    if B.shape != A.shape:
+        raise ValueError(f"inner has shape {B.shape}, but A has {A.shape}")
+    if np.dtype(B.dtype).char not in ("fdFD" if dtype.kind == "c" else "fd"):
+        raise TypeError(
+            f"inner has dtype {B.dtype}, but must be A in less precision, and A and b give the "
+            f"dtype {dtype}"
+        )
+    return B
 
 
 def check_precision(system: System) -> np.dtype[Any]:

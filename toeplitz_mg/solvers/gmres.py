@@ -116,7 +116,7 @@ def gmres(
     if hasattr(A, "slab"):
         raise TypeError(f"A is {A!r}, but gmres takes no operator on slabs: use cg, or richardson")
     require_numpy(A, "gmres")
-    system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals)
+    system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals, callback)
     dtype, n = check_precision(system), len(system.b)
     restart = min(n, RESTART if restart is None else count("restart", restart))
     if callback is not None and callback_type not in ("x", "pr_norm"):

@@ -88,7 +88,7 @@ def richardson(
     >>> info, len(residuals) - 1 < 20, residuals[-1] <= 1e-8 * residuals[0]
     (0, True, True)
     """
-    system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals)
+    system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals, callback)
     state = Iterate(system)
     if state.size_of_b == 0.0:
         return state.zero()

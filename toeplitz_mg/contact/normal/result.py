@@ -179,6 +179,13 @@ class NormalResult:
         """
         return plotting.draw(self, field, ax)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is pickled, or copied: without what only all ranks compute, together."""
+        state = dict(vars(self))
+        if callable(state["stiffness"]) and not fields.is_whole(self):
+            state["stiffness"] = None
+        return state
+
     __setstate__ = fields.restore
     x, y, contact_fraction = fields.x, fields.y, fields.contact_fraction
     save, to_xarray, to_vtk = saving.save, saving.to_xarray, vtk.to_vtk
@@ -187,7 +194,8 @@ class NormalResult:
     def _summary(self) -> Summary:
         title = f"Normal contact, {describe_grid(self.shape, self.element)}"
         figures = self._figures()
-        stiffness = saving.split_fields(self)[1]["stiffness"]
+        # On several ranks all have to ask for the stiffness.
+        stiffness = self.stiffness if fields.is_whole(self) else None
         if stiffness is not None:
             figures.insert(2, Figure("stiffness", stiffness, units_of(self.element).stiffness))
         cost = describe_cost(self.products, self.residual)

@@ -28,7 +28,7 @@ from toeplitz_mg.contact.result import (
 )
 from toeplitz_mg.contact.tangential.coulomb import clip, project, sum_components
 from toeplitz_mg.contact.tangential.problem import Problem, State
-from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given, slide_off
+from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given, is_field, slide_off
 from toeplitz_mg.contact.tangential.stick_slip import solve
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
@@ -177,11 +177,12 @@ def shift_bodies(
     with grid.agree() as same:
         check_iteration(tolerance, max_products, progress)
         before = b if previous is None else check_previous(previous, grid, b.shape)
-        change = _read_shift(shift, force, b.shape)
+        change, of_elements = _read_shift(shift, force, b.shape)
         if change is not None:
             b = b + change
-            # What is no field is of the whole bodies.
-            same["shift"] = change.tolist() if change.size == len(b) else "a field"
+            same["shift"] = "a field" if of_elements else change.tolist()
+        if force is not None:
+            check_force(force, np.inf, grid)  # How much of it is carried all ranks know together.
         same["force"], same["nested"] = refuse_masked("force", force).tolist(), bool(nested)
         same["tolerance"], same["max_products"] = tolerance, max_products
         same["whether there is a previous contact"] = previous is not None
@@ -216,20 +217,22 @@ def shift_bodies(
     result = make_result(problem, state, window, products.count, work.units(b.size), slip)
     moved = result.shift
     if change is not None:  # A force adds a shift of the whole bodies.
-        moved = as_given(change if force is None else change + problem.uniform(state.shift))
+        if force is not None:
+            change = change + problem.uniform(state.shift)
+        moved = as_given(change, is_field=of_elements)
     return replace(result, shift=moved, total_shift=add_shifts(moved, previous, window.whole))
 
 
-def _read_shift(shift: Any, force: Any, shape: tuple[int, ...]) -> Array | None:
-    """Return the shift that is given, of the whole bodies or of each element, or None."""
+def _read_shift(shift: Any, force: Any, shape: tuple[int, ...]) -> tuple[Array | None, bool]:
+    """Return the shift that is given, or None, and whether it is of each element."""
     change = None if shift is None else check_shift(shift, shape)
-    is_field = change is not None and change.shape[1:] != (1,) * len(shape[1:])
-    if (shift is None) == (force is None) and not (is_field and force is not None):
+    of_elements = change is not None and is_field(shift, shape[0])
+    if (shift is None) == (force is None) and not (of_elements and force is not None):
         raise ValueError(
             f"shift is {shift!r} and force is {force!r}, but one of the two must be given: a "
             "shift beside a force is a field"
         )
-    return change
+    return change, of_elements
 
 
 def make_result(

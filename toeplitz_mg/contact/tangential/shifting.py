@@ -43,16 +43,25 @@ def slide_off(problem: Problem, A: Products) -> tuple[State, Array]:
 
 def add_shifts(moved: Any, previous: TangentialResult | None, grid: Any) -> Any:
     """Return a shift, and those that led to the tractions before it."""
-    before = None if previous is None else previous.total_shift
-    if before is None:
+    if previous is None or (before := previous.total_shift) is None:
         return moved
     # One may be of the whole bodies, and the other a field.
-    given, earlier = (check_shift(x, (grid.components, *grid.shape)) for x in (moved, before))
-    return as_given(given + earlier)
+    shape = grid.components, *previous.contact.shape  # On ranks that of their rows.
+    given, earlier = (check_shift(x, shape) for x in (moved, before))
+    fields = (is_field(x, grid.components) for x in (moved, before))
+    return as_given(given + earlier, is_field=any(fields))
 
 
-def as_given(shift: Array) -> Any:
-    """Return a shift, (components, ...), as users give it."""
-    if shift.size > len(shift):
+def is_field(shift: Any, components: int) -> bool:
+    """Whether a shift is given of each element, and not of the whole bodies.
+
+    The elements do not tell: a rank may have a single one.
+    """
+    return np.shape(shift) not in ((), (components,))
+
+
+def as_given(shift: Array, *, is_field: bool = False) -> Any:
+    """Return a shift, (components, ...), as users give it: of each element, or of the bodies."""
+    if is_field:
         return shift[0] if len(shift) == 1 else shift
     return float(shift.ravel()[0]) if len(shift) == 1 else shift.ravel()

@@ -17,7 +17,7 @@ from toeplitz_mg.contact.checks import (
     check_shift,
 )
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given
+from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given, is_field
 from toeplitz_mg.contact.unlike.alternation import Report, alternate
 from toeplitz_mg.contact.unlike.checks import check_both, read_gap
 from toeplitz_mg.contact.unlike.coupling import Coupling, bound_of
@@ -181,7 +181,10 @@ def frictional_contact(
             check_carried(tangential_force, float(bound_of(friction, p).sum()) * grid.area, grid)
         normal, tangential = pressing.result(q, p), shifting.result(p)
     normal = replace(normal, work=work.units(z.size))
-    moved = tangential.shift if tangential_force is not None else as_given(change)
+    moved = tangential.shift
+    if tangential_force is None:
+        of_elements = shift is not None and is_field(shift, grid.components)
+        moved = as_given(change, is_field=of_elements)
     earlier = None if previous is None else previous.tangential
     tangential = replace(tangential, shift=moved, total_shift=add_shifts(moved, earlier, grid))
     result = FrictionalResult(normal, tangential, residuals, before)
