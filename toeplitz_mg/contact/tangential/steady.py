@@ -112,10 +112,12 @@ def find_steady_state(
     iterations: tuple[int, ...] = ()
     array = problem.grid.steady_array(problem.g > 0.0)
     grid = problem.grid
-    if guess is None and nested and not grid.is_short:
-        # What is not solved directly has at least that for a coarser grid which is.
-        coarsest = 1 if array is None else COARSEST
-        guess = _guess_from_coarser_grids(problem, loads, options, coarsest)
+    # What is not solved directly has at least that for a coarser grid which is.
+    coarsest = 1 if array is None else COARSEST
+    from_coarser = partial(_guess_from_coarser_grids, problem, loads, options, coarsest)
+    may_refine = guess is None and nested
+    if may_refine and not grid.is_short:
+        guess, may_refine = from_coarser(), False
     if array is not None:
         state = find_directly(problem, loads, K, array, guess, patience)
         if state.residual <= problem.tolerance or K.exhausted:
@@ -138,7 +140,9 @@ def find_steady_state(
         iterations += state.iterations
         if state.residual <= problem.tolerance or K.exhausted:
             return replace(state, iterations=iterations)
-        if len(loads.wanted):
+        if may_refine and (refined := from_coarser()):
+            guess, may_refine = refined, False
+        elif len(loads.wanted) and problem.vectors.max(problem.g) < np.inf:
             roll = partial(_roll_by_creepages, problem, loads, K, options)
             state, creepages = search_creepages(problem, loads, K, roll, state, creepages, accuracy)
             residual = max(state.residual, loads.error(state.q, problem.vectors))
@@ -146,7 +150,8 @@ def find_steady_state(
                 return replace(state, shift=creepages, residual=residual, iterations=iterations)
             guess, accuracy = (state.q, state.areas), CLOSER * accuracy
         else:
-            guess = _roll_on(problem, state.q, K)
+            b = problem.b + problem.vectors.combine(state.shift, loads.units)
+            guess = _roll_on(replace(problem, b=b), state.q, K)
 
 
 def _roll_by_creepages(
