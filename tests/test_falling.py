@@ -1,5 +1,7 @@
 """Friction that falls with the slip: its bound belongs to its slip."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -150,3 +152,30 @@ def test_says_how_steep_friction_is_where_it_does_not_settle(monkeypatch):
 def test_refuses_what_is_no_friction(falling, error, message):
     with pytest.raises(error, match=message):
         rolling(np.ones((4, 4)), (1.0, 1.0), material=Material.from_shear(1, 0.3), falling=falling)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What `fall` looks at of a result."""
+
+    slip: np.ndarray
+    products: int = 1
+    work: float = 1.0
+    residual: float = 0.0
+    warnings: tuple[str, ...] = ()
+
+
+def test_what_is_found_by_parts_of_the_way_only(monkeypatch):
+    """Where more friction leaves more slip, rounds without acceleration go round in a circle."""
+    monkeypatch.setattr(falling_module, "accelerate", lambda pairs: pairs[-1][1])
+    g = np.ones(3)
+    result = falling_module.fall(
+        lambda bound, guess: Answer(bound),
+        g,
+        lambda s: np.maximum(2.0 - 1.5 * s, 0.0),
+        np.inf,
+        None,
+        1e-8,
+    )
+    assert_allclose(result.slip, 0.8, rtol=1e-7)
+    assert result.products > falling_module.STILL_PATIENT

@@ -23,8 +23,10 @@ from toeplitz_mg.contact.acceleration import Pairs, accelerate, extend
 from toeplitz_mg.contact.result import ContactError, TangentialResult
 from toeplitz_mg.values import field
 
-ROUNDS = 200  # Bounds that are tried: a dozen are usual.
+ROUNDS = 400  # Bounds that are tried: a dozen are usual.
 PATIENCE = 8  # Rounds without progress, after which they are no longer accelerated.
+# Rounds without progress thereafter, after which the bound goes a part of the way only, and which.
+STILL_PATIENT, PART = 40, 0.3
 PROGRESS = 0.5  # Factor of the least error so far, below which a new one is progress.
 LEAST = 1e-10  # Least factor of the bound: with none at all an element would be no contact.
 SLIPS = 32  # Slips between which the steepest fall is looked for.
@@ -63,7 +65,7 @@ def fall(
     bound = g.copy()
     bound[falls] *= _factor(falling, np.zeros(g.shape))[falls]
     products, work = 0, 0.0
-    least, left = np.inf, PATIENCE
+    least, left, part = np.inf, PATIENCE, 1.0
     for _ in range(ROUNDS):
         result = guess = solve(bound, guess)
         products, work = products + result.products, work + result.work
@@ -73,14 +75,18 @@ def fall(
         result = replace(result, products=products, work=work)
         if away <= tolerance or result.residual > tolerance:
             break
-        if left and away < PROGRESS * least:
-            least, left = away, PATIENCE
+        if away < PROGRESS * least:
+            least, left = away, PATIENCE if left > 0 else 0
         else:
-            left = max(0, left - 1)
-        if not left:  # Where friction falls steeply, pairs may lead astray.
+            left -= 1
+        if left <= -STILL_PATIENT:
+            part = PART
+        elif left <= 0:  # Where friction falls steeply, pairs may lead astray.
             pairs = []
         # Where friction rises, a larger bound leaves less slip, which would overshoot.
-        pairs = extend(pairs, x, x + (y - x) / (1.0 + _rise(falling, g, s)[falls] / stiffness))
+        pairs = extend(
+            pairs, x, x + part * (y - x) / (1.0 + _rise(falling, g, s)[falls] / stiffness)
+        )
         bound = bound.copy()
         bound[falls] = accelerate(pairs)
     else:
