@@ -26,6 +26,7 @@ from toeplitz_mg.contact import (
     surfaces,
 )
 from toeplitz_mg.contact.checks import SLIDES
+from toeplitz_mg.contact.doubts import UNCOUPLED
 from toeplitz_mg.halfspace import difference_parameter
 
 MARGIN = 1.3  # Side of the grid over the length of the contact by Hertz's theory.
@@ -92,7 +93,7 @@ class Hertzian:
     def is_coupled(self) -> bool:
         """Whether pressures move the bodies along the surface, and tractions across it."""
         material = self.options.material
-        return isinstance(material, tuple) and difference_parameter(*material) != 0.0
+        return isinstance(material, tuple) and abs(difference_parameter(*material)) > UNCOUPLED
 
     def solve(self, solve: Solve) -> dict[str, ContactResult]:
         """Solve the normal problem, and the tangential one, or both at once.

@@ -3,7 +3,7 @@
 Of few elements the matrix is an array (`direct`); of many, approximate inverses and acceleration do
 (`iteration`). On small grids the search starts from the leading edge, on larger grids from the
 solution on elements of twice the size. Where the areas do not settle, rolling step by step leads
-on.
+on, and where loads are given a search for their creepages (`searching`).
 
 The approximate inverses are of the symbol of K, â(θ)(1 - e^{iθ₁}), plus ν, for a few ν. Where
 elements stick it is K that is to be inverted, and where they slide K + λ, with λ of any size: in
@@ -58,7 +58,7 @@ class SteadyOptions:
         little.
     patience : int
         Iterations without a smaller residual, after which it rolls step by step over the length of
-        the grid, and searches on from there.
+        the grid, or by other creepages where loads are given, and searches on from there.
 
     Raises
     ------
