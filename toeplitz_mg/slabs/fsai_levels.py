@@ -100,7 +100,8 @@ class SlabLevel:
     def __call__(self, x: Array) -> Array:
         """Apply the inverse to this rank's part of a vector."""
         parts = _split(x, [w.owned for w in self.windows])
-        y = self.level(_join([w.spread(x) for w, x in zip(self.windows, parts, strict=True)]))
+        y = _join([w.spread(x) for w, x in zip(self.windows, parts, strict=True)])
+        y = self.level(y, None if np.may_share_memory(x, y) else y)
         parts = _split(y, [w.seen for w in self.windows])
         return _join([w.collect(y) for w, y in zip(self.windows, parts, strict=True)])
 

@@ -37,13 +37,22 @@ class Windows:
         return self.slab.exchange(x, self._starts, self._lengths, self._expected)
 
     def collect(self, x: Array) -> Array:
-        """Return the sums of what all ranks have for what this rank owns: `spread`, transposed."""
+        """Return the sums of what all ranks have for what this rank owns: `spread`, transposed.
+
+        They are added to `x` in its memory, of which they are a part where all of that is seen.
+        """
         if self._is_own:
             return x
+        here = self.slab.comm.rank
+        is_other = np.arange(len(self._lengths)) != here
         starts = np.cumsum(self._expected) - self._expected
-        got = self.slab.exchange(x, starts, self._expected, self._lengths)
-        total, end = np.zeros((self.owned, *x.shape[1:]), x.dtype), 0
-        for rank in np.flatnonzero(self._lengths):
+        got = self.slab.exchange(x, starts, self._expected * is_other, self._lengths * is_other)
+        total = x[starts[here] : starts[here] + self._expected[here]]
+        if len(total) < self.owned:
+            part, total = total, np.zeros((self.owned, *x.shape[1:]), x.dtype)
+            total[self._starts[here] : self._starts[here] + len(part)] = part
+        end = 0
+        for rank in np.flatnonzero(self._lengths * is_other):
             start, length = self._starts[rank], self._lengths[rank]
             total[start : start + length] += got[end : end + length]
             end += length

@@ -199,13 +199,16 @@ class Blocks:
 
     def multiply_transposed(self, y: Array, x: Array) -> None:
         """Write the product of the transpose with y, or with its columns, to x."""
-        products: list[Any] = [None] * len(self._blocks)
+        shared: list[Any] = [None] * len(self._blocks)
 
         def work(blocks: range) -> None:
             for k in blocks:
                 rows, columns, own, matrix = self._blocks[k]
-                products[k] = product = matrix.T @ y[rows]
-                x[own] = product[own.start - columns.start : own.stop - columns.start]
+                product = matrix.T @ y[rows]
+                start, stop = own.start - columns.start, own.stop - columns.start
+                x[own] = product[start:stop]
+                # Only copies of the rest are kept, as all products together would take much memory.
+                shared[k] = product[:start].copy(), product[stop:].copy()
 
         share(work, len(self._blocks), self.nnz)
         # What several blocks reach is added here, in their order.
@@ -214,9 +217,9 @@ class Blocks:
             x[done : block.own.start] = 0.0
             done = block.own.stop
         x[done:] = 0.0
-        for (_, columns, own, _), product in zip(self._blocks, products, strict=True):
-            x[columns.start : own.start] += product[: own.start - columns.start]
-            x[own.stop : columns.stop] += product[own.stop - columns.start :]
+        for (_, columns, own, _), (before, behind) in zip(self._blocks, shared, strict=True):
+            x[columns.start : own.start] += before
+            x[own.stop : columns.stop] += behind
 
 
 def cut_rows(count: int, entries: int) -> list[slice]:
@@ -252,20 +255,17 @@ class Level:
         """The number of multiplications in one application."""
         return 2 * int(self.G.nnz + self.W.nnz) + self.coarse.multiplications
 
-    def __call__(self, x: Array) -> Array:
-        """Apply the inverse to a vector, or to the columns of x."""
-        z = np.empty_like(x)
-        self._apply(x, z)
-        return z
-
     def multiply(self, X: Array, out: Array) -> None:
         """Apply the inverse to the rows of `X`, into `out`, which may be `X`."""
-        self._apply(X.T, out.T)
+        self(X.T, out.T)
 
-    def _apply(self, x: Array, z: Array) -> None:
+    def __call__(self, x: Array, out: Array | None = None) -> Array:
+        """Apply the inverse to a vector, or to the columns of x, into `out`, which may be `x`."""
+        z = np.empty_like(x) if out is None else out
         y = workspace((self.G.shape[0], *x.shape[1:]), x.dtype)
         a = workspace((self.W.shape[1], *x.shape[1:]), x.dtype)
         self.G.multiply(x, y)
         self.W.multiply_transposed(y, a)
         self.W.multiply(self.coarse(a) - a, y, add=True)
         self.G.multiply_transposed(y, z)
+        return z
