@@ -132,7 +132,7 @@ def test_a_product_after_an_interrupted_one_is_right(shape, monkeypatch):
     monkeypatch.setattr(passes, "WHOLE_BYTES", 0)
     A = tmg.ToeplitzOperator(exponential(*shape))
     x, wrong = random(A.shape[0]), np.full(A.shape[0], 1e3)
-    here, fft, do = threading.current_thread(), scipy.fft.fft, threads.do_part
+    here, fft, do = threading.current_thread(), scipy.fft.fft, threads.do_work
     calls = []
     monkeypatch.setattr(scipy.fft, "fft", lambda *a, **k: calls.append(0) or fft(*a, **k))
     expected = A @ x
@@ -155,14 +155,14 @@ def test_a_product_after_an_interrupted_one_is_right(shape, monkeypatch):
                 assert ended.wait(60.0)
         return fft(*args, **kwargs)
 
-    def do_and_say_so(work, part):
+    def do_and_say_so(work):
         try:
-            do(work, part)
+            do(work)
         finally:
             ended.set()
 
     monkeypatch.setattr(scipy.fft, "fft", transform)
-    monkeypatch.setattr(threads, "do_part", do_and_say_so)
+    monkeypatch.setattr(threads, "do_work", do_and_say_so)
     monkeypatch.setattr(
         threads, "wait_for_all", lambda others: None
     )  # as where an interrupt hits it

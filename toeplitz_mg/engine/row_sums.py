@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.threads import PIECE, WORTH_THREADS, share_rows, share_slices
+from toeplitz_mg.engine.threads import PIECE, WORTH_THREADS, share, share_slices
 from toeplitz_mg.engine.workspace import workspace
 
 PART = 2**13  # Most numbers of a piece: OpenBLAS shares a vector of more than 10,000 among threads.
@@ -95,10 +95,11 @@ def count_grains(numbers: Array, grain: float) -> int:
 def _share_dots(X: Array, Y: Array) -> Array:
     sums = np.empty(len(X), np.result_type(X, Y))
 
-    def work(part: slice) -> None:
-        np.vecdot(X[part], Y[part], out=sums[part])
+    def work(rows: range) -> None:
+        some = slice(rows.start, rows.stop)
+        np.vecdot(X[some], Y[some], out=sums[some])
 
-    share_rows(work, X)
+    share(work, len(X), X.size)
     return sums
 
 

@@ -20,7 +20,7 @@ Work = Callable[[range], None]  # Does the parts that have these numbers.
 
 WORTH_THREADS = 2**19  # Numbers of a loop from which on threads make it faster, not slower.
 TRANSFORM = 2  # What a number counts that is transformed: threads gain on 512² elements, not 256².
-PIECE = 2**15  # Numbers that a thread does at once: what comes in between stays in the cache.
+PIECE = 2**16  # Numbers that a thread does at once: what comes in between stays in the cache.
 # Pieces for each thread: one that has the core to itself takes those of another that has not.
 PIECES = 4
 
@@ -49,12 +49,10 @@ def share(work: Work, count: int, points: int) -> None:
     workers = min(threads, count) if is_large else 1
     pieces = min(count, PIECES * workers) if workers > 1 else 1
     bounds = [count * k // pieces for k in range(pieces + 1)]
-    parts = list(map(range, bounds[:-1], bounds[1:]))
-    # Each thread begins with a piece of its own, and then takes the next that nobody has.
-    parts, rest = parts[:workers], parts[: workers - 1 : -1]
+    rest = list(map(range, bounds[:-1], bounds[1:]))[::-1]
 
-    def do(part: range) -> None:
-        work(part)
+    def do() -> None:
+        # Each thread takes the next piece that nobody has.
         while rest:
             try:
                 part = rest.pop()
@@ -64,15 +62,16 @@ def share(work: Work, count: int, points: int) -> None:
 
     others: list[Future[None]] = []
     try:
-        for part in parts[1:]:
-            pool = _threads(threads - 1, os.getpid())
+        for _ in range(workers - 1):
             # The context has what NumPy does about overflow.
             context: Any = copy_context()
-            others.append(pool.submit(context.run, do_part, [do], part))
+            others.append(_threads(threads - 1, os.getpid()).submit(context.run, do_work, [do]))
         with fft.set_workers(1):
-            do(parts[0])
+            do()
     finally:
         rest.clear()
+        # A thread that has not woken up yet has nothing left to do.
+        others = [other for other in others if not other.cancel()]
         wait_for_all(others)
     for other in others:
         other.result()
@@ -118,13 +117,13 @@ def elementwise(function: Callable[..., Array], *fields: Array, out: Array | Non
     return out
 
 
-def do_part(work: list[Work], part: range) -> None:
-    """Do a part of the work, and let go of the work.
+def do_work(work: list[Callable[[], None]]) -> None:
+    """Do the work, and let go of it.
 
     A thread keeps its arguments a moment longer than its caller waits. It must not keep a
     workspace, which the next product would have to do without.
     """
-    work.pop()(part)
+    work.pop()()
 
 
 def wait_for_all(others: list[Future[None]]) -> None:

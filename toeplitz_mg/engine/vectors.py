@@ -34,8 +34,17 @@ from toeplitz_mg.engine.row_sums import (
     round_to,
     row_dots,
 )
-from toeplitz_mg.engine.threads import PIECE, WORTH_THREADS, elementwise, share_rows, share_slices
+from toeplitz_mg.engine.threads import (
+    PIECE,
+    WORTH_THREADS,
+    elementwise,
+    share,
+    share_rows,
+    share_slices,
+)
 from toeplitz_mg.engine.workspace import workspace
+
+REDUCED = 2**18  # Numbers of a field that a thread reduces to one at once.
 
 # From a number, or an array of them, to those of all processes, in the same order in each of them.
 Gather = Callable[[Any], Sequence[Any]]
@@ -74,10 +83,11 @@ def dots(X: Array, y: Array) -> Array:
     else:
         sums = np.empty(X.shape[:-1], X.dtype)
 
-        def work(rows: slice) -> None:
-            np.vecdot(X[:, rows], y[rows], out=sums[:, rows])
+        def work(rows: range) -> None:
+            some = slice(rows.start, rows.stop)
+            np.vecdot(X[:, some], y[some], out=sums[:, some])
 
-        share_rows(work, y)
+        share(work, len(y), y.size)
     # The sum of rows has a smaller rounding error than that over all of a field at once.
     double = np.result_type(X, np.float64)
     return sums.reshape(len(X), -1).sum(axis=1, dtype=double) + rest
@@ -241,7 +251,8 @@ def _reduce(of_part: Callable[[Array], Any], combine: Callable[[list[Any]], Any]
         def work(part: slice) -> None:
             numbers[part.start] = of_part(x[part])
 
-        share_rows(work, x)
+        # There is nothing between that should stay in the cache.
+        share_slices(work, len(x), max(1, REDUCED * len(x) // x.size), x.size)
         return combine([numbers[start] for start in sorted(numbers)])
 
     return reduce

@@ -70,7 +70,7 @@ def choose(
         Of a rule, and of those of the `points` that it is to serve: arrays of shape (points,), or
         all points in their own shape.
     points : ndarray
-        Of the shape of the distances.
+        They broadcast to the shape of the distances.
     """
     if distance.size == 0:
         return np.empty(distance.shape)
@@ -85,7 +85,8 @@ def choose(
         if k > first:
             part &= distance >= starts[k]
         if part.any():
-            value[part] = evaluate(rules[k], *(array[part] for array in points))
+            some = (np.broadcast_to(array, part.shape)[part] for array in points)
+            value[part] = evaluate(rules[k], *some)
     return value
 
 

@@ -6,10 +6,11 @@ from math import frexp, hypot, prod
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.threads import share
+from toeplitz_mg.engine.threads import WORTH_THREADS, share
 from toeplitz_mg.halfspace.expansion import REACH, Kernel, choose, polynomials, sum_series
 from toeplitz_mg.halfspace.integrals import BLOCK, exact_integral
 
+SHARED = 2**17  # Points of a block that threads share: of fewer, they wait for the interpreter.
 FARTHEST = 2.0**500  # Units whose squares do not overflow.
 NEAR, BEYOND = -1, -2  # The rules that are no order of a series.
 
@@ -50,7 +51,9 @@ def integrate(kernel: Kernel, x: Array, y: Array, h1: float, h2: float) -> Array
 
     def evaluate(rule: int, x: Array, y: Array, r2: Array) -> Array:
         if rule == NEAR:
-            return near(x.ravel(), y.ravel()).reshape(x.shape)
+            return near(*(np.broadcast_to(axis, r2.shape).ravel() for axis in (x, y))).reshape(
+                r2.shape
+            )
         if (
             rule == BEYOND
         ):  # A kernel of degree -1 is so much less where all lengths are so much more.
@@ -58,27 +61,29 @@ def integrate(kernel: Kernel, x: Array, y: Array, h1: float, h2: float) -> Array
             return _sum(kernel, P[:1], x, y, x * x + y * y) / FARTHEST
         return _sum(kernel, P[: rule + 1], x, y, r2)
 
-    shape = np.broadcast_shapes(x.shape, y.shape)
-    points = [np.broadcast_to(np.atleast_1d(axis), shape or 1) for axis in (x, y)]
-    integral = np.empty(shape or 1)
-    blocks = list(_blocks([slice(0, n) for n in integral.shape]))
+    whole = np.broadcast_shapes(x.shape, y.shape)
+    shape = whole or (1,)
+    # What is alike along an axis is not repeated along it.
+    x, y = (np.reshape(axis, (1,) * (len(shape) - axis.ndim) + axis.shape) for axis in (x, y))
+    integral = np.empty(shape)
+    most = SHARED if integral.size >= WORTH_THREADS else BLOCK
+    blocks = list(_blocks([slice(0, n) for n in shape], most))
 
     def work(numbers: range) -> None:
         for block in blocks[numbers.start : numbers.stop]:
-            x, y = (axis[block] / unit for axis in points)
+            near_x, near_y = (_cut(axis, block) / unit for axis in (x, y))
             with np.errstate(over="ignore"):
-                r2 = x * x + y * y
-            integral[block] = choose(begins, r2, evaluate, x, y, r2)
+                r2 = near_x * near_x + near_y * near_y
+            integral[block] = choose(begins, r2, evaluate, near_x, near_y, r2)
 
     share(work, len(blocks), integral.size)
-    return integral.reshape(shape)
+    return integral.reshape(whole)
 
 
 def _sum(kernel: Kernel, P: list[list[float]], x: Array, y: Array, r2: Array) -> Array:
     """Return x^p y^q/ρ^(p+q+1) Σ_k ρ^(-2k) P_k(x²/ρ²), p and q of 0 and 1."""
     e = np.divide(1.0, r2, out=r2)
-    u = x * x
-    u *= e
+    u = x * x * e
     value = sum_series(P, u, e)
     i, j, _ = next(iter(kernel))
     if i % 2:
@@ -92,14 +97,21 @@ def _sum(kernel: Kernel, P: list[list[float]], x: Array, y: Array, r2: Array) ->
     return value
 
 
-def _blocks(part: list[slice]) -> Iterator[tuple[slice, ...]]:
-    """Halve the longest axis of a part of an array, until it is small."""
+def _cut(axis: Array, block: tuple[slice, ...]) -> Array:
+    """Return a block of an array that may have one number along some axes."""
+    return axis[
+        tuple(part if n > 1 else slice(None) for n, part in zip(axis.shape, block, strict=True))
+    ]
+
+
+def _blocks(part: list[slice], most: int) -> Iterator[tuple[slice, ...]]:
+    """Halve the longest axis of a part of an array, until it has few numbers."""
     lengths = [axis.stop - axis.start for axis in part]
-    if prod(lengths) <= BLOCK:
+    if prod(lengths) <= most:
         if prod(lengths) > 0:
             yield tuple(part)
         return
     k = int(np.argmax(lengths))
     middle = part[k].start + lengths[k] // 2
     for half in (slice(part[k].start, middle), slice(middle, part[k].stop)):
-        yield from _blocks([*part[:k], half, *part[k + 1 :]])
+        yield from _blocks([*part[:k], half, *part[k + 1 :]], most)

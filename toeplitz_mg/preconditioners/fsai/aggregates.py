@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.one_thread import multiply
 from toeplitz_mg.engine.threads import share_slices
 from toeplitz_mg.preconditioners.fsai.levels import LevelMatrix
 from toeplitz_mg.preconditioners.fsai.refusals import require_positive
@@ -153,7 +154,7 @@ def _diagonal(
         c = matrix.c.take(window)
         own = (loads**2 * (matrix.d.take(window) - stencil.zero[a] * c**2)).sum(axis=0)
         loads *= c
-    return own + ((stencil.own[a] @ loads) * loads).sum(axis=0)
+    return own + (multiply(stencil.own[a], loads) * loads).sum(axis=0)
 
 
 def prolong(

@@ -5,11 +5,11 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor
 from scipy.linalg.lapack import dpotrs, spotrs
 from scipy.sparse import csr_array, vstack
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.one_thread import factorise
 from toeplitz_mg.engine.threads import WORTH_THREADS, share
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.preconditioners.fsai.refusals import refusal, require_definite
@@ -92,7 +92,7 @@ class Direct:
     def of(cls, matrix: Array, dtype: np.dtype[Any], grid_shape: tuple[int, ...]) -> "Direct":
         """Factorise a matrix, to be applied in this precision; `grid_shape` is for errors."""
         try:
-            factor, _ = cho_factor(matrix)
+            factor = factorise(matrix)
         except np.linalg.LinAlgError:
             smallest = float(np.linalg.eigvalsh(matrix)[0])
             raise refusal("an eigenvalue of the coarsest matrix is", smallest, grid_shape) from None
