@@ -83,12 +83,19 @@ def require_condition(condition: float, dtype: Any, subject: str, advice: str) -
 
     The message: "`subject` has a condition number of 1e9, with which …: use `advice`", or float64.
     """
-    if not ROUNDING * float(np.finfo(dtype).eps) * condition < 1.0:
+    if why := name_condition(condition, dtype, subject):
         single = np.dtype(dtype).char in "fF"
-        raise np.linalg.LinAlgError(
-            f"{subject} has a condition number of up to {condition:.1e}, with which rounding in "
-            f"{np.dtype(dtype)} may make it indefinite: use {'float64' if single else advice}"
-        )
+        raise np.linalg.LinAlgError(f"{why}: use {'float64' if single else advice}")
+
+
+def name_condition(condition: float, dtype: Any, subject: str) -> str:
+    """Say why rounding in this precision may make a matrix indefinite; nothing where it may not."""
+    if ROUNDING * float(np.finfo(dtype).eps) * condition < 1.0:
+        return ""
+    return (
+        f"{subject} has a condition number of up to {condition:.1e}, with which rounding in "
+        f"{np.dtype(dtype)} may make it indefinite"
+    )
 
 
 def require_positive(spectrum: Array, dtype: Any, subject: str, advice: str) -> None:

@@ -1,6 +1,5 @@
 """The multilevel sparse approximate inverse of a matrix on slabs."""
 
-import re
 from collections.abc import Sequence
 from math import prod
 from typing import Any
@@ -14,6 +13,7 @@ from toeplitz_mg.preconditioners.fsai.build import Options
 from toeplitz_mg.preconditioners.fsai.coupled import select_coupled_stencil
 from toeplitz_mg.preconditioners.fsai.neighbours import choose_stencil
 from toeplitz_mg.preconditioners.fsai.preconditioner import check_neighbours
+from toeplitz_mg.preconditioners.fsai.refusals import advise
 from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.fsai_levels import (
     CommonLevel,
@@ -28,11 +28,10 @@ from toeplitz_mg.slabs.structure import find_precision, unwrap
 
 Blocks = Sequence[Sequence[Any]]  # Of ToeplitzOperator or None.
 
-# What errors advise that slabs have not, and what may be taken in its place.
-ELSEWHERE = re.compile(
-    r"(chan|spectral)_preconditioner\(A\)(, which is positive definite whenever A is)?"
+INSTEAD = (
+    "take cosine_preconditioner(A), on a mask sine_preconditioner(A), and where these are refused "
+    "use fft_preconditioner(A), or cg without M"
 )
-HERE = "fft_preconditioner(A), or cg without M"
 REPEATED = 1 / 64  # Most cells of a level that all ranks have, together, over those of the grid.
 
 
@@ -101,13 +100,11 @@ def fsai_preconditioner(
     _require_symmetric(full, blocks)
     mask = np.ones(full.grid_shape, bool) if A is full else A.mask
     most = REPEATED * prod(slab.shape) / slab.comm.size
-    try:
+    with advise(INSTEAD):
         joint = None if options.neighbours else _joint(blocks, mask)
         each = mask.reshape(len(blocks), -1)
         parts = [(joint, options)] if joint else _alone(blocks, each, options)
         levels = [build_on_slab(*part, precision, most) for part in parts]
-    except np.linalg.LinAlgError as error:
-        raise np.linalg.LinAlgError(ELSEWHERE.sub(HERE, str(error))) from None
     counts = [int(np.count_nonzero(part.c)) for part, _ in parts]
     return SlabSparseInverse(levels, counts, slab, precision, full.grid_shape)
 

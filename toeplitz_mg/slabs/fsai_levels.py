@@ -218,7 +218,7 @@ def _direct(matrix: SlabMatrix, counts: Array, dtype: np.dtype[Any]) -> Direct:
     E *= c[:, None]
     np.fill_diagonal(E, d)
     with slab.agree():
-        return Direct.of(E, dtype, (int(starts[-1]), matrix.c.shape[2]))
+        return Direct.of(E, dtype)
 
 
 def _begin(first: Array, cuts: Array) -> Array:

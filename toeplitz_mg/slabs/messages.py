@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.preconditioners.fsai.refusals import Refused
 
-REFUSALS = (np.linalg.LinAlgError, ValueError, TypeError, OSError)  # What all ranks raise alike.
+# What all ranks raise alike.
+REFUSALS = (Refused, np.linalg.LinAlgError, ValueError, TypeError, OSError)
 
 
 class Messages:

@@ -64,11 +64,11 @@ def aggregate(
         empty: list[Array] = [np.logical_not(w.any(axis=0)) for w in within]
         norms = [np.sqrt(np.einsum("im,im->m", u[0], u[0])) for u in U]
         for norm, none in zip(norms, empty, strict=True):
-            require_positive("the norm of a vector of W is", (norm + none).min(), _shape(stencil))
+            require_positive("the norm of a vector of W is", (norm + none).min())
         if d == 1:
             loads, inverse[0, J] = norms, 1.0 / norms[0]
         else:
-            loads, inverse[:, J] = _orthonormalise(U, norms, empty, _shape(stencil))
+            loads, inverse[:, J] = _orthonormalise(U, norms, empty)
         for a in stencil.components:
             K = J + a * coarser.grid.size
             c[K] = loads[a] / stencil.totals[a]
@@ -94,12 +94,8 @@ def _touched_blocks(stencil: Stencil, at: Array) -> Array:
     return np.flatnonzero(touched)
 
 
-def _shape(stencil: Stencil) -> tuple[int, ...]:
-    return stencil.grid.kernel.shape
-
-
 def _orthonormalise(
-    U: Sequence[Array], norms: Sequence[Array], empty: Sequence[Array], shape: tuple[int, ...]
+    U: Sequence[Array], norms: Sequence[Array], empty: Sequence[Array]
 ) -> tuple[list[Array], list[Array]]:
     """Return the diagonal of (U_JᵀU_J)^(1/2), and the entries xx, yy and xy of its inverse.
 
@@ -112,8 +108,6 @@ def _orthonormalise(
         The norms of the sums with loads in their own component.
     empty : two ndarrays of bool, of shape (m,)
         Where a component has no unknown: its vector is taken as one orthogonal to the other.
-    shape : tuple of int
-        The shape of the grid, for errors.
     """
     there = [~none for none in empty]
     (xx, xy), (yy, yx) = U
@@ -125,7 +119,7 @@ def _orthonormalise(
     product = np.sqrt(gxx) * np.sqrt(gyy)
     square = 1.0 - (gxy / product) ** 2  # This is the squared sine of their angle.
     subject = "the sine of the angle of two vectors of W is, squared,"
-    require_positive(subject, float(square.min()), shape)
+    require_positive(subject, float(square.min()))
     s = product * np.sqrt(square)
     t = np.sqrt(gxx + gyy + 2.0 * s)
     loads = [there[0] * (gxx + s) / t, there[1] * (gyy + s) / t]

@@ -65,7 +65,7 @@ def build(
     """
     at = np.flatnonzero(matrix.active)
     if len(at) <= options.direct:
-        return Direct.of(_dense(stencil, matrix, at), dtype, stencil.grid.kernel.shape)
+        return Direct.of(_dense(stencil, matrix, at), dtype)
     G, W, E = build_factors(stencil, stencil.coarser, matrix, at, dtype)
     return Level(G, W, build(stencil.coarser, E, dtype, options))
 

@@ -89,13 +89,13 @@ class Direct:
     factor: Array
 
     @classmethod
-    def of(cls, matrix: Array, dtype: np.dtype[Any], grid_shape: tuple[int, ...]) -> "Direct":
-        """Factorise a matrix, to be applied in this precision; `grid_shape` is for errors."""
+    def of(cls, matrix: Array, dtype: np.dtype[Any]) -> "Direct":
+        """Factorise a matrix, to be applied in this precision."""
         try:
             factor = factorise(matrix)
         except np.linalg.LinAlgError:
             smallest = float(np.linalg.eigvalsh(matrix)[0])
-            raise refusal("an eigenvalue of the coarsest matrix is", smallest, grid_shape) from None
+            raise refusal("an eigenvalue of the coarsest matrix is", smallest) from None
         exact = cls(np.asfortranarray(factor))
         require_definite(matrix, exact, dtype)
         return cls(exact.factor.astype(dtype, copy=False))

@@ -180,7 +180,7 @@ def build_line(
     """Build a level and those below it, in float64, to be applied in the precision `dtype`."""
     n = len(matrix.kernel)
     if n <= options.direct_on_line:
-        return Direct.of(matrix.matrix(), dtype, (n,))
+        return Direct.of(matrix.matrix(), dtype)
     rest = n - (n - 1) // BLOCK * BLOCK  # The number of cells of the last block.
     lags = matrix.lags(2 * BLOCK + 1)
     far = lags[2 * BLOCK]  # This is τ of the package's description.
@@ -188,7 +188,7 @@ def build_line(
     c, d = (_windows(x, BLOCK, 0, BLOCK) for x in (matrix.c, matrix.d))
     S = (toeplitz(lags[:BLOCK]) - far) * c[:, :, np.newaxis] * c[:, np.newaxis]
     S[:, np.arange(BLOCK), np.arange(BLOCK)] = d - far * c**2
-    R = _inverse_factors(matrix, S)
+    R = _inverse_factors(S)
     G = np.zeros((3, BLOCK, 2 * BLOCK))
     G[0, :, BLOCK:] = R[0]
     for i in range(BLOCK):
@@ -208,22 +208,18 @@ def build_line(
     own += np.einsum("ki,ij,kj->k", loads, toeplitz(lags[: 2 * BLOCK]), loads)
     totals = loads.sum(axis=1)
     if not totals.min() > 0.0:
-        raise _refusal("the load of an aggregate is", totals, matrix)
+        raise refusal("the load of an aggregate is", float(totals.min()))
     E = LineMatrix(_coarsen(matrix, loads[1]), totals / totals[1], own, norm)
     return LineLevel(n, G.astype(dtype), W.astype(dtype), build_line(E, dtype, options))
 
 
-def _inverse_factors(matrix: LineMatrix, S: Array) -> Array:
+def _inverse_factors(S: Array) -> Array:
     """Return the inverses of the Cholesky factors of some matrices."""
     try:
         return np.linalg.inv(np.linalg.cholesky(S))
     except np.linalg.LinAlgError:
-        eigenvalues = np.linalg.eigvalsh(S)
-        raise _refusal("an eigenvalue of a neighbourhood is", eigenvalues, matrix) from None
-
-
-def _refusal(subject: str, values: Array, matrix: LineMatrix) -> np.linalg.LinAlgError:
-    return refusal(subject, float(values.min()), matrix.kernel.shape)
+        smallest = float(np.linalg.eigvalsh(S).min())
+        raise refusal("an eigenvalue of a neighbourhood is", smallest) from None
 
 
 def _windows(x: Array, length: int, first: int, stop: int) -> Array:

@@ -19,9 +19,8 @@ from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners.fsai.build import Options, build
 from toeplitz_mg.preconditioners.fsai.cellgrid import AGGREGATE
 from toeplitz_mg.preconditioners.fsai.levels import LevelMatrix
-from toeplitz_mg.preconditioners.fsai.refusals import require_positive
+from toeplitz_mg.preconditioners.fsai.refusals import Refused, require_positive
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
-from toeplitz_mg.preconditioners.positivity import name_for_smooth
 
 NUMBERS = NEIGHBOURS, 24, 40  # Neighbours to try: half of the cells within 2, 3 and 4 of the own.
 ON_LINE = 14  # Neighbours on a mask of a line, with one iteration less than 12 in as much time.
@@ -50,11 +49,10 @@ def select_stencil(kernel: Array) -> Stencil:
         stencil = Stencil.of_one(kernel, neighbours)
         if is_enough(stencil):
             return stencil
-    raise np.linalg.LinAlgError(
+    raise Refused(
         f"conjugate gradients take more than {MOST} iterations on a trial problem with the sparse "
-        f"approximate inverse of {neighbours} neighbours: too smooth a kernel for it; "
-        f"{name_for_smooth(kernel.shape)}. A number of neighbours that is given takes it all "
-        "the same, in more iterations"
+        f"approximate inverse of {neighbours} neighbours: too smooth a kernel for it, which a "
+        "number of neighbours that is given takes all the same, in more iterations"
     )
 
 
@@ -120,9 +118,7 @@ def count_iterations(stencil: Stencil) -> float:
         step = iteration.step(r)
         if not iteration.rho > 0.0:
             return inf
-        require_positive(
-            "for some vector on a small grid xᵀ A x is", iteration.curvature, kernel.shape
-        )
+        require_positive("for some vector on a small grid xᵀ A x is", iteration.curvature)
         r -= step * iteration.product
         previous, length = length, float(np.linalg.norm(r))
         if length <= goal:

@@ -23,7 +23,8 @@ from toeplitz_mg.preconditioners.fsai.coupled import find_coupled_stencil
 from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
 from toeplitz_mg.preconditioners.fsai.line import LineLevel, LineMatrix, build_line
 from toeplitz_mg.preconditioners.fsai.neighbours import choose_stencil
-from toeplitz_mg.preconditioners.positivity import precision
+from toeplitz_mg.preconditioners.fsai.refusals import advise
+from toeplitz_mg.preconditioners.positivity import name_for_smooth, precision
 from toeplitz_mg.values import count
 
 MOST_NEIGHBOURS = 100  # Neighbours of a row of G: it takes 1.6 ms with these, and 40 are enough.
@@ -225,7 +226,8 @@ def coupled_fsai(
         return None
     mask = np.ones(full.grid_shape, dtype=bool) if mask is None else mask
     dtype = precision(full, dtype)
-    level = build(stencil, LevelMatrix.of_mask(stencil, mask), dtype, options)
+    with advise(name_for_smooth(full.grid_shape[1:])):
+        level = build(stencil, LevelMatrix.of_mask(stencil, mask), dtype, options)
     return MultilevelSparseInverse(level, mask, full.grid_shape[1:], dtype)
 
 
@@ -250,9 +252,10 @@ def _uncoupled_fsai(
     kernel = np.atleast_2d(squeezed.c.astype(np.float64, copy=False))
     level: Level | Direct | LineLevel
     is_line, unknowns = len(squeezed.grid_shape) == 1, int(np.count_nonzero(mask))
-    if options.is_line_alike and is_line and unknowns == mask.size:
-        level = build_line(LineMatrix.of_kernel(kernel.ravel()), dtype, options)
-    else:
-        stencil, own = choose_stencil(kernel, is_line, unknowns, unknowns == mask.size, options)
-        level = build(stencil, LevelMatrix.of_mask(stencil, mask), dtype, own)
+    with advise(name_for_smooth(squeezed.grid_shape)):
+        if options.is_line_alike and is_line and unknowns == mask.size:
+            level = build_line(LineMatrix.of_kernel(kernel.ravel()), dtype, options)
+        else:
+            stencil, own = choose_stencil(kernel, is_line, unknowns, unknowns == mask.size, options)
+            level = build(stencil, LevelMatrix.of_mask(stencil, mask), dtype, own)
     return MultilevelSparseInverse(level, mask, kernel.shape, dtype)

@@ -1,27 +1,41 @@
 """Why a sparse approximate inverse is refused: the errors, and the checks that raise them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.preconditioners.positivity import name_for_smooth, require_condition
+from toeplitz_mg.preconditioners.positivity import name_condition
 
 STEPS = 8  # Steps of inverse iteration, which give the smallest eigenvalue to some per cent.
 
 
-def require_positive(subject: str, value: float, grid_shape: tuple[int, ...]) -> None:
+class Refused(np.linalg.LinAlgError):
+    """A matrix has no sparse approximate inverse: why, without what to take in its place."""
+
+
+@contextmanager
+def advise(advice: str) -> Iterator[None]:
+    """Say in the error of a matrix that is refused what to take in its place."""
+    try:
+        yield
+    except Refused as error:
+        raise np.linalg.LinAlgError(f"{error}; {advice}") from None
+
+
+def require_positive(subject: str, value: float) -> None:
     """Refuse a kernel for which a number that must be positive is not."""
     if not value > 0.0:
-        raise refusal(subject, value, grid_shape)
+        raise refusal(subject, value)
 
 
-def refusal(subject: str, value: float, grid_shape: tuple[int, ...]) -> np.linalg.LinAlgError:
+def refusal(subject: str, value: float) -> Refused:
     """Return the error for a kernel for which a number that must be positive is not."""
-    return np.linalg.LinAlgError(
+    return Refused(
         f"{subject} {value:.3g} in the sparse approximate inverse, but must be positive: A is not "
-        f"positive definite, or too smooth a kernel for it; {name_for_smooth(grid_shape)}"
+        "positive definite, or too smooth a kernel for it"
     )
 
 
@@ -34,4 +48,7 @@ def require_definite(matrix: Array, inverse: Callable[[Array], Array], dtype: An
     for _ in range(STEPS):
         v = inverse(v / np.linalg.norm(v))
     condition = float(np.abs(matrix).sum(axis=0).max() * np.linalg.norm(v))
-    require_condition(condition, dtype, "the coarsest matrix", "chan_preconditioner(A)")
+    if why := name_condition(condition, dtype, "the coarsest matrix"):
+        if np.dtype(dtype).char == "f":
+            raise np.linalg.LinAlgError(f"{why}: use float64")
+        raise Refused(why)

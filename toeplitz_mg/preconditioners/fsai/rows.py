@@ -20,13 +20,10 @@ class Neighbourhood(NamedTuple):
         A, less τ within a component.
     zero : ndarray of shape (K,)
         The diagonal of A.
-    grid_shape : tuple of int
-        The shape of the whole grid, for errors.
     """
 
     local: Array
     zero: Array
-    grid_shape: tuple[int, ...]
 
 
 def tabulate_rows(near: Neighbourhood) -> Array:
@@ -38,12 +35,12 @@ def tabulate_rows(near: Neighbourhood) -> Array:
     S = near.local[:, :, None]
     eliminated = []
     for k in range(len(S) - 1, 0, -1):
-        require_positive("a pivot is", S[k, k].min(), near.grid_shape)
+        require_positive("a pivot is", S[k, k].min())
         factors = S[k, :k] / S[k, k]
         without, S = S[:k, :k], S[:k, :k] - factors[:, None] * S[k, :k]
         S = np.stack([without, S], axis=-1).reshape(k, k, -1)
         eliminated.append(np.stack([np.zeros(factors.shape), factors], axis=-1))
-    require_positive("a pivot is", S.min(), near.grid_shape)
+    require_positive("a pivot is", S.min())
     rows = np.empty((len(near.local), S.size))
     rows[0] = 1.0 / np.sqrt(S[0, 0])
     for k, factors in enumerate(reversed(eliminated), 1):
@@ -83,11 +80,11 @@ def solve_rows(near: Neighbourhood, c: Array, d: Array) -> Array:
         np.einsum("jm,jim->im", S[k, k + 1 :], S[k + 1 :, : k + 1], out=row)
         np.subtract(near.local[k, : k + 1, None], row, out=row)
         row[k] += added[k]
-        require_positive("a pivot is", row[k].min(), near.grid_shape)
+        require_positive("a pivot is", row[k].min())
         np.divide(row[:k], row[k], out=S[:k, k])
     coupled = np.einsum("jm,jm->m", S[0, 1:], S[1:, 0])
     pivot = d[0] + c[0] ** 2 * (near.local[0, 0] - near.zero[0] - coupled)
-    require_positive("a pivot is", pivot.min(), near.grid_shape)
+    require_positive("a pivot is", pivot.min())
     rows = np.empty(c.shape)
     rows[0] = c[0] / np.sqrt(pivot)
     for k in range(1, K):

@@ -136,7 +136,7 @@ class Stencil:
             b = np.repeat([a, 1 - a], [len(offsets), len(self.others)])
             S = self.at(b[:, None], b, cells[:, None] - cells)
             S -= self.far * np.equal.outer(b, b)
-            result.append(Neighbourhood(S, self.zero[b], self.kernel.shape[2:]))
+            result.append(Neighbourhood(S, self.zero[b]))
         return tuple(result)
 
     @cached_property
@@ -201,11 +201,11 @@ class Stencil:
         w, index = np.full((AGGREGATE, 1), AGGREGATE**-0.5), np.zeros((AGGREGATE, 1), int)
         for near in self.near:
             smallest = float(np.linalg.eigvalsh(near.local)[0])
-            require_positive("an eigenvalue of a neighbourhood is", smallest, near.grid_shape)
+            require_positive("an eigenvalue of a neighbourhood is", smallest)
             row = np.linalg.inv(near.local)[: len(self.grid.steps), :1]
             row /= np.sqrt(row[0])
             loads.append(add_loads(self.grid, row, index, w).ravel())
-            require_positive("the load of an aggregate is", float(loads[-1].sum()), near.grid_shape)
+            require_positive("the load of an aggregate is", float(loads[-1].sum()))
         return tuple(loads)
 
     @cached_property
