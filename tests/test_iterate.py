@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 
@@ -79,3 +80,28 @@ def test_a_zero_right_hand_side_has_a_history_of_one(solver):
 def test_only_a_list_is_filled(solver, residuals):
     with pytest.raises(TypeError, match=r"residuals is .*, but must be a list"):
         solver(A, vector().real, residuals=residuals)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_right_hand_side_in_the_memory_of_the_products(solver):
+    """What makes products may give them out in the same memory each time, b too."""
+    memory = np.empty(200)
+
+    def multiply(x):
+        memory[:] = A @ x
+        return memory
+
+    operator = LinearOperator(A.shape, matvec=multiply, dtype=float)
+    exact = vector().real
+    for guess in (None, np.ones(200)):
+        x, info = solver(operator, operator @ exact, guess, M=M, rtol=1e-10)
+        assert info == 0
+        assert_allclose(x, exact, atol=1e-6)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_guess_beyond_the_range_of_a_right_hand_side_in_single_precision(solver):
+    """It is no reason to take the right-hand side for zero."""
+    b = vector().real.astype(np.float32)
+    x, info = solver(A, b, np.full(200, 1e42), M=M, rtol=1e-7)
+    assert info > 0 or np.linalg.norm(b - A @ x) <= 1e-7 * np.linalg.norm(b)

@@ -217,7 +217,8 @@ def test_a_symbol_that_is_zero_at_a_sample_is_that_of_a_regular_matrix(name, n, 
     r = np.append(c[:1], r[1:])
     for b in (np.ones(n), random(n), random(n, 3)):
         x, info = tmg.solve_toeplitz((c, r), b, full_output=True)
-        assert info.method.startswith("gmres, circulant") or b.ndim > 1
+        by_gmres = info.method.startswith("gmres, circulant") or b.ndim > 1
+        assert info.method == "substitution" if name == "1 - z" else by_gmres
         assert info.iterations <= 40
         residual = np.linalg.norm(b - scipy.linalg.matmul_toeplitz((c, r), x))
         assert residual <= 1e-10 * np.linalg.norm(b)

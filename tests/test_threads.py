@@ -1,5 +1,6 @@
 """Threads: whatever number `scipy.fft.set_workers` says, all results have the same bits."""
 
+import subprocess
 import sys
 import threading
 from itertools import pairwise
@@ -269,3 +270,27 @@ def test_threads_treat_overflow_as_the_caller_does():
                         threads.share_rows(lambda part: huge[part] * huge[part], huge)
                 else:
                     threads.share_rows(lambda part: huge[part] * huge[part], huge)
+
+
+def test_loops_are_done_where_no_thread_can_be_started_any_more():
+    """As in a thread that goes on when the main one has ended, and when Python ends."""
+    script = """
+import atexit, threading, time
+import numpy as np, scipy.fft
+from toeplitz_mg.engine import threads
+
+def work():
+    done = []
+    with scipy.fft.set_workers(2):
+        threads.share(done.extend, 10, threads.WORTH_THREADS)
+    print(sorted(done) == list(range(10)))
+
+def later():
+    threading.main_thread().join()
+    work()
+
+atexit.register(work)
+threading.Thread(target=later).start()
+"""
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    assert run.stdout.split() == ["True", "True"], run.stderr

@@ -7,6 +7,7 @@ and a part that a thread does is what any other would make of it. So results hav
 import os
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from contextvars import copy_context
 from functools import lru_cache
 from typing import Any
@@ -65,7 +66,8 @@ def share(work: Work, count: int, points: int) -> None:
         for _ in range(workers - 1):
             # The context has what NumPy does about overflow.
             context: Any = copy_context()
-            others.append(_threads(threads - 1, os.getpid()).submit(context.run, do_work, [do]))
+            with suppress(RuntimeError):  # Where Python ends no thread can be started any more.
+                others.append(_threads(threads - 1, os.getpid()).submit(context.run, do_work, [do]))
         with fft.set_workers(1):
             do()
     finally:

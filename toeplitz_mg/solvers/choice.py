@@ -56,6 +56,8 @@ ALIKE = 100.0  # Largest ratio of eigenvalues where a product in single precisio
 # lags alone, GMRES takes 5 to 16 iterations with it, and 8 to 45 with one ten times as large; with
 # one ten times less Trench's recursion loses more digits than some of them can spare.
 SHIFT = 1e-4
+NARROW = 64  # Most diagonals of a triangular matrix that is solved by substitution at once.
+LARGEST_BAND = 2**25  # Most numbers of the diagonals of one, of 256 MiB.
 LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in n³/3 operations.
 LEVINSON = "scipy.linalg.solve_toeplitz"  # The name of the method that is its recursion.
 
@@ -70,11 +72,15 @@ class Method(NamedTuple):
         ``solve(B, rtol)`` returns solutions and iterations.
     accepted : float
         Backward error at which a solution is left as it is, if no residual is asked for.
+    is_substitution : bool
+        Whether each row of the system is solved in its turn, so that each holds but for rounding of
+        its own terms, however large x is.
     """
 
     name: str
     solve: Callable[[Rows, float], tuple[Rows, int]]
     accepted: float = 0.0
+    is_substitution: bool = False
 
 
 def methods(system: ToeplitzSystem) -> Iterator[Method]:
@@ -82,6 +88,12 @@ def methods(system: ToeplitzSystem) -> Iterator[Method]:
 
     The next one is asked for only where one has failed.
     """
+    if 0 < system.band <= NARROW:
+        return chain(_substitution(system), _methods_of_any(system))
+    return chain(_methods_of_any(system), _substitution(system))
+
+
+def _methods_of_any(system: ToeplitzSystem) -> Iterator[Method]:
     n, columns = len(system.c), system.columns
     if system.is_symmetric:
         if not levinson_is_fastest(n, columns):
@@ -196,6 +208,26 @@ def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
         yield Method("gmres, trench of A + ε I", _iterate_shifted(system))
     if n <= LARGEST_DENSE:
         yield Method("lu", _factorise(system))
+
+
+def _substitution(system: ToeplitzSystem) -> Iterator[Method]:
+    """Yield the substitution of one unknown after the other, where the matrix is triangular."""
+    if not 0 < system.band * len(system.c) <= LARGEST_BAND:
+        return
+    is_lower = not system.r[1:].any()
+    column = (system.c if is_lower else system.r)[: system.band]
+    band = np.repeat(column[:, None], len(system.c), axis=1)
+    (solve,) = get_lapack_funcs(("tbtrs",), dtype=system.c.dtype)
+
+    def substitute(B: Rows, rtol: float) -> tuple[Rows, int]:
+        B = B if is_lower else B[..., ::-1]  # Of the reversed unknowns it is lower.
+        X, info = solve(band, B.T, uplo="L")
+        if info > 0:
+            raise np.linalg.LinAlgError("the diagonal is zero")
+        X = X.T.reshape(B.shape)
+        return (X if is_lower else X[..., ::-1]), 1
+
+    yield Method("substitution", substitute, is_substitution=True)
 
 
 def _levinson_method(system: ToeplitzSystem, accepted: float = 0.0) -> Iterator[Method]:

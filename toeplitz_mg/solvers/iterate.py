@@ -22,11 +22,11 @@ class Iterate:
     Attributes
     ----------
     x : ndarray
-    r : ndarray
-        The residual, divided by `scale`.
+    b, r : ndarray
+        The right-hand side and the residual, divided by `scale`.
     scale : float
     size_of_b : float
-        The norm of the right-hand side, divided by `scale`.
+        The norm of `b`.
     iterations : int
         How many there have been, for whoever iterates to count.
     vectors : Vectors
@@ -35,22 +35,25 @@ class Iterate:
 
     def __init__(self, system: System) -> None:
         A, b, guess, dtype = system.A, system.b, system.x0, system.dtype
-        self._A, self._b, self._dtype = A, b, dtype
-        self._residuals = system.residuals
+        self._A, self._residuals = A, system.residuals
         self.iterations, self.vectors = 0, system.vectors
         vectors = self.vectors
         self.x, peak = vectors.zeros(b, dtype), vectors.peak(b)
         if guess is not None:
             self.x = vectors.copy(guess, self.x)
+            b = vectors.copy(b, vectors.zeros(b, dtype))
             with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
                 r = b - apply_to_rows(A, self.x)
             peak = max(peak, vectors.peak(r))
         # The largest entry is then from 1 to 2, so that the vectors are in the range of float32.
         self.scale = 2.0 ** (int(power_above(peak)) - 1)
-        self.r = self._scale_b()
-        self.size_of_b = vectors.norm(self.r)
-        if guess is not None:
-            self.r = vectors.cast(r / self.scale, dtype)
+        # It is a copy: the products of whoever made A or M may be in the memory of what they gave.
+        self.b = vectors.cast(b, dtype) / self.scale
+        if guess is None:
+            self.r = vectors.copy(self.b, vectors.empty(self.b))
+        else:
+            self.r = vectors.cast(r, dtype) / self.scale
+        self.size_of_b = vectors.norm(self.b)
 
     def goal(self, rtol: float, atol: float) -> float:
         """Return what the norm of `r` is to be."""
@@ -66,12 +69,8 @@ class Iterate:
         with np.errstate(over="ignore", invalid="ignore"):
             r = self.vectors.divide(self.x, self.scale, self.r)
             r = apply_to_rows(self._A, r, r)
-            self.r = self.vectors.subtract(self._scale_b(), r, r)
+            self.r = self.vectors.subtract(self.b, r, r)
         return self.vectors.norm(self.r)
-
-    def _scale_b(self) -> Array:
-        """Return b over `scale`, computed anew: to keep it would take the memory of a vector."""
-        return self.vectors.cast(self._b / self.scale, self._dtype)
 
     def record(self, size: float) -> None:
         """Put down the norm of `r` for this iteration, in the place of what is there for it."""

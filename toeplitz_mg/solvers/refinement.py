@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toeplitz_mg._typing import Rows
+from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
-from toeplitz_mg.solvers.choice import Method, methods
+from toeplitz_mg.solvers.choice import LARGEST_DENSE, Method, methods
 from toeplitz_mg.solvers.system import EPS, ToeplitzSystem, largest, norms
 
 RTOL = 1e-12  # Relative residual that is to be reached, if none is asked for.
@@ -17,6 +17,7 @@ GOOD = 64 * EPS  # Backward error at which no other method is tried.
 SINGULAR = 0.1  # Relative residual above which there is no answer in float64.
 ILL_CONDITIONED = 1e-8  # Relative residual above which the user is warned.
 ROUGH = 1e-6  # Relative residual above which a solution is corrected, whatever it takes.
+UNEVEN = 0.01  # Terms of the sums over ‖a‖₁ ‖x‖ below which they are what rounding is relative to.
 CORRECTION = 1e-2  # Relative residual to which a correction is solved for.
 
 
@@ -52,62 +53,87 @@ class SolveInfo(NamedTuple):
 def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, SolveInfo]:
     """Solve by the first method whose solutions, corrected, have small residuals."""
     best: tuple[Rows, SolveInfo] | None = None
-    tried = ""
+    least, tried = inf, ""
     for method in methods(system):
         try:
-            X, info, is_good = _correct(method, system, rtol)
-        except np.linalg.LinAlgError as error:
-            tried += f"; {method.name} fails: {error}"
+            X, info, error = _correct(method, system, rtol)
+        except np.linalg.LinAlgError as refused:
+            tried += f"; {method.name} fails: {refused}"
             continue
-        if is_good:
+        if error == 0.0:
             return X, info
-        if best is None or info.backward_error < best[1].backward_error:
-            best = X, info
+        if error < least:
+            best, least = (X, info), error
         tried += (
             f"; by {method.name} ‖b - A x‖ is {info.residual:.1e} ‖b‖ and the backward error "
             f"{info.backward_error:.1e}"
         )
     if best and best[1].backward_error <= ACCEPTED and best[1].residual <= SINGULAR:
         return best
-    raise np.linalg.LinAlgError("A is singular, exactly or numerically" + tried)
+    reason = "A is singular, exactly or numerically"
+    if len(system.c) > LARGEST_DENSE:
+        reason += f", or none of the methods for more than {LARGEST_DENSE} unknowns solves it"
+    raise np.linalg.LinAlgError(reason + tried)
 
 
 def _correct(
     method: Method, system: ToeplitzSystem, rtol: float | None
-) -> tuple[Rows, SolveInfo, bool]:
+) -> tuple[Rows, SolveInfo, float]:
     """Solve, and correct the solution by that of its residual while this helps.
 
     Returns
     -------
     X : ndarray
     info : SolveInfo
-    is_good : bool
-        Whether no other method need be tried.
+    error : float
+        0 where no other method need be tried, and else ‖b - A x‖ over what rounding may be.
     """
     sizes = system.sizes
     goal, accepted = (RTOL, method.accepted) if rtol is None else (rtol, 0.0)
     X, iterations = method.solve(system.B, 0.9 * goal)  # The recurrence of CG may drift.
     best, info, least = X, SolveInfo(method.name, iterations, inf, inf), inf
     while True:
-        R = system.B - system.multiply(X)
-        errors, scales = norms(R), system.size * norms(X)
-        residual, backward_error = largest(errors / sizes), largest(errors / (scales + sizes))
-        noise = largest(EPS * scales / sizes)  # Rounding of the residual itself, at most.
-        if noise > 1.0:
+        R, errors, terms = _measure(system, X, goal)
+        residual, error = largest(errors / sizes), largest(errors / (terms + sizes))
+        noise = largest(EPS * terms / sizes)  # Rounding of the residual itself, at most.
+        if noise > 1.0 and not method.is_substitution:
             raise np.linalg.LinAlgError("x is so large that its residual is rounding")
         if noise > ILL_CONDITIONED:
             # The errors of the terms of a sum add up as their squares do.
             residual = max(residual, noise * norm(system.lags) / system.size)
-        if not backward_error < least / 2:
+        if not error < least / 2:
             break
-        best, least = X, backward_error
+        best, least = X, error
+        backward_error = largest(errors / (system.size * norms(X) + sizes))
         info = SolveInfo(method.name, iterations, residual, backward_error)
-        if residual <= goal or (backward_error <= accepted and residual <= ROUGH):
-            return best, info, True
+        if residual <= goal or (error <= accepted and residual <= ROUGH):
+            return best, info, 0.0
         # Each column is as good as can be, by one error or by the other.
-        if np.all(errors <= np.maximum(goal * sizes, ROUNDING * scales)):
+        if np.all(errors <= np.maximum(goal * sizes, ROUNDING * terms)):
             break
         correction, steps = method.solve(R, CORRECTION)
         X = X + correction
         iterations += steps
-    return best, info, info.backward_error <= GOOD and info.residual <= SINGULAR
+    is_good = least <= GOOD and (method.is_substitution or info.residual <= SINGULAR)
+    return best, info, 0.0 if is_good else least
+
+
+def _measure(
+    system: ToeplitzSystem, X: Rows, goal: float
+) -> tuple[Rows, Array | float, Array | float]:
+    """Return the residuals, their norms, and the sizes of the terms that rounding is relative to.
+
+    Where the largest coefficients meet the smallest unknowns only, the products by transforms are
+    too rough, and what they can be is no limit.
+    """
+    R = system.B - system.multiply(X)
+    errors, terms = norms(R), system.size * norms(X)
+    noise = largest(EPS * terms / system.sizes)
+    if largest(errors / system.sizes) <= goal and noise <= ILL_CONDITIONED:
+        return R, errors, terms
+    sharp = np.fmin(terms, system.sizes_of_terms(X))
+    is_uneven = bool(np.any(sharp < UNEVEN * terms))
+    if is_uneven and len(system.c) <= LARGEST_DENSE:
+        R = system.B - system.multiply_sharply(X)
+        errors, terms = norms(R), sharp
+    return R, errors, terms

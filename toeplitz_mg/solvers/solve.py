@@ -148,9 +148,9 @@ def solve_toeplitz(
     is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
     keep_freed_memory()
     with np.errstate(all="ignore"):  # It is seen in the residual.
-        x, info = (_solve_batch if is_batch else _solve)(c, r, b, check_finite, rtol)
-    is_doubtful = info.residual > max(ILL_CONDITIONED, rtol or RTOL)
-    if is_doubtful or (rtol is None and info.backward_error > ACCEPTED):
+        x, infos = (_solve_batch if is_batch else _solve)(c, r, b, check_finite, rtol)
+    if doubtful := [found for found in infos if _is_doubtful(found, rtol)]:
+        info = max(doubtful, key=lambda found: found.residual)
         reason = "A is ill-conditioned, and x may have few correct digits"
         if rtol is None and info.backward_error > GOOD:
             reason = (
@@ -162,7 +162,23 @@ def solve_toeplitz(
             scipy.linalg.LinAlgWarning,
             stacklevel=2,
         )
-    return (x, info) if full_output else x
+    return (x, _summarise(infos)) if full_output else x
+
+
+def _is_doubtful(info: SolveInfo, rtol: float | None) -> bool:
+    """Whether a solution is to be warned of."""
+    is_rough = info.residual > max(ILL_CONDITIONED, rtol or RTOL)
+    return is_rough or (rtol is None and info.backward_error > ACCEPTED)
+
+
+def _summarise(infos: list[SolveInfo]) -> SolveInfo:
+    """Return the largest errors of all systems of a batch, NaN where one is, and its method."""
+    if len(infos) == 1:
+        return infos[0]
+    # What is not a number is the worst.
+    worst = max(infos, key=lambda info: inf if isnan(info.residual) else info.residual)
+    errors = np.array([(info.residual, info.backward_error) for info in infos]).max(axis=0)
+    return SolveInfo(worst.method, max(info.iterations for info in infos), *errors.tolist())
 
 
 def _numbers(values: ArrayLike, name: str) -> Array:
@@ -174,15 +190,20 @@ def _numbers(values: ArrayLike, name: str) -> Array:
 
 def _solve_batch(
     c: Array, r: Array, b: Array, check_finite: bool, rtol: float | None
-) -> tuple[Array, SolveInfo]:
+) -> tuple[Array, list[SolveInfo]]:
     """Solve each system of a batch, whose shapes are broadcast."""
     core = min(b.ndim, 2)
+    shapes = f"c has shape {c.shape}, r {r.shape} and b {b.shape}, but "
+    if not c.shape[-1:] == r.shape[-1:] == b.shape[-core:][:1]:
+        raise ValueError(
+            f"{shapes}all need one length n: the last axis of c, in a batch of one or more, and of "
+            "b, of shape (..., n, columns), the last but one"
+        )
     try:
         batch = np.broadcast_shapes(c.shape[:-1], r.shape[:-1], b.shape[:-core])
     except ValueError:
         raise ValueError(
-            f"c has shape {c.shape}, r {r.shape} and b {b.shape}, but all dimensions before those "
-            "of a system must be those of one batch"
+            f"{shapes}all dimensions before those of a system must be those of one batch"
         ) from None
     if 0 in batch:
         raise ValueError(f"the batch has shape {batch}, but must not be empty")
@@ -191,7 +212,8 @@ def _solve_batch(
         np.broadcast_to(a, batch + a.shape[a.ndim - k :]) for a, k in ((c, 1), (r, 1), (b, core))
     )
     x = np.empty(b.shape, np.result_type(c, r, b))
-    rest, infos = np.ones(batch, bool), []
+    infos: list[SolveInfo] = []
+    rest = np.ones(batch, bool)
     n = c.shape[-1]
     is_plain = is_symmetric and x.dtype == np.float64 and x.size > 0 and n == b.shape[-core]
     if is_plain and is_faster_at_once(rest.size, n):
@@ -202,20 +224,22 @@ def _solve_batch(
         x[...] = found.x.reshape(b.shape)
         rest[...] = ~good.reshape(batch)
         if good.any():
-            worst = int(np.argmax(np.where(good, found.residuals, -1.0)))
-            errors = float(found.residuals[worst]), float(found.backward_errors[worst])
-            infos.append(SolveInfo("levinson for all at once", 1, *errors))
+            errors = np.stack([found.residuals, found.backward_errors])[:, good]
+            for worst in errors.argmax(axis=1).tolist():  # By the one error and by the other.
+                infos.append(SolveInfo("levinson for all at once", 1, *errors[:, worst].tolist()))
     for k in np.argwhere(rest):
-        own = tuple(k)
-        x[own], info = _solve(c[own], r[own], b[own], check_finite, rtol)
-        infos.append(info)
-    # What is not a number is the worst.
-    return x, max(infos, key=lambda info: inf if isnan(info.residual) else info.residual)
+        own = tuple(k.tolist())
+        try:
+            x[own], info = _solve(c[own], r[own], b[own], check_finite, rtol)
+        except np.linalg.LinAlgError as error:
+            raise np.linalg.LinAlgError(f"of the system {own}: {error}") from None
+        infos += info
+    return x, infos
 
 
 def _solve(
     c: Array, r: Array, b: Array, check_finite: bool, rtol: float | None
-) -> tuple[Array, SolveInfo]:
+) -> tuple[Array, list[SolveInfo]]:
     """Solve one system, with one right-hand side or many."""
     if c.ndim != 1 or r.shape != c.shape or b.ndim == 0 or len(b) != len(c):
         raise ValueError(
@@ -246,8 +270,8 @@ def _solve(
     if parts == 2:
         X = X[: len(X) // 2] + 1j * X[len(X) // 2 :]
     elif b.ndim == 1:
-        return X, info
-    return X.T.reshape(b.shape), info
+        return X, [info]
+    return np.ascontiguousarray(X.T.reshape(b.shape)), [info]
 
 
 def _solve_unusual(
@@ -263,7 +287,13 @@ def _solve_unusual(
             continue
         if check_finite:
             raise ValueError(f"{name} has entries that are not finite")
-        return np.full_like(system.B, np.nan), SolveInfo("none", 0, np.nan, np.nan)
+        unknown = SolveInfo("none", 0, np.nan, np.nan)
+        X = np.full_like(B, np.nan)
+        good = np.isfinite(B).all(axis=1)
+        if name == "b" and good.any():  # What is not finite is in some columns only.
+            X[good], info = _solve_unusual(ToeplitzSystem(c, r, B[good]), rtol, 1, check_finite)
+            unknown = info._replace(residual=np.nan, backward_error=np.nan)
+        return X.reshape(system.B.shape), unknown
     of_A, of_B = exponents(np.concatenate([c, r[1:]])), exponents(B)
     scale = np.ldexp(1.0, -of_A)
     scaled = ToeplitzSystem(c * scale, r * scale, B * np.ldexp(1.0, -of_B))

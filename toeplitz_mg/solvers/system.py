@@ -59,6 +59,13 @@ class ToeplitzSystem:
         self.is_symmetric = c.dtype == np.float64 and (r is c or np.array_equal(c[1:], r[1:]))
 
     @cached_property
+    def band(self) -> int:
+        """The diagonals of a triangular matrix, from the main one to the last; 0 of any other."""
+        if self.is_symmetric or (self.c[1:].any() and self.r[1:].any()):
+            return 0
+        return int(np.flatnonzero(self.c + self.r).max(initial=0)) + 1
+
+    @cached_property
     def is_hermitian(self) -> bool:
         """Whether A is Hermitian, of complex numbers, or real and symmetric."""
         c, r = self.c, self.r
@@ -131,8 +138,7 @@ class ToeplitzSystem:
         """Multiply a vector in few calls: by the definition, or a circulant with A as a block."""
         n, of_lags = len(self.c), len(self.lags)
         if n <= SHORT:
-            # This is `numpy.convolve`, which for some unknowns takes twice as long.
-            return np.correlate(self.lags, x[::-1].conj(), "valid")
+            return self._multiply_by_definition(x)
         is_complex = self.c.dtype.kind == "c"
         *_, forward, back = (np.fft.fft, np.fft.ifft) if is_complex else transforms()
         m = next_fast_len(of_lags, real=not is_complex)
@@ -142,6 +148,33 @@ class ToeplitzSystem:
         a, y = forward(rows)
         y *= a
         return back(y, m)[n - 1 : of_lags]
+
+    def _multiply_by_definition(self, x: Array) -> Array:
+        # This is `numpy.convolve`, which for some unknowns takes twice as long.
+        return np.correlate(self.lags, x[::-1].conj(), "valid")
+
+    def multiply_sharply(self, X: Rows) -> Rows:
+        """Multiply rows by A, by its definition: rounding is that of the terms of each sum alone.
+
+        By transforms it is that of the largest coefficient times the largest number.
+        """
+        if X.ndim == 1:
+            return self._multiply_by_definition(X)
+        return np.stack([self._multiply_by_definition(x) for x in X])
+
+    def sizes_of_terms(self, X: Rows) -> Array | float:
+        """Return a bound of ‖|A| |x|‖ for each row: the sum of |a| times what meets it of x.
+
+        Where the largest coefficients meet small numbers only, it is far below ‖a‖₁ ‖x‖.
+        """
+        squares = np.square(np.abs(X))
+        heads = np.sqrt(np.cumsum(squares, axis=-1))
+        tails = np.sqrt(np.cumsum(squares[..., ::-1], axis=-1))
+        n = len(self.c)
+        sizes = heads @ np.abs(self.lags[::-1][:n]) + tails[..., : n - 1] @ np.abs(
+            self.lags[: n - 1]
+        )
+        return float(sizes) if X.ndim == 1 else sizes
 
     @cached_property
     def _dense(self) -> Array:
