@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from tests.test_friction import semi_ellipse
 from tests.test_rolling import MU, A, circle
-from toeplitz_mg.contact import Material, creep_curve, surfaces
+from toeplitz_mg.contact import Material, creep_curve, normal_contact, rolling, surfaces
 
 BODY = Material.from_shear(0.7, 0.3)
 
@@ -125,3 +125,17 @@ def test_a_curve_through_zero_has_no_force_there(bonded):
     assert_allclose(curve.force[0], -curve.force[2], atol=1e-6 * abs(curve.force[0, 0]))
     assert np.array_equal(curve.force[1], [0.0, 0.0])
     assert curve.power[1] == 0.0
+
+
+def test_the_forces_of_strips_of_a_length_are_whole_forces():
+    pressed = normal_contact(
+        surfaces.cylinder(32, 0.01, radius=25.0),
+        (0.01, 50.0),
+        material=Material(E=210000.0, nu=0.28),
+        force=800.0,
+    )
+    curve = creep_curve(pressed, mu=0.3, longitudinal=[-1e-4, -1e-2])
+    rolled = rolling(pressed, mu=0.3, longitudinal=-1e-2)
+    assert curve.force[-1] == pytest.approx(rolled.force)
+    assert curve.units["force"] == curve.units["power"] == "N"
+    assert "N/mm" not in repr(curve)

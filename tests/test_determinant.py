@@ -127,7 +127,7 @@ def test_a_real_zero_is_divided_out():
     for rho in (0.999, -0.99):
         factor = np.append(1.0, 0.2 * rng.standard_normal(200) * 0.9 ** np.arange(200))
         a = np.convolve(factor, [1.0, -rho])
-        quotient, part = szego._divide_by_real_zero(a)
+        quotient, part, _ = szego._divide_by_real_zero(a)
         if rho < 0:
             quotient = quotient * np.where(np.arange(201) % 2, -1.0, 1.0)
         assert_allclose(quotient, factor, atol=1e-11)
@@ -268,3 +268,16 @@ def test_a_unit_adds_its_logarithm_for_each_unknown(n, power):
 def test_of_an_operator_it_names_the_column():
     with pytest.raises(TypeError, match=r"write toeplitz_logdet\(A\.c\), or toeplitz_inverse"):
         tmg.toeplitz_logdet(tmg.ToeplitzOperator([2.0, 1.0]))
+
+
+@pytest.mark.parametrize("n", [100, 300, 1000])
+@pytest.mark.parametrize("nugget", [1e-10, 1e-8, 1e-6, 1e-3])
+@pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")
+def test_the_error_of_a_constant_and_a_nugget_is_below_what_it_says(n, nugget):
+    """The zero of its polynomial is a difference of numbers, next to the circle."""
+    c = np.ones(n)
+    c[0] += nugget
+    rest = float(Fraction(float(c[0])) - 1)
+    exact = (n - 1) * np.log(rest) + np.log(rest + n)
+    found = log_determinant(sharpen(first_columns(tmg.ToeplitzOperator(c))))
+    assert abs(found.value - exact) <= found.error

@@ -96,7 +96,8 @@ OPTIONS = {
     ),
     "tangential": Option(
         "tangential force along x, or x and y, N or N/mm (default of shift: half of what friction "
-        "carries); of rolling in the place of the creepages along x and y",
+        "carries); of rolling in the place of the creepages along x and y, where one number leaves "
+        "none along y",
         most=2,
         cases=("shift", "rolling"),
     ),
@@ -267,11 +268,13 @@ def _check_together(case: str, options: dict[str, Any]) -> None:
         raise ValueError(
             "--approach is not for --line: plane strain leaves it open by a constant; give --force"
         )
-    for name in ("lateral", "spin", "moment"):
+    for name in ("spin", "moment"):
         if name in options:
-            raise ValueError(
-                f"--{name} is not for --line, which rolls along x here; contact.rolling takes it"
-            )
+            raise ValueError(f"--{name} is not for --line: line contact has no spin")
+    if "lateral" in options:
+        raise ValueError(
+            "--lateral is not for --line, which rolls along x here; contact.rolling takes it"
+        )
     for name in ("radius", "tangential", "shift"):
         if len(options.get(name, ())) > 1:
             raise ValueError(f"--{name} has two values, but --line takes one")

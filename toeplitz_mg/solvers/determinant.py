@@ -3,6 +3,7 @@
 import warnings
 from math import log
 
+import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 from scipy.sparse.linalg import LinearOperator
@@ -87,6 +88,10 @@ def toeplitz_logdet(c: ArrayLike) -> float:
         )
     if not A.is_hermitian:
         raise ValueError(f"c[0] is {A.c[0]}, but must be real, as the matrix is to be Hermitian")
+    if not A.c[0].real > 0.0:
+        raise np.linalg.LinAlgError(
+            f"the diagonal of A is {A.c[0].real:g}, but that of a positive definite one is positive"
+        )
     line, power = double_line(A), 0
     if not USUAL[0] <= line.norm_bound <= USUAL[1]:
         power = int(power_above(line.norm_bound))

@@ -210,9 +210,11 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
         inverse = inverse.refined
     if not inverse.residual <= rtol:
         rule = "not positive definite, or " if full.is_hermitian else ""
+        small = inverse.residual <= ROUGH
         raise np.linalg.LinAlgError(
             f"the residual achieved is {inverse.residual:.1e}, but {rtol:.1e} was asked for: A is "
             f"{rule}too ill-conditioned"
+            + (f": rtol={10.0 * inverse.residual:.0e} takes it" if small else "")
         )
     return inverse
 

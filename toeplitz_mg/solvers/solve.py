@@ -76,19 +76,21 @@ def solve_toeplitz(
         is left as it is where its backward error is below 7e-12: to correct it takes another
         recursion.
     full_output : bool
-        Whether to return a `SolveInfo` too; of a batch, that of the worst residual.
+        Whether to return a `SolveInfo` too.
 
     Returns
     -------
     x : ndarray of the shape of `b`, float64 or complex128
     info : SolveInfo
-        Only with `full_output`: the fields `method`, `iterations`, `residual`, `backward_error`.
+        Only with `full_output`: the fields `method`, `iterations`, `residual`, `backward_error`; of
+        a batch the largest of each.
 
     Raises
     ------
     numpy.linalg.LinAlgError
         Where no method gives an x with a backward error below 2e-12 and a residual below
-        0.1 ‖b‖: A is singular, numerically or exactly.
+        0.1 ‖b‖: A is singular, numerically or exactly. A triangular matrix of few diagonals is
+        solved all the same, by substitution.
     TypeError
         For what is not numbers.
     ValueError
@@ -98,8 +100,8 @@ def solve_toeplitz(
     Warns
     -----
     scipy.linalg.LinAlgWarning
-        Where the residual ‖b - A x‖ is above 1e-8 ‖b‖ and `rtol`: A is so ill-conditioned that
-        no solution in float64 does better, and x may have few correct digits; or, without `rtol`,
+        Where the residual ‖b - A x‖ of a system is above 1e-8 ‖b‖ and `rtol`, or rounding of A x
+        may be: A is so ill-conditioned that x may have few correct digits; or, without `rtol`,
         x is what SciPy's recursion gives, and better ones are to be had.
 
     See Also

@@ -97,7 +97,7 @@ def _sum_cepstrum(column: SharpColumn, most: int) -> LogDeterminant | None:
         return None
     n = len(column.x)
     leading = -n * float(np.log(column.x[0].real))
-    a, part = _divide_by_real_zero(polynomial.coefficients)
+    a, part, doubt = _divide_by_real_zero(polynomial.coefficients)
     if part:
         series = _Series.of(a, round(LONG_SAMPLES * n))
     else:  # Enough for smooth covariances, and taken already.
@@ -106,6 +106,7 @@ def _sum_cepstrum(column: SharpColumn, most: int) -> LogDeterminant | None:
     while True:
         value = leading + part + series.total
         rounding = SPREAD * (n * column.error + EPS * (abs(leading) + abs(value)))
+        rounding += (column.error + EPS) * doubt
         found = LogDeterminant(value, series.cut_off + series.wrapped + rounding)
         if best is not None and not found.error < 0.5 * best.error:
             break  # What is left is the rounding of the transforms.
@@ -187,26 +188,30 @@ def _powers(exponent: float, number: int) -> Array:
     return np.outer(rows, np.exp(exponent * np.arange(width))).ravel()[:number]
 
 
-def _divide_by_real_zero(a: Array) -> tuple[Array, float]:
+def _divide_by_real_zero(a: Array) -> tuple[Array, float, float]:
     """Return ã = a/(1 - ρ z) and what Σ k ℓₖ² has more for a than for ã; a itself and 0 if none.
+
+    The third is by how much larger the error of that is than the relative error of the numbers a:
+    next to the circle it is that of the distance of the zero, which is a difference of them.
 
     1/ρ is the real zero of a next to the unit circle. The polynomials of covariances of long memory
     have one within 1/n of it, which makes the series long; but its part -ρᵏ/k is known.
     """
     if a.dtype.kind == "c":
-        return a, 0.0
+        return a, 0.0, 0.0
     if a[1::2].sum() > 0.0:  # Then |a(-1)| < |a(1)|.
         a = a.copy()
         a[1::2] *= -1.0  # The zero is negative. This changes the signs of every second ℓ only.
     distance = _find_zero_beyond_one(a)
     if distance is None:
-        return a, 0.0
+        return a, 0.0, 0.0
+    doubt = 2.0 * float(np.abs(a).sum() / abs(a.sum()))
     powers = _powers(-distance, len(a))
     # These sums of coefficients from the last one on do not cancel, where all but a₀ are negative.
     sums = np.cumsum((a / powers)[:0:-1])[::-1]
     a = -sums * powers[:-1]
     part = -2.0 * float(np.log(a @ powers[:-1])) - float(np.log(-np.expm1(-2.0 * distance)))
-    return a, part
+    return a, part, doubt
 
 
 def _find_zero_beyond_one(a: Array) -> float | None:

@@ -41,6 +41,8 @@ class CreepCurve:
     stick_share : ndarray of shape (points,)
         The part of the contact that sticks.
     products : ndarray of int, of shape (points,)
+    element : tuple of float
+        The size of an element, which says whether forces are those of plane strain.
 
     See Also
     --------
@@ -53,6 +55,7 @@ class CreepCurve:
     power: Array
     stick_share: Array
     products: Array
+    element: tuple[float, ...]
 
     summary, _repr_html_ = list_figures, tabulate_figures
 
@@ -120,7 +123,7 @@ class CreepCurve:
 
     @property
     def _units(self) -> Units:
-        return units_of((0.0,) if self.moment is None else (0.0, 0.0))
+        return units_of(self.element)
 
     @property
     def _cost(self) -> str:
@@ -204,6 +207,7 @@ def creep_curve(
         power=np.array([result.power for result in results]),
         stick_share=np.array([r.stick_area / r.area if r.area else 1.0 for r in results]),
         products=np.array([result.products for result in results]),
+        element=results[0].element,
     )
 
 
