@@ -207,11 +207,7 @@ def roll(
             -h * window.cut(motion.units(grid)), window.cut(motion.arms(grid)), motion.wanted
         )
         grid = window.grid
-        if not (share := loads.share(g, grid.vectors)) < 1.0:
-            raise ValueError(
-                f"the loads together are {share:.4g} times what the traction bound carries of "
-                "them, but must be less than that: the bodies would slide off"
-            )
+        loads.check_share(g, grid.vectors)
         A = grid.tangential()
         products = Products(grid.steady(A), max_products)
         problem = Problem(grid, g, b, None, tolerance, progress=progress)
