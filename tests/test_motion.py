@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from tests.test_friction import doubtful, semi_ellipse
 from tests.test_rolling import MU, A, assert_rolls, circle
-from toeplitz_mg.contact import Material, friction, rolling, rolling_steps, surfaces
+from toeplitz_mg.contact import ContactWarning, Material, friction, rolling, rolling_steps, surfaces
 from toeplitz_mg.contact import grid as grid_module
 from toeplitz_mg.contact.grid import Grid
 
