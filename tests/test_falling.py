@@ -11,6 +11,7 @@ from tests.test_friction import doubtful
 from tests.test_rolling import assert_rolls, circle
 from toeplitz_mg.contact import ContactError, ContactWarning, Material, rolling
 from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.products import Report
 from toeplitz_mg.contact.tangential import falling as falling_module
 from toeplitz_mg.contact.tangential.rolling import stiffness_of_element
 
@@ -159,6 +160,7 @@ class Answer:
     """What `fall` looks at of a result."""
 
     slip: np.ndarray
+    contact: np.ndarray
     products: int = 1
     work: float = 1.0
     residual: float = 0.0
@@ -170,7 +172,8 @@ def test_what_is_found_by_parts_of_the_way_only(monkeypatch):
     monkeypatch.setattr(falling_module, "accelerate", lambda pairs: pairs[-1][1])
     g = np.ones(3)
     result = falling_module.fall(
-        lambda bound, guess: Answer(bound),
+        falling_module.Rounds(lambda _, bound, *__: Answer(bound, bound > 0.0), 1000, Report(None)),
+        None,
         g,
         lambda s: np.maximum(2.0 - 1.5 * s, 0.0),
         np.inf,
@@ -179,3 +182,65 @@ def test_what_is_found_by_parts_of_the_way_only(monkeypatch):
     )
     assert_allclose(result.slip, 0.8, rtol=1e-7)
     assert result.products > falling_module.STILL_PATIENT
+
+
+def oil(s):
+    """Friction that is none without slip."""
+    return s / (s + 0.1)
+
+
+def rising(s):
+    """Friction that is more the more it slips."""
+    return 1.0 + 2.0 * s
+
+
+@pytest.mark.parametrize(
+    ("falling", "creepages", "given"),
+    [
+        (oil, (0.1, 0.0, 0.0), ("x",)),
+        (oil, (-0.05, 0.1, 0.0), ("x",)),
+        (oil, (0.1, -0.05, 0.0), ("x", "y")),
+        (oil, (0.0, 0.0, 0.2), ("moment",)),
+        (rising, (0.5, 0.0, 0.0), ("x",)),
+    ],
+)
+def test_loads_that_friction_without_slip_does_not_carry_have_their_creepages(
+    falling, creepages, given
+):
+    g, expected = circle(16, creepages, falling=falling)
+    (fx, fy), moment = expected.force, expected.moment
+    loads = {"force": (fx if "x" in given else None, fy if "y" in given else None)}
+    if "moment" in given:
+        loads["moment"] = moment
+    names = {"x": 0, "y": 1, "moment": 2}
+    left = list(creepages)
+    for name in given:
+        left[names[name]] = 0.0
+    _, found = circle(16, tuple(left), falling=falling, **loads)
+    scale = max(abs(fx), abs(fy), abs(moment))
+    assert_allclose(found.creepages, creepages, atol=1e-5)
+    assert_allclose(found.force, expected.force, atol=1e-5 * scale)
+    assert_allclose(found.bound, g * falling(np.hypot(*found.slip)), atol=1e-7 * g.max())
+    assert_rolls(found, Material.from_shear(1.0, 0.25))
+
+
+def test_loads_that_no_slip_lets_friction_carry_are_refused():
+    g, _ = circle(16, (0.0, 0.0, 0.0))
+    most = g.sum() * (2.0 / 16) ** 2
+    with pytest.raises(ValueError, match="less than the friction of any slip carries"):
+        circle(16, (0.0, 0.0, 0.0), falling=oil, force=(1.01 * most, None))
+
+
+def test_all_rounds_together_take_the_products_that_they_may():
+    told = []
+    with pytest.raises(ContactError, match=r"after .* products") as caught:
+        circle(
+            24,
+            (0.1, 0.0, 0.1),
+            falling=steep(0.9),
+            max_products=20,
+            progress=lambda products, _: told.append(products),
+        )
+    assert caught.value.result.products <= 21
+    assert max(told) <= 20
+    assert (np.diff(told) >= 0).all()

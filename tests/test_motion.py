@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from tests.test_friction import doubtful, semi_ellipse
 from tests.test_rolling import MU, A, assert_rolls, circle
-from toeplitz_mg.contact import Material, friction, rolling, rolling_steps, surfaces
+from toeplitz_mg.contact import ContactWarning, Material, friction, rolling, rolling_steps, surfaces
 from toeplitz_mg.contact import grid as grid_module
 from toeplitz_mg.contact.grid import Grid
 
@@ -354,6 +354,18 @@ def test_elements_that_bear_next_to_nothing_do_not_spoil_a_force(angle):
     result = rolling(g, force=force, max_products=100, **case)
     assert_allclose(result.force, force, atol=1e-8 * carried)
     assert_rolls(result, case["material"])
+
+
+@pytest.mark.parametrize("loads", [{"moment": 1e-4}, {"moment": 1e-4, "force": (0.01, None)}])
+def test_no_spin_about_the_only_element_gives_a_moment(loads):
+    """It slips nothing there; about any other pole it does."""
+    g = np.zeros((9, 9))
+    g[4, 4] = 100.0
+    with pytest.raises(ValueError, match="slips nothing in the contact, so that no spin gives"):
+        rolling(g, (0.02, 0.02), material=BODY, **loads)
+    with pytest.warns(ContactWarning, match="only 1 element across"):
+        result = rolling(g, (0.02, 0.02), material=BODY, pole=(0.02, 0.0), **loads)
+    assert_allclose(result.moment, 1e-4, rtol=1e-6)
 
 
 @pytest.mark.parametrize("part", [0.98, 1.02])

@@ -1,5 +1,6 @@
 """Products with fields on a grid, counted and limited."""
 
+from dataclasses import dataclass
 from functools import cached_property
 from math import inf
 from weakref import WeakKeyDictionary
@@ -146,3 +147,41 @@ def _in_single_precision(A: LinearOperator) -> LinearOperator:
 def for_coarser_grids(progress: Progress | None) -> Progress | None:
     """Return what is called on coarser grids, whose products do not count: with none of them."""
     return progress and (lambda _, residual: progress(0, residual))
+
+
+@dataclass
+class Report:
+    """What is told of the products of one solution after the other.
+
+    Attributes
+    ----------
+    progress : callable or None
+        Called as ``progress(products, residual)`` after each product.
+    products : int
+        Those of the solutions before.
+    residual : float
+        The violation after the last iteration: infinite before, when a solution tells its own.
+    exhausted : bool
+        Whether a solution has taken all products that it may: then it is none, nor are others.
+    """
+
+    progress: Progress | None
+    products: int = 0
+    residual: float = inf
+    exhausted: bool = False
+
+    def __call__(self, products: int, residual: float) -> None:
+        """Tell of products of the solution that is under way."""
+        if self.progress is not None:
+            known = self.residual < inf
+            self.progress(self.products + products, self.residual if known else residual)
+
+    def add(self, products: int, most: int) -> None:
+        """Add the products of a solution that is at its end, of which so many were allowed."""
+        self.products += products
+        self.exhausted = self.exhausted or products >= most
+
+    def look(self, residual: float) -> None:
+        """Tell of the violation after an iteration."""
+        self.residual = residual
+        self(0, residual)

@@ -12,7 +12,7 @@ which one is found.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.acceleration import Pairs, accelerate, extend
+from toeplitz_mg.contact.products import Report
 from toeplitz_mg.contact.result import ContactError, TangentialResult
 from toeplitz_mg.values import field
 
@@ -33,20 +34,54 @@ SLIPS = 32  # Slips between which the steepest fall is looked for.
 SMALLEST = 1e-4  # The least of them, over the largest.
 
 
+@dataclass
+class Rounds:
+    """Solutions one after the other, all of which together may take so many products.
+
+    Attributes
+    ----------
+    roll : callable
+        Takes what is asked of the motion, a bound, a guess, the most products, and what is told
+        of them, and returns the result.
+    most : int
+        Products of all rounds together, beyond which they are taken for a failure.
+    report : Report
+    work : float
+        That of the rounds so far.
+    """
+
+    roll: Callable[..., TangentialResult]
+    most: int
+    report: Report
+    work: float = 0.0
+
+    def __call__(self, asked: Any, g: Array, guess: TangentialResult | None) -> TangentialResult:
+        """Return the result of one more bound, with the products and the work of all rounds."""
+        left = self.most - self.report.products
+        result = self.roll(asked, g, guess, left, self.report)
+        self.report.add(result.products, left)
+        self.work += result.work
+        return replace(result, products=self.report.products, work=self.work)
+
+
 def fall(
-    solve: Callable[[Array, TangentialResult | None], TangentialResult],
+    rounds: Rounds,
+    asked: Any,
     g: Array,
     falling: Callable[[Array], ArrayLike],
     stiffness: float,
     guess: TangentialResult | None,
     tolerance: float,
+    slip: Array | None = None,
 ) -> TangentialResult:
     """Return the result whose bound is `g` times the factor that belongs to its slip.
 
     Parameters
     ----------
-    solve : callable
-        Takes a bound and a guess, and returns the result.
+    rounds : Rounds
+        They solve for one bound after the other.
+    asked : tuple
+        What is asked of the motion.
     g : ndarray
         The bound of bodies that do not slip.
     falling : callable
@@ -56,6 +91,8 @@ def fall(
     guess : TangentialResult or None
     tolerance : float
         Of the bound, relative to the largest.
+    slip : ndarray, optional
+        The size of the slip that the first bound belongs to, instead of none.
     """
     if not callable(falling):
         raise TypeError(f"falling is {falling!r}, but must be a function of the slip, or None")
@@ -63,17 +100,14 @@ def fall(
     largest = float(np.max(g, where=falls, initial=0.0)) or 1.0
     pairs: Pairs = []
     bound = g.copy()
-    bound[falls] *= _factor(falling, np.zeros(g.shape))[falls]
-    products, work = 0, 0.0
+    bound[falls] *= factor_of(falling, np.zeros(g.shape) if slip is None else slip)[falls]
     least, left, part = np.inf, PATIENCE, 1.0
     for _ in range(ROUNDS):
-        result = guess = solve(bound, guess)
-        products, work = products + result.products, work + result.work
-        s = np.abs(result.slip) if result.slip.ndim == g.ndim else np.hypot(*result.slip)
-        x, y = bound[falls], g[falls] * _factor(falling, s)[falls]
+        result = guess = rounds(asked, bound, guess)
+        s = size_of_slip(result)
+        x, y = bound[falls], g[falls] * factor_of(falling, s)[falls]
         away = float(np.abs(y - x).max(initial=0.0)) / largest
-        result = replace(result, products=products, work=work)
-        if away <= tolerance or result.residual > tolerance:
+        if away <= tolerance or result.residual > tolerance or rounds.report.exhausted:
             break
         if away < PROGRESS * least:
             least, left = away, PATIENCE if left > 0 else 0
@@ -109,10 +143,17 @@ def fall(
     return replace(result, residual=max(result.residual, away))
 
 
+def size_of_slip(result: TangentialResult) -> Array:
+    """Return the size of the slip in each element."""
+    assert result.slip is not None
+    is_one = result.slip.ndim == result.contact.ndim
+    return np.abs(result.slip) if is_one else np.hypot(*result.slip)
+
+
 def _rise(falling: Callable[..., Any], g: Array, s: Array) -> Array:
     """Return by how much friction rises where the slip `s` grows by 1; zero where it falls."""
     step = SMALLEST * float(s.max(initial=0.0)) or 1.0
-    rise: Array = g * (_factor(falling, s + step) - _factor(falling, s))
+    rise: Array = g * (factor_of(falling, s + step) - factor_of(falling, s))
     return np.maximum(rise / step, 0.0)
 
 
@@ -122,15 +163,15 @@ def _steepest(falling: Callable[..., Any], g: Array, falls: Array, s: Array) -> 
     if not falls.any() or largest == 0.0:
         return 0.0
     slips = np.array([0.0, *np.geomspace(SMALLEST, 1.0, SLIPS) * largest])
-    before, steepest = _factor(falling, np.zeros(g.shape)), 0.0
+    before, steepest = factor_of(falling, np.zeros(g.shape)), 0.0
     for slip, step in zip(slips[1:].tolist(), np.diff(slips).tolist(), strict=True):
-        factor = _factor(falling, np.full(g.shape, slip))
+        factor = factor_of(falling, np.full(g.shape, slip))
         steepest = max(steepest, float(((before - factor)[falls] * g[falls]).max()) / step)
         before = factor
     return steepest
 
 
-def _factor(falling: Callable[[Array], ArrayLike], s: Array) -> Array:
+def factor_of(falling: Callable[[Array], ArrayLike], s: Array) -> Array:
     """Return the factor of the bound, or say what is wrong with it."""
     factor = field("the factor of falling friction", falling(s))
     if factor.shape not in ((), s.shape):

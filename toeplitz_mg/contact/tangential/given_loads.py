@@ -12,8 +12,9 @@ import numpy as np
 from scipy.linalg import null_space
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.tangential.complement import Complement, inner_products
 from toeplitz_mg.contact.tangential.coulomb import Areas, Tangent, make_admissible, size
-from toeplitz_mg.contact.tangential.motion import Complement, inner_products
+from toeplitz_mg.contact.tangential.motion import BeyondBound
 from toeplitz_mg.contact.tangential.problem import Linearisation, Problem, linearise
 from toeplitz_mg.engine.vectors import Vectors
 
@@ -73,6 +74,14 @@ class Loads:
             return vectors.sum(g * a), others.T @ inner_products(arms, g * n, vectors)
 
         return 1.0 / float(minimize(carry, np.zeros(others.shape[1]), jac=True).fun)
+
+    def check_share(self, g: Array, vectors: Vectors, bearer: str = "the traction bound") -> None:
+        """Refuse loads that the bearer's bound g carries one by one, but not together."""
+        if not (share := self.share(g, vectors)) < 1.0:
+            raise BeyondBound(
+                f"the loads together are {share:.4g} times what {bearer} carries of them, but must "
+                "be less than that: the bodies would slide off"
+            )
 
     def error(self, q: Array, vectors: Vectors) -> float:
         """Return the largest part of a load that is missing, of what tractions of a sign give."""
@@ -141,7 +150,7 @@ def _suit(problem: Problem, loads: Loads, T: Tangent, u: Array) -> tuple[Complem
 def complement(
     fields: Array, T: Tangent, vectors: Vectors, weights: Array | None = None
 ) -> Complement:
-    """Return the complement of some fields among the tangents (see `motion.Complement`)."""
+    """Return the complement of some fields among the tangents (see `complement.Complement`)."""
     tangents = fields.copy()
     T.project_each(tangents)
     return Complement(tangents, vectors, weights)

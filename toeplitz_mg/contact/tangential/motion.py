@@ -19,17 +19,19 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg.lapack import dpotrf, dtrtri
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.checks import widen
 from toeplitz_mg.contact.grid import KEPT
-from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.values import field, finite, in_range, refuse_masked
 
 CREEPAGES = ("longitudinal", "lateral", "spin")
+DEPENDENT = 1e-12  # Slip by a unit of spin, over the size of an element, that is rounding.
 LOADS = ("the force along x", "the force along y", "the moment")
-DEPENDENT = 1e-12  # Relative size below which a field is taken for a combination of others.
+
+
+class BeyondBound(ValueError):
+    """Loads that a traction bound cannot carry."""
 
 
 @dataclass(frozen=True)
@@ -110,8 +112,8 @@ class Motion:
         """The loads that are given."""
         return np.array([self.loads[k] for k in self.unknown], dtype=np.float64)
 
-    def check_loads(self, grid: Any, g: Array) -> None:
-        """Refuse loads that the traction bound cannot carry, so that the bodies would slide off."""
+    def check_loads(self, grid: Any, g: Array, bearer: str = "the traction bound") -> None:
+        """Refuse loads that the bearer's bound g cannot carry, so that the bodies slide off."""
         if not self.unknown:
             return
         forces = [F or 0.0 for F in self.loads[:2]]
@@ -125,10 +127,24 @@ class Motion:
             carried = np.where(arms[name] > 0.0, g, 0.0) * arms[name]
             most = grid.area * grid.vectors.sum(carried)
             if load and not load < most:
-                raise ValueError(
-                    f"the {name} is of size {load:g}, but must be less than the traction bound "
-                    f"carries: {most:g}"
+                raise BeyondBound(
+                    f"the {name} is of size {load:g}, but must be less than {bearer} carries: "
+                    f"{most:g}"
                 )
+        if self.loads[2] is not None:
+            self._check_spin(grid, g)
+
+    def _check_spin(self, grid: Any, g: Array) -> None:
+        """Refuse a moment where a spin slips nothing, unless nothing is to give a moment."""
+        slips = np.hypot(*unit_slips(grid, self.pole)[2]) > DEPENDENT * max(grid.element)
+        lateral = self.loads[1] or self.creepages[1] or self.slip is not None
+        if not (self.loads[2] or lateral) or not grid.vectors.count(g):
+            return
+        if not grid.vectors.count(slips & (g > 0.0)):
+            raise ValueError(
+                f"the moment is {self.loads[2]:g}, but a spin about the pole, {self.pole}, slips "
+                "nothing in the contact, so that no spin gives this moment: give the spin"
+            )
 
     def rigid_slip(self, grid: Any) -> Array:
         """Return the rigid slip over the distance rolled by all that is given (Eq. 1)."""
@@ -244,58 +260,3 @@ def _read_slip(shape: tuple[int, ...], slip: ArrayLike) -> Array:
     if not np.isfinite(w).all():
         raise ValueError("slip has values that are not finite")
     return w if w.shape == allowed[0] else w[None]
-
-
-def inner_products(fields: Array, v: Array, vectors: Vectors) -> Array:
-    """Return the inner products of some fields, or of none, with another."""
-    if not len(fields):
-        return np.zeros(0)
-    return vectors.dots(fields.reshape(len(fields), -1), v.reshape(-1))
-
-
-class Complement:
-    """The fields that are orthogonal to some others.
-
-    Parameters
-    ----------
-    fields : ndarray of shape (m, components, ...)
-    vectors : Vectors
-        The inner products of fields.
-    weights : ndarray, optional
-        How much a change in each element costs less than elsewhere: what is added to a field is in
-        proportion to it. By default it costs the same in all.
-    """
-
-    def __init__(self, fields: Array, vectors: Vectors, weights: Array | None = None) -> None:
-        self._vectors, self._fields = vectors, fields
-        self._added = fields if weights is None else fields * weights
-        gram = np.array([inner_products(fields, f, vectors) for f in self._added])
-        self._inverse = _invert(gram) if len(fields) else np.zeros((0, 0))
-
-    def coordinates(self, v: Array) -> Array:
-        """Return the weights of the fields in the combination of them that is nearest to v."""
-        return self._inverse @ inner_products(self._fields, v, self._vectors)
-
-    def reach(self, products: Array) -> Array:
-        """Return the least field with these inner products with the fields."""
-        return self._vectors.combine(self._inverse @ products, self._added)
-
-    def __call__(self, v: Array) -> Array:
-        """Return the nearest field that is orthogonal to the fields."""
-        if not len(self._fields):
-            return v
-        return v - self._vectors.combine(self.coordinates(v), self._added)
-
-
-def _invert(gram: Array) -> Array:
-    """Return the inverse of a few inner products, of fields that may depend on each other."""
-    sizes = np.sqrt(gram.diagonal())
-    sizes[sizes == 0.0] = 1.0
-    scale = sizes[:, None] * sizes
-    cosines = gram / scale
-    factor, fails = dpotrf(cosines)
-    # The squares are what each field has in common with none before it.
-    if fails or not (factor.diagonal() ** 2 > DEPENDENT).all():
-        return np.linalg.pinv(cosines, DEPENDENT) / scale
-    inverse, _ = dtrtri(factor)
-    return inverse @ inverse.T / scale

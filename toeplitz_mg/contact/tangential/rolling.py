@@ -16,12 +16,13 @@ from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_iteration, check_previous, check_rolled, is_lateral
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.products import Products, Report
 from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
-from toeplitz_mg.contact.tangential.falling import fall
+from toeplitz_mg.contact.tangential.falling import Rounds, fall
+from toeplitz_mg.contact.tangential.falling_loads import fall_by_loads
 from toeplitz_mg.contact.tangential.friction import make_result
 from toeplitz_mg.contact.tangential.given_loads import Loads
-from toeplitz_mg.contact.tangential.motion import Motion
+from toeplitz_mg.contact.tangential.motion import BeyondBound, Motion
 from toeplitz_mg.contact.tangential.problem import Problem, State, admit
 from toeplitz_mg.contact.tangential.steady import SteadyOptions, find_steady_state
 from toeplitz_mg.contact.tangential.window import Window
@@ -85,7 +86,8 @@ def rolling(
     falling : callable, optional
         Friction that depends on the slip: called as ``falling(s)`` with the size of the slip over
         the distance rolled in each element, it returns the factor of the bound there, at least
-        zero. Of a speed v, the slip is at v s. The bound of the result is the product.
+        zero. Of a speed v, the slip is at v s. The bound of the result is the product. Loads that
+        the friction of no slip does not carry are reached by creepages, to 10 times the tolerance.
     guess : TangentialResult, optional
         A result of rolling on this grid, whose tractions and areas the search starts from, in the
         place of those of coarser grids.
@@ -94,7 +96,7 @@ def rolling(
     nested : bool
         Whether the first guess comes from coarser grids.
     max_products : int
-        More products with the matrix than that are taken for a failure.
+        More products with the matrix than that, in all, are taken for a failure.
     progress : callable, optional
         Called as ``progress(products, residual)`` after each product, with the violation of the
         last areas; on coarser grids, where the first guess comes from, with 0 products.
@@ -146,15 +148,24 @@ def rolling(
     grid = Grid.of(g.shape, element, material, None)
     asked = (longitudinal, lateral, spin), force, moment, slip, pole
 
-    def solve(g: Array, guess: TangentialResult | None) -> TangentialResult:
-        return roll(
-            grid, g, Window.tight, asked, tolerance, nested, max_products, progress, options, guess
-        )
+    def solve(
+        asked: Any, g: Array, guess: TangentialResult | None, most: int, tell: Progress | None
+    ) -> TangentialResult:
+        return roll(grid, g, Window.tight, asked, tolerance, nested, most, tell, options, guess)
 
     if falling is None:
-        result = solve(g, guess)
+        result = solve(asked, g, guess, max_products, progress)
     else:
-        result = fall(solve, g, falling, stiffness_of_element(grid), guess, tolerance)
+        check_iteration(tolerance, max_products, progress)
+        rounds, stiffness = (
+            Rounds(solve, max_products, Report(progress)),
+            stiffness_of_element(grid),
+        )
+        try:
+            result = fall(rounds, asked, g, falling, stiffness, guess, tolerance)
+        except BeyondBound:  # That of no slip, or of a round, is not that of the answer.
+            motion = Motion.of(g.shape, *asked)
+            result = fall_by_loads(rounds, motion, grid, g, falling, stiffness, tolerance)
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
 
@@ -207,11 +218,7 @@ def roll(
             -h * window.cut(motion.units(grid)), window.cut(motion.arms(grid)), motion.wanted
         )
         grid = window.grid
-        if not (share := loads.share(g, grid.vectors)) < 1.0:
-            raise ValueError(
-                f"the loads together are {share:.4g} times what the traction bound carries of "
-                "them, but must be less than that: the bodies would slide off"
-            )
+        loads.check_share(g, grid.vectors)
         A = grid.tangential()
         products = Products(grid.steady(A), max_products)
         problem = Problem(grid, g, b, None, tolerance, progress=progress)

@@ -8,12 +8,11 @@ of the last one only, as where others were in contact it would press on an open 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from math import inf
 from typing import Protocol
 
-from toeplitz_mg._typing import Array, Progress
+from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.acceleration import Pairs, accelerate, extend
+from toeplitz_mg.contact.products import Report
 
 
 class Normal(Protocol):
@@ -27,44 +26,6 @@ class Normal(Protocol):
 
     def balance(self, p: Array) -> Array:
         """Return pressures of the given sum, if one is given."""
-
-
-@dataclass
-class Report:
-    """What is told of the products of one solution after the other.
-
-    Attributes
-    ----------
-    progress : callable or None
-        Called as ``progress(products, residual)`` after each product.
-    products : int
-        Those of the solutions before.
-    residual : float
-        The violation after the last iteration: infinite before, when a solution tells its own.
-    exhausted : bool
-        Whether a solution has taken all products that it may: then it is none, nor are others.
-    """
-
-    progress: Progress | None
-    products: int = 0
-    residual: float = inf
-    exhausted: bool = False
-
-    def __call__(self, products: int, residual: float) -> None:
-        """Tell of products of the solution that is under way."""
-        if self.progress is not None:
-            known = self.residual < inf
-            self.progress(self.products + products, self.residual if known else residual)
-
-    def add(self, products: int, most: int) -> None:
-        """Add the products of a solution that is at its end, of which so many were allowed."""
-        self.products += products
-        self.exhausted = self.exhausted or products >= most
-
-    def look(self, residual: float) -> None:
-        """Tell of the violation after an iteration."""
-        self.residual = residual
-        self(0, residual)
 
 
 def alternate(

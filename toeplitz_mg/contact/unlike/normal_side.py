@@ -11,9 +11,8 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.active_set import Search
 from toeplitz_mg.contact.normal.problem import make_result
 from toeplitz_mg.contact.normal.solving import State, solve
-from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.products import Products, Report
 from toeplitz_mg.contact.result import NormalResult
-from toeplitz_mg.contact.unlike.alternation import Report
 from toeplitz_mg.contact.unlike.coupling import Coupling
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.values import in_range

@@ -17,8 +17,9 @@ from toeplitz_mg.contact.checks import (
     check_shift,
 )
 from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.products import Report
 from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given, is_field
-from toeplitz_mg.contact.unlike.alternation import Report, alternate
+from toeplitz_mg.contact.unlike.alternation import alternate
 from toeplitz_mg.contact.unlike.checks import check_both, read_gap
 from toeplitz_mg.contact.unlike.coupling import Coupling, bound_of
 from toeplitz_mg.contact.unlike.normal_side import Pressing

@@ -10,12 +10,13 @@ from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_friction, check_iteration, check_load
 from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.products import Report
 from toeplitz_mg.contact.result import TangentialResult
 from toeplitz_mg.contact.tangential.motion import Motion
 from toeplitz_mg.contact.tangential.rolling import roll
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
 from toeplitz_mg.contact.tangential.window import Window
-from toeplitz_mg.contact.unlike.alternation import Report, alternate
+from toeplitz_mg.contact.unlike.alternation import alternate
 from toeplitz_mg.contact.unlike.checks import check_both, read_gap
 from toeplitz_mg.contact.unlike.coupling import Coupling, bound_of
 from toeplitz_mg.contact.unlike.normal_side import Pressing

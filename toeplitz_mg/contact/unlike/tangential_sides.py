@@ -10,14 +10,13 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.checks import SLIDES
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.products import Products, Report
 from toeplitz_mg.contact.result import TangentialResult
 from toeplitz_mg.contact.tangential import stick_slip
 from toeplitz_mg.contact.tangential.friction import make_result
 from toeplitz_mg.contact.tangential.problem import Problem, State, admit
 from toeplitz_mg.contact.tangential.shifting import slide_off
 from toeplitz_mg.contact.tangential.window import Window
-from toeplitz_mg.contact.unlike.alternation import Report
 from toeplitz_mg.contact.unlike.coupling import Coupling, add_displacements, bound_of
 
 
