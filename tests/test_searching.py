@@ -63,3 +63,22 @@ def test_free_rollers_that_are_as_unlike_as_can_be():
         assert abs(free.tangential.force) <= 1e-6 * mu * force
         again = frictional_rolling(gap, 0.2, longitudinal=free.tangential.creepages, **pressed)
         assert abs(again.tangential.force) <= 1e-3 * mu * force
+
+
+@pytest.mark.parametrize("share", [0.001, 0.01, 0.05, 0.5])
+def test_a_small_moment_of_a_contact_one_element_wide(share):
+    """While all of it sticks it has none: the first creepages, zero too, change nothing."""
+    shape, element = (16, 1), (0.04, 0.02)
+    x, y = surfaces.centres(shape, element)
+    g = 150.0 * np.sqrt(np.maximum(0.0, 1.0 - (x / 0.35) ** 2))
+    most = (g * np.hypot(x - 0.02, y)).sum() * 0.04 * 0.02
+    found = rolling(g, element, material=STEEL, moment=share * most)
+    assert_allclose(found.moment, share * most, rtol=1e-5)
+    again = rolling(g, element, material=STEEL, spin=found.creepages[2])
+    assert_allclose(again.moment, share * most, atol=1e-4 * most)
+
+
+@pytest.mark.parametrize("creepage", ["longitudinal", "lateral", "spin"])
+def test_creepages_beside_which_displacements_are_rounding_are_refused(creepage):
+    with pytest.raises(ValueError, match=f"{creepage} is 1e.20, but must be at most"):
+        rolling(np.ones((3, 3)), (1.0, 1.0), material=STEEL, **{creepage: 1e20})

@@ -27,6 +27,7 @@ from toeplitz_mg.values import field, finite, in_range, refuse_masked
 
 CREEPAGES = ("longitudinal", "lateral", "spin")
 DEPENDENT = 1e-12  # Slip by a unit of spin, over the size of an element, that is rounding.
+LARGEST = 1e15  # The largest creepage, beside which nothing is left of displacements.
 LOADS = ("the force along x", "the force along y", "the moment")
 
 
@@ -78,6 +79,11 @@ class Motion:
         given: list[float | None] = []
         for name, load, value, wanted in zip(CREEPAGES, LOADS, creepages, loads, strict=True):
             in_range(name, abs(finite(name, value)))
+            if abs(value) > LARGEST:
+                raise ValueError(
+                    f"{name} is {value:g}, but must be at most {LARGEST:g} in size: beside such a "
+                    "slip what the bodies yield is rounding"
+                )
             if wanted is not None:
                 in_range(load, abs(finite(load, wanted)))
             if value and wanted is not None:

@@ -164,11 +164,11 @@ def _roll_by_creepages(
 ) -> State:
     """Return the steady state of creepages that are given, from one near by."""
     b = problem.b + problem.vectors.combine(creepages, loads.units)
-    guess = state.q, state.areas
+    problem = replace(problem, b=b)
+    # Without any slip there are no tractions: no guess is nearer.
+    guess = (state.q, state.areas) if problem.largest > 0.0 else None
     nothing = Loads(loads.units[:0], loads.arms[:0], loads.wanted[:0])
-    return find_steady_state(
-        replace(problem, b=b), K, nothing, guess=guess, nested=False, options=options
-    )
+    return find_steady_state(problem, K, nothing, guess=guess, nested=False, options=options)
 
 
 def _guess_from_coarser_grids(
