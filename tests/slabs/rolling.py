@@ -47,6 +47,22 @@ def test_bodies_roll(comm):
 
 
 @doubts_ignored()
+def test_long_narrow_grids_take_as_many_products_as_on_one_machine(comm):
+    """Of rough contacts, which one process too solves on the whole grid."""
+    for shape in ((128, 32), (96, 12), (40, 64)):
+        gap = 2e-3 * np.random.default_rng(5).random(shape)
+        pressed = contact.normal_contact(gap, (0.01, 0.01), material=STEEL, force=0.02 * gap.size)
+        g = 0.3 * pressed.pressure
+        load = 0.5 * g.sum() * 1e-4, 0.0
+        slab = slabs.Slab(comm, shape)
+        for motion in ({"longitudinal": 1e-3}, {"force": load}):
+            alone = contact.rolling(g, (0.01, 0.01), material=STEEL, **motion)
+            own = slabs.rolling(g[slab.rows], slab, (0.01, 0.01), material=STEEL, **motion)
+            assert own.products <= max(1.2 * alone.products, 16)
+            assert_allclose(own.force, alone.force, atol=1e-6 * g.sum() * 1e-4)
+
+
+@doubts_ignored()
 def test_bodies_roll_by_force(comm):
     g, element = bound_of(41)
     carried = g.sum() * element[0] * element[1]

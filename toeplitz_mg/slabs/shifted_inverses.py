@@ -8,35 +8,52 @@ from math import prod
 from typing import Any
 
 import numpy as np
-from scipy.fft import next_fast_len
+from numpy.typing import DTypeLike
+from scipy import fft
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.steady_matrices import ADDITIONS, LEAST, fade_rate, interpolate
-from toeplitz_mg.engine.lengths import embedding_lengths
-from toeplitz_mg.engine.work import count_work
+from toeplitz_mg.engine.embedding import around, split
+from toeplitz_mg.engine.library import NUMPY
+from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.line import LongTransform
-from toeplitz_mg.slabs.operators import ToeplitzOperator
-from toeplitz_mg.slabs.product import SlabProduct
+from toeplitz_mg.slabs.product import turns_of
 from toeplitz_mg.slabs.slab import Slab
 
 
 class ShiftedInverses:
-    """Approximate inverses of K + ν, of the matrix of steady rolling and additions ν."""
+    """Approximate inverses of K + ν, of the matrix of steady rolling and additions ν.
+
+    The matrices in which the products embed K are no help: what goes around has a factor i there,
+    which products cut off. Their inverses do not, and are far from that of K on grids that are
+    long and narrow.
+    """
 
     def __init__(self, K: CoupledOperator, dtype: np.dtype[Any], k0: float) -> None:
-        slab = K.slab
+        slab, shape = K.slab, K.slab.shape
         self.dtype, self.diagonal = dtype, k0
-        rate = fade_rate(embedding_lengths(slab.shape)[0])
-        fade = np.exp(rate * np.arange(slab.rows.start, slab.rows.stop))[:, None]
+        lengths = tuple(fft.next_fast_len(2 * n - 1) for n in shape)
+        fade = np.exp(fade_rate(lengths[0]) * np.arange(slab.rows.start, slab.rows.stop))[:, None]
         self._fade = fade.astype(dtype)
-        blocks: list[Any] = [row[i] for i, row in enumerate(K.blocks)]
-        faded = [
-            ToeplitzOperator(A.c / fade, slab, parity=A.parity, behind=A.behind * fade)
-            for A in blocks
-        ]
-        circulants = LineCirculants if slab.is_line else GridCirculants
-        self._multiply = circulants(slab, faded, k0 * ADDITIONS, dtype)
+        self._transform = _transform(slab, lengths, dtype)
+        exact = _transform(slab, lengths, np.float64)
+        self._inverses = []
+        for i, row in enumerate(K.blocks):
+            A: Any = row[i]
+            ahead, back = A.c / fade, A.opposite * fade
+            if not slab.is_line:  # Lags along the last axis are of both signs.
+                ahead, back = (
+                    around(NUMPY, *split(NUMPY, a, 1, A.parity[1]), 1, lengths[1])
+                    for a in (ahead, back)
+                )
+            if slab.comm.rank == 0:
+                # The lag zero is ahead, and on a grid all lags that are zero along the first axis.
+                back[0, : 1 if slab.is_line else None] = 0.0
+            s = exact.forward(ahead.reshape(-1)) + exact.forward(back.reshape(-1)).conj()
+            least = LEAST / shape[0] * max(slab.gather(np.abs(s).max(initial=0.0)))
+            inverses = [1.0 / (s + nu + least) for nu in k0 * ADDITIONS]
+            self._inverses.append(np.array(inverses, dtype.char.upper()))
 
     def at(self, addition: Array) -> Callable[[Array], Array]:
         """Return the approximate inverse of K + an addition to the diagonal at each place."""
@@ -52,64 +69,48 @@ class ShiftedInverses:
 
         return invert
 
-
-class GridCirculants:
-    """The inverses of the circulants of products, with these additions, of each component.
-
-    Called with a field, (components, ...), it yields the products with those of each addition.
-    """
-
-    def __init__(
-        self, slab: Slab, blocks: list[ToeplitzOperator], additions: Array, dtype: np.dtype[Any]
-    ) -> None:
-        m = len(blocks)
-        self._products = []
-        for nu in additions:
-            spectra: list[list[Array | None]] = [[None] * m for _ in range(m)]
-            for i, A in enumerate(blocks):
-                s, points = A.spectrum, A.product.points
-                # Those of the inverse, as those of K, are divided by the points of a transform.
-                spectra[i][i] = _invert(slab, s * points, nu) / points
-            self._products.append(SlabProduct(slab, blocks[0].library, spectra, dtype))
-
-    def __call__(self, x: Array) -> Iterator[Array]:
-        """Yield a field times the circulants of each addition, in memory that is used again."""
-        y = np.empty_like(x)
-        for product in self._products:
-            product.apply(x.reshape(-1), y.reshape(-1))
-            yield y
-
-
-class LineCirculants:
-    """The same on a line, whose products are those of a matrix that has no circulant of its own."""
-
-    def __init__(
-        self, slab: Slab, blocks: list[ToeplitzOperator], additions: Array, dtype: np.dtype[Any]
-    ) -> None:
-        n = prod(slab.shape)
-        length = next_fast_len(2 * n - 1)
-        self._transform = LongTransform(slab, n, length, dtype)
-        exact = LongTransform(slab, n, length)
-        self._inverses = []
-        for A in blocks:
-            ahead, back = A.c.ravel(), A.opposite.ravel().copy()
-            if slab.comm.rank == 0:
-                back[0] = 0.0  # That of the lag zero is ahead.
-            s = exact.forward(ahead) + exact.forward(back).conj()
-            inverses = [_invert(slab, s, nu) for nu in additions]
-            self._inverses.append(np.array(inverses, dtype.char.upper()))
-
-    def __call__(self, x: Array) -> Iterator[Array]:
-        """Yield a field times the circulants of each addition."""
+    def _multiply(self, x: Array) -> Iterator[Array]:
+        """Yield a field, (components, ...), times the circulants of each addition."""
+        count_transforms((1 + len(ADDITIONS)) * len(x), *(2 * n for n in x.shape[1:]))
         transformed = [self._transform.forward(part.reshape(-1)) for part in x]
         for inverses in zip(*self._inverses, strict=True):
-            count_work(1, float(x.size))
             pairs = zip(transformed, inverses, strict=True)
             parts = [self._transform.backward(X * inverse) for X, inverse in pairs]
             yield np.reshape(parts, x.shape)
 
 
-def _invert(slab: Slab, spectrum: Array, addition: float) -> Array:
-    """Return the reciprocals of eigenvalues and an addition, bounded where both are near zero."""
-    least = LEAST / slab.shape[0] * max(slab.gather(np.abs(spectrum).max(initial=0.0)))
-    return 1.0 / (spectrum + addition + least)
+class GridTransform:
+    """Real transforms of fields on a grid, extended by zeros, whose frequencies ranks share.
+
+    A rank has some of those of the last axis. It is what `LongTransform` is for one axis.
+    """
+
+    def __init__(self, slab: Slab, lengths: tuple[int, ...], dtype: DTypeLike) -> None:
+        self._slab, self._lengths, self.dtype = slab, lengths, np.dtype(dtype)
+        self._points = lengths[0], lengths[1] // 2 + 1
+
+    def forward(self, x: Array) -> Array:
+        """Return the transform of a field, whose rows may be longer than those of the grid."""
+        slab, (length, last) = self._slab, self._lengths
+        x = x.astype(self.dtype, copy=False).reshape(slab.local[0], -1)
+        rows, mine = fft.rfft(x, last), slab.columns(self._points[1])
+        Z = np.empty((length, mine.stop - mine.start), rows.dtype)
+        for own, turn in turns_of(slab, self._points, rows.itemsize):
+            Z[:, own] = fft.fft(slab.to_columns(rows, turn), length, axis=0)
+        return Z
+
+    def backward(self, Z: Array) -> Array:
+        """Return the field of a transform, cut."""
+        slab = self._slab
+        rows = np.empty((slab.local[0], self._points[1]), Z.dtype)
+        for own, turn in turns_of(slab, self._points, rows.itemsize):
+            slab.to_rows(fft.ifft(Z[:, own], axis=0)[: slab.shape[0]], rows, turn)
+        return fft.irfft(rows, self._lengths[1])[:, : slab.shape[1]]
+
+
+def _transform(
+    slab: Slab, lengths: tuple[int, ...], dtype: DTypeLike
+) -> GridTransform | LongTransform:
+    if slab.is_line:
+        return LongTransform(slab, prod(slab.shape), prod(lengths), dtype)
+    return GridTransform(slab, lengths, dtype)
