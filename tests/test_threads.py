@@ -1,5 +1,6 @@
 """Threads: whatever number `scipy.fft.set_workers` says, all results have the same bits."""
 
+import os
 import subprocess
 import sys
 import threading
@@ -294,3 +295,31 @@ threading.Thread(target=later).start()
 """
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
     assert run.stdout.split() == ["True", "True"], run.stderr
+
+
+def test_bits_of_transforms_in_single_precision():
+    """Lines that are left over from those transformed together have other bits, in each thread.
+
+    SciPy takes no more threads than the environment says where a process begins: here one.
+    """
+    script = """
+import numpy as np, scipy.fft, toeplitz_mg as tmg
+
+for shape in ((512, 512), (600, 601), (2048, 256)):
+    i, j = np.ogrid[tuple(slice(1 - n, n) for n in shape)]
+    lags = (1.0 + i**2.0 + j**2) ** -0.5
+    for dtype in (np.float32, np.complex64):
+        phases = np.exp(0.3j * (i + j)) if dtype == np.complex64 else 1.0
+        A = tmg.ToeplitzOperator.from_lags((lags * phases).astype(dtype))
+        x = np.random.default_rng(0).standard_normal(A.shape[0]).astype(dtype)
+        for M in (A, tmg.chan_preconditioner(A)):
+            found = set()
+            for workers in (1, 2, 3):
+                with scipy.fft.set_workers(workers):
+                    found.add((M @ x).tobytes())
+            print(len(found))
+"""
+    environment = {name: x for name, x in os.environ.items() if name != "OMP_NUM_THREADS"}
+    command = [sys.executable, "-c", script]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+    assert run.stdout.split() == 12 * ["1"], run.stderr

@@ -9,7 +9,7 @@ from numpy.typing import DTypeLike
 from scipy import fft
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.threads import share_slices
+from toeplitz_mg.engine.threads import keep_bits, share_slices
 from toeplitz_mg.engine.vectors import ALONE
 from toeplitz_mg.engine.work import count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
@@ -122,7 +122,9 @@ class Circulants:
         number, components = len(eigenvalues), len(r)
         count_transforms((1 + number) * components, length, last)
         n = r.shape[-1]
-        R = fft.rfft((r / self._fade).reshape(components, -1, n), last)
+        r = (r / self._fade).reshape(components, -1, n)
+        with keep_bits(self.dtype, r.size // n):
+            R = fft.rfft(r, last)
         weights = weights.reshape(number, -1, n)
         rows, frequencies = R.shape[1:]
         Y = workspace((number, components, rows, frequencies), R.dtype)
@@ -139,7 +141,7 @@ class Circulants:
         of_column, of_row = (number * components * m * R.itemsize for m in (length, frequencies))
         share_slices(multiply, frequencies, 1 + PANEL_BYTES // of_column, Y.size)
         share_slices(add, rows, 1 + PANEL_BYTES // of_row, Y.size)
-        return total.reshape(r.shape)
+        return total
 
 
 class ShiftedInverses:
@@ -200,7 +202,7 @@ class ShiftedInverses:
 
         def invert(r: Array) -> Array:
             r = r.astype(self.dtype, copy=False)
-            return circulants.add(r, weights, inverses) + local * r
+            return circulants.add(r, weights, inverses).reshape(r.shape) + local * r
 
         return invert
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import fft
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.threads import TRANSFORM, share
+from toeplitz_mg.engine.threads import TRANSFORM, keep_bits, share
 from toeplitz_mg.engine.transforms import in_batches, phase_factors
 from toeplitz_mg.engine.workspace import workspace
 
@@ -191,6 +191,7 @@ def _slices(blocks: range, size: int, end: int) -> Iterator[slice]:
 def _in_place(transform: Any, A: Array, axis: int) -> None:
     """Transform along an axis, without any factor, in the memory of `A`."""
     norm = "forward" if transform is fft.ifft else "backward"
-    B = transform(A, axis=axis, norm=norm, overwrite_x=True)
+    with keep_bits(A.dtype, A.size // A.shape[axis]):
+        B = transform(A, axis=axis, norm=norm, overwrite_x=True)
     if not np.may_share_memory(A, B):
         A[...] = B

@@ -12,7 +12,7 @@ from scipy.linalg import toeplitz
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.panels import Panels
-from toeplitz_mg.engine.threads import share_rows
+from toeplitz_mg.engine.threads import keep_bits, share_rows
 from toeplitz_mg.engine.transforms import OneStep, in_batches, plan_of
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
@@ -306,7 +306,11 @@ class DiagonalisedProduct:
 
         if not is_whole:
             share_rows(fill, grid[0])
-        hat = forward(grid, axes=self._axes, overwrite_x=not is_whole)
+        is_fourier = self.transforms in (FOURIER, COMPLEX_FOURIER)
+        kept = self.dtype if is_fourier else np.float64  # Cosine and sine ones keep their bits.
+        with keep_bits(kept):
+            hat = forward(grid, axes=self._axes, overwrite_x=not is_whole)
         share_rows(scale, hat[0])
-        Y = backward(hat, s=self.fft_shape, axes=self._axes, overwrite_x=True)
+        with keep_bits(kept):
+            Y = backward(hat, s=self.fft_shape, axes=self._axes, overwrite_x=True)
         share_rows(cut, y[0])

@@ -7,12 +7,13 @@ and a part that a thread does is what any other would make of it. So results hav
 import os
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from contextvars import copy_context
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 from scipy import fft
 
 from toeplitz_mg._typing import Array
@@ -21,6 +22,7 @@ Work = Callable[[range], None]  # Does the parts that have these numbers.
 
 WORTH_THREADS = 2**19  # Numbers of a loop from which on threads make it faster, not slower.
 TRANSFORM = 2  # What a number counts that is transformed: threads gain on 512² elements, not 256².
+TOGETHER = 16  # Lines that transforms in single precision take together at most.
 PIECE = 2**16  # Numbers that a thread does at once: what comes in between stays in the cache.
 # Pieces for each thread: one that has the core to itself takes those of another that has not.
 PIECES = 4
@@ -77,6 +79,18 @@ def share(work: Work, count: int, points: int) -> None:
         wait_for_all(others)
     for other in others:
         other.result()
+
+
+def keep_bits(dtype: DTypeLike, lines: int = 1) -> AbstractContextManager[None]:
+    """Return what SciPy's transforms of so many lines are made in, so that they have the same bits.
+
+    In single precision lines that are transformed together, up to `TOGETHER`, have other bits than
+    those that are left over, and each of SciPy's threads has some that are: there is one then.
+    """
+    workers = fft.get_workers()
+    if workers == 1 or np.dtype(dtype).char in "dD" or lines % (TOGETHER * workers) == 0:
+        return nullcontext()
+    return fft.set_workers(1)
 
 
 def share_slices(work: Callable[[slice], None], length: int, size: int, points: int) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import DTypeLike
 from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.threads import keep_bits
 from toeplitz_mg.slabs.cuts import Turn, cuts_of, line_width
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.windows import Windows
@@ -121,20 +122,23 @@ class LongTransform:
         """Return the transform of a vector."""
         X = self.line.rows(x.astype(self.dtype, copy=False))
         Z = np.empty(self.frequencies.local, self.dtype.char.upper())
-        for turn, factors in self._turns:
-            C = fft.rfft(self.line.slab.to_columns(X, turn), self._n1, axis=0)
-            C *= factors
-            self.frequencies.to_rows(C, Z, turn)
-        return fft.fft(Z, overwrite_x=True)
+        with keep_bits(self.dtype):
+            for turn, factors in self._turns:
+                C = fft.rfft(self.line.slab.to_columns(X, turn), self._n1, axis=0)
+                C *= factors
+                self.frequencies.to_rows(C, Z, turn)
+            return fft.fft(Z, overwrite_x=True)
 
     def backward(self, Z: Array) -> Array:
         """Return the vector of a transform, cut: `Z` is overwritten."""
-        Z, X = fft.ifft(Z, overwrite_x=True), np.empty(self.line.slab.local, self.dtype)
-        for turn, factors in self._turns:
-            C = self.frequencies.to_columns(Z, turn)
-            C *= factors.conj()
-            C = fft.irfft(C, self._n1, axis=0, overwrite_x=True)[: self.line.slab.shape[0]]
-            self.line.slab.to_rows(C, X, turn)
+        X = np.empty(self.line.slab.local, self.dtype)
+        with keep_bits(self.dtype):
+            Z = fft.ifft(Z, overwrite_x=True)
+            for turn, factors in self._turns:
+                C = self.frequencies.to_columns(Z, turn)
+                C *= factors.conj()
+                C = fft.irfft(C, self._n1, axis=0, overwrite_x=True)[: self.line.slab.shape[0]]
+                self.line.slab.to_rows(C, X, turn)
         return self.line.part(X)
 
     def sums(self, column: Array, sign: int = 1) -> Array:

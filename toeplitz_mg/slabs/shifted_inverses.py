@@ -15,6 +15,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.steady_matrices import ADDITIONS, LEAST, fade_rate, interpolate
 from toeplitz_mg.engine.embedding import around, split
 from toeplitz_mg.engine.library import NUMPY
+from toeplitz_mg.engine.threads import keep_bits
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.line import LongTransform
@@ -93,19 +94,22 @@ class GridTransform:
         """Return the transform of a field, whose rows may be longer than those of the grid."""
         slab, (length, last) = self._slab, self._lengths
         x = x.astype(self.dtype, copy=False).reshape(slab.local[0], -1)
-        rows, mine = fft.rfft(x, last), slab.columns(self._points[1])
-        Z = np.empty((length, mine.stop - mine.start), rows.dtype)
-        for own, turn in turns_of(slab, self._points, rows.itemsize):
-            Z[:, own] = fft.fft(slab.to_columns(rows, turn), length, axis=0)
+        mine = slab.columns(self._points[1])
+        with keep_bits(self.dtype):
+            rows = fft.rfft(x, last)
+            Z = np.empty((length, mine.stop - mine.start), rows.dtype)
+            for own, turn in turns_of(slab, self._points, rows.itemsize):
+                Z[:, own] = fft.fft(slab.to_columns(rows, turn), length, axis=0)
         return Z
 
     def backward(self, Z: Array) -> Array:
         """Return the field of a transform, cut."""
         slab = self._slab
         rows = np.empty((slab.local[0], self._points[1]), Z.dtype)
-        for own, turn in turns_of(slab, self._points, rows.itemsize):
-            slab.to_rows(fft.ifft(Z[:, own], axis=0)[: slab.shape[0]], rows, turn)
-        return fft.irfft(rows, self._lengths[1])[:, : slab.shape[1]]
+        with keep_bits(self.dtype):
+            for own, turn in turns_of(slab, self._points, rows.itemsize):
+                slab.to_rows(fft.ifft(Z[:, own], axis=0)[: slab.shape[0]], rows, turn)
+            return fft.irfft(rows, self._lengths[1])[:, : slab.shape[1]]
 
 
 def _transform(
