@@ -88,21 +88,20 @@ def methods(system: ToeplitzSystem) -> Iterator[Method]:
 
     The next one is asked for only where one has failed.
     """
-    if 0 < system.band <= NARROW:
-        return chain(_substitution(system), _methods_of_any(system))
-    return chain(_methods_of_any(system), _substitution(system))
-
-
-def _methods_of_any(system: ToeplitzSystem) -> Iterator[Method]:
     n, columns = len(system.c), system.columns
     if system.is_symmetric:
         if not levinson_is_fastest(n, columns):
             return _methods_of_symmetric(system)
         if n >= RECURSIVE:
             return chain(_levinson_method(system), _dense_methods(system))
-    elif n >= GENERAL:
-        return _methods_of_general(system)
-    return _dense_methods(system)
+        return _dense_methods(system)
+    usual = _methods_of_general(system) if n >= GENERAL else _dense_methods(system)
+    if not system.band:
+        return usual
+    ways = (
+        (_substitution(system), usual) if system.band <= NARROW else (usual, _substitution(system))
+    )
+    return chain(*ways)
 
 
 def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:

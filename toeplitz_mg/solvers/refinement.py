@@ -94,18 +94,23 @@ def _correct(
     X, iterations = method.solve(system.B, 0.9 * goal)  # The recurrence of CG may drift.
     best, info, least = X, SolveInfo(method.name, iterations, inf, inf), inf
     while True:
-        R, errors, terms = _measure(system, X, goal)
+        R = system.B - system.multiply(X)
+        errors, terms = norms(R), system.size * norms(X)
         residual, error = largest(errors / sizes), largest(errors / (terms + sizes))
-        noise = largest(EPS * terms / sizes)  # Rounding of the residual itself, at most.
-        if noise > 1.0 and not method.is_substitution:
-            raise np.linalg.LinAlgError("x is so large that its residual is rounding")
-        if noise > ILL_CONDITIONED:
-            # The errors of the terms of a sum add up as their squares do.
-            residual = max(residual, noise * norm(system.lags) / system.size)
+        backward_error, noise = error, largest(EPS * terms / sizes)
+        if residual > goal or noise > ILL_CONDITIONED:
+            R, errors, sharp = _measure_sharply(system, X, R, terms)
+            residual, error = largest(errors / sizes), largest(errors / (sharp + sizes))
+            backward_error, terms = largest(errors / (terms + sizes)), sharp
+            noise = largest(EPS * terms / sizes)  # Rounding of the residual itself, at most.
+            if noise > 1.0 and not method.is_substitution:
+                raise np.linalg.LinAlgError("x is so large that its residual is rounding")
+            if noise > ILL_CONDITIONED:
+                # The errors of the terms of a sum add up as their squares do.
+                residual = max(residual, noise * norm(system.lags) / system.size)
         if not error < least / 2:
             break
         best, least = X, error
-        backward_error = largest(errors / (system.size * norms(X) + sizes))
         info = SolveInfo(method.name, iterations, residual, backward_error)
         if residual <= goal or (error <= accepted and residual <= ROUGH):
             return best, info, 0.0
@@ -119,22 +124,17 @@ def _correct(
     return best, info, 0.0 if is_good else least
 
 
-def _measure(
-    system: ToeplitzSystem, X: Rows, goal: float
+def _measure_sharply(
+    system: ToeplitzSystem, X: Rows, R: Rows, terms: Array | float
 ) -> tuple[Rows, Array | float, Array | float]:
-    """Return the residuals, their norms, and the sizes of the terms that rounding is relative to.
+    """Return residuals, their norms, and the sizes of the terms that rounding is relative to.
 
-    Where the largest coefficients meet the smallest unknowns only, the products by transforms are
-    too rough, and what they can be is no limit.
+    Where the largest coefficients meet the smallest unknowns only, the residuals R by transforms
+    are too rough, and what they can be at most, the given terms, is no limit.
     """
-    R = system.B - system.multiply(X)
-    errors, terms = norms(R), system.size * norms(X)
-    noise = largest(EPS * terms / system.sizes)
-    if largest(errors / system.sizes) <= goal and noise <= ILL_CONDITIONED:
-        return R, errors, terms
     sharp = np.fmin(terms, system.sizes_of_terms(X))
     is_uneven = bool(np.any(sharp < UNEVEN * terms))
-    if is_uneven and len(system.c) <= LARGEST_DENSE:
-        R = system.B - system.multiply_sharply(X)
-        errors, terms = norms(R), sharp
-    return R, errors, terms
+    if not is_uneven or len(system.c) > LARGEST_DENSE:
+        return R, norms(R), terms
+    R = system.B - system.multiply_sharply(X)
+    return R, norms(R), sharp
