@@ -122,9 +122,8 @@ class Circulants:
         number, components = len(eigenvalues), len(r)
         count_transforms((1 + number) * components, length, last)
         n = r.shape[-1]
-        r = (r / self._fade).reshape(components, -1, n)
         with keep_bits(self.dtype, r.size // n):
-            R = fft.rfft(r, last)
+            R = fft.rfft((r / self._fade).reshape(components, -1, n), last)
         weights = weights.reshape(number, -1, n)
         rows, frequencies = R.shape[1:]
         Y = workspace((number, components, rows, frequencies), R.dtype)
@@ -141,7 +140,7 @@ class Circulants:
         of_column, of_row = (number * components * m * R.itemsize for m in (length, frequencies))
         share_slices(multiply, frequencies, 1 + PANEL_BYTES // of_column, Y.size)
         share_slices(add, rows, 1 + PANEL_BYTES // of_row, Y.size)
-        return total
+        return total.reshape(r.shape)
 
 
 class ShiftedInverses:
@@ -202,7 +201,7 @@ class ShiftedInverses:
 
         def invert(r: Array) -> Array:
             r = r.astype(self.dtype, copy=False)
-            return circulants.add(r, weights, inverses).reshape(r.shape) + local * r
+            return circulants.add(r, weights, inverses) + local * r
 
         return invert
 

@@ -1,6 +1,7 @@
 """Multiplication by matrices that fast transforms diagonalise, or a circulant embeds."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import cached_property, partial
 from math import prod
 from typing import Any, NamedTuple, Protocol
@@ -282,6 +283,9 @@ class DiagonalisedProduct:
     def _multiply(self, X: Array, out: Array) -> None:
         x, y = (rows.reshape(-1, *self._grid) for rows in (X, out))
         forward, backward = self.transforms
+        is_fourier = self.transforms in (FOURIER, COMPLEX_FOURIER)
+        # Cosine and sine transforms keep their bits by themselves.
+        guard: Any = partial(keep_bits, self.dtype) if is_fourier else nullcontext
         # Vectors that fill the matrix are transformed where they are. Others are extended by zeros
         # in memory where transforms to real numbers stay.
         is_whole = self.fft_shape == self._grid and x.dtype == self.dtype
@@ -306,11 +310,9 @@ class DiagonalisedProduct:
 
         if not is_whole:
             share_rows(fill, grid[0])
-        is_fourier = self.transforms in (FOURIER, COMPLEX_FOURIER)
-        kept = self.dtype if is_fourier else np.float64  # Cosine and sine ones keep their bits.
-        with keep_bits(kept):
+        with guard():
             hat = forward(grid, axes=self._axes, overwrite_x=not is_whole)
         share_rows(scale, hat[0])
-        with keep_bits(kept):
+        with guard():
             Y = backward(hat, s=self.fft_shape, axes=self._axes, overwrite_x=True)
         share_rows(cut, y[0])

@@ -33,7 +33,7 @@ class SolveInfo(NamedTuple):
         The largest ‖b - A x‖/‖b‖ of all columns, as measured. Where ‖x‖ is so large that rounding
         of A x alone may be more than 1e-8 ‖b‖, it is at least ε ‖a‖₂ ‖x‖/‖b‖, with a the 2n - 1
         coefficients: that is the size of such rounding, and what is measured may be less by chance.
-        (Of x only those numbers count that a coefficient meets.)
+        Of x only the numbers count that a coefficient meets.
     backward_error : float
         The largest ‖b - A x‖/(‖a‖₁ ‖x‖ + ‖b‖) of all columns, in 2-norms. ‖a‖₁, the sum of the
         absolute values of all coefficients, is an upper bound of ‖A‖₂: x solves a system that

@@ -98,17 +98,23 @@ def fall_by_loads(
     result = replace(result, products=rounds.report.products, work=rounds.work)
     if error > ACCURATE * tolerance:
         q = result.traction.reshape(grid.components, *g.shape)
-        found = motion.wanted - loads.missing(q, vectors)
-        names = ", ".join(
-            f"{LOADS[k]} is to be {a:.6g}, and {b:.6g} is the nearest that was found"
-            for k, a, b in zip(motion.unknown, motion.wanted, found, strict=True)
-        )
-        raise ContactError(
-            f"after {result.products} products {error:.1e} of a load is missing, but at most "
-            f"{ACCURATE:g} times the tolerance of {tolerance:g} may be: {names}",
-            result,
-        )
+        raise _refuse(motion, motion.wanted - loads.missing(q, vectors), error, tolerance, result)
     return result
+
+
+def _refuse(
+    motion: Motion, found: Array, error: float, tolerance: float, result: TangentialResult
+) -> ContactError:
+    """Return the error that says how near the loads that were found are."""
+    names = ", ".join(
+        f"{LOADS[k]} is to be {a:.6g}, and {b:.6g} is the nearest that was found"
+        for k, a, b in zip(motion.unknown, motion.wanted, found, strict=True)
+    )
+    return ContactError(
+        f"after {result.products} products {error:.1e} of a load is missing, but at most "
+        f"{ACCURATE:g} times the tolerance of {tolerance:g} may be: {names}",
+        result,
+    )
 
 
 def _scale(
