@@ -44,7 +44,7 @@ def measure_times(comm: CountingCommunicator, n: int) -> dict[str, Any]:
 
     On one rank also those of the serial package, run by run in turns.
     """
-    slab = slabs.Slab(comm, (n, n))
+    slab = balanced_slab(comm, n)
     c = coefficients(n, slab.rows)
     mask = disc(n, slab.rows)
     full, setup = timed(comm, partial(slabs.ToeplitzOperator, c, slab))
@@ -95,7 +95,7 @@ def measure_memory(comm: CountingCommunicator, n: int, what: str) -> dict[str, A
     The coefficients are there before. What begins with "serial" is the package without slabs.
     """
     serial, name = what.startswith("serial"), what.removeprefix("serial ")
-    slab = slabs.Slab(comm, (n, n))
+    slab = balanced_slab(comm, n)
     c, mask = coefficients(n, slab.rows), disc(n, slab.rows)
     comm.allgather(None)
     before = peak_bytes()
@@ -109,6 +109,12 @@ def measure_memory(comm: CountingCommunicator, n: int, what: str) -> dict[str, A
     tmg.cg(A, np.ones(A.shape[0]), M=make(A), rtol=RTOL, maxiter=3)
     rises = comm.allgather(peak_bytes() - before)
     return {"ranks": comm.size, "n": n, "what": what, "MB": max(rises) / 1e6}
+
+
+def balanced_slab(comm: CountingCommunicator, n: int) -> slabs.Slab:
+    """Return the slab of a square grid whose ranks have about as much of the disc each."""
+    slab = slabs.Slab(comm, (n, n))
+    return slab.balanced(disc(n, slab.rows))
 
 
 def coefficients(n: int, rows: slice) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 
 from tests.slabs.ranks import refuses
 from toeplitz_mg.slabs import Slab
+from toeplitz_mg.slabs.slab import UNKNOWN
 
 SHAPES = [(4, 1), (5, 7), (16, 3), (97, 4, 5), (130, 2), (1030, 2)]
 
@@ -31,6 +32,34 @@ def test_units_grow_with_the_rows_of_a_rank(comm):
     assert Slab(comm, (16 * comm.size, 3)).unit == 1
     assert Slab(comm, (64 * comm.size, 3)).unit == 4
     assert Slab(comm, (2**10 * comm.size, 3)).unit == 64
+
+
+def test_balanced_rows_have_as_many_unknowns(comm):
+    for shape in SHAPES:
+        for unit in (1, None):
+            slab, mask = Slab(comm, shape, unit=unit), grid_of(shape) ** 8 < grid_of(shape)[0, 0]
+            mask[: shape[0] // 2] &= grid_of(shape)[: shape[0] // 2] < 0.1
+            other = slab.balanced(mask[slab.rows])
+            assert (other.shape, other.unit) == (slab.shape, slab.unit)
+            assert other.local == mask[other.rows].shape
+            rows = other.everywhere(np.arange(other.rows.start, other.rows.stop))
+            assert np.array_equal(rows, np.arange(shape[0]))
+            assert (other.starts[1:-1] % slab.unit == 0).all()
+            assert np.diff(other.starts).min() > 0
+            weights = 1 + UNKNOWN * mask.reshape(shape[0], -1).astype(int)
+            ends = np.append(0, np.cumsum(weights.sum(axis=1)))[other.starts]
+            heaviest = max(weights[k : k + slab.unit].sum() for k in range(0, shape[0], slab.unit))
+            assert np.diff(ends).max() <= ends[-1] / comm.size + heaviest
+
+
+def test_a_mask_of_components_balances_too(comm):
+    slab = Slab(comm, (40, 3))
+    mask = np.zeros((2, 40, 3), bool)
+    mask[1, 30:] = True
+    own = slab.balanced(mask[:, slab.rows])
+    assert np.array_equal(own.starts, slab.balanced(mask[1, slab.rows]).starts)
+    for wrong in (mask[:, :2], mask[1, slab.rows] * 1.0, mask[1, slab.rows, :2]):
+        refuses(comm, ValueError, "of this rank's rows", partial(slab.balanced, wrong))
 
 
 def test_columns_are_those_of_the_grid_and_come_back(comm):

@@ -33,6 +33,17 @@ def line_width(n: int) -> int:
     return 1 << n.bit_length() // 2
 
 
+def balance(weights: Array, parts: int) -> Array:
+    """Return where things are cut into parts of about the same weight, shape (parts + 1,).
+
+    The weights are positive. No part is empty: there are as many things as parts, or more.
+    """
+    ends, k = np.cumsum([0, *weights]), np.arange(parts + 1)
+    goals = ends[-1] * k / parts
+    cuts = np.searchsorted((ends[1:] + ends[:-1]) / 2, goals)  # The nearest ends.
+    return np.minimum(np.maximum.accumulate(cuts - k), len(weights) - parts) + k
+
+
 def cuts_of(n: int, parts: int) -> Array:
     """Return where n things are cut into parts of about the same size, shape (parts + 1,)."""
     return np.array([n * k // parts for k in range(parts + 1)])

@@ -60,7 +60,11 @@ class SlabSparseInverse(SlabOperator):
         """Multiply a vector into another, which may be the same."""
         for k, level in enumerate(self._levels):
             part = slice(*self._ends[k : k + 2])
-            y[part] = level(x[part].astype(self.dtype, copy=False))
+            own = x[part].astype(self.dtype, copy=False)
+            if y.dtype == self.dtype:
+                level(own, y[part])
+            else:
+                y[part] = level(own)
 
     def __repr__(self) -> str:
         sizes = ", ".join(" > ".join(map(str, sizes)) for sizes in self.sizes)

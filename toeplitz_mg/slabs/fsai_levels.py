@@ -10,7 +10,7 @@ The aggregates are the next level, cut as the ranks have them. Their number is d
 each level: soon all ranks can have all of them, and do the same with them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.preconditioners.fsai.build import Options, build, build_factors
 from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
 from toeplitz_mg.preconditioners.fsai.line import LineLevel, LineMatrix, build_line
@@ -97,13 +98,23 @@ class SlabLevel:
         """The number of unknowns on each level, of all ranks."""
         return (sum(w.total for w in self.windows), *self.level.coarse.sizes)
 
-    def __call__(self, x: Array) -> Array:
-        """Apply the inverse to this rank's part of a vector."""
-        parts = _split(x, [w.owned for w in self.windows])
-        y = _join([w.spread(x) for w, x in zip(self.windows, parts, strict=True)])
-        y = self.level(y, None if np.may_share_memory(x, y) else y)
-        parts = _split(y, [w.seen for w in self.windows])
-        return _join([w.collect(y) for w, y in zip(self.windows, parts, strict=True)])
+    def __call__(self, x: Array, out: Array | None = None) -> Array:
+        """Apply the inverse to this rank's part of a vector, into `out`, which may be `x`."""
+        out = np.empty_like(x) if out is None else out
+        z = workspace((sum(w.seen for w in self.windows),), x.dtype)
+        for w, own, seen in self._parts(x, z):
+            w.spread(own, seen)
+        # A rank may have some more rows of G than it owns: those of whole aggregates.
+        rows = self.level.G.shape[0]
+        self.level(z, z, out[:rows] if rows <= len(out) else None)
+        for w, own, seen in self._parts(out, z):
+            own[...] = w.collect(seen)
+        return out
+
+    def _parts(self, x: Array, z: Array) -> Iterator[tuple[Windows, Array, Array]]:
+        """Yield for each component its part of a vector, and of what this rank sees of it."""
+        own, seen = ([getattr(w, name) for w in self.windows] for name in ("owned", "seen"))
+        return zip(self.windows, _split(x, own), _split(z, seen), strict=True)
 
 
 @dataclass(frozen=True)
@@ -127,15 +138,17 @@ class CommonLevel:
         """The number of unknowns on each level."""
         return self.level.sizes
 
-    def __call__(self, x: Array) -> Array:
-        """Apply the inverse to this rank's part of a vector."""
+    def __call__(self, x: Array, out: Array | None = None) -> Array:
+        """Apply the inverse to this rank's part of a vector, into `out`, which may be `x`."""
+        out = np.empty_like(x) if out is None else out
         rank = self.slab.comm.rank
         parts = _split(x, self.counts[:, rank])
         whole = [self.slab.everywhere(x, n) for x, n in zip(parts, self.counts, strict=True)]
         parts = _split(self.level(_join(whole)), self.counts.sum(axis=1))
         ends = np.cumsum(self.counts, axis=1)[:, rank]
-        own = zip(parts, ends - self.counts[:, rank], ends, strict=True)
-        return _join([y[start:end] for y, start, end in own])
+        for y, own, end in zip(parts, _split(out, self.counts[:, rank]), ends, strict=True):
+            own[...] = y[end - len(own) : end]
+        return out
 
 
 def build_on_slab(

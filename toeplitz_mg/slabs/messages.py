@@ -91,13 +91,16 @@ class Messages:
         self.comm.Allgatherv(np.ascontiguousarray(x), [whole, lengths * prod(x.shape[1:])])
         return whole
 
-    def exchange(self, x: Array, starts: Array, lengths: Array, expected: Array) -> Array:
+    def exchange(
+        self, x: Array, starts: Array, lengths: Array, expected: Array, got: Array | None = None
+    ) -> Array:
         """Send each rank some rows, from `starts` on, and return those that all ranks send.
 
-        Rank k is sent `lengths[k]` rows, and sends `expected[k]`.
+        Rank k is sent `lengths[k]` rows, and sends `expected[k]`, into `got` where that is given.
         """
         size = prod(x.shape[1:])
-        got = np.empty((int(expected.sum()), *x.shape[1:]), x.dtype)
+        if got is None:
+            got = np.empty((int(expected.sum()), *x.shape[1:]), x.dtype)
         self.swap(
             [np.ascontiguousarray(x), (lengths * size, starts * size)], [got, expected * size]
         )

@@ -15,10 +15,12 @@ from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.halfspace.points import offsets
-from toeplitz_mg.slabs.cuts import Turn, choose_unit, cut_in_turns, cuts_of
+from toeplitz_mg.slabs.cuts import Turn, balance, choose_unit, cut_in_turns, cuts_of
 from toeplitz_mg.slabs.files import save_rows
 from toeplitz_mg.slabs.messages import Messages
-from toeplitz_mg.values import count
+from toeplitz_mg.values import count, refuse_masked
+
+UNKNOWN = 8  # Memory of an unknown, with `fsai_preconditioner` and `cg`, over that of a cell.
 
 
 class Slab(Messages):
@@ -90,9 +92,45 @@ class Slab(Messages):
     def alike(self, shape: tuple[int, ...], starts: Array) -> "Slab":
         """Return the slab of another grid that is cut at these rows."""
         slab = Slab.__new__(Slab)
-        slab.comm = self.comm
+        slab.comm, slab.unit = self.comm, self.unit
         slab._set(shape, starts)
         return slab
+
+    def balanced(self, mask: Any) -> "Slab":
+        """Return a slab of the same grid whose ranks have about as many unknowns each.
+
+        Parameters
+        ----------
+        mask : array_like of bool, of shape `local`, or (components, ...) of that
+            True where there is an unknown, of this rank's rows.
+
+        Returns
+        -------
+        Slab
+            Its rows are others: evaluate coefficients, and the mask, for those.
+
+        Examples
+        --------
+        >>> from mpi4py import MPI
+        >>> slab = Slab(MPI.COMM_WORLD, (1000, 500))
+        >>> rows = np.arange(1000)[slab.rows, np.newaxis]
+        >>> slab = slab.balanced(rows + np.arange(500) < 700)  # A triangle.
+        >>> slab.shape
+        (1000, 500)
+        """
+        with self.agree():
+            mask = refuse_masked("mask", library_of(mask).to_numpy(mask))
+            if mask.dtype != np.bool_ or mask.shape[-len(self.local) :] != self.local:
+                raise ValueError(
+                    f"mask has dtype {mask.dtype} and shape {mask.shape}, but must be of booleans, "
+                    f"of this rank's rows, {self.local}"
+                )
+        by_row = mask.reshape(-1, self.local[0], prod(self.local[1:]))
+        weights = by_row.shape[2] + UNKNOWN * np.count_nonzero(by_row, axis=(0, 2))
+        weights = self.everywhere(weights, np.diff(self.starts))
+        units = np.add.reduceat(weights, np.arange(0, len(weights), self.unit))
+        cuts = np.minimum(self.unit * balance(units, self.comm.size), self.shape[0])
+        return self.alike(self.shape, cuts)
 
     @property
     def is_line(self) -> bool:

@@ -30,11 +30,14 @@ class Windows:
         self._expected = np.maximum(overlap, 0)
         self._is_own = np.array_equal(first, owned[:-1]) and np.array_equal(stop, owned[1:])
 
-    def spread(self, x: Array) -> Array:
-        """Return what this rank sees, from what each rank owns: that itself, if all own just it."""
-        if self._is_own:
+    def spread(self, x: Array, out: Array | None = None) -> Array:
+        """Return what this rank sees, from what each rank owns, in `out` where that is given.
+
+        Without `out` it is what each rank owns itself, if all see just that.
+        """
+        if self._is_own and out is None:
             return x
-        return self.slab.exchange(x, self._starts, self._lengths, self._expected)
+        return self.slab.exchange(x, self._starts, self._lengths, self._expected, out)
 
     def collect(self, x: Array) -> Array:
         """Return the sums of what all ranks have for what this rank owns: `spread`, transposed.

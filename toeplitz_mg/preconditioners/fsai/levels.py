@@ -259,10 +259,13 @@ class Level:
         """Apply the inverse to the rows of `X`, into `out`, which may be `X`."""
         self(X.T, out.T)
 
-    def __call__(self, x: Array, out: Array | None = None) -> Array:
-        """Apply the inverse to a vector, or to the columns of x, into `out`, which may be `x`."""
+    def __call__(self, x: Array, out: Array | None = None, rows: Array | None = None) -> Array:
+        """Apply the inverse to a vector, or to the columns of x, into `out`, which may be `x`.
+
+        A vector of the rows of G may be given, whose content is lost: that takes less memory.
+        """
         z = np.empty_like(x) if out is None else out
-        y = workspace((self.G.shape[0], *x.shape[1:]), x.dtype)
+        y = workspace((self.G.shape[0], *x.shape[1:]), x.dtype) if rows is None else rows
         a = workspace((self.W.shape[1], *x.shape[1:]), x.dtype)
         self.G.multiply(x, y)
         self.W.multiply_transposed(y, a)
