@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import scipy.fft
 from numpy.testing import assert_allclose
+from scipy.linalg import toeplitz
 
 import toeplitz_mg as tmg
 from comparisons.systems import masks
@@ -225,6 +226,45 @@ def test_a_mask_in_fragments_is_solved_by_default(folder):
     np.save(folder / "b.npy", np.ones(np.count_nonzero(mask)))
     np.save(folder / "mask.npy", mask)
     assert solve(folder, "--mask", str(folder / "mask.npy"), "--maxiter", "12") == 0
+
+
+def test_what_is_wrong_in_a_table_of_text_is_told_by_its_line(folder, capsys):
+    for name, text, message in (
+        ("word.csv", "# a, b\n1,2,3\n4,x,6\n", "line 3 has 'x'"),
+        ("ragged.csv", "1;2;3\n\n4;5\n", "line 3 has 2 numbers, and those above 3"),
+    ):
+        (folder / name).write_text(text)
+        assert solve(folder, column=name) == 2
+        assert message in capsys.readouterr().err
+
+
+def test_a_table_may_be_marked_as_unicode(folder):
+    (folder / "c.csv").write_text("\n".join(map(str, contact(300))), encoding="utf-8-sig")
+    assert solve(folder, column="c.csv") == 0
+
+
+def test_an_unknown_option_before_its_value_is_named(capsys):
+    for words in (["--bogus", "5"], ["--bogus=5"], ["--bogus", "solve", "c.npy"]):
+        with pytest.raises(SystemExit) as error:
+            main(words)
+        assert error.value.code == 2
+        assert "unrecognized arguments: --bogus" in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("default::UserWarning")
+def test_a_warning_is_one_line(folder, capsys):
+    np.save(folder / "dense.npy", toeplitz(contact(20)))
+    np.save(folder / "b.npy", np.ones(20))
+    assert solve(folder, column="dense.npy") == 2
+    first, second = capsys.readouterr().err.splitlines()
+    assert first.startswith("toeplitz-mg: warning: c has shape (20, 20) and is constant along")
+    assert second.startswith("toeplitz-mg: error:")
+
+
+def test_advice_says_what_it_is_on_the_command_line(folder, capsys):
+    np.save(folder / "c.npy", np.array([1.0] + 299 * [2.0]))
+    assert solve(folder) == 2
+    assert "on the command line that is --solver cg --preconditioner" in capsys.readouterr().err
 
 
 def test_options_count_on_both_sides_of_the_command(folder, capsys):

@@ -332,7 +332,7 @@ def test_a_surface_of_the_library_is_pressed(tmp_path, capsys):
     assert run("rough", str(path), *options) == 0
     assert_allclose(read(written)["element"], element)
     assert run("rough", str(path), "--force", "2") == 2
-    assert "the topography has no unit" in capsys.readouterr().err
+    assert f"{path} has no unit: give --unit" in capsys.readouterr().err
     path.write_text("what is this")
     assert run("rough", str(path), *options) == 2
     assert f"{path} cannot be read" in capsys.readouterr().err
@@ -354,6 +354,32 @@ def test_a_table_of_heights_needs_no_library(ending, separator, tmp_path, monkey
     fields = read(written)
     assert_allclose(fields["pressure"], expected.pressure, atol=1e-6 * expected.max_pressure)
     assert np.isinf(fields["gap"][3, 5])
+
+
+@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+@pytest.mark.parametrize("header", ["heights", "date: 2026-11-25", "step = 3\ntilt: -1"])
+@pytest.mark.parametrize("separator", [" ", ","])
+def test_comments_do_not_transpose_a_table(header, separator, tmp_path, capsys):
+    pytest.importorskip("SurfaceTopography")
+    heights = 1e-3 * np.random.default_rng(0).random((12, 20))
+    reports = []
+    for name, options in (("bare", {}), ("headed", {"header": header})):
+        path = tmp_path / f"{name}.txt"
+        np.savetxt(path, heights, delimiter=separator, **options)
+        assert run("rough", str(path), "--force", "100", "--element", "0.1", "0.3") == 0
+        reports.append(capsys.readouterr().out.replace(name, "").splitlines()[:6])
+    assert reports[0] == reports[1]
+    assert "12 x 20 heights" in reports[0][0]
+
+
+@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+def test_a_text_that_says_its_sizes_is_of_the_library(tmp_path, capsys):
+    pytest.importorskip("SurfaceTopography")
+    path = tmp_path / "heights.txt"
+    header = "Channel: Topography\nWidth: 20 µm\nHeight: 12 µm\nValue units: m"
+    np.savetxt(path, 1e-9 * np.random.default_rng(0).random((12, 20)), header=header)
+    assert run("rough", str(path), "--force", "1e-6") == 0
+    assert "20 x 12 heights" in capsys.readouterr().out
 
 
 @pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")

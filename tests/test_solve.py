@@ -263,6 +263,19 @@ def test_cycles_in_single_precision_end_in_double(sizes):
     assert not X[:, 1].any()
 
 
+@pytest.mark.parametrize("n", [60, 300, 3000])
+@pytest.mark.parametrize("size", [1.0, 1e200])
+def test_a_part_that_is_rounding_counts_by_the_whole(n, size):
+    """The imaginary part of what inverse transforms give must not decide how good x is."""
+    k = np.arange(n)
+    c = np.exp(-((k / 8.0) ** 2)) + 1e-11 * (k == 0)
+    A = tmg.ToeplitzOperator(c)
+    b = A @ np.ones(n)
+    x, info = tmg.solve_toeplitz(c, size * (b + 1e-17j * (-1.0) ** k), full_output=True)
+    assert info.residual <= 1e-10
+    assert np.linalg.norm(b - A @ x.real / size) <= 1e-10 * np.linalg.norm(b)
+
+
 def test_complex_systems_of_many_columns_and_indefinite_ones_are_solved():
     n = 2048
     c, _ = HERMITIAN["fGn, modulated"](n)

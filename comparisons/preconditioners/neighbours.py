@@ -107,7 +107,9 @@ def measure(name: str, c: Array) -> Row:
 
 def main() -> None:
     """Run the comparison."""
-    arguments = report.options("neighbours", "Iterations of FSAI by its number of neighbours.")
+    arguments = report.options(
+        "preconditioners.neighbours", "Iterations of FSAI by its number of neighbours."
+    )
     n, chance = (QUICK_SIZE, QUICK_CHANCE) if arguments.quick else (SIZE, CHANCE)
     rows = [measure(name, c) for name, c in kernels(n, chance)]
     shown = [

@@ -14,7 +14,7 @@ from scipy.linalg import eigh
 
 import toeplitz_mg as tmg
 
-n = 28
+n = 40
 x, y = tmg.halfspace.offsets((n, n), (1.0, 1.0))
 full = tmg.ToeplitzOperator(tmg.halfspace.influence_zz(x, y, (1.0, 1.0), G=1.0, nu=0.3))
 half = tmg.MaskedOperator(full, np.random.default_rng(0).random((n, n)) < 0.5)

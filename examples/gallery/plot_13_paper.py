@@ -51,7 +51,7 @@ ax.legend()
 # **Figure 12.** The spectral radius of I - M̄ A over γ. The smallest row sum of M, which is taken,
 # is next to the best.
 M_bar = tmg.fft_rsm_preconditioner(A)
-gammas = np.linspace(0.04, 0.13, 60)
+gammas = np.linspace(0.04, 0.13, 901)
 radii = [
     abs(np.linalg.eigvals(step(M_bar) - (gamma - M_bar.gamma) * dense)).max() for gamma in gammas
 ]

@@ -125,7 +125,9 @@ OPTIONS = {
         positive=True,
     ),
     "unit": Option(
-        "of heights and pixels, as um (default: that of the file, or mm)", str, cases=("rough",)
+        "of heights and pixels, as um (default: that of the file; of heights alone mm)",
+        str,
+        cases=("rough",),
     ),
     "periodic": Option("the surface repeats, whatever the file says", bool, cases=("rough",)),
     "hardness": Option(

@@ -38,7 +38,7 @@ def load(path: Path) -> Array:
     with path.open("rb") as file:
         try:
             if path.suffix.lower() in TEXT:
-                array: Any = _read_text(file.read())
+                array: Any = _read_text(file.read().decode("utf-8-sig"))  # As Excel writes it.
             else:
                 array = np.load(file, allow_pickle=False)
         except MemoryError:  # The array is too large, or its header.
@@ -52,13 +52,31 @@ def load(path: Path) -> Array:
     return array
 
 
-def _read_text(data: bytes) -> Array:
+def _read_text(text: str) -> Array:
     """Read a table of numbers, separated by semicolons, or else by commas, or else by blanks."""
-    text = data.decode()
-    separator = next((mark for mark in ";," if mark in text), None)
+    rows = [line.partition("#")[0] for line in text.splitlines()]
+    separator = next((mark for mark in ";," if any(mark in row for row in rows)), None)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # Of no numbers, which is refused anyway.
-        return np.loadtxt(io.StringIO(text), delimiter=separator, ndmin=1)
+        try:
+            return np.loadtxt(io.StringIO(text), delimiter=separator, ndmin=1)
+        except ValueError:
+            _refuse_row(rows, separator)
+            raise
+
+
+def _refuse_row(rows: Sequence[str], separator: str | None) -> None:
+    """Raise ValueError for the first row that is none of a table, counted from 1."""
+    columns = 0
+    for number, row in enumerate(rows, 1):
+        cells = row.split(separator) if row.strip() else []
+        for cell in cells:
+            try:
+                float(cell)
+            except ValueError:
+                raise ValueError(f"line {number} has {cell.strip()!r}") from None
+        if len(cells) != (columns := columns or len(cells)) and cells:
+            raise ValueError(f"line {number} has {len(cells)} numbers, and those above {columns}")
 
 
 def _describe(path: Path, error: Exception) -> str:

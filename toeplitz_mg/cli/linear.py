@@ -140,15 +140,19 @@ def set_up(A: LinearOperator, options: argparse.Namespace) -> tuple[LinearOperat
     name, cycle = options.preconditioner, options.cycle
     if name == "none":
         return None, "plain"
-    if name != "multigrid":
-        return PRECONDITIONERS[name](A), name
-    M = tmg.multigrid(
-        A,
-        smoother=PRECONDITIONERS[options.smoother],
-        pre=cycle.pre,
-        post=cycle.post,
-        gamma=1 if cycle.kind == "V" else 2,
-    )
+    try:
+        if name != "multigrid":
+            return PRECONDITIONERS[name](A), name
+        M = tmg.multigrid(
+            A,
+            smoother=PRECONDITIONERS[options.smoother],
+            pre=cycle.pre,
+            post=cycle.post,
+            gamma=1 if cycle.kind == "V" else 2,
+        )
+    except (ValueError, np.linalg.LinAlgError) as error:
+        instead = "; on the command line that is --solver cg --preconditioner, as none or sine"
+        raise ValueError(f"{error}{instead}") from error
     return M, str(cycle)
 
 

@@ -2,8 +2,10 @@
 
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 from scipy import fft
@@ -34,19 +36,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
         startup.raise_again()
         report.print_any_character()
         given = parser().parse_command(arguments)
-        with fft.set_workers(take_threads(given)):
+        with warnings.catch_warnings(), fft.set_workers(take_threads(given)):
+            warnings.showwarning = _print_warning
             status = COMMANDS[given.command](given)
         print(end="", flush=True)  # A full disk is to be noticed here, not at exit.
         return status
     except BrokenPipeError:  # Who reads the report has read enough, as `head` has.
         _drop_output()
         return BROKEN_PIPE
-    except (ValueError, TypeError, np.linalg.LinAlgError, OSError) as error:
+    except OSError as error:
+        said = (error.filename, error.strerror)
+        return _fail(f"toeplitz-mg: error: {': '.join(map(str, said)) if all(said) else error}")
+    except (ValueError, TypeError, np.linalg.LinAlgError) as error:
         return _fail(f"toeplitz-mg: error: {error}")
     except MemoryError:
         return _fail("toeplitz-mg: error: not enough memory for this system")
     except KeyboardInterrupt:
         return _fail(startup.MESSAGE, startup.STATUS)
+
+
+def _print_warning(message: Warning | str, *place: Any, **options: Any) -> None:
+    """Say what a warning says, in one line."""
+    print(f"toeplitz-mg: warning: {' '.join(str(message).splitlines())}", file=sys.stderr)
 
 
 def _fail(message: str, status: int = 2) -> int:

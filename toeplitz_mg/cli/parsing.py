@@ -2,7 +2,9 @@
 
 import argparse
 import re
+import sys
 from collections.abc import Mapping, Sequence
+from itertools import takewhile
 from typing import Any, NoReturn
 
 DPI = 150  # Dots an inch of a picture, where none are given.
@@ -56,7 +58,12 @@ class Parser(argparse.ArgumentParser):
 
     def parse_command(self, arguments: Sequence[str] | None = None) -> argparse.Namespace:
         """Return what is given; an argument that nothing takes is an error of its command."""
-        given, rest = self.parse_known_args(arguments)
+        words = sys.argv[1:] if arguments is None else arguments
+        for word in takewhile(lambda word: word not in self.commands, words):
+            # argparse would take what follows for a command, and refuse that.
+            if word.startswith("--") and word.partition("=")[0] not in self._option_string_actions:
+                self.error(f"unrecognized arguments: {word}")
+        given, rest = self.parse_known_args(words)
         if rest:
             self._refuse(given, rest)
         return given

@@ -1,6 +1,7 @@
 """The case ``rough`` of ``toeplitz-mg contact``: a measured surface, from a file, on a flat."""
 
 import argparse
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from toeplitz_mg.cli.report import PRESSURE, Solve, Waiting
 from toeplitz_mg.contact import ContactResult, NormalResult, normal_contact
 
 TABLES = (".npy", *files.TEXT)  # Endings of files that are read without the extra `surfaces`.
+SIZE = re.compile(rb"#.*[:=]\s*[-+.\d]")  # A comment that may say one, as "# Width: 1 mm".
 FEWEST = 4  # Fewest columns of a table of heights: of two or three, the first are positions.
 
 
@@ -39,15 +41,17 @@ class Rough:
         """Read the file, or say why it does not do."""
         o = options
         surface: dict[str, Any] = {"unit": o.unit, "periodic": True if o.periodic else None}
-        if is_table(o.file):
+        with Waiting(f"reading {o.file}"):
+            heights = None if is_table(o.file) else read_topography(o.file, o.element)
+        if heights is None:
             heights = read_table(o.file)
             if o.element is None:
                 raise ValueError(f"{o.file} has no sizes: give --element, and --unit if not mm")
             shape, size = heights.shape, np.array(o.element)
             surface["element"] = tuple((size if len(shape) == 1 else size + np.zeros(2)).tolist())
+        elif heights.unit is None and o.unit is None:
+            raise ValueError(f"{o.file} has no unit: give --unit")
         else:
-            with Waiting(f"reading {o.file}"):
-                heights = read_topography(o.file, o.element)
             shape = tuple(heights.nb_grid_pts)
         case = cls(o, surface | {"heights": heights}, shape)
         if o.approach is not None and case.is_plane and not o.periodic:
@@ -80,11 +84,11 @@ class Rough:
 
 
 def is_table(path: Path) -> bool:
-    """Whether a file is a table of numbers, with nothing written above them that says sizes."""
-    if path.suffix.lower() not in TABLES:
-        return False
+    """Whether a file is a table of numbers, without comments that may say sizes."""
+    if path.suffix.lower() not in files.TEXT:
+        return path.suffix.lower() in TABLES
     with path.open("rb") as file:
-        return path.suffix.lower() not in files.TEXT or file.read(1) != b"#"
+        return not any(SIZE.match(line) for line in file)
 
 
 def read_table(path: Path) -> Array:
@@ -104,6 +108,9 @@ def read_table(path: Path) -> Array:
 def read_topography(path: Path, element: list[float] | None) -> Any:
     """Read a file by SurfaceTopography; `element` is the size of a pixel where it has none.
 
+    Of a text that says no sizes it is None: that is a table, in which rows follow each other along
+    x, as SurfaceTopography's along y.
+
     Raises
     ------
     OSError
@@ -113,19 +120,27 @@ def read_topography(path: Path, element: list[float] | None) -> Any:
     """
     path.open("rb").close()  # So that a file that is not there is an error as of any other.
     try:
-        from SurfaceTopography import open_topography  # It is an extra, and slow to import.
+        # It is an extra, and slow to import.
+        from SurfaceTopography import open_topography
+        from SurfaceTopography.Exceptions import CannotDetectFileFormat
     except ImportError as error:
         raise ValueError(
             f"reading {path} needs SurfaceTopography: pip install 'toeplitz-mg[surfaces]'; or "
-            f"give heights alone, as a file {', '.join(TABLES)}"
+            f"give heights alone, as a file {', '.join(TABLES)} without lines that say sizes"
         ) from error
     try:
         channel = open_topography(str(path)).default_channel
+        if channel.physical_sizes is None and path.suffix.lower() in files.TEXT:
+            return None
         sizes: dict[str, Any] = {}
         if element is not None and channel.physical_sizes is None:
             pixels = np.array(channel.nb_grid_pts)
             sizes["physical_sizes"] = tuple((pixels * element).tolist())
         topography = channel.topography(**sizes)
+    except CannotDetectFileFormat:
+        if path.suffix.lower() in files.TEXT:
+            return None
+        raise ValueError(f"{path} cannot be read: SurfaceTopography knows no such format") from None
     except OSError:
         raise
     except Exception as error:  # Each of its formats raises errors of its own.

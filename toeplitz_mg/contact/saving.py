@@ -66,7 +66,10 @@ def load_result(path: str | os.PathLike[str], kinds: Mapping[str, type]) -> Any:
                 arrays = {name: file[name] for name in file.files}
         about = json.loads(str(arrays.pop("about", "{}")))
         if about.get("format") != FORMAT:
-            raise ValueError(f"its format is {about.get('format')!r}, but must be {FORMAT!r}")
+            found = (
+                f"its format is {about['format']!r}" if "format" in about else "it names no format"
+            )
+            raise ValueError(f"{found}, but must be {FORMAT!r}, as `save` of a result writes it")
         return _compose(arrays, about, kinds)
     except OSError:
         raise

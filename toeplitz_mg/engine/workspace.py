@@ -79,11 +79,6 @@ def workspace(shape: tuple[int, ...], dtype: DTypeLike, *, small: int = SMALL) -
     return array
 
 
-def count_blocks() -> int:
-    """Return the number of pieces of memory that this thread keeps for its workspaces."""
-    return sum(map(len, _blocks.by_length.values()))
-
-
 @cache
 def keep_freed_memory() -> None:
     """Let the allocator of C keep what it is given back, for arrays that are no workspaces.

@@ -22,8 +22,8 @@ class ToeplitzNormal:
     """A multivariate normal distribution whose covariance is a Toeplitz matrix.
 
     That is a stationary Gaussian process on a regular grid: a time series, or a random field. It is
-    used as a frozen distribution of `scipy.stats`, and takes O(n log n) where
-    `scipy.stats.multivariate_normal` takes O(n³).
+    used by `logpdf` and `rvs`, as a frozen distribution of `scipy.stats`, and takes O(n log n)
+    where `scipy.stats.multivariate_normal` takes O(n³).
 
     Parameters
     ----------

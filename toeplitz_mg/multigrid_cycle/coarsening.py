@@ -38,7 +38,7 @@ def galerkin(
     See Also
     --------
     rediscretised : the paper's coarse matrices.
-    multigrid : takes it as ``coarse=``.
+    multigrid : takes it as ``coarsen=``.
 
     Notes
     -----
@@ -83,7 +83,7 @@ def rediscretised(
     See Also
     --------
     galerkin : the default.
-    multigrid : takes it as ``coarse=``.
+    multigrid : takes it as ``coarsen=``.
 
     Examples
     --------

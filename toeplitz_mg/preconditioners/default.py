@@ -93,8 +93,8 @@ def default_preconditioner(
     Coupled components are treated each by itself, but by FSAI on a mask together if their coupling
     is strong.
 
-    Of FSAI for one solve it is that of 12 neighbours, on a line of 14, for more that of as many as
-    the kernel needs.
+    Of FSAI for one solve it is that of 12 neighbours, on a mask of a line of 14, for more that of
+    as many as the kernel needs.
     It is not refused where they are not enough, as for a smooth covariance on a mask any other
     takes several times the iterations.
 

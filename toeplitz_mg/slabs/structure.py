@@ -14,6 +14,7 @@ from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.operators import MaskedOperator, SlabOperator, ToeplitzOperator
 
 Make = Callable[[ToeplitzOperator, np.dtype[Any]], SlabOperator]
+NAMES = "__module__", "__name__", "__qualname__"
 ROBUST = "fsai_preconditioner(A), or cg without M"
 
 
@@ -41,7 +42,7 @@ def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator
         The function of a `CoupledOperator` in the place of that.
     """
 
-    @wraps(make)
+    @wraps(make, (*NAMES, "__doc__"))
     def preconditioner(A: SlabOperator, *, dtype: DTypeLike | None = None) -> SlabOperator:
         full = unwrap(A)
         M: SlabOperator
@@ -53,6 +54,7 @@ def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator
             M = of_coupled(full, find_precision(full, dtype))
         return MaskedOperator(M, A.mask) if isinstance(A, MaskedOperator) else M
 
+    del preconditioner.__wrapped__  # Its signature is another one.
     return preconditioner
 
 

@@ -14,6 +14,7 @@ from toeplitz_mg.solvers.inverse import USUAL, first_columns
 from toeplitz_mg.solvers.scaling import power_above
 from toeplitz_mg.solvers.sharp_column import sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
+from toeplitz_mg.values import refuse_masked
 
 INEXACT = 1e-10  # Estimated error for each unknown above which there is a warning.
 
@@ -80,7 +81,7 @@ def toeplitz_logdet(c: ArrayLike) -> float:
             f"c is {c!r}, but must be the first column of a matrix: of a ToeplitzOperator A write "
             "toeplitz_logdet(A.c), or toeplitz_inverse(A).logdet"
         )
-    A = ToeplitzOperator(c)
+    A = ToeplitzOperator(refuse_masked("c", c))
     if A.c.ndim != 1:
         raise ValueError(
             f"c has shape {A.c.shape}, but must have one axis: no exact way to the determinant is "

@@ -8,7 +8,7 @@ import numpy as np
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.solvers.choice import LARGEST_DENSE, Method, methods
-from toeplitz_mg.solvers.system import EPS, ToeplitzSystem, largest, norms
+from toeplitz_mg.solvers.system import EPS, ToeplitzSystem, largest
 
 RTOL = 1e-12  # Relative residual that is to be reached, if none is asked for.
 ROUNDING = 16 * EPS  # Backward error at which no correction can be expected to help.
@@ -95,7 +95,7 @@ def _correct(
     best, info, least = X, SolveInfo(method.name, iterations, inf, inf), inf
     while True:
         R = system.B - system.multiply(X)
-        errors, terms = norms(R), system.size * norms(X)
+        errors, terms = system.measure(R), system.size * system.measure(X)
         residual, error = largest(errors / sizes), largest(errors / (terms + sizes))
         backward_error, noise = error, largest(EPS * terms / sizes)
         if residual > goal or noise > ILL_CONDITIONED:
@@ -135,6 +135,6 @@ def _measure_sharply(
     sharp = np.fmin(terms, system.sizes_of_terms(X))
     is_uneven = bool(np.any(sharp < UNEVEN * terms))
     if not is_uneven or len(system.c) > LARGEST_DENSE:
-        return R, norms(R), terms
+        return R, system.measure(R), terms
     R = system.B - system.multiply_sharply(X)
-    return R, norms(R), sharp
+    return R, system.measure(R), sharp

@@ -264,11 +264,11 @@ def _solve(
             c, r = (-c, -r) if r is not c else 2 * (-c,)
         if r is not c and r.dtype != c.dtype:
             c, r = c.astype(dtype), r.astype(dtype)
-        system = ToeplitzSystem(c, r, B)
+        system = ToeplitzSystem(c, r, B, parts)
         if system.is_of_usual_size and isfinite(r[0]):
             X, info = solve_system(system, rtol)
         else:
-            X, info = _solve_unusual(system, rtol, parts, check_finite)
+            X, info = _solve_unusual(system, rtol, check_finite)
     if parts == 2:
         X = X[: len(X) // 2] + 1j * X[len(X) // 2 :]
     elif b.ndim == 1:
@@ -277,13 +277,13 @@ def _solve(
 
 
 def _solve_unusual(
-    system: ToeplitzSystem, rtol: float | None, parts: int, check_finite: bool
+    system: ToeplitzSystem, rtol: float | None, check_finite: bool
 ) -> tuple[Rows, SolveInfo]:
     """Solve a system scaled by powers of two, which changes no digit, if it is finite.
 
     So no norm and no transform over- or underflows.
     """
-    c, r, B = system.c, system.r, np.atleast_2d(system.B)
+    c, r, B, parts = system.c, system.r, np.atleast_2d(system.B), system.parts
     for name, a in (("c", c), ("r", r if check_finite else r[1:]), ("b", B)):
         if np.isfinite(a).all():
             continue
@@ -293,11 +293,13 @@ def _solve_unusual(
         X = np.full_like(B, np.nan)
         good = np.isfinite(B).all(axis=1)
         if name == "b" and good.any():  # What is not finite is in some columns only.
-            X[good], info = _solve_unusual(ToeplitzSystem(c, r, B[good]), rtol, 1, check_finite)
+            X[good], info = _solve_unusual(ToeplitzSystem(c, r, B[good]), rtol, check_finite)
             unknown = info._replace(residual=np.nan, backward_error=np.nan)
         return X.reshape(system.B.shape), unknown
     of_A, of_B = exponents(np.concatenate([c, r[1:]])), exponents(B)
     scale = np.ldexp(1.0, -of_A)
-    scaled = ToeplitzSystem(c * scale, r * scale, B * np.ldexp(1.0, -of_B))
+    if parts == 2:
+        of_B = np.tile(np.maximum(*np.split(of_B, 2)), (2, 1))
+    scaled = ToeplitzSystem(c * scale, r * scale, B * np.ldexp(1.0, -of_B), parts)
     X, info = solve_system(scaled, rtol)
     return scale_back(X, of_B - of_A, parts).reshape(system.B.shape), info

@@ -1,6 +1,7 @@
 """A Toeplitz system of any size, with the quickest product of its matrix."""
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.fft import next_fast_len
@@ -34,6 +35,8 @@ class ToeplitzSystem:
         First column and first row of A; the same array where A is known to be symmetric.
     B : ndarray of shape (n,) or (columns, n)
         One right-hand side, or some, as rows.
+    parts : {1, 2}, optional
+        2 where the second half of the rows are the imaginary parts of the first.
 
     Attributes
     ----------
@@ -44,18 +47,19 @@ class ToeplitzSystem:
     size : float
         A bound of ‖A‖₁: the sum of all coefficients without their signs.
     sizes : ndarray of shape (columns,), or float
-        The norms of the right-hand sides; that of zero is tiny, as it is to be divided by.
+        The norms of the right-hand sides (see `measure`); that of zero is tiny, as it is to be
+        divided by.
     is_symmetric : bool
         Whether A is real and symmetric.
     """
 
-    def __init__(self, c: Array, r: Array, B: Rows) -> None:
-        self.c, self.r, self.B = c, r, B
+    def __init__(self, c: Array, r: Array, B: Rows, parts: int = 1) -> None:
+        self.c, self.r, self.B, self.parts = c, r, B, parts
         self.columns = 1 if B.ndim == 1 else len(B)
         self.lags = np.concatenate([r[:0:-1], c])
         is_short = len(c) <= LONG and c.dtype == np.float64  # BLAS has that in fewer calls.
         self.size = dasum(self.lags) if is_short else float(np.abs(self.lags).sum())
-        self.sizes = norms(B) + TINY
+        self.sizes = self.measure(B) + TINY
         self.is_symmetric = c.dtype == np.float64 and (r is c or np.array_equal(c[1:], r[1:]))
 
     @cached_property
@@ -175,7 +179,15 @@ class ToeplitzSystem:
         sizes = heads @ np.abs(self.lags[::-1][:n]) + tails[..., : n - 1] @ np.abs(
             self.lags[: n - 1]
         )
-        return float(sizes) if X.ndim == 1 else sizes
+        return float(sizes) if X.ndim == 1 else self._join(sizes)
+
+    def measure(self, X: Rows) -> Array | float:
+        """Return the 2-norms of rows, those of complex ones for both their parts."""
+        return norms(X) if self.parts == 1 else self._join(norms(X))
+
+    def _join(self, sizes: Any) -> Any:
+        """Return the sizes of rows, as `measure` does, from those of each."""
+        return sizes if self.parts == 1 else np.tile(np.hypot(*np.split(sizes, 2)), 2)
 
     @cached_property
     def _dense(self) -> Array:
