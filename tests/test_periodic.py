@@ -427,6 +427,18 @@ def test_far_apart_spheres_are_as_one():
     assert_allclose(many.area, one.area, rtol=0.03)
 
 
+@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+@pytest.mark.parametrize("shape", [(1, 7), (7, 1), (5, 27), (7, 7), (33, 57)])
+@pytest.mark.parametrize("height", [0.0, 1e-16])
+def test_flat_surfaces_have_uniform_pressures(shape, height):
+    gap = 1.0 + height * np.random.default_rng(3).random(shape)
+    for element in ((0.05, 0.05), (0.0117, 0.05)):
+        for force in (0.01, 1.0, 2481.31):
+            pressed = normal_contact(gap, element, material=UNIT, force=force, periodic=True)
+            mean = force / (np.prod(element) * gap.size)
+            assert_allclose(pressed.pressure, mean, rtol=1e-6)
+
+
 def test_units():
     """Lengths in other units, and pressures in others: the same contact."""
     gap = surfaces.rough((64, 64), (0.1, 0.1), rms=0.01, seed=3)

@@ -41,6 +41,25 @@ def circle(n, creepages, nu=0.25, bound=None, **arguments):
     return g, rolling(g, (h, h), material=Material.from_shear(1.0, nu), **creepages, **arguments)
 
 
+@doubtful
+def test_bounds_that_decay_far_below_rounding():
+    material, element = Material(E=210000.0, nu=0.28), (0.05, 0.05)
+    corner = np.full((3, 3), 30.0)
+    corner[2, 2] = 1e-16
+    creepages = {"longitudinal": 1e-3, "lateral": 5e-4}
+    assert_rolls(rolling(corner, element, material=material, **creepages), material)
+    x, y = surfaces.centres((40, 40), element)
+    g = 300.0 * np.exp(-(x**2 + y**2) / 0.2**2)
+    creepages = {"longitudinal": 1e-3, "spin": 2e-3}
+    rolled = rolling(g, element, material=material, **creepages)
+    assert_rolls(rolled, material)
+    assert not rolled.contact[g < 1e-16 * g.max()].any()
+    by_force = rolling(g, element, material=material, force=(0.5 * 0.05**2 * g.sum(), 0.0))
+    assert_rolls(by_force, material)
+    *_, last = rolling_steps(corner, element, material=material, longitudinal=1e-3, steps=2)
+    assert last.contact.sum() == 8
+
+
 def assert_rolls(result, material, before=None, tolerance=1e-8):
     """Equations 2, 3 and 8, in the steady state or after a step from other tractions."""
     assert_areas(result)

@@ -168,7 +168,8 @@ def check_force(force: Any, most: float, grid: Grid, *, name: str = "force") -> 
             f"{name} is {force}, but must be {wanted}: with a component that is not given only "
             "bodies roll"
         )
-    total = np.atleast_1d(field(name, force)) / area
+    force = field(name, force)
+    total, force = np.atleast_1d(force) / area, force.tolist()
     if len(grid.shape) == 1 and total.shape == (1,):
         total = widen(total, m)
     if total.shape != (m,) or not np.isfinite(total).all():

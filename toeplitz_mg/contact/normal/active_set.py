@@ -26,6 +26,7 @@ from toeplitz_mg.operators import ToeplitzOperator
 NEAR = 4.0  # Gap that may close in the solution on a set, over the largest error before it.
 SPARSE = 0.2  # Share of the elements up to which fields are cut to those that may be in contact.
 ROUGH = 0.1  # Residual beyond which a product in single precision is good enough after a step.
+FLAT = 1e-4  # Interference that counts at least, over what the mean pressure does to an element.
 BALANCED = 1e-15  # Error of the sum of projected pressures, relative to it, that is rounding.
 
 
@@ -138,6 +139,9 @@ class Search:
             # Where the mean displacement is free, that of a set that is wrong may be below the
             # summits. Weighted with any pressures p it is above them, by pᵀ A p over their sum.
             interference = vectors.dot(now.x, gap) / total - self.lowest
+        if self.force is not None and self.grid.has_free_mean:
+            # Of what is flat, and touches everywhere, it is rounding of the displacements.
+            interference = max(interference, FLAT * self.total / prod(self.grid.shape))
         # The interference may be below the rounding of the gap.
         residual = look.error / interference if interference > 0.0 else 0.0
         return Law(look, touching, interference, residual)

@@ -229,7 +229,9 @@ def _read_points(*creepages: ArrayLike) -> Array:
             "number for each point of the curve: of one point use rolling, and of several forces "
             "or moments rolling for each"
         )
-    if any(values.ndim > 1 for values in given) or len(lengths) != 1 or lengths == {0}:
+    if lengths == {0}:
+        raise ValueError("the arrays of creepages are empty, but a curve has one point at least")
+    if any(values.ndim > 1 for values in given) or len(lengths) != 1:
         shapes = ", ".join(
             f"{name} has shape {values.shape}"
             for name, values in zip(CREEPAGES, given, strict=True)

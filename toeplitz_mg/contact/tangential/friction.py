@@ -27,7 +27,7 @@ from toeplitz_mg.contact.result import (
     touches_edge,
 )
 from toeplitz_mg.contact.tangential.coulomb import clip, project, sum_components
-from toeplitz_mg.contact.tangential.problem import Problem, State
+from toeplitz_mg.contact.tangential.problem import Problem, State, drop_rounding
 from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given, is_field, slide_off
 from toeplitz_mg.contact.tangential.stick_slip import solve
 from toeplitz_mg.contact.tangential.window import Window
@@ -173,7 +173,7 @@ def shift_bodies(
     progress: Progress | None,
 ) -> TangentialResult:
     """Return what `friction` finds for the traction bound `g`, converged or not."""
-    b = np.zeros((grid.components, *g.shape))
+    g, b = drop_rounding(g, grid.vectors), np.zeros((grid.components, *g.shape))
     with grid.agree() as same:
         check_iteration(tolerance, max_products, progress)
         before = b if previous is None else check_previous(previous, grid, b.shape)

@@ -15,7 +15,20 @@ COARSE = 3e-3  # Tolerance on a coarser grid: a better guess saves no product on
 SHARP = 0.3  # Part of the tolerance beyond which no areas are solved more exactly.
 STIFFEST = 1e20  # Largest λ over the diagonal of A: single precision ends at 1e38.
 SMALL = 0.1  # Bound below which an element carries less of a load, over the largest.
-TINY = 1e-15  # Least bound, relative to the largest, that a stiffness λ = |s|/g is divided by.
+TINY = 1e-15  # Least bound, relative to the largest, of what is in contact.
+
+
+def drop_rounding(g: Array, vectors: Vectors) -> Array:
+    """Return traction bounds, with no contact where they are rounding of the largest.
+
+    The tractions of such elements are nothing, but what their directions do would never settle.
+    """
+    return np.where(g < TINY * _largest(g, vectors), 0.0, g)
+
+
+def _largest(g: Array, vectors: Vectors) -> float:
+    """Return the largest of traction bounds that are finite, or zero."""
+    return vectors.max(np.where(np.isfinite(g), g, 0.0))
 
 
 @dataclass(frozen=True)
@@ -68,7 +81,7 @@ class Problem:
     @cached_property
     def divisor(self) -> Array:
         """The bound by which a stiffness λ = |s|/g is divided."""
-        least = TINY * self.vectors.max(np.where(np.isfinite(self.g), self.g, 0.0))
+        least = TINY * _largest(self.g, self.vectors)
         return np.where(self.g > 0.0, np.maximum(self.g, least), 1.0)
 
     @cached_property
@@ -77,7 +90,7 @@ class Problem:
 
         Tractions on a small bound would turn by any angle otherwise, and never settle.
         """
-        small = SMALL * self.vectors.max(np.where(np.isfinite(self.g), self.g, 0.0))
+        small = SMALL * _largest(self.g, self.vectors)
         return np.minimum(self.g / small, 1.0) if small > 0.0 else np.ones_like(self.g)
 
     @cached_property

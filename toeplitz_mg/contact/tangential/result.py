@@ -51,7 +51,8 @@ class TangentialResult:
     bound : ndarray
         The traction bound g, N/mm².
     contact : ndarray of bool
-        Where the bodies touch: the traction bound is positive.
+        Where the bodies touch: the traction bound is positive, and at least 1e-15 of the largest,
+        as tractions that are less are rounding.
     stick : ndarray of bool
         Where the bodies stick.
     area : float

@@ -23,7 +23,7 @@ from toeplitz_mg.contact.tangential.falling_loads import fall_by_loads
 from toeplitz_mg.contact.tangential.friction import make_result
 from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.motion import BeyondBound, Motion
-from toeplitz_mg.contact.tangential.problem import Problem, State, admit
+from toeplitz_mg.contact.tangential.problem import Problem, State, admit, drop_rounding
 from toeplitz_mg.contact.tangential.steady import SteadyOptions, find_steady_state
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
@@ -205,6 +205,7 @@ def roll(
         same["tolerance"], same["max_products"] = tolerance, max_products
     if grid.directions != motion.directions:
         grid = replace(grid, directions=motion.directions)
+    g = drop_rounding(g, grid.vectors)
     motion.check_loads(grid, g)
     before = None
     if guess is not None:

@@ -23,7 +23,7 @@ from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.coulomb import clip, project
 from toeplitz_mg.contact.tangential.motion import Motion
-from toeplitz_mg.contact.tangential.problem import Problem
+from toeplitz_mg.contact.tangential.problem import Problem, drop_rounding
 from toeplitz_mg.contact.tangential.rolling import make_rolling_result
 from toeplitz_mg.contact.tangential.stick_slip import solve
 from toeplitz_mg.contact.tangential.window import Window
@@ -142,6 +142,7 @@ def roll_steps(
         q = np.zeros(shape) if previous is None else check_previous(previous, grid, shape)
     if grid.directions != motion.directions:
         grid = replace(grid, directions=motion.directions)
+    g = drop_rounding(g, grid.vectors)
     motion.check_loads(grid, g)
     h = grid.element[0]
     total = None

@@ -14,7 +14,7 @@ from toeplitz_mg.contact.products import Products, Report
 from toeplitz_mg.contact.result import TangentialResult
 from toeplitz_mg.contact.tangential import stick_slip
 from toeplitz_mg.contact.tangential.friction import make_result
-from toeplitz_mg.contact.tangential.problem import Problem, State, admit
+from toeplitz_mg.contact.tangential.problem import Problem, State, admit, drop_rounding
 from toeplitz_mg.contact.tangential.shifting import slide_off
 from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.contact.unlike.coupling import Coupling, add_displacements, bound_of
@@ -80,7 +80,7 @@ class Shifting:
 
     def __call__(self, p: Array) -> Array:
         """Return the tractions for pressures p."""
-        g = bound_of(self.mu, p)
+        g = drop_rounding(bound_of(self.mu, p), self.grid.vectors)
         window = self._fit(g > 0.0)
         b = self.b - self.coupling.along(p)
         problem = Problem(
