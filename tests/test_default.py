@@ -361,3 +361,10 @@ def test_complex_matrices_that_are_not_positive_definite_are_refused():
     for n in (10, 1000):
         with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):
             tmg.default_preconditioner(tmg.ToeplitzOperator(c[:n]))
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e200])
+def test_the_choice_does_not_depend_on_the_size(size):
+    c = 1.0 / (1.0 + np.arange(3000))
+    kinds = [type(tmg.default_preconditioner(tmg.ToeplitzOperator(s * c))) for s in (1.0, size)]
+    assert kinds[0] is kinds[1]

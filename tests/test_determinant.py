@@ -281,3 +281,20 @@ def test_the_error_of_a_constant_and_a_nugget_is_below_what_it_says(n, nugget):
     exact = (n - 1) * np.log(rest) + np.log(rest + n)
     found = log_determinant(sharpen(first_columns(tmg.ToeplitzOperator(c))))
     assert abs(found.value - exact) <= found.error
+
+
+def test_that_of_an_inverse_is_warned_of_too():
+    k = np.arange(300)
+    c = np.exp(-((k / 6.0) ** 2)) + 1e-14 * (k == 0)
+    inverse = tmg.toeplitz_inverse(tmg.ToeplitzOperator(c), rtol=0.5)
+    with pytest.warns(scipy.linalg.LinAlgWarning, match="with an error of up to") as told:
+        _ = inverse.logdet
+    assert told[0].filename == __file__
+
+
+def test_refuses_what_is_no_column_before_it_is_taken_for_a_grid():
+    with pytest.raises(ValueError, match="must have one axis"):  # And no warning.
+        tmg.toeplitz_logdet(scipy.linalg.toeplitz([4.0, 1.0, 0.5]))
+    xp = pytest.importorskip("array_api_strict")
+    with pytest.raises(TypeError, match="array_api_strict, but must be one of numpy"):
+        tmg.toeplitz_logdet(xp.asarray([2.0, 1.0]))

@@ -105,3 +105,27 @@ def test_a_guess_beyond_the_range_of_a_right_hand_side_in_single_precision(solve
     b = vector().real.astype(np.float32)
     x, info = solver(A, b, np.full(200, 1e42), M=M, rtol=1e-7)
     assert info > 0 or np.linalg.norm(b - A @ x) <= 1e-7 * np.linalg.norm(b)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize(
+    ("dtype", "size"), [("d", 1e307), ("d", 1e-300), ("f", 1e-60), ("f", 1e39)]
+)
+def test_a_solution_is_a_good_first_guess_of_any_size(solver, dtype, size):
+    b, B = np.full(200, size), A.astype(dtype)
+    x, info = solver(B, b, M=M, rtol=1e-5)
+    assert info == 0
+    residuals = []
+    _, info = solver(B, b, x, M=M, rtol=1e-4, residuals=residuals)
+    assert info == 0
+    assert len(residuals) == 1
+    assert 0.0 < residuals[0] / size <= 1e-4 * np.sqrt(200)
+
+
+@pytest.mark.parametrize("size", [1e-250, 1e-160, 1e160, 1e250])
+def test_conjugate_gradients_take_preconditioners_of_any_size(size):
+    D, b = np.diag(np.geomspace(0.1, 10.0, 50)), np.random.default_rng(0).standard_normal(50)
+    histories = [[], []]
+    for scale, residuals in zip((1.0, size), histories, strict=True):
+        assert tmg.cg(D, b, M=scale * np.eye(50), rtol=1e-9, residuals=residuals)[1] == 0
+    assert_allclose(histories[1][:20], histories[0][:20], rtol=1e-6)

@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 import scipy.fft
+import scipy.sparse.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -230,3 +231,28 @@ def test_neighbours_in_a_column_of_a_panel_are_an_odd_number_of_cache_lines_apar
 def test_a_dense_matrix_is_the_matrix():
     c = random(7)
     assert_allclose(tmg.ToeplitzOperator(c) @ np.eye(7), toeplitz(c), rtol=1e-15)
+
+
+@pytest.mark.parametrize("n", [7, 300, 3000])
+@pytest.mark.parametrize("size", [1e-300, 1e-60, 1e-30, 1e30, 1e60, 1e300])
+@pytest.mark.parametrize("is_complex", [False, True])
+def test_a_matrix_in_single_precision_takes_vectors_of_any_size_in_double(n, size, is_complex):
+    k = np.arange(n)
+    c = (0.9**k * np.exp(1j * k)).astype("F") if is_complex else (0.9**k).astype("f")
+    A = tmg.ToeplitzOperator(c)
+    x = np.random.default_rng(0).standard_normal((3, n)) * (1.0 + 1j if is_complex else 1.0)
+    x[1] = 0.0
+    expected = A.apply(x)
+    assert_allclose(A.apply(size * x) / size, expected, atol=1e-5 * np.abs(expected).max())
+    assert np.isnan(A.apply(np.full((1, n), np.nan))).all()
+
+
+@pytest.mark.parametrize(
+    "make", [tmg.chan_preconditioner, tmg.cosine_preconditioner, tmg.fsai_preconditioner]
+)
+def test_scipy_may_iterate_in_double_precision_on_any_size(make):
+    A, b = tmg.ToeplitzOperator(1.0 / (1.0 + np.arange(700))), np.ones(700)
+    M = make(A, dtype=np.float32)
+    x, info = scipy.sparse.linalg.cg(A, 1e-40 * b, M=M, rtol=1e-8)
+    assert info == 0
+    assert np.linalg.norm(b - A @ (1e40 * x)) <= 1e-7 * np.linalg.norm(b)

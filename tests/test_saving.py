@@ -185,7 +185,7 @@ def test_other_files_are_no_results(tmp_path):
     np.save(tmp_path / "one.npy", np.ones(3))
     (tmp_path / "one.npy").rename(tmp_path / "one.npz")
     assert "it is a single array" in refusal(tmp_path / "one.npz")
-    assert "its format is None" in refusal(tmp_path / "arrays.npz")
+    assert "it names no format" in refusal(tmp_path / "arrays.npz")
     assert "its kind is 'Sum', but must be one of NormalResult" in refusal(tmp_path / "kind.npz")
     for name in ("text", "arrays", "foreign", "half"):
         with pytest.raises(ValueError, match=f"{name}.npz is not a file of a contact result"):

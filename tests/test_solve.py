@@ -6,6 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.sparse
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -647,3 +648,9 @@ def test_the_choice_has_one_crossover(columns, ratio, monkeypatch):
         faster = [levinson_is_fastest(n, columns) for n in sizes]
         assert faster == sorted(faster, reverse=True)
         assert not faster[-1]
+
+
+@pytest.mark.parametrize("c", [tmg.ToeplitzOperator([2.0, 1.0]), scipy.sparse.eye_array(2)])
+def test_a_matrix_is_no_column(c):
+    with pytest.raises(TypeError, match="but must be an array: of a symmetric ToeplitzOperator"):
+        tmg.solve_toeplitz(c, np.ones(2))

@@ -185,8 +185,6 @@ def test_nothing_that_is_given_changes_a_sum():
 
 def test_what_is_no_sum():
     A = covariance(4)
-    with pytest.raises(ValueError, match="terms is empty"):
-        ToeplitzSum([])
     with pytest.raises(ValueError, match=r"diagonal has shape \(2,\), but must have the 4 entries"):
         ToeplitzSum([(None, A, None)], np.ones(2))
     with pytest.raises(ValueError, match="left has entries that are not finite"):
@@ -420,3 +418,52 @@ def test_a_sum_in_less_precision():
 def test_an_inverse_is_of_a_toeplitz_matrix_only():
     with pytest.raises(TypeError, match="is a ToeplitzSum, but must be a ToeplitzOperator"):
         tmg.toeplitz_inverse(covariance(5) + diags(diagonals(5)[0]))
+
+
+@pytest.mark.parametrize("n", [20, 300])
+def test_a_sum_has_the_digits_and_the_range_of_its_precision(n):
+    A = tmg.ToeplitzOperator((1.0 / (1.0 + np.arange(n))).astype(np.float32))
+    exact = tmg.ToeplitzOperator(A.c.astype(np.float64))
+    d = np.linspace(1.0, 2.0, n)
+    d[0] = 1e40
+    x = np.random.default_rng(0).standard_normal(n)
+    D = sparse.diags_array(d)
+    for S, T in ((A @ D, exact @ D), (D @ A + D, D @ exact + D)):
+        assert S.dtype == np.float64
+        y = S @ x
+        assert_allclose(y, T @ x, atol=1e-12 * np.abs(y).max())
+
+
+def test_a_sum_that_is_made_of_terms_is_as_one_that_is_added():
+    A, G = covariance(4), tmg.ToeplitzOperator([3.0, 1.0, 0.5, 0.0], [3.0, 2.0, 1.0, 0.0])
+    d = np.arange(1.0, 5.0)
+    given = [(None, G, None), (2.0, A, np.float64(3.0)), (None, G.T, None), (d, A, None)]
+    S = ToeplitzSum([*given, (d, A, np.full(4, 0.5))])
+    D = sparse.diags_array(d)
+    expected = G + 6.0 * A + G.T + 1.5 * (D @ A)
+    assert_allclose(S.toarray(), expected.toarray())
+    assert_allclose(S.T.toarray(), S.toarray().T)
+    assert len(S.terms) == 2
+    assert ToeplitzSum([(None, G, None), (None, G, None)]).is_symmetric is False
+
+
+@pytest.mark.parametrize(
+    ("terms", "kind", "text"),
+    [
+        ([], ValueError, "terms is empty"),
+        ([(None, np.eye(3), None)], TypeError, "must be ToeplitzOperators"),
+        ([(None, covariance(3), None), (None, covariance(4), None)], ValueError, "must live on"),
+        ([(np.ones(2), covariance(3), None)], ValueError, "left has shape"),
+    ],
+)
+def test_terms_that_make_no_sum(terms, kind, text):
+    with pytest.raises(kind, match=text):
+        ToeplitzSum(terms)
+
+
+def test_a_sum_keeps_no_view_of_what_others_may_change():
+    K = np.diag([1.0, 2.0, 3.0])
+    S = ToeplitzSum([(K.diagonal(), covariance(3), None)], K.diagonal())
+    before = S.toarray()
+    K[0, 0] = 100.0
+    assert np.array_equal(S.toarray(), before)

@@ -353,3 +353,12 @@ def test_a_tuple_of_column_and_row_is_no_grid_of_two_rows():
             tmg.ToeplitzOperator(pair)
     for grid in ([c, r], np.array([c, r]), (tuple(c), tuple(r))):
         assert tmg.ToeplitzOperator(grid).grid_shape == (2, 3)
+
+
+def test_the_order_of_bytes_is_no_matter():
+    c = 1.0 / (1.0 + np.arange(300))
+    A = tmg.ToeplitzOperator(c.astype(">f8"))
+    assert A.dtype == np.float64
+    assert A.astype(">f8") is A
+    assert A.astype(">f4").dtype == np.float32
+    assert np.array_equal(A @ c, tmg.ToeplitzOperator(c) @ c)

@@ -1,9 +1,10 @@
 """What threads gain: products, approximate inverses, solves, contact, by `scipy.fft.set_workers`.
 
 Wall time on one thread over that on k, beside what the machine allows: bare transforms of SciPy's
-and triads of the same size on k threads, in the same run. All take turns, thread counts innermost,
-so that what disturbs the machine disturbs all alike; low quantiles. What takes long has fewer
-turns.
+of the same size on k threads, in the same run, and for what iterates, solves and contact, three
+triads with each pair of them, as many as an iteration updates vectors. All take turns, thread
+counts innermost, so that what disturbs the machine disturbs all alike; low quantiles. What takes
+long has fewer turns.
 
 The serial share is measured on one thread, by its CPU time: what is neither in a loop that
 `toeplitz_mg.engine.threads` shares, nor in a transform of many lines, which SciPy shares. What it
@@ -39,6 +40,8 @@ STEEL = Material(E=210000.0, nu=0.28)
 QUANTILE = 0.1  # Share of the turns that are faster: the others were disturbed.
 CORES = 16, 64  # Of machines for which the serial share says what is to be expected.
 LEAST_TURNS = 3  # Turns that are timed of what takes longest.
+UPDATES = 3  # Triads with each pair of transforms: an iteration updates so many vectors.
+ITERATES = "cg", "normal contact"  # Beginnings of the names of what iterates.
 BARE = "bare transforms", "bare triads"
 
 
@@ -60,7 +63,7 @@ def tasks(side: int) -> Iterator[tuple[str, Callable[[], object]]]:
     b = rng.standard_normal(n)
     Z = rng.standard_normal((side, side)) + 0j
     yield BARE[0], lambda: scipy.fft.ifftn(scipy.fft.fftn(Z, overwrite_x=True), overwrite_x=True)
-    yield BARE[1], partial(triads, *np.ones((3, n)))
+    yield BARE[1], partial(add_vectors, *np.ones((3, n)))
     element = (1.0, 1.0)
     x, y = halfspace.offsets((side, side), element)
     evaluate = partial(halfspace.influence_zz, x, y, element, G=1.0, nu=0.28)
@@ -89,7 +92,7 @@ def tasks(side: int) -> Iterator[tuple[str, Callable[[], object]]]:
     )
 
 
-def triads(x: Array, y: Array, z: Array) -> None:
+def add_vectors(x: Array, y: Array, z: Array) -> None:
     """Compute z = 3 x + y, by as many threads as SciPy takes, in pieces that stay in the cache."""
     k, size = scipy.fft.get_workers(), threads.PIECE
 
@@ -182,8 +185,10 @@ def measure(side: int, extent: Extent, workers: Sequence[int]) -> list[Row]:
     rows: list[Row] = []
     for name, action in actions.items():
         share = 0.0 if name in BARE else serial_share(action)
+        triads = UPDATES * name.startswith(ITERATES)
         for k in workers:
-            allowed = sum(times[bare, 1] for bare in BARE) / sum(times[bare, k] for bare in BARE)
+            alone, together = (times[BARE[0], j] + triads * times[BARE[1], j] for j in (1, k))
+            allowed = alone / together
             row: Row = {"n": side**2, "task": name, "workers": k, "wall_s": times[name, k]}
             row |= {"speed_up": times[name, 1] / times[name, k], "allowed": allowed}
             row |= {"of_allowed": row["speed_up"] / allowed, "serial_share": share}

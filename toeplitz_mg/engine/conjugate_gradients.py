@@ -1,11 +1,13 @@
 """One step of conjugate gradients after the other: what to do with them is left to the caller."""
 
-from math import inf
+from math import frexp, inf, ldexp
 
 import numpy as np
 
 from toeplitz_mg._typing import Array, Multiply
 from toeplitz_mg.engine.vectors import ALONE, Vectors
+
+SMALL, LARGE = 1e-100, 1e100  # Inner products of which no square, quotient or sum is none.
 
 
 class ConjugateGradients:
@@ -58,6 +60,7 @@ class ConjugateGradients:
         self.direction: Array = np.empty(0)
         self.product: Array = self.direction
         self.rho = self.curvature = 0.0
+        self._scale = 1.0  # Of M.
 
     def step(self, r: Array) -> float:
         """Find the next direction, and return the length of the step along it.
@@ -76,7 +79,16 @@ class ConjugateGradients:
         is_first = self.rho == 0.0
         self.product = self._vectors.empty(r, None if is_first else self.product)
         z = self._precondition(r, self.product)
+        if self._scale != 1.0:
+            z = z * self._scale
         self.rho, previous = self._vectors.dot_near(r, z, self.rho), self.rho
+        if is_first and not SMALL < abs(self.rho) < LARGE:
+            # M is far from the size of 1: that changes no direction, but what squares would do.
+            peak = self._vectors.peak(z)
+            if 0.0 < peak < inf:
+                self._scale = ldexp(1.0, -frexp(peak)[1])
+                z = z * self._scale
+                self.rho = self._vectors.dot_near(r, z, 0.0)
         if not 0.0 < self.rho < inf:
             return 0.0
         if is_first:

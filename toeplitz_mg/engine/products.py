@@ -19,6 +19,7 @@ from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.values import refuse_masked
 
+SQUARES = 1e-40, 1e40  # Squares of norms, of vectors that single precision has all digits of.
 DENSE = 256  # Unknowns up to which a product with the dense matrix is faster than any transform.
 
 
@@ -58,8 +59,31 @@ def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array
     n = X.shape[-1]
     rows = X.reshape(-1, n)
     count_work(len(rows), product.points)
-    product.multiply(rows, out.reshape(-1, n))
+    if product.dtype.char in "fF" and rows.dtype.char in "dD":
+        _multiply_in_range(product, rows, out.reshape(-1, n))
+    else:
+        product.multiply(rows, out.reshape(-1, n))
     return out
+
+
+def _multiply_in_range(product: Product, rows: Array, out: Array) -> None:
+    """Multiply rows of double precision by a matrix of single precision, whose range is small.
+
+    Where that does not have their squares, they are scaled by powers of two, which changes no
+    digit.
+    """
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        squares = np.vecdot(rows, rows).real
+    low, high = SQUARES
+    if ((squares > low) & (squares < high)).all():
+        product.multiply(rows, out)
+        return
+    peaks = np.abs(rows).max(axis=1, keepdims=True)
+    # Beyond 1000 the scale itself, or its inverse, would over- or underflow.
+    powers = np.where(np.isfinite(peaks), np.frexp(peaks)[1].clip(-1000, 1000), 0)
+    product.multiply(rows * np.ldexp(1.0, -powers), out)
+    for part in (out.real, out.imag) if out.dtype.kind == "c" else (out,):
+        part *= np.ldexp(1.0, powers)
 
 
 class ToeplitzProduct:

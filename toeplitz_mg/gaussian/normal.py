@@ -14,7 +14,7 @@ from toeplitz_mg.gaussian.observed import Observed, Whole, observe
 from toeplitz_mg.gaussian.sampling import Embedding, embed
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.schur import whiten_rows
-from toeplitz_mg.solvers.determinant import warn_of_error
+from toeplitz_mg.solvers.szego import warn_of_error
 from toeplitz_mg.values import count, generator, numbers
 
 

@@ -242,6 +242,8 @@ def check_finite(values: ArrayLike, name: str) -> Array:
         raise TypeError(f"{name} has dtype {array.dtype}, but coefficients are numbers")
     if dtype.char not in "fdFD":
         array = library.cast(array, np.complex128 if dtype.kind == "c" else np.float64)
+    elif not dtype.isnative:
+        array = library.cast(array, dtype.newbyteorder("="))
     if array.ndim == 0 or prod(array.shape) == 0:
         raise ValueError(f"{name} has shape {array.shape}, but needs at least one coefficient")
     if not library.xp.all(library.xp.isfinite(array)):
@@ -302,4 +304,4 @@ def check_precision(dtype: DTypeLike, current: np.dtype[Any]) -> np.dtype[Any]:
         raise TypeError(f"dtype is {dtype!r}, but must be {names}") from None
     if result.char not in ("FD" if is_complex else "fd"):
         raise TypeError(f"dtype is {result}, but must be {names}")
-    return result
+    return result.newbyteorder("=")

@@ -112,7 +112,7 @@ class CoupledOperator(GridOperator):
 
     def _spectrum_of(self, block: ToeplitzOperator) -> Array | None:
         """Return the eigenvalues that the product of a block has, if it is of the same kind."""
-        return block.embedding_spectrum if block.dtype.kind == self.dtype.kind else None
+        return block.embedding_spectrum if block.dtype == self.dtype else None
 
     @property
     def norm_bound(self) -> float:

@@ -35,13 +35,15 @@ class ToeplitzSum(GridOperator):
     Parameters
     ----------
     terms : iterable of Term
-        Their matrices live on one grid, and no two have the same L and R.
+        Their matrices are ToeplitzOperators on one grid. L and R are arrays of shape (N,),
+        numbers, or None for the unit matrix.
     diagonal : ndarray of shape (N,), optional
         The entries of D, by default zero.
 
     Attributes
     ----------
     terms : tuple of Term
+        No number is left in them, and no two have the same L and R.
     offset : ndarray of shape (N,) or None
         The entries of D.
     is_symmetric : bool
@@ -53,7 +55,10 @@ class ToeplitzSum(GridOperator):
     Raises
     ------
     ValueError
-        Where there is no term, or a diagonal has another shape or entries that are not finite.
+        Where there is no term, a matrix lives on another grid, or a diagonal has another shape or
+        entries that are not finite.
+    TypeError
+        Where a matrix is no ToeplitzOperator.
 
     See Also
     --------
@@ -90,22 +95,22 @@ class ToeplitzSum(GridOperator):
 
     def __init__(self, terms: Iterable[Term], diagonal: Array | None = None) -> None:
         given = [Term(*term) for term in terms]
-        if not given:
-            raise ValueError("terms is empty, but a sum needs one at least")
-        n = given[0].A.shape[0]
+        matrices = [term.A for term in given]
+        _check_matrices(matrices)
+        n = matrices[0].shape[0]
         diagonal = _freeze("diagonal", diagonal, n)
         self.offset = diagonal
-        self.terms = tuple(
+        frozen = collect(
             Term(_freeze("left", left, n), A, _freeze("right", right, n))
             for left, A, right in given
         )
-        parts = [part for term in self.terms for part in term if part is not None]
+        parts = [part for term in frozen for part in term if part is not None]
         dtype = np.result_type(
             *(part.dtype for part in parts), *([] if diagonal is None else [diagonal.dtype])
         )
+        # All in the precision of the sum, which the products are said to have.
+        self.terms = tuple(Term(L, _cast(A, dtype), R) for L, A, R in frozen)
         matrices = [term.A for term in self.terms]
-        for A in matrices:
-            require_numpy(A, "a sum with a diagonal matrix")
         super().__init__(dtype, matrices[0].grid_shape, sum(A.work for A in matrices))
         self.is_symmetric = self.is_hermitian = self._is(self._transposed())
         if dtype.kind == "c":
@@ -221,8 +226,8 @@ def terms_of(A: Any) -> tuple[tuple[Term, ...], Array | None]:
     return ((Term(None, A, None),) if hasattr(A, "lags") else ()), None
 
 
-def simplify(terms: Iterable[Term], diagonal: Array | None = None) -> Any:
-    """Return a sum as a ToeplitzOperator where it is one, else as a ToeplitzSum of few terms.
+def collect(terms: Iterable[Term]) -> list[Term]:
+    """Return the same sum of few terms.
 
     Numbers, and diagonals that are constant, are multiplied into the Toeplitz matrices, and those
     between the same diagonals are added.
@@ -240,6 +245,12 @@ def simplify(terms: Iterable[Term], diagonal: Array | None = None) -> Any:
                 break
         else:
             simple.append(Term(left, A, right))
+    return simple
+
+
+def simplify(terms: Iterable[Term], diagonal: Array | None = None) -> Any:
+    """Return a sum as a ToeplitzOperator where it is one, else as a ToeplitzSum of few terms."""
+    simple = collect(terms)
     constant = constant_of(diagonal)
     for k, (left, A, right) in enumerate(simple):
         if constant is not None and left is None and right is None:
@@ -247,6 +258,21 @@ def simplify(terms: Iterable[Term], diagonal: Array | None = None) -> Any:
     if len(simple) == 1 and simple[0].left is None and simple[0].right is None and diagonal is None:
         return simple[0].A
     return ToeplitzSum(simple, diagonal)
+
+
+def _check_matrices(matrices: list[Any]) -> None:
+    """Refuse what is no list of Toeplitz matrices on one grid."""
+    if not matrices:
+        raise ValueError("terms is empty, but a sum needs one at least")
+    for A in matrices:
+        if not hasattr(A, "lags"):
+            raise TypeError(f"terms has {A!r}, but the matrices must be ToeplitzOperators")
+        require_numpy(A, "a sum with a diagonal matrix")
+        if A.grid_shape != matrices[0].grid_shape:
+            raise ValueError(
+                f"terms has matrices on the grids {matrices[0].grid_shape} and {A.grid_shape}, but "
+                "all must live on one"
+            )
 
 
 def constant_of(factor: Any) -> Any:
@@ -267,7 +293,7 @@ def _freeze(name: str, factor: Any, n: int) -> Any:
         raise ValueError(f"{name} has shape {entries.shape}, but must have the {n} entries of D")
     if not np.isfinite(entries).all():
         raise ValueError(f"{name} has entries that are not finite")
-    if entries.flags.writeable:
+    if entries.flags.writeable or entries.base is not None:  # A view changes with its array.
         entries = entries.copy()
         entries.flags.writeable = False
     return entries

@@ -77,10 +77,9 @@ def decays_slowly(c: Array) -> bool:
 def decays_exponentially(c: Array) -> bool:
     """Whether the last coefficients are positive, and an exponential function of the lag."""
     step = len(c) // 4
-    first, second, last = c[-1 - 2 * step], c[-1 - step], c[-1]
-    return bool(
-        last > NEGLIGIBLE * c[0] and abs(first * last - second**2) <= EXPONENTIAL * second**2
-    )
+    # Over the first one, as products of the largest and smallest numbers are none.
+    first, second, last = np.array([c[-1 - 2 * step], c[-1 - step], c[-1]]) / (c[0] or 1.0)
+    return bool(last > NEGLIGIBLE and abs(first * last - second**2) <= EXPONENTIAL * second**2)
 
 
 def has_zero_at_start(samples: Array) -> bool:

@@ -1,10 +1,8 @@
 """The log-determinant of a positive definite Toeplitz matrix, in O(n log n)."""
 
-import warnings
 from math import log
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike
 from scipy.sparse.linalg import LinearOperator
 
@@ -13,10 +11,8 @@ from toeplitz_mg.preconditioners.spectral import double_line
 from toeplitz_mg.solvers.inverse import USUAL, first_columns
 from toeplitz_mg.solvers.scaling import power_above
 from toeplitz_mg.solvers.sharp_column import sharpen
-from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
+from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
 from toeplitz_mg.values import refuse_masked
-
-INEXACT = 1e-10  # Estimated error for each unknown above which there is a warning.
 
 
 def toeplitz_logdet(c: ArrayLike) -> float:
@@ -81,12 +77,13 @@ def toeplitz_logdet(c: ArrayLike) -> float:
             f"c is {c!r}, but must be the first column of a matrix: of a ToeplitzOperator A write "
             "toeplitz_logdet(A.c), or toeplitz_inverse(A).logdet"
         )
-    A = ToeplitzOperator(refuse_masked("c", c))
-    if A.c.ndim != 1:
+    column = refuse_masked("c", c)
+    if column.ndim != 1:
         raise ValueError(
-            f"c has shape {A.c.shape}, but must have one axis: no exact way to the determinant is "
-            "known for several axes that is faster than a dense factorisation"
+            f"c has shape {column.shape}, but must have one axis: no exact way to the determinant "
+            "is known for several axes that is faster than a dense factorisation"
         )
+    A = ToeplitzOperator(column)
     if not A.is_hermitian:
         raise ValueError(f"c[0] is {A.c[0]}, but must be real, as the matrix is to be Hermitian")
     if not A.c[0].real > 0.0:
@@ -101,15 +98,3 @@ def toeplitz_logdet(c: ArrayLike) -> float:
     found = LogDeterminant(value + len(A.c) * power * log(2.0), error)
     warn_of_error(found, len(A.c), stacklevel=3)
     return found.value
-
-
-def warn_of_error(found: LogDeterminant, n: int, stacklevel: int) -> None:
-    """Warn where the estimated error of a log-determinant of n unknowns is large."""
-    value, error = found
-    if error > INEXACT * max(n, abs(value)):
-        warnings.warn(
-            f"log det A is {value:.12g} with an error of up to {error:.1e}: A is ill-conditioned, "
-            "for which a larger c[0] would help",
-            scipy.linalg.LinAlgWarning,
-            stacklevel=stacklevel,
-        )

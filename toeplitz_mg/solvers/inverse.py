@@ -28,7 +28,7 @@ from toeplitz_mg.solvers.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.cosine_form import CosineForm
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.system import LARGEST_COSINE
-from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
+from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
 from toeplitz_mg.values import positive
 
 MOSTLY_ROUNDING = 1e-12  # ‖e₁ - A x‖ below which a step may add as much rounding as it removes.
@@ -48,6 +48,14 @@ class ToeplitzInverse(GridOperator):
         The inverse by the formula alone.
     steps : int
         Steps of iterative refinement in each product.
+    residual : float
+        ‖v - A A⁻¹v‖/‖v‖ for some vector v.
+    logdet, logdet_error : float
+        The logarithm of det A, of a positive definite A, and an estimate of its error.
+    diagonal_sums : ndarray of shape (n,)
+        The sums of the diagonals of A⁻¹, of a positive definite A.
+    refined : ToeplitzInverse
+        The inverse with one step of refinement more.
 
     See Also
     --------
@@ -70,6 +78,7 @@ class ToeplitzInverse(GridOperator):
     @property
     def logdet(self) -> float:
         """The logarithm of det A, of a positive definite A (see `toeplitz_logdet`)."""
+        warn_of_error(self._logdet, self.shape[0], stacklevel=3)
         return self._logdet.value
 
     @property

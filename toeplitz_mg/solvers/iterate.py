@@ -42,9 +42,10 @@ class Iterate:
         if guess is not None:
             self.x = vectors.copy(guess, self.x)
             b = vectors.copy(b, vectors.zeros(b, dtype))
+            size = 2.0 ** (int(power_above(max(peak, vectors.peak(self.x)))) - 1)
             with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
-                r = b - apply_to_rows(A, self.x)
-            peak = max(peak, vectors.peak(r))
+                r = b / size - apply_to_rows(A, self.x / size)
+                peak = max(peak, vectors.peak(r) * size)
         # The largest entry is then from 1 to 2, so that the vectors are in the range of float32.
         self.scale = 2.0 ** (int(power_above(peak)) - 1)
         # It is a copy: the products of whoever made A or M may be in the memory of what they gave.
@@ -52,7 +53,7 @@ class Iterate:
         if guess is None:
             self.r = vectors.copy(self.b, vectors.empty(self.b))
         else:
-            self.r = vectors.cast(r, dtype) / self.scale
+            self.r = vectors.cast(r, dtype) * (size / self.scale)
         self.size_of_b = vectors.norm(self.b)
 
     def goal(self, rtol: float, atol: float) -> float:

@@ -8,6 +8,8 @@ from typing import Any, Literal, overload
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
+from scipy.sparse import issparse
+from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.workspace import keep_freed_memory
@@ -186,6 +188,11 @@ def _summarise(infos: list[SolveInfo]) -> SolveInfo:
 def _numbers(values: ArrayLike, name: str) -> Array:
     if type(values) is np.ndarray and values.dtype == np.float64:
         return values  # Sooner than by what follows, which a small system would feel.
+    if isinstance(values, LinearOperator) or issparse(values):
+        raise TypeError(
+            f"{name} is {values!r}, but must be an array: of a symmetric ToeplitzOperator A it is "
+            "A.c, and of a sparse matrix its first column as an array"
+        )
     array = check_numbers(name, refuse_masked(name, values))
     return array.astype(np.complex128 if array.dtype.kind == "c" else np.float64, copy=False)
 

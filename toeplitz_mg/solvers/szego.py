@@ -6,10 +6,12 @@ process has (Bernstein and Szegő). Its matrices have determinants that Szegő's
 gives exactly, as it is one of those for which the limit is reached.
 """
 
+import warnings
 from math import isqrt, log
 from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.circle import Circle, circle_of
@@ -29,6 +31,7 @@ CUT = 0.1  # What is cut off of a sum is less than the last eighth of it over th
 SPREAD = 50.0  # Largest ratio of an error that was seen to the one of random rounding.
 NEWTON_STEPS = 40  # Most steps for a zero, which takes some eight.
 FAR = 10.0  # Distance of a zero from the circle, over 1/n, at which it makes no difference.
+INEXACT = 1e-10  # Estimated error for each unknown above which there is a warning.
 
 
 class LogDeterminant(NamedTuple):
@@ -41,6 +44,18 @@ class LogDeterminant(NamedTuple):
     def is_exact(self) -> bool:
         """Whether the estimate is within the goal."""
         return self.error <= GOAL * abs(self.value)
+
+
+def warn_of_error(found: LogDeterminant, n: int, stacklevel: int) -> None:
+    """Warn where the estimated error of a log-determinant of n unknowns is large."""
+    value, error = found
+    if error > INEXACT * max(n, abs(value)):
+        warnings.warn(
+            f"log det A is {value:.12g} with an error of up to {error:.1e}: A is ill-conditioned, "
+            "for which a larger c[0] would help",
+            scipy.linalg.LinAlgWarning,
+            stacklevel=stacklevel,
+        )
 
 
 def log_determinant(column: SharpColumn) -> LogDeterminant:
