@@ -415,3 +415,15 @@ def test_with_and_without_scipys_flag(flag):
         text=True,
     )
     assert run.returncode == 0, run.stderr
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-60, 1.0, 1e60, 1e300])
+@pytest.mark.parametrize("dtype", [np.float64, np.complex128])
+def test_a_matrix_in_single_precision_takes_vectors_of_any_size_in_double(size, dtype):
+    c = kernel(6, 7)
+    A = tmg.ToeplitzOperator(strict.asarray(c.astype(np.float32)))
+    x = random(42, dtype=dtype)
+    y = on_host(A @ strict.asarray(size * x)) / size
+    expected = tmg.ToeplitzOperator(c) @ x
+    assert_allclose(y, expected, atol=1e-5 * np.abs(expected).max())
+    assert not on_host(A @ strict.asarray(0.0 * x)).any()

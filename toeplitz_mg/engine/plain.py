@@ -140,8 +140,14 @@ class Plain:
             return self.cast(real, dtype) + 1j * self.cast(imag, dtype)
         rows = xp.reshape(X, (-1, X.shape[-1]))
         count_work(rows.shape[0], product.points)
-        Y = product.multiply(self.cast(rows, product.dtype), None)
-        return self.cast(xp.reshape(Y, X.shape), dtype)
+        if product.dtype.char not in "fF" or given.char not in "dD" or not rows.shape[0]:
+            Y = product.multiply(self.cast(rows, product.dtype), None)
+            return self.cast(xp.reshape(Y, X.shape), dtype)
+        # Single precision has not the range of double precision.
+        peaks = xp.max(self.sizes(rows), axis=1, keepdims=True)
+        peaks = xp.where(peaks > 0.0, peaks, xp.ones_like(peaks))
+        Y = product.multiply(self.cast(rows / peaks, product.dtype), None)
+        return self.cast(xp.reshape(self.cast(Y, dtype) * peaks, X.shape), dtype)
 
     def pad(self, array: Any, shape: tuple[int, ...]) -> Any:
         """Extend an array by zeros behind its last axes."""
