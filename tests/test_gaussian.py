@@ -476,6 +476,8 @@ def test_it_pickles_and_says_what_it_is():
     y = process.rvs(random_state=0)
     assert pickle.loads(pickle.dumps(process)).logpdf(y) == process.logpdf(y)
     assert repr(process) == "<ToeplitzNormal 20>"
+    conditional = process.conditional(y, np.arange(20) < 5)
+    assert repr(conditional) == "<Conditional <ToeplitzNormal 20>, 5 observed>"
     assert repr(tmg.ToeplitzNormal(np.eye(3, 4))) == "<ToeplitzNormal 3 x 4>"
     dense = np.linalg.slogdet(scipy.linalg.toeplitz(0.5 ** np.arange(20)))[1]
     assert process.logdet == pytest.approx(dense, rel=1e-12)

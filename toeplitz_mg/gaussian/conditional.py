@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # A ToeplitzNormal makes it.
     from toeplitz_mg.gaussian.normal import ToeplitzNormal
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Conditional:
     """The distribution of all points of a process, given those that are observed.
 
@@ -45,6 +45,9 @@ class Conditional:
         X = process.rvs(size, random_state) - process.mean
         fields = X.reshape(prod(X.shape[: -len(process.shape)]), *process.shape)
         return X + self._estimate(self.residual - fields).reshape(X.shape) + process.mean
+
+    def __repr__(self) -> str:
+        return f"<Conditional {self.process!r}, {np.count_nonzero(self.mask)} observed>"
 
     def _estimate(self, fields: Array) -> Array:
         """Return the means of the points, given fields at those that are observed."""
