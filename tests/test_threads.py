@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +17,8 @@ from tests.cases import CASES, contact
 from tests.test_fsai_coupled import tangential
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import Material, normal_contact, surfaces
-from toeplitz_mg.engine import threads
+from toeplitz_mg.engine import backends, threads
+from toeplitz_mg.engine.backends import chosen_backends
 from toeplitz_mg.engine.fourstep import FourStep
 from toeplitz_mg.engine.panels import Panels
 from toeplitz_mg.engine.vectors import ALONE
@@ -273,12 +275,86 @@ def test_threads_treat_overflow_as_the_caller_does():
                     threads.share_rows(lambda part: huge[part] * huge[part], huge)
 
 
+def test_threads_transform_by_the_backend_of_the_caller():
+    """SciPy keeps it in the thread that sets it, and has no public name for handing it on."""
+    assert chosen_backends() is not None
+    by = set()
+
+    class Backend:
+        __ua_domain__ = "numpy.scipy.fft"
+
+        @staticmethod
+        def __ua_function__(method, arguments, options):
+            by.add(threading.get_ident())
+            return NotImplemented
+
+    met = threading.Barrier(3, timeout=30)
+
+    def work(_):
+        met.wait()  # Each thread has a part.
+        scipy.fft.fft(np.ones(4))
+
+    with scipy.fft.set_workers(3), scipy.fft.set_backend(Backend):
+        threads.share(work, 3, threads.WORTH_THREADS)
+    assert len(by) == 3
+    by.clear()
+    with scipy.fft.set_workers(3):  # Neither do they keep it.
+        threads.share(work, 3, threads.WORTH_THREADS)
+    assert not by
+
+
+def test_where_backends_cannot_be_handed_on_one_thread_does_all(monkeypatch):
+    monkeypatch.setattr(backends, "uarray", None)
+    here, done = set(), []
+
+    def work(parts):
+        here.add(threading.get_ident())
+        done.extend(parts)
+
+    with scipy.fft.set_workers(3):
+        threads.share(work, 12, threads.WORTH_THREADS)
+    assert here == {threading.get_ident()}
+    assert done == list(range(12))
+
+
+def test_no_part_is_left_to_a_thread_that_nobody_waits_for(monkeypatch):
+    """What is queued for a thread that cannot be started, another takes: it is waited for."""
+    start, failed, began = threading.Thread.start, [], threading.Event()
+
+    def start_but_once(thread):
+        if not failed:
+            failed.append(thread)
+            raise RuntimeError("can't start new thread")
+        start(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", start_but_once)
+    here, done = threading.get_ident(), []
+
+    def work(parts):
+        if threading.get_ident() == here:
+            began.wait(30)  # The other thread has a part, and is slow.
+        else:
+            began.set()
+            time.sleep(0.2)
+        done.extend(parts)
+
+    threads._threads.cache_clear()
+    try:
+        with scipy.fft.set_workers(3):
+            threads.share(work, 3, threads.WORTH_THREADS)
+    finally:
+        threads._threads.cache_clear()
+    assert failed
+    assert sorted(done) == [0, 1, 2]
+
+
 def test_loops_are_done_where_no_thread_can_be_started_any_more():
     """As in a thread that goes on when the main one has ended, and when Python ends."""
     script = """
 import atexit, threading, time
 import numpy as np, scipy.fft
-from toeplitz_mg.engine import threads
+from toeplitz_mg.engine import backends, threads
+from toeplitz_mg.engine.backends import chosen_backends
 
 def work():
     done = []

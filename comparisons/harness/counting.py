@@ -41,11 +41,6 @@ class CountingCommunicator(MPI.Intracomm):
         self._count("Allgatherv", sent.nbytes * (self.size - 1))
         return super().Allgatherv(sent, got)
 
-    def Sendrecv(self, *arguments: Any, **options: Any) -> None:  # noqa: D102
-        sent, there, *_ = arguments
-        self._count("Sendrecv", 0 if there == MPI.PROC_NULL else sent.nbytes)
-        return super().Sendrecv(*arguments, **options)
-
     def allgather(self, thing: Any) -> Any:  # noqa: D102
         self._count("allgather", 0)  # Words about arguments, of some hundred bytes.
         return super().allgather(thing)
@@ -53,7 +48,7 @@ class CountingCommunicator(MPI.Intracomm):
     def _refuse(self, *arguments: Any, **options: Any) -> NoReturn:
         raise NotImplementedError("this communicator cannot count that")
 
-    Send = Recv = Isend = Irecv = Bcast = Gather = Gatherv = Scatter = Scatterv = _refuse
+    Send = Recv = Isend = Irecv = Sendrecv = Bcast = Gather = Gatherv = Scatter = Scatterv = _refuse
     Reduce = Allreduce = Alltoall = Alltoallw = Ialltoallv = Scan = Exscan = _refuse
     send = recv = isend = irecv = bcast = gather = scatter = reduce = allreduce = _refuse
     alltoall = sendrecv = scan = exscan = _refuse

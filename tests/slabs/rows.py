@@ -3,7 +3,9 @@
 from functools import partial
 
 import numpy as np
+import pytest
 
+from tests.slabs.counting import MPI
 from tests.slabs.ranks import refuses
 from toeplitz_mg.slabs import Slab
 from toeplitz_mg.slabs.slab import UNKNOWN
@@ -112,6 +114,27 @@ def test_rows_of_the_ranks_beside(comm):
     assert np.array_equal(below, X[slab.rows.stop : slab.rows.stop + 1])
 
 
+def test_a_receive_of_the_callers_own_takes_no_message(comm):
+    """One of any rank and any tag waits on the same communicator: for a message of the caller's."""
+    slab, X, got = Slab(comm, (16, 3)), grid_of((16, 3)), np.zeros(3)
+    waits = MPI.Comm.Irecv(comm, got, MPI.ANY_SOURCE, MPI.ANY_TAG)
+    above = slab.shift(X[slab.rows][-1:], min(comm.rank, 1), 1)
+    slab.sum(X[slab.rows])
+    sent = MPI.Comm.Isend(comm, np.full(3, 5.0), (comm.rank + 1) % comm.size)
+    waits.Wait()
+    sent.Wait()
+    assert np.array_equal(above, X[slab.rows.start - min(comm.rank, 1) : slab.rows.start])
+    assert np.array_equal(got, np.full(3, 5.0))
+
+
+def test_bytes_of_the_rows_beside(comm):
+    slab = Slab(comm, (16, 3))
+    comm.reset()
+    slab.shift(np.zeros((1, 3), np.float32), min(comm.rank, 1), 1)
+    assert set(comm.calls) == {"Alltoallv"}
+    assert comm.sent == (12 if comm.rank < comm.size - 1 else 0)
+
+
 def test_numbers_are_the_same_bits_on_all_ranks(comm):
     slab = Slab(comm, (97, 3))
     X = grid_of((97, 3)) - 0.5
@@ -152,16 +175,24 @@ def test_lags_are_those_of_the_rows(comm):
     refuses(comm, ValueError, "element is (1.0,)", lambda: slab.lags((1.0,)))
 
 
-def test_a_refusal_of_one_rank_is_one_of_all(comm):
-    slab = Slab(comm, (8, 3))
+def test_an_error_of_one_rank_is_one_of_all(comm):
+    """Of its own kind where that is a common one, and else a RuntimeError that names it."""
+    slab, last = Slab(comm, (8, 3)), comm.size - 1
 
-    def refuse(kind):
+    def fail(kind):
         with slab.agree():
-            if comm.rank == comm.size - 1:
+            if comm.rank == last:
                 raise kind("its rows are wrong")
 
-    for kind in (ValueError, TypeError, OSError, np.linalg.LinAlgError):
-        refuses(comm, kind, f"rank {comm.size - 1}: its rows are wrong", partial(refuse, kind))
+    of_its_kind = ValueError, TypeError, OSError, MemoryError, FloatingPointError, OverflowError
+    for kind in (*of_its_kind, np.linalg.LinAlgError):
+        refuses(comm, kind, f"rank {last}: its rows are wrong", partial(fail, kind))
+    for kind in (RuntimeWarning, UserWarning, ZeroDivisionError, NotImplementedError, Exception):
+        text = f"rank {last}: {kind.__name__}: its rows are wrong"
+        refuses(comm, RuntimeError, text, partial(fail, kind))
+        with pytest.raises(RuntimeError) as error:
+            fail(kind)
+        assert isinstance(error.value.__cause__, kind if comm.rank == last else type(None))
 
 
 def test_what_is_not_the_same_is_refused(comm):

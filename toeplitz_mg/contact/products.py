@@ -11,6 +11,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.engine.vectors import Vectors
+from toeplitz_mg.engine.work import ProductCount
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.operators.base import vectors_of
 
@@ -54,6 +55,11 @@ class Products:
     @cached_property
     def _single(self) -> LinearOperator:
         return _in_single_precision(self.A)
+
+    def units(self, work: ProductCount) -> float:
+        """Return the work of all ranks in such products, where each has counted its own."""
+        gather = self.vectors.gather
+        return float(sum(gather(work.points)) / sum(gather(self.A.shape[0])))
 
     @property
     def exhausted(self) -> bool:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, nullcontext, suppress
 from contextvars import copy_context
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import DTypeLike
 from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.backends import chosen_backends
 
 Work = Callable[[range], None]  # Does the parts that have these numbers.
 
@@ -32,8 +33,9 @@ def share(work: Work, count: int, points: int) -> None:
     """Do all parts, by as many threads as ``scipy.fft.set_workers`` says.
 
     Within the work each thread is one: neither transforms nor a loop within are shared again. Where
-    there is one part only, what it does may be. Where a part raises, or this thread is interrupted,
-    the others are ended first: they write to arrays of the caller.
+    there is one part only, what it does may be. All transform by the backend of `scipy.fft` that is
+    set in this thread. Where a part raises, or this thread is interrupted, the others are ended
+    first: they write to arrays of the caller.
 
     Parameters
     ----------
@@ -49,7 +51,8 @@ def share(work: Work, count: int, points: int) -> None:
     if threads == 1 or (count <= 1 and is_large):
         work(range(count))
         return
-    workers = min(threads, count) if is_large else 1
+    backends = chosen_backends() if is_large else None
+    workers = min(threads, count) if backends else 1
     pieces = min(count, PIECES * workers) if workers > 1 else 1
     bounds = [count * k // pieces for k in range(pieces + 1)]
     rest = list(map(range, bounds[:-1], bounds[1:]))[::-1]
@@ -64,12 +67,17 @@ def share(work: Work, count: int, points: int) -> None:
             work(part)
 
     others: list[Future[None]] = []
+    task = [do]
     try:
         for _ in range(workers - 1):
+            other: Future[None] = Future()
+            others.append(other)
             # The context has what NumPy does about overflow.
-            context: Any = copy_context()
-            with suppress(RuntimeError):  # Where Python ends no thread can be started any more.
-                others.append(_threads(threads - 1, os.getpid()).submit(context.run, do_work, [do]))
+            help_out: Any = partial(copy_context().run, do_task, task, backends, other)
+            # Where Python ends, or the system has no more, no thread can be started. The task may
+            # be queued all the same, and another thread take it: so its future is our own.
+            with suppress(RuntimeError):
+                _threads(threads - 1, os.getpid()).submit(help_out)
         with fft.set_workers(1):
             do()
     finally:
@@ -77,6 +85,7 @@ def share(work: Work, count: int, points: int) -> None:
         # A thread that has not woken up yet has nothing left to do.
         others = [other for other in others if not other.cancel()]
         wait_for_all(others)
+        task.clear()
     for other in others:
         other.result()
 
@@ -133,13 +142,21 @@ def elementwise(function: Callable[..., Array], *fields: Array, out: Array | Non
     return out
 
 
-def do_work(work: list[Callable[[], None]]) -> None:
-    """Do the work, and let go of it.
+def do_task(task: list[Callable[[], None]], backends: Any, done: Future[None]) -> None:
+    """Do a task by the backends of who waits for it, and let go of it; nothing if nobody waits.
 
     A thread keeps its arguments a moment longer than its caller waits. It must not keep a
     workspace, which the next product would have to do without.
     """
-    work.pop()()
+    if not done.set_running_or_notify_cancel():
+        return
+    try:
+        with backends():
+            task[0]()
+    except BaseException as error:
+        done.set_exception(error)
+    else:
+        done.set_result(None)
 
 
 def wait_for_all(others: list[Future[None]]) -> None:

@@ -49,7 +49,8 @@ def normal_contact(
     Returns
     -------
     NormalResult
-        Its fields have this rank's rows. The numbers are those of the whole contact.
+        Its fields have this rank's rows. The numbers are those of the whole contact, and the work
+        is that of all ranks, each of which does all that there is on coarser grids of few elements.
 
     See Also
     --------

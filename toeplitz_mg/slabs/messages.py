@@ -14,8 +14,17 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.preconditioners.fsai.refusals import Refused
 
-# What all ranks raise alike.
-REFUSALS = (Refused, np.linalg.LinAlgError, ValueError, TypeError, OSError)
+# What all ranks raise alike; in the place of any other error a RuntimeError.
+REFUSALS = (
+    Refused,
+    np.linalg.LinAlgError,
+    ValueError,
+    TypeError,
+    OSError,
+    MemoryError,
+    FloatingPointError,
+    OverflowError,
+)
 
 
 class Messages:
@@ -36,18 +45,17 @@ class Messages:
     def agree(self) -> Iterator[dict[str, Any]]:
         """Do what may be refused on some ranks only, so that all ranks raise the same error.
 
-        Without it the others would wait for ever for the rank that has raised one. The dictionary
-        is to be filled with what has to be the same on all ranks, by its name; otherwise it is a
-        ValueError.
+        Without it the others would wait for ever for the rank that has raised one, whatever it is:
+        with ``python -W error`` a warning too. The dictionary is to be filled with what has to be
+        the same on all ranks, by its name; otherwise it is a ValueError.
         """
         same: dict[str, Any] = {}
         refusal: Exception | None = None
         try:
             yield same
-        except REFUSALS as error:
+        except Exception as error:
             refusal = error
-        kind = next((k for k in REFUSALS if isinstance(refusal, k)), None)
-        told = self.comm.allgather((kind, str(refusal), same))
+        told = self.comm.allgather((*_name_kind(refusal), same))
         for rank, (kind, text, _) in enumerate(told):
             if kind is not None:
                 raise kind(f"rank {rank}: {text}") from refusal
@@ -115,15 +123,26 @@ class Messages:
 
         What is returned are the `count` rows from the other side: 0 where there is no rank.
         """
-        from mpi4py import MPI
-
-        there, back = (
-            rank if 0 <= rank < self.comm.size else MPI.PROC_NULL
-            for rank in (self.comm.rank + step, self.comm.rank - step)
-        )
+        there, back = self.comm.rank + step, self.comm.rank - step
+        sent, expected = np.zeros((2, self.comm.size), int)
         got = np.empty((count, *x.shape[1:]), x.dtype)
-        self.comm.Sendrecv(np.ascontiguousarray(x), there, recvbuf=got, source=back)
+        if 0 <= there < self.comm.size:
+            sent[there] = x.size
+        if 0 <= back < self.comm.size:
+            expected[back] = got.size
+        # As all messages are, it is one that no receive of the caller's own can take.
+        self.swap([np.ascontiguousarray(x), sent], [got, expected])
         return got
+
+
+def _name_kind(refusal: Exception | None) -> tuple[type[Exception] | None, str]:
+    """Return which error all ranks raise for that of one, and what it says."""
+    if refusal is None:
+        return None, ""
+    for kind in REFUSALS:
+        if isinstance(refusal, kind):
+            return kind, str(refusal)
+    return RuntimeError, f"{type(refusal).__name__}: {refusal}"
 
 
 def _check(comm: Any) -> Any:

@@ -145,6 +145,7 @@ def sum_line(slab: Slab, c: Array, length: int) -> Array:
     is_last = slab.comm.rank == slab.comm.size - 1
     lags = np.arange(float(start), length + 1.0 if is_last else start + len(c))
     sums = np.concatenate([c, tail.beyond(lags[len(c) :])]) + tail.of_periods(lags, length)
-    # Those of the negative lags: of lag 0 they are a period further.
+    # Those of the negative lags: of lag 0, where the tail has no value, they are a period further.
     back = np.where(lags > 0.0, 2.0 * length - lags, 0.0)
-    return sums + np.where(lags > 0.0, tail.beyond(back), 0.0) + tail.of_periods(back, length)
+    first = np.where(lags > 0.0, tail.beyond(np.maximum(back, length)), 0.0)
+    return sums + first + tail.of_periods(back, length)

@@ -258,7 +258,7 @@ def press(
         state = solve(search, products, nested=nested, guess=guess)
         p, u = library.to_numpy(state.p), library.to_numpy(state.u)
         state = state._replace(p=np.where(p < search.most, p / search.unit, most), u=u)
-    units = work.units(z.size) / search.matrix.work
+    units = products.units(work) / search.matrix.work
     return make_result(grid, z, state, products.count, units, distance, most)
 
 

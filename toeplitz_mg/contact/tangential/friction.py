@@ -214,7 +214,7 @@ def shift_bodies(
             if previous is not None:
                 guess = project(clip(before, g), g, total, grid.vectors)
             state, slip = solve(problem, products, guess, nested=nested), None
-    result = make_result(problem, state, window, products.count, work.units(b.size), slip)
+    result = make_result(problem, state, window, products.count, products.units(work), slip)
     moved = result.shift
     if change is not None:  # A force adds a shift of the whole bodies.
         if force is not None:

@@ -169,7 +169,7 @@ def roll_steps(
                 state = solve(problem, products, guess, nested=False)
             q = state.q
             slip = (state.u - b - problem.uniform(state.shift)) / h
-            cost = products.count + 1, work.units(w.size)
+            cost = products.count + 1, products.units(work)
             found = motion.complete(-state.shift[unknown] / h)
             result = make_rolling_result(motion, problem, state, window, cost, slip, found)
             yield check_converged(result, tolerance)
