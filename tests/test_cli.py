@@ -230,7 +230,8 @@ def test_a_mask_in_fragments_is_solved_by_default(folder):
 
 def test_what_is_wrong_in_a_table_of_text_is_told_by_its_line(folder, capsys):
     for name, text, message in (
-        ("word.csv", "# a, b\n1,2,3\n4,x,6\n", "line 3 has 'x'"),
+        ("word.csv", "# a, b\n1,2,3\n4,x,6\n", "line 3 has 'x' in column 2"),
+        ("comma.csv", "1,2,\n", "line 1 has nothing in column 3"),
         ("ragged.csv", "1;2;3\n\n4;5\n", "line 3 has 2 numbers, and those above 3"),
     ):
         (folder / name).write_text(text)

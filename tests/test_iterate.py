@@ -129,3 +129,17 @@ def test_conjugate_gradients_take_preconditioners_of_any_size(size):
     for scale, residuals in zip((1.0, size), histories, strict=True):
         assert tmg.cg(D, b, M=scale * np.eye(50), rtol=1e-9, residuals=residuals)[1] == 0
     assert_allclose(histories[1][:20], histories[0][:20], rtol=1e-6)
+
+
+@pytest.mark.parametrize("solver", [tmg.cg, tmg.richardson])
+def test_a_guess_far_above_the_right_hand_side(solver):
+    b = np.array([0.0, 1e-300, 1e-300, 0.0, 0.0])
+    x, _ = solver(np.diag([0.0, 1.0, 1.0, 1.0, 1.0]), b, np.array([1e300, 0.0, 0.0, 0.0, 0.0]))
+    assert_allclose(x[1:], b[1:], rtol=1e-5)
+    # What overflows is told by `info`, without a warning.
+    assert solver(100.0 * np.eye(5), 3.0 * np.ones(5), np.full(5, 1e307), maxiter=3)[1] != 0
+
+
+def test_a_preconditioner_of_subnormal_numbers_has_few_digits():
+    x, info = tmg.cg(np.diag(np.arange(1.0, 6.0)), 3.0 * np.ones(5), M=1e-309 * np.eye(5))
+    assert info == 0 or np.isfinite(x).all()

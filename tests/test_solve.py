@@ -265,7 +265,7 @@ def test_cycles_in_single_precision_end_in_double(sizes):
 
 
 @pytest.mark.parametrize("n", [60, 300, 3000])
-@pytest.mark.parametrize("size", [1.0, 1e200])
+@pytest.mark.parametrize("size", [1e-200, 1.0, 1e200])
 def test_a_part_that_is_rounding_counts_by_the_whole(n, size):
     """The imaginary part of what inverse transforms give must not decide how good x is."""
     k = np.arange(n)
@@ -275,6 +275,18 @@ def test_a_part_that_is_rounding_counts_by_the_whole(n, size):
     x, info = tmg.solve_toeplitz(c, size * (b + 1e-17j * (-1.0) ** k), full_output=True)
     assert info.residual <= 1e-10
     assert np.linalg.norm(b - A @ x.real / size) <= 1e-10 * np.linalg.norm(b)
+
+
+@pytest.mark.parametrize("n", [20, 300, 3000])
+@pytest.mark.parametrize(("real", "imag"), [(1e-200, 0.0), (0.0, 1e-200), (1e-300, 1e300), (0, 0)])
+def test_both_parts_of_a_right_hand_side_may_have_any_size(n, real, imag):
+    c = 1.0 / (1.0 + np.arange(n))
+    u, v = np.random.default_rng(0).standard_normal((2, n))
+    x, info = tmg.solve_toeplitz(c, real * u + 1j * imag * v, full_output=True)
+    for part, size, w in ((x.real, real, u), (x.imag, imag, v)):
+        alone = tmg.solve_toeplitz(c, size * w)
+        assert_allclose(part, alone, rtol=0.0, atol=1e-10 * np.abs(alone).max())
+    assert info.residual <= 1e-12
 
 
 def test_complex_systems_of_many_columns_and_indefinite_ones_are_solved():

@@ -467,3 +467,13 @@ def test_a_sum_keeps_no_view_of_what_others_may_change():
     before = S.toarray()
     K[0, 0] = 100.0
     assert np.array_equal(S.toarray(), before)
+
+
+def test_diagonals_in_more_than_double_precision_are_rounded():
+    d = np.arange(1.0, 5.0, dtype=np.longdouble)
+    S = ToeplitzSum([(d, covariance(4), None)], d)
+    assert S.dtype == np.float64
+    assert np.array_equal(
+        S.toarray(),
+        ToeplitzSum([(d.astype(float), covariance(4), None)], d.astype(float)).toarray(),
+    )

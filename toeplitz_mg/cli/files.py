@@ -70,11 +70,12 @@ def _refuse_row(rows: Sequence[str], separator: str | None) -> None:
     columns = 0
     for number, row in enumerate(rows, 1):
         cells = row.split(separator) if row.strip() else []
-        for cell in cells:
+        for place, cell in enumerate(cells, 1):
             try:
                 float(cell)
             except ValueError:
-                raise ValueError(f"line {number} has {cell.strip()!r}") from None
+                wrong = repr(cell.strip()) if cell.strip() else "nothing"
+                raise ValueError(f"line {number} has {wrong} in column {place}") from None
         if len(cells) != (columns := columns or len(cells)) and cells:
             raise ValueError(f"line {number} has {len(cells)} numbers, and those above {columns}")
 

@@ -145,7 +145,7 @@ class Plain:
             return self.cast(xp.reshape(Y, X.shape), dtype)
         # Single precision has not the range of double precision.
         peaks = xp.max(self.sizes(rows), axis=1, keepdims=True)
-        peaks = xp.where(peaks > 0.0, peaks, xp.ones_like(peaks))
+        peaks = xp.where((peaks > 0.0) & (peaks < inf), peaks, xp.ones_like(peaks))
         Y = product.multiply(self.cast(rows / peaks, product.dtype), None)
         return self.cast(xp.reshape(self.cast(Y, dtype) * peaks, X.shape), dtype)
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 from scipy import fft
 from scipy.linalg import toeplitz
+from scipy.linalg.blas import idamax, izamax
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.panels import Panels
@@ -19,7 +20,7 @@ from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.values import refuse_masked
 
-SQUARES = 1e-40, 1e40  # Squares of norms, of vectors that single precision has all digits of.
+NEAR_ONE = 1e-9, 1e9  # Sizes of vectors that are multiplied in single precision as they are.
 DENSE = 256  # Unknowns up to which a product with the dense matrix is faster than any transform.
 
 
@@ -69,13 +70,11 @@ def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array
 def _multiply_in_range(product: Product, rows: Array, out: Array) -> None:
     """Multiply rows of double precision by a matrix of single precision, whose range is small.
 
-    Where that does not have their squares, they are scaled by powers of two, which changes no
-    digit.
+    Where they are far from 1 they are scaled by powers of two, which changes no digit.
     """
-    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        squares = np.vecdot(rows, rows).real
-    low, high = SQUARES
-    if ((squares > low) & (squares < high)).all():
+    low, high = NEAR_ONE
+    find = izamax if rows.dtype.char == "D" else idamax  # Of one row it takes a single call.
+    if all(low < abs(row[find(row)]) < high for row in rows):
         product.multiply(rows, out)
         return
     peaks = np.abs(rows).max(axis=1, keepdims=True)

@@ -48,8 +48,8 @@ class ToeplitzOperator(GridOperator):
         Symmetric along each axis, and so given by its first column `c` alone.
     dtype : dtype
         float32 or complex64 for coefficients in that precision, float64 or complex128 otherwise. A
-        float32 vector times a float32 operator is float32; otherwise the product has the dtype and
-        the range that NumPy would promote it to, with the digits of the operator.
+        float32 vector times a float32 operator is float32; otherwise the product has the dtype that
+        NumPy would promote it to, with the digits of the operator, and for vectors of any size.
 
     Raises
     ------

@@ -293,6 +293,8 @@ def _freeze(name: str, factor: Any, n: int) -> Any:
         raise ValueError(f"{name} has shape {entries.shape}, but must have the {n} entries of D")
     if not np.isfinite(entries).all():
         raise ValueError(f"{name} has entries that are not finite")
+    if entries.dtype.char in "gG":  # No matrix has that precision.
+        entries = entries.astype(np.complex128 if entries.dtype.kind == "c" else np.float64)
     if entries.flags.writeable or entries.base is not None:  # A view changes with its array.
         entries = entries.copy()
         entries.flags.writeable = False

@@ -77,8 +77,11 @@ def decays_slowly(c: Array) -> bool:
 def decays_exponentially(c: Array) -> bool:
     """Whether the last coefficients are positive, and an exponential function of the lag."""
     step = len(c) // 4
+    if not c[0] > 0.0:
+        return False
     # Over the first one, as products of the largest and smallest numbers are none.
-    first, second, last = np.array([c[-1 - 2 * step], c[-1 - step], c[-1]]) / (c[0] or 1.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        first, second, last = np.array([c[-1 - 2 * step], c[-1 - step], c[-1]]) / c[0]
     return bool(last > NEGLIGIBLE and abs(first * last - second**2) <= EXPONENTIAL * second**2)
 
 

@@ -78,7 +78,7 @@ def toeplitz_logdet(c: ArrayLike) -> float:
             "toeplitz_logdet(A.c), or toeplitz_inverse(A).logdet"
         )
     column = refuse_masked("c", c)
-    if column.ndim != 1:
+    if column.ndim > 1:
         raise ValueError(
             f"c has shape {column.shape}, but must have one axis: no exact way to the determinant "
             "is known for several axes that is faster than a dense factorisation"

@@ -1,5 +1,7 @@
 """What all iterations have in common: an iterate, its true residual, and their history."""
 
+from math import inf
+
 import numpy as np
 
 from toeplitz_mg._typing import Array
@@ -42,18 +44,22 @@ class Iterate:
         if guess is not None:
             self.x = vectors.copy(guess, self.x)
             b = vectors.copy(b, vectors.zeros(b, dtype))
-            size = 2.0 ** (int(power_above(max(peak, vectors.peak(self.x)))) - 1)
+            size = 1.0
             with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
-                r = b / size - apply_to_rows(A, self.x / size)
+                r = b - apply_to_rows(A, self.x)
+                if not vectors.peak(r) < inf:
+                    size = 2.0 ** (int(power_above(max(peak, vectors.peak(self.x)))) - 1)
+                    r = b / size - apply_to_rows(A, self.x / size)
                 peak = max(peak, vectors.peak(r) * size)
         # The largest entry is then from 1 to 2, so that the vectors are in the range of float32.
         self.scale = 2.0 ** (int(power_above(peak)) - 1)
         # It is a copy: the products of whoever made A or M may be in the memory of what they gave.
-        self.b = vectors.cast(b, dtype) / self.scale
-        if guess is None:
-            self.r = vectors.copy(self.b, vectors.empty(self.b))
-        else:
-            self.r = vectors.cast(r, dtype) * (size / self.scale)
+        with np.errstate(over="ignore", invalid="ignore"):
+            self.b = vectors.cast(b, dtype) / self.scale
+            if guess is None:
+                self.r = vectors.copy(self.b, vectors.empty(self.b))
+            else:
+                self.r = vectors.cast(r, dtype) * (size / self.scale)
         self.size_of_b = vectors.norm(self.b)
 
     def goal(self, rtol: float, atol: float) -> float:

@@ -29,6 +29,8 @@ from toeplitz_mg.solvers.scaling import exponents, scale_back
 from toeplitz_mg.solvers.system import ToeplitzSystem
 from toeplitz_mg.values import real, refuse_masked
 
+UNUSED = 1100  # Minus the power of two of what is zero: less than that of any number.
+
 
 @overload
 def solve_toeplitz(
@@ -305,8 +307,10 @@ def _solve_unusual(
         return X.reshape(system.B.shape), unknown
     of_A, of_B = exponents(np.concatenate([c, r[1:]])), exponents(B)
     scale = np.ldexp(1.0, -of_A)
-    if parts == 2:
-        of_B = np.tile(np.maximum(*np.split(of_B, 2)), (2, 1))
-    scaled = ToeplitzSystem(c * scale, r * scale, B * np.ldexp(1.0, -of_B), parts)
+    weights = None
+    if parts == 2:  # Those of the larger part are 1; a part that is zero has none.
+        powers = np.where(B.any(axis=1), of_B[:, 0], -UNUSED).reshape(2, -1)
+        weights = np.ldexp(1.0, powers - powers.max(axis=0)).ravel()
+    scaled = ToeplitzSystem(c * scale, r * scale, B * np.ldexp(1.0, -of_B), parts, weights)
     X, info = solve_system(scaled, rtol)
     return scale_back(X, of_B - of_A, parts).reshape(system.B.shape), info

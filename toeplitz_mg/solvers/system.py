@@ -37,6 +37,8 @@ class ToeplitzSystem:
         One right-hand side, or some, as rows.
     parts : {1, 2}, optional
         2 where the second half of the rows are the imaginary parts of the first.
+    weights : ndarray of shape (columns,), optional
+        By what the rows have been divided, where that is not the same for both parts.
 
     Attributes
     ----------
@@ -53,8 +55,10 @@ class ToeplitzSystem:
         Whether A is real and symmetric.
     """
 
-    def __init__(self, c: Array, r: Array, B: Rows, parts: int = 1) -> None:
-        self.c, self.r, self.B, self.parts = c, r, B, parts
+    def __init__(
+        self, c: Array, r: Array, B: Rows, parts: int = 1, weights: Array | None = None
+    ) -> None:
+        self.c, self.r, self.B, self.parts, self._weights = c, r, B, parts, weights
         self.columns = 1 if B.ndim == 1 else len(B)
         self.lags = np.concatenate([r[:0:-1], c])
         is_short = len(c) <= LONG and c.dtype == np.float64  # BLAS has that in fewer calls.
@@ -187,7 +191,11 @@ class ToeplitzSystem:
 
     def _join(self, sizes: Any) -> Any:
         """Return the sizes of rows, as `measure` does, from those of each."""
-        return sizes if self.parts == 1 else np.tile(np.hypot(*np.split(sizes, 2)), 2)
+        if self.parts == 1:
+            return sizes
+        real, imag = (sizes if self._weights is None else sizes * self._weights).reshape(2, -1)
+        joint = np.hypot(real, imag)
+        return np.concatenate((joint, joint))
 
     @cached_property
     def _dense(self) -> Array:
