@@ -79,6 +79,18 @@ def test_a_product_moves_no_more_than_on_numpy(comm):
     assert sent[0] == sent[1]
 
 
+def test_sums_and_extents_and_what_fsai_refuses(comm):
+    slab = slabs.Slab(comm, (12, 15), unit=1)
+    _, own = of(slab)
+    field = array_api_strict.asarray(own)
+    assert slab.sum(field) == pytest.approx(slab.sum(own), rel=1e-14)
+    assert slab.extent(field) == slab.extent(own)
+    A = slabs.ToeplitzOperator(field, slab)
+    with pytest.raises(TypeError, match=r"fft, cosine and sine of toeplitz_mg\.slabs") as refusal:
+        slabs.fsai_preconditioner(A)
+    assert "and fsai" not in str(refusal.value)
+
+
 def test_cg_takes_the_serial_iterations(comm):
     slab = slabs.Slab(comm, (12, 15), unit=1)
     c, own = of(slab)

@@ -152,6 +152,66 @@ def test_coupled_components_are_those_of_one_process(comm):
         assert_rows(slab, A.astype(np.float64) @ x[:, slab.rows].ravel(), whole, 2e-6)
 
 
+def test_components_of_both_precisions_are_those_of_one_process(comm):
+    """Their products, and the preconditioners of a block in single precision, are in double."""
+    shape = (17, 12)
+    slab, c, x = (
+        slabs.Slab(comm, shape),
+        kernel(shape),
+        np.random.default_rng(0).random((2, 17, 12)),
+    )
+    single = c.astype(np.float32)
+    serial = [tmg.ToeplitzOperator(a) for a in (single.astype(float), c)]
+    ours = [slabs.ToeplitzOperator(a[slab.rows], slab) for a in (single, c)]
+    S, A = (
+        package.CoupledOperator([[one, None], [None, other]])
+        for package, (one, other) in ((tmg, serial), (slabs, ours))
+    )
+    own = x[:, slab.rows].ravel()
+    assert_rows(slab, A @ own, (S @ x.ravel()).reshape(x.shape), 1e-14)
+    for name in ("fft", "cosine", "sine", "fsai"):
+        name = f"{name}_preconditioner"
+        make = getattr(tmg, name)
+        M = (tmg.componentwise(make) if name[:2] in ("co", "si") else make)(S)
+        y = getattr(slabs, name)(A) @ own
+        assert y.dtype == np.float64
+        assert_rows(slab, y, (M @ x.ravel()).reshape(x.shape), 1e-14)
+    if comm.size > 1:
+        blocks = [[ours[comm.rank == 0], None], [None, ours[0]]]
+        text = "the dtypes of the blocks is ['float64', 'float32'] on rank 0 and ['float32'"
+        refuses(comm, ValueError, text, lambda: slabs.CoupledOperator(blocks))
+
+
+def test_a_precision_is_that_of_all_ranks(comm):
+    slab, last = slabs.Slab(comm, (12, 8)), comm.size - 1
+    A = slabs.ToeplitzOperator(kernel((12, 8))[slab.rows], slab)
+    B = slabs.CoupledOperator([[A, None], [None, A]])
+    for C in (A, B, slabs.MaskedOperator(A, np.ones(slab.local, bool))):
+        wrong = "single" if comm.rank != last else int
+        refuses(comm, TypeError, f"rank {last}: dtype is int64", partial(C.astype, wrong))
+        if last:
+            dtype = np.float32 if comm.rank == last else np.float64
+            text = f"dtype is float64 on rank 0 and float32 on rank {last}"
+            refuses(comm, ValueError, text, partial(C.astype, dtype))
+
+
+def test_functions_of_one_process_refuse_operators_of_slabs(comm):
+    slab = slabs.Slab(comm, (12, 8))
+    A = slabs.ToeplitzOperator(kernel((12, 8))[slab.rows], slab)
+    B = slabs.CoupledOperator([[A, None], [None, A]])
+    names = ("fft", "cosine", "sine", "chan", "strang", "tau", "fsai", "jacobi", "default")
+    functions = [getattr(tmg, f"{name}_preconditioner") for name in names]
+    functions += [tmg.multigrid, tmg.toeplitz_inverse, tmg.select_preconditioner]
+    for C in (A, B, slabs.MaskedOperator(A, np.ones(slab.local, bool))):
+        for function in functions:
+            refuses(comm, TypeError, "A is <", partial(function, C))
+            refuses(
+                comm, TypeError, "toeplitz_mg.slabs has the preconditioners", partial(function, C)
+            )
+    text = "blocks[0][0] is <ToeplitzOperator 12 x 8 on"
+    refuses(comm, TypeError, text, lambda: tmg.CoupledOperator([[A]]))
+
+
 def test_components_without_influence_on_each_other(comm):
     shape = (9, 6)
     slab, c = slabs.Slab(comm, shape), kernel(shape)

@@ -1,5 +1,7 @@
 """The rows of a rank, and what is exchanged."""
 
+import pickle
+from copy import deepcopy
 from functools import partial
 
 import numpy as np
@@ -7,7 +9,7 @@ import pytest
 
 from tests.slabs.counting import MPI
 from tests.slabs.ranks import refuses
-from toeplitz_mg.slabs import Slab
+from toeplitz_mg.slabs import MaskedOperator, Slab, ToeplitzOperator, fsai_preconditioner
 from toeplitz_mg.slabs.slab import UNKNOWN
 
 SHAPES = [(4, 1), (5, 7), (16, 3), (97, 4, 5), (130, 2), (1030, 2)]
@@ -154,6 +156,31 @@ def test_sums_are_of_real_numbers(comm):
     refuses(comm, TypeError, f"rank {last}: x has dtype complex128", lambda: slab.sum(x))
     assert slab.sum(np.ones(slab.local).tolist()) == 24.0
     assert slab.sum(np.ones(slab.local) > 0.0) == 24.0
+
+
+def test_the_least_and_the_largest_are_of_real_numbers(comm):
+    slab, last = Slab(comm, (8, 3)), comm.size - 1
+    x = np.arange(24.0).reshape(8, 3)[slab.rows]
+    for values in (x, x.tolist(), x.astype(int), x.astype(np.float32)):
+        assert slab.extent(values) == (0.0, 23.0)
+    assert slab.extent(x > 7.0) == (0.0, 1.0)
+    wrong = x + 1j if comm.rank == last else x
+    refuses(comm, TypeError, f"rank {last}: x has dtype complex128", lambda: slab.extent(wrong))
+    words = "no field" if comm.rank == last else x
+    refuses(comm, TypeError, f"rank {last}: x has dtype <U8", lambda: slab.extent(words))
+
+
+def test_a_slab_is_not_pickled_but_copied_with_what_lives_on_it(comm):
+    slab = Slab(comm, (8, 3))
+    A = ToeplitzOperator(0.5 ** np.arange(24.0).reshape(8, 3)[slab.rows], slab)
+    P = fsai_preconditioner(A)
+    for thing in (slab, A, P, MaskedOperator(A, np.ones(slab.local, bool))):
+        with pytest.raises(TypeError, match=r"make it anew by Slab\(comm, shape\)"):
+            pickle.dumps(thing)
+    assert deepcopy(slab) is slab
+    x = np.ones(A.shape[0])
+    for thing in (A, P):
+        assert np.array_equal(deepcopy(thing) @ x, thing @ x)
 
 
 def test_numbers_where_only_one_rank_has_any(comm):

@@ -266,13 +266,28 @@ def library_for(A: Any) -> Library:
     return getattr(A, "library", NUMPY)
 
 
-def require_numpy(A: Any, what: str) -> None:
-    """Raise a TypeError for an operator on other arrays, which `what` cannot work with."""
+def require_numpy(
+    A: Any, what: str, others: str = "fft, cosine, sine, chan, strang and fsai"
+) -> None:
+    """Raise a TypeError for an operator on other arrays, which `what` cannot work with.
+
+    The others are preconditioners that can.
+    """
     library = library_for(A)
     if library is not NUMPY:
         raise TypeError(
             f"A has arrays of {library.name}, but {what} needs those of numpy: on others there are "
-            "cg and richardson, and the preconditioners fft, cosine, sine, chan, strang and fsai"
+            f"cg and richardson, and the preconditioners {others}"
+        )
+
+
+def refuse_slab(name: str, A: Any) -> None:
+    """Raise a TypeError for an operator on slabs, where one of one process is needed."""
+    if hasattr(A, "slab"):
+        raise TypeError(
+            f"{name} is {A!r}, an operator on slabs, but must be one of a single process: "
+            "toeplitz_mg.slabs has the preconditioners fft, cosine, sine and fsai for it, and cg "
+            "and richardson take it"
         )
 
 

@@ -238,6 +238,11 @@ def check_finite(values: ArrayLike, name: str) -> Array:
     library = library_of(values)
     array = library.read(name, values)
     dtype = library.dtype(array)
+    if hasattr(values, "slab"):
+        raise TypeError(
+            f"{name} is {values!r}, an operator on slabs, but must be of coefficients, of which "
+            "each rank has some rows: toeplitz_mg.slabs has what takes these"
+        )
     if dtype.kind not in "buifc":
         raise TypeError(f"{name} has dtype {array.dtype}, but coefficients are numbers")
     if dtype.char not in "fdFD":

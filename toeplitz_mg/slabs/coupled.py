@@ -51,7 +51,12 @@ class CoupledOperator(SlabOperator):
             for block in given:
                 if block.library is not library:
                     refuse_mixed("a block", block.library, library)
+            same["the dtypes of the blocks"] = [block.dtype.name for block in given]
         dtype = np.result_type(*(block.dtype for block in given))
+        # Preconditioners of a block are those of its own precision.
+        self.blocks = tuple(
+            tuple(block and block.astype(dtype) for block in row) for row in self.blocks
+        )
         super().__init__(slab, dtype, (components, *slab.local), library=library)
         spectra = [[block and block.spectrum for block in row] for row in self.blocks]
         self.product = SlabProduct(slab, library, spectra, self.dtype)

@@ -32,6 +32,7 @@ INSTEAD = (
     "take cosine_preconditioner(A), on a mask sine_preconditioner(A), and where these are refused "
     "use fft_preconditioner(A), or cg without M"
 )
+OTHERS = "fft, cosine and sine of toeplitz_mg.slabs"  # Those that take arrays of any library.
 REPEATED = 1 / 64  # Most cells of a level that all ranks have, together, over those of the grid.
 
 
@@ -95,7 +96,7 @@ def fsai_preconditioner(
         rank all refuse.
     """
     full = unwrap(A)
-    require_numpy(full, "fsai_preconditioner on slabs")
+    require_numpy(full, "fsai_preconditioner on slabs", OTHERS)
     slab, blocks = full.slab, full.blocks
     with slab.agree() as same:
         options = Options(check_neighbours(neighbours))

@@ -96,8 +96,9 @@ class SlabOperator:
         return self.apply(vector)
 
     def astype(self, dtype: DTypeLike) -> Any:
-        """Return the matrix in another precision, or itself where it has that one."""
-        dtype = check_precision(dtype, self.dtype)
+        """Return the matrix in another precision, the same on all ranks; itself if it has that."""
+        with self.slab.agree() as same:
+            same["dtype"] = dtype = check_precision(dtype, self.dtype)
         return self if self.dtype == dtype else self._cast(dtype)
 
     def _cast(self, dtype: np.dtype[Any]) -> Any:

@@ -5,7 +5,7 @@ Every rank runs the same program on its own rows, which are plain arrays.
 
 from collections.abc import Iterator, Sequence
 from math import prod
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -157,18 +157,27 @@ class Slab(Messages):
 
     def sum(self, x: Array) -> float:
         """Return the sum of a real field of which each rank has its part: the same on all ranks."""
-        with self.agree():
-            library = library_of(x)
-            dtype = library.dtype(library.read("x", x))
-            if dtype.kind not in "buif":
-                raise TypeError(f"x has dtype {dtype}, but must be of real numbers")
-        return library.vectors_of(self.gather).sum(np.asarray(x) if library is NUMPY else x)
+        vectors, x = self._read(x)
+        return float(vectors.sum(x))
 
     save = save_rows
 
     def extent(self, x: Array) -> tuple[float, float]:
         """Return the least and the largest number of a field; of an empty one inf and -inf."""
-        return self.vectors.min(x), self.vectors.max(x)
+        vectors, x = self._read(x)
+        if vectors is self.vectors and x.dtype.kind in "bui":
+            x = x.astype(np.float64)  # What is infinite is no integer.
+        return vectors.min(x), vectors.max(x)
+
+    def _read(self, x: Any) -> tuple[Any, Any]:
+        """Return what adds and compares the numbers of a real field of any library, and these."""
+        with self.agree():
+            library = library_of(x)
+            x = library.read("x", x)
+            dtype = library.dtype(x)
+            if dtype.kind not in "buif":
+                raise TypeError(f"x has dtype {dtype}, but must be of real numbers")
+        return self.vectors if library is NUMPY else library.vectors_of(self.gather), x
 
     def columns(self, n: int) -> slice:
         """Return which of n columns this rank has between `to_columns` and `to_rows`."""
@@ -240,6 +249,19 @@ class Slab(Messages):
             start, end = end, end + size
             if size:
                 yield flat[start:end].reshape(*Z.shape[:-1], b - a), slice(a, b)
+
+    def __copy__(self) -> "Slab":
+        """Return itself, which does not change: a copy of what lives on a slab lives on that."""
+        return self
+
+    def __deepcopy__(self, memo: Any) -> "Slab":
+        return self
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(
+            f"{self!r} belongs to the ranks of its communicator, and is not pickled, nor is what "
+            "lives on it: pickle arrays, and make it anew by Slab(comm, shape)"
+        )
 
     @property
     def name(self) -> str:
