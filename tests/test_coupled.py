@@ -183,3 +183,16 @@ def test_what_float32_has_no_room_for_is_refused(scale):
         with pytest.raises(ValueError, match=r"diagonal of A is .*must be between .*scale A"):
             preconditioner(A, dtype=np.float32)
         assert np.isfinite(preconditioner(A) @ np.ones(A.shape[0])).all()
+
+
+def test_preconditioners_have_the_precision_of_all_blocks():
+    x, y = halfspace.offsets((20, 21), (1.0, 1.0))
+    c = halfspace.influence_zz(x, y, (1.0, 1.0), G=1.0, nu=0.28).astype(np.float32)
+    single, double = tmg.ToeplitzOperator(c), tmg.ToeplitzOperator(c.astype(np.float64))
+    mixed = tmg.CoupledOperator([[single, None], [None, double]])
+    exact = tmg.CoupledOperator([[double, None], [None, double]])
+    v = np.random.default_rng(0).standard_normal(mixed.shape[0])
+    cosine = tmg.componentwise(tmg.cosine_preconditioner)
+    for make in (lambda A: A, cosine, tmg.fsai_preconditioner, tmg.fft_preconditioner):
+        expected = make(exact) @ v
+        assert_allclose(make(mixed) @ v, expected, atol=1e-12 * np.abs(expected).max())

@@ -380,3 +380,17 @@ def test_wrong_vectors_and_masks_are_refused_by_all(comm):
     for wrong in (3, [], [3], "xx"):
         text = f"blocks is {wrong!r}, but must have rows of ToeplitzOperator"
         refuses(comm, TypeError, text, lambda wrong=wrong: slabs.CoupledOperator(wrong))
+
+
+def test_a_matrix_in_single_precision_takes_vectors_of_any_size_in_double(comm):
+    slab, c = slabs.Slab(comm, (30, 17)), kernel((30, 17))
+    A = slabs.ToeplitzOperator(c[slab.rows].astype(np.float32), slab)
+    P = slabs.fsai_preconditioner(slabs.ToeplitzOperator(c[slab.rows], slab), dtype=np.float32)
+    x = np.random.default_rng(comm.rank).random(A.shape[0])
+    for M in (A, P):
+        y = M @ x
+        largest = slab.vectors.peak(y)
+        for size in (1e-300, 1e-60, 1e60, 1e300):
+            error = slab.vectors.peak((M @ (size * x)) / size - y)
+            assert error <= 1e-5 * largest
+        assert not (M @ (0.0 * x)).any()

@@ -98,6 +98,14 @@ class CoupledOperator(GridOperator):
         grid_shape = (len(rows), *given[0].grid_shape)
         work = 1.0 if product is None else product.points / prod(grid_shape)
         super().__init__(dtype, grid_shape, work, library=library)
+        # All in one precision, which their preconditioners have too; what is real stays so.
+        real = dtype.char.lower()
+        rows = tuple(
+            tuple(
+                block and block.astype(dtype if block.dtype.kind == "c" else real) for block in row
+            )
+            for row in rows
+        )
         self.blocks = rows
         pairs = [(rows[i][j], rows[j][i]) for i in range(len(rows)) for j in range(i + 1)]
         self.is_symmetric = self.is_hermitian = all(_is_transpose(*pair) for pair in pairs)

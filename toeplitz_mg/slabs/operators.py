@@ -23,6 +23,8 @@ from toeplitz_mg.operators.masked import check_booleans
 from toeplitz_mg.slabs.product import SlabProduct, embed_on_slab
 from toeplitz_mg.slabs.slab import Slab, require_slab
 
+LEAST = 1e-9  # Size of a vector that single precision takes as it is.
+
 
 class SlabOperator:
     """What a rank has of a square matrix: it multiplies this rank's part of a vector.
@@ -93,7 +95,11 @@ class SlabOperator:
             if vector.shape != self.shape[:1]:
                 raise ValueError(f"x has shape {vector.shape}, but A has {self.shape}")
             same["the dtype of x"] = dtype
-        return self.apply(vector)
+        # Single precision has not the range of double precision.
+        peak = self.vectors.peak(vector) if self.dtype.char == "f" and dtype.char == "d" else 1.0
+        if not 0.0 < peak < np.inf or LEAST < peak < 1.0 / LEAST:
+            return self.apply(vector)
+        return self.apply(vector / peak) * peak
 
     def astype(self, dtype: DTypeLike) -> Any:
         """Return the matrix in another precision, the same on all ranks; itself if it has that."""

@@ -72,7 +72,7 @@ def toeplitz_logdet(c: ArrayLike) -> float:
     >>> round(tmg.toeplitz_logdet(c) / float(np.log(1 - 0.9**2)), 8)
     99999.0
     """
-    if isinstance(c, LinearOperator):
+    if isinstance(c, LinearOperator) or hasattr(c, "slab"):
         raise TypeError(
             f"c is {c!r}, but must be the first column of a matrix: of a ToeplitzOperator A write "
             "toeplitz_logdet(A.c), or toeplitz_inverse(A).logdet"

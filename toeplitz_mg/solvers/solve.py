@@ -190,7 +190,7 @@ def _summarise(infos: list[SolveInfo]) -> SolveInfo:
 def _numbers(values: ArrayLike, name: str) -> Array:
     if type(values) is np.ndarray and values.dtype == np.float64:
         return values  # Sooner than by what follows, which a small system would feel.
-    if isinstance(values, LinearOperator) or issparse(values):
+    if isinstance(values, LinearOperator) or issparse(values) or hasattr(values, "slab"):
         raise TypeError(
             f"{name} is {values!r}, but must be an array: of a symmetric ToeplitzOperator A it is "
             "A.c, and of a sparse matrix its first column as an array"

@@ -193,8 +193,8 @@ class ToeplitzSystem:
         """Return the sizes of rows, as `measure` does, from those of each."""
         if self.parts == 1:
             return sizes
-        real, imag = (sizes if self._weights is None else sizes * self._weights).reshape(2, -1)
-        joint = np.hypot(real, imag)
+        sizes, half = sizes if self._weights is None else sizes * self._weights, len(sizes) // 2
+        joint = np.hypot(sizes[:half], sizes[half:])
         return np.concatenate((joint, joint))
 
     @cached_property
