@@ -80,7 +80,8 @@ class Loads:
         if not (share := self.share(g, vectors)) < 1.0:
             raise BeyondBound(
                 f"the loads together are {share:.4g} times what {bearer} carries of them, but must "
-                "be less than that: the bodies would slide off"
+                "be less than that: the bodies would slide off, at no certain creepage (of much "
+                "creepage the force is what is carried)"
             )
 
     def error(self, q: Array, vectors: Vectors) -> float:

@@ -78,7 +78,8 @@ class TangentialResult:
         friction.
     moment : float or None
         The moment of the tractions, N mm, about the middle of the grid; in rolling about the pole,
-        with the arm x - h/2, as the slip belongs half an element ahead of where it stands. None in
+        with the arm x - h/2, as the slip by a spin belongs half an element ahead of where it
+        stands: the moment of the tractions themselves is ``moment + h / 2 * force[1]``. None in
         line contact.
     power : float
         What slip dissipates. In rolling the power over the speed, N, from forces and creepages,
