@@ -88,6 +88,16 @@ def friction(
         Those of `contact.friction`: shift, force, previous (a result on the same rows), tolerance,
         nested, max_products and progress. Of a field of shifts, (2, n1, n2), each has its rows.
 
+    Returns
+    -------
+    TangentialResult
+        As that of `normal_contact`.
+
+    Raises
+    ------
+    ValueError, TypeError, ContactError
+        What `contact.friction` raises on one machine, on all ranks.
+
     See Also
     --------
     toeplitz_mg.contact.friction : the same on one machine.
@@ -109,6 +119,16 @@ def rolling(
     **arguments
         Those of `contact.rolling`: longitudinal, lateral, spin, force, moment, slip (this rank's
         rows of a field), pole, tolerance, nested, max_products, progress and options.
+
+    Returns
+    -------
+    TangentialResult
+        As that of `normal_contact`.
+
+    Raises
+    ------
+    ValueError, TypeError, ContactError
+        What `contact.rolling` raises on one machine, on all ranks.
 
     See Also
     --------

@@ -41,9 +41,20 @@ def fft_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperato
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default.
 
+    Returns
+    -------
+    SlabOperator
+        Of this rank's rows, symmetric positive definite, for `toeplitz_mg.cg`.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError, ValueError, TypeError
+        What `toeplitz_mg.fft_preconditioner` refuses on one machine, on all ranks.
+
     See Also
     --------
-    toeplitz_mg.fft_preconditioner : on one machine. What it refuses on one rank all refuse.
+    toeplitz_mg.fft_preconditioner : on one machine.
+    fsai_preconditioner : moves far fewer bytes.
     """
     lengths = [2 * n - 1 for n in _grid_of(A)]
     is_fast = all(near_fast_length(m) == m for m in lengths)

@@ -90,10 +90,20 @@ def fsai_preconditioner(
     dtype : float32 or float64, optional
         The precision in which it is kept and applied, that of `A` by default.
 
+    Returns
+    -------
+    SlabSparseInverse
+        Of this rank's rows, symmetric positive definite, for `toeplitz_mg.cg`.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError, ValueError, TypeError
+        What `toeplitz_mg.fsai_preconditioner` refuses on one machine, on all ranks; and arrays of
+        other libraries than NumPy.
+
     See Also
     --------
-    toeplitz_mg.fsai_preconditioner : when to take it, and how it is built. What it refuses on one
-        rank all refuse.
+    toeplitz_mg.fsai_preconditioner : when to take it, and how it is built.
     """
     full = unwrap(A)
     require_numpy(full, "fsai_preconditioner on slabs", OTHERS)

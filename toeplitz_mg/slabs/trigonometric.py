@@ -25,7 +25,22 @@ NAMES = "cosine", "sine"  # Of the transforms whose first sample is that number 
 def cosine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperator:
     """Return the inverse of a DCT-II matrix (see `toeplitz_mg.cosine_preconditioner`).
 
-    Parameters, results and errors are those of `fft_preconditioner`. It moves half the bytes.
+    Parameters
+    ----------
+    A : ToeplitzOperator or CoupledOperator of this package, or MaskedOperator of one
+        Even along each axis; each component is treated by itself.
+    dtype : float32 or float64, optional
+        The precision in which it is kept and applied, that of `A` by default.
+
+    Returns
+    -------
+    SlabOperator
+        As `fft_preconditioner` returns it; it moves half the bytes.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError, ValueError, TypeError
+        What `toeplitz_mg.cosine_preconditioner` refuses on one machine, on all ranks.
 
     See Also
     --------
@@ -38,7 +53,22 @@ def cosine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOper
 def sine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperator:
     """Return the inverse of a DST-II matrix (see `toeplitz_mg.sine_preconditioner`).
 
-    Parameters, results and errors are those of `fft_preconditioner`. It moves half the bytes.
+    Parameters
+    ----------
+    A : ToeplitzOperator or CoupledOperator of this package, or MaskedOperator of one
+        Even along each axis; each component is treated by itself.
+    dtype : float32 or float64, optional
+        The precision in which it is kept and applied, that of `A` by default.
+
+    Returns
+    -------
+    SlabOperator
+        As `fft_preconditioner` returns it; it moves half the bytes.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError, ValueError, TypeError
+        What `toeplitz_mg.sine_preconditioner` refuses on one machine, on all ranks.
 
     See Also
     --------

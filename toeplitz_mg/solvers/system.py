@@ -53,6 +53,8 @@ class ToeplitzSystem:
         divided by.
     is_symmetric : bool
         Whether A is real and symmetric.
+    measure : callable
+        Returns the 2-norms of rows, those of the parts of complex ones for both.
     """
 
     def __init__(
@@ -63,6 +65,8 @@ class ToeplitzSystem:
         self.lags = np.concatenate([r[:0:-1], c])
         is_short = len(c) <= LONG and c.dtype == np.float64  # BLAS has that in fewer calls.
         self.size = dasum(self.lags) if is_short else float(np.abs(self.lags).sum())
+        # Where rows are real it is no method, as the calls of a small system count.
+        self.measure = norms if parts == 1 else self._measure_both
         self.sizes = self.measure(B) + TINY
         self.is_symmetric = c.dtype == np.float64 and (r is c or np.array_equal(c[1:], r[1:]))
 
@@ -185,9 +189,8 @@ class ToeplitzSystem:
         )
         return float(sizes) if X.ndim == 1 else self._join(sizes)
 
-    def measure(self, X: Rows) -> Array | float:
-        """Return the 2-norms of rows, those of complex ones for both their parts."""
-        return norms(X) if self.parts == 1 else self._join(norms(X))
+    def _measure_both(self, X: Rows) -> Array | float:
+        return self._join(norms(X))
 
     def _join(self, sizes: Any) -> Any:
         """Return the sizes of rows, as `measure` does, from those of each."""
