@@ -132,7 +132,7 @@ def test_a_product_after_an_interrupted_one_is_right(shape, monkeypatch):
     monkeypatch.setattr(passes, "WHOLE_BYTES", 0)
     A = tmg.ToeplitzOperator(exponential(*shape))
     x, wrong = random(A.shape[0]), np.full(A.shape[0], 1e3)
-    here, fft, do = threading.current_thread(), scipy.fft.fft, threads.do_work
+    here, fft, do = threading.current_thread(), scipy.fft.fft, threads.do_task
     calls = []
     monkeypatch.setattr(scipy.fft, "fft", lambda *a, **k: calls.append(0) or fft(*a, **k))
     expected = A @ x
@@ -155,14 +155,14 @@ def test_a_product_after_an_interrupted_one_is_right(shape, monkeypatch):
                 assert ended.wait(60.0)
         return fft(*args, **kwargs)
 
-    def do_and_say_so(work):
+    def do_and_say_so(*task):
         try:
-            do(work)
+            do(*task)
         finally:
             ended.set()
 
     monkeypatch.setattr(scipy.fft, "fft", transform)
-    monkeypatch.setattr(threads, "do_work", do_and_say_so)
+    monkeypatch.setattr(threads, "do_task", do_and_say_so)
     monkeypatch.setattr(
         threads, "wait_for_all", lambda others: None
     )  # as where an interrupt hits it
@@ -202,7 +202,8 @@ def test_all_parts_have_ended_when_one_has_raised(raising, monkeypatch):
         monkeypatch.setattr(threads, "wait", interrupted)
     with scipy.fft.set_workers(2), pytest.raises(Stop):
         threads.share(work, 2, threads.WORTH_THREADS)
-    assert ended == [range(1, 2)]
+    # Either thread may take either part.
+    assert ended in ([range(1)], [range(1, 2)])
     back.set()
 
 
