@@ -5,6 +5,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         report.print_any_character()
         given = parser().parse_command(arguments)
         with warnings.catch_warnings(), fft.set_workers(take_threads(given)):
-            warnings.showwarning = _print_warning
+            warnings.showwarning = partial(_print_warning, warnings.showwarning)
             status = COMMANDS[given.command](given)
         print(end="", flush=True)  # A full disk is to be noticed here, not at exit.
         return status
@@ -55,8 +56,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(startup.MESSAGE, startup.STATUS)
 
 
-def _print_warning(message: Warning | str, *place: Any, **options: Any) -> None:
-    """Say what a warning says, in one line."""
+def _print_warning(
+    show: Any, message: Warning | str, category: type[Warning], *place: Any, **options: Any
+) -> None:
+    """Say what a warning says, in one line; what is for programmers is shown as before."""
+    if issubclass(category, DeprecationWarning | FutureWarning):
+        show(message, category, *place, **options)
+        return
     print(f"toeplitz-mg: warning: {' '.join(str(message).splitlines())}", file=sys.stderr)
 
 
