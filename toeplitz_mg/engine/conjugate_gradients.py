@@ -1,13 +1,13 @@
 """One step of conjugate gradients after the other: what to do with them is left to the caller."""
 
-from math import frexp, inf, ldexp
+from math import inf
 
 import numpy as np
 
 from toeplitz_mg._typing import Array, Multiply
+from toeplitz_mg.engine.powers import power_above
 from toeplitz_mg.engine.vectors import ALONE, Vectors
 
-MOST = 1000  # Largest power of two of a scale.
 SMALL, LARGE = 1e-100, 1e100  # Inner products of which no square, quotient or sum is none.
 
 
@@ -87,7 +87,7 @@ class ConjugateGradients:
             # M is far from the size of 1: that changes no direction, but what squares would do.
             peak = self._vectors.peak(z)
             if 0.0 < peak < inf:
-                self._scale = ldexp(1.0, min(-frexp(peak)[1], MOST))
+                self._scale = 2.0 ** -int(power_above(peak))
                 z = z * self._scale
                 self.rho = self._vectors.dot_near(r, z, 0.0)
         if not 0.0 < self.rho < inf:

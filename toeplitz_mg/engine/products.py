@@ -14,6 +14,7 @@ from scipy.linalg.blas import idamax, izamax
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.panels import Panels
+from toeplitz_mg.engine.powers import power_above
 from toeplitz_mg.engine.threads import keep_bits, share_rows
 from toeplitz_mg.engine.transforms import OneStep, in_batches, plan_of
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
@@ -78,8 +79,7 @@ def _multiply_in_range(product: Product, rows: Array, out: Array) -> None:
         product.multiply(rows, out)
         return
     peaks = np.abs(rows).max(axis=1, keepdims=True)
-    # Beyond 1000 the scale itself, or its inverse, would over- or underflow.
-    powers = np.where(np.isfinite(peaks), np.frexp(peaks)[1].clip(-1000, 1000), 0)
+    powers = np.where(np.isfinite(peaks), power_above(peaks), 0)
     product.multiply(rows * np.ldexp(1.0, -powers), out)
     for part in (out.real, out.imag) if out.dtype.kind == "c" else (out,):
         part *= np.ldexp(1.0, powers)

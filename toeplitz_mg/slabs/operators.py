@@ -18,12 +18,11 @@ from numpy.typing import ArrayLike, DTypeLike
 from toeplitz_mg import operators
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.library import NUMPY, Library, library_of
+from toeplitz_mg.engine.products import NEAR_ONE
 from toeplitz_mg.operators.coefficients import check_finite, check_precision, require_digits
 from toeplitz_mg.operators.masked import check_booleans
 from toeplitz_mg.slabs.product import SlabProduct, embed_on_slab
 from toeplitz_mg.slabs.slab import Slab, require_slab
-
-LEAST = 1e-9  # Size of a vector that single precision takes as it is.
 
 
 class SlabOperator:
@@ -97,7 +96,8 @@ class SlabOperator:
             same["the dtype of x"] = dtype
         # Single precision has not the range of double precision.
         peak = self.vectors.peak(vector) if self.dtype.char == "f" and dtype.char == "d" else 1.0
-        if not 0.0 < peak < np.inf or LEAST < peak < 1.0 / LEAST:
+        low, high = NEAR_ONE
+        if not 0.0 < peak < np.inf or low < peak < high:
             return self.apply(vector)
         return self.apply(vector / peak) * peak
 

@@ -1,10 +1,9 @@
 """Scaling by powers of two, which changes no digit, so that no square over- or underflows."""
 
-from typing import Any
-
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.powers import power_above
 
 SMALLEST = float(np.finfo(np.float64).tiny)  # Smallest number of which float64 has all 53 bits.
 
@@ -18,12 +17,6 @@ def exponents(a: Array) -> Array:
     parts = (a.real, a.imag) if a.dtype.kind == "c" else (a,)
     sizes = [np.abs(part).max(axis=-1, keepdims=True, initial=0.0) for part in parts]
     return power_above(np.maximum.reduce(sizes))
-
-
-def power_above(size: Any) -> Any:
-    """Return the power of two that scales a size, or sizes, to numbers from 1/2 to 1."""
-    # Beyond these the scale itself, or its inverse, would over- or underflow.
-    return np.clip(np.frexp(size)[1], -1000, 1000)
 
 
 def scale_back(X: Array, powers: Array, parts: int = 1) -> Array:

@@ -57,11 +57,7 @@ def fall_by_loads(
     motion.check_loads(grid, most, "the friction of any slip")
     loads.check_share(most, vectors, "the friction of any slip")
     units, towards, scale = _scale(motion, grid, g, falling, stiffness)
-    field = motion.slip
-    if field is None and g.ndim == 1 and grid.components == 2:
-        field = np.zeros((2, *g.shape))  # Then tractions have both components, by any creepage.
-    if field is not None and g.ndim == 1 and len(field) == 1:
-        field = field[0]
+    field = _slip_of(motion, grid, g)
     last: TangentialResult | None = None
     best: tuple[float, TangentialResult | None] = np.inf, None
 
@@ -100,6 +96,16 @@ def fall_by_loads(
         q = result.traction.reshape(grid.components, *g.shape)
         raise _refuse(motion, motion.wanted - loads.missing(q, vectors), error, tolerance, result)
     return result
+
+
+def _slip_of(motion: Motion, grid: Any, g: Array) -> Array | None:
+    """Return the field of rigid slip that is given, as one who asks for a motion gives it."""
+    if g.ndim == 1 and motion.slip is None and grid.components == 2:
+        return np.zeros((2, *g.shape))  # Then tractions have both components, by any creepage.
+    if g.ndim == 1 and motion.slip is not None and len(motion.slip) == 1:
+        field: Array = motion.slip[0]
+        return field
+    return motion.slip
 
 
 def _refuse(

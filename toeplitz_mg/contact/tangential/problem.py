@@ -81,8 +81,7 @@ class Problem:
     @cached_property
     def divisor(self) -> Array:
         """The bound by which a stiffness λ = |s|/g is divided."""
-        least = TINY * _largest(self.g, self.vectors)
-        return np.where(self.g > 0.0, np.maximum(self.g, least), 1.0)
+        return np.where(self.g > 0.0, self.g, 1.0)
 
     @cached_property
     def carriers(self) -> Array:
