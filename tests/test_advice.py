@@ -174,3 +174,29 @@ def test_the_inverse_of_a_sum_is_that_of_cg():
     with pytest.raises(TypeError, match=r"use cg with default_preconditioner\(A\), or gmres"):
         tmg.toeplitz_inverse(A)
     assert solves_by_gmres(A, tmg.default_preconditioner(A))
+
+
+@pytest.mark.parametrize("make", [tmg.strang_preconditioner, tmg.fft_preconditioner])
+def test_what_is_certainly_indefinite_is_sent_to_gmres_alone(make):
+    # The leading 2 x 2 block has the determinant 0.01 - 1.
+    refused = refusal(make, tmg.ToeplitzOperator(np.r_[0.1, -1.0, np.zeros(18)]))[0]
+    assert refused.endswith("use gmres without M")
+    # That of this one is positive: whether A is definite is not told by it.
+    refused = refusal(make, tmg.ToeplitzOperator(np.r_[1.0, -0.9, np.zeros(18)]))[0]
+    assert "certainly" not in refused
+
+
+def test_a_refused_complex_matrix_is_named_as_it_is():
+    c = 3.0 ** -np.arange(9.0)
+    A = tmg.ToeplitzOperator(c, 1j * c)
+    for make in (tmg.tau_preconditioner, tmg.cosine_preconditioner):
+        with pytest.raises(ValueError, match="general, complex128>, but must be real"):
+            make(A)
+
+
+def test_a_refused_mean_of_a_sum_is_said_to_be_one():
+    lags = np.pad(np.array([[1.0, 0.0, 0.5], [0.0, 9.0, 0.0], [0.5, 0.0, 0.2]]), ((4, 4), (5, 5)))
+    S = diags_array(np.linspace(1.0, 2.0, 42)) @ tmg.ToeplitzOperator.from_lags(lags)
+    with pytest.raises(ValueError, match="symmetric along each axis") as refused:
+        tmg.fsai_preconditioner(S)
+    assert repr(S) in refused.value.__notes__[0]

@@ -265,7 +265,13 @@ def test_a_warning_is_one_line(folder, capsys):
 def test_advice_says_what_it_is_on_the_command_line(folder, capsys):
     np.save(folder / "c.npy", np.array([1.0] + 299 * [2.0]))
     assert solve(folder) == 2
-    assert "on the command line that is --solver cg --preconditioner" in capsys.readouterr().err
+    assert "the command line has" in capsys.readouterr().err
+
+
+def test_a_column_in_single_precision_is_solved_to_the_usual_residual(folder):
+    np.save(folder / "c.npy", contact(300).astype(np.float32))
+    assert solve(folder) == 0
+    assert np.load(folder / "x.npy").dtype == np.float64
 
 
 def test_options_count_on_both_sides_of_the_command(folder, capsys):

@@ -298,3 +298,11 @@ def test_refuses_what_is_no_column_before_it_is_taken_for_a_grid():
     xp = pytest.importorskip("array_api_strict")
     with pytest.raises(TypeError, match="array_api_strict, but must be one of numpy"):
         tmg.toeplitz_logdet(xp.asarray([2.0, 1.0]))
+
+
+@pytest.mark.parametrize("n", [101, 257])
+def test_the_block_that_is_not_positive_definite_is_named_where_that_is_the_last(n):
+    c = np.zeros(n)
+    c[0], c[1], c[-1] = 2.0, -1.0, -1.0  # The Laplacian of a ring: constants are in its kernel.
+    with pytest.raises(np.linalg.LinAlgError, match=f"the leading {n} x {n} block"):
+        tmg.toeplitz_logdet(c)

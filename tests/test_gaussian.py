@@ -329,12 +329,32 @@ def test_samples_by_the_column_have_the_covariance_up_to_the_error_they_say(leng
     assert process.sampling_error <= 1e-6
 
 
-def test_what_no_embedding_reaches_is_said():
-    n = 4096
+@pytest.mark.parametrize("n", [3, 9, 60])
+def test_a_process_that_is_periodic_itself_is_drawn_point_by_point(n):
+    k = np.arange(n)
+    c = np.cos(0.5 * k) + 0.01 * (k == 0)
+    process = tmg.ToeplitzNormal(c)
+    L = process._embedding.colour(np.eye(n)).T
+    assert_allclose(L, np.tril(L))
+    assert_allclose(L @ L.T, scipy.linalg.toeplitz(c), rtol=0, atol=1e-12)
+    assert process.sampling_error <= 1e-12
+    samples = process.rvs(5, random_state=0)
+    noise = np.random.default_rng(0).standard_normal((5, n))
+    assert_allclose(process.whiten(samples), noise, atol=1e-9)
+
+
+def test_what_no_embedding_reaches_is_drawn_point_by_point():
+    n = 1000
     k = np.arange(n) / n
-    c = np.exp(-(k**2) / 2) + 1e-6 * (k == 0)
-    with pytest.raises(np.linalg.LinAlgError, match=r"differ by .* but 1e-06 is allowed"):
-        tmg.ToeplitzNormal(c).rvs()
+    process = tmg.ToeplitzNormal(np.exp(-(k**2) / 2) + 1e-6 * (k == 0))
+    assert process.rvs(2, random_state=0).shape == (2, n)
+    assert process.sampling_error <= 1e-6
+    y = np.full(n, np.nan)
+    y[::7] = 1.0
+    given = process.conditional(y)
+    assert_allclose(given.rvs(random_state=0)[::7], 1.0)
+    with pytest.raises(ValueError, match="read-only"):
+        given.mean[0] = 0.0
 
 
 def test_samples_of_fields_have_the_covariance():

@@ -139,3 +139,14 @@ def test_a_matrix_that_is_far_from_normal_is_refused_without_a_warning(n):
     """Its inverse has entries of up to 1000^n."""
     with pytest.raises(np.linalg.LinAlgError):
         tmg.toeplitz_inverse(tmg.ToeplitzOperator(0.001 * np.eye(1, n)[0], np.eye(1, n, 1)[0]))
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.complex64])
+@pytest.mark.parametrize("n", [5, 100, 301])
+def test_what_an_inverse_in_single_precision_tells_is_in_double(dtype, n):
+    c = 0.5 ** np.arange(n)  # Exact in single precision, as far as it goes.
+    inverse = tmg.toeplitz_inverse(tmg.ToeplitzOperator(c.astype(dtype)))
+    exact = (n - 1) * np.log(0.75)
+    assert abs(inverse.logdet - exact) <= 1e-10 * n
+    sums = np.r_[2.0 / 0.75 + (n - 2) * 1.25 / 0.75, -(n - 1) * 0.5 / 0.75, np.zeros(n - 2)]
+    assert_allclose(inverse.diagonal_sums, sums, rtol=1e-10, atol=1e-10 * n)

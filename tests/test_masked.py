@@ -87,3 +87,14 @@ def test_an_operator_of_somebody_else_may_be_restricted():
     at = np.flatnonzero(mask)
     x = np.arange(1.0, len(at) + 1.0)
     assert_allclose(tmg.MaskedOperator(A, mask) @ x, matrix[np.ix_(at, at)] @ x, rtol=1e-12)
+
+
+def test_a_part_is_as_symmetric_as_the_whole():
+    c, r = 0.5 ** np.arange(9), 0.3 ** np.arange(9)
+    for A, symmetric, hermitian in (
+        (tmg.ToeplitzOperator(c), True, True),
+        (tmg.ToeplitzOperator(c, r), False, False),
+        (tmg.ToeplitzOperator(c * 1j ** np.arange(9)), False, True),
+    ):
+        part = tmg.MaskedOperator(A, np.arange(9) % 4 > 0)
+        assert (part.is_symmetric, part.is_hermitian) == (symmetric, hermitian)

@@ -666,3 +666,37 @@ def test_the_choice_has_one_crossover(columns, ratio, monkeypatch):
 def test_a_matrix_is_no_column(c):
     with pytest.raises(TypeError, match="but must be an array: of a symmetric ToeplitzOperator"):
         tmg.solve_toeplitz(c, np.ones(2))
+
+
+# Circulants -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [2048, 5000])
+@pytest.mark.parametrize("kind", ["permutation", "random", "symmetric", "chirp"])
+def test_a_circulant_is_its_own_inverse_whatever_its_numbers(kind, n):
+    k = np.arange(n)
+    c = {
+        "permutation": 1.0 * (k == n // 3),
+        "random": random(n),
+        "symmetric": random(n) + np.roll(random(n)[::-1], 1),
+        "chirp": np.exp(1j * np.pi * k**2 / n),  # Each eigenvalue has the same size.
+    }[kind]
+    r = np.r_[c[0], c[:0:-1]]
+    b = random(n)
+    x, info = tmg.solve_toeplitz((c, r), b, full_output=True)
+    assert info.method == "gmres, T. Chan's circulant"
+    assert info.iterations <= 2
+    x_exact = np.fft.ifft(np.fft.fft(b) / np.fft.fft(c))
+    sizes = np.abs(np.fft.fft(c))
+    condition = sizes.max() / sizes.min()
+    assert np.linalg.norm(x - x_exact) <= 1e-13 * condition * np.linalg.norm(x_exact)
+
+
+def test_chan_is_tried_where_there_is_no_other_way():
+    n = 6000
+    k = np.arange(n)
+    c = np.exp(1j * np.pi * k**2 / n) * 0.9999**k
+    r = np.r_[c[0], 0.9 * c[:0:-1]]
+    x = tmg.solve_toeplitz((c, r), random(n))
+    residual = scipy.linalg.matmul_toeplitz((c, r), x) - random(n)
+    assert np.linalg.norm(residual) <= 1e-10 * np.linalg.norm(random(n))

@@ -477,3 +477,17 @@ def test_diagonals_in_more_than_double_precision_are_rounded():
         S.toarray(),
         ToeplitzSum([(d.astype(float), covariance(4), None)], d.astype(float)).toarray(),
     )
+
+
+@pytest.mark.parametrize("dtype", [np.int8, np.uint8, bool, np.float16])
+def test_diagonals_of_other_numbers_neither_overflow_nor_saturate(dtype):
+    d = np.array([100, 0, 90]).astype(dtype)
+    A = tmg.ToeplitzOperator([2.0, 1.0, 0.0])
+    S = ToeplitzSum([(None, A, None)], d)
+    assert_allclose((S + S).diagonal(), 2.0 * (A.diagonal() + d))
+
+
+@pytest.mark.parametrize("wrong", [5.0, ["a", "b", "c"], [None] * 3, [1.0, 2.0]])
+def test_a_diagonal_that_is_none_is_refused(wrong):
+    with pytest.raises((TypeError, ValueError), match="diagonal has"):
+        ToeplitzSum([(None, tmg.ToeplitzOperator([2.0, 1.0, 0.0]), None)], wrong)

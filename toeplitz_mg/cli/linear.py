@@ -151,7 +151,10 @@ def set_up(A: LinearOperator, options: argparse.Namespace) -> tuple[LinearOperat
             gamma=1 if cycle.kind == "V" else 2,
         )
     except (ValueError, np.linalg.LinAlgError) as error:
-        instead = "; on the command line that is --solver cg --preconditioner, as none or sine"
+        instead = (
+            "; the command line has what takes a positive definite A as --solver cg "
+            "--preconditioner, and none"
+        )
         raise ValueError(f"{error}{instead}") from error
     return M, str(cycle)
 

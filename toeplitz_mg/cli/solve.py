@@ -35,7 +35,7 @@ def run(given: argparse.Namespace) -> int:
 
 
 def _load_real(path: Path) -> Array:
-    """Read real numbers, in single or double precision."""
+    """Read real numbers, in double precision: no less has the residual that is asked for."""
     array = files.load(path)
     if array.dtype.kind not in "buif":
         raise ValueError(f"{path} has dtype {array.dtype}, but must be of real numbers")
@@ -43,7 +43,7 @@ def _load_real(path: Path) -> Array:
     if wrong.size:
         place = tuple(wrong[0].tolist())
         raise ValueError(f"{path} has the value {array[place]} at {place}, but must be finite")
-    return array.astype(np.float32 if array.dtype.char == "f" else np.float64)
+    return array.astype(np.float64)
 
 
 def _load_mask(path: Path) -> Array:

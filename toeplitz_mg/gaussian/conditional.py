@@ -37,7 +37,9 @@ class Conditional:
     @cached_property
     def mean(self) -> Array:
         """The mean at each point: where it is observed, the value itself."""
-        return self._estimate(self.residual[np.newaxis])[0] + self.process.mean
+        mean: Array = self._estimate(self.residual[np.newaxis])[0] + self.process.mean
+        mean.flags.writeable = False
+        return mean
 
     def rvs(self, size: int | tuple[int, ...] | None = 1, random_state: Any = None) -> Array:
         """Draw samples, as `ToeplitzNormal.rvs` does; each costs a solve."""

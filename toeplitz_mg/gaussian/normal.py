@@ -11,7 +11,7 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.gaussian.checks import check_mean, check_observed, check_series
 from toeplitz_mg.gaussian.conditional import Conditional
 from toeplitz_mg.gaussian.observed import Observed, Whole, observe
-from toeplitz_mg.gaussian.sampling import Embedding, embed
+from toeplitz_mg.gaussian.sampling import Embedding, Recursion, embed
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.schur import whiten_rows
 from toeplitz_mg.solvers.szego import warn_of_error
@@ -327,9 +327,10 @@ class ToeplitzNormal:
         A sample is a part of one of a periodic process on a larger grid, whose covariance has the
         eigenvalues of a circulant. Where the covariance, continued by its mirror image, has no
         negative one, the samples are exact. Else, with one axis, it is continued as that of an
-        autoregressive process, whose spectral density is positive. What `sampling_error` says was
-        measured, and is at most 1e-6. No eigenvalue that is negative beyond rounding
-        is ever set to zero.
+        autoregressive process, whose spectral density is positive; and where its covariance does
+        not decay, as of a process that is periodic itself, each number is drawn from those before
+        it, in O(n²). What `sampling_error` says was measured, and is at most 1e-6. No eigenvalue
+        that is negative beyond rounding is ever set to zero.
 
         Examples
         --------
@@ -350,7 +351,7 @@ class ToeplitzNormal:
         return self._embedding.error
 
     @cached_property
-    def _embedding(self) -> Embedding:
+    def _embedding(self) -> Embedding | Recursion:
         return embed(self.A.c, lambda: self._whole.column.x)
 
     def _warn_of_error(self, known: Observed, stacklevel: int) -> None:

@@ -1,15 +1,21 @@
-"""Samples of a stationary Gaussian process, from a periodic one on a larger grid."""
+"""Samples of a stationary Gaussian process, from a periodic one on a larger grid.
+
+Where there is none, as for most processes that are periodic themselves, the points of one axis
+are drawn one after the other.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy import fft
 
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.preconditioners.positivity import rounding
+from toeplitz_mg.preconditioners.schur import schur_column
 
 LARGEST_ERROR = 1e-6  # Of a covariance, in units of the variance: no sample shows it.
 SAMPLES = (4, 16, 64)  # Points of the periodic process for each unknown, until that is reached.
@@ -53,11 +59,58 @@ class Embedding:
         return X
 
 
-def embed(c: Array, column: Callable[[], Array]) -> Embedding:
-    """Continue a covariance periodically; `column` returns A⁻¹ e₁ of one axis."""
+@dataclass(frozen=True)
+class Recursion:
+    """Draws each number from those before it: exact for any covariance, in n² steps.
+
+    Attributes
+    ----------
+    c : ndarray of shape (n,)
+        The covariances.
+    gamma : ndarray of shape (n - 1,)
+        The Schur parameters (see `schur_column`).
+
+    References
+    ----------
+    J. R. M. Hosking, Modeling persistence in hydrological time series using fractional
+    differencing, Water Resour. Res. 20 (1984).
+    """
+
+    c: Array
+    gamma: Array
+
+    @cached_property
+    def error(self) -> float:
+        """The largest error of a covariance, in units of the variance."""
+        unit = np.zeros((1, len(self.c)))
+        unit[0, 0] = np.sqrt(self.c[0])  # Times Cholesky's factor it is the first column of A.
+        return float(np.abs(self.colour(unit)[0] - self.c).max() / self.c[0])
+
+    def draw(self, rows: int, random: Any) -> Rows:
+        """Return independent samples, shape (rows, n)."""
+        return self.colour(random.standard_normal((rows, len(self.c))))
+
+    def colour(self, Z: Rows) -> Rows:
+        """Return L z for each row z, A = L Lᵀ with L lower triangular: what `whiten` undoes."""
+        n = len(self.c)
+        variances = self.c[0] * np.cumprod(np.append(1.0, 1.0 - self.gamma**2))
+        Y = Z * np.sqrt(variances)
+        a = np.zeros(n)  # The polynomial of the prediction error: Σ a_j y_(k-j).
+        a[0] = 1.0
+        for k in range(1, n):
+            a[1 : k + 1] += self.gamma[k - 1] * a[k - 1 :: -1]
+            Y[:, k] -= Y[:, :k] @ a[k:0:-1]
+        return Y
+
+
+def embed(c: Array, column: Callable[[], Array]) -> Embedding | Recursion:
+    """Continue a covariance periodically; `column` returns A⁻¹ e₁ of one axis.
+
+    Of one axis there is a way for each that is positive definite.
+    """
     if c.ndim > 1:
         return embed_field(c)
-    return embed_in_circulant(c) or embed_by_column(c, column())
+    return embed_in_circulant(c) or embed_by_column(c, column()) or Recursion(c, schur_column(c)[1])
 
 
 def embed_in_circulant(c: Array) -> Embedding | None:
@@ -73,25 +126,20 @@ def embed_in_circulant(c: Array) -> Embedding | None:
     return _embedding(np.maximum(spectrum, 0.0), mirrored.shape, c)
 
 
-def embed_by_column(c: Array, x: Array) -> Embedding:
-    """Continue a covariance as that of the autoregressive process of x = A⁻¹ e₁.
+def embed_by_column(c: Array, x: Array) -> Embedding | None:
+    """Continue a covariance as that of the autoregressive process of x = A⁻¹ e₁, if it decays.
 
     Its spectral density x₀/|x(z)|² (Bernstein and Szegő) is positive, and its covariances are those
     of A up to n - 1. Made periodic they change by those that are a period away.
     """
     n = len(c)
-    errors = []
     for samples in SAMPLES:
         period = 2 * fft.next_fast_len(samples // 2 * n, real=True)
         z = fft.rfft(x, period)
         embedding = _embedding(x[0] / (z.real**2 + z.imag**2), (period,), c)
         if embedding.error <= LARGEST_ERROR:
             return embedding
-        errors.append(embedding.error)
-    raise np.linalg.LinAlgError(
-        f"the covariances of a periodic process on {period} points differ by {errors[-1]:.1e} of "
-        f"the variance, but {LARGEST_ERROR:g} is allowed: take a shorter series, or add to c[0]"
-    )
+    return None
 
 
 def embed_field(c: Array) -> Embedding:

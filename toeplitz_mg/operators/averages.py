@@ -22,6 +22,24 @@ def advise_of_negative(largest: float) -> str:
     return "; the diagonal of -A is positive: where -A is positive definite solve -A x = -b"
 
 
+def advise_of_indefinite(A: ToeplitzOperator) -> str:
+    """Return the end of the message that refuses a matrix whose 2 x 2 blocks are indefinite.
+
+    Advice for where A is positive definite is of no use there.
+    """
+    if not A.is_hermitian:
+        return ""
+    lags = np.abs(A.library.to_numpy(A.lags)).ravel()
+    middle = len(lags) // 2
+    diagonal, others = lags[middle], np.delete(lags, middle)
+    if others.max(initial=0.0) < diagonal:
+        return ""
+    return (
+        "; but A is certainly not positive definite, as a coefficient beside the diagonal is as "
+        "large: use gmres without M"
+    )
+
+
 def average(
     A: ToeplitzSum, mask: Mask | None = None, part: Callable[[Any], Any] = hermitian_part
 ) -> tuple[ToeplitzOperator, Array]:

@@ -7,7 +7,12 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators.averages import advise_of_negative, average, hermitian_part
+from toeplitz_mg.operators.averages import (
+    advise_of_indefinite,
+    advise_of_negative,
+    average,
+    hermitian_part,
+)
 from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.block_diagonal import BlockDiagonal
 from toeplitz_mg.operators.coupled import CoupledOperator
@@ -78,6 +83,8 @@ def averaged(
                 return function(A, *args, **kwargs)
             except np.linalg.LinAlgError as error:
                 advice = advise_of_negative(float(full.diagonal().real.max()))
+                if not advice and mask is None and isinstance(full, ToeplitzOperator):
+                    advice = advise_of_indefinite(full)
                 if advice not in str(error):
                     error.args = (f"{error}{advice}",)
                 raise
@@ -88,6 +95,9 @@ def averaged(
             if full.is_hermitian or part is not hermitian_part:
                 raise
             raise _of_hermitian_part() from error
+        except ValueError as error:
+            error.add_note(f"This was the matrix {mean!r}, which stands for {full!r}")
+            raise
 
     return cast(F, of_average)
 
@@ -98,7 +108,8 @@ def symmetrised(preconditioner: F) -> F:
     @wraps(preconditioner)
     def of_part(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
         full, _ = unwrap(A)
-        if not isinstance(full, ToeplitzOperator) or full.is_hermitian:
+        is_complex = full.dtype.kind == "c"  # That is refused as it is, and not in its part.
+        if is_complex or not isinstance(full, ToeplitzOperator) or full.is_hermitian:
             return preconditioner(A, *args, **kwargs)
         try:
             return preconditioner(hermitian_part(A), *args, **kwargs)

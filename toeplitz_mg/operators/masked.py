@@ -131,6 +131,16 @@ class MaskedOperator(GridOperator):
         return full if full is NotImplemented else MaskedOperator(full, self.mask)
 
     @property
+    def is_symmetric(self) -> bool:
+        """Whether the matrix of which this is a part is equal to its transpose."""
+        return bool(self.full.is_symmetric)
+
+    @property
+    def is_hermitian(self) -> bool:
+        """Whether the matrix of which this is a part is equal to its conjugate transpose."""
+        return bool(self.full.is_hermitian)
+
+    @property
     def norm_bound(self) -> float:
         """A bound of the 2-norm: that of the matrix of which this is a part."""
         return float(self._whole().norm_bound)

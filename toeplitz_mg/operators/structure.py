@@ -71,12 +71,12 @@ def check_hermitian(A: ToeplitzOperator | CoupledOperator) -> None:
 
 def check_symmetric(A: ToeplitzOperator | CoupledOperator) -> None:
     """Raise a ValueError where a matrix is not real and symmetric."""
-    check_hermitian(A)
     if A.dtype.kind == "c":
         raise ValueError(
             f"A is {A!r}, but must be real: use chan_preconditioner(A), which takes complex "
-            "matrices too"
+            "matrices too, with gmres where they are not positive definite"
         )
+    check_hermitian(A)
 
 
 def accept_any(A: ToeplitzOperator | CoupledOperator) -> None:
@@ -129,9 +129,9 @@ def _advise(other: Any) -> str:
         )
     if isinstance(other, LinearOperator):
         return (
-            "; sums and products of Toeplitz matrices with diagonal ones are understood, as "
-            "scipy.sparse.diags_array(d), but none with a CoupledOperator C: for C + D use cg "
-            "or gmres with default_preconditioner(C)"
+            "; sums of Toeplitz matrices, and products of each with diagonal ones, as "
+            "scipy.sparse.diags_array(d), are understood; for others, as C + D with a "
+            "CoupledOperator C, use cg or gmres with default_preconditioner(C)"
         )
     if isinstance(other, np.ndarray | list | tuple):
         return ": write ToeplitzOperator(c) for the matrix with the first column c"

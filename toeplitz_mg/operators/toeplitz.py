@@ -64,8 +64,8 @@ class ToeplitzOperator(GridOperator):
     Warns
     -----
     UserWarning
-        For a square `c` that is constant along its diagonals, as a dense Toeplitz matrix is: it is
-        taken for the first column of a matrix of two axes.
+        For a square `c` that is constant along its diagonals, but not everywhere, as a dense
+        Toeplitz matrix is: it is taken for the first column of a matrix of two axes.
 
     See Also
     --------

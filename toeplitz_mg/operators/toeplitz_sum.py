@@ -287,13 +287,15 @@ def _freeze(name: str, factor: Any, n: int) -> Any:
     if factor is None:
         return None
     entries = refuse_masked(name, factor)
-    if entries.ndim == 0:
+    if entries.dtype.kind not in "buifc":
+        raise TypeError(f"{name} has dtype {entries.dtype}, but must be of numbers")
+    if entries.ndim == 0 and name != "diagonal":
         return factor
     if entries.shape != (n,):
         raise ValueError(f"{name} has shape {entries.shape}, but must have the {n} entries of D")
     if not np.isfinite(entries).all():
         raise ValueError(f"{name} has entries that are not finite")
-    if entries.dtype.char in "gG":  # No matrix has that precision.
+    if entries.dtype.char not in "fdFD":  # No matrix has that precision, and sums may overflow.
         entries = entries.astype(np.complex128 if entries.dtype.kind == "c" else np.float64)
     if entries.flags.writeable or entries.base is not None:  # A view changes with its array.
         entries = entries.copy()

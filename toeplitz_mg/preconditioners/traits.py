@@ -15,6 +15,7 @@ WHITE = 3.0  # Largest ratio of the eigenvalues in the middle nine tenths: of |�
 NEAR = 0.05  # Largest norm of a part of A - C over the least eigenvalue of C: CG gains 1/40 a step.
 MODERATE = 1000.0  # Condition up to which few eigenvalues are not: with 4000 it is a dozen.
 JUMPS = 0.1  # Largest share of jumps of the phase: of random coefficients it is one half.
+WRAPPED = 1e-3  # Largest difference of the lags k and k - n of what is nearly a circulant.
 EXPONENTIAL = 0.01  # Largest deviation of c_(i-s) c_(i+s) from c_i², over c_i²: of exp(-k/ℓ) none.
 
 
@@ -154,6 +155,28 @@ def is_nearly_circulant(c: Array, means: Array) -> bool:
     low, high = float(means.min()), float(means.max())
     distance = 2.0 / len(c) * float(np.arange(len(c)) @ np.abs(c))
     return distance <= NEAR * low and high <= MODERATE * low and decreases(c)
+
+
+def wraps_around(c: Array, r: Array) -> bool:
+    """Whether a Toeplitz matrix is a circulant, but for a small part.
+
+    Then its own circulant inverts it, of whatever numbers: a permutation has no symbol that its
+    lags resolve.
+
+    Parameters
+    ----------
+    c, r : ndarray of shape (n,)
+        First column and first row, real or complex.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> wraps_around(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]))
+    True
+    >>> wraps_around(np.array([2.0, -1.0, 0.0]), np.array([2.0, -1.0, 0.0]))
+    False
+    """
+    return bool(np.linalg.norm(c[1:] - r[:0:-1]) <= WRAPPED * np.linalg.norm(c))
 
 
 def has_slow_length(grid_shape: tuple[int, ...]) -> bool:

@@ -14,7 +14,11 @@ from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.preconditioners.choice import candidates_of_complex_line, candidates_of_line
-from toeplitz_mg.preconditioners.circulant import away_from_zero, smooth_inverse
+from toeplitz_mg.preconditioners.circulant import (
+    away_from_zero,
+    chan_eigenvalues,
+    smooth_inverse,
+)
 from toeplitz_mg.preconditioners.positivity import is_positive, may_be_positive
 from toeplitz_mg.preconditioners.selection import Candidate
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
@@ -23,6 +27,7 @@ from toeplitz_mg.preconditioners.traits import (
     has_symbol,
     is_nearly_circulant,
     is_nearly_white,
+    wraps_around,
 )
 from toeplitz_mg.solvers.attempts import (
     AT_LAST,
@@ -59,6 +64,7 @@ SHIFT = 1e-4
 NARROW = 64  # Most diagonals of a triangular matrix that is solved by substitution at once.
 LARGEST_BAND = 2**25  # Most numbers of the diagonals of one, of 256 MiB.
 LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in n³/3 operations.
+CHAN = "gmres, T. Chan's circulant"
 LEVINSON = "scipy.linalg.solve_toeplitz"  # The name of the method that is its recursion.
 
 
@@ -134,6 +140,7 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
 def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a system that is complex, or not symmetric."""
     n, columns = len(system.c), system.columns
+    yield from _gmres_circulant_itself(system)
     if system.is_hermitian:
         if may_be_positive(means := system.means, means.dtype):
             if columns <= FEW:
@@ -185,6 +192,7 @@ def _method_of_nearly_white(system: ToeplitzSystem, means: Array) -> Iterator[Me
 
 def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a symmetric system that is not positive definite."""
+    yield from _gmres_circulant_itself(system)
     is_fast = len(system.c) >= GENERAL or system.fourier_form is not None
     if is_fast and not recursion_is_faster_than_gmres(len(system.c), system.columns):
         yield from _gmres_circulant(system, "gmres, circulant of both signs")
@@ -205,6 +213,7 @@ def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
         yield from _levinson_method(system, 0.0 if n <= SHORT else UNSTABLE)
     if n >= RECURSIVE and not factors_first:
         yield Method("gmres, trench of A + ε I", _iterate_shifted(system))
+        yield from _gmres_chan(system)
     if n <= LARGEST_DENSE:
         yield Method("lu", _factorise(system))
 
@@ -265,6 +274,20 @@ def _gmres_circulant(system: ToeplitzSystem, name: str) -> Iterator[Method]:
     """Yield GMRES with a circulant, which may be indefinite, but for samples that are zero."""
     eigenvalues = away_from_zero(system.samples, system.c.dtype)
     yield from _circulant_method(system, eigenvalues, solve_by_gmres, name)
+
+
+def _gmres_circulant_itself(system: ToeplitzSystem) -> Iterator[Method]:
+    """Yield GMRES with the circulant that A nearly is, whatever its numbers are."""
+    if wraps_around(system.c, system.r):
+        eigenvalues = chan_eigenvalues(system.A)
+        yield from _circulant_method(system, eigenvalues, solve_by_gmres, CHAN)
+
+
+def _gmres_chan(system: ToeplitzSystem) -> Iterator[Method]:
+    """Yield GMRES with T. Chan's circulant, where there is no other way for so many unknowns."""
+    eigenvalues = away_from_zero(chan_eigenvalues(system.A), system.c.dtype)
+    patiently = partial(solve_by_gmres, patience=AT_LAST)
+    yield from _circulant_method(system, eigenvalues, patiently, CHAN)
 
 
 def _gmres_spectral(A: ToeplitzOperator) -> Iterator[Method]:

@@ -106,7 +106,8 @@ class ToeplitzInverse(GridOperator):
                 f"A is {self.A!r}, but the log-determinant and the sums of diagonals are known of "
                 "a matrix only that is symmetric, or Hermitian, and positive definite"
             )
-        return sharpen(Columns(double_line(self.A), self.G.x.astype(np.result_type(self.G.x, 0.0))))
+        x = self.G.x.astype(np.result_type(self.G.x, np.float64))
+        return sharpen(Columns(double_line(self.A), x))
 
     @cached_property
     def _logdet(self) -> LogDeterminant:

@@ -31,7 +31,7 @@ def cosine_over_levinson() -> float:
         Where the environment variable is not a positive number.
     """
     fixed = os.environ.get(VARIABLE)
-    if fixed is None:
+    if not fixed:  # As for most programs, an empty one is none.
         return _measure()
     try:
         ratio = float(fixed)

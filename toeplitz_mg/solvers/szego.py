@@ -84,7 +84,10 @@ def _factor(column: SharpColumn) -> LogDeterminant:
         diagonal = np.linalg.cholesky(A.toarray()).diagonal().real
     except np.linalg.LinAlgError:
         schur_column(A.c)  # It says which leading block is not positive definite.
-        raise
+        raise np.linalg.LinAlgError(
+            f"the leading {n} x {n} block is not positive definite, exactly or numerically: with a "
+            "larger c[0] it is"
+        ) from None
     trace = float(column.polynomial.diagonal_sums[0].real)
     error = EPS * (float(np.sqrt(2.0 / n)) * norm(A.c) * trace + n)
     return LogDeterminant(2.0 * float(np.log(diagonal).sum()), error)
