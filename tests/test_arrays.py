@@ -427,3 +427,36 @@ def test_a_matrix_in_single_precision_takes_vectors_of_any_size_in_double(size, 
     expected = tmg.ToeplitzOperator(c) @ x
     assert_allclose(y, expected, atol=1e-5 * np.abs(expected).max())
     assert not on_host(A @ strict.asarray(0.0 * x)).any()
+
+
+@pytest.mark.parametrize("name", ["chan", "strang", "cosine", "sine", "fft"])
+def test_preconditioners_pickle(xp, name):
+    A = tmg.ToeplitzOperator(xp.asarray(kernel(20)))
+    for B in (A, tmg.MaskedOperator(A, np.arange(20) % 3 > 0)):
+        M = getattr(tmg, f"{name}_preconditioner")(B)
+        x = xp.asarray(random(B.shape[0]))
+        assert np.array_equal(on_host(pickle.loads(pickle.dumps(M)) @ x), on_host(M @ x))
+
+
+@pytest.mark.parametrize("make", [tmg.chan_preconditioner, tmg.strang_preconditioner])
+def test_transposes_of_complex_circulants_are_those_on_numpy(xp, make):
+    c = 0.5 ** np.arange(20) * 1j ** np.arange(20)
+    ours, theirs = make(tmg.ToeplitzOperator(c)), make(tmg.ToeplitzOperator(xp.asarray(c)))
+    x = random(20, dtype=np.complex128)
+    for of in (lambda M: M.T, lambda M: M.H, lambda M: M.T.T):
+        assert_allclose(on_host(of(theirs) @ xp.asarray(x)), of(ours) @ x, rtol=0, atol=1e-13)
+
+
+def test_a_number_may_be_an_array(xp):
+    A = tmg.ToeplitzOperator(xp.asarray(kernel(20)))
+    twice = A * xp.asarray(2.0)
+    assert isinstance(twice, tmg.ToeplitzOperator)
+    x = xp.asarray(random(20))
+    assert np.array_equal(on_host(twice @ x), on_host((2 * A) @ x))
+
+
+def test_what_scipy_would_compose_is_refused(xp):
+    A = tmg.ToeplitzOperator(xp.asarray(kernel(20)))
+    for compose in (lambda: A @ A, lambda: A * A, lambda: A + tmg.chan_preconditioner(A)):
+        with pytest.raises(TypeError, match=r"make no operator on arrays of .*A @ \(B @ x\)"):
+            compose()

@@ -11,6 +11,7 @@ from toeplitz_mg.contact import (
     Material,
     friction,
     frictional_contact,
+    frictional_rolling,
     normal_contact,
     surfaces,
 )
@@ -476,3 +477,40 @@ def test_refuses_bad_arguments(change, error, match):
 def test_says_where_it_does_not_converge():
     with pytest.raises(ContactError, match="after 2 iterations between pressures and friction"):
         sphere(max_iterations=2)
+
+
+@doubtful
+@pytest.mark.parametrize("force", [-1.43369, -1.4342, -1.4316])
+def test_a_force_near_its_limit_along_one_axis_is_no_singular_matrix(force):
+    element, bodies = (0.1, 0.1), (Material(E=1000.0, nu=0.0), RIGID)
+    gap = surfaces.sphere((32, 32), element, radius=20.0)
+    mu = np.where(surfaces.centres((32, 32), element)[0] + 0.0 * gap > 0.0, 0.8, 0.1)
+    result = frictional_contact(
+        gap, element, material=bodies, mu=mu, force=3.0, tangential_force=(force, 0.0)
+    )
+    assert_allclose(result.tangential.force, (force, 0.0), atol=1e-9)
+
+
+@doubtful
+def test_in_line_contact_forces_and_histories_may_be_lateral():
+    gap = surfaces.cylinder(64, 0.02, radius=30.0)
+    alike = Material(E=210000.0, nu=0.28)
+    pressed = {"mu": 0.3, "force": 50.0}
+    both = frictional_contact(gap, 0.02, material=alike, **pressed, tangential_force=(3.0, 2.0))
+    normal = normal_contact(gap, 0.02, material=alike, force=50.0)
+    shifted = friction(normal, mu=0.3, force=(3.0, 2.0))
+    assert_allclose(both.tangential.traction, shifted.traction, atol=1e-9 * shifted.bound.max())
+    unlike = alike, Material(E=70000.0, nu=0.33)
+    rolled = frictional_rolling(gap, 0.02, material=unlike, **pressed, lateral=1e-4)
+    after = frictional_contact(gap, 0.02, material=unlike, **pressed, previous=rolled)
+    assert after.tangential.traction.shape == (2, 64)
+    # Of a history along x alone, the lateral tractions begin at zero.
+    along = frictional_contact(gap, 0.02, material=unlike, **pressed)
+    step = frictional_contact(
+        gap, 0.02, material=unlike, mu=0.3, force=52.0, shift=(0.0, 1e-5), previous=along
+    )
+    more = frictional_contact(gap, 0.02, material=unlike, mu=0.3, force=54.0, previous=step)
+    assert more.residual <= 1e-6
+    lateral = more.tangential.traction[1]
+    assert lateral.min() >= 0.0
+    assert lateral.max() > 0.0

@@ -211,3 +211,23 @@ def test_refuses_bad_arguments(change, error, match):
 def test_says_where_it_does_not_converge():
     with pytest.raises(ContactError, match="after 1 iterations between pressures and friction"):
         rollers(max_iterations=1)
+
+
+@doubtful
+def test_loads_are_refused_for_the_pressures_that_friction_leaves():
+    """Friction draws pressures to where it is high: more is carried than by those without it."""
+    element, bodies = (0.1, 0.1), (Material(E=1000.0, nu=0.0), Material.rigid())
+    gap = surfaces.sphere((32, 32), element, radius=20.0)
+    mu = np.where(surfaces.centres((32, 32), element)[0] + 0.0 * gap > 0.0, 0.8, 0.1)
+    pressed = {"material": bodies, "mu": mu, "force": 3.0}
+    pressures = normal_contact(gap, element, material=bodies, force=3.0).pressure
+    without = float((mu * pressures).sum()) * 0.01
+    sliding = frictional_rolling(gap, element, **pressed, longitudinal=0.1).tangential.force[0]
+    assert abs(sliding) > 1.1 * without
+    force = np.array([0.5 * (sliding - without), 0.0])  # Between the two.
+    rolled = frictional_rolling(gap, element, **pressed, tangential_force=force)
+    assert_allclose(rolled.tangential.force, force, atol=1e-6)
+    # All along, as the limit of the pressures that are found, and before any work.
+    for factor, match in ((1.05, "must be less than the traction bound carries"), (2.0, "2.4$")):
+        with pytest.raises(ValueError, match=match):
+            frictional_rolling(gap, element, **pressed, tangential_force=(factor * sliding, 0.0))

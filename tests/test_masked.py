@@ -98,3 +98,10 @@ def test_a_part_is_as_symmetric_as_the_whole():
     ):
         part = tmg.MaskedOperator(A, np.arange(9) % 4 > 0)
         assert (part.is_symmetric, part.is_hermitian) == (symmetric, hermitian)
+
+
+def test_a_masked_preconditioner_has_one_precision():
+    M = tmg.cosine_preconditioner(tmg.MaskedOperator(whole(), random_mask(0)))
+    assert M.astype(np.float64) is M
+    with pytest.raises(TypeError, match="made in one precision: give its function the dtype"):
+        M.astype(np.float32)

@@ -8,7 +8,15 @@ from numpy.testing import assert_allclose
 
 from tests.test_friction import doubtful, semi_ellipse
 from tests.test_rolling import MU, A, assert_rolls, circle
-from toeplitz_mg.contact import ContactWarning, Material, friction, rolling, rolling_steps, surfaces
+from toeplitz_mg.contact import (
+    ContactError,
+    ContactWarning,
+    Material,
+    friction,
+    rolling,
+    rolling_steps,
+    surfaces,
+)
 from toeplitz_mg.contact import grid as grid_module
 from toeplitz_mg.contact.grid import Grid
 
@@ -379,3 +387,31 @@ def test_loads_together_are_refused_beyond_what_slides(part):
     else:
         with pytest.raises(ValueError, match=r"the loads together are 1\.02 times what"):
             rolling(g, **loads, **case)
+
+
+@doubtful
+@pytest.mark.parametrize("distance", [0.2, 0.5])
+def test_loads_that_drag_each_other_along_are_refused_together(distance):
+    """A force beside the pole brings a moment, beyond what the tractions about it can undo."""
+    n, h = 48, 0.04
+    x, y = surfaces.centres((n, n), (h, h))
+    r = np.hypot(x, y - distance)
+    g = MU * semi_ellipse(r, 0.16)
+    carried = float(g.sum()) * h**2
+    with pytest.raises(ValueError, match="the loads together are"):
+        rolling(g, (h, h), material=BODY, force=(0.5 * carried, 0.0), moment=0.0)
+    # About the middle of the contact the same loads are carried, and little elsewhere too.
+    about = {"force": (0.5 * carried, 0.0), "moment": 0.0, "pole": (0.0, distance)}
+    little = {"force": (0.1 * carried, 0.0), "moment": 0.0}
+    for loads in (about, little):
+        result = rolling(g, (h, h), material=BODY, **loads)
+        assert_allclose(result.force, loads["force"], atol=1e-7 * carried)
+        assert abs(result.moment) <= 1e-7 * carried
+
+
+def test_what_is_reached_of_the_loads_is_said():
+    n, h = 24, 0.05
+    g = MU * semi_ellipse(np.hypot(*surfaces.centres((n, n), (h, h))), 0.5)
+    F = 0.5 * float(g.sum()) * h**2
+    with pytest.raises(ContactError, match=r"of the force .* it has .*; of the moment"):
+        rolling(g, (h, h), material=BODY, force=(F, 0.0), moment=0.01, max_products=2)

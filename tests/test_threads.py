@@ -21,7 +21,7 @@ from toeplitz_mg.engine import backends, threads
 from toeplitz_mg.engine.backends import chosen_backends
 from toeplitz_mg.engine.fourstep import FourStep
 from toeplitz_mg.engine.panels import Panels
-from toeplitz_mg.engine.vectors import ALONE
+from toeplitz_mg.engine.vectors import ALONE, REDUCED
 from toeplitz_mg.preconditioners.fsai import levels
 
 WORKERS = 1, 2, 3
@@ -399,3 +399,12 @@ for shape in ((512, 512), (600, 601), (2048, 256)):
     command = [sys.executable, "-c", script]
     run = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
     assert run.stdout.split() == 12 * ["1"], run.stderr
+
+
+@pytest.mark.parametrize("place", [0, -1])
+def test_extremes_are_no_numbers_where_one_is_none_in_any_part(place):
+    x = np.zeros(2 * REDUCED)
+    x[place] = np.nan
+    for workers in (1, 2, 3):
+        with scipy.fft.set_workers(workers):
+            assert np.isnan([ALONE.min(x), ALONE.max(x), ALONE.peak(x)]).all()

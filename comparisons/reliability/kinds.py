@@ -112,6 +112,14 @@ def zero_diagonal(rng: Generator, n: int) -> Line:
     return (c, c) if rng.random() < 0.5 else (c, r)
 
 
+def circulant(rng: Generator, n: int) -> Line:
+    """Return a circulant of random numbers, or a permutation, and little beside it, or nothing."""
+    c = rng.standard_normal(n) if rng.random() < 0.5 else np.eye(1, n, int(rng.integers(n)))[0]
+    c[0] += rng.choice([0.0, 0.3])
+    r = np.concatenate([c[:1], c[:0:-1]])
+    return c, r * (1.0 + rng.choice([0.0, 1e-4]) * rng.standard_normal(n))
+
+
 def every_other(rng: Generator, n: int) -> Line:
     """Return a matrix of odd lags alone: every second leading block is singular, not the whole."""
     c, r = (decaying if rng.random() < 0.5 else without_symbol)(rng, n + n % 2)
@@ -143,6 +151,7 @@ KINDS: list[Kind] = [
     hermitian,
     complex_decaying,
     skew_symmetric,
+    circulant,
     zero_diagonal,
     every_other,
     less_a_sample,

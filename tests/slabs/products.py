@@ -394,3 +394,21 @@ def test_a_matrix_in_single_precision_takes_vectors_of_any_size_in_double(comm):
             error = slab.vectors.peak((M @ (size * x)) / size - y)
             assert error <= 1e-5 * largest
         assert not (M @ (0.0 * x)).any()
+
+
+def test_vectors_of_any_numbers_have_products_in_the_precision_of_the_matrix(comm):
+    """Integers, booleans, half precision, and bytes in the order of another machine."""
+    rng = np.random.default_rng(0)
+    for shape in ((40,), (40, 1), (8, 5)):
+        slab, c = slabs.Slab(comm, shape), kernel(shape)
+        A, serial = slabs.ToeplitzOperator(c[slab.rows], slab), tmg.ToeplitzOperator(c)
+        C = slabs.CoupledOperator([[A, None], [None, A]])
+        for dtype in ("i8", "?", "f2", "f4", ">f8", ">i4"):
+            x = (3.0 * rng.standard_normal(shape)).astype(dtype)
+            whole = (serial @ x.ravel().astype(np.float64)).reshape(shape)
+            own = x[slab.rows].ravel()
+            y = A @ own
+            assert y.dtype == np.float64
+            assert_rows(slab, y, whole, 1e-14)
+            for part in (C @ np.concatenate([own, own])).reshape(2, -1):
+                assert_rows(slab, part, whole, 1e-14)

@@ -259,3 +259,14 @@ def test_what_is_no_communicator_is_refused(comm):
             "must be a communicator, as MPI.COMM_WORLD",
             partial(Slab, wrong, (8, 3)),
         )
+
+
+def test_sums_are_in_double_precision_and_extents_tell_of_what_is_no_number(comm):
+    slab = Slab(comm, (comm.size,))
+    ranks = comm.size
+    assert slab.sum(np.full(100, 1000, np.float16)) == 1e5 * ranks
+    assert slab.sum(np.full(2, 2**62)) == ranks * 2.0**63
+    assert abs(slab.sum(np.full(10**6, 0.1, np.float32)) / (ranks * 1e5) - 1.0) < 1e-7
+    for rank in range(ranks):
+        x = np.array([np.nan if comm.rank == rank else 1.0])
+        assert np.isnan(slab.extent(x)).all()

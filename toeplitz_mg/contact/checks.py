@@ -183,9 +183,20 @@ def check_force(force: Any, most: float, grid: Grid, *, name: str = "force") -> 
     return total, size >= most * (1.0 - SLIDES)
 
 
+def show(given: Any) -> str:
+    """Return what was given as it is, or of an array that is no vector its shape."""
+    return repr(given) if np.ndim(given) < 2 and np.size(given) < 4 else str(np.shape(given))
+
+
 def is_lateral(previous: Any) -> bool:
     """Whether a tangential contact has tractions of two components, in line contact too."""
     return isinstance(previous, TangentialResult) and previous.traction.ndim > len(previous.shape)
+
+
+def has_two_components(shape: tuple[int, ...], shift: Any, force: Any) -> bool:
+    """Whether a shift or a force is of two components; one of two strips may be a field on them."""
+    is_field = np.shape(shift) == shape
+    return np.shape(force) == (2,) or (np.shape(shift)[:1] == (2,) and not is_field)
 
 
 def widen(x: Array, components: int) -> Array:

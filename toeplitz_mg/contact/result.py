@@ -43,8 +43,11 @@ class ContactError(RuntimeError):
         return type(self), (*self.args, self.result)
 
 
-def check_converged(result: Result, tolerance: float) -> Result:
-    """Return the result, or raise ContactError where it violates the conditions of contact."""
+def check_converged(result: Result, tolerance: float, reached: str = "") -> Result:
+    """Return the result, or raise ContactError where it violates the conditions of contact.
+
+    What has been `reached` of what was given ends the message.
+    """
     if result.residual <= tolerance:
         return result
     law, scale = ("Coulomb's law is", "displacement, or rigid slip")
@@ -52,7 +55,7 @@ def check_converged(result: Result, tolerance: float) -> Result:
         law, scale = ("the conditions of contact are", "interference")
     raise ContactError(
         f"after {result.products} products {law} violated by {result.residual:.1e} of the largest "
-        f"{scale}, but the tolerance is {tolerance:g}",
+        f"{scale}, but the tolerance is {tolerance:g}{reached}",
         result,
     )
 

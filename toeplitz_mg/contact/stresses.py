@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact import plotting, saving, vtk
+from toeplitz_mg.contact import fields, plotting, saving, vtk
 from toeplitz_mg.contact.summary import Figure, Summary, list_figures, span, tabulate_figures
 from toeplitz_mg.engine.threads import elementwise
 
@@ -43,6 +43,11 @@ class Stresses:
     depths: Array
     centres: tuple[Array, ...]
     components: Array
+
+    def __post_init__(self) -> None:
+        fields.protect(self)
+
+    __setstate__ = fields.restore
 
     @property
     def xx(self) -> Array:

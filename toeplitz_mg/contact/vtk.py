@@ -61,8 +61,12 @@ def stresses_to_vtk(
     Raises
     ------
     FileExistsError, OSError, ValueError
-        As `save`.
+        As `save`; also where depths are not in order.
     """
+    if not (np.diff(stresses.depths) > 0.0).all():
+        raise ValueError(
+            f"depths are {stresses.depths}, but must increase: a grid of VTK has no other ones"
+        )
     x, y = (*stresses.centres, np.zeros(1))[:2]
     shape = len(stresses.depths), len(x), len(y)
     fields = ((name, a.reshape(shape).transpose(1, 2, 0)[None]) for name, a in stresses.fields())

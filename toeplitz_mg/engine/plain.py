@@ -19,9 +19,17 @@ from toeplitz_mg.engine.embedding import zeros
 from toeplitz_mg.engine.library import library_of, refuse_mixed
 from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.plain_passes import PlainDiagonalised, PlainPasses
-from toeplitz_mg.engine.plain_transforms import along, cosine_sums, dct, dst, idct, idst
+from toeplitz_mg.engine.plain_transforms import (
+    PlainTransforms,
+    along,
+    cosine_sums,
+    dct,
+    dst,
+    idct,
+    idst,
+)
 from toeplitz_mg.engine.products import Transforms
-from toeplitz_mg.engine.vectors import Gather
+from toeplitz_mg.engine.vectors import Gather, largest, least
 from toeplitz_mg.engine.work import count_work
 
 try:
@@ -42,8 +50,8 @@ class Plain:
         self.dense, self.in_place = 0, dict[str, Any]()  # No product is dense, no `fft` in place.
         self.name = xp.__name__.removeprefix("array_api_compat.")
         self.vectors, self.vectors_of = PlainVectors(self), partial(PlainVectors, self)
-        self.fourier = Transforms(xp.fft.rfftn, self._of_complex(xp.fft.irfftn))
-        self.complex_fourier = Transforms(xp.fft.fftn, self._of_complex(xp.fft.ifftn))
+        self.fourier: Any = PlainTransforms(self, xp.fft.rfftn, xp.fft.irfftn)
+        self.complex_fourier: Any = PlainTransforms(self, xp.fft.fftn, xp.fft.ifftn)
         self.cosine = Transforms(*(partial(along, f, self) for f in (dct, idct)))
         self.sine = Transforms(*(partial(along, f, self) for f in (dst, idst)))
         self.cosine_sums, self.invert = partial(cosine_sums, self), partial(truediv, 1.0)
@@ -199,13 +207,6 @@ class Plain:
         """Return what has the shape and the dtype of the product with a matrix of a dtype."""
         return self.cast(X, np.result_type(self.dtype(X), dtype))
 
-    def _of_complex(self, transform: Any) -> Any:
-        """Return a transform of complex numbers that takes real ones too."""
-        complex64 = self.xp.complex64
-        return lambda a, **options: transform(
-            self.xp.astype(a, self.xp.result_type(a.dtype, complex64), copy=False), **options
-        )
-
 
 _library = lru_cache(maxsize=16)(Plain)
 
@@ -225,8 +226,8 @@ class PlainVectors:
         def extreme(of: Any, combine: Any, empty: float) -> Callable[[Any], float]:
             return lambda x: combine(self.gather(float(of(x)) if x.size else empty))
 
-        self.min, self.max = extreme(xp.min, min, inf), extreme(xp.max, max, -inf)
-        self.peak = extreme(lambda x: xp.max(library.sizes(x)), max, 0.0)
+        self.min, self.max = extreme(xp.min, least, inf), extreme(xp.max, largest, -inf)
+        self.peak = extreme(lambda x: xp.max(library.sizes(x)), largest, 0.0)
         self.count = lambda x: int(sum(self.gather(int(xp.count_nonzero(x)))))
         self.sum: Callable[[Any], float] = lambda x: sum(self.gather(library.sum(x)))
         self.dot: Any = lambda x, y: self.sum(library.real(library.conj(x) * y))

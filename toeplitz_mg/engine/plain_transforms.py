@@ -84,3 +84,21 @@ def _turns(library: Any, n: int, dtype: Any, rest: int) -> Any:
     turns = sqrt(2.0 / n) * phases(library, n // 2 + 1, pi / (2 * n), np.complex128)
     turns = xp.concat([turns[:1] * sqrt(0.5), turns[1:]])
     return xp.reshape(xp.astype(turns, dtype), (-1, *[1] * rest))
+
+
+class PlainTransforms:
+    """A Fourier transform, and its inverse, which takes real numbers too (see `Transforms`)."""
+
+    def __init__(self, library: Any, forward: Any, inverse: Any) -> None:
+        self.library, self.forward, self._inverse = library, forward, inverse
+
+    def __reduce__(self) -> Any:
+        # Functions of some libraries cannot be pickled: the library has them again.
+        name = "fourier" if self.library.fourier is self else "complex_fourier"
+        return getattr, (self.library, name)
+
+    def backward(self, a: Any, **options: Any) -> Any:
+        """Return the inverse transform."""
+        xp = self.library.xp
+        dtype = xp.result_type(a.dtype, xp.complex64)
+        return self._inverse(xp.astype(a, dtype, copy=False), **options)

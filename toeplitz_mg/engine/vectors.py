@@ -15,7 +15,7 @@ of fields of several axes are the same bits then, whoever has which rows (see `r
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from math import hypot, inf, sqrt
+from math import hypot, inf, isnan, sqrt
 from typing import Any
 
 import numpy as np
@@ -258,15 +258,25 @@ def _reduce(of_part: Callable[[Array], Any], combine: Callable[[list[Any]], Any]
     return reduce
 
 
+def least(numbers: Sequence[float]) -> float:
+    """Return the least of some numbers, NaN where one is, which Python's `min` may overlook."""
+    return next(filter(isnan, numbers), min(numbers))
+
+
+def largest(numbers: Sequence[float]) -> float:
+    """Return the largest of some numbers, NaN where one is."""
+    return next(filter(isnan, numbers), max(numbers))
+
+
 _sum = _reduce(lambda x: float(x.sum()), sum)
-_min = _reduce(lambda x: float(x.min(initial=inf)), min)
-_max = _reduce(lambda x: float(x.max(initial=-inf)), max)
+_min = _reduce(lambda x: float(x.min(initial=inf)), least)
+_max = _reduce(lambda x: float(x.max(initial=-inf)), largest)
 _count = _reduce(lambda x: int(np.count_nonzero(x)), sum)
 
 
 def _peak(x: Array) -> float:
     parts = (x.real, x.imag) if x.dtype.kind == "c" else (x,)
-    return max(float(np.abs(part).max(initial=0.0)) for part in parts)
+    return largest([float(np.abs(part).max(initial=0.0)) for part in parts])
 
 
 class Vectors:
@@ -353,9 +363,9 @@ class Vectors:
         self.gram: Callable[[Array], Array] = of_parts(lambda grams: np.sum(grams, axis=0), gram)
         self.norm: Callable[[Array], float] = of_parts(lambda norms: hypot(*norms), norm)
         self.sum: Callable[[Array], float] = of_parts(sum, _sum)
-        self.min: Callable[[Array], float] = of_parts(min, _min)
-        self.max: Callable[[Array], float] = of_parts(max, _max)
-        self.peak: Callable[[Array], float] = of_parts(max, _peak)
+        self.min: Callable[[Array], float] = of_parts(least, _min)
+        self.max: Callable[[Array], float] = of_parts(largest, _max)
+        self.peak: Callable[[Array], float] = of_parts(largest, _peak)
         self.count: Callable[[Array], int] = of_parts(lambda counts: int(sum(counts)), _count)
 
     def copy(self, x: Array, out: Array) -> Array:

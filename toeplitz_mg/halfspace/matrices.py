@@ -17,6 +17,7 @@ from toeplitz_mg.halfspace.influence import (
 from toeplitz_mg.halfspace.line_contact import line_contact_coefficients
 from toeplitz_mg.halfspace.points import offsets
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
+from toeplitz_mg.operators.coefficients import Coefficients
 from toeplitz_mg.values import count, positive, refuse_masked
 
 # The blocks on and above the diagonal, and whether they are even (1) or odd (-1) in x and in y.
@@ -195,7 +196,7 @@ def evaluate(
 def operator_of(c: Array, parity: tuple[int, ...], ahead: int) -> ToeplitzOperator:
     """Return the matrix of coefficients that are even or odd in each axis."""
     if ahead == 0 and set(parity[: c.ndim]) == {1}:
-        return ToeplitzOperator(c)
+        return ToeplitzOperator(Coefficients.of_column(c))  # It is no dense matrix, for certain.
     lags = np.empty([2 * n - 1 for n in c.shape])
     lags[tuple(slice(n - 1, None) for n in c.shape)] = c
     for axis, n in enumerate(c.shape):

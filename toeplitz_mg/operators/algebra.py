@@ -15,7 +15,8 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.values import refuse_masked
+from toeplitz_mg.engine.library import NUMPY, library_of
+from toeplitz_mg.values import is_foreign, refuse_masked
 
 
 def read_factor(x: Any, n: int) -> Any:
@@ -48,6 +49,8 @@ def read_factor(x: Any, n: int) -> Any:
         x = x[()]
     if np.ma.isMaskedArray(x):
         refuse_masked("x", x)
+    if is_foreign(x) and x.ndim == 0:  # With some libraries nearly every number is an array.
+        x = library_of(x).to_numpy(x)[()]
     if issparse(x):
         return _read_diagonal(x, n)
     number: Any = None
@@ -86,10 +89,21 @@ def scaling(side: str, method: Callable[[Any, Any], Any]) -> Callable[[Any, Any]
         factor = read_factor(x, A.shape[0])
         product = NotImplemented if factor is None else A.scaled(**{side: factor})
         if product is NotImplemented:
+            _refuse_composition(A, x)
             return method(A, aslinearoperator(x) if issparse(x) else x)
         return product
 
     return multiply
+
+
+def _refuse_composition(A: Any, x: Any) -> None:
+    """Refuse what SciPy would compose: its operators make arrays of NumPy of all others."""
+    library = getattr(A, "library", NUMPY)
+    if library is not NUMPY and isinstance(x, LinearOperator):
+        raise TypeError(
+            f"{A!r} and {x!r} make no operator on arrays of {library.name}: apply one after the "
+            "other, as in A @ (B @ x)"
+        )
 
 
 def add(A: Any, x: Any) -> Any:
@@ -113,6 +127,7 @@ def add(A: Any, x: Any) -> Any:
         total = A.plus(other)
         if total is not NotImplemented:
             return total
+    _refuse_composition(A, x)
     return LinearOperator.__add__(A, aslinearoperator(x) if issparse(x) else x)
 
 

@@ -192,13 +192,13 @@ class Conjugate(GridOperator):
     """The complex conjugate of a matrix, which takes x to the conjugate of A conj(x)."""
 
     def __init__(self, A: GridOperator) -> None:
-        super().__init__(A.dtype, A.grid_shape, A.work, A.shape[0])
+        super().__init__(A.dtype, A.grid_shape, A.work, A.shape[0], A.library)
         self._A = A
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
-        Y = self._A.apply(X.conj(), out)
-        return np.conjugate(Y, out=Y)
+        Y = self._A.apply(self.library.conj(X), out)
+        return np.conjugate(Y, out=Y) if self.library is NUMPY else self.library.conj(Y)
 
     def _adjoint(self) -> GridOperator:
         adjoint = self._A._adjoint()

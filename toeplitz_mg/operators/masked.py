@@ -100,7 +100,11 @@ class MaskedOperator(GridOperator):
 
     def astype(self, dtype: DTypeLike) -> "MaskedOperator":
         """Return the matrix in another precision, or itself where it has that one."""
-        return self if self.dtype == dtype else MaskedOperator(self.full.astype(dtype), self.mask)
+        if self.dtype == dtype:
+            return self
+        if not hasattr(self.full, "astype"):
+            raise TypeError(f"{self.full!r} is made in one precision: give its function the dtype")
+        return MaskedOperator(self.full.astype(dtype), self.mask)
 
     def scaled(self, left: Any = None, right: Any = None) -> Any:
         """Return L A R, on the same mask (see `GridOperator.scaled`)."""

@@ -64,7 +64,7 @@ class Messages:
             if other.keys() != first.keys():
                 raise ValueError(
                     f"rank 0 compares {list(first)}, and rank {rank} {list(other)}, but all ranks "
-                    "must call the same functions in the same order"
+                    "must call the same functions in the same order, and give the same arguments"
                 )
             for name, value in first.items():
                 if other[name] != value:
@@ -153,8 +153,6 @@ def _check(comm: Any) -> Any:
             'toeplitz_mg.slabs needs mpi4py, but it is not there: pip install "toeplitz-mg[mpi]"'
         ) from error
     if not isinstance(comm, MPI.Intracomm) or comm == MPI.COMM_NULL:
-        raise TypeError(
-            f"comm is a {type(comm).__name__}, but must be a communicator, as MPI.COMM_WORLD of "
-            "mpi4py"
-        )
+        name = "MPI.COMM_NULL" if comm == MPI.COMM_NULL else f"a {type(comm).__name__}"
+        raise TypeError(f"comm is {name}, but must be a communicator, as MPI.COMM_WORLD of mpi4py")
     return comm

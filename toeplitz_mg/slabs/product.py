@@ -70,6 +70,8 @@ class SlabProduct:
         if self.line is None:
             return self._multiply(x, y)
         parts = self.library.to_numpy(x).reshape(self._own.grid_shape[0], -1)
+        # The result is written there, and MPI knows one order of bytes only.
+        parts = parts.astype(np.result_type(parts, self._own.dtype), copy=False)
         X = np.stack([self.line.rows(part) for part in parts])
         X = self.library.to_numpy(self._multiply(self.library.from_numpy(X), X))
         return self.library.join([self.library.from_numpy(self.line.part(part)) for part in X], y)

@@ -158,6 +158,8 @@ class Slab(Messages):
     def sum(self, x: Array) -> float:
         """Return the sum of a real field of which each rank has its part: the same on all ranks."""
         vectors, x = self._read(x)
+        if vectors is self.vectors:
+            x = x.astype(np.float64, copy=False)  # Others overflow, or round, sooner.
         return float(vectors.sum(x))
 
     save = save_rows

@@ -82,7 +82,8 @@ class NormalResult:
         `load_curve` under all loads so far.
     stiffness : float or None
         The change of the force by that of the approach, N/mm; in plane strain N/mm². It is
-        computed when it is first asked for, by a few products.
+        computed when it is first asked for, by a few products. None of unlike bodies with friction,
+        and of copies with the rows of one rank.
     products : int
         Products with the matrix of this grid.
     work : float

@@ -21,6 +21,7 @@ ROUNDING = 4.0 * np.finfo(np.float64).eps  # Relative rounding of |q|, however i
 ON_BOUND = 1e-12  # Relative distance from the bound at which a traction counts as on it.
 STEPS = 100  # Steps of Newton's method for a given sum: a dozen are usual.
 HALVINGS = 40  # Halvings of a step of Newton's method: after so many it moves nothing.
+FAR = 1e9  # What is added to tractions, over the largest, from where they do not turn any more.
 BALANCED = 1e-13  # Error of a sum that is rounding, over it or over the sum of the sizes.
 
 
@@ -248,6 +249,7 @@ def balance(
     # The sum is the gradient of a convex function of c: Newton's method, with a search along it.
     c = np.zeros(len(q))
     value, p = _primitive(z, g_m, circle, unit, vectors)
+    farthest = vectors.max(size(z) / unit)
     missing = less(p, rest)
     goal = BALANCED * max(float(np.linalg.norm(total[wanted])), vectors.sum(size(p)))
     for _ in range(STEPS):
@@ -276,6 +278,8 @@ def balance(
         else:
             return None
         c, value = trial, new
+        if float(np.linalg.norm(c)) > FAR * farthest:
+            return None  # All are on the circle along one axis, and cannot turn.
     return None
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element
-from toeplitz_mg.contact import plotting, saving
+from toeplitz_mg.contact import fields, plotting, saving
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.contact.summary import (
     Figure,
@@ -57,6 +57,10 @@ class CreepCurve:
     products: Array
     element: tuple[float, ...]
 
+    def __post_init__(self) -> None:
+        fields.protect(self)
+
+    __setstate__ = fields.restore
     summary, _repr_html_ = list_figures, tabulate_figures
 
     def __repr__(self) -> str:

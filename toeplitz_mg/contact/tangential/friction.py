@@ -16,7 +16,9 @@ from toeplitz_mg.contact.checks import (
     check_pressed,
     check_previous,
     check_shift,
+    has_two_components,
     is_lateral,
+    show,
 )
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
@@ -145,19 +147,13 @@ def friction(
     """
     g, element, material, periodic = check_pressed(bound, element, material, periodic, mu)
     grid = Grid.of(g.shape, element, material, reference, periodic)
-    if is_lateral(previous) or (g.ndim == 1 and _has_two_components(g, shift, force)):
+    if is_lateral(previous) or has_two_components(g.shape, shift, force):
         grid = replace(grid, directions="xy")
     result = shift_bodies(
         grid, g, Window.around, shift, force, previous, tolerance, nested, max_products, progress
     )
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
-
-
-def _has_two_components(g: Array, shift: Any, force: Any) -> bool:
-    """Whether a shift or a force is of two components; one of two strips may be a field on them."""
-    is_field = np.shape(shift) == g.shape
-    return np.shape(force) == (2,) or (np.shape(shift)[:1] == (2,) and not is_field)
 
 
 def shift_bodies(
@@ -178,6 +174,7 @@ def shift_bodies(
         check_iteration(tolerance, max_products, progress)
         before = b if previous is None else check_previous(previous, grid, b.shape)
         change, of_elements = _read_shift(shift, force, b.shape)
+        same["shift"] = None
         if change is not None:
             b = b + change
             same["shift"] = "a field" if of_elements else change.tolist()
@@ -229,8 +226,8 @@ def _read_shift(shift: Any, force: Any, shape: tuple[int, ...]) -> tuple[Array |
     of_elements = change is not None and is_field(shift, shape[0])
     if (shift is None) == (force is None) and not (of_elements and force is not None):
         raise ValueError(
-            f"shift is {shift!r} and force is {force!r}, but one of the two must be given: a "
-            "shift beside a force is a field"
+            f"shift is {show(shift)} and force is {show(force)}, but one of the two must be given: "
+            "a shift beside a force is a field"
         )
     return change, of_elements
 

@@ -13,13 +13,18 @@ from scipy.linalg import null_space
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.tangential.complement import Complement, inner_products
-from toeplitz_mg.contact.tangential.coulomb import Areas, Tangent, make_admissible, size
+from toeplitz_mg.contact.tangential.coulomb import (
+    Areas,
+    Tangent,
+    direction,
+    make_admissible,
+    size,
+)
 from toeplitz_mg.contact.tangential.motion import BeyondBound
 from toeplitz_mg.contact.tangential.problem import Linearisation, Problem, linearise
 from toeplitz_mg.engine.vectors import Vectors
 
 CARRYING = 8  # Attempts to restore the loads without a product: the rest is left to the next step.
-SAFE = 0.9  # Sum of the shares that each load has of the bound, up to which all can be carried.
 CARRIED = 1e-12  # Part of the loads that is missing which is rounding.
 
 
@@ -54,24 +59,30 @@ class Loads:
     def share(self, g: Array, vectors: Vectors) -> float:
         """Return the loads over the largest of the same proportions that a traction bound carries.
 
+        Where they are carried for certain it is a bound of that, below 1.
+
         Tractions of sliding by any creepages c carry the most in the direction of c: with them the
         product of the loads with c is the sum h(c) of g times the size of the slip. The least h(c)
         of all c whose product with the loads is 1 is what is carried of them.
         """
         most = [vectors.sum(np.where(size(arm) > 0.0, g, 0.0) * size(arm)) for arm in self.arms]
         shares = np.array([a / b if a else 0.0 for a, b in zip(self.wanted, most, strict=True)])
-        if len(shares) < 2 or np.abs(shares).sum() <= SAFE or vectors.count(np.isinf(g)):
+        if len(shares) < 2 or not min(most) > 0.0 or vectors.count(np.isinf(g)):
             return float(np.abs(shares).max(initial=0.0))
+        arms = self.arms / np.reshape(most, (-1, *(1,) * (self.arms.ndim - 1)))
+        # Parts of the bound, each in the direction of one load, which brings some of the others.
+        brought = np.array([inner_products(arms, g * direction(arm), vectors) for arm in arms])
+        parts, *_ = np.linalg.lstsq(brought.T, shares)
+        if np.allclose(parts @ brought, shares) and (total := float(np.abs(parts).sum())) < 1.0:
+            return total  # It may be less, but it is enough to know that.
         from scipy.optimize import minimize  # It is slow to import.
 
-        arms = self.arms / np.reshape(most, (-1, *(1,) * (self.arms.ndim - 1)))
         start, others = shares / (shares @ shares), null_space(shares[None])
 
         def carry(y: Array) -> tuple[float, Array]:
             slip = vectors.combine(start + others @ y, arms)
-            a = size(slip)
-            n = slip / np.where(a > 0.0, a, 1.0)
-            return vectors.sum(g * a), others.T @ inner_products(arms, g * n, vectors)
+            push = inner_products(arms, g * direction(slip), vectors)
+            return vectors.sum(g * size(slip)), others.T @ push
 
         return 1.0 / float(minimize(carry, np.zeros(others.shape[1]), jac=True).fun)
 

@@ -166,7 +166,9 @@ def rolling(
         except BeyondBound:  # That of no slip, or of a round, is not that of the answer.
             motion = Motion.of(g.shape, *asked)
             result = fall_by_loads(rounds, motion, grid, g, falling, stiffness, tolerance)
-    doubts.warn(check_converged(result, tolerance).warnings)
+    reached = "" if force is None else f"; of the force {force} it has {result.force}"
+    reached += "" if moment is None else f"; of the moment {moment} it has {result.moment:.6g}"
+    doubts.warn(check_converged(result, tolerance, reached).warnings)
     return result
 
 

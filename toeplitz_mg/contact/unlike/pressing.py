@@ -15,6 +15,10 @@ from toeplitz_mg.contact.checks import (
     check_load,
     check_previous,
     check_shift,
+    has_two_components,
+    is_lateral,
+    show,
+    widen,
 )
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Report
@@ -85,7 +89,8 @@ def frictional_contact(
         contact a number, or a field, as in `friction`. By default none.
     tangential_force : array_like, optional
         Total tangential force (Fx, Fy), or in line contact a number, N; in plane strain N/mm, in
-        the place of the shift. Of μ P all slides, as in `friction`.
+        the place of the shift. Of μ P all slides, as in `friction`. In line contact also two
+        components, as of the shift.
     previous : FrictionalResult, optional
         The state before, on the same grid: what slips depends on the way there, so that a load is
         best applied in steps.
@@ -149,6 +154,9 @@ def frictional_contact(
     """
     z, element = read_gap(gap, element, heights, unit)
     grid = Grid.of(z.shape, element, material, reference)
+    earlier = getattr(previous, "tangential", None)
+    if is_lateral(earlier) or has_two_components(z.shape, shift, tangential_force):
+        grid = replace(grid, directions="xy")
     force = check_load(grid, z, approach, force)
     friction = check_friction(mu, z.shape)
     check_iteration(tolerance, max_products, progress)
@@ -186,7 +194,6 @@ def frictional_contact(
     if tangential_force is None:
         of_elements = shift is not None and is_field(shift, grid.components)
         moved = as_given(change, is_field=of_elements)
-    earlier = None if previous is None else previous.tangential
     tangential = replace(tangential, shift=moved, total_shift=add_shifts(moved, earlier, grid))
     result = FrictionalResult(normal, tangential, residuals, before)
     doubts.warn(check_both(result, tolerance).warnings)
@@ -202,8 +209,8 @@ def read_motion(
     """
     if shift is not None and tangential_force is not None:
         raise ValueError(
-            f"shift is {shift!r} and tangential_force is {tangential_force!r}, but at most one of "
-            "the two may be given"
+            f"shift is {show(shift)} and tangential_force is {show(tangential_force)}, but at most "
+            "one of the two may be given"
         )
     still = np.zeros((grid.components, *(1,) * len(grid.shape)))
     if tangential_force is not None:
@@ -272,4 +279,4 @@ def extrapolate(
     else:
         change, last = force - now.force, now.force - earlier.force
     step = change / last if 0.0 < abs(change) <= FARTHEST * abs(last) else 0.0
-    return now.traction + step * (now.traction - earlier.traction)
+    return now.traction + step * (now.traction - widen(earlier.traction, len(now.traction)))

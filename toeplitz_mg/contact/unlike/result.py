@@ -23,6 +23,8 @@ class Before:
     def __post_init__(self) -> None:
         fields.protect(self)
 
+    __setstate__ = fields.restore
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrictionalResult:

@@ -12,6 +12,7 @@ from toeplitz_mg.contact.checks import check_friction, check_iteration, check_lo
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Report
 from toeplitz_mg.contact.result import TangentialResult
+from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.motion import Motion
 from toeplitz_mg.contact.tangential.rolling import roll
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
@@ -25,6 +26,8 @@ from toeplitz_mg.contact.unlike.result import FrictionalResult
 from toeplitz_mg.contact.unlike.tangential_sides import Rolling
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.values import count, refuse_masked
+
+CARRIED = 0.98  # Part of what pressures carry to which loads beyond it are reduced for the moment.
 
 
 def frictional_rolling(
@@ -132,10 +135,15 @@ def frictional_rolling(
     if motion.slip is not None:
         given = given + motion.slip
     inner, report = INNER * tolerance, Report(progress)
+    loads = Loads(motion.units(grid), motion.arms(grid), motion.wanted)
 
     def solve(g: Array, slip: Array, guess: TangentialResult | None) -> TangentialResult:
         field_of_slip = slip[0] if len(slip) == 1 else slip
-        asked = creepages, tangential_force, moment, field_of_slip, pole
+        # Friction moves pressures to where it is high: those before may carry less of the loads.
+        share = loads.share(g, grid.vectors)
+        part = 1.0 if share < 1.0 else CARRIED / share
+        x, y, about = (None if load is None else part * load for load in motion.loads)
+        asked = creepages, (x, y), about, field_of_slip, pole
         found = roll(
             grid, g, Window.tight, asked, inner, nested, max_products, report, options, guess
         )
@@ -147,10 +155,14 @@ def frictional_rolling(
         pressing = Pressing.of(grid, z, coupling, approach, force, inner, max_products, report)
         rolling = Rolling(grid, coupling, Coupling(grid.coupling(ahead=1)), friction, solve, given)
         p = pressing.begin(None, nested=nested)
-        motion.check_loads(grid, bound_of(friction, p))
+        if force is not None:  # No pressures of that sum carry a larger one.
+            largest = bound_of(np.max(friction), p)
+            replace(motion, loads=(*motion.loads[:2], None)).check_loads(grid, largest)
         p, q, residuals = alternate(
             pressing, rolling, p, tolerance=tolerance, most=most, report=report
         )
+        motion.check_loads(grid, bound_of(friction, p))
+        loads.check_share(bound_of(friction, p), grid.vectors)
         normal, tangential = pressing.result(q, p), rolling.result(p)
     normal = replace(normal, work=work.units(z.size))
     result = FrictionalResult(normal, tangential, residuals)
