@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.sparse import diags_array, eye_array
 
 import toeplitz_mg as tmg
-from tests.cases import checkered, coupled, coupled_kernel, half_space_kernel
+from tests.cases import checkered, coupled, coupled_kernel, dense_of_kernel, half_space_kernel
 from toeplitz_mg import halfspace
 
 
@@ -196,3 +196,23 @@ def test_preconditioners_have_the_precision_of_all_blocks():
     for make in (lambda A: A, cosine, tmg.fsai_preconditioner, tmg.fft_preconditioner):
         expected = make(exact) @ v
         assert_allclose(make(mixed) @ v, expected, atol=1e-12 * np.abs(expected).max())
+
+
+def test_components_in_another_precision():
+    kernel = coupled_kernel(2, 4, 5)
+    dense = dense_of_kernel(kernel)
+    A = coupled(kernel)(np.float64)
+    assert A.astype(np.float64) is A
+    less = A.astype(np.float32)
+    assert less.dtype == np.float32
+    eye = np.eye(len(dense), dtype=np.float32)
+    assert_allclose(less @ eye, dense, rtol=0, atol=1e-5 * abs(dense).max())
+
+
+def test_components_in_more_precision_are_products_in_more():
+    """What single precision has lost stays lost, but products are double again."""
+    A = coupled(coupled_kernel(2, 40, 30))(np.float32)
+    x = np.random.default_rng(0).standard_normal(A.shape[0])
+    more = A.astype(np.float64)
+    exact = more.toarray() @ x
+    assert_allclose(more @ x, exact, rtol=0, atol=1e-12 * abs(exact).max())

@@ -14,6 +14,8 @@ from toeplitz_mg.contact import (
     ContactWarning,
     Material,
     friction,
+    frictional_contact,
+    load_curve,
     normal_contact,
     rolling,
     rolling_steps,
@@ -262,3 +264,33 @@ def test_the_command_line_says_what_the_results_say(options, tmp_path, capsys):
     assert notes == [f"note: {doubt}" for doubt in said(lambda: pressed(gap, element)).warnings]
     assert len(notes) == (n == 8)
     assert "Warning" not in printed.err
+
+
+CALLS = {
+    "normal_contact": "normal_contact(gap, (1.0, 1.0), material=STEEL, force=100.0)",
+    "load_curve": "next(load_curve(gap, (1.0, 1.0), material=STEEL, forces=[100.0]))",
+    "friction": "friction(bound, (1.0, 1.0), material=STEEL, shift=(1e-3, 0.0))",
+    "rolling": "rolling(bound, (1.0, 1.0), material=STEEL, lateral=1e-3)",
+    "frictional_contact": (
+        "frictional_contact(gap, (1.0, 1.0), material=STEEL, mu=0.1, force=100.0)"
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_a_warning_is_of_the_line_that_calls_the_function(name):
+    """Neither of the package, nor of what calls that line."""
+    bound = np.zeros((12, 12))
+    bound[4:6, 4:8] = 0.3
+    functions = normal_contact, load_curve, friction, rolling, frictional_contact
+    given = {function.__name__: function for function in functions}
+    given |= {"gap": surfaces.sphere((12, 12), (1.0, 1.0), radius=10.0), "bound": bound}
+    with pytest.warns(ContactWarning) as caught:
+        exec(compile(CALLS[name], "the user's file", "exec"), given | {"STEEL": STEEL})
+    assert {warning.filename for warning in caught} == {"the user's file"}
+
+
+@pytest.mark.parametrize(("shape", "element"), [((1,), 0.1), ((1, 1), (0.1, 0.1))])
+def test_one_element_is_one_across(shape, element):
+    with pytest.warns(ContactWarning, match="the contact is only 1 element across"):
+        normal_contact(np.zeros(shape), element, material=STEEL, force=1.0)

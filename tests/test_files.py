@@ -8,6 +8,7 @@ import sys
 import threading
 import tty
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ import pytest
 from comparisons.harness import report
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.main import main
+from toeplitz_mg.whole_files import new_whole
 
 N = 300  # Unknowns of a system whose solution has 2528 bytes, above the limit of LIMITED.
 
@@ -306,3 +308,37 @@ def test_names_of_any_bytes_are_solved_printed_and_drawn(folder, capsys):
         os.link("c.npy", f"{name}.npy")
         command = ["solve", f"{name}.npy", "b.npy", "-o", "x.npy", "--plot", "x.png"]
         assert main(command) == 0, capsys.readouterr().err
+
+
+def test_two_that_write_one_file_at_once_write_a_whole_one_each(tmp_path):
+    path = tmp_path / "x"
+    with new_whole(path) as one, new_whole(path) as other:
+        one.write(b"one")
+        other.write(b"other")
+    assert path.read_bytes() == b"one"  # It is complete last.
+    assert os.listdir(tmp_path) == ["x"]
+
+
+def test_what_replaces_a_file_is_at_no_time_readable_by_more(tmp_path, monkeypatch):
+    path = tmp_path / "x"
+    path.write_text("his")
+    path.chmod(0o600)
+    before = []
+    monkeypatch.setattr(
+        Path, "chmod", lambda part, _: before.append(stat.S_IMODE(part.stat().st_mode))
+    )
+    with new_whole(path):
+        pass
+    assert before == [0o600]
+
+
+@pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives files away"
+)
+def test_a_file_keeps_its_owner(tmp_path):
+    path = tmp_path / "x"
+    path.write_text("his")
+    os.chown(path, 12345, 54321)
+    with new_whole(path) as file:
+        file.write(b"new")
+    assert (path.stat().st_uid, path.stat().st_gid) == (12345, 54321)

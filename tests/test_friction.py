@@ -15,8 +15,9 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.problem import normal_contact
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import ContactError
-from toeplitz_mg.contact.tangential.coulomb import balance, clip, project
+from toeplitz_mg.contact.tangential.coulomb import Areas, balance, clip, project
 from toeplitz_mg.contact.tangential.friction import friction
+from toeplitz_mg.contact.tangential.problem import Problem, linearise
 from toeplitz_mg.engine.vectors import ALONE
 from toeplitz_mg.paper.problems import test1, test2, test3
 from toeplitz_mg.solvers.projected_gradients import descend
@@ -773,3 +774,16 @@ def test_a_shift_beside_a_force_is_a_field():
     case = {"material": Material.from_shear(1.0, 0.3), "force": 0.1}
     with pytest.raises(ValueError, match="one of the two must be given: a shift beside a force"):
         friction(np.ones(12), 1.0, shift=0.1, **case)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_slip_along_the_traction_is_a_violation(sign):
+    """All slide, and Coulomb's law wants the slip to oppose the traction."""
+    grid = Grid.of((4, 3), (0.1, 0.1), Material.from_shear(1.0, 0.3), None)
+    g = np.full((4, 3), 0.3)
+    q = np.stack([g, 0.0 * g])
+    b = np.stack([sign * np.ones_like(g), 0.0 * g])  # Minus the slip is b - u.
+    slide = np.ones(g.shape, bool)
+    problem = Problem(grid, g, b, None, 1e-8)
+    found = linearise(problem, Areas(~slide, slide), q, np.zeros_like(q))
+    assert found.residual == (0.0 if sign > 0.0 else 1.0)

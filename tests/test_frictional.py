@@ -1,5 +1,7 @@
 """Unlike materials: pressures and friction at once, against dense solutions and theory."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -15,6 +17,7 @@ from toeplitz_mg.contact import (
     normal_contact,
     surfaces,
 )
+from toeplitz_mg.contact.unlike.checks import check_both
 from toeplitz_mg.halfspace.matrices import coupling_matrices
 
 SOFT, RIGID = Material.from_shear(0.5, 0.0), Material.rigid()
@@ -514,3 +517,16 @@ def test_in_line_contact_forces_and_histories_may_be_lateral():
     lateral = more.tangential.traction[1]
     assert lateral.min() >= 0.0
     assert lateral.max() > 0.0
+
+
+@doubtful
+def test_a_part_that_violates_its_own_conditions_is_an_error():
+    both = frictional_contact(
+        surfaces.sphere((16, 16), (0.1, 0.1), radius=1.0), (0.1, 0.1),
+        material=(Material(E=2.0, nu=0.1), RIGID), mu=0.2, force=0.05,
+    )  # fmt: skip
+    tolerance = 2.0 * max(both.residual, both.tangential.residual, 1e-12)
+    assert check_both(both, tolerance) is both
+    bad = replace(both, tangential=replace(both.tangential, residual=2.0 * tolerance))
+    with pytest.raises(ContactError):
+        check_both(bad, tolerance)

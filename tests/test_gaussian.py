@@ -166,7 +166,7 @@ def test_conditional_is_that_of_the_dense_matrix(gaps):
     y[~observed] = np.nan
     given = tmg.ToeplitzNormal(c, 0.5).conditional(y)
     assert_allclose(given.mean, expected, rtol=0, atol=1e-8)
-    assert_allclose(given.mean[observed], y[observed], rtol=1e-14)
+    assert_allclose(given.mean[observed], y[observed], rtol=0, atol=1e-14)
     # The draws, less their mean, are linear in what is random: their covariance is E[x xᵀ].
     draws = given.rvs(4000, random_state=1)
     assert draws.shape == (4000, n)
@@ -501,3 +501,22 @@ def test_it_pickles_and_says_what_it_is():
     assert repr(tmg.ToeplitzNormal(np.eye(3, 4))) == "<ToeplitzNormal 3 x 4>"
     dense = np.linalg.slogdet(scipy.linalg.toeplitz(0.5 ** np.arange(20)))[1]
     assert process.logdet == pytest.approx(dense, rel=1e-12)
+
+
+def test_the_mask_of_the_user_stays_his():
+    observed, y = np.arange(20) < 5, np.linspace(-1.0, 1.0, 20)
+    process = tmg.ToeplitzNormal(0.5 ** np.arange(20))
+    first, second = (process.conditional(y, mask) for mask in (observed, observed.copy()))
+    observed[:] = True
+    np.testing.assert_array_equal(first.mean, second.mean)
+    np.testing.assert_array_equal(first.rvs(random_state=0), second.rvs(random_state=0))
+    assert repr(first) == repr(second)
+
+
+@pytest.mark.parametrize("name", ["logpdf", "logpdf_and_grad"])
+def test_an_error_of_a_density_is_said_where_it_is_asked_for(name):
+    k = np.arange(2000)
+    process = tmg.ToeplitzNormal(np.exp(-((k / 50) ** 2)) + 1e-12 * (k == 0))
+    with pytest.warns(scipy.linalg.LinAlgWarning, match="error of up to") as caught:
+        getattr(process, name)(np.zeros(2000))
+    assert caught[0].filename == __file__

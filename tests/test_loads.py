@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 from toeplitz_mg.contact import (
     ContactError,
+    ContactWarning,
     Material,
     friction,
     load_curve,
@@ -237,3 +238,16 @@ def test_stiffness_is_computed_once_and_on_demand(monkeypatch):
     assert "stiffness" in result.summary()
     with pytest.raises(AttributeError):
         result.stiffness = 1.0
+
+
+def test_a_force_that_the_hardness_does_not_carry_is_refused_before_any_work():
+    with pytest.raises(ValueError, match="which all elements carry at the hardness 1"):
+        load_curve(rough_gap(16), (0.1, 0.1), material=UNIT, forces=[0.1, 1e3], hardness=1.0)
+
+
+def test_each_load_warns_as_it_would_alone():
+    h = 2.0 / 16
+    curve = load_curve(sphere_gap(16), (h, h), material=UNIT, forces=[1e-4, 0.2])
+    with pytest.warns(ContactWarning, match="only 2 elements across") as caught:
+        first = next(curve)
+    assert tuple(str(w.message) for w in caught) == first.warnings

@@ -415,3 +415,28 @@ def test_what_is_reached_of_the_loads_is_said():
     F = 0.5 * float(g.sum()) * h**2
     with pytest.raises(ContactError, match=r"of the force .* it has .*; of the moment"):
         rolling(g, (h, h), material=BODY, force=(F, 0.0), moment=0.01, max_products=2)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_creepage_beside_which_nothing_is_left_of_displacements_is_refused(name):
+    g = np.full((12, 12), 0.3)
+    with pytest.raises(ValueError, match=rf"{name} is -1e\+16, but must be at most 1e\+15"):
+        rolling(g, (0.1, 0.1), material=BODY, **{name: -1e16})
+
+
+def test_the_power_of_a_field_is_that_of_the_same_spin_where_the_contact_reaches_the_edge():
+    """The slip half an element behind the first one is that of the line through the others."""
+    n, h, spin = 12, 0.1, 0.3
+    g = np.full((n, n), 0.3)
+    x, y = surfaces.centres((n, n), (h, h))
+    by_spin = rolling(g, (h, h), material=BODY, spin=spin)
+    by_field = rolling(g, (h, h), material=BODY, slip=spin * np.stack([-y + 0 * x, x + 0 * y]))
+    assert_allclose(by_field.traction, by_spin.traction, atol=1e-6 * g.max())
+    assert_allclose(by_field.power, by_spin.power, rtol=1e-6)
+
+
+def test_bonded_bodies_take_a_moment_where_an_element_has_no_arm():
+    """On an odd number of rows one is half an element ahead of the pole: inf times zero."""
+    g = np.full((12, 11), np.inf)
+    result = rolling(g, (0.1, 0.1), material=BODY, moment=1e-3)
+    assert result.moment == pytest.approx(1e-3, rel=1e-6)

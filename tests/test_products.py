@@ -13,9 +13,11 @@ from numpy.testing import assert_allclose
 from scipy.linalg import matmul_toeplitz, toeplitz
 
 import toeplitz_mg as tmg
+from tests.cases import CASES
 from toeplitz_mg.engine import fourstep
 from toeplitz_mg.engine.products import DENSE, ToeplitzProduct
 from toeplitz_mg.engine.transforms import LONG
+from toeplitz_mg.operators import DiagonalisedOperator
 from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 
 # On both sides of every change of method, primes, squares, powers of 2.
@@ -256,3 +258,16 @@ def test_scipy_may_iterate_in_double_precision_on_any_size(make):
     x, info = scipy.sparse.linalg.cg(A, 1e-40 * b, M=M, rtol=1e-8)
     assert info == 0
     assert np.linalg.norm(b - A @ (1e40 * x)) <= 1e-7 * np.linalg.norm(b)
+
+
+def test_the_bound_of_the_norm_holds_for_every_circulant():
+    """Also where eigenvalues are complex."""
+    seen = 0
+    for case in CASES:
+        if not case.name.startswith(("strang", "chan", "sine", "cosine")):
+            continue
+        A = case.operator(np.float64)
+        if isinstance(A, DiagonalisedOperator):
+            assert np.linalg.norm(case.dense(), 2) <= A.product.norm_bound * (1 + 1e-10)
+            seen += np.iscomplexobj(case.dense())
+    assert seen > 5

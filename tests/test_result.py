@@ -21,6 +21,7 @@ from toeplitz_mg.contact import (
     rolling,
     surfaces,
 )
+from toeplitz_mg.contact.summary import Figure, describe_cost
 from toeplitz_mg.contact.units import name_units, units_of
 
 SOFT = Material.from_shear(0.7, 0.3)  # Of both bodies: E* = 1.
@@ -323,3 +324,13 @@ def test_an_element_is_the_same_but_for_rounding():
     assert_allclose(again.force, (0.01, 0.0), atol=1e-12)
     gap = surfaces.sphere((48, 32), H, radius=1.0)
     assert normal_contact(gap, element, material=SOFT, force=0.1, previous=PRESSED).products
+
+
+def test_one_product_is_one():
+    assert describe_cost(1) == "1 product"
+    assert describe_cost(2, 1e-9) == "2 products, violation 1.0e-09"
+
+
+def test_only_what_is_rounding_beside_the_largest_is_shown_as_zero():
+    assert Figure("force", [1.0, 1e-7], "N").text == "(1, 1e-07) N"
+    assert Figure("force", [1.0, 1e-9], "N").text == "(1, 0) N"

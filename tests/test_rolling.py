@@ -99,7 +99,7 @@ def test_carter():
         errors.append(abs(result.force / (MU * np.pi * A**2 / 4) - 0.64))
         ahead = A - 2 * 0.6 * A  # It sticks from the leading edge to here.
         assert_allclose(x[result.stick].min(), ahead, atol=2 * 2 * A / n)
-        assert_allclose(x[result.stick].max(), A, atol=2 * A / n)
+        assert_allclose(x[result.stick].max(), A, atol=3 * A / n)
         theory = MU * A / 2 * (semi_ellipse(x, A) - 0.6 * semi_ellipse(x - 0.4 * A, 0.6 * A))
         assert np.sqrt(np.mean((result.traction - theory) ** 2)) < 0.1 * g.max() / np.sqrt(n / 50)
     assert errors[0] < 0.02 * 0.64

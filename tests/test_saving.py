@@ -1,6 +1,7 @@
 """Results in files and in other libraries: all comes back, and no file is lost."""
 
 import base64
+import copy
 import json
 import os
 import pickle
@@ -359,3 +360,60 @@ def test_stresses_as_a_dataset():
     assert data["depth"].attrs["units"] == "mm"
     assert data["zz"].attrs["units"] == "N/mm²"
     assert BELOW_A_LINE.to_xarray()["xx"].dims == ("depth", "x")
+
+
+class Trap:
+    """What makes a folder where it is unpickled."""
+
+    def __init__(self, folder):
+        self.folder = folder
+
+    def __reduce__(self):
+        return os.mkdir, (str(self.folder),)
+
+
+def test_nothing_is_unpickled(tmp_path):
+    """A file may be anybody's: to read it must not run what it says."""
+    sprung = tmp_path / "sprung"
+    np.savez(tmp_path / "x.npz", about=np.array(Trap(sprung), dtype=object))
+    (tmp_path / "y.npz").write_bytes(pickle.dumps(Trap(sprung)))
+    for name in "xy":
+        refusal(tmp_path / f"{name}.npz")
+        assert not sprung.exists()
+
+
+def test_a_file_that_comes_in_the_meantime_is_not_replaced(tmp_path):
+    path = tmp_path / "x.npz"
+
+    def write():
+        with saving.new_file(path, ".npz", overwrite=False) as file:
+            file.write(b"ours")
+            path.write_text("his")
+
+    with pytest.raises(FileExistsError, match="overwrite=True replaces it"):
+        write()
+    assert path.read_text() == "his"
+    assert os.listdir(tmp_path) == ["x.npz"]
+
+
+def test_stresses_are_equal_to_themselves_alone():
+    other = copy.copy(STRESSES)
+    assert other != STRESSES
+    assert len({STRESSES, other, STRESSES}) == 2
+
+
+def test_nothing_of_a_copy_can_be_written_to(tmp_path):
+    """Neither of a result, nor of what comes of one."""
+    _, _, state = pressed_on_steps()
+    for again in (state, pickle.loads(pickle.dumps(state)), copy.deepcopy(state)):
+        assert not again.before.traction.flags.writeable
+    for again in (STRESSES, pickle.loads(pickle.dumps(STRESSES))):
+        for field in (again.components, again.depths, *again.centres):
+            assert not field.flags.writeable
+
+
+def test_depths_that_are_not_in_order_make_no_grid_of_vtk(tmp_path):
+    wrong = replace(STRESSES, depths=STRESSES.depths[::-1])
+    with pytest.raises(ValueError, match="must increase"):
+        wrong.to_vtk(tmp_path / "x.vtr")
+    assert not os.listdir(tmp_path)

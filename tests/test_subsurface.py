@@ -243,8 +243,10 @@ def test_tractions_without_a_pressure_are_doubted():
     gap, case = surfaces.sphere((24, 24), (0.1, 0.1), radius=1.0), {"material": STEEL}
     larger, smaller = (normal_contact(gap, (0.1, 0.1), force=F, **case) for F in (0.5, 0.1))
     shifted = friction(larger, mu=0.3, force=(0.01, 0.0))
-    with pytest.warns(ContactWarning, match=r"\d+ elements have tangential tractions, but no pr"):
+    text = r"\d+ elements have tangential tractions, but no pr"
+    with pytest.warns(ContactWarning, match=text) as caught:
         subsurface_stresses(smaller, shifted, depths=0.1)
+    assert caught[0].filename == __file__
     with warnings.catch_warnings(action="error"):
         subsurface_stresses(larger, shifted, depths=0.1)
 
@@ -258,13 +260,6 @@ def test_refuses_bodies_that_are_rigid_or_unknown():
         subsurface_stresses(line(16, material=CombinedMaterial(1.0, 0.3)), depths=0.1)
 
 
-def test_refuses_surfaces_that_repeat():
-    gap = surfaces.sphere((16, 16), (0.125, 0.125), radius=1.0)
-    waves = normal_contact(gap, (0.125, 0.125), material=STEEL, force=0.1, periodic=True)
-    with pytest.raises(ValueError, match=r"periodic is .* in a result"):
-        subsurface_stresses(waves, depths=0.1)
-
-
 @pytest.mark.parametrize("make", [sphere, line])
 def test_a_notebook_shows_where_it_yields_first(make):
     stresses = subsurface_stresses(make(33), depths=np.array([0.1, 0.3, 0.5]))
@@ -276,3 +271,29 @@ def test_a_notebook_shows_where_it_yields_first(make):
     k = np.unravel_index(stresses.von_mises.argmax(), stresses.von_mises.shape)[0]
     assert cells["at a depth of"] == f"{stresses.depths[k]:.5g} mm"
     assert cells["largest shear"] in stresses.summary()
+
+
+@pytest.mark.parametrize("periodic", [(True, False), (False, True), True])
+def test_refuses_surfaces_that_repeat(periodic):
+    gap = surfaces.sphere((16, 16), (0.125, 0.125), radius=1.0)
+    waves = normal_contact(gap, (0.125, 0.125), material=STEEL, force=0.1, periodic=periodic)
+    with pytest.raises(ValueError, match=r"periodic is .* in a result"):
+        subsurface_stresses(waves, depths=0.1)
+
+
+def test_refuses_the_rows_of_one_rank():
+    gap = surfaces.sphere((24, 24), (0.1, 0.1), radius=1.0)
+    pressed = normal_contact(gap, (0.1, 0.1), force=0.5, material=STEEL)
+    rows = dataclasses.replace(pressed, shape=(48, 24))
+    with pytest.raises(ValueError, match=r"a result has the rows of one rank, \(24, 24\) of"):
+        subsurface_stresses(rows, depths=0.1)
+
+
+@pytest.mark.filterwarnings("error")
+def test_far_below_nothing_is_taken_for_a_dense_matrix():
+    """There all coefficients are alike, but for rounding."""
+    gap = surfaces.sphere((32, 32), (0.02, 0.02), radius=10.0)
+    pressed = normal_contact(gap, (0.02, 0.02), force=5.0, material=STEEL)
+    stresses = subsurface_stresses(pressed, depths=1e6)
+    # A point load: the stress along the depth is -3 F/(2π z²).
+    assert_allclose(stresses.zz, -3.0 * 5.0 / (2.0 * np.pi * 1e12), rtol=1e-6)

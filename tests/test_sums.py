@@ -491,3 +491,21 @@ def test_diagonals_of_other_numbers_neither_overflow_nor_saturate(dtype):
 def test_a_diagonal_that_is_none_is_refused(wrong):
     with pytest.raises((TypeError, ValueError), match="diagonal has"):
         ToeplitzSum([(None, tmg.ToeplitzOperator([2.0, 1.0, 0.0]), None)], wrong)
+
+
+def test_a_sum_that_is_symmetric_is_not_said_to_be_none():
+    """It is refused for what the Toeplitz matrix nearby is refused for."""
+    A = tmg.ToeplitzOperator(contact(16))
+    D = diags(np.linspace(1.0, 2.0, 16))
+    for S, is_told in ((D @ A @ D, False), (D @ A, True)):
+        with pytest.raises(np.linalg.LinAlgError) as error:
+            tmg.tau_preconditioner(S)
+        assert ("A is not symmetric" in str(error.value)) is is_told
+
+
+def test_the_component_that_is_refused_is_named():
+    good, bad = (tmg.ToeplitzOperator(c) for c in ([2.0, 1.0, 0.5], [1.0, 2.0, 3.0]))
+    A = tmg.CoupledOperator([[good, None], [None, bad]])
+    with pytest.raises(np.linalg.LinAlgError) as error:
+        tmg.componentwise(tmg.tau_preconditioner)(A)
+    assert any("This was the matrix of a component" in note for note in error.value.__notes__)

@@ -84,3 +84,13 @@ def test_what_is_not_positive_definite_is_refused():
         tmg.tau_preconditioner(A, shift="1")
     with pytest.raises(ValueError, match="shift"):
         tmg.tau_preconditioner(A, shift=np.inf)
+
+
+def test_what_is_not_definite_in_spite_of_a_shift_is_told_to_shift_the_other_too():
+    A = tmg.ToeplitzOperator(contact(16))
+    advice = r"with A \+ shift \* eye_array\(n\) in the place of A"
+    with pytest.raises(np.linalg.LinAlgError, match=advice):
+        tmg.tau_preconditioner(A, shift=1e-9)
+    with pytest.raises(np.linalg.LinAlgError) as error:
+        tmg.tau_preconditioner(A)
+    assert "eye_array" not in str(error.value)

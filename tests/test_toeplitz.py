@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
 from tests.cases import checkered, dense_of_column, dense_of_lags, random_lags
+from toeplitz_mg.operators.coefficients import name_dense
 from toeplitz_mg.operators.structure import unwrap_toeplitz
 
 
@@ -362,3 +363,10 @@ def test_the_order_of_bytes_is_no_matter():
     assert A.astype(">f8") is A
     assert A.astype(">f4").dtype == np.float32
     assert np.array_equal(A @ c, tmg.ToeplitzOperator(c) @ c)
+
+
+def test_a_grid_whose_first_diagonal_alone_is_constant_is_no_dense_matrix():
+    c = np.array([[2.0, 0.5, 0.3], [0.6, 2.0, 0.1], [0.2, 0.1, 0.7]])
+    assert name_dense(c) == ""
+    c[2, 2], c[1, 2], c[2, 1] = 2.0, 0.5, 0.6
+    assert name_dense(c) == "ToeplitzOperator(c[:, 0], c[0])"
