@@ -17,7 +17,7 @@ from toeplitz_mg.solvers.cosine_form import CosineForm
 from toeplitz_mg.solvers.fourier_form import FourierForm, has_fourier_form
 
 EPS = float(np.finfo(np.float64).eps)
-SHORT = 320  # Most unknowns of which a product by its definition is as fast as one by FFT.
+SHORT = 512  # Most unknowns of which a product by its definition is as fast as one by FFT.
 LONG = 2048  # Fewest unknowns of which a product in a domain of their own is faster than by FFT.
 LARGEST_COSINE = 2**16  # Most unknowns of which a product is by transforms at once, not in panels.
 FEW = 8  # Most vectors for which the set-up of products of several is not worth it there.
