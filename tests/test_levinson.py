@@ -39,11 +39,16 @@ def test_whatever_scipy_has_a_system_is_solved(kind, dtype, n, monkeypatch, forg
     assert_allclose(A @ levinson(lags, B[0]), B[0], atol=1e-12)
 
 
-@pytest.mark.parametrize("ratio", ["0", "-1", "inf", "nan", "fast", ""])
+@pytest.mark.parametrize("ratio", ["0", "-1", "inf", "nan", "fast", " "])
 def test_a_ratio_that_is_none_is_refused(ratio, monkeypatch):
     monkeypatch.setenv(machine.VARIABLE, ratio)
     with pytest.raises(ValueError, match=f"{machine.VARIABLE} is '{ratio}', but must be"):
         tmg.solve_toeplitz(1.0 / np.arange(1.0, 501.0), np.ones(500))
+
+
+def test_an_empty_ratio_is_none_that_is_given(monkeypatch):
+    monkeypatch.setenv(machine.VARIABLE, "")
+    assert machine.cosine_over_levinson() == machine._measure()
 
 
 def test_the_ratio_decides_between_316_and_2048_alone(monkeypatch):

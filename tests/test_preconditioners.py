@@ -313,7 +313,7 @@ def kinds(A):
 @pytest.mark.parametrize("f", OF_SYMMETRIC + OF_HERMITIAN, ids=lambda f: f.__name__)
 def test_what_is_not_symmetric_is_refused_with_advice(f):
     for c, r in (([4.0, 1.0, 0.5], [4.0, 2.0, 0.5]), ([4.0, 1j, 0.5], [4.0, 1j, 0.5])):
-        rule = "Hermitian" if np.iscomplexobj(c) else "symmetric"
+        rule = "(Hermitian|real)" if np.iscomplexobj(c) else "symmetric"
         for A in kinds(tmg.ToeplitzOperator(c, r)):
             if isinstance(A, tmg.CoupledOperator) and f in (
                 tmg.jacobi_preconditioner,

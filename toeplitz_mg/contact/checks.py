@@ -194,7 +194,12 @@ def is_lateral(previous: Any) -> bool:
 
 
 def has_two_components(shape: tuple[int, ...], shift: Any, force: Any) -> bool:
-    """Whether a shift or a force is of two components; one of two strips may be a field on them."""
+    """Whether a shift or a force in line contact is of two components.
+
+    One of two numbers may be a field on two strips.
+    """
+    if len(shape) > 1:
+        return False  # On a surface all have two.
     is_field = np.shape(shift) == shape
     return np.shape(force) == (2,) or (np.shape(shift)[:1] == (2,) and not is_field)
 

@@ -22,12 +22,12 @@ def advise_of_negative(largest: float) -> str:
     return "; the diagonal of -A is positive: where -A is positive definite solve -A x = -b"
 
 
-def advise_of_indefinite(A: ToeplitzOperator) -> str:
+def advise_of_indefinite(A: Any) -> str:
     """Return the end of the message that refuses a matrix whose 2 x 2 blocks are indefinite.
 
     Advice for where A is positive definite is of no use there.
     """
-    if not A.is_hermitian:
+    if not (isinstance(A, ToeplitzOperator) and A.is_hermitian):
         return ""
     lags = np.abs(A.library.to_numpy(A.lags)).ravel()
     middle = len(lags) // 2

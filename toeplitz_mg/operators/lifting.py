@@ -83,7 +83,7 @@ def averaged(
                 return function(A, *args, **kwargs)
             except np.linalg.LinAlgError as error:
                 advice = advise_of_negative(float(full.diagonal().real.max()))
-                if not advice and mask is None and isinstance(full, ToeplitzOperator):
+                if not advice and mask is None and "_preconditioner(A)" in str(error):
                     advice = advise_of_indefinite(full)
                 if advice not in str(error):
                     error.args = (f"{error}{advice}",)
@@ -108,8 +108,8 @@ def symmetrised(preconditioner: F) -> F:
     @wraps(preconditioner)
     def of_part(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
         full, _ = unwrap(A)
-        is_complex = full.dtype.kind == "c"  # That is refused as it is, and not in its part.
-        if is_complex or not isinstance(full, ToeplitzOperator) or full.is_hermitian:
+        # What is complex is refused as it is, and not in its part.
+        if not isinstance(full, ToeplitzOperator) or full.is_hermitian or full.dtype.kind == "c":
             return preconditioner(A, *args, **kwargs)
         try:
             return preconditioner(hermitian_part(A), *args, **kwargs)
