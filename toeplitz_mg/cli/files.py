@@ -47,7 +47,7 @@ def load(path: Path) -> Array:
             raise ValueError(f"{path} {_describe(path, error)}") from None
     if not isinstance(array, np.ndarray):
         raise ValueError(f"{path} holds several arrays (.npz), but one is needed (.npy)")
-    if array.size == 0:  # NumPy 2.0 also reads a negative length, in a damaged header, as zero.
+    if array.size == 0:
         raise ValueError(f"{path} holds no numbers: its array has shape {array.shape}")
     return array
 

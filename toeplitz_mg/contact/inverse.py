@@ -96,9 +96,8 @@ def invert_on(grid: Grid, A: Any, C: Array) -> Any:
 
 def extend_to_components(grid: Grid, A: Any, C: Array) -> Array:
     """Return the same elements for each component of a matrix."""
-    shape = (*A.grid_shape[: -C.ndim], *C.shape)
-    # NumPy 2.0 takes no array of another library that cannot be written, as a broadcast one.
-    return C if shape == C.shape else grid.vectors.xp.broadcast_to(C, shape)
+    everywhere: Array = grid.vectors.xp.broadcast_to(C, (*A.grid_shape[: -C.ndim], *C.shape))
+    return everywhere
 
 
 def _count(grid: Grid, A: Any) -> int:
