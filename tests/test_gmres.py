@@ -348,3 +348,46 @@ def test_the_recurrence_alone_finds_the_same_solution(rtol):
     expected, info = tmg.gmres(A, b, M=M, rtol=rtol, restart=30)
     assert info == 0
     assert_allclose(x, expected, atol=1e-9 * abs(expected).max())
+
+
+def test_a_cycle_of_one_iteration_converges_as_slowly_as_its_bound():
+    """Of a positive definite matrix each reduces the residual by (κ - 1)/(κ + 1), here 19/21."""
+    rng = np.random.default_rng(0)
+    A, b = np.diag([1.0, 20.0, *rng.uniform(1.0, 20.0, 48)]), rng.standard_normal(50)
+    residuals = []
+    x, info = tmg.gmres(A, b, restart=1, rtol=1e-6, residuals=residuals)
+    assert info == 0
+    assert np.linalg.norm(b - A @ x) <= 1.001e-6 * np.linalg.norm(b)
+    ratios = np.array(residuals[1:]) / residuals[:-1]
+    assert 0.6 < ratios.max() <= 19 / 21 + 1e-6
+
+
+@pytest.mark.parametrize("power", [-900, -50, 50, 900])
+def test_a_power_of_two_times_the_matrix_changes_no_digit_and_no_iteration(power):
+    histories = []
+    for scale in (1.0, 2.0**power):
+        residuals = []
+        x, info = tmg.gmres(
+            scale * matrix(40), vector(40), rtol=1e-9, restart=8, residuals=residuals
+        )
+        assert info == 0
+        histories.append([*(x * scale), *residuals])
+    assert np.array_equal(*histories)
+
+
+@pytest.mark.parametrize("most", [3, 60])
+def test_the_recurrence_alone_says_whether_it_has_converged(most):
+    A, b = scipy.sparse.linalg.aslinearoperator(matrix(60)), vector(60)
+    x, converged = gmres_by_recurrence(
+        A, b, M=None, rtol=1e-6, most=most, residuals=[], callback=lambda norm: None
+    )
+    assert converged == (np.linalg.norm(b - A @ x) <= 1.001e-6 * np.linalg.norm(b)) == (most == 60)
+
+
+def test_the_recurrence_alone_finds_that_zero_is_solved_by_zero():
+    A = scipy.sparse.linalg.aslinearoperator(matrix(60))
+    x, converged = gmres_by_recurrence(
+        A, np.zeros(60), M=None, rtol=1e-6, most=9, residuals=[], callback=lambda norm: None
+    )
+    assert converged
+    assert not x.any()

@@ -143,3 +143,67 @@ def test_a_guess_far_above_the_right_hand_side(solver):
 def test_a_preconditioner_of_subnormal_numbers_has_few_digits():
     x, info = tmg.cg(np.diag(np.arange(1.0, 6.0)), 3.0 * np.ones(5), M=1e-309 * np.eye(5))
     assert info == 0 or np.isfinite(x).all()
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("size", [1e-200, 1e-3, 1.0, 1e3, 1e200])
+def test_an_absolute_tolerance_is_of_the_size_of_the_right_hand_side(solver, size):
+    b, residuals = size * vector().real, []
+    atol = 1e-6 * size * np.linalg.norm(vector().real)
+    x, info = solver(A, b, M=M, rtol=0.0, atol=atol, residuals=residuals)
+    assert info == 0
+    assert np.linalg.norm((b - A @ x) / size) <= 1.001 * atol / size
+    # And it stops at once.
+    assert residuals[-1] <= atol < residuals[-2]
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_first_guess_whose_product_overflows_on_the_way(solver, dtype):
+    """Half of a row of ones, and half of minus ones: the sum of the former is not finite."""
+    n, largest = 64, 0.8 * float(np.finfo(dtype).max)
+    B = np.eye(n)
+    B[0] = np.repeat([1.0, -1.0], n // 2)
+    small = np.random.default_rng(0).uniform(0.0, 1e-3, n) * (np.arange(n) > 0)
+    exact = np.full(n, largest)
+    b = exact * (np.arange(n) > 0)  # That is B times it.
+    residuals = []
+    with np.errstate(over="ignore", invalid="ignore"):
+        x, info = solver(
+            B.astype(dtype),
+            b.astype(dtype),
+            (exact * (1.0 - small)).astype(dtype),
+            rtol=0.1,
+            residuals=residuals,
+        )
+    assert info == 0
+    assert len(residuals) == 1  # It is good enough.
+    assert_allclose(residuals[0] / largest, np.linalg.norm(B @ small), rtol=1e-3)
+    assert_allclose(x / largest, 1.0 - small, rtol=1e-6)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_first_guess_is_improved_wherever_the_right_hand_side_is_far_below_it(solver):
+    rng = np.random.default_rng(0)
+    entries, residuals = rng.uniform(0.5, 1.0, 40), []
+    M = np.diag(rng.uniform(0.9, 1.0, 40) / entries)
+    b, guess = 1e-100 * rng.standard_normal(40), 1e100 * rng.standard_normal(40)
+    x, _ = solver(np.diag(entries), b, guess, M=M, rtol=1e-6, maxiter=60, residuals=residuals)
+    assert_allclose(residuals[0] / 1e100, np.linalg.norm(entries * guess / 1e100))
+    assert residuals[-1] <= 1e-10 * residuals[0]
+    assert np.linalg.norm(entries * x / 1e100) <= 1e-10 * residuals[0] / 1e100
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_first_guess_that_solves_a_system_of_tiny_numbers(solver, dtype):
+    """The sum of half of a row is not finite, and the right-hand side is of size 1."""
+    n, limits = 1024, np.finfo(dtype)
+    B = 4.0 * limits.tiny * np.eye(n, dtype=dtype)
+    B[0] = np.repeat([1.0, -1.0], n // 2)
+    exact = np.full(n, 2.0 ** (limits.maxexp - 1), dtype)  # Powers of two, without any rounding.
+    b = 4.0 * limits.tiny * exact * (np.arange(n) > 0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        x, info = solver(B, b, exact, rtol=1e-5)
+    assert info == 0
+    assert np.array_equal(x, exact)
