@@ -1,6 +1,7 @@
 """Products of several axes, and of several components, against their dense definition."""
 
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -246,3 +247,51 @@ def test_one_element(shape):
     assert A.squeezed.grid_shape == (1,)
     for inverse in (tmg.spectral_preconditioner, tmg.fsai_preconditioner, tmg.toeplitz_inverse):
         assert_allclose(inverse(A) @ [2.0], [0.5])
+
+
+# What is zero, and parts of the frequencies ------------------------------------------------------
+
+
+@pytest.mark.parametrize("is_complex", [False, True])
+@pytest.mark.parametrize("large", [False, True])
+def test_blocks_that_are_zero_give_zero(monkeypatch, is_complex, large):
+    """That of a matrix alone, or all of a row or a column of them; from panels, or at once."""
+    if large:
+        for constant in ("WHOLE_BYTES", "PANEL_BYTES", "BLOCK_BYTES"):
+            monkeypatch.setattr(passes, constant, 0)
+    shape, dtype = (19, 23), np.complex128 if is_complex else np.float64
+    lags = random(0, *(2 * n - 1 for n in shape)).astype(dtype)
+    zero, some = Coefficients.of_lags(0.0 * lags), Coefficients.of_lags(lags)
+    X = random(1, 3, np.prod(shape))
+    assert not MultilevelProduct.of(NUMPY, [[zero]], dtype)(X).any()
+    dense = dense_of_lags(lags)
+    for nothing in (None, zero):
+        product = MultilevelProduct.of(NUMPY, [[nothing, some], [nothing, nothing]], dtype)
+        both = np.concatenate([X, X[::-1]], axis=1)
+        for _ in range(2):  # Memory that is used again is not empty.
+            y = product(both)
+            expected = np.concatenate([X[::-1] @ dense.T, 0.0 * X], axis=1)
+            assert_allclose(y, expected, rtol=0, atol=1e-10)
+            y = product.adjoint()(both)
+            expected = np.concatenate([0.0 * X, X @ dense.conj()], axis=1)
+            assert_allclose(y, expected, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("components", [1, 2])
+@pytest.mark.parametrize("parts", [1, 2, 5])
+def test_frequencies_may_be_multiplied_in_parts(components, parts):
+    """As processes do of which each has some of them."""
+    shape, rng = (19, 23), np.random.default_rng(0)
+    lags = [rng.standard_normal([2 * n - 1 for n in shape]) for _ in range(components**2)]
+    blocks = [[Coefficients.of_lags(a) for a in lags[i::components]] for i in range(components)]
+    product = MultilevelProduct.of(NUMPY, blocks, np.float64)
+    X = rng.standard_normal((1, components * np.prod(shape)))
+    Z = product.passes.rows_in(X.reshape(1, components, *shape)).copy()
+    bounds = [product.lengths[-1] * k // parts for k in range(parts + 1)]
+    made = [
+        product.passes.columns_through(np.ascontiguousarray(Z[..., start:stop]), start)
+        for start, stop in pairwise(bounds)
+    ]
+    y = product.passes.rows_out(np.concatenate(made, axis=-1), np.empty((1, components, *shape)))
+    dense = np.block([[dense_of_lags(a) for a in lags[i::components]] for i in range(components)])
+    assert_allclose(y.reshape(1, -1), X @ dense.T, rtol=0, atol=1e-10)

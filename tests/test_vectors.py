@@ -8,12 +8,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
+from toeplitz_mg.engine.threads import WORTH_THREADS
 from toeplitz_mg.engine.vectors import (
     ALONE,
     PART,
     Vectors,
     add_combination,
     axpy,
+    aypx,
     combine,
     dot,
     dots,
@@ -178,3 +180,47 @@ def test_alone_the_numbers_are_those_of_the_functions():
     assert ALONE.dot(X[0], X[1]) == dot(X[0], X[1])
     assert np.array_equal(ALONE.dots(X, X[1]), dots(X, X[1]))
     assert ALONE.norm(X[0]) == norm(X[0])
+
+
+@pytest.mark.parametrize("shape", [(WORTH_THREADS + 5,), (3, WORTH_THREADS // 2 + 1)])
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_long_vectors_are_updated_and_reduced_as_numpy_does(shape, dtype):
+    """In pieces that threads share, the first and the last number too."""
+    rng = np.random.default_rng(0)
+    X = rng.standard_normal((2, *shape))
+    if np.dtype(dtype).kind == "c":
+        X = X + 1j * rng.standard_normal(X.shape)
+    x, y = X.astype(dtype)
+    rounding = {"rtol": 0, "atol": 100 * np.finfo(dtype).eps}
+    assert_allclose(axpy(0.3, x, y.copy()), y + 0.3 * x, **rounding)
+    assert_allclose(aypx(0.3, x, y.copy()), x + 0.3 * y, **rounding)
+    weights = np.array([0.1, -2.3, 0.7])
+    combination = combine(weights, np.stack([x, y, x]))
+    assert_allclose(combination, 0.8 * x - 2.3 * y, rtol=0, atol=1e3 * np.finfo(dtype).eps)
+    if np.dtype(dtype).kind == "f":
+        for k in (0, -1):
+            spike = np.abs(x)
+            spike.reshape(-1)[k] = 99.0
+            assert ALONE.max(spike) == 99.0 == -ALONE.min(-spike)
+            assert ALONE.peak(-spike) == 99.0
+            assert ALONE.count(spike > 98.0) == 1
+            assert_allclose(ALONE.sum(spike), spike.sum(dtype=np.float64), rtol=1e-4)
+        assert ALONE.min(1.0 + np.abs(x)) >= 1.0
+        assert ALONE.max(-1.0 - np.abs(x)) <= -1.0
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize(("of_single", "of_double"), [(-80, -600), (-74, -537), (60, 600)])
+def test_the_norm_of_a_long_vector_of_any_precision_is_that_of_double(dtype, of_single, of_double):
+    """Squares of these numbers are zero, have lost their digits, or are not finite."""
+    power = of_single if np.finfo(dtype).bits == 32 else of_double
+    x = np.random.default_rng(0).standard_normal(WORTH_THREADS + 5).astype(dtype)
+    exact = np.linalg.norm(x.astype(np.complex128))
+    x *= x.dtype.type(2.0) ** power
+    assert_allclose(norm(x), exact * 2.0**power, rtol=1e-5)
+
+
+def test_the_updates_of_views_are_refused_at_any_length():
+    for n in (3, WORTH_THREADS):
+        with pytest.raises(ValueError, match="y is not C-contiguous"):
+            aypx(1.0, np.ones(n), np.ones(2 * n)[::2])
