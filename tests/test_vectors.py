@@ -224,3 +224,22 @@ def test_the_updates_of_views_are_refused_at_any_length():
     for n in (3, WORTH_THREADS):
         with pytest.raises(ValueError, match="y is not C-contiguous"):
             aypx(1.0, np.ones(n), np.ones(2 * n)[::2])
+
+
+@pytest.mark.parametrize("size", [5, 2 * WORTH_THREADS])
+def test_a_number_that_is_none_is_the_least_and_the_largest_of_all(size):
+    """Wherever it is, and whichever process has it."""
+    for of in (ALONE, Vectors(lambda number: [number, 1.0]), Vectors(lambda number: [1.0, number])):
+        for k in (0, size - 1):
+            x = np.random.default_rng(0).standard_normal(size)
+            x[k] = np.nan
+            assert np.isnan([of.min(x), of.max(x), of.peak(x), of.peak(1j * x)]).all()
+
+
+@pytest.mark.parametrize("size", [1e-300, 1.0, 1e300])
+def test_the_sizes_of_what_two_processes_have_do_not_overflow(size):
+    z = size * np.array([1.0, -2.0 + 2.5j, -3.0j])
+    both = Vectors(lambda number: [number, 2.0 * size])
+    assert_allclose(both.norm(z), np.sqrt(24.25) * size)
+    assert both.peak(z) == 3.0 * size
+    assert both.peak(z[:1]) == 2.0 * size
