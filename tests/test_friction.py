@@ -220,6 +220,8 @@ def test_a_force_of_all_that_the_bound_carries_lets_all_slide(pressed, rounding)
         assert_allclose(slip, np.multiply.outer(n, against), atol=1e-15)
         assert against.max() <= 0.0
         assert against[result.contact].max() == 0.0
+        # Displacements are given in contact only.
+        assert not result.displacement.reshape(q.shape)[:, ~result.contact].any()
 
 
 @pytest.mark.parametrize(
@@ -417,6 +419,20 @@ def test_a_contact_that_shrinks_keeps_nothing_outside(is_line, most):
     assert (most < 7.0) == after.sliding.any()
 
 
+@pytest.mark.parametrize("shape", [(40,), (24, 20)])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_bodies_that_shift_back_to_where_they_were_carry_nothing(shape, seed):
+    """Their violation is relative to the displacements before, of which nothing is left."""
+    shift = np.random.default_rng(seed).standard_normal(len(shape))
+    case = {"element": (0.1,) * len(shape), "material": Material.from_shear(1.0, 0.3)}
+    g = np.full(shape, np.inf)
+    there = friction(g, shift=shift, **case)
+    back = friction(g, shift=-shift, previous=there, **case)
+    assert_allclose(back.traction, 0.0, atol=1e-6 * np.abs(there.traction).max())
+    assert_allclose(back.total_shift, 0.0, atol=1e-15)
+    assert back.products < 1.5 * there.products + 5
+
+
 @doubtful
 @pytest.mark.parametrize("shape", [(60,), (14, 8)])
 def test_a_bound_that_falls_far_below_the_tractions(shape):
@@ -449,8 +465,9 @@ def test_almost_all_slides(seed, missing, decades):
 
 @doubtful
 def test_tiny_bounds_are_no_contact():
-    g = np.random.default_rng(0).random((12, 9))
-    g[::3] = 1e-20
+    """Those below 1e-15 of the largest."""
+    g = np.random.default_rng(0).uniform(0.1, 1.0, (12, 9))
+    g[::3], g[1] = 1e-17, 1e-13
     result = friction(g, (1.0, 1.0), material=Material.from_shear(1.0, 0.3), shift=(0.3, 0.1))
     assert_coulomb(result, Material.from_shear(1.0, 0.3))
     assert not result.contact[::3].any()
@@ -591,6 +608,16 @@ def test_balanced_tractions_on_the_circle():
     assert (np.hypot(*p) <= g).all()
     assert_allclose(np.hypot(*p), g, rtol=1e-14)
     assert_allclose(np.arctan2(p[1], p[0]) - angle, 0.1, atol=0.05)
+
+
+def test_tractions_are_within_their_bound_however_their_size_is_rounded():
+    rng = np.random.default_rng(0)
+    g, angle = rng.uniform(0.1, 1.0, 100000), rng.uniform(0.0, 2.0 * np.pi, 100000)
+    for part in (1.0 - 1e-16, 1.0, 1.0 + 1e-15, 1.1):
+        q = clip(part * g * np.stack([np.cos(angle), np.sin(angle)]), g)
+        assert (np.hypot(*q) <= g).all()
+        assert (np.sqrt((q**2).sum(axis=0)) <= g).all()
+        assert_allclose(np.hypot(*q), g, rtol=1e-14)
 
 
 def test_nearest_tractions_are_zero_where_the_bound_is():
