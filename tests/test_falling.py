@@ -244,3 +244,82 @@ def test_all_rounds_together_take_the_products_that_they_may():
     assert caught.value.result.products <= 21
     assert max(told) <= 20
     assert (np.diff(told) >= 0).all()
+
+
+def test_too_few_products_are_an_error_wherever_they_end():
+    """In a round, or between two: then the tractions are right, for a bound of another slip."""
+    for most in range(12, 40):
+        with pytest.raises(ContactError) as caught:
+            circle(24, (0.1, 0.0, 0.1), falling=steep(0.9), max_products=most)
+        assert caught.value.result.residual > 1e-8
+        assert caught.value.result.products <= most + 1
+
+
+@pytest.mark.parametrize("given", [("x",), ("x", "y")])
+def test_too_few_products_for_loads_are_an_error_wherever_they_end(given):
+    _, expected = circle(16, (0.1, -0.05, 0.0), falling=oil)
+    force = tuple(expected.force) if "y" in given else (expected.force[0], None)
+    lateral = 0.0 if "y" in given else -0.05
+    for most in range(4, 40, 2):
+        with pytest.raises(ContactError) as caught:
+            circle(16, (0.0, lateral, 0.0), falling=oil, force=force, max_products=most)
+        assert caught.value.result.products <= most + 1
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_the_bound_is_that_of_the_slip_in_any_unit(unit):
+    g, one = circle(24, (0.1, 0.0, 0.1), falling=steep(0.9))
+    result = rolling(
+        unit * g,
+        one.element,
+        material=Material.from_shear(unit, 0.25),
+        longitudinal=0.1,
+        spin=0.1,
+        falling=steep(0.9),
+    )
+    assert_allclose(result.traction, unit * one.traction, atol=1e-6 * unit * g.max())
+    assert_allclose(
+        result.bound, unit * g * steep(0.9)(np.hypot(*result.slip)), atol=1e-7 * unit * g.max()
+    )
+
+
+def test_friction_falls_beside_what_is_bonded():
+    g, _ = circle(24, (0.1, 0.0, 0.0))
+    bonded = (g > 0.0) & (np.arange(24)[:, np.newaxis] < 10)
+    g[bonded] = np.inf
+    result = rolling(
+        g,
+        (2.0 / 24,) * 2,
+        material=Material.from_shear(1.0, 0.25),
+        longitudinal=0.5,
+        falling=steep(0.5),
+    )
+    slides = result.sliding
+    assert slides.any()
+    assert not slides[bonded].any()
+    assert np.isinf(result.bound[bonded]).all()
+    slip = np.hypot(*result.slip)[~bonded]
+    assert_allclose(result.bound[~bonded], g[~bonded] * steep(0.5)(slip), atol=1e-7)
+
+
+def test_loads_that_friction_carries_one_by_one_only_are_refused_together():
+    _, sliding = circle(16, (1e3, 0.0, 0.0))
+    _, spinning = circle(16, (0.0, 0.0, 1e3))
+    loads = {"force": (0.9 * sliding.force[0], None), "moment": 0.9 * spinning.moment}
+    message = r"the loads together are 1\.\d+ times what the friction of any slip carries"
+    with pytest.raises(ValueError, match=message):
+        circle(16, (0.0, 0.0, 0.0), falling=oil, **loads)
+
+
+def test_says_how_near_loads_are_that_no_creepage_has():
+    """Friction has its peak at one slip, which the elements do not all have at once."""
+    g, _ = circle(16, (0.0, 0.0, 0.0))
+    most = g.sum() * (2.0 / 16) ** 2
+
+    def peak(s):
+        return 1.0 / (1.0 + ((s - 0.1) / 0.06) ** 2)
+
+    message = r"the force along x is to be .* is the nearest that was found"
+    with pytest.raises(ContactError, match=message) as caught:
+        circle(16, (0.0, 0.0, 0.0), falling=peak, force=(0.99 * most, None))
+    assert caught.value.result.force[0] < 0.98 * most

@@ -245,6 +245,8 @@ def test_like_materials_are_two_problems_exactly(shift):
     )
     normal = normal_contact(gap, element, material=SOFT, force=0.2, tolerance=1e-8)
     assert_array_equal(both.normal.pressure, normal.pressure)
+    # Tractions change no gap, so that the stiffness is that without them.
+    assert_allclose(both.normal.stiffness, normal.stiffness, rtol=1e-6)
     along = friction(
         0.3 * normal.pressure, element, material=SOFT, shift=shift or (0.0, 0.0), tolerance=1e-8
     )
@@ -304,6 +306,32 @@ def test_shifts_add_up():
     assert_allclose(two.tangential.total_shift, (1e-3, 2e-3))
     expected = np.array([1e-3, 2e-3]) + three.tangential.shift
     assert_allclose(three.tangential.total_shift, expected)
+
+
+@doubtful
+@pytest.mark.parametrize("approach", [0.0625, 0.05, 0.1])
+def test_steps_at_the_same_approach_are_those_of_friction_where_materials_are_alike(approach):
+    """The load does not change, so that tractions are not extrapolated with it."""
+    shifts = (1e-2, 5e-3), (-4e-3, 0.0), (2e-3, -2e-3), (0.0, 0.0)
+    both, along, slid = None, None, []
+    for shift in shifts:
+        gap, element, both = sphere(
+            material=(SOFT, SOFT), force=None, approach=approach, shift=shift, previous=both
+        )
+        normal = normal_contact(gap, element, material=SOFT, approach=approach, tolerance=1e-8)
+        along = friction(normal, mu=0.3, shift=shift, previous=along)
+        assert_allclose(
+            both.tangential.traction, along.traction, rtol=0, atol=1e-5 * along.bound.max()
+        )
+        slid.append(along.sliding.any())
+    assert any(slid)
+
+
+def test_more_than_the_largest_coefficient_carries_is_refused_before_any_work():
+    told = []
+    with pytest.raises(ValueError, match=r"tangential_force is .* would slide off"):
+        sphere(tangential_force=(0.07, 0.0), progress=lambda *args: told.append(args))
+    assert not told
 
 
 def test_the_energy_is_of_both_parts_and_the_stiffness_of_none():
@@ -456,6 +484,7 @@ def test_where_the_gap_is_infinite_there_is_no_material():
         ),
         ({"heights": np.ones((4, 4))}, ValueError, "either gap or heights must be given"),
         ({"approach": 1.0}, ValueError, "one of the two must be given"),
+        ({"force": None, "approach": 1e200}, ValueError, r"the interference is of size 1e\+200"),
         (
             {"shift": (0.0, 0.0), "tangential_force": (0.0, 0.0)},
             ValueError,
