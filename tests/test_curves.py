@@ -139,3 +139,12 @@ def test_the_forces_of_strips_of_a_length_are_whole_forces():
     assert curve.force[-1] == pytest.approx(rolled.force)
     assert curve.units["force"] == curve.units["power"] == "N"
     assert "N/mm" not in repr(curve)
+
+
+@pytest.mark.parametrize("shape", [(8,), (5, 4)])
+def test_a_curve_without_contact_has_no_force_and_nothing_that_slips(shape):
+    case = {"material": Material.from_shear(1.0, 0.25), "longitudinal": [0.01, 0.02]}
+    curve = creep_curve(np.zeros(shape), (0.1, 0.1), **case)
+    assert not curve.force.any()
+    assert not curve.power.any()
+    assert np.array_equal(curve.stick_share, [1.0, 1.0])

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import (
     ContactError,
+    ContactWarning,
     FrictionalResult,
     Material,
     friction,
@@ -443,6 +444,22 @@ def test_a_sphere_pressed_in_35_steps():
     assert f"{smooth.max_pressure:.5f}" == "0.01834"
 
 
+@pytest.mark.parametrize("is_rolling", [False, True])
+def test_products_and_warnings_are_those_of_both_parts(is_rolling):
+    gap, told = surfaces.sphere((24, 24), (0.1, 0.1), radius=2.0), []
+    solve = frictional_rolling if is_rolling else frictional_contact
+    with pytest.warns(ContactWarning, match="the contact is only"):
+        result = solve(
+            gap, (0.1, 0.1), material=(SOFT, RIGID), mu=0.3, force=0.01,
+            progress=lambda products, _: told.append(products),
+        )  # fmt: skip
+    assert "the contact is only" in " ".join(result.warnings)
+    assert told == sorted(told)
+    # What is told lacks a look at the end at most.
+    assert told[-1] <= result.products <= told[-1] + 1
+    assert min(result.normal.products, result.tangential.products) > 0
+
+
 def test_without_contact_there_is_nothing():
     gap, _, result = sphere(force=None, approach=-0.1)
     assert not result.normal.pressure.any()
@@ -470,6 +487,30 @@ def test_where_the_gap_is_infinite_there_is_no_material():
     assert_allclose(none.tangential.traction, far.tangential.traction, atol=1e-5)
     with pytest.raises(ValueError, match="gap is infinite everywhere"):
         frictional_contact(np.full((4, 4), np.inf), **press)
+
+
+@doubtful
+@pytest.mark.parametrize("towards", [-1.0, 1.0])
+def test_friction_in_one_contact_may_open_or_close_another(towards):
+    """Its tractions change the gap elsewhere, where pressures alone do otherwise."""
+    h, n = (0.1, 0.1), 16
+    x, y = surfaces.centres((2 * n, n), h)
+    case = {"material": (SOFT, RIGID), "approach": 0.05}
+
+    def gap(height):
+        return np.minimum((x + 0.8) ** 2, (x - 0.8) ** 2 + 2.0 * height) / 2 + y**2 / 2
+
+    def shift(height):
+        return frictional_contact(gap(height), h, mu=0.5, shift=(0.2 * towards, 0.0), **case)
+
+    apex, other = np.s_[n + 7 : n + 9, n // 2 - 1 : n // 2 + 1], np.s_[n:]
+    results = shift(1.0).normal, normal_contact(gap(1.0), h, **case)
+    lowest = [(result.gap[apex] - 1.0).mean() for result in results]
+    height = -np.mean(lowest)  # It touches in one of the two cases.
+    both, alone = shift(height), normal_contact(gap(height), h, **case)
+    assert both.normal.contact[other].any() != alone.contact[other].any()
+    assert_array_equal(both.tangential.bound, 0.5 * both.normal.pressure)
+    assert_array_equal(both.tangential.contact, both.normal.contact)
 
 
 @pytest.mark.parametrize(

@@ -251,6 +251,37 @@ def test_a_step_obeys_coulombs_law_in_time():
         before = step.traction
 
 
+@pytest.mark.parametrize("is_line", [True, False])
+@pytest.mark.parametrize("part", [0.5, 0.8])
+def test_a_step_knows_what_was_outside_the_contact_that_it_leads_to(is_line, part):
+    """Tractions displaced the bodies there before, and nothing carries that any more."""
+    material = Material.from_shear(1.0, 0.25)
+    shape, h = ((64,), 2.0 / 64) if is_line else ((32, 32), 2.0 / 32)
+    r = np.sqrt(sum(x**2 for x in surfaces.centres(shape, (h,) * len(shape))))
+    case = {"element": (h, h) if not is_line else h, "material": material, "longitudinal": -0.05}
+    before = rolling(MU * semi_ellipse(r, A), **case)
+    for towards in (-1, 1):
+        g = MU * semi_ellipse(r, part * A)
+        g = np.roll(g, towards * int((1 - part) * A / h), axis=0)
+        (step,) = rolling_steps(g, steps=1, previous=before, **case)
+        # Its violation is relative to displacements before, which are larger than the slip.
+        assert_rolls(step, material, before.traction, tolerance=1e-6)
+
+
+def test_a_step_that_takes_too_many_products_is_an_error():
+    x, g, _ = carter(40)
+    steps = rolling_steps(
+        g,
+        x[1] - x[0],
+        material=Material.from_shear(0.7, 0.3),
+        longitudinal=-0.1,
+        steps=2,
+        max_products=2,
+    )
+    with pytest.raises(ContactError, match="after 3 products Coulomb's law is violated by"):
+        next(steps)
+
+
 @doubtful
 def test_marching_where_the_sets_do_not_settle():
     impatient = steady.SteadyOptions(iterations=1, patience=1)  # Too little to settle.
