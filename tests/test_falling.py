@@ -323,3 +323,12 @@ def test_says_how_near_loads_are_that_no_creepage_has():
     with pytest.raises(ContactError, match=message) as caught:
         circle(16, (0.0, 0.0, 0.0), falling=peak, force=(0.99 * most, None))
     assert caught.value.result.force[0] < 0.98 * most
+
+
+def test_friction_may_fall_until_it_underflows():
+    """Steeply, so that there may be other answers."""
+    with pytest.warns(ContactWarning, match="other answers"):
+        _, result = circle(16, (0.3, 0.0, 0.0), falling=lambda s: np.exp(-((s / 0.01) ** 2)))
+    sizes = np.hypot(*result.slip)[result.contact]
+    assert np.exp(-((sizes / 0.01) ** 2)).min() < 1e-40
+    assert_rolls(result, Material.from_shear(1.0, 0.25))

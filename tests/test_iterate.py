@@ -207,3 +207,19 @@ def test_a_first_guess_that_solves_a_system_of_tiny_numbers(solver, dtype):
         x, info = solver(B, b, exact, rtol=1e-5)
     assert info == 0
     assert np.array_equal(x, exact)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize(
+    ("dtype", "of_b", "of_x0"), [(np.float64, 1e-200, 1e200), (np.float32, 1e-20, 1e20)]
+)
+def test_a_guess_beside_which_b_underflows_is_no_solution(solver, dtype, of_b, of_x0):
+    """Nothing of it is worth keeping: the answer is that without a guess."""
+    D = tmg.ToeplitzOperator(np.eye(1, 5)[0].astype(dtype) * 3 + np.eye(1, 5, 1)[0].astype(dtype))
+    b, residuals = np.full(5, of_b, dtype), []
+    x0, M = np.full(5, of_x0, dtype), (np.eye(5) / 4).astype(dtype)
+    x, info = solver(D, b, x0, M=M, rtol=1e-4, residuals=residuals)
+    assert info == 0
+    exact = np.linalg.solve(D.toarray().astype(np.float64), np.ones(5))
+    assert_allclose(x.astype(np.float64) / of_b, exact, rtol=1e-3)
+    assert_allclose(residuals[0] / of_b, np.sqrt(5.0), rtol=1e-5)

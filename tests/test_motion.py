@@ -496,3 +496,39 @@ def test_bonded_bodies_take_a_moment_where_an_element_has_no_arm():
     g = np.full((12, 11), np.inf)
     result = rolling(g, (0.1, 0.1), material=BODY, moment=1e-3)
     assert result.moment == pytest.approx(1e-3, rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [0.01, 1 / 3, 7.0])
+@pytest.mark.parametrize("n", [16, 40])
+def test_bodies_that_need_not_slip_carry_nothing(n, size):
+    """What creepages leave of such a field is its rounding, of which nothing is to be solved."""
+    h = (2 * A / n, 2 * A / n)
+    x, y = np.broadcast_arrays(*surfaces.centres((n, n), h))
+    g, body = MU * A * semi_ellipse(np.hypot(x, y), A), Material.from_shear(1.0, 0.25)
+    uniform, spin = np.stack([np.ones_like(x), 0 * x]), np.stack([-y, x])
+    for field, loads, undone in (
+        (uniform, {"force": (0.0, 0.0)}, (-size, 0.0, 0.0)),
+        (uniform, {"longitudinal": -size}, (-size, 0.0, 0.0)),
+        (spin, {"moment": 0.0}, (0.0, 0.0, -size)),
+        (spin + uniform, {"moment": 0.0, "force": (0.0, 0.0)}, (-size, 0.0, -size)),
+        (spin + uniform, {"spin": -size, "force": (0.0, None)}, (-size, 0.0, -size)),
+    ):
+        result = rolling(g, h, material=body, slip=size * field, **loads)
+        assert_allclose(result.creepages, undone, atol=1e-12 * size)
+        assert np.abs(result.traction).max() <= 1e-9 * size
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_loads_of_one_element_that_contradict_each_other_are_refused(seed):
+    F, g = np.random.default_rng(seed).uniform(-0.006, 0.006, 2), np.zeros((5, 5))
+    g[2, 2] = 1.0
+    with pytest.raises(ValueError, match="no tractions in the contact have these loads together"):
+        rolling(g, (0.1, 0.1), material=BODY, force=F, moment=1e-5, pole=(0.35, 0.35))
+
+
+@pytest.mark.parametrize("shape", [(8,), (4, 5)])
+def test_steps_without_contact_have_no_tractions(shape):
+    element, nothing = (0.1, 0.1)[-len(shape) :], 0.0 if len(shape) == 1 else (0.0, 0.0)
+    element = element[0] if len(shape) == 1 else element
+    for result in rolling_steps(np.zeros(shape), element, material=BODY, steps=2, force=nothing):
+        assert not result.traction.any()

@@ -87,3 +87,17 @@ def test_a_residual_is_corrected_wherever_rounding_allows_a_smaller_one():
         assert max(residual, info.residual) <= 1e-6
         seen += 1
     assert seen
+
+
+@pytest.mark.parametrize("power", range(44, 52))
+def test_no_residual_beyond_the_largest_is_returned_however_exact_x_seems(power):
+    """Of this matrix rounding of A x may be more than what is measured of it."""
+    system, _ = nearly_singular(power)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)
+        try:
+            _, info = tmg.solve_toeplitz(system.c, system.B, full_output=True)
+        except np.linalg.LinAlgError:
+            assert power > 45  # The residual may be 2^power ε.
+        else:
+            assert info.residual <= refinement.SINGULAR

@@ -49,3 +49,10 @@ def test_an_error_names_the_size_that_is_out_of_range(of_c, of_b, size, column):
     B[:, column] = 10.0**of_b
     with pytest.raises(np.linalg.LinAlgError, match=f"the solution is of size 1e{size}, but must"):
         tmg.solve_toeplitz(10.0**of_c * np.eye(1, 3)[0], B)
+
+
+@pytest.mark.parametrize("kind", [float, complex])
+def test_both_parts_may_be_as_large_as_float64_has_numbers(kind):
+    """Though the absolute value of such a complex number overflows."""
+    c, b = np.array([1, 0], kind), np.array([1.5e308 * (1 + 1j), 0])
+    np.testing.assert_array_equal(tmg.solve_toeplitz(c, b), b)

@@ -745,3 +745,14 @@ def test_an_error_tells_of_the_methods_only_where_some_are_for_fewer_unknowns():
         with pytest.raises(np.linalg.LinAlgError, match="A is singular") as error:
             tmg.solve_toeplitz(np.ones(n), np.arange(float(n)))
         assert ("none of the methods for more than 4096 unknowns" in str(error.value)) is is_told
+
+
+@pytest.mark.parametrize("n", [5, 300, 3001])
+@pytest.mark.parametrize("kind", [float, complex])
+def test_the_first_number_of_the_row_is_ignored(n, kind):
+    """Whatever it is, where nobody looks whether numbers are finite."""
+    c, r = 0.5 ** np.arange(n).astype(kind), 0.3 ** np.arange(n).astype(kind)
+    wanted = tmg.solve_toeplitz((c, r), np.ones(n))
+    r[0] = np.nan
+    found = tmg.solve_toeplitz((c, r), np.ones(n), check_finite=False)
+    np.testing.assert_allclose(found, wanted, rtol=1e-10)

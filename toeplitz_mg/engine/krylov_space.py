@@ -130,8 +130,3 @@ class KrylovSpace:
         first[0] = 1.0
         y: Array = np.linalg.lstsq(self._H[: k + 1, :k], first)[0]
         return self._size * y
-
-    def residual(self) -> Array:
-        """Return r - A x of the x that makes its norm least."""
-        g = self._g[: self.dimension + 1]
-        return self._of.combine(self._size / norm(g) ** 2 * g, self._vectors[: len(g)])

@@ -54,7 +54,8 @@ def cg(
         Symmetric positive definite, or Hermitian positive definite.
     b : array_like of shape (n,) or (n, 1)
     x0 : array_like of shape (n,) or (n, 1), optional
-        First guess, zero by default. It is not changed.
+        First guess, zero by default. It is not changed. One beside whose residual b underflows is
+        not taken.
     rtol, atol : float
         It has converged where ‖b - A x‖₂ ≤ max(rtol ‖b‖₂, atol). The recurrence for the residual
         says when to stop; then the true one is computed, with one product more in the precision of

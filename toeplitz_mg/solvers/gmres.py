@@ -47,7 +47,8 @@ def gmres(
         Real or complex, symmetric or not.
     b : array_like of shape (n,) or (n, 1)
     x0 : array_like of shape (n,) or (n, 1), optional
-        First guess, zero by default. It is not changed.
+        First guess, zero by default. It is not changed. One beside whose residual b underflows is
+        not taken.
     rtol, atol : float
         It has converged where ‖b - A x‖₂ ≤ max(rtol ‖b‖₂, atol). A recurrence tells that norm in
         each iteration; at the end of a cycle it is computed, and only that decides.

@@ -9,6 +9,9 @@ from toeplitz_mg.engine.powers import power_above
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.solvers.checks import System
 
+# Least part of the first residual that b may be, over the smallest number that has all digits.
+FAINT = 1e8
+
 
 class Iterate:
     """The first guess for x, and its residual, both to be changed by an iteration.
@@ -42,6 +45,7 @@ class Iterate:
         vectors = self.vectors
         self.x, peak = vectors.zeros(b, dtype), vectors.peak(b)
         if guess is not None:
+            given = b
             self.x = vectors.copy(guess, self.x)
             b = vectors.copy(b, vectors.zeros(b, dtype))
             size = 1.0
@@ -50,7 +54,12 @@ class Iterate:
                 if not vectors.peak(r) < inf:
                     size = 2.0 ** (int(power_above(max(peak, vectors.peak(self.x)))) - 1)
                     r = b / size - apply_to_rows(A, self.x / size)
-                peak = max(peak, vectors.peak(r) * size)
+                above = vectors.peak(r) * size
+            if peak < FAINT * np.finfo(dtype).tiny * above < inf:
+                # Beside it nothing is left of b, so that nothing of the guess is worth keeping.
+                guess, b, self.x = None, given, vectors.zeros(b, dtype)
+            else:
+                peak = max(peak, above)
         # The largest entry is then from 1 to 2, so that the vectors are in the range of float32.
         self.scale = 2.0 ** (int(power_above(peak)) - 1)
         # It is a copy: the products of whoever made A or M may be in the memory of what they gave.

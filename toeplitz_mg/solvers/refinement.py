@@ -61,7 +61,7 @@ def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Solv
         except np.linalg.LinAlgError as refused:
             tried += f"; {method.name} fails: {refused}"
             continue
-        if error == 0.0:
+        if error is None:
             return X, info
         if error < least:
             best, least = (X, info), error
@@ -79,15 +79,15 @@ def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Solv
 
 def _correct(
     method: Method, system: ToeplitzSystem, rtol: float | None
-) -> tuple[Rows, SolveInfo, float]:
+) -> tuple[Rows, SolveInfo, float | None]:
     """Solve, and correct the solution by that of its residual while this helps.
 
     Returns
     -------
     X : ndarray
     info : SolveInfo
-    error : float
-        0 where no other method need be tried, and else ‖b - A x‖ over what rounding may be.
+    error : float or None
+        None where no other method need be tried, and else ‖b - A x‖ over what rounding may be.
     """
     sizes = system.sizes
     goal, accepted = (RTOL, method.accepted) if rtol is None else (rtol, 0.0)
@@ -113,7 +113,7 @@ def _correct(
         best, least = X, error
         info = SolveInfo(method.name, iterations, residual, backward_error)
         if residual <= goal or (error <= accepted and residual <= ROUGH):
-            return best, info, 0.0
+            return best, info, None
         # Each column is as good as can be, by one error or by the other.
         if np.all(errors <= np.maximum(goal * sizes, ROUNDING * terms)):
             break
@@ -121,7 +121,7 @@ def _correct(
         X = X + correction
         iterations += steps
     is_good = least <= GOOD and (method.is_substitution or info.residual <= SINGULAR)
-    return best, info, 0.0 if is_good else least
+    return best, info, None if is_good else least
 
 
 def _measure_sharply(

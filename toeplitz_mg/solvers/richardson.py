@@ -36,7 +36,8 @@ def richardson(
     A : array_like, sparse matrix or LinearOperator, of shape (n, n)
     b : array_like of shape (n,) or (n, 1)
     x0 : array_like of shape (n,) or (n, 1), optional
-        First guess, zero by default. It is not changed.
+        First guess, zero by default. It is not changed. One beside whose residual b underflows is
+        not taken.
     rtol, atol : float
         It has converged where ‖b - A x‖₂ ≤ max(rtol ‖b‖₂, atol).
     maxiter : int, optional

@@ -13,10 +13,15 @@ def exponents(a: Array) -> Array:
 
     Of complex numbers that is so for the larger of all real and imaginary parts.
     """
+    return power_above(_peaks(a))
+
+
+def _peaks(a: Array) -> Array:
+    """Return the size of the largest real or imaginary part in each row of `a`, as columns."""
     # The absolute value of a complex number may overflow.
     parts = (a.real, a.imag) if a.dtype.kind == "c" else (a,)
     sizes = [np.abs(part).max(axis=-1, keepdims=True, initial=0.0) for part in parts]
-    return power_above(np.maximum.reduce(sizes))
+    return np.maximum.reduce(sizes)
 
 
 def scale_back(X: Array, powers: Array, parts: int = 1) -> Array:
@@ -37,9 +42,8 @@ def scale_back(X: Array, powers: Array, parts: int = 1) -> Array:
     half = powers // 2
     with np.errstate(over="ignore"):
         Y = X * np.ldexp(1.0, half) * np.ldexp(1.0, powers - half)
-    peaks = np.abs(Y).max(axis=1)
     # A small part of a complex number need not have all digits.
-    peaks = np.tile(peaks.reshape(parts, -1).max(axis=0), parts)
+    peaks = np.tile(_peaks(Y).reshape(parts, -1).max(axis=0), parts)
     is_exact = (Y * np.ldexp(1.0, -half) * np.ldexp(1.0, half - powers) == X).all(axis=1)
     is_lost = np.isinf(peaks) | ~(is_exact | (peaks >= SMALLEST))
     if is_lost.any():

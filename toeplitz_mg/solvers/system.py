@@ -97,7 +97,9 @@ class ToeplitzSystem:
     @cached_property
     def A(self) -> ToeplitzOperator:
         """The operator of A."""
-        return ToeplitzOperator(self.c) if self.is_symmetric else ToeplitzOperator(self.c, self.r)
+        if self.is_symmetric:
+            return ToeplitzOperator(self.c)
+        return ToeplitzOperator.from_lags(self.lags)  # The first number of r may be anything.
 
     @cached_property
     def cosine_form(self) -> CosineForm:

@@ -200,7 +200,7 @@ def spread(total: Array, g: Array, vectors: Vectors) -> Array:
     bonded = np.isinf(g)
     share = bonded.astype(np.float64) if vectors.count(bonded) else g
     wanted = np.nan_to_num(total).reshape(-1, *(1,) * g.ndim)
-    return wanted * (share / vectors.sum(share))
+    return wanted * (share / (vectors.sum(share) or 1.0))
 
 
 def balance(

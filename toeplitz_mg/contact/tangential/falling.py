@@ -22,7 +22,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.acceleration import Pairs, accelerate, extend
 from toeplitz_mg.contact.products import Report
 from toeplitz_mg.contact.result import ContactError, TangentialResult
-from toeplitz_mg.values import field
+from toeplitz_mg.values import in_range, numbers
 
 ROUNDS = 400  # Bounds that are tried: a dozen are usual.
 PATIENCE = 8  # Rounds without progress, after which they are no longer accelerated.
@@ -173,7 +173,7 @@ def _steepest(falling: Callable[..., Any], g: Array, falls: Array, s: Array) -> 
 
 def factor_of(falling: Callable[[Array], ArrayLike], s: Array) -> Array:
     """Return the factor of the bound, or say what is wrong with it."""
-    factor = field("the factor of falling friction", falling(s))
+    factor = numbers("the factor of falling friction", falling(s))
     if factor.shape not in ((), s.shape):
         raise ValueError(
             f"falling has returned the shape {factor.shape}, but must return one number for each "
@@ -184,4 +184,6 @@ def factor_of(falling: Callable[[Array], ArrayLike], s: Array) -> Array:
             f"falling has returned {factor.min():g} to {factor.max():g}, but a factor of the bound "
             "is finite and at least zero"
         )
-    return np.broadcast_to(np.maximum(factor, LEAST), s.shape)
+    factor = np.maximum(factor, LEAST)  # It may underflow.
+    in_range("the factor of falling friction", float(factor.max(initial=0.0)))
+    return np.broadcast_to(factor, s.shape)

@@ -25,6 +25,7 @@ from toeplitz_mg.contact.tangential.problem import Linearisation, Problem, linea
 from toeplitz_mg.engine.vectors import Vectors
 
 CARRYING = 8  # Attempts to restore the loads without a product: the rest is left to the next step.
+CONTRADICT = 1e-12  # Part of loads that is carried which is rounding: they contradict each other.
 CARRIED = 1e-12  # Part of the loads that is missing which is rounding.
 
 
@@ -66,7 +67,8 @@ class Loads:
         of all c whose product with the loads is 1 is what is carried of them.
         """
         most = [vectors.sum(np.where(size(arm) > 0.0, g, 0.0) * size(arm)) for arm in self.arms]
-        shares = np.array([a / b if a else 0.0 for a, b in zip(self.wanted, most, strict=True)])
+        pairs = zip(self.wanted.tolist(), most, strict=True)
+        shares = np.array([(a / b if b else np.inf) if a else 0.0 for a, b in pairs])
         if len(shares) < 2 or not min(most) > 0.0 or vectors.count(np.isinf(g)):
             return float(np.abs(shares).max(initial=0.0))
         arms = self.arms / np.reshape(most, (-1, *(1,) * (self.arms.ndim - 1)))
@@ -84,11 +86,18 @@ class Loads:
             push = inner_products(arms, g * direction(slip), vectors)
             return vectors.sum(g * size(slip)), others.T @ push
 
-        return 1.0 / float(minimize(carry, np.zeros(others.shape[1]), jac=True).fun)
+        least = float(minimize(carry, np.zeros(others.shape[1]), jac=True).fun)
+        return 1.0 / least if least > CONTRADICT else np.inf
 
     def check_share(self, g: Array, vectors: Vectors, bearer: str = "the traction bound") -> None:
         """Refuse loads that the bearer's bound g carries one by one, but not together."""
-        if not (share := self.share(g, vectors)) < 1.0:
+        share = self.share(g, vectors)
+        if share == np.inf:
+            raise BeyondBound(
+                "no tractions in the contact have these loads together: some follow from others, "
+                "as a moment from forces on a single element"
+            )
+        if not share < 1.0:
             raise BeyondBound(
                 f"the loads together are {share:.4g} times what {bearer} carries of them, but must "
                 "be less than that: the bodies would slide off, at no certain creepage (of much "

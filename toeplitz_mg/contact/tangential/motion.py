@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.checks import widen
 from toeplitz_mg.contact.grid import KEPT
+from toeplitz_mg.contact.tangential.coulomb import size
 from toeplitz_mg.values import field, finite, in_range, refuse_masked
 
 CREEPAGES = ("longitudinal", "lateral", "spin")
@@ -160,6 +161,20 @@ class Motion:
             if value:
                 w += value * unit
         return w if self.slip is None else w + self.slip
+
+    def largest_slip(self, grid: Any, contact: Array) -> float:
+        """Return the largest rigid slip in contact by each part that is given, added up."""
+        given = [
+            (abs(value), unit)
+            for value, unit in zip(self.creepages, unit_slips(grid, self.pole), strict=False)
+            if value
+        ]
+        if self.slip is not None:
+            given.append((1.0, self.slip))
+        return sum(
+            value * float(grid.vectors.max(np.where(contact, size(unit), 0.0)))
+            for value, unit in given
+        )
 
     def units(self, grid: Any) -> Array:
         """Return the rigid slip over the distance rolled by a unit of each unknown creepage."""

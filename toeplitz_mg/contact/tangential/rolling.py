@@ -29,6 +29,8 @@ from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
 
+ROUNDING = 16.0 * np.finfo(np.float64).eps  # That of a rigid slip, relative to its largest part.
+
 
 def rolling(
     bound: ArrayLike | NormalResult,
@@ -213,7 +215,7 @@ def roll(
     if guess is not None:
         q = check_previous(guess, grid, (grid.components, *g.shape), is_guess=True)
         before = q, guess.contact & ~guess.stick
-    h = grid.element[0]
+    h, given = grid.element[0], motion.largest_slip(grid, g > 0.0)
     with count_products() as work:
         window = window_around(grid, g > 0.0)
         g, b = window.cut(g), -h * window.cut(motion.rigid_slip(grid))
@@ -224,7 +226,9 @@ def roll(
         loads.check_share(g, grid.vectors)
         A = grid.tangential()
         products = Products(grid.steady(A), max_products)
-        problem = Problem(grid, g, b, None, tolerance, progress=progress)
+        # What is left of parts that cancel each other may be their rounding.
+        least = ROUNDING / tolerance * h * given
+        problem = Problem(grid, g, b, None, tolerance, least, progress)
         start = None
         # Without any slip or load there are no tractions: no guess is nearer.
         if before is not None and (problem.largest > 0.0 or loads.wanted.any()):
