@@ -307,6 +307,8 @@ def test_wrong_coefficients_are_refused_by_all(comm):
     refuses(comm, ValueError, f"rank {last}: c has the coefficient nan", make(bad))
     refuses(comm, TypeError, "on slabs coefficients are real", make(c + 1j))
     refuses(comm, ValueError, "add up to inf", make(np.full(c.shape, 1e308)))
+    # Those of all lags are nearly four times as many.
+    refuses(comm, ValueError, "add up to inf", make(np.full(c.shape, 1e308 / 96)))
     refuses(comm, ValueError, "parity is (1,)", make(c, parity=(1,)))
     refuses(comm, ValueError, f"rank {last}: parity is 5", make(c, parity=5 if is_last else (1, 1)))
     refuses(comm, ValueError, "rank 0: parity is (-1, 1)", make(c, parity=(-1, 1)))
@@ -362,6 +364,12 @@ def test_wrong_vectors_and_masks_are_refused_by_all(comm):
     x = np.ones(n - is_last)
     refuses(comm, ValueError, f"rank {last}: x has shape ", lambda: A @ x)
     refuses(comm, TypeError, "x has dtype complex128", lambda: A @ np.ones(n, complex))
+    if last:
+        x = np.ones(n, np.float32 if is_last else np.float64)
+        text = f"the dtype of x is float64 on rank 0 and float32 on rank {last}"
+        refuses(comm, ValueError, text, lambda: A @ x)
+        work = partial(A.astype, np.float32) if is_last else lambda: A @ np.ones(n)
+        refuses(comm, ValueError, "all ranks must call the same functions", work)
     mask = np.ones(slab.local, int if is_last else bool)
     text = f"rank {last}: mask has dtype int64"
     refuses(comm, TypeError, text, lambda: slabs.MaskedOperator(A, mask))
@@ -371,6 +379,9 @@ def test_wrong_vectors_and_masks_are_refused_by_all(comm):
     B = slabs.MaskedOperator(A, ~nothing)
     text = "A is a MaskedOperator, but must be"
     refuses(comm, TypeError, text, lambda: slabs.MaskedOperator(B, ~nothing))
+    other = slabs.ToeplitzOperator(A.c, slabs.Slab(comm, (12, 8)))
+    text = "the blocks live on several slabs"
+    refuses(comm, ValueError, text, lambda: slabs.CoupledOperator([[A, None], [None, other]]))
     text = "blocks has 1 rows of [2] blocks"
     refuses(comm, ValueError, text, lambda: slabs.CoupledOperator([[A, A]]))
     for wrong in ([A, A], [[A, 3], [3, A]], [A, [A]]):
@@ -412,3 +423,48 @@ def test_vectors_of_any_numbers_have_products_in_the_precision_of_the_matrix(com
             assert_rows(slab, y, whole, 1e-14)
             for part in (C @ np.concatenate([own, own])).reshape(2, -1):
                 assert_rows(slab, part, whole, 1e-14)
+
+
+def test_the_bound_of_the_norm_is_one_on_all_ranks(comm):
+    """The largest eigenvalue is at a frequency of one of them."""
+    for shape, sign in (((12, 8), 1.0), ((12, 8), -1.0), ((7, 9), -1.0)):
+        slab = slabs.Slab(comm, shape)
+        c = kernel(shape) * sign ** np.indices(shape)[-1]
+        A = slabs.ToeplitzOperator(c[slab.rows], slab)
+        bound = A.norm_bound
+        assert bound >= np.linalg.norm(tmg.ToeplitzOperator(c).toarray(), 2) * (1 - 1e-12)
+        assert slab.gather(bound) == [bound] * comm.size
+
+
+def test_another_precision_has_the_same_coefficients(comm):
+    shape, rng = (12, 8), np.random.default_rng(0)
+    slab, c, behind = slabs.Slab(comm, shape), rng.random(shape), rng.random(shape)
+    behind[0] = c[0]
+    A = slabs.ToeplitzOperator(c[slab.rows], slab, behind=behind[slab.rows])
+    B = A.astype(np.float32)
+    assert np.array_equal(B.c, A.c.astype(np.float32))
+    assert np.array_equal(B.opposite, A.opposite.astype(np.float32))
+
+
+def test_blocks_that_are_not_transposes_are_refused_by_all(comm):
+    shape, rng = (12, 8), np.random.default_rng(0)
+    slab = slabs.Slab(comm, shape)
+    A = slabs.ToeplitzOperator(kernel(shape)[slab.rows], slab)
+    u, v, w = (1e-3 * rng.random((3, *shape)))[:, slab.rows]
+    v[:, 0] = w[:, 0] = u[:, 0]
+    if slab.rows.start == 0:
+        v[0] = w[0] = u[0]
+
+    def check(b, c):
+        return slabs.CoupledOperator([[A, b], [c, A]]).check_symmetric
+
+    def block(c, behind=None, parity=(1, 1)):
+        return slabs.ToeplitzOperator(c, slab, parity=parity, behind=behind)
+
+    check(block(u, v), block(v, u))()
+    text = "its blocks (1, 0) and (0, 1) are not each other's transpose"
+    refuses(comm, ValueError, text, check(block(u, v), block(v, w)))
+    refuses(comm, ValueError, text, check(block(u, v), block(w, u)))
+    none_at_zero = np.where(np.arange(8) > 0, u, 0.0)
+    odd = block(none_at_zero, parity=(1, -1))
+    refuses(comm, ValueError, text, check(block(none_at_zero), odd))

@@ -117,6 +117,16 @@ def test_a_field_of_slip_on_some_ranks_only_is_refused(comm):
         refuses(comm, ValueError, text, work)
 
 
+def test_ranks_that_roll_by_different_creepages_are_refused(comm):
+    slab, last = slabs.Slab(comm, (24, 16)), comm.size - 1
+    if not last:
+        return
+    case = {"material": STEEL, "longitudinal": 1e-4 if comm.rank == last else 2e-4}
+    for function, more in ((slabs.rolling, {}), (slabs.rolling_steps, {"steps": 1})):
+        work = partial(function, np.full(slab.local, 9.0), slab, (0.02, 0.03), **case, **more)
+        refuses(comm, ValueError, "the creepages is (0.0002, 0.0, 0.0) on rank 0 and", work)
+
+
 @doubts_ignored()
 def test_strips_of_one_element_roll(comm):
     """Grids of one axis, along which they roll or across it, whose products are those of a line."""

@@ -104,3 +104,5 @@ def test_friction_refuses_on_all_ranks(comm):
     refuses(comm, ValueError, name + "shift has shape", shift(shift=wrong))
     if comm.size > 1:
         refuses(comm, ValueError, "force is", shift(force=(1.0 + last, 0.0)))
+        text = f"shift is [1.0, 0.0] on rank 0 and [2.0, 0.0] on rank {comm.size - 1}"
+        refuses(comm, ValueError, text, shift(shift=(1.0 + last, 0.0)))

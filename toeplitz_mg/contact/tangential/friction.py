@@ -177,7 +177,7 @@ def shift_bodies(
         same["shift"] = None
         if change is not None:
             b = b + change
-            same["shift"] = "a field" if of_elements else change.tolist()
+            same["shift"] = "a field" if of_elements else change.ravel().tolist()
         if force is not None:
             check_force(force, np.inf, grid)  # How much of it is carried all ranks know together.
         same["force"], same["nested"] = refuse_masked("force", force).tolist(), bool(nested)
