@@ -148,3 +148,8 @@ def test_a_curve_without_contact_has_no_force_and_nothing_that_slips(shape):
     assert not curve.force.any()
     assert not curve.power.any()
     assert np.array_equal(curve.stick_share, [1.0, 1.0])
+
+
+def test_an_empty_curve_is_refused_as_such():
+    with pytest.raises(ValueError, match="a curve has one point at least"):
+        creep_curve(np.ones(8), 0.1, material=BODY, longitudinal=[])

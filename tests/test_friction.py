@@ -814,3 +814,33 @@ def test_slip_along_the_traction_is_a_violation(sign):
     problem = Problem(grid, g, b, None, 1e-8)
     found = linearise(problem, Areas(~slide, slide), q, np.zeros_like(q))
     assert found.residual == (0.0 if sign > 0.0 else 1.0)
+
+
+def test_surfaces_that_repeat_and_stick_everywhere_take_no_shift():
+    """Of a mean there is no displacement, so that no shift says what the force is."""
+    pressed = normal_contact(
+        np.zeros((12, 12)),
+        (0.1, 0.1),
+        material=Material.from_shear(1.0, 0.3),
+        force=0.1,
+        periodic=True,
+    )
+    assert pressed.contact.all()
+    with pytest.raises(ValueError, match="surfaces that repeat and touch everywhere stick"):
+        friction(pressed, mu=MU, shift=(1e-3, 0.0))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, 2.0, 4.0])
+@pytest.mark.parametrize("nu", [0.0, 0.45])
+def test_where_all_slides_the_shift_across_is_what_the_elements_do(angle, nu):
+    """An ellipse does not move along a force that is not along its axes."""
+    h, n = (0.1, 0.05), np.array([np.cos(angle), np.sin(angle)])
+    x, y = surfaces.centres((32, 40), h)
+    g = semi_ellipse(np.hypot(x, 2 * y), 1.2)
+    force = n * g.sum() * np.prod(h)
+    result = friction(g, h, material=Material.from_shear(1.0, nu), force=force)
+    assert result.sliding[result.contact].all()
+    u = result.displacement[:, result.contact]
+    along, across = n, np.array([-n[1], n[0]])
+    assert_allclose(result.shift @ across, (across @ u).mean(), rtol=0, atol=1e-6 * np.abs(u).max())
+    assert_allclose(result.shift @ along, (along @ u).max(), rtol=1e-6)

@@ -532,3 +532,10 @@ def test_steps_without_contact_have_no_tractions(shape):
     element = element[0] if len(shape) == 1 else element
     for result in rolling_steps(np.zeros(shape), element, material=BODY, steps=2, force=nothing):
         assert not result.traction.any()
+
+
+@pytest.mark.parametrize("spin", [0.2, -0.2])
+def test_the_summary_tells_the_moment(spin):
+    _, result = circle(16, (0.0, 0.0, spin))
+    assert abs(result.moment) > 1e-3
+    assert f"  {'moment':18s}{result.moment:.5g} N mm" in result.summary()
