@@ -29,7 +29,7 @@ from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
 
-ROUNDING = 16.0 * np.finfo(np.float64).eps  # That of a rigid slip, relative to its largest part.
+ROUNDING = 16.0 * float(np.finfo(np.float64).eps)  # That of a slip, over its largest part.
 
 
 def rolling(
