@@ -45,7 +45,6 @@ class Iterate:
         vectors = self.vectors
         self.x, peak = vectors.zeros(b, dtype), vectors.peak(b)
         if guess is not None:
-            given = b
             self.x = vectors.copy(guess, self.x)
             b = vectors.copy(b, vectors.zeros(b, dtype))
             size = 1.0
@@ -57,7 +56,7 @@ class Iterate:
                 above = vectors.peak(r) * size
             if peak < FAINT * np.finfo(dtype).tiny * above < inf:
                 # Beside it nothing is left of b, so that nothing of the guess is worth keeping.
-                guess, b, self.x = None, given, vectors.zeros(b, dtype)
+                guess, self.x = None, vectors.zeros(b, dtype)
             else:
                 peak = max(peak, above)
         # The largest entry is then from 1 to 2, so that the vectors are in the range of float32.

@@ -29,7 +29,8 @@ from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
 
-ROUNDING = 1000.0 * float(np.finfo(np.float64).eps)  # Of a slip and creepages, at most.
+# Rounding of what creepages leave of a slip that is given, over that slip, at most.
+ROUNDING = 1000.0 * float(np.finfo(np.float64).eps)
 
 
 def rolling(
@@ -94,7 +95,8 @@ def rolling(
         A result of rolling on this grid, whose tractions and areas the search starts from, in the
         place of those of coarser grids.
     tolerance : float
-        The violation of Coulomb's law, as in `friction`, over the largest rigid slip.
+        The violation of Coulomb's law, as in `friction`, over the largest rigid slip. What is left
+        of a slip that is given counts down to the rounding of that: creepages may undo it.
     nested : bool
         Whether the first guess comes from coarser grids.
     max_products : int
