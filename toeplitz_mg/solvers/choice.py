@@ -99,7 +99,7 @@ def methods(system: ToeplitzSystem) -> Iterator[Method]:
         if not levinson_is_fastest(n, columns):
             return _methods_of_symmetric(system)
         if n >= RECURSIVE:
-            return chain(_levinson_method(system), _dense_methods(system))
+            return chain((_levinson_method(system),), _dense_methods(system))
         return _dense_methods(system)
     usual = _methods_of_general(system) if n >= GENERAL else _dense_methods(system)
     if not system.band:
@@ -124,7 +124,7 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
         return
     if is_short:
         # Where A is definite Levinson's recursion loses no digits that another one would have.
-        yield from _levinson_method(system)
+        yield _levinson_method(system)
         yield from _dense_methods(system)
         return
     if columns <= FEW:
@@ -210,7 +210,7 @@ def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
         yield Method("trench", _recur(system))
     elif not factors_first:
         # A correction takes a second recursion, which a small system is worth.
-        yield from _levinson_method(system, 0.0 if n <= SHORT else UNSTABLE)
+        yield _levinson_method(system, 0.0 if n <= SHORT else UNSTABLE)
     if n >= RECURSIVE and not factors_first:
         yield Method("gmres, trench of A + ε I", _iterate_shifted(system))
         yield from _gmres_chan(system)
@@ -238,8 +238,8 @@ def _substitution(system: ToeplitzSystem) -> Iterator[Method]:
     yield Method("substitution", substitute, is_substitution=True)
 
 
-def _levinson_method(system: ToeplitzSystem, accepted: float = 0.0) -> Iterator[Method]:
-    yield Method(LEVINSON, lambda B, rtol: (levinson(system.lags, B), 1), accepted)
+def _levinson_method(system: ToeplitzSystem, accepted: float = 0.0) -> Method:
+    return Method(LEVINSON, lambda B, rtol: (levinson(system.lags, B), 1), accepted)
 
 
 def _cosine_method(system: ToeplitzSystem) -> Iterator[Method]:

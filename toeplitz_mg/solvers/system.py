@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from scipy.fft import next_fast_len
-from scipy.linalg.blas import dasum
+from scipy.linalg.blas import dasum, dnrm2
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
@@ -66,7 +66,9 @@ class ToeplitzSystem:
         is_short = len(c) <= LONG and c.dtype == np.float64  # BLAS has that in fewer calls.
         self.size = dasum(self.lags) if is_short else float(np.abs(self.lags).sum())
         # Where rows are real it is no method, as the calls of a small system count.
-        self.measure = norms if parts == 1 else self._measure_both
+        self.measure = self._measure_both if parts == 2 else norms
+        if is_short and B.ndim == 1:
+            self.measure = dnrm2
         self.sizes = self.measure(B) + TINY
         self.is_symmetric = c.dtype == np.float64 and (r is c or np.array_equal(c[1:], r[1:]))
 
