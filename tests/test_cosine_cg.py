@@ -76,6 +76,17 @@ def test_a_system_is_solved_in_few_iterations(name, n):
     assert_allclose(x, X[0], atol=1e-5 * abs(x).max())
 
 
+@pytest.mark.parametrize("n", [600, 4096])
+@pytest.mark.parametrize("ratio", [0.5, -0.7, 0.9])
+def test_of_lags_that_decay_in_proportion_a_few_iterations_are_all(n, ratio):
+    # Between the higher frequencies C A Cᵀ differs from the symbol by a matrix of rank two, one of
+    # each parity, and so do the couplings to the lowest.
+    c, b = ratio ** np.arange(n), random(n)
+    x, iterations = CosineSolver(CosineForm(c), float(2.0 * abs(c).sum())).solve(b, 1e-12)
+    assert iterations <= 3
+    assert np.linalg.norm(scipy.linalg.toeplitz(c) @ x - b) <= 1e-11 * np.linalg.norm(b)
+
+
 @pytest.mark.parametrize("n", [256, 269])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_part_that_the_right_hand_side_has_not_stays_zero(n, sign):
