@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from tests.test_friction import assert_areas, assert_slip, doubtful, semi_ellipse
 from toeplitz_mg import halfspace
-from toeplitz_mg.contact import Material, creep_curve, normal_contact, steady_matrices, surfaces
+from toeplitz_mg.contact import Material, creep_curve, normal_contact, surfaces
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import ContactError
 from toeplitz_mg.contact.tangential import steady
@@ -143,18 +143,20 @@ def test_large_creepage_slides_everywhere():
 
 
 @pytest.mark.parametrize(
-    ("creepages", "most"),
-    [((0.1, 0.0, 0.0), 58), ((0.0, 0.1, 0.0), 58), ((0.0, 0.0, 0.3), 58), ((0.06, 0.04, 0.2), 58)],
+    "creepages", [(0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 0.3), (0.06, 0.04, 0.2)]
 )
-def test_products_in_a_circle(creepages, most):
-    _, result = circle(128, creepages)
-    assert_rolls(result, Material.from_shear(1.0, 0.25))
-    assert result.products <= most
-    assert result.work < 3 * most
+def test_products_do_not_depend_on_the_number_of_elements(creepages):
+    of_few, of_many = (circle(n, creepages)[1] for n in (64, 256))
+    assert_rolls(of_many, Material.from_shear(1.0, 0.25))
+    assert of_many.products <= 1.2 * of_few.products
+    assert of_many.products <= 25
+    assert of_many.work < 4 * of_many.products
 
 
 def test_products_in_line_contact():
-    assert carter(1229)[2].products <= 65
+    few, many = (carter(n)[2].products for n in (1229, 19_660))
+    assert few <= 20
+    assert many <= 1.2 * few + 1
 
 
 def test_nested_grids_change_the_work_only():
@@ -203,21 +205,6 @@ def test_the_matrix_of_steady_rolling_is_that_of_the_half_space():
         assert_allclose(
             K @ np.eye(K.shape[0]), influences(grid, 0.0) - influences(grid, 0.5), atol=1e-14
         )
-
-
-@pytest.mark.parametrize("shape", [(70,), (40, 30)])
-def test_inverses_are_the_same_in_panels_of_any_size(shape, monkeypatch):
-    rng = np.random.default_rng(0)
-    grid = Grid.of(shape, (0.5,) * len(shape), Material.from_shear(2.0, 0.3), None)
-    K = grid.steady(grid.tangential())
-    M = steady_matrices.ShiftedInverses(K, np.float64)
-    addition, r = 3.0 * rng.random(shape), rng.standard_normal((grid.components, *shape))
-    whole = M.at(addition)(r)
-    monkeypatch.setattr(steady_matrices, "PANEL_BYTES", 1)
-    assert_allclose(M.at(addition)(r), whole, atol=1e-12 * np.abs(whole).max())
-    # In each place it is that of its own addition alone.
-    uniform = M.at(np.full(shape, addition.flat[7]))(r)
-    assert_allclose(uniform.reshape(len(r), -1)[:, 7], whole.reshape(len(r), -1)[:, 7])
 
 
 def test_what_is_around_the_contact_is_not_multiplied():

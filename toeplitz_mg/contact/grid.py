@@ -11,15 +11,12 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element, Mask
+from toeplitz_mg.contact.circulants import Circulants
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.elements import read_periodic, read_reference, read_sizes
-from toeplitz_mg.contact.short_transforms import ShortCirculants, ShortProduct
-from toeplitz_mg.contact.steady_matrices import (
-    Circulants,
-    ShiftedInverses,
-    SteadyArray,
-    subtract_operators,
-)
+from toeplitz_mg.contact.shifted_inverses import ADDITIONS, ShiftedInverses
+from toeplitz_mg.contact.short_transforms import SHORT_ADDITIONS, ShortCirculants, ShortProduct
+from toeplitz_mg.contact.steady_matrices import SteadyArray, subtract_operators
 from toeplitz_mg.contact.waves import Waves
 from toeplitz_mg.engine.library import NUMPY, Library
 from toeplitz_mg.halfspace import CombinedMaterial
@@ -225,7 +222,7 @@ class Grid:
 
     def invert_shifted(self, K: Any, dtype: DTypeLike) -> Any:
         """Return approximate inverses of the matrix of steady rolling with additions."""
-        return _inverses(self, np.dtype(dtype)) if self.is_kept else ShiftedInverses(K, dtype)
+        return _inverses(self, np.dtype(dtype)) if self.is_kept else ShiftedInverses.of(K, dtype)
 
     @property
     def is_short(self) -> bool:
@@ -303,5 +300,5 @@ def _steady_array(grid: Grid, contact: bytes) -> SteadyArray:
 
 @lru_cache(maxsize=KEPT)
 def _inverses(grid: Grid, dtype: np.dtype[Any]) -> ShiftedInverses:
-    circulants = ShortCirculants if grid.is_short else Circulants
-    return ShiftedInverses(_steady(grid), dtype, circulants)
+    ways = (ShortCirculants, SHORT_ADDITIONS) if grid.is_short else (Circulants, ADDITIONS)
+    return ShiftedInverses.of(_steady(grid), dtype, *ways)

@@ -12,63 +12,63 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.steady_matrices import fade_rate
+from toeplitz_mg.contact.circulants import Sums, fade_rate, find_lengths
 from toeplitz_mg.engine.products import multiply_rows
 from toeplitz_mg.engine.work import count_work, points_of_transform
 from toeplitz_mg.operators import CoupledOperator
 
 # Additions whose inverses are interpolated, over the diagonal: of two, and not three, it takes
 # hardly more iterations, each of which takes less time.
-ADDITIONS = np.array([0.0, 3.0])
+SHORT_ADDITIONS = np.array([0.0, 3.0])
 KEPT = 8  # Lengths whose matrices are kept: a grid has two, for several operators.
 
 
 class ShortTransforms:
-    """Transforms of real fields on a grid of two axes, padded so that no lag meets another.
+    """Transforms of real fields on a grid of two axes, padded with zeros.
 
     Parameters
     ----------
     shape : (int, int)
         Of the grid.
     dtype : float32 or float64
+    lengths : (int, int)
+        Of the padded grid, odd.
     fade : ndarray of shape (n,)
         What fields are divided by along the first axis before they are transformed, and multiplied
         with after they are transformed back.
-
-    Attributes
-    ----------
-    lengths : (int, int)
-        Of the padded grid: 2 n - 1, which is odd.
     """
 
-    def __init__(self, shape: tuple[int, ...], dtype: DTypeLike, fade: Any = 1.0) -> None:
-        self.shape, self.dtype = shape, np.dtype(dtype)
-        self.lengths = 2 * shape[0] - 1, 2 * shape[1] - 1
-        rows, columns = (_roots(length) for length in self.lengths)
-        n, m = shape  # Of the frequencies along the second axis the first m are all others' too.
+    def __init__(
+        self, shape: tuple[int, ...], dtype: DTypeLike, lengths: tuple[int, ...], fade: Any = 1.0
+    ) -> None:
+        self.shape, self.dtype, self.lengths = shape, np.dtype(dtype), lengths
+        rows, columns = (_roots(length) for length in lengths)
+        # Of the frequencies along the second axis half are all others' too.
+        (n, m), half = shape, (lengths[1] + 1) // 2
         complex_ = np.result_type(self.dtype, np.complex64)
-        columns = columns[:m, :m]
+        columns = columns[:m, :half]
         self._along_columns = columns.astype(complex_).view(self.dtype)
         fades = np.broadcast_to(fade, n)
         self._along_rows = np.ascontiguousarray(rows[:, :n] / fades, complex_)
         back = rows[:n].conj() * (fades[:, None] / self.lengths[0])
         self._back_along_rows = back.astype(complex_)
-        weights = np.where(np.arange(m) > 0, 2.0, 1.0) / self.lengths[1]
+        weights = np.where(np.arange(half) > 0, 2.0, 1.0) / self.lengths[1]
         back = columns.T * weights[:, None]
-        back = np.stack([back.real, back.imag], axis=1).reshape(2 * m, m)
+        back = np.stack([back.real, back.imag], axis=1).reshape(2 * half, m)
         self._back_along_columns = back.astype(self.dtype)
 
     def forward(self, x: Array) -> Array:
         """Return the transforms of fields, (k, n, m), at all frequencies along the first axis."""
         n, m = self.shape
         along_columns = (x.reshape(-1, m) @ self._along_columns).view(self._along_rows.dtype)
-        return self._along_rows @ along_columns.reshape(-1, n, m)
+        return self._along_rows @ along_columns.reshape(-1, n, along_columns.shape[-1])
 
     def back(self, X: Array) -> Array:
         """Return the fields, of the shape of the grid, that have these transforms."""
         n, m = self.shape
         along_columns = (self._back_along_rows @ X).view(self.dtype)
-        return (along_columns.reshape(-1, 2 * m) @ self._back_along_columns).reshape(-1, n, m)
+        last = along_columns.shape[-1]
+        return (along_columns.reshape(-1, last) @ self._back_along_columns).reshape(-1, n, m)
 
 
 class ShortProduct:
@@ -89,7 +89,8 @@ class ShortProduct:
     @classmethod
     def of(cls, K: CoupledOperator) -> "ShortProduct":
         """Return the products of an operator of two axes."""
-        transforms = ShortTransforms(K.grid_shape[1:], np.float64)
+        n, m = K.grid_shape[1:]
+        transforms = ShortTransforms((n, m), np.float64, (2 * n - 1, 2 * m - 1))
         zero = np.zeros((1, 1))
         circulants = [
             [zero if a is None else a.circulant(transforms.lengths) for a in row]
@@ -105,7 +106,8 @@ class ShortProduct:
 
     def astype(self, dtype: DTypeLike) -> "ShortProduct":
         """Return the same products in another precision."""
-        return ShortProduct(self._spectra, ShortTransforms(self._transforms.shape, dtype))
+        transforms = ShortTransforms(self._transforms.shape, dtype, self._transforms.lengths)
+        return ShortProduct(self._spectra, transforms)
 
     def adjoint(self) -> "ShortProduct":
         """Return the products with the adjoint."""
@@ -125,27 +127,32 @@ class ShortProduct:
 
 
 class ShortCirculants:
-    """Sums of circulants, as `steady_matrices.Circulants` has them, of a small grid."""
-
-    additions = ADDITIONS
+    """Products with circulants, as `circulants.Circulants` has them, of a small grid."""
 
     def __init__(self, grid: tuple[int, ...], dtype: DTypeLike) -> None:
-        fade = np.exp(fade_rate(2 * grid[0] - 1) * np.arange(grid[0]))
-        self._transforms = ShortTransforms(grid, dtype, fade)
-        self.lengths = self._transforms.lengths
+        self.dtype = np.dtype(dtype)
+        self.lengths = tuple(length | 1 for length in find_lengths(grid))
+        fade = np.exp(fade_rate(self.lengths[0]) * np.arange(grid[0]))
+        self._transforms = ShortTransforms(grid, dtype, self.lengths, fade)
         self._points = points_of_transform(*self.lengths)
 
-    def prepare(self, weights: Array) -> Array:
-        """Return weights as `add` takes them: what they fade is in the transforms."""
-        return weights
+    def forward(self, x: Array) -> Array:
+        """Return the transforms of fields, (..., components, ...)."""
+        X = self._transforms.forward(x)
+        count_work(1, len(X) * self._points)
+        return X.reshape(*x.shape[:-2], *X.shape[1:])
 
-    def add(self, r: Array, weights: Array, eigenvalues: Array) -> Array:
-        """Return the sum of the circulants of a field, each with its weights."""
-        count_work(1, (1 + len(eigenvalues)) * len(r) * self._points)
-        R = self._transforms.forward(r)
-        Z = (eigenvalues * R).reshape(-1, *R.shape[1:])
-        y = self._transforms.back(Z).reshape(len(eigenvalues), *r.shape)
-        return np.einsum("krn,kcrn->crn", weights, y)
+    def multiply(self, sums: Sums) -> Array:
+        """Return the fields, (k, components, ...), that are sums of circulants times transforms."""
+        totals = np.empty((len(sums), *sums[0][0][0].shape), sums[0][0][0].dtype)
+        for total, ((X, eigenvalues), *others) in zip(totals, sums, strict=True):
+            np.multiply(X, eigenvalues, out=total)
+            for X, eigenvalues in others:
+                total += X * eigenvalues
+        components, *frequencies = totals.shape[1:]
+        count_work(1, len(totals) * components * self._points)
+        fields = self._transforms.back(totals.reshape(-1, *frequencies))
+        return fields.reshape(-1, components, *self._transforms.shape)
 
 
 @lru_cache(maxsize=KEPT)

@@ -11,12 +11,13 @@ from numpy.typing import DTypeLike
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.grid import COARSEST, Grid
+from toeplitz_mg.contact.shifted_inverses import ShiftedInverses
 from toeplitz_mg.halfspace.matrices import KERNELS, evaluate
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
+from toeplitz_mg.slabs.circulants import invert_shifted
 from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.fsai import fsai_preconditioner
 from toeplitz_mg.slabs.operators import MaskedOperator, ToeplitzOperator
-from toeplitz_mg.slabs.shifted_inverses import ShiftedInverses
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.trigonometric import cosine_preconditioner
 
@@ -147,7 +148,7 @@ class SlabGrid:
 
     def invert_shifted(self, K: CoupledOperator, dtype: DTypeLike) -> ShiftedInverses:
         """Return approximate inverses of the matrix of steady rolling with additions."""
-        return ShiftedInverses(K, np.dtype(dtype), self.diagonal(K))
+        return invert_shifted(K, dtype, self.diagonal(K))
 
     def restrict(self, A: Any, C: Mask) -> MaskedOperator:
         """Return the rows and columns of some elements of a matrix of this grid."""

@@ -26,8 +26,8 @@ from toeplitz_mg.preconditioners.positivity import is_positive
 from toeplitz_mg.solvers.compiled_transforms import transforms
 
 STEEP = 0.5  # Slope of the last two coefficients, over the last, that is none of a smooth function.
-ENDED = 1e-13  # The last two coefficients, over the first, below which all others are taken for zero.
-# Sample of the symbol next to the lowest frequencies, over the largest, below which rounding decides
+ENDED = 1e-13  # The last two coefficients, over the first, below which those that follow are zero.
+# Sample of the symbol next to the lowest frequencies, over the largest, below which rounding says
 # how many iterations it takes: (2 - 2 cos θ)² has that from some 6000 unknowns on.
 LEAST = 1e-7
 LOWEST = 64  # Frequencies of which the inverse is that of A itself: beyond some 32 few are gained.
@@ -184,7 +184,7 @@ class ApproximateInverse:
             # Between these frequencies A differs from its symbol by a matrix of small rank only.
             np.divide(1.0, f[1:-1], out=self.diagonal[LOWEST:])
         else:
-            # That lags are cut off adds (-1)^k times something smooth: a mean of neighbours has not.
+            # Lags that are cut off add (-1)^k times something smooth: a mean of neighbours has not.
             np.divide(4.0, 2.0 * f[1:-1] + f[:-2] + f[2:], out=self.diagonal[LOWEST:])
         self.lowest = np.empty((2, LOWEST // 2, LOWEST // 2))
         for block, inverse in zip(form.lowest_blocks(), self.lowest, strict=True):

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.steady_matrices import ShiftedInverses
+from toeplitz_mg.contact.shifted_inverses import ShiftedInverses
 from toeplitz_mg.contact.tangential.coulomb import Areas
 from toeplitz_mg.contact.tangential.given_loads import CARRIED, Loads, Look, complement
 from toeplitz_mg.contact.tangential.problem import STIFFEST, Problem
@@ -68,7 +68,7 @@ class Iteration:
         vectors.add_combination(-weights, rows[1:], rows[0])
         if self._slide is None or vectors.count(areas.slide ^ self._slide):
             self._invert, self._slide = M.at(stiffness), areas.slide
-        v = T(self._invert(rows[0]))
+        v = T(self._invert(rows[0], T.project_each))
         vectors.add_combination(weights, dq, v)
         v = scale * v.astype(np.float64)
         if is_loaded:

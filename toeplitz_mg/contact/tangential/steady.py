@@ -26,7 +26,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import COARSEST
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.steady_matrices import LEAST_UNIT, MOST_UNIT
-from toeplitz_mg.contact.tangential.coulomb import Areas, clip, size
+from toeplitz_mg.contact.tangential.coulomb import Areas, Tangent, clip, size
 from toeplitz_mg.contact.tangential.direct import find_directly
 from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.iteration import Iteration
@@ -128,7 +128,9 @@ def find_steady_state(
     if guess is None:
         q, slide = np.zeros(problem.b.shape), np.zeros(problem.g.shape, bool)
         if grid.is_short and not len(loads.wanted):
-            q, slide = roll_backwards(M.at(np.zeros(grid.shape))(problem.b), problem.g)
+            T = Tangent(Areas(problem.g > 0.0, slide), q, problem.vectors, balanced=())
+            bonded = M.at(np.zeros(grid.shape))(T(problem.b), T.project_each)
+            q, slide = roll_backwards(bonded, problem.g)
         guess = admit(problem, q, slide)
 
     accuracy, creepages = LOOSE, np.zeros(len(loads.wanted))
