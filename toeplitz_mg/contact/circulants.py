@@ -16,7 +16,7 @@ from toeplitz_mg.operators import ToeplitzOperator
 WRAPPED = 0.03  # What goes around a circulant comes back so many times as large.
 # Addition where nothing slides, over the largest of the symbol and by the number of elements along
 # the rolling direction: it bounds the inverse. A fixed one fades what comes from far ahead.
-LEAST = 0.3
+LEAST = 0.5
 # Lengths of the circulants over those of the grid, along the rolling direction and across, and by
 # how many elements they are longer at least. With twice the length it takes as many iterations.
 LONGER, GAP = (1.5, 1.25), 8
@@ -111,22 +111,28 @@ def find_spectrum(K: ToeplitzOperator, lengths: tuple[int, ...]) -> Array:
     kept = tuple(slice(n - m, n + m - 1) for n, m in zip(K.grid_shape, longest, strict=True))
     count_transforms(1, *lengths)
     spectrum = fft.rfftn(ToeplitzOperator.from_lags((K.lags * fade)[kept]).circulant(lengths))
-    spectrum += LEAST / n * np.abs(spectrum).max()
+    bound_from_zero(spectrum, LEAST / n * np.abs(spectrum).max())
     result: Array = spectrum.reshape((1, *lengths)[-2], -1)
     return result
+
+
+def bound_from_zero(spectrum: Array, least: float) -> None:
+    """Make the real parts of eigenvalues at least so large, in place.
+
+    Those of K are not negative; of its lags on a long and narrow grid alone some are.
+    """
+    np.maximum(spectrum.real, 0.0, out=spectrum.real)
+    spectrum += least
 
 
 def find_causal_factor(spectrum: Array, lengths: tuple[int, ...]) -> Array:
     """Return the factor of eigenvalues whose lags along the first axis are those from 0 on.
 
     The other one, of the lags from 0 down, is the eigenvalues over this one (Wiener and Hopf): the
-    logarithm of a product is a sum. Where the logarithm has no continuous branch, the factor is 1.
+    logarithm of a product is a sum. Their real parts are to be positive, or it has no branch.
     """
-    weights = weigh_causally(np.arange(lengths[0]), lengths[0])
-    is_line = len(lengths) == 1
-    has_branch = is_far_from_negative(spectrum).all(axis=None if is_line else 0)
-    logarithm = np.log(np.where(has_branch, spectrum, 1.0))
-    if is_line:
+    weights, logarithm = weigh_causally(np.arange(lengths[0]), lengths[0]), np.log(spectrum)
+    if len(lengths) == 1:
         causal = fft.rfft(weights * fft.irfft(logarithm, lengths[0]))
     else:
         causal = fft.fft(weights[:, None] * fft.ifft(logarithm, axis=0), axis=0)
@@ -137,12 +143,6 @@ def find_causal_factor(spectrum: Array, lengths: tuple[int, ...]) -> Array:
 def weigh_causally(lags: Array, length: int) -> Array:
     """Return 1 for the lags from 0 on, 0 for those below, and a half for those that are both."""
     return 0.5 * ((2 * lags <= length).astype(float) + ((2 * lags < length) & (lags > 0)))
-
-
-def is_far_from_negative(z: Array) -> Array:
-    """Whether numbers are nearer to the positive ones or i or -i than to the negative ones."""
-    far: Array = z.real > -np.abs(z.imag)
-    return far
 
 
 def fade_rate(length: int) -> float:

@@ -11,10 +11,10 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.circulants import (
     LEAST,
     Sums,
+    bound_from_zero,
     fade_rate,
     find_causal_factor,
     find_lengths,
-    is_far_from_negative,
     weigh_causally,
 )
 from toeplitz_mg.contact.shifted_inverses import ShiftedInverses
@@ -92,7 +92,8 @@ class Circulants:
             # The lag zero is ahead, and on a grid all lags that are zero along the first axis.
             back[0, : 1 if slab.is_line else None] = 0.0
         s = exact.forward(ahead.reshape(-1)) + exact.forward(back.reshape(-1)).conj()
-        s += LEAST / slab.shape[0] * max(slab.gather(np.abs(s).max(initial=0.0)))
+        largest = max(slab.gather(np.abs(s).max(initial=0.0)))
+        bound_from_zero(s, LEAST / slab.shape[0] * largest)
         return s
 
     def find_causal_factor(self, spectrum: Array) -> Array:
@@ -100,8 +101,6 @@ class Circulants:
         slab, (length, *_) = self._slab, self.lengths
         if not slab.is_line or length == 1:
             return find_causal_factor(spectrum, self.lengths)
-        if not min(slab.gather(float(is_far_from_negative(spectrum).all()))):
-            return np.ones_like(spectrum)
         # All its lags are wanted, not those of the grid alone.
         whole = slab.alike((length, 1), cuts_of(length, slab.comm.size))
         transform = LongTransform(whole, length, length)
