@@ -42,6 +42,15 @@ def test_points_of_a_curve_are_those_alone():
     assert curve.products.shape == curve.power.shape == (3,)
 
 
+def test_points_on_fine_lines_take_as_many_products_as_alone():
+    h = 2 * A / 2000
+    g = MU * A / 2 * semi_ellipse(surfaces.centres(2100, h)[0], A)
+    creepages = -MU * A * np.array([0.2, 0.4, 0.8])
+    curve = creep_curve(g, h, material=BODY, longitudinal=creepages)
+    alone = [rolling(g, h, material=BODY, longitudinal=c) for c in creepages.tolist()]
+    assert curve.products.tolist() == [result.products for result in alone]
+
+
 def test_a_curve_of_a_line_may_begin_without_lateral_creepage():
     g, case = MU * A / 2 * semi_ellipse(surfaces.centres(60, 0.03)[0], A), {"material": BODY}
     curve = creep_curve(g, 0.03, longitudinal=-0.05, lateral=[0.0, 0.02], **case)

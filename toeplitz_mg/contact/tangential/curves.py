@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.contact import fields, plotting, saving
+from toeplitz_mg.contact.grid import DENSE
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.contact.summary import (
     Figure,
@@ -177,7 +178,8 @@ def creep_curve(
 
     Notes
     -----
-    Each point starts from the tractions and the areas of the one before.
+    Each point starts from the tractions and the areas of the one before; in line contact of many
+    elements from coarser grids, which say better where it slides.
 
     Examples
     --------
@@ -197,10 +199,12 @@ def creep_curve(
         guess = arguments.pop("guess", None)
         for point in points.tolist():
             creepages = dict(zip(CREEPAGES, point, strict=True))
-            guess = rolling(
+            result = rolling(
                 bound, element, mu=mu, material=material, guess=guess, **creepages, **arguments
             )
-            yield guess
+            yield result
+            is_fine_line = result.contact.ndim == 1 and np.count_nonzero(result.contact) > DENSE
+            guess = None if is_fine_line else result
 
     results = list(solve())
     moments = [result.moment for result in results]
