@@ -20,6 +20,7 @@ from toeplitz_mg.operators import CoupledOperator
 # Additions whose inverses are interpolated, over the diagonal: of two, and not three, it takes
 # hardly more iterations, each of which takes less time.
 SHORT_ADDITIONS = np.array([0.0, 3.0])
+MOST = 2**15  # Multiplications of complex numbers in a product up to which BLAS takes one thread.
 KEPT = 8  # Lengths whose matrices are kept: a grid has two, for several operators.
 
 
@@ -59,16 +60,12 @@ class ShortTransforms:
 
     def forward(self, x: Array) -> Array:
         """Return the transforms of fields, (k, n, m), at all frequencies along the first axis."""
-        n, m = self.shape
-        along_columns = (x.reshape(-1, m) @ self._along_columns).view(self._along_rows.dtype)
-        return self._along_rows @ along_columns.reshape(-1, n, along_columns.shape[-1])
+        along_columns = x.reshape(-1, *self.shape) @ self._along_columns
+        return _multiply(self._along_rows, along_columns.view(self._along_rows.dtype))
 
     def back(self, X: Array) -> Array:
         """Return the fields, of the shape of the grid, that have these transforms."""
-        n, m = self.shape
-        along_columns = (self._back_along_rows @ X).view(self.dtype)
-        last = along_columns.shape[-1]
-        return (along_columns.reshape(-1, last) @ self._back_along_columns).reshape(-1, n, m)
+        return _multiply(self._back_along_rows, X).view(self.dtype) @ self._back_along_columns
 
 
 class ShortProduct:
@@ -153,6 +150,21 @@ class ShortCirculants:
         count_work(1, len(totals) * components * self._points)
         fields = self._transforms.back(totals.reshape(-1, *frequencies))
         return fields.reshape(-1, components, *self._transforms.shape)
+
+
+def _multiply(A: Array, X: Array) -> Array:
+    """Return the products of a complex matrix with each of some, without the threads of BLAS.
+
+    For so few numbers they save little time, and then wait for more to do, on cores of others.
+    """
+    size = max(1, MOST // X[0].size)
+    if len(A) <= size:
+        result: Array = A @ X
+        return result
+    product = np.empty((len(X), len(A), X.shape[2]), X.dtype)
+    for k in range(0, len(A), size):
+        np.matmul(A[k : k + size], X, out=product[:, k : k + size])
+    return product
 
 
 @lru_cache(maxsize=KEPT)

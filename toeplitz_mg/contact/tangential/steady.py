@@ -136,9 +136,7 @@ def find_steady_state(
     accuracy, creepages = LOOSE, np.zeros(len(loads.wanted))
     while True:
         step = Iteration(problem, loads, M, options.iterations)
-        # On a small grid a product in double precision takes little longer.
-        dtype = np.float64 if grid.is_short else M.dtype
-        state = settle(problem, loads, K, guess, step, patience, dtype)
+        state = settle(problem, loads, K, guess, step, patience, M.dtype)
         iterations += state.iterations
         if state.residual <= problem.tolerance or K.exhausted:
             return replace(state, iterations=iterations)
