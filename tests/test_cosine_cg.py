@@ -87,6 +87,16 @@ def test_of_lags_that_decay_in_proportion_a_few_iterations_are_all(n, ratio):
     assert np.linalg.norm(scipy.linalg.toeplitz(c) @ x - b) <= 1e-11 * np.linalg.norm(b)
 
 
+def test_lags_that_are_zero_at_the_end_by_chance_have_not_ended():
+    c = np.exp(-np.arange(600) / 1000.0)
+    assert not CosineForm(c).has_ended
+    c[1::2] = 0.0
+    assert c[-1] == 0.0
+    assert not CosineForm(c).has_ended
+    c[-2] = 0.0
+    assert CosineForm(c).has_ended
+
+
 @pytest.mark.parametrize("n", [256, 269])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_part_that_the_right_hand_side_has_not_stays_zero(n, sign):

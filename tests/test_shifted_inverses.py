@@ -34,6 +34,11 @@ def test_the_causal_factor_has_the_lags_from_zero_on(length):
     assert_allclose(of_line, (1.0 - a[0] * half)[None], atol=1e-12)
 
 
+def test_both_factors_share_what_depends_on_the_frequency_across():
+    across = np.array([0.25, 1.0, 9.0])
+    assert_allclose(find_causal_factor(np.tile(across, (8, 1)), (8, 5)), np.sqrt([across] * 8))
+
+
 @pytest.mark.parametrize("shape", [(300, 20), (20, 300), (52, 14)])
 def test_no_eigenvalue_is_near_zero_or_negative(shape):
     # Of the lags on long and narrow grids alone some would be.

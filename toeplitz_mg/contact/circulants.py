@@ -141,8 +141,13 @@ def find_causal_factor(spectrum: Array, lengths: tuple[int, ...]) -> Array:
 
 
 def weigh_causally(lags: Array, length: int) -> Array:
-    """Return 1 for the lags from 0 on, 0 for those below, and a half for those that are both."""
-    return 0.5 * ((2 * lags <= length).astype(float) + ((2 * lags < length) & (lags > 0)))
+    """Return the weights of the lags of a period in the causal part of a logarithm.
+
+    The lag zero is shared: both factors are to depend as little as can be on the frequency across,
+    as what is between them, the cut at an edge, does not commute with that.
+    """
+    weights: Array = np.where(lags == 0, 0.5, (2 * lags <= length).astype(float))
+    return weights
 
 
 def fade_rate(length: int) -> float:
