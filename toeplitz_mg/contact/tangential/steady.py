@@ -7,8 +7,10 @@ on, and where loads are given a search for their creepages (`searching`).
 
 The approximate inverses are of the symbol of K, â(θ)(1 - e^{iθ₁}), plus ν, for a few ν. Where
 elements stick it is K that is to be inverted, and where they slide K + λ, with λ of any size: in
-each place the inverses are interpolated to its λ. So the products hardly depend on the number of
-elements. (With one ν for all, they doubled from 128² elements to 512².)
+each place the inverses are interpolated to its λ. That of K itself is right at the edges of where
+it sticks, too (see `contact.shifted_inverses`). So the products do not depend on the number of
+elements. (With one ν for all, they doubled from 128² elements to 512²; without the edges, they
+grew by up to 1.5.)
 
 Where loads are given, a change of the tractions takes up what is missing of them; the rest of it is
 orthogonal to the fields whose inner products with tractions the loads are, and the slip that it
