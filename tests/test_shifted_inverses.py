@@ -105,4 +105,4 @@ def test_lengths_are_no_longer_than_all_lags():
     for n in range(1, 30):
         for length in find_lengths((n, n)):
             assert n <= length <= 2 * n - 1
-    assert find_lengths((400, 400)) == (600, 500)
+    assert find_lengths((400, 400)) == (600, 799)

@@ -18,8 +18,9 @@ WRAPPED = 0.03  # What goes around a circulant comes back so many times as large
 # the rolling direction: it bounds the inverse. A fixed one fades what comes from far ahead.
 LEAST = 0.5
 # Lengths of the circulants over those of the grid, along the rolling direction and across, and by
-# how many elements they are longer at least. With twice the length it takes as many iterations.
-LONGER, GAP = (1.5, 1.25), 8
+# how many elements they are longer at least. With 2.0 for the first it takes as many iterations,
+# with 1.25 for the second some narrow contacts of elements longer than wide do not converge.
+LONGER, GAP = (1.5, 2.0), 8
 PANEL_BYTES = 2**20  # Bytes of a panel of frequencies, or of lines: it stays in the cache.
 
 # For each field that is wanted the pairs of a transform and the eigenvalues of a circulant, whose
