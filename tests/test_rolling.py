@@ -162,6 +162,13 @@ def test_a_long_narrow_contact_of_elements_that_are_longer_than_wide_converges()
     assert result.products <= 200
 
 
+def test_products_of_a_line_in_pieces_of_few_elements():
+    (x,) = surfaces.centres(2000, 1e-3)
+    g = 1e-3 * semi_ellipse(x, 1.0) * (np.random.default_rng(1).random(2000) < 0.7)
+    result = rolling(g, 1e-3, material=Material.from_shear(1.0, 0.3), longitudinal=-2e-4)
+    assert result.products <= 40
+
+
 def test_products_in_line_contact():
     few, many = (carter(n)[2].products for n in (1229, 19_660))
     assert few <= 20

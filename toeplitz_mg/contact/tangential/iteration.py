@@ -7,6 +7,8 @@ minimal residual method (Anderson's acceleration of a linear iteration is GMRES)
 change, no product is lost, as K is the same.
 """
 
+from math import prod
+
 import numpy as np
 from scipy.linalg import lapack
 
@@ -15,7 +17,11 @@ from toeplitz_mg.contact.shifted_inverses import ShiftedInverses
 from toeplitz_mg.contact.tangential.coulomb import Areas
 from toeplitz_mg.contact.tangential.given_loads import CARRIED, Loads, Look, complement
 from toeplitz_mg.contact.tangential.problem import STIFFEST, Problem
+from toeplitz_mg.engine.vectors import Vectors
 
+# Elements of a piece of contact on a line, in the mean, below which the inverse is cut at no edge:
+# in pieces of some 15 it takes as many products either way, in those of 3 up to twice as many.
+SHORT_PIECES = 12
 DEPENDENT = 1e-6  # Relative addition to squared norms, so that changes may depend on each other.
 
 
@@ -44,6 +50,7 @@ class Iteration:
         # The last changes of tractions, and of displacements in contact, over what was wrong.
         self._changes = np.empty((2, depth, *problem.b.shape), M.dtype)
         self._inside = problem.g > 0.0
+        self._is_in_pieces = _is_in_short_pieces(self._inside, problem.vectors)
         self._steps, self._scale = 0, 1.0
         self._before: tuple[Array, Array] | None = None
         self._slide: Array | None = None
@@ -68,7 +75,7 @@ class Iteration:
         vectors.add_combination(-weights, rows[1:], rows[0])
         if self._slide is None or vectors.count(areas.slide ^ self._slide):
             self._invert, self._slide = M.at(stiffness), areas.slide
-        v = T(self._invert(rows[0], T.project_each))
+        v = T(self._invert(rows[0], _leave if self._is_in_pieces else T.project_each))
         vectors.add_combination(weights, dq, v)
         v = scale * v.astype(np.float64)
         if is_loaded:
@@ -89,6 +96,18 @@ class Iteration:
         self._before = q, u
         dq, du = self._changes[:, : min(self._steps, depth)]
         return dq, du
+
+
+def _is_in_short_pieces(inside: Array, vectors: Vectors) -> bool:
+    """Whether a contact is along a line, and in pieces of few elements, where these end."""
+    if prod(inside.shape[1:]) > 1:
+        return False
+    pieces = vectors.count(inside[:-1] & ~inside[1:])
+    return vectors.count(inside) < SHORT_PIECES * pieces
+
+
+def _leave(fields: Array) -> None:
+    """Project fields to all, in place."""
 
 
 def _least(products: Array) -> Array:
