@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from toeplitz_mg.contact import Material, circulants
 from toeplitz_mg.contact.circulants import find_causal_factor, find_lengths, find_spectrum
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.shifted_inverses import ShiftedInverses
+from toeplitz_mg.contact.shifted_inverses import ADDITIONS, ShiftedInverses, interpolate
 from toeplitz_mg.operators import ToeplitzOperator
 
 SHAPES = [(70,), (40, 30), (50, 1)]
@@ -99,6 +99,23 @@ def test_inverses_of_large_additions_are_right_to_second_order():
     # The fields are x - x² (K - k₀) + ..., with x = 1/ν, but for what bounds the inverse.
     assert errors[0] < 1e-3 * np.abs(r).max()
     assert errors[1] < 0.15 * errors[0]
+
+
+def test_inverses_are_interpolated_over_what_the_diagonal_leaves_of_them():
+    at_nodes, local = interpolate(ADDITIONS, np.float64)
+    assert_allclose(at_nodes, np.eye(len(ADDITIONS)), atol=1e-15)
+    assert_allclose(local, 0.0, atol=1e-15)
+    # Where K is its diagonal, here 1, the inverse is known for any addition.
+    given, nodes = np.geomspace(1e-3, 1e3, 40), 1.0 / (1.0 + ADDITIONS)
+    weights, local = interpolate(given, np.float64)
+    x = 1.0 / (1.0 + given)
+    assert_allclose(nodes @ weights + local, x, rtol=1e-12)
+    # What an inverse is more than x, over x², is linear in x from one node to the next, and beyond
+    # the last one constant.
+    more = weights / x**2
+    for k, node in enumerate(nodes):
+        hat = np.interp(x, nodes[::-1], (np.arange(len(nodes)) == k).astype(float)[::-1])
+        assert_allclose(more[k] * node**2, hat, atol=1e-12)
 
 
 def test_lengths_are_no_longer_than_all_lags():

@@ -17,10 +17,10 @@ WRAPPED = 0.03  # What goes around a circulant comes back so many times as large
 # Addition where nothing slides, over the largest of the symbol and by the number of elements along
 # the rolling direction: it bounds the inverse. A fixed one fades what comes from far ahead.
 LEAST = 0.5
-# Lengths of the circulants over those of the grid, along the rolling direction and across, and by
-# how many elements they are longer at least. With 2.0 for the first it takes as many iterations,
-# with 1.25 for the second some narrow contacts of elements longer than wide do not converge.
-LONGER, GAP = (1.5, 2.0), 8
+# Length of the circulants over that of the grid along the rolling direction, and by how many
+# elements they are longer at least. With all lags it takes as many iterations. Across it has all, or
+# some narrow contacts of elements that are longer than wide do not converge.
+LONGER, GAP = 1.5, 8
 PANEL_BYTES = 2**20  # Bytes of a panel of frequencies, or of lines: it stays in the cache.
 
 # For each field that is wanted the pairs of a transform and the eigenvalues of a circulant, whose
@@ -96,9 +96,9 @@ class Circulants:
 
 
 def find_lengths(grid: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the least lengths of circulants for a grid; none need be longer than all lags."""
-    pairs = zip(grid, LONGER, strict=False)
-    return tuple(min(max(ceil(longer * n), n + GAP), 2 * n - 1) for n, longer in pairs)
+    """Return the least lengths of circulants for a grid: across, those of all lags."""
+    all_lags, *across = (2 * n - 1 for n in grid)
+    return min(max(ceil(LONGER * grid[0]), grid[0] + GAP), all_lags), *across
 
 
 def find_spectrum(K: ToeplitzOperator, lengths: tuple[int, ...]) -> Array:
@@ -106,15 +106,20 @@ def find_spectrum(K: ToeplitzOperator, lengths: tuple[int, ...]) -> Array:
 
     They are of the shape (frequencies, frequencies), those of a single axis along the last one.
     """
-    n, *others = K.grid_shape
-    fade = np.exp(-fade_rate(lengths[0]) * np.arange(1 - n, n)).reshape(-1, *(1,) * len(others))
-    longest = (min(n, (length + 1) // 2) for n, length in zip(K.grid_shape, lengths, strict=True))
-    kept = tuple(slice(n - m, n + m - 1) for n, m in zip(K.grid_shape, longest, strict=True))
+    n, *across = K.grid_shape
+    longest = find_longest_lag(n, lengths[0])
+    lags = np.arange(-longest, longest + 1).reshape(-1, *(1,) * len(across))
+    faded = K.lags[n - 1 + lags.ravel()] * np.exp(-fade_rate(lengths[0]) * lags)
     count_transforms(1, *lengths)
-    spectrum = fft.rfftn(ToeplitzOperator.from_lags((K.lags * fade)[kept]).circulant(lengths))
+    spectrum = fft.rfftn(ToeplitzOperator.from_lags(faded).circulant(lengths))
     bound_from_zero(spectrum, LEAST / n * np.abs(spectrum).max())
     result: Array = spectrum.reshape((1, *lengths)[-2], -1)
     return result
+
+
+def find_longest_lag(n: int, length: int) -> int:
+    """Return the longest lag along an axis of n elements that a circulant of this length has."""
+    return min(n, (length + 1) // 2) - 1
 
 
 def bound_from_zero(spectrum: Array, least: float) -> None:

@@ -1,6 +1,6 @@
 """Approximate inverses of the matrix of steady rolling with additions to its diagonal.
 
-The inverse of a circulant that embeds K is one of K, but for the edges of where tractions may
+The inverse of a circulant that is near K is one of K, but for the edges of where tractions may
 change: the leading edge of the contact, and the edge behind which elements slide. What is wrong
 there is so on any scale, and would take more iterations the more elements there are.
 
@@ -46,8 +46,8 @@ class ShiftedInverses:
     circulants : Circulants
         How the circulants are multiplied with; or others that have the same methods.
     spectra : list of ndarray
-        The eigenvalues of the circulants that embed the components of K. The components are
-        inverted each by itself: the coupling is weak, and inverted too, it saves no iteration.
+        The eigenvalues of circulants that are near the components of K. The components are inverted
+        each by itself: the coupling is weak, and inverted too, it saves no iteration.
     causal : list of ndarray
         The causal factors of the inverses of these (see `circulants.find_causal_factor`).
     diagonal : float

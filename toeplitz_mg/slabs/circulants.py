@@ -15,6 +15,7 @@ from toeplitz_mg.contact.circulants import (
     fade_rate,
     find_causal_factor,
     find_lengths,
+    find_longest_lag,
     weigh_causally,
 )
 from toeplitz_mg.contact.shifted_inverses import ShiftedInverses
@@ -74,18 +75,12 @@ class Circulants:
     def find_spectrum(self, A: ToeplitzOperator) -> Array:
         """Return this rank's eigenvalues of the circulant that has the lags of A, faded."""
         slab, exact = self._slab, _transform(self._slab, self.lengths, np.float64)
-        longest = [min(n, (m + 1) // 2) for n, m in zip(slab.shape, self.lengths, strict=True)]
-        kept = max(0, longest[0] - slab.rows.start)
+        kept = max(0, find_longest_lag(slab.shape[0], self.lengths[0]) + 1 - slab.rows.start)
         ahead, back = A.c / self._fade, A.opposite * self._fade
         ahead[kept:] = back[kept:] = 0.0
         if not slab.is_line:  # Lags along the last axis are of both signs.
             ahead, back = (
-                around(
-                    NUMPY,
-                    *split(NUMPY, a[:, : longest[1]], 1, A.parity[1]),
-                    1,
-                    self.lengths[1],
-                )
+                around(NUMPY, *split(NUMPY, a, 1, A.parity[1]), 1, self.lengths[1])
                 for a in (ahead, back)
             )
         if slab.comm.rank == 0:
