@@ -17,8 +17,8 @@ WRAPPED = 0.03  # What goes around a circulant comes back so many times as large
 # Addition where nothing slides, over the largest of the symbol and by the number of elements along
 # the rolling direction: it bounds the inverse. A fixed one fades what comes from far ahead.
 LEAST = 0.5
-# Length of the circulants over that of the grid along the rolling direction, and by how many
-# elements they are longer at least. With all lags it takes as many iterations. Across it has all, or
+# Length of the circulants over that of the grid along the rolling direction, and how many elements
+# they are longer at least: with all lags it takes as many iterations. Across they have all lags, or
 # some narrow contacts of elements that are longer than wide do not converge.
 LONGER, GAP = 1.5, 8
 PANEL_BYTES = 2**20  # Bytes of a panel of frequencies, or of lines: it stays in the cache.
