@@ -26,9 +26,10 @@ from toeplitz_mg.preconditioners.fsai import levels
 
 WORKERS = 1, 2, 3
 STEEL = Material(E=210000.0, nu=0.28)
+LARGE = 16 * threads.EACH  # Numbers of a loop that all threads share.
 
 
-SMALL = {"WORTH_THREADS": 16, "PIECE": 16, "BATCH": 64, "CHUNK": 32, "BLOCK": 16}
+SMALL = {"WORTH_THREADS": 16, "EACH": 4, "PIECE": 16, "BATCH": 64, "CHUNK": 32, "BLOCK": 16}
 SMALL |= {"WHOLE_BYTES": 1024, "PANEL_BYTES": 1024, "BLOCK_BYTES": 1024, "NARROW": 1}
 SMALL |= {"SHARED": 64, "AT_ONCE": 16}
 
@@ -222,7 +223,7 @@ def test_blocks_of_a_sparse_matrix_multiply_as_it_does(shape, monkeypatch):
 
 
 @pytest.mark.parametrize("workers", WORKERS)
-@pytest.mark.parametrize("points", [1, threads.WORTH_THREADS])
+@pytest.mark.parametrize("points", [1, threads.WORTH_THREADS, LARGE])
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 100])
 def test_each_part_is_done_once(count, points, workers):
     done = []
@@ -233,7 +234,7 @@ def test_each_part_is_done_once(count, points, workers):
 
 
 @pytest.mark.parametrize("workers", WORKERS)
-@pytest.mark.parametrize("points", [1, threads.WORTH_THREADS])
+@pytest.mark.parametrize("points", [1, threads.WORTH_THREADS, LARGE])
 @pytest.mark.parametrize("length", [0, 1, 7, 8, 9, 100])
 def test_each_slice_is_done_once_and_none_is_empty(length, points, workers):
     done = []
@@ -243,6 +244,25 @@ def test_each_slice_is_done_once_and_none_is_empty(length, points, workers):
     assert sorted(k for part in done for k in range(part.start, part.stop)) == list(range(length))
 
 
+def test_each_thread_has_enough_to_do():
+    """More of them would wait for the interpreter's lock."""
+    seen, met = set(), threading.Barrier(4, timeout=30)
+
+    def work(parts):
+        seen.add(threading.get_ident())
+        met.wait()  # Four threads have one part each.
+
+    def work_slowly(parts):
+        seen.add(threading.get_ident())
+        time.sleep(1e-3)
+
+    with scipy.fft.set_workers(16):
+        for do, count in ((work, 4), (work_slowly, 100)):
+            seen.clear()
+            threads.share(do, count, 5 * threads.EACH - 1)
+            assert len(seen) <= 4
+
+
 def test_a_thread_that_does_a_part_is_one():
     """What it does is not shared again, neither by us nor by SciPy."""
     seen = []
@@ -250,16 +270,16 @@ def test_a_thread_that_does_a_part_is_one():
     def work(parts):
         here = threading.get_ident()
         within = []
-        threads.share(lambda _: within.append(threading.get_ident()), 8, threads.WORTH_THREADS)
+        threads.share(lambda _: within.append(threading.get_ident()), 8, LARGE)
         seen.append((scipy.fft.get_workers(), set(within) == {here}))
 
     with scipy.fft.set_workers(3):
-        threads.share(work, 12, threads.WORTH_THREADS)
+        threads.share(work, 12, LARGE)
         assert set(seen) == {(1, True)}
         seen.clear()
         threads.share(lambda _: seen.append(scipy.fft.get_workers()), 12, 1)
         assert seen == [1]  # A small one is not shared, and neither are its transforms.
-        threads.share(lambda _: seen.append(scipy.fft.get_workers()), 1, threads.WORTH_THREADS)
+        threads.share(lambda _: seen.append(scipy.fft.get_workers()), 1, LARGE)
         assert seen == [1, 3]  # The only part is, as it may be.
 
 
@@ -295,11 +315,11 @@ def test_threads_transform_by_the_backend_of_the_caller():
         scipy.fft.fft(np.ones(4))
 
     with scipy.fft.set_workers(3), scipy.fft.set_backend(Backend):
-        threads.share(work, 3, threads.WORTH_THREADS)
+        threads.share(work, 3, LARGE)
     assert len(by) == 3
     by.clear()
     with scipy.fft.set_workers(3):  # Neither do they keep it.
-        threads.share(work, 3, threads.WORTH_THREADS)
+        threads.share(work, 3, LARGE)
     assert not by
 
 
@@ -312,7 +332,7 @@ def test_where_backends_cannot_be_handed_on_one_thread_does_all(monkeypatch):
         done.extend(parts)
 
     with scipy.fft.set_workers(3):
-        threads.share(work, 12, threads.WORTH_THREADS)
+        threads.share(work, 12, LARGE)
     assert here == {threading.get_ident()}
     assert done == list(range(12))
 
@@ -341,7 +361,7 @@ def test_no_part_is_left_to_a_thread_that_nobody_waits_for(monkeypatch):
     threads._threads.cache_clear()
     try:
         with scipy.fft.set_workers(3):
-            threads.share(work, 3, threads.WORTH_THREADS)
+            threads.share(work, 3, LARGE)
     finally:
         threads._threads.cache_clear()
     assert failed
