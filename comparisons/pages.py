@@ -22,7 +22,7 @@ from comparisons.preconditioners import (
     general_symbols,
     symbols,
 )
-from comparisons.speed import baselines, by_hand_tables, drop_in
+from comparisons.speed import baselines, by_hand_tables, drop_in, gpu
 from toeplitz_mg.cli import files
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -57,6 +57,8 @@ TABLES = {
     ),
     "solves": Table("benchmarks.md", "speed.by_hand", "solves.csv", by_hand_tables.arrange_solves),
     "baselines": Table("benchmarks.md", "speed.baselines", "baselines.csv", baselines.arrange),
+    "gpu": Table("machines.md", "speed.gpu", "gpu.csv", gpu.arrange),
+    "gpu_contact": Table("machines.md", "speed.gpu", "gpu_contact.csv", gpu.arrange_contact),
     "general_symbols": Table(
         "which_method.md",
         "preconditioners.general_symbols",

@@ -15,6 +15,7 @@ from scipy.sparse import diags_array
 from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
+from tests.array_libraries import LIBRARIES, load_library
 from toeplitz_mg import contact, halfspace
 from toeplitz_mg.engine.library import NUMPY, library_of
 
@@ -22,17 +23,9 @@ strict = pytest.importorskip("array_api_strict")
 ROUNDING = {"float64": 1e-14, "float32": 2e-6}
 
 
-def load_jax():
-    jax = pytest.importorskip("jax")
-    jax.config.update("jax_enable_x64", True)
-    return jax.numpy
-
-
-@pytest.fixture(
-    params=["array_api_strict", pytest.param("jax.numpy", marks=pytest.mark.slow)], scope="module"
-)
+@pytest.fixture(params=LIBRARIES, scope="module")
 def xp(request):
-    return strict if request.param == "array_api_strict" else load_jax()
+    return load_library(request.param)
 
 
 def kernel(*shape, dtype=np.float64):
@@ -207,7 +200,7 @@ def test_fsai_is_that_on_numpy(name):
 
 @pytest.mark.slow
 def test_fsai_on_jax():
-    jnp = load_jax()
+    jnp = load_library("jax.numpy")
     A, B = (SPARSE["mask"](a, np.float64) for a in (np.asarray, jnp.asarray))
     x = random(A.shape[0])
     Q = tmg.fsai_preconditioner(B)
@@ -358,7 +351,8 @@ def test_entries_and_work_are_those_on_numpy(xp):
 
 def test_little_more_than_the_vectors_is_held(monkeypatch):
     """At most 130 bytes an unknown, with c and b, in set-up and solve; parts as in larger ones."""
-    monkeypatch.setattr("toeplitz_mg.engine.embedding.LEAST", 2**16)
+    for module in ("embedding", "plain_transforms"):
+        monkeypatch.setattr(f"toeplitz_mg.engine.{module}.LEAST", 2**16)
     n, b = 724, np.ones(724 * 724)
     c = kernel(n, n)
     A = tmg.ToeplitzOperator(strict.asarray(kernel(8, 8)))  # What is imported is no array.
@@ -376,9 +370,22 @@ def test_little_more_than_the_vectors_is_held(monkeypatch):
     assert peak <= 130 * n * n
 
 
+def test_devices_need_no_hash(monkeypatch):
+    """Those of CuPy have none."""
+
+    class Device:
+        __hash__ = None
+
+    module, device = sys.modules[type(library_of(strict.ones(1))).__module__], Device()
+    monkeypatch.setattr(module, "_LIBRARIES", {})
+    monkeypatch.setattr(module.compat, "device", lambda array: device)
+    assert library_of(strict.ones(1)) is library_of(strict.zeros(3))
+    assert library_of(strict.ones(1)).device is device
+
+
 @pytest.mark.slow
 def test_a_product_may_be_compiled():
-    jnp = load_jax()
+    jnp = load_library("jax.numpy")
     import jax
 
     A = OPERATORS["mask"](jnp.asarray, np.float64)

@@ -187,7 +187,8 @@ def test_gpu(tmp_path, monkeypatch, capsys):
     (row,) = rows_of(tmp_path / "gpu.csv")
     assert float(row["error"]) <= 1e-14
     assert row["iterations"] == row["iterations_numpy"]
-    assert float(row["ratio"]) > 0.0
+    assert float(row["of_called"]) > 0.0
+    assert float(row["of_bare"]) > 0.0
     assert float(row["bytes_an_unknown"]) > 0.0
     (row,) = rows_of(tmp_path / "gpu_contact.csv")
     assert row["products"] == row["products_numpy"]

@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
+from tests.array_libraries import LIBRARIES, load_library
 from toeplitz_mg import contact, halfspace
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.library import library_of
@@ -14,12 +15,6 @@ from toeplitz_mg.solvers.projected_gradients import descend
 strict = pytest.importorskip("array_api_strict")
 STEEL, H = contact.Material(E=210000.0, nu=0.28), 0.01
 pytestmark = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
-
-
-def load_jax():
-    jax = pytest.importorskip("jax")
-    jax.config.update("jax_enable_x64", True)
-    return jax.numpy
 
 
 def press(gap, element=(H, H), **load):
@@ -77,12 +72,12 @@ def test_normal_contact_is_that_on_numpy(name):
         assert type(field) is np.ndarray  # So that it is drawn, written and given to friction.
 
 
-@pytest.mark.slow
-def test_normal_contact_on_jax_is_that_on_numpy():
-    """A few loads of one size: all is compiled anew for another."""
-    jnp = load_jax()
+@pytest.mark.parametrize("library", LIBRARIES[1:])
+def test_normal_contact_on_jax_and_gpus_is_that_on_numpy(library):
+    """A few loads of one size: JAX compiles all anew for another."""
+    xp = load_library(library)
     for name in ("force", "approach", "hardness"):
-        assert_same(CASES[name](jnp.asarray), CASES[name](np.asarray))
+        assert_same(CASES[name](xp.asarray), CASES[name](np.asarray))
 
 
 def test_a_fragmented_contact_is_preconditioned_on_its_arrays(monkeypatch):
@@ -167,7 +162,7 @@ def test_surfaces_that_repeat_and_curves_need_numpys_arrays():
 
 @pytest.mark.slow
 def test_a_library_without_double_precision_is_refused():
-    jnp, jax = load_jax(), pytest.importorskip("jax")
+    jnp, jax = load_library("jax.numpy"), pytest.importorskip("jax")
     jax.config.update("jax_enable_x64", False)
     try:
         with pytest.raises(TypeError, match=r"no double precision here.*jax_enable_x64"):

@@ -18,7 +18,7 @@ from toeplitz_mg.engine.threads import TRANSFORM, share
 from toeplitz_mg.engine.work import count_transforms
 
 PARTS = 8  # Parts of the frequencies: the memory for zeros is that share of the whole.
-LEAST = 2**20  # Numbers of a part, with its zeros: a GPU would wait for the orders of smaller ones.
+LEAST = 2**22  # Numbers of a part, with its zeros: a GPU would wait for the orders of smaller ones.
 SHARED = 2**17  # Numbers of a part that threads share: so many leave the cache to others.
 
 
@@ -39,10 +39,9 @@ def phases(library: Any, length: int, angle: float, dtype: DTypeLike) -> Any:
     return library.cast(library.xp.exp(k * (-1j * angle)), dtype)
 
 
-def parts_of(lengths: tuple[int, ...]) -> list[slice]:
-    """Return the parts of the frequencies of the last axis that are done one after the other."""
-    count = prod(lengths) // LEAST if len(lengths) > 1 else 1
-    return _cut_evenly(lengths[-1], count)
+def parts_of(n: int, numbers: int) -> list[slice]:
+    """Return the parts of n lines, of so many numbers, that are done one after the other."""
+    return _cut_evenly(n, numbers // LEAST)
 
 
 def _cut_evenly(n: int, count: int) -> list[slice]:
@@ -161,7 +160,7 @@ def embed(library: Any, a: Any, is_complex: bool, dtype: DTypeLike) -> Any:
         char, last = np.dtype(dtype).char, len(lengths) - 1
         kind = char.lower() if is_real else char.upper()
         return share_parts(lambda part: transform_rest(Z[..., part]), lengths, kind, last)
-    rows = transform_lines(slice(None))
-    spectra = [transform_rest(rows[..., part]) for part in parts_of(lengths)]
+    rows, numbers = transform_lines(slice(None)), prod(lengths) * (len(lengths) > 1)
+    spectra = [transform_rest(rows[..., part]) for part in parts_of(lengths[-1], numbers)]
     del rows
     return spectra[0] if len(spectra) == 1 else xp.concat(spectra, axis=-1)

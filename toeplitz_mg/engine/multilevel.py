@@ -56,8 +56,9 @@ class MultilevelProduct:
     ) -> None:
         self.library, self.grid_shape, self.dtype = library, grid_shape, np.dtype(dtype)
         self.points = float(prod(grid_shape))
-        self._blocks, self.spectrum = blocks, spectrum
+        self._blocks = blocks
         self.lengths = embedding_lengths(grid_shape[1:], is_complex=self.dtype.kind == "c")
+        self.passes: Any = None
         if spectrum is not None:
             self.passes = library.passes(grid_shape, self.dtype, self.lengths, spectrum)
 
@@ -92,6 +93,11 @@ class MultilevelProduct:
             for row in zip(blocks, known, strict=True)
         ]
         return cls(library, grid_shape, dtype, None, spectra)
+
+    @property
+    def spectrum(self) -> Blocks | None:
+        """The eigenvalues of each pair of components; None where the product is a dense one."""
+        return self.passes and self.passes.spectrum
 
     def _map(
         self,
@@ -148,7 +154,7 @@ class MultilevelProduct:
 
     def multiply(self, X: Any, out: Any) -> Any:
         """Multiply the rows of `X`, of shape (rows, N), into `out` (see `products.Product`)."""
-        if self.spectrum is None:
+        if self.passes is None:
             out[...] = X.astype(self.dtype, copy=False) @ self._matrix
             return out
         return self.passes.multiply(X, out)

@@ -6,7 +6,7 @@ of the package needs of a library, as `library.NumPy` has it for NumPy's arrays,
 """
 
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import partial
 from math import inf, prod, sqrt
 from operator import truediv
 from typing import Any
@@ -61,7 +61,9 @@ class Plain:
     @classmethod
     def of(cls, array: Any) -> "Plain":
         """Return the library of an array."""
-        return _library(compat.array_namespace(array), compat.device(array))
+        xp, device = compat.array_namespace(array), compat.device(array)
+        key = xp.__name__, str(device)  # Devices of CuPy have no hash.
+        return _LIBRARIES.get(key) or _LIBRARIES.setdefault(key, cls(xp, device))
 
     def __reduce__(self) -> Any:
         # A module cannot be pickled, and a device need not be there again; arrays know both.
@@ -113,6 +115,13 @@ class Plain:
         if self.dtype(array).kind == "c":
             return self.sizes(self.xp.real(array)) + self.sizes(self.xp.imag(array))
         return self.xp.abs(array)
+
+    def replace_part(self, array: Any, index: Any, values: Any) -> Any:
+        """Return an array with some numbers replaced: itself, unless no array can be changed."""
+        if compat.is_jax_array(array):
+            return array.at[index].set(values)
+        array[index] = values
+        return array
 
     def number(self, factor: Any) -> Any:
         """Return a number that an array may be multiplied with: Python's."""
@@ -208,7 +217,7 @@ class Plain:
         return self.cast(X, np.result_type(self.dtype(X), dtype))
 
 
-_library = lru_cache(maxsize=16)(Plain)
+_LIBRARIES: dict[tuple[str, str], Plain] = {}
 
 
 class PlainVectors:

@@ -1,8 +1,9 @@
 """The passes of a product over whole arrays of any library, as a GPU wants them (see `multilevel`).
 
 All axes but the last are extended by zeros for a part of the frequencies of the last one at a time,
-so that little more than the vectors is ever held. No array is written to, but by ``y += x``, as
-those of JAX cannot be changed, and no number of one is looked at in a product.
+so that little more than the vectors is ever held. The axis that is transformed is always moved to
+the end: libraries copy to there themselves what they transform along another, once each way. No
+number of an array is looked at in a product.
 """
 
 from math import pi, prod
@@ -28,20 +29,39 @@ class PlainPasses:
         spectrum: Any,
     ) -> None:
         self.library, self.grid_shape, self.lengths = library, grid_shape, lengths
-        self.spectrum, self.dtype, self._w = spectrum, dtype, None
+        self.dtype, self._w = dtype, None
+        self._moved = [[s if s is None else self._move(s) for s in row] for row in spectrum]
         if dtype.kind != "c":
             angle, precision = pi / (2 * lengths[-1]), dtype.char.upper()
             self._w = phases(library, grid_shape[-1], angle, precision)
 
+    def _move(self, s: Any) -> Any:
+        """Return eigenvalues in the order of the axes in which `columns_through` meets them."""
+        xp = self.library.xp
+        return xp.asarray(xp.moveaxis(s, 0, -1), copy=True) if len(self.lengths) > 1 else s
+
+    @property
+    def spectrum(self) -> Any:
+        """The eigenvalues of each pair of components, None where they are zero."""
+        xp = self.library.xp
+        return [[s if s is None else xp.moveaxis(s, -1, 0) for s in row] for row in self._moved]
+
     def multiply(self, X: Any, out: Any = None) -> Any:
         """Multiply the rows of `X`, of shape (rows, N), in the precision of the matrix."""
         xp = self.library.xp
-        Z = self.rows_in(xp.reshape(X, (-1, *self.grid_shape)))
-        parts = [self.columns_through(Z[..., p], p.start) for p in parts_of(self.lengths)]
-        del Z  # The memory is for what comes.
-        Z = xp.concat(parts, axis=-1)
-        del parts
-        return xp.reshape(self.rows_out(Z), X.shape)
+        # No name holds on to what is transformed: its memory is for what comes.
+        Y = self.rows_out(self._columns(self.rows_in(xp.reshape(X, (-1, *self.grid_shape)))))
+        return xp.reshape(Y, X.shape)
+
+    def _columns(self, Z: Any) -> Any:
+        """Multiply all frequencies, a part of them at a time."""
+        if len(self.lengths) == 1:
+            return self.columns_through(Z)
+        for part in parts_of(self.lengths[-1], prod(self.lengths)):
+            columns = self.columns_through(Z[..., part], part.start)
+            Z = self.library.replace_part(Z, (..., part), columns)
+            del columns
+        return Z
 
     def rows_in(self, Z: Any) -> Any:
         """Transform fields, of shape (rows, components, n₁, ...), along their last axis."""
@@ -54,20 +74,17 @@ class PlainPasses:
         xp, columns = self.library.xp, slice(first, first + Z.shape[-1])
         lengths, grid = self.lengths[:-1], self.grid_shape[1:-1]
         for axis in reversed(range(len(grid))):
-            Z = xp.fft.fft(Z, n=lengths[axis], axis=2 + axis)
-        rows = [
-            [(j, s[..., columns]) for j, s in enumerate(row) if s is not None]
-            for row in self.spectrum
-        ]
+            Z = xp.fft.fft(xp.moveaxis(Z, -1, 2), n=lengths[axis], axis=-1)
+        own = (..., columns, slice(None)) if grid else (..., columns)
+        rows = [[(j, s[own]) for j, s in enumerate(row) if s is not None] for row in self._moved]
         if len(rows) == 1:
             Z *= rows[0][0][1] if rows[0] else 0.0
         else:
             zero = xp.zeros_like(Z[:, 0, ...])
             Z = xp.stack([sum((Z[:, j, ...] * s for j, s in row), zero) for row in rows], axis=1)
-        for axis, n in enumerate(grid):
-            Z = xp.fft.ifft(Z, axis=2 + axis, norm="forward")[cut(2 + axis, 0, n)]
-        # A view would keep the memory of the zeros.
-        return xp.asarray(Z, copy=True) if grid else Z
+        for n in grid:
+            Z = xp.moveaxis(xp.fft.ifft(Z, axis=-1, norm="forward")[..., :n], 2, -1)
+        return Z
 
     def rows_out(self, Z: Any, out: Any = None) -> Any:
         """Return fields from their transforms along the last axis."""

@@ -6,29 +6,42 @@ J. Makhoul, A fast cosine transform in one and two dimensions, IEEE Trans. Acous
 Process. 28 (1980).
 """
 
-from math import pi, sqrt
+from math import pi, prod, sqrt
 from typing import Any
 
 import numpy as np
 
-from toeplitz_mg.engine.embedding import cut, phases, zeros
+from toeplitz_mg.engine.embedding import LEAST, cut, phases, zeros
 from toeplitz_mg.engine.work import count_transforms
 
 
 def cosine_sums(library: Any, column: Any) -> Any:
     """Return f_k = Σ a_j cos(πjk/n) over all lags (see `transforms.cosine_sums`)."""
-    xp = library.xp
     count_transforms(1, *(m - 1 for m in column.shape))
-    for axis, m in enumerate(column.shape):
-        inside = xp.flip(column[cut(axis, 1, m - 1)], axis=axis)
-        column = xp.real(xp.fft.rfft(xp.concat([column, inside], axis=axis), axis=axis))
-    return column
+    return along(_sum_cosines, library, column, range(column.ndim))
+
+
+def _sum_cosines(library: Any, column: Any, axis: int) -> Any:
+    """Return the sums along an axis."""
+    xp = library.xp
+    inside = xp.flip(column[cut(axis, 1, column.shape[axis] - 1)], axis=axis)
+    return xp.real(xp.fft.rfft(xp.concat([column, inside], axis=axis), axis=axis))
 
 
 def along(transform: Any, library: Any, a: Any, axes: Any, s: Any = None) -> Any:
-    """Return a transform of an array along some axes."""
+    """Return a transform of an array along some axes, half of the lines of a large one at a time.
+
+    What a transform takes beside its result is several times as much.
+    """
+    xp, given, last = library.xp, a, a.ndim - 1
     for axis in axes:
-        a = transform(library, a, axis)
+        other = last if axis != last else last - 1
+        if not last or prod(a.shape) < LEAST:
+            a = transform(library, a, axis)
+            continue
+        a, middle = xp.asarray(a, copy=True) if a is given else a, a.shape[other] // 2
+        for own in (cut(other, 0, middle), cut(other, middle)):
+            a = library.replace_part(a, own, transform(library, a[own], axis))
     return a
 
 

@@ -250,7 +250,8 @@ def check_finite(values: ArrayLike, name: str) -> Array:
     elif not dtype.isnative:
         array = library.cast(array, dtype.newbyteorder("="))
     if array.ndim == 0 or prod(array.shape) == 0:
-        raise ValueError(f"{name} has shape {array.shape}, but needs at least one coefficient")
+        shape = tuple(array.shape)
+        raise ValueError(f"{name} has shape {shape}, but needs at least one coefficient")
     if not library.xp.all(library.xp.isfinite(array)):
         array = library.to_numpy(array)
         where = np.argwhere(~np.isfinite(array))[0]
