@@ -46,6 +46,7 @@ EDGE = 0.5
 # Part of the load of sliding bodies to which creepages are searched for, and by how much the next
 # search is closer, where that has not been enough.
 LOOSE, CLOSER = 1e-2, 1e-2
+MORE = 20  # Iterations that are combined where fewer have not been enough.
 STEP_TOLERANCE = 1e-6  # Tolerance of a step of rolling that only leads to the steady state.
 
 
@@ -59,8 +60,9 @@ class SteadyOptions:
         Most iterations whose products are kept, and combined with the next one. Beyond 3 they save
         little.
     patience : int
-        Iterations without a smaller residual, after which it rolls step by step over the length of
-        the grid, or by other creepages where loads are given, and searches on from there.
+        Iterations without a smaller residual, after which 20 are combined; and the next time it
+        rolls step by step over the length of the grid, or by other creepages where loads are given,
+        and searches on from there.
 
     Raises
     ------
@@ -135,15 +137,17 @@ def find_steady_state(
             q, slide = roll_backwards(bonded, problem.g)
         guess = admit(problem, q, slide)
 
-    accuracy, creepages = LOOSE, np.zeros(len(loads.wanted))
+    accuracy, creepages, depth = LOOSE, np.zeros(len(loads.wanted)), options.iterations
     while True:
-        step = Iteration(problem, loads, M, options.iterations)
+        step = Iteration(problem, loads, M, depth)
         state = settle(problem, loads, K, guess, step, patience, M.dtype)
         iterations += state.iterations
         if state.residual <= problem.tolerance or K.exhausted:
             return replace(state, iterations=iterations)
         if may_refine and (refined := from_coarser()):
             guess, may_refine = refined, False
+        elif depth < MORE:
+            depth, guess = MORE, (state.q, state.areas)
         elif len(loads.wanted) and problem.vectors.max(problem.g) < np.inf:
             roll = partial(_roll_by_creepages, problem, loads, K, options)
             state, creepages = search_creepages(problem, loads, K, roll, state, creepages, accuracy)
