@@ -19,7 +19,7 @@ from toeplitz_mg.engine.workspace import workspace
 
 WHOLE_BYTES = 2**22  # Bytes of an extended field up to which it stays in the cache as a whole.
 PANEL_BYTES = 2**20  # Bytes of a panel of frequencies of the last axis: it stays in the cache.
-BLOCK_BYTES = 2**18  # Bytes of a block of lines along the last axis, which stays there too.
+BLOCK_BYTES = 2**19  # Bytes of a block of lines along the last axis, which stays there too.
 NARROW = 8  # Least frequencies of a panel: shorter pieces of a line take as long to copy.
 
 
