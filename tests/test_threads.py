@@ -26,10 +26,10 @@ from toeplitz_mg.preconditioners.fsai import levels
 
 WORKERS = 1, 2, 3
 STEEL = Material(E=210000.0, nu=0.28)
-LARGE = 16 * threads.EACH  # Numbers of a loop that all threads share.
+LARGE = 8 * threads.WORTH_THREADS  # Numbers of a loop that all threads share.
 
 
-SMALL = {"WORTH_THREADS": 16, "EACH": 4, "PIECE": 16, "BATCH": 64, "CHUNK": 32, "BLOCK": 16}
+SMALL = {"WORTH_THREADS": 16, "PIECE": 16, "BATCH": 64, "CHUNK": 32, "BLOCK": 16}
 SMALL |= {"WHOLE_BYTES": 1024, "PANEL_BYTES": 1024, "BLOCK_BYTES": 1024, "NARROW": 1}
 SMALL |= {"SHARED": 64, "AT_ONCE": 16}
 
@@ -259,7 +259,7 @@ def test_each_thread_has_enough_to_do():
     with scipy.fft.set_workers(16):
         for do, count in ((work, 4), (work_slowly, 100)):
             seen.clear()
-            threads.share(do, count, 5 * threads.EACH - 1)
+            threads.share(do, count, 5 * threads.WORTH_THREADS // 2 - 1)
             assert len(seen) <= 4
 
 
