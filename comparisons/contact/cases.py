@@ -10,7 +10,7 @@ of four grids of nearly the same N, as it jumps with the place of the edge of an
 element. Rough surfaces are drawn at several loads, from 1 to 40 % of contact. Kalker's coefficients
 are known to three digits. `comparisons.contact.rolling` has more of rolling.
 
-Against `aspher` and `tamaas`, where they are installed, see `contact_peers`.
+Against `aspher` and `tamaas`, where they are installed, see `contact.peers`.
 """
 
 from collections.abc import Callable, Mapping, Sequence

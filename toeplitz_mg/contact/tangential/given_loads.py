@@ -100,8 +100,8 @@ class Loads:
         if not share < 1.0:
             raise BeyondBound(
                 f"the loads together are {share:.4g} times what {bearer} carries of them, but must "
-                "be less than that: the bodies would slide off, at no certain creepage (of much "
-                "creepage the force is what is carried)"
+                "be less than that: no creepages have such loads; reduce the force or the moment, "
+                "or leave one of them out, which is then found"
             )
 
     def error(self, q: Array, vectors: Vectors) -> float:

@@ -135,8 +135,8 @@ class Motion:
             most = grid.area * grid.vectors.sum(carried)
             if load and not load < most:
                 raise BeyondBound(
-                    f"the {name} is of size {load:g}, but must be less than {bearer} carries: "
-                    f"{most:g}"
+                    f"the {name} is of size {load:g}, but must be less than {bearer} carries, as "
+                    f"then all slides, by any creepage: {most:g}"
                 )
         if self.loads[2] is not None:
             self._check_spin(grid, g)

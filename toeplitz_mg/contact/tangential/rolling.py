@@ -91,6 +91,8 @@ def rolling(
         the distance rolled in each element, it returns the factor of the bound there, at least
         zero. Of a speed v, the slip is at v s. The bound of the result is the product. Loads that
         the friction of no slip does not carry are reached by creepages, to 10 times the tolerance.
+        A force that falls again beyond some creepage belongs to two: that is found which belongs
+        to less slip, unless a `guess` is near the other.
     guess : TangentialResult, optional
         A result of rolling on this grid, whose tractions and areas the search starts from, in the
         place of those of coarser grids.
@@ -170,7 +172,10 @@ def rolling(
         except BeyondBound:  # That of no slip, or of a round, is not that of the answer.
             motion = Motion.of(g.shape, *asked)
             result = fall_by_loads(rounds, motion, grid, g, falling, stiffness, tolerance)
-    reached = "" if force is None else f"; of the force {force} it has {result.force}"
+    reached = ""
+    if force is not None:
+        given = tuple(F if F is None else float(F) for F in np.ravel(force).tolist())
+        reached = f"; of the force {given if len(given) > 1 else given[0]} it has {result.force}"
     reached += "" if moment is None else f"; of the moment {moment} it has {result.moment:.6g}"
     doubts.warn(check_converged(result, tolerance, reached).warnings)
     return result
