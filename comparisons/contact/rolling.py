@@ -45,7 +45,7 @@ from toeplitz_mg.contact.tangential.rolling import stiffness_of_element
 
 SURFACES, LINES = (11, 32, 64, 128, 256), (64, 256, 1024, 4096)
 QUICK = (11, 32), (64, 256), 32  # Sizes of surfaces, of lines, and of falling friction.
-# Longitudinal and lateral creepage and spin, from nearly without slip to nearly all slip.
+# Longitudinal and lateral creepage and spin, from nearly without slip to where all slides.
 CREEPAGES = (
     (0.01, 0.0, 0.0),
     (0.1, 0.0, 0.0),
@@ -53,6 +53,8 @@ CREEPAGES = (
     (0.0, 0.0, 0.3),
     (0.02, 0.04, -0.1),
     (0.2, 0.1, 0.1),
+    (1.0, 0.5, 0.3),
+    (0.2, 0.1, 2.0),
 )
 STRIPS, STEPS = 28, 56  # Of the cylinder that starts to roll: across the contact, and in time.
 SHOWN = (1, 2, 4, 8, 14, 28, 42, 56)  # Steps that are shown.

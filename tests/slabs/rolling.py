@@ -81,6 +81,25 @@ def test_bodies_roll_by_force(comm):
 
 
 @doubts_ignored()
+def test_bodies_roll_by_loads_near_those_of_sliding(comm):
+    """The creepages to start from are the same on all ranks."""
+    g, element = bound_of(50)
+    fast = {"longitudinal": 2e-3, "lateral": 1e-3, "spin": 5e-3}
+    alone = contact.rolling(g, element, material=STEEL, **fast)
+    slab = slabs.Slab(comm, g.shape)
+    carried = g.sum() * element[0] * element[1]
+    for loads in (
+        {"force": tuple(alone.force), "moment": alone.moment},
+        {"force": tuple(alone.force), "spin": fast["spin"]},
+    ):
+        own = slabs.rolling(g[slab.rows], slab, element, material=STEEL, **loads)
+        assert own.residual <= 1e-8
+        assert own.products <= 2.5 * alone.products
+        assert_allclose(own.force, alone.force, atol=1e-7 * carried)
+        assert_allclose(own.moment, alone.moment, atol=1e-7 * carried)
+
+
+@doubts_ignored()
 def test_bodies_roll_step_by_step(comm):
     """By creepages from no tractions, and by a force, or one of its parts, from friction's."""
     g, element = bound_of(41)

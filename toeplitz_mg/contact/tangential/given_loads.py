@@ -61,24 +61,35 @@ class Loads:
         """Return the loads over the largest of the same proportions that a traction bound carries.
 
         Where they are carried for certain it is a bound of that, below 1.
+        """
+        shares, most = self._shares(g, vectors)
+        if len(shares) < 2 or not min(most) > 0.0 or vectors.count(np.isinf(g)):
+            return float(np.abs(shares).max(initial=0.0))
+        # Parts of the bound, each in the direction of one load, which brings some of the others.
+        brought = np.array(
+            [inner_products(self.arms, g * direction(arm), vectors) for arm in self.arms]
+        )
+        parts, *_ = np.linalg.lstsq((brought / most).T, shares)
+        if (
+            np.allclose(parts @ (brought / most), shares)
+            and (total := float(np.abs(parts).sum())) < 1.0
+        ):
+            return total  # It may be less, but it is enough to know that.
+        return self.find_limit(g, vectors)[0]
+
+    def find_limit(self, g: Array, vectors: Vectors) -> tuple[float, Array]:
+        """Return what `share` does, exactly, and the slip by which the most is carried.
 
         Tractions of sliding by any creepages c carry the most in the direction of c: with them the
         product of the loads with c is the sum h(c) of g times the size of the slip. The least h(c)
         of all c whose product with the loads is 1 is what is carried of them.
         """
-        most = [vectors.sum(np.where(size(arm) > 0.0, g, 0.0) * size(arm)) for arm in self.arms]
-        pairs = zip(self.wanted.tolist(), most, strict=True)
-        shares = np.array([(a / b if b else np.inf) if a else 0.0 for a, b in pairs])
-        if len(shares) < 2 or not min(most) > 0.0 or vectors.count(np.isinf(g)):
-            return float(np.abs(shares).max(initial=0.0))
-        arms = self.arms / np.reshape(most, (-1, *(1,) * (self.arms.ndim - 1)))
-        # Parts of the bound, each in the direction of one load, which brings some of the others.
-        brought = np.array([inner_products(arms, g * direction(arm), vectors) for arm in arms])
-        parts, *_ = np.linalg.lstsq(brought.T, shares)
-        if np.allclose(parts @ brought, shares) and (total := float(np.abs(parts).sum())) < 1.0:
-            return total  # It may be less, but it is enough to know that.
+        shares, most = self._shares(g, vectors)
+        if not shares.any() or not (most > 0.0).all():
+            return float(np.abs(shares).max(initial=0.0)), np.zeros_like(self.arms[0])
         from scipy.optimize import minimize  # It is slow to import.
 
+        arms = self.arms / most.reshape(-1, *(1,) * (self.arms.ndim - 1))
         start, others = shares / (shares @ shares), null_space(shares[None])
 
         def carry(y: Array) -> tuple[float, Array]:
@@ -86,8 +97,17 @@ class Loads:
             push = inner_products(arms, g * direction(slip), vectors)
             return vectors.sum(g * size(slip)), others.T @ push
 
-        least = float(minimize(carry, np.zeros(others.shape[1]), jac=True).fun)
-        return 1.0 / least if least > CONTRADICT else np.inf
+        found = minimize(carry, np.zeros(others.shape[1]), jac=True) if others.size else None
+        weights = start if found is None else start + others @ found.x
+        slip = vectors.combine(weights, arms)
+        least = vectors.sum(g * size(slip))
+        return (1.0 / least if least > CONTRADICT else np.inf), slip
+
+    def _shares(self, g: Array, vectors: Vectors) -> tuple[Array, Array]:
+        """Return the loads over what the bound carries of each alone, and that."""
+        most = [vectors.sum(np.where(size(arm) > 0.0, g, 0.0) * size(arm)) for arm in self.arms]
+        pairs = zip(self.wanted.tolist(), most, strict=True)
+        return np.array([(a / b if b else np.inf) if a else 0.0 for a, b in pairs]), np.array(most)
 
     def check_share(self, g: Array, vectors: Vectors, bearer: str = "the traction bound") -> None:
         """Refuse loads that the bearer's bound g carries one by one, but not together."""

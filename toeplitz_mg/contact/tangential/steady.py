@@ -33,6 +33,7 @@ from toeplitz_mg.contact.tangential.direct import find_directly
 from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.iteration import Iteration
 from toeplitz_mg.contact.tangential.leading_edge import roll_backwards
+from toeplitz_mg.contact.tangential.near_sliding import guess_sliding
 from toeplitz_mg.contact.tangential.problem import Problem, State, admit
 from toeplitz_mg.contact.tangential.searching import search_creepages
 from toeplitz_mg.contact.tangential.settling import settle
@@ -120,7 +121,9 @@ def find_steady_state(
     coarsest = 1 if array is None else COARSEST
     from_coarser = partial(_guess_from_coarser_grids, problem, loads, options, coarsest)
     may_refine = guess is None and nested
-    if may_refine and not grid.is_short:
+    if guess is None and len(loads.wanted):
+        guess = guess_sliding(problem, loads, K)
+    if guess is None and may_refine and not grid.is_short:
         guess, may_refine = from_coarser(), False
     if array is not None:
         state = find_directly(problem, loads, K, array, guess, patience)

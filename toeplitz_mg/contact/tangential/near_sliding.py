@@ -1,0 +1,105 @@
+"""Where the search by loads starts where friction carries little more: from bodies that slide.
+
+Near full sliding the loads hardly depend on how large the creepages are, and creepages that grow
+step by step are taken back wherever elements turn out to stick. But where all slides the tractions
+are g times the direction of minus the slip, b + Uξ - u (Eq. 3), so that of displacements u that are
+known the creepages ξ follow from the loads, a few equations without any product. The displacements
+are those of the tractions of before: at first there are none where the slip is large that is given
+in b, and else those of sliding by the creepages of which the loads would be the largest.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.tangential.complement import Complement, inner_products
+from toeplitz_mg.contact.tangential.coulomb import Areas, direction, size
+from toeplitz_mg.contact.tangential.given_loads import Loads
+from toeplitz_mg.contact.tangential.problem import Problem, admit
+from toeplitz_mg.engine.vectors import Vectors
+
+NEAR = 0.97  # Part of the loads that friction carries beyond which little sticks.
+# Slip that no unknown creepage takes away, over what the bound displaces in an element by itself,
+# beyond which little sticks.
+FAST = 4.0
+ROUNDS = 3  # Most products.
+SETTLED = 0.03  # Change of the tractions, over the largest bound, after which there is no more.
+# Such a change beyond which the displacements follow by that part only: where some elements nearly
+# stick, tractions there turn to and fro.
+WILD, DAMPED = 0.5, 0.5
+# Creepages of much load, over those of the slip that there is, from which a root is searched for.
+FACTORS = 3.0, 10.0, 30.0, 1.0, 100.0
+MOST = 100  # Evaluations of the equations from each of those.
+
+
+def guess_sliding(problem: Problem, loads: Loads, K: Products) -> tuple[Array, Areas] | None:
+    """Return tractions and areas to start from; None where some elements stick for certain.
+
+    Parameters
+    ----------
+    problem : Problem
+    loads : Loads
+        Those that are given in the place of creepages.
+    K : Products
+        Products with A - S.
+    """
+    vectors, g, inside = problem.vectors, problem.g, problem.g > 0.0
+    if not vectors.count(inside) or vectors.count(np.isinf(g)):
+        return None
+    units, b = (np.where(inside, x, 0.0) for x in (loads.units, problem.b))
+    of_slip = Complement(units, vectors)
+    of_element = problem.grid.diagonal(K.A) * vectors.dot(g, g)
+    is_fast = vectors.sum(g * size(of_slip(b))) > FAST * of_element
+    if not (is_fast or loads.share(g, vectors) > NEAR):
+        return None
+    share, slip = loads.find_limit(g, vectors)
+    if not (is_fast or NEAR < share < 1.0):
+        return None
+    ahead, largest = of_slip.coordinates(slip), vectors.max(size(slip)) or 1.0
+
+    def starts(rest: Array) -> Iterable[Array]:
+        nearest, much = -of_slip.coordinates(rest), ahead * (vectors.max(size(rest)) / largest)
+        yield from (nearest,) if is_fast else ()
+        yield from (nearest + factor * much for factor in FACTORS)
+
+    q, u, change, creepages = g * direction(slip), np.zeros_like(b), 0.0, None
+    for products in range(0 if is_fast else 1, 1 + ROUNDS):
+        if products and not K.exhausted:
+            u = u + (DAMPED if change > WILD else 1.0) * (np.where(inside, K(q), 0.0) - u)
+        near = starts(b - u) if creepages is None else (creepages,)
+        found = _find_creepages(loads, g, units, b - u, near, vectors)
+        if found is None:
+            break
+        before, creepages = q, found
+        q = g * direction(b - u + vectors.combine(creepages, units))
+        change = vectors.max(size(q - before)) / vectors.max(g) if products > is_fast else 1.0
+        if change < SETTLED or K.exhausted:
+            break
+    return None if creepages is None else admit(problem, q, inside)
+
+
+def _find_creepages(
+    loads: Loads, g: Array, units: Array, rest: Array, starts: Iterable[Array], vectors: Vectors
+) -> Array | None:
+    """Return creepages by which sliding tractions have the loads, from some near by, if any."""
+    from scipy.optimize import root  # It is slow to import.
+
+    carried = np.array([vectors.sum(g * size(arm)) for arm in loads.arms])
+    lengths = np.array([vectors.sum(g * size(unit)) for unit in units])
+    of_rest = vectors.sum(g * size(rest)) or 1.0
+    # In units of creepages that slip as much as there is.
+    scale = of_rest / np.where(lengths > 0.0, lengths, 1.0)
+
+    def miss(x: Array) -> Array:
+        q = g * direction(rest + vectors.combine(x * scale, units))
+        missing: Array = (inner_products(loads.arms, q, vectors) - loads.wanted) / carried
+        return missing
+
+    for start in starts:
+        found = root(miss, start / scale, options={"maxfev": MOST})
+        if found.success:
+            creepages: Array = found.x * scale
+            return creepages
+    return None
