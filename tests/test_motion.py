@@ -20,6 +20,7 @@ from toeplitz_mg.contact import (
 from toeplitz_mg.contact import grid as grid_module
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.tangential import direct as direct_module
+from toeplitz_mg.halfspace import influence_matrix, matrices
 
 NAMES = ("longitudinal", "lateral", "spin")
 CREEPAGES = [
@@ -463,6 +464,19 @@ def test_loads_that_drag_each_other_along_are_refused_together(distance):
         result = rolling(g, (h, h), material=BODY, **loads)
         assert_allclose(result.force, loads["force"], atol=1e-7 * carried)
         assert abs(result.moment) <= 1e-7 * carried
+
+
+def test_coefficients_of_a_small_grid_are_evaluated_once(monkeypatch):
+    """Those of the displacements one element ahead are among those of a longer grid."""
+    evaluated, quadrant = [], matrices.quadrant
+    monkeypatch.setattr(matrices, "quadrant", lambda *a: evaluated.append(a[0]) or quadrant(*a))
+    shape, element = (9, 7), (0.0123, 0.021)  # No other test has these.
+    grid = Grid.of(shape, element, BODY, None)
+    made = grid.tangential(), grid.upstream()
+    assert sorted(evaluated) == ["xx", "xy", "yy"]
+    for ahead, matrix in enumerate(made):
+        expected = influence_matrix("xy", shape, element, BODY, ahead=ahead).toarray()
+        assert_allclose(matrix.toarray(), expected, rtol=1e-13, atol=1e-15 * np.abs(expected).max())
 
 
 def asymmetric(n=24, h=0.05):

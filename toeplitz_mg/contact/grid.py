@@ -21,7 +21,12 @@ from toeplitz_mg.contact.waves import Waves
 from toeplitz_mg.engine.library import NUMPY, Library
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.combined import combine
-from toeplitz_mg.halfspace.matrices import coupling_matrices, quadrant
+from toeplitz_mg.halfspace.matrices import (
+    assemble,
+    coupling_matrices,
+    evaluate_all,
+    quadrant,
+)
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners.candidates import quick_fsai
 from toeplitz_mg.preconditioners.traits import fragmentation
@@ -259,10 +264,8 @@ class Grid:
         return Waves(self.shape, self.element, self.material, self.periodic, self.reference)
 
     def _matrix(self, directions: str, ahead: int = 0) -> Any:
-        compute = _matrix if self.is_kept else Grid._compute
-        return compute(self, directions, ahead)
-
-    def _compute(self, directions: str, ahead: int) -> Any:
+        if self.is_kept:
+            return _matrix(self, directions, ahead)
         return halfspace.influence_matrix(
             directions,
             self.shape,
@@ -279,8 +282,17 @@ class Grid:
 
 @lru_cache(maxsize=KEPT)
 def _matrix(grid: Grid, directions: str, ahead: int) -> Any:
-    A = grid._compute(directions, ahead)
+    own = {name: c[: grid.shape[0] + ahead] for name, c in _coefficients(grid, directions).items()}
+    A = assemble(directions, own, ahead)
     return A if ahead else _with_short_product(grid, A)
+
+
+@lru_cache(maxsize=KEPT)
+def _coefficients(grid: Grid, directions: str) -> dict[str, Array]:
+    """Return the coefficients of a grid that is one element longer, which has those ahead too."""
+    longer = (grid.shape[0] + 1, *grid.shape[1:])
+    bodies = combine(grid.material)
+    return evaluate_all(directions, longer, grid.element, bodies, grid.reference)
 
 
 @lru_cache(maxsize=KEPT)

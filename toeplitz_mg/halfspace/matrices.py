@@ -115,14 +115,32 @@ def influence_matrix(
         reference = element[0] * grid_shape[0]
     else:
         reference = positive("reference", reference)
+    return assemble(directions, evaluate_all(directions, shape, element, bodies, reference), ahead)
+
+
+def evaluate_all(
+    directions: str,
+    shape: tuple[int, ...],
+    element: tuple[float, ...],
+    material: CombinedMaterial,
+    reference: float,
+) -> dict[str, Array]:
+    """Return the coefficients of all pairs of directions, at offsets that are not negative."""
+    names = [name for name in KERNELS if set(name) <= set(directions)]
+    return {name: quadrant(name, shape, element, material, reference) for name in names}
+
+
+def assemble(
+    directions: str, coefficients: dict[str, Array], ahead: int
+) -> ToeplitzOperator | CoupledOperator:
+    """Return the matrix of coefficients, of displacements so many elements further along x."""
     blocks: dict[str, ToeplitzOperator | None] = {}
-    for name, (_, parity) in KERNELS.items():
-        if set(name) <= set(directions):
-            c = quadrant(name, shape, element, bodies, reference)
-            blocks[name] = block = operator_of(c, parity, ahead) if c.any() else None
-            # By reciprocity, what is odd in one of x and y has the other sign the other way round.
-            is_odd = parity[0] != parity[1]
-            blocks[name[::-1]] = operator_of(-c, parity, ahead) if block and is_odd else block
+    for name, c in coefficients.items():
+        parity = KERNELS[name][1]
+        blocks[name] = block = operator_of(c, parity, ahead) if c.any() else None
+        # By reciprocity, what is odd in one of x and y has the other sign the other way round.
+        is_odd = parity[0] != parity[1]
+        blocks[name[::-1]] = operator_of(-c, parity, ahead) if block and is_odd else block
     if len(directions) == 1 and (only := blocks[2 * directions]):
         return only
     return CoupledOperator([[blocks[i + j] for j in directions] for i in directions])
