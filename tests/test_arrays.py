@@ -15,7 +15,7 @@ from scipy.sparse import diags_array
 from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
-from tests.array_libraries import LIBRARIES, load_library
+from tests.array_libraries import LIBRARIES, ON_GPU, load_library
 from toeplitz_mg import contact, halfspace
 from toeplitz_mg.engine.library import NUMPY, library_of
 
@@ -128,15 +128,17 @@ def test_products_are_those_on_numpy(xp, name, dtype):
         B @ xp.zeros(A.shape[0] + 1)
 
 
+@pytest.mark.parametrize("library", ["array_api_strict", *ON_GPU])
 @pytest.mark.parametrize("shape", [(300,), (20, 13), (1, 9), (3, 5, 4), (182, 181)])
 @pytest.mark.parametrize("name", MAKERS)
-def test_preconditioners_are_those_on_numpy(name, shape):
+def test_preconditioners_are_those_on_numpy(name, shape, library):
     """On 182 x 181, M inverts the longer circulant that it takes where 2 n - 1 is slow."""
+    xp = load_library(library)
     for dtype in ROUNDING:
         c, x = kernel(*shape, dtype=dtype), random(prod(shape), dtype=dtype)
-        A, B = tmg.ToeplitzOperator(c), tmg.ToeplitzOperator(strict.asarray(c))
+        A, B = tmg.ToeplitzOperator(c), tmg.ToeplitzOperator(xp.asarray(c))
         P, Q = MAKERS[name](A), MAKERS[name](B)
-        assert error(Q @ strict.asarray(x), P @ x) <= ROUNDING[dtype]
+        assert error(Q @ xp.asarray(x), P @ x) <= ROUNDING[dtype]
         assert (P.H is P) == (Q.H is Q)
 
 
@@ -198,13 +200,13 @@ def test_fsai_is_that_on_numpy(name):
         assert counts[0] == counts[1]
 
 
-@pytest.mark.slow
-def test_fsai_on_jax():
-    jnp = load_library("jax.numpy")
-    A, B = (SPARSE["mask"](a, np.float64) for a in (np.asarray, jnp.asarray))
+@pytest.mark.parametrize("library", LIBRARIES[1:])
+def test_fsai_on_jax_and_gpus(library):
+    xp = load_library(library)
+    A, B = (SPARSE["mask"](a, np.float64) for a in (np.asarray, xp.asarray))
     x = random(A.shape[0])
     Q = tmg.fsai_preconditioner(B)
-    assert error(Q @ jnp.asarray(x), tmg.fsai_preconditioner(A) @ x) <= 1e-14
+    assert error(Q @ xp.asarray(x), tmg.fsai_preconditioner(A) @ x) <= 1e-14
 
 
 def test_cg_in_less_precision_and_from_a_guess(xp):

@@ -160,7 +160,8 @@ def embed(library: Any, a: Any, is_complex: bool, dtype: DTypeLike) -> Any:
         char, last = np.dtype(dtype).char, len(lengths) - 1
         kind = char.lower() if is_real else char.upper()
         return share_parts(lambda part: transform_rest(Z[..., part]), lengths, kind, last)
-    rows, numbers = transform_lines(slice(None)), prod(lengths) * (len(lengths) > 1)
-    spectra = [transform_rest(rows[..., part]) for part in parts_of(lengths[-1], numbers)]
+    rows = transform_lines(slice(None))
+    parts = parts_of(lengths[-1], prod(lengths))
+    spectra = [transform_rest(rows[..., part]) for part in parts]
     del rows
     return spectra[0] if len(spectra) == 1 else xp.concat(spectra, axis=-1)

@@ -55,8 +55,6 @@ class PlainPasses:
 
     def _columns(self, Z: Any) -> Any:
         """Multiply all frequencies, a part of them at a time."""
-        if len(self.lengths) == 1:
-            return self.columns_through(Z)
         for part in parts_of(self.lengths[-1], prod(self.lengths)):
             columns = self.columns_through(Z[..., part], part.start)
             Z = self.library.replace_part(Z, (..., part), columns)

@@ -62,18 +62,16 @@ class Loads:
 
         Where they are carried for certain it is a bound of that, below 1.
         """
-        shares, most = self._shares(g, vectors)
+        most = self.carried(g, vectors)
+        shares = self._shares(most)
         if len(shares) < 2 or not min(most) > 0.0 or vectors.count(np.isinf(g)):
             return float(np.abs(shares).max(initial=0.0))
         # Parts of the bound, each in the direction of one load, which brings some of the others.
-        brought = np.array(
-            [inner_products(self.arms, g * direction(arm), vectors) for arm in self.arms]
-        )
-        parts, *_ = np.linalg.lstsq((brought / most).T, shares)
-        if (
-            np.allclose(parts @ (brought / most), shares)
-            and (total := float(np.abs(parts).sum())) < 1.0
-        ):
+        brought = [inner_products(self.arms, g * direction(arm), vectors) for arm in self.arms]
+        of_parts = np.array(brought) / most
+        parts, *_ = np.linalg.lstsq(of_parts.T, shares)
+        total = float(np.abs(parts).sum())
+        if np.allclose(parts @ of_parts, shares) and total < 1.0:
             return total  # It may be less, but it is enough to know that.
         return self.find_limit(g, vectors)[0]
 
@@ -84,7 +82,8 @@ class Loads:
         product of the loads with c is the sum h(c) of g times the size of the slip. The least h(c)
         of all c whose product with the loads is 1 is what is carried of them.
         """
-        shares, most = self._shares(g, vectors)
+        most = self.carried(g, vectors)
+        shares = self._shares(most)
         if not shares.any() or not (most > 0.0).all():
             return float(np.abs(shares).max(initial=0.0)), np.zeros_like(self.arms[0])
         from scipy.optimize import minimize  # It is slow to import.
@@ -103,11 +102,17 @@ class Loads:
         least = vectors.sum(g * size(slip))
         return (1.0 / least if least > CONTRADICT else np.inf), slip
 
-    def _shares(self, g: Array, vectors: Vectors) -> tuple[Array, Array]:
-        """Return the loads over what the bound carries of each alone, and that."""
-        most = [vectors.sum(np.where(size(arm) > 0.0, g, 0.0) * size(arm)) for arm in self.arms]
-        pairs = zip(self.wanted.tolist(), most, strict=True)
-        return np.array([(a / b if b else np.inf) if a else 0.0 for a, b in pairs]), np.array(most)
+    def carried(self, g: Array, vectors: Vectors) -> Array:
+        """Return what a traction bound carries of each load alone."""
+        lengths = self._lengths
+        # Where there is no arm, an infinite bound carries nothing either.
+        most = [vectors.sum(np.where(length > 0.0, g, 0.0) * length) for length in lengths]
+        return np.array(most)
+
+    def _shares(self, most: Array) -> Array:
+        """Return the loads over what is carried of each alone."""
+        pairs = zip(self.wanted.tolist(), most.tolist(), strict=True)
+        return np.array([(a / b if b else np.inf) if a else 0.0 for a, b in pairs])
 
     def check_share(self, g: Array, vectors: Vectors, bearer: str = "the traction bound") -> None:
         """Refuse loads that the bearer's bound g carries one by one, but not together."""

@@ -46,7 +46,7 @@ def guess_sliding(problem: Problem, loads: Loads, K: Products) -> tuple[Array, A
         Products with A - S.
     """
     vectors, g, inside = problem.vectors, problem.g, problem.g > 0.0
-    if not vectors.count(inside) or vectors.count(np.isinf(g)):
+    if vectors.count(np.isinf(g)) or not (loads.carried(g, vectors) > 0.0).all():
         return None
     units, b = (np.where(inside, x, 0.0) for x in (loads.units, problem.b))
     of_slip = Complement(units, vectors)
@@ -64,18 +64,25 @@ def guess_sliding(problem: Problem, loads: Loads, K: Products) -> tuple[Array, A
         yield from (nearest,) if is_fast else ()
         yield from (nearest + factor * much for factor in FACTORS)
 
+    def slide(rest: Array, creepages: Array) -> Array:
+        return g * direction(rest + vectors.combine(creepages, units))
+
     q, u, change, creepages = g * direction(slip), np.zeros_like(b), 0.0, None
-    for products in range(0 if is_fast else 1, 1 + ROUNDS):
-        if products and not K.exhausted:
-            u = u + (DAMPED if change > WILD else 1.0) * (np.where(inside, K(q), 0.0) - u)
+    if is_fast:
+        if (creepages := _find_creepages(loads, g, units, b, starts(b), vectors)) is None:
+            return None
+        q = slide(b, creepages)
+    for _ in range(ROUNDS):
+        if K.exhausted:
+            break
+        u = u + (DAMPED if change > WILD else 1.0) * (np.where(inside, K(q), 0.0) - u)
         near = starts(b - u) if creepages is None else (creepages,)
         found = _find_creepages(loads, g, units, b - u, near, vectors)
         if found is None:
             break
-        before, creepages = q, found
-        q = g * direction(b - u + vectors.combine(creepages, units))
-        change = vectors.max(size(q - before)) / vectors.max(g) if products > is_fast else 1.0
-        if change < SETTLED or K.exhausted:
+        before, q, creepages = q, slide(b - u, found), found
+        change = vectors.max(size(q - before)) / vectors.max(g)
+        if change < SETTLED:
             break
     return None if creepages is None else admit(problem, q, inside)
 
@@ -86,7 +93,7 @@ def _find_creepages(
     """Return creepages by which sliding tractions have the loads, from some near by, if any."""
     from scipy.optimize import root  # It is slow to import.
 
-    carried = np.array([vectors.sum(g * size(arm)) for arm in loads.arms])
+    carried = loads.carried(g, vectors)
     lengths = np.array([vectors.sum(g * size(unit)) for unit in units])
     of_rest = vectors.sum(g * size(rest)) or 1.0
     # In units of creepages that slip as much as there is.

@@ -55,7 +55,7 @@ def search_creepages(
     from scipy.optimize import brentq, root  # They are slow to import.
 
     vectors = problem.vectors
-    carried = np.array([vectors.sum(problem.g * size(arm)) for arm in loads.arms])
+    carried = loads.carried(problem.g, vectors)
     units = np.array([_creepage_of_sliding(problem, K, unit) for unit in loads.units])
     best = state, creepages, np.inf
 
