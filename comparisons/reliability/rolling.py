@@ -25,6 +25,7 @@ from toeplitz_mg.contact import (
 )
 from toeplitz_mg.contact.tangential.coulomb import clip
 from toeplitz_mg.contact.tangential.motion import CREEPAGES
+from toeplitz_mg.contact.tangential.settling import EXACT
 
 TOLERANCE = 1e-8
 SLACK = 1.05  # Tolerances that a violation may have, for the rounding of another product.
@@ -205,9 +206,9 @@ def _error(problem: Problem, result: TangentialResult, before: Array) -> str:
     )
     rigid = problem.rigid_slip(result.creepages) * result.contact
     slip = (rigid + (u - ahead) / h) * result.contact
-    # Displacements may be off by a tenth of the tolerance.
-    largest = max(np.abs(u).max() / h, np.abs(rigid).max())
-    if (away := np.abs(slip - result.slip).max()) > 0.1 * TOLERANCE * largest + 1e-12:
+    # What the search lets displacements be off by, and rounding.
+    off = EXACT * TOLERANCE * np.abs(rigid).max() + 1e-10 * np.abs(u).max() / h + 1e-12
+    if (away := np.abs(slip - result.slip).max()) > off:
         return f"slip off by {away:.1e}"
     scale = np.hypot(*rigid).max()
     if before is not q:  # A step is measured by what would be without slip.
