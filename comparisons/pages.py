@@ -58,6 +58,7 @@ TABLES = {
     "solves": Table("benchmarks.md", "speed.by_hand", "solves.csv", by_hand_tables.arrange_solves),
     "baselines": Table("benchmarks.md", "speed.baselines", "baselines.csv", baselines.arrange),
     "gpu": Table("machines.md", "speed.gpu", "gpu.csv", gpu.arrange),
+    "gpu_areas": Table("machines.md", "speed.gpu", "gpu_areas.csv", gpu.arrange_areas),
     "gpu_contact": Table("machines.md", "speed.gpu", "gpu_contact.csv", gpu.arrange_contact),
     "general_symbols": Table(
         "which_method.md",

@@ -190,6 +190,9 @@ def test_gpu(tmp_path, monkeypatch, capsys):
     assert float(row["of_called"]) > 0.0
     assert float(row["of_bare"]) > 0.0
     assert float(row["bytes_an_unknown"]) > 0.0
+    (row,) = rows_of(tmp_path / "gpu_areas.csv")
+    assert int(row["unknowns"]) == round(0.4 * 24**2)
+    assert row["iterations"] == row["iterations_numpy"]
     (row,) = rows_of(tmp_path / "gpu_contact.csv")
     assert row["products"] == row["products_numpy"]
     assert row["elements_that_differ"] == "0"

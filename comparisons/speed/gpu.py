@@ -5,8 +5,9 @@ beside that of its four transforms. These are timed twice: as they are called, o
 extend by zeros and whose axes they exchange; and bare, of what lies as they like it best, which
 only a product of nothing but transforms could reach. Then the iterations of CG with the cosine
 preconditioner beside those on NumPy, the seconds from the coefficients to the solution, and the
-most bytes an unknown that are held meanwhile. And of normal contact of a sphere the products beside
-those on NumPy, and the seconds from the gap to the result, also of the first time, when some
+most bytes an unknown that are held meanwhile. On an area in fragments iterations with FSAI, and the
+seconds in which it is built and the system solved. And of normal contact of a sphere the products
+beside those on NumPy, and the seconds from the gap to the result, also of the first time, when some
 libraries compile. NumPy's arrays have all threads of the processor. It says on what it ran: figures
 of a CPU say nothing about a GPU.
 """
@@ -48,6 +49,19 @@ CONTACT_FORMATS |= {"seconds_numpy": ".2g", "products": "", "products_numpy": ""
 CONTACT_FORMATS |= {"elements_that_differ": "", "bytes_an_element": ".0f"}
 CONTACT_HEADINGS = ["device", "n", "first time, s", "s", "on NumPy, s", "products", "on NumPy"]
 CONTACT_HEADINGS += ["elements that differ", "bytes an element"]
+AREA_FORMATS = {"device": "", "n": "", "unknowns": ",", "iterations": "", "iterations_numpy": ""}
+AREA_FORMATS |= {"setup_seconds": ".2g", "setup_seconds_numpy": ".2g"}
+AREA_FORMATS |= {"seconds": ".2g", "seconds_numpy": ".2g"}
+AREA_HEADINGS = [
+    "device",
+    "n",
+    "unknowns",
+    "iterations",
+    "on NumPy",
+    "set-up, s",
+    "set-up on NumPy, s",
+]
+AREA_HEADINGS += ["solve, s", "solve on NumPy, s"]
 STEEL = contact.Material(E=210000.0, nu=0.28)
 LENGTH, RADIUS, FORCE = 0.64, 10.0, 100.0  # Of the grid, mm; of the sphere, mm; on it, N.
 
@@ -103,9 +117,8 @@ class Device:
             self.module.cuda.reset_peak_memory_stats()
             yield lambda: int(self.module.cuda.max_memory_allocated())
         elif self.library == "cupy":
-            pool = self.module.get_default_memory_pool()
-            pool.free_all_blocks()
-            yield lambda: int(pool.total_bytes())
+            with count_bytes(self.module) as held:
+                yield held
         elif self.library == "jax" and self.has_gpu:
             device = self.module.devices()[0]
             yield lambda: int(device.memory_stats()["peak_bytes_in_use"])  # Since the start.
@@ -124,6 +137,25 @@ class Device:
             self.wait(call())
             seconds.append(perf_counter() - start)
         return median(seconds[1:])
+
+
+@contextmanager
+def count_bytes(cupy: Any) -> Iterator[Callable[[], int]]:
+    """Yield what tells the most bytes of CuPy's arrays and plans since, what its pool keeps not."""
+    now = peak = cupy.get_default_memory_pool().used_bytes()
+
+    class Hook(cupy.cuda.MemoryHook):
+        def malloc_postprocess(self, *, mem_size: int, **others: int) -> None:
+            nonlocal now, peak
+            now += mem_size
+            peak = max(peak, now)
+
+        def free_postprocess(self, *, mem_size: int, **others: int) -> None:
+            nonlocal now
+            now -= mem_size
+
+    with Hook():
+        yield lambda: peak
 
 
 def coefficients(n: int) -> Array:
@@ -201,6 +233,40 @@ def time_solve(device: Device, c: Array) -> tuple[int, float]:
     return iterations, perf_counter() - start
 
 
+def measure_area(device: Device, n: int) -> Row:
+    """Return a row of the table of FSAI on an area in fragments."""
+    c, mask = coefficients(n), area(n)
+    b = np.ones(int(mask.sum()))
+
+    def solve_on(c: Any, b: Any, wait: Callable[[Any], None]) -> tuple[int, float, float]:
+        start = perf_counter()
+        A = tmg.MaskedOperator(tmg.ToeplitzOperator(c), mask)
+        M = tmg.fsai_preconditioner(A)
+        wait(M @ b)
+        built = perf_counter()
+        residuals: list[float] = []
+        x, info = tmg.cg(A, b, M=M, rtol=RTOL, residuals=residuals)
+        wait(x)
+        if info:
+            raise RuntimeError(f"cg has not converged on {A!r}: info is {info}")
+        return len(residuals) - 1, built - start, perf_counter() - built
+
+    row: Row = {"device": device.name, "n": f"{n} x {n}", "unknowns": b.size}
+    there = device.put(c), device.put(b)
+    solve_on(*there, device.wait)  # Some libraries compile the first time.
+    row["iterations"], row["setup_seconds"], row["seconds"] = solve_on(*there, device.wait)
+    if n <= COMPARED:
+        own = solve_on(c, b, lambda x: None)
+        row["iterations_numpy"], row["setup_seconds_numpy"], row["seconds_numpy"] = own
+    return row
+
+
+def area(n: int) -> Array:
+    """Return a mask of n x n elements in fragments: 40 % of a rough surface."""
+    heights = contact.surfaces.rough((n, n), ELEMENT, rms=0.001, seed=1)
+    return heights < np.quantile(heights, 0.4)
+
+
 def measure_contact(device: Device, n: int) -> Row:
     """Return a row of the table of normal contact."""
     element = (LENGTH / n, LENGTH / n)
@@ -240,6 +306,12 @@ def arrange_contact(rows: Sequence[Row]) -> list[Row]:
     return [dict(zip(CONTACT_HEADINGS, row, strict=True)) for row in cells]
 
 
+def arrange_areas(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of areas of a page."""
+    cells = (report.format_cells(row, AREA_FORMATS).values() for row in rows)
+    return [dict(zip(AREA_HEADINGS, row, strict=True)) for row in cells]
+
+
 def main(quick_sizes: Sequence[int] = QUICK_SIZES) -> None:
     """Run the comparison."""
     arguments = report.options(
@@ -250,17 +322,20 @@ def main(quick_sizes: Sequence[int] = QUICK_SIZES) -> None:
         contact=4096,
     )
     sizes = quick_sizes if arguments.quick else [n for n in SIZES if n <= arguments.largest]
-    rows, pressed = [], []
+    rows, areas, pressed = [], [], []
     for library in arguments.library or LIBRARIES[:1]:
         device = Device(library)
         for n in sizes:
             with scipy.fft.set_workers(-1):
                 rows.append(measure(device, n))
                 if n <= arguments.contact:
+                    areas.append(measure_area(device, n))
                     pressed.append(measure_contact(device, n))
             report.write_csv(arguments.output / "gpu.csv", rows)
+            report.write_csv(arguments.output / "gpu_areas.csv", areas)
             report.write_csv(arguments.output / "gpu_contact.csv", pressed)
     report.show("Products and solves, and the device on which they ran", arrange(rows))
+    report.show("FSAI on areas in fragments", arrange_areas(areas))
     report.show("Normal contact", arrange_contact(pressed))
 
 

@@ -29,24 +29,17 @@ class EntriesInTurn:
 
     def __init__(self, library: Any, matrix: csr_array) -> None:
         self._take, self._n = library.xp.take, max(1, matrix.shape[0])
-        lengths, columns = np.diff(matrix.indptr), matrix.indices
-        rows = np.repeat(np.arange(matrix.shape[0]), lengths)
-        places = (np.arange(matrix.nnz) - matrix.indptr[rows]) * self._n + rows
-        size = self._n * max(1, int(lengths.max(initial=0)))
+        places = _places(matrix)
+        size = self._n * _most(matrix)
         # What a row has not, and what a row of the transpose has not, is the zero at the end.
         entries, seen = np.zeros(size + 1, matrix.dtype), np.zeros(size, np.int32)
-        entries[places], seen[places] = matrix.data, columns
+        entries[places], seen[places] = matrix.data, matrix.indices
         self._entries = library.from_numpy(entries)
-        self._columns = [library.from_numpy(a) for a in seen.reshape(-1, self._n)]
-        places = places[np.argsort(columns, kind="stable")]
-        counts = np.bincount(columns, minlength=matrix.shape[1])
-        ends = np.cumsum(counts)
-        small = np.dtype(np.int32 if size < 2**31 else np.int64)
-        self._places = []
-        for k in range(max(1, int(counts.max(initial=0)))):
-            at = np.where(k < counts, ends - counts + k, 0)
-            place = np.where(k < counts, places[at] if len(places) else 0, size)
-            self._places.append(library.from_numpy(place.astype(small)))
+        self._columns = [library.from_numpy(columns) for columns in seen.reshape(-1, self._n)]
+        transpose = csr_array((places, matrix.indices, matrix.indptr), matrix.shape).tocsc().T
+        of_transpose = np.full((_most(transpose), max(1, matrix.shape[1])), size, places.dtype)
+        of_transpose.reshape(-1)[_places(transpose)] = transpose.data
+        self._places = [library.from_numpy(places) for places in of_transpose]
 
     def multiply(self, x: Any) -> Any:
         """Return the product with a vector."""
@@ -65,6 +58,22 @@ class EntriesInTurn:
             part *= self._take(y, places % self._n)
             x = part if x is None else x + part
         return x
+
+
+def _most(matrix: csr_array) -> int:
+    """Return how many entries a row has at most."""
+    return max(1, int(np.diff(matrix.indptr).max(initial=0)))
+
+
+def _places(matrix: csr_array) -> Array:
+    """Return where each entry is among the first ones of all rows, then the second ones, ...."""
+    n, lengths = max(1, matrix.shape[0]), np.diff(matrix.indptr)
+    small = np.int32 if n * _most(matrix) < 2**31 else np.int64
+    places = np.arange(matrix.nnz, dtype=small)
+    places -= np.repeat(matrix.indptr[:-1].astype(small), lengths)
+    places *= n
+    places += np.repeat(np.arange(matrix.shape[0], dtype=small), lengths)
+    return places
 
 
 class PortableLevel:
