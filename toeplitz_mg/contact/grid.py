@@ -37,7 +37,9 @@ SMALL = 2**11  # Most elements of a grid whose matrices are kept: half a megabyt
 KEPT = 32  # Grids whose matrices are kept.
 DENSE = 300  # Most unknowns of a matrix that is kept as an array, to be solved directly.
 SHORT = 40  # Elements along an axis up to which tangential products are by matrices.
-COARSEST = 32  # Elements along the longest axis from which nested iteration coarsens no further.
+# Elements along the longest axis from which nested iteration coarsens no further; and on a line,
+# where products take next to nothing beside the calls of a coarser grid.
+COARSEST, COARSEST_LINE = 32, 128
 
 
 @dataclass(frozen=True)
@@ -126,11 +128,13 @@ class Grid:
             for n, h in zip(self.shape, self.element, strict=False)
         )
 
-    def coarser(self, coarsest: int = COARSEST) -> "Grid | None":
+    def coarser(self, coarsest: int | None = None) -> "Grid | None":
         """Return the grid of elements twice the size, or None where that would be too coarse.
 
         That is where this one has so many elements along its longest axis, or fewer.
         """
+        if coarsest is None:
+            coarsest = COARSEST if sum(n > 1 for n in self.shape) > 1 else COARSEST_LINE
         if max(self.shape) <= coarsest or not any(self.halved):
             return None
         factors = [1 + two for two in self.halved]
@@ -177,7 +181,8 @@ class Grid:
 
     def normal_coefficients(self) -> Array:
         """Return the first column of the matrix of normal contact, in the shape of the grid."""
-        return quadrant("zz", self.shape, self.element, self.material, self.reference)
+        of_grid = "zz", self.shape, self.element, self.material, self.reference
+        return _normal_coefficients(*of_grid).copy() if self.is_kept else quadrant(*of_grid)
 
     def scaled_normal(self) -> tuple[ToeplitzOperator, float]:
         """Return the matrix of normal contact over its diagonal, and that."""
@@ -278,6 +283,9 @@ class Grid:
 
 # Tables are made of many small cases on one grid, whose matrices take longer than a case. They are
 # kept by all that a grid is, never changed, and no part of any result.
+
+
+_normal_coefficients = lru_cache(maxsize=KEPT)(quadrant)
 
 
 @lru_cache(maxsize=KEPT)

@@ -80,13 +80,13 @@ def choose(
     if first == last:
         return evaluate(rules[first], *points)
     value = np.empty(distance.shape)
+    points = tuple(np.broadcast_to(array, distance.shape) for array in points)
     for k in range(first, last + 1):
         part = distance < starts[k + 1] if k < last else np.ones(distance.shape, bool)
         if k > first:
             part &= distance >= starts[k]
         if part.any():
-            some = (np.broadcast_to(array, part.shape)[part] for array in points)
-            value[part] = evaluate(rules[k], *some)
+            value[part] = evaluate(rules[k], *(array[part] for array in points))
     return value
 
 

@@ -9,7 +9,7 @@ by Gauss's rule takes the place of the series.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, lru_cache
 from math import factorial
 from typing import Self
 
@@ -84,7 +84,7 @@ class LineIntegral:
 
     def over_width(self, rule: int, t: Array, s: Array, width: Array, length: float) -> Array:
         """Return the integral over a width, by a rule that is not `NEAR`."""
-        P = self._polynomials
+        P = _polynomials(self)
         if rule == BY_GAUSS:
             value = np.zeros_like(t)
             for node, weight in gauss(NODES):
@@ -95,18 +95,6 @@ class LineIntegral:
             value = self._evaluate(P[: rule + 1], t, s, length, e)
         value *= width
         return value
-
-    @cached_property
-    def _polynomials(self) -> list[list[float]]:
-        """The P_2k(u)/(2k+1)! of all orders k."""
-        own = _derivatives(self.powers, (1.0,), 0)
-        closed = [np.zeros(1), *_derivatives(self.powers, self.slope, 1)]
-        P = [
-            np.polynomial.polynomial.polyadd(self.alpha * closed[2 * k], self.beta * own[2 * k])
-            / factorial(2 * k + 1)
-            for k in range(HIGHEST + 1)
-        ]
-        return [p.tolist() for p in P]
 
     def _evaluate(
         self, P: list[list[float]], t: Array, s: Array, length: float, e: Array | float = 0.0
@@ -131,6 +119,19 @@ class LineIntegral:
             if power:
                 value *= factor
         return value
+
+
+@lru_cache(maxsize=64)
+def _polynomials(line: LineIntegral) -> list[list[float]]:
+    """Return the P_2k(u)/(2k+1)! of all orders k."""
+    own = _derivatives(line.powers, (1.0,), 0)
+    closed = [np.zeros(1), *_derivatives(line.powers, line.slope, 1)]
+    P = [
+        np.polynomial.polynomial.polyadd(line.alpha * closed[2 * k], line.beta * own[2 * k])
+        / factorial(2 * k + 1)
+        for k in range(HIGHEST + 1)
+    ]
+    return [p.tolist() for p in P]
 
 
 @cache

@@ -72,7 +72,7 @@ class SlabGrid:
         x, y = self.whole.centres()
         return x[self.slab.rows], y
 
-    def coarser(self, coarsest: int = COARSEST) -> Any:
+    def coarser(self, coarsest: int | None = None) -> Any:
         """Return the grid of elements twice the size, or None where that would be too coarse."""
         if max(self.shape) <= COARSEST:  # Every rank has all of it.
             return self.whole.coarser(coarsest)

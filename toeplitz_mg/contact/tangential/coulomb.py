@@ -10,6 +10,7 @@ where it slides: by a tangent vector. In one component there is none of those, t
 """
 
 from dataclasses import dataclass
+from math import hypot
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -103,11 +104,11 @@ class Tangent:
         self.n = q / np.where(areas.slide & (a > 0.0), a, np.inf)
         self._balanced = list(balanced)
         if balanced:
-            units = np.zeros((len(balanced), *q.shape))
+            self._units = np.zeros((len(balanced), *q.shape))
             for k, component in enumerate(balanced):
-                units[k, component] = 1.0
-            self._units = np.stack([self._project(e) for e in units])
-            self._normals = np.linalg.pinv([vectors.dots(self._units, e) for e in self._units])
+                self._units[k, component] = 1.0
+            self.project_each(self._units)
+            self._normals = np.linalg.pinv(vectors.gram(self._units))
 
     def astype(self, dtype: DTypeLike) -> "Tangent":
         """Return the same directions in another precision."""
@@ -235,6 +236,7 @@ def balance(
         None where the movable elements cannot carry what is missing.
     """
     wanted = ~np.isnan(total)
+    both, identity = np.outer(wanted, wanted), np.eye(len(q))
 
     def less(q: Array, total: Array) -> Array:
         return np.where(wanted, total - sum_components(q, vectors), 0.0)
@@ -244,16 +246,16 @@ def balance(
     circle, unit = np.zeros(g_m.shape, bool), np.ones_like(g_m)
     if on_circle is not None:
         circle, unit = on_circle[movable], g_m
-    if not np.linalg.norm(rest) < vectors.sum(g_m) * (1.0 - ON_BOUND):
+    if not hypot(*rest) < vectors.sum(g_m) * (1.0 - ON_BOUND):
         return None
     # The sum is the gradient of a convex function of c: Newton's method, with a search along it.
     c = np.zeros(len(q))
     value, p = _primitive(z, g_m, circle, unit, vectors)
     farthest = vectors.max(size(z) / unit)
     missing = less(p, rest)
-    goal = BALANCED * max(float(np.linalg.norm(total[wanted])), vectors.sum(size(p)))
+    goal = BALANCED * max(hypot(*total[wanted]), vectors.sum(size(p)))
     for _ in range(STEPS):
-        error = float(np.linalg.norm(missing))
+        error = hypot(*missing)
         if error <= goal:
             result = q.copy()
             result[:, movable] = p
@@ -264,28 +266,27 @@ def balance(
         n = np.where(outside, direction(y), 0.0)
         weight = unit * np.where(outside, g_m / np.where(a > 0.0, a, 1.0), 1.0)
         weights = vectors.sum(weight)
-        identity = np.eye(len(q))
-        H = (1.0 + 1e-9) * weights * identity - np.sum(vectors.gather((weight * n) @ n.T), axis=0)
+        H = (1.0 + 1e-9) * weights * identity - sum(vectors.gather((weight * n) @ n.T))
         # Where any sum will do, c is zero and stays so.
-        move = np.linalg.solve(np.where(np.outer(wanted, wanted), H, identity), missing)
-        for step in 0.5 ** np.arange(float(HALVINGS)):
-            trial = c + step * move
+        move = np.linalg.solve(np.where(both, H, identity), missing)
+        for halvings in range(HALVINGS):
+            trial = c + 0.5**halvings * move
             new, p = _primitive(z + trial[:, None] * unit, g_m, circle, unit, vectors)
             missing = less(p, rest)
             descends = new - trial @ rest < value - c @ rest
-            if descends or np.linalg.norm(missing) < 0.5 * error:
+            if descends or hypot(*missing) < 0.5 * error:
                 break
         else:
             return None
         c, value = trial, new
-        if float(np.linalg.norm(c)) > FAR * farthest:
+        if hypot(*c) > FAR * farthest:
             return None  # All are on the circle along one axis, and cannot turn.
     return None
 
 
 def sum_components(q: Array, vectors: Vectors) -> Array:
     """Return the sum of each component of a field."""
-    return np.sum(vectors.gather(q.reshape(len(q), -1).sum(axis=1)), axis=0)
+    return sum(vectors.gather(q.reshape(len(q), -1).sum(axis=1)), start=np.zeros(len(q)))
 
 
 def _primitive(

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from toeplitz_mg._typing import Array, Progress
-from toeplitz_mg.contact.grid import COARSEST, Grid
+from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import for_coarser_grids
 from toeplitz_mg.contact.tangential.coulomb import Areas, Tangent, along, make_admissible, size
 from toeplitz_mg.engine.vectors import Vectors
@@ -59,7 +59,7 @@ class Problem:
     least: float = 0.0
     progress: Progress | None = None
 
-    def coarser(self, coarsest: int = COARSEST) -> "Problem | None":
+    def coarser(self, coarsest: int | None = None) -> "Problem | None":
         """Return the problem on elements of twice the size, to be solved roughly, or None."""
         grid = self.grid.coarser(coarsest)
         if grid is None:
