@@ -37,9 +37,8 @@ SMALL = 2**11  # Most elements of a grid whose matrices are kept: half a megabyt
 KEPT = 32  # Grids whose matrices are kept.
 DENSE = 300  # Most unknowns of a matrix that is kept as an array, to be solved directly.
 SHORT = 40  # Elements along an axis up to which tangential products are by matrices.
-# Elements along the longest axis from which nested iteration coarsens no further; and on a line,
-# where products take next to nothing beside the calls of a coarser grid.
-COARSEST, COARSEST_LINE = 32, 128
+COARSEST = 32  # Elements along the longest axis from which nested iteration coarsens no further.
+COARSEST_LINE = 128  # Those of a line, where products take little beside the calls of more grids.
 
 
 @dataclass(frozen=True)
@@ -133,14 +132,17 @@ class Grid:
 
         That is where this one has so many elements along its longest axis, or fewer.
         """
-        if coarsest is None:
-            coarsest = COARSEST if sum(n > 1 for n in self.shape) > 1 else COARSEST_LINE
-        if max(self.shape) <= coarsest or not any(self.halved):
+        if max(self.shape) <= (coarsest or self.coarsest) or not any(self.halved):
             return None
         factors = [1 + two for two in self.halved]
         shape = tuple(-(-n // two) for n, two in zip(self.shape, factors, strict=True))
         element = tuple(h * two for h, two in zip(self.element, (*factors, 1), strict=False))
         return replace(self, shape=shape, element=element)
+
+    @property
+    def coarsest(self) -> int:
+        """The elements along the longest axis from which nested iteration coarsens no further."""
+        return COARSEST if sum(n > 1 for n in self.shape) > 1 else COARSEST_LINE
 
     @property
     def halved(self) -> tuple[bool, ...]:

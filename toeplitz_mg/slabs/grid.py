@@ -10,7 +10,7 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
-from toeplitz_mg.contact.grid import COARSEST, Grid
+from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.shifted_inverses import ShiftedInverses
 from toeplitz_mg.halfspace.matrices import KERNELS, evaluate
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
@@ -74,7 +74,7 @@ class SlabGrid:
 
     def coarser(self, coarsest: int | None = None) -> Any:
         """Return the grid of elements twice the size, or None where that would be too coarse."""
-        if max(self.shape) <= COARSEST:  # Every rank has all of it.
+        if max(self.shape) <= self.whole.coarsest:  # Every rank has all of it.
             return self.whole.coarser(coarsest)
         return self._coarser
 

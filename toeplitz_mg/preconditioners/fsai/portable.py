@@ -66,7 +66,7 @@ def _most(matrix: csr_array) -> int:
 
 
 def _places(matrix: csr_array) -> Array:
-    """Return where each entry is among the first ones of all rows, then the second ones, ...."""
+    """Return where each entry is among the first ones of all rows, then the second ones …."""
     n, lengths = max(1, matrix.shape[0]), np.diff(matrix.indptr)
     small = np.int32 if n * _most(matrix) < 2**31 else np.int64
     places = np.arange(matrix.nnz, dtype=small)
