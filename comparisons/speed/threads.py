@@ -1,10 +1,11 @@
 """What threads gain: products, approximate inverses, solves, contact, by `scipy.fft.set_workers`.
 
 Wall time on one thread over that on k, beside what the machine allows: bare transforms of SciPy's
-of the same size on k threads, in the same run, and for what iterates, solves and contact, three
+of as many numbers on k threads, in the same run, and for what iterates, solves and contact, three
 triads with each pair of them, as many as an iteration updates vectors. All take turns, thread
 counts innermost, so that what disturbs the machine disturbs all alike; low quantiles. What takes
-long has fewer turns.
+long has fewer turns. A product's own transforms are four times as large, and leave the cache: bare,
+they are shown beside it, and gain less.
 
 The serial share is measured on one thread, by its CPU time: what is neither in a loop that
 `toeplitz_mg.engine.threads` shares, nor in a transform of many lines, which SciPy shares. What it
@@ -42,7 +43,7 @@ CORES = 16, 64  # Of machines for which the serial share says what is to be expe
 LEAST_TURNS = 3  # Turns that are timed of what takes longest.
 UPDATES = 3  # Triads with each pair of transforms: an iteration updates so many vectors.
 ITERATES = "cg", "normal contact"  # Beginnings of the names of what iterates.
-BARE = "bare transforms", "bare triads"
+BARE = "bare transforms", "bare triads", "bare transforms of a product"
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,7 @@ def tasks(side: int) -> Iterator[tuple[str, Callable[[], object]]]:
     Z = rng.standard_normal((side, side)) + 0j
     yield BARE[0], lambda: scipy.fft.ifftn(scipy.fft.fftn(Z, overwrite_x=True), overwrite_x=True)
     yield BARE[1], partial(add_vectors, *np.ones((3, n)))
+    yield BARE[2], partial(transform_extended, b.reshape(side, side))
     element = (1.0, 1.0)
     x, y = halfspace.offsets((side, side), element)
     evaluate = partial(halfspace.influence_zz, x, y, element, G=1.0, nu=0.28)
@@ -90,6 +92,13 @@ def tasks(side: int) -> Iterator[tuple[str, Callable[[], object]]]:
         "normal contact, rough",
         partial(normal_contact, gap, element, material=STEEL, approach=approach),
     )
+
+
+def transform_extended(x: Array) -> Array:
+    """Transform a field as a product does, extended by zeros to twice its sides, there and back."""
+    n = len(x)
+    columns = scipy.fft.fft(scipy.fft.rfft(x, 2 * n), 2 * n, axis=0)
+    return scipy.fft.irfft(scipy.fft.ifft(columns, axis=0, overwrite_x=True)[:n], 2 * n)
 
 
 def add_vectors(x: Array, y: Array, z: Array) -> None:
