@@ -49,6 +49,7 @@ class Plain:
         self.xp, self.fft, self.device = xp, xp.fft, device
         self.dense, self.in_place = 0, dict[str, Any]()  # No product is dense, no `fft` in place.
         self.name = xp.__name__.removeprefix("array_api_compat.")
+        self.compiles = self.name == "jax.numpy"  # It waits for each operation, but for programs.
         self.vectors, self.vectors_of = PlainVectors(self), partial(PlainVectors, self)
         self.fourier: Any = PlainTransforms(self, xp.fft.rfftn, xp.fft.irfftn)
         self.complex_fourier: Any = PlainTransforms(self, xp.fft.fftn, xp.fft.ifftn)

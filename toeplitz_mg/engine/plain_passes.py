@@ -14,6 +14,7 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg.engine.embedding import cut, parts_of, phases
 from toeplitz_mg.engine.products import Transforms
+from toeplitz_mg.engine.whole_programs import compile_as_a_whole
 from toeplitz_mg.engine.work import axes_of
 
 
@@ -46,6 +47,7 @@ class PlainPasses:
         xp = self.library.xp
         return [[s if s is None else xp.moveaxis(s, -1, 0) for s in row] for row in self._moved]
 
+    @compile_as_a_whole("_moved", "_w")
     def multiply(self, X: Any, out: Any = None) -> Any:
         """Multiply the rows of `X`, of shape (rows, N), in the precision of the matrix."""
         xp = self.library.xp
@@ -122,6 +124,7 @@ class PlainDiagonalised:
         """Multiply the rows of `X`, shape (..., N)."""
         return self.library.multiply_rows(self, X, out)
 
+    @compile_as_a_whole("spectrum")
     def multiply(self, X: Any, out: Any = None) -> Any:
         """Multiply the rows of `X`, of shape (rows, N), in the precision of the matrix."""
         xp, axes = self.library.xp, tuple(range(1, 1 + len(self.grid_shape)))
