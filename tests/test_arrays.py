@@ -1,5 +1,6 @@
 """Arrays of other libraries: the operators, preconditioners and iterations are those on NumPy's."""
 
+import gc
 import operator
 import os
 import pickle
@@ -18,6 +19,7 @@ import toeplitz_mg as tmg
 from tests.array_libraries import LIBRARIES, ON_GPU, load_library
 from toeplitz_mg import contact, halfspace
 from toeplitz_mg.engine.library import NUMPY, library_of
+from toeplitz_mg.engine.plain_passes import PlainDiagonalised, PlainPasses
 
 strict = pytest.importorskip("array_api_strict")
 ROUNDING = {"float64": 1e-14, "float32": 2e-6}
@@ -469,3 +471,21 @@ def test_what_scipy_would_compose_is_refused(xp):
     for compose in (lambda: A @ A, lambda: A * A, lambda: A + tmg.chan_preconditioner(A)):
         with pytest.raises(TypeError, match=r"make no operator on arrays of .*A @ \(B @ x\)"):
             compose()
+
+
+def test_a_product_that_was_made_is_kept_by_nobody(xp):
+    """A program that a library compiles of it has its arrays as arguments."""
+    products = PlainPasses, PlainDiagonalised
+
+    def count_products():
+        gc.collect()
+        return sum(isinstance(thing, products) for thing in gc.get_objects())
+
+    before = count_products()
+    A = tmg.ToeplitzOperator(xp.asarray(kernel(9, 7)))
+    operators = A, tmg.cosine_preconditioner(A), tmg.chan_preconditioner(A)
+    for M in operators:
+        M @ xp.asarray(random(63))
+    assert count_products() >= before + 3
+    del A, M, operators
+    assert count_products() <= before
