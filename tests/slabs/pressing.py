@@ -50,6 +50,17 @@ def test_coarser_fields_are_those_of_one_rank(comm):
                 grid, whole = coarse, coarser
 
 
+def test_a_line_is_coarsened_as_far_as_on_one_rank(comm):
+    x = np.random.default_rng(0).random((100, 1))
+    grid, whole = grid_on(comm, x.shape)
+    assert grid.coarser() is whole.coarser() is None
+    coarse = grid.coarser(1)
+    assert coarse.shape == whole.coarser(1).shape == (50, 1)
+    mean = grid.coarsen(x[grid.slab.rows])
+    assert np.array_equal(mean, whole.coarsen(x))
+    assert np.array_equal(grid.refine(mean), whole.refine(mean)[grid.slab.rows])
+
+
 def test_a_grid_is_coarsened_until_every_rank_has_all_of_it(comm):
     grid, _ = grid_on(comm, (1024, 1024))
     sizes = []
