@@ -2,7 +2,6 @@
 
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from math import prod
 from typing import Any, Self
 
@@ -11,20 +10,17 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element, Mask
-from toeplitz_mg.contact.circulants import Circulants
+from toeplitz_mg.contact import kept
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.elements import read_periodic, read_reference, read_sizes
-from toeplitz_mg.contact.shifted_inverses import ADDITIONS, ShiftedInverses
-from toeplitz_mg.contact.short_transforms import SHORT_ADDITIONS, ShortCirculants, ShortProduct
+from toeplitz_mg.contact.shifted_inverses import ShiftedInverses
 from toeplitz_mg.contact.steady_matrices import SteadyArray, subtract_operators
 from toeplitz_mg.contact.waves import Waves
 from toeplitz_mg.engine.library import NUMPY, Library
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.combined import combine
 from toeplitz_mg.halfspace.matrices import (
-    assemble,
     coupling_matrices,
-    evaluate_all,
     quadrant,
 )
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
@@ -34,11 +30,10 @@ from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner
 from toeplitz_mg.values import in_range
 
 SMALL = 2**11  # Most elements of a grid whose matrices are kept: half a megabyte each, at most.
-KEPT = 32  # Grids whose matrices are kept.
 DENSE = 300  # Most unknowns of a matrix that is kept as an array, to be solved directly.
 SHORT = 40  # Elements along an axis up to which tangential products are by matrices.
 COARSEST = 32  # Elements along the longest axis from which nested iteration coarsens no further.
-COARSEST_LINE = 128  # Those of a line, where products take little beside the calls of more grids.
+COARSEST_LINE = 256  # Those of a line, where products take little beside the calls of more grids.
 
 
 @dataclass(frozen=True)
@@ -184,16 +179,13 @@ class Grid:
     def normal_coefficients(self) -> Array:
         """Return the first column of the matrix of normal contact, in the shape of the grid."""
         of_grid = "zz", self.shape, self.element, self.material, self.reference
-        return _normal_coefficients(*of_grid).copy() if self.is_kept else quadrant(*of_grid)
+        return kept.normal_coefficients(*of_grid).copy() if self.is_kept else quadrant(*of_grid)
 
     def scaled_normal(self) -> tuple[ToeplitzOperator, float]:
         """Return the matrix of normal contact over its diagonal, and that."""
         if any(self.periodic):
             return self._waves.normal(is_scaled=True)
-        c = self.normal_coefficients()
-        unit = float(c.flat[0])
-        c /= unit
-        return ToeplitzOperator(self.library.from_numpy(c)), unit
+        return (kept.scaled_normal if self.is_kept else kept.scale_normal)(self)
 
     def scaled_inverse(self) -> tuple[ToeplitzOperator, float]:
         """Return the pressures by the displacements over their diagonal, and that.
@@ -223,18 +215,22 @@ class Grid:
 
     def steady(self, A: Any) -> Any:
         """Return the matrix of steady rolling, A - S with A and S = `tangential` and `upstream`."""
-        return _steady(self) if self.is_kept else subtract_operators(A, self.upstream())
+        return kept.steady(self) if self.is_kept else subtract_operators(A, self.upstream())
 
     def steady_array(self, contact: Mask) -> SteadyArray | None:
         """Return the matrix of steady rolling as an array where it is small, or else None."""
         n = self.components * np.count_nonzero(contact)
         if not (self.is_kept and 0 < n <= DENSE):
             return None
-        return _steady_array(self, contact.tobytes())
+        return kept.steady_array(self, contact.tobytes())
 
     def invert_shifted(self, K: Any, dtype: DTypeLike) -> Any:
         """Return approximate inverses of the matrix of steady rolling with additions."""
-        return _inverses(self, np.dtype(dtype)) if self.is_kept else ShiftedInverses.of(K, dtype)
+        return (
+            kept.shifted_inverses(self, np.dtype(dtype))
+            if self.is_kept
+            else ShiftedInverses.of(K, dtype)
+        )
 
     @property
     def is_short(self) -> bool:
@@ -245,7 +241,9 @@ class Grid:
         """Return an approximate inverse of a matrix of this grid."""
         if any(self.periodic):
             return self._waves.invert(A, dtype)
-        return cosine_preconditioner(A, dtype=dtype)
+        if not self.is_kept:
+            return cosine_preconditioner(A, dtype=dtype)
+        return kept.inverse_by_transform(A, A.dtype if dtype is None else np.dtype(dtype))
 
     def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid on some elements."""
@@ -272,7 +270,7 @@ class Grid:
 
     def _matrix(self, directions: str, ahead: int = 0) -> Any:
         if self.is_kept:
-            return _matrix(self, directions, ahead)
+            return kept.tangential(self, directions, ahead)
         return halfspace.influence_matrix(
             directions,
             self.shape,
@@ -281,46 +279,3 @@ class Grid:
             reference=self.reference,
             ahead=ahead,
         )
-
-
-# Tables are made of many small cases on one grid, whose matrices take longer than a case. They are
-# kept by all that a grid is, never changed, and no part of any result.
-
-
-_normal_coefficients = lru_cache(maxsize=KEPT)(quadrant)
-
-
-@lru_cache(maxsize=KEPT)
-def _matrix(grid: Grid, directions: str, ahead: int) -> Any:
-    own = {name: c[: grid.shape[0] + ahead] for name, c in _coefficients(grid, directions).items()}
-    A = assemble(directions, own, ahead)
-    return A if ahead else _with_short_product(grid, A)
-
-
-@lru_cache(maxsize=KEPT)
-def _coefficients(grid: Grid, directions: str) -> dict[str, Array]:
-    """Return the coefficients of a grid that is one element longer, which has those ahead too."""
-    longer = (grid.shape[0] + 1, *grid.shape[1:])
-    bodies = combine(grid.material)
-    return evaluate_all(directions, longer, grid.element, bodies, grid.reference)
-
-
-@lru_cache(maxsize=KEPT)
-def _steady(grid: Grid) -> Any:
-    return _with_short_product(grid, subtract_operators(grid.tangential(), grid.upstream()))
-
-
-def _with_short_product(grid: Grid, A: Any) -> Any:
-    """Return a matrix of a grid with the product that is fastest there."""
-    return CoupledOperator(A.blocks, product=ShortProduct.of(A)) if grid.is_short else A
-
-
-@lru_cache(maxsize=KEPT)
-def _steady_array(grid: Grid, contact: bytes) -> SteadyArray:
-    return SteadyArray(_steady(grid), np.frombuffer(contact, bool).reshape(grid.shape))
-
-
-@lru_cache(maxsize=KEPT)
-def _inverses(grid: Grid, dtype: np.dtype[Any]) -> ShiftedInverses:
-    ways = (ShortCirculants, SHORT_ADDITIONS) if grid.is_short else (Circulants, ADDITIONS)
-    return ShiftedInverses.of(_steady(grid), dtype, *ways)

@@ -108,7 +108,7 @@ class Tangent:
             for k, component in enumerate(balanced):
                 self._units[k, component] = 1.0
             self.project_each(self._units)
-            self._normals = np.linalg.pinv(vectors.gram(self._units))
+            self._normals = _invert(vectors.gram(self._units))
 
     def astype(self, dtype: DTypeLike) -> "Tangent":
         """Return the same directions in another precision."""
@@ -157,6 +157,11 @@ class Tangent:
         if self._balanced:
             v -= self._vectors.combine(self._weights(v), self._units)
         return v
+
+
+def _invert(G: Array) -> Array:
+    """Return the pseudo-inverse of inner products; a number has one without a decomposition."""
+    return 1.0 / np.where(G > 0.0, G, np.inf) if len(G) == 1 else np.linalg.pinv(G)
 
 
 def along(v: Array, n: Array) -> Array:

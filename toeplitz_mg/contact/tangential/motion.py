@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.checks import widen
-from toeplitz_mg.contact.grid import KEPT
+from toeplitz_mg.contact.kept import KEPT
 from toeplitz_mg.contact.tangential.coulomb import size
 from toeplitz_mg.values import field, finite, in_range, refuse_masked
 

@@ -14,7 +14,10 @@ The search knows the elements in contact only, as one axis, and conjugate gradie
 precision on the change of the tractions, which is added up in double precision.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -80,7 +83,7 @@ def solve(
     on_contact = problem.restrict(C)
     restricted = Products(grid.restrict(A.A, extend_to_components(grid, A.A, C)), A.limit)
     restricted.count = A.count
-    search = Search(on_contact, invert_on(grid, A.A, C), grid.diagonal(A.A))
+    search = Search(on_contact, lambda: invert_on(grid, A.A, C), grid.diagonal(A.A))
     now, law, iterations = find_sets(
         search,
         restricted,
@@ -95,22 +98,29 @@ def solve(
     return State(now.x, now.u, now.sets, law.shift, law.residual, iterations).extend(C)
 
 
-class Search(NamedTuple):
+@dataclass(frozen=True)
+class Search:
     """A problem on the elements in contact, whose sets are the areas of stick and slip.
 
     Attributes
     ----------
     problem : Problem
         Its fields are of these elements.
-    M : LinearOperator
-        An approximate inverse, in the precision of the iterations.
+    invert : callable
+        Returns an approximate inverse, in the precision of the iterations. On a coarser grid the
+        first guess may be good enough: then none is set up.
     unit : float
         The diagonal of A.
     """
 
     problem: Problem
-    M: Any
+    invert: Callable[[], Any]
     unit: float
+
+    @cached_property
+    def M(self) -> Any:
+        """The approximate inverse."""
+        return self.invert()
 
     def look(self, now: Iterate) -> Linearisation:
         """Return what is wrong with tractions and areas."""
