@@ -542,6 +542,34 @@ def test_signs_where_everything_is_mirrored():
     assert_allclose(mirrored.power, result.power, rtol=1e-5)
 
 
+@doubtful
+@pytest.mark.parametrize("n", [8, 24])
+def test_a_moment_that_no_spin_gives_is_refused(n):
+    """Its arm ends half an element behind: a spin about there needs a lateral creepage."""
+    h = 1.0 / n
+    x, y = surfaces.centres((n, n), (h, h))
+    g = MU * semi_ellipse(np.hypot(x, y), 0.5)
+    most = float((g * np.hypot(x, y)).sum()) * h**2
+    for moment in (1.001 * most, -1.001 * most):
+        with pytest.raises(ValueError, match="beside the creepages that are given"):
+            rolling(g, (h, h), material=BODY, moment=moment)
+    for moment in (0.99 * most, -0.99 * most):
+        assert_allclose(rolling(g, (h, h), material=BODY, moment=moment).moment, moment, rtol=1e-6)
+    for lateral in (0.1 * n, -0.1 * n):
+        moment = np.sign(lateral) * 1.001 * most
+        found = rolling(g, (h, h), material=BODY, moment=moment, lateral=lateral)
+        assert_allclose(found.moment, moment, rtol=1e-6)
+
+
+def test_a_moment_beside_much_of_a_lateral_force_is_doubted():
+    n, h = 24, 0.05
+    g = MU * semi_ellipse(np.hypot(*surfaces.centres((n, n), (h, h))), 0.5)
+    with pytest.warns(ContactWarning, match="half an element times the lateral force"):
+        found = rolling(g, (h, h), material=BODY, lateral=1.0, moment=0.0)
+    assert len(found.warnings) == 1
+    assert not rolling(g, (h, h), material=BODY, longitudinal=1.0, moment=0.0).warnings
+
+
 def test_what_is_reached_of_the_loads_is_said():
     n, h = 24, 0.05
     g = MU * semi_ellipse(np.hypot(*surfaces.centres((n, n), (h, h))), 0.5)

@@ -416,6 +416,13 @@ def test_failure_is_an_error_that_says_what_is_violated():
         circle(32, (0.1, 0.0, 0.0), max_products=5, nested=False)
 
 
+def test_a_failure_has_the_best_of_what_was_found():
+    """The tolerance is within rounding: what comes after that is tried is worse."""
+    with pytest.raises(ContactError) as failure:
+        circle(24, (0.02, 0.0, 0.0), max_products=200, tolerance=1e-17)
+    assert failure.value.result.residual < 1e-12
+
+
 def test_line_contact_obeys_coulombs_law():
     _, _, result = carter(100)
     assert result.displacement.shape == result.traction.shape

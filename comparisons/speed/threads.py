@@ -145,16 +145,18 @@ class Meter:
 
     def share(self, work: threads.Work, count: int, points: int) -> None:
         """Do all parts, as `threads.share` does, in this thread."""
-        if count > 1 and points >= threads.WORTH_THREADS:
-            with self.shared():
-                work(range(count))
-        else:
+        is_shared = count > 1 and points >= threads.WORTH_THREADS
+        with self.shared() if is_shared else nullcontext(), scipy.fft.set_workers(1):
             work(range(count))
 
     def __ua_function__(self, method: Any, args: Any, kwargs: Any) -> Any:
         """Transform, as `scipy.fft` does: many lines are shared."""
         lines = args[0].ndim > 1 and args[0].size >= threads.WORTH_THREADS
-        with scipy.fft.skip_backend(self), self.shared() if lines else nullcontext():
+        with (
+            scipy.fft.skip_backend(self),
+            scipy.fft.set_workers(1),
+            self.shared() if lines else nullcontext(),
+        ):
             return method(*args, **kwargs)
 
 
@@ -166,6 +168,7 @@ def serial_share(action: Callable[[], object]) -> float:
             if getattr(module, "share", None) is share:
                 stack.enter_context(patch.object(module, "share", meter.share))
         stack.enter_context(scipy.fft.set_backend(meter))
+        stack.enter_context(scipy.fft.set_workers(2))  # For one thread some loops are none.
         _, seconds = time_call(action, process_time)
     return max(0.0, 1.0 - meter.seconds / seconds)
 

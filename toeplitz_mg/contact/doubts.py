@@ -23,6 +23,9 @@ MOSTLY = 0.5  # Share of the grid that is steep, above which that is more than a
 HARD = 0.5
 FLAT = 1e-6  # Sag of the gap between two edges, over the interference, of what is a flat punch.
 REVERSED = -0.9  # Correlation of the mean gap with a parabola: that of a reversed sphere is -1.
+# What a moment may be off by that is told, over the largest that friction carries, and over it.
+OF_LARGEST, OF_MOMENT = 0.01, 0.1
+LITTLE = 0.1  # Share of a contact that sticks below which nearly all of it slides.
 UNCOUPLED = 1e-3  # Difference parameter below which the coupling is below the error of most grids.
 
 
@@ -70,6 +73,21 @@ def examine_bound(grid: Grid, contact: Array) -> tuple[str, ...]:
 def _keep_doubts(grid: Grid, contact: bytes) -> tuple[str, ...]:
     elements = np.frombuffer(contact, bool).reshape(grid.shape)
     return (*_check_resolution(grid, elements), *_check_coupling(grid))
+
+
+def examine_moment(moment: float, off: float, most: float, stick: float) -> tuple[str, ...]:
+    """Return the doubt about a moment that is given where nearly all slides.
+
+    It is off by half an element times the lateral force there, which is `off`. The largest moment
+    that friction carries is `most`, and `stick` the share of the contact that sticks.
+    """
+    if stick > LITTLE or off <= max(OF_LARGEST * most, OF_MOMENT * abs(moment)):
+        return ()
+    return (
+        f"the moment is {moment:.3g}, but where all slides it may be off by half an element times "
+        f"the lateral force, {off:.3g}, {off / most:.0%} of the most that friction carries: the "
+        "spin that belongs to it is as uncertain; shorter elements along x make it more exact",
+    )
 
 
 def _check_units(grid: Grid, z: Array, contact: Array) -> Iterator[str]:

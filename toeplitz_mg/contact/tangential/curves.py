@@ -156,7 +156,8 @@ def creep_curve(
         The creepages of each point, or one number for all points.
     **arguments
         More arguments of `rolling`: `slip`, `pole`, `falling`, `tolerance`, `max_products`,
-        and a `guess` for the first point.
+        `nested`, `options`, `progress`, a `force` or a `moment` that is the same for all points, in
+        the place of a creepage, and a `guess` for the first point.
 
     Returns
     -------

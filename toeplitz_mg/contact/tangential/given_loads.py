@@ -26,6 +26,7 @@ from toeplitz_mg.engine.vectors import Vectors
 
 CARRYING = 8  # Attempts to restore the loads without a product: the rest is left to the next step.
 CONTRADICT = 1e-12  # Part of loads that is carried which is rounding: they contradict each other.
+NEARLY = 0.8  # Part of a load that is carried above which the creepages that are given matter.
 CARRIED = 1e-12  # Part of the loads that is missing which is rounding.
 
 
@@ -128,6 +129,37 @@ class Loads:
                 "be less than that: no creepages have such loads; reduce the force or the moment, "
                 "or leave one of them out, which is then found"
             )
+
+    def check_beside(self, g: Array, b: Array, vectors: Vectors) -> None:
+        """Refuse a single load that no creepage gives beside the slip of those that are given.
+
+        That is a moment: its arm ends half an element behind where its spin slips.
+        """
+        if len(self.wanted) != 1 or vectors.count(np.isinf(g)):
+            return
+        wanted, most = abs(float(self.wanted[0])), float(self.carried(g, vectors)[0])
+        if wanted > NEARLY * most and not wanted < (limit := self._limit_beside(g, b, vectors)):
+            raise BeyondBound(
+                f"the load is of size {wanted:g}, but must be less than what the traction bound "
+                f"carries beside the creepages that are given, as then all slides: {limit:g}"
+            )
+
+    def _limit_beside(self, g: Array, b: Array, vectors: Vectors) -> float:
+        """Return the most that sliding by the slip in b and any unknown creepage carries."""
+        from scipy.optimize import minimize_scalar  # It is slow to import.
+
+        contact, sign = g > 0.0, float(np.sign(self.wanted[0]))
+        unit, given = (np.where(contact, x, 0.0) for x in (self.units[0], b))
+        longest = [vectors.max(size(x)) or 1.0 for x in (unit, given)]
+
+        def carry(angle: float) -> float:
+            slip = np.cos(angle) / longest[0] * unit + np.sin(angle) / longest[1] * given
+            return sign * float(inner_products(self.arms, g * direction(slip), vectors)[0])
+
+        # From creepages that are large and of one sign to those of the other.
+        ends = (0.0, np.pi)
+        between = minimize_scalar(lambda angle: -carry(angle), bounds=ends, method="bounded")
+        return max(*map(carry, ends), carry(float(between.x)))
 
     def error(self, q: Array, vectors: Vectors) -> float:
         """Return the largest part of a load that is missing, of what tractions of a sign give."""

@@ -83,7 +83,8 @@ class TangentialResult:
         line contact.
     power : float
         What slip dissipates. In rolling the power over the speed, N, from forces and creepages,
-        which is exact in the steady state. In friction the work of the slip since the previous
+        which is exact in the steady state; before it, in `rolling_steps`, a part of it is stored in
+        the bodies, or comes from there. In friction the work of the slip since the previous
         tractions, N mm, in plane strain N: the sum of -q·s over the elements that slide, exact
         where each slides one way under the bound that it has now.
     products : int
@@ -99,7 +100,8 @@ class TangentialResult:
         to the largest displacement that there would be without slip, or was before, or that by
         the mean traction on one element where a force is given, if that is larger; in steady
         rolling to the largest rigid slip, and in a step of rolling to what would be without slip,
-        if that is larger.
+        if that is larger. Zero where a force of μ P lets all slide: tractions along it are those
+        after a long way, and not yet at the shift that is returned, unless ν = 0.
     warnings : tuple of str
         Why the answer may not be of the problem that was meant, each of which is a
         `ContactWarning` too.

@@ -231,6 +231,7 @@ def roll(
         )
         grid = window.grid
         loads.check_share(g, grid.vectors)
+        loads.check_beside(g, b, grid.vectors)
         A = grid.tangential()
         products = Products(grid.steady(A), max_products)
         # What is left of parts that cancel each other may be their rounding.
@@ -251,7 +252,8 @@ def roll(
     slip, state = (state.u - problem.b) / h, replace(state, u=u)
     cost = products.count + 1, products.units(work)
     creepages = motion.complete(state.shift)
-    return make_rolling_result(motion, problem, state, window, cost, slip, creepages)
+    result = make_rolling_result(motion, problem, state, window, cost, slip, creepages)
+    return replace(result, warnings=result.warnings + motion.doubts(window.whole, result))
 
 
 def make_rolling_result(

@@ -6,6 +6,7 @@ residual.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -66,18 +67,21 @@ def settle(
     g, vectors, (q, areas) = problem.g, problem.vectors, guess
     q = carry(problem, loads, areas, q)
     displacements = Displacements(K, q, dtype)
-    best, left = np.inf, patience
-    steps = 0
+    best, left, steps = None, patience, 0
     while True:
         now = look(problem, loads, areas, q, displacements.u)
         allowed = EXACT * problem.tolerance * now.law.scale
         if now.residual <= problem.tolerance and displacements.lost > allowed and not K.exhausted:
             displacements.renew()
             continue
-        left = patience if now.residual < BETTER * best else left - 1
-        best = min(best, now.residual)
-        if now.residual <= problem.tolerance or K.exhausted or left == 0:
-            return State(q, displacements.u, areas, now.creepages, now.residual, (steps,))
+        left = patience if best is None or now.residual < BETTER * best.residual else left - 1
+        state = State(q, displacements.u, areas, now.creepages, now.residual, (steps,))
+        if best is None or state.residual < best.residual:
+            best = state
+        if K.exhausted:  # It is the last search.
+            return replace(best, iterations=(steps,))
+        if now.residual <= problem.tolerance or left == 0:
+            return state
         K.progress, K.residual = problem.progress, now.residual
         change = now.residual * now.law.scale
         v = step(now, areas, q, displacements.u)

@@ -115,6 +115,7 @@ def find_steady_state(
     """
     patience = options.patience
     iterations: tuple[int, ...] = ()
+    best: State | None = None
     array = problem.grid.steady_array(problem.g > 0.0)
     grid = problem.grid
     # What is not solved directly has at least that for a coarser grid which is.
@@ -129,7 +130,7 @@ def find_steady_state(
         state = find_directly(problem, loads, K, array, guess, patience)
         if state.residual <= problem.tolerance or K.exhausted:
             return state
-        guess, iterations = (state.q, state.areas), state.iterations
+        best, guess, iterations = state, (state.q, state.areas), state.iterations
     k0 = grid.diagonal(K.A)
     M = grid.invert_shifted(K.A, np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64)
     if guess is None:
@@ -145,8 +146,9 @@ def find_steady_state(
         step = Iteration(problem, loads, M, depth)
         state = settle(problem, loads, K, guess, step, patience, M.dtype)
         iterations += state.iterations
+        best = state if best is None or state.residual < best.residual else best
         if state.residual <= problem.tolerance or K.exhausted:
-            return replace(state, iterations=iterations)
+            return replace(best, iterations=iterations)
         if may_refine and (refined := from_coarser()):
             guess, may_refine = refined, False
         elif depth < MORE:
