@@ -265,6 +265,15 @@ def test_a_unit_adds_its_logarithm_for_each_unknown(n, power):
     assert tmg.toeplitz_logdet(c * 2.0**power) == pytest.approx(expected, rel=1e-13)
 
 
+@pytest.mark.parametrize("number", [1e-60, 1.0, 2.0 + 0j, 1e60 + 0j])
+def test_of_a_single_unknown_it_is_the_logarithm_of_a_number(number):
+    value = math.log(abs(number))
+    assert_allclose(tmg.toeplitz_logdet([number]), value, rtol=1e-15, atol=1e-15)
+    inverse = tmg.toeplitz_inverse(tmg.ToeplitzOperator([number]))
+    assert_allclose(inverse.logdet, value, rtol=1e-15, atol=1e-15)
+    assert_allclose(inverse.diagonal_sums, [1.0 / number], rtol=1e-13)
+
+
 def test_of_an_operator_it_names_the_column():
     with pytest.raises(TypeError, match=r"write toeplitz_logdet\(A\.c\), or toeplitz_inverse"):
         tmg.toeplitz_logdet(tmg.ToeplitzOperator([2.0, 1.0]))

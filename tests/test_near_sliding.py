@@ -67,6 +67,22 @@ def test_loads_near_those_of_sliding_take_a_few_products_more_than_creepages(n, 
     assert result.products <= 2.5 * known.products
 
 
+@doubtful
+@pytest.mark.parametrize(
+    ("n", "spin", "given"),
+    [(11, 0.02, ("moment",)), (11, 0.05, ("moment",)), (61, 0.3, ("force", "moment"))],
+)
+def test_slip_that_turns_around_an_element_that_sticks(n, spin, given):
+    """No sliding tractions have the loads, as that element turns by any angle: some nearly do."""
+    h = (2.2 / n, 2.2 / n)
+    g, case = ellipse(n, h), {"material": BODY}
+    known = rolling(g, h, spin=spin, **case)
+    result = rolling(g, h, **{name: getattr(known, name) for name in given}, **case)
+    assert_rolls(result, BODY)
+    assert_allclose(result.traction, known.traction, atol=1e-5 * g.max())
+    assert result.products <= 4 * known.products
+
+
 @pytest.mark.parametrize("asked", [{"force": (0.3, 0.0)}, {"force": (1.0, -0.5), "moment": 0.2}])
 def test_what_is_carried_most_is_carried_by_a_slip_in_that_proportion(asked):
     """Tractions of sliding by that slip are the loads over the share."""

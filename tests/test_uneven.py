@@ -74,14 +74,20 @@ def test_triangular_matrices(band, dtype):
     diagonal = np.zeros(n, dtype)
     diagonal[0] = c[0]
     b = rng.standard_normal(n)
-    for given in ((c, diagonal), (diagonal, c)):
-        x = tmg.solve_toeplitz(given, b)
-        assert backward_error(*given, x, b) <= 1e-13
+    assert backward_error(c, diagonal, tmg.solve_toeplitz((c, diagonal), b), b) <= 1e-13
+    for ignored in (c[0], 0.0, 7.0):
+        x = tmg.solve_toeplitz((diagonal, np.append(ignored, c[1:])), b)
+        assert backward_error(diagonal, c, x, b) <= 1e-13
 
 
 def test_a_triangular_matrix_without_a_diagonal_is_singular():
     with pytest.raises(np.linalg.LinAlgError, match="singular"):
         tmg.solve_toeplitz((unit(6, 1), np.zeros(6)), np.ones(6))
+
+
+def test_a_solution_beyond_the_largest_number_is_none():
+    with pytest.raises(np.linalg.LinAlgError, match="beyond the largest number"):
+        tmg.solve_toeplitz((np.pad([1.0, -3.0], (0, 648)), unit(650)), np.ones(650))
 
 
 def test_each_system_of_a_batch_is_warned_of():

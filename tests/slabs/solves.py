@@ -3,6 +3,7 @@
 from functools import partial
 
 import numpy as np
+from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from comparisons.systems import masks
@@ -338,6 +339,15 @@ def test_wrong_systems_are_refused_by_all(comm):
         refuses(comm, ValueError, text, solve(b, M=None if is_last else M))
         text = "the dtype of M is float64 on rank 0 and float32 on rank"
         refuses(comm, ValueError, text, solve(b, M=single if is_last else M))
+        sine, cosine = slabs.sine_preconditioner(A), slabs.cosine_preconditioner(A)
+        text = "M is DiagonalisedGrid sine_preconditioner on rank 0 and DiagonalisedGrid cosine_"
+        refuses(comm, ValueError, text, solve(b, M=cosine if is_last else sine))
+        text = "M is DiagonalisedGrid sine_preconditioner on rank 0 and SlabSparseInverse on rank"
+        sparse = slabs.fsai_preconditioner(A)
+        refuses(comm, ValueError, text, solve(b, M=sparse if is_last else sine))
+        text = "M is DiagonalisedGrid sine_preconditioner on rank 0 and None on rank"
+        own = LinearOperator((n, n), lambda x: x, dtype=np.float64)
+        refuses(comm, ValueError, text, solve(b, M=own if is_last else sine))
         text = "the dtype of inner is float32 on rank 0 and None on rank"
         less = A.astype(np.float32)
         refuses(comm, ValueError, text, solve(b, inner=None if is_last else less))

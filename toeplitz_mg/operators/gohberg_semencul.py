@@ -144,6 +144,8 @@ class Certificate:
         smallest, largest = float(squares.min()), float(squares.max())
         if not smallest > 0.0:
             return cls(False, np.inf, True)
+        if len(x) == 1:  # A constant does not turn.
+            return cls(bool(x[0].real > 0.0), 1.0, True)
         # Of a real x the turns are those on the upper half of the circle, which the lower half
         # mirrors.
         turn = z[1:] * z[:-1].conj()

@@ -45,6 +45,7 @@ class SlabOperator:
     """
 
     product: Any  # What multiplies, unless a class says otherwise.
+    made_by = ""  # The function that made it, of those that make others of the same class.
     work = 1.0
 
     def __init__(
@@ -111,6 +112,11 @@ class SlabOperator:
         raise TypeError(
             f"A is {self!r}, which is made in one precision: give its function the dtype"
         )
+
+    @property
+    def kind(self) -> str:
+        """What it is, the same on all ranks: those whose messages differ would wait for ever."""
+        return f"{type(self).__name__} {self.made_by}".rstrip()
 
     def __repr__(self) -> str:
         # The same on all ranks, for errors.
@@ -258,6 +264,11 @@ class MaskedOperator(SlabOperator):
         return MaskedOperator(self.full.astype(dtype), self.mask)
 
     apply = operators.MaskedOperator.apply
+
+    @property
+    def kind(self) -> str:
+        """What it is, the same on all ranks."""
+        return f"MaskedOperator of a {self.full.kind}"
 
     def __repr__(self) -> str:
         return f"<MaskedOperator of {self.full!r}>"

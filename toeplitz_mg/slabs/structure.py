@@ -52,6 +52,7 @@ def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator
             M = BlockDiagonal([_make(make, row[i], dtype) for i, row in enumerate(full.blocks)])
         else:
             M = of_coupled(full, find_precision(full, dtype))
+        M.made_by = make.__name__
         return MaskedOperator(M, A.mask) if isinstance(A, MaskedOperator) else M
 
     del preconditioner.__wrapped__  # Its signature is another one.

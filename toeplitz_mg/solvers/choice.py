@@ -113,13 +113,15 @@ def methods(system: ToeplitzSystem) -> Iterator[Method]:
 def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
     n, columns = len(system.c), system.columns
     is_short = levinson_is_faster_than_inverse(n, columns)
-    if cosine_is_faster_than_inverse(n, columns):
+    # No entry of a positive definite matrix is larger than those of the diagonal.
+    may_be_definite = bool(np.abs(system.c).max() <= system.c[0])
+    if may_be_definite and cosine_is_faster_than_inverse(n, columns):
         yield from _cosine_method(system)
     if is_short and n < RECURSIVE:
         yield from _dense_methods(system)
         return
     # T. Chan's eigenvalues are Rayleigh quotients of A.
-    if not may_be_positive(means := system.means, means.dtype):
+    if not (may_be_definite and may_be_positive(means := system.means, means.dtype)):
         yield from _methods_of_indefinite(system)
         return
     if is_short:
@@ -146,7 +148,7 @@ def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
             if columns <= FEW:
                 yield from _methods_of_hermitian(system, means)
             yield from _inverse_method(system.A)
-        if not recursion_is_faster_than_gmres(n, columns):
+        if not recursion_is_faster_than_gmres(n, columns) and has_symbol(system.samples):
             yield from _gmres_circulant(system, "gmres, circulant of both signs")
     elif has_symbol(system.samples):
         if columns <= FEW:
@@ -194,7 +196,8 @@ def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a symmetric system that is not positive definite."""
     yield from _gmres_circulant_itself(system)
     is_fast = len(system.c) >= GENERAL or system.fourier_form is not None
-    if is_fast and not recursion_is_faster_than_gmres(len(system.c), system.columns):
+    is_fast = is_fast and not recursion_is_faster_than_gmres(len(system.c), system.columns)
+    if is_fast and has_symbol(system.samples):
         yield from _gmres_circulant(system, "gmres, circulant of both signs")
     yield from _dense_methods(system)
 
@@ -223,7 +226,8 @@ def _substitution(system: ToeplitzSystem) -> Iterator[Method]:
     if not 0 < system.band * len(system.c) <= LARGEST_BAND:
         return
     is_lower = not system.r[1:].any()
-    column = (system.c if is_lower else system.r)[: system.band]
+    column = (system.c if is_lower else system.r)[: system.band].copy()
+    column[0] = system.c[0]  # The first number of r may be anything.
     band = np.repeat(column[:, None], len(system.c), axis=1)
     (solve,) = get_lapack_funcs(("tbtrs",), dtype=system.c.dtype)
 

@@ -71,7 +71,7 @@ def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Solv
         )
     if best and best[1].backward_error <= ACCEPTED and best[1].residual <= SINGULAR:
         return best
-    reason = "A is singular, exactly or numerically"
+    reason = "A is singular, exactly or numerically, or x is beyond the largest number"
     if len(system.c) > LARGEST_DENSE:
         reason += f", or none of the methods for more than {LARGEST_DENSE} unknowns solves it"
     raise np.linalg.LinAlgError(reason + tried)
@@ -108,6 +108,8 @@ def _correct(
             if noise > ILL_CONDITIONED:
                 # The errors of the terms of a sum add up as their squares do.
                 residual = max(residual, noise * norm(system.lags) / system.size)
+        if not residual < inf:
+            error = inf  # Beyond the largest number nothing is known of x.
         if not error < least / 2:
             break
         best, least = X, error

@@ -75,10 +75,10 @@ def solve_toeplitz(
         Whether to look for numbers that are not finite; the solution for them is not a number.
     rtol : float, optional
         Where ‖b - A x‖ ≤ rtol ‖b‖ the system is solved; where rounding does not allow that, the
-        backward error is to be that of a direct method. By default it is 1e-12; but what SciPy's
-        recursion gives for 257 to 2047 unknowns, where A is not symmetric and positive definite,
-        is left as it is where its backward error is below 7e-12: to correct it takes another
-        recursion.
+        backward error is to be that of a direct method. By default it is 1e-12, but for 257 to 2047
+        unknowns of which A is not symmetric and positive definite: what SciPy's recursion gives
+        there, mostly to some 1e-9, is left as it is where its backward error, in proportion to the
+        sum of all |coefficients|, is below 7e-12. To correct it takes another recursion.
     full_output : bool
         Whether to return a `SolveInfo` too.
 
@@ -93,8 +93,9 @@ def solve_toeplitz(
     ------
     numpy.linalg.LinAlgError
         Where no method gives an x with a backward error below 2e-12 and a residual below
-        0.1 ‖b‖: A is singular, numerically or exactly. A triangular matrix of few diagonals is
-        solved all the same, by substitution.
+        0.1 ‖b‖: A is singular, numerically or exactly, or x beyond the range of float64; also for
+        b that is below it. A triangular matrix is solved all the same, by substitution, unless it
+        is large: that x may be wrong is a warning.
     TypeError
         For what is not numbers.
     ValueError
@@ -106,7 +107,8 @@ def solve_toeplitz(
     scipy.linalg.LinAlgWarning
         Where the residual ‖b - A x‖ of a system is above 1e-8 ‖b‖ and `rtol`, or rounding of A x
         may be: A is so ill-conditioned that x may have few correct digits; or, without `rtol`,
-        x is what SciPy's recursion gives, and better ones are to be had.
+        x is what SciPy's recursion gives, its backward error is above 2e-12, and better ones are to
+        be had by ``rtol=1e-12``.
 
     See Also
     --------

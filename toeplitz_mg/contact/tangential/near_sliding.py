@@ -20,7 +20,7 @@ from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.problem import Problem, admit
 from toeplitz_mg.engine.vectors import Vectors
 
-NEAR = 0.97  # Part of the loads that friction carries beyond which little sticks.
+NEAR = 0.9  # Part of the loads that friction carries beyond which little sticks.
 # Slip that no unknown creepage takes away, over what the bound displaces in an element by itself,
 # beyond which little sticks.
 FAST = 4.0
@@ -31,6 +31,9 @@ SETTLED = 0.03  # Change of the tractions, over the largest bound, after which t
 WILD, DAMPED = 0.5, 0.5
 # Creepages of much load, over those of the slip that there is, from which a root is searched for.
 FACTORS = 3.0, 10.0, 30.0, 1.0, 100.0
+# Loads that are missing, over what an element carries of them, where it is an element that sticks:
+# slip turns around it, and no sliding tractions have the loads.
+STICKING = 1.0
 MOST = 100  # Evaluations of the equations from each of those.
 
 
@@ -94,6 +97,7 @@ def _find_creepages(
     from scipy.optimize import root  # It is slow to import.
 
     carried = loads.carried(g, vectors)
+    elements = vectors.count(g)
     lengths = np.array([vectors.sum(g * size(unit)) for unit in units])
     of_rest = vectors.sum(g * size(rest)) or 1.0
     # In units of creepages that slip as much as there is.
@@ -106,7 +110,7 @@ def _find_creepages(
 
     for start in starts:
         found = root(miss, start / scale, options={"maxfev": MOST})
-        if found.success:
+        if found.success or np.abs(found.fun).max() * elements < STICKING:
             creepages: Array = found.x * scale
             return creepages
     return None
