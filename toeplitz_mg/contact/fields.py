@@ -1,6 +1,5 @@
 """What both kinds of results have: fields that cannot be written to, and where they are."""
 
-import dataclasses
 from math import prod
 from typing import Any
 
@@ -13,13 +12,12 @@ from toeplitz_mg._typing import Array
 
 def protect(result: Any) -> None:
     """Put views that cannot be written to in the place of the arrays."""
-    for field in dataclasses.fields(result):
-        value = vars(result)[field.name]  # What is computed on demand is not asked for here.
+    own = vars(result)  # What is computed on demand is not asked for here.
+    for name, value in own.items():
         if isinstance(value, np.ndarray):
-            value = _read_only(value)
+            own[name] = _read_only(value)
         elif isinstance(value, tuple):
-            value = tuple(_read_only(x) if isinstance(x, np.ndarray) else x for x in value)
-        object.__setattr__(result, field.name, value)
+            own[name] = tuple(_read_only(x) if isinstance(x, np.ndarray) else x for x in value)
 
 
 def restore(result: Any, state: dict[str, Any]) -> None:

@@ -253,7 +253,8 @@ def roll(
     cost = products.count + 1, products.units(work)
     creepages = motion.complete(state.shift)
     result = make_rolling_result(motion, problem, state, window, cost, slip, creepages)
-    return replace(result, warnings=result.warnings + motion.doubts(window.whole, result))
+    doubted = motion.doubts(window.whole, result)
+    return replace(result, warnings=result.warnings + doubted) if doubted else result
 
 
 def make_rolling_result(
