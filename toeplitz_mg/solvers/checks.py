@@ -68,7 +68,7 @@ def check_system(
             # A name, as NumPy takes None for the dtype float64.
             same[f"the dtype of {name}"] = None if operator is None else operator.dtype.name
         for name, given in (("A", A), ("M", M), ("inner", inner)):
-            same[name] = getattr(given, "kind", None)  # None of what exchanges nothing.
+            same[name] = None if given is None else given.kind
         same["whether there is a first guess"] = x0 is not None
     if maxiter is None:
         # There are 10 for each unknown, also for those of other ranks.
