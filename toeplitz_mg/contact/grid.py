@@ -19,10 +19,7 @@ from toeplitz_mg.contact.waves import Waves
 from toeplitz_mg.engine.library import NUMPY, Library
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.combined import combine
-from toeplitz_mg.halfspace.matrices import (
-    coupling_matrices,
-    quadrant,
-)
+from toeplitz_mg.halfspace.matrices import coupling_matrices, quadrant
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners.candidates import quick_fsai
 from toeplitz_mg.preconditioners.traits import fragmentation
@@ -178,8 +175,7 @@ class Grid:
 
     def normal_coefficients(self) -> Array:
         """Return the first column of the matrix of normal contact, in the shape of the grid."""
-        of_grid = "zz", self.shape, self.element, self.material, self.reference
-        return kept.normal_coefficients(*of_grid).copy() if self.is_kept else quadrant(*of_grid)
+        return quadrant("zz", self.shape, self.element, self.material, self.reference)
 
     def scaled_normal(self) -> tuple[ToeplitzOperator, float]:
         """Return the matrix of normal contact over its diagonal, and that."""
@@ -226,11 +222,9 @@ class Grid:
 
     def invert_shifted(self, K: Any, dtype: DTypeLike) -> Any:
         """Return approximate inverses of the matrix of steady rolling with additions."""
-        return (
-            kept.shifted_inverses(self, np.dtype(dtype))
-            if self.is_kept
-            else ShiftedInverses.of(K, dtype)
-        )
+        if not self.is_kept:
+            return ShiftedInverses.of(K, dtype)
+        return kept.shifted_inverses(self, np.dtype(dtype))
 
     @property
     def is_short(self) -> bool:

@@ -15,13 +15,11 @@ from toeplitz_mg.contact.shifted_inverses import ADDITIONS, ShiftedInverses
 from toeplitz_mg.contact.short_transforms import SHORT_ADDITIONS, ShortCirculants, ShortProduct
 from toeplitz_mg.contact.steady_matrices import SteadyArray, subtract_operators
 from toeplitz_mg.halfspace.combined import combine
-from toeplitz_mg.halfspace.matrices import assemble, evaluate_all, quadrant
+from toeplitz_mg.halfspace.matrices import assemble, evaluate_all
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner
 
 KEPT = 32  # Grids whose matrices are kept.
-
-normal_coefficients = lru_cache(maxsize=KEPT)(quadrant)
 
 
 def scale_normal(grid: Any) -> tuple[ToeplitzOperator, float]:

@@ -48,8 +48,8 @@ def check_system(
     Raises
     ------
     ValueError
-        For shapes that do not match, numbers that are not finite, negative tolerances, or
-        `maxiter` below 1.
+        For shapes that do not match, numbers that are not finite, negative tolerances, a `maxiter`
+        below 1, or, on ranks, arguments or operators of a kind that is not that of all.
     TypeError
         For vectors that are not of numbers, a `maxiter` that is no integer, or `residuals` that
         are no list, a `callback` that is no function, or for operators of which one is on ranks

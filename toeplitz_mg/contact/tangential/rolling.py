@@ -250,8 +250,7 @@ def roll(
         # The slip is of K, the displacements are of A.
         u = np.where(g > 0.0, apply_to_rows(A, state.q.reshape(-1)).reshape(b.shape), 0.0)
     slip, state = (state.u - problem.b) / h, replace(state, u=u)
-    cost = products.count + 1, products.units(work)
-    creepages = motion.complete(state.shift)
+    cost, creepages = (products.count + 1, products.units(work)), motion.complete(state.shift)
     result = make_rolling_result(motion, problem, state, window, cost, slip, creepages)
     doubted = motion.doubts(window.whole, result)
     return replace(result, warnings=result.warnings + doubted) if doubted else result
