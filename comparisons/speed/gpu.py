@@ -12,6 +12,7 @@ libraries compile. NumPy's arrays have all threads of the processor. It says on 
 of a CPU say nothing about a GPU.
 """
 
+import gc
 import platform
 import tracemalloc
 from collections.abc import Callable, Iterator, Sequence
@@ -107,6 +108,7 @@ class Device:
     @contextmanager
     def peak(self) -> Iterator[Callable[[], int | None]]:
         """Yield what tells the most bytes held since; None where nobody counts them."""
+        gc.collect()  # What earlier problems have left.
         if self.library == "torch" and self.has_gpu:
             self.module.cuda.reset_peak_memory_stats()
             yield lambda: int(self.module.cuda.max_memory_allocated())

@@ -8,7 +8,7 @@ import toeplitz_mg as tmg
 from tests.slabs.products import serial_and_slabs
 from tests.slabs.ranks import refuses
 from toeplitz_mg import cg, halfspace, slabs
-from toeplitz_mg.slabs.fsai_levels import SlabLevel, Windows
+from toeplitz_mg.slabs.fsai_levels import Intervals, SlabLevel
 
 SHAPES = {  # With the sides of an element: cells of an aggregate are 4 x 4, 16 x 1, 1 x 16.
     (128, 128): (1.0, 1.0),
@@ -199,13 +199,13 @@ def test_windows_are_sent_and_added(comm):
     x = rng.random((owned[-1], 2))
     for _ in range(5):
         first, stop = np.sort(rng.integers(0, owned[-1] + 1, (2, P)), axis=0)
-        windows = Windows(slab, owned, first, stop)
-        seen = windows.spread(x[owned[rank] : owned[rank + 1]])
+        intervals = Intervals(slab, owned, first, stop)
+        seen = intervals.spread(x[owned[rank] : owned[rank + 1]])
         assert np.array_equal(seen, x[first[rank] : stop[rank]])
         expected = np.zeros_like(x)
         for k in range(P):
             expected[first[k] : stop[k]] += x[first[k] : stop[k]] ** 2
-        total = windows.collect(seen**2)
+        total = intervals.collect(seen**2)
         np.testing.assert_allclose(total, expected[owned[rank] : owned[rank + 1]], rtol=1e-14)
 
 

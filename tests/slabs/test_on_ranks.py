@@ -22,7 +22,7 @@ each_number_of_ranks = pytest.mark.parametrize(
         "saving",
         *(
             pytest.param(x, marks=slow)
-            for x in ("lines", "fsai", "gathering", "pressing", "sliding", "rolling")
+            for x in ("lines", "fsai", "gathering", "pressing", "sliding", "rolling", "windows")
         ),
     ],
 )

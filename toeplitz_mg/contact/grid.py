@@ -16,6 +16,7 @@ from toeplitz_mg.contact.elements import read_periodic, read_reference, read_siz
 from toeplitz_mg.contact.shifted_inverses import ShiftedInverses
 from toeplitz_mg.contact.steady_matrices import SteadyArray, subtract_operators
 from toeplitz_mg.contact.waves import Waves
+from toeplitz_mg.contact.window import Window, box_around, ends_of
 from toeplitz_mg.engine.library import NUMPY, Library
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.combined import combine
@@ -158,6 +159,11 @@ class Grid:
     def refine(self, x: Array) -> Array:
         """Interpolate a field, of any components, from the coarser grid."""
         return refine(x, self.shape, self.halved, self.periodic, self.library.xp)
+
+    def window(self, elements: Mask, margin: float = 0.0) -> Window:
+        """Return the rectangle around some elements, and a margin; the grid where none are."""
+        ends = (ends_of(elements, axis) for axis in range(elements.ndim))
+        return Window(self, box_around(self, ends, margin))
 
     def lines(self, x: Array, axis: int) -> Array:
         """Return the lines of a field along an axis, as the last axis."""

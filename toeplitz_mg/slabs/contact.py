@@ -1,13 +1,11 @@
 """Contact on the rows of each rank: the searches of `toeplitz_mg.contact`, on a grid in slabs.
 
-The searches are those functions' own, and so are their arguments; a coarser grid of few elements is
-solved by every rank alone. Tangential problems are solved on the whole grid, as the rows of a
-window around the contact would have to go to other ranks.
+The searches are those functions' own, and so are their arguments; a coarser grid, or a window, of
+few elements is solved by every rank alone.
 """
 
 from collections.abc import Callable, Iterator
 from inspect import signature
-from types import SimpleNamespace
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -104,7 +102,7 @@ def friction(
     """
     names = ("shift", "force", "previous", *SEARCH)
     grid, g, how = _begin(contact.friction, names, bound, slab, element, material, arguments)
-    return _check(shift_bodies(grid, g, _whole, **how), how)
+    return _check(shift_bodies(grid, g, **how), how)
 
 
 def rolling(
@@ -136,7 +134,7 @@ def rolling(
     """
     names = (*MOTION, "moment", *SEARCH, "options")
     grid, g, how = _begin(contact.rolling, names, bound, slab, element, material, arguments)
-    return _check(roll(grid, g, _whole, **how), how)
+    return _check(roll(grid, g, **how), how)
 
 
 def rolling_steps(
@@ -163,12 +161,7 @@ def rolling_steps(
     """
     names = (*MOTION, "steps", "previous", "tolerance", "max_products", "progress")
     grid, g, how = _begin(contact.rolling_steps, names, bound, slab, element, material, arguments)
-    return roll_steps(grid, g, _whole, **how)
-
-
-def _whole(grid: Any, elements: Array) -> Any:
-    """Return the whole of a grid, in the place of a window around the elements in contact."""
-    return SimpleNamespace(whole=grid, grid=grid, cut=lambda x: x, extend=lambda x: x)
+    return roll_steps(grid, g, **how)
 
 
 def _begin(

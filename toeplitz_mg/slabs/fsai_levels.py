@@ -23,8 +23,8 @@ from toeplitz_mg.preconditioners.fsai.build import Options, build, build_factors
 from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
 from toeplitz_mg.preconditioners.fsai.line import LineLevel, LineMatrix, build_line
 from toeplitz_mg.preconditioners.fsai.stencil import Stencil
+from toeplitz_mg.slabs.intervals import Intervals
 from toeplitz_mg.slabs.slab import Slab
-from toeplitz_mg.slabs.windows import Windows
 
 NEAR = 256  # Lags along each axis of the coefficients that a stencil with 100 neighbours sees.
 TRIAL = 2**14  # Cells of the largest grid on which it is tried how many neighbours are enough.
@@ -84,24 +84,24 @@ class SlabLevel:
 
     Attributes
     ----------
-    windows : tuple of Windows
+    intervals : tuple of Intervals
         For each component the unknowns that the rows of G see.
     level : Level
         The columns of its G are these.
     """
 
-    windows: tuple[Windows, ...]
+    intervals: tuple[Intervals, ...]
     level: Level
 
     @property
     def sizes(self) -> tuple[int, ...]:
         """The number of unknowns on each level, of all ranks."""
-        return (sum(w.total for w in self.windows), *self.level.coarse.sizes)
+        return (sum(w.total for w in self.intervals), *self.level.coarse.sizes)
 
     def __call__(self, x: Array, out: Array | None = None) -> Array:
         """Apply the inverse to this rank's part of a vector, into `out`, which may be `x`."""
         out = np.empty_like(x) if out is None else out
-        z = workspace((sum(w.seen for w in self.windows),), x.dtype)
+        z = workspace((sum(w.seen for w in self.intervals),), x.dtype)
         for w, own, seen in self._parts(x, z):
             w.spread(own, seen)
         # A rank may have some more rows of G than it owns: those of whole aggregates.
@@ -111,10 +111,10 @@ class SlabLevel:
             own[...] = w.collect(seen)
         return out
 
-    def _parts(self, x: Array, z: Array) -> Iterator[tuple[Windows, Array, Array]]:
+    def _parts(self, x: Array, z: Array) -> Iterator[tuple[Intervals, Array, Array]]:
         """Yield for each component its part of a vector, and of what this rank sees of it."""
-        own, seen = ([getattr(w, name) for w in self.windows] for name in ("owned", "seen"))
-        return zip(self.windows, _split(x, own), _split(z, seen), strict=True)
+        own, seen = ([getattr(w, name) for w in self.intervals] for name in ("owned", "seen"))
+        return zip(self.intervals, _split(x, own), _split(z, seen), strict=True)
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ def build_on_slab(
     cuts = np.append(np.minimum((starts[:-1] + h // 2) // h * h, n1), n1)
     first = _begin(cuts[:-1] - p, cuts)
     stencil = replace(stencil, part=(int(cuts[rank + 1] - cuts[rank]), n2))
-    seen = matrix.on_places(stencil, Windows(slab, starts, first, cuts[1:]).spread)
+    seen = matrix.on_places(stencil, Intervals(slab, starts, first, cuts[1:]).spread)
     own = seen.active.copy().reshape(d, -1)
     own[:, : p * stencil.grid.padded[1]] = False
     coarser = _coarsen(matrix, stencil, cuts)
@@ -183,10 +183,10 @@ def build_on_slab(
         G, W, E = build_factors(stencil, coarser.stencil, seen, np.flatnonzero(own), dtype)
     inside, shape = coarser.stencil.grid.inside, coarser.c.shape
     c, e = (x.reshape(d, -1).take(inside, axis=1).reshape(shape) for x in (E.c, E.d))
-    windows = tuple(Windows(slab, end[starts], end[first], end[cuts[1:]]) for end in ends)
+    intervals = tuple(Intervals(slab, end[starts], end[first], end[cuts[1:]]) for end in ends)
     coarser = replace(coarser, stencil=replace(coarser.stencil, part=None), c=c, d=e)
     del seen, own, E, c, e
-    return SlabLevel(windows, Level(G, W, build_on_slab(coarser, options, dtype, most)))
+    return SlabLevel(intervals, Level(G, W, build_on_slab(coarser, options, dtype, most)))
 
 
 def _coarsen(matrix: SlabMatrix, stencil: Stencil, cuts: Array) -> SlabMatrix:
@@ -195,7 +195,7 @@ def _coarsen(matrix: SlabMatrix, stencil: Stencil, cuts: Array) -> SlabMatrix:
     starts = -(-cuts // h)
     stops = np.minimum(h * starts, n1)
     first = _begin(h * starts[:-1] - h + 1, stops)
-    kernel = _of_rows(Windows(slab, matrix.starts, first, stops[1:]).spread, matrix.kernel)
+    kernel = _of_rows(Intervals(slab, matrix.starts, first, stops[1:]).spread, matrix.kernel)
     blocks = range(int(starts[rank]), int(starts[rank + 1]))
     kernel = stencil.coarsen(kernel, blocks, int(first[rank]), n1)
     near, neighbours = find_near(slab, starts, kernel), stencil.coarse_neighbours

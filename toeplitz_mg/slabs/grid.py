@@ -12,6 +12,7 @@ from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.shifted_inverses import ShiftedInverses
+from toeplitz_mg.contact.window import box_around, ends_of
 from toeplitz_mg.halfspace.matrices import KERNELS, evaluate
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
 from toeplitz_mg.slabs.circulants import invert_shifted
@@ -20,8 +21,9 @@ from toeplitz_mg.slabs.fsai import fsai_preconditioner
 from toeplitz_mg.slabs.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.trigonometric import cosine_preconditioner
+from toeplitz_mg.slabs.window import SlabWindow
 
-FEW = 2**13  # Most elements of a coarser grid that every rank has all of, and solves alone.
+FEW = 2**13  # Most elements of a grid within this one that every rank has all of, and solves alone.
 AT: dict[int, float] = {0: 1.0}  # Displacements where the elements are.
 AHEAD: dict[int, float] = {1: 1.0}  # Displacements one element further along x.
 BLOCK = 64  # Rows whose coefficients are evaluated at once: what that takes is small.
@@ -107,6 +109,19 @@ class SlabGrid:
         below = self.slab.shift(rows[:1], int(not self._is_last), -1)
         whole = np.moveaxis(np.concatenate([above, rows, below]), 0, -2)
         return whole, self.slab.rows.start - len(above)
+
+    def window(self, elements: Mask, margin: float = 0.0) -> SlabWindow:
+        """Return the rectangle around some elements, and a margin; the grid where none are."""
+        (first, end), columns = (ends_of(elements, axis) for axis in range(2))
+        start, n, ranks = self.slab.rows.start, self.shape[0], self.slab.comm.size
+        own = (start + first, start + end) if first < end else (n, 0)
+        told = np.array(self.vectors.gather(np.array([own, columns])))
+        ends = zip(
+            told[..., 0].min(axis=0).tolist(), told[..., 1].max(axis=0).tolist(), strict=True
+        )
+        rows, inside = box_around(self, ends, margin)
+        first = min(rows.start, n - ranks)  # Each rank has a row at least.
+        return SlabWindow(self, (slice(first, max(rows.stop, first + ranks)), inside), FEW)
 
     def lines(self, x: Array, axis: int) -> Array:
         """Return lines of a field along an axis, that each rank has a share of, as rows."""

@@ -19,8 +19,8 @@ from scipy import fft
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.threads import keep_bits
 from toeplitz_mg.slabs.cuts import Turn, cuts_of, line_width
+from toeplitz_mg.slabs.intervals import Intervals
 from toeplitz_mg.slabs.slab import Slab
-from toeplitz_mg.slabs.windows import Windows
 
 TURN = 2**19  # Complex numbers of the columns that a rank has at a time.
 
@@ -42,10 +42,10 @@ class Line:
         self._ends, self._cuts = ends, np.minimum(cuts * width, length)
         self.slab = slab.alike((rows, width), cuts)
 
-    def _see(self, before: int = 0) -> Windows:
+    def _see(self, before: int = 0) -> Intervals:
         """Return the exchange for those of a rank's rows, and so many numbers before them."""
         first = np.where(self._cuts[1:] > self._cuts[:-1], self._cuts[:-1] - before, self._cuts[1:])
-        return Windows(self.slab, self._ends, np.maximum(first, 0), self._cuts[1:])
+        return Intervals(self.slab, self._ends, np.maximum(first, 0), self._cuts[1:])
 
     def rows(self, x: Array) -> Array:
         """Return this rank's rows, with zeros behind the last number, from its part of a vector."""

@@ -14,10 +14,10 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.embedding import around, cut, split
 from toeplitz_mg.engine.library import NUMPY
 from toeplitz_mg.preconditioners.symbol import Tail, continue_axis, tail_length
+from toeplitz_mg.slabs.intervals import Intervals
 from toeplitz_mg.slabs.line import LongTransform
 from toeplitz_mg.slabs.product import turns_of
 from toeplitz_mg.slabs.slab import Slab
-from toeplitz_mg.slabs.windows import Windows
 
 Parity = tuple[int, ...]  # Along each axis: 1 of even coefficients, -1 of odd ones.
 COMPLEX = np.dtype(np.complex128).itemsize
@@ -138,7 +138,7 @@ def sum_line(slab: Slab, c: Array, length: int) -> Array:
     n = prod(slab.shape)
     ends = slab.starts * (n // slab.shape[0])
     everywhere = np.full(slab.comm.size, n)
-    last = Windows(slab, ends, everywhere - tail_length(n), everywhere).spread(c)
+    last = Intervals(slab, ends, everywhere - tail_length(n), everywhere).spread(c)
     if (tail := Tail.of(slab.gather(c[0])[0], last, n)) is None:
         return _continue_line(slab, c, length)
     start = ends[slab.comm.rank]

@@ -1,6 +1,5 @@
 """Friction: tangential tractions of two half-spaces in contact that are shifted (Eq. 1-3)."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import prod
 from typing import Any
@@ -32,7 +31,7 @@ from toeplitz_mg.contact.tangential.coulomb import clip, project, sum_components
 from toeplitz_mg.contact.tangential.problem import Problem, State, drop_rounding
 from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given, is_field, slide_off
 from toeplitz_mg.contact.tangential.stick_slip import solve
-from toeplitz_mg.contact.tangential.window import Window
+from toeplitz_mg.contact.window import MARGIN
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.values import refuse_masked
 
@@ -150,7 +149,7 @@ def friction(
     if is_lateral(previous) or has_two_components(g.shape, shift, force):
         grid = replace(grid, directions="xy")
     result = shift_bodies(
-        grid, g, Window.around, shift, force, previous, tolerance, nested, max_products, progress
+        grid, g, shift, force, previous, tolerance, nested, max_products, progress
     )
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
@@ -159,7 +158,6 @@ def friction(
 def shift_bodies(
     grid: Grid,
     g: Array,
-    window_around: Callable[[Any, Array], Any],
     shift: ArrayLike | None,
     force: ArrayLike | None,
     previous: TangentialResult | None,
@@ -191,7 +189,7 @@ def shift_bodies(
     total, all_slides = None, False
     if force is not None:
         total, all_slides = check_force(force, grid.vectors.sum(g), grid)
-    window = window_around(grid, (g > 0.0) | before.any(axis=0))
+    window = grid.window((g > 0.0) | before.any(axis=0), MARGIN)
     g, b, before = (window.cut(x) for x in (g, b, before))
     with count_products() as work:
         products = Products(window.grid.tangential(), max_products)
@@ -235,7 +233,7 @@ def _read_shift(shift: Any, force: Any, shape: tuple[int, ...]) -> tuple[Array |
 def make_result(
     problem: Problem,
     state: State,
-    window: Window,
+    window: Any,
     products: int,
     work: float,
     slip: Array | None = None,
@@ -261,7 +259,7 @@ def make_result(
     if "moment" not in more and len(window.whole.shape) == 2:
         x, y = window.whole.centres()
         qx, qy = window.extend(q)
-        moment = problem.vectors.sum(x[:, None] * qy - y * qx)
+        moment = window.whole.vectors.sum(x[:, None] * qy - y * qx)
         more["moment"] = problem.grid.area * moment
     return TangentialResult(
         **more,

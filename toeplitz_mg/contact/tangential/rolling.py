@@ -25,7 +25,6 @@ from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.motion import BeyondBound, Motion
 from toeplitz_mg.contact.tangential.problem import Problem, State, admit, drop_rounding
 from toeplitz_mg.contact.tangential.steady import SteadyOptions, find_steady_state
-from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
 
@@ -157,7 +156,7 @@ def rolling(
     def solve(
         asked: Any, g: Array, guess: TangentialResult | None, most: int, tell: Progress | None
     ) -> TangentialResult:
-        return roll(grid, g, Window.tight, asked, tolerance, nested, most, tell, options, guess)
+        return roll(grid, g, asked, tolerance, nested, most, tell, options, guess)
 
     if falling is None:
         result = solve(asked, g, guess, max_products, progress)
@@ -191,7 +190,6 @@ def stiffness_of_element(grid: Grid) -> float:
 def roll(
     grid: Grid,
     g: Array,
-    window_around: Callable[[Any, Array], Any],
     asked: tuple[Any, ...],
     tolerance: float,
     nested: bool,
@@ -224,7 +222,7 @@ def roll(
         before = q, guess.contact & ~guess.stick
     h, given = grid.element[0], motion.largest_slip(grid, g > 0.0)
     with count_products() as work:
-        window = window_around(grid, g > 0.0)
+        window = grid.window(g > 0.0)
         g, b = window.cut(g), -h * window.cut(motion.rigid_slip(grid))
         loads = Loads(
             -h * window.cut(motion.units(grid)), window.cut(motion.arms(grid)), motion.wanted

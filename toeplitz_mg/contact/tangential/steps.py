@@ -8,7 +8,7 @@ x, so that Eq. (8) with this step reads, w being the rigid slip in a step,
 Each step is a problem of friction, with S q' - w for the displacements without slip.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -26,7 +26,7 @@ from toeplitz_mg.contact.tangential.motion import Motion
 from toeplitz_mg.contact.tangential.problem import Problem, drop_rounding
 from toeplitz_mg.contact.tangential.rolling import make_rolling_result
 from toeplitz_mg.contact.tangential.stick_slip import solve
-from toeplitz_mg.contact.tangential.window import Window
+from toeplitz_mg.contact.window import MARGIN
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.values import count
@@ -112,15 +112,12 @@ def rolling_steps(
     g, element, material = check_rolled(bound, element, material, mu)
     grid = Grid.of(g.shape, element, material, None)
     asked = (longitudinal, lateral, spin), force, None, slip, pole
-    return roll_steps(
-        grid, g, Window.around, asked, steps, previous, tolerance, max_products, progress
-    )
+    return roll_steps(grid, g, asked, steps, previous, tolerance, max_products, progress)
 
 
 def roll_steps(
     grid: Grid,
     g: Array,
-    window_around: Callable[[Any, Array], Any],
     asked: tuple[Any, ...],
     steps: int,
     previous: TangentialResult | None,
@@ -151,7 +148,7 @@ def roll_steps(
         total[unknown] = motion.wanted / grid.area
     w = h * motion.rigid_slip(grid)
     about = doubts.examine_bound(grid, g > 0.0)
-    window = window_around(grid, (g > 0.0) | q.any(axis=0))
+    window = grid.window((g > 0.0) | q.any(axis=0), MARGIN)
     q, g, w, grid = window.cut(q), window.cut(g), window.cut(w), window.grid
     vectors = grid.vectors
 

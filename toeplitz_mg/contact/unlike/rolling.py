@@ -16,7 +16,6 @@ from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.motion import Motion
 from toeplitz_mg.contact.tangential.rolling import roll
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
-from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.contact.unlike.alternation import alternate
 from toeplitz_mg.contact.unlike.checks import check_both, read_gap
 from toeplitz_mg.contact.unlike.coupling import Coupling, bound_of
@@ -144,9 +143,7 @@ def frictional_rolling(
         part = 1.0 if share < 1.0 else CARRIED / share
         x, y, about = (None if load is None else part * load for load in motion.loads)
         asked = creepages, (x, y), about, field_of_slip, pole
-        found = roll(
-            grid, g, Window.tight, asked, inner, nested, max_products, report, options, guess
-        )
+        found = roll(grid, g, asked, inner, nested, max_products, report, options, guess)
         report.add(found.products, max_products)
         return found
 

@@ -16,8 +16,8 @@ from toeplitz_mg.contact.tangential import stick_slip
 from toeplitz_mg.contact.tangential.friction import make_result
 from toeplitz_mg.contact.tangential.problem import Problem, State, admit, drop_rounding
 from toeplitz_mg.contact.tangential.shifting import slide_off
-from toeplitz_mg.contact.tangential.window import Window
 from toeplitz_mg.contact.unlike.coupling import Coupling, add_displacements, bound_of
+from toeplitz_mg.contact.window import MARGIN, Window
 
 
 class Found(NamedTuple):
@@ -129,7 +129,7 @@ class Shifting:
         """Return a window of all elements in contact: the last one, while that has them all."""
         window = self.window
         if window is None or window.cut(contact).sum() < contact.sum():
-            self.window = window = Window.around(self.grid, contact)
+            self.window = window = self.grid.window(contact, MARGIN)
             self.matrix = window.grid.tangential()
         return window
 

@@ -6,7 +6,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.slabs.slab import Slab
 
 
-class Windows:
+class Intervals:
     """Intervals of a vector that ranks see, of which each rank owns another.
 
     Parameters

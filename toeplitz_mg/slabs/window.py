@@ -1,0 +1,68 @@
+"""A rectangle around the elements in contact, of which ranks have other rows than of the grid."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.window import Box
+from toeplitz_mg.slabs.intervals import Intervals
+from toeplitz_mg.slabs.slab import Slab
+
+
+class SlabWindow:
+    """A rectangle of elements of a grid in slabs (see `contact.window.Window`).
+
+    Parameters
+    ----------
+    whole : SlabGrid
+        The grid.
+    box : tuple of slice
+        The elements along each axis.
+    few : int
+        Most elements of a window that every rank has all of, and solves alone.
+
+    Attributes
+    ----------
+    grid : SlabGrid or Grid
+        That of the elements inside, cut anew; where every rank has all of it a `Grid`.
+    """
+
+    def __init__(self, whole: Any, box: Box, few: int) -> None:
+        self.whole, self.box, slab = whole, box, whole.slab
+        begin, end = box[0].start, box[0].stop
+        shape = tuple(part.stop - part.start for part in box)
+        self.grid: Any = replace(whole.whole, shape=shape)
+        ranks = slab.comm.size
+        first, stop = np.full(ranks, begin), np.full(ranks, end)
+        bounds = np.clip(slab.starts, begin, end)
+        self._rows = slice(*bounds[slab.comm.rank : slab.comm.rank + 2].tolist())
+        self._back: Intervals | None = None
+        if shape[0] * shape[1] > few:
+            self.grid = type(whole)(self.grid, Slab(slab.comm, shape))
+            first, stop = begin + self.grid.slab.starts[:-1], begin + self.grid.slab.starts[1:]
+            self._back = Intervals(slab, np.append(first, end), bounds[:-1], bounds[1:])
+        self._there = Intervals(slab, slab.starts, first, stop)
+
+    def cut(self, x: Array) -> Array:
+        """Return this rank's rows of a field, of any components, inside."""
+        return _move(self._there, x[..., self.box[1]])
+
+    def extend(self, x: Array) -> Array:
+        """Return this rank's rows of a field on the whole grid that is zero outside."""
+        slab, (own, columns) = self.whole.slab, (self._rows, self.box[1])
+        if self._back is None:
+            x = x[..., own.start - self.box[0].start : own.stop - self.box[0].start, :]
+        else:
+            x = _move(self._back, x)
+        whole = np.zeros((*x.shape[:-2], *slab.local), x.dtype)
+        rows = slice(own.start - slab.rows.start, own.stop - slab.rows.start)
+        whole[..., rows, columns] = x
+        return whole
+
+
+def _move(intervals: Intervals, x: Array) -> Array:
+    """Return the rows that this rank sees, of those that each rank owns, of fields."""
+    seen = intervals.spread(np.moveaxis(x, -2, 0))
+    return np.ascontiguousarray(np.moveaxis(seen, 0, -2))
