@@ -23,11 +23,11 @@ from comparisons.systems.symbols import (
 from toeplitz_mg.preconditioners.circulant import smooth_eigenvalues
 from toeplitz_mg.solvers import machine
 from toeplitz_mg.solvers.attempts import BRIEF, OF_GMRES, solve_by_cg, solve_by_gmres
-from toeplitz_mg.solvers.choice import UNSTABLE, methods
+from toeplitz_mg.solvers.choice import ACCEPTED, UNSTABLE, methods
 from toeplitz_mg.solvers.cosine_cg import MOST_ITERATIONS
 from toeplitz_mg.solvers.cosine_form import is_smooth
 from toeplitz_mg.solvers.crossovers import STEPS_OF_CG, levinson_is_fastest
-from toeplitz_mg.solvers.refinement import ACCEPTED, ILL_CONDITIONED, ROUGH
+from toeplitz_mg.solvers.refinement import ILL_CONDITIONED, ROUGH
 from toeplitz_mg.solvers.system import ToeplitzSystem
 
 
@@ -318,19 +318,26 @@ def test_coefficients_that_have_no_symbol_are_seen_before_any_iteration(columns)
     assert np.linalg.norm(tmg.ToeplitzOperator(c, r) @ X - B) <= 1e-6 * np.linalg.norm(B)
 
 
-@pytest.mark.parametrize("n", [300, 2000])
-def test_an_answer_without_a_symbol_is_that_of_scipy_unless_a_residual_is_asked_for(n):
+@pytest.mark.parametrize(
+    ("n", "is_symmetric"),
+    [(60, False), (60, True), (200, False), (200, True), (300, False), (300, True), (2000, False)],
+)
+def test_an_answer_without_a_symbol_is_that_of_scipy_unless_a_residual_is_asked_for(
+    n, is_symmetric
+):
     """Levinson's recursion loses some digits there, and to correct that takes as long again."""
-    seen = 0
+    seen, accepted = 0, ACCEPTED if n <= 256 else UNSTABLE
     for seed in range(4):
         c, r, b = np.random.default_rng([seed, n]).standard_normal((3, n))
+        if is_symmetric:
+            c[0], r = 0.5 * c[0], c
         recursive = scipy.linalg.solve_toeplitz((c, r), b)
         size = np.abs(c).sum() + np.abs(r[1:]).sum()
         error = np.linalg.norm(b - scipy.linalg.matmul_toeplitz((c, r), recursive))
         error /= size * np.linalg.norm(recursive) + np.linalg.norm(b)
         x, info = tmg.solve_toeplitz((c, r), b, full_output=True)
-        assert info.backward_error <= UNSTABLE
-        if error < UNSTABLE / 2 and info.residual <= ROUGH / 2:
+        assert info.backward_error <= accepted
+        if error < accepted / 2 and info.residual <= ROUGH / 2:
             assert_allclose(x, recursive, rtol=1e-14)
             assert info.iterations == 1
             seen += 1

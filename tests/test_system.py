@@ -35,6 +35,9 @@ def test_the_sizes_of_terms_are_above_what_the_sums_can_be_and_below_that_of_any
             ]
             assert_allclose(system.sizes_of_terms(X), exact, rtol=1e-10)
             assert_allclose(system.sizes_of_terms(X[0]), exact[0], rtol=1e-10)
+            assert (system.least_size_of_terms(X) <= np.array(exact) * (1.0 + 1e-10)).all()
+            of_one = ToeplitzSystem(c, r, X[0]).least_size_of_terms(X[0])
+            assert_allclose(of_one, system.least_size_of_terms(X)[0], rtol=1e-10)
             terms = np.linalg.norm(np.abs(X) @ np.abs(scipy.linalg.toeplitz(c, r)).T, axis=1)
             assert (terms <= np.array(exact) * (1.0 + 1e-10)).all()
 

@@ -55,6 +55,7 @@ from toeplitz_mg.solvers.levinson import levinson
 from toeplitz_mg.solvers.system import EPS, ToeplitzSystem
 from toeplitz_mg.solvers.trench import column_and_row_of_inverse
 
+ACCEPTED = 1e4 * EPS  # Largest backward error of an answer without a warning.
 UNSTABLE = 32_000 * EPS  # Backward error of the recursion that another one need not correct: 7e-12.
 ALIKE = 100.0  # Largest ratio of eigenvalues where a product in single precision has 5 digits.
 # Shift of the diagonal over the 2-norm of all coefficients. Of skew-symmetric matrices, and of odd
@@ -113,15 +114,13 @@ def methods(system: ToeplitzSystem) -> Iterator[Method]:
 def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
     n, columns = len(system.c), system.columns
     is_short = levinson_is_faster_than_inverse(n, columns)
-    # No entry of a positive definite matrix is larger than those of the diagonal.
-    may_be_definite = bool(np.abs(system.c).max() <= system.c[0])
-    if may_be_definite and cosine_is_faster_than_inverse(n, columns):
+    if system.may_be_definite and cosine_is_faster_than_inverse(n, columns):
         yield from _cosine_method(system)
     if is_short and n < RECURSIVE:
         yield from _dense_methods(system)
         return
     # T. Chan's eigenvalues are Rayleigh quotients of A.
-    if not (may_be_definite and may_be_positive(means := system.means, means.dtype)):
+    if not (system.may_be_definite and may_be_positive(means := system.means, means.dtype)):
         yield from _methods_of_indefinite(system)
         return
     if is_short:
@@ -212,8 +211,9 @@ def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
     if trench_is_faster_than_levinson(n, columns, system.c.dtype.kind == "c"):
         yield Method("trench", _recur(system))
     elif not factors_first:
-        # A correction takes a second recursion, which a small system is worth.
-        yield _levinson_method(system, 0.0 if n <= SHORT else UNSTABLE)
+        # A correction takes a second recursion, which a small system is worth before a warning.
+        accepted = UNSTABLE if n > SHORT else 0.0 if system.may_be_definite else ACCEPTED
+        yield _levinson_method(system, accepted)
     if n >= RECURSIVE and not factors_first:
         yield Method("gmres, trench of A + ε I", _iterate_shifted(system))
         yield from _gmres_chan(system)

@@ -7,12 +7,11 @@ import numpy as np
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
-from toeplitz_mg.solvers.choice import LARGEST_DENSE, Method, methods
-from toeplitz_mg.solvers.system import EPS, ToeplitzSystem, largest
+from toeplitz_mg.solvers.choice import ACCEPTED, LARGEST_DENSE, Method, methods
+from toeplitz_mg.solvers.system import EPS, ToeplitzSystem, any_less, largest
 
 RTOL = 1e-12  # Relative residual that is to be reached, if none is asked for.
 ROUNDING = 16 * EPS  # Backward error at which no correction can be expected to help.
-ACCEPTED = 1e4 * EPS  # Largest backward error of an answer without a warning.
 GOOD = 64 * EPS  # Backward error at which no other method is tried.
 SINGULAR = 0.1  # Relative residual above which there is no answer in float64.
 ILL_CONDITIONED = 1e-8  # Relative residual above which the user is warned.
@@ -97,12 +96,14 @@ def _correct(
         R = system.B - system.multiply(X)
         errors, terms = system.measure(R), system.size * system.measure(X)
         residual, error = largest(errors / sizes), largest(errors / (terms + sizes))
-        backward_error, noise = error, largest(EPS * terms / sizes)
+        backward_error = error
+        noise = largest(EPS * terms / sizes)  # Rounding of the residual itself, at most.
         if residual > goal or noise > ILL_CONDITIONED:
-            R, errors, sharp = _measure_sharply(system, X, R, terms)
-            residual, error = largest(errors / sizes), largest(errors / (sharp + sizes))
-            backward_error, terms = largest(errors / (terms + sizes)), sharp
-            noise = largest(EPS * terms / sizes)  # Rounding of the residual itself, at most.
+            R, errors, sharp = _measure_sharply(system, X, R, errors, terms)
+            if sharp is not terms:
+                residual, error = largest(errors / sizes), largest(errors / (sharp + sizes))
+                backward_error, terms = largest(errors / (terms + sizes)), sharp
+                noise = largest(EPS * terms / sizes)
             if noise > 1.0 and not method.is_substitution:
                 raise np.linalg.LinAlgError("x is so large that its residual is rounding")
             if noise > ILL_CONDITIONED:
@@ -127,16 +128,18 @@ def _correct(
 
 
 def _measure_sharply(
-    system: ToeplitzSystem, X: Rows, R: Rows, terms: Array | float
+    system: ToeplitzSystem, X: Rows, R: Rows, errors: Array | float, terms: Array | float
 ) -> tuple[Rows, Array | float, Array | float]:
     """Return residuals, their norms, and the sizes of the terms that rounding is relative to.
 
     Where the largest coefficients meet the smallest unknowns only, the residuals R by transforms
-    are too rough, and what they can be at most, the given terms, is no limit.
+    are too rough, with their norms, and what they can be at most, the given terms, is no limit.
     """
+    few = UNEVEN * terms
+    if len(system.c) > LARGEST_DENSE or not any_less(system.least_size_of_terms(X), few):
+        return R, errors, terms
     sharp = np.fmin(terms, system.sizes_of_terms(X))
-    is_uneven = bool(np.any(sharp < UNEVEN * terms))
-    if not is_uneven or len(system.c) > LARGEST_DENSE:
-        return R, system.measure(R), terms
+    if not np.any(sharp < few):
+        return R, errors, terms
     R = system.B - system.multiply_sharply(X)
     return R, system.measure(R), sharp

@@ -15,8 +15,8 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.workspace import keep_freed_memory
 from toeplitz_mg.solvers.batch import is_faster_at_once, solve_at_once
 from toeplitz_mg.solvers.checks import check_numbers
+from toeplitz_mg.solvers.choice import ACCEPTED
 from toeplitz_mg.solvers.refinement import (
-    ACCEPTED,
     GOOD,
     ILL_CONDITIONED,
     ROUNDING,
@@ -75,10 +75,11 @@ def solve_toeplitz(
         Whether to look for numbers that are not finite; the solution for them is not a number.
     rtol : float, optional
         Where ‖b - A x‖ ≤ rtol ‖b‖ the system is solved; where rounding does not allow that, the
-        backward error is to be that of a direct method. By default it is 1e-12, but for 257 to 2047
+        backward error is to be that of a direct method. By default it is 1e-12, but for up to 2047
         unknowns of which A is not symmetric and positive definite: what SciPy's recursion gives
         there, mostly to some 1e-9, is left as it is where its backward error, in proportion to the
-        sizes of all coefficients, is below 7e-12. To correct it takes another recursion.
+        sizes of all coefficients, is below 7e-12, or of up to 256 unknowns below 2e-12. To correct
+        it takes another recursion.
     full_output : bool
         Whether to return a `SolveInfo` too.
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from scipy.fft import next_fast_len
-from scipy.linalg.blas import dasum, dnrm2
+from scipy.linalg.blas import dasum, dnrm2, idamax
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
@@ -63,14 +63,17 @@ class ToeplitzSystem:
         self.c, self.r, self.B, self.parts, self._weights = c, r, B, parts, weights
         self.columns = 1 if B.ndim == 1 else len(B)
         self.lags = np.concatenate([r[:0:-1], c])
-        is_short = len(c) <= LONG and c.dtype == np.float64  # BLAS has that in fewer calls.
-        self.size = dasum(self.lags) if is_short else float(np.abs(self.lags).sum())
+        self.size = sum_sizes(self.lags)
         # Where rows are real it is no method, as the calls of a small system count.
         self.measure = self._measure_both if parts == 2 else norms
-        if is_short and B.ndim == 1:
+        if len(c) <= LONG and c.dtype == np.float64 and B.ndim == 1:  # In fewer calls.
             self.measure = dnrm2
         self.sizes = self.measure(B) + TINY
-        self.is_symmetric = c.dtype == np.float64 and (r is c or np.array_equal(c[1:], r[1:]))
+        # The last numbers of most others differ, and are soon looked at.
+        differs = r is not c and len(c) > 1 and c[-1] != r[-1]
+        self.is_symmetric = c.dtype == np.float64 and (
+            r is c or (not differs and np.array_equal(c[1:], r[1:]))
+        )
 
     @cached_property
     def band(self) -> int:
@@ -79,6 +82,11 @@ class ToeplitzSystem:
         if (self.c[-1] and self.r[-1]) or (self.c[1:].any() and self.r[1:].any()):
             return 0
         return int(np.flatnonzero(self.c + self.r).max(initial=0)) + 1
+
+    @property
+    def may_be_definite(self) -> bool:
+        """Whether A is symmetric, and no coefficient larger than that of the diagonal."""
+        return self.is_symmetric and idamax(self.c) == 0
 
     @cached_property
     def is_hermitian(self) -> bool:
@@ -193,6 +201,14 @@ class ToeplitzSystem:
         )
         return float(sizes) if X.ndim == 1 else self._join(sizes)
 
+    def least_size_of_terms(self, X: Rows) -> Array | float:
+        """Return a lower bound of `sizes_of_terms`, in fewer calls: half of the lags meet half."""
+        n, half = len(self.c), len(self.c) // 2
+        measure = norms if self.parts == 2 else self.measure
+        heads, tails = measure(X[..., : n - half]), measure(X[..., half:])
+        below, above = self.lags[n - 1 : n + half], self.lags[n - 1 - half : n - 1]
+        return self._join(heads * sum_sizes(below) + tails * sum_sizes(above))
+
     def _measure_both(self, X: Rows) -> Array | float:
         return self._join(norms(X))
 
@@ -220,6 +236,18 @@ def norms(X: Rows) -> Array | float:
     """Return the 2-norms of rows, or that of one vector."""
     # Python's own numbers are quicker than NumPy's, which matters where n is small.
     return np.sqrt(np.vecdot(X, X).real) if X.ndim > 1 else norm(X)
+
+
+def sum_sizes(a: Array) -> float:
+    """Return the sum of the sizes of numbers; of few real ones BLAS has it in fewer calls."""
+    is_short = 0 < len(a) <= 2 * LONG and a.dtype.char == "d"
+    return dasum(a) if is_short else float(np.abs(a).sum())
+
+
+def any_less(values: Array | float, bounds: Array | float) -> bool:
+    """Return whether any of these numbers is less than its bound."""
+    less: Any = values < bounds
+    return less if less is True or less is False else bool(less.any())
 
 
 def largest(values: Array | float) -> float:
