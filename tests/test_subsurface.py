@@ -15,6 +15,7 @@ from toeplitz_mg.contact import (
     Material,
     Stresses,
     friction,
+    frictional_contact,
     normal_contact,
     rolling,
     subsurface_stresses,
@@ -297,3 +298,15 @@ def test_far_below_nothing_is_taken_for_a_dense_matrix():
     stresses = subsurface_stresses(pressed, depths=1e6)
     # A point load: the stress along the depth is -3 F/(2π z²).
     assert_allclose(stresses.zz, -3.0 * 5.0 / (2.0 * np.pi * 1e12), rtol=1e-6)
+
+
+def test_bodies_pressed_with_friction_have_the_stresses_of_both_parts():
+    n, h = 24, 0.1
+    gap = surfaces.sphere((n, n), (h, h), radius=20.0)
+    both = frictional_contact(gap, (h, h), material=(SOFT, HARD), mu=0.2, force=0.02)
+    for body in ("first", "second"):
+        at_once = subsurface_stresses(both, depths=[0.0, 0.3], body=body)
+        parts = subsurface_stresses(both.normal, both.tangential, depths=[0.0, 0.3], body=body)
+        assert np.array_equal(at_once.von_mises, parts.von_mises)
+    with pytest.raises(ValueError, match="there are 3 results"):
+        subsurface_stresses(both, both.normal, depths=0.1)

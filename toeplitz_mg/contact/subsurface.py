@@ -1,6 +1,7 @@
 """Stresses below the surface of two bodies in contact, from the tractions that were found."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +11,7 @@ from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.fields import require_whole
 from toeplitz_mg.contact.result import ContactResult, NormalResult, TangentialResult
 from toeplitz_mg.contact.stresses import Stresses
+from toeplitz_mg.contact.unlike.result import FrictionalResult
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.stress_matrices import stress_matrices
 from toeplitz_mg.operators import apply_to_rows
@@ -19,14 +21,15 @@ BODIES = ("first", "second")
 
 
 def subsurface_stresses(
-    *results: ContactResult, depths: ArrayLike, body: str = "first"
+    *results: ContactResult | FrictionalResult, depths: ArrayLike, body: str = "first"
 ) -> Stresses:
     """Return the stresses in a body below the contact, by pressures and tangential tractions.
 
     Parameters
     ----------
-    results : NormalResult or TangentialResult
-        One of either kind, or both, of the same bodies on the same grid: their stresses add up.
+    results : NormalResult, TangentialResult or FrictionalResult
+        One of either of the first two kinds, or both, of the same bodies on the same grid: their
+        stresses add up. The third has both.
     depths : array_like of shape (d,), or float
         At least zero, mm.
     body : str
@@ -86,15 +89,16 @@ def subsurface_stresses(
     >>> f"{below.max() / p0:.2f} p0 at {stresses.depths[below.argmax()] / a:.2f} a"
     '0.31 p0 at 0.48 a'
     """
-    grid = _check_results(results)
+    parts = tuple(part for result in results for part in _parts(result))
+    grid = _check_results(parts)
     z = np.atleast_1d(field("depths", depths))
     if z.ndim != 1 or z.size == 0 or not np.isfinite(z).all():
         raise ValueError(f"depths is {depths!r}, but must be a number, or a list of finite ones")
     if (z < 0.0).any():
         raise ValueError(f"depths has the value {z.min():g}, but a depth is at least zero")
     nu = _find_ratio(grid.material, body)
-    _doubt(results)
-    tractions = list(_tractions(results, -1.0 if body == BODIES[1] else 1.0))
+    _doubt(parts)
+    tractions = list(_tractions(parts, -1.0 if body == BODIES[1] else 1.0))
     components = np.zeros((6, len(z), *grid.shape))
     for k, depth in enumerate(z.tolist()):
         for direction, traction in tractions:
@@ -105,13 +109,20 @@ def subsurface_stresses(
     return Stresses(body, z, grid.centres, components)
 
 
+def _parts(result: Any) -> tuple[Any, ...]:
+    """Return the normal and the tangential result of bodies pressed together with friction."""
+    if isinstance(result, FrictionalResult):
+        return result.normal, result.tangential
+    return (result,)
+
+
 def _check_results(results: tuple[ContactResult, ...]) -> ContactResult:
     """Return one of the results, whose grid and material are those of all."""
     for result in results:
         if not isinstance(result, NormalResult | TangentialResult):
             raise TypeError(
-                f"a result is {result!r}, but must be a NormalResult or a TangentialResult: of "
-                "unlike bodies, its normal and its tangential one"
+                f"a result is {result!r}, but must be a NormalResult, a TangentialResult, or a "
+                "FrictionalResult, which has both"
             )
         require_whole(result, "a result")
         if any(result.periodic):

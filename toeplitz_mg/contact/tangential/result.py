@@ -82,11 +82,11 @@ class TangentialResult:
         stands: the moment of the tractions themselves is ``moment + h / 2 * force[1]``. None in
         line contact.
     power : float
-        What slip dissipates. In rolling the power over the speed, N, from forces and creepages,
-        which is exact in the steady state; before it, in `rolling_steps`, a part of it is stored in
-        the bodies, or comes from there. In friction the work of the slip since the previous
-        tractions, N mm, in plane strain N: the sum of -q·s over the elements that slide, exact
-        where each slides one way under the bound that it has now.
+        What slip dissipates. In `rolling` the power over the speed, N, from forces and creepages:
+        in the steady state it is more exact than the sum of -q·s over the elements that slide. That
+        sum it is in `rolling_steps`, where the bodies store a part of the other. In friction it is
+        the work of the slip since the previous tractions, N mm, in plane strain N: that sum too,
+        exact where each element slides one way under the bound that it has now.
     products : int
         Products with the matrix of the smallest rectangle around the elements in contact.
     work : float
@@ -154,6 +154,16 @@ class TangentialResult:
         """The size of the traction in each element, N/mm²."""
         is_vector = self.traction.ndim > self.contact.ndim
         return np.hypot(*self.traction) if is_vector else np.abs(self.traction)
+
+    @property
+    def dissipation(self) -> Array:
+        """What slip dissipates in each element over its area, -q·s, as wear is in proportion to.
+
+        In rolling it is over the distance rolled, N/mm², and in friction N/mm.
+        """
+        lost = np.where(self.sliding, 0.0 - self.traction * self.slip, 0.0)
+        density: Array = lost.sum(axis=0) if lost.ndim > self.contact.ndim else lost
+        return density
 
     @property
     def rigid(self) -> Any:

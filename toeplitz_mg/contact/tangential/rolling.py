@@ -249,7 +249,9 @@ def roll(
         u = np.where(g > 0.0, apply_to_rows(A, state.q.reshape(-1)).reshape(b.shape), 0.0)
     slip, state = (state.u - problem.b) / h, replace(state, u=u)
     cost, creepages = (products.count + 1, products.units(work)), motion.complete(state.shift)
-    result = make_rolling_result(motion, problem, state, window, cost, slip, creepages)
+    result = make_rolling_result(
+        motion, problem, state, window, cost, slip, creepages, is_steady=True
+    )
     doubted = motion.doubts(window.whole, result)
     return replace(result, warnings=result.warnings + doubted) if doubted else result
 
@@ -262,12 +264,16 @@ def make_rolling_result(
     cost: tuple[int, float],
     slip: Array,
     creepages: Array,
+    *,
+    is_steady: bool,
 ) -> TangentialResult:
     """Return the result, with the slip over the distance rolled, the moment and the power.
 
-    The cost is in products, and in units of work.
+    The cost is in products, and in units of work. Before the steady state the bodies store some of
+    the power of forces and creepages, and what slip dissipates is that of the tractions on it.
     """
     loads, power = motion.work(window.whole, window.extend(state.q), creepages)
+    more: dict[str, Any] = {"power": power} if is_steady else {}
     return make_result(
         problem,
         state,
@@ -277,5 +283,5 @@ def make_rolling_result(
         shift=None,
         creepages=creepages if len(state.q) > 1 else float(creepages[0]),
         moment=float(loads[2]) if len(loads) > 2 else None,
-        power=power,
+        **more,
     )

@@ -64,7 +64,8 @@ def rolling_steps(
         The number of steps.
     previous : TangentialResult, optional
         Tractions before the first step, of any function for tangential contact on this grid; by
-        default none. So a bound that changes is followed step by step.
+        default none. So bounds, creepages and forces that change are followed: with ``steps=1``
+        for each of them.
     progress : callable, optional
         Called as ``progress(products, residual)`` after each product of a step.
 
@@ -168,7 +169,9 @@ def roll_steps(
             slip = (state.u - b - problem.uniform(state.shift)) / h
             cost = products.count + 1, products.units(work)
             found = motion.complete(-state.shift[unknown] / h)
-            result = make_rolling_result(motion, problem, state, window, cost, slip, found)
+            result = make_rolling_result(
+                motion, problem, state, window, cost, slip, found, is_steady=False
+            )
             yield check_converged(result, tolerance)
 
     return march(q)
