@@ -288,7 +288,7 @@ def test_bytes_of_a_product(comm):
         A = slabs.ToeplitzOperator(c[slab.rows].astype(dtype), slab)
         comm.reset()
         A.apply(np.ones(A.shape[0], dtype))
-        assert set(comm.calls) == {"Alltoallv"}
+        assert set(comm.calls) == {"Alltoallv"} or (comm.size == 1 and not comm.calls)
         sent = comm.sent
         assert sum(slab.gather(sent)) <= bytes_of_one * (1 - 1 / P) * 60 * 64 + 1e-6
 

@@ -178,3 +178,10 @@ def test_steps_are_refused_by_all(comm):
     if last:
         wrong = steps(steps=1 + (comm.rank == last))
         refuses(comm, ValueError, f"steps is 1 on rank 0 and 2 on rank {last}", wrong)
+
+
+def test_an_error_has_what_is_reached_of_the_loads(comm):
+    slab = slabs.Slab(comm, (24, 16))
+    case = {"material": STEEL, "force": (0.1, 0.1), "max_products": 3}
+    work = partial(slabs.rolling, np.full(slab.local, 9.0), slab, (0.02, 0.03), **case)
+    refuses(comm, contact.ContactError, r"; of the force (0.1, 0.1) it has [", work)

@@ -137,7 +137,7 @@ def test_bytes_of_preconditioners(comm):
             M = getattr(slabs, name)(A, dtype=dtype)
             comm.reset()
             M.apply(np.ones(A.shape[0], dtype))
-            assert set(comm.calls) == {"Alltoallv"}
+            assert set(comm.calls) == {"Alltoallv"} or (comm.size == 1 and not comm.calls)
             sent = comm.sent
             most = share * bytes_of_one * (1 - 1 / P) * 60 * 64
             assert sum(slab.gather(sent)) <= most + 1e-6
@@ -223,7 +223,7 @@ def test_an_iteration_adds_three_sums_to_its_products(comm):
     assert (np.diff(sent) - of_products == 3 * 8 * (comm.size - 1)).all()
     assert all(made["allgather"] == 1 for made in calls)
     steps = np.diff([made["Alltoallv"] for made in calls])
-    assert (steps == 4).all()
+    assert (steps == (4 if comm.size > 1 else 2)).all()  # One rank multiplies without.
 
 
 def test_islands_on_one_rank(comm):

@@ -113,15 +113,13 @@ class SlabGrid:
     def window(self, elements: Mask, margin: float = 0.0) -> SlabWindow:
         """Return the rectangle around some elements, and a margin; the grid where none are."""
         (first, end), columns = (ends_of(elements, axis) for axis in range(2))
-        start, n, ranks = self.slab.rows.start, self.shape[0], self.slab.comm.size
+        start, n = self.slab.rows.start, self.shape[0]
         own = (start + first, start + end) if first < end else (n, 0)
         told = np.array(self.vectors.gather(np.array([own, columns])))
         ends = zip(
             told[..., 0].min(axis=0).tolist(), told[..., 1].max(axis=0).tolist(), strict=True
         )
-        rows, inside = box_around(self, ends, margin)
-        first = min(rows.start, n - ranks)  # Each rank has a row at least.
-        return SlabWindow(self, (slice(first, max(rows.stop, first + ranks)), inside), FEW)
+        return SlabWindow(self, box_around(self, ends, margin), FEW)
 
     def lines(self, x: Array, axis: int) -> Array:
         """Return lines of a field along an axis, that each rank has a share of, as rows."""

@@ -85,6 +85,10 @@ class Messages:
         self.comm.Allgather(np.ascontiguousarray(own), numbers)
         return numbers.tolist() if own.ndim == 0 else list(numbers)
 
+    def of_first(self, found: Any) -> Any:
+        """Return what the first rank has found, of few numbers, on all ranks."""
+        return self.comm.bcast(found)
+
     def everywhere(self, x: Array, lengths: Array | None = None) -> Array:
         """Return the rows of all ranks, one after the other, on each of them.
 

@@ -31,10 +31,13 @@ class SlabWindow:
 
     def __init__(self, whole: Any, box: Box, few: int) -> None:
         self.whole, self.box, slab = whole, box, whole.slab
-        begin, end = box[0].start, box[0].stop
-        shape = tuple(part.stop - part.start for part in box)
+        begin, end, ranks = box[0].start, box[0].stop, slab.comm.size
+        shape = end - begin, box[1].stop - box[1].start
+        if shape[0] * shape[1] > few and shape[0] < ranks:  # Each rank has a row.
+            begin = min(begin, whole.shape[0] - ranks)
+            end, shape = begin + ranks, (ranks, shape[1])
+            self.box = slice(begin, end), box[1]
         self.grid: Any = replace(whole.whole, shape=shape)
-        ranks = slab.comm.size
         first, stop = np.full(ranks, begin), np.full(ranks, end)
         bounds = np.clip(slab.starts, begin, end)
         self._rows = slice(*bounds[slab.comm.rank : slab.comm.rank + 2].tolist())
@@ -48,6 +51,13 @@ class SlabWindow:
     def cut(self, x: Array) -> Array:
         """Return this rank's rows of a field, of any components, inside."""
         return _move(self._there, x[..., self.box[1]])
+
+    def same(self, found: Any) -> Any:
+        """Return what was found inside: where every rank has solved alone, by the first.
+
+        Processors of different kinds round differently, and take other numbers of iterations.
+        """
+        return self.whole.slab.of_first(found) if self._back is None else found
 
     def extend(self, x: Array) -> Array:
         """Return this rank's rows of a field on the whole grid that is zero outside."""

@@ -191,25 +191,28 @@ def shift_bodies(
         total, all_slides = check_force(force, grid.vectors.sum(g), grid)
     window = grid.window((g > 0.0) | before.any(axis=0), MARGIN)
     g, b, before = (window.cut(x) for x in (g, b, before))
+    vectors = window.grid.vectors
     with count_products() as work:
         products = Products(window.grid.tangential(), max_products)
         guess, least = None, 0.0
         if previous is not None:
             u = products(before)
-            b, least = b + u, grid.vectors.max(np.abs(u))
-        if total is not None and (elements := grid.vectors.count(g)):
+            b, least = b + u, vectors.max(np.abs(u))
+        if total is not None and (elements := vectors.count(g)):
             # Where a surface repeats, a uniform traction displaces nothing: then the scale is what
             # the mean traction, now or before, displaces on an element by itself.
-            sums = [float(np.linalg.norm(x)) for x in (total, sum_components(before, grid.vectors))]
+            sums = [float(np.linalg.norm(x)) for x in (total, sum_components(before, vectors))]
             least = max(least, window.grid.diagonal(products.A) * max(sums) / elements)
         problem = Problem(window.grid, g, b, total, tolerance, least, progress)
         if all_slides:
             state, slip = slide_off(problem, products)
         else:
             if previous is not None:
-                guess = project(clip(before, g), g, total, grid.vectors)
+                guess = project(clip(before, g), g, total, vectors)
             state, slip = solve(problem, products, guess, nested=nested), None
-    result = make_result(problem, state, window, products.count, products.units(work), slip)
+    found = state, slip, products.count, products.units(work)
+    state, slip, count, units = window.same(found)
+    result = make_result(problem, state, window, count, units, slip)
     moved = result.shift
     if change is not None:  # A force adds a shift of the whole bodies.
         if force is not None:
@@ -261,8 +264,14 @@ def make_result(
         qx, qy = window.extend(q)
         moment = window.whole.vectors.sum(x[:, None] * qy - y * qx)
         more["moment"] = problem.grid.area * moment
+    more |= {
+        "area": problem.vectors.count(contact) * problem.grid.area,
+        "stick_area": problem.vectors.count(state.areas.stick) * problem.grid.area,
+        "force": float(total[0]) if is_line else total,
+        "energy": 0.5 * problem.grid.area * problem.vectors.dot(q, state.u),
+    }
     return TangentialResult(
-        **more,
+        **window.same(more),
         material=window.whole.material,
         shape=window.whole.shape,
         element=window.whole.element,
@@ -270,10 +279,6 @@ def make_result(
         traction=whole(q),
         displacement=whole(np.where(contact, state.u, 0.0)),
         contact=whole_contact,
-        area=problem.vectors.count(contact) * problem.grid.area,
-        stick_area=problem.vectors.count(state.areas.stick) * problem.grid.area,
-        force=float(total[0]) if is_line else total,
-        energy=0.5 * problem.grid.area * problem.vectors.dot(q, state.u),
         periodic=window.whole.periodic,
         touches_edge=touches_edge(window.whole, whole_contact),
         slip=whole(np.where(contact, slip, 0.0)),

@@ -171,13 +171,20 @@ def rolling(
         except BeyondBound:  # That of no slip, or of a round, is not that of the answer.
             motion = Motion.of(g.shape, *asked)
             result = fall_by_loads(rounds, motion, grid, g, falling, stiffness, tolerance)
+    reached = compare_loads(result, force, moment)
+    doubts.warn(check_converged(result, tolerance, reached).warnings)
+    return result
+
+
+def compare_loads(result: TangentialResult, force: Any, moment: float | None) -> str:
+    """Return what a result has of the loads that are given, for an error."""
     reached = ""
     if force is not None:
         given = tuple(F if F is None else float(F) for F in np.ravel(force).tolist())
         reached = f"; of the force {given if len(given) > 1 else given[0]} it has {result.force}"
-    reached += "" if moment is None else f"; of the moment {moment} it has {result.moment:.6g}"
-    doubts.warn(check_converged(result, tolerance, reached).warnings)
-    return result
+    if moment is not None:
+        reached += f"; of the moment {moment} it has {result.moment:.6g}"
+    return reached
 
 
 def stiffness_of_element(grid: Grid) -> float:
@@ -248,7 +255,9 @@ def roll(
         # The slip is of K, the displacements are of A.
         u = np.where(g > 0.0, apply_to_rows(A, state.q.reshape(-1)).reshape(b.shape), 0.0)
     slip, state = (state.u - problem.b) / h, replace(state, u=u)
-    cost, creepages = (products.count + 1, products.units(work)), motion.complete(state.shift)
+    cost = products.count + 1, products.units(work)
+    state, slip, cost = window.same((state, slip, cost))
+    creepages = motion.complete(state.shift)
     result = make_rolling_result(
         motion, problem, state, window, cost, slip, creepages, is_steady=True
     )

@@ -165,9 +165,9 @@ def roll_steps(
                 problem = Problem(grid, g, b, total, tolerance, least, progress)
                 guess = project(clip(q, g), g, total, vectors)
                 state = solve(problem, products, guess, nested=False)
-            q = state.q
-            slip = (state.u - b - problem.uniform(state.shift)) / h
             cost = products.count + 1, products.units(work)
+            state, cost = window.same((state, cost))
+            q, slip = state.q, (state.u - b - problem.uniform(state.shift)) / h
             found = motion.complete(-state.shift[unknown] / h)
             result = make_rolling_result(
                 motion, problem, state, window, cost, slip, found, is_steady=False
