@@ -315,3 +315,19 @@ def test_the_block_that_is_not_positive_definite_is_named_where_that_is_the_last
     c[0], c[1], c[-1] = 2.0, -1.0, -1.0  # The Laplacian of a ring: constants are in its kernel.
     with pytest.raises(np.linalg.LinAlgError, match=f"the leading {n} x {n} block"):
         tmg.toeplitz_logdet(c)
+
+
+@pytest.mark.parametrize(
+    ("n", "width", "exact"),
+    [
+        (24, 0.5022729872720268, -182.053),
+        (37, 0.6200866646266424, -236.377),
+        (28, 0.5094624538603201, -235.131),
+    ],
+)
+def test_the_last_matrices_that_are_definite_in_float64_are_warned_of(n, width, exact):
+    """Prolate matrices, with condition numbers of some 1e15; exact is by 80 digits."""
+    c = np.sinc(np.arange(n) * width)
+    with pytest.warns(scipy.linalg.LinAlgWarning, match="with an error of up to"):
+        value = tmg.toeplitz_logdet(c)
+    assert abs(value - exact) <= tmg.ToeplitzNormal(c).logdet_error

@@ -8,6 +8,7 @@ import numpy as np
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.solvers.choice import ACCEPTED, LARGEST_DENSE, Method, methods
+from toeplitz_mg.solvers.crossovers import SHORT
 from toeplitz_mg.solvers.system import EPS, ToeplitzSystem, any_less, largest
 
 RTOL = 1e-12  # Relative residual that is to be reached, if none is asked for.
@@ -18,6 +19,7 @@ ILL_CONDITIONED = 1e-8  # Relative residual above which the user is warned.
 ROUGH = 1e-6  # Relative residual above which a solution is corrected, whatever it takes.
 UNEVEN = 0.01  # Terms of the sums over ‖a‖₁ ‖x‖ below which they are what rounding is relative to.
 CORRECTION = 1e-2  # Relative residual to which a correction is solved for.
+MOST = 4  # Corrections, beyond which another method is tried: each takes as long as the solution.
 
 
 class SolveInfo(NamedTuple):
@@ -92,7 +94,8 @@ def _correct(
     goal, accepted = (RTOL, method.accepted) if rtol is None else (rtol, 0.0)
     X, iterations = method.solve(system.B, 0.9 * goal)  # The recurrence of CG may drift.
     best, info, least = X, SolveInfo(method.name, iterations, inf, inf), inf
-    while True:
+    rough = ILL_CONDITIONED if len(system.c) <= SHORT else ROUGH
+    for left in reversed(range(1 + MOST)):
         R = system.B - system.multiply(X)
         errors, terms = system.measure(R), system.size * system.measure(X)
         residual, error = largest(errors / sizes), largest(errors / (terms + sizes))
@@ -115,10 +118,10 @@ def _correct(
             break
         best, least = X, error
         info = SolveInfo(method.name, iterations, residual, backward_error)
-        if residual <= goal or (error <= accepted and residual <= ROUGH):
+        if residual <= goal or (error <= accepted and residual <= rough):
             return best, info, None
         # Each column is as good as can be, by one error or by the other.
-        if np.all(errors <= np.maximum(goal * sizes, ROUNDING * terms)):
+        if not left or np.all(errors <= np.maximum(goal * sizes, ROUNDING * terms)):
             break
         correction, steps = method.solve(R, CORRECTION)
         X = X + correction

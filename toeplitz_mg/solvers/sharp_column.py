@@ -82,16 +82,16 @@ def sharpen(columns: Columns) -> SharpColumn:
     if is_fine and column.polynomial.certificate.condition <= WELL_CONDITIONED:
         return column
     residual, unit = LongResidual(A.c), np.eye(1, n, dtype=x.dtype)[0]
-    last = np.inf
+    last, x = 1.0, x.copy()
     for _ in range(MOST_STEPS):
         correction = columns.near_inverse.apply(residual(unit, x))
-        x = x + correction
         moved = norm(correction) / norm(x)
+        if not moved < 0.5 * last:  # The approximate inverse is none any more.
+            break
+        x += correction
+        last = moved
         if moved <= SOLVED:
             last = 0.0
             break
-        if not moved < 0.5 * last:
-            break
-        last = moved
     x[0] = x[0].real
     return SharpColumn(A, x, last + 2.0 * EPS, columns.near_inverse, residual)

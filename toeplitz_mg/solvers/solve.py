@@ -15,7 +15,6 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.workspace import keep_freed_memory
 from toeplitz_mg.solvers.batch import is_faster_at_once, solve_at_once
 from toeplitz_mg.solvers.checks import check_numbers
-from toeplitz_mg.solvers.choice import ACCEPTED
 from toeplitz_mg.solvers.refinement import (
     GOOD,
     ILL_CONDITIONED,
@@ -107,9 +106,8 @@ def solve_toeplitz(
     -----
     scipy.linalg.LinAlgWarning
         Where the residual ‖b - A x‖ of a system is above 1e-8 ‖b‖ and `rtol`, or rounding of A x
-        may be: A is so ill-conditioned that x may have few correct digits; or, without `rtol`,
-        x is what SciPy's recursion gives, its backward error is above 2e-12, and better ones are to
-        be had by ``rtol=1e-12``.
+        may be: A is so ill-conditioned that x may have few correct digits, or, without `rtol`,
+        x is what SciPy's recursion gives, and better digits are to be had by ``rtol=1e-12``.
 
     See Also
     --------
@@ -162,9 +160,7 @@ def solve_toeplitz(
         info = max(doubtful, key=lambda found: found.residual)
         reason = "A is ill-conditioned, and x may have few correct digits"
         if rtol is None and info.backward_error > GOOD:
-            reason = (
-                "the recursion loses digits of x, which rtol=1e-10 has corrected by another one"
-            )
+            reason = "the recursion has lost digits of x, and with rtol=1e-12 another corrects them"
         warnings.warn(
             f"‖b - A x‖/‖b‖ is {info.residual:.1e} although x is the solution of a system that "
             f"differs from this one by {info.backward_error:.1e}: {reason}",
@@ -176,8 +172,7 @@ def solve_toeplitz(
 
 def _is_doubtful(info: SolveInfo, rtol: float | None) -> bool:
     """Whether a solution is to be warned of."""
-    is_rough = info.residual > max(ILL_CONDITIONED, rtol or RTOL)
-    return is_rough or (rtol is None and info.backward_error > ACCEPTED)
+    return info.residual > max(ILL_CONDITIONED, rtol or RTOL)
 
 
 def _summarise(infos: list[SolveInfo]) -> SolveInfo:

@@ -88,7 +88,7 @@ def _factor(column: SharpColumn) -> LogDeterminant:
             f"the leading {n} x {n} block is not positive definite, exactly or numerically: with a "
             "larger c[0] it is"
         ) from None
-    trace = float(column.polynomial.diagonal_sums[0].real)
+    trace = abs(float(column.polynomial.diagonal_sums[0].real))
     error = EPS * (float(np.sqrt(2.0 / n)) * norm(A.c) * trace + n)
     return LogDeterminant(2.0 * float(np.log(diagonal).sum()), error)
 
