@@ -98,6 +98,8 @@ def test_a_callback_says_with_what_it_is_to_be_called():
     for callback_type in (None, "legacy"):
         with pytest.raises(ValueError, match=r"callback_type is .*, but must be 'x'"):
             tmg.gmres(np.eye(3), np.ones(3), callback=print, callback_type=callback_type)
+    with pytest.raises(ValueError, match="callback_type is 'legacy'"):
+        tmg.gmres(np.eye(3), np.ones(3), callback_type="legacy")
 
 
 def test_takes_what_scipy_takes():

@@ -113,14 +113,14 @@ def add(A: Any, x: Any) -> Any:
         if not factor:
             return A
         raise TypeError(
-            f"A + {x} is not defined: with {x} on the diagonal it is A + {x} * "
-            "scipy.sparse.eye_array(n)"
+            f"sums and differences of A and a number, as {x}, are not defined: in the place of s "
+            "put s * scipy.sparse.eye_array(n), which has it on the diagonal"
         )
     if isinstance(x, np.ndarray):
         raise TypeError(
-            f"A + x and A - x are not defined of an array x of shape {x.shape}: with d on the "
-            "diagonal it is A + scipy.sparse.diags_array(d), with a dense matrix "
-            "A + aslinearoperator(x)"
+            f"sums and differences of A and an array, of shape {x.shape}, are not defined: in its "
+            "place put scipy.sparse.diags_array(d), with d on the diagonal, or of a dense matrix "
+            "aslinearoperator(matrix)"
         )
     other = x if factor is None else factor
     if factor is not None or isinstance(x, LinearOperator):

@@ -120,7 +120,8 @@ def gmres(
     system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals, callback)
     dtype, n = check_precision(system), len(system.b)
     restart = min(n, RESTART if restart is None else count("restart", restart))
-    if callback is not None and callback_type not in ("x", "pr_norm"):
+    allowed = ("x", "pr_norm") if callback else ("x", "pr_norm", None)
+    if callback_type not in allowed:
         raise ValueError(
             f"callback_type is {callback_type!r}, but must be 'x', to call back with the iterate "
             "after each cycle, or 'pr_norm', with the relative residual after each iteration"
