@@ -244,7 +244,7 @@ def check_finite(values: ArrayLike, name: str) -> Array:
             "each rank has some rows: toeplitz_mg.slabs has what takes these"
         )
     if dtype.kind not in "buifc":
-        what = f"has dtype {array.dtype}" if array.ndim else f"is {values!r}"
+        what = f"has dtype {array.dtype}" if array.ndim else f"is {array.item()!r}"
         raise TypeError(f"{name} {what}, but must be an array of coefficients, which are numbers")
     if dtype.char not in "fdFD":
         array = library.cast(array, np.complex128 if dtype.kind == "c" else np.float64)

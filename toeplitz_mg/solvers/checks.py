@@ -152,7 +152,7 @@ def check_numbers(name: str, values: Any, library: Library = NUMPY) -> Array:
     """Return an array of numbers, real or complex, of a library."""
     array = library.read(name, values)
     if library.dtype(array).kind not in "buifc":
-        what = f"has dtype {array.dtype}" if array.ndim else f"is {values!r}"
+        what = f"has dtype {array.dtype}" if array.ndim else f"is {array.item()!r}"
         raise TypeError(f"{name} {what}, but must be of numbers")
     return array
 

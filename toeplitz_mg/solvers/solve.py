@@ -15,6 +15,7 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.workspace import keep_freed_memory
 from toeplitz_mg.solvers.batch import is_faster_at_once, solve_at_once
 from toeplitz_mg.solvers.checks import check_numbers
+from toeplitz_mg.solvers.crossovers import SHORT
 from toeplitz_mg.solvers.refinement import (
     GOOD,
     ILL_CONDITIONED,
@@ -247,17 +248,28 @@ def _solve_batch(
 
 
 def _solve(
-    c: Array, r: Array, b: Array, check_finite: bool, rtol: float | None
+    c: Array,
+    r: Array,
+    b: Array,
+    check_finite: bool,
+    rtol: float | None,
+    *,
+    most_at_once: int = SHORT,
 ) -> tuple[Array, list[SolveInfo]]:
-    """Solve one system, with one right-hand side or many."""
+    """Solve one system, with one right-hand side or many.
+
+    A real matrix is solved for the real and the imaginary parts side by side; one of at most
+    `most_at_once` unknowns for both parts of a single column at once, in fewer calls.
+    """
     if c.ndim != 1 or r.shape != c.shape or b.ndim == 0 or len(b) != len(c):
         raise ValueError(
             f"c has shape {c.shape}, r {r.shape} and b {b.shape}, but all need the length of c"
         )
     is_complex = c.dtype.kind == "c" or r.dtype.kind == "c"
-    dtype = np.complex128 if is_complex else np.float64
-    # A real matrix is solved for the real and the imaginary parts side by side.
-    parts = 2 if b.dtype.kind == "c" and not is_complex else 1
+    at_once = not is_complex and b.dtype.kind == "c" and b.size == len(b) <= most_at_once
+    dtype = np.complex128 if is_complex or at_once else np.float64
+    parts = 2 if b.dtype.kind == "c" and dtype == np.float64 else 1
+    matrix = c, r
     B = b if b.ndim == 1 else b.T if b.shape[1] != 1 else b[:, 0]
     if parts == 2:
         B = np.concatenate([np.atleast_2d(B.real), np.atleast_2d(B.imag)])
@@ -269,11 +281,13 @@ def _solve(
             # The negative of both sides: that of a negative definite matrix is positive definite.
             B = -B
             c, r = (-c, -r) if r is not c else 2 * (-c,)
-        if r is not c and r.dtype != c.dtype:
+        if c.dtype != dtype or r.dtype != dtype:
             c, r = c.astype(dtype), r.astype(dtype)
         system = ToeplitzSystem(c, r, B, parts)
         if system.is_of_usual_size and isfinite(r[0]):
             X, info = solve_system(system, rtol)
+        elif at_once:  # The parts may be of different sizes.
+            return _solve(*matrix, b, check_finite, rtol, most_at_once=0)
         else:
             X, info = _solve_unusual(system, rtol, check_finite)
     if parts == 2:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from scipy.fft import next_fast_len
-from scipy.linalg.blas import dasum, dnrm2, idamax
+from scipy.linalg.blas import dasum, dnrm2, dznrm2, idamax
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
@@ -66,8 +66,8 @@ class ToeplitzSystem:
         self.size = sum_sizes(self.lags)
         # Where rows are real it is no method, as the calls of a small system count.
         self.measure = self._measure_both if parts == 2 else norms
-        if len(c) <= LONG and c.dtype == np.float64 and B.ndim == 1:  # In fewer calls.
-            self.measure = dnrm2
+        if len(c) <= LONG and B.ndim == 1:  # In fewer calls.
+            self.measure = dnrm2 if B.dtype.char == "d" else dznrm2
         self.sizes = self.measure(B) + TINY
         # The last numbers of most others differ, and are soon looked at.
         differs = r is not c and len(c) > 1 and c[-1] != r[-1]
