@@ -15,7 +15,7 @@ from comparisons.systems.random_matrices import log_uniform, random_column, rand
 from toeplitz_mg._typing import Array
 
 EPS = float(np.finfo(np.float64).eps)
-BACKWARD = 2e4 * EPS  # Backward error of a good answer: twice what `solve_toeplitz` accepts.
+BACKWARD = 1e-11  # Backward error above which there has to be an error or a warning.
 ILL = 1e-7  # Relative residual that nobody should get without a warning (it warns from 1e-8 on).
 SINGULAR = 1e12  # Condition number from which a refusal is due.
 MOST = 400  # Unknowns of the dense checks.

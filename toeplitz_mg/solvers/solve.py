@@ -78,7 +78,7 @@ def solve_toeplitz(
         backward error is to be that of a direct method. By default it is 1e-12, but for up to 2047
         unknowns of which A is not symmetric and positive definite: what SciPy's recursion gives
         there, mostly to some 1e-9, is left as it is where its backward error, in proportion to the
-        sizes of all coefficients, is below 7e-12, or of up to 256 unknowns below 2e-12. To correct
+        sizes of all coefficients, is below 4e-12, or of up to 256 unknowns below 2e-12. To correct
         it takes another recursion.
     full_output : bool
         Whether to return a `SolveInfo` too.
