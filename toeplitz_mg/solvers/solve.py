@@ -266,10 +266,11 @@ def _solve(
             f"c has shape {c.shape}, r {r.shape} and b {b.shape}, but all need the length of c"
         )
     is_complex = c.dtype.kind == "c" or r.dtype.kind == "c"
-    at_once = not is_complex and b.dtype.kind == "c" and b.size == len(b) <= most_at_once
-    dtype = np.complex128 if is_complex or at_once else np.float64
-    parts = 2 if b.dtype.kind == "c" and dtype == np.float64 else 1
-    matrix = c, r
+    parts, at_once, matrix = 1, False, (c, r)
+    if b.dtype.kind == "c" and not is_complex:
+        is_complex = at_once = b.size == len(b) <= most_at_once
+        parts = 1 if at_once else 2
+    dtype = np.complex128 if is_complex else np.float64
     B = b if b.ndim == 1 else b.T if b.shape[1] != 1 else b[:, 0]
     if parts == 2:
         B = np.concatenate([np.atleast_2d(B.real), np.atleast_2d(B.imag)])
@@ -281,7 +282,7 @@ def _solve(
             # The negative of both sides: that of a negative definite matrix is positive definite.
             B = -B
             c, r = (-c, -r) if r is not c else 2 * (-c,)
-        if c.dtype != dtype or r.dtype != dtype:
+        if is_complex and (c.dtype.kind != "c" or r.dtype.kind != "c"):
             c, r = c.astype(dtype), r.astype(dtype)
         system = ToeplitzSystem(c, r, B, parts)
         if system.is_of_usual_size and isfinite(r[0]):
