@@ -35,7 +35,10 @@ def levinson(lags: Array, B: Rows) -> Rows:
     solve = _recursion()
     if B.ndim == 1:
         return solve(lags, B)[0]
-    return np.stack([solve(lags, b)[0] for b in B])
+    X = np.empty_like(B)
+    for k, b in enumerate(B):  # In a small system `numpy.stack` would be felt.
+        X[k] = solve(lags, b)[0]
+    return X
 
 
 @cache
