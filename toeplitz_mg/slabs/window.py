@@ -33,7 +33,8 @@ class SlabWindow:
         self.whole, self.box, slab = whole, box, whole.slab
         begin, end, ranks = box[0].start, box[0].stop, slab.comm.size
         shape = end - begin, box[1].stop - box[1].start
-        if shape[0] * shape[1] > few and shape[0] < ranks:  # Each rank has a row.
+        is_cut = shape[0] * shape[1] > few
+        if is_cut and shape[0] < ranks:  # Each rank has a row.
             begin = min(begin, whole.shape[0] - ranks)
             end, shape = begin + ranks, (ranks, shape[1])
             self.box = slice(begin, end), box[1]
@@ -42,7 +43,7 @@ class SlabWindow:
         bounds = np.clip(slab.starts, begin, end)
         self._rows = slice(*bounds[slab.comm.rank : slab.comm.rank + 2].tolist())
         self._back: Intervals | None = None
-        if shape[0] * shape[1] > few:
+        if is_cut:
             self.grid = type(whole)(self.grid, Slab(slab.comm, shape))
             first, stop = begin + self.grid.slab.starts[:-1], begin + self.grid.slab.starts[1:]
             self._back = Intervals(slab, np.append(first, end), bounds[:-1], bounds[1:])
