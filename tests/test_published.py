@@ -61,10 +61,14 @@ def test_carter2d():
 
 
 @pytest.mark.parametrize(
-    ("share", "creepage", "stick"),
-    [(0.0, "4.294e-4", 125), (0.75, "2.108e-4", 36), (-0.75, "5.392e-4", 106)],
+    ("share", "creepage", "stick", "power"),
+    [
+        (0.0, "4.294e-4", 125, "9.475e-3"),
+        (0.75, "2.108e-4", 36, "0.1955"),
+        (-0.75, "5.392e-4", 106, "0.04418"),
+    ],
 )
-def test_bentall(share, creepage, stick):
+def test_bentall(share, creepage, stick, power):
     """Rollers of unlike materials, by a part of the force that friction carries.
 
     They roll the other way (CHI = 180°), so that creepages have the other sign.
@@ -82,6 +86,7 @@ def test_bentall(share, creepage, stick):
     ).tangential
     assert rolled.stick.sum() == stick
     assert_printed(creepage=(-rolled.creepages, creepage))
+    assert_printed(power=(0.001 * 1000.0 * rolled.dissipation.sum(), power))  # At 1 m/s.
 
 
 def test_fastsim():

@@ -247,7 +247,7 @@ def sum_sizes(a: Array) -> float:
 def any_less(values: Array | float, bounds: Array | float) -> bool:
     """Return whether any of these numbers is less than its bound."""
     less: Any = values < bounds
-    return less if less is True or less is False else bool(less.any())
+    return less if isinstance(less, bool) else bool(less.any())
 
 
 def largest(values: Array | float) -> float:

@@ -198,11 +198,8 @@ def shift_bodies(
         if previous is not None:
             u = products(before)
             b, least = b + u, vectors.max(np.abs(u))
-        if total is not None and (elements := vectors.count(g)):
-            # Where a surface repeats, a uniform traction displaces nothing: then the scale is what
-            # the mean traction, now or before, displaces on an element by itself.
-            sums = [float(np.linalg.norm(x)) for x in (total, sum_components(before, vectors))]
-            least = max(least, window.grid.diagonal(products.A) * max(sums) / elements)
+        if total is not None:
+            least = max(least, _displace_by_mean(window.grid, products.A, g, total, before))
         problem = Problem(window.grid, g, b, total, tolerance, least, progress)
         if all_slides:
             state, slip = slide_off(problem, products)
@@ -210,8 +207,7 @@ def shift_bodies(
             if previous is not None:
                 guess = project(clip(before, g), g, total, vectors)
             state, slip = solve(problem, products, guess, nested=nested), None
-    found = state, slip, products.count, products.units(work)
-    state, slip, count, units = window.same(found)
+    state, slip, count, units = window.same((state, slip, products.count, products.units(work)))
     result = make_result(problem, state, window, count, units, slip)
     moved = result.shift
     if change is not None:  # A force adds a shift of the whole bodies.
@@ -219,6 +215,15 @@ def shift_bodies(
             change = change + problem.uniform(state.shift)
         moved = as_given(change, is_field=of_elements)
     return replace(result, shift=moved, total_shift=add_shifts(moved, previous, window.whole))
+
+
+def _displace_by_mean(grid: Any, A: Any, g: Array, total: Array, before: Array) -> float:
+    """Return what the mean traction, now or before, displaces on an element by itself.
+
+    It is a scale where a surface repeats, of which a uniform traction displaces nothing.
+    """
+    sums = [float(np.linalg.norm(x)) for x in (total, sum_components(before, grid.vectors))]
+    return grid.diagonal(A) * max(sums) / (grid.vectors.count(g) or np.inf)
 
 
 def _read_shift(shift: Any, force: Any, shape: tuple[int, ...]) -> tuple[Array | None, bool]:

@@ -18,6 +18,7 @@ from toeplitz_mg.contact.checks import check_iteration, check_previous, check_ro
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products, Report
 from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
+from toeplitz_mg.contact.tangential.coulomb import Areas
 from toeplitz_mg.contact.tangential.falling import Rounds, fall
 from toeplitz_mg.contact.tangential.falling_loads import fall_by_loads
 from toeplitz_mg.contact.tangential.friction import make_result
@@ -242,11 +243,7 @@ def roll(
         # What is left of parts that cancel each other may be their rounding.
         least = ROUNDING / tolerance * h * given
         problem = Problem(grid, g, b, None, tolerance, least, progress)
-        start = None
-        # Without any slip or load there are no tractions: no guess is nearer.
-        if before is not None and (problem.largest > 0.0 or loads.wanted.any()):
-            q, slide = (window.cut(x) for x in before)
-            start = admit(problem, q, slide)
+        start = _admit_guess(problem, loads, window, before)
         state = find_steady_state(
             problem, products, loads, guess=start, nested=nested, options=options or SteadyOptions()
         )
@@ -257,12 +254,21 @@ def roll(
     slip, state = (state.u - problem.b) / h, replace(state, u=u)
     cost = products.count + 1, products.units(work)
     state, slip, cost = window.same((state, slip, cost))
-    creepages = motion.complete(state.shift)
-    result = make_rolling_result(
-        motion, problem, state, window, cost, slip, creepages, is_steady=True
-    )
+    found = motion.complete(state.shift)
+    result = make_rolling_result(motion, problem, state, window, cost, slip, found, is_steady=True)
     doubted = motion.doubts(window.whole, result)
     return replace(result, warnings=result.warnings + doubted) if doubted else result
+
+
+def _admit_guess(
+    problem: Problem, loads: Loads, window: Any, before: tuple[Array, Array] | None
+) -> tuple[Array, Areas] | None:
+    """Return admissible tractions and areas to start from, of those of a guess, or None."""
+    # Without any slip or load there are no tractions: no guess is nearer.
+    if before is None or not (problem.largest > 0.0 or loads.wanted.any()):
+        return None
+    q, slide = (window.cut(x) for x in before)
+    return admit(problem, q, slide)
 
 
 def make_rolling_result(
