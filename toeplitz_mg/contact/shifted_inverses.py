@@ -102,7 +102,9 @@ class ShiftedInverses:
         change, to another field.
         """
         circulants, first, second = self._circulants, self._causal, self._anticausal
-        weights, local = interpolate(addition / self.diagonal, self.dtype, self._additions)
+        stiffness = addition / self.diagonal
+        weights, local = interpolate(stiffness, self.dtype, self._additions)
+        within = (1.0 / np.sqrt(1.0 + stiffness)).astype(self.dtype)
         local /= self.diagonal
         used = [k for k in range(1, len(weights)) if self._vectors.count(weights[k])]
         weights = weights[[0, *used]]
@@ -114,6 +116,7 @@ class ShiftedInverses:
             halves = circulants.multiply([[(R, first)], [(R, second)]])
             whole = 0.5 * halves
             project_each(halves)
+            halves *= within
             halves -= whole
             X, Y = circulants.forward(halves)
             sums = [[(X, second), (Y, first)], *([(R, self._inverses[k - 1])] for k in used)]
