@@ -353,11 +353,20 @@ def test_entries_and_work_are_those_on_numpy(xp):
         assert ours.points == theirs.points
 
 
+@pytest.mark.parametrize("shape", [(1009,), (101, 103)])
+def test_work_is_that_on_numpy_where_transforms_are_longer_than_the_grid(xp, shape):
+    column = kernel(*shape)
+    ours, theirs = (
+        tmg.cosine_preconditioner(tmg.ToeplitzOperator(c)) for c in (column, xp.asarray(column))
+    )
+    assert theirs.work == ours.work > 0.5 ** len(shape)
+
+
 def test_little_more_than_the_vectors_is_held(monkeypatch):
     """At most 130 bytes an unknown, with c and b, in set-up and solve; parts as in larger ones."""
     for module in ("embedding", "plain_transforms"):
-        monkeypatch.setattr(f"toeplitz_mg.engine.{module}.LEAST", 2**16)
-    n, b = 724, np.ones(724 * 724)
+        monkeypatch.setattr(f"toeplitz_mg.engine.{module}.LEAST", 2**14)
+    n, b = 362, np.ones(362 * 362)
     c = kernel(n, n)
     A = tmg.ToeplitzOperator(strict.asarray(kernel(8, 8)))  # What is imported is no array.
     tmg.cg(A, strict.ones(64, dtype=strict.float64), M=tmg.cosine_preconditioner(A))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array, Multiply
-from toeplitz_mg.engine.vectors import ALONE, Vectors, norm
+from toeplitz_mg.engine.vectors import add_combination, dots, norm
 
 CANCELLED = 0.5  # Part of a vector's size that may be left before it is made orthogonal again.
 ROUNDING = 10.0  # Machine epsilons that are left of a product which the space holds already.
@@ -26,8 +26,6 @@ class KrylovSpace:
     dtype : float32, float64, complex64 or complex128
     most : int
         The largest dimension; one vector more is kept.
-    vectors : Vectors, optional
-        The inner products and updates of the vectors.
 
     Attributes
     ----------
@@ -63,9 +61,7 @@ class KrylovSpace:
         shape: tuple[int, ...],
         dtype: DTypeLike,
         most: int,
-        vectors: Vectors = ALONE,
     ) -> None:
-        self._of = vectors
         self._multiply: Callable[[Array, Array], Array] = multiply
         self._vectors = np.empty((most + 1, *shape), dtype)
         double = np.result_type(self._vectors, np.float64)
@@ -82,7 +78,7 @@ class KrylovSpace:
 
     def begin(self, r: Array) -> None:
         """Start from a residual, which is not zero and not changed."""
-        self._size = self._of.norm(r)
+        self._size = norm(r)
         np.divide(r, self._size, out=self._vectors[0])
         self._H[...] = 0.0
         self._g[0] = 1.0
@@ -104,15 +100,15 @@ class KrylovSpace:
         product = self._multiply(V[k], w)
         if product is not w:
             w[...] = product
-        whole = self._of.norm(w)
+        whole = norm(w)
         if not isfinite(whole):
             return 0.0
         size, before = whole, np.inf
         while size < CANCELLED * before:
-            h = self._of.dots(V[: k + 1], w)
-            self._of.add_combination(-h, V[: k + 1], w)
+            h = dots(V[: k + 1], w)
+            add_combination(-h, V[: k + 1], w)
             H[: k + 1, k] += h
-            size, before = self._of.norm(w), size
+            size, before = norm(w), size
         self.dimension = k + 1
         if size <= self._exhausted * whole:
             return 0.0

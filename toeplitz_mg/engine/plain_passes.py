@@ -108,7 +108,7 @@ class PlainDiagonalised:
         dtype: DTypeLike,
         transforms: Transforms,
     ) -> None:
-        self.points = prod(grid_shape) / 2 ** axes_of(grid_shape)
+        self.points = prod(fft_shape) / 2 ** axes_of(grid_shape)
         self.library, self.grid_shape, self.dtype = library, grid_shape, np.dtype(dtype)
         self.spectrum = library.cast_numbers(spectrum, dtype)
         self.fft_shape, self.transforms = fft_shape, transforms

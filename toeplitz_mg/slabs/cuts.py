@@ -1,7 +1,6 @@
 """Where grids are cut into the rows, and into the columns, of ranks."""
 
-from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Sequence
 from math import prod
 
 import numpy as np
@@ -18,14 +17,6 @@ def choose_unit(shape: tuple[int, ...], ranks: int) -> int:
     """Return how many rows stay together, so that all ranks have about as many."""
     of_line = () if prod(shape[1:]) > 1 else (line_width(shape[0]),)
     return next((k for k in (*of_line, *UNITS) if shape[0] >= SHARE * k * ranks), 1)
-
-
-def cut_in_turns(n: int, ranks: int, width: int) -> Iterator[Turn]:
-    """Cut n columns into turns, in each of which a rank has at most `width` of its own."""
-    of_ranks = list(pairwise(cuts_of(n, ranks).tolist()))
-    turns = max(1, -(-max(b - a for a, b in of_ranks) // width))
-    for k in range(turns):
-        yield [(a + (b - a) * k // turns, a + (b - a) * (k + 1) // turns) for a, b in of_ranks]
 
 
 def line_width(n: int) -> int:

@@ -65,7 +65,7 @@ class Line:
         They are given by its part of those of the lags from 0 on, and from 0 down.
         """
         (rows, width), before = self.slab.local, self.width - 1
-        line = np.zeros((rows + 1) * width - 1)
+        line = np.zeros((max(rows, 1) + 1) * width - 1)
         seen = self._see(before).spread(c)
         own = self._ends[self.slab.comm.rank]
         near = self.slab.everywhere(behind[: max(0, width - own)])[before:0:-1]
@@ -74,11 +74,7 @@ class Line:
         line[start : start + len(seen)] = seen
         if is_first:
             line[before - len(near) : before] = near
-        return (
-            sliding_window_view(line, width + before)[::width]
-            if rows
-            else np.zeros((0, width + before))
-        )
+        return sliding_window_view(line, width + before)[::width][:rows]
 
 
 class LongTransform:

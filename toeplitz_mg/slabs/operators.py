@@ -57,9 +57,7 @@ class SlabOperator:
         library: Library = NUMPY,
     ) -> None:
         self.slab, self.library = slab, library
-        self.vectors: Any = slab.vectors
-        if library is not NUMPY:
-            self.vectors = library.vectors_of(slab.gather)
+        self.vectors: Any = library.vectors_of(slab.gather)
         self.dtype, self.grid_shape = np.dtype(dtype), grid_shape
         self.shape = (prod(grid_shape) if size is None else size,) * 2
 

@@ -107,7 +107,6 @@ def embed_on_slab(A: Any) -> Array:
     They are those of this rank's frequencies of the last axis.
     """
     slab, c, behind, parity = A.slab, A.c, A.behind, A.parity
-    sign = parity[0]
     if slab.is_line:
         line, c, back = Line(slab), c.reshape(-1), A.opposite.reshape(-1)
         slab, parity = line.slab, (0, 0)
@@ -121,10 +120,7 @@ def embed_on_slab(A: Any) -> Array:
     spectrum = np.empty((*lengths[:-1], mine.stop - mine.start), kind)
     for own, turn in turns_of(slab, lengths, np.dtype(np.complex128).itemsize):
         ahead, *other = (slab.to_columns(half, turn) for half in halves)
-        if other:
-            (back,) = other
-        else:
-            back = ahead.conj() if parity[0] == 0 else sign * ahead
+        back = other[0] if other else parity[0] * ahead if parity[0] else ahead.conj()
         S = transform_around(NUMPY, ahead, np.flip(back[1:], axis=0), 0, lengths[0])
         spectrum[..., own] = S.real if A.is_symmetric else S
     return spectrum

@@ -4,6 +4,7 @@ Every rank runs the same program on its own rows, which are plain arrays.
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from math import prod
 from typing import Any, NoReturn
 
@@ -15,7 +16,7 @@ from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.halfspace.points import offsets
-from toeplitz_mg.slabs.cuts import Turn, balance, choose_unit, cut_in_turns, cuts_of
+from toeplitz_mg.slabs.cuts import Turn, balance, choose_unit, cuts_of
 from toeplitz_mg.slabs.files import save_rows
 from toeplitz_mg.slabs.messages import Messages
 from toeplitz_mg.values import count, refuse_masked
@@ -195,8 +196,11 @@ class Slab(Messages):
         turn : list of (int, int)
             Those of each rank, counted from the first of all.
         """
-        first = self.columns(n).start
-        for turn in cut_in_turns(n, self.comm.size, width):
+        of_ranks = list(pairwise(cuts_of(n, self.comm.size).tolist()))
+        turns = max(1, -(-max(b - a for a, b in of_ranks) // width))
+        first, _ = of_ranks[self.comm.rank]
+        for k in range(turns):
+            turn = [(a + (b - a) * k // turns, a + (b - a) * (k + 1) // turns) for a, b in of_ranks]
             a, b = turn[self.comm.rank]
             yield slice(a - first, b - first), turn
 
