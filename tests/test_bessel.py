@@ -35,7 +35,10 @@ def in_many_digits(name, w, j):
         a, b = mpmath.mpf(w) * max(j - 0.5, 0.0), mpmath.mpf(w) * (j + 0.5)
         total = (of(b, mpmath.mpf(1)) - of(a, mpmath.mpf(1))) / 2
         for c in (mpmath.cosh(step * k) for k in range(1, 400)):
-            total += of(b, c) - of(a, c)
+            more = of(b, c) - of(a, c)
+            total += more
+            if abs(more) < 1e-30 * abs(total):
+                break
         return float(step * total * (1 if j else 2))
 
 

@@ -20,6 +20,8 @@ from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner,
 from toeplitz_mg.preconditioners.fsai.rows import solve_rows
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
 
+slow = pytest.mark.slow
+
 
 def fsai_direct_below(A, n, **options):
     """Grids small enough for dense matrices have several levels then."""
@@ -324,14 +326,14 @@ def test_what_it_is_not_for():
 
 
 @pytest.mark.parametrize("area", areas(8))
-@pytest.mark.parametrize("n", [128, pytest.param(256, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n", [128, pytest.param(256, marks=slow)])
 def test_iterations_do_not_depend_on_the_area(n, area):
     constant, random = both_iterations(operator(half_space(n), areas(n)[area]))
     assert constant <= 8
     assert random <= 9
 
 
-@pytest.mark.slow
+@slow
 @pytest.mark.parametrize("ratio", [1.0, 4.0, 0.25])
 @pytest.mark.parametrize("nu", [0.0, 0.28, 0.5])
 @pytest.mark.parametrize("kernel", [influence_zz, influence_xx, influence_yy])
@@ -454,8 +456,11 @@ def matern(n, nu, length, nugget=0.0):
     return c
 
 
-@pytest.mark.parametrize("nugget", [0.0, pytest.param(0.01, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("length", [1.0, 2.0, 3.0, 5.0, 8.0, 15.0, 40.0])
+@pytest.mark.parametrize("nugget", [0.0, pytest.param(0.01, marks=slow)])
+@pytest.mark.parametrize(
+    "length",
+    [1.0, 2.0, 3.0, 5.0, pytest.param(8.0, marks=slow), pytest.param(15.0, marks=slow), 40.0],
+)
 @pytest.mark.parametrize("nu", [0.5, 1.5, 2.5])
 def test_a_covariance_takes_few_iterations_or_is_refused(nu, length, nugget):
     c = matern(96, nu, length, nugget)
@@ -470,7 +475,7 @@ def test_a_covariance_takes_few_iterations_or_is_refused(nu, length, nugget):
             assert "on a mask sine_preconditioner(A)" in why
 
 
-@pytest.mark.slow
+@slow
 @pytest.mark.parametrize("nugget", [0.0, 0.01, 0.1, 1.0])
 @pytest.mark.parametrize("length", [2.0, 3.0, 4.0, 5.0, 8.0])
 @pytest.mark.parametrize("nu", [0.5, 1.5, 2.5])
@@ -503,7 +508,7 @@ def test_a_covariance_takes_few_iterations_on_long_cells(length, ratio):
                 assert "too smooth a kernel for it" in why
 
 
-@pytest.mark.slow
+@slow
 def test_a_trial_tells_how_many_iterations_larger_grids_take():
     """Of kernels that need few neighbours, or many, or are stretched, and of each number."""
     kernels = [matern(128, 0.5, length) for length in (1.0, 3.0, 5.0)]
@@ -547,7 +552,7 @@ def test_a_covariance_on_pieces_of_a_line(length):
             assert "use spectral_preconditioner(A), on a mask sine_preconditioner" in why
 
 
-@pytest.mark.slow
+@slow
 @pytest.mark.parametrize("length", [5.0, 10.0, 15.0, 20.0, 30.0, 60.0])
 def test_a_covariance_on_few_cells_of_a_line(length):
     n = 2**14
@@ -569,7 +574,7 @@ def test_a_covariance_on_few_cells_of_a_line(length):
 @pytest.mark.parametrize("kernel", [influence_zz, influence_xx, influence_yy])
 def test_twelve_neighbours_are_enough_for_a_half_space(kernel, nu):
     for ratio in (1.0, 2.0, 8.0, 20.0, 50.0, 0.5, 0.125, 0.05, 0.02):
-        for n in (30, 100):
+        for n in (30, 100) if nu == 0.28 else (30,):
             assert select_stencil(half_space(n, ratio, kernel, nu)).neighbours == NEIGHBOURS
 
 

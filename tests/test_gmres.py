@@ -292,7 +292,7 @@ def test_the_guess_may_be_the_solution_and_is_not_changed():
 
 
 def test_the_memory_is_bounded():
-    n = 2**16
+    n = 2**15
     A = tmg.ToeplitzOperator(0.9 ** np.arange(n), 0.8 ** np.arange(n))
     b = vector(n)
     A @ b  # Its memory for products is kept.

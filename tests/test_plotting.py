@@ -173,8 +173,13 @@ def test_bars_of_colours_are_as_high_as_the_axes(result):
             assert box.x1 < own.x0 < own.x1 <= ax.figure.bbox.x1
 
 
-@pytest.mark.parametrize("result", SURFACES)
-@pytest.mark.parametrize("size", [(5.0, 4.0), (10.5, 4.2), (8.0, 2.5), (4.5, 7.0)])
+@pytest.mark.parametrize(
+    ("result", "size"),
+    [
+        *((ROLLED, size) for size in ((5.0, 4.0), (10.5, 4.2), (8.0, 2.5), (4.5, 7.0))),
+        *((result, (8.0, 2.5)) for result in (PRESSED, SHIFTED)),
+    ],
+)
 def test_no_label_is_cut_off_or_covers_another(result, size):
     figure = figure_module.Figure(figsize=size, layout="compressed")
     axes = figure.subplots(1, 1 if size[0] < 8.0 else 2, squeeze=False)[0]

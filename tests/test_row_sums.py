@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -50,6 +50,7 @@ def dot_on_processes(shares, near=0.0):
 
 @pytest.mark.parametrize("shape", [(20, 32), (12, 100), (2, 9, 40), (3, PART + 2)])
 @pytest.mark.parametrize("share", [0.02, 0.6, 1.0])
+@settings(max_examples=30)
 @given(cuts=st.lists(st.integers(0, 20), max_size=3))
 def test_inner_products_by_rows_are_the_same_bits_on_all_processes(shape, share, cuts):
     rng = np.random.default_rng(0)

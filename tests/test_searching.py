@@ -41,9 +41,16 @@ def test_spin_with_little_friction(mu, share, spin):
 
 
 @pytest.mark.parametrize("power", [1, 2])
-@pytest.mark.parametrize("size", [0.001, 0.05])
 @pytest.mark.parametrize("share", [-0.95, 0.0, 0.5])
-@pytest.mark.parametrize("mu", [0.01, 0.3])
+@pytest.mark.parametrize(
+    ("mu", "size"),
+    [
+        (0.01, 0.05),
+        (0.3, 0.001),
+        pytest.param(0.01, 0.001, marks=pytest.mark.slow),
+        pytest.param(0.3, 0.05, marks=pytest.mark.slow),
+    ],
+)
 def test_a_field_of_slip_far_beyond_what_sticks(mu, share, size, power):
     """A cylinder on a groove slides almost everywhere, one way and the other (Heathcote)."""
     (x,) = surfaces.centres(24, 6.4 / 24)

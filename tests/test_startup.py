@@ -114,7 +114,7 @@ def terminal(monkeypatch):
 
 @pytest.mark.parametrize(
     "command",
-    ["-n 300", "contact hertz -n 16", "contact shift -n 16", "contact rolling --line -n 16"],
+    ["-n 300", "contact hertz -n 16", "contact rolling --line -n 16"],
 )
 def test_an_ascii_terminal_loses_no_result(command, terminal, tmp_path, capsys):
     there = terminal()

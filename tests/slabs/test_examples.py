@@ -12,7 +12,7 @@ EXAMPLE = ROOT / "examples" / "press_on_a_cluster.py"
 
 
 @with_ranks
-@pytest.mark.parametrize("ranks", [1, 3])
+@pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 3])
 def test_a_surface_is_pressed_and_the_pressure_saved(ranks, tmp_path):
     element, steel = (1e-3, 1e-3), contact.Material(E=210000.0, nu=0.28)
     gap = contact.surfaces.sphere((64, 48), element, radius=0.1)

@@ -5,27 +5,23 @@ import pytest
 from tests.slabs.ranks import run_on_ranks, with_ranks
 
 slow = pytest.mark.slow
-each_number_of_ranks = pytest.mark.parametrize(
-    "ranks",
-    [pytest.param(1, marks=slow), 2, pytest.param(3, marks=slow), pytest.param(4, marks=slow)],
-)
+QUICK = ["rows", "products", "solves", "saving"]
+CASES = [*QUICK, "lines", "fsai", "gathering", "pressing", "sliding", "rolling", "windows"]
 
 
 @with_ranks
-@each_number_of_ranks
-@pytest.mark.parametrize(
-    "cases",
-    [
-        "rows",
-        "products",
-        "solves",
-        "saving",
-        *(
-            pytest.param(x, marks=slow)
-            for x in ("lines", "fsai", "gathering", "pressing", "sliding", "rolling", "windows")
-        ),
-    ],
-)
+def test_quick_cases_on_two_ranks():
+    """In one start of Python: to import takes longer than most of them."""
+    status, printed = run_on_ranks(2, "-m", "tests.slabs", *QUICK)
+    assert status == 0, printed
+    for cases in QUICK:
+        assert f"{cases}.test_" in printed
+
+
+@slow
+@with_ranks
+@pytest.mark.parametrize("ranks", [1, 2, 3, 4])
+@pytest.mark.parametrize("cases", CASES)
 def test_on_ranks(cases, ranks):
     status, printed = run_on_ranks(ranks, "-m", "tests.slabs", cases)
     assert status == 0, printed
