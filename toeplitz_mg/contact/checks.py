@@ -10,6 +10,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.fields import require_whole
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
+from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.values import count, field, finite, in_range, positive, real
 
 # Relative distance of a force from the bound at which all slides. Nearer, the last element that
@@ -41,6 +42,22 @@ def check_load(grid: Grid, z: Array, approach: float | None, force: float | None
         )
     in_range("force", force)
     return force
+
+
+def measure_from_contact(
+    z: Array, approach: float | None, vectors: Vectors
+) -> tuple[Array, float, float | None]:
+    """Return a gap and an approach from where the bodies first touch, and the distance to there.
+
+    A large distance would bury the interference in its rounding.
+    """
+    distance = vectors.min(z)
+    if distance == np.inf:
+        raise ValueError("gap is infinite everywhere, but somewhere there must be material")
+    if approach is not None:
+        approach = float(approach) - distance
+        in_range("the interference", max(0.0, approach))
+    return z - distance, distance, approach
 
 
 def check_hardness(

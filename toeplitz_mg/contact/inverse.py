@@ -89,9 +89,14 @@ def invert_on(grid: Grid, A: Any, C: Array) -> Any:
     if is_fsai_worthwhile(_count(grid, A), partial(grid.fragmentation, C), 0.0):
         with suppress(np.linalg.LinAlgError):
             return grid.invert_by_fsai(A, everywhere, dtype)
+    return grid.restrict(_invert_by_transform(grid, A, dtype), everywhere)
+
+
+def _invert_by_transform(grid: Grid, A: Any, dtype: DTypeLike) -> Any:
+    """Return an approximate inverse on the whole grid, of this precision where that is enough."""
     with suppress(np.linalg.LinAlgError):  # The symbol may sink into the rounding.
-        return grid.restrict(grid.invert_by_transform(A, dtype), everywhere)
-    return grid.restrict(grid.invert_by_transform(A), everywhere)
+        return grid.invert_by_transform(A, dtype)
+    return grid.invert_by_transform(A)
 
 
 def extend_to_components(grid: Grid, A: Any, C: Array) -> Array:
@@ -127,10 +132,7 @@ class Inverse:
         self._grid, self._A, self._decays = grid, A, everywhere is not None
         self._before: Array | None = None
         self._local: LocalInverse | None = None
-        try:
-            self._everywhere = everywhere or grid.invert_by_transform(A, np.float32)
-        except np.linalg.LinAlgError:  # The symbol sinks into the rounding.
-            self._everywhere = grid.invert_by_transform(A)
+        self._everywhere = everywhere or _invert_by_transform(grid, A, np.float32)
         self.dtype = self._everywhere.dtype
 
     def fit(self, C: Array, *, is_near: bool = False) -> None:

@@ -179,7 +179,7 @@ class SlabGrid:
     def _block(self, name: str, weights: dict[int, float]) -> ToeplitzOperator | None:
         """Return the part of a matrix for two directions, or None where it is zero."""
         c, behind, parity = self._evaluate(name, weights), None, KERNELS[name][1]
-        if weights is not AT:
+        if weights != AT:
             behind, parity = self._evaluate(name, weights, -1.0), (1, parity[1])
         if not self.vectors.count(c) and (behind is None or not self.vectors.count(behind)):
             return None

@@ -31,7 +31,7 @@ class Patience(NamedTuple):
 
 
 BRIEF = Patience(16, {10: 1e-2})  # The inverse of a real matrix costs at most twice as much.
-USUAL = Patience(24, {10: 1e-2, 20: 1e-5})  # That of a complex one costs more.
+OF_COMPLEX = Patience(24, {10: 1e-2, 20: 1e-5})  # That of a complex one costs more.
 PATIENT = Patience(60, {10: 1e-2, 20: 1e-4})  # The same, where an iteration is a product alone.
 # It converges sooner and sooner, and what follows takes n² steps. So many vectors take 240 MiB in
 # 2^20 real unknowns.

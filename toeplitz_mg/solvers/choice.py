@@ -31,8 +31,8 @@ from toeplitz_mg.preconditioners.traits import (
 )
 from toeplitz_mg.solvers.attempts import (
     AT_LAST,
+    OF_COMPLEX,
     PATIENT,
-    USUAL,
     solve_by_cg,
     solve_by_gmres,
     solve_in_cycles,
@@ -168,7 +168,7 @@ def _methods_of_hermitian(system: ToeplitzSystem, means: Array) -> Iterator[Meth
     samples = system.samples
     if is_nearly_white(means):
         yield from _method_of_nearly_white(system, means)
-    by_cg = partial(solve_by_cg, patience=USUAL)
+    by_cg = partial(solve_by_cg, patience=OF_COMPLEX)
     eigenvalues = samples if is_positive(samples, system.c.dtype) else means
     yield from _circulant_method(system, eigenvalues, by_cg, "cg, circulant")
     yield from _cg_methods(system.A, candidates_of_complex_line(system.A))

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg.engine.powers import power_above
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.spectral import double_line
-from toeplitz_mg.solvers.inverse import USUAL, first_columns
+from toeplitz_mg.solvers.inverse import SAFE_SIZES, first_columns
 from toeplitz_mg.solvers.sharp_column import sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
 from toeplitz_mg.values import refuse_masked
@@ -91,7 +91,7 @@ def toeplitz_logdet(c: ArrayLike) -> float:
             f"the diagonal of A is {A.c[0].real:g}, but that of a positive definite one is positive"
         )
     line, power = double_line(A), 0
-    if not USUAL[0] <= line.norm_bound <= USUAL[1]:
+    if not SAFE_SIZES[0] <= line.norm_bound <= SAFE_SIZES[1]:
         power = int(power_above(line.norm_bound))
         line = ToeplitzOperator(line.c * 2.0**-power)
     value, error = log_determinant(sharpen(first_columns(line)))

@@ -34,7 +34,8 @@ from toeplitz_mg.values import positive
 MOSTLY_ROUNDING = 1e-12  # ‖e₁ - A x‖ below which a step may add as much rounding as it removes.
 FEW = 256  # Unknowns up to which any matrix is solved with directly.
 ROUGH = 1e-6  # Relative residual of CG, from which one or two steps lead to rounding.
-USUAL = 1e-100, 1e100  # Sizes of A for which no square of a norm of A or A⁻¹ over- or underflows.
+# Sizes of A for which no square of a norm of A or A⁻¹ over- or underflows.
+SAFE_SIZES = 1e-100, 1e100
 STALLED = 1e-6  # ‖e₁ - A x‖ at which the steps had better start from an exact column.
 
 
@@ -234,7 +235,7 @@ def first_columns(A: ToeplitzOperator) -> Columns:
 
     Raises ValueError where squares of norms might be out of the range of float64.
     """
-    low, high = USUAL
+    low, high = SAFE_SIZES
     if A.norm_bound and not low <= A.norm_bound <= high:
         raise ValueError(
             f"the coefficients of A are of size {A.norm_bound:.1e}, but must be of {low:.0e} to "

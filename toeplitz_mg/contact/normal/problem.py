@@ -22,6 +22,7 @@ from toeplitz_mg.contact.checks import (
     check_iteration,
     check_load,
     check_same_grid,
+    measure_from_contact,
 )
 from toeplitz_mg.contact.gaps import read_surface
 from toeplitz_mg.contact.grid import Grid
@@ -34,7 +35,7 @@ from toeplitz_mg.contact.result import NormalResult, check_converged, touches_ed
 from toeplitz_mg.engine.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.engine.workspace import keep_freed_memory
-from toeplitz_mg.values import in_range, refuse_masked
+from toeplitz_mg.values import refuse_masked
 
 
 def normal_contact(
@@ -227,17 +228,10 @@ def press(
             check_same_grid(result, grid)
         same["tolerance"], same["max_products"] = tolerance, max_products
         same["the number of previous results"] = len(previous)
-    # A large distance would bury the interference in its rounding.
-    distance = grid.vectors.min(z)
-    if distance == np.inf:
-        raise ValueError("gap is infinite everywhere, but somewhere there must be material")
-    check_hardness(grid, hardness, force, grid.vectors.count(z < np.inf))
-    z = z - distance
     load = approach if force is None else force
     assert load is not None
-    if approach is not None:
-        approach = float(approach) - distance
-        in_range("the interference", max(0.0, approach))
+    z, distance, approach = measure_from_contact(z, approach, grid.vectors)
+    check_hardness(grid, hardness, force, grid.vectors.count(z < np.inf))
     if force == 0.0 or (approach is not None and approach <= 0.0):
         nothing = State(np.zeros(z.shape), np.zeros(z.shape), approach or 0.0)
         return make_result(grid, z, nothing, 0, 0.0, distance, most)

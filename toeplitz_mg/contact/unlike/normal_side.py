@@ -7,6 +7,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.active_sets import Iterate
+from toeplitz_mg.contact.checks import measure_from_contact
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.active_set import Search
 from toeplitz_mg.contact.normal.problem import make_result
@@ -15,7 +16,6 @@ from toeplitz_mg.contact.products import Products, Report
 from toeplitz_mg.contact.result import NormalResult
 from toeplitz_mg.contact.unlike.coupling import Coupling
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.values import in_range
 
 
 @dataclass
@@ -67,14 +67,7 @@ class Pressing:
         report: Report,
     ) -> Self:
         """Return the problem of a gap, an approach from where it is given, or a force."""
-        # A large distance would bury the interference in its rounding.
-        distance = float(z.min())
-        if distance == np.inf:
-            raise ValueError("gap is infinite everywhere, but somewhere there must be material")
-        if approach is not None:
-            approach = float(approach) - distance
-            in_range("the interference", max(0.0, approach))
-        gap = z - distance
+        gap, distance, approach = measure_from_contact(z, approach, grid.vectors)
         return cls(grid, gap, distance, coupling, approach, force, tolerance, max_products, report)
 
     def begin(self, q: Array | None, *, nested: bool) -> Array:
