@@ -331,3 +331,19 @@ def test_the_last_matrices_that_are_definite_in_float64_are_warned_of(n, width, 
     with pytest.warns(scipy.linalg.LinAlgWarning, match="with an error of up to"):
         value = tmg.toeplitz_logdet(c)
     assert abs(value - exact) <= tmg.ToeplitzNormal(c).logdet_error
+
+
+@pytest.mark.parametrize(("n", "most"), [(513, 1e-11), (1024, 1e-11), (4096, 1e-6)])
+@pytest.mark.parametrize("noise", [1.0, 1e-2])
+@pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")
+def test_of_plane_waves_in_noise_the_error_is_below_what_it_says(n, most, noise):
+    """Their frequencies are such that each number is exact, as is Woodbury's determinant."""
+    k = np.arange(float(n))
+    frequencies, powers = np.array([0.3125, 1.125, -2.0]), np.array([10.0, 5.0, 100.0])
+    waves = np.exp(1j * np.outer(k, frequencies))
+    c = waves @ powers
+    c[0] += noise
+    small = np.eye(3) + powers[:, None] * (waves.conj().T @ waves) / noise
+    exact = n * np.log(noise) + np.linalg.slogdet(small)[1]
+    inverse = tmg.toeplitz_inverse(tmg.ToeplitzOperator(c), rtol=1e-3)
+    assert abs(inverse.logdet - exact) <= inverse.logdet_error <= most * n

@@ -7,6 +7,7 @@ gives exactly, as it is one of those for which the limit is reached.
 """
 
 import warnings
+from contextlib import suppress
 from math import isqrt, log
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ from toeplitz_mg.solvers.szego_polynomial import LONGEST
 
 GOAL = 1e-12  # Relative error of a log-determinant above which the Schur algorithm may do better.
 DENSE = 512  # Unknowns up to which Cholesky's factorisation takes no longer than that.
+LARGEST_DENSE = 2048  # Unknowns up to which it is worth its time where that has no digits enough.
 FEWEST = 64  # Unknowns from which on the cepstrum has terms enough to see how they decrease.
 LONG_SAMPLES = 4.25  # Enough for each unknown for most of long memory, its real zero divided out.
 MOST_SAMPLES = 16  # Samples for each unknown beyond which the Schur algorithm takes no longer.
@@ -71,9 +73,14 @@ def log_determinant(column: SharpColumn) -> LogDeterminant:
     if by_column is not None and by_column.is_exact:
         return by_column
     other = _factor(column) if n <= DENSE else _sum_schur_parameters(column)
-    if by_column is None or other.is_exact:
+    if other.is_exact:
         return other
-    found = (by_column, other, _sum_cepstrum(column, LONGEST) or other)
+    found = [other]
+    if by_column is not None:
+        found += [by_column, _sum_cepstrum(column, LONGEST) or other]
+    if DENSE < n <= LARGEST_DENSE:
+        with suppress(np.linalg.LinAlgError):  # There is an answer already.
+            found.append(_factor(column))
     return min(found, key=lambda determinant: determinant.error)
 
 
@@ -99,9 +106,10 @@ def _sum_schur_parameters(column: SharpColumn) -> LogDeterminant:
     x, gamma = schur_column(c)
     logs = np.log1p(-(gamma.real**2 + gamma.imag**2))
     value = n * float(np.log(c[0].real)) + float(np.arange(n - 1, 0, -1.0) @ logs)
-    # No prediction error before the last one is more wrong than that.
-    last = abs(float(np.log(x[0].real / column.x[0].real)))
-    return LogDeterminant(value, 3.0 * n * (last + EPS))
+    # No prediction error is more wrong than the last one, 1/x₀. That may be right by chance, but
+    # hardly all numbers of x.
+    wrong = float(np.abs(x - column.x).max()) / float(column.x[0].real)
+    return LogDeterminant(value, 3.0 * n * (wrong + EPS))
 
 
 def _sum_cepstrum(column: SharpColumn, most: int) -> LogDeterminant | None:
