@@ -186,6 +186,25 @@ def test_what_is_certainly_indefinite_is_sent_to_gmres_alone(make):
     assert "certainly" not in refused
 
 
+def test_what_stands_for_a_sum_may_be_indefinite_and_is_said_to():
+    A = tmg.ToeplitzOperator(np.r_[1.0, 5.0, np.zeros(18)])
+    S = A + diags_array(np.tile([0.0, 1e4], 10))
+    assert np.linalg.eigvalsh(S.toarray()).min() > 0.9
+    for make in (tmg.chan_preconditioner, tmg.spectral_preconditioner, tmg.tau_preconditioner):
+        refused = refusal(make, S)[0]
+        assert "here A is the Toeplitz matrix that stands for a sum" in refused
+        assert refused.endswith("then use cg without M")
+        assert refusal(make, diags_array(np.linspace(1.0, 2.0, 20)) @ A)[0].endswith(
+            "then use gmres without M"
+        )
+
+
+def test_hermitian_matrices_that_are_indefinite_are_not_sent_to_chan_alone():
+    A = tmg.ToeplitzOperator(np.r_[1.0, 0.9j, np.zeros(18)])
+    with pytest.raises(ValueError, match="or gmres without M if A is indefinite"):
+        tmg.cosine_preconditioner(A)
+
+
 def test_a_refused_complex_matrix_is_named_as_it_is():
     c = 3.0 ** -np.arange(9.0)
     A = tmg.ToeplitzOperator(c, 1j * c)

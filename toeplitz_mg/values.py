@@ -17,6 +17,8 @@ def real(name: str, value: Any) -> float:
     """Return a real number."""
     if type(value) is float:  # Sooner than by what follows, which a small system would feel.
         return value
+    if isinstance(value, list | tuple):
+        raise TypeError(f"{name} is {value!r}, but must be a real number")
     if np.ndim(value) > 0 or refuse_masked(name, value).dtype.kind not in "buif":
         raise TypeError(f"{name} is {value!r}, but must be a real number")
     return float(value)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from functools import wraps
 from numbers import Real
 from operator import index as integer
+from reprlib import repr
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,10 @@ def read_factor(x: Any, n: int) -> Any:
     if isinstance(x, np.generic):
         number = x if x.dtype.kind in "fciub" else None
     elif isinstance(x, complex | Real):
-        number = x if isinstance(x, complex) else float(x)
+        try:
+            number = x if isinstance(x, complex) else float(x)
+        except OverflowError:
+            number, x = np.inf, repr(x)
     if number is not None and not np.isfinite(number):
         raise ValueError(f"a matrix is multiplied by, or added to, {x}, but it must be finite")
     return number
@@ -133,7 +137,7 @@ def add(A: Any, x: Any) -> Any:
 
 def subtract(A: Any, x: Any) -> Any:
     """Return A - x."""
-    if not issparse(x):
+    if isinstance(x, LinearOperator):
         return LinearOperator.__sub__(A, x)
     # Not A + (-x): that is another number where x is of unsigned integers.
     difference = add(-A, x)
@@ -158,7 +162,11 @@ def divide(A: Any, x: Any) -> Any:
     if not factor:
         raise ZeroDivisionError(f"{A!r} is divided by {x}")
     # A number of NumPy would give a quotient in its own precision.
-    return A * np.divide(1.0, factor, dtype=np.result_type(A.dtype, factor))
+    with np.errstate(over="ignore"):
+        inverse = np.divide(1.0, factor, dtype=np.result_type(A.dtype, factor))
+    if not np.isfinite(inverse):
+        raise ValueError(f"{A!r} is divided by {x}, but 1/{x} is beyond its precision: scale A")
+    return A * inverse
 
 
 def trace(A: Any) -> Any:

@@ -312,3 +312,14 @@ def check_precision(dtype: DTypeLike, current: np.dtype[Any]) -> np.dtype[Any]:
     if result.char not in ("FD" if is_complex else "fd"):
         raise TypeError(f"dtype is {result}, but must be {names}")
     return result.newbyteorder("=")
+
+
+def require_range(diagonal: float, dtype: np.dtype[Any], subject: str = "A") -> None:
+    """Raise ValueError where a matrix in float32 has a diagonal that is nearly out of its range."""
+    single = np.finfo(np.float32)
+    low, high = float(single.tiny / single.eps), float(single.max * single.eps)
+    if dtype.char in "fF" and diagonal and not low <= diagonal <= high:
+        raise ValueError(
+            f"the diagonal of {subject} is {diagonal:.3g}, but for a preconditioner in {dtype} it "
+            f"must be between {low:.1g} and {high:.1g}: scale A"
+        )

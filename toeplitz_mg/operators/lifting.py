@@ -15,6 +15,7 @@ from toeplitz_mg.operators.averages import (
 )
 from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.block_diagonal import BlockDiagonal
+from toeplitz_mg.operators.coefficients import require_range
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.diagonally_scaled import DiagonallyScaled
 from toeplitz_mg.operators.structure import (
@@ -90,14 +91,23 @@ def averaged(
                 raise
         mean, scale = average(full, mask, part)
         try:
-            return DiagonallyScaled(function(restrict(mean, mask), *args, **kwargs), scale)
+            M = function(restrict(mean, mask), *args, **kwargs)
         except np.linalg.LinAlgError as error:
-            if full.is_hermitian or part is not hermitian_part:
-                raise
-            raise _of_hermitian_part() from error
+            if part is hermitian_part and not all(term.A.is_hermitian for term in full.terms):
+                raise _of_hermitian_part() from error
+            solver = "cg" if full.is_hermitian else "gmres"
+            error.args = (
+                f"{error}; here A is the Toeplitz matrix that stands for a sum with diagonal "
+                f"matrices, and may be indefinite where the sum is not: then use {solver} without "
+                "M",
+            )
+            raise
         except ValueError as error:
             error.add_note(f"This was the matrix {mean!r}, which stands for {full!r}")
             raise
+        for extreme in (scale.max(), scale.min()):
+            require_range(float(extreme) ** -2, M.dtype)
+        return DiagonallyScaled(M, scale)
 
     return cast(F, of_average)
 

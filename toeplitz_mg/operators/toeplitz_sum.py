@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike
+from scipy.sparse import issparse
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.workspace import workspace
@@ -74,9 +75,10 @@ class ToeplitzSum(GridOperator):
     the inverse square roots of the diagonal of S, with which it becomes all ones; then each
     diagonal matrix is replaced by its mean, and each Toeplitz matrix by its symmetric part, but for
     the preconditioners that take any matrix. So it is symmetric positive definite, for `cg` where S
-    is symmetric and for `gmres` where it is not, and independent of n where the coefficients are
-    smooth. It is refused where the diagonal of S is not positive. (See
-    `toeplitz_mg.operators.averages.average`.)
+    is symmetric and for `gmres` where it is not, and its iterations are bounded where the
+    coefficients are smooth. It is refused where the diagonal of S is not positive, or the Toeplitz
+    matrix is not positive definite, which may be so where neighbouring entries of D differ by
+    orders, though S is. (See `toeplitz_mg.operators.averages.average`.)
 
     Examples
     --------
@@ -94,12 +96,11 @@ class ToeplitzSum(GridOperator):
     """
 
     def __init__(self, terms: Iterable[Term], diagonal: Array | None = None) -> None:
-        given = [Term(*term) for term in terms]
+        given = _read_terms(terms)
         matrices = [term.A for term in given]
         _check_matrices(matrices)
         n = matrices[0].shape[0]
         diagonal = _freeze("diagonal", diagonal, n)
-        self.offset = diagonal
         frozen = collect(
             Term(_freeze("left", left, n), A, _freeze("right", right, n))
             for left, A, right in given
@@ -109,7 +110,8 @@ class ToeplitzSum(GridOperator):
             *(part.dtype for part in parts), *([] if diagonal is None else [diagonal.dtype])
         )
         # All in the precision of the sum, which the products are said to have.
-        self.terms = tuple(Term(L, _cast(A, dtype), R) for L, A, R in frozen)
+        self.terms = tuple(Term(*(_cast(part, dtype) for part in term)) for term in frozen)
+        self.offset = _cast(diagonal, dtype)
         matrices = [term.A for term in self.terms]
         super().__init__(dtype, matrices[0].grid_shape, sum(A.work for A in matrices))
         self.is_symmetric = self.is_hermitian = self._is(self._transposed())
@@ -148,6 +150,14 @@ class ToeplitzSum(GridOperator):
             return self
         terms = (Term(*(_cast(part, dtype) for part in term)) for term in self.terms)
         return ToeplitzSum(terms, _cast(self.offset, dtype))
+
+    @property
+    def norm_bound(self) -> float:
+        """A bound of the 2-norm: the sum of those of the terms."""
+        bound = _largest(self.offset) if self.offset is not None else 0.0
+        for left, A, right in self.terms:
+            bound += _largest(left) * float(A.norm_bound) * _largest(right)
+        return bound
 
     def toarray(self) -> Array:
         """Return the matrix as a dense array of shape (N, N), without any transform."""
@@ -260,6 +270,17 @@ def simplify(terms: Iterable[Term], diagonal: Array | None = None) -> Any:
     return ToeplitzSum(simple, diagonal)
 
 
+def _read_terms(terms: Any) -> list[Term]:
+    """Return the terms that are given, each of which is three things."""
+    given = list(terms) if isinstance(terms, Iterable) else None
+    if given is None or not all(isinstance(term, tuple) and len(term) == 3 for term in given):
+        raise TypeError(
+            f"terms is {terms!r}, but must be a list of Terms: (left, A, right), of which left and "
+            "right are None where there is no diagonal matrix"
+        )
+    return [Term(*term) for term in given]
+
+
 def _check_matrices(matrices: list[Any]) -> None:
     """Refuse what is no list of Toeplitz matrices on one grid."""
     if not matrices:
@@ -286,15 +307,18 @@ def _freeze(name: str, factor: Any, n: int) -> Any:
     """Return the entries of a diagonal that nobody can change, or a number or None as it is."""
     if factor is None:
         return None
+    if issparse(factor):
+        raise TypeError(f"{name} is {factor!r}, but must be the entries D.diagonal()")
     entries = refuse_masked(name, factor)
     if entries.dtype.kind not in "buifc":
         raise TypeError(f"{name} has dtype {entries.dtype}, but must be of numbers")
-    if entries.ndim == 0 and name != "diagonal":
-        return factor
-    if entries.shape != (n,):
+    is_number = entries.ndim == 0 and name != "diagonal"
+    if not is_number and entries.shape != (n,):
         raise ValueError(f"{name} has shape {entries.shape}, but must have the {n} entries of D")
     if not np.isfinite(entries).all():
         raise ValueError(f"{name} has entries that are not finite")
+    if is_number:
+        return factor
     if entries.dtype.char not in "fdFD":  # No matrix has that precision, and sums may overflow.
         entries = entries.astype(np.complex128 if entries.dtype.kind == "c" else np.float64)
     if entries.flags.writeable or entries.base is not None:  # A view changes with its array.
@@ -323,9 +347,18 @@ def _conj(factor: Array | None) -> Array | None:
 
 def _cast(part: Any, dtype: np.dtype[Any]) -> Any:
     """Return a part in the precision of a matrix: what is real of a complex one stays real."""
-    if part is None:
-        return None
-    return part.astype(dtype if part.dtype.kind == "c" else dtype.char.lower())
+    wanted = dtype if part is None or part.dtype.kind == "c" else np.dtype(dtype.char.lower())
+    if part is None or part.dtype == wanted:
+        return part
+    part = part.astype(wanted)
+    if isinstance(part, np.ndarray):
+        part.flags.writeable = False
+    return part
+
+
+def _largest(factor: Array | None) -> float:
+    """Return the largest size of the entries of a diagonal matrix, of the unit matrix one."""
+    return 1.0 if factor is None else float(np.abs(factor).max())
 
 
 def _is_same(a: Array | None, b: Array | None) -> bool:

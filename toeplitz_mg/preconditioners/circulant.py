@@ -103,15 +103,17 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     -------
     DiagonalisedOperator or MaskedOperator
         Of the shape of `A`, symmetric or Hermitian positive definite whenever `A` on the whole
-        grid is. Of a matrix that is not Hermitian it is as general as that, and one for `gmres`;
-        an eigenvalue that is nearly zero by chance, beside others that are not, has a small share
-        of the distance to these. One product costs half a work unit on one axis (1/2^d on d axes).
+        grid is, and of a sum the Toeplitz matrix that stands for it. Of a matrix that is not
+        Hermitian it is as general as that, and one for `gmres`; an eigenvalue that is nearly zero
+        by chance, beside others that are not, has a small share of the distance to these. One
+        product costs half a work unit on one axis (1/2^d on d axes).
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where `A` is symmetric or Hermitian and the circulant is not positive definite, so that `A`
-        is not either; of a general matrix where it has neighbouring eigenvalues of zero.
+        Where `A` is symmetric or Hermitian and the circulant is not positive definite, so that `A`,
+        or what stands for it, is not either; of a general matrix where it has neighbouring
+        eigenvalues of zero.
     TypeError
         Where `A` is no Toeplitz operator.
 

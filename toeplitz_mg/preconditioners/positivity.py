@@ -14,7 +14,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
-from toeplitz_mg.operators.coefficients import check_precision
+from toeplitz_mg.operators.coefficients import check_precision, require_range
 
 # Error of an eigenvalue, in units of eps times the largest one: 1 to 3.8 was seen with transforms
 # of lengths up to 2^18.
@@ -36,17 +36,6 @@ def precision(A: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None) ->
     for block in (row[i] for i, row in enumerate(blocks)):
         require_range(0.0 if block is None else abs(complex(block.diagonal_entry)), result)
     return result
-
-
-def require_range(diagonal: float, dtype: np.dtype[Any]) -> None:
-    """Raise ValueError where the diagonal of A is nearly out of the range of float32, if that."""
-    single = np.finfo(np.float32)
-    low, high = float(single.tiny / single.eps), float(single.max * single.eps)
-    if dtype.char in "fF" and diagonal and not low <= diagonal <= high:
-        raise ValueError(
-            f"the diagonal of A is {diagonal:.3g}, but for a preconditioner in {dtype} it "
-            f"must be between {low:.1g} and {high:.1g}: scale A"
-        )
 
 
 def require_positive_diagonal(diagonal: float) -> None:

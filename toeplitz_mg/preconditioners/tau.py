@@ -9,6 +9,7 @@ from toeplitz_mg.engine.products import TAU, DiagonalisedProduct
 from toeplitz_mg.engine.transforms import cosine_sums
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator, ToeplitzSum
 from toeplitz_mg.operators.base import require_numpy
+from toeplitz_mg.operators.coefficients import require_range
 from toeplitz_mg.operators.lifting import componentwise, restricted, symmetrised
 from toeplitz_mg.operators.structure import unwrap
 from toeplitz_mg.preconditioners.positivity import name_robust, precision, require_positive
@@ -81,7 +82,8 @@ def tau_preconditioner(
     shift = finite("shift", shift)
     require_numpy(A, "tau_preconditioner")
     if isinstance(unwrap(A)[0], ToeplitzSum):  # It is scaled, and so would the shift be.
-        A, shift = A.plus(np.full(A.shape[0], shift, A.dtype)), 0.0
+        dtype = A.dtype if dtype is None else dtype
+        A, shift = A.plus(np.full(A.shape[0], shift)), 0.0
     return _tau(A, shift, dtype)
 
 
@@ -91,6 +93,7 @@ def tau_preconditioner(
 def _tau(A: ToeplitzOperator, shift: float, dtype: DTypeLike | None) -> DiagonalisedOperator:
     """Return the preconditioner of one component, on the whole grid."""
     dtype = precision(A, dtype)
+    require_range(abs(complex(A.diagonal_entry) + shift), dtype, "A + shift I")
     column = average_flips(A)
     shape = tuple(near_fast_length(n + 1) - 1 for n in A.grid_shape)
     padded = np.pad(column, [(0, m + 2 - n) for m, n in zip(shape, column.shape, strict=True)])

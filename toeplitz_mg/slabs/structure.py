@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg import operators, preconditioners
-from toeplitz_mg.operators.coefficients import check_precision
-from toeplitz_mg.preconditioners.positivity import require_range
+from toeplitz_mg.operators.coefficients import check_precision, require_range
 from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.operators import MaskedOperator, SlabOperator, ToeplitzOperator
 

@@ -186,6 +186,12 @@ def check_operator(name: str, A: Any) -> LinearOperator:
                 f"{name} is an array of {library_of(A).name}, but must be an operator: a "
                 "ToeplitzOperator, or a preconditioner of one"
             )
+        if callable(A):
+            raise TypeError(
+                f"{name} is {A!r}, but must be a matrix or an operator: call a function that makes "
+                "one, as chan_preconditioner(A); of one that multiplies vectors it is "
+                "scipy.sparse.linalg.LinearOperator(A.shape, function)"
+            )
         if not issparse(A):
             A = check_numbers(name, A)
             if A.ndim != 2:

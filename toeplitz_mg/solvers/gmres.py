@@ -121,7 +121,7 @@ def gmres(
     dtype, n = check_precision(system), len(system.b)
     restart = min(n, RESTART if restart is None else count("restart", restart))
     allowed = ("x", "pr_norm") if callback else ("x", "pr_norm", None)
-    if callback_type not in allowed:
+    if not isinstance(callback_type, str | None) or callback_type not in allowed:
         raise ValueError(
             f"callback_type is {callback_type!r}, but must be 'x', to call back with the iterate "
             "after each cycle, or 'pr_norm', with the relative residual after each iteration"
