@@ -512,7 +512,7 @@ def test_a_surface_is_not_written_over(tmp_path, capsys):
         (["shift", "--moment", "1"], "--moment is for rolling, not shift"),
         (["rolling", "--moment", "1", "--spin", "1"], "--moment and --spin are both given"),
         (["rolling", "--tangential", "1", "--lateral", "1"], "--tangential and --lateral are both"),
-        (["rolling", "--tangential", "30"], "--tangential is 30, but friction carries 30 at most"),
+        (["rolling", "--tangential", "30"], "--tangential is 30, but must be less than 30, which"),
         (["rolling", "--line", "--moment", "1"], "--moment is not for --line"),
         (["rolling", "--line", "--lateral", "1"], "--lateral is not for --line"),
         (["hertz", "-o", "x.npy"], "--output is x.npy, but must end in .npz"),

@@ -231,6 +231,20 @@ def test_loads_that_no_slip_lets_friction_carry_are_refused():
         circle(16, (0.0, 0.0, 0.0), falling=oil, force=(1.01 * most, None))
 
 
+@pytest.mark.parametrize("across", [None, 0.0])
+@doubtful
+def test_the_nearest_load_is_named_where_products_run_out(across):
+    """Friction falls too soon for it to carry what it would without any slip."""
+    given = {"falling": lambda s: 0.5 + 0.5 / (1.0 + s / 0.002), "max_products": 150}
+    g, _ = circle(12, (0.0, 0.0, 0.0))
+    most = g.sum() * (2.0 / 12) ** 2
+    with pytest.raises(ContactError, match=r"of a load is missing.* is the nearest") as refused:
+        circle(12, (0.0, 0.0, 0.0), force=(-0.9 * most, across), **given)
+    result = refused.value.result
+    assert result.residual <= 1e-8
+    assert 0.4 * most < -result.force[0] < 0.9 * most
+
+
 def test_all_rounds_together_take_the_products_that_they_may():
     told = []
     with pytest.raises(ContactError, match=r"after .* products") as caught:

@@ -18,6 +18,7 @@ from toeplitz_mg.cli.hertzian import Hertzian
 from toeplitz_mg.cli.report import PRESSURE, TANGENTIAL, Waiting, print_step, step_printer
 from toeplitz_mg.cli.rough import Rough
 from toeplitz_mg.contact import ContactError, ContactResult, ContactWarning, TangentialResult
+from toeplitz_mg.contact.checks import SLIDES
 
 
 def run(given: argparse.Namespace) -> int:
@@ -125,7 +126,8 @@ def _tangential_figures(
     if case.is_coupled:  # No theory has all of it.
         pass
     elif o.case == "shift":  # Cattaneo and Mindlin are exact for ν = 0 and line contact.
-        sticks = (1.0 - min(part, 1.0)) ** (0.5 if o.line else 2.0 / 3.0)
+        left = 1.0 - part
+        sticks = (left if left > SLIDES else 0.0) ** (0.5 if o.line else 2.0 / 3.0)
     elif o.line:  # Carter's theory says both.
         sticks = max(0.0, 1.0 - abs(result.rigid) * o.radius[0] / (o.friction * a))
         force = 1.0 - sticks**2

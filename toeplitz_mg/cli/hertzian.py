@@ -181,5 +181,10 @@ class Hertzian:
             return
         wanted, most = math.hypot(*o.tangential), o.friction * self.theory.force
         # Where the approach is given, theory says the force, within the error of the grid.
-        if wanted > most * (1.0 + SLIDES) or (o.case == "rolling" and wanted >= most):
+        if o.case == "rolling" and wanted >= most:
+            raise ValueError(
+                f"--tangential is {wanted:g}, but must be less than {most:.6g}, which friction "
+                "carries: then all slides, by any creepage"
+            )
+        if wanted > most * (1.0 + SLIDES):
             raise ValueError(f"--tangential is {wanted:g}, but friction carries {most:.6g} at most")

@@ -194,8 +194,8 @@ def check_force(force: Any, most: float, grid: Grid, *, name: str = "force") -> 
     size = float(np.linalg.norm(total))
     if size > most * (1.0 + SLIDES):
         raise ValueError(
-            f"{name} is {force}, of size {size * area:g}, but the traction bound carries "
-            f"{most * area:g} at most: the bodies would slide off"
+            f"{name} is {force}, of size {size * area:.12g}, but the traction bound carries "
+            f"{most * area:.12g} at most: the bodies would slide off"
         )
     return total, size >= most * (1.0 - SLIDES)
 

@@ -69,9 +69,10 @@ def fall_by_loads(
         given = np.pad(creepages, (0, 3 - len(creepages))).tolist()
         asked = given, None, None, field, motion.pole
         slip = None if last is None else size_of_slip(last)
-        last = check_converged(
-            fall(rounds, asked, g, falling, stiffness, last, tolerance, slip), tolerance
-        )
+        found = fall(rounds, asked, g, falling, stiffness, last, tolerance, slip)
+        if best[1] is not None and rounds.report.exhausted and found.residual > tolerance:
+            raise _Ends  # What is nearest has been found before.
+        last = check_converged(found, tolerance)
         q = last.traction.reshape(grid.components, *g.shape)
         error = loads.error(q, vectors)
         if error < best[0]:
@@ -164,7 +165,7 @@ def _bracket(miss: Callable[[float], float]) -> tuple[float, float] | None:
         try:
             if lack(last - sign * step) >= lack(last):  # The most is carried between.
                 ends = sorted((before, last - sign * step))
-                minimize_scalar(lack, bounds=ends, method="bounded", options={"xatol": 1e-6})
+                minimize_scalar(lack, bounds=ends, method="bounded", options={"xatol": 1e-3})
                 return None
         except _Beyond:
             return (last if abs(beyond) > abs(last) else before), beyond
