@@ -220,6 +220,8 @@ def main(quick: Extent = QUICK) -> None:
     arguments = report.options("speed.threads", "Time threads.", cores=2)
     extent = quick if arguments.quick else FULL
     workers = sorted({2**k for k in range(11) if 2**k <= arguments.cores} | {1, arguments.cores})
+    if fixed := os.environ.get("OMP_NUM_THREADS"):
+        print(f"OMP_NUM_THREADS is {fixed}, and so are threads of bare transforms: better unset it")
     print("Load of the machine before: " + ", ".join(f"{load:.1f}" for load in os.getloadavg()))
     rows: list[Row] = []
     for side in extent.sides:
