@@ -21,9 +21,8 @@ from toeplitz_mg.slabs.fsai import fsai_preconditioner
 from toeplitz_mg.slabs.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.trigonometric import cosine_preconditioner
-from toeplitz_mg.slabs.window import SlabWindow
+from toeplitz_mg.slabs.window import FEW, SlabWindow
 
-FEW = 2**13  # Most elements of a grid within this one that every rank has all of, and solves alone.
 AT: dict[int, float] = {0: 1.0}  # Displacements where the elements are.
 AHEAD: dict[int, float] = {1: 1.0}  # Displacements one element further along x.
 BLOCK = 64  # Rows whose coefficients are evaluated at once: what that takes is small.
@@ -119,7 +118,7 @@ class SlabGrid:
         ends = zip(
             told[..., 0].min(axis=0).tolist(), told[..., 1].max(axis=0).tolist(), strict=True
         )
-        return SlabWindow(self, box_around(self, ends, margin), FEW)
+        return SlabWindow(self, box_around(self, ends, margin))
 
     def lines(self, x: Array, axis: int) -> Array:
         """Return lines of a field along an axis, that each rank has a share of, as rows."""

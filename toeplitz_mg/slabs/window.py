@@ -10,6 +10,8 @@ from toeplitz_mg.contact.window import Box
 from toeplitz_mg.slabs.intervals import Intervals
 from toeplitz_mg.slabs.slab import Slab
 
+FEW = 2**13  # Most elements of a grid within this one that every rank has all of, and solves alone.
+
 
 class SlabWindow:
     """A rectangle of elements of a grid in slabs (see `contact.window.Window`).
@@ -20,8 +22,6 @@ class SlabWindow:
         The grid.
     box : tuple of slice
         The elements along each axis.
-    few : int
-        Most elements of a window that every rank has all of, and solves alone.
 
     Attributes
     ----------
@@ -29,11 +29,11 @@ class SlabWindow:
         That of the elements inside, cut anew; where every rank has all of it a `Grid`.
     """
 
-    def __init__(self, whole: Any, box: Box, few: int) -> None:
+    def __init__(self, whole: Any, box: Box) -> None:
         self.whole, self.box, slab = whole, box, whole.slab
         begin, end, ranks = box[0].start, box[0].stop, slab.comm.size
         shape = end - begin, box[1].stop - box[1].start
-        is_cut = shape[0] * shape[1] > few
+        is_cut = shape[0] * shape[1] > FEW
         if is_cut and shape[0] < ranks:  # Each rank has a row.
             begin = min(begin, whole.shape[0] - ranks)
             end, shape = begin + ranks, (ranks, shape[1])

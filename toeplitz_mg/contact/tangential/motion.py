@@ -110,6 +110,12 @@ class Motion:
             more = widen(more, 2 if is_lateral else 1)
         return cls(tuple(given), loads, (x, y), more, "xy" if is_lateral else "x")
 
+    def tell(self, same: Any) -> None:
+        """Tell what has to be the same on all ranks (see `slabs.messages.Messages.agree`)."""
+        same["the creepages"], same["the loads"] = self.creepages, self.loads
+        same["pole"], same["directions"] = self.pole, self.directions
+        same["whether there is a field of slip"] = self.slip is not None
+
     @property
     def unknown(self) -> tuple[int, ...]:
         """The numbers of the creepages that are to be found."""

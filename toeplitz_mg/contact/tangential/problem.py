@@ -23,10 +23,10 @@ def drop_rounding(g: Array, vectors: Vectors) -> Array:
 
     The tractions of such elements are nothing, but what their directions do would never settle.
     """
-    return np.where(g < TINY * _largest(g, vectors), 0.0, g)
+    return np.where(g < TINY * largest_bound(g, vectors), 0.0, g)
 
 
-def _largest(g: Array, vectors: Vectors) -> float:
+def largest_bound(g: Array, vectors: Vectors) -> float:
     """Return the largest of traction bounds that are finite, or zero."""
     return vectors.max(np.where(np.isfinite(g), g, 0.0))
 
@@ -89,7 +89,7 @@ class Problem:
 
         Tractions on a small bound would turn by any angle otherwise, and never settle.
         """
-        small = SMALL * _largest(self.g, self.vectors)
+        small = SMALL * largest_bound(self.g, self.vectors)
         return np.minimum(self.g / small, 1.0) if small > 0.0 else np.ones_like(self.g)
 
     @cached_property

@@ -215,9 +215,7 @@ def roll(
         check_iteration(tolerance, max_products, progress)
         if not isinstance(options, SteadyOptions | None):
             raise TypeError(f"options is {options!r}, but must be contact.SteadyOptions(...)")
-        same["the creepages"], same["the loads"] = motion.creepages, motion.loads
-        same["pole"], same["directions"] = motion.pole, motion.directions
-        same["whether there is a field of slip"] = motion.slip is not None
+        motion.tell(same)
         same["options"], same["nested"] = options, bool(nested)
         same["tolerance"], same["max_products"] = tolerance, max_products
     if grid.directions != motion.directions:

@@ -34,7 +34,7 @@ from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.iteration import Iteration
 from toeplitz_mg.contact.tangential.leading_edge import roll_backwards
 from toeplitz_mg.contact.tangential.near_sliding import guess_sliding
-from toeplitz_mg.contact.tangential.problem import Problem, State, admit
+from toeplitz_mg.contact.tangential.problem import Problem, State, admit, largest_bound
 from toeplitz_mg.contact.tangential.searching import search_creepages
 from toeplitz_mg.contact.tangential.settling import settle
 from toeplitz_mg.contact.tangential.stick_slip import COARSE_PRODUCTS, solve
@@ -210,7 +210,7 @@ def _measure_distance(problem: Problem, state: State, k0: float) -> Array:
     the other side the slip does: here are their squares.
     """
     g, vectors = problem.g, problem.vectors
-    largest = vectors.max(np.where(np.isfinite(g), g, 0.0)) or 1.0
+    largest = largest_bound(g, vectors) or 1.0
     lacking = np.minimum((g - size(state.q)) / largest, 1.0)
     slip = np.minimum(EDGE * size(problem.b - state.u) / (k0 * largest), 1.0)
     distance: Array = np.where(state.areas.slide, -(slip**2), lacking**2)

@@ -131,9 +131,7 @@ def roll_steps(
         motion = Motion.of(g.shape, *asked, beside_lateral=is_lateral(previous))
         check_iteration(tolerance, max_products, progress)
         same["steps"] = steps = count("steps", steps)
-        same["the creepages"], same["the loads"] = motion.creepages, motion.loads
-        same["pole"], same["directions"] = motion.pole, motion.directions
-        same["whether there is a field of slip"] = motion.slip is not None
+        motion.tell(same)
         same["tolerance"], same["max_products"] = tolerance, max_products
         same["whether there are tractions before"] = previous is not None
         shape = (len(motion.directions), *g.shape)
