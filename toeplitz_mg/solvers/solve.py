@@ -187,7 +187,7 @@ def _summarise(infos: list[SolveInfo]) -> SolveInfo:
 
 
 def _numbers(values: ArrayLike, name: str) -> Array:
-    if type(values) is np.ndarray and values.dtype == np.float64:
+    if type(values) is np.ndarray and values.dtype in (np.float64, np.complex128):
         return values  # Sooner than by what follows, which a small system would feel.
     if isinstance(values, LinearOperator) or issparse(values) or hasattr(values, "slab"):
         raise TypeError(
