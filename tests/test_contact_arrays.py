@@ -167,5 +167,10 @@ def test_a_library_without_double_precision_is_refused():
     try:
         with pytest.raises(TypeError, match=r"no double precision here.*jax_enable_x64"):
             press(jnp.asarray(SPHERE), force=1.0)
+        A = tmg.ToeplitzOperator(jnp.asarray([2.0, 1.0, 0.5]))
+        for make in (A.astype, lambda dtype: tmg.cosine_preconditioner(A, dtype=dtype)):
+            with pytest.raises(TypeError, match=r"float64, but jax.numpy has no double precision"):
+                make(np.float64)
+        assert tmg.cosine_preconditioner(A).dtype == np.float32
     finally:
         jax.config.update("jax_enable_x64", True)

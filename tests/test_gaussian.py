@@ -1,6 +1,7 @@
 """Likelihoods, gaps and samples of stationary processes, against their dense definitions."""
 
 import pickle
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -440,8 +441,6 @@ def test_bad_arguments():
     for y in (np.zeros(19), 0.0, np.zeros((20, 3))):
         with pytest.raises(ValueError, match="last axes must be"):
             process.logpdf(y)
-    with pytest.raises(ValueError, match="must be of that of c"):
-        process.conditional(np.zeros((2, 20)))
     with pytest.raises(TypeError, match="observed has dtype float64, but must be of booleans"):
         process.logpdf(np.zeros(20), np.ones(20))
     with pytest.raises(ValueError, match=r"observed has shape \(2,\), but must have that of c"):
@@ -521,3 +520,47 @@ def test_an_error_of_a_density_is_said_where_it_is_asked_for(name):
     with pytest.warns(scipy.linalg.LinAlgWarning, match="error of up to") as caught:
         getattr(process, name)(np.zeros(2000))
     assert caught[0].filename == __file__
+
+
+@pytest.mark.parametrize(("n", "nugget"), [(257, 1e-8), (257, 1e-11), (1000, 1e-11), (2000, 1e-10)])
+@pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")
+def test_gaps_of_what_is_nearly_constant(n, nugget):
+    """The matrix of ones and a nugget on the diagonal: its inverse is known, and ill-conditioned.
+
+    What is missing is the sum of what is not over its number, but for the nugget.
+    """
+    c = np.ones(n)
+    c[0] += nugget
+    nugget = float(Fraction(float(c[0])) - 1)
+    y = 0.1 + nugget**0.5 * np.random.default_rng(0).standard_normal(n)
+    missing = np.arange(n // 3, n // 3 + 20)
+    y[missing] = np.nan
+    known = ~np.isnan(y)
+    m = n - 20
+    process = tmg.ToeplitzNormal(c)
+    expected = y[known].sum() / (m + nugget)
+    assert_allclose(process.conditional(y).mean[missing], expected, rtol=1e-4)
+    values, v = [Fraction(value) for value in y[known].tolist()], Fraction(nugget)
+    form = float((sum(x * x for x in values) - sum(values) ** 2 / (m + v)) / v)
+    exact = -0.5 * (form + (m - 1) * np.log(nugget) + np.log(nugget + m) + m * np.log(2 * np.pi))
+    assert abs(process.logpdf(y, observed=known) - exact) <= max(1e-5, 1e-15 * n**2 / nugget)
+
+
+def test_rounding_of_a_quadratic_form_is_said():
+    c = np.ones(1000)
+    c[0] += 1e-11
+    y = np.random.default_rng(0).standard_normal(1000) * 1e-5
+    with pytest.warns(scipy.linalg.LinAlgWarning) as told:
+        tmg.ToeplitzNormal(c).logpdf(y)
+    assert any("with an error of up to" in str(w.message) and "A⁻¹" in str(w.message) for w in told)
+    assert {w.filename for w in told} == {__file__}
+
+
+def test_what_is_missing_is_not_a_number():
+    process = tmg.ToeplitzNormal(0.5 ** np.arange(5))
+    with pytest.raises(TypeError, match=r"y is a masked array, but what is missing must be NaN"):
+        process.conditional(np.ma.array(np.ones(5), mask=[0, 1, 0, 0, 0]))
+    with pytest.raises(ValueError, match=r"must have that of c, \(5,\): one series"):
+        process.conditional(np.ones((2, 5)))
+    with pytest.raises(ValueError, match=r"where it is observed$"):
+        process.whiten([1.0, np.nan, 1.0, 1.0, 1.0])

@@ -76,6 +76,18 @@ def test_in_a_package_of_another_program_too(tmp_path):
     assert (result.returncode, result.stdout) == (7, "KeyboardInterrupt\n")
 
 
+@pytest.mark.parametrize("closed", [">&-", "2>&-"])
+def test_a_result_is_written_where_nothing_can_be_printed(closed, tmp_path):
+    """A daemon starts programs so."""
+    np.save(tmp_path / "c.npy", np.array([2.0, -1.0, 0.0]))
+    np.save(tmp_path / "b.npy", np.ones(3))
+    command = f'"{sys.executable}" -m toeplitz_mg solve c.npy b.npy -o x.npy {closed}'
+    path = os.pathsep.join([ROOT, *filter(None, sys.path)])
+    environment = os.environ | {"PYTHONPATH": path}
+    subprocess.run(["bash", "-c", command], cwd=tmp_path, env=environment, check=True)
+    np.testing.assert_allclose(np.load(tmp_path / "x.npy"), [1.5, 2.0, 1.5])
+
+
 # What can be printed --------------------------------------------------------------------------
 
 

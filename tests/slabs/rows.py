@@ -9,7 +9,15 @@ import pytest
 
 from tests.slabs.counting import MPI
 from tests.slabs.ranks import refuses
-from toeplitz_mg.slabs import MaskedOperator, Slab, ToeplitzOperator, fsai_preconditioner
+from toeplitz_mg.slabs import (
+    CoupledOperator,
+    MaskedOperator,
+    Slab,
+    ToeplitzOperator,
+    cosine_preconditioner,
+    fft_preconditioner,
+    fsai_preconditioner,
+)
 from toeplitz_mg.slabs.slab import UNKNOWN
 
 SHAPES = [(4, 1), (5, 7), (16, 3), (97, 4, 5), (130, 2), (1030, 2)]
@@ -234,6 +242,28 @@ def test_what_is_not_the_same_is_refused(comm):
     else:
         text = "rtol is 1e-08 on rank 0 and 1e-05 on rank 1, but must be the same on all"
         refuses(comm, ValueError, text, differ)
+
+
+def test_operators_of_two_kinds_are_refused_wherever_they_meet(comm):
+    """Ranks whose messages differ would wait for each other."""
+    if comm.size == 1:
+        return
+    slab, is_first = Slab(comm, (12, 10)), comm.rank == 0
+    x, y = slab.lags((1.0, 1.0))
+    A = ToeplitzOperator(1.0 / (1.0 + np.hypot(x, y)), slab)
+    coupled = CoupledOperator([[A, None], [None, A]])
+    masked = MaskedOperator(A, np.ones(slab.local, bool))
+    for one, other in ((A, coupled), (A, masked), (A, A.astype(np.float32))):
+        own = one if is_first else other
+        for make in (cosine_preconditioner, fft_preconditioner, fsai_preconditioner):
+            refuses(comm, ValueError, "A is ", partial(make, own))
+        refuses(comm, ValueError, "must be the same", lambda own=own: own @ np.ones(own.shape[0]))
+        if other is not masked:
+            everywhere = np.ones(own.grid_shape, bool)
+            refuses(comm, ValueError, "A is ", partial(MaskedOperator, own, everywhere))
+    makes = cosine_preconditioner, fft_preconditioner
+    refuses(comm, ValueError, "the preconditioner is", partial(makes[is_first], A))
+    assert np.isfinite(A @ np.ones(A.shape[0])).all()
 
 
 def test_wrong_grids_are_refused(comm):

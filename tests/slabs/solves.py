@@ -339,9 +339,9 @@ def test_wrong_systems_are_refused_by_all(comm):
         text = "the dtype of M is float64 on rank 0 and float32 on rank"
         refuses(comm, ValueError, text, solve(b, M=single if is_last else M))
         sine, cosine = slabs.sine_preconditioner(A), slabs.cosine_preconditioner(A)
-        text = "M is DiagonalisedGrid sine_preconditioner on rank 0 and DiagonalisedGrid cosine_"
+        text = "float64 on rank 0 and DiagonalisedGrid cosine_preconditioner on the grid"
         refuses(comm, ValueError, text, solve(b, M=cosine if is_last else sine))
-        text = "M is DiagonalisedGrid sine_preconditioner on rank 0 and SlabSparseInverse on rank"
+        text = "float64 on rank 0 and SlabSparseInverse on the grid"
         sparse = slabs.fsai_preconditioner(A)
         refuses(comm, ValueError, text, solve(b, M=sparse if is_last else sine))
         text = "the dtype of inner is float32 on rank 0 and None on rank"

@@ -46,7 +46,7 @@ class Waiting:
         self._thread = threading.Thread(target=self._show, daemon=True)
 
     def __enter__(self) -> Self:
-        if sys.stderr.isatty():
+        if sys.stderr and sys.stderr.isatty():  # It is None where a daemon has closed it.
             self._thread.start()
         return self
 
@@ -55,7 +55,7 @@ class Waiting:
 
     def before_line(self) -> None:
         """Make room for a line of the report."""
-        if sys.stdout.isatty():
+        if sys.stdout and sys.stdout.isatty():
             self.end()
 
     def end(self) -> None:

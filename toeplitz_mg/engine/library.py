@@ -77,6 +77,9 @@ class NumPy:
         """Return the dtype of the library for one of NumPy's."""
         return dtype
 
+    def require(self, name: str, dtype: DTypeLike) -> None:
+        """Raise a TypeError where the library has not this precision: it has all."""
+
     def number(self, factor: Any) -> Any:
         """Return a number that an array may be multiplied with."""
         return factor

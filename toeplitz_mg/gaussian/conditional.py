@@ -55,6 +55,6 @@ class Conditional:
         """Return the means of the points, given fields at those that are observed."""
         inside = self.mask.ravel()
         Y: Rows = np.where(inside, fields.reshape(len(fields), inside.size), 0.0)
-        X = self.process.A.apply(self.known.solve(Y))
+        X = self.known.estimate(Y)
         X[:, inside] = Y[:, inside]
         return X.reshape(fields.shape)

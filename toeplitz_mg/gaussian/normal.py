@@ -8,7 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Rows
-from toeplitz_mg.gaussian.checks import check_mean, check_observed, check_series
+from toeplitz_mg.gaussian.checks import (
+    check_mean,
+    check_observed,
+    check_series,
+    warn_of_rounding,
+)
 from toeplitz_mg.gaussian.conditional import Conditional
 from toeplitz_mg.gaussian.observed import Observed, Whole, observe
 from toeplitz_mg.gaussian.sampling import Embedding, Recursion, embed
@@ -107,7 +112,10 @@ class ToeplitzNormal:
 
     @property
     def logdet_error(self) -> float:
-        """An estimate of the error of `logdet`, of one axis; half of it is that of a density."""
+        """An estimate of the error of `logdet`, of one axis.
+
+        Half of it is that of a density, beside that of its quadratic form.
+        """
         if len(self.shape) > 1:
             raise ValueError(f"c has {len(self.shape)} axes, but the error is estimated for one")
         return self._whole.log_determinant.error
@@ -139,7 +147,8 @@ class ToeplitzNormal:
         Warns
         -----
         scipy.linalg.LinAlgWarning
-            Where the estimated error of the log-determinant is large (see `toeplitz_logdet`).
+            Where the estimated error of the log-determinant is large (see `toeplitz_logdet`), or
+            rounding may be 1e-3 n of (y - mean)ᵀ A⁻¹ (y - mean).
 
         Notes
         -----
@@ -241,7 +250,7 @@ class ToeplitzNormal:
         >>> process.whiten([1.0, 0.8, 0.64, 1.112]).round(6) + 0.0
         array([1., 0., 0., 1.])
         """
-        residual, _ = check_series(y, None, self.mean)
+        residual, _ = check_series(y, None, self.mean, has_gaps=False)
         if len(self.shape) > 1:
             raise ValueError(
                 f"c has {len(self.shape)} axes, but whiten is for one: no fast way is known for "
@@ -289,9 +298,13 @@ class ToeplitzNormal:
         >>> given.rvs(3, random_state=0).shape
         (3, 5)
         """
+        if np.ma.isMaskedArray(y):
+            raise TypeError("y is a masked array, but what is missing must be NaN: y.filled(nan)")
         values = numbers("y", y)
         if values.shape != self.shape:
-            raise ValueError(f"y has shape {values.shape}, but must be of that of c, {self.shape}")
+            raise ValueError(
+                f"y has shape {values.shape}, but must have that of c, {self.shape}: one series"
+            )
         if observed is None:
             observed = ~np.isnan(values)
         mask = check_observed(observed, self.shape)
@@ -364,9 +377,10 @@ class ToeplitzNormal:
         residual, mask = check_series(y, observed, self.mean)
         known = observe(self._whole, mask)
         rows = residual.reshape(-1, self.A.shape[0])
-        X = known.solve(rows)
+        X, squares = known.solve_and_square(rows)
         size = rows.shape[1] if mask is None else int(np.count_nonzero(mask))
         constant = known.logdet() + size * float(np.log(2.0 * np.pi))
         self._warn_of_error(known, stacklevel=5)
-        value = -0.5 * (np.vecdot(rows, X) + constant)
+        warn_of_rounding(self.A.norm_bound, X, squares, stacklevel=4)
+        value = -0.5 * (squares + constant)
         return value.reshape(residual.shape[: residual.ndim - len(self.shape)]), X, known

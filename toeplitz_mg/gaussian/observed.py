@@ -15,6 +15,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Mask, Rows
+from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.gaussian.block_of_inverse import inverse_block
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners import default_preconditioner
@@ -43,6 +44,12 @@ class Observed(Protocol):
     def solve(self, Y: Rows) -> Rows:
         """Return α = E A_oo⁻¹ Eᵀ y for each row y, as long as the grid."""
 
+    def solve_and_square(self, Y: Rows) -> tuple[Rows, Array]:
+        """Return α and yᵀ α for each row y."""
+
+    def estimate(self, Y: Rows) -> Rows:
+        """Return the means A α of all points, given each row y."""
+
     def logdet(self) -> float:
         """Return log det A_oo."""
 
@@ -69,6 +76,14 @@ class Whole:
     def solve(self, Y: Rows) -> Rows:
         """Return A⁻¹ y for each row."""
         return self.column.solve(Y)
+
+    def solve_and_square(self, Y: Rows) -> tuple[Rows, Array]:
+        """Return A⁻¹ y and yᵀ A⁻¹ y for each row."""
+        return _square(self, Y)
+
+    def estimate(self, Y: Rows) -> Rows:
+        """Return the rows: all is known."""
+        return Y
 
     def logdet(self) -> float:
         """Return log det A."""
@@ -113,13 +128,27 @@ class Gaps:
         of the first, whose y falls to zero there, and changes v so little that the refinement makes
         up for that.
         """
-        V, column, m = Y.copy(), self.whole.column, self.missing
+        return self.solve_and_square(Y)[0]
+
+    def solve_and_square(self, Y: Rows) -> tuple[Rows, Array]:
+        """Return α and vᵀ A⁻¹ v, which is least for this v: its rounding counts by its square."""
+        V, X = self._continue(Y)
+        self.whole.column.refine(V, X)
+        squares = np.vecdot(V, X)
+        X[:, self.missing] = 0.0
+        return X, squares
+
+    def estimate(self, Y: Rows) -> Rows:
+        """Return v: where A is so ill-conditioned that α has no digits, v still has."""
+        return self._continue(Y)[0]
+
+    def _continue(self, Y: Rows) -> tuple[Rows, Rows]:
+        """Return v and A⁻¹ v, in double precision."""
+        V, m = Y.copy(), self.missing
         for _ in range(2):
-            X = column.inverse.apply(V)
+            X = self.whole.column.inverse.apply(V)
             V[:, m] -= cho_solve((self._factor, True), X[:, m].T, check_finite=False).T
-        column.refine(V, X)
-        X[:, m] = 0.0
-        return X
+        return V, X
 
     def logdet(self) -> float:
         """Return log det A + log det B."""
@@ -168,6 +197,14 @@ class Few:
         X[:, self.index] = cho_solve((self._factor, True), Y[:, self.index].T).T
         return X
 
+    def solve_and_square(self, Y: Rows) -> tuple[Rows, Array]:
+        """Return α and yᵀ α."""
+        return _square(self, Y)
+
+    def estimate(self, Y: Rows) -> Rows:
+        """Return A α."""
+        return self.A.apply(self.solve(Y))
+
     def logdet(self) -> float:
         """Return log det A_oo."""
         return 2.0 * float(np.log(self._factor.diagonal()).sum())
@@ -214,12 +251,23 @@ class Many:
         for x, y in zip(X, Y, strict=True):
             x[inside], info = cg(A, y[inside], M=M, rtol=RTOL, maxiter=MOST_ITERATIONS)
             if info:
+                r = y[inside] - A @ x[inside]
                 raise np.linalg.LinAlgError(
-                    f"CG did not reach the relative residual {RTOL:g} in {info} iterations: the "
-                    "covariance is not positive definite, or too ill-conditioned: add to c[0] (a "
-                    "nugget)"
+                    f"CG reached the relative residual {norm(r) / norm(y):.1e} in {info} "
+                    f"iterations, but {RTOL:g} is needed: the covariance is not positive definite, "
+                    "or too ill-conditioned, as a smooth one is that is wide beside an element: "
+                    f"add to c[0] (a nugget), or take fewer points, of which {MOST} are solved "
+                    "directly"
                 )
         return X
+
+    def solve_and_square(self, Y: Rows) -> tuple[Rows, Array]:
+        """Return α and yᵀ α."""
+        return _square(self, Y)
+
+    def estimate(self, Y: Rows) -> Rows:
+        """Return A α."""
+        return self.A.apply(self.solve(Y))
 
     def logdet(self) -> float:
         """Raise the ValueError that says why none is known."""
@@ -242,6 +290,12 @@ class Many:
             f"exactly only where at most {MOST} are missing, or at most {MOST} observed; "
             "conditional needs none"
         )
+
+
+def _square(known: Observed, Y: Rows) -> tuple[Rows, Array]:
+    """Return α and yᵀ α for each row."""
+    X = known.solve(Y)
+    return X, np.vecdot(Y, X)
 
 
 def _by_lags(X: Rows, diagonal_sums: Array) -> Array:

@@ -151,6 +151,7 @@ class CoupledOperator(GridOperator):
         if self.dtype == dtype:
             return self
         dtype = check_precision(dtype, self.dtype)
+        self.library.require("dtype", dtype)
         real = np.dtype(dtype.char.lower())  # Real blocks of a complex matrix stay real.
         blocks = tuple(
             tuple(

@@ -211,6 +211,7 @@ class ToeplitzOperator(GridOperator):
         dtype = check_precision(dtype, self.dtype)
         if self.dtype == dtype:
             return self
+        self.library.require("dtype", dtype)
         is_less = dtype.itemsize < self.dtype.itemsize
         product = self._product.astype(dtype) if is_less else None
         return ToeplitzOperator(self._coefficients.astype(dtype), product=product)

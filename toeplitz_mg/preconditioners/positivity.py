@@ -32,6 +32,7 @@ def precision(A: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None) ->
     there, or is rounded to zero, would be seen nowhere.
     """
     result = check_precision(A.dtype if dtype is None else dtype, A.dtype)
+    A.library.require("dtype", result)
     blocks = A.blocks if isinstance(A, CoupledOperator) else ((A,),)
     for block in (row[i] for i, row in enumerate(blocks)):
         require_range(0.0 if block is None else abs(complex(block.diagonal_entry)), result)

@@ -106,9 +106,10 @@ def fsai_preconditioner(
     toeplitz_mg.fsai_preconditioner : when to take it, and how it is built.
     """
     full = unwrap(A)
-    require_numpy(full, "fsai_preconditioner on slabs", OTHERS)
     slab, blocks = full.slab, full.blocks
     with slab.agree() as same:
+        same["the preconditioner"], same["A"] = "fsai_preconditioner", A.kind
+        require_numpy(full, "fsai_preconditioner on slabs", OTHERS)
         options = Options(check_neighbours(neighbours))
         same["neighbours"] = options.neighbours
     precision = find_precision(full, dtype)

@@ -92,7 +92,7 @@ class SlabOperator:
                 raise TypeError(f"x has dtype {vector.dtype}, but must be of real numbers")
             if vector.shape != self.shape[:1]:
                 raise ValueError(f"x has shape {vector.shape}, but A has {self.shape}")
-            same["the dtype of x"] = dtype
+            same["the matrix"], same["the dtype of x"] = self.kind, dtype
         # Single precision has not the range of double precision.
         peak = self.vectors.peak(vector) if self.dtype.char == "f" and dtype.char == "d" else 1.0
         low, high = NEAR_ONE
@@ -104,6 +104,7 @@ class SlabOperator:
         """Return the matrix in another precision, the same on all ranks; itself if it has that."""
         with self.slab.agree() as same:
             same["dtype"] = dtype = check_precision(dtype, self.dtype)
+            self.library.require("dtype", dtype)
         return self if self.dtype == dtype else self._cast(dtype)
 
     def _cast(self, dtype: np.dtype[Any]) -> Any:
@@ -114,7 +115,8 @@ class SlabOperator:
     @property
     def kind(self) -> str:
         """What it is, the same on all ranks: those whose messages differ would wait for ever."""
-        return f"{type(self).__name__} {self.made_by}".rstrip()
+        what = f"{type(self).__name__} {self.made_by}".rstrip()
+        return f"{what} on the grid {self.slab.shape}, {self.dtype}"
 
     def __repr__(self) -> str:
         # The same on all ranks, for errors.
@@ -249,7 +251,8 @@ class MaskedOperator(SlabOperator):
                 f"A is a {type(A).__name__}, but must be an operator of toeplitz_mg.slabs on a "
                 "whole grid"
             )
-        with A.slab.agree():
+        with A.slab.agree() as same:
+            same["A"] = A.kind
             mask = library_of(mask).to_numpy(mask)
             self.mask = check_booleans(mask, A.grid_shape, len(A.grid_shape) > len(A.slab.shape))
         if not A.slab.vectors.count(self.mask):

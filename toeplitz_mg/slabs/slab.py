@@ -180,6 +180,8 @@ class Slab(Messages):
             dtype = library.dtype(x)
             if dtype.kind not in "buif":
                 raise TypeError(f"x has dtype {dtype}, but must be of real numbers")
+            if dtype.kind == "b" and library is not NUMPY:  # Of these some libraries have no sum.
+                x = library.xp.astype(x, library.native(np.float64))
         return self.vectors if library is NUMPY else library.vectors_of(self.gather), x
 
     def columns(self, n: int) -> slice:

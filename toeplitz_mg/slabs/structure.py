@@ -44,6 +44,8 @@ def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator
     @wraps(make, (*NAMES, "__doc__"))
     def preconditioner(A: SlabOperator, *, dtype: DTypeLike | None = None) -> SlabOperator:
         full = unwrap(A)
+        with full.slab.agree() as same:
+            same["the preconditioner"], same["A"] = make.__name__, A.kind
         M: SlabOperator
         if isinstance(full, ToeplitzOperator):
             M = _make(make, full, dtype)
@@ -73,6 +75,7 @@ def find_precision(A: Any, dtype: DTypeLike | None) -> np.dtype[Any]:
     """Return the precision of a preconditioner of A (see `positivity.precision`)."""
     with A.slab.agree() as same:
         same["dtype"] = precision = check_precision(A.dtype if dtype is None else dtype, A.dtype)
+        A.library.require("dtype", precision)
     for block in (row[i] for i, row in enumerate(A.blocks)):
         if block is not None:
             # Rank 0 has the diagonal.

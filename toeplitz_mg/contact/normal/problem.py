@@ -84,7 +84,8 @@ def normal_contact(
         force leaves the bodies where they first touch.
     previous : NormalResult, optional
         A result under another load, or of a gap that is alike, on the same grid: what it is near
-        to takes fewer products. See `load_curve`.
+        to takes fewer products. It is a guess, no history: what has yielded (`hardness`) is taken
+        over by a gap to which its `plastic` is added. See `load_curve`.
     reference : float, optional
         In plane strain, and on a surface that repeats along one of two axes, the distance at which
         a line load moves nothing, mm: it decides what approach belongs to a force. By default the
