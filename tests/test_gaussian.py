@@ -224,9 +224,12 @@ def test_all_ways_to_what_is_observed_agree():
     gaps = ways.Gaps(ways.Whole(A), np.flatnonzero(~observed))
     few, many = ways.Few(A, np.flatnonzero(observed)), ways.Many(A, observed)
     assert gaps.logdet() == pytest.approx(few.logdet(), rel=1e-12)
-    X = gaps.solve(Y)
+    (X, squares), estimates = gaps.solve(Y), gaps.estimate(Y)
     for other in (few, many):
-        assert_allclose(X, other.solve(Y), rtol=0, atol=1e-8)
+        theirs = other.solve(Y)
+        assert_allclose(X, theirs[0], rtol=0, atol=1e-8)
+        assert_allclose(squares, theirs[1], rtol=1e-8)
+        assert_allclose(estimates, other.estimate(Y), rtol=0, atol=1e-8)
     assert_allclose(gaps.by_covariances(X), few.by_covariances(X), rtol=0, atol=1e-9)
 
 

@@ -377,7 +377,7 @@ class ToeplitzNormal:
         residual, mask = check_series(y, observed, self.mean)
         known = observe(self._whole, mask)
         rows = residual.reshape(-1, self.A.shape[0])
-        X, squares = known.solve_and_square(rows)
+        X, squares = known.solve(rows)
         size = rows.shape[1] if mask is None else int(np.count_nonzero(mask))
         constant = known.logdet() + size * float(np.log(2.0 * np.pi))
         self._warn_of_error(known, stacklevel=5)

@@ -41,11 +41,8 @@ class Observed(Protocol):
     def log_determinant(self) -> LogDeterminant | None:
         """That of the series without gaps, with its error, where `logdet` rests on it."""
 
-    def solve(self, Y: Rows) -> Rows:
-        """Return α = E A_oo⁻¹ Eᵀ y for each row y, as long as the grid."""
-
-    def solve_and_square(self, Y: Rows) -> tuple[Rows, Array]:
-        """Return α and yᵀ α for each row y."""
+    def solve(self, Y: Rows) -> tuple[Rows, Array]:
+        """Return α = E A_oo⁻¹ Eᵀ y for each row y, as long as the grid, and yᵀ α."""
 
     def estimate(self, Y: Rows) -> Rows:
         """Return the means A α of all points, given each row y."""
@@ -73,13 +70,10 @@ class Whole:
         """The log-determinant with its error."""
         return log_determinant(self.column)
 
-    def solve(self, Y: Rows) -> Rows:
-        """Return A⁻¹ y for each row."""
-        return self.column.solve(Y)
-
-    def solve_and_square(self, Y: Rows) -> tuple[Rows, Array]:
-        """Return A⁻¹ y and yᵀ A⁻¹ y for each row."""
-        return _square(self, Y)
+    def solve(self, Y: Rows) -> tuple[Rows, Array]:
+        """Return A⁻¹ y for each row, and yᵀ A⁻¹ y."""
+        X = self.column.solve(Y)
+        return X, np.vecdot(Y, X)
 
     def estimate(self, Y: Rows) -> Rows:
         """Return the rows: all is known."""
@@ -121,17 +115,11 @@ class Gaps:
         factor: Array = cho_factor(B, lower=True, overwrite_a=True, check_finite=False)[0]
         return factor
 
-    def solve(self, Y: Rows) -> Rows:
-        """Return A⁻¹ v, where v is y, and on the gaps such that A⁻¹ v is zero there.
+    def solve(self, Y: Rows) -> tuple[Rows, Array]:
+        """Return A⁻¹ v, where v is y, and on the gaps such that A⁻¹ v is zero there; and vᵀ A⁻¹ v.
 
-        So v continues y into the gaps as well as can be. The second step makes up for the rounding
-        of the first, whose y falls to zero there, and changes v so little that the refinement makes
-        up for that.
+        That is least for this v, so that the rounding of v counts by its square.
         """
-        return self.solve_and_square(Y)[0]
-
-    def solve_and_square(self, Y: Rows) -> tuple[Rows, Array]:
-        """Return α and vᵀ A⁻¹ v, which is least for this v: its rounding counts by its square."""
         V, X = self._continue(Y)
         self.whole.column.refine(V, X)
         squares = np.vecdot(V, X)
@@ -143,7 +131,11 @@ class Gaps:
         return self._continue(Y)[0]
 
     def _continue(self, Y: Rows) -> tuple[Rows, Rows]:
-        """Return v and A⁻¹ v, in double precision."""
+        """Return v, which continues y into the gaps as well as can be, and A⁻¹ v.
+
+        The second step makes up for the rounding of the first, whose y falls to zero there, and
+        changes v so little that a refinement of A⁻¹ v makes up for that.
+        """
         V, m = Y.copy(), self.missing
         for _ in range(2):
             X = self.whole.column.inverse.apply(V)
@@ -168,7 +160,7 @@ class Gaps:
             unit = np.eye(min(PART, m - first), m, first).T
             rows = np.zeros((unit.shape[1], n))
             rows[:, self.missing] = solve_triangular(self._factor, unit, lower=True, trans=1).T
-            hat = fft.rfft(self.whole.solve(rows), length)
+            hat = fft.rfft(self.whole.column.solve(rows), length)
             power += (hat.real**2 + hat.imag**2).sum(axis=0)
         return self.whole.diagonal_sums() - fft.irfft(power, length)[:n]
 
@@ -191,19 +183,15 @@ class Few:
                 "definite, or so ill-conditioned that float64 cannot tell: add to c[0] (a nugget)"
             ) from None
 
-    def solve(self, Y: Rows) -> Rows:
-        """Return A_oo⁻¹ y_o, extended by zeros, for each row."""
+    def solve(self, Y: Rows) -> tuple[Rows, Array]:
+        """Return α = A_oo⁻¹ y_o, extended by zeros, for each row, and yᵀ α."""
         X = np.zeros_like(Y)
         X[:, self.index] = cho_solve((self._factor, True), Y[:, self.index].T).T
-        return X
-
-    def solve_and_square(self, Y: Rows) -> tuple[Rows, Array]:
-        """Return α and yᵀ α."""
-        return _square(self, Y)
+        return X, np.vecdot(Y, X)
 
     def estimate(self, Y: Rows) -> Rows:
         """Return A α."""
-        return self.A.apply(self.solve(Y))
+        return self.A.apply(self.solve(Y)[0])
 
     def logdet(self) -> float:
         """Return log det A_oo."""
@@ -243,8 +231,8 @@ class Many:
                 "ill-conditioned: add to c[0] (a nugget)"
             ) from None
 
-    def solve(self, Y: Rows) -> Rows:
-        """Solve by CG for each row."""
+    def solve(self, Y: Rows) -> tuple[Rows, Array]:
+        """Return α by CG for each row, and yᵀ α."""
         A, M = self._operators
         X = np.zeros_like(Y)
         inside = self.mask.ravel()
@@ -259,15 +247,11 @@ class Many:
                     f"add to c[0] (a nugget), or take fewer points, of which {MOST} are solved "
                     "directly"
                 )
-        return X
-
-    def solve_and_square(self, Y: Rows) -> tuple[Rows, Array]:
-        """Return α and yᵀ α."""
-        return _square(self, Y)
+        return X, np.vecdot(Y, X)
 
     def estimate(self, Y: Rows) -> Rows:
         """Return A α."""
-        return self.A.apply(self.solve(Y))
+        return self.A.apply(self.solve(Y)[0])
 
     def logdet(self) -> float:
         """Raise the ValueError that says why none is known."""
@@ -290,12 +274,6 @@ class Many:
             f"exactly only where at most {MOST} are missing, or at most {MOST} observed; "
             "conditional needs none"
         )
-
-
-def _square(known: Observed, Y: Rows) -> tuple[Rows, Array]:
-    """Return α and yᵀ α for each row."""
-    X = known.solve(Y)
-    return X, np.vecdot(Y, X)
 
 
 def _by_lags(X: Rows, diagonal_sums: Array) -> Array:
