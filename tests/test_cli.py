@@ -265,7 +265,7 @@ def test_a_warning_is_one_line(folder, capsys):
 def test_advice_says_what_it_is_on_the_command_line(folder, capsys):
     np.save(folder / "c.npy", np.array([1.0] + 299 * [2.0]))
     assert solve(folder) == 2
-    assert "the command line has" in capsys.readouterr().err
+    assert "the command line has the preconditioners" in capsys.readouterr().err
 
 
 def test_a_column_in_single_precision_is_solved_to_the_usual_residual(folder):

@@ -152,8 +152,8 @@ def set_up(A: LinearOperator, options: argparse.Namespace) -> tuple[LinearOperat
         )
     except (ValueError, np.linalg.LinAlgError) as error:
         instead = (
-            "; the command line has what takes a positive definite A as --solver cg "
-            "--preconditioner, and none"
+            "; of what is advised the command line has the preconditioners, as --solver cg "
+            "--preconditioner NAME, and none"
         )
         raise ValueError(f"{error}{instead}") from error
     return M, str(cycle)

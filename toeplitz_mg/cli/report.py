@@ -13,7 +13,10 @@ from toeplitz_mg._typing import Progress
 PRESSURE, TANGENTIAL = "pressure", "tangential traction"  # Names of the results of a contact.
 Solve = Callable[[str, Callable[[Progress], Any]], Any]  # Calls a solver, and prints its progress.
 PATIENCE = 2.0  # Seconds after which a terminal shows that something is being done.
-EXIT_STATUS = "Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted."
+EXIT_STATUS = (
+    "Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted, 141 nobody reads "
+    "the report any more."
+)
 
 
 def print_any_character() -> None:
