@@ -498,3 +498,30 @@ def test_a_product_that_was_made_is_kept_by_nobody(xp):
     assert count_products() >= before + 3
     del A, M, operators
     assert count_products() <= before
+
+
+ON_DEVICES = """
+import jax, numpy as np, pytest, toeplitz_mg as tmg
+from jax.sharding import NamedSharding, PartitionSpec
+one, other = jax.devices()
+c = np.array([2.0, 1.0, 0.5, 0.25], np.float32)
+mesh = jax.make_mesh((2,), ("x",))
+with pytest.raises(TypeError, match="an array of jax.numpy lies on 2 devices"):
+    tmg.ToeplitzOperator(jax.device_put(c, NamedSharding(mesh, PartitionSpec("x"))))
+A, B = (tmg.ToeplitzOperator(jax.device_put(c, device)) for device in (one, other))
+for wrong in (
+    lambda: A + B,
+    lambda: tmg.cg(A, jax.device_put(c, one), M=tmg.cosine_preconditioner(B)),
+):
+    with pytest.raises(TypeError, match="both must have arrays of one library on one device"):
+        wrong()
+assert (A @ jax.device_put(c, one)).device == one
+assert (B @ jax.device_put(c, other)).device == other
+"""
+
+
+@pytest.mark.slow
+def test_arrays_lie_on_one_device():
+    pytest.importorskip("jax")
+    flag = {"XLA_FLAGS": "--xla_force_host_platform_device_count=2"}
+    subprocess.run([sys.executable, "-c", ON_DEVICES], env=os.environ | flag, check=True)

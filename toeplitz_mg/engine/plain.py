@@ -63,6 +63,11 @@ class Plain:
     def of(cls, array: Any) -> "Plain":
         """Return the library of an array."""
         xp, device = compat.array_namespace(array), compat.device(array)
+        if (n := len(getattr(device, "device_set", ()))) > 1:  # It is how JAX has cut the array.
+            raise TypeError(
+                f"an array of {xp.__name__} lies on {n} devices, but must lie on one: "
+                "jax.device_put(x, jax.devices()[0])"
+            )
         key = xp.__name__, str(device)  # Devices of CuPy have no hash.
         return _LIBRARIES.get(key) or _LIBRARIES.setdefault(key, cls(xp, device))
 

@@ -274,8 +274,9 @@ class ToeplitzOperator(GridOperator):
             return simplify([Term(None, self, None)], other)
         if isinstance(other, GridOperator) and other.library is not self.library:
             raise TypeError(
-                f"A has arrays of {self.library.name}, and what is added those of "
-                f"{other.library.name}, but both must have arrays of one library"
+                f"A has arrays of {self.library.name} ({self.library.device}), and what is added "
+                f"those of {other.library.name} ({other.library.device}), but both must have "
+                "arrays of one library on one device"
             )
         if isinstance(other, ToeplitzSum):
             return other.plus(self)

@@ -167,8 +167,8 @@ def check_place(name: str, M: Any, A: Any) -> None:
     theirs, ours = library_for(M), library_for(A)
     if theirs is not ours:
         raise TypeError(
-            f"{name} has arrays of {theirs.name}, and A of {ours.name}, but both must have arrays "
-            "of one library"
+            f"{name} has arrays of {theirs.name} ({theirs.device}), and A of {ours.name} "
+            f"({ours.device}), but both must have arrays of one library on one device"
         )
 
 
