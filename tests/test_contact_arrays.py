@@ -169,7 +169,9 @@ def test_a_library_without_double_precision_is_refused():
             press(jnp.asarray(SPHERE), force=1.0)
         A = tmg.ToeplitzOperator(jnp.asarray([2.0, 1.0, 0.5]))
         for make in (A.astype, lambda dtype: tmg.cosine_preconditioner(A, dtype=dtype)):
-            with pytest.raises(TypeError, match=r"float64, but jax.numpy has no double precision"):
+            with pytest.raises(
+                TypeError, match=r"dtype needs float64, but jax.numpy has no double precision"
+            ):
                 make(np.float64)
         assert tmg.cosine_preconditioner(A).dtype == np.float32
     finally:

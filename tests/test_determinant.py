@@ -280,7 +280,7 @@ def test_of_an_operator_it_names_the_column():
 
 
 @pytest.mark.parametrize("n", [100, 300, 1000])
-@pytest.mark.parametrize("nugget", [1e-10, 1e-8, 1e-6, 1e-3])
+@pytest.mark.parametrize("nugget", [1e-11, 1e-10, 1e-8, 1e-6, 1e-3])
 @pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")
 def test_the_error_of_a_constant_and_a_nugget_is_below_what_it_says(n, nugget):
     """The zero of its polynomial is a difference of numbers, next to the circle."""

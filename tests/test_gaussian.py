@@ -487,6 +487,8 @@ def test_what_is_not_positive_definite_is_refused(method):
         getattr(process, method)(np.zeros(10))
     with pytest.raises(np.linalg.LinAlgError, match="nugget"):
         getattr(process, method)(np.zeros(10), np.arange(10) < 4)
+    with pytest.raises(np.linalg.LinAlgError, match="nugget"):
+        _ = process.conditional(np.zeros(10)).mean
     for name, arguments in (("rvs", ()), ("whiten", (np.zeros(10),))):
         with pytest.raises(np.linalg.LinAlgError, match="leading 4 x 4 block"):
             getattr(process, name)(*arguments)

@@ -334,9 +334,9 @@ def test_wrong_systems_are_refused_by_all(comm):
         text = "rtol, atol, maxiter is (1e-08, 0.0, None) on rank 0 and (0.0001, 0.0, None) on"
         refuses(comm, ValueError, text, solve(b, rtol=1e-4 if is_last else 1e-8))
         M, single = slabs.fft_preconditioner(A), slabs.fft_preconditioner(A, dtype=np.float32)
-        text = "the dtype of M is float64 on rank 0 and None on rank"
+        text = f"M is {M.kind} on rank 0 and None on rank"
         refuses(comm, ValueError, text, solve(b, M=None if is_last else M))
-        text = "the dtype of M is float64 on rank 0 and float32 on rank"
+        text = f"M is {M.kind} on rank 0 and {single.kind} on rank"
         refuses(comm, ValueError, text, solve(b, M=single if is_last else M))
         sine, cosine = slabs.sine_preconditioner(A), slabs.cosine_preconditioner(A)
         text = "float64 on rank 0 and DiagonalisedGrid cosine_preconditioner on the grid"
@@ -344,10 +344,10 @@ def test_wrong_systems_are_refused_by_all(comm):
         text = "float64 on rank 0 and SlabSparseInverse on the grid"
         sparse = slabs.fsai_preconditioner(A)
         refuses(comm, ValueError, text, solve(b, M=sparse if is_last else sine))
-        text = "the dtype of inner is float32 on rank 0 and None on rank"
         less = A.astype(np.float32)
+        text = f"inner is {less.kind} on rank 0 and None on rank"
         refuses(comm, ValueError, text, solve(b, inner=None if is_last else less))
-        text = "the dtype of inner is float32 on rank 0 and float64 on rank"
+        text = f"inner is {less.kind} on rank 0 and {A.kind} on rank"
         refuses(comm, ValueError, text, solve(b, inner=A if is_last else less))
         text = f"rank {last}: inner is 3, but must be A in less precision"
         refuses(comm, TypeError, text, solve(b, inner=3 if is_last else less))

@@ -77,8 +77,8 @@ class NumPy:
         """Return the dtype of the library for one of NumPy's."""
         return dtype
 
-    def require(self, name: str, dtype: DTypeLike) -> None:
-        """Raise a TypeError where the library has not this precision: it has all."""
+    def require(self, what: str, dtype: DTypeLike) -> None:
+        """Raise a TypeError where the library has not the precision that something needs."""
 
     def number(self, factor: Any) -> Any:
         """Return a number that an array may be multiplied with."""

@@ -100,13 +100,13 @@ class Plain:
         dtypes, name = self.xp.__array_namespace_info__().dtypes(), np.dtype(dtype).name
         return dtypes[name if name in dtypes else LESS[name]]
 
-    def require(self, name: str, dtype: DTypeLike) -> None:
-        """Raise a TypeError where the library has not this precision."""
+    def require(self, what: str, dtype: DTypeLike) -> None:
+        """Raise a TypeError where the library has not the precision that something needs."""
         wanted = np.dtype(dtype).name
         if wanted not in self.xp.__array_namespace_info__().dtypes():
             raise TypeError(
-                f"{name} is {wanted}, but {self.name} has no double precision here: in JAX it is "
-                'jax.config.update("jax_enable_x64", True)'
+                f"{what} needs {wanted}, but {self.name} has no double precision here: in JAX it "
+                'is jax.config.update("jax_enable_x64", True)'
             )
 
     def conj(self, array: Any) -> Any:

@@ -1,17 +1,12 @@
 """The arguments of distributions: numbers, means, and series with gaps."""
 
-import warnings
-
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array, Mask, Rows
+from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.values import numbers, refuse_masked
 
 SHOWN = 5  # Positions that an error names.
-EPS = float(np.finfo(np.float64).eps)
-NOISY = 1e-3  # Rounding of a quadratic form, for each unknown, above which there is a warning.
 
 
 def check_mean(mean: ArrayLike, shape: tuple[int, ...]) -> Array:
@@ -45,19 +40,6 @@ def check_series(
     if wrong.any():
         _refuse_positions(wrong, has_gaps and mask is None)
     return residual, mask
-
-
-def warn_of_rounding(norm: float, X: Rows, squares: Array, stacklevel: int) -> None:
-    """Warn where yᵀ α may be rounding, of rows α = A⁻¹ y with a matrix of this norm."""
-    noise = EPS * norm * np.vecdot(X, X)
-    worst = int(noise.argmax()) if len(noise) else 0
-    if len(noise) and noise[worst] > NOISY * X.shape[1]:
-        warnings.warn(
-            f"(y - mean)ᵀ A⁻¹ (y - mean) is {squares[worst]:.6g} with an error of up to "
-            f"{noise[worst]:.1e}: A is ill-conditioned, for which a larger c[0] would help",
-            scipy.linalg.LinAlgWarning,
-            stacklevel=stacklevel,
-        )
 
 
 def check_observed(observed: ArrayLike, shape: tuple[int, ...]) -> Mask:

@@ -8,13 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Rows
-from toeplitz_mg.gaussian.checks import (
-    check_mean,
-    check_observed,
-    check_series,
-    warn_of_rounding,
-)
+from toeplitz_mg.gaussian.checks import check_mean, check_observed, check_series
 from toeplitz_mg.gaussian.conditional import Conditional
+from toeplitz_mg.gaussian.doubts import warn_of_rounding
 from toeplitz_mg.gaussian.observed import Observed, Whole, observe
 from toeplitz_mg.gaussian.sampling import Embedding, Recursion, embed
 from toeplitz_mg.operators import ToeplitzOperator

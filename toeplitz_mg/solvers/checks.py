@@ -64,9 +64,6 @@ def check_system(
             raise TypeError(f"A and b give the dtype {system.dtype}, but on slabs all is real")
         same["rtol, atol, maxiter"] = rtol, atol, maxiter
         same["the dtype of A, M, b and x0"] = system.dtype
-        for name, operator in (("M", system.M), ("inner", system.inner)):
-            # A name, as NumPy takes None for the dtype float64.
-            same[f"the dtype of {name}"] = None if operator is None else operator.dtype.name
         for name, given in (("A", A), ("M", M), ("inner", inner)):
             same[name] = None if given is None else given.kind
         same["whether there is a first guess"] = x0 is not None

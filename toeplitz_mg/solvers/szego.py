@@ -105,11 +105,15 @@ def _sum_schur_parameters(column: SharpColumn) -> LogDeterminant:
     n = len(c)
     x, gamma = schur_column(c)
     logs = np.log1p(-(gamma.real**2 + gamma.imag**2))
-    value = n * float(np.log(c[0].real)) + float(np.arange(n - 1, 0, -1.0) @ logs)
+    of_errors = float(np.arange(n - 1, 0, -1.0) @ logs)  # All of them are negative.
+    of_variance = n * float(np.log(c[0].real))
+    rounding = EPS * (abs(of_variance) - of_errors)
     # No prediction error is more wrong than the last one, 1/x₀. That may be right by chance, but
     # hardly all numbers of x.
     wrong = float(np.abs(x - column.x).max()) / float(column.x[0].real)
-    return LogDeterminant(value, 3.0 * n * (wrong + EPS))
+    # Where the column could not be corrected it is this one, and proves nothing.
+    of_column = EPS if column.residual is None else column.error
+    return LogDeterminant(of_variance + of_errors, 3.0 * (n * (wrong + of_column) + rounding))
 
 
 def _sum_cepstrum(column: SharpColumn, most: int) -> LogDeterminant | None:

@@ -196,11 +196,7 @@ def _check_library(library: Library, name: str, surface: Any, grid: Grid) -> Non
     """Refuse arrays of a library on which the search cannot be made."""
     if any(grid.periodic):
         refuse_masked(name, surface)
-    if library.dtype(library.from_numpy(np.zeros(1))) != np.float64:
-        raise TypeError(
-            f"{name} is an array of {library.name}, which has no double precision here, but the "
-            'search needs it: in JAX it is jax.config.update("jax_enable_x64", True)'
-        )
+    library.require(f"the search with {name}", np.float64)
 
 
 def press(
