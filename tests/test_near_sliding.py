@@ -67,6 +67,26 @@ def test_loads_near_those_of_sliding_take_a_few_products_more_than_creepages(n, 
     assert result.products <= 2.5 * known.products
 
 
+@pytest.mark.parametrize("given", ["both", "longitudinal"])
+@pytest.mark.parametrize("angle", [0.2, 0.7, 1.3])
+@pytest.mark.parametrize("creepage", [0.004, 0.005])  # Of the elements a third at most sticks.
+@pytest.mark.parametrize("n", [80, 140])
+def test_a_line_that_nearly_slides_starts_from_a_coarser_one(n, creepage, angle, given):
+    h = 2.5 / n
+    (x,) = surfaces.centres(n, h)
+    g = 3e-3 * semi_ellipse(x, 1.0)
+    along, across = creepage * np.cos(angle), creepage * np.sin(angle)
+    known = rolling(g, h, longitudinal=along, lateral=across, material=BODY)
+    assert known.stick_area < 0.35 * known.area
+    if given == "both":
+        result = rolling(g, h, force=tuple(known.force), material=BODY)
+    else:
+        result = rolling(g, h, force=(known.force[0], None), lateral=across, material=BODY)
+    assert_rolls(result, BODY)
+    assert_allclose(result.creepages[:2], (along, across), rtol=1e-4)
+    assert result.products <= 2.5 * known.products
+
+
 @doubtful
 @pytest.mark.parametrize(
     ("n", "spin", "given"),
@@ -108,8 +128,8 @@ def test_where_much_may_stick_no_product_is_made_for_it():
     ):
         problem, loads = loads_of(g, grid, **asked)
         K = Products(grid.steady(grid.tangential()), 100)
-        assert guess_sliding(problem, loads, K) is None
+        assert guess_sliding(problem, loads, K, only_start=True) is None
         assert K.count == 0
     bonded = np.where(g > 0.9 * g.max(), np.inf, g)
     problem, loads = loads_of(bonded, grid, force=(0.99 * carried, 0.0))
-    assert guess_sliding(problem, loads, K) is None
+    assert guess_sliding(problem, loads, K, only_start=True) is None

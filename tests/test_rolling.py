@@ -67,7 +67,9 @@ def assert_rolls(result, material, before=None, tolerance=1e-8):
     shape, h = result.contact.shape, result.element[0]
     grid = Grid.of(shape, result.element, material, None)
     if len(shape) == 1:
-        w = np.full((1, *shape), result.rigid)
+        moving = np.ravel(result.rigid)[:2]  # Along x alone, or across it too.
+        grid = replace(grid, directions="xy"[: len(moving)])
+        w = np.tile(moving[:, None], shape)
     else:
         x, y = surfaces.centres(shape, result.element)
         longitudinal, lateral, spin = result.rigid

@@ -122,9 +122,11 @@ def find_steady_state(
     coarsest = 1 if array is None else COARSEST
     from_coarser = partial(_guess_from_coarser_grids, problem, loads, options, coarsest)
     may_refine = guess is None and nested
+    refines = may_refine and not grid.is_short and grid.coarser(coarsest) is not None
     if guess is None and len(loads.wanted):
-        guess = guess_sliding(problem, loads, K)
-    if guess is None and may_refine and not grid.is_short:
+        is_line = len(grid.shape) == 1
+        guess = guess_sliding(problem, loads, K, only_start=not (refines and is_line))
+    if guess is None and refines:
         guess, may_refine = from_coarser(), False
     if array is not None:
         state = find_directly(problem, loads, K, array, guess, patience)
