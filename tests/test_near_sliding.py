@@ -87,6 +87,20 @@ def test_a_line_that_nearly_slides_starts_from_a_coarser_one(n, creepage, angle,
     assert result.products <= 2.5 * known.products
 
 
+@pytest.mark.parametrize("n", [43, 80])
+def test_an_element_or_two_that_stick_are_found_at_once(n):
+    """Tractions of sliding along x alone are those of any creepage, so these say nothing of it."""
+    h = 2.5 / n
+    (x,) = surfaces.centres(n, h)
+    g = 3e-3 * semi_ellipse(x, 1.0)
+    known = rolling(g, h, longitudinal=0.0042, material=BODY)
+    assert 0.0 < known.stick_area < 2.5 * h
+    result = rolling(g, h, force=known.force, material=BODY)
+    assert_rolls(result, BODY)
+    assert result.creepages == pytest.approx(known.creepages, rel=1e-6)
+    assert result.products <= 2.5 * known.products
+
+
 @doubtful
 @pytest.mark.parametrize(
     ("n", "spin", "given"),

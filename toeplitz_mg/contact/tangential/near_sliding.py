@@ -8,7 +8,7 @@ are those of the tractions of before: at first there are none where the slip is 
 in b, and else those of sliding by the creepages of which the loads would be the largest.
 
 Elements that stick are found from here one after the other. On a line where some do the solution
-on the next coarser grid is the better start: from there 1 of 600 lines takes more than 2.5 times
+on the next coarser grid is the better start: from there 1 of 1,300 lines takes more than 2.5 times
 the products of given creepages, and from here 1 of 60. On a surface slip may turn around the
 elements that stick, which are others on a coarser grid.
 """
@@ -39,8 +39,9 @@ WILD, DAMPED = 0.5, 0.5
 # Creepages of much load, over those of the slip that there is, from which a root is searched for.
 FACTORS = 3.0, 10.0, 30.0, 1.0, 100.0
 # Loads that are missing, over what an element carries of them, where it is an element that sticks:
-# slip turns around it, and no sliding tractions have the loads.
-STICKING = 1.0
+# slip turns around it, or the tractions are those of any creepage, and no sliding ones have the
+# loads.
+STICKING = 1e-4, 1.0
 MOST = 100  # Evaluations of the equations from each of those.
 
 
@@ -82,30 +83,39 @@ def guess_sliding(
     def slide(rest: Array, creepages: Array) -> Array:
         return g * direction(rest + vectors.combine(creepages, units))
 
-    q, u, change, creepages = g * direction(slip), np.zeros_like(b), 0.0, None
+    q, u, change, found = g * direction(slip), np.zeros_like(b), 0.0, None
     if is_fast:
-        if (creepages := _find_creepages(loads, g, units, b, starts(b), vectors)) is None:
+        if (found := _find_creepages(loads, g, units, b, starts(b), vectors)) is None:
             return None
-        q = slide(b, creepages)
+        q = slide(b, found[0])
     for _ in range(ROUNDS):
         if K.exhausted:
             break
         u = u + (DAMPED if change > WILD else 1.0) * (np.where(inside, K(q), 0.0) - u)
-        near = starts(b - u) if creepages is None else (creepages,)
-        found = _find_creepages(loads, g, units, b - u, near, vectors)
-        if found is None:
+        near = starts(b - u) if found is None else (found[0],)
+        if (better := _find_creepages(loads, g, units, b - u, near, vectors)) is None:
             break
-        before, q, creepages = q, slide(b - u, found), found
+        found = better
+        before, q = q, slide(b - u, found[0])
         change = vectors.max(size(q - before)) / vectors.max(g)
         if change < SETTLED:
             break
-    return None if creepages is None else admit(problem, q, inside)
+    if found is None:
+        return None
+    creepages, missing = found
+    if missing > STICKING[0]:
+        length = np.where(inside, size(b - u + vectors.combine(creepages, units)), np.inf)
+        inside &= length > -vectors.max(-length)
+    return admit(problem, q, inside)
 
 
 def _find_creepages(
     loads: Loads, g: Array, units: Array, rest: Array, starts: Iterable[Array], vectors: Vectors
-) -> Array | None:
-    """Return creepages by which sliding tractions have the loads, from some near by, if any."""
+) -> tuple[Array, float] | None:
+    """Return creepages by which sliding tractions have the loads, from some near by, if any.
+
+    And what is missing of the loads, over what an element carries of them.
+    """
     from scipy.optimize import root  # It is slow to import.
 
     carried = loads.carried(g, vectors)
@@ -122,7 +132,7 @@ def _find_creepages(
 
     for start in starts:
         found = root(miss, start / scale, options={"maxfev": MOST})
-        if found.success or np.abs(found.fun).max() * elements < STICKING:
-            creepages: Array = found.x * scale
-            return creepages
+        missing = float(np.abs(found.fun).max()) * elements
+        if found.success or missing < STICKING[1]:
+            return found.x * scale, missing
     return None
