@@ -39,9 +39,8 @@ WILD, DAMPED = 0.5, 0.5
 # Creepages of much load, over those of the slip that there is, from which a root is searched for.
 FACTORS = 3.0, 10.0, 30.0, 1.0, 100.0
 # Loads that are missing, over what an element carries of them, where it is an element that sticks:
-# slip turns around it, or the tractions are those of any creepage, and no sliding ones have the
-# loads.
-STICKING = 1e-4, 1.0
+# slip turns around it, and no sliding tractions have the loads.
+STICKING = 1.0
 MOST = 100  # Evaluations of the equations from each of those.
 
 
@@ -83,27 +82,27 @@ def guess_sliding(
     def slide(rest: Array, creepages: Array) -> Array:
         return g * direction(rest + vectors.combine(creepages, units))
 
-    q, u, change, found = g * direction(slip), np.zeros_like(b), 0.0, None
+    q, u, change, creepages = g * direction(slip), np.zeros_like(b), 0.0, None
     if is_fast:
-        if (found := _find_creepages(loads, g, units, b, starts(b), vectors)) is None:
+        if (creepages := _find_creepages(loads, g, units, b, starts(b), vectors)) is None:
             return None
-        q = slide(b, found[0])
+        q = slide(b, creepages)
     for _ in range(ROUNDS):
         if K.exhausted:
             break
         u = u + (DAMPED if change > WILD else 1.0) * (np.where(inside, K(q), 0.0) - u)
-        near = starts(b - u) if found is None else (found[0],)
-        if (better := _find_creepages(loads, g, units, b - u, near, vectors)) is None:
+        near = starts(b - u) if creepages is None else (creepages,)
+        found = _find_creepages(loads, g, units, b - u, near, vectors)
+        if found is None:
             break
-        found = better
-        before, q = q, slide(b - u, found[0])
+        before, q, creepages = q, slide(b - u, found), found
         change = vectors.max(size(q - before)) / vectors.max(g)
         if change < SETTLED:
             break
-    if found is None:
+    if creepages is None:
         return None
-    creepages, missing = found
-    if missing > STICKING[0]:
+    if len(q) == 1:
+        # Tractions of sliding along x alone are those of any creepage, so an element sticks.
         length = np.where(inside, size(b - u + vectors.combine(creepages, units)), np.inf)
         inside &= length > -vectors.max(-length)
     return admit(problem, q, inside)
@@ -111,11 +110,8 @@ def guess_sliding(
 
 def _find_creepages(
     loads: Loads, g: Array, units: Array, rest: Array, starts: Iterable[Array], vectors: Vectors
-) -> tuple[Array, float] | None:
-    """Return creepages by which sliding tractions have the loads, from some near by, if any.
-
-    And what is missing of the loads, over what an element carries of them.
-    """
+) -> Array | None:
+    """Return creepages by which sliding tractions have the loads, from some near by, if any."""
     from scipy.optimize import root  # It is slow to import.
 
     carried = loads.carried(g, vectors)
@@ -132,7 +128,7 @@ def _find_creepages(
 
     for start in starts:
         found = root(miss, start / scale, options={"maxfev": MOST})
-        missing = float(np.abs(found.fun).max()) * elements
-        if found.success or missing < STICKING[1]:
-            return found.x * scale, missing
+        if found.success or np.abs(found.fun).max() * elements < STICKING:
+            creepages: Array = found.x * scale
+            return creepages
     return None
