@@ -259,7 +259,7 @@ def test_each_thread_has_enough_to_do():
     with scipy.fft.set_workers(16):
         for do, count in ((work, 4), (work_slowly, 100)):
             seen.clear()
-            threads.share(do, count, 5 * threads.WORTH_THREADS // 2 - 1)
+            threads.share(do, count, 4 * threads.WORTH_THREADS - 1)
             assert len(seen) <= 4
 
 

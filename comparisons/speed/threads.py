@@ -151,7 +151,8 @@ class Meter:
 
     def __ua_function__(self, method: Any, args: Any, kwargs: Any) -> Any:
         """Transform, as `scipy.fft` does: many lines are shared."""
-        lines = args[0].ndim > 1 and args[0].size >= threads.WORTH_THREADS
+        points = threads.TRANSFORM * args[0].size
+        lines = args[0].ndim > 1 and points >= threads.WORTH_THREADS
         with (
             scipy.fft.skip_backend(self),
             scipy.fft.set_workers(1),

@@ -21,11 +21,11 @@ from toeplitz_mg.engine.backends import chosen_backends
 
 Work = Callable[[range], None]  # Does the parts that have these numbers.
 
-# Numbers of a loop from which on two threads make it faster, not slower. Each thread more needs
-# half as many more, or it waits for the interpreter's lock: on 16 cores the products of 1024²
-# unknowns gain 3.3 with 8 threads, and with 16 only 1.7.
+# Numbers of a loop from which on two threads make it faster, not slower. Each thread more needs as
+# many more, or it waits for the interpreter's lock: on 16 cores the products of 1024² unknowns gain
+# 3.3 with 8 threads, and with 16 only 1.7.
 WORTH_THREADS = 2**19
-TRANSFORM = 2  # What a number counts that is transformed: threads gain on 512² elements, not 256².
+TRANSFORM = 4  # What a number counts that is transformed: threads gain on 370² elements, not 256².
 TOGETHER = 16  # Lines that transforms in single precision take together at most.
 PIECE = 2**16  # Numbers that a thread does at once: what comes in between stays in the cache.
 # Pieces for each thread: one that has the core to itself takes those of another that has not.
@@ -55,7 +55,7 @@ def share(work: Work, count: int, points: int) -> None:
         work(range(count))
         return
     backends = chosen_backends() if is_large else None
-    workers = min(threads, count, 2 * points // WORTH_THREADS) if backends else 1
+    workers = min(threads, count, 1 + points // WORTH_THREADS) if backends else 1
     pieces = min(count, PIECES * workers) if workers > 1 else 1
     bounds = [count * k // pieces for k in range(pieces + 1)]
     rest = list(map(range, bounds[:-1], bounds[1:]))[::-1]

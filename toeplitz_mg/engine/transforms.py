@@ -181,7 +181,7 @@ def in_batches(multiply: Callable[[Array, Array], None], X: Array, out: Array, s
         multiply(X[rows], out[rows])
 
     if TRANSFORM * size < WORTH_THREADS:
-        share_slices(work, len(X), max(1, BATCH // size), len(X) * size)
+        share_slices(work, len(X), max(1, BATCH // size), TRANSFORM * len(X) * size)
         return
     for k in range(len(X)):
         work(slice(k, k + 1))

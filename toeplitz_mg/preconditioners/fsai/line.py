@@ -28,7 +28,10 @@ from toeplitz_mg.preconditioners.fsai.levels import Direct
 from toeplitz_mg.preconditioners.fsai.refusals import refusal
 from toeplitz_mg.preconditioners.fsai.stencil import EXACT
 
-CHUNK = 2**14  # Numbers that are treated together: 128 KB stay in the cache.
+PIECE = (
+    1024  # Blocks of a product: for more BLAS may make threads, beside those that share the line.
+)
+CHUNK = 2**16  # Numbers that a thread does at once: of fewer, threads wait for each other's calls.
 
 
 @dataclass(frozen=True)
@@ -131,10 +134,10 @@ class LineLevel:
         a = workspace((len(X), m), X.dtype)
 
         def forward(blocks: slice) -> None:
-            np.matmul(x[:, blocks], own.T, out=y[:, blocks])
+            _multiply(x[:, blocks], own.T, y[:, blocks])
             previous = slice(max(blocks.start - 1, 0), blocks.stop - 1)
             part = workspace((len(X), previous.stop - previous.start, BLOCK), X.dtype)
-            np.matmul(x[:, previous], before.T, out=part)
+            _multiply(x[:, previous], before.T, part)
             y[:, previous.start + 1 : blocks.stop] += part
             np.matmul(y[:, blocks], w, out=a[:, blocks])
 
@@ -163,15 +166,25 @@ class LineLevel:
 
         def back(blocks: slice) -> None:
             part = sum_of(slice(blocks.start, blocks.stop + 1))
-            np.matmul(part[:, :-1], own, out=z[:, blocks])
+            _multiply(part[:, :-1], own, z[:, blocks])
             product = workspace(part[:, 1:].shape, y.dtype)
-            z[:, blocks] += np.matmul(part[:, 1:], before, out=product)
+            z[:, blocks] += _multiply(part[:, 1:], before, product)
 
         share_slices(back, m - 1, CHUNK // BLOCK, out.size)
         second, last_but_one = sum_of(slice(1, 2))[:, 0], sum_of(slice(m - 2, m - 1))[:, 0]
         z[:, 0] = y[:, 0] @ first + second @ before
         z[:, -1] = last_but_one @ own + y[:, -1] @ final_before
         out[:, cut:] = (y[:, -1] @ final)[:, : self.n - cut]
+
+
+def _multiply(x: Array, matrix: Array, out: Array) -> Array:
+    """Multiply blocks by a matrix, in pieces of which BLAS makes no threads of its own."""
+    whole = x.shape[1] // PIECE * PIECE
+    if whole:
+        pieces = (len(x), -1, PIECE, BLOCK)
+        np.matmul(x[:, :whole].reshape(pieces), matrix, out=out[:, :whole].reshape(pieces))
+    np.matmul(x[:, whole:], matrix, out=out[:, whole:])
+    return out
 
 
 def build_line(
