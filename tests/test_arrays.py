@@ -477,7 +477,8 @@ def test_a_number_may_be_an_array(xp):
 
 def test_what_scipy_would_compose_is_refused(xp):
     A = tmg.ToeplitzOperator(xp.asarray(kernel(20)))
-    for compose in (lambda: A @ A, lambda: A * A, lambda: A + tmg.chan_preconditioner(A)):
+    M = tmg.chan_preconditioner(A)
+    for compose in (lambda: A @ A, lambda: A * A, lambda: A**2, lambda: A + M):
         with pytest.raises(TypeError, match=r"make no operator on arrays of .*A @ \(B @ x\)"):
             compose()
 

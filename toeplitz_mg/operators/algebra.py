@@ -169,6 +169,12 @@ def divide(A: Any, x: Any) -> Any:
     return A * inverse
 
 
+def power(A: Any, p: int) -> Any:
+    """Return A multiplied by itself, p times in all."""
+    _refuse_composition(A, A)
+    return LinearOperator.__pow__(A, p)
+
+
 def trace(A: Any) -> Any:
     """Return the sum of the entries (i, i)."""
     return A.diagonal().sum()

@@ -166,6 +166,7 @@ class GridOperator(LinearOperator):
     __rsub__ = algebra.subtract_from
     __neg__ = algebra.negate
     __truediv__ = algebra.divide
+    __pow__ = algebra.power
 
     def scaled(self, left: Any = None, right: Any = None) -> Any:
         """Return L A R as an operator of this package, or NotImplemented.
