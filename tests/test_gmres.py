@@ -227,6 +227,19 @@ def test_stagnation_is_reported():
     assert info == 0
 
 
+@pytest.mark.parametrize(("small", "cycles"), [(0.03, 1542), (0.01, None)])
+def test_cycles_that_gain_little_together_gain_enough(small, cycles):
+    """A turn by nearly a right angle: of one iteration each reduces by (1 + ε²)^(-1/2)."""
+    A, residuals = np.array([[small, -1.0], [1.0, small]]), []
+    _, info = tmg.gmres(A, [1.0, 0.0], rtol=0.5, restart=1, maxiter=2000, residuals=residuals)
+    expected = (1.0 + small**2) ** (-0.5 * np.arange(len(residuals)))
+    assert_allclose(residuals, expected, rtol=1e-9)
+    if cycles is None:  # Ten of them reduce it by 0.05 %.
+        assert info == len(residuals) - 1 == 10
+    else:
+        assert (info, len(residuals) - 1) == (0, cycles)
+
+
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_stagnation_at_rounding_is_reported(dtype):
     A, b = matrix(60, dtype), vector(60, dtype)

@@ -375,6 +375,16 @@ def test_sums_and_quotients_with_what_is_masked_are_refused(operator):
                 combine(operator, masked)
 
 
+def test_positions_that_are_masked_are_refused():
+    masked = np.ma.masked_array([0, 1], [False, True])
+    for operator in (A, tmg.MaskedOperator(A, np.ones(A.grid_shape, bool))):
+        for take in (lambda A: A[masked[1], 0], lambda A: A[0, masked[1]], lambda A: A[masked, 0]):
+            with pytest.raises((TypeError, IndexError), match="masked"):
+                take(operator)
+        with pytest.raises(TypeError, match="masked"):
+            operator.entries(masked, masked)
+
+
 def test_products_with_sums_and_multiples_refuse_what_is_masked():
     masked = np.ma.masked_array(ONES, ~MASK)
     diagonal = scipy.sparse.diags_array([1.0, 2.0, 3.0, 4.0])

@@ -85,6 +85,32 @@ def test_a_small_moment_of_a_contact_one_element_wide(share):
     assert_allclose(again.moment, share * most, atol=1e-4 * most)
 
 
+@pytest.mark.parametrize("seed", range(181, 184))
+def test_a_bracket_stays_one_whatever_the_search_comes_from(seed):
+    """Of the same creepage the load, nearly zero here, is rounded in another way each time."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(20, 60))
+    x = (np.arange(n) - (n - 1) / 2) / (n / 2)
+    slip = rng.normal(0, 0.06, n)
+    g = 1e-3 * np.sqrt(1 - x**2)
+    found = rolling(g, 1.0, material=Material.from_shear(1.0, 0.0), force=0.0, slip=slip)
+    assert abs(found.force) <= 1e-8 * g.sum()
+
+
+@pytest.mark.filterwarnings("ignore:the contact is only 1 element across")
+@pytest.mark.parametrize("angle", np.linspace(0.1, 6.2, 7))
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.95, 0.9999])
+def test_a_single_element_sticks_whatever_slip_is_given(angle, share):
+    """What it carries are the forces, so that it cannot slide."""
+    force = 1e-3 * share * np.array([np.cos(angle), np.sin(angle)])
+    slip = [[[-1e-2]], [[2e-2]]]
+    material = Material.from_shear(1.0, 0.0)
+    found = rolling([[1e-3]], (1.0, 1.0), material=material, slip=slip, force=force.tolist())
+    assert found.stick.all()
+    assert found.products <= 3
+    assert_allclose(found.force, force, atol=1e-12)
+
+
 @pytest.mark.parametrize("creepage", ["longitudinal", "lateral", "spin"])
 def test_creepages_beside_which_displacements_are_rounding_are_refused(creepage):
     with pytest.raises(ValueError, match=f"{creepage} is 1e.20, but must be at most"):

@@ -303,7 +303,7 @@ def test_a_dense_matrix_is_not_taken_for_two_axes_without_a_word(n, row, dtype):
         with pytest.raises(ValueError, match=rf"looks like {advised}$"):
             tmg.ToeplitzOperator(dense)
     else:
-        message = rf"has shape \({n}, {n}\) .* {n * n} unknowns.* use {advised}$"
+        message = rf"has shape \({n}, {n}\) .* {n * n} unknowns.* as in {advised}$"
         with pytest.warns(UserWarning, match=message):
             tmg.ToeplitzOperator(dense)
 
@@ -338,12 +338,12 @@ def test_nor_is_one_that_is_computed_entry_by_entry(dtype):
         (np.exp((x[:, None] - x) / dtype(0.3)), "c[:, 0], c[0]"),
     ):
         assert not np.array_equal(c[1:, 1:], c[:-1, :-1])
-        with pytest.warns(UserWarning, match=re.escape(f"use ToeplitzOperator({advised})")):
+        with pytest.warns(UserWarning, match=re.escape(f"as in ToeplitzOperator({advised})")):
             tmg.ToeplitzOperator(c)
 
 
 def test_so_is_that_of_two_rows():
-    with pytest.warns(UserWarning, match=re.escape("use ToeplitzOperator(c[:, 0])")):
+    with pytest.warns(UserWarning, match=re.escape("as in ToeplitzOperator(c[:, 0])")):
         tmg.ToeplitzOperator([[2.0, 1.0], [1.0, 2.0]])
 
 

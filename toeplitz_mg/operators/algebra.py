@@ -102,11 +102,13 @@ def scaling(side: str, method: Callable[[Any, Any], Any]) -> Callable[[Any, Any]
 
 def _refuse_composition(A: Any, x: Any) -> None:
     """Refuse what SciPy would compose: its operators make arrays of NumPy of all others."""
-    library = getattr(A, "library", NUMPY)
-    if library is not NUMPY and isinstance(x, LinearOperator):
+    if not isinstance(x, LinearOperator):
+        return
+    names = {getattr(B, "library", NUMPY).name for B in (A, x)}
+    if names != {NUMPY.name}:
         raise TypeError(
-            f"{A!r} and {x!r} make no operator on arrays of {library.name}: apply one after the "
-            "other, as in A @ (B @ x)"
+            f"{A!r} and {x!r} make no operator on arrays of {' and '.join(sorted(names))}: apply "
+            "one after the other, as in A @ (B @ x)"
         )
 
 
@@ -193,6 +195,8 @@ def _positions(name: str, index: Any, length: int) -> Any:
     """Return an index, or those of a slice, as counted from 0."""
     if isinstance(index, slice):
         return np.arange(length)[index]
+    if np.ma.isMaskedArray(index):
+        refuse_masked(f"the {name}", index)
     try:
         k = integer(index)
     except TypeError:

@@ -95,11 +95,10 @@ def averaged(
         except np.linalg.LinAlgError as error:
             if part is hermitian_part and not all(term.A.is_hermitian for term in full.terms):
                 raise _of_hermitian_part() from error
-            solver = "cg" if full.is_hermitian else "gmres"
+            solver = "cg without M, and else gmres" if full.is_hermitian else "gmres without M"
             error.args = (
                 f"{error}; here A is the Toeplitz matrix that stands for a sum with diagonal "
-                f"matrices, and may be indefinite where the sum is not: then use {solver} without "
-                "M",
+                f"matrices, and may be indefinite where the sum is not: then use {solver}",
             )
             raise
         except ValueError as error:

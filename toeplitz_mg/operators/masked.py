@@ -151,6 +151,7 @@ class MaskedOperator(GridOperator):
 
     def entries(self, rows: Array, columns: Array) -> Array:
         """Return the entries in some rows and columns, by their positions among the unknowns."""
+        rows, columns = refuse_masked("rows", rows), refuse_masked("columns", columns)
         return self._whole().entries(self._index[rows], self._index[columns])
 
     def diagonal(self) -> Array:

@@ -21,7 +21,7 @@ from toeplitz_mg.operators.coefficients import check_precision, require_range
 ROUNDING = 4.0
 # What is left where no preconditioner is: the end of the advice of all refusals, where A is not
 # positive definite for certain, and where it may be.
-INDEFINITE = "gmres, which takes any matrix"
+INDEFINITE = "solve_toeplitz(A.c, b) for a whole line, or gmres, which takes any matrix"
 LAST_RESORT = f"{INDEFINITE}, or cg without M if A is positive definite after all"
 
 

@@ -1,5 +1,6 @@
 """GMRES, preconditioned from the right, so that the true residual is what stops it."""
 
+from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
@@ -18,7 +19,8 @@ from toeplitz_mg.solvers.iterate import Iterate
 from toeplitz_mg.values import count
 
 RESTART = 20  # Most iterations of a cycle, as in SciPy: there are 28 vectors then.
-STAGNANT = 0.999  # Factor by which a cycle is to reduce the residual, for another one to follow.
+STAGNANT = 0.999  # Factor by which some cycles are to reduce the residual, for another to follow.
+PATIENCE = 10  # So many cycles: one alone may gain next to nothing, and those after it much.
 
 
 def gmres(
@@ -75,9 +77,9 @@ def gmres(
     x : ndarray of shape (n,)
     info : int
         0 where it has converged. Otherwise the iterations done, of all cycles (at least 1): the
-        cycles are used up; or a cycle has not reduced the residual, or by less than 0.1 %, as with
-        a singular matrix, near rounding, or with too short a cycle; or `A` or `M` is found not to
-        be finite. `x` is then the iterate of the least residual.
+        cycles are used up; or a cycle has not reduced the residual, or ten cycles by less than
+        0.1 % together, as with a singular matrix, near rounding, or with too short a cycle; or `A`
+        or `M` is found not to be finite. `x` is then the iterate of the least residual.
 
     Raises
     ------
@@ -133,11 +135,13 @@ def gmres(
     goal, residual = state.goal(rtol, atol), norm(state.r)
     state.record(residual)
     space = KrylovSpace(_product(system), (n,), dtype, restart)
-    cycles, before = 0, np.inf
+    cycles, before, earlier = 0, np.inf, deque([np.inf] * PATIENCE, PATIENCE)
     while not residual <= goal:
-        if cycles == system.maxiter or not residual < STAGNANT * before:
+        has_gained = residual < before and residual < STAGNANT * earlier[0]
+        if cycles == system.maxiter or not has_gained:
             return state.x, max(state.iterations, 1)
         before = residual
+        earlier.append(residual)
         with np.errstate(over="ignore", invalid="ignore"):  # It is told by `info`.
             least = before
             for least in _extend(space, state.r, restart, goal):

@@ -62,6 +62,8 @@ def guess_sliding(
     vectors, g, inside = problem.vectors, problem.g, problem.g > 0.0
     if vectors.count(np.isinf(g)) or not (loads.carried(g, vectors) > 0.0).all():
         return None
+    if vectors.count(g) == 1:  # It sticks, as it carries the loads.
+        return None
     least = NEAR if only_start else 1.0 - HARDLY / vectors.count(g)
     units, b = (np.where(inside, x, 0.0) for x in (loads.units, problem.b))
     of_slip = Complement(units, vectors)

@@ -83,10 +83,11 @@ class TangentialResult:
         line contact.
     power : float
         What slip dissipates. In `rolling` the power over the speed, N, from forces and creepages:
-        in the steady state it is more exact than the sum of -q·s over the elements that slide. That
-        sum it is in `rolling_steps`, where the bodies store a part of the other. In friction it is
-        the work of the slip since the previous tractions, N mm, in plane strain N: that sum too,
-        exact where each element slides one way under the bound that it has now.
+        in the steady state it is more exact than the sum of -q·s over the elements that slide, but
+        with spin on an element or two it may even be negative. That sum it is in `rolling_steps`,
+        where the bodies store a part of the other. In friction it is the work of the slip since
+        the previous tractions, N mm, in plane strain N: that sum too, exact where each element
+        slides one way under the bound that it has now.
     products : int
         Products with the matrix of the smallest rectangle around the elements in contact.
     work : float

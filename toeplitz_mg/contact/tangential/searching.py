@@ -8,6 +8,7 @@ the loads depend smoothly, Powell's hybrid method does the rest.
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 
 import numpy as np
 
@@ -70,21 +71,24 @@ def search_creepages(
             raise _NearEnough
         return missing
 
+    @cache  # Another state to start from gives another rounding, and at zero another sign.
+    def miss_one(x: float) -> float:
+        return float(miss(np.array([x]))[0])
+
     with suppress(_NearEnough):
         if len(units) == 1:
-            brentq(lambda x: miss(np.array([x]))[0], *_bracket(miss, creepages / units))
+            brentq(miss_one, *_bracket(miss_one, float(creepages[0] / units[0])))
         else:
             root(miss, creepages / units, options={"factor": FIRST_STEP, "eps": 1e-4})
     return best[0], best[1]
 
 
-def _bracket(miss: Callable[[Array], Array], x: Array) -> tuple[float, float]:
+def _bracket(miss: Callable[[float], float], before: float) -> tuple[float, float]:
     """Return creepages with too much and with too little of the load, which they lower."""
-    before, step = x[0], FIRST_STEP
-    missing = miss(x)[0]
+    step, missing = FIRST_STEP, miss(before)
     while True:
         beyond = before + (-step if missing > 0.0 else step)
-        if (miss(np.array([beyond]))[0] > 0.0) != (missing > 0.0):
+        if (miss(beyond) > 0.0) != (missing > 0.0):
             return before, beyond
         before, step = beyond, 2.0 * step
 
