@@ -186,7 +186,7 @@ def test_chan_is_positive_definite_where_the_embeddings_are_not():
 def test_circulants_refuse_what_is_not_positive():
     with pytest.raises(np.linalg.LinAlgError, match=r"Strang's circulant has the eigenvalue -"):
         tmg.strang_preconditioner(tmg.ToeplitzOperator([1.0, 0.7, 0.1, 0.0]))
-    with pytest.raises(np.linalg.LinAlgError, match=r"T. Chan's circulant .* use gmres.*matrix$"):
+    with pytest.raises(np.linalg.LinAlgError, match=r"T. Chan's circulant .* use .*gmres.*matrix$"):
         tmg.chan_preconditioner(tmg.ToeplitzOperator([1.0, 2.0, 3.0]))
 
 
