@@ -146,6 +146,18 @@ def test_advice_for_a_general_matrix_is_a_preconditioner_of_gmres(A):
                 assert "made" in follow(function, A)
 
 
+@pytest.mark.parametrize(("base", "shift"), [(0.9, 0.06), (0.9, 0.5), (0.5, 0.7)])
+def test_what_is_advised_for_an_indefinite_line_solves(base, shift):
+    """There GMRES without M takes thousands of iterations."""
+    c = base ** np.arange(300.0)
+    c[0] -= shift
+    A = tmg.ToeplitzOperator(c)
+    refused, _ = refusal(tmg.default_preconditioner, A)
+    assert "solve_toeplitz(A.c, b) for a whole line" in refused
+    b = np.random.default_rng(0).standard_normal(300)
+    assert np.linalg.norm(b - A @ tmg.solve_toeplitz(A.c, b)) <= 1e-10 * np.linalg.norm(b)
+
+
 def test_a_negative_matrix_is_one_of_the_other_sign():
     """Fractional derivatives have that sign, mostly."""
     for name, A, _ in matrices():
