@@ -577,8 +577,9 @@ def test_against_cholesky(c, columns, rough, seed):
     if condition < 1e13:
         expected = scipy.linalg.cho_solve(factor, b)
         error = np.linalg.norm(x - expected, axis=0) / np.linalg.norm(expected, axis=0)
-        # Of the two parts one is that of CG, which stops at the relative residual of 1e-12.
-        assert error.max() <= 1e-12 * condition**0.5 + 1e-14 * condition
+        # The residual is 1e-12 ‖b‖ at most, or rounding; the condition number is an estimate, which
+        # may be less than it is.
+        assert error.max() <= 5e-12 * condition
 
 
 def test_a_negative_definite_system_is_as_good_as_its_negative():
