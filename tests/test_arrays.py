@@ -483,6 +483,13 @@ def test_what_scipy_would_compose_is_refused(xp):
             compose()
 
 
+def test_operators_on_arrays_of_two_libraries_are_refused_by_both_names(xp):
+    theirs, ours = tmg.ToeplitzOperator(xp.asarray(kernel(20))), tmg.ToeplitzOperator(kernel(20))
+    for compose in (lambda: ours @ theirs, lambda: theirs @ ours, lambda: ours + theirs):
+        with pytest.raises(TypeError, match=rf"(?=.*\bnumpy\b)(?=.*{theirs.library.name})"):
+            compose()
+
+
 def test_a_product_that_was_made_is_kept_by_nobody(xp):
     """A program that a library compiles of it has its arrays as arguments."""
     products = PlainPasses, PlainDiagonalised

@@ -29,7 +29,7 @@ STEEL = Material(E=210000.0, nu=0.28)
 LARGE = 8 * threads.WORTH_THREADS  # Numbers of a loop that all threads share.
 
 
-SMALL = {"WORTH_THREADS": 16, "PIECE": 16, "BATCH": 64, "CHUNK": 32, "BLOCK": 16}
+SMALL = {"WORTH_THREADS": 16, "PIECE": 16, "BATCH": 64, "CHUNK": 32, "BLOCK": 16, "BLAS_BLOCKS": 2}
 SMALL |= {"WHOLE_BYTES": 1024, "PANEL_BYTES": 1024, "BLOCK_BYTES": 1024, "NARROW": 1}
 SMALL |= {"SHARED": 64, "AT_ONCE": 16}
 

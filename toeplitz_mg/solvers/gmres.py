@@ -135,13 +135,13 @@ def gmres(
     goal, residual = state.goal(rtol, atol), norm(state.r)
     state.record(residual)
     space = KrylovSpace(_product(system), (n,), dtype, restart)
-    cycles, before, earlier = 0, np.inf, deque([np.inf] * PATIENCE, PATIENCE)
+    cycles, past = 0, deque([np.inf] * PATIENCE, PATIENCE)
     while not residual <= goal:
-        has_gained = residual < before and residual < STAGNANT * earlier[0]
+        has_gained = residual < past[-1] and residual < STAGNANT * past[0]
         if cycles == system.maxiter or not has_gained:
             return state.x, max(state.iterations, 1)
         before = residual
-        earlier.append(residual)
+        past.append(before)
         with np.errstate(over="ignore", invalid="ignore"):  # It is told by `info`.
             least = before
             for least in _extend(space, state.r, restart, goal):

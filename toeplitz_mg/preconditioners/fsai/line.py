@@ -28,9 +28,7 @@ from toeplitz_mg.preconditioners.fsai.levels import Direct
 from toeplitz_mg.preconditioners.fsai.refusals import refusal
 from toeplitz_mg.preconditioners.fsai.stencil import EXACT
 
-PIECE = (
-    1024  # Blocks of a product: for more BLAS may make threads, beside those that share the line.
-)
+BLAS_BLOCKS = 1024  # Blocks of a product of BLAS, which for more may make threads of its own.
 CHUNK = 2**16  # Numbers that a thread does at once: of fewer, threads wait for each other's calls.
 
 
@@ -179,9 +177,9 @@ class LineLevel:
 
 def _multiply(x: Array, matrix: Array, out: Array) -> Array:
     """Multiply blocks by a matrix, in pieces of which BLAS makes no threads of its own."""
-    whole = x.shape[1] // PIECE * PIECE
+    whole = x.shape[1] // BLAS_BLOCKS * BLAS_BLOCKS
     if whole:
-        pieces = (len(x), -1, PIECE, BLOCK)
+        pieces = (len(x), -1, BLAS_BLOCKS, BLOCK)
         np.matmul(x[:, :whole].reshape(pieces), matrix, out=out[:, :whole].reshape(pieces))
     np.matmul(x[:, whole:], matrix, out=out[:, whole:])
     return out
