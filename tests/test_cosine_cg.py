@@ -8,8 +8,10 @@ from scipy import fft
 
 import toeplitz_mg as tmg
 from comparisons.systems.symbols import column
+from toeplitz_mg.solvers import cosine_inverse
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
-from toeplitz_mg.solvers.cosine_form import LOWEST, ApproximateInverse, CosineForm, by_parity
+from toeplitz_mg.solvers.cosine_form import CosineForm, choose_points, has_ended
+from toeplitz_mg.solvers.cosine_inverse import ApproximateInverse, group
 
 # Lengths that are fast, even and odd, and slow, even and odd.
 LENGTHS = [256, 315, 1000, 269, 262, 1021]
@@ -38,28 +40,87 @@ def test_the_products_are_those_of_the_matrix(n):
     assert_allclose(form.transform_back(Y), X @ A, atol=1e-13 * scale)
 
 
+def transformed(form):
+    """C A Cᵀ, of the long matrix where the length is slow."""
+    C, lags = transform(form.m), fft.dct(form.samples, 1)[: form.m] / (2 * form.m)
+    return C @ scipy.linalg.toeplitz(lags) @ C.T
+
+
 @pytest.mark.parametrize("n", LENGTHS)
-def test_the_lowest_blocks_are_those_of_the_transformed_matrix(n):
+def test_the_entries_are_those_of_the_transformed_matrix(n):
     form = CosineForm(column("contact", n))
-    lags = fft.dct(form.samples, 1)[: form.m] / (2 * form.m)
-    C = transform(form.m)
-    B = (C @ scipy.linalg.toeplitz(lags) @ C.T)[:LOWEST, :LOWEST]
-    even, odd = form.lowest_blocks()
-    assert_allclose(even, B[::2, ::2], atol=1e-12 * abs(B).max())
-    assert_allclose(odd, B[1::2, 1::2], atol=1e-12 * abs(B).max())
-    # The even and the odd part of a vector do not mix.
+    B = transformed(form)
+    numbers = np.array([0, 1, 5, 40, n // 3, n // 2 - 1])
+    frequencies = 2 * numbers + [[0], [1]]
+    found = form.entries(choose_points(form.m, frequencies))
+    for entries, own in zip(found, frequencies, strict=True):
+        assert_allclose(entries, B[np.ix_(own, own)], atol=1e-12 * abs(B).max())
+    # Even and odd frequencies, and so the even and the odd part of a vector, do not mix.
     assert_allclose(B[::2, 1::2], 0.0, atol=1e-12 * abs(B).max())
+
+
+@pytest.mark.parametrize("m", [256, 315, 4096, 4375])
+@pytest.mark.parametrize("are_alone", [True, False])
+def test_groups_are_of_all_pairs_or_of_the_lowest(m, are_alone):
+    groups = group(m, are_alone)
+    k, pairs = len(groups.starts), m // 2
+    assert groups.are_alone == are_alone
+    assert (groups.widths > 0).all()
+    assert (groups.widths[: groups.alone] == 1).all()
+    assert np.array_equal(groups.starts[1:], np.cumsum(groups.widths)[:-1])
+    assert groups.widths.sum() == (groups.alone if are_alone else pairs)
+    even, odd = groups.points.frequencies
+    assert np.array_equal(odd, even + 1)
+    assert (groups.starts <= even // 2).all()
+    assert (even // 2 < groups.starts + groups.widths).all()
+    x, values = random(m), random(2 * k)
+    if not are_alone:  # The sum over groups is the transpose of what spreads their values.
+        spread = groups.spread(values)
+        assert_allclose(groups.sum(x) @ values, x[: 2 * pairs] @ spread, rtol=1e-12)
+
+
+def dense(M, m):
+    rows = np.empty((m, m))
+    M.apply(np.eye(m), out=rows)
+    return rows
 
 
 @pytest.mark.parametrize("n", LENGTHS)
 @pytest.mark.parametrize("name", NAMES)
-def test_the_approximate_inverse_is_positive_definite(name, n):
+@pytest.mark.parametrize("long", [0, 10**6])
+def test_the_approximate_inverse_is_positive_definite(name, n, long, monkeypatch):
+    monkeypatch.setattr(cosine_inverse, "LONG", long)
     form = CosineForm(column(name, n))
-    M = ApproximateInverse(form.alternated() if form.has_zero_at_end else form)
-    assert (M.diagonal[LOWEST:] > 0.0).all()
-    for block in M.lowest:
-        assert_allclose(block, block.T)
-        assert np.linalg.eigvalsh(block).min() > 0.0
+    M = dense(ApproximateInverse(form.alternated() if form.has_zero_at_end else form), form.m)
+    assert_allclose(M, M.T, rtol=1e-9, atol=1e-12 * abs(M).max())
+    assert np.linalg.eigvalsh(M).min() > 0.0
+
+
+@pytest.mark.parametrize("n", LENGTHS)
+def test_of_the_lowest_alone_the_inverse_is_that_of_a_block(n):
+    form = CosineForm(column("contact", n))
+    M, B = dense(ApproximateInverse(form), form.m), transformed(form)
+    lowest = 2 * cosine_inverse.ALONE
+    assert_allclose(M[:lowest, :lowest] @ B[:lowest, :lowest], np.eye(lowest), atol=1e-9)
+    assert np.count_nonzero(M - np.diag(np.diag(M))) <= lowest**2 / 2
+
+
+@pytest.mark.parametrize("n", LENGTHS)
+@pytest.mark.parametrize("name", ["contact", "|θ|"])
+def test_the_groups_have_the_inverse_of_a_diagonal_and_their_couplings(name, n, monkeypatch):
+    monkeypatch.setattr(cosine_inverse, "LONG", 0)
+    form = CosineForm(column(name, n))
+    M = ApproximateInverse(form)
+    groups, D = group(form.m, are_alone=False), np.diag(1.0 / M.diagonal)
+    end = 2 * (form.m // 2)
+    K = np.zeros_like(D)
+    for parity, B in enumerate(form.entries(groups.points)):
+        own = groups.points.frequencies[parity]
+        N = B - np.diag(D[own, own])  # C A Cᵀ - D, at a frequency of each group
+        N[np.diag_indices(len(N))] = np.diag(B) - D[own, own]
+        P = np.repeat(np.eye(len(N)), groups.widths, axis=0)
+        K[parity:end:2, parity:end:2] = P @ N @ P.T
+    assert_allclose(dense(M, form.m) @ (D + K), np.eye(form.m), atol=1e-8)
 
 
 @pytest.mark.parametrize("n", LENGTHS)
@@ -87,14 +148,30 @@ def test_of_lags_that_decay_in_proportion_a_few_iterations_are_all(n, ratio):
     assert np.linalg.norm(scipy.linalg.toeplitz(c) @ x - b) <= 1e-11 * np.linalg.norm(b)
 
 
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [("|θ|^1.5", 8), ("|θ|³", 8), ("θ²", 7), ("(2 - 2 cos θ)²", 7), ("contact", 7)],
+)
+def test_iterations_do_not_grow_where_all_frequencies_are_in_groups(name, most):
+    for n in (4096, 8192, 16384, 32768):
+        c, b = column(name, n), random(n)
+        size = float(2.0 * abs(c).sum())
+        x, iterations = CosineSolver(CosineForm(c), size).solve(b, 1e-12)
+        assert iterations <= most
+        residual = tmg.ToeplitzOperator(c).apply(x) - b
+        assert np.linalg.norm(residual) <= 1e-11 * np.linalg.norm(
+            b
+        ) + 1e-15 * size * np.linalg.norm(x)
+
+
 def test_lags_that_are_zero_at_the_end_by_chance_have_not_ended():
     c = np.exp(-np.arange(600) / 1000.0)
-    assert not CosineForm(c).has_ended
+    assert not has_ended(c)
     c[1::2] = 0.0
     assert c[-1] == 0.0
-    assert not CosineForm(c).has_ended
+    assert not has_ended(c)
     c[-2] = 0.0
-    assert CosineForm(c).has_ended
+    assert has_ended(c)
 
 
 @pytest.mark.parametrize("n", [256, 269])
@@ -115,10 +192,3 @@ def test_what_is_not_positive_definite_is_refused():
     for c in (column("sinc", n), np.cos(np.arange(n)), -column("contact", n)):
         with pytest.raises(np.linalg.LinAlgError):
             CosineSolver(CosineForm(c), 1.0).solve(np.ones(n), 1e-8)
-
-
-def test_the_frequencies_are_sorted_by_parity():
-    X = random(3, 100)
-    even, odd = by_parity(X)
-    assert np.array_equal(even, X[:, :LOWEST:2])
-    assert np.array_equal(odd, X[:, 1:LOWEST:2])

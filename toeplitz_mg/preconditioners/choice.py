@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg._typing import Mask
+from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.base import require_numpy
@@ -134,7 +134,9 @@ def _of_all_components(A: LinearOperator, mask: Mask | None) -> Iterator[Candida
         yield Candidate("fsai_preconditioner", reason, couple)
 
 
-def candidates_of_line(A: ToeplitzOperator) -> Iterator[Candidate]:
+def candidates_of_line(
+    A: ToeplitzOperator, sample: Callable[[], Array] | None = None
+) -> Iterator[Candidate]:
     """Yield the preconditioners of a whole line that its symbol allows, the fastest first.
 
     There may be none: where the symbol has no positive samples and no zero at an end, or is not
@@ -144,12 +146,14 @@ def candidates_of_line(A: ToeplitzOperator) -> Iterator[Candidate]:
     ----------
     A : ToeplitzOperator
         Symmetric, of one axis. The candidates are for this matrix alone.
+    sample : callable, optional
+        Returns `symbol_of_line` of it, where that is known.
     """
     if len(A.c) >= LONG and traits.decays_slowly(A.c):
         # 4 to 12 iterations, but next to no set-up, and cheap ones.
         yield Candidate.of(fsai_preconditioner, "a long line of slow decay")
     A = A.astype(np.float64)
-    samples = sample_symbol(A, (near_fast_length(len(A.c)),))  # At θ = 0 … π.
+    samples = symbol_of_line(A) if sample is None else sample()
     by_sine = partial(sine_inverse, samples=samples)
     by_cosine = partial(cosine_inverse, samples=samples)
     is_smooth = traits.decreases(A.c)
@@ -173,6 +177,11 @@ def candidates_of_line(A: ToeplitzOperator) -> Iterator[Candidate]:
         elif factor.residual <= HARDLY_RESOLVED:
             # As wide as the matrix, with a simple tail: 2 to 6 iterations.
             yield Candidate.of(cosine_preconditioner, "a wide covariance", by_cosine)
+
+
+def symbol_of_line(A: ToeplitzOperator) -> Array:
+    """Return samples of the symbol of a symmetric matrix of one axis, at θ = 0 … π."""
+    return sample_symbol(A, (near_fast_length(len(A.c)),))
 
 
 def candidates_of_complex_line(A: ToeplitzOperator) -> Iterator[Candidate]:

@@ -95,6 +95,11 @@ def has_zero_at_start(samples: Array) -> bool:
     )
 
 
+def has_zero_at_an_end(samples: Array) -> bool:
+    """Whether samples of a symbol at θ = 0 … π tell of a zero at an end, and of no other."""
+    return has_zero_at_start(samples) or has_zero_at_start(samples[::-1])
+
+
 def has_symbol(samples: Array) -> bool:
     """Whether samples, on a circle, are those of a function of the frequency that they resolve.
 

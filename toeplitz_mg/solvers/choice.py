@@ -25,6 +25,7 @@ from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
 from toeplitz_mg.preconditioners.traits import (
     decays_slowly,
     has_symbol,
+    has_zero_at_an_end,
     is_nearly_circulant,
     is_nearly_white,
     wraps_around,
@@ -38,6 +39,7 @@ from toeplitz_mg.solvers.attempts import (
     solve_in_cycles,
 )
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
+from toeplitz_mg.solvers.cosine_form import has_ended
 from toeplitz_mg.solvers.crossovers import (
     FEW,
     GENERAL,
@@ -52,7 +54,7 @@ from toeplitz_mg.solvers.crossovers import (
 )
 from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.levinson import levinson
-from toeplitz_mg.solvers.system import EPS, ToeplitzSystem
+from toeplitz_mg.solvers.system import EPS, LARGEST_COSINE, ToeplitzSystem
 from toeplitz_mg.solvers.trench import column_and_row_of_inverse
 
 ACCEPTED = 1e4 * EPS  # Backward error of an answer where no other method has a better one: 2e-12.
@@ -129,10 +131,13 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
         yield from _dense_methods(system)
         return
     if columns <= FEW:
-        if is_nearly_circulant(system.c, means) and not decays_slowly(system.c):
-            # 4 to 7 iterations, where the set-up of the spectral factor costs as much as 8.
-            yield from _circulant_method(system, means, solve_by_cg, "cg, circulant")
-        yield from _cg_methods(system.A, candidates_of_line(system.A))
+        if not decays_slowly(system.c):
+            if is_nearly_circulant(system.c, means):
+                # 4 to 7 iterations, where the set-up of the spectral factor costs as much as 8.
+                yield from _circulant_method(system, means, solve_by_cg, "cg, circulant")
+            if n > LARGEST_COSINE and not has_ended(system.c) and has_zero_at_an_end(system.symbol):
+                yield from _cosine_method(system)  # In half of the iterations with sines.
+        yield from _cg_methods(system.A, candidates_of_line(system.A, lambda: system.symbol))
     # The inverse needs no more of the symbol than that A is positive definite.
     yield from _inverse_method(system.A)
     yield from _methods_of_indefinite(system)

@@ -1,7 +1,7 @@
 """CG for symmetric positive definite Toeplitz matrices in the domain of the DCT-II.
 
-There the preconditioner is a diagonal and a small block, and an iteration takes four transforms,
-or six where the length is slow.
+There the preconditioner is a diagonal and a small matrix for groups of frequencies, and an
+iteration takes four transforms, or six where the length is slow.
 A and the preconditioner commute with the flip of a vector, which in that domain changes the sign of
 every second number: the even and the odd part of a vector never mix, and each has scalars, and so
 a CG, of its own. That saves a quarter of the iterations.
@@ -15,12 +15,8 @@ from scipy.linalg.blas import daxpy, ddot, dscal
 from toeplitz_mg._typing import Rows
 from toeplitz_mg.engine.row_sums import PART
 from toeplitz_mg.engine.vectors import norm
-from toeplitz_mg.solvers.cosine_form import (
-    ApproximateInverse,
-    CosineForm,
-    alternate,
-    by_parity,
-)
+from toeplitz_mg.solvers.cosine_form import CosineForm, alternate
+from toeplitz_mg.solvers.cosine_inverse import ApproximateInverse
 
 ROUNDING = float(np.finfo(np.float64).eps) / 16  # Least error of a product, over ‖A‖ ‖x‖.
 MOST_ITERATIONS = 24  # Most iterations: symbols that the inverse suits take up to 20 to 1e-12.
@@ -78,7 +74,6 @@ class CosineSolver:
         """
         form, M = self._form, self._M
         X, P, Z, Q = np.zeros_like(R), np.zeros_like(R), np.empty_like(R), np.empty_like(R)
-        R_lowest, Z_lowest = by_parity(R), by_parity(Z)
         # BLAS has every second number of a vector in fewer calls than NumPy.
         r, x, p, z, q = (V.reshape(-1) for V in (R, X, P, Z, Q))
         rows, parts = R.size // form.m, _parts(R.size, form.m)
@@ -90,8 +85,7 @@ class CosineSolver:
             has_grown = any(map(gt, squares, sizes))
             if iterations == MOST_ITERATIONS or (iterations == TRIAL and has_grown):
                 raise np.linalg.LinAlgError(f"no convergence in {iterations} iterations")
-            np.multiply(R, M.diagonal, out=Z)
-            np.matmul(R_lowest, M.lowest, out=Z_lowest)
+            M.apply(R, out=Z)
             for part, pieces in enumerate(parts):
                 last, of_z[part] = of_z[part], 0.0
                 for n, k in pieces:

@@ -17,20 +17,52 @@ from itertools import count
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dtrtri
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.work import count_transforms
-from toeplitz_mg.preconditioners.positivity import is_positive
 from toeplitz_mg.solvers.compiled_transforms import transforms
 
 STEEP = 0.5  # Slope of the last two coefficients, over the last, that is none of a smooth function.
 ENDED = 1e-13  # The last two coefficients, over the first, below which those that follow are zero.
-# Sample of the symbol next to the lowest frequencies, over the largest, below which rounding says
-# how many iterations it takes: (2 - 2 cos θ)² has that from some 6000 unknowns on.
-LEAST = 1e-7
-LOWEST = 64  # Frequencies of which the inverse is that of A itself: beyond some 32 few are gained.
+ZERO = 1e-7  # Sample at θ = 0, over that at π, below which the symbol has a zero.
+
+
+class Points(NamedTuple):
+    """Frequencies πk/m, and what the entries of C A Cᵀ there are made of (see `choose_points`).
+
+    Attributes
+    ----------
+    frequencies : ndarray of shape (2, k), int
+        Even numbers, and odd ones.
+    kernel : ndarray of shape (2, k, k)
+        Its columns times the sums of sines, plus the transpose, are the entries.
+    of_diagonal : ndarray of shape (2, k)
+        Times the sums of sines it is taken from Fejér's for the diagonal.
+    """
+
+    frequencies: Array
+    kernel: Array
+    of_diagonal: Array
+
+
+def choose_points(m: int, frequencies: Array) -> Points:
+    """Return what belongs to these frequencies for a length m, for sums S_i = -2 Σ c_j sin jθ_i.
+
+    C A Cᵀ has the entries (e_i v_j - v_i e_j)/(cos θ_i - cos θ_j) where i - j is even and not zero,
+    with e_i = w_i cos θ_i/2 and v_i = w_i S_i sin θ_i/2.
+    """
+    theta = np.pi / m * frequencies
+    weights = np.sqrt(np.where(frequencies, 2.0, 1.0) / m)
+    rows, columns = np.s_[:, :, np.newaxis], np.s_[:, np.newaxis]
+    a = np.cos(theta / 2)[rows] * np.sin(theta / 2)[columns]
+    # The difference of the cosines, without cancellation, is twice this.
+    difference = a.swapaxes(1, 2) ** 2 - a**2
+    difference.reshape(2, -1)[:, :: difference.shape[-1] + 1] = np.inf
+    kernel = -0.5 * weights[rows] * weights[columns] * a / difference
+    of_diagonal = np.zeros(theta.shape)
+    np.divide(-1.0 / m, np.sin(theta), out=of_diagonal, where=frequencies > 0)
+    return Points(frequencies, kernel, of_diagonal)
 
 
 class CosineForm:
@@ -48,6 +80,8 @@ class CosineForm:
     ----------
     samples : ndarray of shape (m + 1,)
         The eigenvalues at θ = πk/m of the circulant of size 2 m.
+    has_ended : bool
+        Whether the lags that A has not are zero (see the function of that name).
     """
 
     def __init__(self, c: Array) -> None:
@@ -58,19 +92,19 @@ class CosineForm:
         start = (m - n) // 2
         self.middle = slice(start, start + n)
         self._c = c
-        # The lags of c and of what may follow it, each as often as the circulant has it. Of their
-        # sums the cosines are what is wanted here, the sines are for the lowest frequencies.
-        # The second row has Fejér's weights: its cosines are for the diagonal at those frequencies.
+        self.has_ended = has_ended(c)
+        # The lags of c and of what may follow it, each as often as the circulant has it. Their
+        # cosines are the samples; their sines are for entries of C A Cᵀ, and for those on its
+        # diagonal the cosines of the second row, which has Fejér's weights.
         lags = np.empty((2, m + 1))
         lags[0, :n] = c
         lags[0, n:] = _continue(c, m - n + 1)
         lags[0, 1:m] *= 2.0
-        np.multiply(lags[0], _table(m).weights, out=lags[1])
+        np.multiply(lags[0], _fejer_weights(m), out=lags[1])
         count_transforms(2, 2 * m)
         sums, of_fejer = _transform_extended(lags, 2 * m)
         self.samples = sums.real.copy()
-        self._sines = -sums.imag[:LOWEST]
-        self._of_fejer = of_fejer.real[:LOWEST]
+        self._sines, self._of_fejer = sums.imag.copy(), of_fejer.real.copy()
 
     @cached_property
     def _halves(self) -> tuple[Array, Array]:
@@ -126,21 +160,19 @@ class CosineForm:
         each = 4 if self.m == self.n else 6
         count_transforms((each * iterations + 2) * rows, self.m)
 
-    def lowest_blocks(self) -> Array:
-        """Return C A Cᵀ of the lowest frequencies, shape (2, k, k): the even ones, and the odd."""
-        table = _table(self.m)
-        S = self._sines
-        N = table.kernel * by_parity(S)
+    def entries(self, points: Points) -> Array:
+        """Return the entries of C A Cᵀ at some frequencies, shape (2, k, k): even ones, and odd."""
+        S = self._sines[points.frequencies]
+        N = points.kernel * S[:, np.newaxis]
         B = N + N.swapaxes(1, 2)
-        diagonals = B.reshape(2, 1, -1)[:, :, :: LOWEST // 2 + 1]
-        diagonals[...] = by_parity(self._of_fejer - table.of_diagonal * S)
+        diagonals = B.reshape(2, -1)[:, :: B.shape[-1] + 1]
+        diagonals[...] = self._of_fejer[points.frequencies] - points.of_diagonal * S
         return B
 
     @property
-    def has_ended(self) -> bool:
-        """Whether the lags that A has not are zero, but for rounding."""
-        last, first = np.abs(self._c[-2:]).max(), abs(self._c[0])
-        return bool(last <= ENDED * first)
+    def has_zero(self) -> bool:
+        """Whether the symbol has a zero at θ = 0."""
+        return bool(self.samples[0] <= ZERO * self.samples[-1])
 
     @property
     def has_zero_at_end(self) -> bool:
@@ -156,49 +188,10 @@ def _transform_extended(X: Rows, length: int) -> Array:
     return transforms().rfft(extended)
 
 
-class ApproximateInverse:
-    """The inverse of a `CosineForm` in the domain of the transform, the sines left out.
-
-    Its eigenvalues are those of the symbol, but for the lowest frequencies, where zeros and poles
-    of the symbol are: of these it has the inverse of the block of C A Cᵀ itself.
-
-    Attributes
-    ----------
-    diagonal : ndarray of shape (m,)
-        Its eigenvalues, zero for the lowest frequencies.
-    lowest : ndarray of shape (2, k, k)
-        Its blocks for those, of even and of odd ones.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        Where it is not positive definite.
-    """
-
-    def __init__(self, form: CosineForm) -> None:
-        f = form.samples[LOWEST - 1 :]
-        if not is_positive(f, np.float64):
-            raise np.linalg.LinAlgError("a sample of the symbol is not positive")
-        self.diagonal = np.zeros(form.m)
-        if form.has_ended and f[0] > LEAST * f.max():
-            # Between these frequencies A differs from its symbol by a matrix of small rank only.
-            np.divide(1.0, f[1:-1], out=self.diagonal[LOWEST:])
-        else:
-            # Lags that are cut off add (-1)^k times something smooth: a mean of neighbours has not.
-            np.divide(4.0, 2.0 * f[1:-1] + f[:-2] + f[2:], out=self.diagonal[LOWEST:])
-        self.lowest = np.empty((2, LOWEST // 2, LOWEST // 2))
-        for block, inverse in zip(form.lowest_blocks(), self.lowest, strict=True):
-            _invert(block, inverse)
-
-
-def _invert(B: Array, out: Array) -> None:
-    """Invert a symmetric positive definite matrix; raise LinAlgError where it is not."""
-    factor, not_positive = dpotrf(B)
-    # Of `dpotri` OpenBLAS makes threads, which may wait for each other for a hundred milliseconds.
-    inverse, singular = dtrtri(factor, overwrite_c=True)
-    if not_positive or singular:
-        raise np.linalg.LinAlgError("the block of the lowest frequencies is not positive definite")
-    np.matmul(inverse, inverse.T, out=out)
+def has_ended(c: Array) -> bool:
+    """Whether the lags that follow those of a first column are zero, but for rounding."""
+    before, last = c[-2:].tolist()
+    return max(abs(before), abs(last)) <= ENDED * abs(float(c[0]))
 
 
 def alternate(X: Rows) -> Rows:
@@ -206,11 +199,6 @@ def alternate(X: Rows) -> Rows:
     Y = X.copy()
     Y[..., 1::2] *= -1.0
     return Y
-
-
-def by_parity(X: Rows) -> Array:
-    """Return a view of the lowest even and odd frequencies of rows, shape (2, rows, k)."""
-    return X[..., :LOWEST].reshape(-1, LOWEST // 2, 2).transpose(2, 0, 1)
 
 
 def _continue(c: Array, number: int) -> Array | float:
@@ -240,30 +228,6 @@ def is_smooth(m: int) -> bool:
     return 210**16 % m == 0
 
 
-class _Table(NamedTuple):
-    """What the entries of C A Cᵀ at the lowest frequencies are made of."""
-
-    kernel: Array  # Shape (2, k, k): its columns times the sums, plus the transpose, are the block.
-    of_diagonal: Array  # Shape (2 k,): times the sums it is taken from Fejér's for the diagonal.
-    weights: Array  # Shape (m + 1,): those of Fejér.
-
-
 @lru_cache(maxsize=64)
-def _table(m: int) -> _Table:
-    """Make the table for a length m, for sums S_i = 2 Σ c_j sin jθ_i.
-
-    C A Cᵀ has the entries (e_i v_j - v_i e_j)/(cos θ_i - cos θ_j) where i - j is even and not zero,
-    with e_i = w_i cos θ_i/2 and v_i = -w_i S_i sin θ_i/2.
-    """
-    theta = np.pi / m * np.arange(LOWEST)
-    w = np.full(LOWEST, np.sqrt(2.0 / m))
-    w[0] = np.sqrt(1.0 / m)
-    a = by_parity(np.cos(theta / 2)).swapaxes(1, 2) * by_parity(np.sin(theta / 2))
-    # The difference of the cosines, without cancellation, is twice this.
-    difference = a.swapaxes(1, 2) ** 2 - a**2
-    difference.reshape(2, -1)[:, :: LOWEST // 2 + 1] = np.inf
-    weights = by_parity(w)
-    kernel = 0.5 * weights.swapaxes(1, 2) * weights * a / difference
-    of_diagonal = np.zeros(LOWEST)
-    of_diagonal[1:] = 1.0 / (m * np.sin(theta[1:]))
-    return _Table(kernel, of_diagonal, 1.0 - np.arange(m + 1) / m)
+def _fejer_weights(m: int) -> Array:
+    return 1.0 - np.arange(m + 1) / m

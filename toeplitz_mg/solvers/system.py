@@ -11,6 +11,7 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.preconditioners.choice import symbol_of_line
 from toeplitz_mg.preconditioners.circulant import chan_eigenvalues, smooth_eigenvalues
 from toeplitz_mg.solvers.compiled_transforms import transforms
 from toeplitz_mg.solvers.cosine_form import CosineForm
@@ -130,6 +131,11 @@ class ToeplitzSystem:
         return samples.real if self.is_hermitian else samples
 
     @cached_property
+    def symbol(self) -> Array:
+        """Samples of the symbol of a symmetric A, at θ = 0 … π."""
+        return symbol_of_line(self.A)
+
+    @cached_property
     def means(self) -> Array:
         """The eigenvalues of T. Chan's circulant, of a Hermitian A (see `chan_eigenvalues`)."""
         n = len(self.c)
@@ -145,15 +151,15 @@ class ToeplitzSystem:
 
     def multiply(self, X: Rows) -> Rows:
         """Multiply rows by A, as cheaply as can be for its size."""
-        n = len(self.c)
-        if n < LONG and "cosine_form" not in self.__dict__:
+        n, has_cosine_form = len(self.c), "cosine_form" in self.__dict__
+        if n < LONG and not has_cosine_form:
             if X.ndim == 1:
                 return self._multiply_one(X)
             if n > SMALL and len(X) <= FEW:
                 return np.stack([self._multiply_one(x) for x in X])
         if n <= SMALL:
             return X @ self._dense.T
-        if self.is_symmetric and n <= LARGEST_COSINE:
+        if self.is_symmetric and (n <= LARGEST_COSINE or has_cosine_form):
             return self.cosine_form.multiply(X)
         if not self.is_symmetric and self.fourier_form is not None:
             return self.fourier_form.multiply(X)
