@@ -49,7 +49,7 @@ DIGITS = 8  # Those of the relative residual that is asked for, unless told othe
 FACTORS = (1.0, 0.5, 2.0)  # How much more Levinson's recursion costs: 1 is as it is.
 LEVINSON_STEPS = 2**28  # Most steps, n² a column, of SciPy's, and so n = 16,384.
 BY_HAND = range(100, 2**17)  # Sizes for the rival by hand, which is far behind at the others.
-ENOUGH = 0.2  # CPU seconds of all contenders' runs, after which there are no more turns.
+ENOUGH = 0.1  # CPU seconds of the runs of one contender, after which it has no more turns.
 TURNS = 40  # Most turns.
 SHORTEST = 0.001  # CPU seconds of the runs of one turn, so that the clock resolves them.
 QUANTILE = 0.2  # Share of the turns that are faster: the others were disturbed.
@@ -132,17 +132,18 @@ def measure_one(name: str, n: int, columns: int, rtol: float, ratio: float) -> P
 
 
 def time_in_turns(contenders: Mapping[str, Contender]) -> dict[str, float]:
-    """Return the CPU seconds of each."""
-    repeats, turn = {}, 0.0
-    for key, (run, _) in contenders.items():
-        first = time_call(run, process_time)[1]
-        repeats[key] = max(1, round(SHORTEST / max(first, 1e-6)))
-        turn += repeats[key] * first
+    """Return the CPU seconds of each; one that takes long has fewer turns than the others."""
+    repeats = {
+        key: max(1, round(SHORTEST / max(time_call(run, process_time)[1], 1e-6)))
+        for key, (run, _) in contenders.items()
+    }
     times: dict[str, list[float]] = {key: [] for key in contenders}
     order, chance = list(contenders.items()), Random(0)
-    for _ in range(max(1, min(TURNS, round(ENOUGH / turn)))):
+    for _ in range(TURNS):
         chance.shuffle(order)  # A run is slower after one that has emptied the caches.
         for key, (run, ratio) in order:
+            if sum(times[key]) * repeats[key] > ENOUGH:
+                continue
             with patch.dict(os.environ, {VARIABLE: ratio}):
                 start = process_time()
                 for _ in range(repeats[key]):
