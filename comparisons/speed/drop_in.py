@@ -199,7 +199,7 @@ def show(rows: Sequence[Row]) -> None:
         line: Row = {"symbol": name, "columns": columns}
         for key in ("ratio", "ratio_half", "ratio_twice"):
             ratios = [(row[key], row["n"]) for row in own if row[key] is not None]
-            line[key] = "{:.2f} at {}".format(*max(ratios))
+            line[key] = "{:.2f} at {}".format(*max(ratios)) if ratios else "no rival"
         worst.append(line)
     report.show("The largest ratios to the faster rival, and where", worst)
 
