@@ -148,16 +148,13 @@ def test_of_lags_that_decay_in_proportion_a_few_iterations_are_all(n, ratio):
     assert np.linalg.norm(scipy.linalg.toeplitz(c) @ x - b) <= 1e-11 * np.linalg.norm(b)
 
 
-@pytest.mark.parametrize(
-    ("name", "most"),
-    [("|θ|^1.5", 8), ("|θ|³", 8), ("θ²", 7), ("(2 - 2 cos θ)²", 7), ("contact", 7)],
-)
-def test_iterations_do_not_grow_where_all_frequencies_are_in_groups(name, most):
+@pytest.mark.parametrize("name", ["|θ|^1.5", "|θ|³", "θ²", "(2 - 2 cos θ)²", "contact"])
+def test_iterations_do_not_grow_where_all_frequencies_are_in_groups(name):
     for n in (4096, 8192, 16384, 32768):
         c, b = column(name, n), random(n)
         size = float(2.0 * abs(c).sum())
         x, iterations = CosineSolver(CosineForm(c), size).solve(b, 1e-12)
-        assert iterations <= most
+        assert iterations <= 8
         residual = tmg.ToeplitzOperator(c).apply(x) - b
         assert np.linalg.norm(residual) <= 1e-11 * np.linalg.norm(
             b
