@@ -71,6 +71,23 @@ def test_hertz_with_a_hardness_on_a_finer_grid():
     assert_allclose(result.plastic, result.plastic[::-1, ::-1], atol=1e-7)
 
 
+@doubtful
+@pytest.mark.parametrize("periodic", [False, True])
+def test_a_force_that_all_elements_carry_but_for_rounding_is_carried(periodic):
+    gap, hardness = 0.01 * np.random.default_rng(3).standard_normal(5), 0.109375
+    force = 5 * 0.17708425042926193 * hardness * (1.0 + 4e-16)
+    result = normal_contact(
+        gap,
+        (0.17708425042926193,),
+        material=UNIT,
+        force=force,
+        hardness=hardness,
+        periodic=periodic,
+    )
+    assert_allclose(result.force, force, rtol=1e-14)
+    assert_allclose(result.pressure, hardness, rtol=1e-14)
+
+
 def test_a_force_a_little_above_the_hardness_of_all_elements_is_told_apart_from_it():
     gap, options = np.zeros((16, 16)), {"material": UNIT, "hardness": 0.1}
     result = normal_contact(gap, (0.5, 0.5), force=6.4, **options)

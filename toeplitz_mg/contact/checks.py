@@ -17,6 +17,7 @@ from toeplitz_mg.values import count, field, finite, in_range, positive, real
 # sticks is beyond any grid, and its share of the force below the default tolerance.
 SLIDES = 1e-9
 ALIKE = 1e-9  # Relative difference of the constants of one material, which are computed ones.
+ROUNDING = 1e-14  # Relative excess of a force over what all elements carry that is none.
 
 
 def check_load(grid: Grid, z: Array, approach: float | None, force: float | None) -> float | None:
@@ -65,13 +66,14 @@ def check_hardness(
 ) -> float:
     """Return the largest pressure, infinity where none is given; the force must be within it.
 
-    All elements carry it, or a number of them.
+    All elements carry it, or a number of them. What they carry may be exceeded by rounding: who
+    asks for just that has multiplied the same numbers in another order.
     """
     if hardness is None:
         return np.inf
     in_range("hardness", positive("hardness", hardness))
     carried = hardness * grid.area * (prod(grid.shape) if elements is None else elements)
-    if force is not None and force > carried:
+    if force is not None and force > carried * (1.0 + ROUNDING):
         raise ValueError(
             f"force is {force:.15g}, but must be at most {carried:.15g}, which all elements carry "
             f"at the hardness {hardness:g}"
