@@ -117,7 +117,6 @@ def test_the_groups_have_the_inverse_of_a_diagonal_and_their_couplings(name, n, 
     for parity, B in enumerate(form.entries(groups.points)):
         own = groups.points.frequencies[parity]
         N = B - np.diag(D[own, own])  # C A Cᵀ - D, at a frequency of each group
-        N[np.diag_indices(len(N))] = np.diag(B) - D[own, own]
         P = np.repeat(np.eye(len(N)), groups.widths, axis=0)
         K[parity:end:2, parity:end:2] = P @ N @ P.T
     assert_allclose(dense(M, form.m) @ (D + K), np.eye(form.m), atol=1e-8)
@@ -155,10 +154,8 @@ def test_iterations_do_not_grow_where_all_frequencies_are_in_groups(name):
         size = float(2.0 * abs(c).sum())
         x, iterations = CosineSolver(CosineForm(c), size).solve(b, 1e-12)
         assert iterations <= 8
-        residual = tmg.ToeplitzOperator(c).apply(x) - b
-        assert np.linalg.norm(residual) <= 1e-11 * np.linalg.norm(
-            b
-        ) + 1e-15 * size * np.linalg.norm(x)
+        residual = np.linalg.norm(tmg.ToeplitzOperator(c).apply(x) - b)
+        assert residual <= 1e-11 * np.linalg.norm(b) + 1e-15 * size * np.linalg.norm(x)
 
 
 def test_lags_that_are_zero_at_the_end_by_chance_have_not_ended():

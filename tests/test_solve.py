@@ -28,7 +28,7 @@ from toeplitz_mg.solvers.cosine_cg import MOST_ITERATIONS
 from toeplitz_mg.solvers.cosine_form import is_smooth
 from toeplitz_mg.solvers.crossovers import STEPS_OF_CG, levinson_is_fastest
 from toeplitz_mg.solvers.refinement import ILL_CONDITIONED, MOST, ROUGH
-from toeplitz_mg.solvers.system import ToeplitzSystem
+from toeplitz_mg.solvers.system import LARGEST_COSINE, ToeplitzSystem
 
 
 def random(*shape):
@@ -123,10 +123,28 @@ def test_the_choice_needs_few_iterations(name, n):
     assert method.name.startswith("cg") or method.name == direct
     with tmg.count_products() as work:
         x, iterations = method.solve(b, 1e-8)
-    assert iterations <= 16
+    # Of a Gaussian as wide as the matrix, whose condition number is 10⁹, more: the recursion that
+    # it is spared takes 2.5 to 5 times as long.
+    assert iterations <= (16 if name == "wide Gaussian" else 12)
     assert work.units(n) <= 40
     unreachable = np.finfo(float).eps * abs(c).sum() * np.linalg.norm(x)
     assert np.linalg.norm(b[0] - A @ x[0]) <= 2e-8 * np.linalg.norm(b) + 20 * unreachable
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("|θ|", "cg in the DCT domain"),
+        ("2 - 2 cos θ", "cg, sine_preconditioner"),
+        ("contact", "cg, fsai_preconditioner"),
+    ],
+)
+def test_beyond_short_lines_a_zero_of_the_symbol_is_for_the_cosines(name, expected):
+    n = 2 * LARGEST_COSINE
+    c, b = column(name, n), random(1, n)[0]
+    x, info = tmg.solve_toeplitz(c, b, rtol=1e-8, full_output=True)
+    assert info.method == expected
+    assert np.linalg.norm(b - tmg.ToeplitzOperator(c) @ x) <= 1.1e-8 * np.linalg.norm(b)
 
 
 @pytest.mark.parametrize("n", [1259, 4096, 4099])

@@ -3,8 +3,8 @@
 The rivals: `scipy.linalg.solve_toeplitz`, and what one writes by hand on `scipy.fft`, CG with
 T. Chan's circulant. CPU time on one thread, set-ups and the check of our residual included; the
 contenders in turns, whose order is drawn, in one process, a fresh one for each symbol and decade;
-low quantiles. ``--symbols``, ``--sizes``, ``--columns`` and ``--digits``, of the residual, choose
-others.
+low quantiles, of fewer turns for one that takes long. ``--symbols``, ``--sizes``, ``--columns`` and
+``--digits``, of the residual, choose others.
 
 What `solve_toeplitz` chooses by a ratio of two times is shown as it is, and as it would be where
 Levinson's recursion costs half or twice as much beside all else: the ratio is then fixed by the

@@ -100,7 +100,7 @@ class CosineForm:
         lags[0, :n] = c
         lags[0, n:] = _continue(c, m - n + 1)
         lags[0, 1:m] *= 2.0
-        np.multiply(lags[0], _fejer_weights(m), out=lags[1])
+        np.multiply(lags[0], 1.0 - np.arange(m + 1) / m, out=lags[1])
         count_transforms(2, 2 * m)
         sums, of_fejer = _transform_extended(lags, 2 * m)
         self.samples = sums.real.copy()
@@ -226,8 +226,3 @@ def fast_length(n: int) -> int:
 def is_smooth(m: int) -> bool:
     """Whether a length has no prime factor above 7, and so the fastest transforms."""
     return 210**16 % m == 0
-
-
-@lru_cache(maxsize=64)
-def _fejer_weights(m: int) -> Array:
-    return 1.0 - np.arange(m + 1) / m
