@@ -82,14 +82,19 @@ class _Interrupt(BaseException):
 
 def _interrupt(work: Callable[[], object], after: float) -> bool:
     """Interrupt some work after so many seconds; return whether that was in time."""
+    at_work = True
 
     def stop(signum: int, frame: FrameType | None) -> None:
-        raise _Interrupt
+        if at_work:
+            raise _Interrupt
 
     before = signal.signal(signal.SIGALRM, stop)
     try:
-        signal.setitimer(signal.ITIMER_REAL, max(after, 1e-6))
-        work()
+        try:
+            signal.setitimer(signal.ITIMER_REAL, max(after, 1e-6))
+            work()
+        finally:
+            at_work = False  # An interrupt just before this one line is caught below.
     except _Interrupt:
         return True
     finally:
