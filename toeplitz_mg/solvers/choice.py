@@ -248,7 +248,12 @@ def _substitution(system: ToeplitzSystem) -> Iterator[Method]:
 
 
 def _levinson_method(system: ToeplitzSystem, accepted: float = 0.0) -> Method:
-    return Method(LEVINSON, lambda B, rtol: (levinson(system.lags, B), 1), accepted)
+    def solve(B: Rows, rtol: float) -> tuple[Rows, int]:
+        if B is system.B and system.first is not None:
+            return system.first, 1
+        return levinson(system.lags, B), 1
+
+    return Method(LEVINSON, solve, accepted)
 
 
 def _cosine_method(system: ToeplitzSystem) -> Iterator[Method]:

@@ -26,6 +26,7 @@ from toeplitz_mg.solvers.refinement import (
     solve_system,
 )
 from toeplitz_mg.solvers.scaling import exponents, scale_back
+from toeplitz_mg.solvers.short import solve_short
 from toeplitz_mg.solvers.system import ToeplitzSystem
 from toeplitz_mg.values import real, refuse_masked
 
@@ -154,9 +155,16 @@ def solve_toeplitz(
     else:
         r = c  # The same array: that A is symmetric needs no look at the numbers.
     is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
+    first, info = solve_short(c, r, b, rtol)
+    if first is not None and info is not None:
+        x = first if b.ndim == 1 else np.ascontiguousarray(first.T).reshape(b.shape)
+        return (x, info) if full_output else x
     keep_freed_memory()
     with np.errstate(all="ignore"):  # It is seen in the residual.
-        x, infos = (_solve_batch if is_batch else _solve)(c, r, b, check_finite, rtol)
+        if is_batch:
+            x, infos = _solve_batch(c, r, b, check_finite, rtol)
+        else:
+            x, infos = _solve(c, r, b, check_finite, rtol, first=first)
     if doubtful := [found for found in infos if _is_doubtful(found, rtol)]:
         info = max(doubtful, key=lambda found: found.residual)
         reason = "A is ill-conditioned, and x may have few correct digits"
@@ -255,11 +263,13 @@ def _solve(
     rtol: float | None,
     *,
     most_at_once: int = SHORT,
+    first: Array | None = None,
 ) -> tuple[Array, list[SolveInfo]]:
     """Solve one system, with one right-hand side or many.
 
     A real matrix is solved for the real and the imaginary parts side by side; one of at most
-    `most_at_once` unknowns for both parts of a single column at once, in fewer calls.
+    `most_at_once` unknowns for both parts of a single column at once, in fewer calls. x by
+    Levinson's recursion may be there `first`.
     """
     if c.ndim != 1 or r.shape != c.shape or b.ndim == 0 or len(b) != len(c):
         raise ValueError(
@@ -284,7 +294,7 @@ def _solve(
             c, r = (-c, -r) if r is not c else 2 * (-c,)
         if is_complex and (c.dtype.kind != "c" or r.dtype.kind != "c"):
             c, r = c.astype(dtype), r.astype(dtype)
-        system = ToeplitzSystem(c, r, B, parts)
+        system = ToeplitzSystem(c, r, B, parts, first=first)
         if system.is_of_usual_size and isfinite(r[0]):
             X, info = solve_system(system, rtol)
         elif at_once:  # The parts may be of different sizes.

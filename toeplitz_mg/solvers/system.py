@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from scipy.fft import next_fast_len
-from scipy.linalg.blas import dasum, dnrm2, dznrm2, idamax
+from scipy.linalg.blas import dasum, idamax
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
@@ -40,6 +40,8 @@ class ToeplitzSystem:
         2 where the second half of the rows are the imaginary parts of the first.
     weights : ndarray of shape (columns,), optional
         By what the rows have been divided, where that is not the same for both parts.
+    first : ndarray of the shape of B, optional
+        X by Levinson's recursion, where it has been made.
 
     Attributes
     ----------
@@ -59,16 +61,20 @@ class ToeplitzSystem:
     """
 
     def __init__(
-        self, c: Array, r: Array, B: Rows, parts: int = 1, weights: Array | None = None
+        self,
+        c: Array,
+        r: Array,
+        B: Rows,
+        parts: int = 1,
+        weights: Array | None = None,
+        first: Array | None = None,
     ) -> None:
         self.c, self.r, self.B, self.parts, self._weights = c, r, B, parts, weights
+        self.first = first
         self.columns = 1 if B.ndim == 1 else len(B)
         self.lags = np.concatenate([r[:0:-1], c])
         self.size = sum_sizes(self.lags)
-        # Where rows are real it is no method, as the calls of a small system count.
         self.measure = self._measure_both if parts == 2 else norms
-        if len(c) <= LONG and B.ndim == 1:  # In fewer calls.
-            self.measure = dnrm2 if B.dtype.char == "d" else dznrm2
         self.sizes = self.measure(B) + TINY
         # The last numbers of most others differ, and are soon looked at.
         differs = r is not c and len(c) > 1 and c[-1] != r[-1]
@@ -169,7 +175,7 @@ class ToeplitzSystem:
         """Multiply a vector in few calls: by the definition, or a circulant with A as a block."""
         n, of_lags = len(self.c), len(self.lags)
         if n <= SHORT:
-            return self._multiply_by_definition(x)
+            return multiply_by_definition(self.lags, x)
         is_complex = self.c.dtype.kind == "c"
         *_, forward, back = (np.fft.fft, np.fft.ifft) if is_complex else transforms()
         m = next_fast_len(of_lags, real=not is_complex)
@@ -180,18 +186,14 @@ class ToeplitzSystem:
         y *= a
         return back(y, m)[n - 1 : of_lags]
 
-    def _multiply_by_definition(self, x: Array) -> Array:
-        # This is `numpy.convolve`, which for some unknowns takes twice as long.
-        return np.correlate(self.lags, x[::-1].conj(), "valid")
-
     def multiply_sharply(self, X: Rows) -> Rows:
         """Multiply rows by A, by its definition: rounding is that of the terms of each sum alone.
 
         By transforms it is that of the largest coefficient times the largest number.
         """
         if X.ndim == 1:
-            return self._multiply_by_definition(X)
-        return np.stack([self._multiply_by_definition(x) for x in X])
+            return multiply_by_definition(self.lags, X)
+        return np.stack([multiply_by_definition(self.lags, x) for x in X])
 
     def sizes_of_terms(self, X: Rows) -> Array | float:
         """Return a bound of ‖|A| |x|‖ for each row: the sum of |a| times what meets it of x.
@@ -236,6 +238,12 @@ class ToeplitzSystem:
         # A[i, j] is the lag i - j.
         A = np.ndarray((n, n), self.c.dtype, self.lags, (n - 1) * step, (step, -step))
         return A.copy()
+
+
+def multiply_by_definition(lags: Array, x: Array) -> Array:
+    """Multiply a vector by the matrix of these lags, each number by a sum of n terms."""
+    # This is `numpy.convolve`, which for some unknowns takes twice as long.
+    return np.correlate(lags, x[::-1].conj(), "valid")
 
 
 def norms(X: Rows) -> Array | float:
