@@ -25,7 +25,8 @@ from toeplitz_mg.preconditioners.positivity import is_positive
 from toeplitz_mg.solvers.cosine_form import CosineForm, Points, choose_points
 
 ALONE = 32  # Lowest pairs of frequencies that are groups alone, where there are no others.
-GROUPS = 24  # The same, and groups of all others, where these save iterations enough.
+LOWEST = 18, 22  # Where there are, the lowest pairs alone, and groups from there to the middle.
+HIGHEST = 8, 10  # The same from the highest pairs on.
 LONG = 4096  # Fewest numbers where an iteration takes so long.
 # Sample of the symbol next to the lowest frequencies, over the largest, below which rounding says
 # how many iterations it takes: (2 - 2 cos θ)² has that from some 6000 unknowns on.
@@ -132,12 +133,18 @@ def group(m: int, are_alone: bool) -> Groups:
     if are_alone:
         edges = np.arange(min(ALONE, pairs) + 1)
     else:
-        others = np.geomspace(GROUPS, pairs, GROUPS + 1).round().astype(int)
-        edges = np.concatenate([np.arange(GROUPS), others])
+        half = pairs // 2
+        edges = np.concatenate([_edges(half, *LOWEST), pairs - _edges(half, *HIGHEST)[-2::-1]])
     starts, ends = edges[:-1], edges[1:]
     points = choose_points(m, (starts + ends - 1) // 2 * 2 + [[0], [1]])
-    alone = len(starts) if are_alone else GROUPS
+    alone = len(starts) if are_alone else LOWEST[0]
     return Groups(alone, are_alone, starts, ends - starts, points)
+
+
+def _edges(half: int, alone: int, wider: int) -> Array:
+    """Return the edges of groups from one end to the middle: the first alone, then wider ones."""
+    others = np.geomspace(alone, half, wider + 1).round().astype(int)
+    return np.concatenate([np.arange(alone), others])
 
 
 def _invert(B: Array) -> Array:
