@@ -8,10 +8,14 @@ from scipy.linalg.blas import daxpy, dnrm2, dznrm2, zaxpy
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.solvers.choice import LEVINSON
-from toeplitz_mg.solvers.crossovers import levinson_is_fastest, lu_is_faster_than_levinson
+from toeplitz_mg.solvers.crossovers import (
+    RECURSIVE,
+    levinson_is_fastest,
+    lu_is_faster_than_levinson,
+)
 from toeplitz_mg.solvers.levinson import levinson
 from toeplitz_mg.solvers.refinement import ILL_CONDITIONED, RTOL, SolveInfo
-from toeplitz_mg.solvers.system import EPS, SHORT, USUAL, multiply_by_definition, sum_sizes
+from toeplitz_mg.solvers.system import EPS, USUAL, multiply_one, sum_sizes
 
 BLAS = {"d": (dnrm2, daxpy), "D": (dznrm2, zaxpy)}  # By the character of the dtype.
 
@@ -23,7 +27,7 @@ def solve_short(
 
     It is the first method, the first solution and the first check of `solve_system`. A system of
     some hundred unknowns takes as long as thirty calls of NumPy, and so is given to no function
-    that is for other numbers, or for products by transforms, too.
+    that is for other methods, or for numbers of unusual sizes, too.
 
     Returns
     -------
@@ -34,7 +38,7 @@ def solve_short(
         None where X is not the answer: a residual is too large, or may be rounding.
     """
     char, n, (low, high) = c.dtype.char, c.size, USUAL
-    if n > SHORT or char not in BLAS or not char == r.dtype.char == b.dtype.char:
+    if n >= RECURSIVE or char not in BLAS or not char == r.dtype.char == b.dtype.char:
         return None, None
     if not (b.size and b.ndim <= 2 and c.shape == r.shape == b.shape[:1]):
         return None, None
@@ -60,19 +64,17 @@ def solve_short(
 
 
 def _solve_one(lags: Array, size: float, b: Array) -> tuple[Array, float, float]:
-    """Return x, ‖b - A x‖/‖b‖, which is infinite where it may be rounding, and a backward error.
+    """Return x, ‖b - A x‖/‖b‖ and the backward error, and leave any numbers in b.
 
-    What is in b then is the residual.
+    Both are infinite where x is so large that they may be rounding.
     """
     measure, add = BLAS[b.dtype.char]
     size_of_b, (low, high) = measure(b), USUAL
     if not low < size_of_b < high:
         raise np.linalg.LinAlgError("the right-hand side is to be scaled")
     x = levinson(lags, b)
-    # Unlike a difference by NumPy this warns of nothing.
-    error = measure(add(multiply_by_definition(lags, x), b, len(b), -1.0))
     terms = size * measure(x)
-    relative = error / size_of_b
-    if not (relative < inf and EPS * terms <= ILL_CONDITIONED * size_of_b):
-        relative = inf
-    return x, relative, error / (terms + size_of_b)
+    if not EPS * terms <= ILL_CONDITIONED * size_of_b:
+        return x, inf, inf
+    error = measure(add(multiply_one(lags, x), b, len(b), -1.0))
+    return x, error / size_of_b, error / (terms + size_of_b)

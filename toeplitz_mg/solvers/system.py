@@ -160,9 +160,9 @@ class ToeplitzSystem:
         n, has_cosine_form = len(self.c), "cosine_form" in self.__dict__
         if n < LONG and not has_cosine_form:
             if X.ndim == 1:
-                return self._multiply_one(X)
+                return multiply_one(self.lags, X)
             if n > SMALL and len(X) <= FEW:
-                return np.stack([self._multiply_one(x) for x in X])
+                return np.stack([multiply_one(self.lags, x) for x in X])
         if n <= SMALL:
             return X @ self._dense.T
         if self.is_symmetric and (n <= LARGEST_COSINE or has_cosine_form):
@@ -170,21 +170,6 @@ class ToeplitzSystem:
         if not self.is_symmetric and self.fourier_form is not None:
             return self.fourier_form.multiply(X)
         return self.A.apply(X)
-
-    def _multiply_one(self, x: Array) -> Array:
-        """Multiply a vector in few calls: by the definition, or a circulant with A as a block."""
-        n, of_lags = len(self.c), len(self.lags)
-        if n <= SHORT:
-            return multiply_by_definition(self.lags, x)
-        is_complex = self.c.dtype.kind == "c"
-        *_, forward, back = (np.fft.fft, np.fft.ifft) if is_complex else transforms()
-        m = next_fast_len(of_lags, real=not is_complex)
-        rows = np.zeros((2, m), self.c.dtype)
-        rows[0, :of_lags], rows[1, :n] = self.lags, x
-        count_transforms(3, m)
-        a, y = forward(rows)
-        y *= a
-        return back(y, m)[n - 1 : of_lags]
 
     def multiply_sharply(self, X: Rows) -> Rows:
         """Multiply rows by A, by its definition: rounding is that of the terms of each sum alone.
@@ -238,6 +223,22 @@ class ToeplitzSystem:
         # A[i, j] is the lag i - j.
         A = np.ndarray((n, n), self.c.dtype, self.lags, (n - 1) * step, (step, -step))
         return A.copy()
+
+
+def multiply_one(lags: Array, x: Array) -> Array:
+    """Multiply a vector in few calls: by the definition, or a circulant with A as a block."""
+    n, of_lags = len(x), len(lags)
+    if n <= SHORT:
+        return multiply_by_definition(lags, x)
+    is_complex = lags.dtype.kind == "c"
+    *_, forward, back = (np.fft.fft, np.fft.ifft) if is_complex else transforms()
+    m = next_fast_len(of_lags, real=not is_complex)
+    rows = np.zeros((2, m), lags.dtype)
+    rows[0, :of_lags], rows[1, :n] = lags, x
+    count_transforms(3, m)
+    a, y = forward(rows)
+    y *= a
+    return back(y, m)[n - 1 : of_lags]
 
 
 def multiply_by_definition(lags: Array, x: Array) -> Array:
