@@ -21,10 +21,25 @@ def near_fast_length(n: int) -> int:
 
 
 def _is_fast(m: int) -> bool:
+    return max(prime_factors(m), default=1) <= PRIMES[-1]
+
+
+def work_of_transform(m: int) -> int:
+    """Return what the time of a transform of length m is in proportion to, nearly.
+
+    Each prime factor is a pass over all numbers, with as many operations for each.
+    """
+    return m * sum(prime_factors(m))
+
+
+def prime_factors(m: int) -> list[int]:
+    """Return the prime factors, and what is left where one of them is too large to look for."""
+    found = []
     for p in PRIMES:
         while m % p == 0:
             m //= p
-    return m == 1
+            found.append(p)
+    return [*found, m] if m > 1 else found
 
 
 def embedding_lengths(grid_shape: Sequence[int], *, is_complex: bool = False) -> tuple[int, ...]:

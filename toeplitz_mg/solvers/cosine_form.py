@@ -19,12 +19,15 @@ from typing import NamedTuple
 import numpy as np
 
 from toeplitz_mg._typing import Array, Rows
-from toeplitz_mg.engine.lengths import near_fast_length
+from toeplitz_mg.engine.lengths import work_of_transform
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.solvers.compiled_transforms import transforms
 
 STEEP = 0.5  # Slope of the last two coefficients, over the last, that is none of a smooth function.
 ENDED = 1e-13  # The last two coefficients, over the first, below which those that follow are zero.
+# Work of a transform over that of a longer, faster one, above which six of these, with more numbers
+# to and fro, are sooner there than four of the others.
+SLOW = 3.0
 ZERO = 1e-7  # Sample at θ = 0, over that at π, below which the symbol has a zero.
 
 
@@ -218,9 +221,8 @@ def _continue(c: Array, number: int) -> Array | float:
 @lru_cache(maxsize=64)
 def fast_length(n: int) -> int:
     """Return n, or where its transforms are slow, a length that is above it by an even number."""
-    if near_fast_length(n) == n:
-        return n
-    return next(m for m in count(n, 2) if is_smooth(m))
+    m = next(m for m in count(n, 2) if is_smooth(m))
+    return n if work_of_transform(n) <= SLOW * work_of_transform(m) else m
 
 
 def is_smooth(m: int) -> bool:
