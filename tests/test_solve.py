@@ -28,7 +28,7 @@ from toeplitz_mg.solvers.cosine_cg import MOST_ITERATIONS
 from toeplitz_mg.solvers.cosine_form import is_smooth
 from toeplitz_mg.solvers.crossovers import STEPS_OF_CG, levinson_is_fastest
 from toeplitz_mg.solvers.refinement import ILL_CONDITIONED, MOST, ROUGH
-from toeplitz_mg.solvers.system import LARGEST_COSINE, ToeplitzSystem
+from toeplitz_mg.solvers.system import PANELS, ToeplitzSystem
 
 
 def random(*shape):
@@ -140,7 +140,7 @@ def test_the_choice_needs_few_iterations(name, n):
     ],
 )
 def test_beyond_short_lines_a_zero_of_the_symbol_is_for_the_cosines(name, expected):
-    n = 2 * LARGEST_COSINE
+    n = 2 * PANELS
     c, b = column(name, n), random(1, n)[0]
     x, info = tmg.solve_toeplitz(c, b, rtol=1e-8, full_output=True)
     assert info.method == expected
@@ -178,8 +178,14 @@ def test_the_choice_is_visible():
     assert method(column("contact", n), random(n, 3)) == "cg in the DCT domain"
     assert method(column("contact", n), random(n, 300)) == "toeplitz_inverse"
     assert method(column("contact", 100), random(100, 300)) == "lu"
-    assert method(column("contact", 2**17), random(2**17)) == "cg, fsai_preconditioner"
-    assert method(0.9 ** np.arange(75_000), random(75_000)) == "cg, circulant"
+    for n_long, expected in (
+        (70_000, "cg in the DCT domain"),
+        (40_009, "cg, fsai_preconditioner"),  # A prime, and coefficients that decay slowly.
+        (PANELS, "cg, fsai_preconditioner"),
+    ):
+        assert method(column("contact", n_long), random(n_long)) == expected
+    for n_long, expected in ((75_011, "cg in the DCT domain"), (PANELS, "cg, circulant")):
+        assert method(0.9 ** np.arange(n_long), random(n_long)) == expected
     with pytest.warns(scipy.linalg.LinAlgWarning):
         assert method(column("θ⁴", n), b) == "cg in the DCT domain"
     assert method((KERNEL, KERNEL**2), b) == "gmres, circulant"

@@ -46,6 +46,7 @@ from toeplitz_mg.solvers.crossovers import (
     RECURSIVE,
     SHORT,
     cosine_is_faster_than_inverse,
+    fsai_is_faster_than_cosine,
     levinson_is_faster_than_inverse,
     levinson_is_fastest,
     lu_is_faster_than_levinson,
@@ -54,7 +55,7 @@ from toeplitz_mg.solvers.crossovers import (
 )
 from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.levinson import levinson
-from toeplitz_mg.solvers.system import EPS, LARGEST_COSINE, ToeplitzSystem
+from toeplitz_mg.solvers.system import EPS, PANELS, ToeplitzSystem
 from toeplitz_mg.solvers.trench import column_and_row_of_inverse
 
 ACCEPTED = 1e4 * EPS  # Backward error of an answer where no other method has a better one: 2e-12.
@@ -116,7 +117,8 @@ def methods(system: ToeplitzSystem) -> Iterator[Method]:
 def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
     n, columns = len(system.c), system.columns
     is_short = levinson_is_faster_than_inverse(n, columns)
-    if system.may_be_definite and cosine_is_faster_than_inverse(n, columns):
+    is_for_cosines = system.may_be_definite and cosine_is_faster_than_inverse(n, columns)
+    if is_for_cosines and not (fsai_is_faster_than_cosine(n) and decays_slowly(system.c)):
         yield from _cosine_method(system)
     if is_short and n < RECURSIVE:
         yield from _dense_methods(system)
@@ -135,7 +137,7 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
             if is_nearly_circulant(system.c, means):
                 # 4 to 7 iterations, where the set-up of the spectral factor costs as much as 8.
                 yield from _circulant_method(system, means, solve_by_cg, "cg, circulant")
-            if n > LARGEST_COSINE and not has_ended(system.c) and has_zero_at_an_end(system.symbol):
+            if n >= PANELS and not has_ended(system.c) and has_zero_at_an_end(system.symbol):
                 yield from _cosine_method(system)  # In half of the iterations with sines.
         yield from _cg_methods(system.A, candidates_of_line(system.A, lambda: system.symbol))
     # The inverse needs no more of the symbol than that A is positive definite.

@@ -4,9 +4,9 @@
 `python -m comparisons.speed.columns`.
 """
 
-from toeplitz_mg.solvers.cosine_form import is_smooth
+from toeplitz_mg.solvers.cosine_form import fast_length, is_smooth
 from toeplitz_mg.solvers.machine import WINDOW, cosine_over_levinson
-from toeplitz_mg.solvers.system import LARGEST_COSINE
+from toeplitz_mg.solvers.system import PANELS
 
 FEW = 2  # Most columns for which the inverse is not worth its set-up.
 # Fewest unknowns where GMRES, and Trench's recursion in calls of BLAS, are faster than Levinson's.
@@ -20,6 +20,7 @@ CALLS = 3.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG 
 SLOW = 1.3  # Time of CG in the DCT domain for a length that is not smooth, over that for others.
 STEPS_OF_CG = 6_000_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
 STEPS_OF_INVERSE = 3_000_000  # The same for the inverse.
+FSAI = 2**15  # Fewest unknowns where FSAI is faster, of a slow length and slow decay.
 COSINE_LIMIT = 80_000  # Most columns² n where CG in the DCT domain is faster than the inverse.
 
 
@@ -64,4 +65,12 @@ def levinson_is_faster_than_inverse(n: int, columns: int) -> bool:
 def cosine_is_faster_than_inverse(n: int, columns: int) -> bool:
     """Whether CG in the DCT domain is faster than anything that may follow it."""
     is_first = columns <= FEW or columns * n**2 <= STEPS_OF_INVERSE  # The inverse is none before.
-    return n <= LARGEST_COSINE and (is_first or columns**2 * n <= COSINE_LIMIT)
+    return n < PANELS and (is_first or columns**2 * n <= COSINE_LIMIT)
+
+
+def fsai_is_faster_than_cosine(n: int) -> bool:
+    """Whether FSAI is faster than CG in the DCT domain, for coefficients that decay slowly.
+
+    Where the length is slow an iteration there takes six transforms, of a longer one.
+    """
+    return n >= FSAI and fast_length(n) > n

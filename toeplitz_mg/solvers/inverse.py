@@ -27,7 +27,7 @@ from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.cosine_form import CosineForm
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
-from toeplitz_mg.solvers.system import LARGEST_COSINE
+from toeplitz_mg.solvers.system import PANELS
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
 from toeplitz_mg.values import positive
 
@@ -279,7 +279,7 @@ def _by_cg(A: ToeplitzOperator) -> Columns | None:
         return None
     unit = np.eye(1, n)
     with suppress(np.linalg.LinAlgError):
-        if FEW < n <= LARGEST_COSINE:
+        if FEW < n < PANELS:
             solver = CosineSolver(CosineForm(A.c), A.norm_bound)
             return Columns(A, solver.solve(unit, ROUGH)[0][0])
         if decays_slowly(A.c):

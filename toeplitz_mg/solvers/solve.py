@@ -135,7 +135,7 @@ def solve_toeplitz(
     >>> c = 1.0 / (1.0 + np.arange(100_000))
     >>> x, info = solve_toeplitz(c, np.ones(100_000), full_output=True)
     >>> info.method, info.residual <= 1e-12
-    ('cg, fsai_preconditioner', True)
+    ('cg in the DCT domain', True)
     """
     if rtol is not None and not 0.0 < real("rtol", rtol) < 1.0:
         raise ValueError(f"rtol is {rtol}, but must be between 0 and 1")

@@ -20,7 +20,7 @@ from toeplitz_mg.solvers.fourier_form import FourierForm, has_fourier_form
 EPS = float(np.finfo(np.float64).eps)
 SHORT = 512  # Most unknowns of which a product by its definition is as fast as one by FFT.
 LONG = 2048  # Fewest unknowns of which a product in a domain of their own is faster than by FFT.
-LARGEST_COSINE = 2**16  # Most unknowns of which a product is by transforms at once, not in panels.
+PANELS = 2**17  # Fewest unknowns of which a product is in panels, and not by transforms at once.
 FEW = 8  # Most vectors for which the set-up of products of several is not worth it there.
 SMALL = 256  # Most unknowns where a filled matrix is as fast, for several vectors.
 TINY = 1e-300  # Size in the place of zero, so that the relative error of zero is zero.
@@ -145,7 +145,7 @@ class ToeplitzSystem:
     def means(self) -> Array:
         """The eigenvalues of T. Chan's circulant, of a Hermitian A (see `chan_eigenvalues`)."""
         n = len(self.c)
-        if self.is_symmetric and n <= LARGEST_COSINE:  # In fewer calls than by an operator.
+        if self.is_symmetric and n < PANELS:  # In fewer calls than by an operator.
             weights = np.arange(n) / n
             column = (1.0 - weights) * self.c
             column[1:] += weights[1:] * self.c[:0:-1]
@@ -165,7 +165,7 @@ class ToeplitzSystem:
                 return np.stack([multiply_one(self.lags, x) for x in X])
         if n <= SMALL:
             return X @ self._dense.T
-        if self.is_symmetric and (n <= LARGEST_COSINE or has_cosine_form):
+        if self.is_symmetric and (n < PANELS or has_cosine_form):
             return self.cosine_form.multiply(X)
         if not self.is_symmetric and self.fourier_form is not None:
             return self.fourier_form.multiply(X)
