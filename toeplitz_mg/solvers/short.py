@@ -47,10 +47,10 @@ def solve_short(
         return None, None  # It may be triangular.
     if (r is c or c[-1] == r[-1]) and not levinson_is_fastest(n, columns):
         return None, None  # It may be symmetric.
-    lags = np.concatenate([r[:0:-1], c])
-    size = sum_sizes(lags)
-    if lu_is_faster_than_levinson(n, columns) or not low < size < high:
+    lags, (measure, _) = np.concatenate([r[:0:-1], c]), BLAS[char]
+    if lu_is_faster_than_levinson(n, columns) or not low < measure(lags) < high:
         return None, None
+    size = sum_sizes(lags)
     try:
         if columns == 1:
             X, relative, backward = _solve_one(lags, size, b.flatten())
