@@ -62,9 +62,6 @@ def test_the_answer_is_that_of_the_way_for_all(kind, n, columns, monkeypatch):
     # Of the same x: what is left of b, but for rounding of A x, which is of n terms.
     rounding = 2 * n * np.finfo(float).eps
     assert info.backward_error == pytest.approx(other.backward_error, abs=rounding)
-    if info.backward_error > rounding:
-        share = info.backward_error / other.backward_error
-        assert info.residual == pytest.approx(other.residual * share, rel=1e-6)
 
 
 @pytest.mark.parametrize("layout", [lambda b: np.repeat(b, 2, axis=0)[::2], np.asfortranarray])
