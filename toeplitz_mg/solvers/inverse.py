@@ -26,6 +26,7 @@ from toeplitz_mg.preconditioners.wiener_hopf import factor_positive_symbol
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.cosine_form import CosineForm
+from toeplitz_mg.solvers.crossovers import fsai_is_faster_than_cosine
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.system import PANELS
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
@@ -279,7 +280,8 @@ def _by_cg(A: ToeplitzOperator) -> Columns | None:
         return None
     unit = np.eye(1, n)
     with suppress(np.linalg.LinAlgError):
-        if FEW < n < PANELS:
+        is_for_fsai = fsai_is_faster_than_cosine(n) and decays_slowly(A.c)
+        if FEW < n < PANELS and not is_for_fsai:
             solver = CosineSolver(CosineForm(A.c), A.norm_bound)
             return Columns(A, solver.solve(unit, ROUGH)[0][0])
         if decays_slowly(A.c):
