@@ -11,7 +11,7 @@ from comparisons.systems.symbols import column
 from toeplitz_mg.solvers import cosine_inverse
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.cosine_form import CosineForm, choose_points, has_ended
-from toeplitz_mg.solvers.cosine_inverse import ApproximateInverse, group
+from toeplitz_mg.solvers.cosine_inverse import ApproximateInverse, find_peak, group
 
 # Lengths that are fast, even and odd, and slow, even and odd.
 LENGTHS = [256, 315, 1000, 269, 262, 1021]
@@ -60,15 +60,18 @@ def test_the_entries_are_those_of_the_transformed_matrix(n):
 
 
 @pytest.mark.parametrize("m", [256, 315, 4096, 4375])
-@pytest.mark.parametrize("are_alone", [True, False])
-def test_groups_are_of_all_pairs_or_of_the_lowest(m, are_alone):
-    groups = group(m, are_alone)
+@pytest.mark.parametrize(("are_alone", "peak"), [(True, 0), (False, 0), (False, 9), (False, 100)])
+def test_groups_are_of_all_pairs_or_of_the_lowest(m, are_alone, peak):
+    groups = group(m, are_alone, peak)
     k, pairs = len(groups.starts), m // 2
     assert groups.are_alone == are_alone
     assert (groups.widths > 0).all()
     assert (groups.widths[: groups.alone] == 1).all()
     assert np.array_equal(groups.starts[1:], np.cumsum(groups.widths)[:-1])
     assert groups.widths.sum() == (groups.alone if are_alone else pairs)
+    if peak:  # The groups on both sides of it are of one pair.
+        beside = groups.starts.searchsorted(peak)
+        assert (groups.widths[beside - 1 : beside + 1] == 1).all()
     even, odd = groups.points.frequencies
     assert np.array_equal(odd, even + 1)
     assert (groups.starts <= even // 2).all()
@@ -77,6 +80,40 @@ def test_groups_are_of_all_pairs_or_of_the_lowest(m, are_alone):
     if not are_alone:  # The sum over groups is the transpose of what spreads their values.
         spread = groups.spread(values)
         assert_allclose(groups.sum(x) @ values, x[: 2 * pairs] @ spread, rtol=1e-12)
+
+
+def of_symbol(f, n):
+    """The first column of the matrix whose symbol is this function of θ."""
+    return fft.dct(f(np.pi / (8 * n) * np.arange(8 * n + 1)), 1)[:n] / (16 * n)
+
+
+# Symbols that are smooth but at one place inside: poles, zeros, and kinks.
+BENT = {
+    "log": lambda theta, place: 5.0 - np.log(abs(np.cos(theta) - np.cos(place)) + 1e-12),
+    "power": lambda theta, place: (abs(np.cos(theta) - np.cos(place)) + 1e-12) ** -0.4,
+    "root": lambda theta, place: abs(theta - place) ** 0.5,
+    "kink": lambda theta, place: 0.05 + abs(theta - place),
+}
+
+
+@pytest.mark.parametrize("n", [4096, 4375, 16384])
+@pytest.mark.parametrize("name", BENT)
+@pytest.mark.parametrize("place", [0.5, 1.0, 2.5])
+def test_where_the_symbol_bends_groups_are_narrow(n, name, place):
+    c, b = of_symbol(lambda theta: BENT[name](theta, place), n), random(n)
+    form = CosineForm(c)
+    assert abs(find_peak(form.samples) - place / np.pi * form.m / 2) <= 2.0
+    size = float(2.0 * abs(c).sum())
+    x, iterations = CosineSolver(form, size).solve(b, 1e-8)
+    assert iterations <= 7
+    assert np.linalg.norm(form.multiply(x) - b) <= 1e-7 * np.linalg.norm(b)
+
+
+@pytest.mark.parametrize("n", [4096, 4375, 65536])
+@pytest.mark.parametrize("name", [*NAMES, "|θ|^1.5", "|θ|³", "θ⁴ + 1", "1/(1 + k²/100)"])
+def test_a_symbol_that_is_smooth_inside_has_no_peak(n, name):
+    form = CosineForm(column(name, n))
+    assert find_peak(form.samples) == 0
 
 
 def dense(M, m):
@@ -111,7 +148,7 @@ def test_the_groups_have_the_inverse_of_a_diagonal_and_their_couplings(name, n, 
     monkeypatch.setattr(cosine_inverse, "LONG", 0)
     form = CosineForm(column(name, n))
     M = ApproximateInverse(form)
-    groups, D = group(form.m, are_alone=False), np.diag(1.0 / M.diagonal)
+    groups, D = group(form.m, False, find_peak(form.samples)), np.diag(1.0 / M.diagonal)
     end = 2 * (form.m // 2)
     K = np.zeros_like(D)
     for parity, B in enumerate(form.entries(groups.points)):

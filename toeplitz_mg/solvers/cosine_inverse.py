@@ -4,8 +4,9 @@ There the matrix is D + K: a diagonal D of samples of the symbol, and a matrix K
 change slowly with both frequencies. Even numbers of these are coupled with even ones only, and odd
 ones with odd ones. So K is nearly P N Pᵀ, where P puts frequencies into groups, and N is K at one
 frequency of each. The lowest are a group each, as zeros and poles of the symbol are there; the
-widths of the others grow in proportion to the frequency. The inverse of D + P N Pᵀ takes that of a
-small matrix, N + (Pᵀ D⁻¹ P)⁻¹, which for the lowest alone is a block of C A Cᵀ itself.
+widths of the others grow in proportion to the frequency. Where a pole or a kink is inside, groups
+are narrow around it too. The inverse of D + P N Pᵀ takes that of a small matrix,
+N + (Pᵀ D⁻¹ P)⁻¹, which for the lowest alone is a block of C A Cᵀ itself.
 
 References
 ----------
@@ -27,6 +28,14 @@ from toeplitz_mg.solvers.cosine_form import CosineForm, Points, choose_points
 ALONE = 32  # Lowest pairs of frequencies that are groups alone, where there are no others.
 LOWEST = 18, 22  # Where there are, the lowest pairs alone, and groups from there to the middle.
 HIGHEST = 8, 10  # The same from the highest pairs on.
+LOWEST_OF_FOUR = 6, 10  # The same where there is a pole or a kink inside,
+OTHERS_OF_FOUR = 4, 8  # and on both of its sides and from the highest pairs on.
+# Change of the slope of the symbol from one of `POINTS` to the next, over the symbol itself, from
+# which on there is a pole or a kink: logarithmic poles have 0.5 to 1, 0.05 + |θ - 1| has 0.24.
+# Of functions that are smooth but at θ = 0, (2 - 2 cos θ)² has the most, 0.012.
+BENT = 0.03
+POINTS = 512
+MARGIN = 16  # Part of all frequencies, from each end, where groups are narrow anyway.
 LONG = 4096  # Fewest numbers where an iteration takes so long.
 # Sample of the symbol next to the lowest frequencies, over the largest, below which rounding says
 # how many iterations it takes: (2 - 2 cos θ)² has that from some 6000 unknowns on.
@@ -53,7 +62,8 @@ class ApproximateInverse:
 
     def __init__(self, form: CosineForm) -> None:
         are_alone = form.m < LONG or (form.has_ended and not form.has_zero)
-        self._groups = groups = group(form.m, are_alone)
+        peak = 0 if are_alone else find_peak(form.samples)
+        self._groups = groups = group(form.m, are_alone, peak)
         B = form.entries(groups.points)
         k = B.shape[-1]
         of_B = B.reshape(2, -1)[:, :: k + 1]
@@ -126,23 +136,59 @@ class Groups(NamedTuple):
         return np.repeat(values.reshape(-1, 2), self.widths, axis=0).reshape(-1)
 
 
+def find_peak(samples: Array) -> int:
+    """Return the pair of frequencies where the symbol has a pole or a kink inside, or 0.
+
+    Of several it is the one where the symbol bends most.
+    """
+    # Even steps do not see what lags that are cut off add, as that has one sign at even numbers.
+    step = max(2, len(samples) // POINTS // 2 * 2)
+    coarse = samples[::step]
+    bends = _bends(coarse) - BENT * coarse[1:-1]
+    margin = len(bends) // MARGIN
+    start = margin + int(bends[margin : len(bends) - margin].argmax())
+    if not bends[start] > 0.0:
+        return 0
+    near = samples[start * step : (start + 2) * step + 1 : 2]
+    return start * step // 2 + 1 + int(_bends(near).argmax())
+
+
+def _bends(f: Array) -> Array:
+    """Return the changes of the slope, without their signs."""
+    return np.abs(f[2:] - 2.0 * f[1:-1] + f[:-2])
+
+
 @lru_cache(maxsize=64)
-def group(m: int, are_alone: bool) -> Groups:
-    """Return the groups for a transform of length m: the lowest alone, or those of all pairs."""
+def group(m: int, are_alone: bool, peak: int = 0) -> Groups:
+    """Return the groups for a transform of length m: the lowest alone, or those of all pairs.
+
+    They are narrow around a pair that is the peak, if it is not 0.
+    """
     pairs = m // 2
     if are_alone:
         edges = np.arange(min(ALONE, pairs) + 1)
+    elif peak:
+        below = _edges(0, peak, LOWEST_OF_FOUR, OTHERS_OF_FOUR)
+        edges = np.append(below[:-1], _edges(peak, pairs, OTHERS_OF_FOUR, OTHERS_OF_FOUR))
     else:
-        half = pairs // 2
-        edges = np.concatenate([_edges(half, *LOWEST), pairs - _edges(half, *HIGHEST)[-2::-1]])
-    starts, ends = edges[:-1], edges[1:]
+        edges = _edges(0, pairs, LOWEST, HIGHEST)
+    starts, ends, widths = edges[:-1], edges[1:], np.diff(edges)
     points = choose_points(m, (starts + ends - 1) // 2 * 2 + [[0], [1]])
-    alone = len(starts) if are_alone else LOWEST[0]
-    return Groups(alone, are_alone, starts, ends - starts, points)
+    alone = int((np.append(widths, 2) > 1).argmax())
+    return Groups(alone, are_alone, starts, widths, points)
 
 
-def _edges(half: int, alone: int, wider: int) -> Array:
+def _edges(start: int, stop: int, first: tuple[int, int], last: tuple[int, int]) -> Array:
+    """Return the edges of groups that are narrow at both ends, and wide in the middle."""
+    middle = (start + stop) // 2
+    below = start + _edges_of_half(middle - start, *first)
+    above = stop - _edges_of_half(stop - middle, *last)
+    return np.unique(np.append(below, above))
+
+
+def _edges_of_half(half: int, alone: int, wider: int) -> Array:
     """Return the edges of groups from one end to the middle: the first alone, then wider ones."""
+    alone = min(alone, half)
     others = np.geomspace(alone, half, wider + 1).round().astype(int)
     return np.concatenate([np.arange(alone), others])
 
