@@ -180,7 +180,7 @@ def test_the_choice_is_visible():
     assert method(column("contact", 100), random(100, 300)) == "lu"
     for n_long, expected in (
         (70_000, "cg in the DCT domain"),
-        (40_009, "cg, fsai_preconditioner"),  # A prime, and coefficients that decay slowly.
+        (75_011, "cg, fsai_preconditioner"),  # A prime, and coefficients that decay slowly.
         (PANELS, "cg, fsai_preconditioner"),
     ):
         assert method(column("contact", n_long), random(n_long)) == expected

@@ -27,7 +27,7 @@ STEEP = 0.5  # Slope of the last two coefficients, over the last, that is none o
 ENDED = 1e-13  # The last two coefficients, over the first, below which those that follow are zero.
 # Work of a transform over that of a longer, faster one, above which six of these, with more numbers
 # to and fro, are sooner there than four of the others.
-SLOW = 3.0
+SLOW = 1.4
 ZERO = 1e-7  # Sample at θ = 0, over that at π, below which the symbol has a zero.
 
 

@@ -20,7 +20,7 @@ CALLS = 3.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG 
 SLOW = 1.3  # Time of CG in the DCT domain for a length that is not smooth, over that for others.
 STEPS_OF_CG = 6_000_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
 STEPS_OF_INVERSE = 3_000_000  # The same for the inverse.
-FSAI = 2**15  # Fewest unknowns where FSAI is faster, of a slow length and slow decay.
+FSAI = 2**16  # Fewest unknowns where FSAI is faster, of a slow length and slow decay.
 COSINE_LIMIT = 80_000  # Most columns² n where CG in the DCT domain is faster than the inverse.
 
 
