@@ -8,10 +8,11 @@ from scipy import fft
 
 import toeplitz_mg as tmg
 from comparisons.systems.symbols import column
-from toeplitz_mg.solvers import cosine_inverse
+from toeplitz_mg.solvers import cosine_inverse, cosine_low_rank
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.cosine_form import CosineForm, choose_points, has_ended
 from toeplitz_mg.solvers.cosine_inverse import ApproximateInverse, find_peak, group
+from toeplitz_mg.solvers.cosine_low_rank import LowRankInverse, has_low_rank
 
 # Lengths that are fast, even and odd, and slow, even and odd.
 LENGTHS = [256, 315, 1000, 269, 262, 1021]
@@ -205,6 +206,77 @@ def test_lags_that_are_zero_at_the_end_by_chance_have_not_ended():
     assert has_ended(c)
 
 
+@pytest.mark.parametrize("n", LENGTHS)
+def test_columns_and_diagonals_are_those_of_the_transformed_matrix(n):
+    form = CosineForm(column("contact", n))
+    B = transformed(form)
+    assert_allclose(form.diagonal, B.diagonal(), atol=1e-12 * abs(B).max())
+    for at in (0, 1, n // 3, n // 2 - 1):
+        even, odd = form.columns(np.array([at, at]))
+        for parity, found in ((0, even), (1, odd[: form.m // 2])):
+            expected = B[parity::2, 2 * at + parity].copy()
+            assert_allclose(found[: len(expected)], remove(expected, at), atol=1e-12 * abs(B).max())
+
+
+def remove(x, at):
+    x[at] = 0.0
+    return x
+
+
+def autoregressive(roots, n):
+    """Covariances of the process whose polynomial has these roots, inside the unit circle."""
+    z = np.exp(1j * np.pi / (8 * n) * np.arange(8 * n + 1))
+    power = abs(np.prod([z, *(1.0 - root * z for root in roots)], axis=0)) ** -2.0
+    return of_symbol(lambda theta: power, n)
+
+
+def averaged(order, n):
+    weights = np.random.default_rng(order).standard_normal(order + 1) * 0.5 ** np.arange(order + 1)
+    weights[0] = 3.0
+    return np.append(np.correlate(weights, weights, "full")[order:], np.zeros(n - order - 1))
+
+
+@pytest.mark.parametrize("n", [315, 1000, 2048, 4375])
+@pytest.mark.parametrize("roots", [[], [0.5], [0.5, -0.7], [0.8, 0.3 + 0.4j, 0.3 - 0.4j]])
+def test_of_an_autoregressive_process_the_rank_is_its_order(n, roots):
+    c = autoregressive(roots, n)
+    form = CosineForm(c)
+    M = LowRankInverse(form)
+    assert M.rank <= max(1, len(roots))
+    if n <= 1000:
+        inverse = np.linalg.inv(transformed(form))
+        assert_allclose(dense(M, n), inverse, atol=1e-6 * abs(inverse).max())
+    assert has_low_rank(form) == (n >= 2048)
+    if has_low_rank(form):
+        x, iterations = CosineSolver(form, float(2.0 * abs(c).sum())).solve(random(n), 1e-12)
+        assert iterations <= 3
+        assert np.linalg.norm(form.multiply(x) - random(n)) <= 1e-11 * np.linalg.norm(random(n))
+
+
+@pytest.mark.parametrize("n", [315, 1000, 4375])
+@pytest.mark.parametrize("order", [1, 2, 5, 30])
+def test_of_a_moving_average_the_rank_is_about_its_order(n, order):
+    c = averaged(order, n)
+    form = CosineForm(c)
+    M = LowRankInverse(form)
+    assert M.rank <= min(order + 1, cosine_low_rank.MOST)
+    solver = CosineSolver(form, float(2.0 * abs(c).sum()))
+    x, iterations = solver.solve(random(3, n), 1e-8)
+    assert iterations <= 8
+    assert np.linalg.norm(form.multiply(x) - random(3, n)) <= 1e-7 * np.linalg.norm(random(3, n))
+    if n <= 1000:
+        rows = dense(M, n)
+        assert_allclose(rows, rows.T, atol=1e-12 * abs(rows).max())
+        assert np.linalg.eigvalsh(rows).min() > 0.0
+
+
+def test_columns_of_low_rank_are_for_coefficients_that_end_and_a_vector_as_long_as_the_transform():
+    n = 4096
+    assert has_low_rank(CosineForm(column("0.9^k", n)))
+    for c in (column("0.9^k", 4099), column("contact", n), column("2 - 2 cos θ", n)):
+        assert not has_low_rank(CosineForm(c))
+
+
 @pytest.mark.parametrize("n", [256, 269])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_part_that_the_right_hand_side_has_not_stays_zero(n, sign):
@@ -223,3 +295,6 @@ def test_what_is_not_positive_definite_is_refused():
     for c in (column("sinc", n), np.cos(np.arange(n)), -column("contact", n)):
         with pytest.raises(np.linalg.LinAlgError):
             CosineSolver(CosineForm(c), 1.0).solve(np.ones(n), 1e-8)
+    for c in ([1.0, 0.6], [1.0, 0.0, 0.0, -0.7]):
+        with pytest.raises(np.linalg.LinAlgError):
+            LowRankInverse(CosineForm(np.append(c, np.zeros(n - len(c)))))

@@ -17,6 +17,7 @@ from toeplitz_mg.engine.row_sums import PART
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.solvers.cosine_form import CosineForm, alternate
 from toeplitz_mg.solvers.cosine_inverse import ApproximateInverse
+from toeplitz_mg.solvers.cosine_low_rank import LowRankInverse, has_low_rank
 
 ROUNDING = float(np.finfo(np.float64).eps) / 16  # Least error of a product, over ‖A‖ ‖x‖.
 MOST_ITERATIONS = 24  # Most iterations: symbols that the inverse suits take up to 20 to 1e-12.
@@ -44,7 +45,7 @@ class CosineSolver:
         self._alternates = form.has_zero_at_end
         self._form = form.alternated() if self._alternates else form
         self._rounding = ROUNDING * size
-        self._M = ApproximateInverse(self._form)
+        self._M = (LowRankInverse if has_low_rank(self._form) else ApproximateInverse)(self._form)
 
     def solve(self, B: Rows, rtol: float) -> tuple[Rows, int]:
         """Return solutions for rows by the recurrence for the residual, and the iterations.

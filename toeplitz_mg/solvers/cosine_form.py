@@ -68,6 +68,34 @@ def choose_points(m: int, frequencies: Array) -> Points:
     return Points(frequencies, kernel, of_diagonal)
 
 
+@lru_cache(maxsize=8)
+def all_frequencies(m: int) -> tuple[Array, Array]:
+    """Return what entries of C A Cᵀ are made of at all frequencies (see `choose_points`).
+
+    Of even frequencies and of odd ones, shape (3, 2, half), these are e, v without the sums of
+    sines, and sin θ/2; for all of them in turns, shape (m,), what the sums of sines are multiplied
+    by on the diagonal, to be taken from Fejér's.
+    """
+    numbers = np.arange(m)
+    theta = np.pi / m * numbers
+    weights = np.sqrt(np.where(numbers, 2.0, 1.0) / m)
+    sine, cosine = np.sin(theta / 2), np.cos(theta / 2)
+    of_diagonal = np.zeros(m)
+    of_diagonal[1:] = -1.0 / m / np.sin(theta[1:])
+    parts = [by_parity(part) for part in (weights * cosine, weights * sine, sine)]
+    return np.stack(parts), of_diagonal
+
+
+def by_parity(x: Array) -> Array:
+    """Return even numbers of a vector in one row, and odd ones in another, with a zero if need be.
+
+    The shape is (2, half).
+    """
+    rows = np.zeros((2, (len(x) + 1) // 2))
+    rows[0], rows[1, : len(x) // 2] = x[::2], x[1::2]
+    return rows
+
+
 class CosineForm:
     """A symmetric Toeplitz matrix by cosine transforms of a fast length.
 
@@ -171,6 +199,35 @@ class CosineForm:
         diagonals = B.reshape(2, -1)[:, :: B.shape[-1] + 1]
         diagonals[...] = self._of_fejer[points.frequencies] - points.of_diagonal * S
         return B
+
+    @property
+    def diagonal(self) -> Array:
+        """The diagonal of C A Cᵀ, shape (m,)."""
+        return self._of_fejer[:-1] - all_frequencies(self.m)[1] * self._sines[:-1]
+
+    @cached_property
+    def _parts(self) -> Array:
+        """The parts e and v of the entries of C A Cᵀ, and sin θ/2."""
+        parts = all_frequencies(self.m)[0].copy()
+        parts[1] *= by_parity(self._sines[:-1])
+        return parts
+
+    def columns(self, at: Array) -> Array:
+        """Return the columns of C A Cᵀ of one even frequency and an odd one, shape (2, half).
+
+        What is on the diagonal is zero here.
+        """
+        here = np.arange(2), at
+        e, v, sine = self._parts
+        e_at, v_at, sine_at = self._parts[:, *here, np.newaxis]
+        # Half the difference of the cosines, without cancellation.
+        difference = sine_at - sine
+        difference *= sine_at + sine
+        difference[here] = np.inf
+        columns = e * (0.5 * v_at)
+        columns -= v * (0.5 * e_at)
+        columns /= difference
+        return columns
 
     @property
     def has_zero(self) -> bool:
