@@ -1,12 +1,13 @@
 """CG for symmetric positive definite Toeplitz matrices in the domain of the DCT-II.
 
-There the preconditioner is a diagonal and a small matrix for groups of frequencies, and an
-iteration takes four transforms, or six where the length is slow.
+There the preconditioner is a diagonal, and a small matrix for groups of frequencies, or for some
+columns; an iteration takes four transforms, or six where the length is slow.
 A and the preconditioner commute with the flip of a vector, which in that domain changes the sign of
 every second number: the even and the odd part of a vector never mix, and each has scalars, and so
 a CG, of its own. That saves a quarter of the iterations.
 """
 
+from contextlib import suppress
 from operator import gt, le
 
 import numpy as np
@@ -45,7 +46,7 @@ class CosineSolver:
         self._alternates = form.has_zero_at_end
         self._form = form.alternated() if self._alternates else form
         self._rounding = ROUNDING * size
-        self._M = (LowRankInverse if has_low_rank(self._form) else ApproximateInverse)(self._form)
+        self._M = _approximate_inverse(self._form)
 
     def solve(self, B: Rows, rtol: float) -> tuple[Rows, int]:
         """Return solutions for rows by the recurrence for the residual, and the iterations.
@@ -110,6 +111,13 @@ class CosineSolver:
             goals = [max(s, self._rounding**2 * t) for s, t in zip(reached, of_x, strict=True)]
             iterations += 1
         return X, iterations
+
+
+def _approximate_inverse(form: CosineForm) -> ApproximateInverse | LowRankInverse:
+    if has_low_rank(form):
+        with suppress(np.linalg.LinAlgError):
+            return LowRankInverse(form)
+    return ApproximateInverse(form)
 
 
 def _parts(size: int, m: int) -> list[list[tuple[int, int]]]:

@@ -69,21 +69,17 @@ def choose_points(m: int, frequencies: Array) -> Points:
 
 
 @lru_cache(maxsize=8)
-def all_frequencies(m: int) -> tuple[Array, Array]:
+def all_frequencies(m: int) -> Array:
     """Return what entries of C A Cᵀ are made of at all frequencies (see `choose_points`).
 
     Of even frequencies and of odd ones, shape (3, 2, half), these are e, v without the sums of
-    sines, and sin θ/2; for all of them in turns, shape (m,), what the sums of sines are multiplied
-    by on the diagonal, to be taken from Fejér's.
+    sines, and sin θ/2.
     """
     numbers = np.arange(m)
-    theta = np.pi / m * numbers
+    half_angles = np.pi / (2 * m) * numbers
     weights = np.sqrt(np.where(numbers, 2.0, 1.0) / m)
-    sine, cosine = np.sin(theta / 2), np.cos(theta / 2)
-    of_diagonal = np.zeros(m)
-    of_diagonal[1:] = -1.0 / m / np.sin(theta[1:])
-    parts = [by_parity(part) for part in (weights * cosine, weights * sine, sine)]
-    return np.stack(parts), of_diagonal
+    sine, cosine = np.sin(half_angles), np.cos(half_angles)
+    return np.stack([by_parity(part) for part in (weights * cosine, weights * sine, sine)])
 
 
 def by_parity(x: Array) -> Array:
@@ -200,34 +196,38 @@ class CosineForm:
         diagonals[...] = self._of_fejer[points.frequencies] - points.of_diagonal * S
         return B
 
-    @property
-    def diagonal(self) -> Array:
-        """The diagonal of C A Cᵀ, shape (m,)."""
-        return self._of_fejer[:-1] - all_frequencies(self.m)[1] * self._sines[:-1]
-
     @cached_property
     def _parts(self) -> Array:
         """The parts e and v of the entries of C A Cᵀ, and sin θ/2."""
-        parts = all_frequencies(self.m)[0].copy()
+        parts = all_frequencies(self.m).copy()
         parts[1] *= by_parity(self._sines[:-1])
         return parts
 
-    def columns(self, at: Array) -> Array:
-        """Return the columns of C A Cᵀ of one even frequency and an odd one, shape (2, half).
+    def rows(self, frequencies: Array) -> Array:
+        """Return the rows of C A Cᵀ at some frequencies of one parity, and the columns of that.
 
-        What is on the diagonal is zero here.
+        Parameters
+        ----------
+        frequencies : ndarray of shape (k,), int
+            All of them even, or all odd.
+
+        Returns
+        -------
+        ndarray of shape (k, half)
+            In the place of entries on the diagonal there are zeros.
         """
-        here = np.arange(2), at
-        e, v, sine = self._parts
-        e_at, v_at, sine_at = self._parts[:, *here, np.newaxis]
+        parity, at = int(frequencies[0]) % 2, frequencies // 2
+        here = np.arange(len(at)), at
+        e, v, sine = self._parts[:, parity, : (self.m + 1 - parity) // 2]
+        e_at, v_at, sine_at = (part[at, np.newaxis] for part in (e, v, sine))
         # Half the difference of the cosines, without cancellation.
         difference = sine_at - sine
         difference *= sine_at + sine
         difference[here] = np.inf
-        columns = e * (0.5 * v_at)
-        columns -= v * (0.5 * e_at)
-        columns /= difference
-        return columns
+        rows = (0.5 * v_at) * e
+        rows -= (0.5 * e_at) * v
+        rows /= difference
+        return rows
 
     @property
     def has_zero(self) -> bool:

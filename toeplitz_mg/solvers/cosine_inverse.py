@@ -31,8 +31,8 @@ HIGHEST = 8, 10  # The same from the highest pairs on.
 LOWEST_OF_FOUR = 6, 10  # The same where there is a pole or a kink inside,
 OTHERS_OF_FOUR = 4, 8  # and on both of its sides and from the highest pairs on.
 # Change of the slope of the symbol from one of `POINTS` to the next, over the symbol itself, from
-# which on there is a pole or a kink: logarithmic poles have 0.5 to 1, 0.05 + |θ - 1| has 0.24.
-# Of functions that are smooth but at θ = 0, (2 - 2 cos θ)² has the most, 0.012.
+# which on there is a pole or a kink: 5 - log |cos θ - cos 1| has 0.1 to 0.3, 0.05 + |θ - 1| 0.2.
+# What is smooth but at θ = 0 has 0.018 at most, but for Gaussians, whose tail is steep.
 BENT = 0.03
 POINTS = 512
 MARGIN = 16  # Part of all frequencies, from each end, where groups are narrow anyway.
@@ -147,7 +147,8 @@ def find_peak(samples: Array) -> int:
     bends = _bends(coarse) - BENT * coarse[1:-1]
     margin = len(bends) // MARGIN
     start = margin + int(bends[margin : len(bends) - margin].argmax())
-    if not bends[start] > 0.0:
+    # At the edge it is the foot of a peak in the margin.
+    if not bends[start] > 0.0 or start in (margin, len(bends) - margin - 1):
         return 0
     near = samples[start * step : (start + 2) * step + 1 : 2]
     return start * step // 2 + 1 + int(_bends(near).argmax())

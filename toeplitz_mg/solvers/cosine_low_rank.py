@@ -1,12 +1,11 @@
 """The inverse of a symmetric Toeplitz matrix whose coefficients end, in the domain of the DCT-II.
 
 There the matrix is D + K, with samples of the symbol D. Of coefficients that are zero from some lag
-on, or that decay so far, K is C H Cᵀ with a Hankel matrix H that has what the cosines see beyond
-both ends. For an exponential, and for all autoregressive processes, moving averages and covariances
-of Matérn's with half-integer smoothness, that has a rank of a few, and it is nearly so for
-others that are smooth. So a few columns, of one even and of one odd frequency at a time, make K:
-those where the diagonal of what is left of it is largest beside D. Then D + K is inverted by the
-formula of Sherman, Morrison and Woodbury.
+on, or that decay so far, K is -C H Cᵀ with a Hankel matrix H of the lags that reach beyond the
+ends. For an exponential, and for all autoregressive processes and Matérn's covariances of
+half-integer smoothness, that has a rank of a few, and nearly so for a Gaussian. Then some of its
+columns make K: those that a pivoted elimination of its entries at some frequencies chooses. The
+formula of Sherman, Morrison and Woodbury inverts D + K.
 
 References
 ----------
@@ -21,11 +20,15 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.row_sums import PART
 from toeplitz_mg.engine.vectors import add_combination, dots
 from toeplitz_mg.preconditioners.positivity import is_positive
-from toeplitz_mg.solvers.cosine_form import CosineForm, by_parity
+from toeplitz_mg.solvers.cosine_form import CosineForm
+from toeplitz_mg.solvers.cosine_inverse import group
 
-LONG = 2048  # Fewest numbers where iterations that are saved take longer than the columns.
-MOST = 12  # Most columns of each parity: each takes as long as a quarter of an iteration.
-SMALL = 1e-6  # Diagonal of what is left of K, over D, with which two iterations reach 1e-12.
+LONG = 4096  # Fewest numbers where iterations that are saved take longer than the columns.
+MOST = 10  # Most columns of each parity.
+SMALL = 1e-6  # Diagonal of what is left of K, over D, that leaves CG one to three iterations.
+# What may be left after half of them, over the first: of Gaussians it is at most 1e-3, of ten
+# coefficients 0.03, and of functions that end in a kink, which need more columns than pay, 0.1.
+PROMISING = 0.05
 
 
 class LowRankInverse:
@@ -35,99 +38,101 @@ class LowRankInverse:
     ----------
     diagonal : ndarray of shape (m,)
         The inverse of D.
-    rank : int
-        Columns of each parity, one at least.
+    ranks : tuple of int
+        Columns of even frequencies, and of odd ones.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where it is not positive definite.
+        Where it is not positive definite, or K not of so low a rank.
     """
 
     def __init__(self, form: CosineForm) -> None:
         D = form.samples[:-1]
         if not is_positive(D, np.float64):
             raise np.linalg.LinAlgError("a sample of the symbol is not positive")
-        self.diagonal = d = np.reciprocal(D)
-        of_both = by_parity(d)
-        U, pivots = _cross(form, by_parity(form.diagonal - D), of_both)
-        self.rank = len(U)
-        of_both = U * of_both
-        # Rows for both parities, each with zeros at the frequencies of the other.
-        V = np.zeros((2, self.rank, form.m))
-        V[0, :, ::2], V[1, :, 1::2] = of_both[:, 0], of_both[:, 1, : form.m // 2]
-        W = np.zeros((2, self.rank, 2, self.rank))
-        W[0, :, 0], W[1, :, 1] = _invert(U, of_both, pivots)
-        self._V, self._W = V.reshape(-1, form.m), W.reshape(2 * self.rank, 2 * self.rank)
+        self.diagonal = np.reciprocal(D)
+        self._parts = []
+        for parity, (frequencies, diagonal, negative) in enumerate(_choose(form, D)):
+            if len(frequencies):
+                U, at = form.rows(frequencies), frequencies // 2
+                U[np.arange(len(U)), at] = diagonal
+                V = U * self.diagonal[parity::2]
+                self._parts.append((parity, V, _invert(U[:, at], U, V, negative)))
+
+    @property
+    def ranks(self) -> tuple[int, ...]:
+        """Columns of even frequencies, and of odd ones."""
+        ranks = {parity: len(V) for parity, V, _ in self._parts}
+        return ranks.get(0, 0), ranks.get(1, 0)
 
     def apply(self, R: Rows, out: Rows) -> None:
         """Multiply rows by it."""
         np.multiply(R, self.diagonal, out=out)
         m = len(self.diagonal)
         for r, z in zip(R.reshape(-1, m), out.reshape(-1, m), strict=True):
-            add_combination(self._W.dot(dots(self._V, r)), self._V, z)
+            for parity, V, W in self._parts:
+                part = r[parity::2].copy()
+                weights = W.dot(dots(V, part))
+                part[...] = 0.0
+                add_combination(weights, V, part)
+                z[parity::2] -= part
 
 
 def has_low_rank(form: CosineForm) -> bool:
-    """Whether K is nearly of low rank, and worth it.
+    """Whether K may be of low rank, and worth it.
 
-    Of a vector in the middle of a longer one the inverse is a block of another one.
+    Where the symbol has a zero, D has no inverse. Of a vector in the middle of a longer one the
+    inverse is a block of another one.
     """
     return form.has_ended and not form.has_zero and form.m == form.n >= LONG
 
 
-def _cross(form: CosineForm, left: Array, d: Array) -> tuple[Array, Array]:
-    """Return U and pivots p with K ≈ Σ u uᵀ/p, of even frequencies and of odd ones.
+def _choose(form: CosineForm, D: Array) -> list[tuple[Array, Array, int]]:
+    """Return even frequencies whose columns make K, and odd ones.
 
-    Parameters
-    ----------
-    form : CosineForm
-    left : ndarray of shape (2, half)
-        The diagonal of K, which is changed.
-    d : ndarray of shape (2, half)
-        The inverse of D; zero where there is no frequency.
-
-    Returns
-    -------
-    U : ndarray of shape (rank, 2, half)
-    pivots : ndarray of shape (rank, 2)
+    With them come the diagonal of K there, and how many pivots are negative. K is eliminated at
+    some frequencies, of which the next one is where the diagonal of what is left is largest beside
+    D.
     """
-    U, pivots = np.empty((MOST, *left.shape)), np.ones((MOST, 2))
-    for rank in range(MOST):
-        sizes = np.abs(left)
-        sizes *= d
-        at = sizes.argmax(axis=1)
-        here = np.arange(2), at
-        is_large = sizes[here] > SMALL
-        if rank and not is_large.any():
-            return U[:rank], pivots[:rank]
-        u = U[rank]
-        u[...] = form.columns(at)
-        if rank:
-            before = U[:rank]
-            u -= np.einsum("kp,kpj->pj", before[:, *here] / pivots[:rank], before)
-        u[here] = left[here]
-        if is_large.all():
-            pivots[rank] = u[here]
-        else:  # One parity has columns enough.
-            u[~is_large] = 0.0
-            pivots[rank, is_large] = u[here][is_large]
-        left -= u**2 / pivots[rank, :, np.newaxis]
-    return U, pivots
+    points = group(form.m, False).points
+    found = []
+    for K, frequencies in zip(form.entries(points), points.frequencies, strict=True):
+        d = D[frequencies]
+        rest = K.reshape(-1)[:: len(K) + 1]  # The diagonal of what is left of K.
+        rest -= d
+        diagonal, scale = rest.copy(), 1.0 / d
+        chosen: list[int] = []
+        sizes: list[float] = []
+        negative = 0
+        while True:
+            left = np.abs(rest) * scale
+            at = int(left.argmax())
+            sizes.append(float(left[at]))
+            if sizes[-1] <= SMALL:
+                break
+            is_hopeless = len(chosen) == MOST // 2 and sizes[-1] > PROMISING * sizes[0]
+            if is_hopeless or len(chosen) == MOST:
+                raise np.linalg.LinAlgError("the matrix is not a diagonal and one of low rank")
+            chosen.append(at)
+            row = K[at].copy()
+            negative += row[at] < 0.0
+            K -= (row / row[at])[:, np.newaxis] * row
+        found.append((frequencies[chosen], diagonal[chosen], negative))
+    return found
 
 
-def _invert(U: Array, V: Array, pivots: Array) -> Array:
-    """Return W with (D + Σ u uᵀ/p)⁻¹ = D⁻¹ + Vᵀ W V, where V is U D⁻¹, shape (2, rank, rank).
+def _invert(core: Array, U: Array, V: Array, negative: int) -> Array:
+    """Return W with (D + Uᵀ core⁻¹ U)⁻¹ = D⁻¹ - Vᵀ W V, where V is U D⁻¹.
 
-    Raises LinAlgError where that is not positive definite: by the inertia of the Schur complements
-    of [[D, U], [Uᵀ, -P]], where -W⁻¹ has not as many negative eigenvalues as there are such pivots.
+    W⁻¹ is core + U D⁻¹ Uᵀ. By the inertia of the Schur complements of [[D, Uᵀ], [U, -core]] the
+    sum is positive definite where W⁻¹ has as many negative eigenvalues as the core, which is told.
+    If it has not, a LinAlgError is raised.
     """
-    inner = np.zeros((2, len(U), len(U)))
-    rows, columns = U.swapaxes(0, 1)[:, :, np.newaxis], V.swapaxes(0, 1)[:, np.newaxis]
+    inner = core.copy()
     for k in range(0, U.shape[-1], PART):  # So short that BLAS has one thread.
-        inner += np.vecdot(rows[..., k : k + PART], columns[..., k : k + PART])
-    inner.reshape(2, -1)[:, :: len(U) + 1] += pivots.T
-    eigenvalues, Q = np.linalg.eigh(inner)
-    if np.count_nonzero(eigenvalues < 0.0) != np.count_nonzero(pivots < 0.0):
+        inner += np.vecdot(U[:, np.newaxis, k : k + PART], V[:, k : k + PART])
+    eigenvalues, Q = np.linalg.eigh((inner + inner.T) / 2.0)
+    if not eigenvalues.all() or np.count_nonzero(eigenvalues < 0.0) != negative:
         raise np.linalg.LinAlgError("the approximate inverse is not positive definite")
-    return -(Q / eigenvalues[:, np.newaxis]) @ Q.swapaxes(1, 2)
+    return (Q / eigenvalues) @ Q.T
