@@ -29,7 +29,8 @@ def _is_fast(m: int) -> bool:
 def work_of_transform(m: int) -> int:
     """Return what the time of a transform of length m is in proportion to, nearly.
 
-    Each prime factor is a pass over all numbers, with as many operations for each.
+    Each prime factor is a pass over all numbers, with as many operations for each. What is done
+    before and behind these passes takes as long for any factors.
     """
     return m * (PASSES_OF_ANY + sum(prime_factors(m)))
 

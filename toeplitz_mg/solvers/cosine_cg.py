@@ -46,7 +46,7 @@ class CosineSolver:
         self._alternates = form.has_zero_at_end
         self._form = form.alternated() if self._alternates else form
         self._rounding = ROUNDING * size
-        self._M = _approximate_inverse(self._form)
+        self._M = _precondition(self._form)
 
     def solve(self, B: Rows, rtol: float) -> tuple[Rows, int]:
         """Return solutions for rows by the recurrence for the residual, and the iterations.
@@ -113,7 +113,8 @@ class CosineSolver:
         return X, iterations
 
 
-def _approximate_inverse(form: CosineForm) -> ApproximateInverse | LowRankInverse:
+def _precondition(form: CosineForm) -> ApproximateInverse | LowRankInverse:
+    """Return the preconditioner: of low rank beside a diagonal where that is to be had."""
     if has_low_rank(form):
         with suppress(np.linalg.LinAlgError):
             return LowRankInverse(form)
