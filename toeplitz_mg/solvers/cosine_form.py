@@ -55,31 +55,36 @@ def choose_points(m: int, frequencies: Array) -> Points:
     C A Cᵀ has the entries (e_i v_j - v_i e_j)/(cos θ_i - cos θ_j) where i - j is even and not zero,
     with e_i = w_i cos θ_i/2 and v_i = w_i S_i sin θ_i/2.
     """
-    theta = np.pi / m * frequencies
-    weights = np.sqrt(np.where(frequencies, 2.0, 1.0) / m)
     rows, columns = np.s_[:, :, np.newaxis], np.s_[:, np.newaxis]
-    a = np.cos(theta / 2)[rows] * np.sin(theta / 2)[columns]
-    # The difference of the cosines, without cancellation, is twice this.
-    difference = a.swapaxes(1, 2) ** 2 - a**2
+    e, v, sine = _factors(m, frequencies)
+    difference = _differences(sine[rows], sine[columns])
     difference.reshape(2, -1)[:, :: difference.shape[-1] + 1] = np.inf
-    kernel = -0.5 * weights[rows] * weights[columns] * a / difference
-    of_diagonal = np.zeros(theta.shape)
+    kernel = -0.5 * e[rows] * v[columns] / difference
+    of_diagonal = np.zeros(frequencies.shape)
+    theta = np.pi / m * frequencies
     np.divide(-1.0 / m, np.sin(theta), out=of_diagonal, where=frequencies > 0)
     return Points(frequencies, kernel, of_diagonal)
 
 
+def _factors(m: int, frequencies: Array) -> tuple[Array, Array, Array]:
+    """Return what entries of C A Cᵀ are made of: e, v without the sums of sines, and sin θ/2."""
+    weights = np.sqrt(np.where(frequencies, 2.0, 1.0) / m)
+    half_angles = np.pi / (2 * m) * frequencies
+    sine = np.sin(half_angles)
+    return weights * np.cos(half_angles), weights * sine, sine
+
+
+def _differences(sine: Array, sine_at: Array) -> Array:
+    """Return half of cos θ' - cos θ from sin θ/2 and sin θ'/2, without cancellation."""
+    difference: Array = sine - sine_at
+    difference *= sine + sine_at
+    return difference
+
+
 @lru_cache(maxsize=8)
 def all_frequencies(m: int) -> Array:
-    """Return what entries of C A Cᵀ are made of at all frequencies (see `choose_points`).
-
-    Of even frequencies and of odd ones, shape (3, 2, half), these are e, v without the sums of
-    sines, and sin θ/2.
-    """
-    numbers = np.arange(m)
-    half_angles = np.pi / (2 * m) * numbers
-    weights = np.sqrt(np.where(numbers, 2.0, 1.0) / m)
-    sine, cosine = np.sin(half_angles), np.cos(half_angles)
-    return np.stack([by_parity(part) for part in (weights * cosine, weights * sine, sine)])
+    """Return the factors of entries at all frequencies, even ones and odd ones: (3, 2, half)."""
+    return np.stack([by_parity(factor) for factor in _factors(m, np.arange(m))])
 
 
 def by_parity(x: Array) -> Array:
@@ -220,12 +225,10 @@ class CosineForm:
         here = np.arange(len(at)), at
         e, v, sine = self._parts[:, parity, : (self.m + 1 - parity) // 2]
         e_at, v_at, sine_at = (part[at, np.newaxis] for part in (e, v, sine))
-        # Half the difference of the cosines, without cancellation.
-        difference = sine_at - sine
-        difference *= sine_at + sine
+        rows = (0.5 * e_at) * v
+        rows -= (0.5 * v_at) * e
+        difference = _differences(sine, sine_at)
         difference[here] = np.inf
-        rows = (0.5 * v_at) * e
-        rows -= (0.5 * e_at) * v
         rows /= difference
         return rows
 
