@@ -5,7 +5,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from toeplitz_mg.engine.krylov_space import KrylovSpace
-from toeplitz_mg.engine.vectors import combine
 
 DTYPES = [np.float32, np.float64, np.complex64, np.complex128]
 
@@ -42,7 +41,7 @@ def test_the_residual_is_the_least_of_the_space(dtype, shape):
         # The least residual is that of a dense least-squares problem.
         y = np.linalg.lstsq(A @ V.T, r.ravel())[0]
         expected = np.linalg.norm(r.ravel() - A @ (V.T @ y))
-        x = combine(space.weights(), space.basis)
+        x = space.solution()
         assert_allclose(np.linalg.norm(r - multiply(x, x)), expected, atol=rounding)
         assert_allclose(least, expected, atol=rounding)
 
@@ -57,7 +56,7 @@ def test_the_whole_space_holds_the_solution(dtype):
         for _ in range(30):
             least = space.extend()
         assert least == 0.0
-        x = combine(space.weights() / size, space.basis)
+        x = space.solution() / r.dtype.type(size)
         assert_allclose(A @ x, r, atol=1e4 * np.finfo(dtype).eps)
 
 
@@ -79,12 +78,12 @@ def test_a_space_that_cannot_grow():
     space.begin(np.array([1.0, 2.0, 3.0, 4.0]))
     assert space.extend() > 0.0
     assert space.extend() == 0.0
-    assert_allclose(combine(space.weights(), space.basis), [1.0, 1.0, 3.0, 2.0])
+    assert_allclose(space.solution(), [1.0, 1.0, 3.0, 2.0])
     # A product that is zero.
     space = KrylovSpace(lambda v, out: 0.0 * v, (4,), np.float64, 4)
     space.begin(np.ones(4))
     assert space.extend() == 0.0
-    assert not space.weights().any()
+    assert not space.solution().any()
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
@@ -93,4 +92,40 @@ def test_a_product_that_is_not_finite_is_left_out(bad):
     space.begin(np.ones(4))
     assert space.extend() == 0.0
     assert space.dimension == 0
-    assert not combine(space.weights(), space.basis).any()
+    assert not space.solution().any()
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_each_part_has_the_least_residual_of_a_space_of_its_own(dtype):
+    """Whatever their sizes are; one needs three dimensions, and one has no residual at all."""
+    rounding = 1e4 * np.finfo(dtype).eps
+    A, r, _ = system((4, 20), dtype)
+    blocks = [A[k : k + 20, k : k + 20] for k in range(0, 80, 20)]
+    blocks[1] = np.diag(np.arange(20) % 3 + 1.0).astype(dtype)
+    r[1:] *= np.array([[1e-3], [0.0], [1e3]])
+    space = KrylovSpace(
+        lambda v, out: np.stack([B @ x for B, x in zip(blocks, v, strict=True)]),
+        (4, 20),
+        dtype,
+        8,
+        parts=4,
+    )
+    space.begin(r)
+    alone, expected = [], np.full(4, np.inf)
+    for B, own in zip(blocks, r, strict=True):
+        alone.append(KrylovSpace(lambda v, out, B=B: B @ v, (20,), dtype, 8))
+        if own.any():
+            alone[-1].begin(own)
+    expected[2] = 0.0
+    for _ in range(8):
+        least = space.extend()
+        x = space.solution()
+        rests = r - np.stack([B @ y for B, y in zip(blocks, x, strict=True)])
+        for k in np.flatnonzero(expected):
+            expected[k] = alone[k].extend()
+        sizes = np.linalg.norm(r, axis=1)
+        found = np.linalg.norm(rests, axis=1)
+        assert np.all(np.abs(found - expected) <= rounding * sizes)
+        assert_allclose(least, np.linalg.norm(found), atol=rounding * sizes.max())
+    assert expected[1] == 0.0  # Its eigenvalues are 1, 2 and 3.
+    assert not x[2].any()

@@ -1,7 +1,7 @@
 """The space that GMRES searches, one dimension more with each product."""
 
 from collections.abc import Callable
-from math import isfinite
+from math import hypot, isfinite
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -16,6 +16,8 @@ ROUNDING = 10.0  # Machine epsilons that are left of a product which the space h
 class KrylovSpace:
     """An orthonormal basis of r, A r, A² r, ..., and what in this space makes ‖r - A x‖ least.
 
+    A may have parts that it does not mix: then there is such a space for each part of a vector.
+
     Parameters
     ----------
     multiply : callable
@@ -26,6 +28,8 @@ class KrylovSpace:
     dtype : float32, float64, complex64 or complex128
     most : int
         The largest dimension; one vector more is kept.
+    parts : int, optional
+        A is block diagonal, with so many blocks of equal size. One by default.
 
     Attributes
     ----------
@@ -45,13 +49,12 @@ class KrylovSpace:
 
     Examples
     --------
-    >>> from toeplitz_mg.engine.vectors import combine
     >>> A, r = np.array([[2.0, 1.0], [0.0, 1.0]]), np.array([3.0, 1.0])
     >>> space = KrylovSpace(lambda v, out: A @ v, r.shape, r.dtype, 2)
     >>> space.begin(r)
     >>> while space.extend() > 1e-12:
     ...     pass
-    >>> combine(space.weights(), space.basis).round(12)
+    >>> space.solution().round(12)
     array([1., 1.])
     """
 
@@ -61,27 +64,23 @@ class KrylovSpace:
         shape: tuple[int, ...],
         dtype: DTypeLike,
         most: int,
+        parts: int = 1,
     ) -> None:
         self._multiply: Callable[[Array, Array], Array] = multiply
         self._vectors = np.empty((most + 1, *shape), dtype)
-        double = np.result_type(self._vectors, np.float64)
-        self._H = np.zeros((most + 1, most), double)
-        self._g = np.zeros(most + 1, double)
-        self._exhausted = ROUNDING * float(np.finfo(self._vectors.dtype).eps)
-        self._size = 0.0
+        by_parts = self._vectors.reshape(most + 1, parts, -1).swapaxes(0, 1)
+        self._parts = [_Part(vectors) for vectors in by_parts]
         self.dimension = 0
 
     @property
     def basis(self) -> Array:
-        """The basis, shape (dimension, ...)."""
+        """The basis, shape (dimension, ...); of each part where there are some."""
         return self._vectors[: self.dimension]
 
     def begin(self, r: Array) -> None:
         """Start from a residual, which is not zero and not changed."""
-        self._size = norm(r)
-        np.divide(r, self._size, out=self._vectors[0])
-        self._H[...] = 0.0
-        self._g[0] = 1.0
+        for part, own in zip(self._parts, r.reshape(len(self._parts), -1), strict=True):
+            part.begin(own)
         self.dimension = 0
 
     def extend(self) -> float:
@@ -94,35 +93,84 @@ class KrylovSpace:
             more: where it holds the solution, if A is not singular, or where a product is not
             finite.
         """
-        k = self.dimension
-        V, H, g = self._vectors, self._H, self._g
-        w = V[k + 1]
-        product = self._multiply(V[k], w)
+        v, w = self._vectors[self.dimension : self.dimension + 2]
+        product = self._multiply(v, w)
         if product is not w:
             w[...] = product
-        whole = norm(w)
-        if not isfinite(whole):
+        sizes = [part.size_of_product(self.dimension) for part in self._parts]
+        if not all(map(isfinite, sizes)):
             return 0.0
+        for part, size in zip(self._parts, sizes, strict=True):
+            part.extend(self.dimension, size)
+        self.dimension += 1
+        return hypot(*(part.least for part in self._parts))
+
+    def solution(self) -> Array:
+        """Return the x in the space that makes ‖r - A x‖ least."""
+        x = np.empty(self._vectors.shape[1:], self._vectors.dtype)
+        for part, own in zip(self._parts, x.reshape(len(self._parts), -1), strict=True):
+            part.solve(self.dimension, own)
+        return x
+
+
+class _Part:
+    """The space of one block of A.
+
+    Parameters
+    ----------
+    vectors : ndarray of shape (most + 1, n)
+        Memory for the basis, and for a product behind it.
+
+    Attributes
+    ----------
+    least : float
+        The least residual in the space; 0 where the space can grow no more.
+    """
+
+    def __init__(self, vectors: Array) -> None:
+        most = len(vectors) - 1
+        double = np.result_type(vectors, np.float64)
+        self._vectors = vectors
+        self._H = np.zeros((most + 1, most), double)
+        self._g = np.zeros(most + 1, double)
+        self._exhausted = ROUNDING * float(np.finfo(vectors.dtype).eps)
+        self._size = self.least = 0.0
+
+    def begin(self, r: Array) -> None:
+        """Start from a residual."""
+        self._size = self.least = norm(r)
+        np.divide(r, self._size or 1.0, out=self._vectors[0])
+        self._H[...] = 0.0
+        self._g[0] = 1.0
+
+    def size_of_product(self, k: int) -> float:
+        """Return the norm of the product with the last vector of a basis of k + 1."""
+        return norm(self._vectors[k + 1])
+
+    def extend(self, k: int, whole: float) -> None:
+        """Make the product with the last vector of a basis of k + 1, of this size, its next one."""
+        V, H, g, w = self._vectors[: k + 1], self._H, self._g, self._vectors[k + 1]
         size, before = whole, np.inf
-        while size < CANCELLED * before:
-            h = dots(V[: k + 1], w)
-            add_combination(-h, V[: k + 1], w)
+        while size < CANCELLED * before and self.least > 0.0:
+            h = dots(V, w)
+            add_combination(-h, V, w)
             H[: k + 1, k] += h
             size, before = norm(w), size
-        self.dimension = k + 1
-        if size <= self._exhausted * whole:
-            return 0.0
+        if size <= self._exhausted * whole or self.least == 0.0:
+            w[...] = 0.0
+            self.least = 0.0
+            return
         H[k + 1, k] = size
         w /= size
         g[k + 1] = -np.dot(g[: k + 1], H[: k + 1, k]) / size
-        return self._size / norm(g[: k + 2])
+        self.least = self._size / norm(g[: k + 2])
 
-    def weights(self) -> Array:
-        """Return the weights of the basis in the x that makes ‖r - A x‖ least."""
-        k = self.dimension
-        if k == 0:
-            return np.zeros(0)
+    def solve(self, k: int, out: Array) -> None:
+        """Write what makes the residual least in a space of k dimensions to `out`."""
+        out[...] = 0.0
+        if k == 0 or self._size == 0.0:
+            return
         first = np.zeros(k + 1)
-        first[0] = 1.0
+        first[0] = self._size
         y: Array = np.linalg.lstsq(self._H[: k + 1, :k], first)[0]
-        return self._size * y
+        add_combination(y, self._vectors[:k], out)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from math import ceil, inf, log
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
@@ -42,6 +42,17 @@ USEFUL = 1e-6  # ‖b - A x‖/‖b‖ at which rounding may have stopped it: th
 CYCLE = 1e-5  # ‖b - A x‖/‖b‖ that an iteration in single precision reaches without effort.
 
 Attempt = Callable[[Array], tuple[Array, int]]
+Solver = Callable[[Rows, float], tuple[Rows, int]]
+
+
+class Form(Protocol):
+    """A domain in which an iteration takes place."""
+
+    def transform(self, X: Rows, /) -> Rows:
+        """Return right-hand sides in that domain."""
+
+    def transform_back(self, Y: Rows, /) -> Rows:
+        """Return the solutions that those in that domain stand for."""
 
 
 class _TooSlow(Exception):
@@ -114,12 +125,15 @@ def solve_by_cg(
 
 def solve_by_gmres(
     A: LinearOperator,
-    M: LinearOperator,
+    M: LinearOperator | None,
     B: Rows,
     rtol: float,
     patience: Patience = OF_GMRES,
+    parts: int = 1,
 ) -> tuple[Rows, int]:
     """Solve for each row of B by GMRES, and return the most iterations of all.
+
+    A may have `parts` of equal size that it does not mix (see `KrylovSpace`).
 
     Raises
     ------
@@ -136,6 +150,7 @@ def solve_by_gmres(
                 M=M,
                 rtol=rtol,
                 most=min(patience.most, len(b)),
+                parts=parts,
                 residuals=watch.residuals,
                 callback=watch,
             )
@@ -148,9 +163,17 @@ def solve_by_gmres(
     return _solve_rows(attempt, B)
 
 
-def solve_in_cycles(
-    A: LinearOperator, solve: Callable[[Rows, float], tuple[Rows, int]], B: Rows, rtol: float
-) -> tuple[Rows, int]:
+def within(form: Form, solve: Solver) -> Solver:
+    """Return the solver for rows as they are, of one for rows in a domain."""
+
+    def solve_within(B: Rows, rtol: float) -> tuple[Rows, int]:
+        X, iterations = solve(form.transform(B), rtol)
+        return form.transform_back(X), iterations
+
+    return solve_within
+
+
+def solve_in_cycles(A: LinearOperator, solve: Solver, B: Rows, rtol: float) -> tuple[Rows, int]:
     """Solve for rows in single precision, then for their residuals, which are in that of A.
 
     Parameters

@@ -33,10 +33,13 @@ from toeplitz_mg.preconditioners.traits import (
 from toeplitz_mg.solvers.attempts import (
     AT_LAST,
     OF_COMPLEX,
+    OF_GMRES,
     PATIENT,
+    Patience,
     solve_by_cg,
     solve_by_gmres,
     solve_in_cycles,
+    within,
 )
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.cosine_form import has_ended
@@ -53,6 +56,7 @@ from toeplitz_mg.solvers.crossovers import (
     recursion_is_faster_than_gmres,
     trench_is_faster_than_levinson,
 )
+from toeplitz_mg.solvers.fourier_form import has_fourier_form
 from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.levinson import levinson
 from toeplitz_mg.solvers.system import EPS, PANELS, ToeplitzSystem
@@ -195,14 +199,15 @@ def _method_of_nearly_white(system: ToeplitzSystem, means: Array) -> Iterator[Me
         single = form.in_single_precision()
         M = form.inverse(means).in_single_precision()
         solve = partial(solve_in_cycles, form.A, partial(by_cg, single.A, M))
-        yield Method("cg in single precision, circulant", form.within(solve))
+        yield Method("cg in single precision, circulant", within(form, solve))
 
 
 def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield what may solve a symmetric system that is not positive definite."""
     yield from _gmres_circulant_itself(system)
-    is_fast = len(system.c) >= GENERAL or system.fourier_form is not None
-    is_fast = is_fast and not recursion_is_faster_than_gmres(len(system.c), system.columns)
+    n = len(system.c)
+    is_fast = n >= GENERAL or has_fourier_form(n)
+    is_fast = is_fast and not recursion_is_faster_than_gmres(n, system.columns)
     if is_fast and has_symbol(system.samples):
         yield from _gmres_circulant(system, "gmres, circulant of both signs")
     yield from _dense_methods(system)
@@ -280,30 +285,39 @@ def _circulant_method(
     with suppress(np.linalg.LinAlgError):  # An eigenvalue may be zero.
         form = system.fourier_form
         if form is None:
-            M = smooth_inverse(system.A, eigenvalues)
-            yield Method(name, partial(solve, system.A, M))
+            yield Method(name, partial(solve, system.A, smooth_inverse(system.A, eigenvalues)))
         else:
-            yield Method(name, form.within(partial(solve, form.A, form.inverse(eigenvalues))))
+            yield Method(name, within(form, partial(solve, form.A, form.inverse(eigenvalues))))
+
+
+def _gmres_method(
+    system: ToeplitzSystem, eigenvalues: Array, name: str, patience: Patience = OF_GMRES
+) -> Iterator[Method]:
+    """Yield GMRES with a circulant, of a symmetric matrix on the even and the odd part."""
+    solve = partial(solve_by_gmres, patience=patience)
+    if not system.is_symmetric:
+        yield from _circulant_method(system, eigenvalues, solve, name)
+        return
+    with suppress(np.linalg.LinAlgError):
+        halves = system.halves(eigenvalues)
+        yield Method(name, within(halves, partial(solve, halves.A, None, parts=2)))
 
 
 def _gmres_circulant(system: ToeplitzSystem, name: str) -> Iterator[Method]:
     """Yield GMRES with a circulant, which may be indefinite, but for samples that are zero."""
-    eigenvalues = away_from_zero(system.samples, system.c.dtype)
-    yield from _circulant_method(system, eigenvalues, solve_by_gmres, name)
+    return _gmres_method(system, away_from_zero(system.samples, system.c.dtype), name)
 
 
 def _gmres_circulant_itself(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield GMRES with the circulant that A nearly is, whatever its numbers are."""
     if wraps_around(system.c, system.r):
-        eigenvalues = chan_eigenvalues(system.A)
-        yield from _circulant_method(system, eigenvalues, solve_by_gmres, CHAN)
+        yield from _gmres_method(system, chan_eigenvalues(system.A), CHAN)
 
 
 def _gmres_chan(system: ToeplitzSystem) -> Iterator[Method]:
     """Yield GMRES with T. Chan's circulant, where there is no other way for so many unknowns."""
     eigenvalues = away_from_zero(chan_eigenvalues(system.A), system.c.dtype)
-    patiently = partial(solve_by_gmres, patience=AT_LAST)
-    yield from _circulant_method(system, eigenvalues, patiently, CHAN)
+    return _gmres_method(system, eigenvalues, CHAN, AT_LAST)
 
 
 def _gmres_spectral(A: ToeplitzOperator) -> Iterator[Method]:

@@ -22,8 +22,8 @@ class Transforms(NamedTuple):
     Attributes
     ----------
     dct, dst : callable
-        ``dct(X, out, kind)`` writes those of type 2 or 3, which are inverse to each other, to
-        `out`, which may be X itself.
+        ``dct(X, out, kind)`` writes those of type 2 or 3, which are inverse to each other, or of
+        type 4, inverse to itself, to `out`, which may be X itself.
     rfft : callable
         ``rfft(X)`` returns the discrete Fourier transforms up to the middle.
     irfft : callable
@@ -88,7 +88,7 @@ def _are_right(found: Transforms) -> bool:
             Y = rfft(X)
             result = [Y.real, Y.imag, irfft(Y, m)]
             for transform in (dct, dst):
-                for kind in (2, 3):
+                for kind in (2, 3, 4):
                     Z = X.copy()
                     transform(Z, Z, kind)
                     result.append(Z)

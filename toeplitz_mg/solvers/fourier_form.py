@@ -65,7 +65,7 @@ class FourierForm:
         self._twist = twist if self._is_complex else twist[: n // 2]
         self._untwist = self._twist.conj()
         self._skew = fft(self._fold(0.5 * (c - behind)))
-        self.A = _Operator(n, c.dtype, self._multiply)
+        self.A = Multiplication(n, c.dtype, self._multiply)
 
     def means(self) -> Array:
         """Return the eigenvalues of T. Chan's circulant, as `chan_eigenvalues` does."""
@@ -92,7 +92,7 @@ class FourierForm:
             a.astype(SINGLE[a.dtype.char]) for a in (self._twist, self._untwist, self._skew)
         )
         form._circulant = self._circulant.in_single_precision()
-        form.A = _Operator(self.n, form._circulant.dtype, form._multiply)
+        form.A = Multiplication(self.n, form._circulant.dtype, form._multiply)
         return form
 
     def multiply(self, X: Rows) -> Rows:
@@ -116,17 +116,6 @@ class FourierForm:
         X = Z * np.sqrt(0.5 * self.n)
         X[..., :: self.n - 1] *= ROOT
         return irfft(X, overwrite_x=True)
-
-    def within(
-        self, solve: Callable[[Rows, float], tuple[Rows, int]]
-    ) -> Callable[[Rows, float], tuple[Rows, int]]:
-        """Return the solver for rows as they are, of one for rows in that domain."""
-
-        def solve_within(B: Rows, rtol: float) -> tuple[Rows, int]:
-            X, iterations = solve(self.transform(B), rtol)
-            return self.transform_back(X), iterations
-
-        return solve_within
 
     def _eigenvalues(self, column: Array) -> Array:
         """Return the eigenvalues of the circulant with this first column."""
@@ -217,8 +206,8 @@ class _Diagonal:
         return out
 
 
-class _Operator:
-    """A matrix that a function multiplies."""
+class Multiplication:
+    """A matrix whose products a function gives: ``multiply(X, out)`` for rows."""
 
     vectors = ALONE
 

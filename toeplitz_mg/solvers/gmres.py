@@ -11,7 +11,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Multiply
 from toeplitz_mg.engine.krylov_space import KrylovSpace
-from toeplitz_mg.engine.vectors import combine, norm
+from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.solvers.checks import System, check_precision, check_system
@@ -168,11 +168,13 @@ def gmres_by_recurrence(
     most: int,
     residuals: list[float],
     callback: Callable[[float], object],
+    parts: int = 1,
 ) -> tuple[Array, bool]:
     """Return what `gmres` finds in one cycle by the recurrence alone, and whether it converged.
 
     It is for those who compute the residual of the result themselves, and correct it. The callback
-    is called with ‖b - A x‖₂/‖b‖₂ after each iteration.
+    is called with ‖b - A x‖₂/‖b‖₂ after each iteration. A M may have `parts` of equal size that it
+    does not mix.
     """
     system = check_system(A, b, None, M, rtol, 0.0, 1, residuals)
     state = Iterate(system)
@@ -180,7 +182,7 @@ def gmres_by_recurrence(
         return state.x, True
     goal, least = state.goal(rtol, 0.0), state.size_of_b
     state.record(least)
-    space = KrylovSpace(_product(system), b.shape, check_precision(system), most)
+    space = KrylovSpace(_product(system), b.shape, check_precision(system), most, parts)
     for least in _extend(space, state.r, most, goal):
         state.iterations += 1
         state.record(least)
@@ -220,7 +222,7 @@ def _correct(state: Iterate, space: KrylovSpace, M: LinearOperator | None, befor
 
 def _find(state: Iterate, space: KrylovSpace, M: LinearOperator | None) -> Array:
     """Return the best change of x in the space."""
-    z = combine(space.weights(), space.basis)
+    z = space.solution()
     if M is not None:
         apply_to_rows(M, z, z)
     z *= state.scale

@@ -12,10 +12,16 @@ from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.choice import symbol_of_line
-from toeplitz_mg.preconditioners.circulant import chan_eigenvalues, smooth_eigenvalues
+from toeplitz_mg.preconditioners.circulant import (
+    chan_eigenvalues,
+    smooth_column,
+    smooth_eigenvalues,
+    smooth_inverse,
+)
 from toeplitz_mg.solvers.compiled_transforms import transforms
 from toeplitz_mg.solvers.cosine_form import CosineForm
 from toeplitz_mg.solvers.fourier_form import FourierForm, has_fourier_form
+from toeplitz_mg.solvers.parity import Halves, TransformedHalves
 
 EPS = float(np.finfo(np.float64).eps)
 SHORT = 512  # Most unknowns of which a product by its definition is as fast as one by FFT.
@@ -131,6 +137,8 @@ class ToeplitzSystem:
     @cached_property
     def samples(self) -> Array:
         """Samples of the symbol, as `smooth_eigenvalues` returns them."""
+        if self.is_symmetric and len(self.c) < PANELS:
+            return self._transform(smooth_column(self.c, self.r))
         if self.fourier_form is None:
             return smooth_eigenvalues(self.A)
         samples = self.fourier_form.samples
@@ -149,11 +157,27 @@ class ToeplitzSystem:
             weights = np.arange(n) / n
             column = (1.0 - weights) * self.c
             column[1:] += weights[1:] * self.c[:0:-1]
-            count_transforms(1, n)
-            return transforms().rfft(column).real
+            return self._transform(column)
         if self.is_symmetric or self.fourier_form is None:
             return chan_eigenvalues(self.A)
         return self.fourier_form.means().real
+
+    def _transform(self, column: Array) -> Array:
+        """Return the eigenvalues of a symmetric circulant, for θ = 0 … π, in few calls."""
+        count_transforms(1, len(column))
+        return transforms().rfft(column).real
+
+    def halves(self, eigenvalues: Array) -> Halves | TransformedHalves:
+        """Return what a symmetric A, and the circulant with these eigenvalues, are on both parts.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            Where an eigenvalue is zero.
+        """
+        if has_fourier_form(len(self.c)):
+            return TransformedHalves(self.c, eigenvalues)
+        return Halves(self.A, smooth_inverse(self.A, eigenvalues))
 
     def multiply(self, X: Rows) -> Rows:
         """Multiply rows by A, as cheaply as can be for its size."""
