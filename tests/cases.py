@@ -678,10 +678,14 @@ def _cycles():
     )
 
 
+def in_precision(x, dtype):
+    """Return numbers, complex ones as such, in the precision of a real dtype."""
+    return x.astype(np.result_type(dtype, np.complex64 if np.iscomplexobj(x) else np.float32))
+
+
 def of_lags(lags):
     """Make the matrix of these lags, which of a complex one are so in either precision."""
-    kind = np.complex64 if np.iscomplexobj(lags) else np.float32
-    return lambda dtype: tmg.ToeplitzOperator.from_lags(lags.astype(np.result_type(dtype, kind)))
+    return lambda dtype: tmg.ToeplitzOperator.from_lags(in_precision(lags, dtype))
 
 
 def masked_of(build, mask):
@@ -934,6 +938,71 @@ def _preconditioners_of_sums():
                 )
 
 
+def _preconditioners_of_complex_and_general_sums():
+    """Of Z A Zᴴ + E with a complex Z, Hermitian where A is, and of D A + E, which is not."""
+    general = random_lags(13)
+    general[12] += 26.0
+    matrices = {
+        "Hermitian (9,)": waves(9),
+        "Hermitian (3, 4)": waves(3, 4),
+        "complex (13,)": complex_lags(13),
+        "complex (3, 4)": complex_lags(3, 4),
+        "general (13,)": general,
+    }
+    for name, lags in matrices.items():
+        shape = tuple((m + 1) // 2 for m in lags.shape)
+        for label, mask in (("", np.ones(shape, bool)), (" masked", checkered(*shape))):
+            d, e = diagonals(np.count_nonzero(mask))
+            z = d * np.exp(1j * np.arange(len(d)) ** 2) if np.iscomplexobj(lags) else d
+            for formula, left, right in (
+                ("Z A Z* + E", z, z.conj()),
+                ("D A + E", d, 1.0 + 0.0 * d),
+            ):
+                yield from _of_one_sum(f"{formula}{label} {name}", lags, mask, left, right, e)
+
+
+def _of_one_sum(name, lags, mask, left, right, e):
+    """Preconditioners of diag(left) A diag(right) + diag(e), on a mask."""
+    whole = of_lags(lags)
+    unknowns = whole if mask.all() else masked_of(whole, mask)
+
+    def build(dtype):
+        L, R, E = (scipy.sparse.diags_array(in_precision(x, dtype)) for x in (left, right, e))
+        return L @ unknowns(dtype) @ R + E
+
+    zero = tuple(n // 2 for n in lags.shape)
+    diagonal = (left * right * lags[zero] + e).real
+    scale = 1.0 / np.sqrt(diagonal)
+    mean = (left * right / diagonal).mean() * lags
+    mean[zero] += (e / diagonal).mean()
+    part = (mean + np.flip(mean).conj()) / 2
+    is_hermitian = np.allclose(mean, part, rtol=1e-12)
+    pairs = [
+        (tmg.chan_preconditioner, np.linalg.inv(nearest_circulant(mean)), is_hermitian),
+        (tmg.strang_preconditioner, np.linalg.inv(central_circulant(mean)), is_hermitian),
+        (tmg.fft_preconditioner, dense_coupled_M([[part]]), True),
+        (partial(tmg.jacobi_preconditioner, omega=0.7), 0.7 * np.eye(mask.size), True),
+    ]
+    if mask.ndim == 1:
+        n = mask.size
+        half = near_fast_length(n) if is_hermitian else scipy.fft.next_fast_len(2 * n)
+        pairs.append((tmg.spectral_preconditioner, dense_factors(mean, half), is_hermitian))
+    pairs = [(f, submatrix(matrix, mask), holds) for f, matrix, holds in pairs]
+    inverse = np.linalg.inv(submatrix(dense_of_lags(part), mask))
+    pairs.append((tmg.default_preconditioner, inverse, True))  # Few unknowns are solved for.
+    for f, matrix, holds in pairs:
+        dense = scale[:, np.newaxis] * matrix * scale
+        if np.iscomplexobj(lags):
+            dense = dense.astype(np.complex128)
+        yield Case(
+            f"{getattr(f, 'func', f).__name__} of {name}",
+            applied(f, build),
+            lambda dense=dense: dense,
+            symmetric=holds,
+            positive=holds,
+        )
+
+
 CASES = [
     *_operators(),
     *_preconditioners(),
@@ -943,4 +1012,5 @@ CASES = [
     *_coupled_and_complex(),
     *_sums(),
     *_preconditioners_of_sums(),
+    *_preconditioners_of_complex_and_general_sums(),
 ]

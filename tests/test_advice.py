@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from scipy.sparse import diags_array
+from scipy.sparse import csr_array, diags_array
 
 import toeplitz_mg as tmg
 from tests.cases import checkered
@@ -65,6 +65,9 @@ def general():
     skewed = tmg.ToeplitzOperator(np.r_[0.1, -1.0, 0.0 * k[2:]], np.r_[0.1, 1.2, 0.0 * k[2:]])
     yield "indefinite symmetric part", skewed
     yield "sum, indefinite symmetric part", skewed + diags_array(1e-3 * k)
+    c = np.r_[2.0, np.exp(-0.1 * k[1:] + 0.7j * k[1:])]
+    A = tmg.ToeplitzOperator(c, 0.3 * c**2)
+    yield "complex sum", diags_array(1.0 + np.cos(k**2) ** 2) @ A
 
 
 PRECONDITIONERS = {
@@ -215,6 +218,31 @@ def test_hermitian_matrices_that_are_indefinite_are_not_sent_to_chan_alone():
     A = tmg.ToeplitzOperator(np.r_[1.0, 0.9j, np.zeros(18)])
     with pytest.raises(ValueError, match="or gmres without M if A is indefinite"):
         tmg.cosine_preconditioner(A)
+
+
+def test_where_a_complex_sum_is_refused_cg_is_not_said_to_solve_it():
+    """What stands for it is Hermitian, and of that it is told how to solve it, but not alone."""
+    S = dict(general())["complex sum"]
+    for make in (tmg.cosine_preconditioner, tmg.tau_preconditioner, tmg.fsai_preconditioner):
+        with pytest.raises(ValueError, match="gmres where A is not Hermitian"):
+            make(S)
+
+
+def test_a_sparse_matrix_is_told_how_its_coefficients_are_had():
+    A = csr_array(np.eye(4) + np.eye(4, k=1) + np.eye(4, k=-1))
+    with pytest.raises(TypeError) as refused:
+        tmg.ToeplitzOperator(A)
+    (advice,) = re.findall(r"A\[.*\(\)", str(refused.value))
+    column = eval(advice, {"A": A})
+    assert np.array_equal(tmg.ToeplitzOperator(column).toarray(), A.toarray())
+
+
+def test_an_inverse_whose_first_entry_is_zero_is_sent_to_what_needs_none():
+    c, r, b = np.r_[0.0, 1.0, np.zeros(8)], np.r_[0.0, 2.0, np.zeros(8)], np.arange(10.0)
+    with pytest.raises(np.linalg.LinAlgError, match=r"solve_toeplitz\(\(c, r\), b\)"):
+        tmg.toeplitz_inverse(tmg.ToeplitzOperator(c, r))
+    x = tmg.solve_toeplitz((c, r), b)
+    assert np.allclose(tmg.ToeplitzOperator(c, r) @ x, b)
 
 
 def test_a_refused_complex_matrix_is_named_as_it_is():

@@ -165,6 +165,12 @@ def test_the_choice_is_no_more_than_twice_the_work_of_the_best(name, n, monkeypa
         assert work.units(n) <= 2 * (other.units(n) + 1.5)
 
 
+@pytest.mark.parametrize(("c", "b"), [(2.0, 3.0), (2.0, [3.0]), ([2.0], 3.0)])
+def test_numbers_alone_are_no_system(c, b):
+    with pytest.raises(ValueError, match="need the length of c"):
+        tmg.solve_toeplitz(c, b)
+
+
 def test_the_choice_is_visible():
     def method(c, b):
         # Rounding would decide whether the recurrence of CG gets to 1e-12.

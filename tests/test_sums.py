@@ -558,3 +558,22 @@ def test_the_component_that_is_refused_is_named():
     with pytest.raises(np.linalg.LinAlgError) as error:
         tmg.componentwise(tmg.tau_preconditioner)(A)
     assert any("This was the matrix of a component" in note for note in error.value.__notes__)
+
+
+def test_between_complex_diagonals_what_is_hermitian_stays_so():
+    """Rounding of the weights |z|² leaves no imaginary part in what stands for Z A Zᴴ."""
+    n = 60
+    k = np.arange(n)
+    z = np.exp(1j * k**2) * (1.5 + 0.5 * np.cos(k))
+    Z = sparse.diags_array(z)
+    definite = tmg.ToeplitzOperator(0.5**k * np.exp(0.7j * k))
+    S = Z @ definite @ Z.conj()
+    assert S.is_hermitian
+    for make in (tmg.chan_preconditioner, tmg.default_preconditioner, tmg.fft_preconditioner):
+        M = make(S)
+        assert M.H is M
+        _, info = tmg.cg(S, np.ones(n), M=M, rtol=1e-10)
+        assert info == 0
+    indefinite = tmg.ToeplitzOperator(np.r_[0.5, -0.9 * np.exp(0.7j * k[1:]) * 0.6 ** k[1:]])
+    with pytest.raises(np.linalg.LinAlgError, match="may be indefinite"):
+        tmg.chan_preconditioner(Z @ indefinite @ Z.conj())

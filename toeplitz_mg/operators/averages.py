@@ -46,9 +46,9 @@ def average(
     """Return a Toeplitz matrix T and the entries of a diagonal one, with D T⁻¹ D ≈ A⁻¹.
 
     D² is the inverse of the diagonal of A. In D A D, whose diagonal is all ones, each diagonal
-    matrix is replaced by its mean, and each Toeplitz matrix by its Hermitian part. For A + D with a
-    D that is small against the diagonal of A this is A and the mean of D, for D A that of A between
-    two diagonal matrices, and it goes from one to the other as the diagonal of the sum does.
+    matrix is replaced by its mean; T is the Hermitian part of that. For A + D with a D that is
+    small against the diagonal of A this is A and the mean of D, for D A that of A between two
+    diagonal matrices, and it goes from one to the other as the diagonal of the sum does.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def average(
     mask : ndarray of bool, optional
         The unknowns, over which the means are taken.
     part : callable, optional
-        What to take of each Toeplitz matrix in the place of its Hermitian part.
+        What to take of a Toeplitz matrix in the place of its Hermitian part.
 
     Raises
     ------
@@ -83,7 +83,9 @@ def average(
         weights = 1.0 / diagonal
         for factor in (left, right):
             weights = weights if factor is None else weights * factor[unknowns]
-        mean = mean + weights.mean() * part(T)
+        mean = mean + weights.mean() * T
     if A.offset is not None:
         mean = mean.plus_unit(np.mean(A.offset[unknowns] / diagonal))
+    # Of a sum that is Hermitian the mean is too, but for rounding of weights that are complex.
+    mean = hermitian_part(mean) if A.is_hermitian else part(mean)
     return mean.astype(A.dtype), 1.0 / np.sqrt(diagonal)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
+from scipy.sparse import issparse
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.embedding import cut
@@ -242,6 +243,11 @@ def check_finite(values: ArrayLike, name: str) -> Array:
         raise TypeError(
             f"{name} is {values!r}, an operator on slabs, but must be of coefficients, of which "
             "each rank has some rows: toeplitz_mg.slabs has what takes these"
+        )
+    if issparse(values):
+        raise TypeError(
+            f"{name} is a sparse matrix, but must be an array of coefficients: of a Toeplitz "
+            "matrix A its first column, A[:, [0]].toarray().ravel()"
         )
     if dtype.kind not in "buifc":
         what = f"has dtype {array.dtype}" if array.ndim else f"is {array.item()!r}"

@@ -70,7 +70,7 @@ class GohbergSemencul(GridOperator):
         if x[0] == 0.0:
             raise np.linalg.LinAlgError(
                 "the first entry of the inverse is 0, but the formula divides by it: A without its "
-                "last row and column is singular"
+                "last row and column is singular; solve_toeplitz((c, r), b) needs no inverse"
             )
         dtype = np.result_type(x, y)
         self.x = x.astype(dtype)

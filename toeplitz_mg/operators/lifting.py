@@ -48,7 +48,7 @@ def averaged(
     function : callable
         A function of a `ToeplitzOperator` or a `MaskedOperator` of one.
     part : callable
-        What it sees of each Toeplitz matrix, the Hermitian part by default.
+        What it sees of the Toeplitz matrix, the Hermitian part by default.
     any_library : bool
         Whether it takes operators on arrays of other libraries than NumPy.
 

@@ -72,10 +72,10 @@ def check_hermitian(A: ToeplitzOperator | CoupledOperator) -> None:
 def check_symmetric(A: ToeplitzOperator | CoupledOperator) -> None:
     """Raise a ValueError where a matrix is not real and symmetric."""
     if A.dtype.kind == "c":
-        solver = "cg, or gmres without M if A is indefinite" if A.is_hermitian else "gmres"
         raise ValueError(
             f"A is {A!r}, but must be real: use chan_preconditioner(A), which takes complex "
-            f"matrices too, with {solver}"
+            "matrices too, with cg, or gmres where A is not Hermitian, or gmres without M if A is "
+            "indefinite"
         )
     check_hermitian(A)
 

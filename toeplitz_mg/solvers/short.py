@@ -40,7 +40,7 @@ def solve_short(
     char, n, (low, high) = c.dtype.char, c.size, USUAL
     if n >= RECURSIVE or char not in BLAS or not char == r.dtype.char == b.dtype.char:
         return None, None
-    if not (b.size and b.ndim <= 2 and c.shape == r.shape == b.shape[:1]):
+    if not (b.size and 0 < b.ndim <= 2 and c.shape == r.shape == b.shape[:1]):
         return None, None
     columns = b.size // n
     if r is not c and not (c[-1] and r[-1] and isfinite(r[0])):
