@@ -273,6 +273,24 @@ def test_with_few_columns_few_iterations_are_left(name):
         assert np.linalg.norm(form.multiply(X) - B) <= 1e-7 * np.linalg.norm(B)
 
 
+@pytest.mark.parametrize(
+    ("length", "nugget"), [(3.0, 1e-6), (3.0, 1e-9), (10.0, 1e-6), (10.66, 2.6e-8), (40.0, 1e-6)]
+)
+def test_pivots_as_small_as_rounding_leave_it_positive_definite(length, nugget):
+    """Of K at the columns chosen the entries alone have lost its inverse (see `_eliminate`)."""
+    n = 4096
+    c = np.exp(-((np.arange(n) / length) ** 2))
+    c[0] += nugget
+    form = CosineForm(c)
+    M = LowRankInverse(form)
+    assert min(M.ranks) >= 5
+    b = random(n)
+    x, iterations = CosineSolver(form, float(2.0 * abs(c).sum())).solve(b, 1e-8)
+    assert iterations <= 4  # With the lowest frequencies alone it takes up to 17.
+    rounding = 1e-15 * abs(c).sum() * np.linalg.norm(x)
+    assert np.linalg.norm(form.multiply(x) - b) <= 1e-7 * np.linalg.norm(b) + rounding
+
+
 def test_many_coefficients_have_no_low_rank_and_are_solved_for_all_the_same():
     n = 4096
     c, b = averaged(60, n), random(n)

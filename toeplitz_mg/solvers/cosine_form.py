@@ -106,7 +106,7 @@ class CosineForm:
     Parameters
     ----------
     c : ndarray of shape (n,), float64
-        First column, with n of 2 at least.
+        First column, with n of 3 at least.
 
     Attributes
     ----------

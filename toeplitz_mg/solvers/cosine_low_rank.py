@@ -53,12 +53,13 @@ class LowRankInverse:
             raise np.linalg.LinAlgError("a sample of the symbol is not positive")
         self.diagonal = np.reciprocal(D)
         self._parts = []
-        for parity, (frequencies, diagonal, negative) in enumerate(_choose(form, D)):
+        for parity, (frequencies, diagonal) in enumerate(_choose(form, D)):
             if len(frequencies):
                 U, at = form.rows(frequencies), frequencies // 2
                 U[np.arange(len(U)), at] = diagonal
+                signs = _eliminate(U, at)
                 V = U * self.diagonal[parity::2]
-                self._parts.append((parity, V, _invert(U[:, at], U, V, negative)))
+                self._parts.append((parity, V, _invert(signs, U, V)))
 
     @property
     def ranks(self) -> tuple[int, ...]:
@@ -88,12 +89,11 @@ def has_low_rank(form: CosineForm) -> bool:
     return form.has_ended and not form.has_zero and form.m == form.n >= LONG
 
 
-def _choose(form: CosineForm, D: Array) -> list[tuple[Array, Array, int]]:
-    """Return even frequencies whose columns make K, and odd ones.
+def _choose(form: CosineForm, D: Array) -> list[tuple[Array, Array]]:
+    """Return even frequencies whose columns make K, and odd ones, with the diagonal of K there.
 
-    With them come the diagonal of K there, and how many pivots are negative. K is eliminated at
-    some frequencies, of which the next one is where the diagonal of what is left is largest beside
-    D.
+    K is eliminated at some frequencies, of which the next one is where the diagonal of what is left
+    is largest beside D.
     """
     points = group(form.m, False).points
     found = []
@@ -104,7 +104,6 @@ def _choose(form: CosineForm, D: Array) -> list[tuple[Array, Array, int]]:
         diagonal, scale = rest.copy(), 1.0 / d
         chosen: list[int] = []
         sizes: list[float] = []
-        negative = 0
         while True:
             left = np.abs(rest) * scale
             at = int(left.argmax())
@@ -116,23 +115,38 @@ def _choose(form: CosineForm, D: Array) -> list[tuple[Array, Array, int]]:
                 raise np.linalg.LinAlgError("the matrix is not a diagonal and one of low rank")
             chosen.append(at)
             row = K[at].copy()
-            negative += row[at] < 0.0
             K -= (row / row[at])[:, np.newaxis] * row
-        found.append((frequencies[chosen], diagonal[chosen], negative))
+        found.append((frequencies[chosen], diagonal[chosen]))
     return found
 
 
-def _invert(core: Array, U: Array, V: Array, negative: int) -> Array:
-    """Return W with (D + Uᵀ core⁻¹ U)⁻¹ = D⁻¹ - Vᵀ W V, where V is U D⁻¹.
+def _eliminate(U: Array, at: Array) -> Array:
+    """Make of rows of K, in place, those of which K is Uᵀ S U, and return the signs in S.
 
-    W⁻¹ is core + U D⁻¹ Uᵀ. By the inertia of the Schur complements of [[D, Uᵀ], [U, -core]] the
-    sum is positive definite where W⁻¹ has as many negative eigenvalues as the core, which is told.
-    If it has not, a LinAlgError is raised.
+    Each row has what the others have left of it. The last of them are as small as rounding errors
+    of the first: the entries of K at all of them would have lost their inverse.
     """
-    inner = core.copy()
+    signs = np.empty(len(U))
+    for k, j in enumerate(at.tolist()):
+        add_combination(-signs[:k] * U[:k, j], U[:k], U[k])
+        if U[k, j] == 0.0:
+            raise np.linalg.LinAlgError("a pivot is zero")
+        signs[k] = np.sign(U[k, j])
+        U[k] /= np.sqrt(abs(U[k, j]))
+    return signs
+
+
+def _invert(signs: Array, U: Array, V: Array) -> Array:
+    """Return W with (D + Uᵀ S U)⁻¹ = D⁻¹ - Vᵀ W V, where V is U D⁻¹, and S has these signs.
+
+    W⁻¹ is S + U D⁻¹ Uᵀ. By the inertia of the Schur complements of [[D, Uᵀ], [U, -S]] the sum is
+    positive definite where W⁻¹ has as many negative eigenvalues as S. If it has not, a LinAlgError
+    is raised.
+    """
+    inner = np.diag(signs)
     for k in range(0, U.shape[-1], PART):  # So short that BLAS has one thread.
         inner += np.vecdot(U[:, np.newaxis, k : k + PART], V[:, k : k + PART])
     eigenvalues, Q = np.linalg.eigh((inner + inner.T) / 2.0)
-    if not eigenvalues.all() or np.count_nonzero(eigenvalues < 0.0) != negative:
+    if not eigenvalues.all() or np.count_nonzero(eigenvalues < 0.0) != np.count_nonzero(signs < 0):
         raise np.linalg.LinAlgError("the approximate inverse is not positive definite")
     return (Q / eigenvalues) @ Q.T

@@ -17,6 +17,9 @@ SHORT = 256  # Most unknowns where nothing that takes transforms is the fastest,
 FEW_STEPS = 100_000  # Steps of Levinson's recursion, n² a column, that nothing beats anywhere.
 LONG = 2048  # Fewest unknowns where CG in the DCT domain is the fastest, on any machine.
 CALLS = 3.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
+# Time of CG in the DCT domain in a program that does other things too, whose numbers and code are
+# then in the caches, over that of CG alone; Levinson's recursion takes as long in both.
+COLD = 1.25
 SLOW = 1.3  # Time of CG in the DCT domain for a length that is not smooth, over that for others.
 STEPS_OF_CG = 6_000_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
 STEPS_OF_INVERSE = 3_000_000  # The same for the inverse.
@@ -51,7 +54,7 @@ def levinson_is_fastest(n: int, columns: int) -> bool:
     steps = columns * n**2
     if n <= SHORT or n >= LONG or steps <= FEW_STEPS:
         return n < LONG
-    of_cosine = (CALLS + columns * n / WINDOW) / (CALLS + 1.0)
+    of_cosine = COLD * (CALLS + columns * n / WINDOW) / (CALLS + 1.0)
     if not is_smooth(n):
         of_cosine *= SLOW
     return steps / WINDOW**2 <= of_cosine * cosine_over_levinson()
