@@ -136,13 +136,7 @@ def find_steady_state(
     k0 = grid.diagonal(K.A)
     M = grid.invert_shifted(K.A, np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64)
     if guess is None:
-        q, slide = np.zeros(problem.b.shape), np.zeros(problem.g.shape, bool)
-        if grid.is_short and not len(loads.wanted):
-            T = Tangent(Areas(problem.g > 0.0, slide), q, problem.vectors, balanced=())
-            bonded = M.at(np.zeros(grid.shape))(T(problem.b), T.project_each)
-            q, slide = roll_backwards(bonded, problem.g)
-        guess = admit(problem, q, slide)
-
+        guess = _guess_on_this_grid(problem, loads, M)
     accuracy, creepages, depth = LOOSE, np.zeros(len(loads.wanted)), options.iterations
     while True:
         step = Iteration(problem, loads, M, depth)
@@ -182,6 +176,16 @@ def _roll_by_creepages(
     guess = (state.q, state.areas) if problem.largest > 0.0 else None
     nothing = Loads(loads.units[:0], loads.arms[:0], loads.wanted[:0])
     return find_steady_state(problem, K, nothing, guess=guess, nested=False, options=options)
+
+
+def _guess_on_this_grid(problem: Problem, loads: Loads, M: Any) -> tuple[Array, Areas]:
+    """Return tractions and areas to start from, where M is right those of what sticks."""
+    q, slide = np.zeros(problem.b.shape), np.zeros(problem.g.shape, bool)
+    if problem.grid.is_short and not len(loads.wanted):
+        T = Tangent(Areas(problem.g > 0.0, slide), q, problem.vectors, balanced=())
+        bonded = M.at(np.zeros(problem.grid.shape))(T(problem.b), T.project_each)
+        q, slide = roll_backwards(bonded, problem.g)
+    return admit(problem, q, slide)
 
 
 def _guess_from_coarser_grids(
