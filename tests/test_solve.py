@@ -190,13 +190,45 @@ def test_the_choice_is_visible():
         (PANELS, "cg, fsai_preconditioner"),
     ):
         assert method(column("contact", n_long), random(n_long)) == expected
-    for n_long, expected in ((75_011, "cg in the DCT domain"), (PANELS, "cg, circulant")):
+    for n_long, expected in ((75_011, "cg in the DCT domain"), (PANELS, "gmres, circulant")):
         assert method(0.9 ** np.arange(n_long), random(n_long)) == expected
     with pytest.warns(scipy.linalg.LinAlgWarning):
         assert method(column("θ⁴", n), b) == "cg in the DCT domain"
     assert method((KERNEL, KERNEL**2), b) == "gmres, circulant"
     assert method((KERNEL[:600], KERNEL[:600] ** 2), b[:600]) == "scipy.linalg.solve_toeplitz"
     assert method([0.0, 1.0], [1.0, 2.0]) == "lu"
+
+
+LAG = np.arange(float(PANELS))
+FEW_IN_CORNERS = {  # Each with the order of its process.
+    "exponential": (0.99**LAG, 1),
+    "alternating": ((-0.9) ** LAG, 1),
+    "two exponentials": (0.9**LAG + 0.5 * 0.99**LAG, 2),
+    "Matérn 3/2": ((1.0 + LAG / 30.0) * np.exp(-LAG / 30.0), 2),
+    "moving average": (np.r_[1.3, 0.4, 0.3, np.zeros(PANELS - 3)], 2),
+    "damped cosine": (0.995**LAG * np.cos(0.3 * LAG) + 0.1 * (LAG == 0), 2),
+    "Matérn 5/2": ((1.0 + LAG / 9.0 + (LAG / 9.0) ** 2 / 3.0) * np.exp(-LAG / 9.0), 3),
+}
+
+
+@pytest.mark.parametrize("name", FEW_IN_CORNERS)
+def test_a_long_process_of_low_order_takes_that_many_iterations_and_one(name):
+    c, order = FEW_IN_CORNERS[name]
+    b = random(PANELS)
+    x, info = tmg.solve_toeplitz(c, b, rtol=1e-7, full_output=True)
+    assert info.method == "gmres, circulant"
+    assert info.iterations <= order + 1
+    assert np.linalg.norm(scipy.linalg.matmul_toeplitz(c, x) - b) <= 1.01e-7 * np.linalg.norm(b)
+
+
+@pytest.mark.parametrize("lags", [{365: 0.05}, {5000: 0.1}, {12: 0.1, 13: 0.05}])
+def test_a_lag_that_stands_alone_makes_a_long_process_one_of_high_order(lags):
+    c = 0.5**LAG
+    c[list(lags)] += list(lags.values())
+    b = random(PANELS)
+    x, info = tmg.solve_toeplitz(c, b, rtol=1e-7, full_output=True)
+    assert info.method != "gmres, circulant"
+    assert np.linalg.norm(scipy.linalg.matmul_toeplitz(c, x) - b) <= 1.01e-7 * np.linalg.norm(b)
 
 
 @pytest.mark.parametrize("n", [4000, 2**17])

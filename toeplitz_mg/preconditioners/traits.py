@@ -1,6 +1,7 @@
 """Facts about a matrix and a mask that decide which preconditioner is taken: pure functions."""
 
 import numpy as np
+import scipy.linalg
 
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.engine.lengths import near_fast_length
@@ -16,6 +17,9 @@ NEAR = 0.05  # Largest norm of a part of A - C over the least eigenvalue of C: C
 MODERATE = 1000.0  # Condition up to which few eigenvalues are not: with 4000 it is a dozen.
 JUMPS = 0.1  # Largest share of jumps of the phase: of random coefficients it is one half.
 WRAPPED = 1e-3  # Largest difference of the lags k and k - n of what is nearly a circulant.
+POINTS = 48  # Lags from which the rank of the corners is found: with 32 and 64 it is the same.
+APART = 1e-3  # Least singular value of the corners, over the least eigenvalue, worth an iteration.
+CLOSE = 0.05  # Norm of what is left of them, over the least eigenvalue, that delays GMRES little.
 EXPONENTIAL = 0.01  # Largest deviation of c_(i-s) c_(i+s) from c_i², over c_i²: of exp(-k/ℓ) none.
 
 
@@ -160,6 +164,52 @@ def is_nearly_circulant(c: Array, means: Array) -> bool:
     low, high = float(means.min()), float(means.max())
     distance = 2.0 / len(c) * float(np.arange(len(c)) @ np.abs(c))
     return distance <= NEAR * low and high <= MODERATE * low and decreases(c)
+
+
+def differs_in_few_vectors(c: Array, least: float, most: int) -> bool:
+    """Whether a circulant lacks little of a symmetric matrix whose coefficients have ended.
+
+    It lacks two corners, each of them the Hankel matrix of the entries c_(i+j+1). As many of its
+    singular values as are not small beside the eigenvalues take an iteration each, of the even part
+    of a vector and of the odd one; of an autoregressive process they are its order. They are found
+    as those of an integral operator are, from few lags with weights; then one column is compared
+    with the combination of others that it is there, at all lags, as one may stand alone.
+
+    Parameters
+    ----------
+    c : ndarray of shape (n,)
+    least : float
+        The least eigenvalue, nearly.
+    most : int
+        The most singular values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> c = 0.9 ** np.arange(1000)
+    >>> differs_in_few_vectors(c, 0.05, 1)
+    True
+    >>> c[360] = 0.1
+    >>> differs_in_few_vectors(c, 0.05, 1)
+    False
+    """
+    n = len(c)
+    points = np.unique(np.geomspace(1.0, n, POINTS).astype(int)) - 1
+    lags = points[:, np.newaxis] + points + 1
+    hankel = np.where(lags < n, c[np.minimum(lags, n - 1)], 0.0)
+    weights = np.sqrt(np.gradient(points.astype(np.float64)))
+    weighted = weights[:, np.newaxis] * hankel * weights
+    *_, order = scipy.linalg.qr(weighted, pivoting=True)
+    rank = np.count_nonzero(np.abs(np.linalg.eigvalsh(weighted)) > APART * least)
+    if not rank <= most < len(points):
+        return False
+    others, one = order[:rank], order[rank]
+    shares = np.linalg.lstsq(hankel[:, others], hankel[:, one])[0]
+    rest = c[points[one] + 1 :].copy()
+    for share, point in zip(shares, points[others], strict=True):
+        column = c[point + 1 :][: len(rest)]
+        rest[: len(column)] -= share * column
+    return bool(np.abs(rest).sum() <= CLOSE * least)
 
 
 def wraps_around(c: Array, r: Array) -> bool:

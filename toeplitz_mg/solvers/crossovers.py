@@ -24,6 +24,7 @@ SLOW = 1.3  # Time of CG in the DCT domain for a length that is not smooth, over
 STEPS_OF_CG = 6_000_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
 STEPS_OF_INVERSE = 3_000_000  # The same for the inverse.
 FSAI = 2**16  # Fewest unknowns where FSAI is faster, of a slow length and slow decay.
+CORNERS = 4  # Largest rank of the corners, times columns, for which GMRES takes half the time.
 COSINE_LIMIT = 80_000  # Most columns² n where CG in the DCT domain is faster than the inverse.
 
 
