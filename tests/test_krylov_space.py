@@ -129,3 +129,24 @@ def test_each_part_has_the_least_residual_of_a_space_of_its_own(dtype):
         assert_allclose(least, np.linalg.norm(found), atol=rounding * sizes.max())
     assert expected[1] == 0.0  # Its eigenvalues are 1, 2 and 3.
     assert not x[2].any()
+
+
+def test_a_part_that_can_grow_no_more_takes_no_rounding_of_the_others():
+    A, r, _ = system((30,), np.float64)
+    few = np.diag(np.arange(30) % 2 + 1.0)  # Two dimensions hold its solution.
+
+    def multiply(leak):
+        return lambda v, out: np.stack([few @ v[0] + leak * v[1], A @ v[1]])
+
+    solutions = []
+    for leak in (0.0, 1e-15):
+        space = KrylovSpace(multiply(leak), (2, 30), np.float64, 12, parts=2)
+        space.begin(np.stack([r, r]))
+        for _ in range(12):
+            least = space.extend()
+        assert space.basis[:2, 0].any(axis=1).all()
+        assert not space.basis[2:, 0].any()
+        solutions.append(space.solution())
+        assert_allclose(few @ solutions[-1][0], r, atol=1e-13)
+        assert_allclose(np.linalg.norm(A @ solutions[-1][1] - r), least, atol=1e-12)
+    assert_allclose(*solutions, atol=1e-12)

@@ -231,6 +231,47 @@ def test_a_lag_that_stands_alone_makes_a_long_process_one_of_high_order(lags):
     assert np.linalg.norm(scipy.linalg.matmul_toeplitz(c, x) - b) <= 1.01e-7 * np.linalg.norm(b)
 
 
+@pytest.mark.parametrize("n", [1024, 4096, 4097])
+def test_the_even_and_the_odd_part_save_a_quarter_of_the_iterations(n):
+    c = column("contact", n) / column("contact", n)[0]
+    c[0] -= 0.3
+    b = random(n)
+    x, info = tmg.solve_toeplitz(c, b, rtol=1e-8, full_output=True)
+    assert info.method == "gmres, circulant of both signs"
+    assert info.iterations <= 9  # On vectors as they are it takes 11.
+    assert np.linalg.norm(scipy.linalg.matmul_toeplitz(c, x) - b) <= 1.01e-8 * np.linalg.norm(b)
+
+
+def test_several_columns_are_left_to_a_recursion_where_each_would_take_many_iterations():
+    lag = np.arange(45)
+    c = np.zeros(4050)
+    c[:45] = random(45) * np.exp(-6.0 * lag / 45.0)
+    c[0] -= 0.5
+    for columns, expected in ((1, "gmres"), (8, "trench")):
+        _, info = tmg.solve_toeplitz(c, random(4050, columns), full_output=True)
+        assert info.method.startswith(expected)
+
+
+@pytest.mark.parametrize("part", ["even", "odd"])
+def test_a_right_hand_side_of_one_part_is_solved_as_soon_as_any(part):
+    """The other part is rounding, whose scalars would keep CG from converging."""
+    r = np.arange(4900.0) / 6.0
+    c = (1.0 + r + r * r / 3.0) * np.exp(-r)
+    c[0] += 1e-8
+    b = random(4900)
+    b = b + b[::-1] if part == "even" else b - b[::-1]
+    _, info = tmg.solve_toeplitz(c, b, full_output=True)
+    assert info.method == "cg in the DCT domain"
+    assert info.iterations <= 4
+
+
+def test_the_choice_is_for_caches_that_are_cold(monkeypatch):
+    """Where both take as long for 512 unknowns alone, the recursion is sooner up to some 580."""
+    monkeypatch.setenv("TOEPLITZ_MG_COSINE_OVER_LEVINSON", "1")
+    assert levinson_is_fastest(560, 1)
+    assert not levinson_is_fastest(640, 1)
+
+
 @pytest.mark.parametrize("n", [4000, 2**17])
 def test_a_symmetric_indefinite_system_is_solved_by_gmres(n):
     c = column("contact", n) * (-1.0) ** np.arange(n)
@@ -769,7 +810,7 @@ def test_the_choice_has_one_crossover(columns, ratio, monkeypatch):
 
 @pytest.mark.parametrize("c", [tmg.ToeplitzOperator([2.0, 1.0]), scipy.sparse.eye_array(2)])
 def test_a_matrix_is_no_column(c):
-    with pytest.raises(TypeError, match="but must be an array: of a symmetric ToeplitzOperator"):
+    with pytest.raises(TypeError, match="but must be an array: of a ToeplitzOperator"):
         tmg.solve_toeplitz(c, np.ones(2))
 
 

@@ -150,13 +150,16 @@ class _Part:
     def extend(self, k: int, whole: float) -> None:
         """Make the product with the last vector of a basis of k + 1, of this size, its next one."""
         V, H, g, w = self._vectors[: k + 1], self._H, self._g, self._vectors[k + 1]
+        if self.least == 0.0:  # What there is, is rounding of the other parts.
+            w[...] = 0.0
+            return
         size, before = whole, np.inf
-        while size < CANCELLED * before and self.least > 0.0:
+        while size < CANCELLED * before:
             h = dots(V, w)
             add_combination(-h, V, w)
             H[: k + 1, k] += h
             size, before = norm(w), size
-        if size <= self._exhausted * whole or self.least == 0.0:
+        if size <= self._exhausted * whole:
             w[...] = 0.0
             self.least = 0.0
             return
@@ -168,7 +171,7 @@ class _Part:
     def solve(self, k: int, out: Array) -> None:
         """Write what makes the residual least in a space of k dimensions to `out`."""
         out[...] = 0.0
-        if k == 0 or self._size == 0.0:
+        if k == 0:
             return
         first = np.zeros(k + 1)
         first[0] = self._size

@@ -52,6 +52,7 @@ from toeplitz_mg.solvers.crossovers import (
     SHORT,
     cosine_is_faster_than_inverse,
     fsai_is_faster_than_cosine,
+    iterations_before_recursion,
     levinson_is_faster_than_inverse,
     levinson_is_fastest,
     lu_is_faster_than_levinson,
@@ -71,6 +72,7 @@ ALIKE = 100.0  # Largest ratio of eigenvalues where a product in single precisio
 # lags alone, GMRES takes 5 to 16 iterations with it, and 8 to 45 with one ten times as large; with
 # one ten times less Trench's recursion loses more digits than some of them can spare.
 SHIFT = 1e-4
+FAINT = 1e-10  # Least sample of the symbol, over the largest, that a circulant inverts well enough.
 NARROW = 64  # Most diagonals of a triangular matrix that is solved by substitution at once.
 LARGEST_BAND = 2**25  # Most numbers of the diagonals of one, of 256 MiB.
 LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in n³/3 operations.
@@ -140,7 +142,7 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
         return
     if columns <= FEW:
         if not decays_slowly(system.c):
-            if is_nearly_circulant(system.c, means) or _has_few_in_corners(system, means):
+            if is_nearly_circulant(system.c, means) or _has_few_in_corners(system):
                 # In 2 to 6 iterations, where the set-up of the spectral factor costs as much as 8.
                 yield from _gmres_circulant(system, "gmres, circulant")
             if n >= PANELS and not has_ended(system.c) and has_zero_at_an_end(system.symbol):
@@ -151,11 +153,13 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
     yield from _methods_of_indefinite(system)
 
 
-def _has_few_in_corners(system: ToeplitzSystem, means: Array) -> bool:
+def _has_few_in_corners(system: ToeplitzSystem) -> bool:
     """Whether a circulant lacks so little of A that GMRES is done in few iterations."""
     if not has_ended(system.c):
         return False
-    return differs_in_few_vectors(system.c, float(means.min()), CORNERS // system.columns)
+    low, high = float(system.samples.min()), float(system.samples.max())
+    most = CORNERS // system.columns
+    return low > FAINT * high and differs_in_few_vectors(system.c, low, most)
 
 
 def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
@@ -300,9 +304,12 @@ def _circulant_method(
 
 
 def _gmres_method(
-    system: ToeplitzSystem, eigenvalues: Array, name: str, patience: Patience = OF_GMRES
+    system: ToeplitzSystem, eigenvalues: Array, name: str, patience: Patience | None = None
 ) -> Iterator[Method]:
     """Yield GMRES with a circulant, of a symmetric matrix on the even and the odd part."""
+    if patience is None:
+        most = iterations_before_recursion(len(system.c), system.columns)
+        patience = OF_GMRES._replace(most=min(OF_GMRES.most, most))
     solve = partial(solve_by_gmres, patience=patience)
     if not system.is_symmetric:
         yield from _circulant_method(system, eigenvalues, solve, name)

@@ -21,6 +21,7 @@ from toeplitz_mg.solvers.cosine_inverse import ApproximateInverse
 from toeplitz_mg.solvers.cosine_low_rank import LowRankInverse, has_low_rank
 
 ROUNDING = float(np.finfo(np.float64).eps) / 16  # Least error of a product, over ‖A‖ ‖x‖.
+NOTHING = 1e-14  # Size of the even or the odd part of a vector, over both, that is none.
 MOST_ITERATIONS = 24  # Most iterations: symbols that the inverse suits take up to 20 to 1e-12.
 TRIAL = 10  # Iterations after which a residual that is still above the first one is hopeless.
 
@@ -80,6 +81,11 @@ class CosineSolver:
         r, x, p, z, q = (V.reshape(-1) for V in (R, X, P, Z, Q))
         rows, parts = R.size // form.m, _parts(R.size, form.m)
         sizes = squares = [norm(row) ** 2 for row in R.reshape(rows, -1)]
+        for part, pieces in enumerate(parts):
+            # Of a part that is rounding alone the scalars would be too, and it would not converge.
+            if sum(ddot(r, r, n, k, 2, k, 2) for n, k in pieces) <= NOTHING**2 * sizes[part // 2]:
+                for n, k in pieces:
+                    dscal(0.0, r, n, k, 2)
         reached = goals = [rtol**2 * size for size in sizes]
         of_z = [1.0] * len(parts)
         iterations = 0

@@ -25,7 +25,9 @@ from toeplitz_mg.solvers.cosine_inverse import group
 
 LONG = 4096  # Fewest numbers where iterations that are saved take longer than the columns.
 MOST = 10  # Most columns of each parity.
-SMALL = 1e-6  # Diagonal of what is left of K, over D, that leaves CG one to three iterations.
+# Diagonal of what is left of K, over D, at the frequencies that are looked at. It leaves CG one to
+# three iterations, but up to 13 of Gaussians times a cosine, whose peak is between these.
+SMALL = 1e-6
 # What may be left after half of them, over the first: of Gaussians it is at most 1e-3, of ten
 # coefficients 0.03, and of functions that end in a kink, which need more columns than pay, 0.1.
 PROMISING = 0.05

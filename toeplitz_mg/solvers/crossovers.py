@@ -12,7 +12,8 @@ FEW = 2  # Most columns for which the inverse is not worth its set-up.
 # Fewest unknowns where GMRES, and Trench's recursion in calls of BLAS, are faster than Levinson's.
 GENERAL = 2048
 RECURSIVE = 1024  # The same for Trench's and two of Levinson's.
-ITERATION = 256  # Unknowns where Trench's recursion takes as long as GMRES for one column.
+ITERATION = 64  # Unknowns where Trench's recursion takes as long as one iteration of GMRES.
+FEWEST = 4  # Iterations that GMRES takes at least.
 SHORT = 256  # Most unknowns where nothing that takes transforms is the fastest, on any machine.
 FEW_STEPS = 100_000  # Steps of Levinson's recursion, n² a column, that nothing beats anywhere.
 LONG = 2048  # Fewest unknowns where CG in the DCT domain is the fastest, on any machine.
@@ -43,7 +44,15 @@ def trench_is_faster_than_levinson(n: int, columns: int, is_complex: bool) -> bo
 
 def recursion_is_faster_than_gmres(n: int, columns: int) -> bool:
     """Whether Trench's recursion is faster: its set-up is of n² steps, but each column is free."""
-    return n <= ITERATION * columns
+    return n <= FEWEST * ITERATION * columns
+
+
+def iterations_before_recursion(n: int, columns: int) -> int:
+    """Return the iterations of GMRES, for each column, after which Trench's recursion is faster.
+
+    Of one column it is not, as what has been iterated is lost then; of several only the first is.
+    """
+    return n // (ITERATION * columns) if columns > 1 else n
 
 
 def levinson_is_fastest(n: int, columns: int) -> bool:

@@ -199,8 +199,8 @@ def _numbers(values: ArrayLike, name: str) -> Array:
         return values  # Sooner than by what follows, which a small system would feel.
     if isinstance(values, LinearOperator) or issparse(values) or hasattr(values, "slab"):
         raise TypeError(
-            f"{name} is {values!r}, but must be an array: of a symmetric ToeplitzOperator A it is "
-            "A.c, and of a sparse matrix its first column as an array"
+            f"{name} is {values!r}, but must be an array: of a ToeplitzOperator A on one axis c is "
+            "A[:, 0], and r is A[0, :]; of a sparse matrix c is its first column as an array"
         )
     array = check_numbers(name, refuse_masked(name, values))
     return array.astype(np.complex128 if array.dtype.kind == "c" else np.float64, copy=False)
