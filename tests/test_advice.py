@@ -192,10 +192,15 @@ def test_the_inverse_of_a_sum_is_that_of_cg():
 
 
 @pytest.mark.parametrize("make", [tmg.strang_preconditioner, tmg.fft_preconditioner])
-def test_what_is_certainly_indefinite_is_sent_to_gmres_alone(make):
+def test_what_is_certainly_indefinite_is_sent_to_what_needs_no_preconditioner(make):
     # The leading 2 x 2 block has the determinant 0.01 - 1.
-    refused = refusal(make, tmg.ToeplitzOperator(np.r_[0.1, -1.0, np.zeros(18)]))[0]
-    assert refused.endswith("use gmres without M")
+    A = tmg.ToeplitzOperator(np.r_[0.1, -1.0, np.zeros(18)])
+    assert refusal(make, A)[0].endswith("use solve_toeplitz(A.c, b), or gmres without M")
+    b = np.arange(20.0)
+    assert np.allclose(A @ tmg.solve_toeplitz(A.c, b), b)
+    c = np.zeros((4, 5))
+    c[0, 0], c[1, 0] = 0.1, -1.0
+    assert refusal(make, tmg.ToeplitzOperator(c))[0].endswith("use gmres without M")
     # That of this one is positive: whether A is definite is not told by it.
     refused = refusal(make, tmg.ToeplitzOperator(np.r_[1.0, -0.9, np.zeros(18)]))[0]
     assert "certainly" not in refused

@@ -34,9 +34,12 @@ def advise_of_indefinite(A: Any) -> str:
     diagonal, others = lags[middle], np.delete(lags, middle)
     if others.max(initial=0.0) < diagonal:
         return ""
+    solver = "gmres without M"
+    if len(A.grid_shape) == 1:
+        solver = f"solve_toeplitz(A.c, b), or {solver}"
     return (
         "; but A is certainly not positive definite, as a coefficient beside the diagonal is as "
-        "large: use gmres without M"
+        f"large: use {solver}"
     )
 
 
