@@ -72,10 +72,15 @@ def check_hermitian(A: ToeplitzOperator | CoupledOperator) -> None:
 def check_symmetric(A: ToeplitzOperator | CoupledOperator) -> None:
     """Raise a ValueError where a matrix is not real and symmetric."""
     if A.dtype.kind == "c":
+        solver = "gmres"
+        if A.is_hermitian:
+            solver = (
+                "cg, or gmres without M if A is indefinite, or gmres where A stands for a sum that "
+                "is not Hermitian"
+            )
         raise ValueError(
             f"A is {A!r}, but must be real: use chan_preconditioner(A), which takes complex "
-            "matrices too, with cg, or gmres where A is not Hermitian, or gmres without M if A is "
-            "indefinite"
+            f"matrices too, with {solver}"
         )
     check_hermitian(A)
 
