@@ -229,9 +229,7 @@ def test_where_a_complex_sum_is_refused_cg_is_not_said_to_solve_it():
     """What stands for it is Hermitian, and of that it is told how to solve it, but not alone."""
     S = dict(general())["complex sum"]
     for make in (tmg.cosine_preconditioner, tmg.tau_preconditioner, tmg.fsai_preconditioner):
-        with pytest.raises(
-            ValueError, match="or gmres where A stands for a sum that is"
-        ):
+        with pytest.raises(ValueError, match="or gmres where A stands for a sum that is"):
             make(S)
 
 
