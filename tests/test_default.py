@@ -57,10 +57,11 @@ def test_a_covariance_as_wide_as_the_matrix_is_not_factorised():
 
 
 @pytest.mark.parametrize("name", COLUMNS)
-def test_solve_toeplitz_takes_the_same_after_the_dct_domain(name):
+def test_solve_toeplitz_takes_the_same_after_what_it_has_for_itself(name):
+    """CG in the domain of the DCT, and GMRES on both parts, are no preconditioners."""
     c = column(name, 3000)
     names = [method.name for method in methods(ToeplitzSystem(c, c, np.ones(3000)))]
-    if names[0] == "cg in the DCT domain":
+    while names[0] in ("cg in the DCT domain", "gmres, circulant"):
         del names[0]
     by_cg, _, preconditioner = names[0].partition(", ")
     if by_cg == "cg":
