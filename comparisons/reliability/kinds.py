@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.linalg
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.random import Generator
 
 import toeplitz_mg as tmg
@@ -17,6 +18,7 @@ BACKWARD = 1e-11  # Backward error above which there has to be an error or a war
 ILL = 1e-7  # Relative residual that nobody should get without a warning (it warns from 1e-8 on).
 REGULAR = 1e10  # Condition number up to which no matrix may be refused.
 DENSE = 1000  # Most unknowns where that is known: it takes the time of a thousand products.
+CHUNK = 500  # Rows at once, of 48 MiB.
 LARGEST = 6000  # Unknowns: what is solved by Levinson's recursion takes a tenth of a second.
 
 Line = tuple[Array, Array]  # First column and first row.
@@ -185,7 +187,22 @@ def every_kind(rng: Generator) -> Outcome:
     norm = np.abs(c).sum() + np.abs(r[1:]).sum()
     backward = float((errors / (norm * np.linalg.norm(X, axis=0) + sizes)).max())
     residual = float((errors / sizes).max())
+    if residual > ILL and not told:  # It may be rounding of the transforms.
+        errors = _measure_by_definition(c, r, X, B)
+        residual = float((errors / sizes).max())
     note = f"n = {n}, {info.method}: residual {residual:.0e}, backward error {backward:.0e}"
     if not backward <= BACKWARD or residual > ILL:
         return Outcome(kind.__name__, TOLD if told else FAILED, note)
     return Outcome(kind.__name__, TOLD if told else RIGHT, note)
+
+
+def _measure_by_definition(c: Array, r: Array, X: Array, B: Array) -> Array:
+    """Return ‖b - A x‖ of each column, each entry from a sum of n terms in long doubles."""
+    n, lags = len(c), np.concatenate([r[:0:-1], c])
+    wide = np.result_type(lags, X, np.longdouble)
+    A = sliding_window_view(lags, n)[:, ::-1]
+    R = np.empty(X.shape, wide)
+    for k in range(0, n, CHUNK):
+        R[k : k + CHUNK] = B[k : k + CHUNK] - A[k : k + CHUNK].astype(wide) @ X.astype(wide)
+    errors: Array = np.sqrt(np.square(np.abs(R)).sum(axis=0)).astype(np.float64)
+    return errors
