@@ -13,7 +13,8 @@ from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE
 SMOOTH = 1.9  # Largest ratio of the falls at two doublings of the lag: of a parabola 4, a tent 2.
 FAST = 0.2  # Least ratio of the coefficients at a lag and at half of it: less is fast decay.
 WHITE = 3.0  # Largest ratio of the eigenvalues in the middle nine tenths: of |θ| it is 9.
-NEAR = 0.05  # Largest norm of a part of A - C over the least eigenvalue of C: CG gains 1/40 a step.
+# Largest norm of a part of A - C over the least eigenvalue of C: by it CG gains 1/40 a step.
+NEAR = 0.05
 MODERATE = 1000.0  # Condition up to which few eigenvalues are not: with 4000 it is a dozen.
 JUMPS = 0.1  # Largest share of jumps of the phase: of random coefficients it is one half.
 WRAPPED = 1e-3  # Largest difference of the lags k and k - n of what is nearly a circulant.
@@ -141,7 +142,7 @@ def is_nearly_white(eigenvalues: Array) -> bool:
 
 
 def is_nearly_circulant(c: Array, means: Array) -> bool:
-    """Whether a symmetric Toeplitz matrix differs little from T. Chan's circulant, for CG.
+    """Whether a symmetric Toeplitz matrix differs little from a circulant, for an iteration.
 
     The difference has the coefficients (k/n)(c_k - c_(n-k)). The sum of the sizes of (k/n) c_k
     bounds a part of it, which is to be small beside the least eigenvalue. The other part is in two

@@ -25,7 +25,7 @@ ROOT = np.sqrt(0.5)
 
 
 def split(X: Rows, out: Rows | None = None) -> Rows:
-    """Return the even part of each row, then the odd one, of half the length each.
+    """Return the even part of each row, then the odd one, of half the length each, in `out`.
 
     Inner products stay what they are. Where the length is odd the number in the middle is even, and
     the odd part has a zero beside it.
@@ -124,7 +124,7 @@ class TransformedHalves:
         self._n = n = len(c)
         self._half = half = n // 2
         behind = np.concatenate([np.zeros(1), c[:0:-1]])  # The lags k - n.
-        count_transforms(2, n)
+        count_transforms(3, n)  # A complex one is two.
         ahead = transforms().rfft(0.5 * (c + behind)).real
         twisted = np.fft.fft(0.5 * (c - behind) * phase_factors(n, 0.5, np.dtype(np.complex128)))
         self._inverse = _of_both(1.0 / eigenvalues)
