@@ -1,0 +1,103 @@
+"""Budgets of products, iterations and work units: what was measured, and what a test may take.
+
+A test calls `assert_within_budget` with a case and what it has counted. A budget is 1.3 times what
+was measured when the table was written, and at least 3 more, so that rounding on another processor
+does not fail a test, but a method that has become worse does.
+
+``python -m tests.budgets`` runs the tests that have budgets, writes the table anew, and prints each
+budget that has grown; with names of test files it does so for the cases of these files alone.
+"""
+
+import ast
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+RECORD = "TOEPLITZ_MG_BUDGETS"  # Names the folder into which tests write what they measure.
+TESTS = Path(__file__).parent
+# fmt: off
+TABLE = [  # Case, measure, what was measured, budget.
+]
+# fmt: on
+
+
+def budget_of(measured):
+    """Return what a test may take where this was measured."""
+    return round(max(1.3 * measured, measured + 3), 2)
+
+
+def assert_within_budget(case, **measures):
+    """Check that each measure (products, iterations, work units, …) is within its budget.
+
+    A case may be measured several times, as by several examples: the largest counts.
+    """
+    if folder := os.environ.get(RECORD):
+        lines = [json.dumps([case, name, float(value)]) for name, value in measures.items()]
+        with (Path(folder) / str(os.getpid())).open("a") as file:
+            file.writelines(f"{line}\n" for line in lines)
+        return
+    budgets = {(name, measure): budget for name, measure, _, budget in TABLE}
+    for measure, value in measures.items():
+        assert (case, measure) in budgets, f"{case}, {measure}: run python -m tests.budgets"
+        budget = budgets[case, measure]
+        assert value <= budget, f"{case}: {value} {measure}, but at most {budget} are budgeted"
+
+
+def measure(paths):
+    """Run tests, the slow ones too, and return the largest of each measure of each case."""
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run(
+            [sys.executable, "-m", "pytest", "-q", "-n", "auto", *map(str, paths)],
+            env={**os.environ, RECORD: folder},
+            cwd=TESTS.parent,
+            check=True,
+        )
+        found = {}
+        for path in sorted(Path(folder).iterdir()):
+            for case, name, value in map(json.loads, path.read_text().splitlines()):
+                found[case, name] = max(value, found.get((case, name), value))
+    return found
+
+
+HEAD, TAIL = "budget.\n", "]\n# fmt: on\n"  # Stand before and after the rows of the table.
+
+
+def write_table(rows):
+    """Write these rows, in order, in the place of the table of this file."""
+    before, rest = Path(__file__).read_text().split(HEAD, 1)
+    after = rest.split(TAIL, 1)[1]
+    lines = [
+        f'    ({json.dumps(case, ensure_ascii=False)}, "{measure}", {value:g}, {budget:g}),\n'
+        for case, measure, value, budget in rows
+    ]
+    Path(__file__).write_text(before + HEAD + "".join(lines) + TAIL + after)
+
+
+def read_table():
+    """Return the table as it stands in the file, which may have changed since it was imported."""
+    text = Path(__file__).read_text().split(HEAD, 1)[1].split(TAIL, 1)[0]
+    return ast.literal_eval(f"[{text}]")
+
+
+def main(names):
+    """Measure and rewrite the table, all of it or that of the files that are named."""
+    users = [p for p in sorted(TESTS.rglob("*.py")) if "assert_within_budget(" in p.read_text()]
+    users = [p for p in users if p != Path(__file__)]
+    found = measure(map(Path, names) if names else users)
+    before = {(case, name): (value, budget) for case, name, value, budget in read_table()}
+    kept = before if names else {}
+    rows = kept | {key: (value, budget_of(value)) for key, value in found.items()}
+    write_table((*key, *rows[key]) for key in sorted(rows))
+    for key in sorted(found):
+        if key not in before:
+            print(f"new: {', '.join(key)}: {rows[key][1]:g}")
+        elif rows[key][1] > before[key][1]:
+            print(f"GROWN: {', '.join(key)}: {before[key][1]:g} -> {rows[key][1]:g}")
+    print(f"{len(found)} measured, {len(rows)} budgets in the table")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
