@@ -1,13 +1,21 @@
-"""What all iterations have in common: the history of the residuals."""
+"""What cg, richardson and gmres have in common.
+
+The history of residuals is that of the true ones; the answer scales with b, whatever the range of
+its numbers; what is no system is refused.
+"""
 
 import numpy as np
 import pytest
+import scipy.sparse
 from numpy.testing import assert_allclose
-from scipy.sparse.linalg import LinearOperator
+from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 import toeplitz_mg as tmg
 
 SOLVERS = [tmg.cg, tmg.richardson, tmg.gmres]
+each = pytest.mark.parametrize("solver", SOLVERS)
+MASKED = np.ma.masked_array(np.ones(3), [False, True, False])
+BAD = np.ma.masked_array(np.eye(3)), np.eye(3).astype(str), np.eye(3).astype(object)
 A = tmg.ToeplitzOperator(1.0 / (1.0 + np.arange(200)))
 M = tmg.fft_rsm_preconditioner(A)
 
@@ -17,7 +25,7 @@ def vector(is_complex=False):
     return rng.standard_normal(200) + 1j * is_complex * rng.standard_normal(200)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@each
 @pytest.mark.parametrize("with_guess", [False, True])
 @pytest.mark.parametrize("size", [1.0, 1e-200, 1e200])
 def test_residuals_are_those_of_all_iterates(solver, with_guess, size):
@@ -67,7 +75,7 @@ def test_the_history_of_an_iteration_in_less_precision():
     assert_allclose(residuals, true, rtol=0.05)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@each
 def test_a_zero_right_hand_side_has_a_history_of_one(solver):
     residuals = [3.0]
     x, info = solver(A, np.zeros(200), np.ones(200), residuals=residuals)
@@ -75,14 +83,14 @@ def test_a_zero_right_hand_side_has_a_history_of_one(solver):
     assert not x.any()
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@each
 @pytest.mark.parametrize("residuals", [(), np.zeros(3), True, {}])
 def test_only_a_list_is_filled(solver, residuals):
     with pytest.raises(TypeError, match=r"residuals is .*, but must be a list"):
         solver(A, vector().real, residuals=residuals)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@each
 def test_a_right_hand_side_in_the_memory_of_the_products(solver):
     """What makes products may give them out in the same memory each time, b too."""
     memory = np.empty(200)
@@ -99,7 +107,7 @@ def test_a_right_hand_side_in_the_memory_of_the_products(solver):
         assert_allclose(x, exact, atol=1e-6)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@each
 def test_a_guess_beyond_the_range_of_a_right_hand_side_in_single_precision(solver):
     """It is no reason to take the right-hand side for zero."""
     b = vector().real.astype(np.float32)
@@ -107,7 +115,7 @@ def test_a_guess_beyond_the_range_of_a_right_hand_side_in_single_precision(solve
     assert info > 0 or np.linalg.norm(b - A @ x) <= 1e-7 * np.linalg.norm(b)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@each
 @pytest.mark.parametrize(
     ("dtype", "size"), [("d", 1e307), ("d", 1e-300), ("f", 1e-60), ("f", 1e39)]
 )
@@ -145,7 +153,7 @@ def test_a_preconditioner_of_subnormal_numbers_has_few_digits():
     assert info == 0 or np.isfinite(x).all()
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@each
 @pytest.mark.parametrize("size", [1e-200, 1e-3, 1.0, 1e3, 1e200])
 def test_an_absolute_tolerance_is_of_the_size_of_the_right_hand_side(solver, size):
     b, residuals = size * vector().real, []
@@ -157,7 +165,7 @@ def test_an_absolute_tolerance_is_of_the_size_of_the_right_hand_side(solver, siz
     assert residuals[-1] <= atol < residuals[-2]
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@each
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_a_first_guess_whose_product_overflows_on_the_way(solver, dtype):
     """Half of a row of ones, and half of minus ones: the sum of the former is not finite."""
@@ -182,7 +190,7 @@ def test_a_first_guess_whose_product_overflows_on_the_way(solver, dtype):
     assert_allclose(x / largest, 1.0 - small, rtol=1e-6)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@each
 def test_a_first_guess_is_improved_wherever_the_right_hand_side_is_far_below_it(solver):
     rng = np.random.default_rng(0)
     entries, residuals = rng.uniform(0.5, 1.0, 40), []
@@ -194,7 +202,7 @@ def test_a_first_guess_is_improved_wherever_the_right_hand_side_is_far_below_it(
     assert np.linalg.norm(entries * x / 1e100) <= 1e-10 * residuals[0] / 1e100
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@each
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_a_first_guess_that_solves_a_system_of_tiny_numbers(solver, dtype):
     """The sum of half of a row is not finite, and the right-hand side is of size 1."""
@@ -209,7 +217,7 @@ def test_a_first_guess_that_solves_a_system_of_tiny_numbers(solver, dtype):
     assert np.array_equal(x, exact)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@each
 @pytest.mark.parametrize(
     ("dtype", "of_b", "of_x0"), [(np.float64, 1e-200, 1e200), (np.float32, 1e-20, 1e20)]
 )
@@ -223,3 +231,135 @@ def test_a_guess_beside_which_b_underflows_is_no_solution(solver, dtype, of_b, o
     exact = np.linalg.solve(D.toarray().astype(np.float64), np.ones(5))
     assert_allclose(x.astype(np.float64) / of_b, exact, rtol=1e-3)
     assert_allclose(residuals[0] / of_b, np.sqrt(5.0), rtol=1e-5)
+
+
+# What each takes and refuses -------------------------------------------------------------------
+
+
+@each
+def test_takes_what_scipy_takes(solver):
+    dense, b = np.diag([2.0, 3.0, 4.0]), [1, 2, 3]
+    for matrix in (dense, scipy.sparse.csr_array(dense), aslinearoperator(dense)):
+        for rhs in (b, np.array(b)[:, None]):
+            x, info = solver(matrix, rhs, M=np.diag([0.5, 0.3, 0.2]), rtol=1e-12)
+            assert info == 0
+            assert_allclose(x, [0.5, 2 / 3, 0.75])
+    z, info = solver(np.eye(2), [1.0, 2.0], M=np.diag([1.0 + 0j, 1.0]), rtol=1e-12)
+    assert info == 0
+    assert_allclose(z, [1.0, 2.0])
+
+
+@each
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("scale", [1e-200, 1e-36, 1e-30, 1e30, 1e36, 1e200])
+def test_tiny_and_huge_right_hand_sides(solver, scale, dtype):
+    """Their squares under- and overflow; the answer must not depend on it."""
+    scale = scale if dtype == np.float64 else scale ** (1.0 if 1e-37 < scale < 1e37 else 0.1)
+    B = tmg.ToeplitzOperator((0.5 ** np.arange(50)).astype(dtype))
+    b = (scale * np.linspace(1, 2, 50)).astype(dtype)
+    x, info = solver(B, b, M=tmg.fft_rsm_preconditioner(B), rtol=1e-5)
+    assert info == 0
+    assert x.dtype == dtype
+    assert_allclose(B @ (x / dtype(scale)), b / dtype(scale), rtol=1e-3)
+
+
+@each
+@pytest.mark.parametrize("power", [-900, -400, 400, 1000])
+@pytest.mark.parametrize("with_guess", [False, True])
+def test_a_power_of_two_scales_every_iterate_and_changes_no_digit(solver, power, with_guess):
+    """Squares of these numbers are 0 or inf in float64."""
+    B = tmg.ToeplitzOperator(0.5 ** np.arange(50))
+    b, x0 = np.random.default_rng(0).standard_normal((2, 50))
+    options = {"M": tmg.fft_rsm_preconditioner(B), "rtol": 1e-9}
+    options |= {"restart": 4} if solver is tmg.gmres else {}
+    ours, scaled = [], []
+    for scale, history in ((1.0, ours), (2.0**power, scaled)):
+        guess, residuals, iterates = scale * x0 if with_guess else None, [], []
+        if solver is not tmg.gmres:
+            options["callback"] = lambda x, i=iterates: i.append(x.copy())
+        x, info = solver(B, scale * b, guess, residuals=residuals, **options)
+        assert info == 0
+        history += [v / scale for v in (*residuals, *np.ravel([*iterates, x]))]
+    assert ours == scaled
+
+
+@each
+@pytest.mark.parametrize(("of_A", "of_b"), [(1e-300, 1e10), (1e200, 1e-200), (1.0, 5e-324)])
+def test_a_solution_out_of_range_has_not_converged(solver, of_A, of_b):
+    """It would be inf or 0, or a number with the digits of 5e-324."""
+    B = tmg.ToeplitzOperator(of_A * 0.5 ** np.arange(10))
+    b = of_b * np.linspace(1.0, 2.0, 10)
+    _, info = solver(B, b, M=tmg.chan_preconditioner(B), maxiter=50)
+    assert info > 0
+
+
+@each
+@pytest.mark.parametrize("complex_part", [1.0, 1.0 + 1.0j])
+def test_the_largest_numbers_there_are(solver, complex_part):
+    """The absolute value of the complex one overflows."""
+    b = 1.5e308 * complex_part * np.array([1.0, 0.5])
+    x, info = solver(np.diag([1.0, 0.75]), b, rtol=1e-12, maxiter=100)
+    assert info == 0
+    assert_allclose(x / 1e308, b / 1e308 / [1.0, 0.75])
+
+
+@pytest.mark.filterwarnings("ignore:invalid value encountered in matmul:RuntimeWarning")
+@each
+@pytest.mark.parametrize("bad", [np.inf, -np.inf, np.nan])
+@pytest.mark.parametrize("with_guess", [False, True])
+def test_stops_where_a_matrix_is_not_finite(solver, bad, with_guess):
+    good, spoilt = np.eye(50), np.eye(50)
+    spoilt[3, 4] = spoilt[4, 3] = bad
+    guess = 0.5 * np.ones(50) if with_guess else None
+    for name in ("A", "M", "inner") if solver is tmg.cg else ("A", "M"):
+        residuals, matrices = [], {"A": good} | {name: spoilt}
+        _, info = solver(b=np.ones(50), x0=guess, residuals=residuals, **matrices)
+        assert info == 1
+        assert len(residuals) <= 2
+
+
+@each
+def test_the_first_guess_is_not_changed_and_may_be_the_solution(solver):
+    x0 = np.ones(200)
+    solver(A, vector().real, x0, M=M)
+    assert (x0 == 1).all()
+    x, info = solver(A, A @ x0, x0, M=M, maxiter=1)
+    assert info == 0
+    assert np.array_equal(x, x0)
+    zero, info = solver(A, np.zeros(200), x0, M=M)
+    assert info == 0
+    assert not zero.any()
+
+
+@each
+@pytest.mark.parametrize(
+    ("arguments", "error", "match"),
+    [
+        ({"b": np.ones(4)}, ValueError, r"b has shape \(4,\), but A has \(3, 3\)"),
+        ({"x0": np.ones(4)}, ValueError, r"x0 has shape \(4,\)"),
+        ({"b": [1.0, np.nan, 0.0]}, ValueError, "b has entries that are not finite"),
+        ({"rtol": -1e-8}, ValueError, "rtol is -1e-08, but must be finite and not negative"),
+        ({"rtol": np.nan}, ValueError, "rtol is nan"),
+        ({"rtol": "a"}, TypeError, "rtol is 'a', but must be a real number"),
+        ({"atol": np.inf}, ValueError, "atol is inf"),
+        ({"atol": None}, TypeError, "atol is None, but must be a real number"),
+        ({"maxiter": 0}, ValueError, "maxiter is 0, but must be at least 1"),
+        ({"maxiter": 1.5}, TypeError, "maxiter is 1.5, but must be an integer"),
+        ({"M": np.eye(2)}, ValueError, r"M has shape \(2, 2\), but A has \(3, 3\)"),
+        ({"A": np.ones((3, 2))}, ValueError, "must be square"),
+        ({"callback": 3}, TypeError, "callback is 3, but must be a function, or None"),
+        ({"b": MASKED}, TypeError, "is a masked array, but must have a value in each"),
+        ({"x0": MASKED}, TypeError, "is a masked array, but must have a value in each"),
+        *(({name: m}, TypeError, f"{name} (is a masked|has dtype)") for name in "AM" for m in BAD),
+        *(({"b": v}, TypeError, "b (has dtype|is 'abc')") for v in ("abc", ["1"] * 3, [None] * 3)),
+    ],
+)
+def test_refuses_bad_arguments(solver, arguments, error, match):
+    with pytest.raises(error, match=match):
+        solver(**{"A": np.eye(3), "b": np.ones(3)} | arguments)
+
+
+@pytest.mark.parametrize("solver", [tmg.cg, tmg.gmres])
+def test_inner_products_are_in_double_precision_at_most(solver):
+    with pytest.raises(TypeError, match="the iteration is in float32 or float64"):
+        solver(np.eye(3), np.ones(3, np.longdouble))
