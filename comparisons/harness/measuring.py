@@ -16,7 +16,6 @@ from scipy.sparse.linalg import LinearOperator
 import toeplitz_mg as tmg
 from comparisons.harness.processes import in_a_fresh_process, peak_bytes
 from toeplitz_mg._typing import Array
-from toeplitz_mg.operators.structure import unwrap
 from toeplitz_mg.paper.problems import test1
 
 Solve = Callable[[], tuple[Array, int | None]]  # Returns x and the iterations, or None if direct.
@@ -156,7 +155,7 @@ def solve(
     **options: Any,
 ) -> Run:
     """Set a preconditioner up and iterate to `TOLERANCE`, both timed and their work counted."""
-    n = unwrap(A)[0].shape[0]
+    n = full_of(A).shape[0]
     with tmg.count_products() as setup_work:
         M, setup_s = time_call(lambda: preconditioner(A), process_time)
     with tmg.count_products() as work:
@@ -239,8 +238,13 @@ def true_residual(problem: System, x: Array) -> float:
 
 def column_and_mask(A: LinearOperator) -> tuple[Array, Array]:
     """Return the first column of the Toeplitz matrix and the mask of the unknowns."""
-    full, mask = unwrap(A)
-    return full.c, np.ones(A.shape[0], dtype=bool) if mask is None else mask
+    is_masked = isinstance(A, tmg.MaskedOperator)
+    return full_of(A).c, A.mask if is_masked else np.ones(A.shape[0], dtype=bool)
+
+
+def full_of(A: LinearOperator) -> Any:
+    """Return the matrix on the whole grid, of which A may be the part on a mask."""
+    return A.full if isinstance(A, tmg.MaskedOperator) else A
 
 
 def _measure_here(contender: Contender, problem: System) -> Measurement:

@@ -2,6 +2,7 @@
 
 import os
 import resource
+import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -77,6 +78,7 @@ class FreshProcess(Generic[T]):
 
 def _serve(items: Callable[[], Iterator[Any]], pipe: Connection) -> None:
     """Send an item, or the error that it met, whenever one is asked for."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Who asks is interrupted, and ends this process.
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, resource.RLIM_INFINITY))
     warnings.simplefilter("ignore")  # What matters of warnings is seen in the residual.
     iterator = items()

@@ -1,41 +1,48 @@
 """What every comparison shares: its options, its folder, its tables.
 
-Files are written whole or not at all, and in UTF-8, wherever the comparison runs.
+Tables are printed while they grow. Files are written whole or not at all, and in UTF-8, wherever
+the comparison runs: who interrupts it keeps the rows that are there.
 """
 
 import argparse
 import csv
+import functools
 import io
-from collections.abc import Iterable, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from math import isnan
 from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec
 
 from matplotlib.figure import Figure
 from tabulate import tabulate
 
 from comparisons.harness import machine
-from toeplitz_mg.cli import files
-from toeplitz_mg.cli.report import print_any_character
+from comparisons.harness.inside import files, print_any_character
 
 Row = dict[str, Any]
+P = ParamSpec("P")
 MEASURED = "measured.txt"  # Name of the file, among the results, that says when and on what.
+INTERRUPTED = 130  # The status of a command that was interrupted, as a shell has it.
+NARROWEST = 6  # Characters of the narrowest column of a table that is printed while it grows.
 
 
 def options(
     name: str,
     description: str,
     flags: Mapping[str, str] | None = None,
+    *,
+    argv: Sequence[str] | None = None,
     **choices: Sequence[Any] | int | str,
 ) -> argparse.Namespace:
     """Parse ``--quick``, ``--output``, flags and choices, make the output folder and name it.
 
     What is measured is then of this day, this machine and these versions: a file there says so.
 
-    `name` is that of the module in `comparisons`, like "paper.tables". `flags` are options without
-    a value, with what their help says.
+    `name` is that of the command, like "paper". `flags` are options without a value, with what
+    their help says. `argv` are the arguments, those of the command line if None.
     Each of `choices` is an option that takes one or more of its values; None without it. One that
     is an integer or a string takes another one, and one that is a list of integers takes any; they
     are as given here without it.
@@ -75,11 +82,78 @@ def options(
         help="folder for CSV and PNG (default: %(default)s)",
     )
     print_any_character()
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(argv)
     arguments.output.mkdir(parents=True, exist_ok=True)
     files.write(arguments.output / MEASURED, f"{machine.describe()}\n".encode())
-    print(f"Writing to {arguments.output.resolve()}")
+    print(f"Writing to {arguments.output.resolve()}", flush=True)
     return arguments
+
+
+def interruptible(main: Callable[P, None]) -> Callable[P, None]:
+    """Let a command end with what it has where it is interrupted, by Ctrl-C."""
+
+    @functools.wraps(main)
+    def run(*arguments: P.args, **options: P.kwargs) -> None:
+        try:
+            main(*arguments, **options)
+        except KeyboardInterrupt:
+            print("\nInterrupted: the rows so far are above, and in the files.", flush=True)
+            sys.exit(INTERRUPTED)
+
+    return run
+
+
+class Table:
+    """A table that is printed while it grows, a row when it is measured, and kept in a file.
+
+    Parameters
+    ----------
+    title : str
+    path : Path, optional
+        The CSV file, written anew with each row.
+    form : callable
+        Makes the cells that are printed of a row.
+    room : int
+        Characters of the first column, for the names that are to come.
+
+    Attributes
+    ----------
+    rows : list of dict
+        What was measured.
+    """
+
+    def __init__(
+        self, title: str, path: Path | None = None, form: Callable[[Row], Row] = dict, room: int = 0
+    ) -> None:
+        self.title, self.path, self.form, self.room = title, path, form, room
+        self.rows: list[Row] = []
+        self._widths: dict[str, int] = {}
+
+    def add(self, row: Row) -> None:
+        """Print a row, and write all rows so far."""
+        self.rows.append(row)
+        if self.path is not None:
+            write_csv(self.path, self.rows)
+        cells = {key: "" if cell is None else str(cell) for key, cell in self.form(row).items()}
+        if not self._widths:
+            print(f"\n{self.title}\n")
+        if not cells.keys() <= self._widths.keys():
+            self._print_header(cells)
+        line = (cells.get(key, "").ljust(width) for key, width in self._widths.items())
+        print("  ".join(line).rstrip(), flush=True)
+
+    def extend(self, rows: Iterable[Row]) -> None:
+        """Print rows as they come."""
+        for row in rows:
+            self.add(row)
+
+    def _print_header(self, cells: Mapping[str, str]) -> None:
+        room = 0 if self._widths else self.room
+        for key, cell in cells.items():
+            self._widths.setdefault(key, max(len(key), len(cell), NARROWEST, room))
+            room = 0
+        print("  ".join(key.ljust(width) for key, width in self._widths.items()).rstrip())
+        print("  ".join("-" * width for width in self._widths.values()))
 
 
 def group(rows: Iterable[Row], *keys: str) -> dict[Any, list[Row]]:
@@ -91,8 +165,8 @@ def group(rows: Iterable[Row], *keys: str) -> dict[Any, list[Row]]:
 
 
 def show(title: str, rows: Sequence[Row]) -> None:
-    """Print rows as a table under a title."""
-    print(f"\n{title}\n\n{_draw(rows, 'simple')}")
+    """Print rows that are all there as a table under a title."""
+    print(f"\n{title}\n\n{_draw(rows, 'simple')}", flush=True)
 
 
 def draw_markdown(rows: Sequence[Row]) -> str:

@@ -1,0 +1,22 @@
+"""What comparisons take from inside the package: names that may move, and so stand in one place.
+
+`files` and `print_any_character` write and print; a `Grid` has the matrices of surfaces that
+repeat, of which `halfspace` has none; the Schur algorithm is the rival of a likelihood, and
+`smooth_eigenvalues` are zero where the campaign wants them to be.
+"""
+
+from toeplitz_mg.cli import files
+from toeplitz_mg.cli.report import print_any_character
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
+from toeplitz_mg.preconditioners.circulant import smooth_eigenvalues
+from toeplitz_mg.preconditioners.schur import schur_column
+
+__all__ = [
+    "GohbergSemencul",
+    "Grid",
+    "files",
+    "print_any_character",
+    "schur_column",
+    "smooth_eigenvalues",
+]
