@@ -20,6 +20,19 @@ RECORD = "TOEPLITZ_MG_BUDGETS"  # Names the folder into which tests write what t
 TESTS = Path(__file__).parent
 # fmt: off
 TABLE = [  # Case, measure, what was measured, budget.
+    ("Schur algorithm, n = 2^14", "work_units", 15, 19.5),
+    ("a simple zero, n = 100", "iterations", 3, 6),
+    ("cosine_preconditioner, rough symbols, n = 2^14", "iterations", 10, 13),
+    ("fft_preconditioner, rough symbols, n = 2^14", "iterations", 9, 12),
+    ("fft_preconditioner, smooth symbols, n = 2^14", "iterations", 5, 8),
+    ("set-up of spectral, general, n = 2^14", "work_units", 9, 12),
+    ("sine and cosine, several axes", "iterations", 9, 12),
+    ("sine_preconditioner, zero symbols, n = 2^14", "iterations", 9, 12),
+    ("spectral, Hermitian", "iterations", 8, 11),
+    ("spectral, n = 64 to 500", "iterations", 6, 9),
+    ("spectral, nonsymmetric", "iterations", 3, 6),
+    ("spectral_preconditioner, rough symbols, n = 2^14", "iterations", 5, 8),
+    ("spectral_preconditioner, smooth symbols, n = 2^14", "iterations", 2, 5),
 ]
 # fmt: on
 

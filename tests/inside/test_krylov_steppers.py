@@ -1,9 +1,14 @@
-"""The space of GMRES: an orthonormal basis, and the least residual in it."""
+"""GMRES and CG step by step.
+
+A space of GMRES has an orthonormal basis, and the least residual of all its vectors; the directions
+of CG are conjugate, and solve in as many steps as there are distinct eigenvalues.
+"""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.krylov_space import KrylovSpace
 
 DTYPES = [np.float32, np.float64, np.complex64, np.complex128]
@@ -150,3 +155,27 @@ def test_a_part_that_can_grow_no_more_takes_no_rounding_of_the_others():
         assert_allclose(few @ solutions[-1][0], r, atol=1e-13)
         assert_allclose(np.linalg.norm(A @ solutions[-1][1] - r), least, atol=1e-12)
     assert_allclose(*solutions, atol=1e-12)
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("size", [1e-15, 1.0, 1e15])
+def test_directions_are_conjugate_and_end_with_the_distinct_eigenvalues(dtype, size):
+    """Whatever the size of the preconditioner."""
+    rounding, size = 1e4 * np.finfo(dtype).eps, np.finfo(dtype).dtype.type(size)
+    rng = np.random.default_rng(0)
+    X = rng.standard_normal((20, 20)) + 1j * rng.standard_normal((20, 20))
+    Q = np.linalg.qr(X if np.dtype(dtype).kind == "c" else X.real)[0]
+    A = ((Q * np.repeat([1.0, 2.0, 3.0, 5.0], 5)) @ Q.conj().T).astype(dtype)
+    b = rng.standard_normal(20).astype(dtype)
+    x, r, directions = np.zeros_like(b), b.copy(), []
+    iteration = ConjugateGradients(lambda d, out: A @ d, lambda r, out: r * size)
+    for _ in range(4):
+        length = iteration.step(r)
+        assert iteration.rho > 0.0 < iteration.curvature
+        x += length * iteration.direction
+        r -= length * iteration.product
+        directions.append(iteration.direction / np.linalg.norm(iteration.direction))
+    assert_allclose(A @ x, b, atol=rounding)
+    D = np.array(directions)
+    products = D.conj() @ A @ D.T
+    assert_allclose(products, np.diag(products.diagonal()), atol=rounding)
