@@ -1,6 +1,5 @@
 """The command line: what it prints, writes and refuses."""
 
-import io
 import os
 import subprocess
 import sys
@@ -15,8 +14,7 @@ from scipy.linalg import toeplitz
 import toeplitz_mg as tmg
 from comparisons.systems import masks
 from tests.cases import contact
-from toeplitz_mg.cli import files, report
-from toeplitz_mg.cli.main import COMMANDS, main
+from tests.command_line import main
 
 
 @pytest.fixture
@@ -125,15 +123,20 @@ def test_solves_on_a_grid_of_two_axes(folder):
 
 
 @pytest.mark.parametrize(
-    "command", [[], ["solve", "c.npy", "b.npy", "-o", "x.npy"], ["contact", "hertz"]]
+    "command",
+    [["-n", "300"], ["solve", "c.npy", "b.npy", "-o", "x.npy"], ["contact", "hertz", "-n", "16"]],
 )
 def test_threads_are_those_asked_for_or_all_cores(command, monkeypatch):
-    seen = []
-    for name in COMMANDS:
-        monkeypatch.setitem(COMMANDS, name, lambda given: seen.append(scipy.fft.get_workers()))
-    for options in (["--threads", "3", *command], [*command, "--threads", "2"], command):
+    seen, set_workers = [], scipy.fft.set_workers
+    monkeypatch.setattr(scipy.fft, "set_workers", lambda n: seen.append(n) or set_workers(n))
+    for options, expected in (
+        (["--threads", "3", *command], 3),
+        ([*command, "--threads", "2"], 2),
+        (command, len(os.sched_getaffinity(0))),
+    ):
+        seen.clear()
         main(options)
-    assert seen == [3, 2, len(os.sched_getaffinity(0))]
+        assert seen[0] == expected
     assert scipy.fft.get_workers() == 1
 
 
@@ -285,10 +288,10 @@ def test_options_count_on_both_sides_of_the_command(folder, capsys):
 
 
 def test_the_solution_is_kept_where_drawing_fails(folder, monkeypatch, capsys):
-    def fail(*_):
+    def fail(*_, **__):
         raise OSError("no ink")
 
-    monkeypatch.setattr(files, "plot", fail)
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", fail)
     assert solve(folder, "--plot", str(folder / "x.png")) == 2
     assert "no ink" in capsys.readouterr().err
     assert (folder / "x.npy").exists()
@@ -315,7 +318,7 @@ def test_a_failing_write_leaves_the_old_file(folder, monkeypatch, capsys):
         file.write(b"half")
         raise OSError("the disk is full")
 
-    monkeypatch.setattr(files.np, "save", fail)
+    monkeypatch.setattr(np, "save", fail)
     assert solve(folder) == 2
     assert "the disk is full" in capsys.readouterr().err
     assert (folder / "x.npy").read_bytes() == b"precious"
@@ -330,7 +333,7 @@ def test_the_output_is_checked_before_the_work(folder, capsys):
 
 
 def test_plots_need_matplotlib_and_say_so_before_the_work(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(files, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)  # As if it were not installed.
     assert main(["-n", "300", "--plot", str(tmp_path / "x.png")]) == 2
     captured = capsys.readouterr()
     assert "pip install 'toeplitz-mg[plot]'" in captured.err
@@ -380,7 +383,7 @@ def test_interruption_writes_nothing(folder, monkeypatch, capsys):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("toeplitz_mg.cli.linear.tmg.cg", interrupt)
+    monkeypatch.setattr(tmg, "cg", interrupt)
     assert solve(folder) == 130
     assert "interrupted" in capsys.readouterr().err
     assert not (folder / "x.npy").exists()
@@ -498,51 +501,3 @@ def test_contact_without_a_case_shows_its_usage(capsys):
     printed = capsys.readouterr().err
     assert printed.startswith("usage: toeplitz-mg contact [-h]")
     assert "required: case" in printed
-
-
-class Screen(io.StringIO):
-    """A standard error that is a terminal, or is none."""
-
-    def __init__(self, is_terminal):
-        super().__init__()
-        self.is_terminal = is_terminal
-
-    def isatty(self):
-        return self.is_terminal
-
-
-@pytest.mark.parametrize("is_terminal", [True, False])
-@pytest.mark.parametrize("patience", [0.0, 60.0])
-def test_a_terminal_shows_what_takes_long_and_erases_it(is_terminal, patience, monkeypatch):
-    screen = Screen(is_terminal)
-    monkeypatch.setattr(sys, "stderr", screen)
-    monkeypatch.setattr(report, "PATIENCE", patience)
-    with report.Waiting("setting up") as waiting:
-        if is_terminal and not patience:
-            while not screen.getvalue():  # The thread has not come to it yet.
-                waiting._over.wait(0.01)
-    shown = screen.getvalue()
-    assert bool(shown) == (is_terminal and not patience)
-    if shown:
-        text = "setting up: 0 s"
-        assert shown.startswith(f"\r{text}")
-        assert shown.endswith(f"\r{' ' * len(text)}\r")
-
-
-def test_lines_on_a_terminal_take_the_place_of_what_it_shows(monkeypatch):
-    screen = Screen(True)
-    monkeypatch.setattr(sys, "stderr", screen)
-    monkeypatch.setattr(sys, "stdout", screen)
-    monkeypatch.setattr(report, "PATIENCE", 0.0)
-    with report.Waiting("pressing") as waiting:
-        while not screen.getvalue():  # The thread has not come to it yet.
-            waiting._over.wait(0.01)
-        waiting.before_line()
-        shown = screen.getvalue()
-        assert shown.endswith(" \r")  # It is erased before the line comes.
-    assert screen.getvalue() == shown
-
-
-def test_zero_is_printed_as_zero():
-    assert report.format_error(0.0, 2) == "0"
-    assert report.format_error(1.25e-9, 2) == "1.25e-09"

@@ -10,7 +10,7 @@ import sys
 import numpy as np
 import pytest
 
-from toeplitz_mg.cli.main import main
+from tests.command_line import MODULE, main
 
 ROOT = os.getcwd()
 # Instead of NumPy: it interrupts its own import, and swallows what an exception could do.
@@ -23,7 +23,7 @@ except BaseException as error:
     print(type(error).__name__)
 raise SystemExit(7)
 """
-SCRIPT = "import sys\nfrom toeplitz_mg.cli.main import main\nsys.exit(main())\n"
+SCRIPT = f"import sys\nfrom {MODULE} import main\nsys.exit(main())\n"
 
 
 def interrupted(folder, *command):
@@ -162,6 +162,34 @@ def test_the_result_is_written_even_where_the_report_cannot_be(last, terminal, t
         captured = capsys.readouterr().err
         assert "No space left on device" in captured
         assert captured.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("command", "written"),
+    [
+        ("solve c.npy b.npy -o x.npy --plot x.png", {"x.npy", "x.png"}),
+        ("contact hertz -n 32 -o x.npz", {"x.npz"}),
+        ("-n 300 --plot x.png", {"x.png"}),
+        ("-n 300", set()),
+    ],
+)
+def test_files_are_written_though_the_reader_of_the_report_has_left(command, written, tmp_path):
+    """As in ``toeplitz-mg solve … -o x.npy | head -1``."""
+    np.save(tmp_path / "c.npy", 1.0 / (1.0 + np.arange(300)))
+    np.save(tmp_path / "b.npy", np.ones(300))
+    before = set(os.listdir(tmp_path))
+    path = os.pathsep.join([ROOT, *filter(None, sys.path)])
+    with subprocess.Popen(
+        [sys.executable, "-m", "toeplitz_mg", *command.split()],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": path},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        process.stdout.close()  # Before anything is printed.
+        assert not process.stderr.read()
+    assert process.returncode == 141
+    assert set(os.listdir(tmp_path)) - before == written
 
 
 def test_a_report_that_nobody_reads_is_one_line(tmp_path):

@@ -55,16 +55,31 @@ def new_part(part: Path, old: os.stat_result | None) -> Iterator[BinaryIO]:
 
 
 @contextmanager
-def new_whole(path: Path) -> Iterator[BinaryIO]:
-    """Open a file that takes the place of what is at `path` when it is whole, and else none."""
+def new_whole(path: Path, *, replaces: bool = True) -> Iterator[BinaryIO]:
+    """Open a file that takes the place of what is at `path` when it is whole, and else none.
+
+    Where it must not replace another, and one has come in the meantime, FileExistsError is raised.
+    """
     target = find_target(path)
     part = find_part(target)
     try:
         with new_part(part, find_status(path)) as file:
             yield file
+        if not replaces:
+            _claim(part, target)
         os.replace(part, target)
     finally:
         part.unlink(missing_ok=True)
+
+
+def _claim(part: Path, target: Path) -> None:
+    """Take a name in one step, as two processes may want it, or raise FileExistsError."""
+    try:
+        os.link(part, target)
+    except FileExistsError:
+        raise
+    except OSError:  # The file system has no links: the name is taken by an empty file.
+        os.close(os.open(target, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
 
 
 def complete(file: BinaryIO) -> None:

@@ -1,6 +1,5 @@
 """The command line: which subcommand runs, and how it ends."""
 
-import os
 import sys
 import warnings
 from collections.abc import Sequence
@@ -37,13 +36,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         startup.raise_again()
         report.print_any_character()
         given = parser().parse_command(arguments)
-        with warnings.catch_warnings(), fft.set_workers(take_threads(given)):
-            warnings.showwarning = partial(_print_warning, warnings.showwarning)
-            status = COMMANDS[given.command](given)
-        print(end="", flush=True)  # A full disk is to be noticed here, not at exit.
-        return status
+        writes_files = getattr(given, "output", None) or getattr(given, "plot", None)
+        with report.outlasting_its_reader(bool(writes_files)) as reader:
+            with warnings.catch_warnings(), fft.set_workers(take_threads(given)):
+                warnings.showwarning = partial(_print_warning, warnings.showwarning)
+                status = COMMANDS[given.command](given)
+            print(end="", flush=True)  # A full disk is to be noticed here, not at exit.
+        return status if reader.is_there else status or BROKEN_PIPE
     except BrokenPipeError:  # Who reads the report has read enough, as `head` has.
-        _drop_output()
+        report.drop_output()
         return BROKEN_PIPE
     except OSError as error:
         said = (error.filename, error.strerror)
@@ -73,11 +74,5 @@ def _fail(message: str, status: int = 2) -> int:
     try:
         print(end="", flush=True)
     except OSError:
-        _drop_output()
+        report.drop_output()
     return status
-
-
-def _drop_output() -> None:
-    """Print no more: at exit Python would try once more, with a traceback."""
-    with suppress(OSError):  # The stream may have no file.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

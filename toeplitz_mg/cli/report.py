@@ -1,9 +1,11 @@
 """What is printed: by any terminal, and a line for each step of an iteration."""
 
 import io
+import os
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout, suppress
 from math import inf
 from time import perf_counter
 from typing import Any, Self
@@ -36,6 +38,50 @@ def format_error(error: float, digits: int) -> str:
     return f"{error:.{digits}e}" if error else "0"
 
 
+def drop_output() -> None:
+    """Print no more: at exit Python would try once more, with a traceback."""
+    with suppress(OSError):  # The stream may have no file.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+class Reader:
+    """The standard output, whose reader may leave, as `head` does: then nothing more is printed."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+        self.is_there = True
+
+    def write(self, text: str) -> int:
+        """Print a text."""
+        return self._call(self._stream.write, text) or 0
+
+    def flush(self) -> None:
+        """Print what is not printed yet."""
+        self._call(self._stream.flush)
+
+    def _call(self, method: Callable[..., Any], *arguments: str) -> Any:
+        try:
+            return method(*arguments)
+        except BrokenPipeError:
+            self.is_there = False
+            drop_output()
+            return None
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextmanager
+def outlasting_its_reader(goes_on: bool) -> Iterator[Reader]:
+    """Go on where nobody reads the report any more, if that is wanted, as for files to write."""
+    reader = Reader(sys.stdout)
+    if not goes_on or sys.stdout is None:
+        yield reader
+        return
+    with redirect_stdout(reader):  # type: ignore[type-var]
+        yield reader
+
+
 class Waiting:
     """What a terminal shows on the standard error while something takes long, and then erases.
 
@@ -43,8 +89,8 @@ class Waiting:
     once lines of the report come on a terminal, which show enough.
     """
 
-    def __init__(self, what: str) -> None:
-        self.what = what
+    def __init__(self, what: str, patience: float = PATIENCE) -> None:
+        self.what, self.patience = what, patience
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._show, daemon=True)
 
@@ -69,7 +115,7 @@ class Waiting:
 
     def _show(self) -> None:
         start, text = perf_counter(), ""
-        pause = PATIENCE
+        pause = self.patience
         while not self._over.wait(pause):
             text, pause = f"{self.what}: {perf_counter() - start:.0f} s", 1.0
             print(f"\r{text}", end="", file=sys.stderr, flush=True)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.fields import require_whole
+from toeplitz_mg.contact.fields import require_finite, require_whole
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.result import NormalResult, TangentialResult
 from toeplitz_mg.engine.vectors import Vectors
@@ -137,12 +137,13 @@ def check_pressed(
         if value is not None:
             raise TypeError(f"{name} is given, but a normal result has its own: leave it out")
     require_whole(bound, "bound")
+    require_finite(bound, "bound")
     if mu is None:
         raise TypeError("mu is not given, but a normal result needs a coefficient of friction")
     friction = check_friction(mu, bound.shape)
     # Where nothing is pressed a coefficient may be infinite.
     g = np.multiply(friction, bound.pressure, where=bound.contact, out=np.zeros(bound.shape))
-    return g, bound.element, bound.material, bound.periodic or False
+    return check_bound(g), bound.element, bound.material, bound.periodic or False
 
 
 def check_rolled(bound: Any, element: Any, material: Any, mu: Any) -> tuple[Array, Any, Any]:
@@ -247,6 +248,7 @@ def check_previous(
             f"{name} has {previous.contact.shape} elements of {previous.element}, but the grid "
             f"has {shape[1:]} of {grid.element}"
         )
+    require_finite(previous, name)
     if not is_guess:
         _check_same_bodies(previous, grid)
     return widen(previous.traction.reshape(-1, *shape[1:]), shape[0])
@@ -278,6 +280,7 @@ def check_same_grid(previous: Any, grid: Grid) -> None:
             f"previous has {previous.shape} elements of {previous.element}, but the grid has "
             f"{grid.shape} of {grid.element}"
         )
+    require_finite(previous, "previous")
 
 
 def _is_same(element: tuple[float, ...], other: tuple[float, ...]) -> bool:

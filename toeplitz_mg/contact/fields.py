@@ -42,6 +42,13 @@ def require_whole(result: Any, name: str = "the result") -> None:
         )
 
 
+def require_finite(result: Any, name: str) -> None:
+    """Refuse a result with tractions that are no numbers, as one that was made by hand may have."""
+    wrong = result.traction[~np.isfinite(result.traction)]
+    if wrong.size:
+        raise ValueError(f"{name} has the traction {wrong[0]}, but tractions must be finite")
+
+
 def _x(result: Any) -> Array:
     """The centres of the elements along the first axis, mm."""
     centres: Array = result.centres[0]

@@ -210,19 +210,17 @@ def new_file(path: str | os.PathLike[str], ending: str, *, overwrite: bool) -> I
     if path.suffix != ending:
         raise ValueError(f"path is {path}, but must end in {ending}")
     check_folder(path)
-    _check_replaced(path, overwrite=overwrite)
-    with new_whole(path) as file:
-        yield file
-        _check_replaced(path, overwrite=overwrite)  # It may have come in the meantime.
-
-
-def _check_replaced(path: Path, *, overwrite: bool) -> None:
-    """Refuse to replace a file, unless that is wanted, or anything that is no file."""
     old = find_status(path)
     if old is not None and not stat.S_ISREG(old.st_mode):
         raise OSError(f"{path} is no regular file, so it is not replaced")
+    there = FileExistsError(f"{path} is there already: overwrite=True replaces it")
     if old is not None and not overwrite:
-        raise FileExistsError(f"{path} is there already: overwrite=True replaces it")
+        raise there
+    try:
+        with new_whole(path, replaces=overwrite) as file:
+            yield file
+    except FileExistsError:  # It has come in the meantime.
+        raise there from None
 
 
 def _read_material(values: dict[str, Any]) -> CombinedMaterial:

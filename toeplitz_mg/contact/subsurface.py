@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import doubts
-from toeplitz_mg.contact.fields import require_whole
+from toeplitz_mg.contact.fields import require_finite, require_whole
 from toeplitz_mg.contact.result import ContactResult, NormalResult, TangentialResult
 from toeplitz_mg.contact.stresses import Stresses
 from toeplitz_mg.contact.unlike.result import FrictionalResult
@@ -125,6 +125,7 @@ def _check_results(results: tuple[ContactResult, ...]) -> ContactResult:
                 "FrictionalResult, which has both"
             )
         require_whole(result, "a result")
+        require_finite(result, "a result")
         if any(result.periodic):
             raise ValueError(
                 f"periodic is {result.periodic} in a result, but stresses are those below bodies "

@@ -159,7 +159,10 @@ class Gaps:
             # Rows of L⁻¹, extended by zeros: each starts with as many as there are rows above it.
             unit = np.eye(min(PART, m - first), m, first).T
             rows = np.zeros((unit.shape[1], n))
-            rows[:, self.missing] = solve_triangular(self._factor, unit, lower=True, trans=1).T
+            # Above the diagonal of the factor anything may stand, NaN too.
+            rows[:, self.missing] = solve_triangular(
+                self._factor, unit, lower=True, trans=1, check_finite=False
+            ).T
             hat = fft.rfft(self.whole.column.solve(rows), length)
             power += (hat.real**2 + hat.imag**2).sum(axis=0)
         return self.whole.diagonal_sums() - fft.irfft(power, length)[:n]
