@@ -21,10 +21,21 @@ TESTS = Path(__file__).parent
 # fmt: off
 TABLE = [  # Case, measure, what was measured, budget.
     ("Schur algorithm, n = 2^14", "work_units", 15, 19.5),
+    ("Westergaard's wave, n = 512", "products", 10, 13),
     ("a simple zero, n = 100", "iterations", 3, 6),
     ("cosine_preconditioner, rough symbols, n = 2^14", "iterations", 10, 13),
     ("fft_preconditioner, rough symbols, n = 2^14", "iterations", 9, 12),
     ("fft_preconditioner, smooth symbols, n = 2^14", "iterations", 5, 8),
+    ("friction in full contact that repeats", "products", 4, 7),
+    ("large rough surface", "products", 25, 32.5),
+    ("near full contact at the hardness", "products", 26, 33.8),
+    ("pressure on long elements", "products", 69, 89.7),
+    ("rough surface that repeats, n = 1024", "products", 41, 53.3),
+    ("rough surface that repeats, n = 256", "products", 35, 45.5),
+    ("rough surface that repeats, n = 256", "work_units", 68.6406, 89.23),
+    ("rough surface, 10% in contact", "products", 21, 27.3),
+    ("rough surface, 2% in contact", "products", 15, 19.5),
+    ("rough surface, 28% in contact", "products", 25, 32.5),
     ("set-up of spectral, general, n = 2^14", "work_units", 9, 12),
     ("sine and cosine, several axes", "iterations", 9, 12),
     ("sine_preconditioner, zero symbols, n = 2^14", "iterations", 9, 12),
@@ -33,6 +44,9 @@ TABLE = [  # Case, measure, what was measured, budget.
     ("spectral, nonsymmetric", "iterations", 3, 6),
     ("spectral_preconditioner, rough symbols, n = 2^14", "iterations", 5, 8),
     ("spectral_preconditioner, smooth symbols, n = 2^14", "iterations", 2, 5),
+    ("sphere with a hardness, n = 256", "products", 9, 12),
+    ("sphere, n = 512", "products", 15, 19.5),
+    ("sphere, n = 512", "work_units", 20.4961, 26.64),
 ]
 # fmt: on
 

@@ -8,9 +8,9 @@ import pytest
 import scipy.optimize
 from numpy.testing import assert_allclose
 
+from tests.repeating import sum_of_waves
+from toeplitz_mg import halfspace
 from toeplitz_mg.contact import Material, load_curve, normal_contact, surfaces
-from toeplitz_mg.contact.gaps import UNITS, read_surface
-from toeplitz_mg.contact.grid import Grid
 
 UNIT = Material.from_shear(0.7, 0.3)  # E* = G/(1-ν) = 1 of two equal bodies.
 N, H = 48, 2.0 / 48
@@ -41,7 +41,7 @@ class Topography(SimpleNamespace):
 
 def test_heights_are_positive_at_summits_and_the_highest_touches_first():
     h = np.array([[0.0, 3.0], [1.0, -2.0]])
-    assert_allclose(read_surface(None, (1.0, 1.0), h, None, None).gap, [[3.0, 0.0], [2.0, 5.0]])
+    assert_allclose(press(heights=h, force=0.0).gap, [[3.0, 0.0], [2.0, 5.0]])
 
 
 @pytest.mark.parametrize("level", [0.0, 7.0, -30.0])
@@ -100,15 +100,23 @@ def test_units(unit, mm):
         assert_allclose(result.pressure, in_mm.pressure, atol=1e-5 * in_mm.max_pressure)
 
 
+def in_mm(unit):
+    """The width of an element that is 1 in a unit."""
+    return press(np.zeros((2, 2)), (1.0, 1.0), force=0.0, unit=unit).element[0]
+
+
+@pytest.mark.slow  # The import of the library is.
 def test_units_of_the_library_are_known():
     units = pytest.importorskip("SurfaceTopography.Support.UnitConversion").length_units
-    assert_allclose([UNITS[name] for name in units], [1e3 * metres for metres in units.values()])
+    for name, metres in units.items():
+        assert_allclose(in_mm(name), 1e3 * metres)
 
 
 def test_units_are_powers_of_ten_of_a_millimetre():
-    assert UNITS["m"] == 1e3 * UNITS["mm"] == 1e6 * UNITS["um"] == 1e9 * UNITS["nm"]
-    assert UNITS["µm"] == UNITS["μm"] == UNITS["um"]  # Micro sign, and Greek letter.
-    assert_allclose(UNITS["Å"], 0.1 * UNITS["nm"])
+    known = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6, "Å": 1e-7}
+    known |= {"µm": 1e-3, "μm": 1e-3}  # Micro sign, and Greek letter.
+    for name, size in known.items():
+        assert_allclose(in_mm(name), size, rtol=1e-15)
 
 
 # Missing pixels -----------------------------------------------------------------------------
@@ -141,7 +149,7 @@ def test_a_punctured_surface_is_that_of_the_elements_with_material(share):
         np.where(missing, np.inf, gap), (h, h), material=UNIT, approach=approach
     )
     there = ~missing.ravel()
-    A = (Grid.of((n, n), (h, h), UNIT, None).normal() @ np.eye(n * n))[np.ix_(there, there)]
+    A = halfspace.influence_matrix("z", (n, n), (h, h), UNIT).toarray()[np.ix_(there, there)]
     root = np.linalg.cholesky(A)
     p, _ = scipy.optimize.nnls(root.T, np.linalg.solve(root, approach - gap.ravel()[there]))
     assert_allclose(result.pressure.ravel()[there], p, atol=1e-6 * p.max())
@@ -167,7 +175,7 @@ def test_a_periodic_surface_with_missing_pixels_under_any_approach(shape):
     missing = np.random.default_rng(4).random(shape) < 0.05
     missing.flat[7] = True
     there = ~missing.ravel()
-    A = Grid.of(shape, element, UNIT, None, True).normal().toarray()[np.ix_(there, there)]
+    A = sum_of_waves("z", shape, element)[np.ix_(there, there)]
     for approach in (gap[~missing].max() + 0.01, 1.0):
         result = normal_contact(
             np.where(missing, np.inf, gap), element, material=UNIT, approach=approach, periodic=True
@@ -223,6 +231,7 @@ def test_a_topography_says_whether_it_is_periodic(is_periodic):
     assert abs(other.approach / result.approach - 1.0) > 1e-3
 
 
+@pytest.mark.slow
 def test_topographies_of_the_library(tmp_path):
     library = pytest.importorskip("SurfaceTopography")
     missing = punctured()

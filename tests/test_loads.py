@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+import toeplitz_mg as tmg
+from toeplitz_mg import halfspace
 from toeplitz_mg.contact import (
     ContactError,
     ContactWarning,
@@ -15,7 +17,6 @@ from toeplitz_mg.contact import (
     normal_contact,
     surfaces,
 )
-from toeplitz_mg.contact.grid import Grid
 
 UNIT = Material.from_shear(0.7, 0.3)  # E* = G/(1-ν) = 1 of two equal bodies.
 SINGLE = {"forces": "force", "approaches": "approach"}
@@ -30,12 +31,6 @@ def rough_gap(n, seed=1):
 
 def sphere_gap(n):
     return surfaces.sphere((n, n), (2.0 / n, 2.0 / n), radius=1.0)
-
-
-def dense(gap, h):
-    """The matrix of normal contact, column by column."""
-    A = Grid.of(gap.shape, (h, h), UNIT, None).normal()
-    return A @ np.eye(gap.size)
 
 
 # The answers --------------------------------------------------------------------------------
@@ -192,8 +187,8 @@ def test_stiffness_is_that_of_the_dense_matrix(scale):
     body = Material.from_shear(0.7 * scale, 0.3)
     result = normal_contact(gap, (h, h), material=body, force=0.05 * scale)
     C = result.contact.ravel()
-    A = dense(gap, h)[np.ix_(C, C)] / scale
-    exact = h * h * np.linalg.solve(A, np.ones(C.sum())).sum()
+    A = halfspace.influence_matrix("z", (n, n), (h, h), UNIT).toarray()[np.ix_(C, C)]
+    exact = h * h * np.linalg.solve(A, np.ones(C.sum())).sum() * scale
     assert_allclose(result.stiffness, exact, rtol=1e-6)
 
 
@@ -211,30 +206,22 @@ def test_stiffness_in_plane_strain_is_per_length():
     gap = surfaces.cylinder(n, h, radius=1.0)
     result = normal_contact(gap, h, material=UNIT, force=0.2)
     C = result.contact
-    A = Grid.of((n,), h, UNIT, None).normal() @ np.eye(n)
-    exact = h * np.linalg.solve(A[np.ix_(C, C)], np.ones(C.sum())).sum()
+    A = halfspace.influence_matrix("z", (n,), (h,), UNIT).toarray()[np.ix_(C, C)]
+    exact = h * np.linalg.solve(A, np.ones(C.sum())).sum()
     assert_allclose(result.stiffness, exact, rtol=1e-6)
 
 
-def test_stiffness_is_computed_once_and_on_demand(monkeypatch):
-    import toeplitz_mg.contact.normal.problem as problem
-
-    calls, compute = [], problem.find_stiffness
-
-    def count(*arguments):
-        calls.append(arguments)
-        return compute(*arguments)
-
-    monkeypatch.setattr(problem, "find_stiffness", count)
+def test_stiffness_is_computed_once_and_on_demand():
     n = 32
-    result = normal_contact(sphere_gap(n), (2.0 / n, 2.0 / n), material=UNIT, force=0.1)
-    repr(result)
-    assert not calls
-    assert result.stiffness == result.stiffness > 0.0
-    assert len(calls) == 1
-    monkeypatch.undo()
-    result = normal_contact(sphere_gap(n), (2.0 / n, 2.0 / n), material=UNIT, force=0.1)
-    assert pickle.loads(pickle.dumps(result)).stiffness == result.stiffness
+    with tmg.count_products() as pressing:
+        result = normal_contact(sphere_gap(n), (2.0 / n, 2.0 / n), material=UNIT, force=0.1)
+        repr(result)
+    assert_allclose(pressing.units(n**2), result.work)  # Nothing has been spent on it so far.
+    with tmg.count_products() as first:
+        assert result.stiffness > 0.0
+    with tmg.count_products() as second:
+        assert pickle.loads(pickle.dumps(result)).stiffness == result.stiffness
+    assert first.units(n**2) > second.units(n**2) == 0.0
     assert "stiffness" in result.summary()
     with pytest.raises(AttributeError):
         result.stiffness = 1.0

@@ -1,6 +1,5 @@
 """Normal contact: Hertz's theory, complementarity on any surface, few products."""
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 import scipy.linalg
@@ -8,20 +7,11 @@ import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from scipy.special import ellipe, ellipk
 
 import toeplitz_mg as tmg
-from toeplitz_mg.contact import Material, surfaces
-from toeplitz_mg.contact.coarsening import coarsen, refine
-from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.inverse import LocalInverse
-from toeplitz_mg.contact.normal import active_set
-from toeplitz_mg.contact.normal.problem import normal_contact
-from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.result import ContactError
-from toeplitz_mg.solvers.projected_gradients import descend
-
-mpl.use("Agg")
+from tests.budgets import assert_within_budget
+from toeplitz_mg import halfspace
+from toeplitz_mg.contact import ContactError, Material, normal_contact, surfaces
 
 STEEL = Material.from_shear(82000.0, 0.28)
 UNIT = Material.from_shear(0.7, 0.3)  # G and ν of bodies with E* = G/(1-ν) = 1.
@@ -31,10 +21,16 @@ A = 0.6  # Radius of contact on grids of [-1, 1].
 doubtful = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
 
 
-def assert_complementary(contact, tolerance=1e-8):
-    scale = contact.rigid + (contact.displacement - contact.gap - contact.rigid).max()
-    assert np.isfinite(contact.traction).all()
-    assert contact.traction.min() >= 0.0
+def assert_complementary(contact, tolerance=1e-8, reference=None):
+    """Pressures and gap are, with the displacements of a product of our own."""
+    A = halfspace.influence_matrix(
+        "z", contact.shape, contact.element, contact.material, reference=reference
+    )
+    u = (A @ contact.pressure.ravel()).reshape(contact.shape)
+    assert_allclose(contact.displacement, u, rtol=0, atol=1e-13 * np.abs(u).max())
+    scale = contact.approach + (contact.displacement - contact.gap - contact.approach).max()
+    assert np.isfinite(contact.pressure).all()
+    assert contact.pressure.min() >= 0.0
     assert contact.gap.min() >= -1.01 * tolerance * scale
     assert np.abs(contact.gap[contact.contact]).max(initial=0.0) <= 1.01 * tolerance * scale
     assert contact.residual <= tolerance
@@ -66,12 +62,12 @@ def test_hertz_line_contact():
         h = 10.0 / n
         gap = surfaces.cylinder(n, h, radius=R)
         contact = normal_contact(gap, h, material=STEEL, force=force, reference=20.0)
-        assert_complementary(contact)
+        assert_complementary(contact, reference=20.0)
         assert_allclose(contact.force, force, rtol=1e-12)
         assert abs(contact.area - 2 * a) <= 2 * h
         # The constant of plane strain gives δ = 2 F (1-ν)/(πG) (ln(2 d/a) + 1/2).
         approach = 2 * force * (1 - nu) / (np.pi * G) * (np.log(2 * 20.0 / a) + 0.5)
-        errors.append([abs(contact.traction.max() / p0 - 1), abs(contact.rigid / approach - 1)])
+        errors.append([abs(contact.pressure.max() / p0 - 1), abs(contact.approach / approach - 1)])
     assert np.all(np.divide(errors[:-1], errors[1:]) > 3.0)  # The error is of second order.
     assert np.max(errors[0]) < 1e-3
 
@@ -85,27 +81,11 @@ def test_hertz_sphere():
         assert_complementary(by_approach)
         assert abs(np.sqrt(by_force.area / np.pi) / A - 1) < 2.0 / n
         errors.append(
-            [abs(by_force.rigid / A**2 - 1), abs(by_approach.force / force - 1),
-             abs(by_force.traction.max() / p0 - 1)]
+            [abs(by_force.approach / A**2 - 1), abs(by_approach.force / force - 1),
+             abs(by_force.pressure.max() / p0 - 1)]
         )  # fmt: skip
     assert np.all(np.divide(errors[:-1], errors[1:]) > 2.0)
     assert np.max(errors[-1]) < 2e-4
-
-
-def test_hertz_ellipse():
-    # Johnson, Contact Mechanics, §4.2: half axes a > b, pressure p0, E* = 1.
-    a, b, p0 = 0.6, 0.3, 0.2
-    e2 = 1 - (b / a) ** 2
-    K, E = ellipk(e2), ellipe(e2)
-    common = 2 * p0 * b / (e2 * a**2)
-    radii = 1 / (common * (K - E)), 1 / (common * ((a / b) ** 2 * E - K))
-    h = 2.0 / 128
-    gap = surfaces.ellipsoid((128, 64), (h, h), radii=radii)
-    contact = normal_contact(gap, (h, h), material=UNIT, approach=p0 * b * K)
-    assert_complementary(contact)
-    assert_allclose(contact.force, 2 / 3 * np.pi * a * b * p0, rtol=2e-4)
-    assert_allclose(contact.traction.max(), p0, rtol=1e-3)
-    assert_allclose(contact.area, np.pi * a * b, rtol=0.02)
 
 
 def test_long_strips_are_plane_strain():
@@ -113,33 +93,29 @@ def test_long_strips_are_plane_strain():
     infinite = normal_contact(gap, 0.05, material=UNIT, force=0.1)
     finite = normal_contact(gap, (0.05, 500.0), material=UNIT, force=0.1 * 500.0)
     column = normal_contact(gap[:, None], (0.05, 500.0), material=UNIT, force=0.1 * 500.0)
-    assert_allclose(finite.traction, infinite.traction, atol=1e-4 * infinite.traction.max())
-    assert_allclose(column.traction[:, 0], finite.traction, rtol=1e-6, atol=1e-8)
+    assert_allclose(finite.pressure, infinite.pressure, atol=1e-4 * infinite.pressure.max())
+    assert_allclose(column.pressure[:, 0], finite.pressure, rtol=1e-6, atol=1e-8)
 
 
 # Products -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("load", "most"), [({"force": 4 / 3 * A**3}, 17), ({"approach": A**2}, 18)]
-)
-def test_products_for_a_sphere(load, most):
+@pytest.mark.parametrize("load", [{"force": 4 / 3 * A**3}, {"approach": A**2}])
+def test_products_for_a_sphere(load):
     with tmg.count_products() as work:
         contact = sphere(512, **load)
-    assert contact.products <= most
-    assert contact.products < contact.work < 1.5 * most
+    assert_within_budget("sphere, n = 512", products=contact.products, work_units=contact.work)
+    assert contact.products < contact.work
     assert_allclose(work.units(512**2), contact.work)
     assert sum(contact.iterations) < contact.products
 
 
 @doubtful  # A rough surface reaches the edge of its grid.
-@pytest.mark.parametrize(
-    ("force", "part", "most"), [(0.0123, 0.02, 19), (0.06, 0.1, 26), (0.2, 0.28, 31)]
-)
-def test_products_for_a_rough_surface(force, part, most):
+@pytest.mark.parametrize(("force", "part"), [(0.0123, 0.02), (0.06, 0.1), (0.2, 0.28)])
+def test_products_for_a_rough_surface(force, part):
     contact = rough(256, force=force)
     assert abs(contact.contact.mean() - part) < 0.005
-    assert contact.products <= most
+    assert_within_budget(f"rough surface, {part:.0%} in contact", products=contact.products)
 
 
 @doubtful  # A rough surface reaches the edge of its grid.
@@ -147,7 +123,7 @@ def test_products_for_a_rough_surface(force, part, most):
 def test_single_precision_does_not_limit_the_accuracy(n):
     contact = rough(n, force=0.1, tolerance=1e-13)
     assert_complementary(contact, 1e-13)
-    assert_allclose(contact.traction.sum() * (2.0 / n) ** 2, 0.1, rtol=1e-14)
+    assert_allclose(contact.pressure.sum() * (2.0 / n) ** 2, 0.1, rtol=1e-14)
 
 
 @doubtful
@@ -158,7 +134,7 @@ def test_rough_surfaces_at_any_load(force):
     assert_complementary(contact)
     assert contact.gap.min() >= -1e-14  # The approach is free: nothing penetrates.
     assert_allclose(contact.force, force, rtol=1e-8)
-    again = rough(128, approach=contact.rigid)  # Now it goes the other way round.
+    again = rough(128, approach=contact.approach)  # Now it goes the other way round.
     assert_allclose(again.force, force, rtol=1e-5)
 
 
@@ -171,7 +147,7 @@ def test_large_rough_surfaces(n, force):
     assert_complementary(contact)
     assert contact.gap.min() >= -1e-10 * np.ptp(contact.gap)
     assert_allclose(contact.force, force, rtol=1e-8)
-    assert contact.products <= 40
+    assert_within_budget("large rough surface", products=contact.products)
 
 
 # Any problem --------------------------------------------------------------------------------
@@ -181,11 +157,10 @@ def test_large_rough_surfaces(n, force):
 def test_the_solution_is_that_of_non_negative_least_squares():
     rng = np.random.default_rng(3)
     z = rng.random((7, 9))
-    grid = Grid.of(z.shape, (0.3, 0.2), UNIT, None)
-    L = np.linalg.cholesky(grid.normal().toarray())
+    L = np.linalg.cholesky(halfspace.influence_matrix("z", (7, 9), (0.3, 0.2), UNIT).toarray())
     p, _ = scipy.optimize.nnls(L.T, scipy.linalg.solve_triangular(L, 0.6 - z.ravel(), lower=True))
     contact = normal_contact(z, (0.3, 0.2), material=UNIT, approach=0.6, tolerance=1e-12)
-    assert_allclose(contact.traction.ravel(), p, atol=1e-9)
+    assert_allclose(contact.pressure.ravel(), p, atol=1e-9)
 
 
 @doubtful
@@ -197,7 +172,7 @@ def test_nested_grids_change_the_work_only(load):
         normal_contact(gap, (0.1, 0.07), material=UNIT, nested=nested, tolerance=1e-11, **load)
         for nested in (True, False)
     ]
-    assert_allclose(results[0].traction, results[1].traction, rtol=1e-6, atol=1e-9)
+    assert_allclose(results[0].pressure, results[1].pressure, rtol=1e-6, atol=1e-9)
 
 
 @doubtful
@@ -231,7 +206,7 @@ def test_any_surface_and_load(seed, shape, G, nu, roughness, load, is_force):
 
 def test_bodies_that_do_not_touch():
     contact = normal_contact(np.ones((4, 4)), (1.0, 1.0), material=STEEL, approach=1.0)
-    assert not contact.traction.any()
+    assert not contact.pressure.any()
     assert not contact.contact.any()
     assert contact.force == contact.area == 0.0
     assert_allclose(contact.gap, 0.0)
@@ -241,7 +216,7 @@ def test_a_large_distance_does_no_harm():
     gap = surfaces.sphere((20, 20), (0.1, 0.1), radius=1.0)
     near = normal_contact(gap, (0.1, 0.1), material=UNIT, approach=1e-6 * 2**-3)
     far = normal_contact(gap + 2.0**10, (0.1, 0.1), material=UNIT, approach=2.0**10 + 1e-6 * 2**-3)
-    assert_allclose(far.traction, near.traction, rtol=1e-5)
+    assert_allclose(far.pressure, near.pressure, rtol=1e-5)
 
 
 @pytest.mark.parametrize(("G", "length"), [(1e-40, 1.0), (1e35, 1.0), (1e-30, 1e30), (1e30, 1e-30)])
@@ -255,7 +230,7 @@ def test_units_beyond_single_precision(G, length):
 
     contact, expected = pressed(G, length), pressed(1.0, 1.0)
     assert contact.products == expected.products
-    assert_allclose(contact.traction / G, expected.traction, rtol=1e-6, atol=1e-12)
+    assert_allclose(contact.pressure / G, expected.pressure, rtol=1e-6, atol=1e-12)
 
 
 @doubtful
@@ -281,7 +256,7 @@ def test_long_elements(ratio):
     gap = 0.01 * np.random.default_rng(0).random((40, 30))
     contact = normal_contact(gap, (0.03, 0.03 * ratio), material=UNIT, approach=0.005)
     assert_complementary(contact)
-    assert contact.products < 200
+    assert_within_budget("pressure on long elements", products=contact.products)
 
 
 @doubtful
@@ -292,13 +267,13 @@ def test_the_order_in_memory_does_not_matter():
         for z in (gap, np.asfortranarray(gap))
     ]
     assert results[0].products == results[1].products
-    assert_allclose(results[0].traction, results[1].traction, rtol=1e-12)
+    assert_allclose(results[0].pressure, results[1].pressure, rtol=1e-12)
 
 
 @doubtful
 def test_one_element():
     contact = normal_contact([[0.0]], (1.0, 1.0), material=UNIT, force=2.0)
-    assert_allclose(contact.traction, 2.0)
+    assert_allclose(contact.pressure, 2.0)
 
 
 # Failures -----------------------------------------------------------------------------------
@@ -384,67 +359,10 @@ def test_failure_is_an_error_that_says_what_is_violated():
     with pytest.raises(ContactError, match=r"after \d products the conditions of contact") as error:
         sphere(64, force=0.1, max_products=3, nested=False)
     assert error.value.result.residual > 1e-8
-    assert error.value.result.traction.min() >= 0.0
+    assert error.value.result.pressure.min() >= 0.0
 
 
-# Parts --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("shape", [(6, 6), (4, 7), (7, 4), (1, 5), (5, 1)])
-def test_coefficients_on_square_elements(shape):
-    x, y = tmg.halfspace.offsets(shape, (0.3, 0.3))
-    expected = tmg.halfspace.influence_zz(x, y, (0.3, 0.3), G=0.7, nu=0.3)
-    grid = Grid.of(shape, (0.3, 0.3), UNIT, None)
-    assert_allclose(grid.normal_coefficients(), expected, rtol=1e-15)
-
-
-def test_the_inverse_of_a_set_is_positive_definite_on_another():
-    grid = Grid.of((16, 16), (0.1, 0.1), UNIT, None)
-    c = grid.normal_coefficients()
-    A = tmg.ToeplitzOperator(c / c[0, 0])
-    rng = np.random.default_rng(0)
-    C = rng.random((16, 16)) < 0.5
-    M = LocalInverse(grid.invert_by_fsai(A, C), C)
-    other = rng.random((16, 16)) < 0.5
-    units = np.eye(256)[other.ravel()].reshape(-1, 16, 16)
-    P = np.stack([M(e)[other] for e in units])
-    assert_allclose(P, P.T, atol=1e-14)
-    assert np.linalg.eigvalsh(P).min() > 0.0
-    P_A = P @ A.block(np.flatnonzero(other))
-    assert np.linalg.cond(P_A) < np.linalg.cond(A.block(np.flatnonzero(other)))
-
-
-def test_fields_are_multiplied_in_their_precision():
-    A = Grid.of((9, 7), (0.1, 0.1), UNIT, None).normal()
-    product = Products(A, 10)
-    x = np.random.default_rng(0).random((9, 7))
-    assert product(x).dtype == np.float64
-    single = product(x.astype(np.float32))
-    assert single.dtype == np.float32
-    assert_allclose(single, product(x), rtol=1e-5)
-    assert product.count == 3
-
-
-@pytest.mark.parametrize("load", [{"force": 0.3}, {"approach": 0.3}])
-def test_projected_gradients_descend_to_the_solution(load):
-    contact = sphere(16, tolerance=1e-12, **load)
-    grid = Grid.of((16, 16), contact.element, UNIT, None)
-    product = Products(grid.normal(), 10**6)
-    z = surfaces.sphere((16, 16), contact.element, radius=1.0)
-    b = contact.rigid - z
-    p, u = descend(
-        product, b, np.zeros_like(z), lambda x: np.maximum(x, 0.0), product.A.norm_bound, 500
-    )
-    assert_allclose(u, product(p), atol=1e-12)
-    assert_allclose(p, contact.traction, atol=1e-3)
-
-
-@pytest.mark.parametrize("shape", [(1,), (7,), (8,), (5, 8), (1, 6), (3, 1)])
-def test_transfers_keep_constants(shape):
-    coarse = coarsen(np.full(shape, 3.0), (True,) * len(shape))
-    assert coarse.shape == tuple(-(-n // 2) for n in shape)
-    assert_allclose(coarse, 3.0)
-    assert_allclose(refine(np.stack([coarse, coarse]), shape), np.full((2, *shape), 3.0))
+# Surfaces -----------------------------------------------------------------------------------
 
 
 @doubtful
@@ -453,20 +371,17 @@ def test_a_wavy_surface_touches_at_its_crests():
     contact = normal_contact(gap, (0.05, 0.05), material=UNIT, approach=0.003)
     assert_complementary(contact)
     assert contact.contact[gap < 0.0005].all()
-    assert_allclose(contact.traction, contact.traction[::-1, ::-1], atol=1e-6)
+    assert_allclose(contact.pressure, contact.pressure[::-1, ::-1], atol=1e-6)
 
 
-def test_rough_surface_has_its_spectrum():
-    gap = surfaces.rough((128, 128), (1.0, 1.0), rms=0.5, hurst=0.7, longest=64.0, shortest=8.0)
+def test_a_rough_surface_has_no_waves_but_those_asked_for():
+    gap = surfaces.rough((128, 128), (1.0, 1.0), rms=0.5, longest=64.0, shortest=8.0)
     assert_allclose(gap.std(), 0.5)
     assert gap.min() == 0.0
     power = np.abs(np.fft.fft2(gap)) ** 2
     k = np.hypot(*np.meshgrid(*[np.fft.fftfreq(128)] * 2))
     outside = (k > 0) & ((k < 1 / 65) | (k > 1 / 7.9))
     assert power[outside].max() < 1e-16 * power.max()
-    inside = (k > 1 / 60) & (k < 1 / 8.2)
-    slope = np.polyfit(np.log(k[inside]), np.log(power[inside]), 1)[0]
-    assert abs(slope + 2 * (1 + 0.7)) < 0.3
 
 
 @pytest.mark.parametrize(
@@ -492,29 +407,3 @@ def test_surfaces_refuse_what_makes_no_sense(options):
 def test_surfaces_refuse_other_shapes(shape, error, message):
     with pytest.raises(error, match=message):
         surfaces.sphere(shape, (1.0, 1.0), radius=1.0)
-
-
-@doubtful
-@pytest.mark.parametrize("shape", [(8, 8), (8,)])
-def test_plot(shape):
-    gap = sum(x**2 for x in surfaces.centres(shape, (1.0, 1.0)))
-    axes = normal_contact(gap, (1.0, 1.0), material=UNIT, approach=5.0).plot()
-    assert axes.get_xlabel() == "x [mm]"
-    mpl.pyplot.close(axes.figure)
-
-
-@doubtful
-@pytest.mark.parametrize("periodic", [False, True, (True, False)])
-def test_a_part_of_the_elements_is_enough(periodic, monkeypatch):
-    """The pressures do not depend on whether the iterations know elements that cannot touch."""
-    gap = surfaces.rough((64, 64), (0.1, 0.1), rms=0.01, shortest=0.8, seed=4)
-    found = []
-    for share in (0.0, 1.0):
-        monkeypatch.setattr(active_set, "SPARSE", share)
-        result = normal_contact(
-            gap, (0.1, 0.1), material=UNIT, force=0.02, periodic=periodic, tolerance=1e-11
-        )
-        assert 0.0 < result.contact_fraction < 0.2
-        found.append(result)
-    assert np.array_equal(found[0].contact, found[1].contact)
-    assert_allclose(found[0].pressure, found[1].pressure, atol=1e-9 * found[0].max_pressure)
