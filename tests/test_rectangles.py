@@ -1,4 +1,4 @@
-"""Integrals over a rectangle, by series from afar and closed forms from near, in any grid."""
+"""The coefficients of a rectangle are exact relative to themselves, at any distance and shape."""
 
 import tracemalloc
 
@@ -8,8 +8,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from toeplitz_mg import halfspace
-from toeplitz_mg.halfspace.expansion import REACH
-from toeplitz_mg.halfspace.integrals import integral_log
 
 NU = K = 0.28
 ELEMENTS = [(1.0, 1.0), (1.0, 50.0), (50.0, 1.0), (0.3, 0.7), (2e-7, 5e-7), (1e5, 5.1e6)]
@@ -77,12 +75,12 @@ def test_coefficients_are_exact_relative_to_themselves(name, element):
 
 @pytest.mark.parametrize("element", ELEMENTS[:4], ids=str)
 @pytest.mark.parametrize("name", CLOSED)
-def test_series_are_exact_from_where_they_begin(name, element):
+def test_coefficients_are_exact_at_all_distances(name, element):
+    """Wherever one formula ends and another begins, from near to far."""
     angle = np.array([0.0, 1e-9, 1e-3, 0.4, np.pi / 4, 1.2, np.pi / 2 - 1e-3, np.pi / 2 - 1e-9])
-    for reach in REACH.values():
-        for distance in (0.9999 * reach, 1.0001 * reach):
-            rho = distance * np.hypot(*element) / 2.0
-            assert_exact(name, rho * np.cos(angle), rho * np.sin(angle), element)
+    rho = np.geomspace(1.5, 700.0, 200) * np.hypot(*element) / 2.0
+    angle = np.resize(angle, len(rho))
+    assert_exact(name, rho * np.cos(angle), rho * np.sin(angle), element)
 
 
 @pytest.mark.parametrize("element", [(1.0, 1.0), (50.0, 1.0)], ids=str)
@@ -131,18 +129,6 @@ def test_coefficients_take_the_memory_of_less_than_two_grids_beside_themselves(n
     assert peak < 3 * 8 * n**2
 
 
-def test_the_integral_of_the_logarithm_is_exact():
-    """Beside ln k, of which the integral is a small part near k = 1."""
-    integral = integral_log(20000)
-    with mpmath.workdps(40):
-        for k in [*range(40), 100, 8191, 8192, 8207, 8208, 19999]:
-            right, left = mpmath.mpf(k) + 0.5, mpmath.mpf(k) - 0.5
-            exact = right * mpmath.log(right) - left * mpmath.log(abs(left)) - 1
-            assert abs(integral[k] - exact) <= 1e-15 * max(1, exact)
-    for n in (1, 2, 15, 16, 17):
-        assert_array_equal(integral_log(n), integral[:n])
-
-
 @pytest.mark.parametrize("shape", [(256, 256), (90, 411)])
 @pytest.mark.parametrize("element", [(1.0, 1.0), (1.0, 4.0), (50.0, 1.0)])
 def test_points_that_mirror_each_other_have_the_same_coefficients(shape, element):
@@ -160,3 +146,50 @@ def test_points_that_mirror_each_other_have_the_same_coefficients(shape, element
         lags = influence(x, y, element, **constants)
         assert np.array_equal(lags, along_x * lags[::-1])
         assert np.array_equal(lags, along_y * lags[:, ::-1])
+
+
+# Elements that are narrow for their distance -------------------------------------------------
+
+LONG = [(1.0, 1e3), (1.0, 1e6), (2e4, 0.5), (1e9, 1.0)]
+BESIDE = [0.0, 0.3, 0.5, 1.0, 2.4]  # Distances along the longer side, in lengths of it.
+
+
+def at(element, across, along):
+    """Return points so many widths away across the longer side, and so many lengths along it."""
+    across, along = np.multiply(across, min(element)), np.multiply(along, max(element))
+    return (across, along) if element[0] < element[1] else (along, across)
+
+
+@pytest.mark.parametrize("element", LONG, ids=str)
+@pytest.mark.parametrize("name", CLOSED)
+def test_coefficients_of_long_elements_are_exact_at_all_distances(name, element):
+    across = np.geomspace(1.0, 3.0 * max(element) / min(element), 12).round()
+    for along in BESIDE:
+        assert_exact(name, *at(element, across, np.full(len(across), along)), element)
+    across = np.geomspace(1.5, 5000.0, 120)
+    assert_exact(name, *at(element, across, np.resize(BESIDE, len(across))), element)
+
+
+def test_coefficients_beyond_what_has_a_square():
+    """An element far away is a point."""
+    x, y, element = np.array([3e200, 0.0, 4e290]), np.array([4e200, 1e160, 3e290]), (1.0, 2.0)
+    rho = np.hypot(x, y)
+    area = element[0] * element[1]
+    c, s = x / rho, y / rho
+    exact = {"zz": 0.72 / rho, "xx": 0.72 / rho + 0.28 * c * c / rho, "xy": 0.28 * c * s / rho}
+    exact |= {"xz": -0.28 * c / rho}
+    for name, value in exact.items():
+        expected = area / np.pi * value
+        assert_allclose(influence(name, x, y, element), expected, rtol=1e-14, atol=0)
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_strips_side_by_side(name):
+    """One by one, and as a grid that all rules are in."""
+    element, n = (1.0, 3e4), 2**17
+    x, y = halfspace.offsets((n, 1), element)
+    grid = influence(name, x, y, element)[:, 0]
+    some = np.array([0, 1, 2, 3, 16, 17, 100, 4000, 50000, 90000, n - 1])
+    assert_exact(name, x[some, 0], np.zeros(len(some)), element)
+    alone = [influence(name, x[i, 0], 0.0, element) for i in some]
+    assert_allclose(grid[some], alone, rtol=5e-15)
