@@ -46,8 +46,11 @@ def axes_of(count=1):
 def draw(result, field=None):
     (ax,) = axes_of()
     assert result.plot(field, ax=ax) is ax
-    ax.figure.draw_without_rendering()
     return ax
+
+
+def render(ax):
+    ax.figure.draw_without_rendering()
 
 
 def texts(ax):
@@ -63,6 +66,7 @@ def labels(ax):
 @pytest.mark.parametrize(("result", "field"), CASES)
 def test_every_field_is_drawn_with_its_unit(result, field):
     ax = draw(result, field)
+    render(ax)
     (label,) = (text for text in labels(ax) if field in text)
     if field in ("pressure", "traction"):
         assert label == f"{field} [N/mm²]"
@@ -211,10 +215,10 @@ def test_nothing_in_contact_is_drawn_too():
         PRESSED, contact=np.zeros((48, 32), bool), pressure=np.zeros((48, 32)), area=0.0
     )
     for field in FIELDS["NormalResult"]:
-        draw(apart, field)
+        render(draw(apart, field))
     bound = np.zeros((48, 32))
     bound[20:24, 10:20] = 1.0
-    draw(friction(bound, PRESSED.element, material=PRESSED.material, shift=(0.0, 0.0)))
+    render(draw(friction(bound, PRESSED.element, material=PRESSED.material, shift=(0.0, 0.0))))
 
 
 def test_contact_with_friction_is_the_pictures_of_both_beside_each_other():

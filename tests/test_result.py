@@ -1,5 +1,6 @@
 """What the results of contact problems say: derived quantities, their names, and that they stay."""
 
+import json
 import pickle
 from copy import deepcopy
 from dataclasses import FrozenInstanceError, fields, replace
@@ -21,8 +22,6 @@ from toeplitz_mg.contact import (
     rolling,
     surfaces,
 )
-from toeplitz_mg.contact.summary import Figure, describe_cost
-from toeplitz_mg.contact.units import name_units, units_of
 
 SOFT = Material.from_shear(0.7, 0.3)  # Of both bodies: E* = 1.
 H = (2.0 / 48, 2.0 / 32)
@@ -198,17 +197,20 @@ OF_NO_SIZE = {"material", "shape", "touches_edge", "periodic"}
 COSTS = {"products", "work", "iterations", "residual", "warnings"}
 
 
-def test_all_that_a_result_has_changes_as_its_unit():
+def test_all_that_a_result_has_changes_as_its_unit(tmp_path):
     """By powers of two, so that no digit changes but the exponent."""
-    L, F = 2.0**7, 2.0**-9
+    L, F, path = 2.0**7, 2.0**-9, tmp_path / "x.npz"
     for one, other in zip(solve_all(1.0, 1.0), solve_all(L, F), strict=True):
-        units = name_units(one)
+        one.save(path, overwrite=True)
+        with np.load(path) as file:
+            units = json.loads(str(file["about"]))["units"]
         for field in fields(one):
             is_there = getattr(one, field.name) is not None
             assert field.name in {*units, *OF_NO_SIZE, *COSTS} or not is_there
         units |= {"contact_fraction": "1"}
         if isinstance(one, NormalResult):
-            units |= {"mean_pressure": "N/mm²", "stiffness": units_of(one.element).stiffness}
+            stiffness = "N/mm²" if len(one.element) == 1 else "N/mm"
+            units |= {"mean_pressure": "N/mm²", "stiffness": stiffness}
         for name in units.keys() - {"centres"}:
             powers = [POWERS[unit] for unit in units[name].split(", ")]
             factors = np.array([F**a * L**b for a, b in powers])
@@ -327,10 +329,12 @@ def test_an_element_is_the_same_but_for_rounding():
 
 
 def test_one_product_is_one():
-    assert describe_cost(1) == "1 product"
-    assert describe_cost(2, 1e-9) == "2 products, violation 1.0e-09"
+    assert repr(replace(PRESSED, products=1)).endswith("; 1 product>")
+    several = replace(PRESSED, products=2, residual=1e-9).summary()
+    assert "solved by         2 products, violation 1.0e-09\n" in several + "\n"
 
 
-def test_only_what_is_rounding_beside_the_largest_is_shown_as_zero():
-    assert Figure("force", [1.0, 1e-7], "N").text == "(1, 1e-07) N"
-    assert Figure("force", [1.0, 1e-9], "N").text == "(1, 0) N"
+@pytest.mark.parametrize(("small", "shown"), [(1e-7, "1e-07"), (1e-9, "0")])
+def test_only_what_is_rounding_beside_the_largest_is_shown_as_zero(small, shown):
+    forces = replace(SHIFTED, force=np.array([1.0, small]))
+    assert f"force             (1, {shown}) N\n" in forces.summary()
