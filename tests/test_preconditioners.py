@@ -1,4 +1,8 @@
-"""Theorems of M, M̄, P M and the circulants, and what they refuse."""
+"""Theorems of M, M̄, P M and the circulants, and what they refuse.
+
+Row sums are constant, subspaces are lost, iterations do not grow; what is built is positive
+definite, or refused with advice.
+"""
 
 from functools import partial
 
@@ -7,11 +11,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from scipy.sparse.linalg import cg
 
 import toeplitz_mg as tmg
+from tests.budgets import assert_within_budget
 from tests.cases import checkered, contact, exponential
-from toeplitz_mg.paper.problems import test1, test2, test3
+from toeplitz_mg.paper import problems
 
 ALL = [
     tmg.fft_preconditioner,
@@ -79,25 +83,27 @@ def test_symmetric_positive_definite_at_larger_sizes(preconditioner, n, dtype):
         np.linalg.cholesky((dense + dense.T) / 2)  # It raises where that is not positive definite.
 
 
-@pytest.mark.parametrize("problem", [test1(2048), test2(2048), test3(2048)], ids=lambda p: p.name)
-@pytest.mark.parametrize(
-    ("preconditioner", "most"),
-    [
-        (tmg.fft_preconditioner, {"test 1": 6, "test 2": 6, "test 3": 12}),
-        (tmg.fft_rsm_preconditioner, {"test 1": 10, "test 2": 10, "test 3": 12}),
-        (tmg.chan_preconditioner, {"test 1": 8, "test 2": 9, "test 3": 16}),
-        (tmg.strang_preconditioner, {"test 1": 9, "test 2": 9, "test 3": 16}),
-    ],
-    ids=lambda f: getattr(f, "__name__", ""),
-)
-def test_iterations_of_cg(problem, preconditioner, most):
-    iterates = []
-    x, info = cg(
-        problem.A, problem.b, M=preconditioner(problem.A), rtol=1e-8, callback=iterates.append
-    )
+PAPERS = [problems.test1, problems.test2, problems.test3]
+
+
+@pytest.mark.parametrize("preconditioner", [*ALL[:2], *ALL[3:5]], ids=lambda f: f.__name__)
+@pytest.mark.parametrize("test", PAPERS)
+def test_iterations_of_cg(test, preconditioner):
+    problem, residuals = test(2048), []
+    M = preconditioner(problem.A)
+    x, info = tmg.cg(problem.A, problem.b, M=M, rtol=1e-8, residuals=residuals)
     assert info == 0
     assert np.linalg.norm(problem.b - problem.A @ x) <= 1.1e-8 * np.linalg.norm(problem.b)
-    assert len(iterates) <= most[problem.name]
+    of_what = "on an area with holes" if test is problems.test3 else "on an interval"
+    case = f"{preconditioner.__name__}, {of_what}"
+    assert_within_budget(case, iterations=len(residuals) - 1)
+
+
+@pytest.mark.parametrize("test", PAPERS)
+def test_the_papers_problems_are_certain_on_every_grid(test):
+    A = test(4096).A
+    for B in (A, tmg.galerkin(A)):
+        assert tmg.fft_rsm_preconditioner(B).certified
 
 
 @settings(deadline=None, max_examples=40)
@@ -235,13 +241,14 @@ def test_rsm_refuses_what_is_indefinite_by_a_little(c, nugget, pattern, gamma):
 
 def test_rsm_says_what_is_certified():
     """Incompressible, the tangential kernel has coefficients that nothing certain outweighs."""
-    for n, certified in ((20, True), (40, False)):  # 400 unknowns are few enough to make sure.
+    for n, certified in ((20, True), (33, False)):  # 400 unknowns are few enough to make sure.
         x, y = tmg.halfspace.offsets((n, n), (1.0, 1.0))
         A = tmg.ToeplitzOperator(tmg.halfspace.influence_xx(x, y, (1.0, 1.0), G=1.0, nu=0.5))
         M_bar = tmg.fft_rsm_preconditioner(A)
         assert M_bar.certified == certified
         assert np.linalg.eigvalsh(M_bar.toarray()).min() > 0
-    assert tmg.fft_rsm_preconditioner(tmg.ToeplitzOperator(contact(4096))).certified
+    for full in (tmg.ToeplitzOperator(contact(4096)), tmg.ToeplitzOperator(contact(40, 40))):
+        assert tmg.fft_rsm_preconditioner(full).certified
 
 
 def test_rsm_refuses_a_positive_gamma_that_leaves_it_indefinite():
@@ -271,7 +278,8 @@ def test_the_operator_may_be_given_by_name(preconditioner):
 @pytest.mark.parametrize("scale", [2.0**-1000, 2.0**1000])
 def test_they_scale_as_the_matrix_does(shape, scale):
     c = exponential(*shape)
-    for preconditioner in (*ALL, tmg.jacobi_preconditioner):
+    of_lines = [tmg.spectral_preconditioner] * (len(shape) == 1)
+    for preconditioner in (*ALL, tmg.jacobi_preconditioner, *of_lines):
         M, scaled = (preconditioner(tmg.ToeplitzOperator(s * c)) for s in (1.0, scale))
         x = np.random.default_rng(0).standard_normal(c.size)
         y = M @ x
@@ -406,7 +414,7 @@ def test_an_argument_of_the_wrong_type_is_named(function, argument):
         function(A_FEW, **argument)
 
 
-@pytest.mark.parametrize("neighbours", [101, 10**9, 10**30])
+@pytest.mark.parametrize("neighbours", [101, 10**30])
 def test_fsai_refuses_more_neighbours_than_can_be_of_use(neighbours):
     with pytest.raises(ValueError, match=f"neighbours is {neighbours}, but must be at most 100"):
         tmg.fsai_preconditioner(A_FEW, neighbours=neighbours)
@@ -434,4 +442,4 @@ def test_iterations_with_a_circulant_of_a_general_matrix_do_not_depend_on_its_si
             assert info == 0
             assert np.linalg.norm(b - A @ x) <= 1.01e-8 * np.linalg.norm(b)
             counts.append(len(residuals) - 1)
-    assert max(counts) <= 10
+    assert_within_budget("chan_preconditioner, general matrices", iterations=max(counts))

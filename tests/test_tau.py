@@ -1,4 +1,4 @@
-"""The τ preconditioner of Riesz derivatives: what is proved of it, and what it refuses."""
+"""With the τ preconditioner Riesz derivatives have the spectrum (1/2, 3/2), whatever n is."""
 
 import numpy as np
 import pytest
