@@ -1,13 +1,18 @@
-"""Pairs of an operator and its dense matrix, the latter by definition and free of FFTs."""
+"""Pairs of an operator and its dense matrix, the latter by definition and free of FFTs.
+
+A pair shows a kind of operator (a matrix, one of the preconditioners, a cycle) on a matrix with
+traits: its axes, a mask, coupled components, complex entries. `PAIRS` marks those as slow that show
+no kind with a trait that an earlier pair has not shown.
+"""
 
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from math import prod
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
+import pytest
 import scipy.fft
 import scipy.linalg
 import scipy.sparse
@@ -15,16 +20,21 @@ from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from toeplitz_mg import halfspace
-from toeplitz_mg.engine.lengths import near_fast_length
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Case:
-    name: str
+    kind: str
+    matrix: str
+    traits: frozenset
     operator: Callable[[type], LinearOperator]  # Makes the operator of a dtype.
-    dense: Callable[[], np.ndarray]
+    dense: np.ndarray
     symmetric: bool = True  # Hermitian, where it is complex.
     positive: bool = True
+
+    @property
+    def name(self):
+        return f"{self.kind}: {self.matrix}"
 
     def __str__(self):
         return self.name
@@ -65,9 +75,21 @@ def lags_of(c):
     return c
 
 
+def grid_of(lags):
+    """The shape of the grid on which a matrix has these lags."""
+    return tuple((m + 1) // 2 for m in lags.shape)
+
+
 def random_lags(*grid_shape):
     rng = np.random.default_rng(sum(grid_shape))
     return rng.standard_normal([2 * n - 1 for n in grid_shape])
+
+
+def dominant_lags(*grid_shape):
+    """Random ones, of which that of lag zero is the largest."""
+    lags = random_lags(*grid_shape)
+    lags.flat[lags.size // 2] += 2.0 * lags.size
+    return lags
 
 
 def checkered(*grid_shape):
@@ -95,6 +117,53 @@ def complex_lags(*grid_shape):
     return lags
 
 
+def coupled_kernel(components, *grid_shape):
+    """Lags of each pair of components: even in themselves, odd or of any kind between them."""
+    k = np.stack(np.meshgrid(*(np.arange(1 - n, n) for n in grid_shape), indexing="ij"))
+    size = np.exp(-np.abs(k).sum(axis=0))
+    kernel = [[None] * components for _ in range(components)]
+    for i in range(components):
+        kernel[i][i] = size * (1.0 + i)
+    kernel[1][0] = 0.2 * size * np.prod(np.sign(k), axis=0)  # It is odd along both axes, as A_xy.
+    kernel[0][1] = np.flip(kernel[1][0])
+    if components == 3:
+        kernel[2][1] = 0.3 * size * np.sign(k[0])  # It is odd along one axis, as A_yz.
+        kernel[1][2] = np.flip(kernel[2][1])
+    return kernel
+
+
+def complex_kernel(components, *grid_shape):
+    """The same with complex lags, but those of the first component; Hermitian."""
+    kernel = coupled_kernel(components, *grid_shape)
+    for i in range(1, components):
+        kernel[i][i] = kernel[i][i] * waves(*grid_shape)
+    kernel[1][0] = 0.1 * complex_lags(*grid_shape) / kernel[0][0].size ** 2
+    kernel[0][1] = np.flip(kernel[1][0]).conj()
+    return kernel
+
+
+def half_space_kernel(components, *grid_shape):
+    """The tangential components of equal materials; of unequal ones the normal one too."""
+    element = (0.5, 0.5)
+    x, y = halfspace.all_offsets(grid_shape, element)
+    xx, xy, yy, zz = (
+        influence(x, y, element, G=1.0, nu=0.28)
+        for influence in (
+            halfspace.influence_xx,
+            halfspace.influence_xy,
+            halfspace.influence_yy,
+            halfspace.influence_zz,
+        )
+    )
+    if components == 2:
+        return [[xx, xy], [xy, yy]]
+    xz, yz = (
+        influence(x, y, element, G=1.0, K=0.2)
+        for influence in (halfspace.influence_xz, halfspace.influence_yz)
+    )
+    return [[xx, xy, xz], [xy, yy, yz], [-xz, -yz, zz]]
+
+
 # Dense definitions --------------------------------------------------------------------------
 
 
@@ -106,7 +175,7 @@ def differences(grid_shape):
 
 def dense_of_lags(lags):
     """The matrix a[i - j]."""
-    shape = tuple((n + 1) // 2 for n in lags.shape)
+    shape = grid_of(lags)
     return lags[tuple(k + n - 1 for k, n in zip(differences(shape), shape, strict=True))]
 
 
@@ -115,28 +184,31 @@ def dense_of_column(c):
     return c[tuple(abs(k) for k in differences(c.shape))]
 
 
+def dense_of_kernel(kernel, dense=dense_of_lags):
+    like = np.zeros_like(dense(kernel[0][0]))
+    return np.block([[like if lags is None else dense(lags) for lags in row] for row in kernel])
+
+
+def submatrix(A, mask):
+    return A[np.ix_(mask.ravel(), mask.ravel())]
+
+
 def periodic(column):
     """The circulant matrix of any number of axes with this first column."""
     shape = column.shape
     return column[tuple(k % n for k, n in zip(differences(shape), shape, strict=True))]
 
 
-def embedded(c):
-    """The first column of the circulant of size 2 n - 1 along each axis."""
-    for axis, n in enumerate(c.shape):
-        c = np.take(c, [*range(n), *range(n - 1, 0, -1)], axis=axis)
-    return c
+def dense_M(kernel):
+    """The leading block of the inverse of the (block) circulant, of size 2 n - 1 (paper, §3.1)."""
 
+    def wrapped(lags):
+        return periodic(np.roll(lags, [-(m // 2) for m in lags.shape], range(lags.ndim)))
 
-def dense_M(c):
-    """The leading block of the inverse of the embedding (paper, §3.1)."""
-    column = embedded(c)
-    leading = np.zeros(column.shape, dtype=bool)
-    leading[tuple(slice(n) for n in c.shape)] = True
-    inverse = np.linalg.inv(periodic(column))
-    m = inverse[:, 0].reshape(column.shape)[tuple(slice(n) for n in c.shape)]
-    assert np.allclose(inverse[np.ix_(leading.ravel(), leading.ravel())], dense_of_column(m))
-    return dense_of_column(m)
+    inverse = np.linalg.inv(dense_of_kernel(kernel, wrapped))
+    leading = np.zeros((len(kernel), *kernel[0][0].shape), dtype=bool)
+    leading[(slice(None), *map(slice, grid_of(kernel[0][0])))] = True
+    return submatrix(inverse, leading)
 
 
 def dense_rsm(M, gamma):
@@ -151,45 +223,25 @@ def dense_sd(A, M, m):
     return (np.eye(len(A)) - M @ A @ Z @ np.linalg.inv(E) @ Z.T) @ M
 
 
-def tapered(c):
-    """Coefficients that decay by e^-|k/n| faster."""
-    steps = (k / n for k, n in zip(np.indices(c.shape), c.shape, strict=True))
-    return c * np.exp(-sum(steps))
-
-
-def strang_column(c):
-    for axis, n in enumerate(c.shape):
-        c = np.take(c, [min(k, n - k) for k in range(n)], axis=axis)
-    return c
-
-
-def chan_column(c):
-    """The mean of each wrapped diagonal, axis by axis."""
-    for axis, n in enumerate(c.shape):
-        c = np.stack(
-            [
-                ((n - k) * np.take(c, k, axis) + k * np.take(c, (n - k) % n, axis)) / n
-                for k in range(n)
-            ],
-            axis=axis,
-        )
-    return c
-
-
-def nearest_circulant(lags):
-    """The circulant of the means of the entries that a circulant has in common."""
-    dense = dense_of_lags(lags)
-    shape = tuple((m + 1) // 2 for m in lags.shape)
+def dense_chan(lags):
+    """The inverse of the circulant of the means of the entries that a circulant has in common."""
+    dense, shape = dense_of_lags(lags), grid_of(lags)
     at = tuple(k % n for k, n in zip(differences(shape), shape, strict=True))
     total, count = np.zeros(shape, dense.dtype), np.zeros(shape)
     np.add.at(total, at, dense)
     np.add.at(count, at, 1.0)
-    return periodic(total / count)
+    return np.linalg.inv(periodic(total / count))
 
 
-def central_circulant(lags):
-    """The circulant of the nearest lags; of n/2 and -n/2 the mean."""
-    shape = tuple((m + 1) // 2 for m in lags.shape)
+def dense_tapered(lags):
+    """That of coefficients that decay by e^-|k/n| faster."""
+    k = np.meshgrid(*(np.arange(1 - n, n) / n for n in grid_of(lags)), indexing="ij")
+    return dense_chan(lags * np.exp(-sum(map(np.abs, k))))
+
+
+def dense_strang(lags):
+    """The inverse of the circulant of the nearest lags; of n/2 and -n/2 the mean."""
+    shape = grid_of(lags)
     column = np.zeros(shape, lags.dtype)
     for point in np.ndindex(shape):
         nearest = [
@@ -198,7 +250,7 @@ def central_circulant(lags):
         ]
         chosen = np.ix_(*([k + n - 1 for k in ks] for ks, n in zip(nearest, shape, strict=True)))
         column[point] = lags[chosen].mean()
-    return periodic(column)
+    return np.linalg.inv(periodic(column))
 
 
 def aggregate(n):
@@ -224,69 +276,63 @@ def dense_cycle(c, smoother, pre, post, gamma, coarsest):
     eye = np.eye(len(A))
     E_H = np.linalg.matrix_power(np.eye(len(A_H)) - B_H @ A_H, gamma)
     coarse = P @ (np.eye(len(A_H)) - E_H) @ np.linalg.inv(A_H) @ R
-    smooth = eye - smoother(A, c) @ A
+    smooth = eye - smoother(A, dense_M([[lags_of(c)]])) @ A
     power = np.linalg.matrix_power
     E = power(smooth, post) @ (eye - coarse @ A) @ power(smooth, pre)
     return (eye - E) @ np.linalg.inv(A)
 
 
-def smooth_rsm(A, c):
-    M = dense_M(c)
+def smooth_rsm(A, M):
     return dense_rsm(M, M.sum(axis=1).min())
 
 
-def smooth_sd(A, c):
-    return dense_sd(A, dense_M(c), 2)
+def smooth_sd(A, M):
+    return dense_sd(A, M, 2)
 
 
 def continued(c):
-    """The coefficients with lags up to a fast length along each axis, half the symbol's period."""
+    """The coefficients with that of lag n along each axis, half the symbol's period.
+
+    On longer grids the period is a fast length; below 62 elements every length is fast.
+    """
     if sum(n > 1 for n in c.shape) == 1 and has_simple_tail(c.ravel()):
         line = periodised(c.ravel())
         full = np.zeros([len(line) if n > 1 else 2 for n in c.shape])  # One element has no lags.
         full[tuple(slice(None) if n > 1 else 0 for n in c.shape)] = line
         return full
     for axis, n in enumerate(c.shape):
-        fast = near_fast_length(n)
-        ahead = fast - n + 1
-        last, before = (np.take(c, max(n - k, 0), axis) for k in (1, 2))
+        last, before = (np.take(c, [max(n - k, 0)], axis) for k in (1, 2))
         # A parabola goes on from the last two, flat at its end, unless they differ too much.
         smaller, larger = np.sort(np.abs([last, before]), axis=0)
         is_alike = (smaller >= larger / 2) & (n > 1)
-        more = [
-            np.where(is_alike, last + (last - before) * (t - t**2 / (2 * ahead)), 0.0)
-            for t in range(1, ahead + 1)
-        ]
-        c = np.concatenate([c, np.stack(more, axis=axis)], axis=axis)
+        c = np.concatenate([c, np.where(is_alike, last + (last - before) / 2, 0.0)], axis=axis)
     return c
 
 
 def log_slope_and_curvature(c):
-    """The logarithmic slope and curvature of the last coefficients, at the last but `step`."""
-    step = max(1, len(c) // 64)
-    first, middle, last = np.log(c[-2 * step - 1 :: step])
-    return step, (last - first) / (2 * step), (last - 2 * middle + first) / step**2
+    """The logarithmic slope and curvature of the last coefficients, at the last but one."""
+    first, middle, last = np.log(c[-3:])
+    return (last - first) / 2, last - 2 * middle + first
 
 
 def has_simple_tail(c):
     """Whether the last coefficients decrease as k^-1.5 does, or faster."""
-    last = c[-2 * max(1, len(c) // 64) - 1 :]
-    if len(c) < 4 or last[-1] <= 1e-9 * c[0] or np.any(np.diff(last) >= 0):
+    if len(c) < 4 or c[-1] <= 1e-9 * c[0] or np.any(np.diff(c[-3:]) >= 0):
         return False
-    _, slope, curvature = log_slope_and_curvature(c)
+    slope, curvature = log_slope_and_curvature(c)
     return slope**2 >= 1.5 * curvature
 
 
 def periodised(c):
     """The sums over all lags k + 2 n j of the coefficients, continued by exp(αt + βt²)."""
-    n = near_fast_length(len(c))
-    step, slope, curvature = log_slope_and_curvature(c)
+    n = len(c)
+    slope, curvature = log_slope_and_curvature(c)
     assert curvature <= 0.01 * slope**2  # It does not decay by a power of the lag.
     lags = np.arange(64 * n)
-    t = lags - (len(c) - 1.0)
+    t = lags - (n - 1.0)
     curvature = min(curvature, 0.0)
-    a = c[-1] * np.exp((slope + curvature * step) * t + curvature * t**2 / 2)
-    a[: len(c)] = c
+    a = c[-1] * np.exp((slope + curvature) * t + curvature * t**2 / 2)
+    a[:n] = c
     ends = [m for m in range(2 * n, len(a), 2 * n) if a[m] <= 1e-9 * c[0]]
     a[ends[0] :] = 0.0
     signed = np.concatenate([-lags[:0:-1], lags])
@@ -295,21 +341,17 @@ def periodised(c):
 
 
 def dense_trigonometric(c, wave, first):
-    """Q diag(1/f) Qᵀ cut to the grid, f the symbol at θ = πk/n and Q the DCT-II or DST-II."""
-    full = continued(c)
-    Q, samples, kept = np.eye(1), full, np.ones(1, dtype=bool)
+    """Q diag(1/f) Qᵀ, f the symbol at θ = πk/n and Q the DCT-II or DST-II."""
+    Q, samples = np.eye(1), continued(c)
     for axis, n in enumerate(c.shape):
-        fast = full.shape[axis] - 1
-        k = np.arange(first, first + fast)
-        # The lags 0 and `fast` count once.
-        weights = np.where(np.arange(fast + 1) % fast == 0, 1.0, 2.0)
-        cosines = weights * np.cos(np.pi * np.outer(k, np.arange(fast + 1)) / fast)
+        k = np.arange(first, first + n)
+        # The lags 0 and n count once.
+        weights = np.where(np.arange(n + 1) % n == 0, 1.0, 2.0)
+        cosines = weights * np.cos(np.pi * np.outer(k, np.arange(n + 1)) / n)
         samples = np.moveaxis(np.tensordot(cosines, samples, (1, axis)), 0, axis)
-        basis = wave(np.pi * np.outer(np.arange(fast) + 0.5, k) / fast)
+        basis = wave(np.pi * np.outer(np.arange(n) + 0.5, k) / n)
         Q = np.kron(Q, basis / np.linalg.norm(basis, axis=0))
-        kept = np.kron(kept, np.arange(fast) < n).astype(bool)
-    dense = Q @ np.diag(1.0 / samples.ravel()) @ Q.T
-    return dense[np.ix_(kept, kept)]
+    return Q @ np.diag(1.0 / samples.ravel()) @ Q.T
 
 
 def dense_tau(c):
@@ -327,26 +369,20 @@ def dense_tau(c):
 
 def dense_spectral(c):
     """The Gohberg-Semencul formula in triangular matrices, for the spectral factor's column."""
-    n = len(c)
+    m = len(c)
     c = continued(c)
-    m = len(c) - 1
     k, length = np.arange(2 * m), 2 * m
     cosines = np.cos(2 * np.pi * np.outer(k, k) / length)
     embedding = np.concatenate([c, c[-2:0:-1]])
     cepstrum = cosines @ np.log(cosines @ embedding) / length
     causal = np.where(k % m == 0, 0.5, 1.0) * (k <= m) * cepstrum
     waves = np.exp(-2j * np.pi * np.outer(k, k) / length)
-    q = (waves.conj() @ np.exp(-waves @ causal) / length).real[:n]
-    return dense_inverse_of_column(q[0] * q)
-
-
-def dense_inverse_of_column(x):
-    """(L Lᵀ - U Uᵀ)/x₀, both lower triangular, with the columns x and (0, x reversed)."""
-    return dense_inverse_of_columns(x, x)
+    q = (waves.conj() @ np.exp(-waves @ causal) / length).real[:m]
+    return dense_inverse_of_columns(q[0] * q, q[0] * q)
 
 
 def dense_inverse_of_columns(x, y):
-    """The same for a column and a row that differ, whose matrices come first and second."""
+    """(L Lᵀ - U Uᵀ)/x₀: x is the first column of the inverse, y its first row."""
     zero = np.zeros(len(x))
     lower, upper = (scipy.linalg.toeplitz(a, zero) for a in (x, y))
     of_y, of_x = (scipy.linalg.toeplitz(np.r_[0.0, a[:0:-1]], zero) for a in (y, x))
@@ -370,312 +406,7 @@ def dense_factors(lags, half):
     return dense if np.iscomplexobj(lags) else dense.real
 
 
-# The pairs ----------------------------------------------------------------------------------
-
-
-def submatrix(A, mask):
-    return A[np.ix_(mask.ravel(), mask.ravel())]
-
-
-def toeplitz(c):
-    return lambda dtype: tmg.ToeplitzOperator(c.astype(dtype))
-
-
-def masked(c):
-    return lambda dtype: tmg.MaskedOperator(toeplitz(c)(dtype), checkered(*c.shape))
-
-
-def applied(function, build, **arguments):
-    return lambda dtype: function(build(dtype), **arguments)
-
-
-COLUMNS = {
-    "1": contact(1),
-    "2": contact(2),
-    "16": contact(16),
-    "31": exponential(31),
-    "6x1": contact(6, 1),
-    "1x6": contact(1, 6),
-    "5x7": contact(5, 7),
-    "8x8": contact(8, 8),
-    "3x4x5": exponential(3, 4, 5),
-}
-
-
-def _operators():
-    for name, c in COLUMNS.items():
-        mask = checkered(*c.shape)
-        yield Case(f"A {name}", toeplitz(c), lambda c=c: dense_of_column(c))
-        yield Case(
-            f"A masked {name}", masked(c), lambda c=c, m=mask: submatrix(dense_of_column(c), m)
-        )
-    for shape in ((1,), (6,), (13,), (3, 4), (2, 1, 3)):
-        lags = random_lags(*shape)
-        yield Case(
-            f"A general {shape}",
-            lambda dtype, lags=lags: tmg.ToeplitzOperator.from_lags(lags.astype(dtype)),
-            lambda lags=lags: dense_of_lags(lags),
-            symmetric=False,
-            positive=False,
-        )
-        mask = checkered(*shape)
-        yield Case(
-            f"A general masked {shape}",
-            lambda dtype, lags=lags, m=mask: tmg.MaskedOperator(
-                tmg.ToeplitzOperator.from_lags(lags.astype(dtype)), m
-            ),
-            lambda lags=lags, m=mask: submatrix(dense_of_lags(lags), m),
-            symmetric=False,
-            positive=False,
-        )
-    c, r = random_lags(4), random_lags(4)[::-1]
-    yield Case(
-        "A with r",
-        lambda dtype: tmg.ToeplitzOperator(c.astype(dtype), r.astype(dtype)),
-        lambda: scipy.linalg.toeplitz(c, r),
-        symmetric=False,
-        positive=False,
-    )
-    lags = dense_of_lags(random_lags(2, 3))  # Any array will do: made symmetric, but not even.
-    lags = lags[:5, :5] + lags[:5, :5][::-1, ::-1]
-    yield Case(
-        "A symmetric, not even",
-        lambda dtype: tmg.ToeplitzOperator.from_lags(lags.astype(dtype)),
-        lambda: dense_of_lags(lags),
-        positive=False,
-    )
-
-
-def componentwise(c, M, mask):
-    """Preconditioners that take coupled components one by one, and their matrices on a mask."""
-    yield tmg.fft_rsm_preconditioner, dense_rsm(submatrix(M, mask), M.sum(axis=1).min())
-    yield tmg.cosine_preconditioner, submatrix(dense_trigonometric(c, np.cos, 0), mask)
-    yield tmg.sine_preconditioner, submatrix(dense_trigonometric(c, np.sin, 1), mask)
-    yield tmg.tau_preconditioner, submatrix(dense_tau(c), mask)
-    yield tmg.strang_preconditioner, submatrix(np.linalg.inv(periodic(strang_column(c))), mask)
-    yield tmg.chan_preconditioner, submatrix(np.linalg.inv(periodic(chan_column(c))), mask)
-    inverse = np.linalg.inv(periodic(chan_column(tapered(c))))
-    yield preconditioner_of_the_page(), submatrix(inverse, mask)
-    if sum(n > 1 for n in c.shape) <= 2:  # Few unknowns are solved for directly.
-        A = submatrix(dense_of_column(c), mask)
-        yield tmg.fsai_preconditioner, np.linalg.inv(A)
-
-
-def is_refused(f, matrix):
-    """Whether this is indefinite, as M_bar and τ may be; that it is refused is tested elsewhere."""
-    may_be = f in (tmg.fft_rsm_preconditioner, tmg.tau_preconditioner)
-    return may_be and np.linalg.eigvalsh(matrix)[0] <= 0.0
-
-
-def _preconditioners():
-    for name, c in COLUMNS.items():
-        M_full = dense_M(c)
-        for label, build, mask in (
-            ("", toeplitz(c), np.ones(c.shape, bool)),
-            (" masked", masked(c), checkered(*c.shape)),
-        ):
-            name_of = f"{label} {name}"
-            A, M = submatrix(dense_of_column(c), mask), submatrix(M_full, mask)
-            yield Case(f"M{name_of}", applied(tmg.fft_preconditioner, build), lambda M=M: M)
-            for f, matrix in componentwise(c, M_full, mask):
-                if not is_refused(f, matrix):
-                    yield Case(
-                        f"{f.__name__}{name_of}", applied(f, build), lambda matrix=matrix: matrix
-                    )
-            gamma = 2.0 * abs(M_full.sum(axis=1).min())
-            M_bar = dense_rsm(M, gamma)
-            if not is_refused(tmg.fft_rsm_preconditioner, M_bar):
-                yield Case(
-                    f"M_bar{name_of}, gamma {gamma}",
-                    applied(tmg.fft_rsm_preconditioner, build, gamma=gamma),
-                    lambda M_bar=M_bar: M_bar,
-                )
-            for m in (1, 2, 3):
-                if m < len(A):  # As many subdomains as unknowns leave nothing.
-                    yield Case(
-                        f"P M{name_of}, {m}",
-                        applied(tmg.fft_sd_preconditioner, build, n_subdomains=m),
-                        lambda A=A, M=M, m=m: dense_sd(A, M, m),
-                        symmetric=False,
-                        positive=False,
-                    )
-            yield Case(
-                f"jacobi{name_of}",
-                applied(tmg.jacobi_preconditioner, build, omega=0.7),
-                lambda A=A: 0.7 / A[0, 0] * np.eye(len(A)),
-            )
-            if max(c.shape) == c.size:
-                spectral = submatrix(dense_spectral(c.ravel()), mask)
-                yield Case(
-                    f"spectral{name_of}",
-                    applied(tmg.spectral_preconditioner, build),
-                    lambda spectral=spectral: spectral,
-                )
-        if max(c.shape) == c.size:
-            yield Case(
-                f"inverse {name}",
-                applied(tmg.toeplitz_inverse, toeplitz(c), rtol=1e-2),
-                lambda c=c: np.linalg.inv(dense_of_column(c)),
-            )
-
-
-def coupled_kernel(components, *grid_shape):
-    """Lags of each pair of components: even in themselves, odd or of any kind between them."""
-    k = np.stack(np.meshgrid(*(np.arange(1 - n, n) for n in grid_shape), indexing="ij"))
-    size = np.exp(-np.abs(k).sum(axis=0))
-    kernel = [[None] * components for _ in range(components)]
-    for i in range(components):
-        kernel[i][i] = size * (1.0 + i)
-    kernel[1][0] = 0.2 * size * np.prod(np.sign(k), axis=0)  # It is odd along both axes, as A_xy.
-    kernel[0][1] = np.flip(kernel[1][0])
-    if components == 3:
-        kernel[2][1] = 0.3 * size * np.sign(k[0])  # It is odd along one axis, as A_yz.
-        kernel[1][2] = np.flip(kernel[2][1])
-    return kernel
-
-
-def dense_of_kernel(kernel, dense=dense_of_lags):
-    like = np.zeros_like(dense(kernel[0][0]))
-    return np.block([[like if lags is None else dense(lags) for lags in row] for row in kernel])
-
-
-def dense_coupled_M(kernel):
-    """The leading block of the inverse of the block circulant, all of size 2 n - 1."""
-
-    def wrapped(lags):
-        return periodic(np.roll(lags, [-(m // 2) for m in lags.shape], range(lags.ndim)))
-
-    inverse = np.linalg.inv(dense_of_kernel(kernel, wrapped))
-    leading = np.zeros((len(kernel), *kernel[0][0].shape), dtype=bool)
-    leading[(slice(None), *(slice((m + 1) // 2) for m in kernel[0][0].shape))] = True
-    return inverse[np.ix_(leading.ravel(), leading.ravel())]
-
-
-def coupled(kernel):
-    def build(dtype):
-        return tmg.CoupledOperator(
-            [[None if lags is None else of_lags(lags)(dtype) for lags in row] for row in kernel]
-        )
-
-    return build
-
-
-def half_space_kernel(components, *grid_shape):
-    """The tangential components of equal materials; of unequal ones the normal one too."""
-    element = (0.5, 0.5)
-    x, y = halfspace.all_offsets(grid_shape, element)
-    xx, xy, yy, zz = (
-        influence(x, y, element, G=1.0, nu=0.28)
-        for influence in (
-            halfspace.influence_xx,
-            halfspace.influence_xy,
-            halfspace.influence_yy,
-            halfspace.influence_zz,
-        )
-    )
-    if components == 2:
-        return [[xx, xy], [xy, yy]]
-    xz, yz = (
-        influence(x, y, element, G=1.0, K=0.2)
-        for influence in (halfspace.influence_xz, halfspace.influence_yz)
-    )
-    return [[xx, xy, xz], [xy, yy, yz], [-xz, -yz, zz]]
-
-
-def _coupled():
-    kernels = [
-        (f"{components} {shape}", coupled_kernel(components, *shape))
-        for components, shape in ((2, (3, 4)), (2, (7,)), (3, (2, 5)), (3, (5, 1)), (2, (2, 3, 2)))
-    ] + [
-        (f"half-space {components} {shape}", half_space_kernel(components, *shape))
-        for components, shape in ((2, (5, 7)), (2, (8, 8)), (2, (1, 6)), (3, (5, 4)), (3, (6, 1)))
-    ]
-    for name, kernel in kernels:
-        components, shape = len(kernel), tuple((m + 1) // 2 for m in kernel[0][0].shape)
-        dense = dense_of_kernel(kernel)
-        M = dense_coupled_M(kernel)
-        mask = np.stack([checkered(*shape)] * components)
-        mask[-1] &= np.arange(mask[0].size).reshape(shape) % 2 == 0
-        c = [kernel[i][i][tuple(slice(n - 1, None) for n in shape)] for i in range(components)]
-        M_each = [dense_M(x) for x in c]
-        for label, build, cut in (
-            ("", coupled(kernel), np.ones_like(mask)),
-            (
-                " masked",
-                lambda dtype, k=kernel, m=mask: tmg.MaskedOperator(coupled(k)(dtype), m),
-                mask,
-            ),
-        ):
-            A, M_r = submatrix(dense, cut), submatrix(M, cut)
-            each = zip(*map(componentwise, c, M_each, cut), strict=True)
-            for f, matrix in (
-                (lambda A: A, A),
-                (tmg.fft_preconditioner, M_r),
-                *(
-                    (of_one[0][0], scipy.linalg.block_diag(*(x for _, x in of_one)))
-                    for of_one in each
-                ),
-            ):
-                if not is_refused(f, matrix):
-                    yield Case(
-                        f"{f.__name__} coupled{label} {name}",
-                        applied(f, build),
-                        lambda matrix=matrix: matrix,
-                    )
-            yield Case(
-                f"P M coupled{label} {name}",
-                applied(tmg.fft_sd_preconditioner, build),
-                lambda A=A, M_r=M_r: dense_sd(A, M_r, 2),
-                symmetric=False,
-                positive=False,
-            )
-        general = [list(row) for row in kernel]
-        general[1][0] = kernel[1][0] + 0.3 * kernel[0][0]
-        yield Case(
-            f"A coupled, general {name}",
-            coupled(general),
-            lambda general=general: dense_of_kernel(general),
-            symmetric=False,
-            positive=False,
-        )
-
-
-def _cycles():
-    for name, c in {"16": contact(16), "32": exponential(32) + 0.1, "8x8": contact(8, 8)}.items():
-        for pre, post, gamma in ((1, 1, 1), (1, 0, 1), (0, 1, 1), (2, 1, 1), (1, 1, 2), (0, 2, 2)):
-            yield Case(
-                f"{'VW'[gamma - 1]}({pre},{post}) {name}",
-                applied(tmg.multigrid, toeplitz(c), pre=pre, post=post, gamma=gamma, coarsest=4),
-                lambda c=c, p=(pre, post, gamma): dense_cycle(c, smooth_rsm, *p, 4),
-                symmetric=pre == post,
-                positive=pre == post,
-            )
-    kernel = half_space_kernel(2, 8, 8)
-    yield Case(
-        "V(1,1) of coupled components",
-        applied(tmg.componentwise(tmg.multigrid), coupled(kernel), coarsest=4),
-        lambda: scipy.linalg.block_diag(
-            *(dense_cycle(kernel[i][i][7:, 7:], smooth_rsm, 1, 1, 1, 4) for i in (0, 1))
-        ),
-    )
-    yield Case(
-        "V(0,1) with SD 16",
-        applied(
-            tmg.multigrid,
-            toeplitz(contact(16)),
-            pre=0,
-            smoother=tmg.fft_sd_preconditioner,
-            coarsest=4,
-        ),
-        lambda: dense_cycle(contact(16), smooth_sd, 0, 1, 1, 4),
-        symmetric=False,
-        positive=False,
-    )
-    yield Case(
-        "multigrid of the coarsest grid alone",
-        applied(tmg.multigrid, toeplitz(contact(5))),
-        lambda: np.linalg.inv(dense_of_column(contact(5))),
-    )
+# Matrices -----------------------------------------------------------------------------------
 
 
 def in_precision(x, dtype):
@@ -683,147 +414,319 @@ def in_precision(x, dtype):
     return x.astype(np.result_type(dtype, np.complex64 if np.iscomplexobj(x) else np.float32))
 
 
-def of_lags(lags):
-    """Make the matrix of these lags, which of a complex one are so in either precision."""
-    return lambda dtype: tmg.ToeplitzOperator.from_lags(in_precision(lags, dtype))
+def of_lags(lags, dtype):
+    return None if lags is None else tmg.ToeplitzOperator.from_lags(in_precision(lags, dtype))
 
 
-def masked_of(build, mask):
-    return lambda dtype: tmg.MaskedOperator(build(dtype), mask)
+def coupled(kernel):
+    """Return what makes the matrix of coupled components, in a precision."""
+    return lambda dtype: tmg.CoupledOperator(
+        [[of_lags(lags, dtype) for lags in row] for row in kernel]
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Matrix:
+    """A matrix of these lags, or of a kernel of several components, perhaps on a mask."""
+
+    name: str
+    kernel: list
+    mask: np.ndarray | None = None
+
+    def __call__(self, dtype):
+        """Make the operator."""
+        if len(self.kernel) > 1:
+            A = coupled(self.kernel)(dtype)
+        else:
+            A = of_lags(self.kernel[0][0], dtype)
+        return A if self.mask is None else tmg.MaskedOperator(A, self.mask)
+
+    def cut(self, dense):
+        return dense if self.mask is None else submatrix(dense, self.mask)
+
+    @cached_property
+    def dense(self):
+        return self.cut(dense_of_kernel(self.kernel))
+
+    @cached_property
+    def is_hermitian(self):
+        return np.allclose(self.dense, self.dense.conj().T)
+
+    @property
+    def grid_shape(self):
+        return grid_of(self.kernel[0][0])
+
+    @property
+    def is_line(self):
+        """Whether it has one axis of several points at most, and so is a Toeplitz matrix."""
+        return max(self.grid_shape) == np.prod(self.grid_shape)
+
+    @property
+    def masks(self):
+        """A mask for each component; they may differ."""
+        whole = np.ones((len(self.kernel), *self.grid_shape), bool)
+        return whole if self.mask is None else self.mask.reshape(whole.shape)
+
+    @property
+    def masked(self):
+        """The matrix on a mask; the last component has fewer unknowns."""
+        mask = np.stack([checkered(*self.grid_shape)] * len(self.kernel))
+        if len(mask) > 1:
+            mask[-1] &= np.arange(mask[0].size).reshape(self.grid_shape) % 2 == 0
+        return Matrix(f"masked {self.name}", self.kernel, mask if len(mask) > 1 else mask[0])
+
+    @cached_property
+    def traits(self):
+        """What one may ask whether an operator has been shown with."""
+        axes = ("line", "plane", "three axes")[len(self.grid_shape) - 1]
+        symmetry = "Hermitian" if self.is_hermitian else "general"
+        field = "complex" if np.iscomplexobj(self.dense) else "real"
+        where = "whole" if self.mask is None else "masked"
+        traits = {(axes, where), (symmetry, field)}
+        traits |= {("coupled", where, field)} if len(self.kernel) > 1 else set()
+        return frozenset(traits | ({"one unknown"} if len(self.dense) == 1 else set()))
+
+
+def name_of(shape):
+    return "x".join(map(str, shape))
+
+
+def even(c):
+    """The matrix that is symmetric along every axis."""
+    return Matrix(name_of(c.shape), [[lags_of(c)]])
+
+
+def general(name, lags):
+    return Matrix(f"{name} {name_of(grid_of(lags))}", [[lags]])
+
+
+EVEN = [
+    *(even(contact(*shape)) for shape in ((16,), (1,), (2,), (5, 7), (8, 8), (6, 1), (1, 6))),
+    *(even(exponential(*shape)) for shape in ((31,), (3, 4, 5))),
+]
+LINE, PLANE, SQUARE = EVEN[-2], EVEN[3], EVEN[4]
+GENERAL = [general("general", random_lags(*s)) for s in ((13,), (3, 4), (2, 1, 3), (6,), (1,))]
+
+
+# The pairs ----------------------------------------------------------------------------------
+
+
+def pair(kind, matrix, dense, of=lambda A: A, *, trait=None, holds=True, **others):
+    """A pair of `of` a matrix and `dense`; `holds` says whether this is Hermitian and definite."""
+    name, traits = matrix.name, matrix.traits
+    if trait:
+        name, traits = f"{trait}, {name}", traits | {trait}
+    others = {"symmetric": holds, "positive": holds, **others}
+    return Case(kind, name, traits, lambda dtype: of(matrix(dtype)), dense, **others)
+
+
+def is_refused(f, dense):
+    """Whether this is indefinite, as M_bar and τ may be; that it is refused is tested elsewhere."""
+    may_be = f in (tmg.fft_rsm_preconditioner, tmg.tau_preconditioner)
+    return may_be and np.linalg.eigvalsh(dense)[0] <= 0.0
+
+
+def componentwise(lags, mask):
+    """Preconditioners that take coupled components one by one, and their matrices on a mask."""
+    M, c = dense_M([[lags]]), lags[tuple(slice(m // 2, None) for m in lags.shape)]
+    yield tmg.fft_rsm_preconditioner, dense_rsm(submatrix(M, mask), M.sum(axis=1).min())
+    yield tmg.cosine_preconditioner, submatrix(dense_trigonometric(c, np.cos, 0), mask)
+    yield tmg.sine_preconditioner, submatrix(dense_trigonometric(c, np.sin, 1), mask)
+    yield tmg.tau_preconditioner, submatrix(dense_tau(c), mask)
+    yield tmg.strang_preconditioner, submatrix(dense_strang(lags), mask)
+    yield tmg.chan_preconditioner, submatrix(dense_chan(lags), mask)
+    yield TAPERED, submatrix(dense_tapered(lags), mask)
+    if sum(n > 1 for n in c.shape) <= 2:  # Few unknowns are solved for directly.
+        yield tmg.fsai_preconditioner, np.linalg.inv(submatrix(dense_of_lags(lags), mask))
+
+
+TAPERED = preconditioner_of_the_page()
+
+
+def of_real(matrix):
+    """The preconditioners of real symmetric matrices, of one component or more: (f, dense)."""
+    yield tmg.fft_preconditioner, matrix.cut(dense_M(matrix.kernel))
+    lags = [matrix.kernel[i][i] for i in range(len(matrix.kernel))]
+    for of_one in zip(*map(componentwise, lags, matrix.masks), strict=True):
+        f, dense = of_one[0][0], scipy.linalg.block_diag(*(x for _, x in of_one))
+        if not is_refused(f, dense):
+            yield f, dense
+
+
+def of_any(matrix, part):
+    """The preconditioners of complex and general matrices: (f, dense, whether it is Hermitian).
+
+    Some are those of the Hermitian part, if it is given.
+    """
+    ((lags,),) = matrix.kernel
+    holds = matrix.is_hermitian
+    yield tmg.chan_preconditioner, matrix.cut(dense_chan(lags)), holds
+    yield tmg.strang_preconditioner, matrix.cut(dense_strang(lags)), holds
+    if matrix.is_line:
+        n = max(matrix.grid_shape)
+        half = n if holds else scipy.fft.next_fast_len(2 * n)
+        yield tmg.spectral_preconditioner, matrix.cut(dense_factors(lags.ravel(), half)), holds
+    if part is not None:
+        at_zero = part.flat[part.size // 2].real
+        unit = 0.7 / at_zero * np.eye(len(matrix.dense), dtype=lags.dtype)
+        inverse = np.linalg.inv(matrix.cut(dense_of_lags(part)))  # Few unknowns are solved for.
+        yield tmg.fft_preconditioner, matrix.cut(dense_M([[part]])), True
+        yield tmg.default_preconditioner, inverse, True
+        yield partial(tmg.jacobi_preconditioner, omega=0.7), unit, True
+
+
+def kind_of(f):
+    return getattr(f, "func", f).__name__.removesuffix("_preconditioner")
+
+
+def _operators():
+    for matrix in (*EVEN, *GENERAL):
+        for A in (matrix, matrix.masked):
+            yield pair("A", A, A.dense, symmetric=A.is_hermitian, positive=matrix in EVEN)
+    c, r = random_lags(4), random_lags(4)[::-1]
+    lags = dense_of_lags(random_lags(2, 3))  # Any array will do: made symmetric, but not even.
+    lags = lags[:5, :5] + lags[:5, :5][::-1, ::-1]
+    yield pair("A", general("symmetric, not even", lags), dense_of_lags(lags), positive=False)
+    a = complex_lags(7)[:7]
+    a = np.r_[abs(a).sum(), a[1:]]
+    b = complex_lags(9)[8:]
+    both = general("complex symmetric", np.r_[b[:0:-1], b])
+    yield pair("A", both, scipy.linalg.toeplitz(b, b), holds=False)
+    for name, dense, *given in (
+        ("of c", dense_of_column(contact(5, 7)), contact(5, 7)),
+        ("of c and r", scipy.linalg.toeplitz(c, r), c, r),
+        ("of complex c", scipy.linalg.toeplitz(a), a),
+    ):
+
+        def build(dtype, given=given):
+            return tmg.ToeplitzOperator(*(in_precision(x, dtype) for x in given))
+
+        holds = name != "of c and r"
+        yield Case("A", name, frozenset({name}), build, dense, symmetric=holds, positive=holds)
+
+
+def _preconditioners():
+    for whole in EVEN:
+        ((lags,),) = whole.kernel
+        M_full = dense_M([[lags]])
+        for matrix in (whole, whole.masked):
+            A, M = matrix.dense, matrix.cut(M_full)
+            for f, dense in of_real(matrix):
+                yield pair(kind_of(f), matrix, dense, f)
+            gamma = 2.0 * abs(M_full.sum(axis=1).min())
+            M_bar = dense_rsm(M, gamma)
+            if not is_refused(tmg.fft_rsm_preconditioner, M_bar):
+                rsm = partial(tmg.fft_rsm_preconditioner, gamma=gamma)
+                yield pair("fft_rsm", matrix, M_bar, rsm, trait="gamma")
+            for m in (1, 2, 3):
+                if m < len(A):  # As many subdomains as unknowns leave nothing.
+                    sd = partial(tmg.fft_sd_preconditioner, n_subdomains=m)
+                    dense = dense_sd(A, M, m)
+                    yield pair("fft_sd", matrix, dense, sd, trait=f"{m} subdomains", holds=False)
+            jacobi = partial(tmg.jacobi_preconditioner, omega=0.7)
+            yield pair("jacobi", matrix, 0.7 / A[0, 0] * np.eye(len(A)), jacobi)
+            if matrix.is_line:
+                c = lags.ravel()[lags.size // 2 :]
+                spectral = matrix.cut(dense_spectral(c))
+                yield pair("spectral", matrix, spectral, tmg.spectral_preconditioner)
+        if whole.is_line:
+            inverse = partial(tmg.toeplitz_inverse, rtol=1e-2)
+            yield pair("inverse", whole, np.linalg.inv(whole.dense), inverse)
+
+
+def _coupled():
+    sizes = (2, (3, 4)), (2, (7,)), (3, (2, 5)), (3, (5, 1)), (2, (2, 3, 2))
+    half_space = (2, (5, 7)), (2, (8, 8)), (2, (1, 6)), (3, (5, 4)), (3, (6, 1))
+    for name, kernel_of, given in (
+        ("", coupled_kernel, sizes),
+        ("half-space ", half_space_kernel, half_space),
+    ):
+        for components, shape in given:
+            kernel = kernel_of(components, *shape)
+            whole = Matrix(f"{name}{components} components {name_of(shape)}", kernel)
+            for matrix in (whole, whole.masked):
+                A, M = matrix.dense, matrix.cut(dense_M(kernel))
+                yield pair("A", matrix, A)
+                for f, dense in of_real(matrix):
+                    yield pair(kind_of(f), matrix, dense, f)
+                sd = tmg.fft_sd_preconditioner
+                yield pair("fft_sd", matrix, dense_sd(A, M, 2), sd, holds=False)
+            general = [list(row) for row in kernel]
+            general[1][0] = kernel[1][0] + 0.3 * kernel[0][0]
+            matrix = Matrix(f"general {whole.name}", general)
+            yield pair("A", matrix, matrix.dense, holds=False)
+    for components, shape in sizes[:-1]:
+        kernel = complex_kernel(components, *shape)
+        whole = Matrix(f"Hermitian {components} components {name_of(shape)}", kernel)
+        chan = scipy.linalg.block_diag(*(dense_chan(kernel[i][i]) for i in range(components)))
+        for matrix in (whole, whole.masked):
+            yield pair("A", matrix, matrix.dense)
+            M = matrix.cut(dense_M(kernel))
+            yield pair("fft", matrix, M, tmg.fft_preconditioner)
+            yield pair("chan", matrix, matrix.cut(chan), tmg.chan_preconditioner)
+        general = [list(row) for row in kernel]
+        general[0][1] = 0.2 * complex_lags(*shape)
+        matrix = Matrix(f"complex {components} components {name_of(shape)}", general)
+        yield pair("A", matrix, matrix.dense, holds=False)
+        yield pair("A, transposed", matrix, matrix.dense.T, lambda A: A.T, holds=False)
+
+
+def _cycles():
+    for c in (contact(16), exponential(32) + 0.1, contact(8, 8)):
+        for pre, post, gamma in ((1, 1, 1), (1, 0, 1), (0, 1, 1), (2, 1, 1), (1, 1, 2), (0, 2, 2)):
+            given = {"pre": pre, "post": post, "gamma": gamma, "coarsest": 4}
+            yield pair(
+                "multigrid",
+                even(c),
+                dense_cycle(c, smooth_rsm, **given),
+                partial(tmg.multigrid, **given),
+                trait=f"{'VW'[gamma - 1]}({pre},{post})",
+                holds=pre == post,
+            )
+    kernel = half_space_kernel(2, 8, 8)
+    yield pair(
+        "multigrid",
+        Matrix("2 components", kernel),
+        scipy.linalg.block_diag(
+            *(dense_cycle(kernel[i][i][7:, 7:], smooth_rsm, 1, 1, 1, 4) for i in (0, 1))
+        ),
+        partial(tmg.componentwise(tmg.multigrid), coarsest=4),
+    )
+    sd = partial(tmg.multigrid, pre=0, smoother=tmg.fft_sd_preconditioner, coarsest=4)
+    dense = dense_cycle(contact(16), smooth_sd, 0, 1, 1, 4)
+    yield pair("multigrid", even(contact(16)), dense, sd, trait="V(0,1) with SD", holds=False)
+    alone, trait = even(contact(5)), "the coarsest grid alone"
+    yield pair("multigrid", alone, np.linalg.inv(alone.dense), tmg.multigrid, trait=trait)
 
 
 def _complex_and_general():
-    """Complex matrices, Hermitian and general, and real ones that are not symmetric.
-
-    With the preconditioners that take them.
-    """
-    for shape in ((1,), (2,), (13,), (16,), (3, 5), (4, 6), (6, 1), (2, 3, 4)):
-        general = random_lags(*shape)
-        general.flat[general.size // 2] += 2.0 * general.size
-        kinds = {
-            "Hermitian": waves(*shape),
-            "Hermitian and even": waves(*shape).real.astype(np.complex128),
-            "complex": complex_lags(*shape),
-            "general": general,
-        }
-        for kind, lags in kinds.items():
-            if kind == "general" and max(shape) <= 2:
-                continue  # A real circulant of this size is symmetric.
-            if kind == "Hermitian and even" and shape not in ((13,), (4, 6)):
-                continue  # These are Hermitian ones as the others: two shapes are enough.
-            is_hermitian = kind.startswith("Hermitian")
-            mask = checkered(*shape)
-            for label, build, cut in (
-                ("", of_lags(lags), np.ones(shape, bool)),
-                (" masked", masked_of(of_lags(lags), mask), mask),
-            ):
-                dense = submatrix(dense_of_lags(lags), cut)
-                pairs = [
-                    (tmg.chan_preconditioner, np.linalg.inv(nearest_circulant(lags))),
-                    (tmg.strang_preconditioner, np.linalg.inv(central_circulant(lags))),
-                ]
-                pairs = [(f, submatrix(matrix, cut)) for f, matrix in pairs]
-                if kind != "general":
-                    pairs.append((lambda A: A, dense))
-                if max(shape) == prod(shape):
-                    n = max(shape)
-                    half = near_fast_length(n) if is_hermitian else scipy.fft.next_fast_len(2 * n)
-                    factors = dense_factors(lags.ravel(), half)
-                    pairs.append((tmg.spectral_preconditioner, submatrix(factors, cut)))
-                    if not label:
-                        pairs.append((tmg.toeplitz_inverse, np.linalg.inv(dense)))
-                if is_hermitian:
-                    M = submatrix(dense_coupled_M([[lags]]), cut)
-                    pairs += [
-                        (tmg.fft_preconditioner, M),
-                        (tmg.default_preconditioner, np.linalg.inv(dense)),
-                        (tmg.jacobi_preconditioner, None),
-                    ]
-                for f, matrix in pairs:
-                    of = f
-                    if f is tmg.jacobi_preconditioner:
-                        of, matrix = partial(f, omega=0.7), 0.7 / dense[0, 0] * np.eye(len(dense))
-                        matrix = matrix.astype(np.complex128)
-                    yield Case(
-                        f"{f.__name__} of {kind}{label} {shape}",
-                        applied(of, build),
-                        lambda matrix=matrix: matrix,
-                        symmetric=is_hermitian,
-                        positive=is_hermitian,
-                    )
-                    if kind == "complex" and shape in ((13,), (3, 5)):
-                        yield Case(
-                            f"{f.__name__}, transposed, of {kind}{label} {shape}",
-                            lambda dtype, of=of, build=build: of(build(dtype)).T,
-                            lambda matrix=matrix: matrix.T,
-                            symmetric=False,
-                            positive=False,
+    """Complex matrices, Hermitian and general, and real ones that are not symmetric."""
+    for shape in ((13,), (4, 6), (2, 3, 4), (3, 5), (16,), (6, 1), (2,), (1,)):
+        matrices = [general("Hermitian", waves(*shape)), general("complex", complex_lags(*shape))]
+        if shape in ((13,), (4, 6)):
+            matrices.append(general("Hermitian and even", waves(*shape).real + 0j))
+        if max(shape) > 2:  # A real circulant of another size is symmetric.
+            matrices.append(general("general", dominant_lags(*shape)))
+        for whole in matrices:
+            ((lags,),) = whole.kernel
+            is_hermitian = whole.name.startswith("Hermitian")
+            for matrix in (whole, whole.masked):
+                pairs = list(of_any(matrix, lags if is_hermitian else None))
+                if np.iscomplexobj(lags):
+                    pairs.append((lambda A: A, matrix.dense, is_hermitian))
+                if matrix is whole and whole.is_line:
+                    pairs.append((tmg.toeplitz_inverse, np.linalg.inv(whole.dense), is_hermitian))
+                for f, dense, _ in pairs:
+                    kind = kind_of(f).replace("<lambda>", "A").replace("toeplitz_", "")
+                    yield pair(kind, matrix, dense, f, holds=is_hermitian)
+                    if matrix.name.startswith("complex") and shape in ((13,), (3, 5)):
+                        yield pair(
+                            f"{kind}, transposed",
+                            matrix,
+                            dense.T,
+                            lambda A, f=f: f(A).T,
+                            holds=False,
                         )
-    c = complex_lags(7)[:7]
-    c = np.r_[abs(c).sum(), c[1:]]
-    yield Case(
-        "A with complex c",
-        lambda dtype: tmg.ToeplitzOperator(c.astype(np.result_type(dtype, np.complex64))),
-        lambda: scipy.linalg.toeplitz(c),
-    )
-    even = complex_lags(9)[8:]
-    yield Case(
-        "A complex and symmetric",
-        of_lags(np.r_[even[:0:-1], even]),
-        lambda: scipy.linalg.toeplitz(even, even),
-        symmetric=False,
-        positive=False,
-    )
-
-
-def _coupled_and_complex():
-    for components, shape in ((2, (3, 4)), (2, (7,)), (3, (2, 5)), (3, (5, 1))):
-        kernel = coupled_kernel(components, *shape)
-        for i in range(components):
-            kernel[i][i] = kernel[i][i] * (waves(*shape) if i else 1.0)
-        between = 0.1 * complex_lags(*shape) / kernel[0][0].size ** 2
-        kernel[1][0] = between
-        kernel[0][1] = np.flip(between).conj()
-        mask = np.stack([checkered(*shape)] * components)
-        mask[-1] &= np.arange(mask[0].size).reshape(shape) % 2 == 0
-        for label, is_masked, cut in (("", False, np.ones_like(mask)), (" masked", True, mask)):
-            build = coupled(kernel)
-            build = masked_of(build, mask) if is_masked else build
-            chan = dense_of_kernel(
-                [
-                    [kernel[i][i] if i == j else None for j in range(components)]
-                    for i in range(components)
-                ],
-                lambda lags: np.linalg.inv(nearest_circulant(lags)),
-            )
-            for f, matrix in (
-                (lambda A: A, dense_of_kernel(kernel)),
-                (tmg.fft_preconditioner, dense_coupled_M(kernel)),
-                (tmg.chan_preconditioner, chan),
-            ):
-                matrix = submatrix(matrix, cut)
-                yield Case(
-                    f"{f.__name__} coupled and Hermitian{label} {components} {shape}",
-                    applied(f, build),
-                    lambda matrix=matrix: matrix,
-                )
-        general = [list(row) for row in kernel]
-        general[0][1] = 0.2 * complex_lags(*shape)
-        build, dense = coupled(general), dense_of_kernel(general)
-        yield Case(
-            f"A coupled, complex {components} {shape}",
-            build,
-            lambda dense=dense: dense,
-            symmetric=False,
-            positive=False,
-        )
-        yield Case(
-            f"A coupled, complex, transposed {components} {shape}",
-            lambda dtype, build=build: build(dtype).T,
-            lambda dense=dense: dense.T,
-            symmetric=False,
-            positive=False,
-        )
 
 
 # Sums with diagonal matrices -----------------------------------------------------------------
@@ -850,157 +753,83 @@ SUMS = {  # Each with whether it is Hermitian where A is.
 }
 
 
+def in_diagonals(diagonals, dtype):
+    return [scipy.sparse.diags_array(in_precision(d, dtype)) for d in diagonals]
+
+
 def _sums():
     """Sums of a matrix and diagonal ones, which stand for themselves in the dense definition."""
-
-    def of_one(sum_of, lags, mask):
-        whole = of_lags(lags)
-        unknowns = whole if mask.all() else masked_of(whole, mask)
-        given = diagonals(np.count_nonzero(mask))
-
-        def build(dtype):
-            D, E = (scipy.sparse.diags_array(d.astype(dtype)) for d in given)
-            return sum_of(unknowns(dtype), D, E, scipy.sparse.eye_array(*D.shape, dtype=dtype))
-
-        def dense():
-            matrix = submatrix(dense_of_lags(lags), mask)
-            return sum_of(matrix, *map(np.diag, given), np.eye(len(matrix)))
-
-        return build, dense
-
-    matrices = {f"general {shape}": random_lags(*shape) for shape in ((13,), (3, 4), (2, 1, 3))}
-    matrices |= {name: lags_of(COLUMNS[name]) for name in ("31", "5x7")}
-    matrices |= {"Hermitian (9,)": waves(9), "complex (3, 4)": complex_lags(3, 4)}
-    for name, lags in matrices.items():
-        shape = tuple((m + 1) // 2 for m in lags.shape)
-        for label, mask in (("", np.ones(shape, bool)), (" masked", checkered(*shape))):
+    complex_ones = general("Hermitian", waves(9)), general("complex", complex_lags(3, 4))
+    for whole in (*GENERAL[:3], LINE, PLANE, *complex_ones):
+        for matrix in (whole, whole.masked):
+            given = diagonals(len(matrix.dense))
             for formula, (sum_of, keeps) in SUMS.items():
-                build, dense = of_one(sum_of, lags, mask)
-                is_hermitian = keeps and np.allclose(lags, np.flip(lags).conj())
-                is_hermitian |= formula == "A + A.T" and name.startswith("general")
-                yield Case(
-                    f"{formula}{label} {name}", build, dense, symmetric=is_hermitian, positive=False
+
+                def of(A, sum_of=sum_of, given=given):
+                    precision = np.result_type(A.dtype.type(0).real)
+                    D, E = in_diagonals(given, precision)
+                    return sum_of(A, D, E, scipy.sparse.eye_array(*D.shape, dtype=precision))
+
+                dense = sum_of(matrix.dense, *map(np.diag, given), np.eye(len(matrix.dense)))
+                is_symmetric = formula == "A + A.T" and not np.iscomplexobj(dense)
+                yield pair(
+                    "sum",
+                    matrix,
+                    dense,
+                    of,
+                    trait=formula,
+                    symmetric=is_symmetric or (keeps and matrix.is_hermitian),
+                    positive=False,
                 )
-
-
-def averaged(c, d, e, mask):
-    """The column of the mean of diag(d) A + diag(e), scaled to ones on the diagonal; the scale."""
-    diagonal = d * c.flat[0] + e
-    column = (d / diagonal).mean() * c
-    column.flat[0] += (e / diagonal).mean()
-    assert len(d) == np.count_nonzero(mask)
-    return column, 1.0 / np.sqrt(diagonal)
 
 
 def _preconditioners_of_sums():
-    for name in ("31", "5x7", "8x8"):
-        c = COLUMNS[name]
-        for label, mask in (("", np.ones(c.shape, bool)), (" masked", checkered(*c.shape))):
-            d, e = diagonals(np.count_nonzero(mask))
-            column, scale = averaged(c, d, e, mask)
-
-            def build(dtype, c=c, d=d, e=e, mask=mask):
-                A = toeplitz(c)(dtype)
-                A = A if mask.all() else tmg.MaskedOperator(A, mask)
-                D, E = (scipy.sparse.diags_array(x.astype(dtype)) for x in (d, e))
-                return D @ A + E
-
-            M = dense_M(column)
-            yield Case(
-                f"jacobi of D A + E{label} {name}",
-                applied(tmg.jacobi_preconditioner, build, omega=0.7),
-                lambda s=scale: 0.7 * np.diag(s**2),
-            )
-            cases = [
-                (tmg.fft_preconditioner, submatrix(M, mask)),
-                *componentwise(column, M, mask),
-            ]
-            for f, matrix in cases:
-                if not is_refused(f, matrix):
-                    yield Case(
-                        f"{f.__name__} of D A + E{label} {name}",
-                        applied(f, build),
-                        lambda matrix=matrix, s=scale: s[:, np.newaxis] * matrix * s,
-                    )
-            A, M_r = submatrix(dense_of_column(column), mask), submatrix(M, mask)
-            yield Case(
-                f"P M of D A + E{label} {name}",
-                applied(tmg.fft_sd_preconditioner, build),
-                lambda A=A, M=M_r, s=scale: s[:, np.newaxis] * dense_sd(A, M, 2) * s,
-                symmetric=False,
-                positive=False,
-            )
-            for f in (tmg.default_preconditioner, tmg.multigrid):  # Few unknowns are solved for.
-                yield Case(
-                    f"{f.__name__} of D A + E{label} {name}",
-                    applied(f, build),
-                    lambda A=A, s=scale: s[:, np.newaxis] * np.linalg.inv(A) * s,
-                )
-
-
-def _preconditioners_of_complex_and_general_sums():
-    """Of Z A Zᴴ + E with a complex Z, Hermitian where A is, and of D A + E, which is not."""
-    general = random_lags(13)
-    general[12] += 26.0
-    matrices = {
-        "Hermitian (9,)": waves(9),
-        "Hermitian (3, 4)": waves(3, 4),
-        "complex (13,)": complex_lags(13),
-        "complex (3, 4)": complex_lags(3, 4),
-        "general (13,)": general,
-    }
-    for name, lags in matrices.items():
-        shape = tuple((m + 1) // 2 for m in lags.shape)
-        for label, mask in (("", np.ones(shape, bool)), (" masked", checkered(*shape))):
-            d, e = diagonals(np.count_nonzero(mask))
-            z = d * np.exp(1j * np.arange(len(d)) ** 2) if np.iscomplexobj(lags) else d
-            for formula, left, right in (
-                ("Z A Z* + E", z, z.conj()),
-                ("D A + E", d, 1.0 + 0.0 * d),
-            ):
-                yield from _of_one_sum(f"{formula}{label} {name}", lags, mask, left, right, e)
-
-
-def _of_one_sum(name, lags, mask, left, right, e):
-    """Preconditioners of diag(left) A diag(right) + diag(e), on a mask."""
-    whole = of_lags(lags)
-    unknowns = whole if mask.all() else masked_of(whole, mask)
-
-    def build(dtype):
-        L, R, E = (scipy.sparse.diags_array(in_precision(x, dtype)) for x in (left, right, e))
-        return L @ unknowns(dtype) @ R + E
-
-    zero = tuple(n // 2 for n in lags.shape)
-    diagonal = (left * right * lags[zero] + e).real
-    scale = 1.0 / np.sqrt(diagonal)
-    mean = (left * right / diagonal).mean() * lags
-    mean[zero] += (e / diagonal).mean()
-    part = (mean + np.flip(mean).conj()) / 2
-    is_hermitian = np.allclose(mean, part, rtol=1e-12)
-    pairs = [
-        (tmg.chan_preconditioner, np.linalg.inv(nearest_circulant(mean)), is_hermitian),
-        (tmg.strang_preconditioner, np.linalg.inv(central_circulant(mean)), is_hermitian),
-        (tmg.fft_preconditioner, dense_coupled_M([[part]]), True),
-        (partial(tmg.jacobi_preconditioner, omega=0.7), 0.7 * np.eye(mask.size), True),
+    """Of D A + E, and of Z A Zᴴ + E with a complex Z, which is Hermitian where A is."""
+    complex_ones = [
+        general(name, lags(*shape))
+        for name, lags in (("Hermitian", waves), ("complex", complex_lags))
+        for shape in ((9,) if lags is waves else (13,), (3, 4))
     ]
-    if mask.ndim == 1:
-        n = mask.size
-        half = near_fast_length(n) if is_hermitian else scipy.fft.next_fast_len(2 * n)
-        pairs.append((tmg.spectral_preconditioner, dense_factors(mean, half), is_hermitian))
-    pairs = [(f, submatrix(matrix, mask), holds) for f, matrix, holds in pairs]
-    inverse = np.linalg.inv(submatrix(dense_of_lags(part), mask))
-    pairs.append((tmg.default_preconditioner, inverse, True))  # Few unknowns are solved for.
-    for f, matrix, holds in pairs:
-        dense = scale[:, np.newaxis] * matrix * scale
-        if np.iscomplexobj(lags):
-            dense = dense.astype(np.complex128)
-        yield Case(
-            f"{getattr(f, 'func', f).__name__} of {name}",
-            applied(f, build),
-            lambda dense=dense: dense,
-            symmetric=holds,
-            positive=holds,
-        )
+    dominant = general("general", dominant_lags(13))
+    for whole in (LINE, PLANE, SQUARE, *complex_ones, dominant):
+        is_even = whole in EVEN
+        for matrix in (whole, whole.masked):
+            d, e = diagonals(len(matrix.dense))
+            z = d * np.exp(1j * np.arange(len(d)) ** 2) if np.iscomplexobj(matrix.dense) else d
+            formulas = {"D A + E": (d, 1.0 + 0.0 * d)}
+            if not is_even:
+                formulas["Z A Z* + E"] = (z, z.conj())
+            for formula, (left, right) in formulas.items():
+                ((lags,),) = whole.kernel
+                zero = tuple(m // 2 for m in lags.shape)
+                diagonal = (left * right * lags[zero] + e).real
+                scale = 1.0 / np.sqrt(diagonal)
+                mean = (left * right / diagonal).mean() * lags
+                mean[zero] += (e / diagonal).mean()
+                scaled = Matrix("mean", [[mean]], matrix.mask)
+                for f, dense, holds in list(of_mean(scaled, is_even)):
+
+                    def of(A, f=f, given=(left, right, e)):
+                        L, R, E = in_diagonals(given, np.result_type(A.dtype.type(0).real))
+                        return f(L @ A @ R + E)
+
+                    dense = (scale[:, np.newaxis] * dense * scale).astype(lags.dtype)
+                    yield pair(kind_of(f), matrix, dense, of, trait=formula, holds=holds)
+
+
+def of_mean(mean, is_even):
+    """The preconditioners of a sum, scaled to ones on the diagonal: those of its mean."""
+    if not is_even:
+        ((lags,),) = mean.kernel
+        yield from of_any(mean, (lags + np.flip(lags).conj()) / 2)
+        return
+    pairs = list(of_real(mean))
+    A, M = mean.dense, pairs[0][1]
+    yield from ((f, dense, True) for f, dense in pairs)
+    yield partial(tmg.jacobi_preconditioner, omega=0.7), 0.7 * np.eye(len(A)), True
+    yield tmg.fft_sd_preconditioner, dense_sd(A, M, 2), False
+    for f in (tmg.default_preconditioner, tmg.multigrid):  # Few unknowns are solved for.
+        yield f, np.linalg.inv(A), True
 
 
 CASES = [
@@ -1009,8 +838,23 @@ CASES = [
     *_coupled(),
     *_cycles(),
     *_complex_and_general(),
-    *_coupled_and_complex(),
     *_sums(),
     *_preconditioners_of_sums(),
-    *_preconditioners_of_complex_and_general_sums(),
+]
+
+
+def quick_ones(cases):
+    """Those that show a kind of operator with a trait that no earlier one shows."""
+    shown = set()
+    for case in cases:
+        new = {(case.kind, trait) for trait in case.traits} - shown
+        shown |= new
+        if new:
+            yield case
+
+
+QUICK = list(quick_ones(CASES))
+PAIRS = [
+    pytest.param(case, id=str(case), marks=() if case in QUICK else pytest.mark.slow)
+    for case in CASES
 ]

@@ -268,6 +268,6 @@ def test_the_bound_of_the_norm_holds_for_every_circulant():
             continue
         A = case.operator(np.float64)
         if isinstance(A, DiagonalisedOperator):
-            assert np.linalg.norm(case.dense(), 2) <= A.product.norm_bound * (1 + 1e-10)
-            seen += np.iscomplexobj(case.dense())
+            assert np.linalg.norm(case.dense, 2) <= A.product.norm_bound * (1 + 1e-10)
+            seen += np.iscomplexobj(case.dense)
     assert seen > 5

@@ -62,7 +62,7 @@ def test_every_operator_has_the_same_bits(dtype, step):
     """Its set-up, its products with one vector and with several."""
     rng = np.random.default_rng(0)
     for case in CASES[::step]:
-        x, X = (rng.standard_normal((len(case.dense()), k)).astype(dtype) for k in (1, 5))
+        x, X = (rng.standard_normal((len(case.dense), k)).astype(dtype) for k in (1, 5))
 
         def multiply(case=case, x=x, X=X):
             A = case.operator(dtype)

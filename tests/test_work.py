@@ -7,8 +7,8 @@ import pytest
 from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
-from tests.cases import CASES, checkered, contact, waves
-from toeplitz_mg.paper.problems import test1, test3
+from tests.cases import PAIRS, checkered, contact, waves
+from toeplitz_mg.paper import problems
 
 
 def assert_says_what_is_counted(A):
@@ -20,7 +20,7 @@ def assert_says_what_is_counted(A):
         assert work.units(points) == pytest.approx(columns * B.work, rel=1e-12, abs=1e-15)
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
+@pytest.mark.parametrize("case", PAIRS)
 def test_work_is_what_is_counted(case):
     A = case.operator(np.float64)
     assert A.work >= 0.0
@@ -77,9 +77,9 @@ def test_so_it_is_of_cycles(options):
     """The cycles have borders, masks, coarse grids by area, components, or a user's smoothers."""
     square = tmg.ToeplitzOperator(contact(33, 40))
     matrices = [
-        test1(2**12).A,
-        test1(3001).A,  # It has borders.
-        test3(3001).A,
+        problems.test1(2**12).A,
+        problems.test1(3001).A,  # It has borders.
+        problems.test3(3001).A,
         square,
         tmg.MaskedOperator(square, checkered(33, 40) | (np.arange(40) > 2)),
     ]
@@ -100,5 +100,5 @@ def test_so_it_is_of_cycles(options):
 
     for smoother in (dense, nested, tmg.jacobi_preconditioner, tmg.cosine_preconditioner):
         assert_says_what_is_counted(
-            tmg.multigrid(test1(600).A, coarsest=200, smoother=smoother, **options)
+            tmg.multigrid(problems.test1(600).A, coarsest=200, smoother=smoother, **options)
         )

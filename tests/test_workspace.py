@@ -213,7 +213,7 @@ def test_all_parts_have_ended_when_one_has_raised(raising, monkeypatch):
 @pytest.mark.usefixtures("of_any_content")
 def test_no_operator_uses_what_was_in_the_memory():
     for case in CASES:
-        A, dense = case.operator(np.float64), case.dense()
+        A, dense = case.operator(np.float64), case.dense
         X = random(A.shape[1], 2)
         assert_allclose(
             A @ X, dense @ X, rtol=0, atol=1e-11 * np.abs(dense).max() * len(X), err_msg=str(case)
@@ -242,7 +242,7 @@ def test_nested_cycles_are_their_dense_definition():
     steps = cycle([(1, 1), (2, 0), (0, 2)])
     tried = 0
     for case in CASES:
-        S = case.dense()
+        S = case.dense
         if len(S) % 2 or len(S) == 2 or np.iscomplexobj(S):
             continue
         size, (pre, post) = np.linalg.norm(S, 2), next(steps)
