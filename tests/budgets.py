@@ -80,6 +80,8 @@ TABLE = [  # Case, measure, what was measured, budget.
     ("sphere, n = 512", "work_units", 20.4961, 26.64),
     ("strang_preconditioner, on an area with holes", "iterations", 11, 14.3),
     ("strang_preconditioner, on an interval", "iterations", 7, 10),
+    ("toeplitz_inverse, n = 2^16", "work_units", 15.5, 20.15),
+    ("toeplitz_logdet, n = 2^16", "work_units", 19.6904, 25.6),
 ]
 # fmt: on
 

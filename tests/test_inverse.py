@@ -1,4 +1,4 @@
-"""A⁻¹ as an operator: what it achieves is what it says."""
+"""toeplitz_inverse is the inverse, at two work units a product, as exactly as it says."""
 
 import numpy as np
 import pytest
@@ -6,13 +6,12 @@ from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
 from comparisons.systems.symbols import HERMITIAN, NONSYMMETRIC, column
-from tests.cases import contact
-from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
+from tests.budgets import assert_within_budget
 
 WELL = ["θ⁴ + 1", "(1+k)^-1.1", "cos k/(k+1)", "0.9^k", "fGn, H = 0.9", "|θ|", "contact"]
 
 
-@pytest.mark.parametrize("n", [3, 64, 211, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n", [3, 64, 401])
 @pytest.mark.parametrize("name", [*WELL, "Gaussian", "θ²", "2 - 2 cos θ", "2 + 2 cos θ"])
 def test_is_the_inverse(name, n):
     A = tmg.ToeplitzOperator(column(name, n))
@@ -55,24 +54,11 @@ def test_a_product_costs_two_work_units_and_the_set_up_some_thirty(name):
     A = tmg.ToeplitzOperator(column(name, n))
     with tmg.count_products() as work:
         A_inverse = tmg.toeplitz_inverse(A, rtol=1e-11)
-    assert work.units(n) <= 30
+    assert_within_budget("toeplitz_inverse, n = 2^16", work_units=work.units(n))
     with tmg.count_products() as work:
         A_inverse @ np.ones(n)
     assert work.units(n) == 2.0
     assert A_inverse.residual <= 1e-11
-
-
-def test_refinement_improves_an_inverse_from_a_poor_column():
-    n = 500
-    A = tmg.ToeplitzOperator(contact(n))
-    x = np.linalg.inv(A.toarray())[:, 0]
-    noisy = x * (1 + 1e-7 * np.random.default_rng(0).standard_normal(n))
-    poor = tmg.ToeplitzInverse(A, GohbergSemencul(noisy), 0)
-    assert 1e-12 < poor.residual < 1e-3
-    assert poor.refined.residual < 1e-3 * poor.residual
-    dense = poor.refined @ np.eye(n)
-    assert_allclose(dense, dense.T, atol=1e-9 * abs(dense).max())
-    assert poor.refined.H @ np.ones(n) == pytest.approx(poor.refined @ np.ones(n))
 
 
 def test_says_what_it_cannot_meet():
@@ -115,8 +101,6 @@ def test_refuses_bad_arguments():
     for rtol in (0.0, -1.0, np.nan):
         with pytest.raises(ValueError, match="rtol is"):
             tmg.toeplitz_inverse(A, rtol=rtol)
-    with pytest.raises(np.linalg.LinAlgError, match="first entry of the inverse is -1"):
-        GohbergSemencul(np.array([-1.0, 0.0]))
 
 
 def test_repr():

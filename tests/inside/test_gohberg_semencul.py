@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.linalg import toeplitz
 
+import toeplitz_mg as tmg
 from comparisons.systems.symbols import column
 from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
 from toeplitz_mg.preconditioners.schur import schur_column
@@ -87,6 +88,18 @@ def test_says_what_no_inverse_has():
         GohbergSemencul(np.ones(2), np.ones(3))
     with pytest.raises(TypeError, match="y is a masked array"):
         GohbergSemencul(np.ones(2), np.ma.masked_array([1.0, 2.0], [False, True]))
+
+
+def test_a_step_of_refinement_makes_an_inverse_of_a_poor_column():
+    n = 500
+    A = tmg.ToeplitzOperator(column("contact", n))
+    x = np.linalg.inv(A.toarray())[:, 0]
+    noisy = x * (1 + 1e-7 * np.random.default_rng(0).standard_normal(n))
+    poor = tmg.ToeplitzInverse(A, GohbergSemencul(noisy), 0)
+    assert 1e-12 < poor.residual < 1e-3
+    assert poor.refined.residual < 1e-3 * poor.residual
+    dense = poor.refined @ np.eye(n)
+    assert_allclose(dense, dense.T, atol=1e-9 * abs(dense).max())
 
 
 def spectrum(x):
