@@ -9,18 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from toeplitz_mg import halfspace
-from toeplitz_mg.contact import FrictionalResult, Material, surfaces
-from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.normal.problem import normal_contact
-from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.result import ContactError
-from toeplitz_mg.contact.tangential.coulomb import Areas, balance, clip, project
-from toeplitz_mg.contact.tangential.friction import friction
-from toeplitz_mg.contact.tangential.problem import Problem, linearise
-from toeplitz_mg.engine.vectors import ALONE
-from toeplitz_mg.paper.problems import test1, test2, test3
-from toeplitz_mg.solvers.projected_gradients import descend
+from tests.budgets import assert_within_budget
+from toeplitz_mg.contact import (
+    ContactError,
+    FrictionalResult,
+    Material,
+    friction,
+    normal_contact,
+    problems,
+    surfaces,
+)
+from toeplitz_mg.halfspace import influence_matrix
 
 mpl.use("Agg")
 
@@ -88,7 +87,7 @@ def assert_coulomb(result, material, previous=None, tolerance=1e-8):
     assert result.residual <= tolerance
     shape = result.contact.shape
     m = len(shape)
-    A = Grid.of(shape, result.element, material, None).tangential()
+    A = influence_matrix("xy"[:m], shape, result.element, material)
 
     def displacement(traction):
         return (A @ traction.ravel()).reshape(m, *shape)
@@ -142,32 +141,35 @@ def test_without_coupling_the_traction_follows_the_shift(nu):
     assert (np.abs(angle).max() < 1e-8 * g.max()) == (nu == 0.0)
 
 
-@pytest.mark.parametrize(
-    ("nu", "n", "most"), [(0.0, 128, 20), (0.0, 256, 20), (0.28, 128, 25), (0.28, 256, 28)]
-)
-def test_products_in_a_circle(nu, n, most):
+@pytest.mark.parametrize("nu", [0.0, 0.28])
+def test_products_in_a_circle(nu):
     shift = MU * (A**2 - 0.4**2) * (2 - nu) / (2 * (1 - nu))
-    _, _, result = circle(n, nu, shift=(shift, 0.0))
-    assert result.products <= most
-    assert result.products < result.work < 1.5 * result.products
+    for n in (128, 256):
+        _, _, result = circle(n, nu, shift=(shift, 0.0))
+        assert_within_budget(
+            f"friction in a circle, nu = {nu}, n = {n}",
+            products=result.products,
+            work_units=result.work,
+        )
 
 
 @doubtful  # A rough surface reaches the edge of its grid.
-@pytest.mark.parametrize(("nu", "most"), [(0.0, 40), (0.28, 52)])
-def test_products_for_a_rough_surface(nu, most):
+@pytest.mark.parametrize("nu", [0.0, 0.28])
+def test_products_for_a_rough_surface(nu):
     n, h, force, material = 256, 2.0 / 256, 0.2, Material.from_shear(1.0 - nu, nu)
     gap = surfaces.rough((n, n), (h, h), rms=0.01, longest=0.5, shortest=4 * h, seed=1)
     g = MU * normal_contact(gap, (h, h), material=material, force=force).traction
     result = friction(g, (h, h), material=material, force=(0.7 * MU * force, 0.0))
     assert_coulomb(result, material)
-    assert result.products <= most
+    assert_within_budget(f"friction on a rough surface, nu = {nu}", products=result.products)
 
 
-@pytest.mark.parametrize(("n", "most"), [(512, 22), (2048, 29), (8192, 38)])
-def test_products_in_line_contact(n, most):
+@pytest.mark.parametrize("n", [512, 2048, 8192])
+def test_products_in_line_contact(n):
     _, _, by_force = line(n, force=0.6 * MU * np.pi * A**2 / 4)
     _, _, by_shift = line(n, shift=by_force.rigid)
-    assert max(by_force.products, by_shift.products) <= most
+    for result in (by_force, by_shift):
+        assert_within_budget(f"friction in line contact, n = {n}", products=result.products)
     assert_allclose(by_shift.force, by_force.force, rtol=1e-5)
 
 
@@ -268,8 +270,9 @@ def test_shifts_add_up_over_a_history():
 # The paper ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("problem", [test1(300), test2(300), test3(300)], ids=lambda p: p.name)
-def test_bonded_bodies_are_the_papers_problem(problem):
+@pytest.mark.parametrize("name", ["test1", "test2", "test3"])
+def test_bonded_bodies_are_the_papers_problem(name):
+    problem = getattr(problems, name)(300)
     A = problem.A
     mask = np.ones(300, bool) if A.shape == (300, 300) else A.mask
     shift = np.zeros(300)
@@ -301,9 +304,8 @@ def test_the_solution_in_one_component_is_that_of_bounded_least_squares():
     rng = np.random.default_rng(5)
     g, shift = rng.random(40), rng.standard_normal(40)
     result = friction(g, 0.1, material=Material.from_shear(1.0, 0.2), shift=shift, tolerance=1e-12)
-    L = np.linalg.cholesky(
-        Grid.of((40,), 0.1, Material.from_shear(1.0, 0.2), None).tangential().toarray()
-    )
+    A = influence_matrix("x", (40,), (0.1,), Material.from_shear(1.0, 0.2))
+    L = np.linalg.cholesky(A.toarray())
     b = scipy.linalg.solve_triangular(L, shift, lower=True)
     expected = scipy.optimize.lsq_linear(L.T, b, (-g, g), method="bvls", tol=1e-14).x
     assert_allclose(result.traction, expected, atol=1e-8)
@@ -312,16 +314,16 @@ def test_the_solution_in_one_component_is_that_of_bounded_least_squares():
 @doubtful
 def test_the_solution_in_two_components_has_the_least_energy():
     rng = np.random.default_rng(6)
-    g = rng.random((8, 8))
-    result = friction(
-        g, (0.3, 0.2), material=Material.from_shear(1.0, 0.4), shift=(0.3, -0.2), tolerance=1e-11
-    )
-    product = Products(
-        Grid.of(g.shape, (0.3, 0.2), Material.from_shear(1.0, 0.4), None).tangential(), 10**6
-    )
-    b = np.broadcast_to(np.reshape([0.3, -0.2], (2, 1, 1)), (2, 8, 8))
-    q, _ = descend(product, b, 0.0 * b, lambda x: clip(x, g), product.A.norm_bound, 3000)
-    assert_allclose(result.traction, q, atol=1e-6)
+    g, h, material = rng.random((8, 8)), (0.3, 0.2), Material.from_shear(1.0, 0.4)
+    result = friction(g, h, material=material, shift=(0.3, -0.2), tolerance=1e-11)
+    A = influence_matrix("xy", g.shape, h, material).toarray()
+    b, longest = np.repeat([0.3, -0.2], 64), np.linalg.norm(A, 2)
+    q = before = np.zeros(128)
+    for k in range(3000):  # Projected gradients, by Nesterov's method.
+        ahead = q + k / (k + 3) * (q - before)
+        x = (ahead + (b - A @ ahead) / longest).reshape(2, 8, 8)
+        before, q = q, (x * np.minimum(1.0, g / np.hypot(*x))).ravel()
+    assert_allclose(result.traction.ravel(), q, atol=1e-6)
 
 
 @doubtful
@@ -445,7 +447,8 @@ def test_a_bound_that_falls_far_below_the_tractions(shape):
         after = friction(g, element, material=material, force=-0.5 * force[-1], previous=before)
         assert_coulomb(after, material, before)
         assert_allclose(after.force, -0.5 * force[-1], rtol=1e-10, atol=1e-10)
-        assert after.products < 200
+        case = f"friction, a bound that falls far, {len(shape)} axes"
+        assert_within_budget(case, products=after.products)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -460,7 +463,8 @@ def test_almost_all_slides(seed, missing, decades):
     after = friction(g, element, material=material, force=force, previous=before)
     assert_coulomb(after, material, before)
     assert_allclose(after.force, force, rtol=1e-10)
-    assert after.products < (600 if decades else 100)
+    case = f"friction where almost all slides, {decades} decades"
+    assert_within_budget(case, products=after.products)
 
 
 @doubtful
@@ -577,81 +581,17 @@ def test_failure_is_an_error_that_says_what_is_violated():
     assert (result.magnitude <= result.bound).all()
 
 
-# Parts --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("m", [1, 2])
-def test_balanced_tractions(m):
-    rng = np.random.default_rng(m)
-    g = rng.random((5, 6))
-    q = clip(rng.standard_normal((m, 5, 6)), g)
-    movable = rng.random((5, 6)) < 0.7
-    total = np.full(m, 0.3)
-    p = balance(q, g, total, movable, None, ALONE)
-    assert_allclose(p.reshape(m, -1).sum(axis=1), total, atol=1e-12)
-    assert (np.sqrt((p**2).sum(axis=0)) <= g).all()
-    assert np.array_equal(p[:, ~movable], q[:, ~movable])
-    assert balance(q, g, np.full(m, 100.0), movable, None, ALONE) is None
-    assert balance(q, g, total, np.zeros((5, 6), bool), None, ALONE) is None
-
-
-def test_balanced_tractions_on_the_circle():
-    # All are turned by about the same angle, however small their bounds are.
-    rng = np.random.default_rng(0)
-    g = 10.0 ** rng.uniform(-8, 0, (5, 6))
-    everywhere = np.ones(g.shape, bool)
-    angle = rng.uniform(-0.3, 0.3, g.shape)
-    q = g * np.stack([np.cos(angle), np.sin(angle)])
-    total = q.sum(axis=(1, 2)) @ np.array([[np.cos(0.1), np.sin(0.1)], [-np.sin(0.1), np.cos(0.1)]])
-    p = balance(q, g, total, everywhere, everywhere, ALONE)
-    assert_allclose(p.sum(axis=(1, 2)), total, rtol=1e-12)
-    assert (np.hypot(*p) <= g).all()
-    assert_allclose(np.hypot(*p), g, rtol=1e-14)
-    assert_allclose(np.arctan2(p[1], p[0]) - angle, 0.1, atol=0.05)
-
-
+@doubtful
 def test_tractions_are_within_their_bound_however_their_size_is_rounded():
+    """Where all slides, in all directions."""
     rng = np.random.default_rng(0)
-    g, angle = rng.uniform(0.1, 1.0, 100000), rng.uniform(0.0, 2.0 * np.pi, 100000)
-    for part in (1.0 - 1e-16, 1.0, 1.0 + 1e-15, 1.1):
-        q = clip(part * g * np.stack([np.cos(angle), np.sin(angle)]), g)
-        assert (np.hypot(*q) <= g).all()
-        assert (np.sqrt((q**2).sum(axis=0)) <= g).all()
-        assert_allclose(np.hypot(*q), g, rtol=1e-14)
-
-
-def test_nearest_tractions_are_zero_where_the_bound_is():
-    q = np.ones((2, 4, 3))
-    g = np.where(np.arange(12).reshape(4, 3) % 3, 2.0, 0.0)
-    p = project(q, g, np.array([3.0, -1.0]), ALONE)
-    assert_allclose(p.sum(axis=(1, 2)), [3.0, -1.0])
-    assert not p[:, g == 0.0].any()
-
-
-def test_operators_are_those_of_the_half_space():
-    grid = Grid.of((4, 3), (0.5, 0.8), Material.from_shear(2.0, 0.3), None)
-    x, y = surfaces.centres((4, 3), (0.5, 0.8))
-    dx, dy = (np.subtract.outer(c.ravel(), c.ravel()) for c in (x, y))
-    influence = [
-        f(dx, dy, (0.5, 0.8), G=2.0, nu=0.3)
-        for f in (
-            halfspace.influence_xx,
-            halfspace.influence_xy,
-            halfspace.influence_yy,
-        )
-    ]
-    xx, xy, yy = influence
-    assert_allclose(grid.tangential() @ np.eye(24), np.block([[xx, xy], [xy, yy]]), atol=1e-14)
-    assert_allclose(
-        grid.upstream() @ np.eye(24)[:, :12],
-        np.concatenate(
-            [
-                halfspace.influence_xx(dx + 0.5, dy, (0.5, 0.8), G=2.0, nu=0.3),
-                halfspace.influence_xy(dx + 0.5, dy, (0.5, 0.8), G=2.0, nu=0.3),
-            ]
-        ),
-        atol=1e-14,
-    )
+    g, angle = rng.uniform(0.1, 1.0, (120, 110)), rng.uniform(0.0, 2.0 * np.pi, (120, 110))
+    shift = 1e6 * np.stack([np.cos(angle), np.sin(angle)])
+    result = friction(g, (0.1, 0.1), material=Material.from_shear(1.0, 0.3), shift=shift)
+    assert_areas(result)
+    assert result.sliding.all()
+    assert (np.hypot(*result.traction) <= g).all()
+    assert (np.sqrt((result.traction**2).sum(axis=0)) <= g).all()
 
 
 @pytest.mark.parametrize("is_line", [True, False])
@@ -732,7 +672,7 @@ def test_a_force_just_below_the_bound_is_solved(missing):
     _, _, result = circle(24, 0.3, force=((1.0 - missing) * carried, 0.0))
     assert not result.stick.any()
     assert_allclose(result.force, (carried, 0.0), rtol=1e-8, atol=1e-8 * carried)
-    assert result.products < 50
+    assert_within_budget("friction by a force just below the bound", products=result.products)
 
 
 @pytest.mark.parametrize(
@@ -801,19 +741,6 @@ def test_a_shift_beside_a_force_is_a_field():
     case = {"material": Material.from_shear(1.0, 0.3), "force": 0.1}
     with pytest.raises(ValueError, match="one of the two must be given: a shift beside a force"):
         friction(np.ones(12), 1.0, shift=0.1, **case)
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_slip_along_the_traction_is_a_violation(sign):
-    """All slide, and Coulomb's law wants the slip to oppose the traction."""
-    grid = Grid.of((4, 3), (0.1, 0.1), Material.from_shear(1.0, 0.3), None)
-    g = np.full((4, 3), 0.3)
-    q = np.stack([g, 0.0 * g])
-    b = np.stack([sign * np.ones_like(g), 0.0 * g])  # Minus the slip is b - u.
-    slide = np.ones(g.shape, bool)
-    problem = Problem(grid, g, b, None, 1e-8)
-    found = linearise(problem, Areas(~slide, slide), q, np.zeros_like(q))
-    assert found.residual == (0.0 if sign > 0.0 else 1.0)
 
 
 def test_surfaces_that_repeat_and_stick_everywhere_take_no_shift():

@@ -1,16 +1,14 @@
 """Unlike materials: pressures and friction at once, against dense solutions and theory."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from tests.budgets import assert_within_budget
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import (
     ContactError,
     ContactWarning,
-    FrictionalResult,
     Material,
     friction,
     frictional_contact,
@@ -18,8 +16,6 @@ from toeplitz_mg.contact import (
     normal_contact,
     surfaces,
 )
-from toeplitz_mg.contact.unlike.checks import check_both
-from toeplitz_mg.halfspace.matrices import coupling_matrices
 
 SOFT, RIGID = Material.from_shear(0.5, 0.0), Material.rigid()
 BODIES = Material.from_shear(1.0, 0.1), Material.from_shear(3.0, 0.4)
@@ -113,21 +109,18 @@ def test_coupling_is_the_difference_of_two_bodies(name):
     kernel = getattr(halfspace, "influence_" + "".join(sorted(name)))
     value = kernel(x, y, (h1, h2), G=both.G, K=both.difference)
     assert_allclose(value if name[1] == "z" else -value, expected, rtol=1e-9)
-    # The matrices that contact uses have it, and its transpose for the other way round.
-    A = coupling_matrices("xy", (3, 3), (h1, h2), BODIES)["xy".index(name.replace("z", ""))]
-    dense = A @ np.eye(9)
-    at = A.lags[3, 3]
-    assert_allclose(dense[8, 4], at)
-    assert_allclose(dense.T, -dense, atol=1e-16)
 
 
-def test_coupling_in_plane_strain_is_that_of_long_strips():
-    (A,) = coupling_matrices("x", (5,), (0.5,), BODIES)
-    (B,) = coupling_matrices("x", (5,), (0.5, 1e5), BODIES)
-    assert_allclose(A @ np.eye(5), B @ np.eye(5), rtol=1e-4, atol=1e-12)
-    both = halfspace.combined_material(*BODIES)
-    side = both.difference / both.G * 0.5  # The surface is drawn in, as far on both sides.
-    assert_array_equal((A @ np.eye(5))[:, 2], side * np.array([1, 1, 0, -1, -1]))
+def test_in_plane_strain_friction_lifts_one_side_and_lowers_the_other():
+    """By the same, however far away; what pressures displace besides is as without friction."""
+    n, h, bodies = 40, 0.05, (SOFT, RIGID)
+    gap, both = surfaces.cylinder(n, h, radius=1.0), halfspace.combined_material(*bodies)
+    result = frictional_contact(gap, h, material=bodies, mu=0.3, force=0.3)
+    p, q = result.normal.pressure, result.tangential.traction
+    u = halfspace.influence_matrix("z", (n,), (h,), bodies) @ p
+    lifted = np.sign(np.subtract.outer(np.arange(n), np.arange(n))) @ q
+    coupling = both.difference / both.G * h
+    assert_allclose(result.normal.displacement - u, coupling * lifted, rtol=1e-9, atol=1e-12)
 
 
 def dense_solution(gap, element, material, mu, force, before=None, sweeps=4000):
@@ -432,8 +425,7 @@ def test_a_sphere_pressed_in_35_steps():
         result = frictional_contact(
             gap, (h, h), material=bodies, mu=0.2986, force=(k / 45) ** 3, previous=result
         )
-        assert len(result.residuals) <= 6
-    assert isinstance(result, FrictionalResult)
+        assert_within_budget("a sphere in 35 steps", iterations=len(result.residuals))
     assert result.normal.contact.sum() == 921
     assert result.tangential.stick.sum() == 225
     assert result.tangential.sliding.sum() == 696
@@ -587,16 +579,3 @@ def test_in_line_contact_forces_and_histories_may_be_lateral():
     lateral = more.tangential.traction[1]
     assert lateral.min() >= 0.0
     assert lateral.max() > 0.0
-
-
-@doubtful
-def test_a_part_that_violates_its_own_conditions_is_an_error():
-    both = frictional_contact(
-        surfaces.sphere((16, 16), (0.1, 0.1), radius=1.0), (0.1, 0.1),
-        material=(Material(E=2.0, nu=0.1), RIGID), mu=0.2, force=0.05,
-    )  # fmt: skip
-    tolerance = 2.0 * max(both.residual, both.tangential.residual, 1e-12)
-    assert check_both(both, tolerance) is both
-    bad = replace(both, tangential=replace(both.tangential, residual=2.0 * tolerance))
-    with pytest.raises(ContactError):
-        check_both(bad, tolerance)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from tests.budgets import assert_within_budget
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import (
     ContactError,
@@ -58,7 +59,7 @@ def test_published_creepages(mu, traction, creepage, contact, stick):
     assert result.normal.contact.sum() == contact
     assert result.tangential.stick.sum() == stick
     assert_allclose(result.tangential.force, traction * mu * force, atol=1e-6 * mu * force)
-    assert len(result.residuals) <= 6
+    assert_within_budget("rollers of unlike materials", iterations=len(result.residuals))
 
 
 def test_without_slip_it_is_the_exact_creepage():

@@ -7,15 +7,6 @@ from numpy.testing import assert_allclose
 from tests.test_friction import doubtful, semi_ellipse
 from tests.test_rolling import assert_rolls
 from toeplitz_mg.contact import Material, rolling, surfaces
-from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.tangential.complement import inner_products
-from toeplitz_mg.contact.tangential.coulomb import direction
-from toeplitz_mg.contact.tangential.given_loads import Loads
-from toeplitz_mg.contact.tangential.motion import Motion
-from toeplitz_mg.contact.tangential.near_sliding import guess_sliding
-from toeplitz_mg.contact.tangential.problem import Problem
-from toeplitz_mg.engine.vectors import ALONE
 
 BODY = Material.from_shear(1.0, 0.25)
 
@@ -24,18 +15,6 @@ def ellipse(n, h):
     """The bound of a contact of half width 1 on n x n elements."""
     x, y = surfaces.centres((n, n), h)
     return 3e-3 * semi_ellipse(np.hypot(x, y), 1.0)
-
-
-def loads_of(g, grid, **asked):
-    """The problem and the loads of `rolling`, without any that is left out around the contact."""
-    given = dict.fromkeys(("longitudinal", "lateral", "spin"), 0.0) | asked
-    creepages = tuple(given[name] for name in ("longitudinal", "lateral", "spin"))
-    motion = Motion.of(
-        g.shape, creepages, asked.get("force"), asked.get("moment"), None, (0.0, 0.0)
-    )
-    h = grid.element[0]
-    loads = Loads(-h * motion.units(grid), motion.arms(grid), motion.wanted)
-    return Problem(grid, g, -h * motion.rigid_slip(grid), None, 1e-8, 0.0, None), loads
 
 
 @doubtful
@@ -115,35 +94,3 @@ def test_slip_that_turns_around_an_element_that_sticks(n, spin, given):
     assert_rolls(result, BODY)
     assert_allclose(result.traction, known.traction, atol=1e-5 * g.max())
     assert result.products <= 4 * known.products
-
-
-@pytest.mark.parametrize("asked", [{"force": (0.3, 0.0)}, {"force": (1.0, -0.5), "moment": 0.2}])
-def test_what_is_carried_most_is_carried_by_a_slip_in_that_proportion(asked):
-    """Tractions of sliding by that slip are the loads over the share."""
-    g, h = ellipse(16, (0.125, 0.125)), (0.125, 0.125)
-    asked = {name: np.multiply(1e-3, load) for name, load in asked.items()}
-    grid = Grid.of(g.shape, h, BODY, None)
-    _, loads = loads_of(g, grid, **asked)
-    share, slip = loads.find_limit(g, ALONE)
-    carried = inner_products(loads.arms, g * direction(slip), ALONE)
-    assert 0.0 < share < 1.0
-    assert_allclose(share * carried, loads.wanted, rtol=0.0, atol=1e-5 * abs(loads.wanted).max())
-    assert loads.share(g, ALONE) >= share * (1.0 - 1e-9)
-
-
-def test_where_much_may_stick_no_product_is_made_for_it():
-    g, h = ellipse(16, (0.125, 0.125)), (0.125, 0.125)
-    grid = Grid.of(g.shape, h, BODY, None)
-    carried = float(g.sum()) * h[0] * h[1]
-    for asked in (
-        {"force": (0.9 * carried, 0.0)},
-        {"force": (0.5 * carried, None), "lateral": 1e-3},
-        {"force": (0.0, 0.0), "moment": 0.0},
-    ):
-        problem, loads = loads_of(g, grid, **asked)
-        K = Products(grid.steady(grid.tangential()), 100)
-        assert guess_sliding(problem, loads, K, only_start=True) is None
-        assert K.count == 0
-    bonded = np.where(g > 0.9 * g.max(), np.inf, g)
-    problem, loads = loads_of(bonded, grid, force=(0.99 * carried, 0.0))
-    assert guess_sliding(problem, loads, K, only_start=True) is None

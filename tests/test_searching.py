@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from tests.budgets import assert_within_budget
 from toeplitz_mg.contact import (
     Material,
     frictional_rolling,
@@ -107,7 +108,7 @@ def test_a_single_element_sticks_whatever_slip_is_given(angle, share):
     material = Material.from_shear(1.0, 0.0)
     found = rolling([[1e-3]], (1.0, 1.0), material=material, slip=slip, force=force.tolist())
     assert found.stick.all()
-    assert found.products <= 3
+    assert_within_budget("one element in any slip", products=found.products)
     assert_allclose(found.force, force, atol=1e-12)
 
 

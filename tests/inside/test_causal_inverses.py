@@ -1,0 +1,160 @@
+"""Inverses of Toeplitz matrices that are causal along an axis, by circulants and their factors.
+
+A circulant's eigenvalues are split into factors of the lags from zero on and from zero down; the
+inverse that is made of them is exact at both edges of what may change, and with an addition to the
+diagonal it is interpolated. On small grids the transforms are products with matrices.
+"""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from toeplitz_mg.contact import Material
+from toeplitz_mg.contact.circulants import (
+    Circulants,
+    fade_rate,
+    find_causal_factor,
+    find_lengths,
+    find_spectrum,
+)
+from toeplitz_mg.contact.shifted_inverses import ShiftedInverses, interpolate
+from toeplitz_mg.contact.short_transforms import ShortProduct, ShortTransforms
+from toeplitz_mg.halfspace import influence_matrix
+from toeplitz_mg.operators import CoupledOperator
+
+BODY = Material.from_shear(2.0, 0.3)
+
+
+def rolling_on(shape):
+    """The matrix of rolling: displacements here, less those one element ahead."""
+    asked = "xy"[: len(shape)], shape, (0.5, 0.8)[: len(shape)], BODY
+    return influence_matrix(*asked) - influence_matrix(*asked, ahead=1)
+
+
+def nothing(X):
+    """Project no field: tractions may change everywhere."""
+
+
+@pytest.mark.parametrize("length", [90, 91])
+def test_the_causal_factor_has_the_lags_from_zero_on(length):
+    a, b = np.array([[0.5, -0.3, 0.1], [0.2, 0.4, -0.6]])
+    z = np.exp(-2j * np.pi * np.arange(length) / length)[:, None]
+    of_grid = find_causal_factor((1.0 - a * z) * (1.0 - b / z), (length, 5))
+    assert_allclose(of_grid, 1.0 - a * z, atol=1e-12)
+    # Of a single axis there are the frequencies up to the middle, along the last of two.
+    half = z[: length // 2 + 1, 0]
+    of_line = find_causal_factor(((1.0 - a[0] * half) / (1.0 - b[0] / half))[None], (length,))
+    assert_allclose(of_line, (1.0 - a[0] * half)[None], atol=1e-12)
+
+
+def test_both_factors_share_what_depends_on_the_frequency_across():
+    across = np.array([0.25, 1.0, 9.0])
+    assert_allclose(find_causal_factor(np.tile(across, (8, 1)), (8, 5)), np.sqrt([across] * 8))
+
+
+@pytest.mark.parametrize("shape", [(300, 20), (20, 300), (52, 14)])
+def test_no_eigenvalue_is_near_zero_or_negative(shape):
+    # Of the lags on long and narrow grids alone some would be.
+    spectrum = find_spectrum(rolling_on(shape).component(0), find_lengths(shape))
+    assert spectrum.real.min() >= 0.1 / shape[0] * np.abs(spectrum).max()
+
+
+@pytest.mark.parametrize("shape", [(60,), (60, 6), (60, 700)])
+def test_the_inverse_is_exact_at_both_edges_of_what_may_change(shape):
+    """Of a product of factors of few lags along the rolling direction, of which little is far."""
+    a, b, n = 0.4, 0.3, shape[0]
+    circulants = Circulants(shape, np.float64)
+    length, *across = circulants.lengths
+    w = np.exp(-2j * np.pi * np.arange(length) / length - fade_rate(length))
+    spectrum = (1.0 - a * w) * (1.0 - b / w)
+    if across:
+        spectrum = np.tile(spectrum[:, None], across[0] // 2 + 1)
+    else:
+        spectrum = spectrum[None, : length // 2 + 1]
+    causal = find_causal_factor(1.0 / spectrum, circulants.lengths)
+    M = ShiftedInverses(circulants, [spectrum], [causal], 1.0 + a * b)
+    # The grid goes on behind either edge, by so much that it is as good as without an end.
+    inside = np.zeros(shape, bool)
+    inside[20:40] = True
+    r = np.random.default_rng(0).standard_normal((1, *shape)) * inside
+    found = M.at(np.zeros(shape))(r, lambda X: np.multiply(X, inside, out=X))
+    # Nothing is coupled across.
+    K = (1.0 + a * b) * np.eye(n) - a * np.eye(n, k=-1) - b * np.eye(n, k=1)
+    expected = np.linalg.solve(K[20:40, 20:40], r[0, 20:40])
+    assert_allclose(found[0, 20:40], expected, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("shape", [(70,), (40, 30), (50, 1)])
+def test_in_each_place_the_inverse_is_that_of_its_own_addition(shape):
+    rng, K = np.random.default_rng(0), rolling_on(shape)
+    M = ShiftedInverses.of(K, np.float64)
+    addition, r = (
+        3.0 * rng.random(shape),
+        rng.standard_normal((K.shape[0] // np.prod(shape), *shape)),
+    )
+    inside = rng.random(shape) < 0.7
+
+    def project(X):
+        X *= inside
+
+    whole, uniform = (
+        M.at(given)(r, project).reshape(len(r), -1)
+        for given in (addition, np.full(shape, addition.flat[7]))
+    )
+    assert_allclose(uniform[:, 7], whole[:, 7])
+
+
+def test_inverses_of_large_additions_are_right_to_second_order():
+    K = rolling_on((9, 14))
+    M, k0 = ShiftedInverses.of(K, np.float64), K.component(0).c.flat[0]
+    r, errors = np.random.default_rng(5).standard_normal((2, 9, 14)), []
+    for nu in (1e3, 1e4):
+        y = M.at(np.full((9, 14), nu * k0))(r, nothing)
+        again = np.stack([(K.component(i) @ y[i].ravel()).reshape(9, 14) for i in range(2)])
+        errors.append(np.abs(again + nu * k0 * y - r).max())
+    # The fields are x - x² (K - k₀) + ..., with x = 1/ν, but for what bounds the inverse.
+    assert errors[0] < 1e-3 * np.abs(r).max()
+    assert errors[1] < 0.15 * errors[0]
+
+
+def test_inverses_are_interpolated_over_what_the_diagonal_leaves_of_them():
+    additions = np.array([0.0, 0.3, 2.0])
+    at_nodes, local = interpolate(additions, np.float64, additions)
+    assert_allclose(at_nodes, np.eye(3), atol=1e-15)
+    assert_allclose(local, 0.0, atol=1e-15)
+    # Where K is its diagonal, here 1, the inverse is known for any addition.
+    given, nodes = np.geomspace(1e-3, 1e3, 40), 1.0 / (1.0 + additions)
+    weights, local = interpolate(given, np.float64, additions)
+    x = 1.0 / (1.0 + given)
+    assert_allclose(nodes @ weights + local, x, rtol=1e-12)
+    # What an inverse is more than x, over x², is linear in x from one node to the next, and beyond
+    # the last one constant.
+    more = weights / x**2
+    for k, node in enumerate(nodes):
+        hat = np.interp(x, nodes[::-1], (np.arange(len(nodes)) == k).astype(float)[::-1])
+        assert_allclose(more[k] * node**2, hat, atol=1e-12)
+
+
+def test_lengths_are_no_longer_than_all_lags():
+    for n in range(1, 30):
+        for length in find_lengths((n, n)):
+            assert n <= length <= 2 * n - 1
+
+
+@pytest.mark.parametrize(("dtype", "rounding"), [(np.float32, 1e-5), (np.float64, 1e-13)])
+@pytest.mark.parametrize("shape", [(6, 5), (1, 4), (7, 1), (9, 14)])
+def test_short_transforms_and_their_products_are_the_dense_ones(shape, dtype, rounding):
+    x = np.random.default_rng(0).standard_normal((3, *shape)).astype(dtype)
+    # Odd, whether more than half of it is zeros, or none.
+    lengths = 2 * shape[0] - 1, shape[1] | 1
+    transforms = ShortTransforms(shape, dtype, lengths)
+    X, expected = transforms.forward(x), np.fft.rfft2(x, lengths)
+    assert_allclose(X, expected, atol=rounding * np.abs(expected).max())
+    assert_allclose(transforms.back(X), x, atol=rounding * np.abs(x).max())
+    K = rolling_on(shape)
+    short = CoupledOperator(K.blocks, product=ShortProduct.of(K)).astype(dtype)
+    for matrix, dense in ((short, K.toarray()), (short.H, K.toarray().T)):
+        y = matrix @ x[0].repeat(2).ravel()
+        assert y.dtype == dtype
+        expected = dense @ x[0].repeat(2).ravel()
+        assert_allclose(y, expected, atol=rounding * np.abs(expected).max())
