@@ -1,10 +1,11 @@
+"""Levinson's and Trench's recursions solve with every leading block, or name the singular one."""
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import toeplitz
 
-from toeplitz_mg.engine.row_sums import PART
-from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
+from toeplitz_mg.solvers.levinson import levinson_of_batch
 from toeplitz_mg.solvers.trench import column_and_row_of_inverse
 
 
@@ -29,31 +30,18 @@ def test_column_and_row_are_those_of_the_dense_inverse(kind, n):
     assert_allclose(y, inverse[0], rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.parametrize("kind", ["nonsymmetric", "complex"])
-def test_pieces_of_long_vectors_are_the_whole(kind, monkeypatch):
-    c, r = coefficients(kind, 100)
-    whole = column_and_row_of_inverse(c, r)
-    monkeypatch.setattr("toeplitz_mg.solvers.trench.PART", 7)
-    for a, b in zip(column_and_row_of_inverse(c, r), whole, strict=True):
-        assert_allclose(a, b, rtol=1e-12, atol=1e-14)
-
-
-@pytest.mark.slow
-def test_a_column_longer_than_one_piece_is_solved_for():
-    n = PART + 100
-    c, r = coefficients("nonsymmetric", n)
-    x, y = column_and_row_of_inverse(c, r)
-    b = np.random.default_rng(0).standard_normal(n)
-    solution = GohbergSemencul(x, y) @ b
-    rows = np.arange(0, n, 1000)
-    lags = np.concatenate([r[:0:-1], c])
-    for i in rows:  # Row i of A has the lags i, i - 1, …, i - n + 1.
-        assert_allclose(lags[i : i + n][::-1] @ solution, b[i], rtol=1e-8, atol=1e-8)
-
-
 @pytest.mark.parametrize(("c", "r"), [([0.0, 1.0], [0.0, 1.0]), ([1.0, 1.0], [1.0, 1.0])])
 def test_a_singular_leading_block_is_refused(c, r):
     with pytest.raises(np.linalg.LinAlgError, match="singular"):
         column_and_row_of_inverse(np.array(c), np.array(r))
     with pytest.raises(np.linalg.LinAlgError, match=r"the leading [12] × [12] block is singular"):
         column_and_row_of_inverse(np.array([*c, 1.0]), np.array([*r, 2.0]))
+
+
+def test_the_recursion_for_all_solves_each():
+    rng = np.random.default_rng(2)
+    c, b = rng.standard_normal((7, 30)), rng.standard_normal((7, 2, 30))
+    c[0] = 5.0
+    x = levinson_of_batch(c, b)
+    for k in range(30):
+        assert_allclose(x[..., k], np.linalg.solve(toeplitz(c[:, k]), b[..., k]), rtol=1e-9)
