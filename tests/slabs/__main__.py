@@ -1,7 +1,8 @@
 """Run all cases of files of this folder on this rank.
 
 ``mpiexec -n 3 python -m mpi4py -m tests.slabs products areas`` calls each ``test_...(comm)`` of
-`products.py` and `areas.py`. Where one fails, all ranks are ended.
+`products.py` and `areas.py`, also of a module that is named whole. Where one fails, all ranks are
+ended.
 """
 
 import sys
@@ -15,7 +16,8 @@ from tests.slabs.counting import MPI, CountingCommunicator
 def main():
     comm = CountingCommunicator(MPI.COMM_WORLD)
     for name in sys.argv[1:]:
-        for case, test in list(vars(import_module(f"tests.slabs.{name}")).items()):
+        module = import_module(name if "." in name else f"tests.slabs.{name}")
+        for case, test in list(vars(module).items()):
             if case.startswith("test_"):
                 run(f"{name}.{case}", test, comm)
 

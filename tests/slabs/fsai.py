@@ -8,7 +8,6 @@ import toeplitz_mg as tmg
 from tests.slabs.products import serial_and_slabs
 from tests.slabs.ranks import refuses
 from toeplitz_mg import cg, halfspace, slabs
-from toeplitz_mg.slabs.fsai_levels import Intervals, SlabLevel
 
 SHAPES = {  # With the sides of an element: cells of an aggregate are 4 x 4, 16 x 1, 1 x 16.
     (128, 128): (1.0, 1.0),
@@ -73,9 +72,7 @@ def test_it_is_that_of_one_process(comm):
             for cut in (slab, slab.balanced(mask[slab.rows])):
                 A, ours = both(cut, element, mask)
                 P = slabs.fsai_preconditioner(ours)
-                expected = tmg.fsai_preconditioner(A)
-                assert P.sizes == (expected.sizes,)
-                check_same(cut, expected, P, mask)
+                check_same(cut, tmg.fsai_preconditioner(A), P, mask)
 
 
 def test_the_result_may_be_where_the_vector_is_and_in_more_precision(comm):
@@ -149,7 +146,7 @@ def test_cg_takes_the_same_iterations(comm):
 def test_coupled_components(comm):
     """Together where they are strongly coupled, else each by itself."""
     rng = np.random.default_rng(0)
-    for shape, nu, is_joint in (((40, 36), 0.45, True), ((43, 30), 0.2, False)):
+    for shape, nu in (((40, 36), 0.45), ((43, 30), 0.2)):
         slab = slabs.Slab(comm, shape)
         serial, ours = serial_and_slabs(slab, nu=nu, element=(0.5, 0.5))
         island = np.zeros((2, *shape), bool)
@@ -158,7 +155,6 @@ def test_coupled_components(comm):
             A = tmg.MaskedOperator(serial, mask)
             P = slabs.fsai_preconditioner(slabs.MaskedOperator(ours, mask[:, slab.rows]))
             check_same(slab, tmg.fsai_preconditioner(A), P, mask)
-            assert len(P.sizes) == (1 if is_joint or mask is island else 2)
         whole = slabs.fsai_preconditioner(ours)
         check_same(slab, tmg.fsai_preconditioner(serial), whole, np.ones(mask.shape, bool))
 
@@ -179,34 +175,6 @@ def test_bytes_of_an_application(comm):
     total = sum(slab.gather(sent))
     assert total <= 1.0 * 2**20
     assert total > 0.0 or comm.size == 1
-
-
-def test_no_rank_has_a_level_of_all_until_it_is_small(comm):
-    slab = slabs.Slab(comm, (128, 128))
-    _, ours = both(slab, (1.0, 1.0), np.ones((128, 128), bool))
-    (level,) = slabs.fsai_preconditioner(ours)._levels
-    depth = 0
-    while isinstance(level, SlabLevel):
-        level, depth = level.level.coarse, depth + 1
-    assert depth == (0 if comm.size == 1 else 2)
-
-
-def test_windows_are_sent_and_added(comm):
-    P, rank = comm.size, comm.rank
-    slab = slabs.Slab(comm, (4 * P, 1))
-    owned = np.append(0, np.cumsum(np.arange(P) % 3 * 5))  # Some ranks own nothing.
-    rng = np.random.default_rng(0)
-    x = rng.random((owned[-1], 2))
-    for _ in range(5):
-        first, stop = np.sort(rng.integers(0, owned[-1] + 1, (2, P)), axis=0)
-        intervals = Intervals(slab, owned, first, stop)
-        seen = intervals.spread(x[owned[rank] : owned[rank + 1]])
-        assert np.array_equal(seen, x[first[rank] : stop[rank]])
-        expected = np.zeros_like(x)
-        for k in range(P):
-            expected[first[k] : stop[k]] += x[first[k] : stop[k]] ** 2
-        total = intervals.collect(seen**2)
-        np.testing.assert_allclose(total, expected[owned[rank] : owned[rank + 1]], rtol=1e-14)
 
 
 def test_what_the_serial_one_refuses_all_ranks_refuse(comm):

@@ -1,14 +1,11 @@
 """One axis on slabs: products, preconditioners and solves are those of one process."""
 
-from functools import partial
-
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from comparisons.systems import masks
 from tests.slabs.products import assert_rows, tolerance
-from tests.slabs.ranks import refuses
 from tests.slabs.solves import NAMES, RTOL, residuals_of
 from toeplitz_mg import slabs
 from toeplitz_mg.paper.problems import test1
@@ -59,26 +56,6 @@ def test_a_tail_that_begins_late(comm):
         )
 
 
-def test_cg_takes_the_iterations_of_one_process(comm):
-    n = 4099
-    serial, A = both(comm, n, "one that is continued")
-    b = np.random.default_rng(0).standard_normal(n)
-    mask = np.random.default_rng(1).random(n) < 0.7
-    rows, own = A.slab.rows, mask[A.slab.rows]
-    known = slice(*np.cumsum([0, *mask])[[rows.start, rows.stop]])  # This rank's, on the mask.
-    pairs = (
-        (serial, A, b, rows),
-        (tmg.MaskedOperator(serial, mask), slabs.MaskedOperator(A, own), b[mask], known),
-    )
-    for whole, part, right, here in pairs:
-        for name in [*NAMES, "fsai_preconditioner"]:
-            expected, before = residuals_of(whole, right, M=getattr(tmg, name)(whole))
-            x, residuals = residuals_of(part, right[here], M=getattr(slabs, name)(part))
-            assert len(residuals) == len(before), name
-            error = np.abs(x - expected[here]).max(initial=0.0)
-            assert error <= 1e-4 * np.abs(expected).max()
-
-
 def with_other_rounding(A, seed):
     """A, whose products have other rounding errors, as those of ranks may have."""
     rng = np.random.default_rng(seed)
@@ -97,7 +74,8 @@ def test_cg_takes_the_iterations_of_one_process_on_every_line(comm):
     slab = slabs.Slab(comm, (n,))
     on_ranks = slabs.ToeplitzOperator(full.c[slab.rows], slab)
     compared = set()
-    for name, area in masks.ON_A_LINE.items():
+    areas = masks.ON_A_LINE | {"all": lambda n: np.ones(n, bool)}
+    for name, area in areas.items():
         mask = area(n)
         serial, own = tmg.MaskedOperator(full, mask), mask[slab.rows]
         A = slabs.MaskedOperator(on_ranks, own)
@@ -120,23 +98,7 @@ def test_cg_takes_the_iterations_of_one_process_on_every_line(comm):
             whole[mask] = expected
             error = np.abs(x - whole[slab.rows][own]).max(initial=0.0)
             assert error <= 10 * RTOL * np.abs(expected).max()
-    assert {(name, "fsai_preconditioner") for name in masks.ON_A_LINE} <= compared
-
-
-def test_components_on_a_line(comm):
-    n = 300
-    serial, A = both(comm, n, "one that is continued")
-    C, D = (
-        tmg.CoupledOperator([[serial, None], [None, serial]]),
-        slabs.CoupledOperator([[A, None], [None, A]]),
-    )
-    x = np.random.default_rng(0).standard_normal((2, n))
-    assert_rows(A.slab, D @ x[:, A.slab.rows].ravel(), (C @ x.ravel()).reshape(2, n), 1e-14)
-    for name in NAMES:
-        make = getattr(tmg, name)
-        M = (make if name == NAMES[0] else tmg.componentwise(make))(C)
-        y = getattr(slabs, name)(D) @ x[:, A.slab.rows].ravel()
-        assert_rows(A.slab, y, (M @ x.ravel()).reshape(2, n), 1e-14)
+    assert {(name, "fsai_preconditioner") for name in areas} <= compared
 
 
 def test_rows_that_ranks_share(comm):
@@ -153,31 +115,3 @@ def test_rows_that_ranks_share(comm):
         ):
             assert_rows(slab, W @ x[slab.rows], M @ x, 1e-14)
         assert_rows(slab, A.astype(np.float32) @ x[slab.rows], serial @ x, 2e-6)
-
-
-def test_bytes(comm):
-    """32 (1 - 1/P) for each unknown in a product, 48 by real transforms, in double precision.
-
-    One rank multiplies as one process does, and sends nothing.
-    """
-    n, P = 2**14, comm.size
-    _, A = both(comm, n, "one that is continued")
-    operators = (A, *(getattr(slabs, name)(A) for name in NAMES))
-    for operator, bytes_of_one in zip(operators, (32, 32, 48, 48), strict=True):
-        comm.reset()
-        operator.apply(np.ones(A.shape[0]))
-        assert set(comm.calls) == ({"Alltoallv"} if P > 1 else set())
-        sent = comm.sent
-        # Of the frequencies one row more than half of them is sent.
-        assert sum(A.slab.gather(sent)) <= bytes_of_one * (1 - 1 / P) * n * (1 + 2**-6) + 1e-6
-
-
-def test_what_is_not_positive_definite_is_refused_by_all(comm):
-    n = 300
-    slab = slabs.Slab(comm, (n,))
-    c = np.where(np.arange(n) == 1, 1.0, 0.0)[slab.rows]
-    A = slabs.ToeplitzOperator(c, slab)
-    for name in NAMES:
-        refuses(
-            comm, np.linalg.LinAlgError, "but needs all above", partial(getattr(slabs, name), A)
-        )

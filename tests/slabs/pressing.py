@@ -14,83 +14,8 @@ from numpy.testing import assert_allclose
 
 from tests.slabs.ranks import refuses
 from toeplitz_mg import contact, slabs
-from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.slabs.grid import SlabGrid
 
 STEEL = contact.Material.from_shear(82000.0, 0.28)
-SHAPES = [(40, 9), (41, 33), (130, 70), (150, 131), (257, 64)]
-
-
-def grid_on(comm, shape, unit=None):
-    """A grid in slabs, and that grid on one rank."""
-    whole = Grid.of(shape, (0.02, 0.03), STEEL, None)
-    return SlabGrid(whole, slabs.Slab(comm, shape, unit=unit)), whole
-
-
-def test_coarser_fields_are_those_of_one_rank(comm):
-    rng = np.random.default_rng(0)
-    for shape in SHAPES:
-        for components in ((), (2,)):
-            grid, whole = grid_on(comm, shape)
-            while (coarse := grid.coarser()) is not None:
-                coarser = whole.coarser()
-                assert coarse.shape == coarser.shape
-                assert coarse.element == coarser.element
-                x = rng.random((*components, *whole.shape))
-                y = rng.random((*components, *coarser.shape))
-                of_rank = slice(None)
-                if isinstance(coarse, SlabGrid):
-                    of_rank = coarse.slab.rows
-                mean = grid.coarsen(x[..., grid.slab.rows, :])
-                assert np.array_equal(mean, whole.coarsen(x)[..., of_rank, :])
-                fine = grid.refine(y[..., of_rank, :])
-                assert np.array_equal(fine, whole.refine(y)[..., grid.slab.rows, :])
-                if not isinstance(coarse, SlabGrid):
-                    break
-                grid, whole = coarse, coarser
-
-
-def test_a_line_is_coarsened_as_far_as_on_one_rank(comm):
-    x = np.random.default_rng(0).random((100, 1))
-    grid, whole = grid_on(comm, x.shape)
-    assert grid.coarser() is whole.coarser() is None
-    coarse = grid.coarser(1)
-    assert coarse.shape == whole.coarser(1).shape == (50, 1)
-    mean = grid.coarsen(x[grid.slab.rows])
-    assert np.array_equal(mean, whole.coarsen(x))
-    assert np.array_equal(grid.refine(mean), whole.refine(mean)[grid.slab.rows])
-
-
-def test_a_grid_is_coarsened_until_every_rank_has_all_of_it(comm):
-    grid, _ = grid_on(comm, (1024, 1024))
-    sizes = []
-    while isinstance(grid, SlabGrid):
-        grid = grid.coarser()
-        sizes.append(grid.shape[0])
-    assert sizes == [512, 256, 128, 64]
-
-
-def test_lines_and_edges_are_those_of_one_rank(comm):
-    rng = np.random.default_rng(1)
-    for shape in SHAPES:
-        grid, whole = grid_on(comm, shape)
-        C = rng.random(shape) < 0.4
-        rows = grid.slab.rows
-        assert grid.fragmentation(C[rows]) == whole.fragmentation(C)
-        for axis in (0, 1):
-            lines = grid.slab.everywhere(np.ascontiguousarray(grid.lines(C[rows], axis)))
-            assert np.array_equal(lines, whole.lines(C, axis))
-
-
-def test_coefficients_are_those_of_the_rows(comm):
-    grid, whole = grid_on(comm, (150, 33))
-    A, unit = grid.scaled_normal()
-    c = whole.normal_coefficients()
-    assert unit == c[0, 0]
-    x = np.random.default_rng(2).standard_normal(whole.shape)
-    y = A.apply(x[grid.slab.rows].reshape(-1))
-    expected = (whole.normal() @ x.ravel() / unit).reshape(whole.shape)[grid.slab.rows]
-    assert_allclose(y, expected.ravel(), atol=1e-13 * np.abs(expected).max())
 
 
 def surface(kind, n):
@@ -123,22 +48,34 @@ def assert_same_work(comm, own, alone):
 
 
 @doubts_ignored()
+def on_both(comm, function, field, element, **case):
+    """What a function of `contact` returns on these ranks, and on one, with the slab before."""
+    slab = slabs.Slab(comm, field.shape, unit=case.pop("unit", None))
+    alone = getattr(contact, function)(field, element, material=STEEL, **case)
+    rows = {name: x[..., slab.rows, :] if np.ndim(x) > 1 else x for name, x in case.items()}
+    own = getattr(slabs, function)(field[slab.rows], slab, element, material=STEEL, **rows)
+    return slab, own, alone
+
+
+def assert_near(slab, own, alone, **tolerances):
+    """Assert that numbers and fields are those of one rank, relative to the largest."""
+    for name, tolerance in tolerances.items():
+        x, y = np.array(getattr(own, name)), np.array(getattr(alone, name))
+        here = y[..., slab.rows, :] if y.ndim > 1 else y
+        assert_allclose(x, here, rtol=0, atol=tolerance * np.abs(y).max(), err_msg=name)
+
+
+@doubts_ignored()
 def assert_same(comm, kind, n, by, **options):
     """Assert that contact on slabs is that on one rank."""
     gap, element, force = surface(kind, n)
-    alone = contact.normal_contact(gap, element, material=STEEL, force=force)
-    load = {"force": force} if by == "force" else {"approach": alone.rigid}
+    load = {"force": force}
     if by != "force":
-        alone = contact.normal_contact(gap, element, material=STEEL, **load)
-    slab = slabs.Slab(comm, gap.shape, **options)
-    own = slabs.normal_contact(gap[slab.rows], slab, element, material=STEEL, **load)
+        load = {"approach": contact.normal_contact(gap, element, material=STEEL, **load).rigid}
+    slab, own, alone = on_both(comm, "normal_contact", gap, element, **load, **options)
     assert own.residual <= 1e-8
     assert_same_work(comm, own, alone)
-    assert_allclose(own.area, alone.area, rtol=1e-5)
-    assert_allclose(own.rigid, alone.rigid, rtol=1e-6)
-    assert_allclose(own.force, alone.force, rtol=1e-6)
-    assert_allclose(own.traction, alone.traction[slab.rows], atol=1e-5 * alone.traction.max())
-    assert_allclose(own.gap, alone.gap[slab.rows], atol=1e-7 * np.ptp(gap))
+    assert_near(slab, own, alone, area=1e-5, rigid=1e-6, force=1e-6, traction=1e-5, gap=1e-7)
     assert own.warnings == alone.warnings
     assert slab.vectors.count(own.contact) == np.count_nonzero(alone.contact)
     return slab, own
@@ -171,6 +108,7 @@ def test_doubts_are_told_on_every_rank(comm):
 
 
 def test_only_small_grids_are_gathered(comm):
+    """As those within, on which every rank solves alone."""
     sizes = []
 
     def gather(sent, got):
@@ -182,7 +120,7 @@ def test_only_small_grids_are_gathered(comm):
         assert_same(comm, "sphere", 200, "force")
     finally:
         del comm.Allgatherv
-    assert max(sizes, default=50**2) == 50**2  # The coarser grid that every rank solves alone.
+    assert max(sizes, default=0) <= 200**2 / 4
 
 
 def test_a_rough_surface_is_pressed_with_fsai(comm):
@@ -199,15 +137,11 @@ def test_nothing_touches(comm):
 
 def test_where_there_is_no_material(comm):
     """A hole may be in the rows of some ranks alone."""
-    element, case = (0.01, 0.01), {"material": STEEL, "force": 50.0}
+    element = (0.01, 0.01)
     gap = contact.surfaces.sphere((64, 64), element, radius=10.0)
     gap[30:34, 20:28] = np.inf
-    slab = slabs.Slab(comm, gap.shape)
-    alone = contact.normal_contact(gap, element, **case)
-    own = slabs.normal_contact(gap[slab.rows], slab, element, **case)
-    assert own.area == pytest.approx(alone.area, rel=1e-5)
-    size = alone.traction.max()
-    assert_allclose(own.traction, alone.traction[slab.rows], atol=1e-5 * size)
+    slab, own, alone = on_both(comm, "normal_contact", gap, element, force=50.0)
+    assert_near(slab, own, alone, area=1e-5, traction=1e-5)
 
 
 def test_a_result_of_one_rank_is_not_taken_for_that_of_all(comm):

@@ -3,7 +3,14 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from tests.slabs.pressing import STEEL, assert_same_work, doubts_ignored, surface
+from tests.slabs.pressing import (
+    STEEL,
+    assert_near,
+    assert_same_work,
+    doubts_ignored,
+    on_both,
+    surface,
+)
 from tests.slabs.ranks import refuses
 from toeplitz_mg import contact, slabs
 
@@ -15,23 +22,16 @@ def bound_of(n):
     return 0.3 * contact.normal_contact(gap, element, material=STEEL, force=force).traction, element
 
 
-@doubts_ignored()
 def assert_same_friction(comm, n, rough=False, **case):
     """Assert that friction on slabs is that on one rank."""
     g, element = bound_of(n)
     if rough:
         g = g * (contact.surfaces.rough((n, n), element, rms=1.0) < 2.5)
-    alone = contact.friction(g, element, material=STEEL, **case)
-    slab = slabs.Slab(comm, g.shape)
-    own = slabs.friction(g[slab.rows], slab, element, material=STEEL, **case)
-    rows = (slice(None), slab.rows)
+    slab, own, alone = on_both(comm, "friction", g, element, **case)
     assert own.residual <= 1e-8
     assert_same_work(comm, own, alone)
     assert own.area == alone.area
-    assert_allclose(own.force, alone.force, rtol=1e-6, atol=1e-6 * np.abs(alone.force).max())
-    assert_allclose(own.rigid, alone.rigid, rtol=1e-6, atol=1e-6 * np.abs(alone.rigid).max())
-    assert_allclose(own.traction, alone.traction[rows], atol=1e-5 * np.abs(alone.traction).max())
-    assert_allclose(own.slip, alone.slip[rows], atol=1e-6 * np.abs(alone.slip).max())
+    assert_near(slab, own, alone, force=2e-6, rigid=2e-6, traction=1e-5, slip=1e-6)
     differ = slab.vectors.count(own.stick != alone.stick[slab.rows])
     assert differ <= 1e-5 * np.count_nonzero(alone.contact)
     assert own.warnings == alone.warnings
@@ -58,25 +58,17 @@ def test_a_shift_after_another(comm):
     after = {"material": STEEL, "shift": (-4e-4, 3e-4)}
     expected = contact.friction(g, alone.element, previous=alone, **after)
     found = slabs.friction(g[slab.rows], slab, own.element, previous=own, **after)
-    rows = (slice(None), slab.rows)
-    assert_allclose(
-        found.traction, expected.traction[rows], atol=1e-5 * np.abs(expected.traction).max()
-    )
+    assert_near(slab, found, expected, traction=1e-5)
 
 
 @doubts_ignored()
 def test_a_field_of_shifts_where_ranks_have_a_single_element(comm):
     g = np.full((5, 1), 100.0)
     field = 1e-4 * np.arange(10.0).reshape(2, 5, 1)
-    slab, element = slabs.Slab(comm, g.shape), (0.1, 0.1)
-    rows = (slice(None), slab.rows)
+    element = (0.1, 0.1)
     for load in ({}, {"force": (0.5, 0.1)}):
-        alone = contact.friction(g, element, material=STEEL, shift=field, **load)
-        case = {"material": STEEL, "shift": field[rows], **load}
-        own = slabs.friction(g[slab.rows], slab, element, **case)
-        assert_allclose(own.traction, alone.traction[rows], atol=1e-5)
-        assert own.shift.shape == field[rows].shape
-        assert_allclose(own.shift, alone.shift[rows], atol=1e-9)
+        slab, own, alone = on_both(comm, "friction", g, element, shift=field, **load)
+        assert_near(slab, own, alone, traction=1e-6, shift=1e-6)
         after = slabs.friction(
             g[slab.rows], slab, element, material=STEEL, shift=(1e-4, 0.0), previous=own
         )

@@ -9,6 +9,7 @@ from comparisons.systems import masks
 from tests.slabs.products import (
     SHAPES,
     assert_rows,
+    assert_sent,
     kernel,
     lags_of,
     serial_and_slabs,
@@ -26,7 +27,8 @@ EXACT = [None, "cosine_preconditioner", "sine_preconditioner"]  # On ranks they 
 
 
 def test_a_preconditioner_is_that_of_one_process(comm):
-    shapes = [*SHAPES, (200, 200)]  # The last one is large, and 2 n - 1 is slow.
+    # The last are large, and 2 n - 1 is slow: 363 = 3 · 11², but 365 = 5 · 73.
+    shapes = [*SHAPES, (200, 200), (182, 183)]
     for shape in with_fewer_ranks_than_rows(comm, shapes):
         slab, c = slabs.Slab(comm, shape), kernel(shape)
         x = np.random.default_rng(0).random(shape)
@@ -38,15 +40,6 @@ def test_a_preconditioner_is_that_of_one_process(comm):
                 y = M @ x[slab.rows].ravel()
                 assert M.dtype == dtype
                 assert_rows(slab, y, (serial @ x.ravel()).reshape(shape), tolerance(dtype))
-
-
-def test_the_preconditioner_of_a_large_grid_of_slow_lengths_inverts_a_longer_circulant(comm):
-    shape = (182, 183)  # 363 = 3 · 11², but 365 = 5 · 73.
-    slab, c = slabs.Slab(comm, shape), kernel(shape)
-    x = np.random.default_rng(0).random(shape)
-    serial = tmg.fft_preconditioner(tmg.ToeplitzOperator(c)) @ x.ravel()
-    M = slabs.fft_preconditioner(slabs.ToeplitzOperator(c[slab.rows], slab))
-    assert_rows(slab, M @ x[slab.rows].ravel(), serial.reshape(shape), 1e-14)
 
 
 def test_preconditioners_of_components_are_those_of_one_process(comm):
@@ -128,19 +121,18 @@ def test_components_that_have_no_m_are_refused_by_all(comm):
 
 
 def test_bytes_of_preconditioners(comm):
-    """32 (1 - 1/P) for each unknown, 16 by real transforms, half of these in single precision."""
-    P, shape = comm.size, (60, 64)
-    slab, c = slabs.Slab(comm, shape), kernel(shape)
-    A = slabs.ToeplitzOperator(c[slab.rows], slab)
-    for name, bytes_of_one in zip(NAMES, (32, 16, 16), strict=True):
-        for dtype, share in ((np.float64, 1.0), (np.float32, 0.5)):
-            M = getattr(slabs, name)(A, dtype=dtype)
-            comm.reset()
-            M.apply(np.ones(A.shape[0], dtype))
-            assert set(comm.calls) == {"Alltoallv"} or (comm.size == 1 and not comm.calls)
-            sent = comm.sent
-            most = share * bytes_of_one * (1 - 1 / P) * 60 * 64
-            assert sum(slab.gather(sent)) <= most + 1e-6
+    """For each unknown 32 (1 - 1/P), half in single precision; real transforms take half of it.
+
+    On a line they take one and a half times as much.
+    """
+    for shape, of_each in (((60, 64), (32, 16, 16)), ((2**14,), (32, 48, 48))):
+        slab, c = slabs.Slab(comm, shape), kernel(shape)
+        c.flat[0] += 3.0
+        A = slabs.ToeplitzOperator(c[slab.rows], slab)
+        for name, bytes_of_one in zip(NAMES, of_each, strict=True):
+            for dtype, share in ((np.float64, 1.0), (np.float32, 0.5)):
+                M = getattr(slabs, name)(A, dtype=dtype)
+                assert_sent(comm, M, dtype, share * bytes_of_one)
 
 
 def residuals_of(A, b, **options):
@@ -285,14 +277,13 @@ def test_richardson_takes_the_iterations_of_one_process(comm):
 
 
 def test_what_is_not_positive_definite_is_refused_by_all(comm):
-    shape = (12, 16)
-    slab = slabs.Slab(comm, shape)
-    i, j = np.indices(shape)
-    c = np.where(i + j == 1, 1.0, 0.0)[slab.rows]
-    A = slabs.ToeplitzOperator(c, slab)
-    for name in NAMES:
-        text = "but needs all above"
-        refuses(comm, np.linalg.LinAlgError, text, partial(getattr(slabs, name), A))
+    for shape in ((300,), (12, 16)):
+        slab = slabs.Slab(comm, shape)
+        c = np.where(np.indices(shape).sum(axis=0) == 1, 1.0, 0.0)[slab.rows]
+        A = slabs.ToeplitzOperator(c, slab)
+        for name in NAMES:
+            text = "but needs all above"
+            refuses(comm, np.linalg.LinAlgError, text, partial(getattr(slabs, name), A))
     _, info = tmg.cg(A, np.ones(A.shape[0]))
     assert set(comm.allgather(info)) == {info}
     odd = np.random.default_rng(0).random(shape)
@@ -336,14 +327,10 @@ def test_wrong_systems_are_refused_by_all(comm):
         M, single = slabs.fft_preconditioner(A), slabs.fft_preconditioner(A, dtype=np.float32)
         text = f"M is {M.kind} on rank 0 and None on rank"
         refuses(comm, ValueError, text, solve(b, M=None if is_last else M))
-        text = f"M is {M.kind} on rank 0 and {single.kind} on rank"
-        refuses(comm, ValueError, text, solve(b, M=single if is_last else M))
         sine, cosine = slabs.sine_preconditioner(A), slabs.cosine_preconditioner(A)
-        text = "float64 on rank 0 and DiagonalisedGrid cosine_preconditioner on the grid"
-        refuses(comm, ValueError, text, solve(b, M=cosine if is_last else sine))
-        text = "float64 on rank 0 and SlabSparseInverse on the grid"
-        sparse = slabs.fsai_preconditioner(A)
-        refuses(comm, ValueError, text, solve(b, M=sparse if is_last else sine))
+        for one, other in ((M, single), (sine, cosine), (sine, slabs.fsai_preconditioner(A))):
+            text = f"M is {one.kind} on rank 0 and {other.kind} on rank"
+            refuses(comm, ValueError, text, solve(b, M=other if is_last else one))
         less = A.astype(np.float32)
         text = f"inner is {less.kind} on rank 0 and None on rank"
         refuses(comm, ValueError, text, solve(b, inner=None if is_last else less))
