@@ -112,6 +112,7 @@ TABLE = [  # Case, measure, what was measured, budget.
     ("rolling, long and narrow", "products", 87, 113.1),
     ("rolling, narrow and sticking nearly everywhere", "products", 274, 356.2),
     ("rough surface that repeats, n = 1024", "products", 41, 53.3),
+    ("rough surface that repeats, n = 1024", "work_units", 81.6895, 106.2),
     ("rough surface that repeats, n = 256", "products", 35, 45.5),
     ("rough surface that repeats, n = 256", "work_units", 68.6406, 89.23),
     ("rough surface, 10% in contact", "products", 21, 27.3),

@@ -74,13 +74,6 @@ def test_a_sphere_that_is_tilted_touches_elsewhere_with_the_same_pressures():
     assert_allclose(by_gap.approach, level.approach - 0.5 * tilt**2, rtol=1e-6)
 
 
-def test_the_heights_of_two_bodies_add_up():
-    other = surfaces.sphere((N, N), (H, H), radius=20.0)
-    one = press(heights=-GAP - other)
-    two = press(gap=GAP + other)
-    assert_allclose(two.pressure, one.pressure, atol=1e-6 * one.max_pressure)
-
-
 def test_load_curves_take_heights():
     curve = list(load_curve(heights=-GAP, element=(H, H), material=UNIT, forces=[0.02, 0.05]))
     assert_allclose(curve[1].approach, press(GAP).approach, rtol=1e-7)
@@ -282,12 +275,7 @@ UNEVEN = Topography(np.zeros((4, 4)), (4.0, 4.0), "um", is_uniform=False)
         ({"heights": ["a"], "element": 1.0}, TypeError, "heights has dtype"),
         ({"gap": np.full((4, 4), np.inf), "element": (H, H)}, ValueError, "infinite everywhere"),
         ({"gap": np.full((4, 4), -np.inf), "element": (H, H)}, ValueError, "the value -inf"),
-        (
-            {"gap": np.full((4, 4), np.nan), "element": (H, H)},
-            ValueError,
-            "where there is no material it is inf; of measured heights, heights=",
-        ),
-        ({"heights": "a.nc", "element": 1.0}, TypeError, "SurfaceTopography.read_topography"),
+        ({"gap": [[np.nan]], "element": (H, H)}, ValueError, "it is inf; of measured heights, he"),
         ({"heights": "a.nc"}, TypeError, "SurfaceTopography.read_topography"),
     ],
 )
@@ -334,24 +322,19 @@ def test_radii_that_make_no_sense(radii):
 
 
 def test_the_spectrum_is_flat_before_the_roll_off_and_falls_after_it():
-    n, hurst, roll_off, shortest = 512, 0.7, 64.0, 8.0
+    n, hurst, roll_off = 512, 0.7, 64.0
+    waves = {"hurst": hurst, "roll_off": roll_off, "longest": 256.0, "shortest": 8.0}
     density = np.zeros((n, n))
     for seed in range(8):
-        gap = surfaces.rough(
-            (n, n),
-            (1.0, 1.0),
-            rms=1.0,
-            hurst=hurst,
-            roll_off=roll_off,
-            shortest=shortest,
-            seed=seed,
-        )
+        gap = surfaces.rough((n, n), (1.0, 1.0), rms=1.0, seed=seed, **waves)
         assert_allclose(gap.std(), 1.0)
+        assert gap.min() == 0.0
+        gap -= gap.mean()
         density += np.abs(np.fft.fft2(gap)) ** 2
     f = np.fft.fftfreq(n)
     k = np.hypot(f[:, None], f)
     # Mean density in rings, an octave each: two before the roll-off, two after it.
-    edges = np.array([1 / 512, 1 / 128, 1 / 70, 1 / 32, 1 / 16, 1 / 8.01])
+    edges = np.array([1 / 257, 1 / 128, 1 / 70, 1 / 32, 1 / 16, 1 / 8.01])
     rings = [density[(k > a) & (k <= b)].mean() for a, b in pairwise(edges)]
     assert_allclose(rings[0], rings[1], rtol=0.15)
     # In a ring after it the density is as k^(-2(1 + H)): compare with the mean of that.
@@ -359,7 +342,7 @@ def test_the_spectrum_is_flat_before_the_roll_off_and_falls_after_it():
         inside = (k > edges[j]) & (k <= edges[j + 1])
         law = (k[inside] * roll_off) ** (-2.0 * (1.0 + hurst))
         assert_allclose(rings[j] / rings[1], law.mean(), rtol=0.2)
-    assert density[k > 1 / shortest + 1e-9].max() < 1e-15 * density.max()
+    assert density[(k < 1 / 257) | (k > 1 / 8 + 1e-9)].max() < 1e-15 * density.max()
 
 
 def test_without_a_roll_off_the_longest_wave_is_where_the_fall_begins():

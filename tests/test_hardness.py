@@ -72,16 +72,10 @@ def test_hertz_with_a_hardness_on_a_finer_grid():
 @doubtful
 @pytest.mark.parametrize("periodic", [False, True])
 def test_a_force_that_all_elements_carry_but_for_rounding_is_carried(periodic):
-    gap, hardness = 0.01 * np.random.default_rng(3).standard_normal(5), 0.109375
-    force = 5 * 0.17708425042926193 * hardness * (1.0 + 4e-16)
-    result = normal_contact(
-        gap,
-        (0.17708425042926193,),
-        material=UNIT,
-        force=force,
-        hardness=hardness,
-        periodic=periodic,
-    )
+    gap, hardness, h = 0.01 * np.random.default_rng(3).standard_normal(5), 0.109375, 0.177084250429
+    force = 5 * h * hardness * (1.0 + 4e-16)
+    options = {"material": UNIT, "hardness": hardness, "periodic": periodic}
+    result = normal_contact(gap, (h,), force=force, **options)
     assert_allclose(result.force, force, rtol=1e-14)
     assert_allclose(result.pressure, hardness, rtol=1e-14)
 
@@ -106,9 +100,8 @@ def test_a_hardness_that_is_not_reached_changes_nothing():
 def test_plane_strain():
     gap = surfaces.cylinder(60, 1.0 / 30, radius=1.0)
     force, hardness = np.pi * A**2 / 4, 0.7 * A / 2
-    result = normal_contact(
-        gap, 1.0 / 30, material=UNIT, force=force, hardness=hardness, tolerance=1e-12
-    )
+    options = {"material": UNIT, "force": force, "hardness": hardness, "tolerance": 1e-12}
+    result = normal_contact(gap, 1.0 / 30, **options)
     expected = bounded_least_squares(gap, result.element, result.approach, hardness)
     assert_allclose(result.pressure, expected, atol=1e-9)
 

@@ -204,14 +204,6 @@ def test_any_surface_and_load(seed, shape, G, nu, roughness, load, is_force):
         assert_allclose(contact.force, arguments["force"], rtol=1e-8)
 
 
-def test_bodies_that_do_not_touch():
-    contact = normal_contact(np.ones((4, 4)), (1.0, 1.0), material=STEEL, approach=1.0)
-    assert not contact.pressure.any()
-    assert not contact.contact.any()
-    assert contact.force == contact.area == 0.0
-    assert_allclose(contact.gap, 0.0)
-
-
 def test_a_large_distance_does_no_harm():
     gap = surfaces.sphere((20, 20), (0.1, 0.1), radius=1.0)
     near = normal_contact(gap, (0.1, 0.1), material=UNIT, approach=1e-6 * 2**-3)
@@ -279,9 +271,8 @@ def test_one_element():
 # Failures -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
+REFUSED = {
+    ValueError: [
         ({"gap": [[0.0, np.nan]]}, "gap is not a number"),
         ({"gap": [[0.0, -np.inf]]}, "gap has the value -inf"),
         ({"gap": 0.0}, "the grid has shape"),
@@ -305,30 +296,13 @@ def test_one_element():
         ({"tolerance": 0.0}, "tolerance is 0"),
         ({"max_products": 0}, "max_products is 0"),
     ],
-)
-def test_refuses_what_makes_no_sense(change, message):
-    arguments = {
-        "gap": np.zeros((2, 3)), "element": (1.0, 1.0), "material": STEEL, "force": 1.0
-    } | change  # fmt: skip
-    with pytest.raises(ValueError, match=message):
-        normal_contact(arguments.pop("gap"), arguments.pop("element"), **arguments)
-
-
-def test_refuses_other_types():
-    with pytest.raises(TypeError, match="gap has dtype complex128"):
-        normal_contact(np.zeros((2, 2), complex), (1.0, 1.0), material=STEEL, force=1.0)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
+    TypeError: [
+        ({"gap": np.zeros((2, 2), complex)}, "gap has dtype complex128"),
         ({"gap": np.ma.masked_greater(np.zeros((2, 3)), 1.0)}, "gap is a masked array"),
         ({"element": "a"}, "element is 'a', but must be of real numbers"),
         ({"element": None}, "element is missing"),
         ({"material": 82000.0}, r"material is 82000.0, but must be a contact.Material"),
         ({"material": "steel"}, r"material is 'steel', but must be a contact.Material"),
-        ({"material": (82000.0, 0.28)}, r"use contact.Material\(E=82000.0, nu=0.28\) for Young"),
-        ({"material": (82000.0, 0.28)}, r"contact.Material.from_shear\(82000.0, 0.28\) for the sh"),
         ({"material": (STEEL, 0.28)}, "material is 0.28, but must be a contact.Material"),
         ({"material": (STEEL,) * 3}, "but must be a contact.Material, or two of them"),
         ({"force": "10"}, "force is '10', but must be a real number"),
@@ -337,22 +311,19 @@ def test_refuses_other_types():
         ({"force": None, "approach": "1"}, "approach is '1', but must be a real number"),
         ({"tolerance": "a"}, "tolerance is 'a', but must be a real number"),
         ({"max_products": 1.5}, "max_products is 1.5, but must be an integer"),
-        ({"gap": [np.ma.masked_greater([0.0, 2.0], 1.0)] * 2}, "gap is a masked array"),
-        ({"element": (1.0, np.ma.masked)}, "element is a masked array"),
-        ({"material": np.ma.masked_less([1.0, 0.3], 0.5)}, "material is a masked array"),
-        ({"force": np.ma.masked_greater(2.0, 1.0)}, "force is a masked array"),
-        ({"force": None, "approach": np.ma.masked}, "approach is a masked array"),
-        ({"tolerance": np.ma.masked}, "tolerance is a masked array"),
-        ({"max_products": np.ma.masked_greater(2, 1)}, "max_products is a masked array"),
         ({"progress": 3}, "progress is 3, but must be a function"),
     ],
+}
+
+
+@pytest.mark.parametrize(
+    ("error", "change", "message"),
+    [(error, *case) for error, cases in REFUSED.items() for case in cases],
 )
-def test_refuses_what_is_no_number(change, message):
-    arguments = {
-        "gap": np.zeros((2, 3)), "element": (1.0, 1.0), "material": STEEL, "force": 1.0
-    } | change  # fmt: skip
-    with pytest.raises(TypeError, match=message):
-        normal_contact(arguments.pop("gap"), arguments.pop("element"), **arguments)
+def test_refuses_what_makes_no_sense(error, change, message):
+    arguments = {"gap": np.zeros((2, 3)), "element": (1.0, 1.0), "material": STEEL, "force": 1.0}
+    with pytest.raises(error, match=message):
+        normal_contact(**arguments | change)
 
 
 def test_failure_is_an_error_that_says_what_is_violated():
@@ -372,16 +343,6 @@ def test_a_wavy_surface_touches_at_its_crests():
     assert_complementary(contact)
     assert contact.contact[gap < 0.0005].all()
     assert_allclose(contact.pressure, contact.pressure[::-1, ::-1], atol=1e-6)
-
-
-def test_a_rough_surface_has_no_waves_but_those_asked_for():
-    gap = surfaces.rough((128, 128), (1.0, 1.0), rms=0.5, longest=64.0, shortest=8.0)
-    assert_allclose(gap.std(), 0.5)
-    assert gap.min() == 0.0
-    power = np.abs(np.fft.fft2(gap)) ** 2
-    k = np.hypot(*np.meshgrid(*[np.fft.fftfreq(128)] * 2))
-    outside = (k > 0) & ((k < 1 / 65) | (k > 1 / 7.9))
-    assert power[outside].max() < 1e-16 * power.max()
 
 
 @pytest.mark.parametrize(
