@@ -77,7 +77,6 @@ def test_a_pair_of_equal_bodies_is_the_body():
         (lambda: Material(E="a", nu=0.3), TypeError, "E is 'a', but must be a real number"),
         (lambda: Material.from_shear(-1.0, 0.3), ValueError, "G is -1.0"),
         (lambda: Material.from_shear(1.0, np.nan), ValueError, "nu is nan"),
-        (lambda: Material.from_shear(np.ma.masked, 0.3), TypeError, "G is a masked array"),
         (lambda: halfspace.CombinedMaterial(1.0, 0.3, 2.0), ValueError, "difference is 2.0"),
         (
             lambda: halfspace.CombinedMaterial(1.0, 0.3, bodies=3),
