@@ -90,20 +90,16 @@ def test_what_is_zero_is_white_and_low_values_are_light():
     assert brightness[0] < 0.95  # White is for what does not touch.
 
 
-def test_the_gap_is_white_where_there_is_none():
-    (image,) = draw(PRESSED, "gap").get_images()
-    assert np.array_equal(np.ma.getmaskarray(image.get_array().T), PRESSED.contact)
-
-
 @pytest.mark.parametrize("result", [SHIFTED, ROLLED])
 def test_slip_is_white_where_the_bodies_stick(result):
     (image,) = draw(result, "slip").get_images()
     assert np.array_equal(~np.ma.getmaskarray(image.get_array().T), result.sliding)
 
 
-def test_the_gap_is_white_where_there_is_no_material():
+@pytest.mark.parametrize("missing", [0, 5])
+def test_the_gap_is_white_where_there_is_none_and_where_there_is_no_material(missing):
     gap = PRESSED.gap.copy()
-    gap[:5] = np.inf
+    gap[:missing] = np.inf
     (image,) = draw(replace(PRESSED, gap=gap), "gap").get_images()
     assert np.array_equal(np.ma.getmaskarray(image.get_array().T), PRESSED.contact | np.isinf(gap))
     assert np.isfinite(image.norm.vmax)

@@ -47,14 +47,25 @@ UNLIKE = normal_contact(
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("result", [*ALL, WITH_ALL, BONDED, UNLIKE])
+CURVE = contact.creep_curve(
+    PRESSED, mu=0.3, longitudinal=np.array([-0.01, 0.02]), tolerance=1e-4, max_products=100
+)
+STRESSES = contact.subsurface_stresses(PRESSED, depths=[0.1, 0.3, 0.4])
+BELOW_A_LINE = contact.subsurface_stresses(ROLLED_LINE, depths=0.1)
+SAVED = [*ALL, WITH_ALL, BONDED, UNLIKE, CURVE, STRESSES, BELOW_A_LINE]
+
+
+@pytest.mark.parametrize("result", SAVED)
 def test_what_is_saved_is_loaded(result, tmp_path):
     path = tmp_path / "result.npz"
     result.save(path)
     again = contact.load(path)
     assert_same(again, result)
-    with pytest.raises(ValueError, match="read-only"):
-        again.contact[...] = False
+    with np.load(path) as file:  # All fields have a unit.
+        assert {*file.files} - {"about", "products"} <= {*json.loads(str(file["about"]))["units"]}
+    if result in ALL:
+        with pytest.raises(ValueError, match="read-only"):
+            again.contact[...] = False
 
 
 def pressed_on_steps():
@@ -91,9 +102,6 @@ def test_frictional_contact_is_saved_with_its_parts(tmp_path):
     state.to_vtk(tmp_path / "x.vti")
     names = {array.get("Name") for array in ElementTree.parse(tmp_path / "x.vti").iter("DataArray")}
     assert {"normal_pressure", "tangential_traction", "tangential_stick"} <= names
-    assert "pressure" in state.summary()
-    assert len(repr(state)) < 400
-    assert "<table>" in state._repr_html_()
 
 
 def test_frictional_contact_as_a_dataset():
@@ -118,14 +126,6 @@ def test_a_file_can_be_read_without_this_package(tmp_path):
     assert about["units"]["slip"] == "1"
     assert about["values"]["area"] == ROLLED.area
     assert about["material"]["nu"] == ROLLED.material.nu
-
-
-@pytest.mark.parametrize("result", ALL)
-def test_all_that_is_a_field_has_a_unit(result, tmp_path):
-    result.save(tmp_path / "x.npz")
-    with np.load(tmp_path / "x.npz") as file:
-        units = json.loads(str(file["about"]))["units"]
-        assert {*file.files} - {"about"} <= {*units}
 
 
 each_format = pytest.mark.parametrize(("write", "ending"), [("save", "npz"), ("to_vtk", "vti")])
@@ -242,19 +242,22 @@ def test_a_line_is_an_image_of_vtk_too(tmp_path):
     assert np.array_equal(found["traction"], ROLLED_LINE.traction)
 
 
+def read_by_vtk(result, path, reader):
+    """Return what VTK itself reads of a file."""
+    reader = getattr(pytest.importorskip("vtk"), reader)()
+    result.to_vtk(path)
+    reader.SetFileName(str(path))
+    reader.Update()
+    return reader.GetOutput()
+
+
 @pytest.mark.parametrize("result", [*ALL, WITH_ALL])
 def test_vtk_reads_it(result, tmp_path):
-    vtk = pytest.importorskip("vtk")
-    result.to_vtk(tmp_path / "x.vti")
-    reader = vtk.vtkXMLImageDataReader()
-    reader.SetFileName(str(tmp_path / "x.vti"))
-    reader.Update()
-    image = reader.GetOutput()
+    image = read_by_vtk(result, tmp_path / "x.vti", "vtkXMLImageDataReader")
     assert image.GetNumberOfCells() == result.contact.size
-    cells = image.GetCellData()
     name = "pressure" if result.stick is None else "traction"
     cell = int(np.argmax(result.magnitude.T))
-    size = np.linalg.norm(cells.GetArray(name).GetTuple(cell))
+    size = np.linalg.norm(image.GetCellData().GetArray(name).GetTuple(cell))
     assert_allclose(size, result.magnitude.max(), rtol=1e-14)
 
 
@@ -289,21 +292,6 @@ def test_without_xarray_it_is_said_what_to_install(monkeypatch):
         PRESSED.to_xarray()
 
 
-def test_the_bodies_are_read_again(tmp_path):
-    soft = contact.Material.from_shear(1.0, 0.3)
-    for material in (soft, (soft, contact.Material.rigid())):
-        pressed = contact.normal_contact(
-            contact.surfaces.cylinder(21, 0.1, radius=2.0), 0.1, material=material, force=0.3
-        )
-        path = tmp_path / "pressed.npz"
-        pressed.save(path, overwrite=True)
-        again = contact.load(path)
-        assert again.material.bodies == pressed.material.bodies
-        expected = contact.subsurface_stresses(pressed, depths=0.1).components
-        below = contact.subsurface_stresses(again, depths=0.1).components
-        assert np.array_equal(below, expected)
-
-
 def test_what_all_ranks_compute_together_is_not_asked_of_one(tmp_path):
     """The stiffness of the rows that one rank has would wait for the others for ever."""
 
@@ -321,21 +309,7 @@ def test_what_all_ranks_compute_together_is_not_asked_of_one(tmp_path):
     assert "stiffness" in PRESSED.summary()
 
 
-# Curves and stresses ------------------------------------------------------------------------
-
-CURVE = contact.creep_curve(
-    PRESSED, mu=0.3, longitudinal=np.array([-0.01, 0.02]), tolerance=1e-4, max_products=100
-)
-STRESSES = contact.subsurface_stresses(PRESSED, depths=[0.1, 0.3, 0.4])
-BELOW_A_LINE = contact.subsurface_stresses(ROLLED_LINE, depths=0.1)
-
-
-@pytest.mark.parametrize("result", [CURVE, STRESSES, BELOW_A_LINE])
-def test_a_curve_and_stresses_are_saved_and_loaded(result, tmp_path):
-    result.save(tmp_path / "x.npz")
-    assert_same(contact.load(tmp_path / "x.npz"), result)
-    with np.load(tmp_path / "x.npz") as file:
-        assert {*file.files} - {"about", "products"} <= {*json.loads(str(file["about"]))["units"]}
+# Stresses -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("stresses", [STRESSES, BELOW_A_LINE])
@@ -355,12 +329,7 @@ def test_stresses_as_a_grid_of_vtk(stresses, tmp_path):
 
 @pytest.mark.parametrize("stresses", [STRESSES, BELOW_A_LINE])
 def test_vtk_reads_stresses(stresses, tmp_path):
-    vtk = pytest.importorskip("vtk")
-    stresses.to_vtk(tmp_path / "x.vtr")
-    reader = vtk.vtkXMLRectilinearGridReader()
-    reader.SetFileName(str(tmp_path / "x.vtr"))
-    reader.Update()
-    grid = reader.GetOutput()
+    grid = read_by_vtk(stresses, tmp_path / "x.vtr", "vtkXMLRectilinearGridReader")
     assert grid.GetNumberOfPoints() == stresses.xx.size
     assert grid.GetPointData().GetArray("xz").GetNumberOfTuples() == stresses.xx.size
     assert grid.GetBounds()[4:] == (stresses.depths[0], stresses.depths[-1])
