@@ -7,8 +7,8 @@ import warnings
 import numpy as np
 import pytest
 
+from tests.command_line import main
 from toeplitz_mg import halfspace
-from toeplitz_mg.cli.main import main
 from toeplitz_mg.contact import (
     ContactError,
     ContactWarning,
