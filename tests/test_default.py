@@ -69,6 +69,7 @@ def of_symbol(name, n):
     return tmg.ToeplitzOperator(column(name, n))
 
 
+K = np.indices((79, 79)) - 39
 MATRICES = {
     "slow decay, n = 900": of_symbol("contact", 900),
     "slow decay, n = 2^14": of_symbol("contact", 2**14),
@@ -85,8 +86,15 @@ MATRICES = {
         tmg.ToeplitzOperator(exponential(12, 9, 10) ** 2),
         np.indices((12, 9, 10)).sum(axis=0) % 3 > 0,
     ),
+    "a large circle": tmg.MaskedOperator(
+        half_space(tmg.halfspace.influence_zz, (256, 256), 1.0, 1.0), masks.circle(256)
+    ),
     "stretched elements": tmg.MaskedOperator(
         half_space(tmg.halfspace.influence_zz, (64, 64), 1.0, 20.0), masks.circle(64)
+    ),
+    "not even, on a mask": tmg.MaskedOperator(
+        tmg.ToeplitzOperator.from_lags(np.exp(-(K[0] ** 2 + K[0] * K[1] + K[1] ** 2) / 1.5)),
+        masks.circle(40),
     ),
     "wide exponential": tmg.ToeplitzOperator(np.exp(-np.hypot(*np.indices((64, 64))) / 10.0)),
     "coupled": tangential(40, 0.28),
@@ -254,6 +262,10 @@ def test_what_it_refuses():
             function(tmg.cosine_preconditioner(A))
     with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):
         tmg.default_preconditioner(tmg.ToeplitzOperator([[1.0, 2.0], [2.0, 3.0]]))
+    c = np.zeros((30, 40))
+    c[0, 0], c[29, 39] = 1.0, -1.5
+    with pytest.raises(np.linalg.LinAlgError, match="A is not positive definite: for some vector"):
+        tmg.default_preconditioner(tmg.ToeplitzOperator(c))
     with pytest.raises(np.linalg.LinAlgError, match="or gmres, which takes any matrix, or cg"):
         tmg.default_preconditioner(tmg.ToeplitzOperator(np.eye(1, 900).reshape(30, 30) - 2.0))
 

@@ -100,31 +100,22 @@ def test_a_callback_says_with_what_it_is_to_be_called():
         tmg.gmres(np.eye(3), np.ones(3), callback_type="legacy")
 
 
-def test_toeplitz_matrices_without_symmetry():
-    k = np.arange(500)
-    A = tmg.ToeplitzOperator((1.0 + k) ** -1.1, 0.5 * (1.0 + k) ** -2.0)
-    # The inverse of the triangular matrix of the first column, cut to 100 entries.
-    M = tmg.ToeplitzOperator(np.where(k < 100, np.linalg.solve(A.toarray(), k == 0), 0.0), 0.0 * k)
-    b = vector(500)
-    counts = []
-    for preconditioner in (None, M):
-        residuals = []
-        x, info = tmg.gmres(A, b, M=preconditioner, rtol=1e-10, residuals=residuals)
-        assert info == 0
-        assert np.linalg.norm(b - A @ x) <= 1.001e-10 * np.linalg.norm(b)
-        counts.append(len(residuals))
-    assert 2 * counts[1] < counts[0]
-    z, info = tmg.gmres(A, b + 1j * b[::-1], M=M, rtol=1e-10)
-    assert info == 0
-    assert np.linalg.norm(b + 1j * b[::-1] - A @ z) <= 1.001e-10 * np.linalg.norm([b, b])
+K = np.arange(500)
 
 
-def test_complex_toeplitz_matrices():
-    k = np.arange(500)
-    column, row = 0.5**k * np.exp(0.7j * k), 0.4**k * np.exp(0.2j * k)
-    b = vector(500, np.complex128)
-    for A in (tmg.ToeplitzOperator(column, row), tmg.ToeplitzOperator(column)):
-        M = tmg.chan_preconditioner(A)
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ((1.0 + K) ** -1.1, 0.5 * (1.0 + K) ** -2.0),
+        (0.5**K * np.exp(0.7j * K), 0.4**K * np.exp(0.2j * K)),
+        (0.5**K * np.exp(0.7j * K),),
+    ],
+    ids=["real", "complex", "Hermitian"],
+)
+def test_a_preconditioner_of_a_toeplitz_matrix_halves_the_iterations(arguments):
+    A = tmg.ToeplitzOperator(*arguments)
+    M = tmg.chan_preconditioner(A)
+    for b in (vector(500), vector(500, np.complex128)):
         counts = []
         for preconditioner in (None, M):
             residuals = []
@@ -133,9 +124,6 @@ def test_complex_toeplitz_matrices():
             assert np.linalg.norm(b - A @ x) <= 1.001e-10 * np.linalg.norm(b)
             counts.append(len(residuals))
         assert counts[1] <= counts[0] / 2
-    x, info = tmg.cg(A, b, M=M, rtol=1e-10)  # The second one is Hermitian positive definite.
-    assert info == 0
-    assert np.linalg.norm(b - A @ x) <= 1e-9 * np.linalg.norm(b)
 
 
 @pytest.mark.parametrize("restart", [None, 7])
@@ -157,14 +145,6 @@ def test_one_product_an_iteration_and_one_a_cycle(restart):
             )
         assert info == 0
         assert work.products == len(residuals) - 1 + len(cycles) + first
-
-
-@pytest.mark.parametrize("of_A", [1e-300, 1e-200, 1e200, 1e300])
-def test_matrices_tiny_and_huge(of_A):
-    A, b = matrix(40), vector(40)
-    x, info = tmg.gmres(of_A * A, of_A * b, rtol=1e-10)
-    assert info == 0
-    assert np.linalg.norm(b - A @ x) <= 1.001e-10 * np.linalg.norm(b)
 
 
 def test_stagnation_is_reported():
