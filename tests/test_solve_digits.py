@@ -27,7 +27,7 @@ def left_as_it_is(n):
 
 
 @pytest.mark.parametrize("columns", [1, 3, 40])
-@pytest.mark.parametrize("n", [150, 700, 2500])
+@pytest.mark.parametrize("n", [150, 700, 2100])
 @pytest.mark.parametrize("name", COLUMNS)
 def test_the_backward_error_is_that_of_a_direct_method(name, n, columns):
     c = column(name, n)
