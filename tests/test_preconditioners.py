@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
+from comparisons.systems.symbols import NONSYMMETRIC
 from tests.budgets import assert_within_budget
 from tests.cases import checkered, contact, exponential
 from toeplitz_mg.paper import problems
@@ -420,26 +421,16 @@ def test_fsai_refuses_more_neighbours_than_can_be_of_use(neighbours):
         tmg.fsai_preconditioner(A_FEW, neighbours=neighbours)
 
 
-def general_columns(n):
-    """First columns and first rows of matrices whose symbols keep away from zero."""
-    k = np.arange(n)
-    yield (1.0 + k) ** -1.1, np.r_[1.0, 0.5 * (1.0 + k[1:]) ** -2.0]
-    yield np.r_[2.05, -1.3, np.zeros(n - 2)], np.r_[2.05, -0.7, np.zeros(n - 2)]
-    yield 1.0 / (1.0 + k), (-1.0) ** k / (1.0 + k)
-    yield np.exp((0.5j - 0.2) * k), np.exp(-(0.3j + 0.4) * k)
-
-
-def test_iterations_with_a_circulant_of_a_general_matrix_do_not_depend_on_its_size():
+@pytest.mark.parametrize("name", NONSYMMETRIC)
+def test_iterations_with_a_circulant_of_a_general_matrix_do_not_depend_on_its_size(name):
     """GMRES with T. Chan's circulant, to 1e-8."""
     counts = []
     for n in (2**10, 2**12, 2**14):
-        rng = np.random.default_rng(n)
-        for c, r in general_columns(n):
-            A = tmg.ToeplitzOperator(c, r)
-            b, residuals = rng.standard_normal(n), []
-            M = tmg.chan_preconditioner(A)
-            x, info = tmg.gmres(A, b, M=M, rtol=1e-8, residuals=residuals)
-            assert info == 0
-            assert np.linalg.norm(b - A @ x) <= 1.01e-8 * np.linalg.norm(b)
-            counts.append(len(residuals) - 1)
-    assert_within_budget("chan_preconditioner, general matrices", iterations=max(counts))
+        A = tmg.ToeplitzOperator(*NONSYMMETRIC[name](n))
+        b, residuals = np.random.default_rng(n).standard_normal(n), []
+        x, info = tmg.gmres(A, b, M=tmg.chan_preconditioner(A), rtol=1e-8, residuals=residuals)
+        assert info == 0
+        assert np.linalg.norm(b - A @ x) <= 1.01e-8 * np.linalg.norm(b)
+        counts.append(len(residuals) - 1)
+    assert counts[2] <= counts[0] + 1
+    assert_within_budget("chan_preconditioner, general matrices", iterations=counts[2])
