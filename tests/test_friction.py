@@ -1,6 +1,5 @@
 """Friction: Cattaneo and Mindlin, Coulomb's law for any load, bonded bodies, histories."""
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 import scipy.linalg
@@ -21,9 +20,8 @@ from toeplitz_mg.contact import (
 )
 from toeplitz_mg.halfspace import influence_matrix
 
-mpl.use("Agg")
-
 MU, A = 0.3, 0.6
+BODY = Material.from_shear(1.0, 0.3)
 
 # Tests of what is solved, on grids that are meant to be small or strange.
 doubtful = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
@@ -43,13 +41,9 @@ def line(n, **arguments):
 def circle(n, nu, **arguments):
     """A Hertzian circular contact on [-1, 1]², R = 1, G = 1 - ν."""
     x, y = surfaces.centres((n, n), (2.0 / n, 2.0 / n))
-    r = np.hypot(x, y)
+    r, material = np.hypot(x, y), Material.from_shear(1.0 - nu, nu)
     g = MU * 2 * A / np.pi * semi_ellipse(r, A)
-    return (
-        r,
-        g,
-        friction(g, (2.0 / n, 2.0 / n), material=Material.from_shear(1.0 - nu, nu), **arguments),
-    )
+    return r, g, friction(g, (2.0 / n, 2.0 / n), material=material, **arguments)
 
 
 def assert_areas(result):
@@ -292,8 +286,8 @@ def test_bonded_bodies_are_the_papers_problem(name):
 
 def test_bonded_bodies_with_a_force():
     bound = np.full((20, 12), np.inf)
-    result = friction(bound, (1.0, 2.0), material=Material.from_shear(1.0, 0.3), force=(3.0, -1.0))
-    assert_coulomb(result, Material.from_shear(1.0, 0.3))
+    result = friction(bound, (1.0, 2.0), material=BODY, force=(3.0, -1.0))
+    assert_coulomb(result, BODY)
     assert_allclose(result.force, [3.0, -1.0], rtol=1e-10)
 
 
@@ -342,11 +336,9 @@ def test_the_solution_in_two_components_has_the_least_energy():
 def test_coulombs_law_for_any_load_and_history(seed, shape, nu, mu, load, part, is_force):
     rng = np.random.default_rng(seed)
     G, h = 10.0 ** rng.uniform(-1, 5), 10.0 ** rng.uniform(-3, 1)
-    element = (h, h * 10 ** rng.uniform(-1, 1))
-    gap = h * rng.random(shape)
-    contact = normal_contact(
-        gap, element, material=Material.from_shear(G, nu), approach=h * rng.uniform(0.2, 2.0)
-    )
+    element, material = (h, h * 10 ** rng.uniform(-1, 1)), Material.from_shear(G, nu)
+    case = {"element": element, "material": material}
+    contact = normal_contact(h * rng.random(shape), approach=h * rng.uniform(0.2, 2.0), **case)
     g = mu * contact.traction
     if not g.any():
         return
@@ -354,22 +346,14 @@ def test_coulombs_law_for_any_load_and_history(seed, shape, nu, mu, load, part, 
     direction = np.array([np.cos(angle), np.sin(angle)])[: len(shape)]
     if is_force:
         force = direction * part * g.sum() * np.prod(element)
-        result = friction(g, element, material=Material.from_shear(G, nu), force=force)
+        result = friction(g, force=force, **case)
         assert_allclose(result.force, force, rtol=1e-8, atol=1e-8 * np.abs(force).max())
     else:
-        result = friction(
-            g, element, material=Material.from_shear(G, nu), shift=direction * load * h
-        )
-    assert_coulomb(result, Material.from_shear(G, nu))
+        result = friction(g, shift=direction * load * h, **case)
+    assert_coulomb(result, material)
     g = g * rng.uniform(0.5, 1.5)  # The pressure changes, and comes back.
-    after = friction(
-        g,
-        element,
-        material=Material.from_shear(G, nu),
-        shift=-rng.uniform(0, 2) * direction * load * h,
-        previous=result,
-    )
-    assert_coulomb(after, Material.from_shear(G, nu), result)
+    shift = -rng.uniform(0, 2) * direction * load * h
+    assert_coulomb(friction(g, shift=shift, previous=result, **case), material, result)
 
 
 # Histories ----------------------------------------------------------------------------------
@@ -379,28 +363,18 @@ def test_unloading_is_loading_backwards_with_twice_the_bound():
     # Mindlin and Deresiewicz (1953): exact for the discrete problem in one component too.
     full = MU * np.pi * A**2 / 4
     _, g, loaded = line(200, force=0.7 * full, tolerance=1e-11)
-    h = 2.0 / 200
-    unloaded = friction(
-        g,
-        h,
-        material=Material.from_shear(0.7, 0.3),
-        force=0.1 * full,
-        previous=loaded,
-        tolerance=1e-11,
-    )
-    reverse = friction(
-        2 * g, h, material=Material.from_shear(0.7, 0.3), force=0.6 * full, tolerance=1e-11
-    )
+    case = {"element": 0.01, "material": Material.from_shear(0.7, 0.3), "tolerance": 1e-11}
+    unloaded = friction(g, force=0.1 * full, previous=loaded, **case)
+    reverse = friction(2 * g, force=0.6 * full, **case)
     assert_allclose(unloaded.traction, loaded.traction - reverse.traction, atol=1e-7 * g.max())
 
 
 def test_nothing_moves_without_a_load():
     _, g, loaded = circle(24, 0.3, shift=(0.05, 0.02))
-    again = friction(
-        g, loaded.element, material=Material.from_shear(0.7, 0.3), shift=(0.0, 0.0), previous=loaded
-    )
+    case = {"material": Material.from_shear(0.7, 0.3), "shift": (0.0, 0.0)}
+    again = friction(g, loaded.element, previous=loaded, **case)
     assert_allclose(again.traction, loaded.traction, atol=1e-6 * g.max())
-    still = friction(g, loaded.element, material=Material.from_shear(0.7, 0.3), shift=(0.0, 0.0))
+    still = friction(g, loaded.element, **case)
     assert not still.traction.any()
     assert still.stick.sum() == (g > 0).sum()
 
@@ -410,7 +384,7 @@ def test_nothing_moves_without_a_load():
 def test_a_contact_that_shrinks_keeps_nothing_outside(is_line, most):
     # The elements that leave the contact carry nothing, whether the others stick or not.
     shape, element = ((40,), 0.1) if is_line else ((24, 20), (0.1, 0.1))
-    material = Material.from_shear(1.0, 0.3)
+    material = BODY
     r = np.sqrt(sum(x**2 for x in surfaces.centres(shape, element)))
     force = 10.0 if is_line else (6.0, 2.0)
     before = friction(np.where(r < 0.9, most, 0.0), element, material=material, force=force)
@@ -426,7 +400,7 @@ def test_a_contact_that_shrinks_keeps_nothing_outside(is_line, most):
 def test_bodies_that_shift_back_to_where_they_were_carry_nothing(shape, seed):
     """Their violation is relative to the displacements before, of which nothing is left."""
     shift = np.random.default_rng(seed).standard_normal(len(shape))
-    case = {"element": (0.1,) * len(shape), "material": Material.from_shear(1.0, 0.3)}
+    case = {"element": (0.1,) * len(shape), "material": BODY}
     g = np.full(shape, np.inf)
     there = friction(g, shift=shift, **case)
     back = friction(g, shift=-shift, previous=there, **case)
@@ -439,7 +413,7 @@ def test_bodies_that_shift_back_to_where_they_were_carry_nothing(shape, seed):
 @pytest.mark.parametrize("shape", [(60,), (14, 8)])
 def test_a_bound_that_falls_far_below_the_tractions(shape):
     rng = np.random.default_rng(2)
-    element, material = (0.1,) * len(shape), Material.from_shear(1.0, 0.3)
+    element, material = (0.1,) * len(shape), BODY
     for ratio in (1.5, 10.0, 100.0):
         g = np.maximum(0.0, rng.random(shape) - 0.3)
         force = 0.9 * g.sum() * np.prod(element) * np.eye(len(shape))
@@ -472,8 +446,8 @@ def test_tiny_bounds_are_no_contact():
     """Those below 1e-15 of the largest."""
     g = np.random.default_rng(0).uniform(0.1, 1.0, (12, 9))
     g[::3], g[1] = 1e-17, 1e-13
-    result = friction(g, (1.0, 1.0), material=Material.from_shear(1.0, 0.3), shift=(0.3, 0.1))
-    assert_coulomb(result, Material.from_shear(1.0, 0.3))
+    result = friction(g, (1.0, 1.0), material=BODY, shift=(0.3, 0.1))
+    assert_coulomb(result, BODY)
     assert not result.contact[::3].any()
     assert result.contact[1::3].all()
 
@@ -503,7 +477,7 @@ def test_bounds_that_decay_far_below_rounding():
 def test_bounds_over_many_decades(decades):
     # What is left to solve is on elements of tiny bounds, whose search directions round to zero.
     g = 10.0 ** np.array(decades, float)
-    element, material = (0.1, 0.1), Material.from_shear(1.0, 0.3)
+    element, material = (0.1, 0.1), BODY
     force = 0.999999 * 0.01 * g.sum() * np.array([0.6, -0.8])
     result = friction(g, element, material=material, force=force)
     assert_coulomb(result, material)
@@ -511,48 +485,12 @@ def test_bounds_over_many_decades(decades):
 
 
 def test_frictionless_bodies_slide():
-    result = friction(np.zeros(5), 1.0, material=Material.from_shear(1.0, 0.3), shift=1.0)
+    result = friction(np.zeros(5), 1.0, material=BODY, shift=1.0)
     assert not result.traction.any()
     assert not result.contact.any()
 
 
 # Failures -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"bound": [-1.0, 1.0]}, "bound has the value -1"),
-        ({"bound": [np.nan, 1.0]}, "bound is not a number"),
-        ({"shift": None}, "one of the two"),
-        ({"force": 1.0}, "one of the two"),
-        ({"shift": (1.0, 2.0, 3.0)}, "shift has shape"),
-        ({"shift": np.inf}, "shift has values that are not finite"),
-        ({"shift": None, "force": 2.1}, "of size 2.1, but the traction bound carries 2 at most"),
-        ({"shift": None, "force": (1.0, 1.0, 1.0)}, "force is .*a number"),
-        ({"bound": np.ones((2, 2)), "element": (1.0, 1.0)}, "shift has shape"),
-        ({"bound": np.ones((2, 2)), "element": (1.0, 1.0), "shift": None, "force": 0.1}, "Fx, Fy"),
-        ({"tolerance": 2.0}, "tolerance is 2"),
-    ],
-)
-def test_refuses_what_makes_no_sense(change, message):
-    arguments = {
-        "bound": np.ones(2), "element": 1.0, "material": Material.from_shear(1.0, 0.3), "shift": 1.0
-    } | change  # fmt: skip
-    with pytest.raises(ValueError, match=message):
-        friction(arguments.pop("bound"), arguments.pop("element"), **arguments)
-
-
-@doubtful
-def test_refuses_another_history():
-    contact = normal_contact(np.zeros(3), 1.0, material=Material.from_shear(1.0, 0.3), force=1.0)
-    with pytest.raises(ValueError, match="previous is a normal contact"):
-        friction(
-            np.ones(3), 1.0, material=Material.from_shear(1.0, 0.3), shift=1.0, previous=contact
-        )
-    other = friction(np.ones(4), 1.0, material=Material.from_shear(1.0, 0.3), shift=1.0)
-    with pytest.raises(ValueError, match=r"previous has \(4,\) elements"):
-        friction(np.ones(3), 1.0, material=Material.from_shear(1.0, 0.3), shift=1.0, previous=other)
 
 
 @pytest.mark.parametrize(
@@ -564,14 +502,36 @@ def test_refuses_another_history():
         ({"shift": None, "force": 1j}, "force is 1j, but must be of real numbers"),
         ({"previous": np.zeros(2)}, "previous is of type ndarray, but must be a TangentialResult"),
         ({"progress": 3}, "progress is 3"),
+        ({"bound": [-1.0, 1.0]}, "bound has the value -1"),
+        ({"bound": [np.nan, 1.0]}, "bound is not a number"),
+        ({"shift": None}, "one of the two"),
+        ({"force": 1.0}, "one of the two"),
+        ({"shift": (1.0, 2.0, 3.0)}, "shift has shape"),
+        ({"shift": np.inf}, "shift has values that are not finite"),
+        ({"shift": None, "force": 2.1}, "of size 2.1, but the traction bound carries 2 at most"),
+        ({"shift": None, "force": (1.0, 1.0, 1.0)}, "force is .*a number"),
+        ({"bound": np.ones((2, 2)), "element": (1.0, 1.0)}, "shift has shape"),
+        ({"bound": np.ones((2, 2)), "element": (1.0, 1.0), "shift": None, "force": 0.1}, "Fx, Fy"),
+        ({"tolerance": 2.0}, "tolerance is 2"),
+        ({"shift": 0.1, "force": 0.1}, "one of the two must be given: a shift beside a force"),
     ],
 )
-def test_refuses_other_types(change, message):
-    arguments = {
-        "bound": np.ones(2), "element": 1.0, "material": Material.from_shear(1.0, 0.3), "shift": 1.0
-    } | change  # fmt: skip
-    with pytest.raises(TypeError, match=message):
-        friction(arguments.pop("bound"), arguments.pop("element"), **arguments)
+def test_refuses_what_makes_no_sense(change, message):
+    given = {"bound": np.ones(2), "element": 1.0, "material": BODY, "shift": 1.0} | change
+    is_type = any(words in message for words in ("masked", "real numbers", "of type", "progress"))
+    with pytest.raises(TypeError if is_type else ValueError, match=message):
+        friction(**given)
+
+
+@doubtful
+def test_refuses_another_history():
+    case = {"element": 1.0, "material": BODY}
+    contact = normal_contact(np.zeros(3), force=1.0, **case)
+    with pytest.raises(ValueError, match="previous is a normal contact"):
+        friction(np.ones(3), shift=1.0, previous=contact, **case)
+    other = friction(np.ones(4), shift=1.0, **case)
+    with pytest.raises(ValueError, match=r"previous has \(4,\) elements"):
+        friction(np.ones(3), shift=1.0, previous=other, **case)
 
 
 def test_failure_is_an_error_that_says_what_is_violated():
@@ -587,59 +547,45 @@ def test_tractions_are_within_their_bound_however_their_size_is_rounded():
     rng = np.random.default_rng(0)
     g, angle = rng.uniform(0.1, 1.0, (120, 110)), rng.uniform(0.0, 2.0 * np.pi, (120, 110))
     shift = 1e6 * np.stack([np.cos(angle), np.sin(angle)])
-    result = friction(g, (0.1, 0.1), material=Material.from_shear(1.0, 0.3), shift=shift)
+    result = friction(g, (0.1, 0.1), material=BODY, shift=shift)
     assert_areas(result)
     assert result.sliding.all()
     assert (np.hypot(*result.traction) <= g).all()
     assert (np.sqrt((result.traction**2).sum(axis=0)) <= g).all()
 
 
-@pytest.mark.parametrize("is_line", [True, False])
-def test_plot(is_line):
-    result = line(40, shift=0.05)[2] if is_line else circle(20, 0.3, shift=(0.05, 0.0))[2]
-    axes = result.plot()
-    assert axes.get_xlabel() == "x [mm]"
-    mpl.pyplot.close(axes.figure)
+PRESSED = pressed_line()
+SHIFTED = friction(PRESSED, mu=0.3, shift=0.01)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("bound", "given", "error", "message"),
     [
-        ({}, "mu is not given"),
-        ({"mu": 0.3, "element": 0.1}, "element is given, but a normal result has its own"),
-        ({"mu": 0.3, "material": Material.from_shear(1.0, 0.3)}, "material is given"),
+        (PRESSED, {}, TypeError, "mu is not given"),
+        (PRESSED, {"mu": 0.3, "element": 0.1}, TypeError, "element is given, but a normal result"),
+        (PRESSED, {"mu": 0.3, "material": BODY}, TypeError, "material is given"),
+        (PRESSED, {"mu": -0.1}, ValueError, r"mu is -0\.1, but a coefficient of friction"),
+        (PRESSED, {"mu": [0.1, 0.2, 0.3]}, ValueError, r"mu has shape \(3,\), but must be a num"),
+        (np.ones(4), {"mu": 0.1}, TypeError, "mu is given, but bound is no normal result"),
+        (np.ones(4), {"element": 1.0}, TypeError, "material is not given"),
+        (SHIFTED, {"mu": 0.3}, TypeError, "bound is a tangential result"),
+        (
+            FrictionalResult(PRESSED, SHIFTED, (0.0,)),
+            {"mu": 0.3},
+            TypeError,
+            "bound is a FrictionalResult, but must be a normal result",
+        ),
     ],
 )
-def test_a_normal_result_needs_a_coefficient_of_friction_alone(arguments, message):
-    with pytest.raises(TypeError, match=message):
-        friction(pressed_line(), force=0.1, **arguments)
-
-
-def test_refuses_a_coefficient_of_friction_that_makes_no_sense():
-    with pytest.raises(ValueError, match=r"mu is -0\.1, but a coefficient of friction"):
-        friction(pressed_line(), mu=-0.1, force=0.1)
-    with pytest.raises(ValueError, match=r"mu has shape \(3,\), but must be a number"):
-        friction(pressed_line(), mu=[0.1, 0.2, 0.3], force=0.1)
-    bound, steel = np.ones(4), Material.from_shear(1.0, 0.3)
-    with pytest.raises(TypeError, match="mu is given, but bound is no normal result"):
-        friction(bound, 1.0, mu=0.1, material=steel, force=0.1)
-    with pytest.raises(TypeError, match="material is not given"):
-        friction(bound, 1.0, force=0.1)
-    both = FrictionalResult(pressed_line(), friction(pressed_line(), mu=0.3, shift=0.01), (0.0,))
-    with pytest.raises(TypeError, match="bound is a FrictionalResult, but must be a normal result"):
-        friction(both, mu=0.3, force=0.1)
-    with pytest.raises(TypeError, match="bound is a tangential result"):
-        friction(friction(pressed_line(), mu=0.3, shift=0.01), mu=0.3, shift=0.01)
+def test_a_normal_result_needs_a_coefficient_of_friction_alone(bound, given, error, message):
+    with pytest.raises(error, match=message):
+        friction(bound, force=0.1, **given)
 
 
 def test_the_work_of_slip_is_that_of_the_force_less_the_energy():
     """Of the line of Mindlin and Deresiewicz, by steps: ∮F dδ = W + ΔE."""
-    steps, before, work, lost = (
-        np.linspace(0.0, 0.9, 46)[1:] * MU * np.pi * A**2 / 4,
-        None,
-        0.0,
-        0.0,
-    )
+    steps = np.linspace(0.0, 0.9, 46)[1:] * MU * np.pi * A**2 / 4
+    before, work, lost = None, 0.0, 0.0
     for force in steps:
         _, _, now = line(256, force=force, previous=before)
         mean = force if before is None else force + before.force
@@ -678,11 +624,8 @@ def test_a_force_just_below_the_bound_is_solved(missing):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (
-            {"material": Material.from_shear(0.7, 0.25)},
-            "previous is of .*: a history is of the sam",
-        ),
-        ({"material": Material.from_shear(0.8, 0.3)}, "previous is of .*: a history is of the sam"),
+        ({"material": Material.from_shear(0.7, 0.25)}, "previous is of .*: a history is of the s"),
+        ({"material": Material.from_shear(0.8, 0.3)}, "previous is of .*: a history is of the s"),
         ({"periodic": True}, r"previous repeats along the axes \(False, False\), but"),
     ],
 )
@@ -700,10 +643,7 @@ def test_a_history_is_of_one_surface(change, message):
 @pytest.mark.parametrize("load", [{"force": (0.02, -0.03)}, {"shift": (0.0, 0.05)}])
 def test_strips_that_shift_along_themselves_are_a_grid_of_one_column(load):
     (x,) = surfaces.centres(20, 0.1)
-    g, case = (
-        semi_ellipse(x, 0.9),
-        {"element": (0.1, 3.0), "material": Material.from_shear(1.0, 0.3)} | load,
-    )
+    g, case = semi_ellipse(x, 0.9), {"element": (0.1, 3.0), "material": BODY} | load
     strips, grid = friction(g, **case), friction(g[:, None], **case)
     assert_allclose(strips.traction, grid.traction[..., 0], atol=1e-7)
     assert_allclose(strips.force, grid.force, atol=1e-7)
@@ -737,21 +677,10 @@ def test_a_body_that_is_stretched_shifts_the_stick_zone():
     assert stretched.shift.shape == x.shape
 
 
-def test_a_shift_beside_a_force_is_a_field():
-    case = {"material": Material.from_shear(1.0, 0.3), "force": 0.1}
-    with pytest.raises(ValueError, match="one of the two must be given: a shift beside a force"):
-        friction(np.ones(12), 1.0, shift=0.1, **case)
-
-
 def test_surfaces_that_repeat_and_stick_everywhere_take_no_shift():
     """Of a mean there is no displacement, so that no shift says what the force is."""
-    pressed = normal_contact(
-        np.zeros((12, 12)),
-        (0.1, 0.1),
-        material=Material.from_shear(1.0, 0.3),
-        force=0.1,
-        periodic=True,
-    )
+    case = {"material": BODY, "force": 0.1, "periodic": True}
+    pressed = normal_contact(np.zeros((12, 12)), (0.1, 0.1), **case)
     assert pressed.contact.all()
     with pytest.raises(ValueError, match="surfaces that repeat and touch everywhere stick"):
         friction(pressed, mu=MU, shift=(1e-3, 0.0))

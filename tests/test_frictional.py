@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from tests.budgets import assert_within_budget
+from tests.test_friction import doubtful
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import (
     ContactError,
@@ -19,8 +20,6 @@ from toeplitz_mg.contact import (
 
 SOFT, RIGID = Material.from_shear(0.5, 0.0), Material.rigid()
 BODIES = Material.from_shear(1.0, 0.1), Material.from_shear(3.0, 0.4)
-
-doubtful = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
 
 
 def boussinesq(G, nu, x, y, z):
@@ -39,43 +38,6 @@ def cerruti(G, nu, x, y, z):
     u_y = x * y / rho**3 - b * x * y / (rho * a**2)
     u_z = x * z / rho**3 + b * x / (rho * a)
     return np.array([u_x, u_y, u_z]) / (4 * np.pi * G)
-
-
-@pytest.mark.parametrize("point", [cerruti, boussinesq])
-def test_the_point_solutions_are_in_equilibrium(point):
-    """They solve Navier's equations, and their stress carries the unit force across a plane."""
-    G, nu, e = 0.7, 0.2, 1e-3
-    steps = e * np.eye(3)
-
-    def u(at):
-        return point(G, nu, *at)
-
-    def gradient(f, at):
-        return np.array([(f(at + s) - f(at - s)) / (2 * e) for s in steps])
-
-    def divergence(at):
-        return np.trace(gradient(u, at))
-
-    at = np.array([0.3, -0.5, 0.9])
-    laplacian = sum(u(at + s) - 2 * u(at) + u(at - s) for s in steps) / e**2
-    navier = laplacian + gradient(divergence, at) / (1 - 2 * nu)
-    assert_allclose(navier, 0.0, atol=1e-4 * np.abs(laplacian).max())
-
-    # The force across the plane z = 1, by the trapezoidal rule in x = sinh s, y = sinh t.
-    s = np.linspace(-9, 9, 361)
-    x = np.sinh(s)
-    X, Y = np.meshgrid(x, x, indexing="ij")
-    weight = np.outer(np.cosh(s), np.cosh(s)) * (s[1] - s[0]) ** 2
-    plane = np.array([X, Y, np.ones_like(X)])
-    du = np.array(
-        [(u(plane + k[:, None, None]) - u(plane - k[:, None, None])) / (2 * e) for k in steps]
-    )
-    lame = 2 * G * nu / (1 - 2 * nu)
-    trace = du[0, 0] + du[1, 1] + du[2, 2]
-    tractions = [G * (du[2, i] + du[i, 2]) + (lame * trace if i == 2 else 0) for i in range(3)]
-    force = [(t * weight).sum() for t in tractions]
-    # The body below the plane is pushed by the force that the body above receives.
-    assert_allclose(force, [0, 0, -1] if point is boussinesq else [-1, 0, 0], atol=2e-3)
 
 
 @pytest.mark.parametrize("name", ["xz", "yz", "zx", "zy"])
@@ -168,15 +130,8 @@ def test_equals_a_dense_solution(bodies):
     gap = 0.02 * x**2 + 0.03 * (y - 0.1) ** 2
     result, before, peak = None, None, 0.0
     for force in (0.05, 0.15):
-        result = frictional_contact(
-            gap,
-            element,
-            material=bodies,
-            mu=mu,
-            force=force,
-            previous=result,
-            tolerance=1e-9,
-        )
+        case = {"material": bodies, "mu": mu, "force": force, "previous": result}
+        result = frictional_contact(gap, element, tolerance=1e-9, **case)
         t, approach = dense_solution(
             gap, element, bodies, mu, force, None if before is None else before.ravel()
         )
@@ -269,12 +224,8 @@ def test_units():
 
 def test_by_approach_as_by_force_and_by_a_tangential_force_as_by_a_shift():
     _, _, one = sphere(shift=(0.01, 0.0), tolerance=1e-8)
-    _, _, two = sphere(
-        force=None,
-        approach=one.normal.approach,
-        tangential_force=one.tangential.force,
-        tolerance=1e-8,
-    )
+    loads = {"approach": one.normal.approach, "tangential_force": one.tangential.force}
+    _, _, two = sphere(force=None, tolerance=1e-8, **loads)
     assert_allclose(two.normal.force, 0.2, rtol=1e-6)
     assert_allclose(two.tangential.shift, (0.01, 0.0), atol=1e-7)
     assert_allclose(two.tangential.traction, one.tangential.traction, atol=1e-6)
@@ -510,11 +461,7 @@ def test_friction_in_one_contact_may_open_or_close_another(towards):
     [
         ({"mu": -0.1}, ValueError, "mu is -0.1, but a coefficient of friction is at least zero"),
         ({"mu": np.nan}, ValueError, "mu is not a number somewhere"),
-        (
-            {"mu": [0.1, 0.2]},
-            ValueError,
-            r"mu has shape \(2,\), but must be a number, or have that",
-        ),
+        ({"mu": [0.1, 0.2]}, ValueError, r"mu has shape \(2,\), but must be a number, or have"),
         ({"heights": np.ones((4, 4))}, ValueError, "either gap or heights must be given"),
         ({"approach": 1.0}, ValueError, "one of the two must be given"),
         ({"force": None, "approach": 1e200}, ValueError, r"the interference is of size 1e\+200"),
@@ -524,11 +471,7 @@ def test_friction_in_one_contact_may_open_or_close_another(towards):
             "at most one of the two may be given",
         ),
         ({"tangential_force": (0.07, 0.0)}, ValueError, "tangential_force is .* would slide off"),
-        (
-            {"tangential_force": (0.07, 0.0), "force": None, "approach": 0.2},
-            ValueError,
-            "the bodies would slide off",
-        ),
+        ({"tangential_force": (0.07, 0), "force": None, "approach": 0.2}, ValueError, "slide off"),
         ({"previous": 1.0}, TypeError, "previous is of type float, but must be a FrictionalResult"),
         ({"max_iterations": 0}, ValueError, "max_iterations is 0"),
         ({"tolerance": 0.0}, ValueError, "tolerance is 0.0"),
@@ -550,9 +493,8 @@ def test_a_force_near_its_limit_along_one_axis_is_no_singular_matrix(force):
     element, bodies = (0.1, 0.1), (Material(E=1000.0, nu=0.0), RIGID)
     gap = surfaces.sphere((32, 32), element, radius=20.0)
     mu = np.where(surfaces.centres((32, 32), element)[0] + 0.0 * gap > 0.0, 0.8, 0.1)
-    result = frictional_contact(
-        gap, element, material=bodies, mu=mu, force=3.0, tangential_force=(force, 0.0)
-    )
+    loads = {"force": 3.0, "tangential_force": (force, 0.0)}
+    result = frictional_contact(gap, element, material=bodies, mu=mu, **loads)
     assert_allclose(result.tangential.force, (force, 0.0), atol=1e-9)
 
 

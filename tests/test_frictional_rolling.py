@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from tests.budgets import assert_within_budget
+from tests.test_friction import doubtful
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import (
     ContactError,
@@ -20,8 +21,6 @@ ROLLERS = ALUMINIUM, STEEL
 COMBINED = halfspace.combined_material(*ROLLERS)
 BETA = COMBINED.difference / (1.0 - COMBINED.nu)  # Dundurs' parameter.
 R = 25.0  # mm
-
-doubtful = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
 
 
 def rollers(n=128, **arguments):
@@ -46,14 +45,9 @@ PUBLISHED = [
 def test_published_creepages(mu, traction, creepage, contact, stick):
     x = -0.1075 + 0.001 * np.arange(216)
     force = 16201.9
-    result = frictional_rolling(
-        x**2 / (2 * R),
-        (0.001, 1000.0),
-        material=ROLLERS,
-        mu=mu,
-        force=force,
-        tangential_force=traction * mu * force,
-    )
+    case = {"material": ROLLERS, "mu": mu, "force": force}
+    case["tangential_force"] = traction * mu * force
+    result = frictional_rolling(x**2 / (2 * R), (0.001, 1000.0), **case)
     found = -result.tangential.creepages if creepage else 0.0
     assert f"{found:.3e}" == f"{creepage:.3e}"
     assert result.normal.contact.sum() == contact

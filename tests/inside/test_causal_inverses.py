@@ -153,6 +153,8 @@ def test_short_transforms_and_their_products_are_the_dense_ones(shape, dtype, ro
     assert_allclose(transforms.back(X), x, atol=rounding * np.abs(x).max())
     K = rolling_on(shape)
     short = CoupledOperator(K.blocks, product=ShortProduct.of(K)).astype(dtype)
+    # The circulant that embeds the matrix is larger than it.
+    assert short.norm_bound >= np.linalg.norm(K.toarray(), 2) * (1.0 - rounding)
     for matrix, dense in ((short, K.toarray()), (short.H, K.toarray().T)):
         y = matrix @ x[0].repeat(2).ravel()
         assert y.dtype == dtype
