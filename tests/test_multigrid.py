@@ -1,7 +1,9 @@
-"""Transfers, hierarchy and cycles; cycles do not depend on n."""
+"""A cycle corrects the coarse unknowns exactly, is positive definite, and does not depend on n.
+
+The coarse matrices are R A P, for restriction and interpolation by their dense definitions.
+"""
 
 import pickle
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,18 +13,13 @@ from scipy.sparse.linalg import LinearOperator, aslinearoperator, cg
 import toeplitz_mg as tmg
 from comparisons.systems.punch import Punch
 from comparisons.systems.symbols import column
-from tests.cases import aggregate, checkered, contact, exponential
-from toeplitz_mg.multigrid_cycle import Multigrid
-from toeplitz_mg.multigrid_cycle.border import MOST_LEFTOVER
-from toeplitz_mg.multigrid_cycle.hierarchy import build_levels
-from toeplitz_mg.multigrid_cycle.interpolation import AreaWeighted
-from toeplitz_mg.multigrid_cycle.transfer import Transfer
+from tests.budgets import assert_within_budget
+from tests.cases import checkered, contact, exponential
 from toeplitz_mg.paper.problems import test1, test2, test3
-from toeplitz_mg.preconditioners.direct import DenseInverse
 
 TESTS = [test1, test2, test3]
 SHAPES = [(2,), (3,), (8,), (31,), (1, 6), (6, 8), (5, 8), (7, 7), (2, 2, 4), (3, 2, 4)]
-
+MOST_LEFTOVER = 16  # Unknowns up to which what no coarse element covers is corrected with these.
 
 INTERPOLATIONS = [
     tmg.piecewise_constant,
@@ -32,6 +29,51 @@ INTERPOLATIONS = [
 ]
 
 
+def has_area_weights(A, interpolation):
+    """Whether copies go to an odd number of elements of several axes, so that areas weigh them."""
+    H = tmg.galerkin(A, interpolation)
+    is_odd = any(n % 2 and m < n for n, m in zip(A.grid_shape, H.grid_shape, strict=True))
+    several = sum(n > 1 for n in A.grid_shape) > 1
+    return is_odd and several and interpolation == tmg.piecewise_constant
+
+
+def overlap(n, m):
+    """The parts of n fine elements that lie in m coarse ones, all of which cover one length."""
+    fine, coarse = np.arange(n)[:, None], np.arange(m) * n / m
+    return np.maximum(np.minimum(fine + 1, coarse + n / m) - np.maximum(fine, coarse), 0.0)
+
+
+def copies(n, m, weights):
+    """The interpolation whose coarse elements begin 2 fine ones further on."""
+    P = np.zeros((n, m))
+    for i, weight in enumerate(weights):
+        P[2 * np.arange(m) + i, np.arange(m)] = weight
+    return P
+
+
+def interpolation_by_definition(A, interpolation):
+    """P on all elements, and s of Pᵀ = s R; axes with as many coarse elements are left alone."""
+    H, P, s = tmg.galerkin(A, interpolation), np.eye(1), 1.0
+    by_area = has_area_weights(A, interpolation)
+    for n, m in zip(A.grid_shape, H.grid_shape, strict=True):
+        is_odd, is_left = by_area and n % 2, m == n
+        P = np.kron(P, overlap(n, m) if is_odd or is_left else copies(n, m, interpolation.weights))
+        s *= 1.0 if is_left else n / m if is_odd else 2.0
+    return P, s
+
+
+def on_masks(P, A, H):
+    """The part of a matrix that is of the unknowns of A and H."""
+    rows, columns = (getattr(B, "mask", np.ones(B.grid_shape, bool)).ravel() for B in (A, H))
+    return P[rows][:, columns]
+
+
+def restriction_and_interpolation(A, interpolation):
+    P, s = interpolation_by_definition(A, interpolation)
+    P = on_masks(P, A, tmg.galerkin(A, interpolation))
+    return P.T / s, P
+
+
 def operators():
     for shape in SHAPES:
         A = tmg.ToeplitzOperator(contact(*shape) if len(shape) < 3 else exponential(*shape))
@@ -39,67 +81,48 @@ def operators():
         wide = np.arange(A.shape[0]).reshape(shape) % 7 > 0
         for B in (A, tmg.MaskedOperator(A, mask), tmg.MaskedOperator(A, wide | mask)):
             for interpolation in INTERPOLATIONS:
-                if Transfer.of(B, interpolation).has_coarse_grid:
+                try:
+                    H = tmg.galerkin(B, interpolation)
+                except ValueError:  # No coarse element is active.
+                    continue
+                if H.grid_shape != shape:
                     yield pytest.param(B, interpolation, id=f"{B} {interpolation.weights}")
 
 
 OPERATORS = list(operators())
+NESTED = [case for case in OPERATORS if not has_area_weights(*case.values)]
+BY_AREA = [case for case in OPERATORS if has_area_weights(*case.values)]
 
 
-def by_area(A, interpolation):
-    return any(isinstance(t, AreaWeighted) for t in Transfer.of(A, interpolation).by_axis)
-
-
-NESTED = [case for case in OPERATORS if not by_area(*case.values)]
-BY_AREA = [case for case in OPERATORS if by_area(*case.values)]
-
-
-def matrices(transfer, n, n_coarse):
-    P = np.empty((n_coarse, n))
-    transfer.interpolate(np.eye(n_coarse), P)
-    return transfer.restrict(np.eye(n)).copy().T, P.T
-
-
-def iterations(solve, problem, M, **options):
-    iterates = []
-    x, info = solve(
-        problem.A, problem.b, M=M, rtol=1e-8, maxiter=100, callback=iterates.append, **options
-    )
+def iterations(solve, A, M, b=None):
+    """The iterations with M, for a right-hand side of ones if none is given."""
+    b, iterates = np.ones(A.shape[0]) if b is None else b, []
+    x, info = solve(A, b, M=M, rtol=1e-8, maxiter=100, callback=iterates.append)
     assert info == 0
-    assert np.linalg.norm(problem.b - problem.A @ x) <= 1.1e-8 * np.linalg.norm(problem.b)
+    assert np.linalg.norm(b - A @ x) <= 1.1e-8 * np.linalg.norm(b)
     return len(iterates)
 
 
-# Transfer -----------------------------------------------------------------------------------
+def cg_iterations(A, **options):
+    return iterations(cg, A, tmg.multigrid(A, **options))
 
 
-@pytest.mark.parametrize("n", [2, 3, 8, 9])
-def test_transfer_along_one_axis_is_averaging_and_copying(n):
-    A = tmg.ToeplitzOperator(contact(n))
-    R, P = matrices(Transfer.of(A), n, n // 2)
-    assert np.array_equal(P, aggregate(n))
-    assert np.array_equal(R, aggregate(n).T / 2)
+def spectrum(A, M):
+    """The eigenvalues of M A, for a symmetric cycle M."""
+    assert M.H is M
+    dense = M @ np.eye(A.shape[0])
+    assert_allclose(dense, dense.T, atol=1e-12 * abs(dense).max())
+    half = np.linalg.cholesky(A.toarray())
+    return np.linalg.eigvalsh(half.T @ (dense + dense.T) @ half / 2)
 
 
-@pytest.mark.parametrize(("A", "interpolation"), OPERATORS)
-def test_restriction_is_the_transpose_of_interpolation(A, interpolation):
-    transfer, H = Transfer.of(A, interpolation), tmg.galerkin(A, interpolation)
-    R, P = matrices(transfer, A.shape[0], H.shape[0])
-    assert_allclose(P.T, transfer.scale * R)
-    if by_area(A, interpolation):
-        if isinstance(A, tmg.ToeplitzOperator):
-            assert_allclose(P.sum(axis=1), 1.0)  # It makes ones of ones.
-            assert_allclose(R.sum(axis=1), 1.0)
-    elif interpolation is tmg.piecewise_constant:
-        assert_allclose(R @ P, np.eye(H.shape[0]))  # The average of copies is what was copied.
-    covered = np.flatnonzero(P.any(axis=1))
-    assert np.array_equal(np.setdiff1d(np.arange(A.shape[0]), covered), transfer.leftover)
+# Coarse matrices ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("A", "interpolation"), NESTED)
 def test_galerkin_is_r_a_p(A, interpolation):
     H = tmg.galerkin(A, interpolation)
-    R, P = matrices(Transfer.of(A, interpolation), A.shape[0], H.shape[0])
+    R, P = restriction_and_interpolation(A, interpolation)
     assert type(H) is type(A)
     assert_allclose(H.toarray(), R @ A.toarray() @ P, atol=1e-13 * abs(A.toarray()).max())
 
@@ -107,56 +130,48 @@ def test_galerkin_is_r_a_p(A, interpolation):
 @pytest.mark.parametrize(("A", "interpolation"), BY_AREA)
 def test_by_area_the_coarse_matrix_is_positive_definite_and_hardly_below_r_a_p(A, interpolation):
     H = tmg.galerkin(A, interpolation).toarray()
-    R, P = matrices(Transfer.of(A, interpolation), A.shape[0], len(H))
+    R, P = restriction_and_interpolation(A, interpolation)
     assert np.linalg.eigvalsh(H).min() > 0
     assert np.linalg.eigvals(np.linalg.solve(H, R @ A.toarray() @ P)).real.max() < 1.1
 
 
-@pytest.mark.parametrize("n", [3, 5, 9, 21])
-def test_area_weighted_copies(n):
-    """P has the overlap of fine and coarse elements, both of which cover the same length."""
-    m = (n + 1) // 2
-    fine, coarse = np.arange(n)[:, None], np.arange(m) * n / m
-    overlap = np.minimum(fine + 1, coarse + n / m) - np.maximum(fine, coarse)
-    A = tmg.ToeplitzOperator(contact(n, 2))
-    _, P = matrices(Transfer.of(A), 2 * n, m)
-    assert_allclose(P, np.kron(np.maximum(overlap, 0.0), [[1.0], [1.0]]), atol=1e-14)
+@pytest.mark.parametrize(("A", "interpolation"), OPERATORS)
+def test_a_coarse_element_is_an_unknown_where_its_fine_ones_are(A, interpolation):
+    """By area, where those are that lie in it by more than half."""
+    H = tmg.galerkin(A, interpolation)
+    P, _ = interpolation_by_definition(A, interpolation)
+    needed = P > 0.5 + 1e-9 if has_area_weights(A, interpolation) else P != 0.0
+    mask = getattr(A, "mask", np.ones(A.grid_shape, bool)).ravel()
+    coarse = getattr(H, "mask", np.ones(H.grid_shape, bool)).ravel()
+    assert np.array_equal(coarse, ~needed[~mask].any(axis=0))
 
 
 @pytest.mark.parametrize("n", [3, 5, 9, 21])
 def test_coarse_lags_by_area_are_those_of_the_mean_over_all_aggregations(n):
     """Each fine element goes to the coarse one in which its point at x is, for all x."""
     a = np.random.default_rng(n).standard_normal(n)
-    a = np.concatenate([a[:0:-1], a])
     m = (n + 1) // 2
     index = np.arange(n)
-    A = a[n - 1 + index[:, None] - index]
+    A = a[abs(index[:, None] - index)]
     mean = np.zeros((m, m))
     for x in (np.arange(m) + 0.5) / m:  # Nothing changes in between.
         P = np.floor((index[:, None] + x) * m / n) == np.arange(m)
         mean += P.T @ A @ P / n  # Here s m = n.
-    coarse = AreaWeighted().coarse_lags(a, 0)
+    # On the other axis, where neighbours are coupled as much, two elements become one.
+    b = np.array([1.0, abs(a[1] / a[0])])
+    coarse = tmg.galerkin(tmg.ToeplitzOperator(np.outer(a, b))).c[:, 0] / b.sum()
     for k in range(m):
         assert_allclose(np.diag(mean, k), mean[0, k])  # It is a Toeplitz matrix.
         hat = 2 - 1 / n if k == 0 else 2 - 2 / n
-        assert coarse[m - 1 + k] == pytest.approx(mean[0, k] * n / m / hat)
-        assert coarse[m - 1 + k] == coarse[m - 1 - k]
-
-
-def test_a_mask_by_area_has_the_coarse_elements_that_are_in_contact_by_more_than_half():
-    mask = np.array([1, 0, 1, 1, 1, 0, 1, 0, 0, 1, 1], dtype=bool)
-    # The elements 1, 5 and 7 are in two coarse ones each, by 5/6, 3/6 and 2/6 in the first.
-    expected = [False, True, True, True, False, True]
-    assert AreaWeighted().coarse_mask(mask, 0).tolist() == expected
+        assert coarse[k] == pytest.approx(mean[0, k] * n / m / hat)
 
 
 def test_galerkin_of_a_matrix_that_is_symmetric_only():
     rng = np.random.default_rng(0)
     lags = rng.standard_normal((7, 11))
     A = tmg.ToeplitzOperator.from_lags(lags + np.flip(lags))
-    H = tmg.galerkin(A)
-    R, P = matrices(Transfer.of(A), 24, H.shape[0])
-    assert_allclose(H.toarray(), R @ A.toarray() @ P, atol=1e-13)
+    R, P = restriction_and_interpolation(A, tmg.piecewise_constant)
+    assert_allclose(tmg.galerkin(A).toarray(), R @ A.toarray() @ P, atol=1e-13)
     lags = rng.standard_normal((9, 13))
     odd = tmg.galerkin(tmg.ToeplitzOperator.from_lags(lags + np.flip(lags)))
     assert odd.grid_shape == (3, 4)
@@ -168,8 +183,8 @@ def test_an_axis_of_weak_coupling_is_not_coarsened():
         x, y = tmg.halfspace.offsets((32, 32), element)
         A = tmg.ToeplitzOperator(tmg.halfspace.influence_zz(x, y, element, G=1.0, nu=0.28))
         M = tmg.multigrid(A, coarsest=16)
-        cycles = iterations(tmg.cg, SimpleNamespace(A=A, b=np.ones(1024)), M)
-        assert cycles <= 6
+        cycles = iterations(tmg.cg, A, M)
+        assert_within_budget("cycles on stretched elements, 32 x 32", iterations=cycles)
         return [level.A.grid_shape for level in M.levels]
 
     assert shapes((1.0, 1.0)) == [(32, 32), (16, 16), (8, 8), (4, 4)]
@@ -196,10 +211,8 @@ def test_two_grids_correct_the_coarse_and_the_leftover_unknowns_exactly(A, inter
     By area the coarse matrix stands for PᵀAP.
     """
     n, H = A.shape[0], tmg.galerkin(A, interpolation)
-    transfer = Transfer.of(A, interpolation)
-    smoother = tmg.chan_preconditioner(A)
-    _, P = matrices(transfer, n, H.shape[0])
-    extra = np.eye(n)[:, transfer.leftover]
+    R, P = restriction_and_interpolation(A, interpolation)
+    extra = np.eye(n)[:, ~P.any(axis=1)]
     if isinstance(A, tmg.ToeplitzOperator) and len(A.grid_shape) == 1 and extra.size:
         # At the end of the grid one vector: what there is room for of the next coarse element.
         beyond = np.zeros((n + 3, 1))
@@ -208,43 +221,50 @@ def test_two_grids_correct_the_coarse_and_the_leftover_unknowns_exactly(A, inter
     Q = np.hstack([P, extra[:, : 0 if extra.shape[1] > MOST_LEFTOVER else None]])
     dense = A.toarray()
     galerkin = Q.T @ dense @ Q
-    if by_area(A, interpolation):
-        galerkin[: H.shape[0], : H.shape[0]] = transfer.scale * H.toarray()
+    if has_area_weights(A, interpolation):
+        s = P.max() / R.max()
+        galerkin[: H.shape[0], : H.shape[0]] = s * H.toarray()
     coarse = np.eye(n) - Q @ np.linalg.solve(galerkin, Q.T @ dense)
-    smooth = np.eye(n) - smoother @ dense
-    pre, post = (np.linalg.matrix_power(smooth, k) for k in pre_post)
-    # The cycle is made of its levels: this smoother may diverge, but its algebra matters.
-    levels = build_levels(A, tmg.chan_preconditioner, H.shape[0], interpolation, None)
-    M = Multigrid(levels, *pre_post, gamma=1)
+    # Of a dense matrix nothing is asked: it may diverge, but its algebra matters.
+    S = tmg.chan_preconditioner(A) @ np.eye(n)
+    smooth = np.eye(n) - S @ dense
+    pre, post = pre_post
+    M = tmg.multigrid(
+        A,
+        smoother=lambda _: S,
+        pre=pre,
+        post=post,
+        coarsest=H.shape[0],
+        interpolation=interpolation,
+    )
     assert len(M.levels) == 2 or n <= H.shape[0]
-    assert_allclose(np.eye(n) - M @ dense, post @ coarse @ pre, atol=1e-10)
+    before, after = (np.linalg.matrix_power(smooth, k) for k in pre_post)
+    assert_allclose(np.eye(n) - M @ dense, after @ coarse @ before, atol=1e-10)
 
 
 ZEROS = {
-    "2 - 2 cos θ": (tmg.linear_interpolation, 12),
-    "θ²": (tmg.linear_interpolation, 22),
-    "2 + 2 cos θ": (tmg.modulated_interpolation, 13),
-    "|θ|": (tmg.linear_interpolation, 9),
-    "|θ|^1.5": (tmg.linear_interpolation, 15),
+    "2 - 2 cos θ": tmg.linear_interpolation,
+    "θ²": tmg.linear_interpolation,
+    "2 + 2 cos θ": tmg.modulated_interpolation,
+    "|θ|": tmg.linear_interpolation,
+    "|θ|^1.5": tmg.linear_interpolation,
 }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ZEROS)
 def test_symbols_with_a_zero_take_a_number_of_cycles_independent_of_n(name):
-    interpolation, most = ZEROS[name]
     counts = []
     for n in (300, 511, 512, 1009, 4096, 20000, 2**15 + 1, 2**17):
         A = tmg.ToeplitzOperator(column(name, n))
         M = tmg.multigrid(
-            A, smoother=tmg.jacobi_preconditioner, interpolation=interpolation, coarsest=16
+            A, smoother=tmg.jacobi_preconditioner, interpolation=ZEROS[name], coarsest=16
         )
         assert M.H is M
         b = np.random.default_rng(1).standard_normal(n)
-        problem = SimpleNamespace(A=A, b=b)
-        counts.append(iterations(tmg.richardson, problem, M))
-        assert iterations(cg, problem, M) <= 11
-    assert max(counts) <= most
+        counts.append(iterations(tmg.richardson, A, M, b))
+        assert_within_budget("CG, symbol with a zero", iterations=iterations(cg, A, M, b))
+    assert_within_budget(f"cycles, symbol {name}", iterations=max(counts))
     assert max(counts) - min(counts) <= 2
 
 
@@ -261,8 +281,8 @@ def test_a_zero_on_two_axes():
             coarsest=9,
         )
         b = np.random.default_rng(1).standard_normal(A.shape[0])
-        counts.append(iterations(cg, SimpleNamespace(A=A, b=b), M))
-    assert max(counts) <= 10
+        counts.append(iterations(cg, A, M, b))
+    assert_within_budget("CG, a zero on two axes", iterations=max(counts))
     assert max(counts) - min(counts) <= 1
 
 
@@ -274,12 +294,10 @@ def test_the_modulated_transfer_moves_the_zero_to_the_other_end():
         interpolation=tmg.modulated_interpolation,
         coarsest=16,
     )
-    assert [level.transfer.interpolation for level in M.levels[:-1]] == [
-        tmg.modulated_interpolation,
-        *[tmg.linear_interpolation] * (len(M.levels) - 2),
-    ]
     # It is proportional to 2 - 2 cos θ.
     assert_allclose(M.levels[1].A.c[:3], [0.5, -0.25, 0.0], atol=1e-15)
+    for fine, coarse in zip(M.levels[1:], M.levels[2:], strict=False):
+        assert_allclose(coarse.A.c, tmg.galerkin(fine.A, tmg.linear_interpolation).c)
 
 
 def test_jacobi():
@@ -312,38 +330,23 @@ def test_equal_smoothing_is_symmetric_positive_definite(n, gamma, test):
     A = test(n).A
     M = tmg.multigrid(A, coarsest=8, gamma=gamma)
     assert len(M.levels) > 2
-    assert M.H is M
-    dense = M @ np.eye(A.shape[0])
-    assert_allclose(dense, dense.T, atol=1e-12 * abs(dense).max())
-    # Below A⁻¹ as well: the cycle never over-corrects.
-    spectrum = np.linalg.eigvals(dense @ A.toarray()).real
-    assert spectrum.min() > 0
-    assert spectrum.max() < 1 + 1e-9
+    eigenvalues = spectrum(A, M)
+    assert eigenvalues[0] > 0
+    assert eigenvalues[-1] < 1 + 1e-9  # Below A⁻¹ as well: the cycle never over-corrects.
 
 
-@pytest.mark.parametrize("shape", [(15, 15), (17, 33), (21, 9), (16, 25), (5, 61)], ids=str)
+@pytest.mark.parametrize(
+    "shape", [(15, 15), (17, 33), (21, 9), (16, 25), (5, 61), (1, 60)], ids=str
+)
 def test_so_it_is_on_odd_grids_of_two_axes(shape):
     A = tmg.ToeplitzOperator(contact(*shape))
     disc = sum(((i + 0.5) / n - 0.5) ** 2 for i, n in zip(np.indices(shape), shape, strict=True))
     for B in (A, tmg.MaskedOperator(A, disc < 0.25)):
-        M = tmg.multigrid(B, coarsest=8)
+        M = tmg.multigrid(B, coarsest=4)
         assert len(M.levels) > 2
-        assert M.H is M
-        dense = M @ np.eye(B.shape[0])
-        assert_allclose(dense, dense.T, atol=1e-12 * abs(dense).max())
-        spectrum = np.linalg.eigvals(dense @ B.toarray()).real
-        assert spectrum.min() > 0.5
-        assert spectrum.max() < 1.001
-
-
-@pytest.mark.parametrize("shape", [(5, 7), (8, 8), (1, 6), (6, 1)], ids=str)
-@pytest.mark.parametrize("gamma", [1, 2])
-def test_so_it_is_on_small_grids(shape, gamma):
-    A = tmg.ToeplitzOperator(contact(*shape))
-    for B in (A, tmg.MaskedOperator(A, checkered(*shape))):
-        dense = tmg.multigrid(B, coarsest=4, gamma=gamma) @ np.eye(B.shape[0])
-        assert_allclose(dense, dense.T, atol=1e-13 * abs(dense).max())
-        assert np.linalg.eigvalsh(dense).min() > 0
+        eigenvalues = spectrum(B, M)
+        assert eigenvalues[0] > 0.5
+        assert eigenvalues[-1] < 1.001
 
 
 @pytest.mark.parametrize("n", [64, 101])
@@ -362,10 +365,11 @@ def test_the_adjoint_smooths_on_the_other_side(n, gamma, smoother):
 
 
 @pytest.mark.parametrize("test", TESTS)
-def test_cg_takes_at_most_four_iterations_on_every_grid(test):
+def test_cg_takes_few_iterations_on_every_grid(test):
     sizes = [*range(2**8, 2**8 + 24), 509, 512, 997, 1000, 1024, 4093, 4096, 10007, 2**14, 2**16]
-    counts = {n: iterations(cg, test(n), tmg.multigrid(test(n).A)) for n in sizes}
-    assert max(counts.values()) <= 4
+    problems = {n: test(n) for n in sizes}
+    counts = {n: iterations(cg, p.A, tmg.multigrid(p.A), p.b) for n, p in problems.items()}
+    assert_within_budget("CG with V(1,1), tests 1 to 3", iterations=max(counts.values()))
     # Odd and prime n: at most one more than at the power of two beside.
     for n, near in ((509, 512), (997, 1024), (4093, 4096), (10007, 2**14)):
         assert counts[n] <= counts[near] + 1
@@ -380,7 +384,7 @@ def test_cg_takes_at_most_four_iterations_on_every_grid(test):
 def test_the_stationary_cycle_does_not_depend_on_n(test, cycle):
     def count(n):
         problem = test(n)
-        return iterations(tmg.richardson, problem, tmg.multigrid(problem.A, **cycle))
+        return iterations(tmg.richardson, problem.A, tmg.multigrid(problem.A, **cycle), problem.b)
 
     powers = [count(2**k) for k in range(10, 18, 2)]
     odd = [count(n) for n in (1023, 4093, 5003, 65537)]
@@ -396,23 +400,8 @@ def test_every_small_n(n, coarsest):
             continue
         problem = test(n)
         M = tmg.multigrid(problem.A, coarsest=coarsest)
-        assert iterations(tmg.richardson, problem, M) <= 12
-
-
-@pytest.mark.parametrize("shape", [(32, 32), (33, 32), (20, 50), (64, 1), (31, 31)], ids=str)
-def test_two_axes_of_toeplitz_structure(shape):
-    A = tmg.ToeplitzOperator(contact(*shape))
-    for B in (A, tmg.MaskedOperator(A, np.hypot(*np.indices(shape)) < 0.8 * max(shape))):
-        iterates = []
-        _x, info = cg(
-            B,
-            np.ones(B.shape[0]),
-            M=tmg.multigrid(B, coarsest=16),
-            rtol=1e-8,
-            callback=iterates.append,
-        )
-        assert info == 0
-        assert len(iterates) <= 8
+        count = iterations(tmg.richardson, problem.A, M, problem.b)
+        assert_within_budget("cycles, n = 1 to 17", iterations=count)
 
 
 def half_space(kind, shape, element=None):
@@ -422,19 +411,21 @@ def half_space(kind, shape, element=None):
     return tmg.ToeplitzOperator(influence[kind](*lags, element, G=1.0, nu=0.28))
 
 
-def cg_iterations(A, **options):
-    return iterations(
-        tmg.cg, SimpleNamespace(A=A, b=np.ones(A.shape[0])), tmg.multigrid(A, **options)
-    )
+@pytest.mark.parametrize("shape", [(32, 32), (33, 32), (20, 50), (64, 1), (31, 31)], ids=str)
+def test_two_axes_of_toeplitz_structure(shape):
+    A = tmg.ToeplitzOperator(contact(*shape))
+    for B in (A, tmg.MaskedOperator(A, np.hypot(*np.indices(shape)) < 0.8 * max(shape))):
+        count = cg_iterations(B, coarsest=16)
+        assert_within_budget("CG with V(1,1), small grids of two axes", iterations=count)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["normal", "tangential"])
 @pytest.mark.parametrize("area", ["square", "circle"])
-def test_cg_takes_at_most_seven_iterations_on_even_and_odd_squares(kind, area):
+def test_cg_takes_as_many_iterations_on_even_and_odd_squares(kind, area):
     sizes = (64, 65, 85, 100, 101, 127, 128, 129, 200, 255, 256)
     counts = [cg_iterations(Punch(area, kind, n).operator()) for n in sizes]
-    assert max(counts) <= 7
+    assert_within_budget("CG with V(1,1), punch of 64 to 256 squared", iterations=max(counts))
     assert max(counts) - min(counts) <= 1
 
 
@@ -452,17 +443,19 @@ def test_cg_takes_at_most_seven_iterations_on_even_and_odd_squares(kind, area):
 def test_odd_grids_take_no_more_iterations_than_even_ones(even, odd, element):
     for kind in ("normal", "tangential"):
         beside = cg_iterations(half_space(kind, even, element))
-        assert cg_iterations(half_space(kind, odd, element)) <= min(beside + 1, 6)
+        count = cg_iterations(half_space(kind, odd, element))
+        assert count <= beside + 1
+        assert_within_budget("CG with V(1,1), odd grids", iterations=count)
 
 
 def test_odd_grids_rediscretised():
     for n in (64, 65, 100, 101, 127):
         A = half_space("normal", (n, n))
         coarsen = tmg.rediscretised(lambda shape: half_space("normal", shape))
-        assert cg_iterations(A, coarsen=coarsen) <= 6
-        problem = SimpleNamespace(A=A, b=np.ones(n * n))
-        M = tmg.multigrid(A, pre=0, coarsen=coarsen)
-        assert iterations(tmg.richardson, problem, M) <= 19
+        in_cg = cg_iterations(A, coarsen=coarsen)
+        assert_within_budget("CG with V(1,1), rediscretised", iterations=in_cg)
+        alone = iterations(tmg.richardson, A, tmg.multigrid(A, pre=0, coarsen=coarsen))
+        assert_within_budget("V(0,1), rediscretised", iterations=alone)
 
 
 def test_odd_grids_of_three_axes():
@@ -470,16 +463,15 @@ def test_odd_grids_of_three_axes():
     for n in (15, 16, 17, 31, 32):
         A = tmg.ToeplitzOperator(np.exp(-1.5 * np.linalg.norm(np.indices((n, n, n)), axis=0)))
         counts.append(cg_iterations(A))
-    assert max(counts) <= 7
+    assert_within_budget("CG with V(1,1), three axes", iterations=max(counts))
     assert max(counts) - min(counts) <= 1
 
 
 def test_odd_grids_of_coupled_components():
-    punches = [Punch("square", "coupled", n) for n in (64, 65, 100, 101)]
-    for punch in punches:
-        A = punch.operator()
-        problem = SimpleNamespace(A=A, b=punch.displacement())
-        assert iterations(tmg.cg, problem, tmg.componentwise(tmg.multigrid)(A)) <= 8
+    for n in (64, 65, 100, 101):
+        A = Punch("square", "coupled", n).operator()
+        count = iterations(tmg.cg, A, tmg.componentwise(tmg.multigrid)(A))
+        assert_within_budget("CG with V(1,1) of coupled components", iterations=count)
 
 
 @pytest.mark.parametrize("islands", [20, 200])
@@ -487,13 +479,8 @@ def test_masks_in_many_islands(islands):
     n = 4096
     mask = np.resize(np.repeat(np.random.default_rng(0).random(islands) < 0.6, n // islands), n)
     A = tmg.MaskedOperator(test1(n).A, mask)
-    b = np.ones(A.shape[0])
-    few = []
-    _x, info = cg(A, b, M=tmg.multigrid(A), rtol=1e-8, callback=few.append)
-    assert info == 0
-    many = []
-    cg(A, b, M=tmg.fft_rsm_preconditioner(A), rtol=1e-8, callback=many.append)
-    assert len(few) < len(many)
+    few, many = (iterations(cg, A, f(A)) for f in (tmg.multigrid, tmg.fft_rsm_preconditioner))
+    assert few < many
 
 
 def test_float32_cycle():
@@ -526,8 +513,10 @@ def test_a_smoother_of_ones_own():
     assert abs(np.linalg.eigvals(np.eye(300) - dense @ A.toarray())).max() < 1
     assert_allclose(M.H @ np.eye(300), dense.T, atol=1e-10 * abs(dense).max())
     # A dense matrix will do as well.
-    inverse = tmg.multigrid(A, smoother=lambda A: aslinearoperator(np.linalg.inv(A.toarray())))
-    assert_allclose(inverse @ (A @ np.ones(300)), 1.0, rtol=1e-7)
+    for wrap in (aslinearoperator, np.asarray):
+        inverse = tmg.multigrid(A, smoother=lambda A, wrap=wrap: wrap(np.linalg.inv(A.toarray())))
+        assert_allclose(inverse @ (A @ np.ones(300)), 1.0, rtol=1e-7)
+    assert (inverse @ np.zeros((300, 0))).shape == (300, 0)
 
 
 def test_work_units_are_those_counted():
@@ -555,35 +544,15 @@ def test_repr_is_a_diagnosis():
     assert "W(1,1)" in repr(tmg.multigrid(test1(600).A, gamma=2))
 
 
-def test_a_border_belongs_to_its_level():
+def test_a_cycle_may_be_made_of_the_levels_of_another():
     A = test1(601).A
-    levels = build_levels(A, tmg.fft_rsm_preconditioner, 80, tmg.piecewise_constant, None)
-    M = Multigrid(levels, 1, 1, 1)
-    leftover = [level.transfer is not None and len(level.transfer.leftover) for level in M.levels]
-    assert leftover == [1, 0, 0, False]
-    assert [level.border is not None for level in M.levels] == [bool(n) for n in leftover]
-    assert all(level.border is None for level in levels)  # The given levels stay as they are.
-    for level, given in zip(M.levels, levels, strict=True):
-        assert (level.A, level.smoother, level.transfer) == (
-            given.A,
-            given.smoother,
-            given.transfer,
-        )
-
-
-def test_a_smoother_says_whether_it_converges():
-    A = test1(2000).A
-    assert tmg.jacobi_preconditioner(A).converges(A) is True
-    bound = 2.0 * A.c[0] / A.norm_bound
-    assert tmg.jacobi_preconditioner(A, omega=0.99 * bound).converges(A) is True
-    assert tmg.jacobi_preconditioner(A, omega=1.01 * bound).converges(A) is False
-    assert tmg.fft_rsm_preconditioner(A).converges(A) is True
-    few, masked = test1(500).A, tmg.MaskedOperator(A, np.arange(2000) % 9 > 0)
-    for B in (few, masked):
-        assert tmg.fft_rsm_preconditioner(B).converges(B) is None
-    assert tmg.chan_preconditioner(A).converges(A) is None
-    M = tmg.multigrid(A, coarsest=1000, smoother=tmg.chan_preconditioner)
-    assert [level.converges for level in M.levels] == [False, True]  # It is found out.
+    given = tmg.multigrid(A, coarsest=80)
+    x = np.random.default_rng(0).standard_normal(601)
+    before = given @ x
+    for pre, post in ((1, 1), (0, 2)):
+        M = tmg.Multigrid(given.levels, pre, post, 1)
+        assert np.array_equal(M @ x, tmg.multigrid(A, coarsest=80, pre=pre, post=post) @ x)
+    assert np.array_equal(given @ x, before)
 
 
 def test_pickles_with_borders():
@@ -596,52 +565,43 @@ def test_pickles_with_borders():
 # What is refused ----------------------------------------------------------------------------
 
 
+LINE = tmg.ToeplitzOperator(contact(600))
+PART = tmg.MaskedOperator(LINE, np.arange(600) < 500)
+
+
 @pytest.mark.parametrize(
-    ("arguments", "error", "match"),
+    ("A", "arguments", "error", "match"),
     [
-        ({"pre": 0, "post": 0}, ValueError, "must smooth at least once"),
-        ({"pre": -1}, ValueError, "pre is -1, but must be at least 0"),
-        ({"post": 0.5}, TypeError, "is 0.5, but must be an integer"),
-        ({"gamma": 0}, ValueError, "gamma is 0, but must be at least 1"),
-        ({"coarsest": 0}, ValueError, "coarsest is 0, but must be at least 1"),
+        (LINE, {"pre": 0, "post": 0}, ValueError, "must smooth at least once"),
+        (LINE, {"pre": -1}, ValueError, "pre is -1, but must be at least 0"),
+        (LINE, {"post": 0.5}, TypeError, "is 0.5, but must be an integer"),
+        (LINE, {"gamma": 0}, ValueError, "gamma is 0, but must be at least 1"),
+        (LINE, {"coarsest": 0}, ValueError, "coarsest is 0, but must be at least 1"),
+        (np.eye(300), {}, TypeError, "must be a ToeplitzOperator"),
+        (tmg.ToeplitzOperator([4.0, 1.0], [4.0, 2.0]), {}, ValueError, "must be symmetric"),
+        (LINE, {"coarsen": lambda A: A}, ValueError, r"the grid \(600,\), but it must be \(300,\)"),
+        (LINE, {"coarsen": 3}, TypeError, "coarsen is 3, but must map a matrix to the next"),
+        (PART, {"coarsen": lambda A: tmg.galerkin(A.full)}, ValueError, "another mask"),
+        (LINE, {"coarsen": lambda A: np.eye(300)}, TypeError, "must be a ToeplitzOperator"),
+        (LINE, {"smoother": lambda A: np.eye(2)}, ValueError, r"smoother has shape \(2, 2\)"),
+        (LINE, {"smoother": lambda A: None}, TypeError, "type not understood"),
+        # It would make a cycle for a real matrix complex.
+        (
+            LINE,
+            {"smoother": lambda A: 1j * np.eye(600)},
+            TypeError,
+            "has dtype complex128, but its",
+        ),
     ],
 )
-def test_refuses_bad_parameters(arguments, error, match):
+def test_refuses_what_does_not_fit(A, arguments, error, match):
     with pytest.raises(error, match=match):
-        tmg.multigrid(tmg.ToeplitzOperator(contact(8)), **arguments)
+        tmg.multigrid(A, **arguments)
 
 
-def test_refuses_what_is_no_toeplitz_operator():
-    with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
-        tmg.multigrid(np.eye(300))
-    with pytest.raises(ValueError, match="must be symmetric"):
-        tmg.multigrid(tmg.ToeplitzOperator([4.0, 1.0], [4.0, 2.0]))
-
-
-def test_refuses_coarse_matrices_and_smoothers_that_do_not_fit():
-    A = tmg.ToeplitzOperator(contact(600))
-    masked = tmg.MaskedOperator(A, np.arange(600) < 500)
-    with pytest.raises(ValueError, match=r"the grid \(600,\), but it must be \(300,\)"):
-        tmg.multigrid(A, coarsen=lambda A: A)
-    with pytest.raises(TypeError, match="coarsen is 3, but must map a matrix to the next coarser"):
-        tmg.multigrid(A, coarsen=3)
-    with pytest.raises(ValueError, match="another mask"):
-        tmg.multigrid(masked, coarsen=lambda A: tmg.galerkin(A.full))
-    with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
-        tmg.multigrid(A, coarsen=lambda A: np.eye(300))
-    with pytest.raises(ValueError, match=r"the smoother has shape \(2, 2\)"):
-        tmg.multigrid(A, smoother=lambda A: np.eye(2))
-    with pytest.raises(TypeError):
-        tmg.multigrid(A, smoother=lambda A: None)
+def test_refuses_what_makes_no_coarse_matrix():
     with pytest.raises(TypeError, match="must be called"):
         tmg.rediscretised(3)
-
-
-def test_a_dense_smoother_and_no_columns():
-    A = tmg.ToeplitzOperator(contact(300))
-    M = tmg.multigrid(A, smoother=lambda A: np.linalg.inv(A.toarray()))
-    assert_allclose(M @ (A @ np.ones(300)), 1.0, rtol=1e-7)
-    assert (M @ np.zeros((300, 0))).shape == (300, 0)
 
 
 def test_says_on_which_level_the_smoother_refused():
@@ -665,9 +625,9 @@ def test_uncoupled_neighbours_are_no_case_for_a_coarse_grid():
 
 def test_a_mask_without_a_coarse_grid():
     few = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(64)), np.arange(64) % 2 == 0)
-    levels = build_levels(few, tmg.fft_rsm_preconditioner, 2, tmg.piecewise_constant, None)
-    assert len(levels) == 1
-    assert isinstance(levels[0].smoother, DenseInverse)
+    M = tmg.multigrid(few, coarsest=2)
+    assert len(M.levels) == 1
+    assert_allclose(M @ few.toarray(), np.eye(32), atol=1e-12)
     many = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(8192)), np.arange(8192) % 2 == 0)
     with pytest.raises(ValueError, match="fragments"):
         tmg.multigrid(many)
@@ -675,7 +635,7 @@ def test_a_mask_without_a_coarse_grid():
 
 @pytest.mark.parametrize("n", [8, 12])
 def test_a_smoother_that_diverges_is_refused(n):
-    A = tmg.ToeplitzOperator(np.exp(-np.indices((n, n, n)).sum(axis=0) / 2.0))
+    A = tmg.ToeplitzOperator(exponential(n, n, n))
     S = tmg.fft_rsm_preconditioner(A)
     assert S.certified == (n == 8)  # It is positive definite by its eigenvalues.
     _, info = tmg.richardson(A, np.ones(A.shape[0]), M=S, maxiter=100)
@@ -763,10 +723,7 @@ def test_a_border_that_would_make_the_correction_indefinite_is_left_to_the_smoot
         return tmg.MaskedOperator(tmg.ToeplitzOperator(0.1 * H.full.c), H.mask)
 
     M = tmg.multigrid(A, coarsen=too_small, coarsest=30, smoother=tmg.jacobi_preconditioner)
-    assert 0 < len(M.levels[0].transfer.leftover) <= MOST_LEFTOVER
-    dense = M @ np.eye(A.shape[0])
-    assert_allclose(dense, dense.T, atol=1e-12 * abs(dense).max())
-    assert np.linalg.eigvalsh(dense + dense.T)[0] > 0.0
+    assert spectrum(A, M)[0] > 0.0
     with pytest.raises(np.linalg.LinAlgError, match="gamma = 2 needs below 2: use gamma=1"):
         tmg.multigrid(A, coarsen=too_small, coarsest=8, smoother=tmg.jacobi_preconditioner, gamma=2)
 
@@ -783,23 +740,15 @@ def test_a_coarse_grid_may_make_up_for_a_smoother_that_diverges(c):
     S = tmg.fft_rsm_preconditioner(A)
     half = np.linalg.cholesky(A.toarray())
     assert np.linalg.eigvalsh(half.T @ S.toarray() @ half)[-1] > 2.0
-    M = tmg.multigrid(A) @ np.eye(1000)
-    spectrum = np.linalg.eigvalsh(half.T @ (M + M.T) @ half / 2)
-    assert spectrum[0] > 0.5
-    assert spectrum[-1] < 1.001
+    eigenvalues = spectrum(A, tmg.multigrid(A))
+    assert eigenvalues[0] > 0.5
+    assert eigenvalues[-1] < 1.001
 
 
-@pytest.mark.parametrize(("smoother", "units"), [(tmg.jacobi_preconditioner, 1), (None, 30)])
-def test_setting_up_is_cheap(smoother, units):
+@pytest.mark.parametrize("smoother", [tmg.jacobi_preconditioner, tmg.fft_rsm_preconditioner])
+def test_setting_up_is_cheap(smoother):
     """M̄ takes 3 units to make and 10 to examine, twice that with the coarser grids."""
-    A = test1(4096).A
     with tmg.count_products() as work:
-        tmg.multigrid(A, **({"smoother": smoother} if smoother else {}))
-    assert work.units(4096) <= units
-
-
-def test_a_complex_smoother_is_refused():
-    """It would make a cycle for a real matrix complex."""
-    A = tmg.ToeplitzOperator(contact(600))
-    with pytest.raises(TypeError, match=r"the smoother has dtype complex128, but its matrix"):
-        tmg.multigrid(A, smoother=lambda A: aslinearoperator(1j * np.eye(A.shape[0])))
+        tmg.multigrid(test1(4096).A, smoother=smoother)
+    case = f"set-up of multigrid, {smoother.__name__}"
+    assert_within_budget(case, work_units=work.units(4096))
