@@ -10,7 +10,6 @@ from tests.slabs.pressing import STEEL
 from toeplitz_mg import slabs
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.slabs.grid import SlabGrid
-from toeplitz_mg.slabs.intervals import Intervals
 
 SHAPES = [(40, 9), (41, 33), (130, 70), (150, 131), (257, 64)]
 
@@ -130,21 +129,3 @@ def test_fields_of_a_window_of_many_elements(comm):
 def test_every_rank_has_a_window_of_few_elements(comm):
     for elements in (np.s_[:20], np.s_[250:, 5], np.s_[100:130, 60:], np.s_[7, 7]):
         assert not isinstance(assert_same_window(comm, (257, 64), elements, 0.1), SlabGrid)
-
-
-def test_windows_are_sent_and_added(comm):
-    P, rank = comm.size, comm.rank
-    slab = slabs.Slab(comm, (4 * P, 1))
-    owned = np.append(0, np.cumsum(np.arange(P) % 3 * 5))  # Some ranks own nothing.
-    rng = np.random.default_rng(0)
-    x = rng.random((owned[-1], 2))
-    for _ in range(5):
-        first, stop = np.sort(rng.integers(0, owned[-1] + 1, (2, P)), axis=0)
-        intervals = Intervals(slab, owned, first, stop)
-        seen = intervals.spread(x[owned[rank] : owned[rank + 1]])
-        assert np.array_equal(seen, x[first[rank] : stop[rank]])
-        expected = np.zeros_like(x)
-        for k in range(P):
-            expected[first[k] : stop[k]] += x[first[k] : stop[k]] ** 2
-        total = intervals.collect(seen**2)
-        np.testing.assert_allclose(total, expected[owned[rank] : owned[rank + 1]], rtol=1e-14)

@@ -129,44 +129,23 @@ def test_masks_components_and_preconditioners_are_the_serial_ones(comm):
     island[-2:, 3:6] = True
     x = np.random.default_rng(1).standard_normal((2, *slab.shape))
 
-    def matrices(package, a, coefficients):
-        block = package.ToeplitzOperator(a(coefficients))
-        yield package.CoupledOperator([[block, None], [None, block]])
-        for cells in (mask, island):
-            yield package.MaskedOperator(block, cells[package.rows])
-
-    class Ours:
-        rows, CoupledOperator, MaskedOperator = (
-            slab.rows,
-            slabs.CoupledOperator,
-            slabs.MaskedOperator,
-        )
-        ToeplitzOperator = staticmethod(lambda c: slabs.ToeplitzOperator(c, slab))
-
-    class Serial:
-        rows, CoupledOperator, MaskedOperator = slice(None), tmg.CoupledOperator, tmg.MaskedOperator
-        ToeplitzOperator = staticmethod(tmg.ToeplitzOperator)
-
-    names = ("fft_preconditioner", "cosine_preconditioner", "sine_preconditioner")
-    pairs = zip(
-        matrices(Serial, np.asarray, c),
-        matrices(Ours, array_api_strict.asarray, own),
-        (np.ones((2, *slab.shape), bool), mask, island),
-        strict=True,
+    S, B = tmg.ToeplitzOperator(c), slabs.ToeplitzOperator(array_api_strict.asarray(own), slab)
+    serial, A = (
+        package.CoupledOperator([[block, None], [None, block]])
+        for package, block in ((tmg, S), (slabs, B))
     )
-    for serial, A, cells in pairs:
+    cases = [(serial, A, np.ones(x.shape, bool))]
+    for cells in (mask, island):
+        ours = slabs.MaskedOperator(B, cells[slab.rows])
+        cases.append((tmg.MaskedOperator(S, cells), ours, cells))
+    for serial, A, cells in cases:
         rows, v = slab.rows, (x[0] if cells.ndim == 2 else x)[cells]
         mine = (x[0, rows] if cells.ndim == 2 else x[:, rows])[cells[..., rows, :]]
         makers = [(lambda B: B, lambda B: B)]
-        makers += [
-            (
-                getattr(tmg, n)
-                if cells.ndim == 2 or n == names[0]
-                else tmg.componentwise(getattr(tmg, n)),
-                getattr(slabs, n),
-            )
-            for n in names
-        ]
+        for name in ("fft_preconditioner", "cosine_preconditioner", "sine_preconditioner"):
+            make = getattr(tmg, name)
+            is_whole = cells.ndim == 2 or name == "fft_preconditioner"
+            makers.append((make if is_whole else tmg.componentwise(make), getattr(slabs, name)))
         for of_serial, of_ours in makers:
             whole = np.zeros(cells.shape)
             whole[cells] = of_serial(serial) @ v

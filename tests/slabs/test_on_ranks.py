@@ -7,7 +7,7 @@ from tests.slabs.ranks import run_on_ranks, with_ranks
 slow = pytest.mark.slow
 QUICK = ["rows", "products", "solves", "saving"]
 CASES = [*QUICK, "lines", "fsai", "gathering", "pressing", "sliding", "rolling", "windows"]
-INSIDE = "tests.inside.slabs_grid"
+INSIDE = ["tests.inside.slabs_exchange", "tests.inside.slabs_grid"]
 
 
 @with_ranks
@@ -22,7 +22,7 @@ def test_quick_cases_on_two_ranks():
 @slow
 @with_ranks
 @pytest.mark.parametrize("ranks", [1, 2, 3, 4])
-@pytest.mark.parametrize("cases", [*CASES, INSIDE])
+@pytest.mark.parametrize("cases", [*CASES, *INSIDE])
 def test_on_ranks(cases, ranks):
     status, printed = run_on_ranks(ranks, "-m", "tests.slabs", cases)
     assert status == 0, printed
