@@ -29,13 +29,12 @@ from typing import Any
 
 import numpy as np
 
+from comparisons.harness import report
 from comparisons.workloads.judging import MEASUREMENTS, Measurement, Result, differ, summarise
 from comparisons.workloads.trees import Tree, worktree
 
 ROOT = Path(__file__).resolve().parents[2]
 JOBS = Path(__file__).with_name("jobs.py")
-HEADINGS = "job", "here", "there", "ratio", "of SciPy", "digits", ""
-WIDTHS = 50, -8, -8, -5, -8, -6, 0  # Of the columns; negative where they end at the right.
 
 
 def run(
@@ -70,15 +69,6 @@ def measure(job: int, trees: dict[str, Tree], turns: Sequence[int]) -> Measureme
     return found
 
 
-def print_row(cells: Sequence[str]) -> None:
-    """Print a row at once."""
-    texts = [
-        text.rjust(-width) if width < 0 else text.ljust(width)
-        for text, width in zip(cells, WIDTHS, strict=True)
-    ]
-    print("  ".join(texts).rstrip(), flush=True)
-
-
 def main(arguments: Sequence[str] | None = None, *, root: Path = ROOT, path: Path = JOBS) -> int:
     """Run the jobs of a file in a tree, and return the exit status."""
     parser = argparse.ArgumentParser(
@@ -104,11 +94,11 @@ def main(arguments: Sequence[str] | None = None, *, root: Path = ROOT, path: Pat
             name: stack.enter_context(Tree(folder, path, options.threads, options.runs))
             for name, folder in folders.items()
         }
-        print_row(HEADINGS)
+        table = report.Table("CPU time of a call", room={"job": 50, "here": 7, "there": 7})
         try:
             for result in run(jobs, chosen, trees, options.runs):
                 results.append(result)
-                print_row(result.cells)
+                table.add(result.row)
         except KeyboardInterrupt:
             print("interrupted")
     return 0 if summarise(results) and len(results) == len(chosen) else 1

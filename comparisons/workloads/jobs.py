@@ -21,30 +21,15 @@ Prepare = Callable[[], Run]
 
 
 class Job(NamedTuple):
-    """What is timed.
-
-    Attributes
-    ----------
-    family, name : str
-    prepare : callable
-        Without arguments; what it returns is timed, and returns the answer.
-    tolerance : float
-        The largest difference of two answers, over the largest number in them.
-    peer : callable or None
-        The same by SciPy, whose time is then the one to compare with.
-    limit : float
-        The largest ratio of the times of two revisions.
-    is_first : bool
-        Whether the first call in the process is timed. Of all others one call comes before.
-    """
+    """What is timed: what `prepare` returns, which returns the answer."""
 
     family: str
     name: str
     prepare: Prepare
-    tolerance: float = 1e-8
-    peer: Prepare | None = None
-    limit: float = 1.3
-    is_first: bool = False
+    tolerance: float = 1e-8  # Largest difference of two answers, over the largest number in them.
+    peer: Prepare | None = None  # The same by SciPy, whose time is then the one to compare with.
+    limit: float = 1.3  # Largest ratio of the times of two revisions.
+    is_first: bool = False  # Whether the first call in a process is timed, or later ones.
 
 
 def thin(x: Any) -> Any:
@@ -56,16 +41,9 @@ def thin(x: Any) -> Any:
 # Lines ----------------------------------------------------------------------------------------
 
 
-def lags(f: Callable[[Any], Any], n: int, nugget: float = 0.0) -> Any:
-    """Return a function at 0, 1, …, with a nugget."""
-    c = f(np.arange(n, dtype=float))
-    c[0] += nugget
-    return c
-
-
-def contact_kernel(n: int) -> Any:
-    """Return the coefficients of n strips that are pressed."""
-    return halfspace.line_contact_coefficients(n, 1.0, G=1.0, nu=0.28, reference=4.0 * n)
+def after(first: float, f: Callable[[Any], Any], n: int) -> Any:
+    """Return a number, and a function at 1, …, n - 1."""
+    return np.concatenate([[first], f(np.arange(1.0, n))])
 
 
 def fractional_noise(n: int) -> Any:
@@ -77,27 +55,6 @@ def fractional_noise(n: int) -> Any:
     return np.concatenate([[1.0, 2.0**0.8 - 1.0], far])
 
 
-def geometric(n: int) -> Any:
-    """Return 0.9^k."""
-    return lags(lambda k: 0.9**k, n)
-
-
-def matern(n: int) -> Any:
-    """Return a covariance of the Matérn family, of order 3/2."""
-    return lags(lambda k: (1.0 + k / 30.0) * np.exp(-k / 30.0), n, nugget=1e-8)
-
-
-def gaussian(n: int) -> Any:
-    """Return a Gaussian with a nugget."""
-    return lags(lambda k: np.exp(-((k / 10.0) ** 2) / 2.0), n, nugget=1e-4)
-
-
-def second_order_zero(n: int) -> Any:
-    """Return the Fourier coefficients of θ²."""
-    k = np.arange(1.0, n)
-    return np.concatenate([[np.pi**2 / 3.0], 2.0 * (-1.0) ** k / k**2])
-
-
 def fractional_diffusion(n: int) -> Any:
     """Return the column and the row of a fractional derivative of order 1.5, from both sides."""
     c, r = tmg.fractional.grunwald_coefficients(1.5, n)
@@ -106,26 +63,23 @@ def fractional_diffusion(n: int) -> Any:
     return left, right
 
 
-def spectral_peak(n: int) -> Any:
-    """Return a Hermitian covariance with a long-range peak at one frequency."""
-    k = np.arange(n)
-    c = 0.5 * np.exp(0.5j * k) * (1.0 + k) ** -1.5
-    c[0] = 2.0
-    return c
-
-
-def plane_wave(n: int) -> Any:
-    """Return the covariance of a plane wave in noise."""
-    c = 0.1 * np.exp(0.9j * np.arange(n))
-    c[0] = 2.0
-    return c
-
-
-def indefinite(n: int) -> Any:
-    """Return |2 sin θ/2| - 0.4, which has both signs."""
-    c = tmg.fractional.riesz_coefficients(1.0, n)
-    c[0] -= 0.4
-    return c
+LINES: dict[str, Callable[[int], Any]] = {
+    "contact": lambda n: halfspace.line_contact_coefficients(
+        n, 1.0, G=1.0, nu=0.28, reference=4.0 * n
+    ),
+    "fractional noise": fractional_noise,
+    "0.9^k": lambda n: 0.9 ** np.arange(n),
+    "Matérn": partial(after, 1.0 + 1e-8, lambda k: (1.0 + k / 30.0) * np.exp(-k / 30.0)),
+    "Gaussian with a nugget": partial(after, 1.0 + 1e-4, lambda k: np.exp(-((k / 14.0) ** 2))),
+    "zero of order 1.5": partial(tmg.fractional.riesz_coefficients, 1.5),
+    "zero of order 2": partial(after, np.pi**2 / 3.0, lambda k: 2.0 * (-1.0) ** k / k**2),
+    "nonsymmetric": fractional_diffusion,
+    "Hermitian": partial(after, 2.0, lambda k: 0.5 * np.exp(0.5j * k) * (1.0 + k) ** -1.5),
+    "plane wave in noise": partial(after, 2.0, lambda k: 0.1 * np.exp(0.9j * k)),
+    # The Fourier coefficients of |2 sin θ/2| - 0.4.
+    "indefinite": lambda n: tmg.fractional.riesz_coefficients(1.0, n) - 0.4 * (np.arange(n) == 0),
+}
+matern = LINES["Matérn"]
 
 
 def right_sides(n: int, columns: int) -> Any:
@@ -133,19 +87,20 @@ def right_sides(n: int, columns: int) -> Any:
     return np.random.default_rng(0).standard_normal((n, columns) if columns > 1 else n)
 
 
-def solve_line(solver: Callable[..., Any], coefficients: Any, n: int, columns: int = 1) -> Run:
+def solve_line(solver: Callable[..., Any], name: str, n: int, columns: int) -> Run:
     """Prepare a solution by `solve_toeplitz`, ours or SciPy's."""
-    c, b = coefficients(n), right_sides(n, columns)
+    c, b = LINES[name](n), right_sides(n, columns)
     return lambda: thin(solver(c, b))
 
 
-def line(title: str, coefficients: Any, n: int, columns: int = 1, **options: Any) -> Job:
+def line(name: str, n: int, columns: int = 1, limit: float = 1.3) -> Job:
     """Return the job of one system; SciPy is its peer where it is small."""
-    arguments = coefficients, n, columns
-    own = partial(solve_line, tmg.solve_toeplitz, *arguments)
-    peer = partial(solve_line, scipy.linalg.solve_toeplitz, *arguments) if n <= 256 else None
-    name = f"{title}, n = {n}" + (f", {columns} columns" if columns > 1 else "")
-    return Job("lines", name, own, peer=peer, **options)
+    own, peer = (
+        partial(solve_line, solver, name, n, columns)
+        for solver in (tmg.solve_toeplitz, scipy.linalg.solve_toeplitz)
+    )
+    title = f"{name}, n = {n}" + (f", {columns} columns" if columns > 1 else "")
+    return Job("lines", title, own, peer=peer if n <= 256 else None, limit=limit)
 
 
 def batch(systems: int, n: int) -> Run:
@@ -159,40 +114,37 @@ def batch(systems: int, n: int) -> Run:
 # Grids, inverses, processes -------------------------------------------------------------------
 
 
-def half_space(n: int) -> Any:
-    """Return the influence coefficients of n x n square elements."""
-    x, y = halfspace.offsets((n, n), (1.0, 1.0))
-    return halfspace.influence_zz(x, y, (1.0, 1.0), G=1.0, nu=0.28)
-
-
 def disc(n: int) -> Any:
     """Return a disc that nearly touches the edges of a square."""
     return np.hypot(*contact.surfaces.centres((n, n), (1.0, 1.0))) < 0.49 * n
 
 
-def solve_by_cg(make: Callable[[], Any]) -> Run:
-    """Prepare `cg` with the default preconditioner, whose set-up is timed too."""
+def solve_by_cg(
+    make: Callable[[], Any], preconditioner: Callable[..., Any] = tmg.default_preconditioner
+) -> Run:
+    """Prepare a solution by `cg`; the set-up of its preconditioner is timed too."""
     A = make()
     b = right_sides(A.shape[0], 1)
-    return lambda: thin(tmg.cg(A, b, M=tmg.default_preconditioner(A), rtol=1e-10)[0])
+    return lambda: thin(tmg.cg(A, b, M=preconditioner(A), rtol=1e-10)[0])
 
 
 def on_a_disc(n: int) -> Any:
     """Return the matrix of a round punch."""
-    return tmg.MaskedOperator(tmg.ToeplitzOperator(half_space(n)), disc(n))
+    x, y = halfspace.offsets((n, n), (1.0, 1.0))
+    c = halfspace.influence_zz(x, y, (1.0, 1.0), G=1.0, nu=0.28)
+    return tmg.MaskedOperator(tmg.ToeplitzOperator(c), disc(n))
+
+
+def covariance(n: int, axes: int, scale: float) -> Any:
+    """Return the matrix of an exponential covariance on a square or a cube."""
+    r = np.sqrt(sum(k**2 for k in np.indices((n,) * axes)))
+    return tmg.ToeplitzOperator(np.exp(-r / scale))
 
 
 def on_a_random_mask(n: int) -> Any:
     """Return the matrix of a covariance on a grid with 30 % missing."""
-    r = np.hypot(*np.indices((n, n)))
     mask = np.random.default_rng(1).random((n, n)) < 0.7
-    return tmg.MaskedOperator(tmg.ToeplitzOperator(np.exp(-r / 10.0)), mask)
-
-
-def on_three_axes(n: int) -> Any:
-    """Return the matrix of a covariance on a cube."""
-    r = np.sqrt(sum(k**2 for k in np.indices((n, n, n))))
-    return tmg.ToeplitzOperator(np.exp(-r / 3.0))
+    return tmg.MaskedOperator(covariance(n, 2, 10.0), mask)
 
 
 def of_two_components(n: int) -> Any:
@@ -216,21 +168,15 @@ def paper(n: int) -> Run:
     return solve
 
 
-def multigrid_in_cg(n: int) -> Run:
-    """Prepare a round punch by `cg` with V(1,1) cycles."""
-    A = on_a_disc(n)
-    b = np.ones(A.shape[0])
-    return lambda: thin(tmg.cg(A, b, M=tmg.multigrid(A), rtol=1e-10)[0])
-
-
 def inverse(n: int, columns: int) -> Run:
     """Prepare an inverse, and its product with many right-hand sides."""
     A, B = tmg.ToeplitzOperator(fractional_noise(n)), right_sides(n, columns)
     return lambda: thin(tmg.toeplitz_inverse(A) @ B)
 
 
-def log_determinant(c: Any) -> Run:
+def log_determinant(n: int) -> Run:
     """Prepare a log-determinant."""
+    c = matern(n)
     return lambda: np.array([tmg.toeplitz_logdet(c)])
 
 
@@ -252,39 +198,33 @@ def likelihood(n: int, gaps: int) -> Run:
 # Contact --------------------------------------------------------------------------------------
 
 
-def press_sphere(n: int) -> Run:
-    """Prepare Hertz's contact of a sphere."""
-    h = 2.0 / n
-    gap = contact.surfaces.sphere((n, n), (h, h), radius=1.0)
-    return lambda: thin(contact.normal_contact(gap, (h, h), material=STEEL, force=0.2).pressure)
+def sphere(n: int) -> Any:
+    """Return the gap of a sphere of radius 1 on n x n elements of size 2/n."""
+    return contact.surfaces.sphere((n, n), (2.0 / n, 2.0 / n), radius=1.0)
 
 
-def rough_surface(n: int) -> Any:
-    """Return the gap of a rough surface on n x n elements of size 2/n."""
-    h = 2.0 / n
-    return contact.surfaces.rough((n, n), (h, h), rms=0.01, longest=0.5, shortest=8 * h, seed=1)
+def rough(n: int, axes: int = 2) -> Any:
+    """Return the gap of a rough surface on elements of size 2/n, or of a profile."""
+    element: Any = (2.0 / n,) * axes
+    waves = {"longest": 0.5, "shortest": 16.0 / n}
+    return contact.surfaces.rough((n,) * axes, element, rms=0.01, seed=1, **waves)
 
 
-def press_rough(n: int, share: int, periodic: bool = False) -> Run:
-    """Prepare rough contact whose interference is that of so many per cent of the elements."""
-    gap, h = rough_surface(n), 2.0 / n
-    force = {2: 0.0105, 10: 0.065, 28: 0.22}[share]
-    options: Any = {"material": STEEL, "force": force, "periodic": periodic}
-    return lambda: thin(contact.normal_contact(gap, (h, h), **options).pressure)
+def press(surface: Callable[[int], Any], n: int, **options: Any) -> Run:
+    """Prepare the contact of a surface under a force."""
+    gap = surface(n)
+    element = (2.0 / n,) * gap.ndim
+    return lambda: thin(contact.normal_contact(gap, element, material=STEEL, **options).pressure)
 
 
-def press_profile(n: int) -> Run:
-    """Prepare the contact of a rough profile, in plane strain."""
-    h = 2.0 / n
-    gap = contact.surfaces.rough(n, h, rms=0.01, longest=0.5, shortest=8 * h, seed=1)
-    options: Any = {"material": STEEL, "force": 0.1, "reference": 4.0}
-    return lambda: thin(contact.normal_contact(gap, h, **options).pressure)
+def pressed(name: str, *surface: Any, **options: Any) -> Job:
+    """Return a job of normal contact."""
+    return Job("contact", name, partial(press, *surface, **options), 1e-6)
 
 
 def press_unlike(n: int) -> Run:
     """Prepare a soft sphere that is pressed on a rigid plane, with friction."""
-    h = 2.0 / n
-    gap = contact.surfaces.sphere((n, n), (h, h), radius=1.0)
+    gap, h = sphere(n), 2.0 / n
     bodies = contact.Material.from_shear(1.0, 0.2), contact.Material.from_shear(1e5, 0.2)
     options: Any = {"material": bodies, "mu": 0.3, "force": 0.2}
 
@@ -295,14 +235,10 @@ def press_unlike(n: int) -> Run:
     return solve
 
 
-def shift(n: int, is_rough: bool) -> Run:
+def shift(surface: Callable[[int], Any], n: int, force: float) -> Run:
     """Prepare a shift by half of the force that friction carries."""
-    h = 2.0 / n
-    if is_rough:
-        gap, force = rough_surface(n), 0.078
-    else:
-        gap, force = contact.surfaces.sphere((n, n), (h, h), radius=1.0), 0.2
-    pressed = contact.normal_contact(gap, (h, h), material=STEEL, force=force)
+    element = (2.0 / n, 2.0 / n)
+    pressed = contact.normal_contact(surface(n), element, material=STEEL, force=force)
     half = (0.15 * force, 0.0)
     return lambda: thin(contact.friction(pressed, mu=0.3, force=half).traction)
 
@@ -340,55 +276,58 @@ def rolling(n: int, *, by_force: bool = False, is_first: bool = False) -> Job:
 
 
 JOBS = (
-    line("contact", contact_kernel, 100),
-    line("0.9^k", geometric, 100, 30),
-    line("fractional noise", fractional_noise, 256),
-    line("plane wave in noise", plane_wave, 200),
-    line("Gaussian with a nugget", gaussian, 256, 3),
-    line("contact", contact_kernel, 512),
-    line("contact", contact_kernel, 1000, 30),
-    line("contact", contact_kernel, 2**14),
-    line("contact", contact_kernel, 2**20),
-    line("fractional noise", fractional_noise, 2048),
-    line("fractional noise", fractional_noise, 100_003),
-    line("Matérn", matern, 1500),
-    line("Matérn", matern, 2**15),
-    line("0.9^k", geometric, 700, 3),
-    line("0.9^k", geometric, 2**17),
-    line("Gaussian with a nugget", gaussian, 4096),
-    line("zero of order 1.5", partial(tmg.fractional.riesz_coefficients, 1.5), 2**13, 3),
-    line("zero of order 2", second_order_zero, 2048),
-    line("zero of order 2", second_order_zero, 2**16),
-    line("nonsymmetric", fractional_diffusion, 1000),
-    line("nonsymmetric", fractional_diffusion, 2**15),
-    line("Hermitian", spectral_peak, 2**14),
-    line("Hermitian", spectral_peak, 100_000),
-    line("plane wave in noise", plane_wave, 2048),
-    line("plane wave in noise", plane_wave, 2**13),
-    line("indefinite", indefinite, 600, limit=1.5),
-    line("indefinite", indefinite, 4096, limit=1.5),
+    line("contact", 100),
+    line("0.9^k", 100, 30),
+    line("fractional noise", 256),
+    line("plane wave in noise", 200),
+    line("Gaussian with a nugget", 256, 3),
+    line("contact", 512),
+    line("contact", 1000, 30),
+    line("contact", 2**14),
+    line("contact", 2**20),
+    line("fractional noise", 2048),
+    line("fractional noise", 100_003),
+    line("Matérn", 1500),
+    line("Matérn", 2**15),
+    line("0.9^k", 700, 3),
+    line("0.9^k", 2**17),
+    line("Gaussian with a nugget", 4096),
+    line("zero of order 1.5", 2**13, 3),
+    line("zero of order 2", 2048),
+    line("zero of order 2", 2**16),
+    line("nonsymmetric", 1000),
+    line("nonsymmetric", 2**15),
+    line("Hermitian", 2**14),
+    line("Hermitian", 100_000),
+    line("plane wave in noise", 2048),
+    line("plane wave in noise", 2**13),
+    line("indefinite", 600, limit=1.5),
+    line("indefinite", 4096, limit=1.5),
     Job("lines", "batch of 1000, n = 16", partial(batch, 1000, 16)),
     Job("cg", "disc, 256²", partial(solve_by_cg, partial(on_a_disc, 256))),
     Job("cg", "random mask, 128²", partial(solve_by_cg, partial(on_a_random_mask, 128))),
-    Job("cg", "three axes, 32³", partial(solve_by_cg, partial(on_three_axes, 32))),
+    Job("cg", "three axes, 32³", partial(solve_by_cg, partial(covariance, 32, 3, 3.0))),
     Job("cg", "two components, 128²", partial(solve_by_cg, partial(of_two_components, 128))),
     Job("multigrid", "V(0,1), test 1, n = 262144", partial(paper, 2**18), 1e-6),
-    Job("multigrid", "cg with V(1,1), disc, 128²", partial(multigrid_in_cg, 128)),
+    Job(
+        "multigrid",
+        "cg with V(1,1), disc, 128²",
+        partial(solve_by_cg, partial(on_a_disc, 128), tmg.multigrid),
+    ),
     Job("inverse", "with 30 columns, n = 8192", partial(inverse, 2**13, 30)),
-    Job("inverse", "log-determinant, n = 512", lambda: log_determinant(matern(512)), 1e-10),
-    Job("inverse", "log-determinant, n = 32768", lambda: log_determinant(matern(2**15)), 1e-10),
+    Job("inverse", "log-determinant, n = 512", partial(log_determinant, 512), 1e-10),
+    Job("inverse", "log-determinant, n = 32768", partial(log_determinant, 2**15), 1e-10),
     Job("likelihood", "with one gap, n = 4096", partial(likelihood, 4096, 1)),
     Job("likelihood", "with 5 gaps, n = 2000", partial(likelihood, 2000, 5)),
-    Job("contact", "Hertz, 256²", partial(press_sphere, 256), 1e-6),
-    *(
-        Job("contact", f"rough, {share} %, 256²", partial(press_rough, 256, share), 1e-6)
-        for share in (2, 10, 28)
-    ),
-    Job("contact", "periodic, 10 %, 256²", partial(press_rough, 256, 10, True), 1e-6),
-    Job("contact", "rough profile, n = 4096", partial(press_profile, 4096), 1e-6),
+    pressed("Hertz, 256²", sphere, 256, force=0.2),
+    pressed("rough, 2 %, 256²", rough, 256, force=0.0105),
+    pressed("rough, 10 %, 256²", rough, 256, force=0.065),
+    pressed("rough, 28 %, 256²", rough, 256, force=0.22),
+    pressed("periodic, 10 %, 256²", rough, 256, force=0.065, periodic=True),
+    pressed("rough profile, n = 4096", partial(rough, axes=1), 4096, force=0.1, reference=4.0),
     Job("contact", "unlike bodies, 48²", partial(press_unlike, 48), 1e-4),
-    Job("friction", "sphere, 256²", partial(shift, 256, False), 1e-6),
-    Job("friction", "rough, 10 %, 128²", partial(shift, 128, True), 1e-6),
+    Job("friction", "sphere, 256²", partial(shift, sphere, 256, 0.2), 1e-6),
+    Job("friction", "rough, 10 %, 128²", partial(shift, rough, 128, 0.065), 1e-6),
     *(rolling(n, is_first=is_first) for n in (11, 25) for is_first in (True, False)),
     rolling(11, by_force=True),
     *(rolling(n, by_force=by_force) for n in (64, 256, 512) for by_force in (False, True)),

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from comparisons.harness.report import Row, format_seconds
+
 PEER_LIMIT = 1.1  # Largest ratio to SciPy's time, or that of the other tree, of jobs with a peer.
 MEAN_LIMIT = 1.1  # Largest geometric mean of the ratios of all others to the other tree.
 MEASUREMENTS = 3  # Most measurements of a job that is above its limit: two of them decide.
@@ -16,23 +18,13 @@ WORST = 5  # Jobs of the largest ratios that are named at the end.
 
 @dataclass
 class Measurement:
-    """The least CPU seconds of a job, of some turns.
+    """The least CPU seconds of a job, of some turns; infinite where not measured."""
 
-    Attributes
-    ----------
-    here, there, peer : float
-        In this tree, in the other one, and of SciPy's function; infinite where not measured.
-    difference : float
-        The largest difference of two answers, over the largest number in them.
-    errors : dict of str
-        The error of a tree, by its name.
-    """
-
-    here: float = inf
+    here: float = inf  # In this tree, in the other one, and of SciPy's function.
     there: float = inf
     peer: float = inf
-    difference: float = 0.0
-    errors: dict[str, str] = field(default_factory=dict)
+    difference: float = 0.0  # The largest of two answers, over the largest number in them.
+    errors: dict[str, str] = field(default_factory=dict)  # By the names of trees.
 
 
 @dataclass
@@ -77,16 +69,19 @@ class Result:
         return faults
 
     @property
-    def cells(self) -> list[str]:
-        """What is printed in the row of the job."""
+    def row(self) -> Row:
+        """What is printed of the job."""
         found = self.measurements
-        here, there = (min(getattr(m, name) for m in found) for name in ("here", "there"))
+        times = {key: min(getattr(m, key) for m in found) for key in ("here", "there")}
         difference = max(m.difference for m in found)
         digits = "all" if difference == 0.0 else f"{max(0.0, -log10(difference)):.1f}"
         notes = [f"there: {m.errors['there']}" for m in found if "there" in m.errors][:1]
-        cells = [f"{self.job.family}: {self.job.name}", format_seconds(here), format_seconds(there)]
-        cells += ["" if isnan(r) else f"{r:.2f}" for r in (self.ratio, self.peer_ratio)]
-        return [*cells, digits if there < inf else "", "; ".join(self.faults + notes)]
+        row: Row = {"job": f"{self.job.family}: {self.job.name}"}
+        row |= {key: format_seconds(s) if s < inf else "" for key, s in times.items()}
+        ratios = {"ratio": self.ratio, "of SciPy's": self.peer_ratio}
+        row |= {key: "" if isnan(ratio) else f"{ratio:.2f}" for key, ratio in ratios.items()}
+        row["digits"] = digits if times["there"] < inf else ""
+        return row | {"note": "; ".join(self.faults + notes)}
 
     @property
     def _judged(self) -> list[float]:
@@ -110,14 +105,6 @@ def differ(x: Any, y: Any) -> float:
         return inf
     size = max(np.abs(x).max(initial=0.0), np.abs(y).max(initial=0.0))
     return float(np.abs(x - y).max(initial=0.0) / size) if size > 0.0 else 0.0
-
-
-def format_seconds(seconds: float) -> str:
-    """Return a time with three digits in the unit that suits it; nothing where there is none."""
-    if seconds == inf:
-        return ""
-    unit, scale = ("s", 1.0) if seconds >= 1.0 else ("ms", 1e3) if seconds >= 1e-3 else ("µs", 1e6)
-    return f"{float(f'{scale * seconds:.3g}'):g} {unit}"
 
 
 def summarise(results: Sequence[Result]) -> bool:

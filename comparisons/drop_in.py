@@ -1,0 +1,194 @@
+"""`toeplitz_mg.solve_toeplitz` against the faster of two rivals, at every size.
+
+The rivals: `scipy.linalg.solve_toeplitz`, and what one writes by hand on `scipy.fft`, CG with
+T. Chan's circulant. CPU time on one thread, set-ups and the check of our residual included; the
+contenders in turns, whose order is drawn, in one process, a fresh one for each symbol and decade;
+low quantiles, of fewer turns for one that takes long. ``--symbols``, ``--sizes``, ``--columns`` and
+``--digits``, of the residual, choose others.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
+from itertools import groupby
+from random import Random
+from time import process_time
+
+import numpy as np
+import scipy.fft
+import scipy.linalg
+from scipy.sparse.linalg import LinearOperator, cg
+
+import toeplitz_mg as tmg
+from comparisons.harness import report
+from comparisons.harness.measuring import time_call
+from comparisons.harness.processes import in_a_fresh_process, prepare
+from comparisons.harness.report import Row
+from comparisons.systems import symbols
+from toeplitz_mg._typing import Array
+
+SYMBOLS = ("contact", "fGn, H = 0.9", "0.9^k", "exp(-k/1000)", "θ²")
+A_DECADE = 24  # Sizes in each decade beyond the first 40.
+SIZES = (*range(1, 41), *(round(10 ** (k / A_DECADE)) for k in range(39, 6 * A_DECADE + 1)))
+TABULATED = (32, 100, 316, 1000, 3162, 10_000, 100_000, 1_000_000)  # In docs/benchmarks.md.
+QUICK_SIZES = (*range(1, 41, 6), *SIZES[40:80:8])
+COLUMNS = (1, 64)
+DIGITS = 8  # Those of the relative residual that is asked for, unless told otherwise.
+MOST_NUMBERS = 2**22  # Of the right-hand sides of a system.
+LEVINSON_STEPS = 2**28  # Most steps, n² a column, of SciPy's, and so n = 16,384.
+BY_HAND = range(100, 2**17)  # Sizes for the rival by hand, which is far behind at the others.
+ENOUGH = 0.1  # CPU seconds of the runs of one contender, after which it has no more turns.
+TURNS = 40  # Most turns.
+SHORTEST = 0.001  # CPU seconds of the runs of one turn, so that the clock resolves them.
+QUANTILE = 0.2  # Share of the turns that are faster: the others were disturbed.
+FORMATS = {"symbol": "", "columns": "d", "n": "d", "seconds": ".2g", "scipy_seconds": ".2g"}
+FORMATS |= {"by_hand_seconds": ".2g", "ratio": ".2f", "method": "", "iterations": "d"}
+FORMATS |= {"residual": ".0e"}
+
+
+def solve_by_hand(c: Array, b: Array, rtol: float) -> Array:
+    """Solve by SciPy's CG with T. Chan's circulant, all written on `scipy.fft`."""
+    n = len(c)
+    k, length = np.arange(n), scipy.fft.next_fast_len(2 * n - 1, real=True)
+    symbol = scipy.fft.rfft(np.concatenate([c, np.zeros(length - 2 * n + 1), c[:0:-1]])).real
+    eigenvalues = scipy.fft.rfft(((n - k) * c + k * np.r_[0.0, c[:0:-1]]) / n).real
+
+    def multiply(x: Array) -> Array:
+        return scipy.fft.irfft(symbol * scipy.fft.rfft(x, length), length)[:n]
+
+    def precondition(x: Array) -> Array:
+        return scipy.fft.irfft(scipy.fft.rfft(x) / eigenvalues, n)
+
+    A, M = (LinearOperator((n, n), f, dtype=float) for f in (multiply, precondition))
+    x, info = cg(A, b, M=M, rtol=rtol, maxiter=2000)
+    if info:
+        raise ArithmeticError("not converged")
+    return x
+
+
+def measure(name: str, sizes: Sequence[int], columns: int, rtol: float) -> list[Row]:
+    """Time all contenders in this process."""
+    return [measure_one(name, n, columns, rtol) for n in sizes]
+
+
+def measure_one(name: str, n: int, columns: int, rtol: float) -> Row:
+    """Time all contenders on one system, in turns, after a first run of each."""
+    c = symbols.column(name, n)
+    b = np.random.default_rng(0).standard_normal((n, columns) if columns > 1 else n)
+    x, info = tmg.solve_toeplitz(c, b, rtol=rtol, full_output=True)
+    contenders: dict[str, Callable[[], object]] = {
+        "seconds": partial(tmg.solve_toeplitz, c, b, rtol=rtol)
+    }
+    if columns * n**2 <= LEVINSON_STEPS:
+        contenders["scipy_seconds"] = partial(scipy.linalg.solve_toeplitz, c, b)
+    if columns == 1 and n in BY_HAND:
+        with suppress(ArithmeticError):  # It may not converge.
+            solve_by_hand(c, b, rtol)
+            contenders["by_hand_seconds"] = partial(solve_by_hand, c, b, rtol)
+    row: Row = {"symbol": name, "columns": columns, "n": n}
+    row |= dict.fromkeys(("seconds", "scipy_seconds", "by_hand_seconds", "ratio"))
+    row |= time_in_turns(contenders)
+    if rivals := [row[key] for key in contenders if key != "seconds"]:
+        row["ratio"] = row["seconds"] / min(rivals)  # To the faster rival.
+    r = b - scipy.linalg.matmul_toeplitz(c, x)
+    residual = float((np.linalg.norm(r, axis=0) / np.linalg.norm(b, axis=0)).max())
+    return row | {"method": info.method, "iterations": info.iterations, "residual": residual}
+
+
+def time_in_turns(contenders: Mapping[str, Callable[[], object]]) -> dict[str, float]:
+    """Return the CPU seconds of each; one that takes long has fewer turns than the others."""
+    repeats = {
+        key: max(1, round(SHORTEST / max(time_call(run, process_time)[1], 1e-6)))
+        for key, run in contenders.items()
+    }
+    times: dict[str, list[float]] = {key: [] for key in contenders}
+    order, chance = list(contenders.items()), Random(0)
+    for _ in range(TURNS):
+        chance.shuffle(order)  # A run is slower after one that has emptied the caches.
+        for key, run in order:
+            if sum(times[key]) * repeats[key] > ENOUGH:
+                continue
+            start = process_time()
+            for _ in range(repeats[key]):
+                run()
+            times[key].append((process_time() - start) / repeats[key])
+    return {key: float(np.quantile(t, QUANTILE, method="lower")) for key, t in times.items()}
+
+
+def run(
+    sizes: Sequence[int], names: Sequence[str], columns: Sequence[int], rtol: float
+) -> Iterator[Row]:
+    """Yield the rows of all systems, a decade at a time."""
+    for name in names:
+        for k in columns:
+            some = [n for n in sizes if k * n <= MOST_NUMBERS]
+            for _, decade in groupby(some, lambda n: len(str(n))):
+                # A process of its own for each: what one leaves behind is not the time of the next.
+                yield from in_a_fresh_process(partial(measure, name, list(decade), k, rtol))
+
+
+def worst(rows: Sequence[Row]) -> list[Row]:
+    """Return the largest ratios to the faster rival, and where they are."""
+    table: list[Row] = []
+    for (name, columns), own in report.group(rows, "symbol", "columns").items():
+        ratios = [(row["ratio"], row["n"]) for row in own if row["ratio"] is not None]
+        ratio = "{:.2f} at {}".format(*max(ratios)) if ratios else "no rival"
+        table.append({"symbol": name, "columns": columns, "largest ratio": ratio})
+    return table
+
+
+def arrange(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of docs/benchmarks.md: some sizes across, the contact kernel in full."""
+    found = {(row["symbol"], row["columns"], row["n"]): row for row in rows}
+
+    def line(title: str, name: str, columns: int, key: str) -> Row:
+        cells: Row = {"n": title}
+        for n in TABULATED:
+            value = found.get((name, columns, n), {}).get(key)
+            shown = "" if value is None else f"{value:.2f}"
+            cells[f"{n:,}"] = report.format_seconds(value) if key.endswith("seconds") else shown
+        return cells
+
+    titles = {
+        "scipy_seconds": "SciPy",
+        "by_hand_seconds": "CG with T. Chan's circulant by hand",
+        "seconds": "this package",
+        "ratio": "its time over that of the faster rival",
+    }
+    table = [
+        line(f"contact kernel, {k} right-hand side{'s' * (k > 1)}: {title}", "contact", k, key)
+        for k in COLUMNS
+        for key, title in titles.items()
+    ]
+    table += [
+        line(f"{name}, {k}: the same ratio", name, k, "ratio")
+        for k in COLUMNS
+        for name in SYMBOLS[1:]
+    ]
+    return [cells for cells in table if any(list(cells.values())[1:])]
+
+
+@report.interruptible
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run the comparison."""
+    prepare("comparisons.drop_in")
+    arguments = report.options(
+        "drop_in",
+        "Compare solve_toeplitz with SciPy's.",
+        argv=argv,
+        symbols=tuple(symbols.COLUMNS),
+        sizes=[],
+        columns=list(COLUMNS),
+        digits=DIGITS,
+    )
+    sizes = arguments.sizes or (QUICK_SIZES if arguments.quick else SIZES)
+    room = {"symbol": 12, "seconds": 8, "method": 40}
+    form = partial(report.format_cells, formats=FORMATS)
+    table = report.Table("Seconds", arguments.output / "drop_in.csv", form, room)
+    names, rtol = arguments.symbols or SYMBOLS, 10.0**-arguments.digits
+    table.extend(run(sizes, names, arguments.columns, rtol))
+    report.show("The largest ratios to the faster rival, and where", worst(table.rows))
+
+
+if __name__ == "__main__":
+    main()

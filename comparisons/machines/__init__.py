@@ -1,0 +1,1 @@
+"""What more than one core gains: threads, ranks, the arrays of a GPU."""

@@ -1,0 +1,136 @@
+"""The comparisons of speed write what they measure, row by row, and their answers are right."""
+
+import pytest
+
+from comparisons import drop_in
+from comparisons.baselines import comparison as baselines
+from comparisons.harness import report
+from comparisons.machines import parts as machines
+from comparisons.machines import ranks
+from tests.slabs.ranks import with_ranks
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
+
+
+def run(command, folder, capsys, *options, **extent):
+    """Run a command with ``--quick``, and return what it prints."""
+    command.main(["--quick", "--output", str(folder), *options], **extent)
+    printed = capsys.readouterr().out
+    assert str(folder) in printed
+    assert (folder / report.MEASURED).exists()
+    return printed
+
+
+def test_baselines(tmp_path, capsys):
+    run(baselines, tmp_path, capsys, sizes=(64,))
+    assert (tmp_path / "baselines.png").read_bytes().startswith(b"\x89PNG")
+    rows = report.read_csv(tmp_path / "baselines.csv")
+    assert {row["system"] for row in rows} == {"test 1"}
+    assert {row["method"] for row in rows} == {method.name for method in baselines.METHODS}
+    for row in rows:
+        if not row["method"].startswith("pyamg"):
+            assert row["residual"] <= 1.01e-8
+        assert row["converged"] or row["note"]  # What is missing has its reason.
+    table = baselines.arrange(rows)
+    assert [line["method"] for line in table] == [method.name for method in baselines.METHODS]
+
+
+def test_the_picture_of_baselines_alone(tmp_path, capsys):
+    run(baselines, tmp_path, capsys, "--picture", sizes=(64,))
+    assert (tmp_path / "baselines.png").read_bytes().startswith(b"\x89PNG")
+    assert not (tmp_path / "baselines.csv").exists()
+    rows = report.read_csv(tmp_path / "drawn.csv")
+    assert {row["method"] for row in rows} == set(baselines.DRAWN)
+
+
+def test_a_method_that_is_too_slow_is_not_run_at_a_larger_size():
+    (method,) = (method for method in baselines.METHODS if method.name == "CG")
+    rows = list(baselines.run(baselines.test1, [method], (64, 128), longest=0.0))
+    assert rows[0]["converged"]
+    assert rows[1]["note"] == "not run: over 0 s at n = 64"
+
+
+def test_drop_in(tmp_path, capsys):
+    printed = run(drop_in, tmp_path, capsys, "--sizes", "1", "5", "300")
+    assert "The largest ratios" in printed
+    rows = report.read_csv(tmp_path / "drop_in.csv")
+    assert {row["symbol"] for row in rows} == set(drop_in.SYMBOLS)
+    assert all(row["residual"] <= 1e-8 for row in rows)
+    assert all(row["ratio"] > 0.0 for row in rows)
+    assert {row["n"] for row in rows if "by_hand_seconds" in row} == {300}
+
+
+def test_drop_in_of_other_symbols(tmp_path, capsys):
+    options = ["--symbols", "|θ|", "contact", "--sizes", "316", "--columns", "1", "--digits", "11"]
+    run(drop_in, tmp_path, capsys, *options)
+    rows = report.read_csv(tmp_path / "drop_in.csv")
+    assert [row["symbol"] for row in rows] == ["|θ|", "contact"]
+    assert all(row["residual"] <= 1e-11 for row in rows)
+    table = drop_in.arrange(rows)
+    assert [line["n"] for line in table][-1].endswith("its time over that of the faster rival")
+    assert all(line["316"] and not line["1,000"] for line in table)
+
+
+def test_arrays_of_another_library(tmp_path, capsys):
+    """On a library of the processor, so that nothing is said about a GPU."""
+    pytest.importorskip("array_api_strict")
+    options = "--parts", "gpu", "--library", "array_api_strict"
+    printed = run(machines, tmp_path, capsys, *options, quick={"gpu": {"sizes": (32,)}})
+    assert "array_api_strict on a CPU, no GPU" in printed
+    (row,) = report.read_csv(tmp_path / "gpu.csv")
+    assert row["error"] <= 1e-14
+    assert row["iterations"] == row["on NumPy"]
+    assert min(row["of its transforms"], row["of bare ones"], row["bytes an unknown"]) > 0.0
+    (row,) = report.read_csv(tmp_path / "gpu_areas.csv")
+    assert row["unknowns"] == round(0.4 * 32**2)
+    assert row["iterations"] == row["on NumPy"]
+    (row,) = report.read_csv(tmp_path / "gpu_contact.csv")
+    assert row["products"] == row["on NumPy"]
+    assert row["elements that differ"] == 0
+    assert row["bytes an element"] > 0.0
+
+
+@with_ranks
+def test_ranks(tmp_path, capsys):
+    options = "--parts", "ranks", "--nodes", "2", "--model", "1", "8"
+    quick = {"ranks": {"side": 64, "strong": 64, "memory": 64}}
+    printed = run(machines, tmp_path, capsys, *options, quick=quick)
+    rows = report.read_csv(tmp_path / "scaling.csv")
+    kinds = [(row["kind"], row["ranks"], row["n"]) for row in rows]
+    assert kinds == [("weak", 2, 96), ("strong", 2, 64)]
+    for row in rows:
+        assert "note" not in row
+        assert row["product bytes"] == 16.0
+        assert row["model s"] > 0.0
+        assert row["FSAI info"] == row["cosine info"] == 0
+    memory = [row["what"] for row in report.read_csv(tmp_path / "memory.csv")]
+    assert memory == ["serial FSAI", "FSAI", "serial cosine", "cosine"]
+    nodes = report.read_csv(tmp_path / "model.csv")
+    assert [row["nodes"] for row in nodes] == [1, 8]
+    assert str(nodes[1]["CG + FSAI s"]) in printed
+
+
+def test_a_launcher_that_fails_is_noted(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for launcher, note in (("false", "status 1"), ("no-such-launcher", "No such file")):
+        assert note in ranks.measure(launcher, 2, 64, "times")["note"]
+
+
+def test_the_model_is_that_of_the_design():
+    """A product of 2^28 unknowns on a node of 64 cores; its messages on eight are most of it."""
+    node = ranks.Node(5e11, 2.5e11, 1e10)
+    assert round(ranks.predict(node, 1, 2**14).product, 2) == 0.56
+    eight = ranks.predict(node, 8, 2**15)
+    assert round(eight.exchange, 2) == 0.38
+    assert round(eight.product - eight.exchange, 2) == 0.29
+    assert eight.message == 2**28
+
+
+def test_threads(tmp_path, capsys):
+    quick = {"threads": {"sides": (384,), "turns": 1}}
+    printed = run(machines, tmp_path, capsys, "--parts", "threads", quick=quick)
+    assert "Load of the machine" in printed
+    rows = report.read_csv(tmp_path / "threads.csv")
+    assert {row["workers"] for row in rows} == {1, 2}
+    assert all(row["speed_up"] == 1.0 for row in rows if row["workers"] == 1)
+    assert all(row["of_bare"] == 1.0 for row in rows if row["task"] == "bare transforms")
