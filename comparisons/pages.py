@@ -1,35 +1,24 @@
 """Write the tables of the pages in docs from what was measured.
 
 A comparison leaves its figures and `measured.txt`, which says when and on what machine, in a folder
-of results; ``python -m comparisons.pages`` takes both into the pages. A table stands there between
-two comments, of which the first has its name, and ends in what measured it.
+of results; ``python -m comparisons --pages`` takes both into the pages. A table stands there
+between two comments, of which the first has its name, and ends in what measured it.
 """
 
-import argparse
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import NamedTuple
 
-from comparisons.contact import cases, growth, periodic, punch3d, small
-from comparisons.gaussian import likelihood
 from comparisons.harness import report
+from comparisons.harness.inside import files
 from comparisons.harness.report import Row
-from comparisons.paper import tables
-from comparisons.preconditioners import (
-    areas,
-    fractional_diffusion,
-    general_symbols,
-    symbols,
-)
-from comparisons.speed import baselines, by_hand_tables, drop_in, gpu
-from toeplitz_mg.cli import files
 
 DOCS = Path(__file__).parent.parent / "docs"
 
 
-@dataclass(frozen=True)
-class Table:
+class Table(NamedTuple):
     """A table of a page.
 
     Attributes
@@ -37,72 +26,73 @@ class Table:
     page : str
         The file in docs.
     command : str
-        The module in `comparisons` that measures it, like "speed.drop_in".
+        The command that measures it.
     figures : str
         The file with its figures, among the results of the command.
-    arrange : callable
-        Makes the rows of the table of those of the figures.
+    function : str
+        What makes the rows of the table of those of the figures: "module:name", in `comparisons`.
     """
 
     page: str
     command: str
     figures: str
-    arrange: Callable[[Sequence[Row]], list[Row]]
+    function: str
+
+    @property
+    def arrange(self) -> Callable[[Sequence[Row]], list[Row]]:
+        """The function."""
+        module, name = self.function.split(":")
+        function: Callable[[Sequence[Row]], list[Row]]
+        function = getattr(import_module(f"comparisons.{module}"), name)
+        return function
 
 
+_LIKELIHOOD = "gaussian_processes.md", "gaussian"
+_METHODS = "which_method.md", "preconditioners"
 TABLES = {
-    "drop_in": Table("benchmarks.md", "speed.drop_in", "drop_in.csv", drop_in.arrange),
-    "products": Table(
-        "benchmarks.md", "speed.by_hand", "products.csv", by_hand_tables.arrange_products
+    "drop_in": Table("benchmarks.md", "drop_in", "drop_in.csv", "drop_in:arrange"),
+    "baselines": Table(
+        "benchmarks.md", "baselines", "baselines.csv", "baselines.comparison:arrange"
     ),
-    "solves": Table("benchmarks.md", "speed.by_hand", "solves.csv", by_hand_tables.arrange_solves),
-    "baselines": Table("benchmarks.md", "speed.baselines", "baselines.csv", baselines.arrange),
-    "gpu": Table("machines.md", "speed.gpu", "gpu.csv", gpu.arrange),
-    "gpu_areas": Table("machines.md", "speed.gpu", "gpu_areas.csv", gpu.arrange_areas),
-    "gpu_contact": Table("machines.md", "speed.gpu", "gpu_contact.csv", gpu.arrange_contact),
-    "general_symbols": Table(
-        "which_method.md",
-        "preconditioners.general_symbols",
-        "general_symbols.csv",
-        general_symbols.arrange,
+    "gpu": Table("machines.md", "machines", "gpu.csv", "machines.gpu:arrange"),
+    "gpu_areas": Table("machines.md", "machines", "gpu_areas.csv", "machines.gpu:arrange_areas"),
+    "gpu_contact": Table(
+        "machines.md", "machines", "gpu_contact.csv", "machines.gpu:arrange_contact"
     ),
+    "symbols": Table(*_METHODS, "symbols.csv", "preconditioners.symbols:arrange"),
+    "general_symbols": Table(*_METHODS, "general.csv", "preconditioners.general:arrange"),
     "fractional_diffusion": Table(
-        "which_method.md",
-        "preconditioners.fractional_diffusion",
-        "fractional_diffusion.csv",
-        fractional_diffusion.arrange,
+        *_METHODS, "fractional.csv", "preconditioners.fractional:arrange"
     ),
     "fractional_diffusion_growing": Table(
-        "which_method.md",
-        "preconditioners.fractional_diffusion",
-        "growing.csv",
-        fractional_diffusion.arrange_growing,
+        *_METHODS, "growing.csv", "preconditioners.fractional:arrange_growing"
     ),
-    "likelihood_errors": Table(
-        "gaussian_processes.md", "gaussian.likelihood", "errors.csv", likelihood.arrange_errors
-    ),
-    "likelihood_times": Table(
-        "gaussian_processes.md", "gaussian.likelihood", "times.csv", likelihood.arrange_times
-    ),
-    "likelihood_gaps": Table(
-        "gaussian_processes.md", "gaussian.likelihood", "gaps.csv", likelihood.arrange_gaps
-    ),
-    "likelihood_noise": Table(
-        "gaussian_processes.md", "gaussian.likelihood", "noise.csv", likelihood.arrange_noise
-    ),
-    "symbols": Table("which_method.md", "preconditioners.symbols", "symbols.csv", symbols.arrange),
-    "paper": Table("reproduce.md", "paper.tables", tables.CELLS, tables.arrange),
-    "cases_errors": Table("contact.md", "contact.cases", "errors.csv", cases.arrange_errors),
-    "cases_products": Table("contact.md", "contact.cases", "costs.csv", cases.arrange_products),
-    "cases_stresses": Table("stresses.md", "contact.cases", "errors.csv", cases.arrange_stresses),
-    "growth": Table("rolling.md", "contact.growth", "growth.csv", growth.arrange),
-    "small": Table("rolling.md", "contact.small", "small.csv", small.arrange),
+    "likelihood_errors": Table(*_LIKELIHOOD, "errors.csv", "gaussian.likelihood:arrange_errors"),
+    "likelihood_times": Table(*_LIKELIHOOD, "times.csv", "gaussian.likelihood:arrange_times"),
+    "likelihood_gaps": Table(*_LIKELIHOOD, "gaps.csv", "gaussian.likelihood:arrange_gaps"),
+    "likelihood_noise": Table(*_LIKELIHOOD, "noise.csv", "gaussian.likelihood:arrange_noise"),
+    "paper": Table("reproduce.md", "paper", "cells.csv", "paper.tables:arrange"),
+    "cases_errors": Table("contact.md", "theory", "errors.csv", "theory.cases:arrange_errors"),
+    "cases_products": Table("contact.md", "theory", "costs.csv", "theory.cases:arrange_products"),
+    "cases_stresses": Table("stresses.md", "theory", "errors.csv", "theory.cases:arrange_stresses"),
     "periodic_products": Table(
-        "periodic.md", "contact.periodic", "rough.csv", periodic.arrange_products
+        "periodic.md", "theory", "costs.csv", "theory.cases:arrange_repeated"
     ),
-    "periodic_peers": Table("periodic.md", "contact.periodic", "rough.csv", periodic.arrange_peers),
-    "punch3d": Table("three_dimensions.md", "contact.punch3d", "punch3d.csv", punch3d.arrange),
-    "areas": Table("masks.md", "preconditioners.areas", "areas.csv", areas.arrange),
+    "printed": Table("unlike.md", "theory", "printed.csv", "theory.cases:arrange_printed"),
+    "kalker": Table("rolling.md", "theory", "printed.csv", "theory.cases:arrange_kalker"),
+    "periodic_peers": Table(
+        "periodic.md", "peers", "peers.csv", "peers.measuring:arrange_repeated"
+    ),
+    "areas": Table("masks.md", "preconditioners", "areas.csv", "preconditioners.areas:arrange"),
+    "areas_all": Table(
+        "areas.md", "preconditioners", "areas.csv", "preconditioners.areas:arrange_all"
+    ),
+    "coupled": Table(
+        "three_dimensions.md",
+        "preconditioners",
+        "areas.csv",
+        "preconditioners.areas:arrange_coupled",
+    ),
 }
 
 
@@ -123,25 +113,15 @@ def write_table(page: Path, name: str, rows: Sequence[Row], origin: str) -> None
     files.write(page, text.encode())
 
 
-def main() -> None:
-    """Write every table whose figures are there."""
-    parser = argparse.ArgumentParser(
-        prog="python -m comparisons.pages", description="Write the tables of the pages in docs."
-    )
-    parser.add_argument("--results", type=Path, default=Path("results"), metavar="FOLDER")
-    parser.add_argument("--docs", type=Path, default=DOCS, metavar="FOLDER")
-    arguments = parser.parse_args()
+def write(results: Path, docs: Path) -> None:
+    """Write every table whose figures are there into the pages of a folder."""
     for name, table in TABLES.items():
-        folder = arguments.results.joinpath(*table.command.split("."))
+        folder = results / table.command
         if not (folder / table.figures).exists():
             print(f"{name}: {folder / table.figures} is not there: run comparisons.{table.command}")
             continue
         rows = table.arrange(report.read_csv(folder / table.figures))
         measured = (folder / report.MEASURED).read_text().strip()
         origin = f"Measured by `python -m comparisons.{table.command}` on {measured}."
-        write_table(arguments.docs / table.page, name, rows, origin)
-        print(f"{name}: written to {arguments.docs / table.page}")
-
-
-if __name__ == "__main__":
-    main()
+        write_table(docs / table.page, name, rows, origin)
+        print(f"{name}: written to {docs / table.page}")

@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
+from comparisons.__main__ import COMMANDS
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
@@ -66,21 +67,15 @@ def test_links_to_files_that_exist(page):
         assert (page.parent / target).exists(), target
 
 
-def test_names_comparisons_that_exist_and_all_of_them():
-    def is_command(path):
-        return path.name == "__main__.py" or '__name__ == "__main__"' in path.read_text()
-
-    files = filter(is_command, (ROOT / "comparisons").rglob("*.py"))
-    commands = {
-        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__")
-        for path in files
-    }
-    named = {
-        name
-        for page in PAGES
-        for name in re.findall(r"python -m (comparisons[\w.]*\w)", page.read_text())
-    }
-    assert named == commands
+def test_pages_and_docstrings_name_the_ten_commands_and_no_others():
+    name = re.compile(r"\bcomparisons\.(\w+(?:\.\w+)*)")
+    folders = ("toeplitz_mg", "examples", "benchmarks")
+    sources = [ROOT / "CHANGELOG.md", *(p for f in folders for p in (ROOT / f).rglob("*.py"))]
+    assert {found for page in PAGES for found in name.findall(page.read_text())} == set(COMMANDS)
+    assert {found for path in sources for found in name.findall(path.read_text())} <= set(COMMANDS)
+    for command in COMMANDS:
+        stem = ROOT / "comparisons" / command
+        assert stem.with_suffix(".py").exists() or (stem / "__main__.py").exists(), command
 
 
 def public_names():
@@ -118,13 +113,6 @@ def test_every_page_is_in_the_contents_of_the_site():
     }
     missing = {page.resolve() for page in PAGES} - found - {README, ROOT / "docs" / "index.md"}
     assert not missing, "name it in docs/guide.md"
-
-
-def test_the_code_names_commands_that_exist():
-    for path in (ROOT / "toeplitz_mg").rglob("*.py"):
-        for name in re.findall(r"python -m (comparisons[\w.]*\w)", path.read_text()):
-            stem = ROOT.joinpath(*name.split("."))
-            assert stem.with_suffix(".py").exists() or (stem / "__main__.py").exists(), name
 
 
 @each_page

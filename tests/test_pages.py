@@ -1,12 +1,12 @@
 """The tables of the pages are written from what was measured, and say when and on what."""
 
 import re
-import sys
 
 import numpy as np
 import pytest
 
 from comparisons import pages
+from comparisons.__main__ import main
 from comparisons.harness import machine, report
 
 NAMED = {
@@ -18,6 +18,7 @@ NAMED = {
 
 def test_every_table_has_its_place_and_every_place_its_table():
     assert {name: pages.DOCS / table.page for name, table in pages.TABLES.items()} == NAMED
+    assert all(callable(table.arrange) for table in pages.TABLES.values())
 
 
 def test_every_table_says_when_and_by_what_it_was_measured():
@@ -35,27 +36,24 @@ def test_the_machine_is_described():
     assert np.__version__ in text
 
 
-def test_a_table_takes_the_place_of_the_last_one(tmp_path, monkeypatch, capsys):
-    page = tmp_path / "benchmarks.md"
-    page.write_text("# Head\n\n<!-- table: drop_in -->\nold\n<!-- end -->\n\nTail\n")
-    folder = tmp_path / "results" / "speed" / "drop_in"
+def test_a_table_takes_the_place_of_the_last_one(tmp_path, capsys):
+    page = tmp_path / "gaussian_processes.md"
+    page.write_text("# Head\n\n<!-- table: likelihood_noise -->\nold\n<!-- end -->\n\nTail\n")
+    folder = tmp_path / "results" / "gaussian"
     folder.mkdir(parents=True)
-    row = {"symbol": "contact", "n": 1000, "columns": 1, "seconds": 0.0012, "scipy_seconds": None}
-    report.write_csv(folder / "drop_in.csv", [row | {"ratio": 0.987}])
+    rows = [{"covariance": "θ²", "spread of log d": s, "default": 7 * s} for s in (1, 2)]
+    report.write_csv(folder / "noise.csv", rows)
     (folder / report.MEASURED).write_text("2026-01-31: a machine\n")
-    options = ["--results", str(tmp_path / "results"), "--docs", str(tmp_path)]
-    monkeypatch.setattr(sys, "argv", ["pages", *options])
     for _ in range(2):
-        pages.main()
+        main(["--pages", "--results", str(tmp_path / "results"), "--docs", str(tmp_path)])
         text = page.read_text()
         assert "old" not in text
-        (line,) = (x for x in text.splitlines() if "1 right-hand side: this package" in x)
-        assert [cell.strip() for cell in line.split("|")[1:-1] if cell.strip()][1:] == ["1.2 ms"]
-        assert " 0.99 " in text
-        where = "`python -m comparisons.speed.drop_in` on 2026-01-31: a machine."
-        assert text.startswith("# Head\n\n<!-- table: drop_in -->\n|")
+        (line,) = (x for x in text.splitlines() if "θ²" in x)
+        assert [cell.strip() for cell in line.split("|")[1:-1]] == ["θ²", "7", "14"]
+        where = "`python -m comparisons.gaussian` on 2026-01-31: a machine."
+        assert text.startswith("# Head\n\n<!-- table: likelihood_noise -->\n|")
         assert text.endswith(f"\nMeasured by {where}\n<!-- end -->\n\nTail\n")
-    assert "products: " in capsys.readouterr().out  # It says what is not there.
+    assert "drop_in: " in capsys.readouterr().out  # It says what is not there.
 
 
 def test_a_page_without_the_table_is_refused(tmp_path):
@@ -69,6 +67,20 @@ def test_what_is_written_is_read_again(tmp_path):
     rows = [{"n": 3, "x": 0.1, "what": "a, b", "done": True}, {"n": 4, "x": float("inf")}]
     report.write_csv(tmp_path / "t.csv", rows)
     assert report.read_csv(tmp_path / "t.csv") == rows
+
+
+def test_a_table_is_printed_and_kept_row_by_row(tmp_path, capsys):
+    """Columns have the width of the first row, or the room that they are given."""
+    table = report.Table("Title", tmp_path / "t.csv", lambda row: row | {"n": -row["n"]}, {"b": 9})
+    table.add({"n": 1, "b": "x"})
+    assert capsys.readouterr().out == "\nTitle\n\nn       b\n------  ---------\n-1      x\n"
+    assert report.read_csv(tmp_path / "t.csv") == [{"n": 1, "b": "x"}]
+    table.extend([{"n": 2, "b": None}, {"n": 3, "b": "y", "note": "new"}])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "-2"
+    assert lines[1].split() == ["n", "b", "note"]  # A column more, and so a new heading.
+    assert lines[3].split() == ["-3", "y", "new"]
+    assert len(report.read_csv(tmp_path / "t.csv")) == len(table.rows) == 3
 
 
 @pytest.mark.parametrize(

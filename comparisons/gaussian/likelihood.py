@@ -12,7 +12,7 @@
 - Iterations for A + D, D a diagonal of noise that varies.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from importlib.util import find_spec
 from time import process_time
@@ -32,17 +32,19 @@ from comparisons.harness.report import Row
 from comparisons.systems.symbols import column, fractional_noise
 from toeplitz_mg._typing import Array
 
-SIZES = tuple(2**k for k in (12, 14, 16, 18, 20))
-GAP_SIZES = tuple(2**k for k in (12, 15, 16))
-QUICK_SIZES = SIZES[:1]
+SIZES: tuple[int, ...] = tuple(2**k for k in (12, 14, 16, 18, 20))
+GAP_SIZES: tuple[int, ...] = tuple(2**k for k in (12, 15, 16))
+QUICK_SIZES = (2**10,)
 NOISE_SIZE = 2**16
-DENSE_SIZES, QUICK_DENSE = (600, 2000, 4096), (600,)
+DENSE_SIZES: tuple[int, ...] = (600, 2000, 4096)
+QUICK_DENSE = (300,)
 TIMED = ("fGn, H = 0.9", "0.9^k", "Matérn 3/2, ℓ = 5", "exp(-k/1000)")
 TABULATED = (  # Those in the table of errors of the page.
     *("fGn, H = 0.9", "fGn, H = 0.99", "θ²", "Matérn 3/2, ℓ = 20", "exp(-k/1000)", "sinc"),
     *("Matérn 3/2", "1/(1 + k²/100)"),
 )
-SAMPLES = 100_000
+SAMPLES, QUICK_SAMPLES = 100_000, 2000
+SAMPLED = ("fGn, H = 0.75", "fGn, H = 0.99", "0.9^k", "Matérn 3/2, ℓ = 5", "Matérn 3/2, ℓ = 20")
 LENGTH = 16  # Of the series that are sampled: their covariance has 136 different entries.
 TURNS = 3
 
@@ -129,9 +131,8 @@ def time_likelihood(name: str, n: int) -> Row:
     return row
 
 
-def time_gaps(n: int) -> list[Row]:
+def time_gaps(n: int) -> Iterator[Row]:
     """Time the value for one gap, and for a tenth missing at random, and count iterations."""
-    rows = []
     rng = np.random.default_rng(0)
     for name in TIMED:
         c, y = covariance(name, n), rng.standard_normal(n)
@@ -153,8 +154,7 @@ def time_gaps(n: int) -> list[Row]:
         A = tmg.MaskedOperator(process.A, random)
         M = tmg.default_preconditioner(A)
         row["iterations, at random"] = iterate(A, y[random], M=M, rtol=TOLERANCE)[1]
-        rows.append(row)
-    return rows
+        yield row
 
 
 def examine_samples(name: str, samples: int) -> Row:
@@ -178,9 +178,8 @@ def examine_samples(name: str, samples: int) -> Row:
     }
 
 
-def count_with_noise(name: str, n: int) -> list[Row]:
+def count_with_noise(name: str, n: int) -> Iterator[Row]:
     """Count the iterations for A + D, where log d is normal of some spread around log 0.1."""
-    rows = []
     rng = np.random.default_rng(0)
     A, b = tmg.ToeplitzOperator(covariance(name, n)), rng.standard_normal(n)
     normal = rng.standard_normal(n)
@@ -195,8 +194,7 @@ def count_with_noise(name: str, n: int) -> list[Row]:
                 row[key] = iterate(B, b, M=choose(B), rtol=TOLERANCE, maxiter=1000)[1]
             except np.linalg.LinAlgError:
                 row[key] = None
-        rows.append(row)
-    return rows
+        yield row
 
 
 def arrange_errors(rows: Sequence[Row]) -> list[Row]:
@@ -241,6 +239,13 @@ def arrange_noise(rows: Sequence[Row]) -> list[Row]:
     return table
 
 
+TITLES = {
+    "errors": "Errors of log det A and of the gradient, against dense factorisations",
+    "times": "CPU seconds of a value with its gradient, and of its rivals",
+    "gaps": "One gap, and values missing at random",
+    "samples": "The covariance of samples, by a χ² test",
+    "noise": "Iterations for A + D",
+}
 FORMATS = {
     "errors": {
         **{"covariance": "", "n": "d", "condition": ".0e", "log det": ".6g", "error": ".0e"},
@@ -264,26 +269,25 @@ FORMATS = {
 }
 
 
-def main(quick_sizes: Sequence[int] = QUICK_SIZES, quick_samples: int = 10_000) -> None:
+@report.interruptible
+def main(argv: Sequence[str] | None = None) -> None:
     """Run the comparison."""
     prepare("comparisons.gaussian.likelihood")
-    arguments = report.options("gaussian.likelihood", "Likelihoods of stationary processes.")
+    arguments = report.options("gaussian", "Likelihoods of stationary processes.", argv=argv)
     quick = arguments.quick
-    sizes, dense = (quick_sizes, QUICK_DENSE) if quick else (SIZES, DENSE_SIZES)
-    gaps, noise = (quick_sizes, quick_sizes[-1] // 16) if quick else (GAP_SIZES, NOISE_SIZE)
-    samples = quick_samples if quick else SAMPLES
-    sampled = ("fGn, H = 0.75", "fGn, H = 0.99", "0.9^k", "Matérn 3/2, ℓ = 5", "Matérn 3/2, ℓ = 20")
-    tables = {
-        "errors": [compare_with_dense(name, n) for n in dense for name in (*NAMED, *COVARIANCES)],
-        "times": [time_likelihood(name, n) for n in sizes for name in TIMED],
-        "gaps": [row for n in gaps for row in time_gaps(n)],
-        "samples": [examine_samples(name, samples) for name in sampled],
-        "noise": [row for name in TIMED for row in count_with_noise(name, noise)],
+    sizes, dense, gaps = SIZES, DENSE_SIZES, GAP_SIZES
+    noise, samples = NOISE_SIZE, SAMPLES
+    if quick:
+        sizes = gaps = QUICK_SIZES
+        dense, noise, samples = QUICK_DENSE, QUICK_SIZES[0], QUICK_SAMPLES
+    tables: dict[str, Iterator[Row]] = {
+        "errors": (compare_with_dense(name, n) for n in dense for name in (*NAMED, *COVARIANCES)),
+        "times": (time_likelihood(name, n) for n in sizes for name in TIMED),
+        "gaps": (row for n in gaps for row in time_gaps(n)),
+        "samples": (examine_samples(name, samples) for name in SAMPLED),
+        "noise": (row for name in TIMED for row in count_with_noise(name, noise)),
     }
     for key, rows in tables.items():
-        report.show(key, [report.format_cells(row, FORMATS[key]) for row in rows])
-        report.write_csv(arguments.output / f"{key}.csv", rows)
-
-
-if __name__ == "__main__":
-    main()
+        form = partial(report.format_cells, formats=FORMATS[key])
+        path = arguments.output / f"{key}.csv"
+        report.Table(TITLES[key], path, form, {"covariance": 18}).extend(rows)

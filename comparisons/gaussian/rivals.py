@@ -6,9 +6,8 @@ import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
 import toeplitz_mg as tmg
+from comparisons.harness.inside import GohbergSemencul, schur_column
 from toeplitz_mg._typing import Array
-from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
-from toeplitz_mg.preconditioners.schur import schur_column
 
 PROBES, STEPS = 10, 100  # Random vectors, and steps of Lanczos's method on each.
 

@@ -113,8 +113,8 @@ class Table:
         The CSV file, written anew with each row.
     form : callable
         Makes the cells that are printed of a row.
-    room : int
-        Characters of the first column, for the names that are to come.
+    room : mapping of str to int
+        Characters of columns whose first cell is shorter than those that are to come.
 
     Attributes
     ----------
@@ -123,9 +123,13 @@ class Table:
     """
 
     def __init__(
-        self, title: str, path: Path | None = None, form: Callable[[Row], Row] = dict, room: int = 0
+        self,
+        title: str,
+        path: Path | None = None,
+        form: Callable[[Row], Row] = dict,
+        room: Mapping[str, int] | None = None,
     ) -> None:
-        self.title, self.path, self.form, self.room = title, path, form, room
+        self.title, self.path, self.form, self.room = title, path, form, room or {}
         self.rows: list[Row] = []
         self._widths: dict[str, int] = {}
 
@@ -148,10 +152,9 @@ class Table:
             self.add(row)
 
     def _print_header(self, cells: Mapping[str, str]) -> None:
-        room = 0 if self._widths else self.room
         for key, cell in cells.items():
-            self._widths.setdefault(key, max(len(key), len(cell), NARROWEST, room))
-            room = 0
+            width = max(len(key), len(cell), NARROWEST, self.room.get(key, 0))
+            self._widths.setdefault(key, width)
         print("  ".join(key.ljust(width) for key, width in self._widths.items()).rstrip())
         print("  ".join("-" * width for width in self._widths.values()))
 

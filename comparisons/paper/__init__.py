@@ -1,1 +1,1 @@
-"""The tables and figures of the paper, drawn anew."""
+"""The paper's tables and figures."""

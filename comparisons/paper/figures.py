@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from itertools import zip_longest
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,9 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
-from tqdm import tqdm
 
 import toeplitz_mg as tmg
-from comparisons.harness.report import Row, options, show, write_csv, write_figure
+from comparisons.harness.report import Row, Table, write_csv, write_figure
 from toeplitz_mg._typing import Array
 
 Drawing = tuple[Figure, list[Row]]  # A figure, and the numbers that are plotted in it.
@@ -271,18 +271,10 @@ FIGURES: dict[int, Callable[[], Drawing]] = {
 }
 
 
-def main() -> None:
+def run(folder: Path) -> None:
     """Draw all figures, write their data and show the numbers."""
-    arguments = options(
-        "paper.figures",
-        f"{__doc__} Everything is {N} x 1 or smaller and takes seconds: --quick changes nothing.",
-    )
-    for number, draw in tqdm(FIGURES.items(), desc="figures"):
+    for number, draw in FIGURES.items():
         figure, rows = draw()
-        write_figure(arguments.output / f"figure_{number:02}.png", figure, dpi=150)
-        write_csv(arguments.output / f"figure_{number:02}.csv", rows)
-    show(f"Test 1, {N} x 1, G = 1", numbers())
-
-
-if __name__ == "__main__":
-    main()
+        write_figure(folder / f"figure_{number:02}.png", figure, dpi=150)
+        write_csv(folder / f"figure_{number:02}.csv", rows)
+    Table(f"Test 1, {N} x 1, G = 1", room={"quantity": 22}).extend(numbers())

@@ -1,1 +1,1 @@
-"""Every preconditioner, on symbols, on areas of every kind, on stretched elements."""
+"""Every preconditioner on areas of every kind, on symbols, and on sums with diagonals."""

@@ -1,7 +1,7 @@
 """Every preconditioner of CG on many symbols: iterations, work units and time to 1e-8.
 
-The matrices are in `symbols`, with a constant and a random right-hand side. The last method is
-`solve_toeplitz` itself, with ``rtol=1e-8``: the preconditioner that it picks, or another method;
+The matrices are in `systems.symbols`, with a constant and a random right-hand side. The last method
+is `solve_toeplitz` itself, with ``rtol=1e-8``: the preconditioner that it picks, or another method;
 its work includes the check of the residual. A method that did not converge in 200 iterations is
 not run at a larger n. How a run is measured is in `measuring`.
 """
@@ -9,12 +9,10 @@ not run at a larger n. How a run is measured is in `measuring`.
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
-from tqdm import tqdm
 
 import toeplitz_mg as tmg
 from comparisons.harness import report
@@ -28,17 +26,16 @@ from comparisons.harness.measuring import (
     by_iteration,
     measure,
 )
-from comparisons.harness.processes import prepare
 from comparisons.harness.report import Row
 from comparisons.systems.symbols import COLUMNS, column
 from toeplitz_mg._typing import Array
 
 SIZES = tuple(2**k for k in (8, 11, 14, 17, 20))
-QUICK_SIZES = SIZES[:2]
 MAXITER = 200  # Iterations after which a method is not run at a larger n.
 TABULATED = 2**14  # The size in the table of the page.
 LEFT_OUT = ("none", "Strang")  # Of that table.
-OVERHEAD = 1.5  # Work units of `solve_toeplitz` for the transform of A and the check of x.
+TITLE = """Iterations / work units / seconds, set-up included; (true residual) where rounding ends
+above 1e-8; > : over 200 iterations; - : refused; direct: Levinson's recursion"""
 # Interpolation for the zero of a symbol; a positive one can do with copies.
 INTERPOLATIONS = {
     "|θ|": tmg.linear_interpolation,
@@ -101,28 +98,30 @@ CONTENDERS = (
 )
 
 
-def run(symbols: Sequence[str], sizes: Sequence[int], path: Path) -> list[Row]:
-    """Measure every method on every system, and keep the table on disk up to date."""
+def run(
+    folder: Path, sizes: Sequence[int] = SIZES, symbols: Sequence[str] = tuple(COLUMNS)
+) -> None:
+    """Measure every method on every system: a row for each, printed where all are there."""
+    table = report.Table(TITLE, room={"symbol": 15} | {c.name: 16 for c in CONTENDERS})
     rows: list[Row] = []
-    with tqdm(total=len(symbols) * len(sizes) * 2 * len(CONTENDERS), unit="run") as progress:
-        for name in symbols:
-            too_many: set[tuple[str, str]] = set()
-            for n in sizes:
-                for kind, system in samples(name, n).items():
-                    for contender in CONTENDERS:
-                        progress.set_postfix_str(f"{name}, n = {n}, {contender.name}")
-                        key = kind, contender.name
-                        if key in too_many:
-                            measurement = Measurement(note=f"over {MAXITER} iterations before")
-                        else:
-                            measurement = measure(contender, system)
-                            if measurement.iterations == MAXITER:
-                                too_many.add(key)
-                        measured = {"symbol": name, "n": n, "rhs": kind, "method": contender.name}
-                        rows.append({**measured, **asdict(measurement)})
-                        progress.update()
-            report.write_csv(path, rows)
-    return rows
+    for name in symbols:
+        too_many: set[tuple[str, str]] = set()
+        for n in sizes:
+            for kind, system in samples(name, n).items():
+                line: Row = {"symbol": name, "n": n, "rhs": kind}
+                for contender in CONTENDERS:
+                    key = kind, contender.name
+                    if key in too_many:
+                        measurement = Measurement(note=f"over {MAXITER} iterations before")
+                    else:
+                        measurement = measure(contender, system)
+                        if measurement.iterations == MAXITER:
+                            too_many.add(key)
+                    row = {"symbol": name, "n": n, "rhs": kind, "method": contender.name}
+                    rows.append(row | asdict(measurement))
+                    line[contender.name] = cell(rows[-1])
+                report.write_csv(folder / "symbols.csv", rows)
+                table.add(line)
 
 
 def cell(row: Row) -> str:
@@ -137,26 +136,10 @@ def cell(row: Row) -> str:
     return f"{iterations} / {units:.0f} / {row['total_s']:.2g}{rounding}"
 
 
-def show(rows: Sequence[Row]) -> None:
-    """Print a table for each size and right-hand side, methods across."""
-    for n, of_size in report.group(rows, "n").items():
-        for kind, own in report.group(of_size, "rhs").items():
-            table: dict[str, Row] = {}
-            for row in own:
-                table.setdefault(row["symbol"], {"symbol": row["symbol"]})
-                table[row["symbol"]][row["method"]] = cell(row)
-            report.show(f"n = {n}, {kind} right-hand side", list(table.values()))
-    print(
-        "\nIterations / work units / seconds, set-up included; (true residual) where rounding ends"
-        f" above {TOLERANCE:g};\n> : over {MAXITER} iterations; - : refused, no positive "
-        "eigenvalues; direct: Levinson's recursion."
-    )
-
-
-def arrange(rows: Sequence[Row]) -> list[Row]:
+def arrange(rows: Sequence[Row], n: int = TABULATED) -> list[Row]:
     """Return the table of iterations and work units for a random right-hand side."""
     table = []
-    of_page = [row for row in rows if row["n"] == TABULATED and row["rhs"] == "random"]
+    of_page = [row for row in rows if row["n"] == n and row["rhs"] == "random"]
     for name, own in report.group(of_page, "symbol").items():
         line: Row = {"symbol, or coefficients": name.replace("|", r"\|")}
         units: dict[str, float] = {}
@@ -178,53 +161,3 @@ def arrange(rows: Sequence[Row]) -> list[Row]:
         best = min(units, key=lambda key: units[key], default="")
         table.append(line | {"least work": best})
     return table
-
-
-def show_the_choice(rows: Sequence[Row]) -> None:
-    """Print how the preconditioner of `solve_toeplitz` compares to the best of the others.
-
-    The transform of A and the product that checks the result are not counted as its work.
-    """
-    table = []
-    for name, own in report.group(filter(itemgetter("solve_units"), rows), "symbol").items():
-        ratios = []
-        for pick in (row for row in own if row["method"] == "solve_toeplitz"):
-            others = [
-                row["setup_units"] + row["solve_units"]
-                for row in own
-                if (row["n"], row["rhs"]) == (pick["n"], pick["rhs"])
-                and row["method"] != "solve_toeplitz"
-                and row["residual"] <= 2 * max(pick["residual"], TOLERANCE)
-            ]
-            if others:
-                ratios.append((pick["solve_units"] - OVERHEAD) / min(others))
-        iterations = [row["iterations"] for row in own if row["method"] == "solve_toeplitz"]
-        if ratios:
-            table.append(
-                {
-                    "symbol": name,
-                    "most iterations": max(iterations),
-                    "work / best, most": f"{max(ratios):.2f}",
-                    "least": f"{min(ratios):.2f}",
-                }
-            )
-    report.show("The choice of solve_toeplitz, over all n and both right-hand sides", table)
-
-
-def main(quick_sizes: Sequence[int] = QUICK_SIZES) -> None:
-    """Run the comparison."""
-    prepare("comparisons.preconditioners.symbols")
-    arguments = report.options(
-        "preconditioners.symbols", "Every preconditioner on many symbols.", symbols=tuple(COLUMNS)
-    )
-    rows = run(
-        arguments.symbols or tuple(COLUMNS),
-        quick_sizes if arguments.quick else SIZES,
-        arguments.output / "symbols.csv",
-    )
-    show(rows)
-    show_the_choice(rows)
-
-
-if __name__ == "__main__":
-    main()

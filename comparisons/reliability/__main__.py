@@ -12,8 +12,6 @@ import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from tqdm import tqdm
-
 from comparisons.harness import report
 from comparisons.reliability.approximate_inverses import preconditioner
 from comparisons.reliability.below import stresses_problem
@@ -42,37 +40,50 @@ PARTS: dict[str, tuple[Trial, int, int]] = {
     "threads": (threads, 10, 150),
     "interrupts": (interrupts, 20, 250),
 }
-SHOWN = 20  # Failures of a part that are printed; the file has all.
+ROOM = {"part": 15, "family": 34}  # Characters of the columns.
 
 
-def main(tried: Mapping[str, tuple[Trial, int, int]] = PARTS) -> None:
+@report.interruptible
+def main(
+    argv: Sequence[str] | None = None, tried: Mapping[str, tuple[Trial, int, int]] = PARTS
+) -> None:
     """Run the campaign."""
     arguments = report.options(
         "reliability",
         "Random problems by the thousand: what fails, and how often.",
+        argv=argv,
         parts=tuple(tried),
         first=0,
         trials=0,
         processes=0,
     )
     os.environ["OMP_NUM_THREADS"] = "1"  # It is read where a process imports BLAS.
-    rows: list[report.Row] = []
+    folder = arguments.output
+    table = report.Table("What was tried", folder / "reliability.csv", room=ROOM)
     failures: list[report.Row] = []
     for part in arguments.parts or tried:
         trial, quick, full = tried[part]
         count = arguments.trials or (quick if arguments.quick else full)
         seeds = range(arguments.first, arguments.first + count)
         processes = arguments.processes or os.cpu_count() or 1
-        results = list(tqdm(run(trial, seeds, processes), total=count, desc=part))
-        rows += _summary(part, results)
-        failures += _failures(part, results)
-        report.write_csv(arguments.output / "reliability.csv", rows)
-        report.write_csv(arguments.output / "failures.csv", failures)
-    report.show("What was tried", [*rows, _total(rows)])
-    for part, of_part in report.group(failures, "part").items():
-        report.show(f"Failures in {part}: {len(of_part)}", of_part[:SHOWN])
-    print(f"\n{len(failures)} failures")
+        results: list[Result] = []
+        try:
+            for result in run(trial, seeds, processes):
+                results.append(result)
+                if result.outcome.verdict == FAILED:
+                    failures.append(describe(part, result))
+                    print(f"{part}, seed {result.seed}: {result.outcome.note}", flush=True)
+        finally:  # Where it is interrupted, of what there is.
+            table.extend(_summary(part, results))
+            report.write_csv(folder / "failures.csv", failures)
+    print(f"\n{sum(row['tried'] for row in table.rows)} tried, {len(failures)} failures")
     sys.exit(bool(failures))
+
+
+def describe(part: str, result: Result) -> report.Row:
+    """Return a failure as a row: its seed gives it again."""
+    outcome = result.outcome
+    return {"part": part, "seed": result.seed, "family": outcome.family, "note": outcome.note}
 
 
 def _summary(part: str, results: Sequence[Result]) -> list[report.Row]:
@@ -84,19 +95,6 @@ def _summary(part: str, results: Sequence[Result]) -> list[report.Row]:
         verdicts = {verdict: counts[verdict] for verdict in (RIGHT, TOLD, REFUSED, FAILED)}
         rows.append({"part": part, "family": family, "tried": counts.total(), **verdicts})
     return rows
-
-
-def _failures(part: str, results: Sequence[Result]) -> list[report.Row]:
-    return [
-        {"part": part, "seed": r.seed, "family": r.outcome.family, "note": r.outcome.note}
-        for r in sorted(results)
-        if r.outcome.verdict == FAILED
-    ]
-
-
-def _total(rows: Sequence[report.Row]) -> report.Row:
-    counts = ("tried", RIGHT, TOLD, REFUSED, FAILED)
-    return {"part": "all", "family": "", **{key: sum(row[key] for row in rows) for key in counts}}
 
 
 if __name__ == "__main__":

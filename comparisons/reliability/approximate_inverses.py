@@ -9,10 +9,10 @@ from numpy.random import Generator
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
+from comparisons.harness.measuring import full_of
 from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, Outcome
 from comparisons.systems.random_matrices import log_uniform, random_column, random_grid, random_mask
 from toeplitz_mg import halfspace
-from toeplitz_mg.operators.structure import unwrap
 
 EPS = float(np.finfo(np.float64).eps)
 MOST = 256  # Most unknowns: the eigenvalues of the dense matrix are computed.
@@ -29,7 +29,7 @@ def preconditioner(rng: Generator) -> Outcome:
     name, build = _choose(rng, A)
     family = f"{name}, {np.dtype(dtype)}"
     eigenvalues = np.linalg.eigvalsh(A.toarray().astype(np.float64))
-    full, _ = unwrap(A)
+    full = full_of(A)
     # The rounding of a part of the matrix is that of the whole.
     of_all = np.linalg.eigvalsh(full.toarray().astype(np.float64))
     doubtful = of_all[0] <= of_all[-1] * (1 / DOUBT if dtype == np.float64 else 1e-4)
@@ -84,7 +84,7 @@ def _draw_coupled(rng: Generator, dtype: Any) -> tmg.CoupledOperator | tmg.Maske
 
 def _choose(rng: Generator, A: LinearOperator) -> tuple[str, Build]:
     """Return the name of a preconditioner that takes such a matrix, and what builds it."""
-    full, _ = unwrap(A)
+    full = full_of(A)
     builders: list[Build] = [
         tmg.fft_preconditioner,
         tmg.fft_rsm_preconditioner,

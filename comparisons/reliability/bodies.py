@@ -8,6 +8,7 @@ from numpy.random import Generator
 
 from comparisons.reliability.trials import FAILED, RIGHT, TOLD, Outcome
 from comparisons.systems.random_matrices import log_uniform, random_grid
+from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import (
     ContactError,
@@ -19,7 +20,6 @@ from toeplitz_mg.contact import (
     rolling,
     surfaces,
 )
-from toeplitz_mg.contact.grid import Grid
 
 Sides = tuple[float, float]  # The sides of an element along x and y.
 
@@ -44,7 +44,8 @@ def contact_problem(rng: Generator) -> Outcome:
             result = normal_contact(gap, element, material=material, tolerance=TOLERANCE, **load)
         except ContactError as error:
             return Outcome("normal", FAILED, f"{shape}: {error}")
-        if (wrong := _normal_error(result, gap, element, material)) or not result.traction.any():
+        wrong = pressure_error(result, matrix("z", shape, element, material), gap)
+        if wrong or not result.traction.any():
             return Outcome("normal", FAILED if wrong else RIGHT, f"{shape}: {wrong}")
         kind = str(rng.choice(["friction", "rolling", "normal"]))
         if kind == "normal":
@@ -91,24 +92,27 @@ def _load(rng: Generator, gap: Array, element: Sides, material: Material) -> dic
     return {"force": E_star * depth * (np.sqrt(width * across) if gap.ndim == 2 else 1.0)}
 
 
-def _normal_error(result: NormalResult, gap: Array, element: Sides, material: Material) -> str:
-    """Return what is wrong with p ≥ 0, w ≥ 0, p w = 0, or nothing."""
-    p = result.traction
-    A = Grid.of(p.shape, element, material, None).normal().toarray()
+def matrix(directions: str, shape: tuple[int, ...], element: Any, material: Material) -> Array:
+    """Return the influence of tractions on displacements, dense."""
+    return halfspace.influence_matrix(directions, shape, element, material).toarray()
+
+
+def pressure_error(result: NormalResult, A: Any, gap: Array, hardness: float = np.inf) -> str:
+    """Return what is wrong with 0 ≤ p ≤ H, w ≥ 0 below H, w ≤ 0 above zero, or nothing."""
+    p = result.pressure
     u = (A @ p.ravel()).reshape(p.shape)
-    w = u + gap - result.approach
-    scale = result.approach - gap.min()
+    w, scale = u + gap - result.approach, result.approach - float(gap.min())
     if scale <= 0.0:
         return "pressed apart" if p.any() else ""
     # The rounding of heights that are large beside the interference.
     slack = SLACK * TOLERANCE * scale + 1e-13 * np.abs(gap).max() + 1e-12 * np.abs(u).max()
-    if not np.isfinite(p).all() or p.min() < 0.0:
-        return f"pressure {p.min():.1e}"
-    if w.min() < -slack:
-        return f"penetration {-w.min() / scale:.1e}"
-    if np.abs(w[p > 0.0]).max(initial=0.0) > slack:
-        return f"gap in contact {np.abs(w[p > 0.0]).max() / scale:.1e}"
-    return ""
+    if not np.isfinite(p).all() or p.min() < 0.0 or p.max() > hardness:
+        return f"pressures from {p.min():.1e} to {p.max():.1e}"
+    penetration = -w[p < hardness].min(initial=0.0)
+    if penetration > slack:
+        return f"penetration {penetration / scale:.1e}"
+    opening = w[p > 0.0].max(initial=0.0)
+    return f"gap in contact {opening / scale:.1e}" if opening > slack else ""
 
 
 def _shift(
@@ -130,7 +134,7 @@ def _shift(
     if m == 1:
         load = {name: value[0] for name, value in load.items()}
     result = friction(bound, element, material=material, tolerance=TOLERANCE, **load)
-    A = Grid.of(bound.shape, element, material, None).tangential().toarray()
+    A = matrix("xy"[:m], bound.shape, element, material)
     q = result.traction.reshape(m, *bound.shape)
     u = (A @ q.ravel()).reshape(q.shape)
     rigid = np.reshape(result.shift, (m, *(1,) * m))

@@ -9,10 +9,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.random import Generator
 
 import toeplitz_mg as tmg
+from comparisons.harness.inside import smooth_eigenvalues
 from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, TOLD, Outcome
 from comparisons.systems.random_matrices import log_uniform, random_column
 from toeplitz_mg._typing import Array
-from toeplitz_mg.preconditioners.circulant import smooth_eigenvalues
 
 BACKWARD = 1e-11  # Backward error above which there has to be an error or a warning.
 ILL = 1e-7  # Relative residual that nobody should get without a warning (it warns from 1e-8 on).

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.random import Generator
 
 from comparisons.reliability.trials import FAILED, RIGHT, TOLD, Outcome
+from comparisons.systems.conditions import clip
 from comparisons.systems.random_matrices import log_uniform, random_grid
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array
@@ -23,11 +24,10 @@ from toeplitz_mg.contact import (
     rolling_steps,
     surfaces,
 )
-from toeplitz_mg.contact.tangential.coulomb import clip
-from toeplitz_mg.contact.tangential.motion import CREEPAGES
-from toeplitz_mg.contact.tangential.settling import EXACT
 
+CREEPAGES = "longitudinal", "lateral", "spin"
 TOLERANCE = 1e-8
+EXACT = 0.1  # Of the tolerance: what the search lets displacements be off by.
 SLACK = 1.05  # Tolerances that a violation may have, for the rounding of another product.
 MOST = 200  # Most elements: the products are dense.
 STEPS = 3  # Steps of rolling that are checked, each by itself.
@@ -206,7 +206,6 @@ def _error(problem: Problem, result: TangentialResult, before: Array) -> str:
     )
     rigid = problem.rigid_slip(result.creepages) * result.contact
     slip = (rigid + (u - ahead) / h) * result.contact
-    # What the search lets displacements be off by, and rounding.
     off = EXACT * TOLERANCE * np.abs(rigid).max() + 1e-10 * np.abs(u).max() / h + 1e-12
     if (away := np.abs(slip - result.slip).max()) > off:
         return f"slip off by {away:.1e}"

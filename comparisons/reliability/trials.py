@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 RIGHT, TOLD, REFUSED, FAILED = "right", "told", "refused", "failed"
-CHUNK = 50  # Trials that a process takes at a time: enough to make sending them cheap.
+CHUNK = 10  # Trials that a process takes at a time: enough to make sending them cheap.
 SECONDS = 120  # Time of one trial, s, above which it counts as failed: all are small problems.
 
 
@@ -55,12 +55,16 @@ def run(trial: Trial, seeds: range, processes: int) -> Iterator[Result]:
     context = get_context("forkserver")
     with ProcessPoolExecutor(processes, context, initializer=_start) as pool:
         futures = [pool.submit(_run_chunk, trial, chunk) for chunk in chunks]
-        for future in as_completed(futures):
-            yield from future.result()
+        try:
+            for future in as_completed(futures):
+                yield from future.result()
+        finally:  # It may be interrupted: what has not begun never does.
+            pool.shutdown(cancel_futures=True)
 
 
 def _start() -> None:
     faulthandler.enable()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Who collects the results is interrupted.
     os.environ["OMP_NUM_THREADS"] = "1"
 
 

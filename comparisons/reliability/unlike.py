@@ -8,11 +8,11 @@ from numpy.random import Generator
 
 from comparisons.reliability.bodies import MOST
 from comparisons.reliability.trials import FAILED, RIGHT, TOLD, Outcome
+from comparisons.systems.conditions import clip
 from comparisons.systems.random_matrices import log_uniform, random_grid
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import ContactError, FrictionalResult, Material, frictional_contact
-from toeplitz_mg.contact.tangential.coulomb import clip
 
 TOLERANCE = 1e-6
 SLACK = 1.05  # Tolerances that a violation may have, for the rounding of another product.

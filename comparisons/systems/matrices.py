@@ -1,6 +1,6 @@
 """Symmetric positive definite matrices of one to three axes, as they come in practice.
 
-Each comes with the name of its family. The random ones are in `random_matrices`.
+The random ones are in `random_matrices`.
 """
 
 from collections.abc import Callable, Iterator
@@ -13,7 +13,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from comparisons.systems import masks
 from comparisons.systems.punch import KINDS, influence
-from comparisons.systems.symbols import column, fourier, fractional_noise
+from comparisons.systems.symbols import column, fractional_noise
 from toeplitz_mg import ToeplitzOperator
 from toeplitz_mg._typing import Array
 
@@ -24,7 +24,6 @@ Shape = tuple[int, ...]
 class Case:
     """A matrix, not built yet."""
 
-    family: str
     name: str
     operator: Callable[[], LinearOperator]
 
@@ -41,86 +40,40 @@ COVARIANCES: dict[str, Callable[[Array], Array]] = {
 }
 
 
-def distances(shape: Shape) -> Array:
-    """Return the distances from the first element of a grid."""
-    return np.sqrt((np.indices(shape) ** 2).sum(axis=0))
-
-
 def half_space(kind: str, ratio: float, area: str) -> LinearOperator:
     """Return the matrix of a contact area of elements of some shape."""
     return influence(kind, masks.FRAGMENTED[area](48), (1.0, ratio))
 
 
-def some_of(shape: Shape, share: float) -> Array:
-    """Return a mask of this share of the elements, by chance."""
-    mask = np.random.default_rng(7).random(shape) <= share
-    mask.flat[0] = True
-    return mask
-
-
 def of_column(c: Array, share: float = 1.0) -> LinearOperator:
-    """Return the matrix of a first column, on all elements or a share of them."""
-    return masks.restrict(ToeplitzOperator(c), some_of(c.shape, share))
-
-
-def of_symbol(name: str, share: float) -> LinearOperator:
-    """Return one of the matrices that are known by the name of their symbol."""
-    return of_column(column(name, 1500), share)
+    """Return the matrix of a first column, on all elements or a share of them, by chance."""
+    mask = np.random.default_rng(7).random(c.shape) <= share
+    mask.flat[0] = True
+    return masks.restrict(ToeplitzOperator(c), mask)
 
 
 def covariance(
     name: str, length: float, nugget: float, shape: Shape, share: float
 ) -> LinearOperator:
     """Return a stationary covariance, on all of a grid or with gaps."""
-    c = COVARIANCES[name](distances(shape) / length)
+    c = COVARIANCES[name](np.sqrt((np.indices(shape) ** 2).sum(axis=0)) / length)
     c.flat[0] += nugget
     return of_column(c, share)
 
 
-def noise(hurst: float, n: int, share: float) -> LinearOperator:
-    """Return the covariance of fractional Gaussian noise."""
-    return of_column(fractional_noise(np.arange(n), hurst), share)
-
-
-def laplacian(alpha: float, shift: float, shape: Shape, share: float) -> LinearOperator:
-    """Return the matrix whose symbol is the sum over the axes of |2 sin θ/2|^α, and a shift."""
-    c = np.zeros(shape)
-    for axis, n in enumerate(shape):
-        line = [0] * len(shape)
-        line[axis] = slice(None)  # type: ignore[call-overload]
-        c[tuple(line)] += fourier(lambda t: abs(2 * np.sin(t / 2)) ** alpha, n)
-    c.flat[0] += shift
-    return of_column(c, share)
-
-
-def spikes(parts: tuple[float, ...], shape: Shape, share: float) -> LinearOperator:
-    """Return a matrix of few coefficients, at lags that are these parts of a grid's lengths."""
-    c = np.zeros(shape)
-    for k, part in enumerate(parts):
-        c[tuple(int(part * n) for n in shape)] = (-1.0) ** k / (k + 1)
-    c.flat[0] = 1.05 * 2 ** len(shape) * np.abs(c).sum()
-    return of_column(c, share)
-
-
 def typical() -> Iterator[Case]:
-    """Yield 250 matrices as they come in practice."""
+    """Yield matrices as they come in practice."""
     for kind, ratio, area in product(KINDS, ELEMENTS, AREAS):
-        name = f"{kind}, elements 1:{ratio:g}, {area}"
-        yield Case("half-space", name, partial(half_space, kind, ratio, area))
+        name = f"half-space, {kind}, elements 1:{ratio:g}, {area}"
+        yield Case(name, partial(half_space, kind, ratio, area))
     for name, length, nugget in product(COVARIANCES, LENGTHS, NUGGETS):
         for grid, share in (*((grid, 1.0) for grid in GRIDS), ("40 x 40", 0.6)):
             title = f"{name}, length {length:g}, nugget {nugget:g}, {share:.0%} of {grid}"
             matrix = partial(covariance, name, length, nugget, GRIDS[grid], share)
-            yield Case("covariance", title, matrix)
+            yield Case(title, matrix)
     for hurst, n, share in product((0.6, 0.75, 0.9), (1000, 3000), (1.0, 0.7)):
-        title = f"H = {hurst}, {share:.0%} of {n}"
-        yield Case("fractional noise", title, partial(noise, hurst, n, share))
-    for alpha, shift, grid in product((1.0, 1.5, 2.0), (0.0, 1e-2), GRIDS):
-        title = f"α = {alpha}, shift {shift:g}, {grid}"
-        yield Case("Laplacian", title, partial(laplacian, alpha, shift, GRIDS[grid], 1.0))
-    for parts, grid, share in product(((0.3,), (0.1, 0.5, 0.95), (0.02, 0.4)), GRIDS, (1.0, 0.7)):
-        title = f"at {parts} of the lengths, {share:.0%} of {grid}"
-        yield Case("spikes", title, partial(spikes, parts, GRIDS[grid], share))
+        c = fractional_noise(np.arange(n), hurst)
+        yield Case(f"H = {hurst}, {share:.0%} of {n}", partial(of_column, c, share))
     names = ("contact", "(1+k)^-1.1", "cos k/(k+1)")
     for name, share in (*product(names, (1.0, 0.8)), ("1/(1 + k²/100)", 1.0)):
-        yield Case("symbol", f"{name}, {share:.0%} of 1500", partial(of_symbol, name, share))
+        yield Case(f"{name}, {share:.0%} of 1500", partial(of_column, column(name, 1500), share))

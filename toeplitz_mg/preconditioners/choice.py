@@ -55,20 +55,18 @@ from toeplitz_mg.preconditioners.trigonometric import (
 from toeplitz_mg.preconditioners.wiener_hopf import factor_positive_symbol
 from toeplitz_mg.values import count
 
-# `python -m comparisons.preconditioners.areas` measures both sides of these, and of DIRECT:
+# `python -m comparisons.preconditioners` measures both sides of these, and of DIRECT:
 FEW = 40_000  # Most unknowns of one blob that sine transforms solve for before FSAI is set up.
 COMPACT = 5.0  # Largest `fragmentation` of one blob.
 LONG = 2**14  # Fewest elements of a grid whose transforms take longer than the calls of FSAI.
 
-# `python -m comparisons.preconditioners.stretched` measures this.
 ALIKE = 0.5  # Least `likeness_of_axes` at which a sine transform is as good as for squares.
 
-# Measured by `python -m comparisons.preconditioners.default_choice`, on its lines, where x is the
-# column of the factor.
+# x is the column of the spectral factor of a line.
 WELL_RESOLVED = 0.01  # Largest ‖A x - e₁‖ of a symbol that n coefficients of any sign resolve.
 HARDLY_RESOLVED = 100.0  # Largest ‖A x - e₁‖ at which a symbol is of use where they decrease.
 
-# What follows shows in `python -m comparisons.contact.cases`, by the products on rough surfaces.
+# `python -m comparisons.theory` shows these, by the products on rough surfaces.
 LARGE = 2**16  # Fewest elements of a grid on which an active set is worth a set-up of FSAI.
 SETTLED = 0.05  # Largest share of a set that changed where FSAI is set up: it soon changes no more.
 # Largest share of a set that changed where FSAI is kept. Where more did, a set-up, which takes as

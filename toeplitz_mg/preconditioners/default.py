@@ -106,9 +106,6 @@ def default_preconditioner(
     where the spectral factor is as good as the inverse. The logger of this module tells what is
     refused and why, at the level INFO.
 
-    ``python -m comparisons.preconditioners.default_choice`` measures this against no
-    preconditioner, on matrices of every kind.
-
     Examples
     --------
     >>> import numpy as np

@@ -9,7 +9,6 @@ from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.preconditioners.positivity import rounding
 from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE
 
-# `python -m comparisons.preconditioners.default_choice` measures what follows from these.
 SMOOTH = 1.9  # Largest ratio of the falls at two doublings of the lag: of a parabola 4, a tent 2.
 FAST = 0.2  # Least ratio of the coefficients at a lag and at half of it: less is fast decay.
 WHITE = 3.0  # Largest ratio of the eigenvalues in the middle nine tenths: of |θ| it is 9.

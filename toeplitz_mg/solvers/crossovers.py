@@ -1,7 +1,6 @@
 """Where one way to solve a Toeplitz system becomes faster than another, by its size alone.
 
-`python -m comparisons.speed.drop_in` measures both sides of these, of several right-hand sides
-`python -m comparisons.speed.columns`.
+`python -m comparisons.drop_in` measures both sides of these.
 """
 
 from toeplitz_mg.solvers.cosine_form import fast_length, is_smooth

@@ -30,9 +30,9 @@ CELLS_OF_LINE = 2**14  # Cells of a trial on a line, where CELLS have too few ag
 SPARSE = 0.1  # Share of active cells in the sparse part: with less each is nearly by itself.
 PART = 0.75  # Share of the grid that the sparse part has, so that it has enough unknowns.
 REDUCTION = 1e-8  # Residual over the right-hand side at which a trial ends.
-# Most iterations of a trial, by `python -m comparisons.preconditioners.neighbours`. On large grids
-# and any mask there are up to 1.2 times as many, for elements longer than 1:100 up to 1.5 times; 16
-# are promised. A kernel within half an iteration of this takes 14 to 16, whichever way it falls.
+# Most iterations of a trial. On large grids and any mask there are up to 1.2 times as many, for
+# elements longer than 1:100 up to 1.5 times; 16 are promised. A kernel within half an iteration of
+# this takes 14 to 16, whichever way it falls.
 MOST = 13.6
 COARSENED = Options(direct=30)  # So few unknowns are solved for directly that E is coarsened too.
 

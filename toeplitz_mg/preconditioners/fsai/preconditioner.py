@@ -153,8 +153,6 @@ def fsai_preconditioner(
     µs an unknown 0.4   5     16
     ============= ===== ===== ===== ========
 
-    ``python -m comparisons.preconditioners.neighbours`` measures this.
-
     A kernel with coefficients at isolated lags is accepted and may take 30 iterations: how many
     neighbours it needs is not seen.
 

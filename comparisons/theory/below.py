@@ -1,7 +1,7 @@
 """Stresses below contacts with a known answer, pressed or sliding, and how far a solution is off.
 
 Johnson, Contact Mechanics, §4.2, §4.3 and §7.1: the half width is A and the largest pressure p₀,
-as in `theory`; x, z are over A, and stresses over p₀. Tension is positive.
+as in `solved`; x, z are over A, and stresses over p₀. Tension is positive.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 
-from comparisons.contact.theory import MU, UNIT, A, Solved
+from comparisons.theory.solved import MU, UNIT, A, Solved
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import (
     NormalResult,

@@ -15,12 +15,11 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from tqdm import tqdm
 
 import toeplitz_mg as tmg
 from comparisons.harness import report
 from comparisons.harness.measuring import TOLERANCE, time_call
-from comparisons.harness.processes import in_a_fresh_process, prepare
+from comparisons.harness.processes import in_a_fresh_process
 from comparisons.harness.report import Row
 from comparisons.systems.symbols import HERMITIAN, INDEFINITE, NONSYMMETRIC, random_pair
 from toeplitz_mg._typing import Array
@@ -31,13 +30,14 @@ KINDS = {
     "indefinite": INDEFINITE,
 }
 SIZES = tuple(2**k for k in (10, 12, 14, 17, 20))
-QUICK_SIZES = SIZES[:2]
 TABULATED = SIZES[1:3]  # Those of the table in docs.
 LEVINSON = 2**14  # Largest n for SciPy's method, and for what has no other.
 RESTART = 30  # Iterations of a cycle of GMRES.
 MAXITER = 300  # Iterations after which a method is given up.
 ENOUGH = 0.5  # CPU seconds of all turns, after which there are no more.
 TURNS = 51  # Most turns.
+TITLE = """Nonsymmetric, Hermitian and indefinite: iterations / CPU time of SciPy's over that of the
+method, set-up included, or seconds where SciPy's takes too long / true residual; - : refused"""
 EARLY = 0.2  # The quantile of all turns that is shown: others may use the machine.
 
 Solution = tuple[Array, int | None]  # x, and the iterations where there are any.
@@ -126,15 +126,17 @@ def measure(kind: str, name: str, n: int) -> list[Row]:
     return rows
 
 
-def run(kinds: Sequence[str], sizes: Sequence[int], path: Path) -> list[Row]:
-    """Measure all, and keep the table on disk up to date."""
+def run(folder: Path, sizes: Sequence[int] = SIZES) -> None:
+    """Measure all, and print a row for each system."""
+    table = report.Table(TITLE, room={"matrix": 30} | dict.fromkeys(METHODS, 22))
     rows: list[Row] = []
-    jobs = [(kind, name, n) for kind in kinds for name in KINDS[kind] for n in sizes]
-    for job in tqdm(jobs, unit="system"):
+    systems = [(kind, name, n) for kind in KINDS for name in KINDS[kind] for n in sizes]
+    for kind, name, n in systems:
         # A process of its own for each: what one leaves behind is not the time of the next.
-        rows += in_a_fresh_process(partial(measure, *job))
-        report.write_csv(path, rows)
-    return rows
+        own = in_a_fresh_process(partial(measure, kind, name, n))
+        rows += own
+        report.write_csv(folder / "general.csv", rows)
+        table.add({"matrix": name, "n": n} | {row["method"]: cell(row) for row in own})
 
 
 def count_iterations(row: Row) -> str:
@@ -154,20 +156,6 @@ def cell(row: Row) -> str:
     return f"{count_iterations(row)} / {time} / {row['residual']:.0e}"
 
 
-def show(rows: Sequence[Row]) -> None:
-    """Print a table for each kind and size, methods across."""
-    for (kind, n), own in report.group(rows, "kind", "n").items():
-        table: dict[str, Row] = {}
-        for row in own:
-            table.setdefault(row["symbol"], {"symbol": row["symbol"]})
-            table[row["symbol"]][row["method"]] = cell(row)
-        report.show(f"{kind}, n = {n}", list(table.values()))
-    print(
-        "\nIterations / CPU time of SciPy's over that of the method, set-up included, or seconds "
-        "where\nSciPy's takes too long / true residual. - : refused, or not tried."
-    )
-
-
 def arrange(rows: Sequence[Row]) -> list[Row]:
     """Return the table of docs/which_method.md: a line for each matrix, some sizes across."""
     table: list[Row] = []
@@ -182,21 +170,3 @@ def arrange(rows: Sequence[Row]) -> list[Row]:
             line[method] = count_iterations(found.get((method, TABULATED[-1]), {}))
         table.append(line)
     return table
-
-
-def main(quick_sizes: Sequence[int] = QUICK_SIZES) -> None:
-    """Run the comparison."""
-    prepare("comparisons.preconditioners.general_symbols")
-    arguments = report.options(
-        "preconditioners.general_symbols",
-        "Matrices that are not symmetric positive definite.",
-        kinds=tuple(KINDS),
-        sizes=SIZES,
-    )
-    sizes = arguments.sizes or (quick_sizes if arguments.quick else SIZES)
-    rows = run(arguments.kinds or tuple(KINDS), sizes, arguments.output / "general_symbols.csv")
-    show(rows)
-
-
-if __name__ == "__main__":
-    main()

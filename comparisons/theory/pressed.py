@@ -1,70 +1,21 @@
-"""Contact problems with a known answer, and how far a solution is from it (see `rolling_theory`).
+"""Bodies that are pressed, and shifted: Hertz, Westergaard, Cattaneo and Mindlin, flat punches."""
 
-All are those of a sphere or cylinder of radius 1 and of E* = 1, of half width 0.6, on [-1, 1].
-"""
-
-from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from comparisons.contact import violation
+from comparisons.theory.solved import MU, UNIT, A, C, Solved, rms, semi_ellipse
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import (
-    ContactResult,
     HertzContact,
     Material,
     NormalResult,
     friction,
+    frictional_contact,
     hertz,
     normal_contact,
     surfaces,
 )
-
-A, C = 0.6, 0.4  # Half widths of the contact and of the area of stick.
-MU = 0.3  # Coefficient of friction.
-UNIT = Material.from_shear(0.7, 0.3)  # Of both bodies: E* = G/(1-ν) = 1.
-
-
-@dataclass
-class Solved:
-    """A problem that was solved.
-
-    Attributes
-    ----------
-    results : sequence of ContactResult
-        One result, or for Kalker's coefficients three.
-    errors : dict
-        The relative errors against theory, by quantity.
-    theory : ndarray or None
-        The traction, along x where it is tangential.
-    gap : ndarray or None
-        The gap before the bodies touch, of a normal result.
-    bound : ndarray or None
-        The traction bound that tangential results are to have.
-    """
-
-    results: Sequence[ContactResult]
-    errors: dict[str, float]
-    theory: Array | None = None
-    gap: Array | None = None
-    bound: Array | None = None
-
-    @property
-    def violation(self) -> float:
-        """The largest violation of the conditions of contact, recomputed."""
-        return violation.measure(self.results, self.gap, self.bound)
-
-
-def semi_ellipse(r: Array, a: float) -> Array:
-    """Return √(1 - r²/a²), zero outside."""
-    return np.sqrt(np.maximum(0.0, 1.0 - (r / a) ** 2))
-
-
-def rms(result: ContactResult, theory: Array) -> float:
-    """Return the root mean square of the error of the traction, over that of the traction."""
-    q = result.traction[0] if result.traction.ndim > result.contact.ndim else result.traction
-    return float(np.linalg.norm(q - theory) / np.linalg.norm(theory))
 
 
 def hertz_line(N: int) -> Solved:
@@ -176,3 +127,57 @@ def pressed_sphere(N: int) -> Solved:
         "traction": rms(result, theory),
     }
     return Solved([result, pressed], errors, theory, gap, MU * pressed.pressure)
+
+
+def repeated_friction(N: int) -> Solved:
+    """Rough surfaces that repeat, ν = 0, under half of the force that friction can carry.
+
+    The tractions are μ times the difference of two pressures (Ciavarella; Jäger).
+    """
+    h, nu = 2.0 / N, 0.0
+    options: Any = {"material": Material.from_shear(1.0 - nu, nu), "periodic": True}
+    gap = surfaces.rough((N, N), (h, h), rms=0.01, longest=0.5, shortest=4.0 * h, seed=1)
+    pressed = normal_contact(gap, (h, h), force=0.2, **options)
+    half = 0.5 * MU * pressed.force
+    result = friction(pressed, mu=MU, force=(half, 0.0))
+    before = normal_contact(gap, (h, h), force=pressed.force - half / MU, **options)
+    theory = MU * (pressed.pressure - before.pressure)
+    return Solved(
+        [result, pressed], {"traction": rms(result, theory)}, theory, gap, MU * pressed.pressure
+    )
+
+
+def flat_punch(N: int) -> Solved:
+    """A rigid circular punch that is pressed: F = 2 E* a δ (Johnson, §3.4)."""
+    h = 2.0 / N
+    gap = np.where(np.hypot(*surfaces.centres((N, N), (h, h))) < 0.8, 0.0, 1.0)
+    # The elements are a staircase: a is the radius of the circle that has their area.
+    a = float(np.sqrt((gap == 0.0).sum() * h**2 / np.pi))
+    result = normal_contact(gap, (h, h), material=UNIT, approach=1e-3)
+    return Solved([result], {"F": result.force / (2.0 * a * 1e-3) - 1.0}, gap=gap)
+
+
+def bonded_punch(N: int, nu: float) -> Solved:
+    """A rigid circular punch that is bonded, over a smooth one (Mossakovskii and Spence)."""
+    exact = np.log(3.0 - 4.0 * nu) * (1.0 - nu) / (1.0 - 2.0 * nu)
+    h, bodies = 2.0 / N, (Material.from_shear(1.0, nu), Material.rigid())
+    gap = np.where(np.hypot(*surfaces.centres((N, N), (h, h))) < 0.8, 0.0, 1.0)
+    smooth = normal_contact(gap, (h, h), material=bodies, approach=1e-3)
+    bonded = frictional_contact(gap, (h, h), material=bodies, approach=1e-3, mu=np.inf)
+    errors = {"F": bonded.normal.force / smooth.force / exact - 1.0}
+    bound = np.where(bonded.normal.pressure > 0.0, np.inf, 0.0)
+    return Solved([bonded.tangential, bonded.normal], errors, gap=gap, bound=bound)
+
+
+def rough_gap(N: int) -> Array:
+    """Return a rough surface on [-1, 1]², of wavelengths from 0.5 to 1/32, or to four elements."""
+    h = 2.0 / N
+    shortest = max(2.0 / 64, 4.0 * h)
+    return surfaces.rough((N, N), (h, h), rms=0.01, longest=0.5, shortest=shortest, seed=1)
+
+
+def rough(N: int, force: float, periodic: bool) -> Solved:
+    """A rough surface, that ends or repeats: what it costs, and whether all conditions hold."""
+    h, gap = 2.0 / N, rough_gap(N)
+    result = normal_contact(gap, (h, h), material=UNIT, force=force, periodic=periodic)
+    return Solved([result], gap=gap)

@@ -4,7 +4,9 @@ Each is asked for the loosest tolerance, in half decades, whose answer violates 
 contact by no more than the target, measured with one matrix for all: by the natural residual
 a₀ |p - max(0, p - w/a₀)|, of the gap w under load, the largest over the largest interference, and
 likewise in friction, with Coulomb's bound, over the shift. (`tamaas` gets the fewest iterations.)
-Times are CPU seconds of set-up and solution, in processes of their own with one thread.
+Times are CPU seconds of set-up and solution, in processes of their own with one thread. Surfaces
+that repeat do so at several sizes. A package that is not installed is left out:
+``pip install --group peers`` and ``--group compiled-peers`` have them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -15,17 +17,18 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
-from comparisons.contact.methods import FRICTION, NORMAL, Answer, Method, Problem, ours, tamaas
-from comparisons.contact.theory import MU, A, C
 from comparisons.harness import report
-from comparisons.harness.processes import row_or_note
+from comparisons.harness.processes import prepare, row_or_note
 from comparisons.harness.report import Row
+from comparisons.peers.methods import FRICTION, NORMAL, Answer, Method, Problem, ours, tamaas
+from comparisons.theory.solved import MU, A, C
 
 TARGET = 1e-8  # Violation of the conditions of contact that is allowed.
 SECONDS = 300.0  # Time after which a method is given up on a problem.
 REPEATS = 3  # Solves of which the median time counts.
+OURS = "toeplitz-mg"
+REPEATED = "rough, repeated, "  # Problems on surfaces that repeat start with this.
 
 
 def loosest(method: Callable[..., Answer], problem: Problem) -> tuple[float, Answer]:
@@ -71,8 +74,8 @@ def measure(method: Callable[..., Answer], problem: Problem) -> Row:
     }
 
 
-def problems(N: int) -> list[Problem]:
-    """Return the problems that the methods are compared on."""
+def problems(N: int, larger: Sequence[int] = ()) -> list[Problem]:
+    """Return the problems that methods are compared on, those that repeat on larger grids too."""
     shifts = {nu: MU * (A**2 - C**2) * (2.0 - nu) / (2.0 * (1.0 - nu)) for nu in (0.0, 0.28)}
     return [
         Problem("Hertz, sphere", N),
@@ -84,7 +87,8 @@ def problems(N: int) -> list[Problem]:
             for force in (0.5, 1.0, 2.0, 4.0)
         ),
         *(
-            Problem(f"rough, repeated, {share} %", N, force, is_rough=True, periodic=True)
+            Problem(f"{REPEATED}{share} %", n, force, is_rough=True, periodic=True)
+            for n in (N, *larger)
             for share, force in ((2, 0.0123), (10, 0.06), (31, 0.2), (77, 0.7), (99, 1.6))
         ),
         *(
@@ -95,27 +99,51 @@ def problems(N: int) -> list[Problem]:
 
 
 def run(
+    table: report.Table,
     chosen: Sequence[Problem],
     normal: Mapping[str, Method] = NORMAL,
     friction: Mapping[str, Method] = FRICTION,
-) -> list[Row]:
+) -> None:
     """Measure every method that is installed on every problem that it is for."""
-    jobs = [
-        (problem, name, method)
-        for problem in chosen
-        for name, (package, method) in (friction if problem.shift else normal).items()
-        if find_spec(package)
-    ]
-    rows: list[Row] = []
-    for problem, name, method in tqdm(jobs, unit="run"):
-        row: Row = {"problem": f"{problem.name}, {problem.N}²", "method": name, "cpu_s": nan}
-        rows.append(row | row_or_note(partial(measure, method, problem), SECONDS))
-    return rows
+    for problem in chosen:
+        for name, (package, method) in (friction if problem.shift else normal).items():
+            if find_spec(package):
+                row: Row = {"problem": problem.name, "N": problem.N, "method": name, "cpu_s": nan}
+                table.add(row | row_or_note(partial(measure, method, problem), SECONDS))
 
 
-def format_row(row: Row) -> Row:
+def form(row: Row) -> Row:
     """Return a row as it is printed."""
     formats = {"iterations": "d", "products": ".0f", "cpu_s": ".3f", "violation": ".1e"}
     formats |= {"traction_error": ".1e", "asked": ".3g"}
-    cells = report.format_cells(row, formats)
-    return {"method": row["method"], **cells, "note": row["note"]}
+    names = {key: row[key] for key in ("problem", "N", "method")}
+    return names | report.format_cells(row, formats) | {"note": row["note"]}
+
+
+def arrange_repeated(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of CPU times over that of the faster way of `aspher`, where both repeat."""
+    table: dict[int, Row] = {}
+    for (problem, N), own in report.group(rows, "problem", "N").items():
+        seconds = {row["method"]: row["cpu_s"] for row in own if row.get("cpu_s", nan) > 0.0}
+        theirs = [s for method, s in seconds.items() if method.startswith("aspher")]
+        if problem.startswith(REPEATED) and theirs and OURS in seconds:
+            line = table.setdefault(N, {"CPU over aspher's": f"{N}²"})
+            line[problem.removeprefix(REPEATED)] = f"{seconds[OURS] / min(theirs):.2f}"
+    return list(table.values())
+
+
+@report.interruptible
+def main(
+    argv: Sequence[str] | None = None,
+    normal: Mapping[str, Method] = NORMAL,
+    friction: Mapping[str, Method] = FRICTION,
+) -> None:
+    """Run the comparison."""
+    prepare("comparisons.peers.measuring")
+    arguments = report.options(
+        "peers", "A contact problem by this package and by others.", argv=argv
+    )
+    chosen = problems(64) if arguments.quick else problems(256, (512, 1024))
+    title = f"Each as accurate as {TARGET:g} takes"
+    room = {"problem": 34, "method": 22}
+    run(report.Table(title, arguments.output / "peers.csv", form, room), chosen, normal, friction)

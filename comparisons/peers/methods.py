@@ -10,7 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from comparisons.contact.theory import MU, A
+from comparisons.harness.inside import Grid
+from comparisons.systems.conditions import clip
+from comparisons.theory.pressed import rough_gap
+from comparisons.theory.solved import MU, A
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import (
     ContactResult,
@@ -20,16 +23,6 @@ from toeplitz_mg.contact import (
     normal_contact,
     surfaces,
 )
-from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.tangential.coulomb import clip
-from toeplitz_mg.operators import apply_to_rows
-
-
-def rough_gap(N: int) -> Array:
-    """Return a rough surface on [-1, 1]², of wavelengths from 0.5 to 1/32, or to four elements."""
-    h = 2.0 / N
-    shortest = max(2.0 / 64, 4.0 * h)
-    return surfaces.rough((N, N), (h, h), rms=0.01, longest=0.5, shortest=shortest, seed=1)
 
 
 @dataclass(frozen=True)
@@ -89,7 +82,7 @@ class Problem:
 
     def violation(self, q: Array, bound: Array | None) -> float:
         """Return how far tractions, in friction with a bound, violate the conditions of contact."""
-        u = apply_to_rows(self.matrix, q.reshape(-1)).reshape(q.shape)
+        u = (self.matrix @ q.reshape(-1)).reshape(q.shape)
         a0 = self.grid.diagonal(self.matrix)
         if bound is not None:
             slip = u - np.reshape([self.shift, 0.0], (2, 1, 1))
@@ -150,18 +143,11 @@ def aspher_nested(problem: Problem, tolerance: float) -> Answer:
     import aspher as package
 
     N = problem.N
-    coarsest = N // 2 ** max(0, int(math.log2(N / 64)))
+    options: Any = {"domain_size": 2.0, "E_star": 1.0, "tol": tolerance}
+    options["backend"] = "periodic" if problem.periodic else "fft"
+    options["coarsest"] = N // 2 ** max(0, int(math.log2(N / 64)))
     start = process_time()
-    result = package.solve_nested(
-        N,
-        problem.gap.ravel(),
-        problem.force / 4.0,
-        domain_size=2.0,
-        E_star=1.0,
-        coarsest=coarsest,
-        tol=tolerance,
-        backend="periodic" if problem.periodic else "fft",
-    )
+    result = package.solve_nested(N, problem.gap.ravel(), problem.force / 4.0, **options)
     seconds = process_time() - start
     p = np.asarray(result.pressure).reshape(N, N)
     return Answer(p, None, result.iterations, result.matvec_count, seconds)
@@ -195,10 +181,10 @@ def tamaas(problem: Problem, iterations: int) -> Answer:
     """Solve by `tamaas`: Polonsky and Keer's method, plain, two products in an iteration."""
     import tamaas as package
 
+    N = problem.N
     package.set_log_level(package.LogLevel.error)
     package.initialize(1)
     start = process_time()
-    N = problem.N
     model = package.ModelFactory.createModel(package.model_type.basic_2d, [2.0, 2.0], [N, N])
     # These are set before the operator is made, or it is that of another material.
     model.E, model.nu = 1.0, 0.0

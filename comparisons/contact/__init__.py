@@ -1,1 +1,0 @@
-"""Contact problems and flat punches, against theory and against other packages."""

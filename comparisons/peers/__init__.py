@@ -1,0 +1,1 @@
+"""A contact problem by this package and by others that solve the same."""

@@ -1,0 +1,1 @@
+"""Contact, friction, rolling and stresses against theory."""
