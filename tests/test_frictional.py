@@ -482,9 +482,16 @@ def test_refuses_bad_arguments(change, error, match):
         sphere(**change)
 
 
-def test_says_where_it_does_not_converge():
-    with pytest.raises(ContactError, match="after 2 iterations between pressures and friction"):
-        sphere(max_iterations=2)
+@pytest.mark.parametrize(
+    ("most", "message"),
+    [
+        ({"max_iterations": 2}, "after 2 iterations between pressures and friction the conditions"),
+        ({"max_products": 5}, "after . products Coulomb's law is violated by"),
+    ],
+)
+def test_says_where_it_does_not_converge(most, message):
+    with pytest.raises(ContactError, match=message):
+        sphere(**most)
 
 
 @doubtful
