@@ -22,6 +22,7 @@ TESTS = Path(__file__).parent
 TABLE = [  # Case, measure, what was measured, budget.
     ("1/(1 + k²/100), rtol = 1e-8", "iterations", 12, 15.6),
     ("1/(1 + k²/100), rtol = 1e-8", "work_units", 21.8803, 28.44),
+    ("CG with M, tests 1 and 2", "iterations", 6, 9),
     ("CG with V(1,1) of coupled components", "iterations", 8, 11),
     ("CG with V(1,1), odd grids", "iterations", 6, 9),
     ("CG with V(1,1), punch of 64 to 256 squared", "iterations", 7, 10),
@@ -48,6 +49,8 @@ TABLE = [  # Case, measure, what was measured, budget.
     ("a leading block nearly singular", "iterations", 5, 8),
     ("a simple zero, n = 100", "iterations", 3, 6),
     ("a sphere in 35 steps", "iterations", 6, 9),
+    ("a step of cg with a cycle", "work_units", 8.99951, 12),
+    ("a step of richardson with a cycle", "work_units", 4.99976, 8),
     ("a symbol that is zero at a sample", "iterations", 18, 23.4),
     ("chan_preconditioner, general matrices", "iterations", 8, 11),
     ("chan_preconditioner, on an area with holes", "iterations", 11, 14.3),

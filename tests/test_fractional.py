@@ -7,6 +7,7 @@ from scipy.sparse import diags_array, eye_array
 from scipy.special import binom, gamma, rgamma
 
 import toeplitz_mg as tmg
+from tests.budgets import assert_within_budget
 from toeplitz_mg.fractional import grunwald_coefficients, riesz_coefficients
 
 ORDERS = [1.0, 1.1, 1.5, 1.9, 2.0]
@@ -88,7 +89,7 @@ def test_variable_coefficients_take_as_many_iterations_on_any_grid(order):
         assert info == 0
         counts.append(len(residuals) - 1)
     assert max(counts) - min(counts) <= 3
-    assert max(counts) <= 20
+    assert_within_budget("τ of variable fractional diffusion", iterations=max(counts))
 
 
 def test_what_is_no_order_or_number_of_points_is_refused():

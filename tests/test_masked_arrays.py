@@ -12,7 +12,6 @@ import scipy.sparse.linalg
 import toeplitz_mg as tmg
 from toeplitz_mg import contact, fractional, halfspace
 from toeplitz_mg.contact import problems, surfaces
-from toeplitz_mg.operators.toeplitz_sum import Term
 
 A = tmg.ToeplitzOperator(0.5 ** np.arange(4.0))
 SQUARE = tmg.ToeplitzOperator(0.5 ** np.indices((2, 3)).sum(axis=0))
@@ -44,7 +43,7 @@ USES = {
         (lambda mask: tmg.MaskedOperator(SQUARE, mask), {"mask": np.ones((2, 3), bool)}),
     ],
     "ToeplitzSum": [
-        (lambda diagonal: tmg.ToeplitzSum([Term(None, A, None)], diagonal), {"diagonal": ONES}),
+        (lambda diagonal: tmg.ToeplitzSum([(None, A, None)], diagonal), {"diagonal": ONES}),
     ],
     "Interpolation": [
         (tmg.Interpolation, {"weights": (1.0, 1.0)}),

@@ -12,8 +12,6 @@ from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
 from tests.cases import checkered, dense_of_column, dense_of_lags, random_lags
-from toeplitz_mg.operators.coefficients import name_dense
-from toeplitz_mg.operators.structure import unwrap_toeplitz
 
 
 def test_is_scipys_toeplitz():
@@ -111,19 +109,6 @@ def test_a_precision_that_a_complex_matrix_has_not(dtype):
         assert f(A, dtype=np.complex64).dtype == np.complex64
 
 
-@pytest.mark.parametrize("n", [4099, 2**14, 2**15 - 1, 2**17])
-def test_large_products(n):
-    """They are those of the definition, entry by entry, at a few rows."""
-    rng = np.random.default_rng(n)
-    lags, x = rng.standard_normal(2 * n - 1), rng.standard_normal(n)
-    y = tmg.ToeplitzOperator.from_lags(lags) @ x
-    for i in (0, 1, n // 3, n - 1):
-        expected = lags[i : i + n][::-1] @ x
-        assert (
-            abs(y[i] - expected) <= 1e-14 * np.log2(n) * np.linalg.norm(lags) * (x**2).sum() ** 0.5
-        )
-
-
 @settings(deadline=None, max_examples=60)
 @given(
     arrays(
@@ -211,9 +196,9 @@ def test_a_mask_needs_an_operator_on_a_grid():
 
 def test_preconditioners_need_a_symmetric_toeplitz_operator():
     with pytest.raises(TypeError, match="A is a ndarray"):
-        unwrap_toeplitz(np.eye(2))
+        tmg.cosine_preconditioner(np.eye(2))
     with pytest.raises(ValueError, match="must be symmetric"):
-        unwrap_toeplitz(tmg.ToeplitzOperator([2.0, 1.0], [2.0, 0.0]))
+        tmg.cosine_preconditioner(tmg.ToeplitzOperator([2.0, 1.0], [2.0, 0.0]))
 
 
 def test_products_are_counted():
@@ -367,6 +352,7 @@ def test_the_order_of_bytes_is_no_matter():
 
 def test_a_grid_whose_first_diagonal_alone_is_constant_is_no_dense_matrix():
     c = np.array([[2.0, 0.5, 0.3], [0.6, 2.0, 0.1], [0.2, 0.1, 0.7]])
-    assert name_dense(c) == ""
+    assert tmg.ToeplitzOperator(c).grid_shape == (3, 3)
     c[2, 2], c[1, 2], c[2, 1] = 2.0, 0.5, 0.6
-    assert name_dense(c) == "ToeplitzOperator(c[:, 0], c[0])"
+    with pytest.warns(UserWarning, match=re.escape("as in ToeplitzOperator(c[:, 0], c[0])")):
+        tmg.ToeplitzOperator(c)

@@ -1,15 +1,21 @@
-"""Transforms in four steps, of few panels and blocks or of many, against their definition."""
+"""A long transform in four steps, by panels and blocks of any size, is the transform.
+
+Its lengths are fast, and hardly longer than they must be.
+"""
 
 import numpy as np
 import pytest
+import scipy.fft
 from numpy.testing import assert_allclose
+from scipy.fft import next_fast_len
 
-from toeplitz_mg.engine import fourstep
-from toeplitz_mg.engine.fourstep import FourStep
+from toeplitz_mg.engine.fourstep import FourStep, four_step
+from toeplitz_mg.engine.lengths import embedding_lengths, near_fast_length, near_square
 from toeplitz_mg.engine.panels import Panels
 
 # Rows and columns, width of a panel and height of a block; even and odd, whole blocks or not.
 PLANS = [(6, 8, 3, 4), (8, 6, 8, 8), (8, 5, 2, 3), (7, 9, 4, 2), (2, 7, 7, 1), (90, 6, 4, 1)]
+each_plan = pytest.mark.parametrize("sizes", PLANS)
 
 
 def plan(rows, columns, width, height):
@@ -26,7 +32,7 @@ def close(x, y):
     assert_allclose(x, y, rtol=0, atol=1e-10)
 
 
-@pytest.mark.parametrize("sizes", PLANS)
+@each_plan
 @pytest.mark.parametrize("shift", [0.0, 0.25, 0.5, -0.5])
 def test_a_spectrum_is_the_transform_and_its_parts_are_the_vector(sizes, shift):
     panels = plan(*sizes)
@@ -51,13 +57,13 @@ def test_sums_are_those_of_cosines_and_sines(sizes):
     close(panels.sine_sums(a), 2.0 * np.sin(angles) @ a)
 
 
-@pytest.mark.parametrize("sizes", PLANS)
+@each_plan
 @pytest.mark.parametrize("is_complex", [False, True])
 @pytest.mark.parametrize("shifts", [(0.0,), (0.5, 0.0), (0.25, 0.5, 0.0), (0.5, 0.25, -0.5, 0.0)])
 def test_products_in_turn_are_those_of_the_matrices(sizes, is_complex, shifts):
     panels = plan(*sizes)
     L, rng = panels.length, np.random.default_rng(0)
-    x, factors, expected = rng.standard_normal((2, L)), [], None
+    x, factors = rng.standard_normal((2, L)), []
     if is_complex:
         x = x + 1j * rng.standard_normal((2, L))
     expected = x
@@ -72,15 +78,13 @@ def test_products_in_turn_are_those_of_the_matrices(sizes, is_complex, shifts):
     close(out, expected if is_complex else expected.real)
 
 
-@pytest.mark.parametrize("sizes", PLANS)
+@each_plan
 @pytest.mark.parametrize("missing", [0, 1, 6, 13])
 def test_products_with_vectors_that_are_shorter(sizes, missing):
     """They are extended by zeros, and what comes out is cut."""
     panels = plan(*sizes)
     L, rng = panels.length, np.random.default_rng(0)
     n, first = L - missing, rng.standard_normal((3, L))
-    if n < 1:
-        return
     matrices, eigenvalues = [], []
     for shift, column in zip((0.25, 0.0, 0.5), first, strict=True):
         F = fourier(L, shift)
@@ -95,24 +99,60 @@ def test_products_with_vectors_that_are_shorter(sizes, missing):
     close(out, z @ (matrices[1] + matrices[2]).T)
 
 
-def test_the_rounding_does_not_grow_with_the_number_of_blocks():
-    """Factors that are made one from the other are made anew before they have lost a digit."""
-    rows = 2**14
-    long = FourStep(rows, 4, np.complex128, width=4, height=1)
-    errors = [
-        np.abs(
-            twiddles
-            - np.exp(-2j * np.pi * (np.arange(4) * (part.start + 0.25) % (4 * rows)) / (4 * rows))
-        ).max()
-        for part, twiddles in long._blocks(range(rows), 0.25)
-    ]
-    assert max(errors) <= (fourstep.ANCHOR + 8) * np.finfo(float).eps
-    assert fourstep.ANCHOR <= 256
+def test_rounding_neither_grows_with_the_blocks_nor_depends_on_who_does_them():
+    """Factors of a block are made from those before, whichever a thread has begun with."""
+    panels = Panels(FourStep(2**11, 2**8, np.complex128, height=1))
+    x = np.random.default_rng(0).standard_normal(panels.length)
+    found = panels.spectrum(x, None, 0.0).copy()
+    exact = scipy.fft.fft(x)
+    assert np.abs(panels.in_order(found) - exact).max() <= 1e-14 * np.abs(exact).max()
+    for workers in (2, 3):
+        with scipy.fft.set_workers(workers):
+            assert np.array_equal(panels.spectrum(x, None, 0.0), found)
 
 
-@pytest.mark.parametrize("start", [1, fourstep.ANCHOR - 1, fourstep.ANCHOR, fourstep.ANCHOR + 7])
-def test_a_block_has_the_same_bits_whichever_is_the_first_of_a_thread(start):
-    whole = FourStep(90, 6, np.complex128, width=4, height=1)
-    expected = [twiddles.copy() for _, twiddles in whole._blocks(range(90), 0.25)]
-    found = [twiddles.copy() for _, twiddles in whole._blocks(range(start, 90), 0.25)]
-    assert np.array_equal(found, expected[start:])
+@pytest.mark.parametrize("n", [2**17, 2**18, 2**20, 10**6 + 3, 2**24])
+def test_a_plan_is_hardly_longer_and_its_panels_use_all_of_the_cache(n):
+    """Neighbours in a column of a panel are an odd number of cache lines apart."""
+    plan = four_step(n, np.complex128)
+    assert n <= plan.length <= 1.02 * n
+    assert plan.weights(0.25).nbytes <= 2**20
+    assert plan.width * plan.dtype.itemsize // 64 % 2 == 1
+    assert plan.width % 4 == 0
+
+
+# Lengths ------------------------------------------------------------------------------------
+
+
+def largest_prime_factor(n):
+    p = 2
+    while p * p <= n:
+        if n % p:
+            p += 1
+        else:
+            n //= p
+    return n
+
+
+def test_a_near_fast_length_is_the_next_without_a_prime_factor_above_61():
+    for n in [*range(1, 700), 4093, 65537, 10**6 + 3]:
+        m = near_fast_length(n)
+        assert n <= m <= 1.06 * n
+        assert largest_prime_factor(m) <= 61
+        assert all(largest_prime_factor(k) > 61 for k in range(n, m))
+
+
+@pytest.mark.parametrize("grid_shape", [(1,), (7, 1), (101, 64), (13, 4093, 33)], ids=str)
+def test_all_axes_but_the_last_are_extended_by_zeros(grid_shape):
+    *others, last = zip(grid_shape, embedding_lengths(grid_shape), strict=True)
+    assert last[1] >= last[0]
+    assert all(length >= 2 * n - 1 for n, length in others)
+    assert all(next_fast_len(length) == length for _, length in (*others, last))
+
+
+@pytest.mark.parametrize("length", [1, 2, 1000, 2**15, 99991, 10**6 + 3, 2**24])
+def test_two_near_factors_are_fast_and_hardly_longer(length):
+    rows, columns = near_square(length)
+    assert length <= rows * columns <= max(1.02 * length, length + 1)
+    assert all(next_fast_len(n) == n for n in (rows, columns))
+    assert max(rows, columns) <= 5 * min(rows, columns) + 1
