@@ -1,4 +1,7 @@
-"""What is given for the surfaces: signs, zeros, units, missing pixels, topographies of others."""
+"""Surfaces are pressed as they are given: by gap or heights, in any unit, with missing pixels.
+
+Profiles are those of their curvatures, and rough surfaces have the spectrum that is asked for.
+"""
 
 from itertools import pairwise
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""Load curves: the answers of single loads, in fewer products; stiffness; no load; friction."""
+"""Load curves have the answers of single loads, in fewer products; the stiffness is their slope."""
 
 import pickle
 
@@ -166,14 +166,18 @@ def test_stiffness_of_hertz_is_twice_the_modulus_times_the_radius():
 
 @doubtful
 @pytest.mark.parametrize("scale", [1.0, 1e5])  # The stiffness is as the modulus.
-def test_stiffness_is_that_of_the_dense_matrix(scale):
-    n, h = 24, 2.0 / 24
-    gap = rough_gap(n)
+@pytest.mark.parametrize(
+    ("gap", "element"),
+    [(rough_gap(24), (2.0 / 24, 2.0 / 24)), (surfaces.cylinder(64, 0.05, radius=1.0), (0.05,))],
+    ids=["rough", "line"],
+)
+def test_stiffness_is_that_of_the_dense_matrix(gap, element, scale):
+    """In plane strain it is per length."""
     body = Material.from_shear(0.7 * scale, 0.3)
-    result = normal_contact(gap, (h, h), material=body, force=0.05 * scale)
+    result = normal_contact(gap, element, material=body, force=0.05 * scale)
     C = result.contact.ravel()
-    A = halfspace.influence_matrix("z", (n, n), (h, h), UNIT).toarray()[np.ix_(C, C)]
-    exact = h * h * np.linalg.solve(A, np.ones(C.sum())).sum() * scale
+    A = halfspace.influence_matrix("z", gap.shape, element, body).toarray()[np.ix_(C, C)]
+    exact = np.prod(element) * np.linalg.solve(A, np.ones(C.sum())).sum()
     assert_allclose(result.stiffness, exact, rtol=1e-6)
 
 
@@ -184,16 +188,6 @@ def test_stiffness_is_the_slope_of_the_curve():
     curve = list(load_curve(gap, element, material=UNIT, forces=loads, tolerance=1e-11))
     slope = (loads[2] - loads[0]) / (curve[2].approach - curve[0].approach)
     assert_allclose(curve[1].stiffness, slope, rtol=1e-3)
-
-
-def test_stiffness_in_plane_strain_is_per_length():
-    n, h = 64, 0.05
-    gap = surfaces.cylinder(n, h, radius=1.0)
-    result = normal_contact(gap, h, material=UNIT, force=0.2)
-    C = result.contact
-    A = halfspace.influence_matrix("z", (n,), (h,), UNIT).toarray()[np.ix_(C, C)]
-    exact = h * np.linalg.solve(A, np.ones(C.sum())).sum()
-    assert_allclose(result.stiffness, exact, rtol=1e-6)
 
 
 def test_stiffness_is_computed_once_and_on_demand():

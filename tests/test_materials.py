@@ -1,4 +1,4 @@
-"""Elastic bodies: two spellings of the modulus, a rigid one, and pairs of them."""
+"""A body is the same by both of its moduli, rigid where it has none; a bare pair is refused."""
 
 import copy
 import pickle

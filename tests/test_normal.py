@@ -1,4 +1,4 @@
-"""Normal contact: Hertz's theory, complementarity on any surface, few products."""
+"""Pressures converge to Hertz's theory, and obey the conditions of contact on any surface."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,7 @@
-"""Surfaces that repeat: their waves, Westergaard's theory, complementarity, few products."""
+"""Surfaces that repeat: displacements are sums of waves, or of images; Westergaard's theory holds.
+
+On any surface gap and pressures are complementary, and tractions obey Coulomb's law.
+"""
 
 import numpy as np
 import pytest

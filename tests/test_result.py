@@ -298,6 +298,8 @@ def test_a_notebook_shows_both_results_of_contact_with_friction():
     rows = [row for table in tables for row in table.findall("tr")]
     energies = [row.find("td").text for row in rows if row.find("th").text == "elastic energy"]
     assert energies == [f"{PRESSED.energy + SHIFTED.energy:.5g} N mm"]
+    assert repr(both) == f"<FrictionalResult: {PRESSED!r}, {SHIFTED!r}>"
+    assert all(row.find("td").text in both.summary() for row in rows)
 
 
 def test_an_error_of_another_process_has_its_result():

@@ -1,4 +1,4 @@
-"""Results in files and in other libraries: all comes back, and no file is lost."""
+"""What is written of a result comes back whole, here and in other libraries; no file is lost."""
 
 import base64
 import copy

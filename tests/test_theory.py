@@ -1,4 +1,4 @@
-"""Hertz's theory in closed form, against its own equations in other integrals."""
+"""Hertz's theory in closed form obeys its own equations in other integrals, and the solver it."""
 
 from xml.etree import ElementTree
 
