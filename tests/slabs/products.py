@@ -116,6 +116,8 @@ def test_coefficients_that_are_odd_or_neither(comm):
             assert A.is_symmetric == serial.is_symmetric
             whole = (serial @ x.ravel()).reshape(shape)
             assert_rows(slab, A @ x[slab.rows].ravel(), whole, 1e-14)
+            single = A.astype(np.float32) @ x[slab.rows].ravel().astype(np.float32)
+            assert_rows(slab, single, whole, 2e-6)
 
 
 def serial_and_slabs(slab, dtype=np.float64, nu=NU, element=ELEMENT):
@@ -204,16 +206,6 @@ def test_functions_of_one_process_refuse_operators_of_slabs(comm):
     refuses(comm, TypeError, text, lambda: tmg.CoupledOperator([[A]]))
 
 
-def test_components_without_influence_on_each_other(comm):
-    shape = (9, 6)
-    slab, c = slabs.Slab(comm, shape), kernel(shape)
-    block, whole = slabs.ToeplitzOperator(c[slab.rows], slab), tmg.ToeplitzOperator(c)
-    A = slabs.CoupledOperator([[block, None], [None, block]])
-    x = np.random.default_rng(0).random((2, *shape))
-    expected = np.stack([(whole @ part.ravel()).reshape(shape) for part in x])
-    assert_rows(slab, A @ x[:, slab.rows].ravel(), expected, 1e-14)
-
-
 def test_each_rank_evaluates_its_own_rows_to_the_same_bits(comm):
     for shape in [(12, 7), (64, 32)]:
         slab = slabs.Slab(comm, shape)
@@ -225,39 +217,26 @@ def test_each_rank_evaluates_its_own_rows_to_the_same_bits(comm):
             assert np.array_equal(c, influence(*whole, ELEMENT, G=1.0, nu=NU)[slab.rows])
 
 
-def test_a_mask_is_that_of_one_process(comm):
-    shape = (16, 11)
+def test_masks_are_those_of_one_process(comm):
+    shape, rng = (16, 11), np.random.default_rng(0)
     slab, c = slabs.Slab(comm, shape), kernel(shape)
-    full, whole = slabs.ToeplitzOperator(c[slab.rows], slab), tmg.ToeplitzOperator(c)
-    rng = np.random.default_rng(0)
+    one = tmg.ToeplitzOperator(c), slabs.ToeplitzOperator(c[slab.rows], slab)
     island = np.zeros(shape, bool)  # On one rank: the others have no unknown.
     island[-2:, 3:6] = True
-    for mask in (rng.random(shape) < 0.5, island, np.ones(shape, bool)):
-        x = np.where(mask, rng.random(shape), 0.0)
-        y = np.zeros(shape)
-        y[mask] = tmg.MaskedOperator(whole, mask) @ x[mask]
-        own = mask[slab.rows]
-        for dtype in (np.float64, np.float32):
-            A = slabs.MaskedOperator(full, own).astype(dtype)
-            z = np.zeros(slab.local)
-            z[own] = A @ x[slab.rows][own].astype(dtype)
-            assert_rows(slab, z, y, tolerance(dtype))
-
-
-def test_a_mask_of_components(comm):
-    shape = (12, 9)
-    slab = slabs.Slab(comm, shape)
-    serial, ours = serial_and_slabs(slab)
-    rng = np.random.default_rng(0)
-    for mask in (rng.random((2, *shape)) < 0.5, rng.random(shape) < 0.5):
-        both = np.broadcast_to(mask, (2, *shape))
-        x = np.where(both, rng.random((2, *shape)), 0.0)
+    cases = [(*one, mask) for mask in (rng.random(shape) < 0.5, island, np.ones(shape, bool))]
+    # A mask of components may be one for each, or for all.
+    cases += [(*serial_and_slabs(slab), rng.random((*k, *shape)) < 0.5) for k in ((2,), ())]
+    for whole, full, mask in cases:
+        mask_of_all = np.broadcast_to(mask, whole.grid_shape)
+        x = np.where(mask_of_all, rng.random(whole.grid_shape), 0.0)
         y = np.zeros(x.shape)
-        y[both] = tmg.MaskedOperator(serial, mask) @ x[both]
-        A = slabs.MaskedOperator(ours, mask[..., slab.rows, :])
-        z = np.zeros((2, *slab.local))
-        z[A.mask] = A @ x[:, slab.rows][A.mask]
-        assert_rows(slab, z, y, 1e-14)
+        y[mask_of_all] = tmg.MaskedOperator(whole, mask) @ x[mask_of_all]
+        own = mask_of_all[..., slab.rows, :]
+        for dtype in (np.float64, np.float32):
+            A = slabs.MaskedOperator(full, mask[..., slab.rows, :]).astype(dtype)
+            z = np.zeros(own.shape)
+            z[own] = A @ x[..., slab.rows, :][own].astype(dtype)
+            assert_rows(slab, z, y, tolerance(dtype))
 
 
 def test_rows_of_vectors(comm):
@@ -434,16 +413,6 @@ def test_the_bound_of_the_norm_is_one_on_all_ranks(comm):
         bound = A.norm_bound
         assert bound >= np.linalg.norm(tmg.ToeplitzOperator(c).toarray(), 2) * (1 - 1e-12)
         assert slab.gather(bound) == [bound] * comm.size
-
-
-def test_another_precision_has_the_same_coefficients(comm):
-    shape, rng = (12, 8), np.random.default_rng(0)
-    slab, c, behind = slabs.Slab(comm, shape), rng.random(shape), rng.random(shape)
-    behind[0] = c[0]
-    A = slabs.ToeplitzOperator(c[slab.rows], slab, behind=behind[slab.rows])
-    B = A.astype(np.float32)
-    assert np.array_equal(B.c, A.c.astype(np.float32))
-    assert np.array_equal(B.opposite, A.opposite.astype(np.float32))
 
 
 def test_blocks_that_are_not_transposes_are_refused_by_all(comm):
