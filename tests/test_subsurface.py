@@ -1,4 +1,4 @@
-"""Stresses in bodies in contact: Hertz, sliding, both bodies, sums of elements, errors."""
+"""Stresses below a contact are the sum of those of its elements, and converge to theory."""
 
 import dataclasses
 import warnings
@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from comparisons.contact import below, cases
+from comparisons.theory import below
+from comparisons.theory.solved import grids, order
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import (
     ContactWarning,
@@ -33,10 +34,11 @@ SOFT, HARD = Material.from_shear(1.0, 0.2), Material.from_shear(3.0, 0.4)
 VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
 
-def sphere(n, material=STEEL):
+def sphere(n, material=STEEL, force=1.0, **options):
+    """The force is over that of a contact of radius A, where E* is 1."""
     h = 2.0 / n
     gap = surfaces.sphere((n, n), (h, h), radius=1.0)
-    return normal_contact(gap, (h, h), material=material, force=4 / 3 * A**3)
+    return normal_contact(gap, (h, h), material=material, force=force * 4 / 3 * A**3, **options)
 
 
 def line(n, material=STEEL):
@@ -46,18 +48,6 @@ def line(n, material=STEEL):
 
 
 # Theory -------------------------------------------------------------------------------------
-
-
-def test_below_a_sphere_the_largest_shear_is_where_johnson_has_it():
-    pressed = sphere(129)
-    depths = np.linspace(0.3, 0.7, 41) * A
-    stresses = subsurface_stresses(pressed, depths=depths)
-    k, i, j = np.unravel_index(stresses.max_shear.argmax(), stresses.max_shear.shape)
-    assert (i, j) == (64, 64)
-    assert abs(stresses.max_shear.max() / (2 * A / np.pi) - 0.310) < 0.001
-    assert abs(depths[k] / A - 0.48) <= 0.01
-    # On the axis two principal stresses are the same.
-    assert_allclose(stresses.von_mises[:, 64, 64], 2 * stresses.max_shear[:, 64, 64], rtol=1e-7)
 
 
 def test_below_a_line_the_largest_shear_is_where_johnson_has_it():
@@ -81,32 +71,56 @@ def test_the_largest_shear_below_a_sphere_rises_to_the_surface(mu, at_surface):
 
 
 @pytest.mark.parametrize(
-    ("solve", "coarse", "fine"), [(below.sliding_line, 64, 512), (below.sliding_sphere, 32, 128)]
+    ("solve", "coarse", "fine"),
+    [
+        (below.sliding_line, 64, 512),
+        pytest.param(below.sliding_sphere, 32, 128, marks=pytest.mark.slow),
+    ],
 )
 def test_stresses_below_what_slides_converge_to_theory(solve, coarse, fine):
     def error(N):
-        return np.sqrt(np.mean([solve(n).errors["σxx"] ** 2 for n in cases.grids(N)]))
+        return np.sqrt(np.mean([solve(n).errors["σxx"] ** 2 for n in grids(N)]))
 
     errors = error(coarse), error(fine)
     assert errors[1] < 1e-4
-    assert cases.order(errors, (coarse, fine)) > 1.3
+    assert order(errors, (coarse, fine)) > 1.3
 
 
 # Exact for the tractions that there are -----------------------------------------------------
+
+
+def sum_of_elements(depth, pressed, shifted, nu, sign=1.0):
+    """The stresses at all centres, element by element; the second body has the tractions' sign."""
+    x, y = (axis.ravel() for axis in np.meshgrid(*pressed.centres, indexing="ij"))
+    at = x[:, None] - x, y[:, None] - y, depth, pressed.element
+    q = sign * shifted.traction.reshape(2, -1)
+    total = halfspace.stresses_z(*at, nu=nu) @ pressed.pressure.flat
+    return total + halfspace.stresses_x(*at, nu=nu) @ q[0] + halfspace.stresses_y(*at, nu=nu) @ q[1]
 
 
 def test_the_stresses_are_the_sum_of_those_of_all_elements():
     pressed = sphere(12)
     shifted = friction(pressed, mu=0.3, force=(0.03, 0.02))
     stresses = subsurface_stresses(pressed, shifted, depths=[0.0, 0.2])
-    x, y = (axis.ravel() for axis in np.meshgrid(*pressed.centres, indexing="ij"))
-    at = x[:, None] - x, y[:, None] - y
     for k, depth in enumerate(stresses.depths):
-        q = shifted.traction.reshape(2, -1)
-        expected = halfspace.stresses_z(*at, depth, pressed.element, nu=0.3) @ pressed.pressure.flat
-        expected += halfspace.stresses_x(*at, depth, pressed.element, nu=0.3) @ q[0]
-        expected += halfspace.stresses_y(*at, depth, pressed.element, nu=0.3) @ q[1]
+        expected = sum_of_elements(depth, pressed, shifted, nu=0.3)
         assert_allclose(stresses.components[:, k].reshape(6, -1), expected, atol=1e-13)
+
+
+def test_the_stresses_below_strips_are_the_sum_of_those_of_all_strips():
+    pressed = line(16)
+    rolled = rolling(pressed, mu=0.3, longitudinal=-0.01, lateral=-0.02)
+    stresses = subsurface_stresses(pressed, rolled, depths=[0.0, 0.2])
+    at = pressed.x[:, None] - pressed.x
+    for k, depth in enumerate(stresses.depths):
+        z, x, y = (
+            function(at, depth, pressed.element[0], nu=0.3)
+            for function in (
+                halfspace.line_stresses_z, halfspace.line_stresses_x, halfspace.line_stresses_y
+            )
+        )  # fmt: skip
+        expected = z @ pressed.pressure + x @ rolled.traction[0] + y @ rolled.traction[1]
+        assert_allclose(stresses.components[:, k], expected, atol=1e-13)
 
 
 def test_at_the_surface_the_stresses_are_the_tractions():
@@ -118,59 +132,14 @@ def test_at_the_surface_the_stresses_are_the_tractions():
     assert_allclose(stresses.yz[0], -shifted.traction[1], atol=1e-13)
 
 
-def test_the_forces_of_a_body_balance_those_on_it():
-    pressed = line(128)
-    shifted = friction(pressed, mu=0.3, force=0.05)
-    # Far to the sides nothing is left across a plane at a depth that is small beside the grid.
-    h, wide = pressed.element[0], 400
-    x = h * np.arange(-wide * 64, wide * 64)
-    depth = 0.3
-    below_all = sum(
-        np.convolve(traction, function(x, depth, h, nu=0.3)[component])[128:-128].sum() * h
-        for traction, function, component in [
-            (pressed.pressure, halfspace.line_stresses_z, 2),
-            (shifted.traction, halfspace.line_stresses_x, 2),
-        ]
-    )
-    assert_allclose(below_all, -pressed.force, rtol=1e-3)
-
-
 def test_each_body_has_its_own_ratio_and_its_own_side_of_the_tractions():
     pressed = sphere(12, material=(SOFT, HARD))
     shifted = friction(pressed, mu=0.3, shift=(1e-3, 0.0))
-    x, y = (axis.ravel() for axis in np.meshgrid(*pressed.centres, indexing="ij"))
-    at = x[:, None] - x, y[:, None] - y
-    q = shifted.traction.reshape(2, -1)
     for body, nu, sign in (("first", SOFT.nu, 1.0), ("second", HARD.nu, -1.0)):
         below = subsurface_stresses(pressed, shifted, depths=0.2, body=body)
         assert below.body == body
-        expected = halfspace.stresses_z(*at, 0.2, pressed.element, nu=nu) @ pressed.pressure.flat
-        expected += sign * halfspace.stresses_x(*at, 0.2, pressed.element, nu=nu) @ q[0]
-        expected += sign * halfspace.stresses_y(*at, 0.2, pressed.element, nu=nu) @ q[1]
+        expected = sum_of_elements(0.2, pressed, shifted, nu, sign)
         assert_allclose(below.components.reshape(6, -1), expected, atol=1e-13)
-
-
-def test_rolling_has_stresses_too():
-    pressed = line(64)
-    rolled = rolling(0.3 * pressed.pressure, pressed.element[0], material=STEEL, longitudinal=-0.01)
-    both = subsurface_stresses(pressed, rolled, depths=[0.1])
-    parts = [subsurface_stresses(result, depths=[0.1]) for result in (pressed, rolled)]
-    assert_allclose(both.components, parts[0].components + parts[1].components, atol=1e-15)
-
-
-def test_lateral_tractions_on_strips_are_those_on_long_elements():
-    pressed = line(64)
-    (h,) = pressed.element
-    g = 0.3 * pressed.pressure
-    rolled = rolling(g, h, material=STEEL, longitudinal=-0.01, lateral=-0.02)
-    strips = subsurface_stresses(rolled, depths=[0.0, 0.1])
-    centres, tractions = (pressed.x, np.zeros(1)), rolled.traction[..., None]
-    long = dataclasses.replace(
-        rolled, shape=(64, 1), element=(h, 1e6), centres=centres, traction=tractions
-    )
-    expected = subsurface_stresses(long, depths=[0.0, 0.1]).components[..., 0]
-    assert_allclose(strips.components, expected, atol=1e-6 * np.abs(g).max())
-    assert_allclose(strips.yz[0], -rolled.traction[1], atol=1e-13)
 
 
 # What they are compared by ------------------------------------------------------------------
@@ -194,18 +163,12 @@ def test_stresses_of_von_mises_and_tresca_are_those_of_the_principal_stresses():
 
 
 def test_stresses_are_in_proportion_to_tractions_of_any_size():
-    pressed = sphere(16)
+    one = subsurface_stresses(sphere(16), depths=0.2)
     for scale in (1e-30, 1e30):
         material = Material.from_shear(0.7 * scale, 0.3)
-        scaled = sphere_of(scale, material)
-        one, other = (subsurface_stresses(p, depths=0.2) for p in (pressed, scaled))
+        other = subsurface_stresses(sphere(16, material, scale), depths=0.2)
         assert_allclose(other.von_mises / scale, one.von_mises, rtol=1e-5)
         assert_allclose(other.max_shear / scale, one.max_shear, rtol=1e-5)
-
-
-def sphere_of(scale, material):
-    gap = surfaces.sphere((16, 16), (0.125, 0.125), radius=1.0)
-    return normal_contact(gap, (0.125, 0.125), material=material, force=scale * 4 / 3 * A**3)
 
 
 # Failures -----------------------------------------------------------------------------------
@@ -241,8 +204,7 @@ def test_refuses_results_that_do_not_belong_together():
 
 
 def test_tractions_without_a_pressure_are_doubted():
-    gap, case = surfaces.sphere((24, 24), (0.1, 0.1), radius=1.0), {"material": STEEL}
-    larger, smaller = (normal_contact(gap, (0.1, 0.1), force=F, **case) for F in (0.5, 0.1))
+    larger, smaller = (sphere(24, force=F) for F in (1.0, 0.2))
     shifted = friction(larger, mu=0.3, force=(0.01, 0.0))
     text = r"\d+ elements have tangential tractions, but no pr"
     with pytest.warns(ContactWarning, match=text) as caught:
@@ -276,16 +238,12 @@ def test_a_notebook_shows_where_it_yields_first(make):
 
 @pytest.mark.parametrize("periodic", [(True, False), (False, True), True])
 def test_refuses_surfaces_that_repeat(periodic):
-    gap = surfaces.sphere((16, 16), (0.125, 0.125), radius=1.0)
-    waves = normal_contact(gap, (0.125, 0.125), material=STEEL, force=0.1, periodic=periodic)
     with pytest.raises(ValueError, match=r"periodic is .* in a result"):
-        subsurface_stresses(waves, depths=0.1)
+        subsurface_stresses(sphere(16, periodic=periodic), depths=0.1)
 
 
 def test_refuses_the_rows_of_one_rank():
-    gap = surfaces.sphere((24, 24), (0.1, 0.1), radius=1.0)
-    pressed = normal_contact(gap, (0.1, 0.1), force=0.5, material=STEEL)
-    rows = dataclasses.replace(pressed, shape=(48, 24))
+    rows = dataclasses.replace(sphere(24), shape=(48, 24))
     with pytest.raises(ValueError, match=r"a result has the rows of one rank, \(24, 24\) of"):
         subsurface_stresses(rows, depths=0.1)
 
@@ -293,11 +251,10 @@ def test_refuses_the_rows_of_one_rank():
 @pytest.mark.filterwarnings("error")
 def test_far_below_nothing_is_taken_for_a_dense_matrix():
     """There all coefficients are alike, but for rounding."""
-    gap = surfaces.sphere((32, 32), (0.02, 0.02), radius=10.0)
-    pressed = normal_contact(gap, (0.02, 0.02), force=5.0, material=STEEL)
+    pressed = sphere(32)
     stresses = subsurface_stresses(pressed, depths=1e6)
     # A point load: the stress along the depth is -3 F/(2π z²).
-    assert_allclose(stresses.zz, -3.0 * 5.0 / (2.0 * np.pi * 1e12), rtol=1e-6)
+    assert_allclose(stresses.zz, -3.0 * pressed.force / (2.0 * np.pi * 1e12), rtol=1e-6)
 
 
 def test_bodies_pressed_with_friction_have_the_stresses_of_both_parts():
