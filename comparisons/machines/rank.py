@@ -27,8 +27,7 @@ from toeplitz_mg._typing import Array
 
 ROWS = 64  # Rows of coefficients that are evaluated at a time, so that they take no memory.
 RUNS = 7  # Runs of which the median is taken.
-ELEMENT = (1.0, 1.0)
-RTOL = 1e-8
+ELEMENT, RTOL = (1.0, 1.0), 1e-8
 
 
 def main() -> None:

@@ -152,9 +152,9 @@ def judge(row: Row) -> Row:
         return row
     node = Node(*(row[f"{name}/s"] for name in ("flop", "memory B", "network B")))
     model = predict(node, row["ranks"], row["n"])
-    row |= {"model s": model.product, "model exchange s": model.exchange}
-    for name, seconds in (("FSAI", model.fsai), ("cosine", model.cosine)):
-        row[f"{name} model s"] = seconds * row[f"{name} iterations"]
+    row["model s"] = model.product
+    row["FSAI model s"] = model.fsai * row["FSAI iterations"]
+    row["cosine model s"] = model.cosine * row["cosine iterations"]
     row["product CPU ns"] = row["product CPU s"] / row["n"] ** 2 * 1e9
     return row
 

@@ -77,9 +77,11 @@ def main(arguments: Sequence[str] | None = None, *, root: Path = ROOT, path: Pat
     )
     parser.add_argument("--against", metavar="REV", help="the other revision")
     parser.add_argument("--jobs", nargs="+", default=[""], metavar="TEXT", help="in their names")
+    parser.add_argument("--quick", action="store_true", help="one turn, within a minute")
     parser.add_argument("--runs", type=int, default=5, metavar="NUMBER", help="turns (default: 5)")
     parser.add_argument("--threads", type=int, default=1, metavar="NUMBER", help="(default: 1)")
     options = parser.parse_args(arguments)
+    runs = 1 if options.quick else options.runs
     jobs = runpy.run_path(str(path))["JOBS"]
     names = [f"{job.family}: {job.name}" for job in jobs]
     chosen = [k for k, name in enumerate(names) if any(text in name for text in options.jobs)]
@@ -91,12 +93,12 @@ def main(arguments: Sequence[str] | None = None, *, root: Path = ROOT, path: Pat
         if options.against:
             folders["there"] = stack.enter_context(worktree(root, options.against))
         trees = {
-            name: stack.enter_context(Tree(folder, path, options.threads, options.runs))
+            name: stack.enter_context(Tree(folder, path, options.threads, runs))
             for name, folder in folders.items()
         }
         table = report.Table("CPU time of a call", room={"job": 50, "here": 7, "there": 7})
         try:
-            for result in run(jobs, chosen, trees, options.runs):
+            for result in run(jobs, chosen, trees, runs):
                 results.append(result)
                 table.add(result.row)
         except KeyboardInterrupt:

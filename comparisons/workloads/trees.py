@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -41,12 +41,10 @@ class Tree:
         process, line = self._process(turn % len(self._processes)), ""
         assert process.stdin is not None
         assert process.stdout is not None
-        try:
+        with suppress(BrokenPipeError):
             process.stdin.write(f"{job}\n")
             process.stdin.flush()
             line = process.stdout.readline()
-        except BrokenPipeError:
-            pass
         if not line:
             raise SystemExit("a process has ended; its reason stands above")
         answer: dict[str, Any] = pickle.loads(bytes.fromhex(line))
