@@ -6,7 +6,7 @@ from tests.slabs.ranks import run_on_ranks, with_ranks
 
 slow = pytest.mark.slow
 QUICK = ["rows", "products", "solves", "saving"]
-CASES = [*QUICK, "lines", "fsai", "gathering", "pressing", "sliding", "rolling", "windows"]
+CASES = [*QUICK, "areas", "lines", "fsai", "gathering", "pressing", "sliding", "rolling", "windows"]
 INSIDE = ["tests.inside.slabs_exchange", "tests.inside.slabs_grid"]
 
 

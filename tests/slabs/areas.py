@@ -1,0 +1,32 @@
+"""On every area of two axes iterations on slabs are those of one process, many to the same bits."""
+
+import numpy as np
+
+import toeplitz_mg as tmg
+from comparisons.systems import masks
+from tests.slabs.solves import NAMES, RTOL, N, area_and_its_rows, residuals_of
+from toeplitz_mg import slabs
+
+FIRST = 9  # Residuals that rounding does not reach.
+EXACT = [None, "cosine_preconditioner", "sine_preconditioner"]  # On ranks they are the same bits.
+
+
+def test_cg_takes_the_iterations_of_one_process_on_every_area(comm):
+    for k, (name, area) in enumerate(masks.FRAGMENTED.items()):
+        mask = area(N)
+        serial, A, own = area_and_its_rows(comm, mask, is_balanced=k % 2 == 1)
+        b = np.where(mask, np.random.default_rng(0).standard_normal(mask.shape), 0.0)
+        rows = b[A.slab.rows][own]
+        for method in [None, *NAMES]:
+            M, W = (method and getattr(package, method) for package in (tmg, slabs))
+            expected, before = residuals_of(serial, b[mask], M=M and M(serial))
+            x, residuals = residuals_of(A, rows, M=W and W(A))
+            assert len(residuals) == len(before), (name, method)
+            np.testing.assert_allclose(residuals[:FIRST], before[:FIRST], rtol=1e-6)
+            whole = np.zeros(mask.shape)
+            whole[mask] = expected
+            ours = whole[A.slab.rows][own]
+            if method in EXACT:
+                np.testing.assert_array_equal(x, ours, err_msg=f"{name}, {method}")
+            error = np.abs(x - ours).max(initial=0.0)
+            assert error <= 10 * RTOL * np.abs(expected).max()
