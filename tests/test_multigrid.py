@@ -567,6 +567,7 @@ def test_pickles_with_borders():
 
 LINE = tmg.ToeplitzOperator(contact(600))
 PART = tmg.MaskedOperator(LINE, np.arange(600) < 500)
+UNCOUPLED = tmg.ToeplitzOperator(np.where(np.arange(4096) == 7, -1.0, 3.0 * np.eye(1, 4096)[0]))
 
 
 @pytest.mark.parametrize(
@@ -585,6 +586,8 @@ PART = tmg.MaskedOperator(LINE, np.arange(600) < 500)
         (LINE, {"coarsen": lambda A: np.eye(300)}, TypeError, "must be a ToeplitzOperator"),
         (LINE, {"smoother": lambda A: np.eye(2)}, ValueError, r"smoother has shape \(2, 2\)"),
         (LINE, {"smoother": lambda A: None}, TypeError, "type not understood"),
+        (tmg.ToeplitzOperator([1.0, 2.0]), {}, np.linalg.LinAlgError, "coarsest grid, .*not pos"),
+        (UNCOUPLED, {}, ValueError, "are not coupled"),
         # It would make a cycle for a real matrix complex.
         (
             LINE,
@@ -609,18 +612,6 @@ def test_says_on_which_level_the_smoother_refused():
     with pytest.raises(np.linalg.LinAlgError, match="gamma") as caught:
         tmg.multigrid(tmg.ToeplitzOperator(c))
     assert any("level 0" in note for note in caught.value.__notes__)
-
-
-def test_an_indefinite_coarsest_matrix():
-    with pytest.raises(np.linalg.LinAlgError, match=r"coarsest grid, .*not positive definite"):
-        tmg.multigrid(tmg.ToeplitzOperator([1.0, 2.0]))
-
-
-def test_uncoupled_neighbours_are_no_case_for_a_coarse_grid():
-    c = np.zeros(4096)
-    c[[0, 7]] = 3.0, -1.0
-    with pytest.raises(ValueError, match="are not coupled"):
-        tmg.multigrid(tmg.ToeplitzOperator(c))
 
 
 def test_a_mask_without_a_coarse_grid():

@@ -65,6 +65,12 @@ def lags_of(c, parity, behind=None):
     return c
 
 
+def on_slab(comm, shape):
+    """The matrix of `kernel` on these ranks, and of one process."""
+    slab, c = slabs.Slab(comm, shape), kernel(shape)
+    return slabs.ToeplitzOperator(c[slab.rows], slab), tmg.ToeplitzOperator(c)
+
+
 def with_fewer_ranks_than_rows(comm, shapes):
     return [shape for shape in shapes if shape[0] >= comm.size] + [(1, 300)] * (comm.size == 1)
 
@@ -198,10 +204,8 @@ def test_functions_of_one_process_refuse_operators_of_slabs(comm):
     functions += [tmg.multigrid, tmg.toeplitz_inverse, tmg.select_preconditioner]
     for C in (A, B, slabs.MaskedOperator(A, np.ones(slab.local, bool))):
         for function in functions:
-            refuses(comm, TypeError, "A is <", partial(function, C))
-            refuses(
-                comm, TypeError, "toeplitz_mg.slabs has the preconditioners", partial(function, C)
-            )
+            text = "toeplitz_mg.slabs has the preconditioners"
+            refuses(comm, TypeError, text, partial(function, C))
     text = "blocks[0][0] is <ToeplitzOperator 12 x 8 on"
     refuses(comm, TypeError, text, lambda: tmg.CoupledOperator([[A]]))
 
@@ -240,9 +244,7 @@ def test_masks_are_those_of_one_process(comm):
 
 
 def test_rows_of_vectors(comm):
-    shape = (9, 6)
-    slab, c = slabs.Slab(comm, shape), kernel(shape)
-    A = slabs.ToeplitzOperator(c[slab.rows], slab)
+    A, _ = on_slab(comm, (9, 6))
     X = np.random.default_rng(0).random((3, A.shape[0]))
     Y = A.apply(X)
     for x, y in zip(X, Y, strict=True):
@@ -390,8 +392,8 @@ def test_vectors_of_any_numbers_have_products_in_the_precision_of_the_matrix(com
     """Integers, booleans, half precision, and bytes in the order of another machine."""
     rng = np.random.default_rng(0)
     for shape in ((40,), (40, 1), (8, 5)):
-        slab, c = slabs.Slab(comm, shape), kernel(shape)
-        A, serial = slabs.ToeplitzOperator(c[slab.rows], slab), tmg.ToeplitzOperator(c)
+        A, serial = on_slab(comm, shape)
+        slab = A.slab
         C = slabs.CoupledOperator([[A, None], [None, A]])
         for dtype in ("i8", "?", "f2", "f4", ">f8", ">i4"):
             x = (3.0 * rng.standard_normal(shape)).astype(dtype)

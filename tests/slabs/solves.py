@@ -12,6 +12,7 @@ from tests.slabs.products import (
     assert_sent,
     kernel,
     lags_of,
+    on_slab,
     serial_and_slabs,
     tolerance,
     with_fewer_ranks_than_rows,
@@ -28,9 +29,9 @@ def test_a_preconditioner_is_that_of_one_process(comm):
     # The last are large, and 2 n - 1 is slow: 363 = 3 · 11², but 365 = 5 · 73.
     shapes = [*SHAPES, (200, 200), (182, 183)]
     for shape in with_fewer_ranks_than_rows(comm, shapes):
-        slab, c = slabs.Slab(comm, shape), kernel(shape)
+        A, whole = on_slab(comm, shape)
+        slab = A.slab
         x = np.random.default_rng(0).random(shape)
-        A, whole = slabs.ToeplitzOperator(c[slab.rows], slab), tmg.ToeplitzOperator(c)
         for name in NAMES:
             for dtype in (np.float64, np.float32):
                 serial = getattr(tmg, name)(whole, dtype=dtype)
@@ -212,8 +213,8 @@ def test_islands_on_one_rank(comm):
 
 
 def test_a_first_guess_and_a_zero_right_hand_side(comm):
-    slab, c = slabs.Slab(comm, (12, 9)), kernel((12, 9))
-    A = slabs.ToeplitzOperator(c[slab.rows], slab)
+    A, _ = on_slab(comm, (12, 9))
+    slab = A.slab
     b = A @ np.ones(A.shape[0])
     x, info = tmg.cg(A, b, np.ones(A.shape[0]), rtol=1e-10)
     assert info == 0
@@ -229,8 +230,7 @@ def test_a_first_guess_and_a_zero_right_hand_side(comm):
 
 
 def test_numbers_of_any_size(comm):
-    slab, c = slabs.Slab(comm, (12, 9)), kernel((12, 9))
-    A = slabs.ToeplitzOperator(c[slab.rows], slab)
+    A, _ = on_slab(comm, (12, 9))
     # Of some ranks the right-hand side is so small that its square is zero.
     sizes = np.where(comm.rank == comm.size - 1, 1e200, 1e-250)
     x, info = tmg.cg(A, np.full(A.shape[0], sizes), M=slabs.fft_preconditioner(A), rtol=1e-8)
@@ -320,7 +320,6 @@ def test_wrong_systems_are_refused_by_all(comm):
 def test_iterations_of_scipy_refuse_what_is_on_slabs(comm):
     from scipy.sparse.linalg import cg
 
-    slab, c = slabs.Slab(comm, (12, 9)), kernel((12, 9))
-    A = slabs.ToeplitzOperator(c[slab.rows], slab)
+    A, _ = on_slab(comm, (12, 9))
     assert not hasattr(A, "matvec")
     refuses(comm, TypeError, "type not understood", lambda: cg(A, np.ones(A.shape[0])))
