@@ -14,6 +14,7 @@ import scipy.linalg
 import toeplitz_mg as tmg
 from toeplitz_mg import contact, halfspace
 
+CONTACT = 3e-6  # The tolerance where contact is solved, by default, to 1e-8.
 MOST_NUMBERS = 10_000  # Numbers of an answer that are compared.
 STEEL = contact.Material.from_shear(1.0, 0.25)  # In units of its shear modulus.
 Run = Callable[[], Any]
@@ -219,7 +220,7 @@ def press(surface: Callable[[int], Any], n: int, **options: Any) -> Run:
 
 def pressed(name: str, *surface: Any, **options: Any) -> Job:
     """Return a job of normal contact."""
-    return Job("contact", name, partial(press, *surface, **options), 1e-6)
+    return Job("contact", name, partial(press, *surface, **options), CONTACT)
 
 
 def press_unlike(n: int) -> Run:
@@ -272,7 +273,7 @@ def rolling(n: int, *, by_force: bool = False, is_first: bool = False) -> Job:
     name = f"by {'a force' if by_force else 'creepages'}, {n}²"
     if n <= 25:
         name += f", {'first' if is_first else 'second'} call"
-    return Job("rolling", name, prepare, 1e-6, is_first=is_first)
+    return Job("rolling", name, prepare, CONTACT, is_first=is_first)
 
 
 JOBS = (
@@ -326,8 +327,8 @@ JOBS = (
     pressed("periodic, 10 %, 256²", rough, 256, force=0.065, periodic=True),
     pressed("rough profile, n = 4096", partial(rough, axes=1), 4096, force=0.1, reference=4.0),
     Job("contact", "unlike bodies, 48²", partial(press_unlike, 48), 1e-4),
-    Job("friction", "sphere, 256²", partial(shift, sphere, 256, 0.2), 1e-6),
-    Job("friction", "rough, 10 %, 128²", partial(shift, rough, 128, 0.065), 1e-6),
+    Job("friction", "sphere, 256²", partial(shift, sphere, 256, 0.2), CONTACT),
+    Job("friction", "rough, 10 %, 128²", partial(shift, rough, 128, 0.065), CONTACT),
     *(rolling(n, is_first=is_first) for n in (11, 25) for is_first in (True, False)),
     rolling(11, by_force=True),
     *(rolling(n, by_force=by_force) for n in (64, 256, 512) for by_force in (False, True)),
