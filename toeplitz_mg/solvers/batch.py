@@ -8,7 +8,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.solvers.levinson import levinson_of_batch
 from toeplitz_mg.solvers.system import EPS, USUAL
 
-# `python -m comparisons.drop_in` measures both sides of these.
+# `python -m comparisons.workloads --jobs batch` times a batch, beside a revision with other values.
 LARGEST = 64  # Most unknowns of a system: above some 100 SciPy's recursion is as fast for each.
 FEWEST = 50  # Fewest systems that are worth the calls of one recursion more.
 NUMBERS = 2**16  # Numbers of an array of systems that are solved together: they stay in the cache.

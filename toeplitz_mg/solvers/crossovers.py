@@ -1,6 +1,7 @@
 """Where one way to solve a Toeplitz system becomes faster than another, by its size alone.
 
-`python -m comparisons.drop_in` measures both sides of these.
+`python -m comparisons.drop_in` times what is chosen on both sides of these for symmetric matrices,
+with ``--columns`` for several right-hand sides.
 """
 
 from toeplitz_mg.solvers.cosine_form import fast_length, is_smooth
