@@ -10,6 +10,7 @@ from types import ModuleType
 import pytest
 
 import toeplitz_mg
+from tests import public_api
 
 ROOT = Path(toeplitz_mg.__file__).parent
 PAGE = (Path(__file__).parent.parent / "docs" / "architecture.md").read_text()
@@ -64,3 +65,33 @@ def test_no_module_is_hidden_by_a_function_of_its_name(name):
 def test_the_page_names_files_that_exist():
     for name in re.findall(r"`([\w/]+\.py)`", PAGE):
         assert (ROOT / name).exists() or (ROOT.parent / name).exists(), name
+
+
+# Tests --------------------------------------------------------------------------------------------
+
+TESTS = Path(__file__).parent
+OUTSIDE = [path for path in sorted(TESTS.rglob("*.py")) if "inside" not in path.parts]
+PUBLIC = {f"toeplitz_mg.{name}" for name in ("ducc0_backend", "paper")}
+PUBLIC |= {line.split(":")[0].split("(")[0].rpartition(".")[0] for line in public_api.describe()}
+
+
+def inner_modules(source):
+    """The modules of the package that a file imports, and that are not public."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names = {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            whole = {f"{node.module}.{alias.name}" for alias in node.names}
+            names = {node.module} | (whole & {*MODULES})
+        else:
+            continue
+        yield from {n for n in names if n.split(".")[0] == "toeplitz_mg"} - PUBLIC
+
+
+@pytest.mark.parametrize("path", OUTSIDE, ids=lambda path: str(path.relative_to(TESTS)))
+def test_tests_speak_through_public_names(path):
+    assert not [*inner_modules(path.read_text())], "what is inner is tested in tests/inside"
+
+
+def test_few_files_look_inside():
+    assert len(list((TESTS / "inside").rglob("*[!_].py"))) <= 25

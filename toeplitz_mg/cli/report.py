@@ -78,7 +78,7 @@ def outlasting_its_reader(goes_on: bool) -> Iterator[Reader]:
     if not goes_on or sys.stdout is None:
         yield reader
         return
-    with redirect_stdout(reader):  # type: ignore[type-var]
+    with redirect_stdout(reader):
         yield reader
 
 
