@@ -4,6 +4,7 @@ from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 
+import numpy as np
 import pytest
 
 
@@ -21,6 +22,14 @@ def has_gpu(name):
 
 ON_GPU = [pytest.param(name, marks=pytest.mark.slow) for name in ("cupy", "torch") if has_gpu(name)]
 LIBRARIES = ["array_api_strict", pytest.param("jax.numpy", marks=pytest.mark.slow), *ON_GPU]
+
+
+def to_numpy(array):
+    """Return an array of NumPy's with the numbers of one of another library."""
+    assert not isinstance(array, np.ndarray)
+    if hasattr(array, "get"):  # of CuPy
+        return array.get()
+    return np.from_dlpack(array.cpu() if hasattr(array, "cpu") else array)
 
 
 def load_library(name):
