@@ -12,38 +12,44 @@ ducc0_backend = pytest.importorskip("toeplitz_mg.ducc0_backend", exc_type=Import
 
 X = np.random.default_rng(0).standard_normal((3, 5, 8))
 Z = X + 1j * X[::-1]
-CALLS = [
-    (name, array, {"n": n, "axis": axis, "norm": norm})
-    for name, array in (("fft", X), ("fft", Z), ("ifft", Z), ("rfft", X), ("irfft", Z))
-    for n in (None, 4, 9)
-    for axis in (-1, 1)
-    for norm in (None, "ortho", "forward")
-] + [
-    (name, array, {"s": s, "axes": axes, "norm": norm})
-    for name, array in (
-        ("rfftn", X),
-        ("irfftn", Z),
-        ("dctn", X),
-        ("idctn", X),
-        ("dstn", X),
-        ("idstn", X),
-    )
+NORMS = (None, "ortho", "forward")
+ONE_AXIS = [
+    {"n": n, "axis": axis, "norm": norm} for n in (None, 4, 9) for axis in (-1, 1) for norm in NORMS
+]
+AXES = [
+    {"s": s, "axes": axes, "norm": norm}
     for s, axes in ((None, None), ((4, 9), None), ((9, 4), (-1, -2)), ((6, 7), (1, 2)))
-    for norm in (None, "ortho", "forward")
+    for norm in NORMS
 ]
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-@pytest.mark.parametrize(("name", "array", "arguments"), CALLS)
-def test_transforms(name, array, arguments, dtype):
+@pytest.mark.parametrize(
+    ("name", "array", "calls"),
+    [
+        ("fft", X, ONE_AXIS),
+        ("fft", Z, ONE_AXIS),
+        ("ifft", Z, ONE_AXIS),
+        ("rfft", X, ONE_AXIS),
+        ("irfft", Z, ONE_AXIS),
+        ("rfftn", X, AXES),
+        ("irfftn", Z, AXES),
+        *((name, X, AXES) for name in ("dctn", "idctn", "dstn", "idstn")),
+    ],
+)
+def test_transforms(name, array, calls, dtype):
     array = array.astype(np.result_type(dtype, np.complex64) if np.iscomplexobj(array) else dtype)
-    function = getattr(scipy.fft, name)
+    for arguments in calls:
+        assert_is_that_of_scipy(getattr(scipy.fft, name), array, arguments)
+
+
+def assert_is_that_of_scipy(function, array, arguments):
     kept = array.copy()
     expected = function(array, **arguments)
     with scipy.fft.set_backend(ducc0_backend, only=True):
         result = function(array, **arguments)
         overwriting = function(array.copy(), overwrite_x=True, **arguments)
-    tolerance = 100 * np.finfo(dtype).eps * np.abs(expected).max()
+    tolerance = 100 * np.finfo(array.dtype).eps * np.abs(expected).max()
     assert result.dtype == expected.dtype
     assert_allclose(result, expected, rtol=0, atol=tolerance)
     assert_allclose(overwriting, expected, rtol=0, atol=tolerance)
@@ -96,5 +102,5 @@ def test_iterations_are_the_same():
             steps = []
             tmg.cg(A, b, M=tmg.fft_preconditioner(A), rtol=1e-8, callback=steps.append)
             _, info = tmg.solve_toeplitz(A.c, b, full_output=True)
-            counts.append((len(steps), info.iterations, info.method))
+            counts.append((len(steps), info.iterations))
     assert counts[0] == counts[1]
