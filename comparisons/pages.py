@@ -60,17 +60,14 @@ TABLES = {
         "machines.md", "machines", "gpu_contact.csv", "machines.gpu:arrange_contact"
     ),
     "symbols": Table(*_METHODS, "symbols.csv", "preconditioners.symbols:arrange"),
-    "general_symbols": Table(*_METHODS, "general.csv", "preconditioners.general:arrange"),
+    "general_symbols": Table(*_METHODS, "symbols.csv", "preconditioners.symbols:arrange_general"),
     "fractional_diffusion": Table(
         *_METHODS, "fractional.csv", "preconditioners.fractional:arrange"
     ),
-    "fractional_diffusion_growing": Table(
-        *_METHODS, "growing.csv", "preconditioners.fractional:arrange_growing"
-    ),
-    "likelihood_errors": Table(*_LIKELIHOOD, "errors.csv", "gaussian.likelihood:arrange_errors"),
-    "likelihood_times": Table(*_LIKELIHOOD, "times.csv", "gaussian.likelihood:arrange_times"),
-    "likelihood_gaps": Table(*_LIKELIHOOD, "gaps.csv", "gaussian.likelihood:arrange_gaps"),
-    "likelihood_noise": Table(*_LIKELIHOOD, "noise.csv", "gaussian.likelihood:arrange_noise"),
+    "likelihood_errors": Table(*_LIKELIHOOD, "errors.csv", "gaussian:arrange_errors"),
+    "likelihood_times": Table(*_LIKELIHOOD, "times.csv", "gaussian:arrange_times"),
+    "likelihood_gaps": Table(*_LIKELIHOOD, "gaps.csv", "gaussian:arrange_gaps"),
+    "likelihood_noise": Table(*_LIKELIHOOD, "noise.csv", "gaussian:arrange_noise"),
     "paper": Table("reproduce.md", "paper", "cells.csv", "paper.tables:arrange"),
     "cases_errors": Table("contact.md", "theory", "errors.csv", "theory.cases:arrange_errors"),
     "cases_products": Table("contact.md", "theory", "costs.csv", "theory.cases:arrange_products"),
@@ -80,9 +77,7 @@ TABLES = {
     ),
     "printed": Table("unlike.md", "theory", "printed.csv", "theory.cases:arrange_printed"),
     "kalker": Table("rolling.md", "theory", "printed.csv", "theory.cases:arrange_kalker"),
-    "periodic_peers": Table(
-        "periodic.md", "peers", "peers.csv", "peers.measuring:arrange_repeated"
-    ),
+    "periodic_peers": Table("periodic.md", "peers", "peers.csv", "peers:arrange_repeated"),
     "areas": Table("masks.md", "preconditioners", "areas.csv", "preconditioners.areas:arrange"),
     "areas_all": Table(
         "areas.md", "preconditioners", "areas.csv", "preconditioners.areas:arrange_all"

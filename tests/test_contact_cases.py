@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
+from comparisons import peers
 from comparisons.harness import report
-from comparisons.peers import measuring as peers
-from comparisons.peers import methods
 from comparisons.theory import cases
 from comparisons.theory.solved import grids, order
 
@@ -74,7 +73,7 @@ def test_the_order_of_a_power():
 
 
 def test_peers_that_are_not_installed_are_left_out(tmp_path, capsys):
-    own = {"toeplitz-mg": methods.NORMAL["toeplitz-mg"]}
+    own = {"toeplitz-mg": peers.NORMAL["toeplitz-mg"]}
     missing = own | {"missing": ("a_package_that_is_missing", fails)}
     peers.main(["--quick", "--output", str(tmp_path)], normal=missing, friction=own)
     assert "rough, repeated, 99 %" in capsys.readouterr().out
@@ -94,14 +93,14 @@ def test_the_ratio_to_the_faster_way_of_a_peer():
 @pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")  # The grid is coarse.
 def test_violations_are_measured():
     for problem in peers.problems(32):
-        answer = methods.ours(problem, 1e-10)
+        answer = peers.ours(problem, 1e-10)
         assert problem.violation(answer.traction, answer.bound) <= 1e-9
         assert problem.violation(1.01 * answer.traction, answer.bound) > 1e-4
 
 
 def test_the_parameters_of_the_peers_are_just_good_enough():
     problem = peers.problems(16)[0]
-    exact = methods.ours(problem, 1e-12)
+    exact = peers.ours(problem, 1e-12)
 
     def halved(problem, iterations):
         return exact._replace(traction=exact.traction * (1.0 + 0.5**iterations))
@@ -109,7 +108,7 @@ def test_the_parameters_of_the_peers_are_just_good_enough():
     asked, answer = peers.fewest(halved, problem)
     assert problem.violation(answer.traction, None) <= peers.TARGET
     assert problem.violation(halved(problem, asked - 1).traction, None) > peers.TARGET
-    asked, _ = peers.loosest(methods.ours, problem)
+    asked, _ = peers.loosest(peers.ours, problem)
     assert 1e-9 <= asked <= 1e-4
     with pytest.raises(ArithmeticError, match="no tolerance is enough"):
         peers.loosest(lambda problem, _: halved(problem, 3), problem)
@@ -121,7 +120,7 @@ def fails(problem, tolerance):
 
 def test_what_a_peer_cannot_do_is_noted():
     table = report.Table("peers", form=peers.form)
-    peers.run(table, [methods.Problem("x", 64)], {"fails": ("numpy", fails)}, {})
+    peers.run(table, [peers.Problem("x", 64)], {"fails": ("numpy", fails)}, {})
     (row,) = table.rows
     assert row["method"] == "fails"
     assert "it diverged" in peers.form(row)["note"]

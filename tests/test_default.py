@@ -14,8 +14,7 @@ from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
 from comparisons.systems import masks
-from comparisons.systems.matrices import typical
-from comparisons.systems.random_matrices import random_ones
+from comparisons.systems.random_matrices import random_matrix
 from comparisons.systems.symbols import column
 from tests.budgets import assert_within_budget
 from tests.cases import contact, exponential
@@ -320,10 +319,10 @@ def products(candidates, A, x):
             yield candidate, candidate.make(A) @ x
 
 
-@pytest.mark.parametrize("case", [*list(typical())[::12], *random_ones(18)], ids=lambda c: c.name)
+@pytest.mark.parametrize("seed", range(30))
 @pytest.mark.parametrize("solves", [1, 5])
-def test_it_names_what_is_taken_of_matrices_of_every_kind(case, solves):
-    A = case.operator()
+def test_it_names_what_is_taken_of_matrices_of_every_kind(seed, solves):
+    A = random_matrix(seed)
     try:
         M = tmg.default_preconditioner(A, solves=solves)
     except np.linalg.LinAlgError:

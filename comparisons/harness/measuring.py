@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from statistics import median
 from time import perf_counter, process_time
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.linalg import matmul_toeplitz
@@ -18,6 +18,7 @@ from comparisons.harness.processes import in_a_fresh_process, peak_bytes
 from toeplitz_mg._typing import Array
 from toeplitz_mg.paper.problems import test1
 
+System = Any  # A system A x = b, of a Toeplitz matrix or a part of one, with its name.
 Solve = Callable[[], tuple[Array, int | None]]  # Returns x and the iterations, or None if direct.
 Method = Callable[[Any], Solve]  # Sets a `System` up.
 Choice = Callable[[Any], LinearOperator | None]  # Returns a preconditioner of A, or none.
@@ -28,22 +29,6 @@ MAXITER = 3000  # Iterations after which a method has not converged, unless told
 KILL_AFTER = 60.0  # Seconds after which a method is given up.
 CONVERGED = 1.01 * TOLERANCE  # Largest true residual: the recurrence for it may drift a little.
 WARM_UP_SIZE = 64  # Elements of a first problem, solved before anything is measured.
-
-
-class System(Protocol):
-    """A system A x = b, with its name in tables."""
-
-    @property
-    def name(self) -> str:
-        """The name, which is the same for all sizes."""
-
-    @property
-    def A(self) -> LinearOperator:
-        """A ToeplitzOperator, or a MaskedOperator of one."""
-
-    @property
-    def b(self) -> Array:
-        """The right-hand side, of shape (N,)."""
 
 
 def no_reason(problem: System) -> str:
@@ -72,55 +57,27 @@ PRECONDITIONERS: dict[str, Choice] = {
 
 @dataclass(frozen=True)
 class Contender:
-    """A method with its name in tables.
-
-    Attributes
-    ----------
-    name : str
-    method : callable
-        Maps a problem to its solve; the call is the set-up.
-    ours : bool
-        Whether it is of this package, other than as a baseline.
-    counted : bool
-        Whether its work is products with Toeplitz matrices and circulants, so that the products
-        counted are all of it.
-    explain : callable
-        Maps a problem on which the method did not converge to the reason, or to nothing.
-    """
+    """A method with its name in tables."""
 
     name: str
-    method: Method
-    ours: bool = False
-    counted: bool = True
-    explain: Explanation = no_reason
+    method: Method  # From a problem to its solve; the call is the set-up.
+    ours: bool = False  # Whether it is of this package, other than as a baseline.
+    counted: bool = True  # Whether the products that are counted are all of its work.
+    explain: Explanation = no_reason  # Why it did not converge.
 
 
 @dataclass(frozen=True)
 class Run:
-    """One set-up of a preconditioner, and one iteration with it.
-
-    Attributes
-    ----------
-    x : ndarray
-    iterations : int
-    info : int
-        0 where it has converged, as by SciPy.
-    setup_s, solve_s : float
-        CPU seconds.
-    setup_units, solve_units : float
-        Products counted, in products on the whole grid (the paper's work units).
-    residual : float
-        ‖b - A x‖ / ‖b‖.
-    """
+    """One set-up of a preconditioner, and one iteration with it."""
 
     x: Array
     iterations: int
-    info: int
-    setup_s: float
+    info: int  # 0 where it has converged, as by SciPy.
+    setup_s: float  # CPU seconds.
     solve_s: float
-    setup_units: float
+    setup_units: float  # Products counted, in products on the whole grid: the paper's work units.
     solve_units: float
-    residual: float
+    residual: float  # ‖b - A x‖ / ‖b‖.
 
     @property
     def seconds(self) -> float:
@@ -183,36 +140,19 @@ def by_iteration(
 
 @dataclass(frozen=True)
 class Measurement:
-    """What was measured, None where it was not.
-
-    Attributes
-    ----------
-    setup_s, solve_s, total_s : float
-        Seconds; `total_s` is infinite where the process was killed.
-    iterations : int
-    setup_units, solve_units : float
-        Products counted, in products on the whole grid (the paper's work units).
-    peak_mb, peak_vectors : float
-        The rise of the process's peak memory above the problem and the libraries, in MB and in
-        vectors of n float64.
-    residual : float
-        ‖b - A x‖ / ‖b‖ by `true_residual`.
-    converged : bool
-    note : str
-        Why something is missing, or the method did not converge.
-    """
+    """What was measured, None where it was not."""
 
     setup_s: float | None = None
     solve_s: float | None = None
-    total_s: float | None = None
+    total_s: float | None = None  # Infinite where the process was killed.
     iterations: int | None = None
     setup_units: float | None = None
     solve_units: float | None = None
-    peak_mb: float | None = None
-    peak_vectors: float | None = None
-    residual: float | None = None
+    peak_mb: float | None = None  # The rise of the process's peak memory, in MB
+    peak_vectors: float | None = None  # and in vectors of n float64.
+    residual: float | None = None  # By `true_residual`.
     converged: bool | None = None
-    note: str = ""
+    note: str = ""  # Why something is missing, or the method did not converge.
 
 
 def measure(contender: Contender, problem: System) -> Measurement:

@@ -1,11 +1,11 @@
-"""Jobs in processes of their own: one answer within a time, or several jobs that take turns."""
+"""Jobs in processes of their own: an answer within a time, or one after the other."""
 
 import os
 import resource
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
 from multiprocessing import get_context, set_forkserver_preload
@@ -31,19 +31,17 @@ def prepare(*modules: str, threads: int = 1) -> None:
 class FreshProcess(Generic[T]):
     """A process of its own, that computes the next item of an iterator whenever it is asked.
 
-    Parameters
-    ----------
-    items : callable
-        Makes the iterator, in the process.
-    method : str
-        How the process starts, as in `multiprocessing`: "spawn" reads the environment anew.
+    `items` makes the iterator, in the process.
     """
 
-    def __init__(self, items: Callable[[], Iterator[T]], method: str = "forkserver") -> None:
-        context: Any = get_context(method)
+    def __init__(self, items: Callable[[], Iterator[T]]) -> None:
+        context: Any = get_context("forkserver")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(items, theirs), daemon=True)
+        # Who interrupts waits until it has all that it starts from.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         self._process.start()
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
 
     def next(self, seconds: float | None = None) -> T:
@@ -123,47 +121,6 @@ def row_or_note(job: Callable[[], dict[str, Any]], seconds: float) -> dict[str, 
 
 def _once(job: Callable[[], T]) -> Iterator[T]:
     yield job()
-
-
-def take_turns(
-    jobs: Mapping[str, Callable[[], Iterator[T]]],
-    done: Callable[[list[T]], bool],
-    method: str = "forkserver",
-) -> dict[str, list[T] | str]:
-    """Let jobs take turns, so that what disturbs the machine disturbs all of them alike.
-
-    Parameters
-    ----------
-    jobs : mapping of str to callable
-        Each makes an iterator in a process of its own; all set-ups come first, one at a time.
-    done : callable
-        Tells whether a job has returned enough, from its items so far.
-    method : str
-        How the processes are started, as `FreshProcess` takes it.
-
-    Returns
-    -------
-    dict
-        The items of each job by its name; or the reason why it met an error.
-    """
-    processes: dict[str, FreshProcess[T]] = {}
-    results: dict[str, list[T]] = {}
-    errors: dict[str, str] = {}
-    left = list(jobs)
-    try:
-        while left:
-            for name in left:
-                if name not in processes:
-                    processes[name] = FreshProcess(jobs[name], method)
-                try:
-                    results.setdefault(name, []).append(processes[name].next())
-                except ArithmeticError as error:
-                    errors[name] = str(error)
-            left = [name for name in left if name not in errors and not done(results[name])]
-    finally:
-        for process in processes.values():
-            process.end()
-    return {name: errors.get(name, results[name]) for name in jobs}
 
 
 def peak_bytes() -> int:

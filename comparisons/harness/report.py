@@ -54,32 +54,21 @@ def options(
     for choice, values in choices.items():
         is_list = isinstance(values, list) and all(isinstance(v, int) for v in values)
         if isinstance(values, int | str) or is_list:
-            many: dict[str, Any] = {"nargs": "+"} if is_list else {}
             kind = str if isinstance(values, str) else int
-            name_of = "TEXT" if kind is str else "NUMBER"
-            parser.add_argument(
-                f"--{choice}",
-                type=kind,
-                default=values,
-                metavar=name_of,
-                help="default: %(default)s",
-                **many,
-            )
-            continue
-        parser.add_argument(
-            f"--{choice}",
-            nargs="+",
-            type=type(values[0]),
-            choices=values,
-            metavar=choice.upper().rstrip("S"),
-            help="of %(choices)s",
-        )
+            more: dict[str, Any] = {"default": values, "help": "default: %(default)s"}
+            more |= {"metavar": "TEXT" if kind is str else "NUMBER"}
+            more |= {"nargs": "+"} if is_list else {}
+        else:
+            kind = type(values[0])
+            more = {"nargs": "+", "choices": values, "help": "of %(choices)s"}
+            more["metavar"] = choice.upper().rstrip("S")
+        parser.add_argument(f"--{choice}", type=kind, **more)
     parser.add_argument(
         "--output",
         type=Path,
-        default=Path("results", *name.split(".")),
+        default=Path("results", name),
         metavar="FOLDER",
-        help="folder for CSV and PNG (default: %(default)s)",
+        help="folder of the files (default: %(default)s)",
     )
     print_any_character()
     arguments = parser.parse_args(argv)
@@ -167,6 +156,17 @@ def group(rows: Iterable[Row], *keys: str) -> dict[Any, list[Row]]:
     return groups
 
 
+def pivot(
+    rows: Iterable[Row], name: Callable[[Row], Row], cell: Callable[[Row], tuple[str, Any]]
+) -> list[Row]:
+    """Return a table with a line for each name of rows, whose cells have these headings."""
+    table: dict[str, Row] = {}
+    for row in rows:
+        heading, text = cell(row)
+        table.setdefault(str(name(row)), name(row))[heading] = text
+    return list(table.values())
+
+
 def show(title: str, rows: Sequence[Row]) -> None:
     """Print rows that are all there as a table under a title."""
     print(f"\n{title}\n\n{_draw(rows, 'simple')}", flush=True)
@@ -198,16 +198,6 @@ def format_seconds(seconds: float | None) -> str:
         (s for s in ((1e6, "µs"), (1e3, "ms")) if seconds * s[0] < 995.0), (1.0, "s")
     )
     return f"{float(f'{seconds * scale:.2g}'):g} {unit}"
-
-
-def write_markdown(
-    path: Path, title: str, module: str, tables: Mapping[str, Sequence[Row]]
-) -> None:
-    """Write tables under their headings, with the command of the module that measures them."""
-    text = f"# {title}\n\nWritten by `python -m {module}` on {machine.describe()}.\n\n"
-    for heading, rows in tables.items():
-        text += f"## {heading}\n\n{draw_markdown(rows)}\n\n"
-    files.write(path, text.encode())
 
 
 def write_csv(path: Path, rows: Sequence[Row]) -> None:

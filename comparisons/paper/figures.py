@@ -1,22 +1,18 @@
 """Figures 3, 6, 7 and 9 to 13 of the paper: where the FFT smoother fails, and its two remedies."""
 
-from collections.abc import Callable, Mapping
-from itertools import zip_longest
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from comparisons.harness.report import Row, Table, write_csv, write_figure
 from toeplitz_mg._typing import Array
-
-Drawing = tuple[Figure, list[Row]]  # A figure, and the numbers that are plotted in it.
 
 N = 32  # Number of elements in all figures but the third.
 ELEMENT = np.arange(1, N + 1)
@@ -76,10 +72,14 @@ def row_sums(A: tmg.ToeplitzOperator) -> tuple[Array, Array]:
     return np.linalg.inv(A.toarray()).sum(axis=1), M.toarray().sum(axis=1)
 
 
-def table(columns: Mapping[str, ArrayLike]) -> list[Row]:
-    """Return named columns as rows; a shorter column ends in empty cells."""
-    arrays = [np.asarray(column).tolist() for column in columns.values()]
-    return [dict(zip(columns, row, strict=True)) for row in zip_longest(*arrays)]
+def data_of(figure: Figure) -> list[Row]:
+    """Return the points of all curves of a figure."""
+    return [
+        {"panel": panel.get_title(), "curve": line.get_label(), "x": x, "y": y}
+        for panel in figure.axes
+        for line in panel.lines
+        for x, y in np.asarray(line.get_xydata()).tolist()
+    ]
 
 
 def subplots(columns: int, xlabel: str, ylabel: str, rows: int = 1) -> tuple[Figure, list[Axes]]:
@@ -106,29 +106,27 @@ def plot_application(axes: Axes, R: Array, v: Array, R_name: str, v_name: str) -
     axes.legend(loc="upper center", ncols=2)
 
 
-def figure_03() -> Drawing:
+def figure_03() -> Figure:
     """Draw columns of A⁻¹, and what the algorithm of the paper's Figure 4 makes of them."""
     n = 16
     A = unit_matrix(n)
     inverse = np.linalg.inv(A.toarray())
     figure, (left, right) = subplots(2, "element", "traction, for G = 1")
-    columns: dict[str, ArrayLike] = {"element": np.arange(1, 2 * n)}
     for K, style in {1: "rD-", 3: "bo-", 8: "g^-", 12: "ks-"}.items():
         u = np.concatenate([np.zeros(n - 1), np.eye(n)[K - 1]])
         c, m = inverse[:, K - 1], fft.ifft(fft.fft(u) / fft.fft(A.lags)).real
         for panel, y in ((left, c), (right, m)):
             (line,) = panel.plot(np.arange(1, len(y) + 1), y, style, label=f"K = {K}")
             line.set(markersize=5, markerfacecolor="none", linewidth=0.5)
-        columns |= {f"c^{K}": c, f"m^{K}": m}
     right.axvline(n + 0.5, color="grey", linestyle="--", label="contact ends")
     left.set_title("(a) columns $c^K$ of $A^{-1}$")
     right.set_title("(b) coefficients $m^K$ by FFT")
     for panel in (left, right):
         panel.legend()
-    return figure, table(columns)
+    return figure
 
 
-def figure_06() -> Drawing:
+def figure_06() -> Figure:
     """Draw the eigenvalues of I - M A, and the eigenvectors of the two below -1."""
     A = unit_matrix(N)
     values, vectors = eigenpairs(iteration_matrix(A, tmg.fft_preconditioner(A)))
@@ -139,26 +137,22 @@ def figure_06() -> Drawing:
     right.legend()
     left.set_title("(a) eigenvalues of $R_F = I - MA$")
     right.set_title("(b) the two problematic eigenvectors")
-    v_1, v_2 = vectors[:, :2].T
-    columns = {"element": ELEMENT, "eigenvalue": values, "v (λ₁)": v_1, "v (λ₂)": v_2}
-    return figure, table(columns)
+    return figure
 
 
-def figure_07() -> Drawing:
+def figure_07() -> Figure:
     """Draw two Fourier modes before and after one application of I - M A."""
     A = unit_matrix(N)
     R = iteration_matrix(A, tmg.fft_preconditioner(A))
     figure, axes = subplots(2, "element", "mode")
-    columns: dict[str, ArrayLike] = {"element": ELEMENT}
     for panel, k, title in zip(axes, (2, 30), ("(a) smooth", "(b) oscillatory"), strict=True):
         v = np.sin(k * np.pi * (ELEMENT - 0.5) / N)  # Here x is from the left end.
         plot_application(panel, R, v, "R_F", f"v_{{{k}}}")
         panel.set_title(f"{title} mode $v_{{{k}}}$")
-        columns |= {f"v_{k}": v, f"R_F v_{k}": R @ v}
-    return figure, table(columns)
+    return figure
 
 
-def figure_09() -> Drawing:
+def figure_09() -> Figure:
     """Draw the eigenvalues with the FFT and with the FFT+SD smoother."""
     A = unit_matrix(N)
     plain, _ = eigenpairs(iteration_matrix(A, tmg.fft_preconditioner(A)))
@@ -168,25 +162,23 @@ def figure_09() -> Drawing:
     plot_eigenvalues(axes, deflated, "$R_D = I - PMA$", CIRCLES)
     axes.set_title("Eigenvalues with the FFT and FFT+SD smoothers")
     axes.legend()
-    return figure, table({"index": ELEMENT, "R_F": plain, "R_D": deflated})
+    return figure
 
 
-def figure_10() -> Drawing:
+def figure_10() -> Figure:
     """Draw the four leading eigenvectors with FFT+SD; the last two are the deflated constants."""
     A = unit_matrix(N)
     R = iteration_matrix(A, tmg.fft_sd_preconditioner(A))
     values, vectors = eigenpairs(R)
     figure, axes = subplots(2, "element", "eigenvector", rows=2)
-    columns: dict[str, ArrayLike] = {"element": ELEMENT}
     for panel, letter, k in zip(axes, "abcd", (1, 0, -2, -1), strict=True):
         v = vectors[:, k]
         plot_application(panel, R, v, "R_D", "v")
         panel.set(title=f"({letter}) λ = {values[k]:.4f}", ylim=(-0.85, 0.95))
-        columns |= {f"v ({letter})": v, f"R_D v ({letter})": R @ v}
-    return figure, table(columns)
+    return figure
 
 
-def figure_11() -> Drawing:
+def figure_11() -> Figure:
     """Draw the row sums of A⁻¹ and of M."""
     exact, approximate = row_sums(unit_matrix(N))
     figure, (axes,) = subplots(1, "row", "row sum, for G = 1")
@@ -194,15 +186,14 @@ def figure_11() -> Drawing:
     axes.plot(ELEMENT, approximate, label="sum($M$)", **CIRCLES)
     axes.set_title("Row sums of $A^{-1}$ and of $M$")
     axes.legend()
-    return figure, table({"row": ELEMENT, "sum(A^-1)": exact, "sum(M)": approximate})
+    return figure
 
 
-def figure_12() -> Drawing:
+def figure_12() -> Figure:
     """Draw the spectral radius of I - M̄ A over γ, and a closer look where it is smallest."""
     A = unit_matrix(N)
     gamma = tmg.fft_rsm_preconditioner(A).gamma
     figure, axes = subplots(2, "γ", "spectral radius of $R_R$")
-    rows: list[Row] = []
     for panel, letter, (low, high) in zip(axes, "ab", ((0.0, 0.15), (0.07, 0.1)), strict=True):
         gammas = np.linspace(low, high, 151)
         radii = spectral_radii(A, gammas)
@@ -210,11 +201,10 @@ def figure_12() -> Drawing:
         panel.axvline(gamma, color="red", linestyle="--", label=f"Eq. 20: {gamma:.4f}")
         panel.set_title(f"({letter}) γ in [{low:g}, {high:g}]")
         panel.legend(loc="upper left")
-        rows += table({"panel": [letter] * len(gammas), "gamma": gammas, "spectral radius": radii})
-    return figure, rows
+    return figure
 
 
-def figure_13() -> Drawing:
+def figure_13() -> Figure:
     """Draw the eigenvalues with FFT+RSM, and the eigenvectors of the lowest and the highest."""
     A = unit_matrix(N)
     R = iteration_matrix(A, tmg.fft_rsm_preconditioner(A))
@@ -222,44 +212,26 @@ def figure_13() -> Drawing:
     figure, (left, *axes) = subplots(3, "element", "eigenvector")
     plot_eigenvalues(left, values, "$R_R$", DOTS)
     left.set_title("(a) eigenvalues of $R_R = I - \\bar{M}A$")
-    columns: dict[str, ArrayLike] = {"element": ELEMENT, "eigenvalue": values}
     for panel, letter, k in zip(axes, "bc", (0, -1), strict=True):
         v = vectors[:, k]
         plot_application(panel, R, v, "R_R", "v")
         panel.set_title(f"({letter}) λ = {values[k]:.4f}")
-        columns |= {f"v ({letter})": v, f"R_R v ({letter})": R @ v}
-    return figure, table(columns)
+    return figure
 
 
-def numbers() -> list[Row]:
-    """Return what can be compared: by the paper, and by this package."""
+def numbers() -> Iterator[Row]:
+    """Yield what can be compared: by the paper, and by this package."""
     A = unit_matrix(N)
     gamma = tmg.fft_rsm_preconditioner(A).gamma
-    gammas = np.linspace(0.08, 0.09, 1001)
+    gammas = np.append(np.linspace(0.08, 0.09, 1001), gamma)
     radii = spectral_radii(A, gammas)
-    best = np.argmin(radii)
-    eigenvalues, _ = eigenpairs(iteration_matrix(A, tmg.fft_preconditioner(A)))
-    exact, approximate = row_sums(A)
-    measured = [
-        ("γ = min sum(M)", "0.0837", gamma),
-        ("ρ(I - M̄ A) at this γ", "", spectral_radii(A, np.array([gamma]))[0]),
-        ("best γ", "0.087", gammas[best]),
-        ("ρ(I - M̄ A) at the best γ", "", radii[best]),
-        ("λ₁ of I - M A", "", eigenvalues[0]),
-        ("λ₂ of I - M A", "", eigenvalues[1]),
-        ("λ₃ of I - M A", "", eigenvalues[2]),
-        ("sum(A⁻¹), edge", "", exact[0]),
-        ("sum(A⁻¹), centre", "", exact[N // 2]),
-        ("sum(M), edge", "", approximate[0]),
-        ("sum(M), centre", "", approximate[N // 2]),
-    ]
-    return [
-        {"quantity": name, "paper": paper, "here": f"{value:.4g}"}
-        for name, paper, value in measured
-    ]
+    best = radii.argmin()
+    yield {"quantity": "γ = min sum(M)", "paper": "0.0837", "here": f"{gamma:.4g}"}
+    yield {"quantity": "best γ", "paper": "0.087", "here": f"{gammas[best]:.4g}"}
+    yield {"quantity": "ρ at these", "here": f"{radii[-1]:.4g}, {radii[best]:.4g}"}
 
 
-FIGURES: dict[int, Callable[[], Drawing]] = {
+FIGURES: dict[int, Callable[[], Figure]] = {
     3: figure_03,
     6: figure_06,
     7: figure_07,
@@ -274,7 +246,7 @@ FIGURES: dict[int, Callable[[], Drawing]] = {
 def run(folder: Path) -> None:
     """Draw all figures, write their data and show the numbers."""
     for number, draw in FIGURES.items():
-        figure, rows = draw()
+        figure = draw()
         write_figure(folder / f"figure_{number:02}.png", figure, dpi=150)
-        write_csv(folder / f"figure_{number:02}.csv", rows)
+        write_csv(folder / f"figure_{number:02}.csv", data_of(figure))
     Table(f"Test 1, {N} x 1, G = 1", room={"quantity": 22}).extend(numbers())

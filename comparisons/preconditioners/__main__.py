@@ -1,6 +1,60 @@
-"""Every preconditioner on areas, on symbols, and on fractional diffusion."""
+"""Every preconditioner on areas, on symbols, and on fractional diffusion.
 
-from comparisons.preconditioners.parts import main
+`areas` are contact areas of every kind, `symbols` Toeplitz matrices of one axis of every kind,
+`fractional` the standard problems of fractional diffusion, on which τ has rivals; `picture` draws
+pressures on the areas. ``--parts`` chooses among them.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from comparisons.harness import report
+from comparisons.harness.measuring import PRECONDITIONERS
+from comparisons.harness.processes import prepare
+from comparisons.preconditioners import areas, fractional, symbols
+
+Part = Callable[..., None]  # Takes the folder, and its sizes by name.
+PARTS: dict[str, Part] = {
+    "areas": areas.run,
+    "symbols": symbols.run,
+    "fractional": fractional.run,
+    "picture": areas.draw,
+}
+FULL: dict[str, dict[str, Any]] = {part: {} for part in PARTS}
+QUICK: dict[str, dict[str, Any]] = {
+    "areas": {"sizes": (32,), "lines": (2048,), "methods": ("none", "cosine", "FSAI", "default")},
+    "symbols": {"sizes": (2**8,)},
+    "fractional": {
+        "sizes": {1: (2**6 - 1,), 2: (2**4 - 1,)},
+    },
+    "picture": {"n": 16},
+}
+
+
+@report.interruptible
+def main(argv: Sequence[str] | None = None, quick: Mapping[str, Mapping[str, Any]] = QUICK) -> None:
+    """Run the comparison."""
+    prepare("comparisons.preconditioners.areas", "comparisons.preconditioners.symbols")
+    arguments = report.options(
+        "preconditioners",
+        "Every preconditioner on areas, on symbols, and on fractional diffusion.",
+        argv=argv,
+        parts=tuple(PARTS),
+        areas=areas.AREAS,
+        symbols=tuple(name for kind in symbols.KINDS.values() for name in kind),
+        methods=tuple(PRECONDITIONERS),
+    )
+    folder: Path = arguments.output
+    for part in arguments.parts or PARTS:
+        extent = dict((quick if arguments.quick else FULL)[part])
+        if part == "areas":
+            chosen = {"areas": arguments.areas, "methods": arguments.methods}
+            extent |= {name: names for name, names in chosen.items() if names}
+        if part == "symbols" and arguments.symbols:
+            extent["symbols"] = arguments.symbols
+        PARTS[part](folder, **extent)
+
 
 if __name__ == "__main__":
     main()

@@ -14,8 +14,10 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.sparse.linalg import LinearOperator
 
+import toeplitz_mg as tmg
 from comparisons.harness import report
 from comparisons.harness.measuring import PRECONDITIONERS, full_of, solve
 from comparisons.harness.processes import peak_bytes, row_or_note
@@ -34,6 +36,7 @@ LINES = (2**14, 2**17, 2**20)
 AREAS = (*masks.FRAGMENTED, *masks.ON_A_LINE)
 COUPLED = ("full", "circle", "rough, 30 %")  # Areas of the coupled problem.
 TABULATED = ("none", "T. Chan", "cosine", "sine", "M", "FSAI")  # In docs/masks.md.
+SHOWN = 128  # Elements across the grid whose pressures are drawn.
 TABULATED_SIZE, TABULATED_LINE = 512, 2**17
 
 
@@ -117,13 +120,12 @@ def arrange(rows: Sequence[Row]) -> list[Row]:
 
 def arrange_coupled(rows: Sequence[Row]) -> list[Row]:
     """Return the table of docs/three_dimensions.md: a row for each method, normal and coupled."""
-    table: dict[str, Row] = {}
-    for row in rows:
-        if row["n"] == TABULATED_SIZE and row["area"] in COUPLED:
-            line = table.setdefault(row["method"], {"method": row["method"]})
-            column = f"{row['problem']}, {row['area']}"
-            line[column] = format_times({"": row})[""].replace("**", "")
-    return list(table.values())
+
+    def cell(row: Row) -> tuple[str, str]:
+        return f"{row['problem']}, {row['area']}", format_times({"": row})[""].replace("**", "")
+
+    own = (row for row in rows if row["n"] == TABULATED_SIZE and row["area"] in COUPLED)
+    return report.pivot(own, lambda row: {"method": row["method"]}, cell)
 
 
 def format_times(own: dict[str, Row]) -> Row:
@@ -139,3 +141,27 @@ def format_times(own: dict[str, Row]) -> Row:
             shown = f"**{seconds}**" if solved.get(method) == best else seconds
             cells[method] = f"{row['random']} / {shown}"
     return cells
+
+
+def draw(folder: Path, n: int = SHOWN) -> None:
+    """Draw the pressures under a rigid displacement of each area."""
+    figure = Figure(figsize=(17, 9), layout="constrained")
+    axes = figure.subplots(3, 5).ravel()
+    for ax, (area, mask) in zip(axes, masks.FRAGMENTED.items(), strict=False):
+        A = operator(area, n)
+        p, info = tmg.cg(A, np.ones(A.shape[0]), M=tmg.default_preconditioner(A), rtol=1e-6)
+        if info:
+            raise ArithmeticError("not converged")
+        field = np.full((n, n), np.nan)
+        field[mask(n)] = p
+        image = ax.imshow(
+            field.T, origin="lower", extent=(-1, 1, -1, 1), cmap="YlOrRd",
+            vmin=0.0, vmax=float(np.quantile(p, 0.95)), interpolation="none",
+        )  # fmt: skip
+        bar = ax.inset_axes((1.04, 0.0, 0.05, 1.0))
+        figure.colorbar(image, cax=bar, extend="max")
+        ax.set(title=area, xlabel="x", ylabel="y", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
+    figure.suptitle(f"Pressures over G under a unit displacement, of {n}² elements")
+    for ax in axes[len(masks.FRAGMENTED) :]:
+        ax.set_axis_off()
+    report.write_figure(folder / "areas.png", figure, dpi=130)

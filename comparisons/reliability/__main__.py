@@ -1,7 +1,7 @@
 """Random problems by the thousand: no answer is silently wrong, no easy problem refused.
 
-Systems, approximate inverses, contact problems, operators in many threads and interrupted
-products, each from a seed of its own and checked against a dense definition, or against the
+Systems, approximate inverses and contact problems, each from a seed of its own and checked
+against a dense definition, or against the
 conditions that the answer is to obey. What is tried and what fails is printed and written as a
 table; a failure is given with its seed, and ``--parts PART --first SEED --trials 1`` repeats it.
 The command ends with status 1 where anything has failed.
@@ -14,11 +14,8 @@ from collections.abc import Mapping, Sequence
 
 from comparisons.harness import report
 from comparisons.reliability.approximate_inverses import preconditioner
-from comparisons.reliability.below import stresses_problem
-from comparisons.reliability.bodies import contact_problem
-from comparisons.reliability.concurrency import interrupts, threads
+from comparisons.reliability.bodies import contact_problem, repeated_problem
 from comparisons.reliability.kinds import every_kind
-from comparisons.reliability.repeated import repeated_problem
 from comparisons.reliability.rolling import rolling_problem
 from comparisons.reliability.systems import drop_in, inverse, iteration, large
 from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, TOLD, Result, Trial, run
@@ -35,10 +32,7 @@ PARTS: dict[str, tuple[Trial, int, int]] = {
     "contact": (contact_problem, 250, 5000),
     "repeated": (repeated_problem, 250, 5000),
     "rolling": (rolling_problem, 150, 3000),
-    "stresses": (stresses_problem, 100, 2000),
     "unlike": (unlike_problem, 60, 1000),
-    "threads": (threads, 10, 150),
-    "interrupts": (interrupts, 20, 250),
 }
 ROOM = {"part": 15, "family": 34}  # Characters of the columns.
 

@@ -68,17 +68,8 @@ def _draw_coupled(rng: Generator, dtype: Any) -> tmg.CoupledOperator | tmg.Maske
     """Return the matrix of the tangential components of a half-space."""
     n1, n2 = shape = random_grid(rng, int(log_uniform(rng, 1, MOST / 2)), 2)
     element = (1.0, log_uniform(rng, 0.1, 10.0))
-    x, y = halfspace.all_offsets((n1, n2), element)
-    nu = float(rng.uniform(0.0, 0.5))
-    xx, xy, yy = (
-        tmg.ToeplitzOperator.from_lags(influence(x, y, element, G=1.0, nu=nu).astype(dtype))
-        for influence in (
-            halfspace.influence_xx,
-            halfspace.influence_xy,
-            halfspace.influence_yy,
-        )
-    )
-    A = tmg.CoupledOperator([[xx, xy], [xy, yy]])
+    material = halfspace.Material.from_shear(1.0, float(rng.uniform(0.0, 0.5)))
+    A = halfspace.influence_matrix("xy", (n1, n2), element, material).astype(dtype)
     return tmg.MaskedOperator(A, random_mask(rng, shape)) if rng.random() < 0.5 else A
 
 

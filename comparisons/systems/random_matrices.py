@@ -4,8 +4,7 @@ They are positive definite by what they are made of: a symbol that is nowhere ne
 covariance, a dominant diagonal. Each comes of a generator, so that a seed gives it again.
 """
 
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Callable
 
 import numpy as np
 from numpy.random import Generator
@@ -14,9 +13,10 @@ from scipy.sparse.linalg import LinearOperator
 from scipy.special import gamma, kv
 
 from comparisons.systems.masks import restrict
-from comparisons.systems.matrices import Case, Shape
 from toeplitz_mg import ToeplitzOperator, halfspace
 from toeplitz_mg._typing import Array
+
+Shape = tuple[int, ...]
 
 
 def log_uniform(rng: Generator, low: float, high: float) -> float:
@@ -162,9 +162,3 @@ def random_matrix(seed: int) -> LinearOperator:
     c = POSITIVE[names[seed % len(names)]](rng, shape)
     c.flat[0] *= 1.0 + 1e-6  # What is known to rounding only is certain so.
     return restrict(ToeplitzOperator(c), random_mask(rng, shape))
-
-
-def random_ones(number: int) -> Iterator[Case]:
-    """Yield so many random matrices."""
-    for seed in range(number):
-        yield Case(f"random, seed {seed}", partial(random_matrix, seed))

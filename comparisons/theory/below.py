@@ -4,17 +4,14 @@ Johnson, Contact Mechanics, §4.2, §4.3 and §7.1: the half width is A and the 
 as in `solved`; x, z are over A, and stresses over p₀. Tension is positive.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from scipy.integrate import quad
-from scipy.optimize import minimize_scalar
 
 from comparisons.theory.solved import MU, UNIT, A, Solved
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import (
-    NormalResult,
     Stresses,
     friction,
     normal_contact,
@@ -82,53 +79,6 @@ def sliding_sphere(N: int) -> Solved:
     own = stresses.max_shear[middle] / p0
     errors["τ"] = float(np.abs(own[2] / shear[2] - 1.0))
     return Solved([pressed, slid], errors, gap=gap, bound=MU * pressed.pressure)
-
-
-def shear_line(N: int) -> Solved:
-    """The largest shear below a cylinder that is pressed: 0.300 p₀ at 0.786 a (Johnson, §4.2)."""
-    n = N + 1 - N % 2  # An element is in the middle.
-    h, p0 = 2.0 / n, A / 2.0
-    gap = surfaces.cylinder(n, h, radius=1.0)
-    pressed = normal_contact(gap, h, material=UNIT, force=np.pi * A**2 / 4.0)
-
-    def shear(z: float) -> float:
-        xx, zz, _ = line_stresses(np.zeros(1), np.array([z]), 0.0)
-        return float(np.abs(xx - zz)[0]) / 2.0
-
-    return Solved([pressed], _peak_errors(pressed, p0, shear), gap=gap)
-
-
-def shear_sphere(N: int) -> Solved:
-    """The largest shear below a sphere that is pressed: 0.310 p₀ at 0.48 a (Johnson, §4.3)."""
-    n = N + 1 - N % 2
-    h, p0 = 2.0 / n, 2.0 * A / np.pi
-    gap = surfaces.sphere((n, n), (h, h), radius=1.0)
-    pressed = normal_contact(gap, (h, h), material=UNIT, force=4.0 / 3.0 * A**3)
-
-    def shear(z: float) -> float:
-        xx, zz, _ = sphere_stresses(np.array([z]), 0.0, UNIT.nu)
-        return float(np.abs(xx - zz)[0]) / 2.0
-
-    return Solved([pressed], _peak_errors(pressed, p0, shear), gap=gap)
-
-
-def _peak_errors(
-    pressed: NormalResult, p0: float, shear: Callable[[float], float]
-) -> dict[str, float]:
-    """Return the errors of the largest shear below the middle, and of its depth."""
-    middle = tuple(n // 2 for n in pressed.shape)
-
-    def own(z: float) -> float:
-        return float(subsurface_stresses(pressed, depths=z * A).max_shear[(0, *middle)]) / p0
-
-    (z, found), (exact_z, exact) = (_find_peak(function) for function in (own, shear))
-    return {"τ": found / exact - 1.0, "z": z / exact_z - 1.0}
-
-
-def _find_peak(function: Callable[[float], float]) -> tuple[float, float]:
-    """Return where a function is largest in some depths, and that value."""
-    best = minimize_scalar(lambda z: -function(z), bounds=(0.3, 1.0), options={"xatol": 1e-6})
-    return float(best.x), -float(best.fun)
 
 
 def _errors(

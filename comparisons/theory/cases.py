@@ -32,7 +32,7 @@ SURFACES, QUICK_SURFACES = (32, 64, 128, 256, 512), (32,)
 ROLLING, QUICK_ROLLING = (32, 64, 128, 256), (32,)
 ROUGH, QUICK_ROUGH = (256, 512, 1024), (64,)
 QUICK_STEPS = 4  # Of the sphere that is pressed in steps.
-BELOW = ("Largest shear", "Stresses")  # Cases below the surface start with these.
+BELOW = "Stresses"  # Cases below the surface start with this.
 REPEATED = "repeated, "  # Rough surfaces that repeat start with this.
 GIVEN = 1e-14  # Relative error of a quantity that is given, and so no error.
 ROOM = {"case": 56, "here": 36, "known": 36}  # Characters of the columns of what is printed.
@@ -45,6 +45,7 @@ REPEATED_LOADS = {2: 0.0123, 10: 0.06, 31: 0.2, 77: 0.7, 99: 1.6}
 Case = tuple[Callable[[int], Solved], Sequence[int], Sequence[int]]
 Study = tuple[Row, list[Row]]  # What a grid costs, and its errors.
 
+mindlin = partial(pressed.cattaneo_sphere, nu=0.28)
 CASES: dict[str, Case] = {
     "Hertz, line": (pressed.hertz_line, LINES, QUICK_LINES),
     "Westergaard": (pressed.westergaard, LINES, QUICK_LINES),
@@ -55,7 +56,7 @@ CASES: dict[str, Case] = {
     "Bonded punch, ν = 0.3": (partial(pressed.bonded_punch, nu=0.3), ROLLING, QUICK_ROLLING),
     "Cattaneo, line": (pressed.cattaneo_line, LINES, QUICK_LINES),
     "Cattaneo and Mindlin, ν = 0": (pressed.cattaneo_sphere, SURFACES, QUICK_SURFACES),
-    "Cattaneo and Mindlin, ν = 0.28": (pressed.mindlin_sphere, SURFACES, QUICK_SURFACES),
+    "Cattaneo and Mindlin, ν = 0.28": (mindlin, SURFACES, QUICK_SURFACES),
     "Cattaneo and Mindlin, pressed": (pressed.pressed_sphere, SURFACES, QUICK_SURFACES),
     "Ciavarella and Jäger, repeated": (pressed.repeated_friction, ROLLING, QUICK_ROLLING),
     "Carter": (rolling.carter, LINES, QUICK_LINES),
@@ -64,8 +65,6 @@ CASES: dict[str, Case] = {
     "Carter, from rest": (rolling.carter_from_rest, (32, 64, 128), (32,)),
     "Bufler, unlike rollers": (rolling.bufler, LINES, QUICK_LINES),
     "Kalker": (rolling.kalker, ROLLING, QUICK_ROLLING),
-    "Largest shear, line": (below.shear_line, LINES, QUICK_LINES),
-    "Largest shear, sphere": (below.shear_sphere, SURFACES, QUICK_SURFACES),
     "Stresses, line, sliding": (below.sliding_line, LINES, QUICK_LINES),
     "Stresses, sphere, sliding": (below.sliding_sphere, SURFACES, QUICK_SURFACES),
 }
@@ -164,7 +163,7 @@ def arrange_products(rows: Sequence[Row]) -> list[Row]:
     sizes = {f"N = {N}": "" for N in sorted({row["N"] for row in rows})}
     table: dict[str, Row] = {}
     for row in rows:
-        if not row["case"].startswith((*BELOW, REPEATED)):  # Those below are of the same bodies.
+        if not row["case"].startswith((BELOW, REPEATED)):  # Those below are of the same bodies.
             line = table.setdefault(row["case"], {"case": row["case"]} | sizes)
             line[f"N = {row['N']}"] = row["products"]
     return list(table.values())
@@ -172,12 +171,12 @@ def arrange_products(rows: Sequence[Row]) -> list[Row]:
 
 def arrange_repeated(rows: Sequence[Row]) -> list[Row]:
     """Return the table of products on rough surfaces that repeat, a row for each grid."""
-    table: dict[int, Row] = {}
-    for row in rows:
-        if row["case"].startswith(REPEATED):
-            line = table.setdefault(row["N"], {"products": f"{row['N']}²"})
-            line[row["case"].removeprefix(REPEATED)] = row["products"]
-    return list(table.values())
+    own = (row for row in rows if row["case"].startswith(REPEATED))
+    return report.pivot(
+        own,
+        lambda row: {"products": f"{row['N']}²"},
+        lambda row: (row["case"].removeprefix(REPEATED), row["products"]),
+    )
 
 
 def arrange_printed(rows: Sequence[Row]) -> list[Row]:

@@ -106,11 +106,6 @@ def cattaneo_sphere(N: int, nu: float = 0.0) -> Solved:
     return Solved([result], errors, theory, bound=g)
 
 
-def mindlin_sphere(N: int) -> Solved:
-    """A shift of a sphere, by its displacement, for ν = 0.28: the directions are coupled."""
-    return cattaneo_sphere(N, 0.28)
-
-
 def pressed_sphere(N: int) -> Solved:
     """A sphere that is pressed, and then shifted by a force, of the coefficient of friction."""
     h, nu = 2.0 / N, 0.0

@@ -1,31 +1,27 @@
-"""Likelihoods of stationary processes: errors, times, gaps, samples, noise that varies.
+"""Likelihoods of stationary processes: errors, times, gaps, noise that varies.
 
 - Errors of log det A and of the gradient against dense factorisations, with the error that the
   package says it has.
 - CPU times of a value with its gradient, against one value by the superfast Schur algorithm, the
-  published way of SuperGauss, and against stochastic estimates of the log-determinant, with their
-  errors: Lanczos's method on ten random vectors, and, where it is installed, linear_operator, which
-  GPyTorch takes, with its defaults. The contenders in turns in one process, on one thread; the
-  fastest of the turns.
+  published way of SuperGauss, and a stochastic estimate of the log-determinant, Lanczos's method on
+  ten random vectors. The contenders in turns in one process, on one thread; the fastest of them.
 - One gap, and values missing at random.
-- The covariance of 10⁵ samples, by a χ² test.
 - Iterations for A + D, D a diagonal of noise that varies.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from importlib.util import find_spec
 from time import process_time
 from typing import Any
 
 import numpy as np
 import scipy.linalg
+from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import diags_array
-from scipy.stats import chi2
 
 import toeplitz_mg as tmg
-from comparisons.gaussian.rivals import logdet_by_linear_operator, stochastic_logdet, value_by_schur
 from comparisons.harness import report
+from comparisons.harness.inside import GohbergSemencul, schur_column
 from comparisons.harness.measuring import TOLERANCE, iterate, time_call
 from comparisons.harness.processes import prepare
 from comparisons.harness.report import Row
@@ -43,10 +39,8 @@ TABULATED = (  # Those in the table of errors of the page.
     *("fGn, H = 0.9", "fGn, H = 0.99", "θ²", "Matérn 3/2, ℓ = 20", "exp(-k/1000)", "sinc"),
     *("Matérn 3/2", "1/(1 + k²/100)"),
 )
-SAMPLES, QUICK_SAMPLES = 100_000, 2000
-SAMPLED = ("fGn, H = 0.75", "fGn, H = 0.99", "0.9^k", "Matérn 3/2, ℓ = 5", "Matérn 3/2, ℓ = 20")
-LENGTH = 16  # Of the series that are sampled: their covariance has 136 different entries.
 TURNS = 3
+PROBES, STEPS = 10, 100  # Random vectors, and steps of Lanczos's method on each.
 
 
 def _fractional(H: float) -> Callable[[int], Array]:
@@ -78,6 +72,38 @@ def covariance(name: str, n: int) -> Array:
     """Return a covariance of variance 1."""
     c = COVARIANCES[name](n) if name in COVARIANCES else column(name, n)
     return c / c[0]
+
+
+def value_by_schur(c: Array, y: Array) -> float:
+    """Return the log-likelihood by the superfast Schur algorithm alone."""
+    n = len(c)
+    x, gamma = schur_column(c)
+    logdet = n * np.log(c[0]) + np.arange(n - 1, 0, -1.0) @ np.log1p(-(gamma**2))
+    return float(-0.5 * (y @ GohbergSemencul(x).apply(y) + logdet + n * np.log(2 * np.pi)))
+
+
+def stochastic_logdet(c: Array) -> float:
+    """Estimate log det A by Lanczos's method on random signs (stochastic quadrature)."""
+    A, n = tmg.ToeplitzOperator(c), len(c)
+    rng, total = np.random.default_rng(0), 0.0
+    for _ in range(PROBES):
+        basis = [rng.choice([-1.0, 1.0], n) / np.sqrt(n)]
+        diagonal: list[float] = []
+        beside: list[float] = []
+        for _ in range(min(STEPS, n)):
+            w = A @ basis[-1]
+            diagonal.append(float(w @ basis[-1]))
+            V = np.array(basis)
+            w -= V.T @ (V @ w)
+            w -= V.T @ (V @ w)
+            size = float(np.linalg.norm(w))
+            if size < 1e-12 * diagonal[0]:
+                break
+            beside.append(size)
+            basis.append(w / size)
+        values, vectors = eigh_tridiagonal(diagonal, beside[: len(diagonal) - 1])
+        total += n * float(vectors[0] ** 2 @ np.log(values))
+    return total / PROBES
 
 
 def compare_with_dense(name: str, n: int) -> Row:
@@ -122,12 +148,8 @@ def time_likelihood(name: str, n: int) -> Row:
     row: Row = {"covariance": name, "n": n, **seconds}
     row["ratio"] = seconds["value and gradient"] / seconds["value by Schur"]
     if n <= SIZES[1]:
-        estimates = {"stochastic": stochastic_logdet}
-        if find_spec("linear_operator"):
-            estimates["linear_operator"] = logdet_by_linear_operator
-        for key, estimate in estimates.items():
-            value, row[key] = time_call(partial(estimate, c), process_time)
-            row[f"error of {key}"] = abs(value / tmg.toeplitz_logdet(c) - 1.0)
+        value, row["stochastic"] = time_call(partial(stochastic_logdet, c), process_time)
+        row["error of stochastic"] = abs(value / tmg.toeplitz_logdet(c) - 1.0)
     return row
 
 
@@ -155,27 +177,6 @@ def time_gaps(n: int) -> Iterator[Row]:
         M = tmg.default_preconditioner(A)
         row["iterations, at random"] = iterate(A, y[random], M=M, rtol=TOLERANCE)[1]
         yield row
-
-
-def examine_samples(name: str, samples: int) -> Row:
-    """Test whether the covariance of samples is the one that was asked for.
-
-    With the covariance S of N samples, N/2 tr (A⁻¹ S - I)² has the distribution χ² with n (n + 1)/2
-    degrees of freedom, for N → ∞ (H. Nagao, Ann. Statist. 1 (1973)).
-    """
-    c = covariance(name, LENGTH)
-    process = tmg.ToeplitzNormal(c)
-    X = process.rvs(samples, random_state=0)
-    D = np.linalg.solve(scipy.linalg.toeplitz(c), X.T @ X / samples) - np.eye(LENGTH)
-    statistic, freedom = samples / 2 * np.trace(D @ D), LENGTH * (LENGTH + 1) // 2
-    return {
-        "covariance": name,
-        "samples": samples,
-        "error of the covariance": process.sampling_error,
-        "χ²": statistic,
-        "degrees of freedom": freedom,
-        "p": chi2.sf(statistic, freedom),
-    }
 
 
 def count_with_noise(name: str, n: int) -> Iterator[Row]:
@@ -207,14 +208,12 @@ def arrange_errors(rows: Sequence[Row]) -> list[Row]:
 
 def arrange_times(rows: Sequence[Row]) -> list[Row]:
     """Return the table of times of a value with its gradient, and their ratios to Schur's."""
-    table = []
-    for name, own in report.group(rows, "covariance").items():
-        line: Row = {"covariance": name}
-        for row in own:
-            seconds = report.format_seconds(row["value and gradient"])
-            line[f"n = {row['n']}"] = f"{seconds} ({row['ratio']:.2f})"
-        table.append(line)
-    return table
+
+    def cell(row: Row) -> tuple[str, str]:
+        seconds = report.format_seconds(row["value and gradient"])
+        return f"n = {row['n']}", f"{seconds} ({row['ratio']:.2f})"
+
+    return report.pivot(rows, lambda row: {"covariance": row["covariance"]}, cell)
 
 
 def arrange_gaps(rows: Sequence[Row]) -> list[Row]:
@@ -230,20 +229,17 @@ def arrange_gaps(rows: Sequence[Row]) -> list[Row]:
 
 def arrange_noise(rows: Sequence[Row]) -> list[Row]:
     """Return the table of iterations with noise that varies, a column for each spread."""
-    table = []
-    for name, own in report.group(rows, "covariance").items():
-        line: Row = {"covariance": name}
-        for row in own:
-            line[f"log d ± {row['spread of log d']:g}"] = str(row.get("default", "refused"))
-        table.append(line)
-    return table
+
+    def cell(row: Row) -> tuple[str, str]:
+        return f"log d ± {row['spread of log d']:g}", str(row.get("default", "refused"))
+
+    return report.pivot(rows, lambda row: {"covariance": row["covariance"]}, cell)
 
 
 TITLES = {
     "errors": "Errors of log det A and of the gradient, against dense factorisations",
     "times": "CPU seconds of a value with its gradient, and of its rivals",
     "gaps": "One gap, and values missing at random",
-    "samples": "The covariance of samples, by a χ² test",
     "noise": "Iterations for A + D",
 }
 FORMATS = {
@@ -255,15 +251,10 @@ FORMATS = {
         **{"covariance": "", "n": "d", "value and gradient": ".4f", "value": ".4f"},
         **{"value by Schur": ".4f", "ratio": ".2f"},
         **{"stochastic": ".2f", "error of stochastic": ".0e"},
-        **{"linear_operator": ".2f", "error of linear_operator": ".0e"},
     },
     "gaps": {
         **{"covariance": "", "n": "d", "missing, one gap": "d", "value, one gap": ".3f"},
         **{"missing, at random": "d", "value, at random": ".2f", "iterations, at random": "d"},
-    },
-    "samples": {
-        **{"covariance": "", "samples": "d", "error of the covariance": ".0e", "χ²": ".1f"},
-        **{"degrees of freedom": "d", "p": ".3f"},
     },
     "noise": {"covariance": "", "n": "d", "spread of log d": "", "cosine": "d", "default": "d"},
 }
@@ -272,22 +263,25 @@ FORMATS = {
 @report.interruptible
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the comparison."""
-    prepare("comparisons.gaussian.likelihood")
+    prepare()
     arguments = report.options("gaussian", "Likelihoods of stationary processes.", argv=argv)
     quick = arguments.quick
     sizes, dense, gaps = SIZES, DENSE_SIZES, GAP_SIZES
-    noise, samples = NOISE_SIZE, SAMPLES
+    noise = NOISE_SIZE
     if quick:
         sizes = gaps = QUICK_SIZES
-        dense, noise, samples = QUICK_DENSE, QUICK_SIZES[0], QUICK_SAMPLES
+        dense, noise = QUICK_DENSE, QUICK_SIZES[0]
     tables: dict[str, Iterator[Row]] = {
         "errors": (compare_with_dense(name, n) for n in dense for name in (*NAMED, *COVARIANCES)),
         "times": (time_likelihood(name, n) for n in sizes for name in TIMED),
         "gaps": (row for n in gaps for row in time_gaps(n)),
-        "samples": (examine_samples(name, samples) for name in SAMPLED),
         "noise": (row for name in TIMED for row in count_with_noise(name, noise)),
     }
     for key, rows in tables.items():
         form = partial(report.format_cells, formats=FORMATS[key])
         path = arguments.output / f"{key}.csv"
         report.Table(TITLES[key], path, form, {"covariance": 18}).extend(rows)
+
+
+if __name__ == "__main__":
+    main()

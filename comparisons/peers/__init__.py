@@ -1,1 +1,0 @@
-"""A contact problem by this package and by others that solve the same."""
