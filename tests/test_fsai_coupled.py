@@ -113,6 +113,14 @@ def test_a_weak_coupling_or_one_of_another_kind_is_left_out():
     assert not is_joint(fsai_preconditioner(tangential((1, 12))))
 
 
+def coupled_by(share, c, between=None):
+    """Two components of the lags c, with a coupling that is odd in both axes, so large a share."""
+    k = np.sign(np.arange(len(c)) - len(c) // 2)
+    odd = np.outer(k, k) * share * (c if between is None else between)
+    own, other = (tmg.ToeplitzOperator.from_lags(lags) for lags in (c, odd))
+    return tmg.CoupledOperator([[own, other], [other, own]])
+
+
 def test_a_coupling_of_another_size_is_left_out():
     """Stronger than any of a half-space, or of components that need more neighbours."""
     A = tangential((40, 40))
@@ -120,11 +128,13 @@ def test_a_coupling_of_another_size_is_left_out():
     strong = tmg.ToeplitzOperator.from_lags(1.5 * xy.lags)
     A = tmg.CoupledOperator([[xx, strong], [strong, yy]])
     assert not is_joint(fsai_preconditioner(A))
-    k = np.arange(-39.0, 40.0)
-    r = np.hypot(*np.ix_(k, k)) / 1.2
-    smooth = tmg.ToeplitzOperator.from_lags((1.0 + r) * np.exp(-r))
-    between = tmg.ToeplitzOperator.from_lags(
-        np.outer(np.sign(k), np.sign(k)) * 0.25 * (r > 0.0) * np.exp(-r)
-    )
-    A = tmg.CoupledOperator([[smooth, between], [between, smooth]])
+    r = np.hypot(*np.ogrid[-39:40, -39:40]) / 1.2
+    A = coupled_by(0.25, (1.0 + r) * np.exp(-r), np.exp(-r))
     assert not is_joint(fsai_preconditioner(A))
+
+
+def test_a_component_that_is_refused_by_itself_is_so_with_another():
+    r = np.hypot(*np.ogrid[-39:40, -39:40]) / 30
+    for c in (np.exp(-(r**2)), np.exp(-r)):
+        with pytest.raises(np.linalg.LinAlgError, match=r"be positive|too smooth"):
+            fsai_preconditioner(coupled_by(0.3, c))
