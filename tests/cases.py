@@ -482,7 +482,7 @@ class Matrix:
         symmetry = "Hermitian" if self.is_hermitian else "general"
         field = "complex" if np.iscomplexobj(self.dense) else "real"
         where = "whole" if self.mask is None else "masked"
-        traits = {(axes, where), (symmetry, field)}
+        traits = {axes, where, (symmetry, field)}
         traits |= {("coupled", where, field)} if len(self.kernel) > 1 else set()
         return frozenset(traits | ({"one unknown"} if len(self.dense) == 1 else set()))
 

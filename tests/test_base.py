@@ -33,24 +33,15 @@ def products(A, x):
 
 
 @each_operator
-def test_masked_arrays_are_refused(A):
-    """SciPy would take the numbers below the mask."""
-    x = np.ma.masked_array(np.ones(A.shape[0]), np.arange(A.shape[0]) == 1)
-    for multiply in products(A, x):
-        with pytest.raises(TypeError, match="x is a masked array, but must have a value in each"):
-            multiply()
-
-
-@each_operator
-@pytest.mark.parametrize("content", ["1.0", b"1", None, object()])
-def test_what_is_no_number_is_refused(A, content):
+def test_what_is_no_number_is_refused(A):
     n = A.shape[0]
-    for x in (np.array([content] * n), np.full(n, content, object)):
-        for multiply in products(A, x):
-            with pytest.raises(TypeError, match=r"x has dtype .*, but must be of numbers"):
-                multiply()
-    with pytest.raises((TypeError, ValueError)):
-        A @ content
+    for content in ("1.0", b"1", None, object()):
+        for x in (np.array([content] * n), np.full(n, content, object)):
+            for multiply in products(A, x):
+                with pytest.raises(TypeError, match=r"x has dtype .*, but must be of numbers"):
+                    multiply()
+        with pytest.raises((TypeError, ValueError)):
+            A @ content
 
 
 @each_operator

@@ -84,7 +84,7 @@ def test_a_large_fragmented_contact_is_that_on_numpy():
 
 @pytest.mark.parametrize("load", [{"approach": 0.002}, {"force": 800.0}], ids=str)
 def test_an_iteration_takes_a_few_numbers_to_the_host(monkeypatch, load):
-    """Products of vectors, extremes and means, some fifteen for a product with the matrix; no field."""
+    """Products of vectors, extremes and means, some fifteen a product with the matrix; no field."""
     looked, copied, array = [], [], type(strict.ones(1))
     for name in ("__float__", "__bool__", "__int__", "__index__", "__complex__"):
         method = getattr(array, name)

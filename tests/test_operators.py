@@ -54,18 +54,16 @@ def assert_near(actual, expected, dtype=np.float64):
     assert_allclose(actual / scale, expected / scale, rtol=0, atol=2e3 * np.finfo(dtype).eps)
 
 
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
-def test_equals_its_dense_matrix(case, A, dense, dtype):
-    if dtype is np.float32:
-        A = case.operator(dtype)
-    X = random(A.shape[1], 3, dtype=dtype)
-    assert isinstance(A, LinearOperator)
-    assert A.shape == dense.shape
-    assert A.dtype == (np.result_type(dtype, np.complex64) if np.iscomplexobj(dense) else dtype)
-    for x in (X, X[:, :1], X[:, 0], X * X.dtype.type(2) + 1j * X[::-1]):
-        y = A @ x
-        assert y.dtype == np.result_type(x, A.dtype)
-        assert_near(y, dense @ x, dtype)
+def test_equals_its_dense_matrix_in_both_precisions(case, A, dense):
+    for dtype, B in ((np.float64, A), (np.float32, case.operator(np.float32))):
+        X = random(A.shape[1], 3, dtype=dtype)
+        assert isinstance(B, LinearOperator)
+        assert B.shape == dense.shape
+        assert B.dtype == (np.result_type(dtype, np.complex64) if np.iscomplexobj(dense) else dtype)
+        for x in (X, X[:, :1], X[:, 0], X * X.dtype.type(2) + 1j * X[::-1]):
+            y = B @ x
+            assert y.dtype == np.result_type(x, B.dtype)
+            assert_near(y, dense @ x, dtype)
 
 
 def test_adjoint_and_transpose(A, dense):
