@@ -146,21 +146,14 @@ def half_space_kernel(components, *grid_shape):
     """The tangential components of equal materials; of unequal ones the normal one too."""
     element = (0.5, 0.5)
     x, y = halfspace.all_offsets(grid_shape, element)
-    xx, xy, yy, zz = (
-        influence(x, y, element, G=1.0, nu=0.28)
-        for influence in (
-            halfspace.influence_xx,
-            halfspace.influence_xy,
-            halfspace.influence_yy,
-            halfspace.influence_zz,
-        )
-    )
+
+    def influence(pair, **material):
+        return getattr(halfspace, f"influence_{pair}")(x, y, element, G=1.0, **material)
+
+    xx, xy, yy, zz = (influence(pair, nu=0.28) for pair in ("xx", "xy", "yy", "zz"))
     if components == 2:
         return [[xx, xy], [xy, yy]]
-    xz, yz = (
-        influence(x, y, element, G=1.0, K=0.2)
-        for influence in (halfspace.influence_xz, halfspace.influence_yz)
-    )
+    xz, yz = (influence(pair, K=0.2) for pair in ("xz", "yz"))
     return [[xx, xy, xz], [xy, yy, yz], [-xz, -yz, zz]]
 
 

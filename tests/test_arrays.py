@@ -43,15 +43,6 @@ def random(*shape, dtype=np.float64, seed=0):
     return (x + 1j * rng.standard_normal(shape) if np.dtype(dtype).kind == "c" else x).astype(dtype)
 
 
-def test_sums_of_operators_of_two_libraries_are_refused(xp):
-    ours, theirs = tmg.ToeplitzOperator(kernel(5)), tmg.ToeplitzOperator(xp.asarray(kernel(5)))
-    text = f"{xp.__name__}.*numpy|numpy.*{xp.__name__}"
-    for A, B in ((ours, theirs), (theirs, ours)):
-        for combine in (operator.add, operator.sub):
-            with pytest.raises(TypeError, match=text):
-                combine(A, B)
-
-
 def error(actual, expected):
     actual = to_numpy(actual)
     assert actual.dtype == expected.dtype
@@ -279,6 +270,8 @@ def test_arrays_of_two_libraries_are_refused_by_name(xp):
         lambda: tmg.cg(B, xp.asarray(ones), inner=A),
         lambda: tmg.CoupledOperator([[A, None], [None, B]]),
         lambda: tmg.ToeplitzOperator(xp.asarray(ones), ones),
+        *(lambda f=f: f(A, B) for f in (operator.add, operator.sub, operator.matmul)),
+        *(lambda f=f: f(B, A) for f in (operator.add, operator.sub, operator.matmul)),
         lambda: B + diags_array(np.arange(7.0)),
         lambda: tmg.gmres(B, xp.asarray(ones)),
         lambda: tmg.multigrid(B),
@@ -457,13 +450,6 @@ def test_what_scipy_would_compose_is_refused(xp):
     M = tmg.chan_preconditioner(A)
     for compose in (lambda: A @ A, lambda: A * A, lambda: A**2, lambda: A + M):
         with pytest.raises(TypeError, match=r"make no operator on arrays of .*A @ \(B @ x\)"):
-            compose()
-
-
-def test_operators_on_arrays_of_two_libraries_are_refused_by_both_names(xp):
-    theirs, ours = tmg.ToeplitzOperator(xp.asarray(kernel(20))), tmg.ToeplitzOperator(kernel(20))
-    for compose in (lambda: ours @ theirs, lambda: theirs @ ours, lambda: ours + theirs):
-        with pytest.raises(TypeError, match=rf"(?=.*\bnumpy\b)(?=.*{xp.__name__})"):
             compose()
 
 

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 import toeplitz_mg as tmg
-from tests.cases import contact, coupled, dense_of_column, half_space_kernel, submatrix
+from tests.cases import contact, coupled, half_space_kernel, submatrix
 
 GRID = (16, 40)
 
@@ -55,27 +55,6 @@ def test_operators_of_a_whole_grid_have_masks():
         B = tmg.MaskedOperator(M, mask)
         dense = submatrix(M @ np.eye(M.shape[0]), mask)
         assert np.abs(B @ np.eye(B.shape[0]) - dense).max() <= 1e-12 * np.abs(dense).max()
-
-
-def test_masks_that_are_masked_arrays_are_refused():
-    A, mask = whole(), random_mask(3)
-    of_doubt = np.ma.masked_array(mask, ~mask)
-    C = coupled(half_space_kernel(2, *GRID))(float)
-    for use in (
-        lambda m: tmg.MaskedOperator(A, m),
-        lambda m: tmg.MaskedOperator(C, m),
-    ):
-        with pytest.raises(TypeError, match="mask is a masked array"):
-            use(of_doubt)
-
-
-def test_a_mask_is_copied_and_cannot_be_changed():
-    c, mask = contact(8), np.arange(8) % 3 == 0
-    A = tmg.MaskedOperator(tmg.ToeplitzOperator(c), mask)
-    mask[:] = True
-    assert not A.mask.flags.writeable
-    dense = dense_of_column(c)[::3, ::3]
-    assert np.allclose(A @ np.eye(3), dense, rtol=1e-14)
 
 
 def test_an_operator_of_somebody_else_may_be_restricted():

@@ -42,6 +42,7 @@ USES = {
     "MaskedOperator": [
         (lambda mask: tmg.MaskedOperator(A, mask), {"mask": MASK}),
         (lambda mask: tmg.MaskedOperator(SQUARE, mask), {"mask": np.ones((2, 3), bool)}),
+        (lambda mask: tmg.MaskedOperator(tmg.CoupledOperator([[A]]), mask), {"mask": MASK}),
     ],
     "ToeplitzSum": [
         (lambda diagonal: tmg.ToeplitzSum([(None, A, None)], diagonal), {"diagonal": ONES}),
