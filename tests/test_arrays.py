@@ -16,7 +16,7 @@ from scipy.sparse import diags_array
 from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
-from tests.array_libraries import LIBRARIES, ON_GPU, load_library, to_numpy
+from tests.array_libraries import LIBRARIES, ON_GPU, load_library, record_numbers, to_numpy
 from toeplitz_mg import contact, halfspace
 
 strict = pytest.importorskip("array_api_strict")
@@ -227,15 +227,7 @@ def test_richardson_takes_the_iterations_on_numpy(xp):
 
 
 def test_an_iteration_takes_three_numbers_to_the_host(monkeypatch):
-    """An array is looked at by `float`, `bool` and the like alone: strict has no other way."""
-    looked = []
-    for name in ("__float__", "__bool__", "__int__", "__index__", "__complex__"):
-        method = getattr(type(strict.ones(1)), name)
-        monkeypatch.setattr(
-            type(strict.ones(1)), name, lambda x, m=method: looked.append(x.shape) or m(x)
-        )
-    monkeypatch.delattr(type(strict.ones(1)), "__array__", raising=False)
-    monkeypatch.delattr(type(strict.ones(1)), "__buffer__", raising=False)
+    looked = record_numbers(monkeypatch, type(strict.ones(1)))
     A = OPERATORS["mask"](strict.asarray, np.float64)
     M, b = tmg.fft_preconditioner(A), strict.asarray(random(A.shape[0]))
     counts = []
