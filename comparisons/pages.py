@@ -19,32 +19,18 @@ DOCS = Path(__file__).parent.parent / "docs"
 
 
 class Table(NamedTuple):
-    """A table of a page.
+    """A table of a page."""
 
-    Attributes
-    ----------
-    page : str
-        The file in docs.
-    command : str
-        The command that measures it.
-    figures : str
-        The file with its figures, among the results of the command.
-    function : str
-        What makes the rows of the table of those of the figures: "module:name", in `comparisons`.
-    """
-
-    page: str
-    command: str
-    figures: str
-    function: str
+    page: str  # The file in docs.
+    command: str  # What measures it.
+    figures: str  # The file with its figures, among the results of the command.
+    function: str  # What makes its rows of those of the figures: "module:name".
 
     @property
     def arrange(self) -> Callable[[Sequence[Row]], list[Row]]:
         """The function."""
         module, name = self.function.split(":")
-        function: Callable[[Sequence[Row]], list[Row]]
-        function = getattr(import_module(f"comparisons.{module}"), name)
-        return function
+        return getattr(import_module(f"comparisons.{module}"), name)
 
 
 _LIKELIHOOD = "gaussian_processes.md", "gaussian"
@@ -61,9 +47,6 @@ TABLES = {
     ),
     "symbols": Table(*_METHODS, "symbols.csv", "preconditioners.symbols:arrange"),
     "general_symbols": Table(*_METHODS, "symbols.csv", "preconditioners.symbols:arrange_general"),
-    "fractional_diffusion": Table(
-        *_METHODS, "fractional.csv", "preconditioners.fractional:arrange"
-    ),
     "likelihood_errors": Table(*_LIKELIHOOD, "errors.csv", "gaussian:arrange_errors"),
     "likelihood_times": Table(*_LIKELIHOOD, "times.csv", "gaussian:arrange_times"),
     "likelihood_gaps": Table(*_LIKELIHOOD, "gaps.csv", "gaussian:arrange_gaps"),
@@ -92,16 +75,10 @@ TABLES = {
 
 
 def write_table(page: Path, name: str, rows: Sequence[Row], origin: str) -> None:
-    """Put a table, and where it comes from, in the place of the one that a page has.
-
-    Raises
-    ------
-    ValueError
-        Where the page has no table of that name, or several.
-    """
+    """Put a table, and where it comes from, in the place of the one that a page has."""
     text = page.read_text()
     pattern = rf"(<!-- table: {name} -->\n).*?(?=<!-- end -->)"
-    inside = f"{report.draw_markdown(rows)}\n\n{origin}\n"
+    inside = f"{report.draw(rows)}\n\n{origin}\n"
     text, count = re.subn(pattern, lambda found: found[1] + inside, text, flags=re.DOTALL)
     if count != 1:
         raise ValueError(f"{page} has {count} tables with the name {name}, but must have one")

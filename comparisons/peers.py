@@ -164,11 +164,7 @@ def aspher_friction(problem: Problem, tolerance: float) -> Answer:
 
     N = problem.N
     solver = package.FrictionSolver(
-        grid_size=N,
-        domain_size=2.0,
-        E_star=1.0,
-        nu=problem.nu,
-        model=package.CoulombFriction(MU),
+        grid_size=N, domain_size=2.0, E_star=1.0, nu=problem.nu, model=package.CoulombFriction(MU)
     )
     solver.set_gap(problem.gap.T)  # Its x is along the rows.
     solver.step(p_bar=problem.force / 4.0, tol_normal=1e-10)

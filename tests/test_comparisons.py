@@ -11,7 +11,6 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-import scipy.linalg
 
 from comparisons import gaussian
 from comparisons.__main__ import COMMANDS
@@ -20,12 +19,11 @@ from comparisons.harness import report
 from comparisons.harness.processes import in_a_fresh_process
 from comparisons.paper import tables as paper_tables
 from comparisons.paper.__main__ import main as paper
-from comparisons.preconditioners import areas, fractional, symbols
+from comparisons.preconditioners import areas, symbols
 from comparisons.preconditioners.__main__ import main as preconditioners
 from comparisons.reliability import __main__ as reliability
 from comparisons.systems import masks, random_matrices
 from tests.test_docs import ROOT
-from toeplitz_mg.fractional import grunwald_coefficients, riesz_coefficients
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
 
@@ -131,16 +129,26 @@ def test_gaussian(tmp_path, capsys):
 
 def test_symbols(tmp_path, capsys):
     quick = {"symbols": {"sizes": (300, 2**12)}}
-    options = ("--parts", "symbols", "--symbols", "contact", "θ²", "deconvolution + 0.1", "|θ - 1|")
+    options = (
+        "--parts",
+        "symbols",
+        "--symbols",
+        "contact",
+        "θ²",
+        "Riesz, α = 1.5",
+        "deconvolution + 0.1",
+        "|θ - 1|",
+    )
     run(preconditioners, tmp_path, capsys, *options, quick=quick)
     rows = report.read_csv(tmp_path / "symbols.csv")
-    assert len(rows) == 2 * (2 * len(symbols.METHODS) + 2 * len(symbols.ANY))
+    assert len(rows) == 2 * (3 * len(symbols.METHODS) + 2 * len(symbols.ANY))
     for row in rows:
         if row["method"] in ("spectral", "V(1,1)", "solve_toeplitz", "SciPy"):
             assert row["residual"] <= 1.01e-8
         # What is missing has its reason.
         assert "note" in row or row["seconds"] > 0.0
-    first, second = symbols.arrange(rows, n=300)
+    first, second, riesz = symbols.arrange(rows, n=300)
+    assert int(riesz["tau"].split(" / ")[0]) <= 15  # Its eigenvalues are in (1/2, 3/2).
     assert first["symbol, or coefficients"] == "contact"
     assert second["cosine"] == "–"  # It is refused: θ² has a zero.
     for line in (first, second):
@@ -190,50 +198,6 @@ def test_areas_say_what_was_not_solved():
 def test_the_picture_of_areas(tmp_path, capsys):
     run(preconditioners, tmp_path, capsys, "--parts", "picture")
     assert (tmp_path / "areas.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_fractional_diffusion(tmp_path, capsys):
-    problems = ("Riesz, steady", "two-sided constant, steady", "two-sided smooth, time step")
-    extent = {"sizes": {1: (63, 1023), 2: (31,)}, "problems": problems, "orders": (1.5,)}
-    options = ("--parts", "fractional")
-    run(preconditioners, tmp_path, capsys, *options, quick={"fractional": extent})
-    rows = rows_of(tmp_path / "fractional.csv")
-    assert len(rows) == 3 * 3 * 5
-    for row in rows:
-        assert float(row["residual"]) <= 1.1e-8
-        if row["method"] + row["problem"] == "tauRiesz, steady":
-            assert int(row["iterations"]) <= 15
-    assert len(fractional.arrange(report.read_csv(tmp_path / "fractional.csv"))) == 2 * 3
-
-
-@pytest.mark.parametrize("axes", [1, 2])
-def test_fractional_problems_are_their_definition(axes):
-    """Kronecker products of dense matrices, between dense diagonal ones."""
-    n, order = 7, 1.5
-    x = np.arange(1, n + 1) / (n + 1)
-    grids = [grid.ravel() for grid in np.meshgrid(*[x] * axes, indexing="ij")]
-    G = scipy.linalg.toeplitz(*grunwald_coefficients(order, n))
-    R = scipy.linalg.toeplitz(riesz_coefficients(order, n))
-    lines = {
-        1: [lambda T: T],
-        2: [lambda T: np.kron(T, np.eye(n)), lambda T: np.kron(np.eye(n), T)],
-    }[axes]
-    time = (n + 1) ** -0.5 * np.eye(n**axes)
-    flow = fractional.FLOWS["smooth"]
-    two_sided = sum(
-        np.diag(flow.left(x, order)) @ of_line(G) + np.diag(flow.right(x, order)) @ of_line(G.T)
-        for x, of_line in zip(grids, lines, strict=True)
-    )
-    varied = np.diag(np.exp(2.0 * np.mean(grids, axis=0)))
-    riesz = sum(of_line(R) for of_line in lines)
-    for name, expected in (
-        ("Riesz, steady", riesz),
-        ("Riesz e^2x, time step", varied @ riesz + time),
-        ("two-sided smooth, steady", two_sided),
-        ("two-sided smooth, time step", two_sided + time),
-    ):
-        S = fractional.PROBLEMS[axes][name](order, n)
-        assert np.allclose(S.toarray(), expected)
 
 
 def test_reliability(tmp_path, capsys):

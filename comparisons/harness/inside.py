@@ -5,18 +5,9 @@ repeat, of which `halfspace` has none; the Schur algorithm is the rival of a lik
 `smooth_eigenvalues` are zero where the campaign wants them to be.
 """
 
-from toeplitz_mg.cli import files
-from toeplitz_mg.cli.report import print_any_character
-from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
-from toeplitz_mg.preconditioners.circulant import smooth_eigenvalues
-from toeplitz_mg.preconditioners.schur import schur_column
-
-__all__ = [
-    "GohbergSemencul",
-    "Grid",
-    "files",
-    "print_any_character",
-    "schur_column",
-    "smooth_eigenvalues",
-]
+from toeplitz_mg.cli import files as files
+from toeplitz_mg.cli.report import print_any_character as print_any_character
+from toeplitz_mg.contact.grid import Grid as Grid
+from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul as GohbergSemencul
+from toeplitz_mg.preconditioners.circulant import smooth_eigenvalues as smooth_eigenvalues
+from toeplitz_mg.preconditioners.schur import schur_column as schur_column

@@ -22,18 +22,12 @@ System = Any  # A system A x = b, of a Toeplitz matrix or a part of one, with it
 Solve = Callable[[], tuple[Array, int | None]]  # Returns x and the iterations, or None if direct.
 Method = Callable[[Any], Solve]  # Sets a `System` up.
 Choice = Callable[[Any], LinearOperator | None]  # Returns a preconditioner of A, or none.
-Explanation = Callable[[Any], str]  # Says why a `System` is not solved, or nothing.
 
 TOLERANCE = 1e-8
 MAXITER = 3000  # Iterations after which a method has not converged, unless told otherwise.
 KILL_AFTER = 60.0  # Seconds after which a method is given up.
 CONVERGED = 1.01 * TOLERANCE  # Largest true residual: the recurrence for it may drift a little.
 WARM_UP_SIZE = 64  # Elements of a first problem, solved before anything is measured.
-
-
-def no_reason(problem: System) -> str:
-    """Return no reason: the numbers say all."""
-    return ""
 
 
 def nothing(A: LinearOperator) -> None:
@@ -63,7 +57,6 @@ class Contender:
     method: Method  # From a problem to its solve; the call is the set-up.
     ours: bool = False  # Whether it is of this package, other than as a baseline.
     counted: bool = True  # Whether the products that are counted are all of its work.
-    explain: Explanation = no_reason  # Why it did not converge.
 
 
 @dataclass(frozen=True)
@@ -105,11 +98,7 @@ def iterate(
 
 
 def solve(
-    A: LinearOperator,
-    b: Array,
-    preconditioner: Choice,
-    *arguments: Any,
-    **options: Any,
+    A: LinearOperator, b: Array, preconditioner: Choice, *arguments: Any, **options: Any
 ) -> Run:
     """Set a preconditioner up and iterate to `TOLERANCE`, both timed and their work counted."""
     n = full_of(A).shape[0]
@@ -211,7 +200,7 @@ def _measure_here(contender: Contender, problem: System) -> Measurement:
         peak_vectors=peak / (8 * n),
         residual=residual,
         converged=converged,
-        note="" if converged else f"not converged; {contender.explain(problem)}".rstrip("; "),
+        note="" if converged else "not converged",
     )
     if not contender.counted:
         return measurement

@@ -45,14 +45,9 @@ class FreshProcess(Generic[T]):
         theirs.close()
 
     def next(self, seconds: float | None = None) -> T:
-        """Return the next item.
+        """Return the next item, or raise a TimeoutError where it takes longer than that.
 
-        Raises
-        ------
-        TimeoutError
-            Where it takes longer than that.
-        ArithmeticError
-            Where computing it raises an error, which is the message, or the process dies.
+        An error that computing it raises, or the end of the process, is an ArithmeticError.
         """
         try:
             self._pipe.send(None)
@@ -93,14 +88,9 @@ def _serve(items: Callable[[], Iterator[Any]], pipe: Connection) -> None:
 
 
 def in_a_fresh_process(job: Callable[[], T], seconds: float | None = None) -> T:
-    """Return what a function returns in a process of its own.
+    """Return what a function returns in a process of its own, which is killed after that time.
 
-    Raises
-    ------
-    TimeoutError
-        Where it takes longer than that, if there is a limit; it is killed.
-    ArithmeticError
-        Where it raises an error, which is the message, or the process dies.
+    It raises what `FreshProcess.next` does.
     """
     process = FreshProcess(partial(_once, job))
     try:

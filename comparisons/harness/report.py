@@ -93,22 +93,10 @@ def interruptible(main: Callable[P, None]) -> Callable[P, None]:
 
 
 class Table:
-    """A table that is printed while it grows, a row when it is measured, and kept in a file.
+    """A table that is printed while it grows, a row when it is measured, and kept in a CSV file.
 
-    Parameters
-    ----------
-    title : str
-    path : Path, optional
-        The CSV file, written anew with each row.
-    form : callable
-        Makes the cells that are printed of a row.
-    room : mapping of str to int
-        Characters of columns whose first cell is shorter than those that are to come.
-
-    Attributes
-    ----------
-    rows : list of dict
-        What was measured.
+    `form` makes the cells that are printed of a row; `room` has the characters of columns whose
+    first cell is shorter than those that are to come. `rows` is what was measured.
     """
 
     def __init__(
@@ -169,18 +157,13 @@ def pivot(
 
 def show(title: str, rows: Sequence[Row]) -> None:
     """Print rows that are all there as a table under a title."""
-    print(f"\n{title}\n\n{_draw(rows, 'simple')}", flush=True)
+    print(f"\n{title}\n\n{draw(rows, 'simple')}", flush=True)
 
 
-def draw_markdown(rows: Sequence[Row]) -> str:
-    """Return rows as a table of a page."""
-    return _draw(rows, "github")
-
-
-def _draw(rows: Sequence[Row], style: str) -> str:
-    return tabulate(
-        list(rows), headers="keys", missingval="", disable_numparse=True, tablefmt=style
-    )
+def draw(rows: Sequence[Row], style: str = "github") -> str:
+    """Return rows as a table, of a page unless it has another style."""
+    options: Any = {"headers": "keys", "missingval": "", "disable_numparse": True}
+    return tabulate(list(rows), tablefmt=style, **options)
 
 
 def format_cells(row: Row, formats: Mapping[str, str]) -> Row:

@@ -1,1 +1,1 @@
-"""Every preconditioner on areas of every kind, on symbols, and on sums with diagonals."""
+"""Every preconditioner on areas and on symbols."""

@@ -1,8 +1,7 @@
-"""Every preconditioner on areas, on symbols, and on fractional diffusion.
+"""Every preconditioner on areas and on symbols.
 
-`areas` are contact areas of every kind, `symbols` Toeplitz matrices of one axis of every kind,
-`fractional` the standard problems of fractional diffusion, on which τ has rivals; `picture` draws
-pressures on the areas. ``--parts`` chooses among them.
+`areas` are contact areas of every kind, `symbols` Toeplitz matrices of one axis of every kind;
+`picture` draws pressures on the areas. ``--parts`` chooses among them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,22 +11,14 @@ from typing import Any
 from comparisons.harness import report
 from comparisons.harness.measuring import PRECONDITIONERS
 from comparisons.harness.processes import prepare
-from comparisons.preconditioners import areas, fractional, symbols
+from comparisons.preconditioners import areas, symbols
 
 Part = Callable[..., None]  # Takes the folder, and its sizes by name.
-PARTS: dict[str, Part] = {
-    "areas": areas.run,
-    "symbols": symbols.run,
-    "fractional": fractional.run,
-    "picture": areas.draw,
-}
+PARTS: dict[str, Part] = {"areas": areas.run, "symbols": symbols.run, "picture": areas.draw}
 FULL: dict[str, dict[str, Any]] = {part: {} for part in PARTS}
 QUICK: dict[str, dict[str, Any]] = {
     "areas": {"sizes": (32,), "lines": (2048,), "methods": ("none", "cosine", "FSAI", "default")},
     "symbols": {"sizes": (2**8,)},
-    "fractional": {
-        "sizes": {1: (2**6 - 1,), 2: (2**4 - 1,)},
-    },
     "picture": {"n": 16},
 }
 
@@ -38,7 +29,7 @@ def main(argv: Sequence[str] | None = None, quick: Mapping[str, Mapping[str, Any
     prepare("comparisons.preconditioners.areas", "comparisons.preconditioners.symbols")
     arguments = report.options(
         "preconditioners",
-        "Every preconditioner on areas, on symbols, and on fractional diffusion.",
+        "Every preconditioner on areas and on symbols.",
         argv=argv,
         parts=tuple(PARTS),
         areas=areas.AREAS,

@@ -19,8 +19,8 @@ from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from comparisons.harness import report
-from comparisons.harness.measuring import PRECONDITIONERS, full_of, solve
-from comparisons.harness.processes import peak_bytes, row_or_note
+from comparisons.harness.measuring import PRECONDITIONERS, solve
+from comparisons.harness.processes import row_or_note
 from comparisons.harness.report import Row
 from comparisons.systems import masks
 from comparisons.systems.punch import influence
@@ -51,7 +51,6 @@ def measure(method: str, A: LinearOperator, small: LinearOperator) -> Row:
     """Set up and solve, first a small problem; in a process of its own."""
     solve_by = partial(solve, preconditioner=PRECONDITIONERS[method], maxiter=MAXITER)
     solve_by(small, np.ones(small.shape[0]))
-    before = peak_bytes()
     row: Row = {}
     for name, b in (
         ("constant", np.ones(A.shape[0])),
@@ -66,7 +65,7 @@ def measure(method: str, A: LinearOperator, small: LinearOperator) -> Row:
             f"{name}_s": median(run.seconds for run in runs),
             "setup_s": median(run.setup_s for run in runs),
         }
-    return row | {"vectors": (peak_bytes() - before) / (8 * full_of(A).shape[0]), "note": ""}
+    return row | {"note": ""}
 
 
 def run(
@@ -93,7 +92,7 @@ def run(
 def form(row: Row) -> Row:
     """Return a row as it is printed."""
     formats = {"random": "", "random_s": ".3g", "random_units": ".1f", "constant": ""}
-    formats |= {"constant_s": ".3g", "setup_s": ".2g", "vectors": ".0f", "note": ""}
+    formats |= {"constant_s": ".3g", "setup_s": ".2g", "note": ""}
     names = {key: row[key] for key in ("area", "problem", "n", "method")}
     return names | report.format_cells(row, formats)
 

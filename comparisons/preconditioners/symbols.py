@@ -23,13 +23,15 @@ from comparisons.harness.processes import in_a_fresh_process
 from comparisons.harness.report import Row
 from comparisons.systems.symbols import COLUMNS, HERMITIAN, INDEFINITE, NONSYMMETRIC, random_pair
 from toeplitz_mg._typing import Array
+from toeplitz_mg.fractional import riesz_coefficients
 
 Solution = tuple[Array, int | None]  # x, and the iterations where there are any.
 Method = Callable[[str, Array, Array, Array], Solution]  # Of the name, first column and row, and b.
 
 DEFINITE = "positive definite"
+RIESZ = {f"Riesz, α = {a}": partial(riesz_coefficients, a) for a in (1.2, 1.5, 1.8)}
 KINDS: dict[str, Any] = {
-    DEFINITE: {name: lambda n, f=f: (f(n),) * 2 for name, f in COLUMNS.items()},
+    DEFINITE: {name: lambda n, f=f: (f(n),) * 2 for name, f in (COLUMNS | RIESZ).items()},
     "nonsymmetric": {**NONSYMMETRIC, "random entries": random_pair},
     "Hermitian": HERMITIAN,
     "indefinite": INDEFINITE,
@@ -80,20 +82,16 @@ def drop_in(rtol: float | None, name: str, c: Array, r: Array, b: Array) -> Solu
     return x, info.iterations
 
 
-def levinson(name: str, c: Array, r: Array, b: Array) -> Solution:
-    """Solve by SciPy's method."""
-    return scipy.linalg.solve_toeplitz((c, r), b), None
-
-
 SCIPY, DROP_IN, DEFAULT = "SciPy", "solve_toeplitz", "solve_toeplitz, default"
-TRIED = ("none", "Strang", "T. Chan", "M", "cosine", "sine", "spectral", "FSAI")
+TRIED = ("none", "Strang", "T. Chan", "M", "cosine", "sine", "tau", "spectral", "FSAI")
+TAU = {"tau": tmg.tau_preconditioner}
 ANY = ("T. Chan", "spectral", DROP_IN, DEFAULT, SCIPY)  # Those for all kinds of matrices.
 METHODS: dict[str, Method] = {
-    **{name: partial(iterate, PRECONDITIONERS[name]) for name in TRIED},
+    **{name: partial(iterate, (PRECONDITIONERS | TAU)[name]) for name in TRIED},
     "V(1,1)": v11,
     DROP_IN: partial(drop_in, TOLERANCE),
     DEFAULT: partial(drop_in, None),
-    SCIPY: levinson,
+    SCIPY: lambda name, c, r, b: (scipy.linalg.solve_toeplitz((c, r), b), None),
 }
 
 

@@ -17,7 +17,7 @@ from comparisons.reliability.approximate_inverses import preconditioner
 from comparisons.reliability.bodies import contact_problem, repeated_problem
 from comparisons.reliability.kinds import every_kind
 from comparisons.reliability.rolling import rolling_problem
-from comparisons.reliability.systems import drop_in, inverse, iteration, large
+from comparisons.reliability.systems import drop_in, iteration, large
 from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, TOLD, Result, Trial, run
 from comparisons.reliability.unlike import unlike_problem
 
@@ -27,7 +27,6 @@ PARTS: dict[str, tuple[Trial, int, int]] = {
     "kinds": (every_kind, 400, 20000),
     "large": (large, 20, 400),
     "iterations": (iteration, 300, 6000),
-    "inverse": (inverse, 100, 2000),
     "preconditioners": (preconditioner, 700, 16000),
     "contact": (contact_problem, 250, 5000),
     "repeated": (repeated_problem, 250, 5000),

@@ -111,12 +111,8 @@ def _draw_cycle(rng: Generator) -> Build:
         tmg.sine_preconditioner,
     ]
     choice = rng.integers(len(smoothers) + 2)
-    interpolations = [
-        tmg.piecewise_constant,
-        tmg.piecewise_constant,
-        tmg.linear_interpolation,
-        tmg.modulated_interpolation,
-    ]
+    others = tmg.linear_interpolation, tmg.modulated_interpolation
+    interpolations = [tmg.piecewise_constant, tmg.piecewise_constant, *others]
     options: dict[str, Any] = {
         "pre": steps,
         "post": steps,

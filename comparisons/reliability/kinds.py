@@ -10,12 +10,11 @@ from numpy.random import Generator
 
 import toeplitz_mg as tmg
 from comparisons.harness.inside import smooth_eigenvalues
+from comparisons.reliability.systems import BACKWARD, ILL
 from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, TOLD, Outcome
 from comparisons.systems.random_matrices import log_uniform, random_column
 from toeplitz_mg._typing import Array
 
-BACKWARD = 1e-11  # Backward error above which there has to be an error or a warning.
-ILL = 1e-7  # Relative residual that nobody should get without a warning (it warns from 1e-8 on).
 REGULAR = 1e10  # Condition number up to which no matrix may be refused.
 DENSE = 1000  # Most unknowns where that is known: it takes the time of a thousand products.
 CHUNK = 500  # Rows at once, of 48 MiB.

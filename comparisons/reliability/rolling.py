@@ -129,7 +129,8 @@ def _bound(rng: Generator, shape: tuple[int, int]) -> Array:
 
 def by_creepage(rng: Generator, problem: Problem) -> str:
     """Roll steadily with all creepages given."""
-    return _steady_error(problem, _roll(problem))
+    result = _roll(problem)
+    return _error(problem, result, result.traction)
 
 
 def by_loads(rng: Generator, problem: Problem) -> str:
@@ -143,7 +144,7 @@ def by_loads(rng: Generator, problem: Problem) -> str:
     away = np.abs(problem.loads(result.traction) - carried)[given] / np.array([1, 1, arm])[given]
     if away.max(initial=0.0) > 1e-7 * most:
         return f"loads off by {away.max() / most:.1e} of the bound"
-    return _steady_error(problem, result)
+    return _error(problem, result, result.traction)
 
 
 def by_falling_friction(rng: Generator, problem: Problem) -> str:
@@ -158,7 +159,7 @@ def by_falling_friction(rng: Generator, problem: Problem) -> str:
     result = _roll(problem, falling=falling)
     bound = problem.g * falling(np.hypot(*result.slip))
     away = np.abs(result.bound - bound).max() / (problem.g.max() or 1.0)
-    return f"bound off by {away:.1e}" if away > 1e-7 else _steady_error(problem, result)
+    return f"bound off by {away:.1e}" if away > 1e-7 else _error(problem, result, result.traction)
 
 
 def in_steps(rng: Generator, problem: Problem) -> str:
@@ -190,10 +191,6 @@ def _creepages(problem: Problem, by_load: Any) -> dict[str, Any]:
         name: 0.0 if by else float(value)
         for name, value, by in zip(CREEPAGES, problem.creepages, by_load, strict=True)
     }
-
-
-def _steady_error(problem: Problem, result: TangentialResult) -> str:
-    return _error(problem, result, result.traction)
 
 
 def _error(problem: Problem, result: TangentialResult, before: Array) -> str:

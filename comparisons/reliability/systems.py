@@ -112,25 +112,6 @@ def iteration(rng: Generator) -> Outcome:
     return Outcome(family, TOLD if info else RIGHT)
 
 
-def inverse(rng: Generator) -> Outcome:
-    """Try `toeplitz_inverse`: its residual for a vector that it has not measured."""
-    name, c = random_column(rng, (int(log_uniform(rng, 1, MOST)),))
-    A = tmg.ToeplitzOperator(c)
-    dense = A.toarray().astype(np.float64)
-    condition = float(np.linalg.cond(dense))
-    positive = np.linalg.eigvalsh(dense)[0] > 0.0
-    try:
-        inverse = tmg.toeplitz_inverse(A)
-    except np.linalg.LinAlgError as error:
-        due = not positive or condition > 1e5  # No inverse in double precision does better.
-        return Outcome(name, REFUSED if due else FAILED, f"condition {condition:.0e}: {error}")
-    b = rng.standard_normal(len(c))
-    residual, _ = _residual(dense, inverse @ b, b)
-    residual /= float(np.linalg.norm(b))
-    good = residual <= 1e-8  # The 1e-10 that it promises is measured for another vector.
-    return Outcome(name, RIGHT if good else FAILED, f"residual {residual:.0e}")
-
-
 def large(rng: Generator) -> Outcome:
     """Try `solve_toeplitz` for many unknowns, of all lengths, against SciPy's product."""
     n = int(log_uniform(rng, 1e3, 2e5))

@@ -14,29 +14,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+# An answer that is less than was asked for, of which the user is told; an error that is due; what
+# is silently wrong, an error of another kind, or a problem refused that has a good answer.
 RIGHT, TOLD, REFUSED, FAILED = "right", "told", "refused", "failed"
 CHUNK = 10  # Trials that a process takes at a time: enough to make sending them cheap.
 SECONDS = 120  # Time of one trial, s, above which it counts as failed: all are small problems.
 
 
 class Outcome(NamedTuple):
-    """What became of a trial.
+    """What became of a trial."""
 
-    Attributes
-    ----------
-    family : str
-        The kind of problem.
-    verdict : str
-        `RIGHT`; `TOLD`, where the answer is less than was asked for and the user is told;
-        `REFUSED`, with an error that is due; `FAILED`: silently wrong, an error of another kind,
-        or a problem refused that has a good answer.
-    note : str
-        What went wrong.
-    """
-
-    family: str
-    verdict: str
-    note: str = ""
+    family: str  # The kind of problem.
+    verdict: str  # One of those above.
+    note: str = ""  # What went wrong.
 
 
 class Result(NamedTuple):

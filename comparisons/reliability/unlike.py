@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -77,20 +78,13 @@ def unlike_problem(rng: Generator) -> Outcome:
     case = Case.of(rng)
     shape = case.gap.shape
     last, result = np.zeros((3, *shape)), None
+    options: Any = {"material": case.bodies, "mu": case.mu, "shift": case.shift}
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         for load in STEPS:
+            options |= {"force": load * case.force, "previous": result, "tolerance": TOLERANCE}
             try:
-                result = frictional_contact(
-                    case.gap,
-                    case.element,
-                    material=case.bodies,
-                    mu=case.mu,
-                    force=load * case.force,
-                    shift=case.shift,
-                    previous=result,
-                    tolerance=TOLERANCE,
-                )
+                result = frictional_contact(case.gap, case.element, **options)
             except ContactError as error:
                 return Outcome("unlike", FAILED, f"{shape}: {error}")
             gaps, slips = case.violations(result, last)

@@ -27,14 +27,8 @@ def clip(q: Array, g: Any) -> Array:
 def measure(results: Sequence[ContactResult], gap: Array | None, bound: Array | None) -> float:
     """Return the largest violation by results, over the interference, or over what moves.
 
-    Parameters
-    ----------
-    results : sequence of ContactResult
-        Of unlike materials one that is normal and one that is tangential, which are coupled.
-    gap : ndarray or None
-        The gap of a normal result before the bodies touch.
-    bound : ndarray or None
-        The traction bound that the tangential results were to have.
+    Of unlike materials one is normal and one tangential, which are coupled. `gap` is that before
+    the bodies touch, `bound` that which tangential results were to have.
     """
     pressed = [r for r in results if isinstance(r, NormalResult)]
     sheared = [r for r in results if isinstance(r, TangentialResult)]

@@ -1,4 +1,4 @@
-"""Contact areas, as masks on a grid: of rectangles the grid is the area."""
+"""Contact areas, as masks on a grid."""
 
 from collections.abc import Callable
 from functools import partial
@@ -18,16 +18,6 @@ def restrict(full: LinearOperator, mask: Mask) -> LinearOperator:
 def square(N: int) -> Array:
     """Return the mask of a square, N x N elements."""
     return np.ones((N, N), dtype=bool)
-
-
-def two_to_one(N: int) -> Array:
-    """Return the mask of a rectangle of 2:1, N elements long."""
-    return np.ones((N, N // 2), dtype=bool)
-
-
-def four_to_one(N: int) -> Array:
-    """Return the mask of a rectangle of 4:1, N elements long."""
-    return np.ones((N, N // 4), dtype=bool)
 
 
 def _radius(N: int) -> Array:
@@ -87,15 +77,7 @@ def line(N: int) -> Array:
     return mask
 
 
-AREAS: dict[str, Callable[[int], Array]] = {
-    "square": square,
-    "2:1": two_to_one,
-    "4:1": four_to_one,
-    "circle": circle,
-    "annulus": annulus,
-    "rough, 30 %": partial(rough, 0.3),
-}
-
+AREAS: dict[str, Callable[[int], Array]] = {"square": square, "circle": circle}  # Of punches.
 FRAGMENTED: dict[str, Callable[[int], Array]] = {
     "full": square,
     "circle": circle,

@@ -47,18 +47,13 @@ def half_space(rng: Generator, shape: Shape) -> Array:
 
 
 def matern(rng: Generator, shape: Shape) -> Array:
-    """Return a stationary covariance: Matérn, exponential or Gaussian, with a nugget."""
+    """Return a stationary covariance: Matérn or Gaussian, with a nugget or without."""
     lengths = [log_uniform(rng, 0.2, 30.0) for _ in shape]
     r = np.sqrt(sum((k / s) ** 2 for k, s in zip(np.indices(shape), lengths, strict=True)))
-    kind = rng.integers(4)
-    if kind == 0:
+    if rng.random() < 0.25:
         c = np.exp(-(r**2) / 2.0)
-    elif kind == 1:
-        c = np.exp(-r)
-    elif kind == 2:
-        c = (1.0 + r) * np.exp(-r)
     else:
-        order = rng.uniform(0.3, 3.0)
+        order = rng.choice([0.5, 1.5, rng.uniform(0.3, 3.0)])
         safe = np.maximum(np.sqrt(2.0 * order) * r, 1e-9)
         c = 2.0 ** (1.0 - order) / gamma(order) * safe**order * kv(order, safe)
         c = np.where(r == 0.0, 1.0, c)

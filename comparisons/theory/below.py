@@ -11,13 +11,7 @@ from scipy.integrate import quad
 
 from comparisons.theory.solved import MU, UNIT, A, Solved
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact import (
-    Stresses,
-    friction,
-    normal_contact,
-    subsurface_stresses,
-    surfaces,
-)
+from toeplitz_mg.contact import Stresses, friction, normal_contact, subsurface_stresses, surfaces
 
 DEPTHS = np.array([0.1, 0.25, 0.48, 0.786, 1.5])  # At which stresses are compared, over A.
 

@@ -57,7 +57,6 @@ CASES: dict[str, Case] = {
     "Cattaneo, line": (pressed.cattaneo_line, LINES, QUICK_LINES),
     "Cattaneo and Mindlin, ν = 0": (pressed.cattaneo_sphere, SURFACES, QUICK_SURFACES),
     "Cattaneo and Mindlin, ν = 0.28": (mindlin, SURFACES, QUICK_SURFACES),
-    "Cattaneo and Mindlin, pressed": (pressed.pressed_sphere, SURFACES, QUICK_SURFACES),
     "Ciavarella and Jäger, repeated": (pressed.repeated_friction, ROLLING, QUICK_ROLLING),
     "Carter": (rolling.carter, LINES, QUICK_LINES),
     "Carter, by force": (rolling.carter_by_force, LINES, QUICK_LINES),
@@ -159,14 +158,14 @@ def arrange_stresses(rows: Sequence[Row]) -> list[Row]:
 
 def arrange_products(rows: Sequence[Row]) -> list[Row]:
     """Return the table of products on the grid itself, a column for each size."""
-    rows = [row for row in rows if "products" in row]
-    sizes = {f"N = {N}": "" for N in sorted({row["N"] for row in rows})}
-    table: dict[str, Row] = {}
-    for row in rows:
-        if not row["case"].startswith((BELOW, REPEATED)):  # Those below are of the same bodies.
-            line = table.setdefault(row["case"], {"case": row["case"]} | sizes)
-            line[f"N = {row['N']}"] = row["products"]
-    return list(table.values())
+    # Those below the surface are of the same bodies.
+    own = [r for r in rows if "products" in r and not r["case"].startswith((BELOW, REPEATED))]
+    sizes = {f"N = {N}": "" for N in sorted({row["N"] for row in own})}
+    return report.pivot(
+        own,
+        lambda row: {"case": row["case"]} | sizes,
+        lambda row: (f"N = {row['N']}", row["products"]),
+    )
 
 
 def arrange_repeated(rows: Sequence[Row]) -> list[Row]:

@@ -83,10 +83,7 @@ def cattaneo_line(N: int) -> Solved:
     force = (1.0 - (C / A) ** 2) * MU * np.pi * A**2 / 4.0
     result = friction(g, h, material=UNIT, force=force)
     theory = g - MU * C / 2.0 * semi_ellipse(x, C)
-    errors = {
-        "c": result.stick.sum() * h / (2.0 * C) - 1.0,
-        "traction": rms(result, theory),
-    }
+    errors = {"c": result.stick.sum() * h / (2.0 * C) - 1.0, "traction": rms(result, theory)}
     return Solved([result], errors, theory, bound=g)
 
 
@@ -104,24 +101,6 @@ def cattaneo_sphere(N: int, nu: float = 0.0) -> Solved:
         "traction": rms(result, theory),
     }
     return Solved([result], errors, theory, bound=g)
-
-
-def pressed_sphere(N: int) -> Solved:
-    """A sphere that is pressed, and then shifted by a force, of the coefficient of friction."""
-    h, nu = 2.0 / N, 0.0
-    gap, material = surfaces.sphere((N, N), (h, h), radius=1.0), Material.from_shear(1.0 - nu, nu)
-    pressed = normal_contact(gap, (h, h), material=material, force=4.0 / 3.0 * A**3)
-    force = MU * 4.0 / 3.0 * (A**3 - C**3)
-    result = friction(pressed, mu=MU, force=(force, 0.0))
-    r = np.hypot(*surfaces.centres((N, N), (h, h)))
-    theory = MU * 2.0 / np.pi * (A * semi_ellipse(r, A) - C * semi_ellipse(r, C))
-    shift = MU * (A**2 - C**2) * (2.0 - nu) / (2.0 * (1.0 - nu))
-    errors = {
-        "c": np.sqrt(result.stick_area / np.pi) / C - 1.0,
-        "δ": result.shift[0] / shift - 1.0,
-        "traction": rms(result, theory),
-    }
-    return Solved([result, pressed], errors, theory, gap, MU * pressed.pressure)
 
 
 def repeated_friction(N: int) -> Solved:

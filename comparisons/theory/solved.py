@@ -21,27 +21,13 @@ UNIT = Material.from_shear(0.7, 0.3)  # Of both bodies: E* = G/(1-ν) = 1.
 
 @dataclass
 class Solved:
-    """A problem that was solved.
+    """A problem that was solved."""
 
-    Attributes
-    ----------
-    results : sequence of ContactResult
-        One result, or for Kalker's coefficients three.
-    errors : dict
-        The relative errors against theory, by quantity.
-    theory : ndarray or None
-        The traction, along x where it is tangential.
-    gap : ndarray or None
-        The gap before the bodies touch, of a normal result.
-    bound : ndarray or None
-        The traction bound that tangential results are to have.
-    """
-
-    results: Sequence[ContactResult]
-    errors: dict[str, float] = field(default_factory=dict)
-    theory: Array | None = None
-    gap: Array | None = None
-    bound: Array | None = None
+    results: Sequence[ContactResult]  # One result, or for Kalker's coefficients three.
+    errors: dict[str, float] = field(default_factory=dict)  # Relative, against theory.
+    theory: Array | None = None  # The traction, along x where it is tangential.
+    gap: Array | None = None  # Before the bodies touch, of a normal result.
+    bound: Array | None = None  # The traction bound that tangential results are to have.
 
     @property
     def violation(self) -> float:
