@@ -40,7 +40,7 @@ def operators(A):
         yield tmg.toeplitz_inverse(A)
 
 
-@pytest.mark.parametrize("shape", [(9000,), (2**16,), (100, 90), (500, 300), (24, 20, 22)])
+@pytest.mark.parametrize("shape", [(9001,), (2**16 + 1,), (101, 97), (500, 307), (24, 20, 23)])
 def test_no_operator_uses_what_was_in_the_memory(shape):
     """A product with NaN leaves some in all of it."""
     c = contact(*shape) if len(shape) < 3 else exponential(*shape)
