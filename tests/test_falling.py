@@ -8,32 +8,28 @@ from tests.test_friction import doubtful
 from tests.test_rolling import assert_rolls, carter, circle
 from toeplitz_mg.contact import ContactError, ContactWarning, Material, rolling
 
+MATERIAL = Material.from_shear(1.0, 0.25)
 STIFFNESS = 1.38  # Of an element of `circle`, square and ν = 1/4, over G.
 
 
-def test_the_bound_is_that_of_the_slip():
-    def falling(s):
-        return 0.6 + 0.4 / (1 + s / 0.2)
+def assert_bound(result, g, falling, material=MATERIAL):
+    """The bound is that of the slip, and the rest is rolling with this bound."""
+    bound = g * falling(np.hypot(*result.slip))
+    assert_allclose(result.bound, bound, atol=1e-7 * max(g.max(), bound.max()))
+    assert_rolls(result, material)
 
+
+@pytest.mark.parametrize(("fall", "rise"), [(0.5, None), (0.9, None), (None, 0.5), (None, 2.0)])
+def test_the_bound_is_that_of_the_slip(fall, rise):
+    """Up to friction that falls nearly as fast, or rises twice as fast, as an element is stiff."""
     g, constant = circle(24, (0.1, 0.0, 0.1))
+    slope = (rise or 0.0) * STIFFNESS / g.max()
+    falling = steep(fall) if rise is None else lambda s: 1.0 + slope * s
     _, result = circle(24, (0.1, 0.0, 0.1), falling=falling)
-    size = np.hypot(*result.slip)
-    assert_allclose(result.bound, g * falling(size), atol=1e-7 * g.max())
-    assert (result.bound[result.sliding] < g[result.sliding]).all()
-    assert_rolls(result, Material.from_shear(1.0, 0.25))
-    assert abs(result.force[0]) < abs(constant.force[0])
-
-
-@pytest.mark.parametrize("rise", [0.5, 2.0])
-def test_friction_that_rises(rise):
-    """A larger bound leaves less slip, up to twice as fast as an element alone would answer."""
-    g, constant = circle(24, (0.1, 0.0, 0.0))
-    slope = rise * STIFFNESS / g.max()
-    _, result = circle(24, (0.1, 0.0, 0.0), falling=lambda s: 1.0 + slope * s)
-    bound = g * (1.0 + slope * np.hypot(*result.slip))
-    assert_allclose(result.bound, bound, atol=1e-7 * bound.max())
-    assert_rolls(result, Material.from_shear(1.0, 0.25))
-    assert abs(result.force[0]) > abs(constant.force[0])
+    assert_bound(result, g, falling)
+    assert result.warnings == ()
+    assert (abs(result.force[0]) < abs(constant.force[0])) == (rise is None)
+    assert ((result.bound < g)[result.sliding]).all() == (rise is None)
 
 
 def test_friction_that_does_not_depend_on_the_slip_is_a_factor():
@@ -72,20 +68,11 @@ def test_the_stiffness_of_an_element_is_what_its_own_traction_slips_by():
         rolling(g, (h, h), **case)
 
 
-@pytest.mark.parametrize("fall", [0.5, 0.9])
-def test_steep_friction_is_that_of_its_slip(fall):
-    g, result = circle(24, (0.1, 0.0, 0.1), falling=steep(fall))
-    assert_allclose(result.bound, g * steep(fall)(np.hypot(*result.slip)), atol=1e-7 * g.max())
-    assert_rolls(result, Material.from_shear(1.0, 0.25))
-    assert result.warnings == ()
-
-
 def test_friction_steeper_than_an_element_is_stiff_is_found_and_doubted():
     with pytest.warns(ContactWarning, match="an element resists by 1.38 only: there may be other"):
         g, result = circle(24, (0.1, 0.0, 0.1), falling=steep(20.0))
-    assert_allclose(result.bound, g * steep(20.0)(np.hypot(*result.slip)), atol=1e-7 * g.max())
     assert "there may be other answers" in result.warnings[0]
-    assert_rolls(result, Material.from_shear(1.0, 0.25))
+    assert_bound(result, g, steep(20.0))
 
 
 @doubtful
@@ -100,13 +87,12 @@ def test_friction_that_falls_steeply_settles_on_fine_grids(steepness):
         return 0.5 + 0.5 / (1.0 + s / scale)
 
     _, result = circle(64, (0.1, 0.0, 0.1), falling=falling)
-    assert_allclose(result.bound, g * falling(np.hypot(*result.slip)), atol=1e-7 * g.max())
-    assert_rolls(result, Material.from_shear(1.0, 0.25))
+    assert_bound(result, g, falling)
 
 
 @doubtful
 def test_an_element_slides_slowly_or_fast_where_friction_falls_steeper_than_it_is_stiff():
-    g, case = np.ones((1, 1)), {"element": (1.0, 1.0), "material": Material.from_shear(1.0, 0.25)}
+    g, case = np.ones((1, 1)), {"element": (1.0, 1.0), "material": MATERIAL}
 
     def falling(s):
         return np.clip(1.75 - 2.5 * STIFFNESS * s, 0.5, 1.0)
@@ -145,7 +131,7 @@ def test_says_how_steep_friction_is_where_it_does_not_settle():
         return np.where(s < 0.5 / STIFFNESS, 0.5, 1.0)
 
     message = r"after .* rounds .* rises by up to .* an element resists by 1\.38"
-    case = {"material": Material.from_shear(1.0, 0.25), "lateral": 1.25 / STIFFNESS}
+    case = {"material": MATERIAL, "lateral": 1.25 / STIFFNESS}
     with pytest.raises(ContactError, match=message) as caught:
         rolling(np.ones((1, 1)), (1.0, 1.0), falling=jumps, **case)
     assert caught.value.result.residual > 1e-8
@@ -190,18 +176,13 @@ def test_loads_that_friction_without_slip_does_not_carry_have_their_creepages(
     g, expected = circle(16, creepages, falling=falling)
     (fx, fy), moment = expected.force, expected.moment
     loads = {"force": (fx if "x" in given else None, fy if "y" in given else None)}
-    if "moment" in given:
-        loads["moment"] = moment
-    names = {"x": 0, "y": 1, "moment": 2}
-    left = list(creepages)
-    for name in given:
-        left[names[name]] = 0.0
-    _, found = circle(16, tuple(left), falling=falling, **loads)
+    loads |= {"moment": moment} if "moment" in given else {}
+    left = [c * (k not in given) for k, c in zip(("x", "y", "moment"), creepages, strict=True)]
+    _, found = circle(16, left, falling=falling, **loads)
     scale = max(abs(fx), abs(fy), abs(moment))
     assert_allclose(found.creepages, creepages, atol=1e-5)
     assert_allclose(found.force, expected.force, atol=1e-5 * scale)
-    assert_allclose(found.bound, g * falling(np.hypot(*found.slip)), atol=1e-7 * g.max())
-    assert_rolls(found, Material.from_shear(1.0, 0.25))
+    assert_bound(found, g, falling)
 
 
 def test_loads_that_no_slip_lets_friction_carry_are_refused():
@@ -262,16 +243,14 @@ def test_the_bound_is_that_of_the_slip_in_any_unit(unit):
     material = Material.from_shear(unit, 0.25)
     result = rolling(unit * g, one.element, material=material, **case)
     assert_allclose(result.traction, unit * one.traction, atol=1e-6 * unit * g.max())
-    assert_allclose(
-        result.bound, unit * g * steep(0.9)(np.hypot(*result.slip)), atol=1e-7 * unit * g.max()
-    )
+    assert_bound(result, unit * g, steep(0.9), material)
 
 
 def test_friction_falls_beside_what_is_bonded():
     g, _ = circle(24, (0.1, 0.0, 0.0))
     bonded = (g > 0.0) & (np.arange(24)[:, np.newaxis] < 10)
     g[bonded] = np.inf
-    case = {"material": Material.from_shear(1.0, 0.25), "longitudinal": 0.5}
+    case = {"material": MATERIAL, "longitudinal": 0.5}
     result = rolling(g, (2.0 / 24,) * 2, falling=steep(0.5), **case)
     slides = result.sliding
     assert slides.any()
@@ -310,4 +289,4 @@ def test_friction_may_fall_until_it_underflows():
         _, result = circle(16, (0.3, 0.0, 0.0), falling=lambda s: np.exp(-((s / 0.01) ** 2)))
     sizes = np.hypot(*result.slip)[result.contact]
     assert np.exp(-((sizes / 0.01) ** 2)).min() < 1e-40
-    assert_rolls(result, Material.from_shear(1.0, 0.25))
+    assert_rolls(result, MATERIAL)

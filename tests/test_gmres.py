@@ -49,15 +49,8 @@ def test_the_iterates_are_those_of_scipy(restart, maxiter):
     A, b = matrix(50), vector(50)
     ours, theirs = [], []
     for gmres, iterates in ((tmg.gmres, ours), (scipy.sparse.linalg.gmres, theirs)):
-        x, info = gmres(
-            A,
-            b,
-            rtol=1e-13,
-            restart=restart,
-            maxiter=maxiter,
-            callback=lambda x, i=iterates: i.append(x.copy()),
-            callback_type="x",
-        )
+        told = {"callback": lambda x, i=iterates: i.append(x.copy()), "callback_type": "x"}
+        x, info = gmres(A, b, rtol=1e-13, restart=restart, maxiter=maxiter, **told)
         assert info > 0
         assert_allclose(x, iterates[-1])
     assert len(ours) == maxiter
@@ -69,16 +62,8 @@ def test_callbacks_and_history(restart):
     A, b = matrix(50), vector(50)
     M = np.diag(np.linspace(0.5, 2.0, 50))
     norms, residuals = [], []
-    x, info = tmg.gmres(
-        A,
-        b,
-        M=M,
-        rtol=1e-9,
-        restart=restart,
-        callback=norms.append,
-        callback_type="pr_norm",
-        residuals=residuals,
-    )
+    told = {"callback": norms.append, "callback_type": "pr_norm", "residuals": residuals}
+    x, info = tmg.gmres(A, b, M=M, rtol=1e-9, restart=restart, **told)
     assert info == 0
     size = np.linalg.norm(b)
     # The recurrence tells the true residual.
@@ -133,16 +118,8 @@ def test_one_product_an_iteration_and_one_a_cycle(restart):
     for guess, first in ((None, 0), (np.ones(500), 1)):
         residuals, cycles = [], []
         with tmg.count_products() as work:
-            _, info = tmg.gmres(
-                A,
-                b,
-                guess,
-                rtol=1e-7,
-                restart=restart,
-                residuals=residuals,
-                callback=cycles.append,
-                callback_type="x",
-            )
+            told = {"callback": cycles.append, "callback_type": "x", "residuals": residuals}
+            _, info = tmg.gmres(A, b, guess, rtol=1e-7, restart=restart, **told)
         assert info == 0
         assert work.products == len(residuals) - 1 + len(cycles) + first
 

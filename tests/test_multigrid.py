@@ -236,6 +236,11 @@ def test_two_grids_correct_the_coarse_and_the_leftover_unknowns_exactly(A, inter
         assert_allclose(error, after @ coarse @ before, atol=1e-10, err_msg=f"{pre}, {post}")
 
 
+def by_jacobi(A, interpolation, coarsest=16):
+    smoother = tmg.jacobi_preconditioner
+    return tmg.multigrid(A, smoother=smoother, interpolation=interpolation, coarsest=coarsest)
+
+
 ZEROS = {
     "2 - 2 cos θ": tmg.linear_interpolation,
     "θ²": tmg.linear_interpolation,
@@ -251,9 +256,7 @@ def test_symbols_with_a_zero_take_a_number_of_cycles_independent_of_n(name):
     counts = []
     for n in (300, 511, 512, 1009, 4096, 20000, 2**15 + 1, 2**17):
         A = tmg.ToeplitzOperator(column(name, n))
-        M = tmg.multigrid(
-            A, smoother=tmg.jacobi_preconditioner, interpolation=ZEROS[name], coarsest=16
-        )
+        M = by_jacobi(A, ZEROS[name])
         assert M.H is M
         b = np.random.default_rng(1).standard_normal(n)
         counts.append(iterations(tmg.richardson, A, M, b))
@@ -268,12 +271,7 @@ def test_a_zero_on_two_axes():
         c = np.zeros(shape)
         c[0, 0], c[0, 1], c[1, 0] = 4.0, -1.0, -1.0
         A = tmg.ToeplitzOperator(c)
-        M = tmg.multigrid(
-            A,
-            smoother=tmg.jacobi_preconditioner,
-            interpolation=tmg.linear_interpolation,
-            coarsest=9,
-        )
+        M = by_jacobi(A, tmg.linear_interpolation, coarsest=9)
         b = np.random.default_rng(1).standard_normal(A.shape[0])
         counts.append(iterations(cg, A, M, b))
     assert_within_budget("CG, a zero on two axes", iterations=max(counts))
@@ -282,12 +280,7 @@ def test_a_zero_on_two_axes():
 
 def test_the_modulated_transfer_moves_the_zero_to_the_other_end():
     A = tmg.ToeplitzOperator(column("2 + 2 cos θ", 255))
-    M = tmg.multigrid(
-        A,
-        smoother=tmg.jacobi_preconditioner,
-        interpolation=tmg.modulated_interpolation,
-        coarsest=16,
-    )
+    M = by_jacobi(A, tmg.modulated_interpolation)
     # It is proportional to 2 - 2 cos θ.
     assert_allclose(M.levels[1].A.c[:3], [0.5, -0.25, 0.0], atol=1e-15)
     for fine, coarse in zip(M.levels[1:], M.levels[2:], strict=False):
@@ -315,6 +308,8 @@ def test_interpolation_refuses_bad_weights():
     for weights in ((1.0,), (1.0, np.nan)):
         with pytest.raises(ValueError, match="weights are"):
             tmg.Interpolation(weights)
+    with pytest.raises(TypeError, match="must be called"):
+        tmg.rediscretised(3)
 
 
 @pytest.mark.parametrize("n", [37, 64, 101, 255, 256, 257])
@@ -594,11 +589,6 @@ UNCOUPLED = tmg.ToeplitzOperator(np.where(np.arange(4096) == 7, -1.0, 3.0 * np.e
 def test_refuses_what_does_not_fit(A, arguments, error, match):
     with pytest.raises(error, match=match):
         tmg.multigrid(A, **arguments)
-
-
-def test_refuses_what_makes_no_coarse_matrix():
-    with pytest.raises(TypeError, match="must be called"):
-        tmg.rediscretised(3)
 
 
 def test_says_on_which_level_the_smoother_refused():

@@ -26,16 +26,20 @@ raise SystemExit(7)
 SCRIPT = f"import sys\nfrom {MODULE} import main\nsys.exit(main())\n"
 
 
+def environment(*folders):
+    """That of a program which finds this package, and before it what is in these folders."""
+    return os.environ | {"PYTHONPATH": os.pathsep.join([*folders, ROOT, *filter(None, sys.path)])}
+
+
 def interrupted(folder, *command):
     (folder / "numpy").mkdir(exist_ok=True)
     (folder / "numpy" / "__init__.py").write_text(NUMPY)
-    path = os.pathsep.join([str(folder), ROOT, *filter(None, sys.path)])
     return subprocess.run(
         [sys.executable, *command],
         capture_output=True,
         text=True,
         check=False,
-        env=os.environ | {"PYTHONPATH": path},
+        env=environment(str(folder)),
         # A job in the background, as CI may be, has its programs ignore the signal.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
@@ -82,9 +86,7 @@ def test_a_result_is_written_where_nothing_can_be_printed(closed, tmp_path):
     np.save(tmp_path / "c.npy", np.array([2.0, -1.0, 0.0]))
     np.save(tmp_path / "b.npy", np.ones(3))
     command = f'"{sys.executable}" -m toeplitz_mg solve c.npy b.npy -o x.npy {closed}'
-    path = os.pathsep.join([ROOT, *filter(None, sys.path)])
-    environment = os.environ | {"PYTHONPATH": path}
-    subprocess.run(["bash", "-c", command], cwd=tmp_path, env=environment, check=True)
+    subprocess.run(["bash", "-c", command], cwd=tmp_path, env=environment(), check=True)
     np.testing.assert_allclose(np.load(tmp_path / "x.npy"), [1.5, 2.0, 1.5])
 
 
@@ -178,11 +180,10 @@ def test_files_are_written_though_the_reader_of_the_report_has_left(command, wri
     np.save(tmp_path / "c.npy", 1.0 / (1.0 + np.arange(300)))
     np.save(tmp_path / "b.npy", np.ones(300))
     before = set(os.listdir(tmp_path))
-    path = os.pathsep.join([ROOT, *filter(None, sys.path)])
     with subprocess.Popen(
         [sys.executable, "-m", "toeplitz_mg", *command.split()],
         cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": path},
+        env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     ) as process:
