@@ -77,6 +77,7 @@ FIRST = {
     "preconditioners": "areas.csv",
     "baselines": "baselines.csv",
     "drop_in": "drop_in.csv",
+    "machines": "threads.csv",
 }
 
 
