@@ -110,9 +110,6 @@ def test_what_is_not_positive_definite_is_reported():
     x, info = tmg.cg(A, b, M=-np.eye(50))
     assert info == 1
     assert not x.any()
-    x, info = tmg.cg(A, np.zeros(50))
-    assert info == 0
-    assert not x.any()
 
 
 @pytest.mark.parametrize("shape", [(300,), (900,), (40000,), (9, 8), (60, 70)])

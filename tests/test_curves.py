@@ -28,14 +28,8 @@ def test_a_curve_is_carters():
 
 def test_points_of_a_curve_are_those_alone():
     g, alone = circle(24, (0.05, 0.02, 0.1))
-    curve = creep_curve(
-        g,
-        alone.element,
-        material=Material.from_shear(1.0, 0.25),
-        longitudinal=[0.01, 0.05, 0.2],
-        lateral=0.02,
-        spin=0.1,
-    )
+    case = {"material": Material.from_shear(1.0, 0.25), "lateral": 0.02, "spin": 0.1}
+    curve = creep_curve(g, alone.element, longitudinal=[0.01, 0.05, 0.2], **case)
     assert_allclose(curve.creepages, [[0.01, 0.02, 0.1], [0.05, 0.02, 0.1], [0.2, 0.02, 0.1]])
     assert_allclose(curve.force[1], alone.force, atol=1e-6 * np.linalg.norm(alone.force))
     assert_allclose(curve.moment[1], alone.moment, atol=1e-6)
@@ -137,12 +131,8 @@ def test_a_curve_through_zero_has_no_force_there(bonded):
 
 
 def test_the_forces_of_strips_of_a_length_are_whole_forces():
-    pressed = normal_contact(
-        surfaces.cylinder(32, 0.01, radius=25.0),
-        (0.01, 50.0),
-        material=Material(E=210000.0, nu=0.28),
-        force=800.0,
-    )
+    gap, steel = surfaces.cylinder(32, 0.01, radius=25.0), Material(E=210000.0, nu=0.28)
+    pressed = normal_contact(gap, (0.01, 50.0), material=steel, force=800.0)
     curve = creep_curve(pressed, mu=0.3, longitudinal=[-1e-4, -1e-2])
     rolled = rolling(pressed, mu=0.3, longitudinal=-1e-2)
     assert curve.force[-1] == pytest.approx(rolled.force)

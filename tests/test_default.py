@@ -18,6 +18,7 @@ from comparisons.systems.random_matrices import random_matrix
 from comparisons.systems.symbols import column
 from tests.budgets import assert_within_budget
 from tests.cases import contact, exponential
+from tests.test_fsai import tangential
 from toeplitz_mg.paper import problems
 
 
@@ -45,17 +46,6 @@ def check(case, A, **options):
 def half_space(influence, shape, *element, nu=0.28):
     x, y = tmg.halfspace.offsets(shape, element)
     return tmg.ToeplitzOperator(influence(x, y, element, G=1.0, nu=nu))
-
-
-def tangential(n, nu):
-    x, y = tmg.halfspace.all_offsets((n, n), (1.0, 1.0))
-    xx, xy, yy = (
-        tmg.ToeplitzOperator.from_lags(
-            getattr(tmg.halfspace, f"influence_{pair}")(x, y, (1.0, 1.0), G=1.0, nu=nu)
-        )
-        for pair in ("xx", "xy", "yy")
-    )
-    return tmg.CoupledOperator([[xx, xy], [xy, yy]])
 
 
 def gaussian(shape, length, nugget):
@@ -96,10 +86,12 @@ MATRICES = {
         masks.circle(40),
     ),
     "wide exponential": tmg.ToeplitzOperator(np.exp(-np.hypot(*np.indices((64, 64))) / 10.0)),
-    "coupled": tangential(40, 0.28),
-    "coupled, on a mask": tmg.MaskedOperator(tangential(64, 0.28), [masks.rough(0.3, 64)] * 2),
+    "coupled": tangential((40, 40), 0.28),
+    "coupled, on a mask": tmg.MaskedOperator(
+        tangential((64, 64), 0.28), [masks.rough(0.3, 64)] * 2
+    ),
     "strongly coupled, on a mask": tmg.MaskedOperator(
-        tangential(64, 0.5), [masks.rough(0.3, 64)] * 2
+        tangential((64, 64), 0.5), [masks.rough(0.3, 64)] * 2
     ),
 }
 
@@ -161,8 +153,8 @@ FEW = [
     *small((600,)),
     *small((20, 30)),
     *small((8, 7, 9)),
-    tangential(17, 0.28),
-    tmg.MaskedOperator(tangential(30, 0.28), [masks.rough(0.3, 30)] * 2),
+    tangential((17, 17), 0.28),
+    tmg.MaskedOperator(tangential((30, 30), 0.28), [masks.rough(0.3, 30)] * 2),
 ]
 
 
@@ -350,7 +342,7 @@ def test_it_builds_nothing():
 
 
 def test_it_prints_what_is_taken_first_and_what_follows_a_refusal():
-    two = tmg.MaskedOperator(tangential(40, 0.3), [masks.rough(0.9, 40)] * 2)
+    two = tmg.MaskedOperator(tangential((40, 40), 0.3), [masks.rough(0.9, 40)] * 2)
     isolated = tmg.ToeplitzOperator(np.where(np.arange(900) % 400, 0.0, 1.0).reshape(30, 30))
     for A in (tmg.ToeplitzOperator(contact(40, 40)), two, isolated):
         selection = tmg.select_preconditioner(A)

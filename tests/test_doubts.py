@@ -288,9 +288,3 @@ def test_a_warning_is_of_the_line_that_calls_the_function(name):
     with pytest.warns(ContactWarning) as caught:
         exec(compile(CALLS[name], "the user's file", "exec"), given | {"STEEL": STEEL})
     assert {warning.filename for warning in caught} == {"the user's file"}
-
-
-@pytest.mark.parametrize(("shape", "element"), [((1,), 0.1), ((1, 1), (0.1, 0.1))])
-def test_one_element_is_one_across(shape, element):
-    with pytest.warns(ContactWarning, match="the contact is only 1 element across"):
-        normal_contact(np.zeros(shape), element, material=STEEL, force=1.0)

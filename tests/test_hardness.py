@@ -9,15 +9,13 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from tests.budgets import assert_within_budget
+from tests.test_friction import doubtful
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import Material, load_curve, normal_contact, surfaces
 
 UNIT = Material.from_shear(0.7, 0.3)  # G and ν of bodies with E* = G/(1-ν) = 1.
 A = 0.6  # Radius of contact without a hardness, on grids of [-1, 1].
 P0 = 2 * A / np.pi
-
-# Tests of what is solved, on grids that are meant to be small.
-doubtful = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
 
 
 def bounded_least_squares(gap, element, approach, hardness):

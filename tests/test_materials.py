@@ -78,11 +78,7 @@ def test_a_pair_of_equal_bodies_is_the_body():
         (lambda: Material.from_shear(-1.0, 0.3), ValueError, "G is -1.0"),
         (lambda: Material.from_shear(1.0, np.nan), ValueError, "nu is nan"),
         (lambda: halfspace.CombinedMaterial(1.0, 0.3, 2.0), ValueError, "difference is 2.0"),
-        (
-            lambda: halfspace.CombinedMaterial(1.0, 0.3, bodies=3),
-            TypeError,
-            "bodies is 3, but must",
-        ),
+        (lambda: halfspace.CombinedMaterial(1.0, 0.3, bodies=3), TypeError, "bodies is 3, but"),
     ],
 )
 def test_what_no_body_is_made_of(make, error, match):

@@ -44,13 +44,8 @@ def test_what_is_not_coupled_has_no_blocks():
     assert three.blocks[0][1] is three.blocks[1][0]
     two = halfspace.influence_matrix("xy", shape, element, Material.from_shear(1.0, 0.0))
     assert two.blocks[0][1] is two.blocks[1][0] is None
-    # A constant too small to change a digit.
-    assert (
-        halfspace.influence_matrix("xy", shape, element, Material.from_shear(1.0, 1e-310)).blocks[
-            0
-        ][1]
-        is None
-    )
+    tiny = Material.from_shear(1.0, 1e-310)  # Too small to change a digit.
+    assert halfspace.influence_matrix("xy", shape, element, tiny).blocks[0][1] is None
 
 
 @pytest.mark.parametrize("direction", ["x", "z"])
@@ -60,10 +55,8 @@ def test_strips_are_a_column_of_elements_or_plane_strain(direction):
     column = halfspace.influence_matrix(direction, (7, 1), element, material)
     assert_array_equal(strips.c, column.c[:, 0])
     plane = halfspace.influence_matrix(direction, (7,), (0.5,), material, reference=9.0)
-    assert_array_equal(
-        plane.c,
-        halfspace.line_contact_coefficients(7, 0.5, G=material.G, nu=material.nu, reference=9.0),
-    )
+    constants = {"G": material.G, "nu": material.nu, "reference": 9.0}
+    assert_array_equal(plane.c, halfspace.line_contact_coefficients(7, 0.5, **constants))
     moved = halfspace.influence_matrix(direction, (7,), (0.5,), material, reference=9.0, ahead=1)
     assert_array_equal(moved.lags[:-1], plane.lags[1:])
     default = halfspace.influence_matrix(direction, (7,), (0.5,), material)
@@ -102,14 +95,9 @@ def test_coupled_strips():
     ],
 )
 def test_refuses_bad_arguments(change, match):
-    arguments = {
-        "directions": "xy",
-        "grid_shape": (4, 4),
-        "element": (1.0, 1.0),
-        "material": STEEL,
-    } | change
+    given = {"directions": "xy", "grid_shape": (4, 4), "element": (1.0, 1.0)} | change
     with pytest.raises(ValueError, match=match):
-        halfspace.influence_matrix(**arguments)
+        halfspace.influence_matrix(**given, material=STEEL)
 
 
 def test_the_matrix_is_what_contact_uses():

@@ -578,12 +578,7 @@ UNCOUPLED = tmg.ToeplitzOperator(np.where(np.arange(4096) == 7, -1.0, 3.0 * np.e
         (tmg.ToeplitzOperator([1.0, 2.0]), {}, np.linalg.LinAlgError, "coarsest grid, .*not pos"),
         (UNCOUPLED, {}, ValueError, "are not coupled"),
         # It would make a cycle for a real matrix complex.
-        (
-            LINE,
-            {"smoother": lambda A: 1j * np.eye(600)},
-            TypeError,
-            "has dtype complex128, but its",
-        ),
+        (LINE, {"smoother": lambda A: 1j * np.eye(600)}, TypeError, "complex128, but its"),
     ],
 )
 def test_refuses_what_does_not_fit(A, arguments, error, match):

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from tests.budgets import assert_within_budget
 from tests.test_friction import doubtful, semi_ellipse
-from tests.test_rolling import assert_rolls
+from tests.test_rolling import NAMES, assert_rolls
 from toeplitz_mg.contact import (
     Material,
     frictional_rolling,
@@ -42,13 +42,12 @@ def ellipse(n, h):
 def test_loads_near_those_of_sliding_take_a_few_products_more_than_creepages(n, creepages, given):
     h = (2.0 / n, 2.0 / n)
     g, case = ellipse(n, h), {"material": BODY}
-    names = ("longitudinal", "lateral", "spin")
-    known = rolling(g, h, **dict(zip(names, creepages, strict=True)), **case)
+    known = rolling(g, h, **dict(zip(NAMES, creepages, strict=True)), **case)
     assert known.stick_area < 0.02 * known.area
     loads = {name: getattr(known, name) for name in given}
-    left = {"force": names[:2], "moment": names[2:]}
+    left = {"force": NAMES[:2], "moment": NAMES[2:]}
     rest = {name for kind in given for name in left[kind]}
-    others = {n: c for n, c in zip(names, creepages, strict=True) if n not in rest}
+    others = {n: c for n, c in zip(NAMES, creepages, strict=True) if n not in rest}
     result = rolling(g, h, **loads, **others, **case)
     assert_rolls(result, BODY)
     carried = float(g.sum()) * h[0] * h[1]
@@ -198,9 +197,3 @@ def test_a_single_element_sticks_whatever_slip_is_given(angle, share):
     assert found.stick.all()
     assert_within_budget("one element in any slip", products=found.products)
     assert_allclose(found.force, force, atol=1e-12)
-
-
-@pytest.mark.parametrize("creepage", ["longitudinal", "lateral", "spin"])
-def test_creepages_beside_which_displacements_are_rounding_are_refused(creepage):
-    with pytest.raises(ValueError, match=f"{creepage} is 1e.20, but must be at most"):
-        rolling(np.ones((3, 3)), (1.0, 1.0), material=STEEL, **{creepage: 1e20})

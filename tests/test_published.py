@@ -5,7 +5,9 @@ E. A. H. Vollebregt, User guide for CONTACT; the printed numbers are those of it
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
+from tests.budgets import assert_within_budget
 from toeplitz_mg import contact
 
 pytestmark = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
@@ -61,32 +63,32 @@ def test_carter2d():
 
 
 @pytest.mark.parametrize(
-    ("share", "creepage", "stick", "power"),
+    ("mu", "share", "creepage", "touch", "stick", "power"),
     [
-        (0.0, "4.294e-4", 125, "9.475e-3"),
-        (0.75, "2.108e-4", 36, "0.1955"),
-        (-0.75, "5.392e-4", 106, "0.04418"),
+        (10.0, 0.0, "3.591e-4", 200, 200, None),
+        (0.05, 0.0, "4.294e-4", 200, 125, "9.475e-3"),
+        (0.05, 0.75, "2.108e-4", 200, 36, "0.1955"),
+        (0.05, -0.75, "5.392e-4", 201, 106, "0.04418"),
     ],
 )
-def test_bentall(share, creepage, stick, power):
+def test_bentall(mu, share, creepage, touch, stick, power):
     """Rollers of unlike materials, by a part of the force that friction carries.
 
     They roll the other way (CHI = 180°), so that creepages have the other sign.
     """
     x = centres(-0.108, 0.001, 216)
     bodies = contact.Material.from_shear(23000.0, 0.31), contact.Material.from_shear(82000.0, 0.28)
-    mu, force = 0.05, 16201.9
-    rolled = contact.frictional_rolling(
-        0.02 * x**2,
-        (0.001, 1000.0),
-        material=bodies,
-        mu=mu,
-        force=force,
-        tangential_force=-share * mu * force,
-    ).tangential
-    assert rolled.stick.sum() == stick
+    force = 16201.9
+    case = {"material": bodies, "mu": mu, "force": force, "tangential_force": -share * mu * force}
+    result = contact.frictional_rolling(0.02 * x**2, (0.001, 1000.0), **case)
+    rolled = result.tangential
+    assert (result.normal.contact.sum(), rolled.stick.sum()) == (touch, stick)
     assert_printed(creepage=(-rolled.creepages, creepage))
-    assert_printed(power=(0.001 * 1000.0 * rolled.dissipation.sum(), power))  # At 1 m/s.
+    assert_allclose(rolled.force, -share * mu * force, atol=1e-6 * mu * force)
+    assert_within_budget("rollers of unlike materials", iterations=len(result.residuals))
+    if power:
+        dissipated = 0.001 * 1000.0 * rolled.dissipation.sum()  # At 1 m/s.
+        assert_printed(power=(dissipated, power))
 
 
 def test_fastsim():

@@ -88,10 +88,8 @@ def test_the_inverse_is_exact_at_both_edges_of_what_may_change(shape):
 def test_in_each_place_the_inverse_is_that_of_its_own_addition(shape):
     rng, K = np.random.default_rng(0), rolling_on(shape)
     M = ShiftedInverses.of(K, np.float64)
-    addition, r = (
-        3.0 * rng.random(shape),
-        rng.standard_normal((K.shape[0] // np.prod(shape), *shape)),
-    )
+    addition = 3.0 * rng.random(shape)
+    r = rng.standard_normal((K.shape[0] // np.prod(shape), *shape))
     inside = rng.random(shape) < 0.7
 
     def project(X):

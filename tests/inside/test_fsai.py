@@ -12,14 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import toeplitz_mg as tmg
 from tests.cases import contact, exponential
-from tests.test_fsai import (
-    both_iterations,
-    half_space,
-    matern,
-    operator,
-    spectrum,
-    tangential,
-)
+from tests.test_fsai import both_iterations, half_space, matern, operator, spectrum, tangential
 from toeplitz_mg import fsai_preconditioner
 from toeplitz_mg.halfspace import influence_zz, offsets
 from toeplitz_mg.preconditioners.fsai.aggregates import aggregate
@@ -271,12 +264,8 @@ def test_it_is_the_inverse_of_any_area_on_a_whole_line(column, n):
 def test_a_trial_tells_how_many_iterations_larger_grids_take():
     """Of kernels that need few neighbours, or many, or are stretched, and of each number."""
     kernels = [matern((128, 128), 0.5, length) for length in (1.0, 3.0, 5.0)]
-    kernels += [
-        matern((128, 128), 1.5, 2.0),
-        matern((128, 128), 2.5, 1.5),
-        half_space(128),
-        half_space(128, 50.0),
-    ]
+    kernels += [matern((128, 128), 1.5, 2.0), matern((128, 128), 2.5, 1.5)]
+    kernels += [half_space(128), half_space(128, 50.0)]
     few = np.random.default_rng(3).random((128, 128)) < 0.1
     for c in kernels:
         for number in (12, 24, 40):
