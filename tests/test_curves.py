@@ -70,6 +70,8 @@ def test_refuses_what_is_no_curve(creepages):
         creep_curve(np.ones((4, 4)), (1.0, 1.0), material=BODY, **creepages)
     with pytest.raises(ValueError, match="are numbers, but one at least must be an array"):
         creep_curve(np.ones((4, 4)), (1.0, 1.0), material=BODY, longitudinal=0.1)
+    with pytest.raises(ValueError, match="a curve has one point at least"):
+        creep_curve(np.ones(8), 0.1, material=BODY, longitudinal=[])
 
 
 def line_curve():
@@ -147,8 +149,3 @@ def test_a_curve_without_contact_has_no_force_and_nothing_that_slips(shape):
     assert not curve.force.any()
     assert not curve.power.any()
     assert np.array_equal(curve.stick_share, [1.0, 1.0])
-
-
-def test_an_empty_curve_is_refused_as_such():
-    with pytest.raises(ValueError, match="a curve has one point at least"):
-        creep_curve(np.ones(8), 0.1, material=BODY, longitudinal=[])

@@ -20,6 +20,8 @@ from toeplitz_mg.contact import (
     friction,
     normal_contact,
     rolling,
+    rolling_steps,
+    subsurface_stresses,
     surfaces,
 )
 
@@ -329,3 +331,38 @@ def test_one_product_is_one():
 def test_only_what_is_rounding_beside_the_largest_is_shown_as_zero(small, shown):
     forces = replace(SHIFTED, force=np.array([1.0, small]))
     assert f"force             (1, {shown}) N\n" in forces.summary()
+
+
+# As input ---------------------------------------------------------------------------------------
+
+
+def with_a_value(result, name, value):
+    field = getattr(result, name).copy()
+    field[..., 24, 16] = value  # In the middle of the contact.
+    return replace(result, **{name: field})
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda wrong: friction(wrong, mu=0.3, force=(0.01, 0.0)),
+        lambda wrong: rolling(wrong, mu=0.3, longitudinal=1e-3),
+        lambda wrong: next(rolling_steps(wrong, mu=0.3, longitudinal=1e-3, steps=2)),
+        lambda wrong: press(0.11, previous=wrong),
+        lambda wrong: subsurface_stresses(wrong, depths=[0.1]),
+    ],
+    ids=["friction", "rolling", "steps", "previous", "stresses"],
+)
+def test_a_pressure_that_is_no_number_is_refused(use, value):
+    """It is checked as an array is: no NaN is taken for zero."""
+    with pytest.raises(ValueError, match=f"has the traction {value}, but tractions must be finite"):
+        use(with_a_value(PRESSED, "pressure", value))
+
+
+def test_a_negative_pressure_and_a_history_that_is_no_number_are_refused():
+    with pytest.raises(ValueError, match="but a traction bound is at least zero"):
+        friction(with_a_value(PRESSED, "pressure", -1.0), mu=0.3, force=(0.01, 0.0))
+    wrong = with_a_value(SHIFTED, "traction", np.nan)
+    with pytest.raises(ValueError, match="previous has the traction nan"):
+        friction(PRESSED, mu=0.3, shift=(1e-5, 0.0), previous=wrong)

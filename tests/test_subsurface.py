@@ -193,7 +193,7 @@ def test_refuses_what_makes_no_sense(change, message):
         subsurface_stresses(*results, **arguments)
 
 
-def test_refuses_results_that_do_not_belong_together():
+def test_refuses_results_that_do_not_belong_together_or_repeat_or_are_of_one_rank():
     with pytest.raises(ValueError, match=r"shape is .* in one result and .* in the other"):
         subsurface_stresses(line(16), friction(line(18), mu=0.1, shift=1e-3), depths=0.1)
     other = friction(line(16, material=SOFT), mu=0.1, shift=1e-3)
@@ -201,6 +201,12 @@ def test_refuses_results_that_do_not_belong_together():
         subsurface_stresses(line(16), other, depths=0.1)
     with pytest.raises(TypeError, match=r"a result is 3\.0"):
         subsurface_stresses(3.0, depths=0.1)
+    for periodic in ((True, False), (False, True), True):
+        with pytest.raises(ValueError, match=r"periodic is .* in a result"):
+            subsurface_stresses(sphere(16, periodic=periodic), depths=0.1)
+    rows = dataclasses.replace(sphere(24), shape=(48, 24))
+    with pytest.raises(ValueError, match=r"a result has the rows of one rank, \(24, 24\) of"):
+        subsurface_stresses(rows, depths=0.1)
 
 
 def test_tractions_without_a_pressure_are_doubted():
@@ -234,18 +240,6 @@ def test_a_notebook_shows_where_it_yields_first(make):
     k = np.unravel_index(stresses.von_mises.argmax(), stresses.von_mises.shape)[0]
     assert cells["at a depth of"] == f"{stresses.depths[k]:.5g} mm"
     assert cells["largest shear"] in stresses.summary()
-
-
-@pytest.mark.parametrize("periodic", [(True, False), (False, True), True])
-def test_refuses_surfaces_that_repeat(periodic):
-    with pytest.raises(ValueError, match=r"periodic is .* in a result"):
-        subsurface_stresses(sphere(16, periodic=periodic), depths=0.1)
-
-
-def test_refuses_the_rows_of_one_rank():
-    rows = dataclasses.replace(sphere(24), shape=(48, 24))
-    with pytest.raises(ValueError, match=r"a result has the rows of one rank, \(24, 24\) of"):
-        subsurface_stresses(rows, depths=0.1)
 
 
 @pytest.mark.filterwarnings("error")
