@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-import scipy.linalg
-import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -285,32 +283,6 @@ def test_bonded_bodies_are_the_papers_problem(name):
 
 
 # Any problem --------------------------------------------------------------------------------
-
-
-def test_the_solution_in_one_component_is_that_of_bounded_least_squares():
-    rng = np.random.default_rng(5)
-    g, shift = rng.random(40), rng.standard_normal(40)
-    result = friction(g, 0.1, material=Material.from_shear(1.0, 0.2), shift=shift, tolerance=1e-12)
-    A = influence_matrix("x", (40,), (0.1,), Material.from_shear(1.0, 0.2))
-    L = np.linalg.cholesky(A.toarray())
-    b = scipy.linalg.solve_triangular(L, shift, lower=True)
-    expected = scipy.optimize.lsq_linear(L.T, b, (-g, g), method="bvls", tol=1e-14).x
-    assert_allclose(result.traction, expected, atol=1e-8)
-
-
-@doubtful
-def test_the_solution_in_two_components_has_the_least_energy():
-    rng = np.random.default_rng(6)
-    g, h, material = rng.random((8, 8)), (0.3, 0.2), Material.from_shear(1.0, 0.4)
-    result = friction(g, h, material=material, shift=(0.3, -0.2), tolerance=1e-11)
-    A = influence_matrix("xy", g.shape, h, material).toarray()
-    b, longest = np.repeat([0.3, -0.2], 64), np.linalg.norm(A, 2)
-    q = before = np.zeros(128)
-    for k in range(3000):  # Projected gradients, by Nesterov's method.
-        ahead = q + k / (k + 3) * (q - before)
-        x = (ahead + (b - A @ ahead) / longest).reshape(2, 8, 8)
-        before, q = q, (x * np.minimum(1.0, g / np.hypot(*x))).ravel()
-    assert_allclose(result.traction.ravel(), q, atol=1e-6)
 
 
 @doubtful

@@ -127,12 +127,6 @@ def test_what_is_built_is_positive_definite_or_refused(
     assert np.linalg.eigvalsh((P + P.T) / 2)[0] > 0.0
 
 
-def test_few_unknowns_are_solved_for_directly():
-    mask = np.random.default_rng(0).random((100, 100)) < 0.05
-    A = operator(contact(100, 100), mask)
-    assert_allclose(fsai_preconditioner(A) @ A.toarray(), np.eye(A.shape[0]), atol=1e-10)
-
-
 def test_it_says_what_fails_and_what_to_use_instead():
     k = np.arange(2000.0)
     with pytest.raises(np.linalg.LinAlgError, match=r"-.* must be positive.*use spectral_precond"):
@@ -375,34 +369,6 @@ def test_a_covariance_on_pieces_of_a_line(length):
         c = matern((n,), nu, length)
         for mask in (rng.random(n) < 0.5, rng.random(n) < 0.1, masks.islands(n // 12, n)):
             assert_few_iterations_or_refused(operator(c, mask), length > 20.0)
-
-
-def assert_twelve_neighbours_are_enough(c, mask):
-    """Assert that it is built with twelve neighbours, if their number is not given."""
-    A, b = operator(c, mask), np.ones(np.count_nonzero(mask))
-    assert_array_equal(fsai_preconditioner(A) @ b, fsai_preconditioner(A, neighbours=12) @ b)
-
-
-@pytest.mark.parametrize("nu", [0.0, 0.28, 0.5])
-@pytest.mark.parametrize("kernel", [influence_zz, influence_xx, influence_yy])
-def test_twelve_neighbours_are_enough_for_a_half_space(kernel, nu):
-    full = np.ones((30, 30), bool)
-    for ratio in (1.0, 2.0, 8.0, 20.0, 50.0, 0.5, 0.125, 0.05, 0.02):
-        assert_twelve_neighbours_are_enough(half_space(30, ratio, kernel, nu), full)
-
-
-@pytest.mark.parametrize("n", [700, pytest.param(2**14, marks=slow)])
-def test_twelve_neighbours_are_enough_for_long_memory(n):
-    k = np.arange(float(n))
-    kernels = [(1.0 + k) ** -a for a in (0.05, 0.3, 1.0, 2.0, 4.0)]
-    for H in (0.1, 0.3, 0.6, 0.9, 0.99):
-        kernels.append((abs(k + 1) ** (2 * H) - 2 * k ** (2 * H) + abs(k - 1) ** (2 * H)) / 2)
-    kernels += [contact(n), np.log(2.0 * n) - np.log(k + 0.5)]
-    for c in kernels:
-        assert_twelve_neighbours_are_enough(c, k != n // 2)
-    for a in (0.7, 1.0, 2.0):
-        c = (1.0 + np.hypot(*np.ogrid[:100, :100])) ** -a
-        assert_twelve_neighbours_are_enough(c, np.ones(c.shape, bool))
 
 
 @pytest.mark.parametrize("ratio", [100.0, 0.01, 150.0, 200.0, 1000.0, 1 / 150, 0.001])

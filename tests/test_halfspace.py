@@ -178,24 +178,6 @@ def test_three_directions_are_symmetric_and_positive_definite(first, second):
     assert np.linalg.eigvalsh(matrix).min() > 0
 
 
-def test_a_circle_under_pressure_draws_in():
-    """Johnson, §3.4: u_r = -(1-2ν) p r/(4G) inside, -(1-2ν) p a²/(4G r) outside, of one body."""
-    G, nu = 2.0, 0.2
-    h = 1 / 64
-    s = h * np.arange(-64, 65)
-    inside = s[:, None] ** 2 + s**2 < 1
-    X, Y = (grid[inside] for grid in np.meshgrid(s, s, indexing="ij"))
-    bodies = Material.from_shear(G, nu), Material.rigid()
-    combined = halfspace.combined_material(*bodies)
-    K = halfspace.difference_parameter(*bodies)
-    for x, y in ((0.25, 0.5), (-0.5, 0.0), (1.0, 1.0), (3.0, -2.0)):
-        r2 = x**2 + y**2
-        for kernel, t in (("xz", x), ("yz", y)):
-            u = COUPLING[kernel](x - X, y - Y, (h, h), G=combined.G, K=K).sum()
-            expected = -(1 - 2 * nu) / (4 * G) * t * min(1.0, 1 / r2)
-            assert_allclose(u, expected, rtol=5e-3, atol=1e-14)
-
-
 @pytest.mark.parametrize("n", [1, 2, 7, 40])
 def test_line_contact_is_the_integral_of_the_logarithm(n):
     c = halfspace.line_contact_coefficients(n, 0.3, G=2.0, nu=0.25, reference=5.0)

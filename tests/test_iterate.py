@@ -15,6 +15,7 @@ import toeplitz_mg as tmg
 SOLVERS = [tmg.cg, tmg.richardson, tmg.gmres]
 each = pytest.mark.parametrize("solver", SOLVERS)
 MASKED = np.ma.masked_array(np.ones(3), [False, True, False])
+NO_LISTS = (), np.zeros(3), True, {}
 BAD = np.ma.masked_array(np.eye(3)), np.eye(3).astype(str), np.eye(3).astype(object)
 A = tmg.ToeplitzOperator(1.0 / (1.0 + np.arange(200)))
 M = tmg.fft_rsm_preconditioner(A)
@@ -61,15 +62,8 @@ def test_one_entry_for_each_iterate(solver, is_complex):
 
 def test_the_history_of_an_iteration_in_less_precision():
     b, residuals, true = vector().real, [], [np.linalg.norm(vector().real)]
-    _, info = tmg.cg(
-        A,
-        b,
-        M=M,
-        rtol=1e-10,
-        inner=A.astype(np.float32),
-        residuals=residuals,
-        callback=lambda x: true.append(np.linalg.norm(b - A @ x)),
-    )
+    history = {"residuals": residuals, "callback": lambda x: true.append(np.linalg.norm(b - A @ x))}
+    _, info = tmg.cg(A, b, M=M, rtol=1e-10, inner=A.astype(np.float32), **history)
     assert info == 0
     # What is not computed may be wrong by 0.1 %, or by the rounding of float32.
     assert_allclose(residuals, true, rtol=0.05)
@@ -81,13 +75,6 @@ def test_a_zero_right_hand_side_has_a_history_of_one(solver):
     x, info = solver(A, np.zeros(200), np.ones(200), residuals=residuals)
     assert (info, residuals) == (0, [0.0])
     assert not x.any()
-
-
-@each
-@pytest.mark.parametrize("residuals", [(), np.zeros(3), True, {}])
-def test_only_a_list_is_filled(solver, residuals):
-    with pytest.raises(TypeError, match=r"residuals is .*, but must be a list"):
-        solver(A, vector().real, residuals=residuals)
 
 
 @each
@@ -148,11 +135,6 @@ def test_a_guess_far_above_the_right_hand_side(solver):
     assert solver(100.0 * np.eye(5), 3.0 * np.ones(5), np.full(5, 1e307), maxiter=3)[1] != 0
 
 
-def test_a_preconditioner_of_subnormal_numbers_has_few_digits():
-    x, info = tmg.cg(np.diag(np.arange(1.0, 6.0)), 3.0 * np.ones(5), M=1e-309 * np.eye(5))
-    assert info == 0 or np.isfinite(x).all()
-
-
 @each
 @pytest.mark.parametrize("size", [1e-200, 1e-3, 1.0, 1e3, 1e200])
 def test_an_absolute_tolerance_is_of_the_size_of_the_right_hand_side(solver, size):
@@ -176,14 +158,9 @@ def test_a_first_guess_whose_product_overflows_on_the_way(solver, dtype):
     exact = np.full(n, largest)
     b = exact * (np.arange(n) > 0)  # That is B times it.
     residuals = []
+    system = (numbers.astype(dtype) for numbers in (B, b, exact * (1.0 - small)))
     with np.errstate(over="ignore", invalid="ignore"):
-        x, info = solver(
-            B.astype(dtype),
-            b.astype(dtype),
-            (exact * (1.0 - small)).astype(dtype),
-            rtol=0.1,
-            residuals=residuals,
-        )
+        x, info = solver(*system, rtol=0.1, residuals=residuals)
     assert info == 0
     assert len(residuals) == 1  # It is good enough.
     assert_allclose(residuals[0] / largest, np.linalg.norm(B @ small), rtol=1e-3)
@@ -326,9 +303,6 @@ def test_the_first_guess_is_not_changed_and_may_be_the_solution(solver):
     x, info = solver(A, A @ x0, x0, M=M, maxiter=1)
     assert info == 0
     assert np.array_equal(x, x0)
-    zero, info = solver(A, np.zeros(200), x0, M=M)
-    assert info == 0
-    assert not zero.any()
 
 
 @each
@@ -347,6 +321,7 @@ def test_the_first_guess_is_not_changed_and_may_be_the_solution(solver):
         ({"maxiter": 1.5}, TypeError, "maxiter is 1.5, but must be an integer"),
         ({"M": np.eye(2)}, ValueError, r"M has shape \(2, 2\), but A has \(3, 3\)"),
         ({"A": np.ones((3, 2))}, ValueError, "must be square"),
+        *(({"residuals": r}, TypeError, "residuals is .*, but must be a list") for r in NO_LISTS),
         ({"callback": 3}, TypeError, "callback is 3, but must be a function, or None"),
         ({"b": MASKED}, TypeError, "is a masked array, but must have a value in each"),
         ({"x0": MASKED}, TypeError, "is a masked array, but must have a value in each"),

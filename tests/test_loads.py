@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
+from tests.test_friction import doubtful
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import (
     ContactError,
@@ -20,7 +21,6 @@ from toeplitz_mg.contact import (
 
 UNIT = Material.from_shear(0.7, 0.3)  # E* = G/(1-ν) = 1 of two equal bodies.
 SINGLE = {"forces": "force", "approaches": "approach"}
-doubtful = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
 
 
 def rough_gap(n, seed=1):
@@ -104,6 +104,7 @@ def test_a_previous_result_is_a_first_guess():
         ({"approaches": [np.nan]}, ValueError, "approaches is not a number somewhere"),
         ({"forces": ["a"]}, TypeError, "forces has dtype"),
         ({"forces": [0.1], "tolerance": 2.0}, ValueError, "tolerance is 2.0"),
+        ({"forces": [0.1, 1e3], "hardness": 1.0}, ValueError, "which all elements carry at the"),
     ],
 )
 def test_refuses_what_makes_no_sense_before_any_work(change, error, message):
@@ -157,13 +158,6 @@ def test_a_curve_may_begin_and_end_without_load():
 # Stiffness ----------------------------------------------------------------------------------
 
 
-def test_stiffness_of_hertz_is_twice_the_modulus_times_the_radius():
-    n, force = 256, 4.0 / 3.0 * 0.6**3
-    gap, element = sphere_gap(n), (2.0 / n, 2.0 / n)
-    result = normal_contact(gap, element, material=UNIT, force=force)
-    assert_allclose(result.stiffness, 2.0 * 0.6, rtol=2e-3)
-
-
 @doubtful
 @pytest.mark.parametrize("scale", [1.0, 1e5])  # The stiffness is as the modulus.
 @pytest.mark.parametrize(
@@ -204,11 +198,6 @@ def test_stiffness_is_computed_once_and_on_demand():
     assert "stiffness" in result.summary()
     with pytest.raises(AttributeError):
         result.stiffness = 1.0
-
-
-def test_a_force_that_the_hardness_does_not_carry_is_refused_before_any_work():
-    with pytest.raises(ValueError, match="which all elements carry at the hardness 1"):
-        load_curve(rough_gap(16), (0.1, 0.1), material=UNIT, forces=[0.1, 1e3], hardness=1.0)
 
 
 def test_each_load_warns_as_it_would_alone():

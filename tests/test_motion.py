@@ -272,15 +272,6 @@ def test_steps_by_a_force_are_steps_by_the_creepages_that_belong_to_it(given):
         assert_allclose(again.traction, step.traction, atol=1e-6 * g.max())
 
 
-def test_steps_by_one_force_lead_to_rolling_by_it():
-    force = (0.04, None)
-    g, steady = circle(16, (0.0, 0.05, 0.0), force=force)
-    case = {"element": steady.element, "material": Material.from_shear(1.0, 0.25)}
-    *_, last = rolling_steps(g, steps=80, force=force, lateral=0.05, **case)
-    assert_allclose(last.rigid, steady.rigid, rtol=1e-5, atol=1e-7)
-    assert_allclose(last.traction, steady.traction, atol=1e-5 * g.max())
-
-
 @doubtful
 def test_all_products_of_a_direct_solution_count():
     told = []

@@ -104,26 +104,6 @@ def test_carter():
     assert errors[2] < 0.3 * errors[0]
 
 
-@pytest.mark.parametrize("part", [0.2, 0.9])
-def test_force_of_carter(part):
-    _, _, result = carter(400, part)
-    assert_allclose(result.force / (MU * np.pi * A**2 / 4), 1 - part**2, atol=0.005)
-
-
-def test_kalkers_coefficients():
-    # Kalker, Three-Dimensional Elastic Bodies in Rolling Contact (1990), circle, ν = 1/4:
-    # F_x = -G a² C11 ξ, F_y = -G a² (C22 η + a C23 φ).
-    coefficients = []
-    for k in range(3):
-        creepages = 1e-3 * np.eye(3)[k]
-        _, result = circle(96, creepages, bound=np.inf)
-        assert_rolls(result, Material.from_shear(1.0, 0.25))
-        coefficients.append(-result.force / (1e-3 * A**2))
-    (C11, zero), (nothing, C22), (none, C23) = coefficients
-    assert_allclose([C11, C22, C23 / A], [4.12, 3.67, 1.47], rtol=0.03)
-    assert_allclose([zero, nothing, none], 0.0, atol=1e-6)
-
-
 def test_small_creepage_is_without_slip_but_at_the_trailing_edge():
     _, bonded = circle(48, (3e-3, 0.0, 0.0), bound=np.inf)
     _, result = circle(48, (3e-3, 0.0, 0.0))

@@ -14,7 +14,6 @@ from tests.systems import random, residual
 
 KERNEL = 1 / (1.0 + np.arange(3000))
 
-
 FORMS = {
     "list": ([4.0, 2.0, 1.0], [1.0, 2.0, 3.0]),
     "integers": ([4, 2, 1], [1, 2, 3]),
@@ -240,9 +239,7 @@ def test_a_complex_matrix_of_any_size_may_have_an_imaginary_part_of_zero():
 
 HARD = np.array([1e-13, 1.0, 0.5])
 
-
 RIGHT = np.random.default_rng(1).standard_normal(3)
-
 
 SIZES = [-300, -200, -165, -150, -139, -60, 0, 60, 139, 150, 165, 200, 300]
 

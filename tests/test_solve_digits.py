@@ -77,7 +77,6 @@ radii_and_angles = st.lists(
     st.tuples(st.floats(0.0, 0.98), st.floats(0.0, np.pi)), min_size=0, max_size=3
 )
 
-
 families = st.integers(1, 2000).flatmap(
     lambda n: st.one_of(
         st.builds(rational, st.just(n), radii_and_angles, radii_and_angles),

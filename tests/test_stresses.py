@@ -139,9 +139,6 @@ def test_refuses_what_makes_no_sense(change, message):
     for function in LOADS.values():
         with pytest.raises(ValueError, match=message):
             function(**arguments)
-
-
-def test_refuses_what_makes_no_sense_in_plane_strain():
     for function in LINES.values():
         with pytest.raises(ValueError, match="h is 0"):
             function(0.0, 0.0, 0.0, nu=0.3)

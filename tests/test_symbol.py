@@ -103,8 +103,3 @@ def test_trigonometric_of_a_matrix_that_is_symmetric_only():
     assert not A.is_even
     M = tmg.cosine_preconditioner(A)
     assert np.linalg.eigvalsh(M @ np.eye(64)).min() > 0
-
-
-def test_spectral_needs_one_axis():
-    with pytest.raises(ValueError, match="must have one axis"):
-        tmg.spectral_preconditioner(tmg.ToeplitzOperator([[2.0, 1.0], [0.5, 0.1]]))
