@@ -3,6 +3,7 @@
 import pickle
 from contextlib import contextmanager
 from copy import deepcopy
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -205,9 +206,6 @@ def test_failure_is_the_same_error_on_all_ranks(comm):
     gap, element, force = surface("sphere", 64)
     slab = slabs.Slab(comm, gap.shape)
     options = {"material": STEEL, "force": force, "nested": False, "max_products": 3}
-    refuses(
-        comm,
-        contact.ContactError,
-        "products the conditions of contact are violated by",
-        lambda: slabs.normal_contact(gap[slab.rows], slab, element, **options),
-    )
+    text = "products the conditions of contact are violated by"
+    press = partial(slabs.normal_contact, gap[slab.rows], slab, element, **options)
+    refuses(comm, contact.ContactError, text, press)

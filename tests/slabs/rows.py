@@ -219,13 +219,9 @@ def test_wrong_grids_are_refused(comm):
 
 
 def test_what_is_no_communicator_is_refused(comm):
+    text = "must be a communicator, as MPI.COMM_WORLD"
     for wrong in (None, 4, comm.Get_group()):
-        refuses(
-            comm,
-            TypeError,
-            "must be a communicator, as MPI.COMM_WORLD",
-            partial(Slab, wrong, (8, 3)),
-        )
+        refuses(comm, TypeError, text, partial(Slab, wrong, (8, 3)))
 
 
 def test_sums_are_in_double_precision_and_extents_tell_of_what_is_no_number(comm):
