@@ -497,3 +497,23 @@ def test_what_is_missing_is_not_a_number():
         process.conditional(np.ones((2, 5)))
     with pytest.raises(ValueError, match=r"where it is observed$"):
         process.whiten([1.0, np.nan, 1.0, 1.0, 1.0])
+
+
+def test_a_gradient_with_gaps_does_not_depend_on_what_the_memory_held(monkeypatch):
+    """New arrays of NumPy hold NaN here, as they may."""
+    observed = ~np.isin(np.arange(200), [20, 21, 90])
+    y = tmg.ToeplitzNormal(0.9 ** np.arange(200)).rvs(random_state=1)
+    value, by_c, _ = tmg.ToeplitzNormal(0.9 ** np.arange(200)).logpdf_and_grad(y, observed=observed)
+    empty = np.empty
+
+    def full_of_nan(*shape, **options):
+        array = empty(*shape, **options)
+        if array.dtype.kind in "fc":
+            array.fill(np.nan)
+        return array
+
+    monkeypatch.setattr(np, "empty", full_of_nan)
+    process = tmg.ToeplitzNormal(0.9 ** np.arange(200))
+    again, by_c_again, _ = process.logpdf_and_grad(y, observed=observed)
+    assert again == value
+    assert np.array_equal(by_c_again, by_c)
