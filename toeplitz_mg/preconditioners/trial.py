@@ -13,8 +13,8 @@ from toeplitz_mg.engine.vectors import axpy, norm
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.preconditioners.positivity import INDEFINITE
 
-# With 10 steps, or a smaller advantage, wide covariances and plane waves mislead: the choice is then
-# worse than none.
+# With 10 steps, or a smaller advantage, wide covariances and plane waves mislead: the choice is
+# then worse than none.
 STEPS = 20  # Most steps of conjugate gradients in a trial: each costs as much as an iteration.
 ADVANTAGE = 2.0  # Least quotient of the residual without a preconditioner and that with it.
 MOSTLY_ROUNDING = 1e-8  # Relative residual at which a trial ends: further falls may be rounding.
