@@ -29,6 +29,7 @@ from coverage import CoverageData
 ROOT = Path(__file__).parent.parent
 COPIED = ("toeplitz_mg", "tests", "comparisons", "benchmarks", "examples", "docs", ".ci")
 MOST_TESTS = 150  # Of those that execute a line, for one mutant.
+ON_RANKS = "tests/slabs/test_on_ranks.py"
 SECONDS = 600  # After which the tests of a mutant are ended, which kills it.
 
 
@@ -77,6 +78,8 @@ def list_mutants(path):
 
 def tests_of(data, path, line, rng):
     """Return some tests that execute a line, or, where it runs at import, others of its file."""
+    if "slabs" in path.parts:
+        return [ON_RANKS]  # Which lines these execute is not recorded.
     by_line = data.contexts_by_lineno(str(path))
     names = set(by_line.get(line, ())) or {name for names in by_line.values() for name in names}
     names = {name.rpartition("|")[0] for name in names if name} or {

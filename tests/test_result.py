@@ -249,6 +249,8 @@ def test_a_summary_has_figures_with_units():
     assert PRESSED.summary().startswith("Normal contact, 48 x 32 elements of 0.041667 x 0.0625 mm")
     assert found["force"] == "0.1 N"
     assert found["contact"] == f"{PRESSED.area:.5g} mm²"
+    assert found["share of the grid"] == f"{100.0 * PRESSED.contact.mean():.5g} %"
+    assert found["mean pressure"] == f"{PRESSED.pressure[PRESSED.contact].mean():.5g} N/mm²"
     assert found["largest pressure"] == f"{PRESSED.pressure.max():.5g} N/mm²"
     assert found["stiffness"] == f"{PRESSED.stiffness:.5g} N/mm"
     with_stiffness = replace(PRESSED, stiffness=2.0).summary()

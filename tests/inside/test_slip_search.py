@@ -13,7 +13,7 @@ from toeplitz_mg.contact import Material
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Displacements, Products
 from toeplitz_mg.contact.steady_matrices import SteadyArray
-from toeplitz_mg.contact.tangential.coulomb import Areas
+from toeplitz_mg.contact.tangential.coulomb import Areas, clip, size
 from toeplitz_mg.contact.tangential.given_loads import Loads, look
 from toeplitz_mg.contact.tangential.iteration import Iteration
 from toeplitz_mg.contact.tangential.problem import Problem, linearise
@@ -148,3 +148,16 @@ def test_inner_products_of_several_fields_are_right_to_rounding(n, dtype):
     assert_allclose(gram(X), exact, rtol=0, atol=rounding)
     of_two = Vectors(lambda part: [part, part])
     assert_allclose(of_two.gram(X), 2 * exact, rtol=0, atol=2 * rounding)
+
+
+@pytest.mark.parametrize("components", [1, 2])
+def test_clipped_tractions_are_the_nearest_within_the_bound(components):
+    """To the last bit within it; those of two components are only made shorter."""
+    rng = np.random.default_rng(components)
+    q, g = rng.standard_normal((components, 500)), rng.uniform(0.0, 2.0, 500)
+    clipped = clip(q, g)
+    assert (size(clipped) <= g).all()
+    assert_allclose(size(q - clipped), np.maximum(size(q) - g, 0.0), atol=1e-13)
+    inside = size(q) < 0.999 * g
+    assert inside.any()
+    assert np.array_equal(clipped[:, inside], q[:, inside])
