@@ -8,7 +8,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -230,6 +230,8 @@ def test_the_set_up_of_half_space_kernels_has_no_products(ratio, nu):
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(1, 40), st.integers(1, 40), st.floats(0.0, 1.0), st.integers(0, 99))
+@example(21, 29, 1.0, 0)
+@example(34, 37, 0.9929702808991003, 90)
 def test_any_mask(n1, n2, density, seed):
     rng = np.random.default_rng(seed)
     mask = rng.random((n1, n2)) < density
