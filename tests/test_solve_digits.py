@@ -37,9 +37,7 @@ def test_the_backward_error_is_that_of_a_direct_method(name, n, columns):
     residual = np.linalg.norm(b - A @ x, axis=0)
     scale = np.linalg.norm(A) * np.linalg.norm(x, axis=0)
     size = np.linalg.norm(b, axis=0)
-    # Here rtol is 1e-12, but a recursion may be left as it is.
-    most = left_as_it_is(n) if n == 700 else 1e-13
-    assert (residual <= np.maximum(most * scale, 1e-12 * size)).all()
+    assert (residual <= np.maximum(1e-13 * scale, 1e-12 * size)).all()
     assert info.residual == pytest.approx((residual / size).max(), abs=1e-13)
     assert_within_budget("definite systems, rtol = 1e-12", iterations=info.iterations)
 

@@ -4,8 +4,7 @@
 with ``--columns`` for several right-hand sides.
 """
 
-from toeplitz_mg.solvers.cosine_form import fast_length, is_smooth
-from toeplitz_mg.solvers.machine import WINDOW, cosine_over_levinson
+from toeplitz_mg.solvers.cosine_form import fast_length
 from toeplitz_mg.solvers.system import PANELS
 
 FEW = 2  # Most columns for which the inverse is not worth its set-up.
@@ -14,14 +13,8 @@ GENERAL = 2048
 RECURSIVE = 1024  # The same for Trench's and two of Levinson's.
 ITERATION = 64  # Unknowns where Trench's recursion takes as long as one iteration of GMRES.
 FEWEST = 4  # Iterations that GMRES takes at least.
-SHORT = 256  # Most unknowns where nothing that takes transforms is the fastest, on any machine.
-FEW_STEPS = 100_000  # Steps of Levinson's recursion, n² a column, that nothing beats anywhere.
-LONG = 2048  # Fewest unknowns where CG in the DCT domain is the fastest, on any machine.
-CALLS = 3.0  # Columns of `WINDOW` numbers that cost as much as the calls of CG in the DCT domain.
-# Time of CG in the DCT domain in a program that does other things too, whose numbers and code are
-# then in the caches, over that of CG alone; Levinson's recursion takes as long in both.
-COLD = 1.25
-SLOW = 1.3  # Time of CG in the DCT domain for a length that is not smooth, over that for others.
+SHORT = 256  # Most unknowns where nothing that takes transforms is faster than Levinson's.
+EQUAL = 512  # Unknowns where Levinson's recursion and CG in the DCT domain take as long.
 STEPS_OF_CG = 6_000_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
 STEPS_OF_INVERSE = 3_000_000  # The same for the inverse.
 FSAI = 2**16  # Fewest unknowns where FSAI is faster, of a slow length and slow decay.
@@ -58,16 +51,10 @@ def iterations_before_recursion(n: int, columns: int) -> int:
 def levinson_is_fastest(n: int, columns: int) -> bool:
     """Whether Levinson's recursion is faster than any other method for a symmetric matrix.
 
-    It takes n² steps for a column. CG in the DCT domain takes calls, which cost as much as `CALLS`
-    columns of `WINDOW` numbers do, and a time in proportion to the numbers.
+    It takes n² steps for each column. CG in the DCT domain takes calls, which cost as much as three
+    columns of `EQUAL` numbers, and a time in proportion to the numbers.
     """
-    steps = columns * n**2
-    if n <= SHORT or n >= LONG or steps <= FEW_STEPS:
-        return n < LONG
-    of_cosine = COLD * (CALLS + columns * n / WINDOW) / (CALLS + 1.0)
-    if not is_smooth(n):
-        of_cosine *= SLOW
-    return steps / WINDOW**2 <= of_cosine * cosine_over_levinson()
+    return n <= SHORT or columns * (n / EQUAL) ** 2 <= (3.0 + columns * n / EQUAL) / 4.0
 
 
 def levinson_is_faster_than_inverse(n: int, columns: int) -> bool:

@@ -121,10 +121,8 @@ def solve_toeplitz(
     Notes
     -----
     The residual of every answer is computed, and corrected if need be. The file
-    ``solvers/choice.py`` says which method is taken, and why. Between n = 316 and n = 2048 that
-    may depend on the time of one method over that of another, measured once in a process, within
-    some milliseconds. The environment variable ``TOEPLITZ_MG_COSINE_OVER_LEVINSON`` fixes this
-    ratio, so that every run gives the same bits: 1e-9 and 1e9 always take the one or the other.
+    ``solvers/choice.py`` says which method is taken, and why. Nothing is timed to decide: the
+    same call gives the same bits in every process on one machine.
 
     Examples
     --------
