@@ -1,7 +1,6 @@
 """Facts about a matrix and a mask that decide which preconditioner is taken: pure functions."""
 
 import numpy as np
-import scipy.linalg
 
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.engine.lengths import near_fast_length
@@ -11,15 +10,11 @@ from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE
 
 SMOOTH = 1.9  # Largest ratio of the falls at two doublings of the lag: of a parabola 4, a tent 2.
 FAST = 0.2  # Least ratio of the coefficients at a lag and at half of it: less is fast decay.
-WHITE = 3.0  # Largest ratio of the eigenvalues in the middle nine tenths: of |θ| it is 9.
-# Largest norm of a part of A - C over the least eigenvalue of C: by it CG gains 1/40 a step.
-NEAR = 0.05
-MODERATE = 1000.0  # Condition up to which few eigenvalues are not: with 4000 it is a dozen.
+EQUAL = 1.1  # Largest ratio of the eigenvalues in the middle that CG takes for one.
+WHITE = 3.0  # The same beside outliers, for which a circulant takes more iterations than CG alone.
+OUTLIER = 10.0  # An eigenvalue over the median, from which on it is one.
 JUMPS = 0.1  # Largest share of jumps of the phase: of random coefficients it is one half.
 WRAPPED = 1e-3  # Largest difference of the lags k and k - n of what is nearly a circulant.
-POINTS = 48  # Lags from which the rank of the corners is found: with 32 and 64 it is the same.
-APART = 1e-3  # Least singular value of the corners, over the least eigenvalue, worth an iteration.
-CLOSE = 0.05  # Norm of what is left of them, over the least eigenvalue, that delays GMRES little.
 EXPONENTIAL = 0.01  # Largest deviation of c_(i-s) c_(i+s) from c_i², over c_i²: of exp(-k/ℓ) none.
 
 
@@ -99,11 +94,6 @@ def has_zero_at_start(samples: Array) -> bool:
     )
 
 
-def has_zero_at_an_end(samples: Array) -> bool:
-    """Whether samples of a symbol at θ = 0 … π tell of a zero at an end, and of no other."""
-    return has_zero_at_start(samples) or has_zero_at_start(samples[::-1])
-
-
 def has_symbol(samples: Array) -> bool:
     """Whether samples, on a circle, are those of a function of the frequency that they resolve.
 
@@ -122,94 +112,24 @@ def has_symbol(samples: Array) -> bool:
     return bool(np.count_nonzero(turned) <= JUMPS * len(samples))
 
 
-def is_nearly_white(eigenvalues: Array) -> bool:
-    """Whether the eigenvalues of a positive definite matrix are alike, but for a few.
+def is_flat(eigenvalues: Array) -> bool:
+    """Whether CG alone is done in few iterations: the eigenvalues are alike, but for some.
 
-    These may be of any size, as those of plane waves in noise: CG finds them by itself. The
-    eigenvalues are those of T. Chan's circulant, where no few of them are near zero by chance.
+    Those in the middle are all but equal, or differ little beside outliers, which CG finds by
+    itself, as those of plane waves in noise. The eigenvalues are those of T. Chan's circulant,
+    where no few of them are near zero by chance.
 
     Examples
     --------
     >>> import numpy as np
-    >>> is_nearly_white(np.r_[1000.0, np.linspace(1.0, 2.0, 100)])
+    >>> is_flat(np.r_[1000.0, np.linspace(1.0, 2.0, 100)])
     True
-    >>> is_nearly_white(np.linspace(0.0, 1.0, 100))
+    >>> is_flat(np.linspace(1.0, 2.0, 100))
     False
     """
-    low, high = np.quantile(eigenvalues, (0.1, 0.9))
-    return bool(high <= WHITE * low)
-
-
-def is_nearly_circulant(c: Array, means: Array) -> bool:
-    """Whether a symmetric Toeplitz matrix differs little from a circulant, for an iteration.
-
-    The difference has the coefficients (k/n)(c_k - c_(n-k)). The sum of the sizes of (k/n) c_k
-    bounds a part of it, which is to be small beside the least eigenvalue. The other part is in two
-    corners: where the coefficients decrease, and the matrix is not ill-conditioned, it has a few
-    eigenvalues that are not small.
-
-    Parameters
-    ----------
-    c : ndarray of shape (n,)
-    means : ndarray
-        The eigenvalues of the circulant.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> c = 0.5 ** np.arange(1000)
-    >>> is_nearly_circulant(c, np.array([1.0 / 3.0]))
-    True
-    """
-    low, high = float(means.min()), float(means.max())
-    distance = 2.0 / len(c) * float(np.arange(len(c)) @ np.abs(c))
-    return distance <= NEAR * low and high <= MODERATE * low and decreases(c)
-
-
-def differs_in_few_vectors(c: Array, least: float, most: int) -> bool:
-    """Whether a circulant lacks little of a symmetric matrix whose coefficients have ended.
-
-    It lacks two corners, each of them the Hankel matrix of the entries c_(i+j+1). As many of its
-    singular values as are not small beside the eigenvalues take an iteration each, of the even part
-    of a vector and of the odd one; of an autoregressive process they are its order. They are found
-    as those of an integral operator are, from few lags with weights; then one column is compared
-    with the combination of others that it is there, at all lags, as one may stand alone.
-
-    Parameters
-    ----------
-    c : ndarray of shape (n,)
-    least : float
-        The least eigenvalue, nearly.
-    most : int
-        The most singular values.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> c = 0.9 ** np.arange(1000)
-    >>> differs_in_few_vectors(c, 0.05, 1)
-    True
-    >>> c[360] = 0.1
-    >>> differs_in_few_vectors(c, 0.05, 1)
-    False
-    """
-    n = len(c)
-    points = np.unique(np.geomspace(1.0, n, POINTS).astype(int)) - 1
-    lags = points[:, np.newaxis] + points + 1
-    hankel = np.where(lags < n, c[np.minimum(lags, n - 1)], 0.0)
-    weights = np.sqrt(np.gradient(points.astype(np.float64)))
-    weighted = weights[:, np.newaxis] * hankel * weights
-    *_, order = scipy.linalg.qr(weighted, pivoting=True)
-    rank = np.count_nonzero(np.abs(np.linalg.eigvalsh(weighted)) > APART * least)
-    if not rank <= most < len(points):
-        return False
-    others, one = order[:rank], order[rank]
-    shares = np.linalg.lstsq(hankel[:, others], hankel[:, one])[0]
-    rest = c[points[one] + 1 :].copy()
-    for share, point in zip(shares, points[others], strict=True):
-        column = c[point + 1 :][: len(rest)]
-        rest[: len(column)] -= share * column
-    return bool(np.abs(rest).sum() <= CLOSE * least)
+    low, middle, high = np.quantile(eigenvalues, (0.1, 0.5, 0.9))
+    has_outliers = eigenvalues.max() > OUTLIER * middle
+    return bool(high <= (WHITE if has_outliers else EQUAL) * low)
 
 
 def wraps_around(c: Array, r: Array) -> bool:

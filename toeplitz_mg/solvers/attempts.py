@@ -1,7 +1,7 @@
 """Iterations as methods of `solve_toeplitz`: they are given up where they converge too slowly."""
 
 from collections.abc import Callable, Mapping
-from math import ceil, inf, log
+from math import inf
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -10,7 +10,6 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.gmres import gmres_by_recurrence
-from toeplitz_mg.solvers.system import TINY
 
 
 class Patience(NamedTuple):
@@ -31,15 +30,12 @@ class Patience(NamedTuple):
 
 
 BRIEF = Patience(16, {10: 1e-2})  # The inverse of a real matrix costs at most twice as much.
-OF_COMPLEX = Patience(24, {10: 1e-2, 20: 1e-5})  # That of a complex one costs more.
-PATIENT = Patience(60, {10: 1e-2, 20: 1e-4})  # The same, where an iteration is a product alone.
+PATIENT = Patience(60, {10: 1e-2, 20: 1e-5})  # That of a complex one costs some 30.
 # It converges sooner and sooner, and what follows takes n² steps. So many vectors take 240 MiB in
 # 2^20 real unknowns.
 OF_GMRES = Patience(30, {8: 0.5, 15: 1e-2, 20: 1e-5})
 AT_LAST = Patience(100, {})  # What follows takes n³ steps, or there is nothing.
 USEFUL = 1e-6  # ‖b - A x‖/‖b‖ at which rounding may have stopped it: the caller corrects that.
-
-CYCLE = 1e-5  # ‖b - A x‖/‖b‖ that an iteration in single precision reaches without effort.
 
 Attempt = Callable[[Array], tuple[Array, int]]
 Solver = Callable[[Rows, float], tuple[Rows, int]]
@@ -171,28 +167,6 @@ def within(form: Form, solve: Solver) -> Solver:
         return form.transform_back(X), iterations
 
     return solve_within
-
-
-def solve_in_cycles(A: LinearOperator, solve: Solver, B: Rows, rtol: float) -> tuple[Rows, int]:
-    """Solve for rows in single precision, then for their residuals, which are in that of A.
-
-    Parameters
-    ----------
-    A : LinearOperator
-    solve : callable
-        ``solve(B, rtol)`` returns solutions in single precision, and iterations.
-    """
-    cycles = ceil(log(rtol) / log(CYCLE))
-    single = np.complex64 if B.dtype.kind == "c" else np.float32
-    X, R, iterations = np.zeros_like(B), B, 0
-    for cycle in range(cycles):
-        if cycle > 0:
-            R = B - A.apply(X)
-        sizes = np.abs(R).max(axis=-1, keepdims=True) + TINY
-        Y, steps = solve((R / sizes).astype(single), rtol ** (1.0 / cycles))
-        X += sizes * Y
-        iterations += steps
-    return X, iterations
 
 
 def _solve_rows(attempt: Attempt, B: Rows) -> tuple[Rows, int]:

@@ -24,28 +24,21 @@ from toeplitz_mg.preconditioners.selection import Candidate
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
 from toeplitz_mg.preconditioners.traits import (
     decays_slowly,
-    differs_in_few_vectors,
     has_symbol,
-    has_zero_at_an_end,
-    is_nearly_circulant,
-    is_nearly_white,
+    is_flat,
     wraps_around,
 )
 from toeplitz_mg.solvers.attempts import (
     AT_LAST,
-    OF_COMPLEX,
     OF_GMRES,
     PATIENT,
     Patience,
     solve_by_cg,
     solve_by_gmres,
-    solve_in_cycles,
     within,
 )
 from toeplitz_mg.solvers.cosine_cg import CosineSolver
-from toeplitz_mg.solvers.cosine_form import has_ended
 from toeplitz_mg.solvers.crossovers import (
-    CORNERS,
     FEW,
     GENERAL,
     RECURSIVE,
@@ -62,17 +55,15 @@ from toeplitz_mg.solvers.crossovers import (
 from toeplitz_mg.solvers.fourier_form import has_fourier_form
 from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.levinson import levinson
-from toeplitz_mg.solvers.system import EPS, PANELS, ToeplitzSystem
+from toeplitz_mg.solvers.system import EPS, ToeplitzSystem
 from toeplitz_mg.solvers.trench import column_and_row_of_inverse
 
 ACCEPTED = 1e4 * EPS  # Backward error of an answer where no other method has a better one: 2e-12.
 UNSTABLE = 2e4 * EPS  # Backward error of the recursion that another one need not correct: 4e-12.
-ALIKE = 100.0  # Largest ratio of eigenvalues where a product in single precision has 5 digits.
 # Shift of the diagonal over the 2-norm of all coefficients. Of skew-symmetric matrices, and of odd
 # lags alone, GMRES takes 5 to 16 iterations with it, and 8 to 45 with one ten times as large; with
 # one ten times less Trench's recursion loses more digits than some of them can spare.
 SHIFT = 1e-4
-FAINT = 1e-10  # Least sample of the symbol, over the largest, that a circulant inverts well enough.
 NARROW = 64  # Most diagonals of a triangular matrix that is solved by substitution at once.
 LARGEST_BAND = 2**25  # Most numbers of the diagonals of one, of 256 MiB.
 LARGEST_DENSE = 4096  # Unknowns of a matrix that LU factorises: of 128 MiB, in n³/3 operations.
@@ -141,25 +132,10 @@ def _methods_of_symmetric(system: ToeplitzSystem) -> Iterator[Method]:
         yield from _dense_methods(system)
         return
     if columns <= FEW:
-        if not decays_slowly(system.c):
-            if is_nearly_circulant(system.c, means) or _has_few_in_corners(system):
-                # In 2 to 6 iterations, where the set-up of the spectral factor costs as much as 8.
-                yield from _gmres_circulant(system, "gmres, circulant")
-            if n >= PANELS and not has_ended(system.c) and has_zero_at_an_end(system.symbol):
-                yield from _cosine_method(system)  # In half of the iterations with sines.
         yield from _cg_methods(system.A, candidates_of_line(system.A, lambda: system.symbol))
     # The inverse needs no more of the symbol than that A is positive definite.
     yield from _inverse_method(system.A)
     yield from _methods_of_indefinite(system)
-
-
-def _has_few_in_corners(system: ToeplitzSystem) -> bool:
-    """Whether a circulant lacks so little of A that GMRES is done in few iterations."""
-    if not has_ended(system.c):
-        return False
-    low, high = float(system.samples.min()), float(system.samples.max())
-    most = CORNERS // system.columns
-    return low > FAINT * high and differs_in_few_vectors(system.c, low, most)
 
 
 def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
@@ -186,33 +162,15 @@ def _methods_of_general(system: ToeplitzSystem) -> Iterator[Method]:
 def _methods_of_hermitian(system: ToeplitzSystem, means: Array) -> Iterator[Method]:
     """Yield what may solve a complex system of few columns, if it is positive definite.
 
-    Of those symbols that n coefficients resolve the circulant takes more iterations than the
-    factor does, but next to no set-up.
+    A circulant may take more iterations than the factor does, but next to no set-up.
     """
+    by_cg = partial(solve_by_cg, patience=PATIENT)
+    if is_flat(means):
+        yield Method("cg", partial(by_cg, system.A, None))
     samples = system.samples
-    if is_nearly_white(means):
-        yield from _method_of_nearly_white(system, means)
-    by_cg = partial(solve_by_cg, patience=OF_COMPLEX)
     eigenvalues = samples if is_positive(samples, system.c.dtype) else means
     yield from _circulant_method(system, eigenvalues, by_cg, "cg, circulant")
     yield from _cg_methods(system.A, candidates_of_complex_line(system.A))
-
-
-def _method_of_nearly_white(system: ToeplitzSystem, means: Array) -> Iterator[Method]:
-    """Yield CG for eigenvalues that are alike, but for a few.
-
-    Without those few single precision is enough for a third of all digits, and its transforms take
-    half the time; then the circulant saves some iterations too.
-    """
-    form = system.fourier_form
-    by_cg = partial(solve_by_cg, patience=PATIENT)
-    if form is None or float(means.max()) > ALIKE * float(means.min()):
-        yield Method("cg", partial(by_cg, system.A, None))
-    else:
-        single = form.in_single_precision()
-        M = form.inverse(means).in_single_precision()
-        solve = partial(solve_in_cycles, form.A, partial(by_cg, single.A, M))
-        yield Method("cg in single precision, circulant", within(form, solve))
 
 
 def _methods_of_indefinite(system: ToeplitzSystem) -> Iterator[Method]:

@@ -5,7 +5,6 @@ with ``--columns`` for several right-hand sides.
 """
 
 from toeplitz_mg.solvers.cosine_form import fast_length
-from toeplitz_mg.solvers.system import PANELS
 
 FEW = 2  # Most columns for which the inverse is not worth its set-up.
 # Fewest unknowns where GMRES, and Trench's recursion in calls of BLAS, are faster than Levinson's.
@@ -18,7 +17,6 @@ EQUAL = 512  # Unknowns where Levinson's recursion and CG in the DCT domain take
 STEPS_OF_CG = 6_000_000  # Steps of Levinson's recursion, n² a column, for other set-ups of CG.
 STEPS_OF_INVERSE = 3_000_000  # The same for the inverse.
 FSAI = 2**16  # Fewest unknowns where FSAI is faster, of a slow length and slow decay.
-CORNERS = 4  # Largest rank of the corners, times columns, for which GMRES takes half the time.
 COSINE_LIMIT = 80_000  # Most columns² n where CG in the DCT domain is faster than the inverse.
 
 
@@ -65,7 +63,7 @@ def levinson_is_faster_than_inverse(n: int, columns: int) -> bool:
 def cosine_is_faster_than_inverse(n: int, columns: int) -> bool:
     """Whether CG in the DCT domain is faster than anything that may follow it."""
     is_first = columns <= FEW or columns * n**2 <= STEPS_OF_INVERSE  # The inverse is none before.
-    return n < PANELS and (is_first or columns**2 * n <= COSINE_LIMIT)
+    return is_first or columns**2 * n <= COSINE_LIMIT
 
 
 def fsai_is_faster_than_cosine(n: int) -> bool:

@@ -6,7 +6,6 @@ takes four transforms: of real vectors of length n two of these, and two of half
 """
 
 from collections.abc import Callable
-from copy import copy
 
 import numpy as np
 
@@ -23,7 +22,6 @@ from toeplitz_mg.preconditioners.positivity import require_nonzero
 
 LARGEST = 2**14  # Most unknowns of which a transform at once is as fast as one in panels.
 ROOT = np.sqrt(2.0)
-SINGLE = {"d": "f", "D": "F"}  # The numbers of single precision that are as those of double.
 
 
 def has_fourier_form(n: int) -> bool:
@@ -84,16 +82,6 @@ class FourierForm:
         require_nonzero(eigenvalues, self.A.dtype, "the circulant has the eigenvalue", "gmres")
         values = 1.0 / eigenvalues
         return _Diagonal(values if self._is_complex else _pack(values), self.A.dtype)
-
-    def in_single_precision(self) -> "FourierForm":
-        """Return the form for numbers of single precision, real or complex as they are."""
-        form = copy(self)
-        form._twist, form._untwist, form._skew = (
-            a.astype(SINGLE[a.dtype.char]) for a in (self._twist, self._untwist, self._skew)
-        )
-        form._circulant = self._circulant.in_single_precision()
-        form.A = Multiplication(self.n, form._circulant.dtype, form._multiply)
-        return form
 
     def multiply(self, X: Rows) -> Rows:
         """Multiply rows by A, in no domain but their own."""
@@ -186,11 +174,6 @@ class _Diagonal:
         # Real numbers times complex ones would be cast in each product, which takes as long.
         self._eigenvalues = eigenvalues.astype(np.result_type(eigenvalues, dtype), copy=False)
 
-    def in_single_precision(self) -> "_Diagonal":
-        """Return the circulant for numbers of single precision."""
-        values = self._eigenvalues.astype(SINGLE[self._eigenvalues.dtype.char])
-        return _Diagonal(values, np.dtype(SINGLE[self.dtype.char]))
-
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
         values = self._eigenvalues
@@ -199,10 +182,8 @@ class _Diagonal:
         out = np.empty_like(X) if out is None else out
         n = len(values)
         np.multiply(X[..., :: n - 1], values[:: n - 1], out=out[..., :: n - 1])
-        inner, of_pairs = np.s_[..., 1:-1], np.result_type(values, np.complex64)
-        np.multiply(
-            X[inner].view(of_pairs), values[1:-1].view(of_pairs), out=out[inner].view(of_pairs)
-        )
+        x, d, y = (a[..., 1:-1].view(np.complex128) for a in (X, values, out))
+        np.multiply(x, d, out=y)
         return out
 
 
