@@ -101,60 +101,6 @@ def test_a_product_that_is_not_finite_is_left_out(bad):
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
-def test_each_part_has_the_least_residual_of_a_space_of_its_own(dtype):
-    """Whatever their sizes are; one needs three dimensions, and one has no residual at all."""
-    rounding = 1e4 * np.finfo(dtype).eps
-    A, r, _ = system((4, 20), dtype)
-    blocks = [A[k : k + 20, k : k + 20] for k in range(0, 80, 20)]
-    blocks[1] = np.diag(np.arange(20) % 3 + 1.0).astype(dtype)
-    r[1:] *= np.array([[1e-3], [0.0], [1e3]])
-
-    def multiply(v, out=None):
-        return np.stack([B @ x for B, x in zip(blocks, v, strict=True)])
-
-    space = KrylovSpace(multiply, (4, 20), dtype, 8, parts=4)
-    space.begin(r)
-    alone, expected = [], np.full(4, np.inf)
-    for B, own in zip(blocks, r, strict=True):
-        alone.append(KrylovSpace(lambda v, out, B=B: B @ v, (20,), dtype, 8))
-        if own.any():
-            alone[-1].begin(own)
-    expected[2] = 0.0
-    for _ in range(8):
-        least = space.extend()
-        x = space.solution()
-        for k in np.flatnonzero(expected):
-            expected[k] = alone[k].extend()
-        sizes = np.linalg.norm(r, axis=1)
-        found = np.linalg.norm(r - multiply(x), axis=1)
-        assert np.all(np.abs(found - expected) <= rounding * sizes)
-        assert_allclose(least, np.linalg.norm(found), atol=rounding * sizes.max())
-    assert expected[1] == 0.0  # Its eigenvalues are 1, 2 and 3.
-    assert not x[2].any()
-
-
-def test_a_part_that_can_grow_no_more_takes_no_rounding_of_the_others():
-    A, r, _ = system((30,), np.float64)
-    few = np.diag(np.arange(30) % 2 + 1.0)  # Two dimensions hold its solution.
-
-    def multiply(leak):
-        return lambda v, out: np.stack([few @ v[0] + leak * v[1], A @ v[1]])
-
-    solutions = []
-    for leak in (0.0, 1e-15):
-        space = KrylovSpace(multiply(leak), (2, 30), np.float64, 12, parts=2)
-        space.begin(np.stack([r, r]))
-        for _ in range(12):
-            least = space.extend()
-        assert space.basis[:2, 0].any(axis=1).all()
-        assert not space.basis[2:, 0].any()
-        solutions.append(space.solution())
-        assert_allclose(few @ solutions[-1][0], r, atol=1e-13)
-        assert_allclose(np.linalg.norm(A @ solutions[-1][1] - r), least, atol=1e-12)
-    assert_allclose(*solutions, atol=1e-12)
-
-
-@pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("size", [1e-15, 1.0, 1e15])
 def test_directions_are_conjugate_and_end_with_the_distinct_eigenvalues(dtype, size):
     """Whatever the size of the preconditioner."""

@@ -1,7 +1,7 @@
 """The space that GMRES searches, one dimension more with each product."""
 
 from collections.abc import Callable
-from math import hypot, isfinite
+from math import isfinite
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -16,8 +16,6 @@ ROUNDING = 10.0  # Machine epsilons that are left of a product which the space h
 class KrylovSpace:
     """An orthonormal basis of r, A r, A² r, ..., and what in this space makes ‖r - A x‖ least.
 
-    A may have parts that it does not mix: then there is such a space for each part of a vector.
-
     Parameters
     ----------
     multiply : callable
@@ -28,8 +26,6 @@ class KrylovSpace:
     dtype : float32, float64, complex64 or complex128
     most : int
         The largest dimension; one vector more is kept.
-    parts : int, optional
-        A is block diagonal, with so many blocks of equal size. One by default.
 
     Attributes
     ----------
@@ -59,28 +55,29 @@ class KrylovSpace:
     """
 
     def __init__(
-        self,
-        multiply: Multiply,
-        shape: tuple[int, ...],
-        dtype: DTypeLike,
-        most: int,
-        parts: int = 1,
+        self, multiply: Multiply, shape: tuple[int, ...], dtype: DTypeLike, most: int
     ) -> None:
         self._multiply: Callable[[Array, Array], Array] = multiply
         self._vectors = np.empty((most + 1, *shape), dtype)
-        by_parts = self._vectors.reshape(most + 1, parts, -1).swapaxes(0, 1)
-        self._parts = [_Part(vectors) for vectors in by_parts]
+        self._rows = self._vectors.reshape(most + 1, -1)
+        double = np.result_type(dtype, np.float64)
+        self._H = np.zeros((most + 1, most), double)
+        self._g = np.zeros(most + 1, double)
+        self._exhausted = ROUNDING * float(np.finfo(dtype).eps)
+        self._size = self._least = 0.0
         self.dimension = 0
 
     @property
     def basis(self) -> Array:
-        """The basis, shape (dimension, ...); of each part where there are some."""
+        """The basis, shape (dimension, ...)."""
         return self._vectors[: self.dimension]
 
     def begin(self, r: Array) -> None:
         """Start from a residual, which is not zero and not changed."""
-        for part, own in zip(self._parts, r.reshape(len(self._parts), -1), strict=True):
-            part.begin(own)
+        self._size = self._least = norm(r)
+        np.divide(r, self._size or 1.0, out=self._vectors[0])
+        self._H[...] = 0.0
+        self._g[0] = 1.0
         self.dimension = 0
 
     def extend(self) -> float:
@@ -97,62 +94,20 @@ class KrylovSpace:
         product = self._multiply(v, w)
         if product is not w:
             w[...] = product
-        sizes = [part.size_of_product(self.dimension) for part in self._parts]
-        if not all(map(isfinite, sizes)):
+        whole = norm(w)
+        if not isfinite(whole):
             return 0.0
-        for part, size in zip(self._parts, sizes, strict=True):
-            part.extend(self.dimension, size)
-        self.dimension += 1
-        return hypot(*(part.least for part in self._parts))
-
-    def solution(self) -> Array:
-        """Return the x in the space that makes ‖r - A x‖ least."""
-        x = np.empty(self._vectors.shape[1:], self._vectors.dtype)
-        for part, own in zip(self._parts, x.reshape(len(self._parts), -1), strict=True):
-            part.solve(self.dimension, own)
-        return x
-
-
-class _Part:
-    """The space of one block of A.
-
-    Parameters
-    ----------
-    vectors : ndarray of shape (most + 1, n)
-        Memory for the basis, and for a product behind it.
-
-    Attributes
-    ----------
-    least : float
-        The least residual in the space; 0 where the space can grow no more.
-    """
-
-    def __init__(self, vectors: Array) -> None:
-        most = len(vectors) - 1
-        double = np.result_type(vectors, np.float64)
-        self._vectors = vectors
-        self._H = np.zeros((most + 1, most), double)
-        self._g = np.zeros(most + 1, double)
-        self._exhausted = ROUNDING * float(np.finfo(vectors.dtype).eps)
-        self._size = self.least = 0.0
-
-    def begin(self, r: Array) -> None:
-        """Start from a residual."""
-        self._size = self.least = norm(r)
-        np.divide(r, self._size or 1.0, out=self._vectors[0])
-        self._H[...] = 0.0
-        self._g[0] = 1.0
-
-    def size_of_product(self, k: int) -> float:
-        """Return the norm of the product with the last vector of a basis of k + 1."""
-        return norm(self._vectors[k + 1])
-
-    def extend(self, k: int, whole: float) -> None:
-        """Make the product with the last vector of a basis of k + 1, of this size, its next one."""
-        V, H, g, w = self._vectors[: k + 1], self._H, self._g, self._vectors[k + 1]
-        if self.least == 0.0:  # What there is, is rounding of the other parts.
+        if self._least > 0.0:
+            self._least = self._orthogonalise(w.reshape(-1), whole)
+        if self._least == 0.0:
             w[...] = 0.0
-            return
+        self.dimension += 1
+        return self._least
+
+    def _orthogonalise(self, w: Array, whole: float) -> float:
+        """Make the last product, of this size, the next vector, and return the least residual."""
+        k, H, g = self.dimension, self._H, self._g
+        V = self._rows[: k + 1]
         size, before = whole, np.inf
         while size < CANCELLED * before:
             h = dots(V, w)
@@ -160,20 +115,19 @@ class _Part:
             H[: k + 1, k] += h
             size, before = norm(w), size
         if size <= self._exhausted * whole:
-            w[...] = 0.0
-            self.least = 0.0
-            return
+            return 0.0
         H[k + 1, k] = size
         w /= size
         g[k + 1] = -np.dot(g[: k + 1], H[: k + 1, k]) / size
-        self.least = self._size / norm(g[: k + 2])
+        return self._size / norm(g[: k + 2])
 
-    def solve(self, k: int, out: Array) -> None:
-        """Write what makes the residual least in a space of k dimensions to `out`."""
-        out[...] = 0.0
-        if k == 0:
-            return
-        first = np.zeros(k + 1)
-        first[0] = self._size
-        y: Array = np.linalg.lstsq(self._H[: k + 1, :k], first)[0]
-        add_combination(y, self._vectors[:k], out)
+    def solution(self) -> Array:
+        """Return the x in the space that makes ‖r - A x‖ least."""
+        k = self.dimension
+        x = np.zeros(self._vectors.shape[1:], self._vectors.dtype)
+        if k > 0:
+            first = np.zeros(k + 1)
+            first[0] = self._size
+            y: Array = np.linalg.lstsq(self._H[: k + 1, :k], first)[0]
+            add_combination(y, self._rows[:k], x.reshape(-1))
+        return x

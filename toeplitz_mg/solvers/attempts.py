@@ -125,11 +125,8 @@ def solve_by_gmres(
     B: Rows,
     rtol: float,
     patience: Patience = OF_GMRES,
-    parts: int = 1,
 ) -> tuple[Rows, int]:
     """Solve for each row of B by GMRES, and return the most iterations of all.
-
-    A may have `parts` of equal size that it does not mix (see `KrylovSpace`).
 
     Raises
     ------
@@ -146,7 +143,6 @@ def solve_by_gmres(
                 M=M,
                 rtol=rtol,
                 most=min(patience.most, len(b)),
-                parts=parts,
                 residuals=watch.residuals,
                 callback=watch,
             )

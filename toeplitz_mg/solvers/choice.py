@@ -264,17 +264,12 @@ def _circulant_method(
 def _gmres_method(
     system: ToeplitzSystem, eigenvalues: Array, name: str, patience: Patience | None = None
 ) -> Iterator[Method]:
-    """Yield GMRES with a circulant, of a symmetric matrix on the even and the odd part."""
+    """Yield GMRES with a circulant, for fewer iterations than a recursion is worth."""
     if patience is None:
         most = iterations_before_recursion(len(system.c), system.columns)
         patience = OF_GMRES._replace(most=min(OF_GMRES.most, most))
     solve = partial(solve_by_gmres, patience=patience)
-    if not system.is_symmetric:
-        yield from _circulant_method(system, eigenvalues, solve, name)
-        return
-    with suppress(np.linalg.LinAlgError):
-        halves = system.halves(eigenvalues)
-        yield Method(name, within(halves, partial(solve, halves.A, None, parts=2)))
+    yield from _circulant_method(system, eigenvalues, solve, name)
 
 
 def _gmres_circulant(system: ToeplitzSystem, name: str) -> Iterator[Method]:

@@ -168,13 +168,11 @@ def gmres_by_recurrence(
     most: int,
     residuals: list[float],
     callback: Callable[[float], object],
-    parts: int = 1,
 ) -> tuple[Array, bool]:
     """Return what `gmres` finds in one cycle by the recurrence alone, and whether it converged.
 
     It is for those who compute the residual of the result themselves, and correct it. The callback
-    is called with ‖b - A x‖₂/‖b‖₂ after each iteration. A M may have `parts` of equal size that it
-    does not mix.
+    is called with ‖b - A x‖₂/‖b‖₂ after each iteration.
     """
     system = check_system(A, b, None, M, rtol, 0.0, 1, residuals)
     state = Iterate(system)
@@ -182,7 +180,7 @@ def gmres_by_recurrence(
         return state.x, True
     goal, least = state.goal(rtol, 0.0), state.size_of_b
     state.record(least)
-    space = KrylovSpace(_product(system), b.shape, check_precision(system), most, parts)
+    space = KrylovSpace(_product(system), b.shape, check_precision(system), most)
     for least in _extend(space, state.r, most, goal):
         state.iterations += 1
         state.record(least)

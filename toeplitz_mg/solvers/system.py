@@ -16,12 +16,10 @@ from toeplitz_mg.preconditioners.circulant import (
     chan_eigenvalues,
     smooth_column,
     smooth_eigenvalues,
-    smooth_inverse,
 )
 from toeplitz_mg.solvers.compiled_transforms import transforms
 from toeplitz_mg.solvers.cosine_form import CosineForm
 from toeplitz_mg.solvers.fourier_form import FourierForm, has_fourier_form
-from toeplitz_mg.solvers.parity import Halves, TransformedHalves
 
 EPS = float(np.finfo(np.float64).eps)
 SHORT = 512  # Most unknowns of which a product by its definition is as fast as one by FFT.
@@ -166,18 +164,6 @@ class ToeplitzSystem:
         """Return the eigenvalues of a symmetric circulant, for θ = 0 … π, in few calls."""
         count_transforms(1, len(column))
         return transforms().rfft(column).real
-
-    def halves(self, eigenvalues: Array) -> Halves | TransformedHalves:
-        """Return what a symmetric A, and the circulant with these eigenvalues, are on both parts.
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            Where an eigenvalue is zero.
-        """
-        if has_fourier_form(len(self.c)):
-            return TransformedHalves(self.c, eigenvalues)
-        return Halves(self.A, smooth_inverse(self.A, eigenvalues))
 
     def multiply(self, X: Rows) -> Rows:
         """Multiply rows by A, as cheaply as can be for its size."""
