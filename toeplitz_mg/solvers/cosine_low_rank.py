@@ -14,17 +14,20 @@ some of its rows and columns; H. Harbrecht, M. Peters, R. Schneider, On the low-
 by the pivoted Cholesky decomposition, Appl. Numer. Math. 62 (2012), for the choice of these.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.row_sums import PART
 from toeplitz_mg.engine.vectors import add_combination, dots
 from toeplitz_mg.preconditioners.positivity import is_positive
-from toeplitz_mg.solvers.cosine_form import CosineForm
-from toeplitz_mg.solvers.cosine_inverse import group
+from toeplitz_mg.solvers.cosine_form import CosineForm, Points, choose_points
 
 LONG = 4096  # Fewest numbers where iterations that are saved take longer than the columns.
 MOST = 10  # Most columns of each parity.
+# Pairs of frequencies that are looked at: so many at an end, and others from there to the middle.
+LOWEST, HIGHEST = (18, 22), (8, 10)
 # Diagonal of what is left of K, over D, at the frequencies that are looked at. It leaves CG one to
 # three iterations, but up to 13 of Gaussians times a cosine, whose peak is between these.
 SMALL = 1e-6
@@ -97,7 +100,7 @@ def _choose(form: CosineForm, D: Array) -> list[tuple[Array, Array]]:
     K is eliminated at some frequencies, of which the next one is where the diagonal of what is left
     is largest beside D.
     """
-    points = group(form.m, False).points
+    points = _candidates(form.m)
     found = []
     for K, frequencies in zip(form.entries(points), points.frequencies, strict=True):
         d = D[frequencies]
@@ -120,6 +123,21 @@ def _choose(form: CosineForm, D: Array) -> list[tuple[Array, Array]]:
             K -= (row / row[at])[:, np.newaxis] * row
         found.append((frequencies[chosen], diagonal[chosen]))
     return found
+
+
+@lru_cache(maxsize=64)
+def _candidates(m: int) -> Points:
+    """Return the frequencies that K is eliminated at, more of them near both ends."""
+    pairs = m // 2
+    below, above = (_steps(pairs // 2, *numbers) for numbers in (LOWEST, HIGHEST))
+    numbers = np.unique(np.append(below, pairs - 1 - above))
+    return choose_points(m, 2 * numbers + [[0], [1]])
+
+
+def _steps(end: int, first: int, others: int) -> Array:
+    """Return so many first numbers from 0 on, and others at growing distances up to an end."""
+    first = min(first, end)
+    return np.append(np.arange(first), np.geomspace(first, end, others).round().astype(int))
 
 
 def _eliminate(U: Array, at: Array) -> Array:
