@@ -379,17 +379,14 @@ def test_a_solution_that_is_so_large_that_its_residual_is_rounding_is_none(syste
 SOLVE_WITHOUT = """
 import sys, types
 import numpy as np
-import scipy.fft, scipy.fftpack, scipy.linalg
+import scipy.linalg
 
-changed = types.SimpleNamespace(
-    levinson=lambda a, b: (2.0 * b, None), dct=lambda X, *rest: X, r2c=None, c2r=None
-)
-for name in ("linalg._solve_toeplitz", "fft._duccfft.pyduccfft", "fft._pocketfft.pypocketfft"):
-    sys.modules["scipy." + name] = None if sys.argv[1] == "gone" else changed
+changed = types.SimpleNamespace(levinson=lambda a, b: (2.0 * b, None))
+sys.modules["scipy.linalg._solve_toeplitz"] = None if sys.argv[1] == "gone" else changed
 
 import toeplitz_mg as tmg
 
-for n in (5, 300, 3000):
+for n in (5, 300):
     c, B = 1.0 / (1.0 + np.arange(n)), np.ones((n, 2))
     for matrix in (c, (c, c**2), (1j * c, c**2), c - 0.3 * np.eye(1, n)[0]):
         X = tmg.solve_toeplitz(matrix, B)

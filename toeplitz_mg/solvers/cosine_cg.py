@@ -77,7 +77,7 @@ class CosineSolver:
         form, M = self._form, self._M
         X, P, Z, Q = np.zeros_like(R), np.zeros_like(R), np.empty_like(R), np.empty_like(R)
         # BLAS has every second number of a vector in fewer calls than NumPy.
-        r, x, p, z, q = (V.reshape(-1) for V in (R, X, P, Z, Q))
+        r, x, p, z = (V.reshape(-1) for V in (R, X, P, Z))
         rows, parts = R.size // form.m, _parts(R.size, form.m)
         sizes = squares = [norm(row) ** 2 for row in R.reshape(rows, -1)]
         for part, pieces in enumerate(parts):
@@ -100,7 +100,8 @@ class CosineSolver:
                 for n, k in pieces:
                     dscal(factor, p, n, k, 2)
             P += Z
-            form.multiply_transformed(P, Q)
+            Q = form.multiply_transformed(P, Q)
+            q = Q.reshape(-1)
             squares, of_x = [0.0] * rows, [0.0] * rows
             for part, pieces in enumerate(parts):
                 of_p = 0.0

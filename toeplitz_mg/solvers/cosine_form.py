@@ -20,8 +20,8 @@ import numpy as np
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.lengths import work_of_transform
+from toeplitz_mg.engine.row_transforms import dct, dst, irfft, rfft
 from toeplitz_mg.engine.work import count_transforms
-from toeplitz_mg.solvers.compiled_transforms import transforms
 
 STEEP = 0.5  # Slope of the last two coefficients, over the last, that is none of a smooth function.
 ENDED = 1e-13  # The last two coefficients, over the first, below which those that follow are zero.
@@ -156,36 +156,34 @@ class CosineForm:
     def _multiply(self, X: Rows) -> Rows:
         Y = _transform_extended(X, 2 * self.m)
         Y *= self.samples
-        return transforms().irfft(Y, 2 * self.m)[..., : self.n]
+        return irfft(Y, 2 * self.m)[..., : self.n]
 
     def transform(self, X: Rows) -> Rows:
         """Return rows of length n in the domain of the transform, of length m."""
         extended = np.zeros((*X.shape[:-1], self.m))
         extended[..., self.middle] = X
-        transforms().dct(extended, extended, 2)
-        return extended
+        return dct(extended, 2)
 
     def transform_back(self, Y: Rows) -> Rows:
         """Return the rows of length n that rows in the domain of the transform stand for."""
-        X = np.empty_like(Y)
-        transforms().dct(Y, X, 3)
-        return X[..., self.middle]
+        return dct(Y.copy(), 3)[..., self.middle]
 
-    def multiply_transformed(self, P: Rows, out: Rows) -> None:
-        """Multiply rows in the domain of the transform by A: of longer ones, the middle."""
-        dct, dst, *_ = transforms()
+    def multiply_transformed(self, P: Rows, memory: Rows) -> Rows:
+        """Multiply rows in the domain of the transform by A: of longer ones, the middle.
+
+        The product may be in `memory`, of the shape of P, whose numbers are lost.
+        """
         if self.m > self.n:
-            out[...] = 0.0
-            out[..., self.middle] = self._multiply(self.transform_back(P))
-            dct(out, out, 2)
-            return
+            memory[...] = 0.0
+            memory[..., self.middle] = self._multiply(self.transform_back(P))
+            return dct(memory, 2)
         cosine, sine = self._halves
-        dct(P, out, 3)
-        dst(out, out, 2)
-        out *= sine
-        dst(out, out, 3)
-        dct(out, out, 2)
-        out += cosine * P
+        memory[...] = P
+        Y = dst(dct(memory, 3), 2)
+        Y *= sine
+        Y = dct(dst(Y, 3), 2)
+        Y += cosine * P
+        return Y
 
     def count_iterations(self, iterations: int, rows: int) -> None:
         """Count the transforms of so many iterations, and those of the vectors to and fro."""
@@ -248,7 +246,7 @@ def _transform_extended(X: Rows, length: int) -> Array:
     """Return the transform of rows with zeros behind them."""
     extended = np.zeros((*X.shape[:-1], length))
     extended[..., : X.shape[-1]] = X
-    return transforms().rfft(extended)
+    return rfft(extended)
 
 
 def has_ended(c: Array) -> bool:

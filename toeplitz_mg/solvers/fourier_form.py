@@ -9,11 +9,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-# Their calls take less than those of scipy.fft, and a real transform is as many real numbers.
-from scipy.fftpack import fft, ifft, irfft, rfft
-
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.lengths import near_fast_length
+from toeplitz_mg.engine.row_transforms import fft, ifft, packed_irfft, packed_rfft
 from toeplitz_mg.engine.transforms import phase_factors
 from toeplitz_mg.engine.vectors import ALONE
 from toeplitz_mg.engine.work import count_transforms
@@ -57,7 +55,7 @@ class FourierForm:
         self._sides = c, behind
         count_transforms(2, n)
         self.samples = self._eigenvalues(smooth_column(c, r))
-        transform = fft if self._is_complex else rfft
+        transform = fft if self._is_complex else packed_rfft
         self._circulant = _Diagonal(0.5 * transform(c + behind), c.dtype)
         twist = phase_factors(n, 0.5, np.dtype(np.complex128))
         self._twist = twist if self._is_complex else twist[: n // 2]
@@ -92,7 +90,7 @@ class FourierForm:
         count_transforms(X.size // self.n, self.n)
         if self._is_complex:
             return fft(X) / np.sqrt(self.n)
-        Z = rfft(X) * np.sqrt(2.0 / self.n)
+        Z = packed_rfft(X) * np.sqrt(2.0 / self.n)
         Z[..., :: self.n - 1] /= ROOT
         return Z
 
@@ -103,12 +101,12 @@ class FourierForm:
             return ifft(Z) * np.sqrt(self.n)
         X = Z * np.sqrt(0.5 * self.n)
         X[..., :: self.n - 1] *= ROOT
-        return irfft(X, overwrite_x=True)
+        return packed_irfft(X, overwrite_x=True)
 
     def _eigenvalues(self, column: Array) -> Array:
         """Return the eigenvalues of the circulant with this first column."""
         count_transforms(1, self.n)
-        return fft(column) if self._is_complex else _unpack(rfft(column))
+        return fft(column) if self._is_complex else _unpack(packed_rfft(column))
 
     def _multiply(self, X: Rows, out: Rows) -> Rows:
         """Multiply rows in the domain of the transform by A, into `out`, which may be `X`."""
@@ -118,7 +116,7 @@ class FourierForm:
         else:
             x = X.copy()
             x[..., :: self.n - 1] *= ROOT
-            x = irfft(x, overwrite_x=True)
+            x = packed_irfft(x, overwrite_x=True)
         Z = fft(self._fold(x), overwrite_x=True)
         Z *= self._skew
         Z = ifft(Z, overwrite_x=True)
@@ -129,7 +127,7 @@ class FourierForm:
             h = self.n // 2
             x[..., :h] = Z.real
             np.negative(Z.imag, out=x[..., h:])
-            Y = rfft(x, overwrite_x=True)
+            Y = packed_rfft(x, overwrite_x=True)
             Y[..., :: self.n - 1] /= ROOT
         self._circulant.apply(X, out)
         out += Y

@@ -8,6 +8,7 @@ from scipy.fft import next_fast_len
 from scipy.linalg.blas import dasum, idamax
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.engine.row_transforms import fft, ifft, irfft, rfft
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import ToeplitzOperator
@@ -17,7 +18,6 @@ from toeplitz_mg.preconditioners.circulant import (
     smooth_column,
     smooth_eigenvalues,
 )
-from toeplitz_mg.solvers.compiled_transforms import transforms
 from toeplitz_mg.solvers.cosine_form import CosineForm
 from toeplitz_mg.solvers.fourier_form import FourierForm, has_fourier_form
 
@@ -163,7 +163,7 @@ class ToeplitzSystem:
     def _transform(self, column: Array) -> Array:
         """Return the eigenvalues of a symmetric circulant, for θ = 0 … π, in few calls."""
         count_transforms(1, len(column))
-        return transforms().rfft(column).real
+        return rfft(column).real
 
     def multiply(self, X: Rows) -> Rows:
         """Multiply rows by A, as cheaply as can be for its size."""
@@ -241,7 +241,7 @@ def multiply_one(lags: Array, x: Array) -> Array:
     if n <= SHORT:
         return multiply_by_definition(lags, x)
     is_complex = lags.dtype.kind == "c"
-    *_, forward, back = (np.fft.fft, np.fft.ifft) if is_complex else transforms()
+    forward, back = (fft, ifft) if is_complex else (rfft, irfft)
     m = next_fast_len(of_lags, real=not is_complex)
     rows = np.zeros((2, m), lags.dtype)
     rows[0, :of_lags], rows[1, :n] = lags, x
