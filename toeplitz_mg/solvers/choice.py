@@ -194,14 +194,22 @@ def _dense_methods(system: ToeplitzSystem) -> Iterator[Method]:
     if trench_is_faster_than_levinson(n, columns, system.c.dtype.kind == "c"):
         yield Method("trench", _recur(system))
     elif not factors_first:
-        # A correction takes a second recursion, which a small system is sooner worth.
-        accepted = UNSTABLE if n > SHORT else 0.0 if system.may_be_definite else ACCEPTED
-        yield _levinson_method(system, accepted)
+        yield _levinson_method(system, accepted_error(system))
     if n >= RECURSIVE and not factors_first:
         yield Method("gmres, trench of A + ε I", _iterate_shifted(system))
         yield from _gmres_chan(system)
     if n <= LARGEST_DENSE:
         yield Method("lu", _factorise(system))
+
+
+def accepted_error(system: ToeplitzSystem) -> float:
+    """Return the backward error of Levinson's recursion that a second one need not correct.
+
+    A small system is sooner worth a correction.
+    """
+    if len(system.c) > SHORT:
+        return UNSTABLE
+    return 0.0 if system.may_be_definite else ACCEPTED
 
 
 def _substitution(system: ToeplitzSystem) -> Iterator[Method]:
@@ -227,8 +235,6 @@ def _substitution(system: ToeplitzSystem) -> Iterator[Method]:
 
 def _levinson_method(system: ToeplitzSystem, accepted: float = 0.0) -> Method:
     def solve(B: Rows, rtol: float) -> tuple[Rows, int]:
-        if B is system.B and system.first is not None:
-            return system.first, 1
         return levinson(system.lags, B), 1
 
     return Method(LEVINSON, solve, accepted)

@@ -91,10 +91,9 @@ def _correct(
         None where no other method need be tried, and else ‖b - A x‖ over what rounding may be.
     """
     sizes = system.sizes
-    goal, accepted = (RTOL, method.accepted) if rtol is None else (rtol, 0.0)
+    goal = RTOL if rtol is None else rtol
     X, iterations = method.solve(system.B, 0.9 * goal)  # The recurrence of CG may drift.
     best, info, least = X, SolveInfo(method.name, iterations, inf, inf), inf
-    rough = ILL_CONDITIONED if len(system.c) <= SHORT else ROUGH
     for left in reversed(range(1 + MOST)):
         R = system.B - system.multiply(X)
         errors, terms = system.measure(R), system.size * system.measure(X)
@@ -118,7 +117,7 @@ def _correct(
             break
         best, least = X, error
         info = SolveInfo(method.name, iterations, residual, backward_error)
-        if residual <= goal or (error <= accepted and residual <= rough):
+        if is_answer(system, residual, error, method.accepted, rtol):
             return best, info, None
         # Each column is as good as can be, by one error or by the other.
         if not left or np.all(errors <= np.maximum(goal * sizes, ROUNDING * terms)):
@@ -128,6 +127,19 @@ def _correct(
         iterations += steps
     is_good = least <= GOOD and (method.is_substitution or info.residual <= SINGULAR)
     return best, info, None if is_good else least
+
+
+def is_answer(
+    system: ToeplitzSystem, residual: float, error: float, accepted: float, rtol: float | None
+) -> bool:
+    """Whether a solution with this residual and this backward error needs no correction.
+
+    Without an `rtol` some backward error may be accepted.
+    """
+    if rtol is not None:
+        return residual <= rtol
+    rough = ILL_CONDITIONED if len(system.c) <= SHORT else ROUGH
+    return residual <= RTOL or (error <= accepted and residual <= rough)
 
 
 def _measure_sharply(

@@ -12,10 +12,13 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.workspace import keep_freed_memory
 from toeplitz_mg.solvers.batch import is_faster_at_once, solve_at_once
 from toeplitz_mg.solvers.checks import check_numbers
-from toeplitz_mg.solvers.crossovers import SHORT
+from toeplitz_mg.solvers.choice import LEVINSON, accepted_error
+from toeplitz_mg.solvers.crossovers import EQUAL, SHORT
+from toeplitz_mg.solvers.levinson import levinson
 from toeplitz_mg.solvers.refinement import (
     GOOD,
     ILL_CONDITIONED,
@@ -23,11 +26,11 @@ from toeplitz_mg.solvers.refinement import (
     RTOL,
     SINGULAR,
     SolveInfo,
+    is_answer,
     solve_system,
 )
 from toeplitz_mg.solvers.scaling import exponents, scale_back
-from toeplitz_mg.solvers.short import solve_short
-from toeplitz_mg.solvers.system import ToeplitzSystem
+from toeplitz_mg.solvers.system import EPS, ToeplitzSystem
 from toeplitz_mg.values import real, refuse_masked
 
 UNUSED = 1100  # Minus the power of two of what is zero: less than that of any number.
@@ -153,16 +156,14 @@ def solve_toeplitz(
     else:
         r = c  # The same array: that A is symmetric needs no look at the numbers.
     is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
-    first, info = solve_short(c, r, b, rtol)
-    if first is not None and info is not None:
-        x = first if b.ndim == 1 else np.ascontiguousarray(first.T).reshape(b.shape)
-        return (x, info) if full_output else x
+    if c.size <= EQUAL and (found := _solve_short(c, r, b, rtol)) is not None:
+        return found if full_output else found[0]
     keep_freed_memory()
     with np.errstate(all="ignore"):  # It is seen in the residual.
         if is_batch:
             x, infos = _solve_batch(c, r, b, check_finite, rtol)
         else:
-            x, infos = _solve(c, r, b, check_finite, rtol, first=first)
+            x, infos = _solve(c, r, b, check_finite, rtol)
     if doubtful := [found for found in infos if _is_doubtful(found, rtol)]:
         info = max(doubtful, key=lambda found: found.residual)
         reason = "A is ill-conditioned, and x may have few correct digits"
@@ -202,6 +203,34 @@ def _numbers(values: ArrayLike, name: str) -> Array:
         )
     array = check_numbers(name, refuse_masked(name, values))
     return array.astype(np.complex128 if array.dtype.kind == "c" else np.float64, copy=False)
+
+
+def _solve_short(
+    c: Array, r: Array, b: Array, rtol: float | None
+) -> tuple[Array, SolveInfo] | None:
+    """Solve one small system by Levinson's recursion, or return None where that is not enough.
+
+    `solve_system` does the same, and more, in thrice the calls, which a small system would feel.
+    """
+    if not (c.ndim == 1 and c.size > 0 and b.shape == c.shape == r.shape):
+        return None
+    if not c.dtype == r.dtype == b.dtype or not isfinite(r[0]):
+        return None
+    system = ToeplitzSystem(c, r, np.ascontiguousarray(b))
+    if not system.is_of_usual_size:
+        return None
+    try:
+        x = levinson(system.lags, system.B)
+    except np.linalg.LinAlgError:
+        return None
+    error, terms, size = norm(b - system.multiply(x)), system.size * norm(x), norm(b)
+    if not EPS * terms <= ILL_CONDITIONED * size:
+        return None  # The residual may be rounding.
+    info = SolveInfo(LEVINSON, 1, error / size, error / (terms + size))
+    accepted = accepted_error(system)
+    if not is_answer(system, info.residual, info.backward_error, accepted, rtol):
+        return None
+    return x, info
 
 
 def _solve_batch(
@@ -261,13 +290,11 @@ def _solve(
     rtol: float | None,
     *,
     most_at_once: int = SHORT,
-    first: Array | None = None,
 ) -> tuple[Array, list[SolveInfo]]:
     """Solve one system, with one right-hand side or many.
 
     A real matrix is solved for the real and the imaginary parts side by side; one of at most
-    `most_at_once` unknowns for both parts of a single column at once, in fewer calls. x by
-    Levinson's recursion may be there `first`.
+    `most_at_once` unknowns for both parts of a single column at once, in fewer calls.
     """
     if c.ndim != 1 or r.shape != c.shape or b.ndim == 0 or len(b) != len(c):
         raise ValueError(
@@ -292,7 +319,7 @@ def _solve(
             c, r = (-c, -r) if r is not c else 2 * (-c,)
         if is_complex and (c.dtype.kind != "c" or r.dtype.kind != "c"):
             c, r = c.astype(dtype), r.astype(dtype)
-        system = ToeplitzSystem(c, r, B, parts, first=first)
+        system = ToeplitzSystem(c, r, B, parts)
         if system.is_of_usual_size and isfinite(r[0]):
             X, info = solve_system(system, rtol)
         elif at_once:  # The parts may be of different sizes.

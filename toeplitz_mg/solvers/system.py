@@ -44,8 +44,6 @@ class ToeplitzSystem:
         2 where the second half of the rows are the imaginary parts of the first.
     weights : ndarray of shape (columns,), optional
         By what the rows have been divided, where that is not the same for both parts.
-    first : ndarray of the shape of B, optional
-        X by Levinson's recursion, where it has been made.
 
     Attributes
     ----------
@@ -71,10 +69,8 @@ class ToeplitzSystem:
         B: Rows,
         parts: int = 1,
         weights: Array | None = None,
-        first: Array | None = None,
     ) -> None:
         self.c, self.r, self.B, self.parts, self._weights = c, r, B, parts, weights
-        self.first = first
         self.columns = 1 if B.ndim == 1 else len(B)
         self.lags = np.concatenate([r[:0:-1], c])
         self.size = sum_sizes(self.lags)
