@@ -31,12 +31,12 @@ from toeplitz_mg.preconditioners import (
     strang_preconditioner,
     tau_preconditioner,
 )
-from toeplitz_mg.solvers.solve import solve_toeplitz
+from toeplitz_mg.solvers.toeplitz.solve import solve_toeplitz
 from toeplitz_mg.solvers.determinant import toeplitz_logdet
 from toeplitz_mg.solvers.inverse import ToeplitzInverse, toeplitz_inverse
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.gmres import gmres
-from toeplitz_mg.solvers.refinement import SolveInfo
+from toeplitz_mg.solvers.toeplitz.refinement import SolveInfo
 from toeplitz_mg.solvers.richardson import richardson
 from toeplitz_mg.gaussian import ToeplitzNormal
 

@@ -14,11 +14,10 @@ import toeplitz_mg as tmg
 from comparisons.systems.symbols import column
 from tests.budgets import assert_within_budget
 from tests.systems import autoregressive, averaged, random
-from toeplitz_mg.solvers.cosine_cg import CosineSolver
-from toeplitz_mg.solvers.cosine_form import CosineForm, choose_points
-from toeplitz_mg.solvers.cosine_inverse import ApproximateInverse
-from toeplitz_mg.solvers.cosine_low_rank import LowRankInverse
-from toeplitz_mg.solvers.fourier_form import FourierForm
+from toeplitz_mg.solvers.toeplitz.cosine_cg import CosineSolver
+from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, choose_points
+from toeplitz_mg.solvers.toeplitz.cosine_inverse import ApproximateInverse, LowRankInverse
+from toeplitz_mg.solvers.toeplitz.fourier_form import FourierForm
 
 # Lengths that are fast, even and odd, and slow, even and odd.
 LENGTHS = [256, 315, 262, 269]

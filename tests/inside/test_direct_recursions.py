@@ -5,8 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import toeplitz
 
-from toeplitz_mg.solvers.levinson import levinson_of_batch
-from toeplitz_mg.solvers.trench import column_and_row_of_inverse
+from toeplitz_mg.solvers.toeplitz.levinson import column_and_row_of_inverse, levinson_of_batch
 
 
 def coefficients(kind, n):

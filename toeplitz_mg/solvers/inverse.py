@@ -24,12 +24,12 @@ from toeplitz_mg.preconditioners.symbol import sample_symbol
 from toeplitz_mg.preconditioners.traits import decays_slowly
 from toeplitz_mg.preconditioners.wiener_hopf import factor_positive_symbol
 from toeplitz_mg.solvers.cg import cg_by_recurrence
-from toeplitz_mg.solvers.cosine_cg import CosineSolver
-from toeplitz_mg.solvers.cosine_form import CosineForm
-from toeplitz_mg.solvers.crossovers import fsai_is_faster_than_cosine
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
-from toeplitz_mg.solvers.system import PANELS
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
+from toeplitz_mg.solvers.toeplitz.cosine_cg import CosineSolver
+from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm
+from toeplitz_mg.solvers.toeplitz.crossovers import fsai_is_faster_than_cosine
+from toeplitz_mg.solvers.toeplitz.system import PANELS
 from toeplitz_mg.values import positive
 
 MOSTLY_ROUNDING = 1e-12  # ‖e₁ - A x‖ below which a step may add as much rounding as it removes.

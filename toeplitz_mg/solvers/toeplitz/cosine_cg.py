@@ -7,7 +7,6 @@ every second number: the even and the odd part of a vector never mix, and each h
 a CG, of its own. That saves a quarter of the iterations.
 """
 
-from contextlib import suppress
 from operator import le
 
 import numpy as np
@@ -16,9 +15,8 @@ from scipy.linalg.blas import daxpy, ddot, dscal
 from toeplitz_mg._typing import Rows
 from toeplitz_mg.engine.row_sums import PART
 from toeplitz_mg.engine.vectors import norm
-from toeplitz_mg.solvers.cosine_form import CosineForm, alternate
-from toeplitz_mg.solvers.cosine_inverse import ApproximateInverse
-from toeplitz_mg.solvers.cosine_low_rank import LowRankInverse, has_low_rank
+from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, alternate
+from toeplitz_mg.solvers.toeplitz.cosine_inverse import precondition
 
 ROUNDING = float(np.finfo(np.float64).eps) / 16  # Least error of a product, over ‖A‖ ‖x‖.
 NOTHING = 1e-14  # Size of the even or the odd part of a vector, over both, that is none.
@@ -46,7 +44,7 @@ class CosineSolver:
         self._alternates = form.has_zero_at_end
         self._form = form.alternated() if self._alternates else form
         self._rounding = ROUNDING * size
-        self._M = _precondition(self._form)
+        self._M = precondition(self._form)
 
     def solve(self, B: Rows, rtol: float) -> tuple[Rows, int]:
         """Return solutions for rows by the recurrence for the residual, and the iterations.
@@ -118,14 +116,6 @@ class CosineSolver:
             goals = [max(s, self._rounding**2 * t) for s, t in zip(reached, of_x, strict=True)]
             iterations += 1
         return X, iterations
-
-
-def _precondition(form: CosineForm) -> ApproximateInverse | LowRankInverse:
-    """Return the preconditioner: of low rank beside a diagonal where that is to be had."""
-    if has_low_rank(form):
-        with suppress(np.linalg.LinAlgError):
-            return LowRankInverse(form)
-    return ApproximateInverse(form)
 
 
 def _parts(size: int, m: int) -> list[list[tuple[int, int]]]:

@@ -14,12 +14,11 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.workspace import keep_freed_memory
-from toeplitz_mg.solvers.batch import is_faster_at_once, solve_at_once
 from toeplitz_mg.solvers.checks import check_numbers
-from toeplitz_mg.solvers.choice import LEVINSON, accepted_error
-from toeplitz_mg.solvers.crossovers import EQUAL, SHORT
-from toeplitz_mg.solvers.levinson import levinson
-from toeplitz_mg.solvers.refinement import (
+from toeplitz_mg.solvers.toeplitz.choice import LEVINSON, accepted_error
+from toeplitz_mg.solvers.toeplitz.crossovers import EQUAL, SHORT
+from toeplitz_mg.solvers.toeplitz.levinson import is_faster_at_once, levinson, solve_at_once
+from toeplitz_mg.solvers.toeplitz.refinement import (
     GOOD,
     ILL_CONDITIONED,
     ROUNDING,
@@ -29,8 +28,8 @@ from toeplitz_mg.solvers.refinement import (
     is_answer,
     solve_system,
 )
-from toeplitz_mg.solvers.scaling import exponents, scale_back
-from toeplitz_mg.solvers.system import EPS, ToeplitzSystem
+from toeplitz_mg.solvers.toeplitz.scaling import exponents, scale_back
+from toeplitz_mg.solvers.toeplitz.system import EPS, ToeplitzSystem
 from toeplitz_mg.values import real, refuse_masked
 
 UNUSED = 1100  # Minus the power of two of what is zero: less than that of any number.
@@ -123,9 +122,8 @@ def solve_toeplitz(
 
     Notes
     -----
-    The residual of every answer is computed, and corrected if need be. The file
-    ``solvers/choice.py`` says which method is taken, and why. Nothing is timed to decide: the
-    same call gives the same bits in every process on one machine.
+    The residual of every answer is computed, and corrected if need be. Nothing is timed to decide:
+    the same call gives the same bits in every process on one machine.
 
     Examples
     --------

@@ -1,11 +1,15 @@
-"""The inverse of a symmetric Toeplitz matrix whose coefficients end, in the domain of the DCT-II.
+"""Approximate inverses of a symmetric Toeplitz matrix, in the domain of the DCT-II.
 
-There the matrix is D + K, with samples of the symbol D. Of coefficients that are zero from some lag
-on, or that decay so far, K is -C H Cᵀ with a Hankel matrix H of the lags that reach beyond the
-ends. For an exponential, and for all autoregressive processes and Matérn's covariances of
-half-integer smoothness, that has a rank of a few, and nearly so for a Gaussian. Then some of its
-columns make K: those that a pivoted elimination of its entries at some frequencies chooses. The
-formula of Sherman, Morrison and Woodbury inverts D + K.
+There the matrix is D + K: samples of the symbol D, and entries K that change slowly with both
+frequencies, but near the lowest, where zeros and poles of the symbol are. `ApproximateInverse`
+inverts it exactly for the lowest frequencies, and takes D for the others.
+
+Of coefficients that are zero from some lag on, or that decay so far, K is -C H Cᵀ with a Hankel
+matrix H of the lags that reach beyond the ends. For an exponential, and for all autoregressive
+processes and Matérn's covariances of half-integer smoothness, that has a rank of a few, and nearly
+so for a Gaussian. `LowRankInverse` makes K of some of its columns: those that a pivoted elimination
+of its entries at some frequencies chooses. The formula of Sherman, Morrison and Woodbury inverts
+D + K.
 
 References
 ----------
@@ -14,26 +18,113 @@ some of its rows and columns; H. Harbrecht, M. Peters, R. Schneider, On the low-
 by the pivoted Cholesky decomposition, Appl. Numer. Math. 62 (2012), for the choice of these.
 """
 
+from contextlib import suppress
 from functools import lru_cache
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.row_sums import PART
 from toeplitz_mg.engine.vectors import add_combination, dots
 from toeplitz_mg.preconditioners.positivity import is_positive
-from toeplitz_mg.solvers.cosine_form import CosineForm, Points, choose_points
+from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, Points, choose_points
 
+LOWEST = 32  # Lowest pairs of frequencies, an even and an odd one, that are inverted exactly.
+# Sample of the symbol next to the lowest frequencies, over the largest, below which rounding says
+# how many iterations it takes: (2 - 2 cos θ)² has that from some 6000 unknowns on.
+LEAST = 1e-7
 LONG = 4096  # Fewest numbers where iterations that are saved take longer than the columns.
 MOST = 10  # Most columns of each parity.
 # Pairs of frequencies that are looked at: so many at an end, and others from there to the middle.
-LOWEST, HIGHEST = (18, 22), (8, 10)
+NEAR_ZERO, NEAR_PI = (18, 22), (8, 10)
 # Diagonal of what is left of K, over D, at the frequencies that are looked at. It leaves CG one to
 # three iterations, but up to 13 of Gaussians times a cosine, whose peak is between these.
 SMALL = 1e-6
 # What may be left after half of them, over the first: of Gaussians it is at most 1e-3, of ten
 # coefficients 0.03, and of functions that end in a kink, which need more columns than pay, 0.1.
 PROMISING = 0.05
+
+
+def precondition(form: CosineForm) -> "ApproximateInverse | LowRankInverse":
+    """Return what approximates the inverse: of low rank beside D where that is to be had.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where it is not positive definite.
+    """
+    if has_low_rank(form):
+        with suppress(np.linalg.LinAlgError):
+            return LowRankInverse(form)
+    return ApproximateInverse(form)
+
+
+class ApproximateInverse:
+    """The inverse of C A Cᵀ for the lowest frequencies, and of its diagonal for others.
+
+    Attributes
+    ----------
+    diagonal : ndarray of shape (m,)
+        The inverse of the diagonal.
+    of_lowest : ndarray of shape (2 k, 2 k)
+        The inverse for the lowest frequencies.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where it is not positive definite.
+    """
+
+    def __init__(self, form: CosineForm) -> None:
+        B = form.entries(_lowest(form.m))
+        k = B.shape[-1]
+        of_B = B.reshape(2, -1)[:, :: k + 1]
+        D = _diagonal(form, of_B.T.ravel())
+        if not is_positive(D, np.float64):
+            raise np.linalg.LinAlgError("a sample of the symbol is not positive")
+        self.diagonal = np.reciprocal(D)
+        self.of_lowest = np.zeros((2 * k, 2 * k))
+        for parity in (0, 1):
+            self.of_lowest[parity::2, parity::2] = _invert(B[parity])
+
+    def apply(self, R: Rows, out: Rows) -> None:
+        """Multiply rows by it."""
+        np.multiply(R, self.diagonal, out=out)
+        lowest = np.s_[..., : len(self.of_lowest)]
+        out[lowest] = R[lowest].dot(self.of_lowest)
+
+
+def _diagonal(form: CosineForm, lowest: Array) -> Array:
+    """Return D, whose first entries are given: samples of the symbol at the other frequencies."""
+    D = np.empty(form.m)
+    D[: len(lowest)] = lowest
+    others, f = D[len(lowest) :], form.samples[len(lowest) - 1 :]
+    if form.has_ended and f[0] > LEAST * f.max():
+        others[...] = f[1:-1]  # A differs from its symbol by a matrix of small rank only.
+    else:
+        # Lags that are cut off add (-1)^k times something smooth: a mean of neighbours has not.
+        np.multiply(f[1:-1], 2.0, out=others)
+        others += f[:-2]
+        others += f[2:]
+        others *= 0.25
+    return D
+
+
+@lru_cache(maxsize=64)
+def _lowest(m: int) -> Points:
+    """Return the lowest frequencies of a transform of length m."""
+    return choose_points(m, 2 * np.arange(min(LOWEST, m // 2)) + [[0], [1]])
+
+
+def _invert(B: Array) -> Array:
+    """Invert a symmetric positive definite matrix; raise LinAlgError where it is not."""
+    factor, not_positive = dpotrf(B.T, overwrite_a=True)
+    # Of `dpotri` OpenBLAS makes threads, which may wait for each other for a hundred milliseconds.
+    inverse, singular = dtrtri(factor, overwrite_c=True)
+    if not_positive or singular:
+        raise np.linalg.LinAlgError("the matrix of the lowest frequencies is not positive definite")
+    return inverse @ inverse.T
 
 
 class LowRankInverse:
@@ -64,7 +155,7 @@ class LowRankInverse:
                 U[np.arange(len(U)), at] = diagonal
                 signs = _eliminate(U, at)
                 V = U * self.diagonal[parity::2]
-                self._parts.append((parity, V, _invert(signs, U, V)))
+                self._parts.append((parity, V, _invert_small(signs, U, V)))
 
     @property
     def ranks(self) -> tuple[int, ...]:
@@ -129,7 +220,7 @@ def _choose(form: CosineForm, D: Array) -> list[tuple[Array, Array]]:
 def _candidates(m: int) -> Points:
     """Return the frequencies that K is eliminated at, more of them near both ends."""
     pairs = m // 2
-    below, above = (_steps(pairs // 2, *numbers) for numbers in (LOWEST, HIGHEST))
+    below, above = (_steps(pairs // 2, *numbers) for numbers in (NEAR_ZERO, NEAR_PI))
     numbers = np.unique(np.append(below, pairs - 1 - above))
     return choose_points(m, 2 * numbers + [[0], [1]])
 
@@ -156,7 +247,7 @@ def _eliminate(U: Array, at: Array) -> Array:
     return signs
 
 
-def _invert(signs: Array, U: Array, V: Array) -> Array:
+def _invert_small(signs: Array, U: Array, V: Array) -> Array:
     """Return W with (D + Uᵀ S U)⁻¹ = D⁻¹ - Vᵀ W V, where V is U D⁻¹, and S has these signs.
 
     W⁻¹ is S + U D⁻¹ Uᵀ. By the inertia of the Schur complements of [[D, Uᵀ], [U, -S]] the sum is

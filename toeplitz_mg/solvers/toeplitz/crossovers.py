@@ -4,7 +4,7 @@
 with ``--columns`` for several right-hand sides.
 """
 
-from toeplitz_mg.solvers.cosine_form import fast_length
+from toeplitz_mg.solvers.toeplitz.cosine_form import fast_length
 
 FEW = 2  # Most columns for which the inverse is not worth its set-up.
 # Fewest unknowns where GMRES, and Trench's recursion in calls of BLAS, are faster than Levinson's.

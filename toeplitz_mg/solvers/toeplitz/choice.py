@@ -28,7 +28,8 @@ from toeplitz_mg.preconditioners.traits import (
     is_flat,
     wraps_around,
 )
-from toeplitz_mg.solvers.attempts import (
+from toeplitz_mg.solvers.inverse import first_columns
+from toeplitz_mg.solvers.toeplitz.attempts import (
     AT_LAST,
     OF_GMRES,
     PATIENT,
@@ -37,8 +38,8 @@ from toeplitz_mg.solvers.attempts import (
     solve_by_gmres,
     within,
 )
-from toeplitz_mg.solvers.cosine_cg import CosineSolver
-from toeplitz_mg.solvers.crossovers import (
+from toeplitz_mg.solvers.toeplitz.cosine_cg import CosineSolver
+from toeplitz_mg.solvers.toeplitz.crossovers import (
     FEW,
     GENERAL,
     RECURSIVE,
@@ -52,11 +53,9 @@ from toeplitz_mg.solvers.crossovers import (
     recursion_is_faster_than_gmres,
     trench_is_faster_than_levinson,
 )
-from toeplitz_mg.solvers.fourier_form import has_fourier_form
-from toeplitz_mg.solvers.inverse import first_columns
-from toeplitz_mg.solvers.levinson import levinson
-from toeplitz_mg.solvers.system import EPS, ToeplitzSystem
-from toeplitz_mg.solvers.trench import column_and_row_of_inverse
+from toeplitz_mg.solvers.toeplitz.fourier_form import has_fourier_form
+from toeplitz_mg.solvers.toeplitz.levinson import column_and_row_of_inverse, levinson
+from toeplitz_mg.solvers.toeplitz.system import EPS, ToeplitzSystem
 
 ACCEPTED = 1e4 * EPS  # Backward error of an answer where no other method has a better one: 2e-12.
 UNSTABLE = 2e4 * EPS  # Backward error of the recursion that another one need not correct: 4e-12.

@@ -18,8 +18,8 @@ from toeplitz_mg.preconditioners.circulant import (
     smooth_column,
     smooth_eigenvalues,
 )
-from toeplitz_mg.solvers.cosine_form import CosineForm
-from toeplitz_mg.solvers.fourier_form import FourierForm, has_fourier_form
+from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm
+from toeplitz_mg.solvers.toeplitz.fourier_form import FourierForm, has_fourier_form
 
 EPS = float(np.finfo(np.float64).eps)
 SHORT = 512  # Most unknowns of which a product by its definition is as fast as one by FFT.

@@ -7,9 +7,9 @@ import numpy as np
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
-from toeplitz_mg.solvers.choice import ACCEPTED, LARGEST_DENSE, Method, methods
-from toeplitz_mg.solvers.crossovers import SHORT
-from toeplitz_mg.solvers.system import EPS, ToeplitzSystem, any_less, largest
+from toeplitz_mg.solvers.toeplitz.choice import ACCEPTED, LARGEST_DENSE, Method, methods
+from toeplitz_mg.solvers.toeplitz.crossovers import SHORT
+from toeplitz_mg.solvers.toeplitz.system import EPS, ToeplitzSystem, any_less, largest
 
 RTOL = 1e-12  # Relative residual that is to be reached, if none is asked for.
 ROUNDING = 16 * EPS  # Backward error at which no correction can be expected to help.

@@ -1,0 +1,1 @@
+"""The drop-in for `scipy.linalg.solve_toeplitz`: methods for one axis, and the choice of one."""

@@ -1,0 +1,226 @@
+"""Recursions of n² steps: Levinson's for one system and for many small ones, and Trench's.
+
+Levinson's is SciPy's. Many small systems at once, as frames of linear prediction are, take one
+recursion of NumPy. Trench's gives the first column and the first row of the inverse: it takes two
+thirds of the steps of Levinson's, as it solves for no right-hand side, and by the Gohberg-Semencul
+formula each of those costs O(n log n), and so does a correction.
+
+References
+----------
+N. Levinson, The Wiener RMS error criterion in filter design and prediction, J. Math. Phys. 25
+(1946); W. F. Trench, An algorithm for the inversion of finite Toeplitz matrices, J. SIAM 12 (1964).
+"""
+
+from collections.abc import Callable
+from functools import cache, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.linalg
+from scipy.linalg import get_blas_funcs
+
+from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.engine.row_sums import PART
+from toeplitz_mg.solvers.toeplitz.system import EPS, USUAL
+
+# `python -m comparisons.drop_in` measures both sides of these.
+LARGEST = 64  # Most unknowns of a system: above some 100 SciPy's recursion is as fast for each.
+FEWEST = 50  # Fewest systems that are worth the calls of one recursion more.
+NUMBERS = 2**16  # Numbers of an array of systems that are solved together: they stay in the cache.
+
+Recursion = Callable[[Array, Array], Any]  # From lags and b to x and something else.
+
+
+def levinson(lags: Array, B: Rows) -> Rows:
+    """Solve by Levinson's recursion, in n² steps for each right-hand side.
+
+    Parameters
+    ----------
+    lags : ndarray of shape (2 n - 1,), float64 or complex128
+        The coefficients a[i - j], lag zero in the centre.
+    B : ndarray of shape (n,) or (columns, n), of that dtype
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where a leading block is singular.
+    """
+    solve = _recursion()
+    if B.ndim == 1:
+        return solve(lags, B)[0]
+    X = np.empty_like(B)
+    for k, b in enumerate(B):  # In a small system `numpy.stack` would be felt.
+        X[k] = solve(lags, b)[0]
+    return X
+
+
+@cache
+def _recursion() -> Recursion:
+    """Return the recursion that SciPy has compiled, if it still is what it was.
+
+    Its public function takes several times as long for some unknowns, to check its arguments. The
+    private one may change or vanish with any release, and then the public one is taken.
+    """
+    lags, b = np.array([0.5, 1.0, 4.0, 2.0, 3.0]), np.array([1.0, 2.0, 3.0])
+    try:
+        from scipy.linalg._solve_toeplitz import levinson as compiled
+
+        for a, right in ((lags, b), (lags * (1.0 + 0.5j), b * 1j)):
+            x = compiled(a, right)[0]
+            if not np.allclose(np.convolve(a, x, "valid"), right, rtol=1e-12):
+                return _public
+    except (ImportError, TypeError, ValueError):
+        return _public
+    return compiled
+
+
+def _public(lags: Array, b: Array) -> tuple[Array, None]:
+    n = len(b)
+    x = scipy.linalg.solve_toeplitz((lags[n - 1 :], lags[n - 1 :: -1]), b, check_finite=False)
+    return x, None
+
+
+def levinson_of_batch(C: Array, B: Array) -> Array:
+    """Solve many symmetric systems at once; what has no solution is not finite.
+
+    Parameters
+    ----------
+    C : ndarray of shape (n, systems)
+        The first columns, as columns.
+    B : ndarray of shape (n, k, systems)
+        k right-hand sides of each.
+    """
+    n, systems = C.shape
+    x = np.zeros_like(B)
+    a = np.zeros((n, systems))  # The predictor: A a = (e, 0, …, 0) for the leading block.
+    a[0] = 1.0
+    e = C[0].copy()
+    x[0] = B[0] / e
+    for k in range(1, n):
+        defect = np.einsum("ks,ks->s", a[:k], C[k:0:-1])
+        reflection = defect / e
+        a[: k + 1] -= reflection * a[k::-1]
+        e -= reflection * defect
+        # A times the flipped predictor is (0, …, 0, e).
+        flipped = a[k::-1]
+        step = np.einsum("ks,kcs->cs", flipped, B[: k + 1]) / e
+        x[: k + 1] += step * flipped[:, np.newaxis]
+    return x
+
+
+class Solutions(NamedTuple):
+    """Solutions of systems, and how good they are.
+
+    Attributes
+    ----------
+    x : ndarray of shape (systems, n, k)
+    residuals, backward_errors : ndarray of shape (systems,)
+        The largest of all columns (see `SolveInfo`); not a number where there is no solution,
+        where the sizes of numbers are unusual, or where x is so large that its residual is
+        rounding.
+    """
+
+    x: Array
+    residuals: Array
+    backward_errors: Array
+
+
+def is_faster_at_once(systems: int, n: int) -> bool:
+    """Whether one recursion is faster than one for each: it takes some calls for each unknown."""
+    return n <= LARGEST and systems >= max(FEWEST, 2 * n)
+
+
+def solve_at_once(c: Array, b: Array) -> Solutions:
+    """Solve symmetric systems by Levinson's recursion.
+
+    Parameters
+    ----------
+    c : ndarray of shape (systems, n), float64
+    b : ndarray of shape (systems, n, k), float64
+    """
+    x = np.empty(b.shape)
+    residuals, backward_errors = np.empty((2, len(b)))
+    size = max(1, NUMBERS // b[0].size)
+    for start in range(0, len(b), size):
+        part = slice(start, start + size)
+        # A step of the recursion is then one operation for all systems.
+        columns, right = (np.ascontiguousarray(np.moveaxis(a[part], 0, -1)) for a in (c, b))
+        y = levinson_of_batch(columns, right)
+        x[part] = np.moveaxis(y, -1, 0)
+        residuals[part], backward_errors[part] = _errors(columns, y, right)
+    return Solutions(x, residuals, backward_errors)
+
+
+def _errors(c: Array, x: Array, b: Array) -> tuple[Array, Array]:
+    """Return the residuals and the backward errors, shape (systems,), which is the last axis."""
+    n, systems = c.shape
+    lags = np.concatenate([c[:0:-1], c])
+    step, next_one = lags.strides
+    # A[i, j] is the lag i - j.
+    A = np.ndarray((n, n, systems), lags.dtype, lags, (n - 1) * step, (step, -step, next_one))
+    r = b - np.einsum("ijs,jks->iks", A, x)
+    errors, of_x, of_b = (np.sqrt(np.einsum("nks,nks->ks", v, v)) for v in (r, x, b))
+    sizes = np.abs(c)
+    of_A = 2.0 * sizes.sum(axis=0) - sizes[0]
+    low, high = USUAL
+    is_usual = (low < of_A) & (of_A < high) & (low < of_b) & (of_b < high)
+    is_known = is_usual & (EPS * of_A * of_x <= of_b)
+    residuals = np.where(is_known, errors / of_b, np.nan)
+    return residuals.max(axis=0), (errors / (of_A * of_x + of_b)).max(axis=0)
+
+
+def column_and_row_of_inverse(c: Array, r: Array) -> tuple[Array, Array]:
+    """Return A⁻¹ e₁ and A⁻ᵀ e₁, in 2 n² steps, or 1.5 n² where r is c.
+
+    For the leading block of m unknowns the recursion has f and g with A f = (e, 0, …, 0) and
+    A g = (0, …, 0, e), and f₀ = g_(m-1) = 1. Both are extended by a zero, and what that leaves in
+    the new row of A f, or A g, the other of them takes away.
+
+    Parameters
+    ----------
+    c, r : ndarray of shape (n,), float64 or complex128
+        First column and first row; the same array where A is known to be symmetric.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where a leading block is singular.
+    """
+    n = len(c)
+    names = ("dotu" if c.dtype.kind == "c" else "dot", "axpy", "copy")
+    dot, axpy, copy = get_blas_funcs(names, dtype=c.dtype)
+    reversed_c = np.ascontiguousarray(c[::-1])
+    f, g, before = (np.zeros_like(c) for _ in range(3))
+    f[0] = g[n - 1] = 1.0  # g ends where its array does.
+    e = c[0]
+    for m in range(1, n):
+        if e == 0.0:
+            raise np.linalg.LinAlgError(f"the leading {m} × {m} block is singular")
+        if m == PART:  # Of longer vectors OpenBLAS makes threads.
+            dot, axpy = partial(_sum_of_pieces, dot), partial(_add_in_pieces, axpy)
+        start = n - 1 - m
+        below = dot(reversed_c, f, m, start, 1, 0, 1)
+        above = below if r is c else dot(r, g, m, 1, 1, start + 1, 1)
+        copy(f, before, m)
+        axpy(g, f, m + 1, -below / e, start, 1, 0, 1)
+        axpy(before, g, m, -above / e, 0, 1, start, 1)
+        e -= below / e * above
+    if e == 0.0:
+        raise np.linalg.LinAlgError("the matrix is singular")
+    return f / e, g[::-1] / e
+
+
+def _sum_of_pieces(
+    dot: Any, x: Array, y: Array, size: int, i: int, di: int, j: int, dj: int
+) -> Any:
+    """Return what `dot` of BLAS returns for these arguments."""
+    pieces = range(0, size, PART)
+    return sum(dot(x, y, min(PART, size - k), i + k, di, j + k, dj) for k in pieces)
+
+
+def _add_in_pieces(
+    axpy: Any, x: Array, y: Array, size: int, a: Any, i: int, di: int, j: int, dj: int
+) -> None:
+    """Do what `axpy` of BLAS does for these arguments."""
+    for k in range(0, size, PART):
+        axpy(x, y, min(PART, size - k), a, i + k, di, j + k, dj)
