@@ -438,3 +438,64 @@ def test_batches_are_their_systems():
     X = tmg.solve_toeplitz(c, b)
     for k in np.ndindex(7, 4):
         assert_allclose(X[k], tmg.solve_toeplitz(c[k], b[k]), rtol=1e-14)
+
+
+# Bands ------------------------------------------------------------------------------------------
+
+BANDS = {  # The diagonals from the main one down, and from it to the right.
+    "definite, tridiagonal": ([2.0, -1.0], [2.0, -1.0]),
+    "definite, five diagonals": ([6.5, -4.0, 1.0], [6.5, -4.0, 1.0]),
+    "indefinite": ([1.0, -2.0, 0.5], [1.0, -2.0, 0.5]),
+    "skew-symmetric": ([0.1, 1.0], [0.1, -1.0]),
+    "not symmetric": ([4.0, -1.0, 0.5], [4.0, 2.0]),
+    "upper": ([3.0], [3.0, 1.0, 1.0]),
+    "diagonal": ([3.0], [3.0]),
+    "Hermitian, tridiagonal": ([3.0, 1.0j], [3.0, -1.0j]),
+    "Hermitian, five diagonals": ([6.5, -4.0, 1.0j], [6.5, -4.0, -1.0j]),
+    "complex": ([3.0j, 1.0], [3.0j, 0.5, 0.5]),
+}
+
+
+@pytest.mark.parametrize("columns", [1, 3])
+@pytest.mark.parametrize("n", [40, 3001])
+@pytest.mark.parametrize("name", BANDS)
+def test_a_band_is_solved_as_by_lapack(name, n, columns):
+    below, above = map(np.array, BANDS[name])
+    c, r = (np.concatenate([a, np.zeros(n - len(a))]) for a in (below, above))
+    b = random(n, columns)[:, 0] if columns == 1 else random(n, columns)
+    diagonals = np.concatenate([above[:0:-1], below])[:, np.newaxis]
+    widths = len(below) - 1, len(above) - 1
+    expected = scipy.linalg.solve_banded(widths, np.tile(diagonals, n), b)
+    with tmg.count_products() as work:
+        x, info = tmg.solve_toeplitz((c, r), b, full_output=True)
+    assert_allclose(x, expected, atol=1e-9 * abs(expected).max())
+    assert info.backward_error <= 1e-14
+    if n > 1000:
+        assert work.units(n) == 0  # No transform.
+
+
+# The choice -------------------------------------------------------------------------------------
+
+
+def test_a_method_is_named_with_its_reason():
+    for c, b in ((KERNEL, random(3000)), ((KERNEL, KERNEL**2), random(3000, 5)), ([2], [1j])):
+        method = tmg.select_method(c, b)
+        assert str(method) == f"{method.name}: {method.why}"
+        _, info = tmg.solve_toeplitz(c, b, full_output=True)
+        assert info.method == method.name
+
+
+def test_a_method_depends_on_no_scale_and_no_sign():
+    c, b = KERNEL[:600], random(600)
+    for size in (-1.0, 1e-200, 1e300):
+        assert tmg.select_method(size * c, size * b) == tmg.select_method(c, b)
+
+
+def test_no_method_is_named_for_what_is_no_system():
+    for c, b, error in (
+        ([1.0, 0.0], [1.0], "need the length of c"),
+        ([[1.0, 0.0]], [1.0, 2.0], "need the length of c"),
+        ([1.0], np.zeros((1, 0)), "no method for no unknowns"),
+    ):
+        with pytest.raises(ValueError, match=error):
+            tmg.select_method(c, b)

@@ -31,7 +31,7 @@ from toeplitz_mg.preconditioners import (
     strang_preconditioner,
     tau_preconditioner,
 )
-from toeplitz_mg.solvers.toeplitz.solve import solve_toeplitz
+from toeplitz_mg.solvers.toeplitz.solve import select_method, solve_toeplitz
 from toeplitz_mg.solvers.determinant import toeplitz_logdet
 from toeplitz_mg.solvers.inverse import ToeplitzInverse, toeplitz_inverse
 from toeplitz_mg.solvers.cg import cg
@@ -73,6 +73,7 @@ __all__ = [
     "piecewise_constant",
     "rediscretised",
     "richardson",
+    "select_method",
     "select_preconditioner",
     "sine_preconditioner",
     "solve_toeplitz",

@@ -2,8 +2,8 @@
 
 Facts come from `toeplitz_mg.preconditioners.traits`; out go candidates with reasons, the fastest
 first. `default_preconditioner` makes the first that is not refused, `select_preconditioner` lists
-them (both in `default`), `solve_toeplitz` and `toeplitz_inverse` ask for those of a whole line, and
-the active sets of `toeplitz_mg.contact` ask whether FSAI is worth its set-up.
+them (both in `default`), and the active sets of `toeplitz_mg.contact` ask whether FSAI is worth its
+set-up.
 """
 
 from collections.abc import Callable, Iterator
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg._typing import Array, Mask
+from toeplitz_mg._typing import Mask
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.base import require_numpy
@@ -52,7 +52,6 @@ from toeplitz_mg.preconditioners.trigonometric import (
     sine_inverse,
     sine_preconditioner,
 )
-from toeplitz_mg.preconditioners.wiener_hopf import factor_positive_symbol
 from toeplitz_mg.values import count
 
 # `python -m comparisons.preconditioners` measures both sides of these, and of DIRECT:
@@ -132,9 +131,7 @@ def _of_all_components(A: LinearOperator, mask: Mask | None) -> Iterator[Candida
         yield Candidate("fsai_preconditioner", reason, couple)
 
 
-def candidates_of_line(
-    A: ToeplitzOperator, sample: Callable[[], Array] | None = None
-) -> Iterator[Candidate]:
+def candidates_of_line(A: ToeplitzOperator) -> Iterator[Candidate]:
     """Yield the preconditioners of a whole line that its symbol allows, the fastest first.
 
     There may be none: where the symbol has no positive samples and no zero at an end, or is not
@@ -144,14 +141,12 @@ def candidates_of_line(
     ----------
     A : ToeplitzOperator
         Symmetric, of one axis. The candidates are for this matrix alone.
-    sample : callable, optional
-        Returns `symbol_of_line` of it, where that is known.
     """
     if len(A.c) >= LONG and traits.decays_slowly(A.c):
         # 4 to 12 iterations, but next to no set-up, and cheap ones.
         yield Candidate.of(fsai_preconditioner, "a long line of slow decay")
     A = A.astype(np.float64)
-    samples = symbol_of_line(A) if sample is None else sample()
+    samples = sample_symbol(A, (near_fast_length(len(A.c)),))
     by_sine = partial(sine_inverse, samples=samples)
     by_cosine = partial(cosine_inverse, samples=samples)
     is_smooth = traits.decreases(A.c)
@@ -175,24 +170,6 @@ def candidates_of_line(
         elif factor.residual <= HARDLY_RESOLVED:
             # As wide as the matrix, with a simple tail: 2 to 6 iterations.
             yield Candidate.of(cosine_preconditioner, "a wide covariance", by_cosine)
-
-
-def symbol_of_line(A: ToeplitzOperator) -> Array:
-    """Return samples of the symbol of a symmetric matrix of one axis, at θ = 0 … π."""
-    return sample_symbol(A, (near_fast_length(len(A.c)),))
-
-
-def candidates_of_complex_line(A: ToeplitzOperator) -> Iterator[Candidate]:
-    """Yield the preconditioners of a whole line that is complex and Hermitian, but for circulants.
-
-    The last one is as good as the inverse, and its set-up takes as long as some 20 iterations.
-    """
-    A = A.astype(np.complex128)
-    factor = factor_positive_symbol(A)
-    if factor is not None and factor.is_inverse:
-        of_factor = partial(inverse_of_factor, factor=factor)
-        yield Candidate.of(spectral_preconditioner, "a symbol that is resolved", of_factor)
-    yield Candidate.of(spectral_preconditioner, "whatever the symbol", schur_inverse)
 
 
 def _of_grid(A: ToeplitzOperator) -> Iterator[Candidate]:

@@ -27,12 +27,12 @@ from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
 from toeplitz_mg.solvers.toeplitz.cosine_cg import CosineSolver
-from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm
-from toeplitz_mg.solvers.toeplitz.crossovers import fsai_is_faster_than_cosine
+from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, fast_length
 from toeplitz_mg.solvers.toeplitz.system import PANELS
 from toeplitz_mg.values import positive
 
 MOSTLY_ROUNDING = 1e-12  # ‖e₁ - A x‖ below which a step may add as much rounding as it removes.
+FSAI = 2**16  # Fewest unknowns where FSAI is faster, of a slow length and slow decay.
 FEW = 256  # Unknowns up to which any matrix is solved with directly.
 ROUGH = 1e-6  # Relative residual of CG, from which one or two steps lead to rounding.
 # Sizes of A for which no square of a norm of A or A⁻¹ over- or underflows.
@@ -280,7 +280,7 @@ def _by_cg(A: ToeplitzOperator) -> Columns | None:
         return None
     unit = np.eye(1, n)
     with suppress(np.linalg.LinAlgError):
-        is_for_fsai = fsai_is_faster_than_cosine(n) and decays_slowly(A.c)
+        is_for_fsai = n >= FSAI and fast_length(n) > n and decays_slowly(A.c)
         if FEW < n < PANELS and not is_for_fsai:
             solver = CosineSolver(CosineForm(A.c), A.norm_bound)
             return Columns(A, solver.solve(unit, ROUGH)[0][0])

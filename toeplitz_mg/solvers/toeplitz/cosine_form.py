@@ -20,7 +20,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.lengths import work_of_transform
-from toeplitz_mg.engine.row_transforms import dct, dst, irfft, rfft
+from toeplitz_mg.engine.row_transforms import dct, dst, packed_irfft, packed_rfft, rfft
 from toeplitz_mg.engine.work import count_transforms
 
 STEEP = 0.5  # Slope of the last two coefficients, over the last, that is none of a smooth function.
@@ -134,7 +134,7 @@ class CosineForm:
         lags[0, 1:m] *= 2.0
         np.multiply(lags[0], 1.0 - np.arange(m + 1) / m, out=lags[1])
         count_transforms(2, 2 * m)
-        sums, of_fejer = _transform_extended(lags, 2 * m)
+        sums, of_fejer = rfft(_extend(lags, 2 * m))
         self.samples = sums.real.copy()
         self._sines, self._of_fejer = sums.imag.copy(), of_fejer.real.copy()
 
@@ -154,9 +154,14 @@ class CosineForm:
         return self._multiply(X)
 
     def _multiply(self, X: Rows) -> Rows:
-        Y = _transform_extended(X, 2 * self.m)
-        Y *= self.samples
-        return irfft(Y, 2 * self.m)[..., : self.n]
+        Y = packed_rfft(_extend(X, 2 * self.m), overwrite_x=True)
+        Y *= self._packed
+        return packed_irfft(Y, overwrite_x=True)[..., : self.n]
+
+    @cached_property
+    def _packed(self) -> Array:
+        """The samples, each for the real and the imaginary part of its frequency."""
+        return np.repeat(self.samples, 2)[1:-1]
 
     def transform(self, X: Rows) -> Rows:
         """Return rows of length n in the domain of the transform, of length m."""
@@ -242,11 +247,11 @@ class CosineForm:
         return a + b < (b + 2.0 * c + d) / 4.0  # The means at the last one and two before it.
 
 
-def _transform_extended(X: Rows, length: int) -> Array:
-    """Return the transform of rows with zeros behind them."""
+def _extend(X: Rows, length: int) -> Rows:
+    """Return rows with zeros behind them."""
     extended = np.zeros((*X.shape[:-1], length))
     extended[..., : X.shape[-1]] = X
-    return rfft(extended)
+    return extended
 
 
 def has_ended(c: Array) -> bool:

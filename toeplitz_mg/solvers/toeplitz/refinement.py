@@ -7,8 +7,14 @@ import numpy as np
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
-from toeplitz_mg.solvers.toeplitz.choice import ACCEPTED, LARGEST_DENSE, Method, methods
-from toeplitz_mg.solvers.toeplitz.crossovers import SHORT
+from toeplitz_mg.solvers.toeplitz.methods import (
+    ACCEPTED,
+    LARGEST_DENSE,
+    METHODS,
+    SHORT,
+    Method,
+    Solve,
+)
 from toeplitz_mg.solvers.toeplitz.system import EPS, ToeplitzSystem, any_less, largest
 
 RTOL = 1e-12  # Relative residual that is to be reached, if none is asked for.
@@ -56,9 +62,13 @@ def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Solv
     """Solve by the first method whose solutions, corrected, have small residuals."""
     best: tuple[Rows, SolveInfo] | None = None
     least, tried = inf, ""
-    for method in methods(system):
+    names: set[str] = set()
+    for method in METHODS:
+        if method.name in names or not method.fits(system):
+            continue
+        names.add(method.name)
         try:
-            X, info, error = _correct(method, system, rtol)
+            X, info, error = _correct(method, method.make(system), system, rtol)
         except np.linalg.LinAlgError as refused:
             tried += f"; {method.name} fails: {refused}"
             continue
@@ -73,13 +83,13 @@ def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Solv
     if best and best[1].backward_error <= ACCEPTED and best[1].residual <= SINGULAR:
         return best
     reason = "A is singular, exactly or numerically, or x is beyond the largest number"
-    if len(system.c) > LARGEST_DENSE:
+    if system.n > LARGEST_DENSE:
         reason += f", or none of the methods for more than {LARGEST_DENSE} unknowns solves it"
     raise np.linalg.LinAlgError(reason + tried)
 
 
 def _correct(
-    method: Method, system: ToeplitzSystem, rtol: float | None
+    method: Method, solve: Solve, system: ToeplitzSystem, rtol: float | None
 ) -> tuple[Rows, SolveInfo, float | None]:
     """Solve, and correct the solution by that of its residual while this helps.
 
@@ -92,7 +102,7 @@ def _correct(
     """
     sizes = system.sizes
     goal = RTOL if rtol is None else rtol
-    X, iterations = method.solve(system.B, 0.9 * goal)  # The recurrence of CG may drift.
+    X, iterations = solve(system.B, 0.9 * goal)  # The recurrence of CG may drift.
     best, info, least = X, SolveInfo(method.name, iterations, inf, inf), inf
     for left in reversed(range(1 + MOST)):
         R = system.B - system.multiply(X)
@@ -117,12 +127,12 @@ def _correct(
             break
         best, least = X, error
         info = SolveInfo(method.name, iterations, residual, backward_error)
-        if is_answer(system, residual, error, method.accepted, rtol):
+        if is_answer(system, residual, error, method.accepted(system), rtol):
             return best, info, None
         # Each column is as good as can be, by one error or by the other.
         if not left or np.all(errors <= np.maximum(goal * sizes, ROUNDING * terms)):
             break
-        correction, steps = method.solve(R, CORRECTION)
+        correction, steps = solve(R, CORRECTION)
         X = X + correction
         iterations += steps
     is_good = least <= GOOD and (method.is_substitution or info.residual <= SINGULAR)
@@ -138,7 +148,7 @@ def is_answer(
     """
     if rtol is not None:
         return residual <= rtol
-    rough = ILL_CONDITIONED if len(system.c) <= SHORT else ROUGH
+    rough = ILL_CONDITIONED if system.n <= SHORT else ROUGH
     return residual <= RTOL or (error <= accepted and residual <= rough)
 
 
@@ -151,7 +161,7 @@ def _measure_sharply(
     are too rough, with their norms, and what they can be at most, the given terms, is no limit.
     """
     few = UNEVEN * terms
-    if len(system.c) > LARGEST_DENSE or not any_less(system.least_size_of_terms(X), few):
+    if system.n > LARGEST_DENSE or not any_less(system.least_size_of_terms(X), few):
         return R, errors, terms
     sharp = np.fmin(terms, system.sizes_of_terms(X))
     if not np.any(sharp < few):

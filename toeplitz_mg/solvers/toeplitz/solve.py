@@ -15,9 +15,15 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.workspace import keep_freed_memory
 from toeplitz_mg.solvers.checks import check_numbers
-from toeplitz_mg.solvers.toeplitz.choice import LEVINSON, accepted_error
-from toeplitz_mg.solvers.toeplitz.crossovers import EQUAL, SHORT
 from toeplitz_mg.solvers.toeplitz.levinson import is_faster_at_once, levinson, solve_at_once
+from toeplitz_mg.solvers.toeplitz.methods import (
+    EQUAL,
+    LEVINSON,
+    METHODS,
+    SHORT,
+    Method,
+    accepted_error,
+)
 from toeplitz_mg.solvers.toeplitz.refinement import (
     GOOD,
     ILL_CONDITIONED,
@@ -32,7 +38,7 @@ from toeplitz_mg.solvers.toeplitz.scaling import exponents, scale_back
 from toeplitz_mg.solvers.toeplitz.system import EPS, ToeplitzSystem
 from toeplitz_mg.values import real, refuse_masked
 
-UNUSED = 1100  # Minus the power of two of what is zero: less than that of any number.
+UNUSED = 1100  # Minus the exponent given to zeros, smaller than that of any float64.
 
 
 @overload
@@ -117,6 +123,7 @@ def solve_toeplitz(
     --------
     scipy.linalg.solve_toeplitz : by Levinson's recursion, in O(n²).
     toeplitz_inverse : for many right-hand sides.
+    select_method : says which method is tried first, and why.
     cg : for grids and masks.
     gmres : for matrices with diagonals.
 
@@ -138,21 +145,7 @@ def solve_toeplitz(
     """
     if rtol is not None and not 0.0 < real("rtol", rtol) < 1.0:
         raise ValueError(f"rtol is {rtol}, but must be between 0 and 1")
-    c, r = c_or_cr, None
-    if isinstance(c_or_cr, tuple):
-        if len(c_or_cr) != 2:
-            raise ValueError(
-                f"c_or_cr is a tuple of {len(c_or_cr)}, but must be (c, r), the first column and "
-                "the first row; a column alone is an array or a list"
-            )
-        c, r = c_or_cr
-    c, b = _numbers(c, "c"), _numbers(b, "b")
-    if r is not None:
-        r = _numbers(r, "r")
-    elif c.dtype.kind == "c":
-        r = c.conj()
-    else:
-        r = c  # The same array: that A is symmetric needs no look at the numbers.
+    c, r, b = _read(c_or_cr, b)
     is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
     if c.size <= EQUAL and (found := _solve_short(c, r, b, rtol)) is not None:
         return found if full_output else found[0]
@@ -174,6 +167,70 @@ def solve_toeplitz(
             stacklevel=2,
         )
     return (x, _summarise(infos)) if full_output else x
+
+
+def select_method(c_or_cr: Any, b: ArrayLike) -> Method:
+    """Return the method that `solve_toeplitz` tries first, and why, without solving.
+
+    Parameters
+    ----------
+    c_or_cr : array_like of shape (n,), or tuple (c, r) of such
+        First column, or first column and first row.
+    b : array_like of shape (n,) or (n, k)
+        Only its shape and its type count.
+
+    Returns
+    -------
+    Method
+        Its `name` and the reason, `why`. It prints as both. Whether the method is refused, as one
+        for definite matrices is where A is not definite, shows only where the system is solved.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `solve_toeplitz`; also for a batch, and for no unknowns.
+
+    See Also
+    --------
+    solve_toeplitz : with ``full_output=True`` it returns the name of the method that has solved.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import toeplitz_mg as tmg
+    >>> k = np.arange(10_000)
+    >>> tmg.select_method(0.9**k, np.ones(10_000)).name
+    'cg in the DCT domain'
+    >>> tmg.select_method(np.where(k < 2, 2.0 - 3.0 * k, 0.0), np.ones(10_000))
+    banded: few diagonals: LAPACK takes O(n) steps
+    """
+    c, r, b = _read(c_or_cr, b)
+    system = _arrange(c, r, b)
+    if system is None:
+        raise ValueError(f"b has shape {b.shape}, but there is no method for no unknowns")
+    if not system.is_of_usual_size:
+        system, _ = _scale(system)
+    return next(method for method in METHODS if method.fits(system))
+
+
+def _read(c_or_cr: Any, b: ArrayLike) -> tuple[Array, Array, Array]:
+    """Return the first column, the first row and the right-hand sides as arrays of numbers."""
+    c, r = c_or_cr, None
+    if isinstance(c_or_cr, tuple):
+        if len(c_or_cr) != 2:
+            raise ValueError(
+                f"c_or_cr is a tuple of {len(c_or_cr)}, but must be (c, r), the first column and "
+                "the first row; a column alone is an array or a list"
+            )
+        c, r = c_or_cr
+    c, b = _numbers(c, "c"), _numbers(b, "b")
+    if r is not None:
+        r = _numbers(r, "r")
+    elif c.dtype.kind == "c":
+        r = c.conj()
+    else:
+        r = c  # The same array: that A is symmetric needs no look at the numbers.
+    return c, r, b
 
 
 def _is_doubtful(info: SolveInfo, rtol: float | None) -> bool:
@@ -214,21 +271,27 @@ def _solve_short(
         return None
     if not c.dtype == r.dtype == b.dtype or not isfinite(r[0]):
         return None
+    if r is not c and not (c[-1] and r[-1]):
+        return None  # It may be triangular.
     system = ToeplitzSystem(c, r, np.ascontiguousarray(b))
     if not system.is_of_usual_size:
         return None
-    try:
-        x = levinson(system.lags, system.B)
-    except np.linalg.LinAlgError:
-        return None
-    error, terms, size = norm(b - system.multiply(x)), system.size * norm(x), norm(b)
-    if not EPS * terms <= ILL_CONDITIONED * size:
-        return None  # The residual may be rounding.
-    info = SolveInfo(LEVINSON, 1, error / size, error / (terms + size))
-    accepted = accepted_error(system)
-    if not is_answer(system, info.residual, info.backward_error, accepted, rtol):
-        return None
-    return x, info
+    accepted, size = accepted_error(system), norm(b)
+    X, R = np.zeros_like(system.B), system.B
+    for iterations in (1, 2):
+        try:
+            X = X + levinson(system.lags, R)
+        except np.linalg.LinAlgError:
+            return None
+        R = system.B - system.multiply(X)
+        error, terms = norm(R), system.size * norm(X)
+        if not EPS * terms <= ILL_CONDITIONED * size:
+            return None  # The residual may be rounding.
+        info = SolveInfo(LEVINSON, iterations, error / size, error / (terms + size))
+        is_rounding = info.backward_error <= ROUNDING and info.residual <= ILL_CONDITIONED
+        if is_rounding or is_answer(system, info.residual, info.backward_error, accepted, rtol):
+            return X, info
+    return None
 
 
 def _solve_batch(
@@ -289,7 +352,26 @@ def _solve(
     *,
     most_at_once: int = SHORT,
 ) -> tuple[Array, list[SolveInfo]]:
-    """Solve one system, with one right-hand side or many.
+    """Solve one system, with one right-hand side or many."""
+    system = _arrange(c, r, b, most_at_once)
+    if system is None:
+        return np.zeros(b.shape, np.result_type(c, r, b)), [SolveInfo("none", 0, 0.0, 0.0)]
+    if system.is_of_usual_size and isfinite(r[0]):
+        X, info = solve_system(system, rtol)
+    elif system.is_complex and c.dtype == r.dtype == np.float64 and most_at_once:
+        # The real and the imaginary part of b may be of different sizes.
+        return _solve(c, r, b, check_finite, rtol, most_at_once=0)
+    else:
+        X, info = _solve_unusual(system, rtol, check_finite)
+    if system.parts == 2:
+        X = X[: len(X) // 2] + 1j * X[len(X) // 2 :]
+    elif b.ndim == 1:
+        return X, [info]
+    return np.ascontiguousarray(X.T.reshape(b.shape)), [info]
+
+
+def _arrange(c: Array, r: Array, b: Array, most_at_once: int = SHORT) -> ToeplitzSystem | None:
+    """Return the system with right-hand sides as rows; None where there are none.
 
     A real matrix is solved for the real and the imaginary parts side by side; one of at most
     `most_at_once` unknowns for both parts of a single column at once, in fewer calls.
@@ -298,37 +380,25 @@ def _solve(
         raise ValueError(
             f"c has shape {c.shape}, r {r.shape} and b {b.shape}, but all need the length of c"
         )
+    if b.size == 0:
+        return None
     is_complex = c.dtype.kind == "c" or r.dtype.kind == "c"
-    parts, at_once, matrix = 1, False, (c, r)
+    parts = 1
     if b.dtype.kind == "c" and not is_complex:
-        is_complex = at_once = b.size == len(b) <= most_at_once
-        parts = 1 if at_once else 2
+        is_complex = b.size == len(b) <= most_at_once
+        parts = 1 if is_complex else 2
     dtype = np.complex128 if is_complex else np.float64
     B = b if b.ndim == 1 else b.T if b.shape[1] != 1 else b[:, 0]
     if parts == 2:
         B = np.concatenate([np.atleast_2d(B.real), np.atleast_2d(B.imag)])
     B = np.ascontiguousarray(B, dtype)
-    if B.size == 0:
-        X, info = B, SolveInfo("none", 0, 0.0, 0.0)
-    else:
-        if c[0].real < 0.0:
-            # The negative of both sides: that of a negative definite matrix is positive definite.
-            B = -B
-            c, r = (-c, -r) if r is not c else 2 * (-c,)
-        if is_complex and (c.dtype.kind != "c" or r.dtype.kind != "c"):
-            c, r = c.astype(dtype), r.astype(dtype)
-        system = ToeplitzSystem(c, r, B, parts)
-        if system.is_of_usual_size and isfinite(r[0]):
-            X, info = solve_system(system, rtol)
-        elif at_once:  # The parts may be of different sizes.
-            return _solve(*matrix, b, check_finite, rtol, most_at_once=0)
-        else:
-            X, info = _solve_unusual(system, rtol, check_finite)
-    if parts == 2:
-        X = X[: len(X) // 2] + 1j * X[len(X) // 2 :]
-    elif b.ndim == 1:
-        return X, [info]
-    return np.ascontiguousarray(X.T.reshape(b.shape)), [info]
+    if c[0].real < 0.0:
+        # The negative of both sides: that of a negative definite matrix is positive definite.
+        B = -B
+        c, r = (-c, -r) if r is not c else 2 * (-c,)
+    if is_complex and (c.dtype.kind != "c" or r.dtype.kind != "c"):
+        c, r = c.astype(dtype), r.astype(dtype)
+    return ToeplitzSystem(c, r, B, parts)
 
 
 def _solve_unusual(
@@ -351,12 +421,19 @@ def _solve_unusual(
             X[good], info = _solve_unusual(ToeplitzSystem(c, r, B[good]), rtol, check_finite)
             unknown = info._replace(residual=np.nan, backward_error=np.nan)
         return X.reshape(system.B.shape), unknown
+    scaled, powers = _scale(system)
+    X, info = solve_system(scaled, rtol)
+    return scale_back(X, powers, parts).reshape(system.B.shape), info
+
+
+def _scale(system: ToeplitzSystem) -> tuple[ToeplitzSystem, Array]:
+    """Return the system scaled by powers of two, and those of its solutions, as columns."""
+    c, r, B, parts = system.c, system.r, np.atleast_2d(system.B), system.parts
     of_A, of_B = exponents(np.concatenate([c, r[1:]])), exponents(B)
     scale = np.ldexp(1.0, -of_A)
     weights = None
     if parts == 2:  # Those of the larger part are 1; a part that is zero has none.
         powers = np.where(B.any(axis=1), of_B[:, 0], -UNUSED).reshape(2, -1)
         weights = np.ldexp(1.0, powers - powers.max(axis=0)).ravel()
-    scaled = ToeplitzSystem(c * scale, r * scale, B * np.ldexp(1.0, -of_B), parts, weights)
-    X, info = solve_system(scaled, rtol)
-    return scale_back(X, of_B - of_A, parts).reshape(system.B.shape), info
+    B = B * np.ldexp(1.0, -of_B)
+    return ToeplitzSystem(c * scale, r * scale, B, parts, weights), of_B - of_A

@@ -12,12 +12,13 @@ from toeplitz_mg.engine.row_transforms import fft, ifft, irfft, rfft
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.preconditioners.choice import symbol_of_line
 from toeplitz_mg.preconditioners.circulant import (
     chan_eigenvalues,
     smooth_column,
     smooth_eigenvalues,
 )
+from toeplitz_mg.preconditioners.positivity import may_be_positive
+from toeplitz_mg.preconditioners.traits import has_symbol, wraps_around
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm
 from toeplitz_mg.solvers.toeplitz.fourier_form import FourierForm, has_fourier_form
 
@@ -26,6 +27,7 @@ SHORT = 512  # Most unknowns of which a product by its definition is as fast as 
 LONG = 2048  # Fewest unknowns of which a product in a domain of their own is faster than by FFT.
 PANELS = 2**17  # Fewest unknowns of which a product is in panels, and not by transforms at once.
 FEW = 8  # Most vectors for which the set-up of products of several is not worth it there.
+FEW_DIAGONALS = 32  # Most diagonals beside the main one by which a product is the fastest.
 SMALL = 256  # Most unknowns where a filled matrix is as fast, for several vectors.
 TINY = 1e-300  # Size in the place of zero, so that the relative error of zero is zero.
 USUAL = 1e-60, 1e60  # Sizes whose products, quotients and squares neither over- nor underflow.
@@ -47,6 +49,9 @@ class ToeplitzSystem:
 
     Attributes
     ----------
+    n : int
+        The number of unknowns.
+    is_complex : bool
     columns : int
         The number of right-hand sides.
     lags : ndarray of shape (2 n - 1,)
@@ -71,24 +76,51 @@ class ToeplitzSystem:
         weights: Array | None = None,
     ) -> None:
         self.c, self.r, self.B, self.parts, self._weights = c, r, B, parts, weights
+        self.n, self.is_complex = len(c), c.dtype.kind == "c"
         self.columns = 1 if B.ndim == 1 else len(B)
         self.lags = np.concatenate([r[:0:-1], c])
         self.size = sum_sizes(self.lags)
         self.measure = self._measure_both if parts == 2 else norms
         self.sizes = self.measure(B) + TINY
         # The last numbers of most others differ, and are soon looked at.
-        differs = r is not c and len(c) > 1 and c[-1] != r[-1]
-        self.is_symmetric = c.dtype == np.float64 and (
+        differs = r is not c and self.n > 1 and c[-1] != r[-1]
+        self.is_symmetric = not self.is_complex and (
             r is c or (not differs and np.array_equal(c[1:], r[1:]))
         )
 
     @cached_property
-    def band(self) -> int:
-        """The diagonals of a triangular matrix, from the main one to the last; 0 of any other."""
-        # The last numbers of most others are no zeros, and soon looked at.
-        if (self.c[-1] and self.r[-1]) or (self.c[1:].any() and self.r[1:].any()):
-            return 0
-        return int(np.flatnonzero(self.c + self.r).max(initial=0)) + 1
+    def widths(self) -> tuple[int, int]:
+        """How many diagonals there are below the main one, and above, up to the last nonzero."""
+        # The last numbers of most matrices are no zeros, and soon looked at.
+        below = self.n - 1 if self.c[-1] else _last_nonzero(self.c)
+        if self.is_symmetric:
+            return below, below
+        return below, self.n - 1 if self.r[-1] else _last_nonzero(self.r)
+
+    @property
+    def band(self) -> Array:
+        """The coefficients of the diagonals within `widths`, from the last one above."""
+        below, above = self.widths
+        return self.lags[self.n - 1 - above : self.n + below]
+
+    @cached_property
+    def wraps_around(self) -> bool:
+        """Whether A is a circulant, but for a small part."""
+        return wraps_around(self.c, self.r)
+
+    @cached_property
+    def has_symbol(self) -> bool:
+        """Whether the samples are those of a function that they resolve."""
+        return has_symbol(self.samples)
+
+    @cached_property
+    def has_positive_means(self) -> bool:
+        """Whether A may be Hermitian positive definite, by the Rayleigh quotients `means`."""
+        return (
+            self.is_hermitian
+            and self.c[0].real > 0.0
+            and may_be_positive(self.means, self.means.dtype)
+        )
 
     @property
     def may_be_definite(self) -> bool:
@@ -126,12 +158,12 @@ class ToeplitzSystem:
     @cached_property
     def fourier_form(self) -> FourierForm | None:
         """A by Fourier transforms, or None where they are slow, or slower than other products."""
-        return FourierForm(self.c, self.r) if has_fourier_form(len(self.c)) else None
+        return FourierForm(self.c, self.r) if has_fourier_form(self.n) else None
 
     @cached_property
     def samples(self) -> Array:
         """Samples of the symbol, as `smooth_eigenvalues` returns them."""
-        if self.is_symmetric and len(self.c) < PANELS:
+        if self.is_symmetric and self.n < PANELS:
             return self._transform(smooth_column(self.c, self.r))
         if self.fourier_form is None:
             return smooth_eigenvalues(self.A)
@@ -139,14 +171,9 @@ class ToeplitzSystem:
         return samples.real if self.is_hermitian else samples
 
     @cached_property
-    def symbol(self) -> Array:
-        """Samples of the symbol of a symmetric A, at θ = 0 … π."""
-        return symbol_of_line(self.A)
-
-    @cached_property
     def means(self) -> Array:
         """The eigenvalues of T. Chan's circulant, of a Hermitian A (see `chan_eigenvalues`)."""
-        n = len(self.c)
+        n = self.n
         if self.is_symmetric and n < PANELS:  # In fewer calls than by an operator.
             weights = np.arange(n) / n
             column = (1.0 - weights) * self.c
@@ -163,7 +190,7 @@ class ToeplitzSystem:
 
     def multiply(self, X: Rows) -> Rows:
         """Multiply rows by A, as cheaply as can be for its size."""
-        n, has_cosine_form = len(self.c), "cosine_form" in self.__dict__
+        n, has_cosine_form = self.n, "cosine_form" in self.__dict__
         if n < LONG and not has_cosine_form:
             if X.ndim == 1:
                 return multiply_one(self.lags, X)
@@ -171,11 +198,19 @@ class ToeplitzSystem:
                 return np.stack([multiply_one(self.lags, x) for x in X])
         if n <= SMALL:
             return X @ self._dense.T
+        if not has_cosine_form and sum(self.widths) <= FEW_DIAGONALS:
+            return self._multiply_by_band(X)
         if self.is_symmetric and (n < PANELS or has_cosine_form):
             return self.cosine_form.multiply(X)
         if not self.is_symmetric and self.fourier_form is not None:
             return self.fourier_form.multiply(X)
         return self.A.apply(X)
+
+    def _multiply_by_band(self, X: Rows) -> Rows:
+        _, above = self.widths
+        inner = slice(above, above + self.n)
+        Y = [np.convolve(x, self.band)[inner] for x in np.atleast_2d(X)]
+        return np.stack(Y).reshape(X.shape)
 
     def multiply_sharply(self, X: Rows) -> Rows:
         """Multiply rows by A, by its definition: rounding is that of the terms of each sum alone.
@@ -194,7 +229,7 @@ class ToeplitzSystem:
         squares = np.square(np.abs(X))
         heads = np.sqrt(np.cumsum(squares, axis=-1))
         tails = np.sqrt(np.cumsum(squares[..., ::-1], axis=-1))
-        n = len(self.c)
+        n = self.n
         sizes = heads @ np.abs(self.lags[::-1][:n]) + tails[..., : n - 1] @ np.abs(
             self.lags[: n - 1]
         )
@@ -202,7 +237,7 @@ class ToeplitzSystem:
 
     def least_size_of_terms(self, X: Rows) -> Array | float:
         """Return a lower bound of `sizes_of_terms`, in fewer calls: half of the lags meet half."""
-        n, half = len(self.c), len(self.c) // 2
+        n, half = self.n, self.n // 2
         measure = norms if self.parts == 2 else self.measure
         heads, tails = measure(X[..., : n - half]), measure(X[..., half:])
         below, above = self.lags[n - 1 : n + half], self.lags[n - 1 - half : n - 1]
@@ -225,10 +260,15 @@ class ToeplitzSystem:
 
     def fill(self) -> Array:
         """Return the matrix as a new array of shape (n, n)."""
-        n, (step,) = len(self.c), self.lags.strides
+        n, (step,) = self.n, self.lags.strides
         # A[i, j] is the lag i - j.
         A = np.ndarray((n, n), self.c.dtype, self.lags, (n - 1) * step, (step, -step))
         return A.copy()
+
+
+def _last_nonzero(a: Array) -> int:
+    """Return the index of the last number that is not zero, or 0."""
+    return int(np.flatnonzero(a).max(initial=0))
 
 
 def multiply_one(lags: Array, x: Array) -> Array:

@@ -1,0 +1,471 @@
+"""Which method solves a Toeplitz system, and why: a table that is read from top to bottom.
+
+The first row that fits a system, and whose set-up is not refused, solves it. The next one is asked
+for only where the residual of that solution is too large (see `refinement`).
+"""
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cache, partial
+from math import inf
+from typing import Any
+
+import numpy as np
+from scipy.linalg import get_lapack_funcs
+from scipy.linalg.lapack import dpttrf, dpttrs
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.engine.vectors import norm
+from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
+from toeplitz_mg.preconditioners.circulant import (
+    away_from_zero,
+    chan_eigenvalues,
+    smooth_inverse,
+)
+from toeplitz_mg.preconditioners.positivity import is_positive
+from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
+from toeplitz_mg.preconditioners.traits import is_flat
+from toeplitz_mg.solvers.cg import cg_by_recurrence
+from toeplitz_mg.solvers.gmres import gmres_by_recurrence
+from toeplitz_mg.solvers.inverse import first_columns
+from toeplitz_mg.solvers.toeplitz.cosine_cg import CosineSolver
+from toeplitz_mg.solvers.toeplitz.levinson import column_and_row_of_inverse, levinson
+from toeplitz_mg.solvers.toeplitz.system import EPS, ToeplitzSystem
+
+Solve = Callable[[Rows, float], tuple[Rows, int]]  # ``solve(B, rtol)``: solutions and iterations.
+
+# Sizes at which one method becomes faster than another, in unknowns where nothing else is said.
+# `python -m comparisons.drop_in` measures both sides of them.
+SHORT = 256  # Most for which the answer of Levinson's recursion is soon corrected.
+EQUAL = 512  # Where Levinson's recursion and CG in the DCT domain take as long.
+RECURSIVE = 1024  # Fewest for Trench's recursion, of complex numbers or several columns.
+GENERAL = 2048  # Fewest for Trench's recursion of one real column, and for GMRES.
+LARGEST_DENSE = 4096  # Most of a matrix that LU factorises: of 128 MiB.
+LARGEST_RECURSIVE = 20_000  # Most for which n² steps are taken after other methods have failed.
+FEW = 2  # Most right-hand sides for which an inverse is not worth its set-up.
+STEPS_OF_INVERSE = 3_000_000  # Steps of Levinson's recursion, n² a column, that an inverse saves.
+COSINE_LIMIT = 80_000  # Most columns² n for which CG in the DCT domain is faster than the inverse.
+ITERATION = 64  # Where Trench's recursion takes as long as an iteration of GMRES.
+FEWEST = 4  # Iterations that GMRES takes at least.
+NARROW = 32  # Most diagonals of a band beside the main one that is LAPACK's.
+TRIANGULAR = 64  # Most diagonals of a triangular matrix that is solved by substitution at once.
+LARGEST_BAND = 2**25  # Most numbers of the diagonals of a band: 256 MiB.
+
+ACCEPTED = 1e4 * EPS  # Backward error of an answer where no other method has a better one: 2e-12.
+UNSTABLE = 2e4 * EPS  # Backward error of the recursion that another one need not correct: 4e-12.
+# Shift of the diagonal over the 2-norm of all coefficients. Of skew-symmetric matrices, and of odd
+# lags alone, GMRES takes 5 to 16 iterations with it, and 8 to 45 with one ten times as large; with
+# one ten times less Trench's recursion loses more digits than some of them can spare.
+SHIFT = 1e-4
+USEFUL = 1e-6  # ‖b - A x‖/‖b‖ at which rounding may have stopped GMRES: the caller corrects that.
+LEVINSON = "scipy.linalg.solve_toeplitz"  # The name of the method that is its recursion.
+
+
+@dataclass(frozen=True)
+class Patience:
+    """For how many iterations a method is worth waiting, before the next one is sooner there."""
+
+    most: int
+    expected: Mapping[int, float]  # ‖b - A x‖/‖b‖ that is to be reached after so many iterations.
+
+
+OF_CG = Patience(60, {10: 1e-2, 20: 1e-5})
+# It converges sooner and sooner. So many vectors take 240 MiB in 2^20 real unknowns.
+OF_GMRES = Patience(30, {8: 0.5, 15: 1e-2, 20: 1e-5})
+AT_LAST = Patience(100, {})  # What follows takes n³ steps, or there is nothing.
+
+
+@dataclass(frozen=True, repr=False)
+class Method:
+    """A row of the table.
+
+    Attributes
+    ----------
+    name : str
+    why : str
+        Why it is taken for the systems that it fits.
+    fits : callable
+        ``fits(system)``: whether it is worth trying.
+    make : callable
+        ``make(system)`` returns what solves, or raises a LinAlgError where it is refused.
+    accepted : callable
+        ``accepted(system)``: the backward error at which a solution is left as it is, if no
+        residual is asked for.
+    is_substitution : bool
+        Whether each row of the system is solved in its turn, so that each holds but for rounding of
+        its own terms, however large x is.
+    """
+
+    name: str
+    why: str
+    fits: Callable[[ToeplitzSystem], bool] = field(compare=False)
+    make: Callable[[ToeplitzSystem], Solve] = field(compare=False)
+    accepted: Callable[[ToeplitzSystem], float] = field(default=lambda s: 0.0, compare=False)
+    is_substitution: bool = False
+
+    def __repr__(self) -> str:
+        return f"{self.name}: {self.why}"
+
+
+def accepted_error(s: ToeplitzSystem) -> float:
+    """Return the backward error of Levinson's recursion that a second one need not correct.
+
+    A small system is sooner worth a correction.
+    """
+    if s.n > SHORT:
+        return UNSTABLE
+    return 0.0 if s.may_be_definite else ACCEPTED
+
+
+# Which systems the rows fit ---------------------------------------------------------------------
+
+
+def is_narrow_triangle(s: ToeplitzSystem) -> bool:
+    """Whether there are few diagonals, on one side of the main one."""
+    return is_triangle(s) and max(s.widths) < TRIANGULAR
+
+
+def is_triangle(s: ToeplitzSystem) -> bool:
+    """Whether there are diagonals on one side of the main one only."""
+    return min(s.widths) == 0 and (1 + max(s.widths)) * s.n <= LARGEST_BAND
+
+
+def is_narrow_band(s: ToeplitzSystem) -> bool:
+    """Whether a long matrix has few diagonals."""
+    width = sum(s.widths)
+    return s.n > EQUAL and width <= NARROW and width * s.n <= LARGEST_BAND
+
+
+def has_many_columns(s: ToeplitzSystem) -> bool:
+    """Whether LU is faster than a recursion: its set-up takes n³ steps, but a column few."""
+    return s.n <= LARGEST_DENSE and s.columns >= 4 + s.n // 32
+
+
+def is_short(s: ToeplitzSystem) -> bool:
+    """Whether Levinson's recursion is faster than CG in the DCT domain.
+
+    It takes n² steps for each column. CG there takes calls, which cost as much as three columns of
+    `EQUAL` numbers, and a time in proportion to the numbers.
+    """
+    return s.columns * (s.n / EQUAL) ** 2 <= (3.0 + s.columns * s.n / EQUAL) / 4.0
+
+
+def is_for_cosines(s: ToeplitzSystem) -> bool:
+    """Whether CG in the DCT domain is faster than an inverse and a recursion."""
+    steps = s.columns * s.n**2
+    is_few = s.columns <= FEW or steps <= STEPS_OF_INVERSE or s.columns**2 * s.n <= COSINE_LIMIT
+    return s.may_be_definite and is_few and not is_short(s)
+
+
+def is_for_cg(s: ToeplitzSystem) -> bool:
+    """Whether a complex matrix may be positive definite, and is not small."""
+    return s.is_complex and s.n > EQUAL and s.columns <= FEW and s.has_positive_means
+
+
+def is_for_inverse(s: ToeplitzSystem) -> bool:
+    """Whether many columns are worth the set-up of the inverse, or nothing else is left."""
+    if s.is_hermitian:
+        return s.columns * s.n**2 > STEPS_OF_INVERSE and s.has_positive_means
+    return s.n >= GENERAL and s.columns > FEW and s.has_symbol
+
+
+def is_for_gmres(s: ToeplitzSystem) -> bool:
+    """Whether GMRES with circulants is faster than Trench's recursion."""
+    if s.n < (RECURSIVE if s.is_symmetric else GENERAL):
+        return False
+    return s.wraps_around or (s.n > FEWEST * ITERATION * s.columns and s.has_symbol)
+
+
+def is_for_levinson(s: ToeplitzSystem) -> bool:
+    """Whether Levinson's recursion is faster than Trench's: it takes one for each column."""
+    if has_many_columns(s):
+        return False
+    return s.n < (RECURSIVE if s.is_complex or s.columns > 1 else GENERAL)
+
+
+def is_for_trench(s: ToeplitzSystem) -> bool:
+    """Whether Trench's recursion is the faster one, and n² steps are not too many."""
+    is_slow = s.n > LARGEST_RECURSIVE and s.has_symbol
+    return s.n >= RECURSIVE and not is_for_levinson(s) and not is_slow
+
+
+# What the rows make -----------------------------------------------------------------------------
+
+
+def _substitute(s: ToeplitzSystem) -> Solve:
+    below, above = s.widths
+    column = (s.r if above else s.c)[: 1 + max(below, above)].copy()
+    column[0] = s.c[0]  # The first number of r may be anything.
+    band = np.repeat(column[:, None], s.n, axis=1)
+    (solve,) = get_lapack_funcs(("tbtrs",), dtype=s.c.dtype)
+    turn = -1 if above else 1  # Of the reversed unknowns it is lower.
+
+    def substitute(B: Rows, rtol: float) -> tuple[Rows, int]:
+        X, info = solve(band, B[..., ::turn].T, uplo="L")
+        if info > 0:
+            raise np.linalg.LinAlgError("the diagonal is zero")
+        return X.T.reshape(B.shape)[..., ::turn], 1
+
+    return substitute
+
+
+def _factor_band(s: ToeplitzSystem) -> Solve:
+    if s.is_hermitian and s.c[0].real > 0.0:
+        band = s.c[: 1 + s.widths[0]]
+        solve = _factor_definite_tridiagonal(s) if len(band) == 2 else None
+        if solve is None:
+            pbtrf, pbtrs = get_lapack_funcs(("pbtrf", "pbtrs"), dtype=band.dtype)
+            factor, info = pbtrf(np.tile(band, (s.n, 1)).T, lower=True, overwrite_ab=True)
+            solve = None if info else lambda B: pbtrs(factor, B, lower=True)[0]
+        if solve is not None:
+            return lambda B, rtol: (solve(B.T).T.reshape(B.shape), 1)
+    below, above = s.widths
+    gbtrf, gbtrs = get_lapack_funcs(("gbtrf", "gbtrs"), dtype=s.c.dtype)
+    diagonals = np.zeros((s.n, 2 * below + above + 1), s.c.dtype)
+    diagonals[:, below:] = s.band
+    lu, pivots, info = gbtrf(diagonals.T, below, above, overwrite_ab=True)
+    if info:
+        raise np.linalg.LinAlgError("the band is singular")
+    return lambda B, rtol: (gbtrs(lu, below, above, B.T, pivots)[0].T.reshape(B.shape), 1)
+
+
+def _factor_definite_tridiagonal(s: ToeplitzSystem) -> Callable[[Array], Array] | None:
+    """Return what solves for columns, or None where the matrix is not real or not definite."""
+    if s.is_complex:
+        return None
+    d, e, info = dpttrf(np.full(s.n, s.c[0]), np.full(s.n - 1, s.c[1]), True, True)
+    return None if info else lambda B: dpttrs(d, e, B)[0]
+
+
+def _factor_dense(s: ToeplitzSystem) -> Solve:
+    getrf, getrs = _lapack(s.c.dtype.char)
+    # It is that of the transpose, whose columns are the rows of the filled matrix.
+    lu, pivots, info = getrf(s.fill().T, overwrite_a=True)
+    if info > 0:
+        raise np.linalg.LinAlgError("A is singular")
+    return lambda B, rtol: (getrs(lu, pivots, B.T, trans=1)[0].T, 1)
+
+
+@cache
+def _lapack(dtype: str) -> Any:
+    return get_lapack_funcs(("getrf", "getrs"), dtype=dtype)
+
+
+def _recur(s: ToeplitzSystem) -> Solve:
+    return lambda B, rtol: (levinson(s.lags, B), 1)
+
+
+def _invert(s: ToeplitzSystem) -> Solve:
+    G = first_columns(s.A).inverse
+    return lambda B, rtol: (G.apply(B), 1)
+
+
+def _invert_by_recursion(s: ToeplitzSystem) -> Solve:
+    G = _trench(s, s.c)
+    return lambda B, rtol: (G.apply(B), 1)
+
+
+def _iterate_shifted(s: ToeplitzSystem) -> Solve:
+    """Return GMRES with the inverse of A and a small shift.
+
+    No leading block of A + ε I is as singular as one of A may be. Only the few eigenvalues of A
+    that are not large beside ε are left to the iteration.
+    """
+    c = s.c.copy()
+    c[0] += SHIFT * norm(s.lags)
+    return partial(_gmres, s.A, _trench(s, c), AT_LAST)
+
+
+def _trench(s: ToeplitzSystem, c: Array) -> GohbergSemencul:
+    return GohbergSemencul(*column_and_row_of_inverse(c, c if s.is_symmetric else s.r))
+
+
+def _cg_with_circulant(s: ToeplitzSystem) -> Solve:
+    eigenvalues = s.samples if is_positive(s.samples, s.c.dtype) else s.means
+    return _with_circulant(s, partial(_cg, patience=OF_CG), eigenvalues)
+
+
+def _gmres_with_circulant(s: ToeplitzSystem) -> Solve:
+    # A circulant is that of its own samples.
+    eigenvalues = s.samples if s.wraps_around else away_from_zero(s.samples, s.c.dtype)
+    # Of one column it is not given up for Trench's recursion: what has been iterated is lost then.
+    most = s.n if s.columns == 1 else s.n // (ITERATION * s.columns)
+    patience = Patience(min(OF_GMRES.most, most), OF_GMRES.expected)
+    return _with_circulant(s, partial(_gmres, patience=patience), eigenvalues)
+
+
+def _gmres_with_chan(s: ToeplitzSystem) -> Solve:
+    eigenvalues = away_from_zero(chan_eigenvalues(s.A), s.c.dtype)
+    return _with_circulant(s, partial(_gmres, patience=AT_LAST), eigenvalues)
+
+
+def _with_circulant(s: ToeplitzSystem, solve: Any, eigenvalues: Array) -> Solve:
+    """Return an iteration with a circulant, in the Fourier domain where products are fast there."""
+    form = s.fourier_form
+    if form is None:
+        M = smooth_inverse(s.A, eigenvalues)
+        return lambda B, rtol: solve(s.A, M, B=B, rtol=rtol)
+    M = form.inverse(eigenvalues)
+
+    def solve_within(B: Rows, rtol: float) -> tuple[Rows, int]:
+        X, iterations = solve(form.A, M, B=form.transform(B), rtol=rtol)
+        return form.transform_back(X), iterations
+
+    return solve_within
+
+
+class _TooSlow(Exception):
+    """An iteration converges too slowly."""
+
+
+def _cg(
+    A: LinearOperator, M: LinearOperator | None, patience: Patience, B: Rows, rtol: float
+) -> tuple[Rows, int]:
+    """Solve for each row of B by conjugate gradients, and return the most iterations of all."""
+
+    def run(b: Array, residuals: list[float], watch: Any) -> tuple[Array, bool]:
+        x, _, converged = cg_by_recurrence(
+            A,
+            b,
+            M=M,
+            rtol=rtol,
+            maxiter=patience.most,
+            residuals=residuals,
+            callback=watch,
+        )
+        return x, converged
+
+    return _iterate("cg", run, patience, B, 0.0)
+
+
+def _gmres(
+    A: LinearOperator, M: LinearOperator | None, patience: Patience, B: Rows, rtol: float
+) -> tuple[Rows, int]:
+    """Solve for each row of B by GMRES, and return the most iterations of all."""
+
+    def run(b: Array, residuals: list[float], watch: Any) -> tuple[Array, bool]:
+        return gmres_by_recurrence(
+            A,
+            b,
+            M=M,
+            rtol=rtol,
+            most=min(patience.most, len(b)),
+            residuals=residuals,
+            callback=watch,
+        )
+
+    return _iterate("gmres", run, patience, B, USEFUL)
+
+
+def _iterate(name: str, run: Any, patience: Patience, B: Rows, useful: float) -> tuple[Rows, int]:
+    """Iterate for each row of B; raise LinAlgError where that converges too slowly."""
+    X, most = np.empty_like(B), 0
+    for x, b in zip(np.atleast_2d(X), np.atleast_2d(B), strict=True):
+        residuals: list[float] = []
+
+        def watch(_: object, residuals: list[float] = residuals) -> None:
+            if residuals[-1] > residuals[0] * patience.expected.get(len(residuals) - 1, inf):
+                raise _TooSlow
+
+        with suppress(_TooSlow):
+            x[:], converged = run(b, residuals, watch)
+            if converged or residuals[-1] <= useful * residuals[0]:
+                most = max(most, len(residuals) - 1)
+                continue
+        raise np.linalg.LinAlgError(
+            f"{name} has reached {residuals[-1] / residuals[0]:.1e} ‖b‖ in {len(residuals) - 1} "
+            "iterations"
+        )
+    return X, most
+
+
+# The table --------------------------------------------------------------------------------------
+
+METHODS = (
+    Method(
+        "substitution",
+        "a triangle of few diagonals: one unknown after the other",
+        is_narrow_triangle,
+        _substitute,
+        is_substitution=True,
+    ),
+    Method("banded", "few diagonals: LAPACK takes O(n) steps", is_narrow_band, _factor_band),
+    Method("lu", "many columns of few unknowns: n³/3 steps", has_many_columns, _factor_dense),
+    Method(
+        "cg in the DCT domain",
+        "symmetric, and the diagonal is largest: a definite matrix takes few iterations there",
+        is_for_cosines,
+        lambda s: CosineSolver(s.cosine_form, s.size).solve,
+    ),
+    Method(
+        "cg",
+        "Hermitian, with eigenvalues that are alike, but for a few that CG finds by itself",
+        lambda s: is_for_cg(s) and is_flat(s.means),
+        lambda s: partial(_cg, s.A, None, OF_CG),
+    ),
+    Method(
+        "cg, circulant",
+        "Hermitian, and T. Chan's circulant is positive definite",
+        is_for_cg,
+        _cg_with_circulant,
+    ),
+    Method(
+        "cg, spectral_preconditioner",
+        "Hermitian, and may be definite: factors of the symbol, or the exact column of the inverse",
+        lambda s: s.is_hermitian and s.columns <= FEW and is_for_inverse(s),
+        lambda s: partial(_cg, s.A, spectral_preconditioner(s.A), OF_CG),
+    ),
+    Method(
+        "toeplitz_inverse",
+        "a set-up of O(n log² n), after which each column takes four transforms",
+        is_for_inverse,
+        _invert,
+    ),
+    Method(
+        "gmres, circulant",
+        "a symbol that n samples resolve, or nearly a circulant",
+        is_for_gmres,
+        _gmres_with_circulant,
+    ),
+    Method(
+        "gmres, spectral_preconditioner",
+        "a symbol that n samples resolve, and that has factors",
+        lambda s: not s.is_hermitian and is_for_gmres(s),
+        lambda s: partial(_gmres, s.A, spectral_preconditioner(s.A), OF_GMRES),
+    ),
+    Method(
+        LEVINSON,
+        "few unknowns: n² compiled steps for each column",
+        is_for_levinson,
+        _recur,
+        accepted_error,
+    ),
+    Method(
+        "trench",
+        "no symbol: n² steps for all columns and corrections",
+        is_for_trench,
+        _invert_by_recursion,
+    ),
+    Method(
+        "gmres, trench of A + ε I",
+        "a leading block is singular, or nearly so",
+        lambda s: RECURSIVE <= s.n <= LARGEST_RECURSIVE,
+        _iterate_shifted,
+    ),
+    Method(
+        "gmres, T. Chan's circulant",
+        "at last, for many unknowns",
+        lambda s: s.n >= RECURSIVE,
+        _gmres_with_chan,
+    ),
+    Method("lu", "at last: n³/3 steps", lambda s: s.n <= LARGEST_DENSE, _factor_dense),
+    Method(
+        "substitution",
+        "at last, a triangle of many diagonals",
+        is_triangle,
+        _substitute,
+        is_substitution=True,
+    ),
+)
