@@ -6,6 +6,7 @@ takes four transforms: of real vectors of length n two of these, and two of half
 """
 
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 
@@ -44,17 +45,14 @@ class FourierForm:
     ----------
     A : operator for `gmres` and `cg`
         The matrix in that domain.
-    samples : ndarray
-        Samples of the symbol, as `smooth_eigenvalues` returns them.
     """
 
     def __init__(self, c: Array, r: Array) -> None:
         self.n = n = len(c)
         self._is_complex = c.dtype.kind == "c"
         behind = np.concatenate([np.zeros(1, r.dtype), r[:0:-1]])  # The lags k - n.
-        self._sides = c, behind
+        self._c, self._r, self._behind = c, r, behind
         count_transforms(2, n)
-        self.samples = self._eigenvalues(smooth_column(c, r))
         transform = fft if self._is_complex else packed_rfft
         self._circulant = _Diagonal(0.5 * transform(c + behind), c.dtype)
         twist = phase_factors(n, 0.5, np.dtype(np.complex128))
@@ -63,11 +61,15 @@ class FourierForm:
         self._skew = fft(self._fold(0.5 * (c - behind)))
         self.A = Multiplication(n, c.dtype, self._multiply)
 
+    @cached_property
+    def samples(self) -> Array:
+        """Samples of the symbol, as `smooth_eigenvalues` returns them."""
+        return self._eigenvalues(smooth_column(self._c, self._r))
+
     def means(self) -> Array:
         """Return the eigenvalues of T. Chan's circulant, as `chan_eigenvalues` does."""
-        c, behind = self._sides
         weights = 1.0 - np.arange(self.n) / self.n
-        return self._eigenvalues(weights * c + (1.0 - weights) * behind)
+        return self._eigenvalues(weights * self._c + (1.0 - weights) * self._behind)
 
     def inverse(self, eigenvalues: Array) -> "_Diagonal":
         """Return the inverse of a circulant in that domain, where it is a diagonal.

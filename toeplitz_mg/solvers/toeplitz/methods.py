@@ -301,13 +301,19 @@ def _gmres_with_chan(s: ToeplitzSystem) -> Solve:
     return _with_circulant(s, partial(_gmres, patience=AT_LAST), eigenvalues)
 
 
-def _with_circulant(s: ToeplitzSystem, solve: Any, eigenvalues: Array) -> Solve:
-    """Return an iteration with a circulant, in the Fourier domain where products are fast there."""
+def _with_circulant(s: ToeplitzSystem, solve: Any, eigenvalues: Array | None) -> Solve:
+    """Return an iteration, in the Fourier domain where products are fast there.
+
+    Its preconditioner is the inverse of the circulant with these eigenvalues, or none.
+    """
     form = s.fourier_form
+    M: LinearOperator | None = None
     if form is None:
-        M = smooth_inverse(s.A, eigenvalues)
+        if eigenvalues is not None:
+            M = smooth_inverse(s.A, eigenvalues)
         return lambda B, rtol: solve(s.A, M, B=B, rtol=rtol)
-    M = form.inverse(eigenvalues)
+    if eigenvalues is not None:
+        M = form.inverse(eigenvalues)
 
     def solve_within(B: Rows, rtol: float) -> tuple[Rows, int]:
         X, iterations = solve(form.A, M, B=form.transform(B), rtol=rtol)
@@ -403,7 +409,7 @@ METHODS = (
         "cg",
         "Hermitian, with eigenvalues that are alike, but for a few that CG finds by itself",
         lambda s: is_for_cg(s) and is_flat(s.means),
-        lambda s: partial(_cg, s.A, None, OF_CG),
+        lambda s: _with_circulant(s, partial(_cg, patience=OF_CG), None),
     ),
     Method(
         "cg, circulant",
