@@ -7,7 +7,7 @@ repeat, of which `halfspace` has none; the Schur algorithm is the rival of a lik
 
 from toeplitz_mg.cli import files as files
 from toeplitz_mg.cli.report import print_any_character as print_any_character
+from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul as GohbergSemencul
+from toeplitz_mg.columns.schur import schur_column as schur_column
 from toeplitz_mg.contact.grid import Grid as Grid
-from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul as GohbergSemencul
 from toeplitz_mg.preconditioners.circulant import smooth_eigenvalues as smooth_eigenvalues
-from toeplitz_mg.preconditioners.schur import schur_column as schur_column

@@ -15,9 +15,9 @@ from scipy.linalg import toeplitz
 import toeplitz_mg as tmg
 from comparisons.systems.symbols import COLUMNS, NONSYMMETRIC, column
 from tests.budgets import assert_within_budget
-from toeplitz_mg.engine.circle import circle_of
-from toeplitz_mg.preconditioners.columns import Columns
-from toeplitz_mg.preconditioners.schur import schur_column
+from toeplitz_mg.columns.circle import circle_of
+from toeplitz_mg.columns.columns import Columns
+from toeplitz_mg.columns.schur import schur_column
 from toeplitz_mg.preconditioners.wiener_hopf import factor_symbol
 from toeplitz_mg.solvers.long_residual import LongResidual
 

@@ -13,8 +13,9 @@ from scipy.linalg import toeplitz
 
 import toeplitz_mg as tmg
 from comparisons.systems.symbols import column
-from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
-from toeplitz_mg.preconditioners.schur import schur_column
+from toeplitz_mg.columns.circle import Certificate
+from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul
+from toeplitz_mg.columns.schur import schur_column
 
 
 def random(*shape, dtype=np.complex128, seed=0):

@@ -13,7 +13,7 @@ from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.periodic import periodic_eigenvalues, strip_eigenvalues, strip_length
 from toeplitz_mg.operators import CoupledOperator, DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.coefficients import Coefficients
-from toeplitz_mg.preconditioners.positivity import require_positive
+from toeplitz_mg.operators.positivity import require_positive
 
 
 @dataclass(frozen=True)

@@ -13,5 +13,5 @@ The way of one ``A @ x``, from `operators.base`, which hands over x as rows:
    as many threads as `scipy.fft.set_workers` says.
 
 What a transform diagonalises without any embedding (circulants, trigonometric matrices) is a
-product of `products` too, and the formula of Gohberg and Semencul one of `gohberg_semencul`.
+product of `products` too.
 """

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.columns.schur import whiten_rows
 from toeplitz_mg.gaussian.checks import check_mean, check_observed, check_series
 from toeplitz_mg.gaussian.conditional import Conditional
 from toeplitz_mg.gaussian.doubts import warn_of_rounding
 from toeplitz_mg.gaussian.observed import Observed, Whole, observe
 from toeplitz_mg.gaussian.sampling import Embedding, Recursion, embed
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.preconditioners.schur import whiten_rows
 from toeplitz_mg.solvers.szego import warn_of_error
 from toeplitz_mg.values import count, generator, numbers
 
@@ -236,7 +236,7 @@ class ToeplitzNormal:
 
         Notes
         -----
-        In O(n log² n), by the superfast Schur algorithm (`toeplitz_mg.preconditioners.schur`).
+        In O(n log² n), by the superfast Schur algorithm (`toeplitz_mg.columns.schur`).
 
         Examples
         --------

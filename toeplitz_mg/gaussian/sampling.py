@@ -13,9 +13,9 @@ import numpy as np
 from scipy import fft
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.columns.schur import schur_column
 from toeplitz_mg.engine.work import count_transforms
-from toeplitz_mg.preconditioners.positivity import rounding
-from toeplitz_mg.preconditioners.schur import schur_column
+from toeplitz_mg.operators.positivity import rounding
 
 LARGEST_ERROR = 1e-6  # Of a covariance, in units of the variance: no sample shows it.
 SAMPLES = (4, 16, 64)  # Points of the periodic process for each unknown, until that is reached.

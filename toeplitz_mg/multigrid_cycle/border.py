@@ -9,7 +9,7 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array
 from toeplitz_mg.multigrid_cycle.transfer import Transfer
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.preconditioners.positivity import rounding
+from toeplitz_mg.operators.positivity import rounding
 
 # Most leftover unknowns for which a border is made: each takes a product and a coarse solution at
 # set-up, and two vectors. Where a fragmented mask leaves more, the smoother alone treats them.

@@ -4,7 +4,7 @@ import numpy as np
 
 from toeplitz_mg.multigrid_cycle.cycle import Multigrid
 from toeplitz_mg.multigrid_cycle.interpolation import AreaWeighted
-from toeplitz_mg.preconditioners.positivity import ritz_values
+from toeplitz_mg.operators.positivity import ritz_values
 
 STEPS = 12  # Steps of Lanczos's method with a cycle that is in doubt: a cycle and a product each.
 # Smallest Ritz value of a cycle and its matrix that is accepted: that of a good cycle is above 0.4.

@@ -10,8 +10,8 @@ from toeplitz_mg.multigrid_cycle.border import Border
 from toeplitz_mg.multigrid_cycle.interpolation import Interpolation
 from toeplitz_mg.multigrid_cycle.transfer import Transfer
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator
+from toeplitz_mg.operators.positivity import ritz_values
 from toeplitz_mg.preconditioners.direct import DenseInverse
-from toeplitz_mg.preconditioners.positivity import ritz_values
 
 # Unknowns of the largest matrix that is factorised where no coarser grid can be had: it takes
 # 32 MB, and its factorisation a tenth of a second.

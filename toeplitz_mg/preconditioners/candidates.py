@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg.operators.positivity import precision
 from toeplitz_mg.operators.structure import unwrap
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.direct import DenseInverse
 from toeplitz_mg.preconditioners.fsai.neighbours import NUMBERS, ON_LINE
 from toeplitz_mg.preconditioners.fsai.preconditioner import coupled_fsai, fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
-from toeplitz_mg.preconditioners.positivity import precision
 from toeplitz_mg.preconditioners.selection import Candidate
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner, sine_preconditioner

@@ -24,6 +24,7 @@ from toeplitz_mg.operators.structure import (
     unwrap,
     unwrap_toeplitz,
 )
+from toeplitz_mg.operators.symbol import sample_symbol
 from toeplitz_mg.preconditioners import traits
 from toeplitz_mg.preconditioners.candidates import (
     OF_ANY_LINE,
@@ -45,7 +46,6 @@ from toeplitz_mg.preconditioners.spectral import (
     schur_inverse,
     spectral_preconditioner,
 )
-from toeplitz_mg.preconditioners.symbol import sample_symbol
 from toeplitz_mg.preconditioners.trigonometric import (
     cosine_inverse,
     cosine_preconditioner,

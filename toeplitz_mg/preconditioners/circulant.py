@@ -12,7 +12,7 @@ from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.lifting import of_any_matrix
-from toeplitz_mg.preconditioners.positivity import (
+from toeplitz_mg.operators.positivity import (
     INDEFINITE,
     LAST_RESORT,
     may_be_positive,
@@ -22,7 +22,7 @@ from toeplitz_mg.preconditioners.positivity import (
     require_positive,
     rounding,
 )
-from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE
+from toeplitz_mg.operators.symbol import NEGLIGIBLE
 
 # Least size of a sample over the distance to those beside it. With 0.03 to 0.3 GMRES takes as many
 # iterations for symbols that are zero at a sample; with 0.001 it loses some digits.

@@ -12,6 +12,7 @@ from toeplitz_mg.operators import BlockDiagonal, ToeplitzSum
 from toeplitz_mg.operators.averages import average
 from toeplitz_mg.operators.base import grid_of
 from toeplitz_mg.operators.lifting import averaged
+from toeplitz_mg.operators.positivity import LAST_RESORT, precision
 from toeplitz_mg.operators.structure import (
     check_hermitian,
     restrict,
@@ -21,7 +22,6 @@ from toeplitz_mg.operators.structure import (
 from toeplitz_mg.preconditioners.choice import Plan, plan
 from toeplitz_mg.preconditioners.direct import NotPositiveDefinite
 from toeplitz_mg.preconditioners.jacobi import ScaledIdentity
-from toeplitz_mg.preconditioners.positivity import LAST_RESORT, precision
 from toeplitz_mg.preconditioners.selection import Candidate, Selection
 from toeplitz_mg.preconditioners.trial import better_than_none
 

@@ -7,7 +7,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators.base import GridOperator, grid_of
-from toeplitz_mg.preconditioners.positivity import LAST_RESORT
+from toeplitz_mg.operators.positivity import LAST_RESORT
 
 DIRECT = 600  # Most unknowns of a matrix that a Cholesky factor, of 3 MB, solves for at once.
 

@@ -18,9 +18,9 @@ from toeplitz_mg.engine.transforms import LONG
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.lifting import averaged, restricted_hermitian
+from toeplitz_mg.operators.positivity import name_robust, precision, require_positive
 from toeplitz_mg.operators.structure import check_hermitian, restrict, unwrap
-from toeplitz_mg.preconditioners.positivity import name_robust, precision, require_positive
-from toeplitz_mg.preconditioners.symbol import continue_axis
+from toeplitz_mg.operators.symbol import continue_axis
 
 BLOCK_SUBJECT = "the embedding of A in a block circulant, which M inverts, has the pivot"
 

@@ -7,8 +7,8 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import GridOperator
 from toeplitz_mg.operators.lifting import averaged
+from toeplitz_mg.operators.positivity import require_positive_diagonal
 from toeplitz_mg.operators.structure import check_hermitian, unwrap_toeplitz
-from toeplitz_mg.preconditioners.positivity import require_positive_diagonal
 from toeplitz_mg.values import real
 
 

@@ -9,9 +9,9 @@ from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator, apply_to_rows
 from toeplitz_mg.operators.base import grid_of, work_of
 from toeplitz_mg.operators.lifting import averaged, componentwise
+from toeplitz_mg.operators.positivity import rounding
 from toeplitz_mg.operators.structure import restrict, unwrap_toeplitz
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
-from toeplitz_mg.preconditioners.positivity import rounding
 from toeplitz_mg.preconditioners.row_sum_certificate import (
     DENSE,
     find_smallest_eigenvalue,

@@ -8,7 +8,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.preconditioners.positivity import ritz_values
+from toeplitz_mg.operators.positivity import ritz_values
 
 Lag = tuple[int, ...]  # The lag, or the index of a coefficient, along each axis.
 

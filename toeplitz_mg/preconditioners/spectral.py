@@ -5,17 +5,17 @@ from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.columns.columns import RESOLVED, Columns
+from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul
+from toeplitz_mg.columns.schur import schur_column
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.transforms import cosine_sums, sine_sums
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.base import require_numpy
-from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.lifting import of_any_matrix
+from toeplitz_mg.operators.positivity import is_positive, precision, require_condition
 from toeplitz_mg.operators.structure import squeeze_line
-from toeplitz_mg.preconditioners.columns import RESOLVED, Columns
-from toeplitz_mg.preconditioners.positivity import is_positive, precision, require_condition
-from toeplitz_mg.preconditioners.schur import schur_column
-from toeplitz_mg.preconditioners.symbol import sample_symbol
+from toeplitz_mg.operators.symbol import sample_symbol
 from toeplitz_mg.preconditioners.wiener_hopf import (
     ADVICE,
     factor_positive_symbol,
@@ -76,7 +76,7 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
     positive where the symbol has a zero, or is not resolved by n lags, as for a covariance whose
     correlation length is not small against n. There, where the column misses A x = e₁ by more than
     one quarter, and where such a zero is not ruled out, the column is computed exactly, by
-    `toeplitz_mg.preconditioners.schur`, at some 30 work units in 2^20 unknowns and fewer in less.
+    `toeplitz_mg.columns.schur`, at some 30 work units in 2^20 unknowns and fewer in less.
 
     Another matrix has two factors, not one: see `toeplitz_mg.preconditioners.wiener_hopf`.
     These give the first column of the inverse and the first row, at some eight work units, and

@@ -11,9 +11,9 @@ from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator, Toepli
 from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.coefficients import require_range
 from toeplitz_mg.operators.lifting import componentwise, restricted, symmetrised
+from toeplitz_mg.operators.positivity import name_robust, precision, require_positive
 from toeplitz_mg.operators.structure import unwrap
-from toeplitz_mg.preconditioners.positivity import name_robust, precision, require_positive
-from toeplitz_mg.preconditioners.symbol import average_flips
+from toeplitz_mg.operators.symbol import average_flips
 from toeplitz_mg.values import finite
 
 

@@ -5,8 +5,8 @@ import numpy as np
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.preconditioners.positivity import rounding
-from toeplitz_mg.preconditioners.symbol import NEGLIGIBLE
+from toeplitz_mg.operators.positivity import rounding
+from toeplitz_mg.operators.symbol import NEGLIGIBLE
 
 SMOOTH = 1.9  # Largest ratio of the falls at two doublings of the lag: of a parabola 4, a tent 2.
 FAST = 0.2  # Least ratio of the coefficients at a lag and at half of it: less is fast decay.

@@ -11,7 +11,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.vectors import axpy, norm
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.preconditioners.positivity import INDEFINITE
+from toeplitz_mg.operators.positivity import INDEFINITE
 
 # With 10 steps, or a smaller advantage, wide covariances and plane waves mislead: the choice is
 # then worse than none.

@@ -11,14 +11,14 @@ from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.lifting import componentwise, restricted
-from toeplitz_mg.preconditioners.positivity import (
+from toeplitz_mg.operators.positivity import (
     is_positive,
     name_robust,
     precision,
     require_positive,
     rounding,
 )
-from toeplitz_mg.preconditioners.symbol import sample_symbol
+from toeplitz_mg.operators.symbol import sample_symbol
 
 
 @componentwise

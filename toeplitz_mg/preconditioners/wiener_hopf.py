@@ -4,11 +4,11 @@ import numpy as np
 from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.columns.columns import Columns
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.preconditioners.columns import Columns
-from toeplitz_mg.preconditioners.positivity import is_positive, rounding
+from toeplitz_mg.operators.positivity import is_positive, rounding
 
 OVERSAMPLING = 4  # Samples of the symbol for each unknown: its phase is not lost between two.
 ADVICE = "use chan_preconditioner(A) with gmres, or solve_toeplitz, which needs no factors"

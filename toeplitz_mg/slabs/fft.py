@@ -11,8 +11,8 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.transforms import LONG
 from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.operators.positivity import require_positive
 from toeplitz_mg.preconditioners.fft import BLOCK_SUBJECT, invert_matrices
-from toeplitz_mg.preconditioners.positivity import require_positive
 from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator
 from toeplitz_mg.slabs.structure import ROBUST, restricted

@@ -9,7 +9,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.preconditioners.positivity import require_positive
+from toeplitz_mg.operators.positivity import require_positive
 from toeplitz_mg.preconditioners.trigonometric import lift_lowest
 from toeplitz_mg.slabs.line import LongTransform
 from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator

@@ -6,13 +6,14 @@ from functools import cached_property
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.columns.columns import RESOLVED, Columns
+from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator
 from toeplitz_mg.operators.base import require_numpy
-from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators.structure import accept_any, unwrap_toeplitz
-from toeplitz_mg.preconditioners.columns import RESOLVED, Columns
+from toeplitz_mg.operators.symbol import sample_symbol
 from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.spectral import (
     approximate_columns,
@@ -20,7 +21,6 @@ from toeplitz_mg.preconditioners.spectral import (
     exact_columns,
     factor_column,
 )
-from toeplitz_mg.preconditioners.symbol import sample_symbol
 from toeplitz_mg.preconditioners.traits import decays_slowly
 from toeplitz_mg.preconditioners.wiener_hopf import factor_positive_symbol
 from toeplitz_mg.solvers.cg import cg_by_recurrence
@@ -190,7 +190,7 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
 
     References
     ----------
-    See `toeplitz_mg.operators.gohberg_semencul`.
+    See `toeplitz_mg.columns.gohberg_semencul`.
 
     Examples
     --------

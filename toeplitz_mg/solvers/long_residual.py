@@ -14,7 +14,7 @@ from math import floor, log2
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.circle import Circle, circle_of
+from toeplitz_mg.columns.circle import Circle, circle_of
 from toeplitz_mg.engine.vectors import norm
 
 EPS = float(np.finfo(np.float64).eps)

@@ -6,10 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.columns.columns import Columns
+from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
-from toeplitz_mg.preconditioners.columns import Columns
 from toeplitz_mg.solvers.long_residual import EPS, LongResidual
 from toeplitz_mg.solvers.szego_polynomial import SzegoPolynomial
 

@@ -15,9 +15,9 @@ import numpy as np
 import scipy.linalg
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.circle import Circle, circle_of
+from toeplitz_mg.columns.circle import Circle, circle_of
+from toeplitz_mg.columns.schur import schur_column
 from toeplitz_mg.engine.vectors import norm
-from toeplitz_mg.preconditioners.schur import schur_column
 from toeplitz_mg.solvers.long_residual import EPS
 from toeplitz_mg.solvers.sharp_column import SharpColumn
 from toeplitz_mg.solvers.szego_polynomial import LONGEST

@@ -10,8 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.circle import Circle, circle_of
-from toeplitz_mg.operators.gohberg_semencul import OVERSAMPLING, Certificate
+from toeplitz_mg.columns.circle import OVERSAMPLING, Certificate, Circle, circle_of
 
 LONGEST = 2**22  # Most samples of a column that are taken where fewer do not tell.
 

@@ -17,6 +17,7 @@ from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import CoupledOperator, GridOperator
 from toeplitz_mg.operators.base import library_for
 from toeplitz_mg.operators.lifting import averaged, componentwise
+from toeplitz_mg.operators.positivity import name_for_smooth, precision
 from toeplitz_mg.operators.structure import coefficients_on_numpy, unwrap, unwrap_toeplitz
 from toeplitz_mg.preconditioners.fsai.build import DEFAULT, Options, build
 from toeplitz_mg.preconditioners.fsai.coupled import find_coupled_stencil
@@ -24,7 +25,6 @@ from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
 from toeplitz_mg.preconditioners.fsai.line import LineLevel, LineMatrix, build_line
 from toeplitz_mg.preconditioners.fsai.neighbours import choose_stencil
 from toeplitz_mg.preconditioners.fsai.refusals import advise
-from toeplitz_mg.preconditioners.positivity import name_for_smooth, precision
 from toeplitz_mg.values import count
 
 MOST_NEIGHBOURS = 100  # Neighbours of a row of G: it takes 1.6 ms with these, and 40 are enough.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.preconditioners.positivity import name_condition
+from toeplitz_mg.operators.positivity import name_condition
 
 STEPS = 8  # Steps of inverse iteration, which give the smallest eigenvalue to some per cent.
 

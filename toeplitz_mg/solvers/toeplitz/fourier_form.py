@@ -16,8 +16,8 @@ from toeplitz_mg.engine.row_transforms import fft, ifft, packed_irfft, packed_rf
 from toeplitz_mg.engine.transforms import phase_factors
 from toeplitz_mg.engine.vectors import ALONE
 from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.operators.positivity import require_nonzero
 from toeplitz_mg.preconditioners.circulant import smooth_column
-from toeplitz_mg.preconditioners.positivity import require_nonzero
 
 LARGEST = 2**14  # Most unknowns of which a transform at once is as fast as one in panels.
 ROOT = np.sqrt(2.0)

@@ -17,14 +17,14 @@ from scipy.linalg.lapack import dpttrf, dpttrs
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.engine.vectors import norm
-from toeplitz_mg.operators.gohberg_semencul import GohbergSemencul
+from toeplitz_mg.operators.positivity import is_positive
 from toeplitz_mg.preconditioners.circulant import (
     away_from_zero,
     chan_eigenvalues,
     smooth_inverse,
 )
-from toeplitz_mg.preconditioners.positivity import is_positive
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
 from toeplitz_mg.preconditioners.traits import is_flat
 from toeplitz_mg.solvers.cg import cg_by_recurrence

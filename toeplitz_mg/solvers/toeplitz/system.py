@@ -12,12 +12,12 @@ from toeplitz_mg.engine.row_transforms import fft, ifft, irfft, rfft
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators.positivity import may_be_positive
 from toeplitz_mg.preconditioners.circulant import (
     chan_eigenvalues,
     smooth_column,
     smooth_eigenvalues,
 )
-from toeplitz_mg.preconditioners.positivity import may_be_positive
 from toeplitz_mg.preconditioners.traits import has_symbol, wraps_around
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm
 from toeplitz_mg.solvers.toeplitz.fourier_form import FourierForm, has_fourier_form

@@ -1,4 +1,4 @@
-"""Polynomials on the unit circle: their values at many points, and back.
+"""Polynomials on the unit circle: their values at many points, and back, and their zeros.
 
 Of a real series of length up to m the values at z = exp(-iθ), θ = 2π(k + 1/4)/m, k = 0 … m - 1, and
 their conjugates are those at 2 m points at equal distances, with z²ᵐ = -1. They are one complex
@@ -9,6 +9,8 @@ of unity.
 All values are in the order of the plan, which elementwise operations need not know.
 """
 
+from dataclasses import dataclass
+from math import pi, tan
 from typing import Any, Protocol
 
 import numpy as np
@@ -19,6 +21,7 @@ from toeplitz_mg.engine.transforms import plan_of
 from toeplitz_mg.engine.work import count_transforms
 
 SHIFT = 0.25  # Of the frequencies, with which the conjugates of the points are between them.
+OVERSAMPLING = 4  # Samples for each coefficient: the phase may turn 3π/4 between two.
 
 
 class Circle(Protocol):
@@ -104,3 +107,76 @@ class FullCircle:
 def circle_of(points: int, dtype: np.dtype[Any]) -> Circle:
     """Return a circle of so many points at least, for series of this kind of numbers."""
     return FullCircle(points) if dtype.kind == "c" else HalfCircle(points)
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What the polynomial x(z) = Σ xₖ zᵏ on the unit circle says of the formula from the column x.
+
+    The formula is the Schur-Cohn form of that polynomial: positive definite exactly if x(z) has
+    no zero in the closed unit disc. Then it is a leading block of the inverse of a matrix whose
+    symbol is x₀/|x|², and its condition is at most that of this symbol.
+
+    Attributes
+    ----------
+    positive : bool
+        Whether it is positive definite for certain. Where it is not, it still may be.
+    condition : float
+        max|x|²/min|x|² of the samples.
+    resolved : bool
+        Whether it is known: that it is positive, or that the formula is not.
+
+    Notes
+    -----
+    Of N samples x is known to have no such zero where the phase turns by less than π (1 - n/N)
+    from each sample to the next, and by 0 in all. For let Z > 0 zeros lie in the disc, so that in
+    truth the phase turns by 2πZ. From a sample to the next it turns by less than π n/N, and more
+    by π times the share of that arc in the harmonic measures of these zeros, which are Z in all.
+    Where it is seen to turn by more than -π (1 - n/N), and in truth turns by 2πk more than seen,
+    these shares are above 2k - 1 ≥ k. The sum of k over all arcs is Z, so that those of the
+    positive k have shares above Z, which there are not.
+    """
+
+    positive: bool
+    condition: float
+    resolved: bool
+
+    @classmethod
+    def of(cls, x: Array, oversampling: int = OVERSAMPLING) -> "Certificate":
+        """Sample the polynomial, at the cost of one work unit; with more samples more."""
+        x = x.astype(np.result_type(x, np.float64))
+        circle = circle_of(oversampling * len(x), x.dtype)
+        x = x / (np.abs(x).max() or 1.0)  # Then no square overflows.
+        return cls.of_values(x, circle, circle.values(x))
+
+    @classmethod
+    def of_values(cls, x: Array, circle: Circle, values: Array) -> "Certificate":
+        """Look at the values of the polynomial on a circle."""
+        z = circle.path(x, values)
+        squares = z.real**2 + z.imag**2
+        smallest, largest = float(squares.min()), float(squares.max())
+        if not smallest > 0.0:
+            return cls(False, np.inf, True)
+        if len(x) == 1:  # A constant does not turn.
+            return cls(bool(x[0].real > 0.0), 1.0, True)
+        # Of a real x the turns are those on the upper half of the circle, which the lower half
+        # mirrors.
+        turn = z[1:] * z[:-1].conj()
+        # The cotangent of a turn is above that of a larger one.
+        farthest = 1.0 / tan(pi * (1.0 - len(x) / circle.points))
+        resolved = bool((turn.real > farthest * np.abs(turn.imag)).all())
+        positive = x[0].real > 0.0 and resolved and _count_turns(z, turn.imag > 0.0) == 0
+        return cls(bool(positive), largest / smallest, resolved)
+
+
+def _count_turns(z: Array, is_left: Array) -> int:
+    """Return how often a path goes around zero, in half turns where it ends opposite its start.
+
+    It crosses the negative real axis where the imaginary part changes its sign while it turns from
+    above to the left, or from below to the right; each turn is less than half of one.
+    """
+    above = z.imag >= 0.0
+    leaves = above[:-1] & ~above[1:] & is_left
+    enters = ~above[:-1] & above[1:] & ~is_left
+    crossings = int(np.count_nonzero(leaves)) - int(np.count_nonzero(enters))
+    return round((np.angle(z[-1]) - np.angle(z[0])) / np.pi) + 2 * crossings

@@ -1,4 +1,7 @@
-"""Multiplication by the inverse of a Toeplitz matrix, in circulants and skew-circulants."""
+"""The inverse of a Toeplitz matrix, from its first column and its first row.
+
+The operator has the checks; its product is in circulants and skew-circulants.
+"""
 
 from math import sqrt
 
@@ -12,8 +15,93 @@ from toeplitz_mg.engine.transforms import plan_of
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.operators.base import GridOperator
+from toeplitz_mg.values import refuse_masked
 
 Term = list[tuple[float, Array]]  # Shifts and eigenvalues of the factors, the first one first.
+
+
+class GohbergSemencul(GridOperator):
+    """The inverse of a Toeplitz matrix A, given its first column and its first row.
+
+    A product costs two work units; somewhat more where n has a large prime factor, and so slow
+    transforms.
+
+    Parameters
+    ----------
+    x : ndarray of shape (n,), real or complex
+        First column of the inverse, A⁻¹ e₁, whose first entry must not be zero.
+    y : ndarray of shape (n,), optional
+        First row of the inverse, A⁻ᵀ e₁; its first entry is ignored, as it is x[0]. Without it the
+        inverse is that of a symmetric positive definite matrix, or of a Hermitian one: its row is
+        x̄, and x[0] must be positive.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where x[0] is zero, or, without `y`, not positive: no such matrix has this inverse.
+    ValueError
+        Where `x` and `y` have different lengths.
+
+    References
+    ----------
+    I. Gohberg, A. Semencul, On the inversion of finite Toeplitz matrices and their continuous
+    analogs, Mat. Issled. 7 (1972); in circulants see
+    `GohbergSemenculProduct`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.linalg import toeplitz
+    >>> A = toeplitz([2.0, 1.0, 0.0], [2.0, -1.0, 3.0])
+    >>> inverse = np.linalg.inv(A)
+    >>> G = GohbergSemencul(inverse[:, 0], inverse[0])
+    >>> bool(np.allclose(G @ np.eye(3), inverse))
+    True
+    """
+
+    def __init__(
+        self, x: Array, y: Array | None = None, *, product: "GohbergSemenculProduct | None" = None
+    ) -> None:
+        x = refuse_masked("x", x)
+        self.is_hermitian = y is None
+        if y is None:
+            if not (x[0].real > 0.0 and x[0].imag == 0.0):
+                raise np.linalg.LinAlgError(
+                    f"the first entry of the inverse is {x[0]:.3g}, but of a positive definite "
+                    "matrix it is positive"
+                )
+            y = x.conj() if x.dtype.kind == "c" else x
+        y = refuse_masked("y", y)
+        if y.shape != x.shape:
+            raise ValueError(f"x has shape {x.shape} and y has {y.shape}, but must have the same")
+        if x[0] == 0.0:
+            raise np.linalg.LinAlgError(
+                "the first entry of the inverse is 0, but the formula divides by it: A without its "
+                "last row and column is singular; solve_toeplitz((c, r), b) needs no inverse"
+            )
+        dtype = np.result_type(x, y)
+        self.x = x.astype(dtype)
+        self.y = self.x if y is x else y.astype(dtype)
+        self.y[0] = self.x[0]
+        self.x.flags.writeable = self.y.flags.writeable = False
+        if product is None:
+            column, row = (a.astype(np.result_type(dtype, np.float64)) for a in (self.x, self.y))
+            product = GohbergSemenculProduct.of(column, None if self.is_hermitian else row, dtype)
+        self._product = product
+        super().__init__(dtype, product.grid_shape, product.points / len(x))
+
+    def apply(self, V: Array, out: Array | None = None) -> Array:
+        """Multiply each row of `V` (see `GridOperator.apply`)."""
+        return self._product(V, out)
+
+    def _adjoint(self) -> "GohbergSemencul":
+        if self.is_hermitian:
+            return self
+        return GohbergSemencul(self.y.conj(), self.x.conj(), product=self._product.adjoint())
+
+    def __repr__(self) -> str:
+        return f"<GohbergSemencul {self.shape[0]}, {self.dtype}>"
 
 
 class GohbergSemenculProduct:

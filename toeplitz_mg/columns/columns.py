@@ -6,9 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.columns.circle import Certificate
+from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.gohberg_semencul import Certificate, GohbergSemencul
 
 EPS = float(np.finfo(np.float64).eps)
 NEAR = 1e-6  # Largest ‖A x - e₁‖ of an inverse that one step of refinement brings to rounding.

@@ -7,7 +7,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.embedding import cut
 from toeplitz_mg.engine.library import library_of
-from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
 STEP = 64  # Number of known lags over the distance of the three lags at which a tail is fitted.
 NEGLIGIBLE = 1e-9  # Largest coefficient that is left out, relative to that of lag 0.

@@ -13,8 +13,9 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.engine.work import axes_of
-from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.coefficients import check_precision, require_range
+from toeplitz_mg.operators.coupled import CoupledOperator
+from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
 # Error of an eigenvalue, in units of eps times the largest one: 1 to 3.8 was seen with transforms
 # of lengths up to 2^18.

@@ -9,7 +9,7 @@ from scipy.linalg import solve_toeplitz, solve_triangular, toeplitz
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.work import count_transforms
-from toeplitz_mg.preconditioners.positivity import LAST_RESORT, require_positive_diagonal
+from toeplitz_mg.operators.positivity import LAST_RESORT, require_positive_diagonal
 
 LARGEST_BLOCK = 256  # Most steps that Levinson's recursion takes at once: more would take longer.
 
