@@ -13,7 +13,6 @@ from toeplitz_mg.operators import ToeplitzOperator
 
 EPS = float(np.finfo(np.float64).eps)
 NEAR = 1e-6  # Largest ‖A x - e₁‖ of an inverse that one step of refinement brings to rounding.
-RESOLVED = 0.25  # Largest ‖A x - e₁‖ at which a better x would not make a better preconditioner.
 
 
 @dataclass(frozen=True)
@@ -72,10 +71,9 @@ class Columns:
         return Certificate.of(self.x)
 
     @property
-    def is_inverse(self) -> bool:
-        """Whether better columns make no better preconditioner; of a Hermitian A a positive one."""
-        is_definite = self.w is not None or self.certificate.positive
-        return self.residual <= RESOLVED and is_definite
+    def is_definite(self) -> bool:
+        """Whether of a Hermitian matrix the inverse is positive definite for certain."""
+        return self.w is not None or self.certificate.positive
 
     def improve(self) -> "Columns":
         """Take a step of Newton's method, which squares the error of an inverse that is near.

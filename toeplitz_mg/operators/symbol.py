@@ -6,6 +6,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.embedding import cut
+from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
@@ -33,6 +34,11 @@ def sample_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
         column = continue_axis(column, axis, n)
     # The sum over all lags of a_k cos kθ is, by symmetry, a cosine transform of the first column.
     return library.cosine_sums(column)
+
+
+def symbol_of_line(A: ToeplitzOperator) -> Array:
+    """Return the symbol of a matrix of one axis, at θ = πk/m, k = 0 … m, m hardly above n."""
+    return sample_symbol(A, (near_fast_length(len(A.c)),))
 
 
 def sum_tail(column: Array, n: int) -> Array | None:

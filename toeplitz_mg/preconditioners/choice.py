@@ -7,6 +7,7 @@ set-up.
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
 from itertools import chain
 from typing import NamedTuple
@@ -15,7 +16,8 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Mask
-from toeplitz_mg.engine.lengths import near_fast_length
+from toeplitz_mg.columns.first_column import RESOLVED
+from toeplitz_mg.columns.spectral_factor import factor_symbol
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.structure import (
@@ -24,7 +26,7 @@ from toeplitz_mg.operators.structure import (
     unwrap,
     unwrap_toeplitz,
 )
-from toeplitz_mg.operators.symbol import sample_symbol
+from toeplitz_mg.operators.symbol import symbol_of_line
 from toeplitz_mg.preconditioners import traits
 from toeplitz_mg.preconditioners.candidates import (
     OF_ANY_LINE,
@@ -40,12 +42,7 @@ from toeplitz_mg.preconditioners.direct import DIRECT
 from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
 from toeplitz_mg.preconditioners.selection import Candidate
-from toeplitz_mg.preconditioners.spectral import (
-    factor_column,
-    inverse_of_factor,
-    schur_inverse,
-    spectral_preconditioner,
-)
+from toeplitz_mg.preconditioners.spectral import spectral_inverse, spectral_preconditioner
 from toeplitz_mg.preconditioners.trigonometric import (
     cosine_inverse,
     cosine_preconditioner,
@@ -146,7 +143,7 @@ def candidates_of_line(A: ToeplitzOperator) -> Iterator[Candidate]:
         # 4 to 12 iterations, but next to no set-up, and cheap ones.
         yield Candidate.of(fsai_preconditioner, "a long line of slow decay")
     A = A.astype(np.float64)
-    samples = sample_symbol(A, (near_fast_length(len(A.c)),))
+    samples = symbol_of_line(A)
     by_sine = partial(sine_inverse, samples=samples)
     by_cosine = partial(cosine_inverse, samples=samples)
     is_smooth = traits.decreases(A.c)
@@ -159,17 +156,21 @@ def candidates_of_line(A: ToeplitzOperator) -> Iterator[Candidate]:
     elif is_smooth and traits.decays_exponentially(A.c):
         # As wide as the matrix, more or less: 2 to 5 iterations.
         yield Candidate.of(cosine_preconditioner, "an exponential covariance", by_cosine)
-    elif (factor := factor_column(A, samples)) is not None:
-        of_factor = partial(inverse_of_factor, factor=factor)
-        if factor.is_inverse and (is_smooth or factor.residual <= WELL_RESOLVED):
-            # 1 to 8 iterations.
-            yield Candidate.of(spectral_preconditioner, "a symbol that is resolved", of_factor)
-        elif not is_smooth:
-            # Its coefficients go on and on, as isolated ones do: the factor is computed exactly.
-            yield Candidate.of(spectral_preconditioner, "no decrease with the lag", schur_inverse)
-        elif factor.residual <= HARDLY_RESOLVED:
-            # As wide as the matrix, with a simple tail: 2 to 6 iterations.
-            yield Candidate.of(cosine_preconditioner, "a wide covariance", by_cosine)
+    else:
+        with suppress(np.linalg.LinAlgError):  # The symbol may not be positive.
+            factor = factor_symbol(A, samples)
+            is_resolved = factor.residual <= RESOLVED and factor.is_definite
+            if is_resolved or not is_smooth:
+                # 1 to 8 iterations. Of coefficients that go on and on, as isolated ones do, a
+                # rough factor takes more.
+                near = RESOLVED if is_smooth else WELL_RESOLVED
+                of_factor = partial(spectral_inverse, residual=near, factor=factor)
+                is_near = factor.residual <= near
+                trait = "a symbol that is resolved" if is_near else "no decrease with the lag"
+                yield Candidate.of(spectral_preconditioner, trait, of_factor)
+            elif factor.residual <= HARDLY_RESOLVED:
+                # As wide as the matrix, with a simple tail: 2 to 6 iterations.
+                yield Candidate.of(cosine_preconditioner, "a wide covariance", by_cosine)
 
 
 def _of_grid(A: ToeplitzOperator) -> Iterator[Candidate]:

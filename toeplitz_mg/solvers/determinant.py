@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg.columns.first_column import double_line
 from toeplitz_mg.engine.powers import power_above
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.preconditioners.spectral import double_line
 from toeplitz_mg.solvers.inverse import SAFE_SIZES, first_columns
 from toeplitz_mg.solvers.sharp_column import sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error

@@ -1,28 +1,19 @@
 """The inverse of a Toeplitz matrix as an operator: one solve, then as cheap as two products."""
 
-from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.columns.columns import RESOLVED, Columns
+from toeplitz_mg.columns.columns import Columns
+from toeplitz_mg.columns.first_column import double_line, find_columns
 from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul
-from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator
 from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.structure import accept_any, unwrap_toeplitz
-from toeplitz_mg.operators.symbol import sample_symbol
 from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
-from toeplitz_mg.preconditioners.spectral import (
-    approximate_columns,
-    double_line,
-    exact_columns,
-    factor_column,
-)
 from toeplitz_mg.preconditioners.traits import decays_slowly
-from toeplitz_mg.preconditioners.wiener_hopf import factor_positive_symbol
 from toeplitz_mg.solvers.cg import cg_by_recurrence
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
@@ -31,13 +22,11 @@ from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, fast_length
 from toeplitz_mg.solvers.toeplitz.system import PANELS
 from toeplitz_mg.values import positive
 
-MOSTLY_ROUNDING = 1e-12  # ‖e₁ - A x‖ below which a step may add as much rounding as it removes.
 FSAI = 2**16  # Fewest unknowns where FSAI is faster, of a slow length and slow decay.
 FEW = 256  # Unknowns up to which any matrix is solved with directly.
 ROUGH = 1e-6  # Relative residual of CG, from which one or two steps lead to rounding.
 # Sizes of A for which no square of a norm of A or A⁻¹ over- or underflows.
 SAFE_SIZES = 1e-100, 1e100
-STALLED = 1e-6  # ‖e₁ - A x‖ at which the steps had better start from an exact column.
 
 
 class ToeplitzInverse(GridOperator):
@@ -242,59 +231,24 @@ def first_columns(A: ToeplitzOperator) -> Columns:
             f"the coefficients of A are of size {A.norm_bound:.1e}, but must be of {low:.0e} to "
             f"{high:.0e} for its inverse: divide A by their size, and the inverse too"
         )
-    if not A.is_hermitian:
-        return _correct(_of_general(A))
-    for make in (_by_cg, _by_factor):
-        start = make(A)
-        if start is not None and (columns := _correct(start)).residual <= STALLED:
-            return columns
-    return _correct(exact_columns(A))
+    return find_columns(A, solve=_solve)
 
 
-def _of_general(A: ToeplitzOperator) -> Columns:
-    """Take the columns of the factors, or solve for them directly where they are few."""
-    try:
-        return approximate_columns(A)
-    except np.linalg.LinAlgError:
-        if A.shape[0] > FEW:
-            raise
-    dense = A.toarray()
-    unit = np.eye(1, len(dense))[0]
-    return Columns(A, np.linalg.solve(dense, unit), np.linalg.solve(dense.conj().T, unit))
-
-
-def _correct(columns: Columns) -> Columns:
-    """Take steps of Newton's method while they help."""
-    while columns.residual > max(MOSTLY_ROUNDING, 2.0 * columns.rounding):
-        better = columns.improve()
-        if not better.residual < 0.5 * columns.residual:
-            break
-        columns = better
-    return columns
-
-
-def _by_cg(A: ToeplitzOperator) -> Columns | None:
-    """Solve A x = e₁ roughly by CG, or return None where the factor of the symbol is better."""
+def _solve(A: ToeplitzOperator) -> Columns | None:
+    """Solve for the columns: directly where they are few, or roughly by CG; None where neither."""
     n = A.shape[0]
-    if A.dtype.kind == "c":
+    unit = np.eye(1, n)[0]
+    if not A.is_hermitian and n <= FEW:
+        dense = A.toarray()
+        return Columns(A, np.linalg.solve(dense, unit), np.linalg.solve(dense.conj().T, unit))
+    if not A.is_hermitian or A.dtype.kind == "c":
         return None
-    unit = np.eye(1, n)
-    with suppress(np.linalg.LinAlgError):
-        is_for_fsai = n >= FSAI and fast_length(n) > n and decays_slowly(A.c)
-        if FEW < n < PANELS and not is_for_fsai:
-            solver = CosineSolver(CosineForm(A.c), A.norm_bound)
-            return Columns(A, solver.solve(unit, ROUGH)[0][0])
-        if decays_slowly(A.c):
-            M = fsai_preconditioner(A)
-            x, _, converged = cg_by_recurrence(A, unit[0], M=M, rtol=ROUGH, maxiter=50)
-            return Columns(A, x) if converged else None
+    is_for_fsai = n >= FSAI and fast_length(n) > n and decays_slowly(A.c)
+    if FEW < n < PANELS and not is_for_fsai:
+        solver = CosineSolver(CosineForm(A.c), A.norm_bound)
+        return Columns(A, solver.solve(unit[np.newaxis], ROUGH)[0][0])
+    if decays_slowly(A.c):
+        M = fsai_preconditioner(A)
+        x, _, converged = cg_by_recurrence(A, unit, M=M, rtol=ROUGH, maxiter=50)
+        return Columns(A, x) if converged else None
     return None
-
-
-def _by_factor(A: ToeplitzOperator) -> Columns | None:
-    """Take the column of the spectral factor of the symbol, or None where it is no use."""
-    if A.dtype.kind == "c":
-        factor = factor_positive_symbol(A)
-    else:
-        factor = factor_column(A, sample_symbol(A, (near_fast_length(A.shape[0]),)))
-    return factor if factor is not None and factor.residual <= RESOLVED else None

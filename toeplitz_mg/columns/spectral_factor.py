@@ -1,4 +1,4 @@
-"""The Wiener-Hopf factors of a symbol, and the columns of the inverse that they give."""
+"""The factors of a symbol by its cepstrum, and the columns of the inverse that they give."""
 
 import numpy as np
 from scipy import fft
@@ -8,29 +8,34 @@ from toeplitz_mg.columns.columns import Columns
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.positivity import is_positive, rounding
+from toeplitz_mg.operators.positivity import require_positive, rounding
+from toeplitz_mg.operators.symbol import symbol_of_line
 
 OVERSAMPLING = 4  # Samples of the symbol for each unknown: its phase is not lost between two.
 ADVICE = "use chan_preconditioner(A) with gmres, or solve_toeplitz, which needs no factors"
 
 
-def factor_symbol(A: ToeplitzOperator) -> Columns:
-    """Approximate A⁻¹ e₁ and A⁻ᴴ e₁ by the factors of the symbol of a matrix of any kind.
+def factor_symbol(A: ToeplitzOperator, samples: Array | None = None) -> Columns:
+    """Approximate A⁻¹ e₁, and A⁻ᴴ e₁ unless A is Hermitian, by the factors of the symbol.
 
     The symbol f(θ) = Σ a_k exp(ikθ) is the product of exp(l₊) and exp(l₋), where l₊ has the
-    frequencies k > 0 of log f and l₋ the others, if log f is a function on the circle: if f has no
-    zero, and its winding number is 0. Then the inverse of the half-infinite matrix of f is that of
-    exp(-l₊), which is lower triangular, times that of exp(-l₋), which is upper triangular.
+    frequencies k > 0 of log f, its cepstrum, and l₋ the others, if log f is a function on the
+    circle: if f has no zero, and its winding number is 0. Then the inverse of the half-infinite
+    matrix of f is that of exp(-l₊), which is lower triangular, times that of exp(-l₋), which is
+    upper triangular. Where f is real the two are adjoint to each other, but for the mean.
 
     Parameters
     ----------
     A : ToeplitzOperator
         Of one axis, in double precision.
+    samples : ndarray, optional
+        `symbol_of_line` of a symmetric A, where that is known.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where the symbol has a zero, or winds around it.
+        Where the symbol has a zero, or winds around it; of a Hermitian matrix where it is not
+        positive.
 
     References
     ----------
@@ -40,39 +45,34 @@ def factor_symbol(A: ToeplitzOperator) -> Columns:
     (n,) = A.grid_shape
     is_complex = A.dtype.kind == "c"
     forward, backward = (fft.fft, fft.ifft) if is_complex else (fft.rfft, fft.irfft)
-    length = 2 * fft.next_fast_len(OVERSAMPLING // 2 * n, real=not is_complex)
-    count_transforms(5, length)
-    f = forward(A.circulant((length,)))
-    logarithm = _logarithm(f, is_complex)
+    if not A.is_hermitian:
+        length = 2 * fft.next_fast_len(OVERSAMPLING // 2 * n, real=not is_complex)
+        f = forward(A.circulant((length,)))
+        logarithm = _logarithm(f, is_complex)
+    else:
+        # With half as many samples those are positive where more find a zero between the
+        # coefficients that A has and those that it lacks.
+        length = 2 * near_fast_length(n)
+        if is_complex:
+            f = forward(A.circulant((length,))).real
+        else:
+            f = symbol_of_line(A) if samples is None else samples
+        require_positive(f, A.dtype, "the symbol of A has the sample", ADVICE)
+        logarithm = np.log(f)
+    count_transforms(3 if A.is_hermitian else 5, length)
     cepstrum = backward(logarithm, length)
-    mean = cepstrum[0]
     inverse = np.exp(-forward(_keep_causal(cepstrum)))
     x = backward(inverse, length)[:n]
+    # It begins with 1, but for the frequencies that are beyond the samples.
+    if A.is_hermitian:
+        scale = np.exp(-cepstrum[0].real)
+        x *= scale / x[0] if is_complex else scale * x[0]
+        x[0] = x[0].real
+        return Columns(A, x)
     y = backward(1.0 / (f * inverse), length)
     row = np.concatenate([y[:1], y[:-n:-1]])
-    scale = np.exp(-mean) / (f[0] if is_complex else f[0].real)
-    # Both begin with 1, but for the frequencies that are beyond the samples.
+    scale = np.exp(-cepstrum[0]) / (f[0] if is_complex else f[0].real)
     return Columns(A, x * (scale / x[0]), (row * (scale / row[0])).conj())
-
-
-def factor_positive_symbol(A: ToeplitzOperator) -> Columns | None:
-    """Approximate A⁻¹ e₁ of a complex Hermitian matrix, or return None: its symbol has a zero.
-
-    With half as many samples: those that are positive where `factor_symbol` finds a zero between
-    the coefficients that A has and those that it lacks.
-    """
-    (n,) = A.grid_shape
-    length = 2 * near_fast_length(n)
-    count_transforms(4, length)
-    f = fft.fft(A.circulant((length,))).real
-    if not is_positive(f, A.dtype):
-        return None
-    cepstrum = fft.ifft(np.log(f))
-    scale = float(np.exp(-cepstrum[0].real))
-    x = fft.ifft(np.exp(-fft.fft(_keep_causal(cepstrum))))[:n]
-    x *= scale / x[0]
-    x[0] = scale
-    return Columns(A, x)
 
 
 def _keep_causal(cepstrum: Array) -> Array:
