@@ -33,6 +33,7 @@ from toeplitz_mg.preconditioners import (
 )
 from toeplitz_mg.solvers.toeplitz.solve import select_method, solve_toeplitz
 from toeplitz_mg.solvers.determinant import toeplitz_logdet
+from toeplitz_mg.solvers.reflection import reflection_coefficients
 from toeplitz_mg.solvers.inverse import ToeplitzInverse, toeplitz_inverse
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.gmres import gmres
@@ -72,6 +73,7 @@ __all__ = [
     "multigrid",
     "piecewise_constant",
     "rediscretised",
+    "reflection_coefficients",
     "richardson",
     "select_method",
     "select_preconditioner",

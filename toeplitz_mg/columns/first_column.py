@@ -17,6 +17,8 @@ from toeplitz_mg.operators.structure import squeeze_line
 
 RESOLVED = 0.25  # Largest ‖A x - e₁‖ at which a better x would not make a better preconditioner.
 STALLED = 1e-6  # ‖A x - e₁‖ at which the steps had better start from an exact column.
+# Sizes of A for which no square of a norm of A or A⁻¹ over- or underflows.
+SAFE_SIZES = 1e-100, 1e100
 MOSTLY_ROUNDING = 1e-12  # ‖A x - e₁‖ below which a step may add as much rounding as it removes.
 
 

@@ -221,9 +221,16 @@ def _recur(blocks: list[Array]) -> tuple[Array, Rows]:
             E, G = E[1:], G[:-1]
     is_step = (np.arange(shape[0])[:, np.newaxis] < steps).T
     gamma = gamma.T[is_step]
-    if (n := int(np.argmin(np.append(np.abs(gamma) < 1.0, False)))) < len(gamma):
+    require_reflections(gamma)
+    return gamma, errors.transpose(1, 2, 0)[1:, is_step]
+
+
+def require_reflections(gamma: Array, first: int = 0) -> None:
+    """Raise LinAlgError where a Schur parameter, from this one on, is not smaller than 1."""
+    is_below = np.append(np.abs(gamma) < 1.0, False)
+    if (k := int(np.argmin(is_below))) < len(gamma):
+        n = first + k + 2
         raise np.linalg.LinAlgError(
-            f"the leading {n + 2} x {n + 2} block of A is not positive definite, or so "
+            f"the leading {n} x {n} block of A is not positive definite, or so "
             f"ill-conditioned that float64 cannot tell: {ADVICE}"
         )
-    return gamma, errors.transpose(1, 2, 0)[1:, is_step]

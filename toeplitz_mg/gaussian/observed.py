@@ -68,7 +68,7 @@ class Whole:
     @cached_property
     def log_determinant(self) -> LogDeterminant:
         """The log-determinant with its error."""
-        return log_determinant(self.column)
+        return log_determinant(self.A, lambda start: self.column)
 
     def solve(self, Y: Rows) -> tuple[Rows, Array]:
         """Return A⁻¹ y for each row, and yᵀ A⁻¹ y."""

@@ -2,17 +2,12 @@
 
 from math import log
 
-import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.columns.first_column import double_line
-from toeplitz_mg.engine.powers import power_above
-from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.solvers.inverse import SAFE_SIZES, first_columns
+from toeplitz_mg.solvers.inverse import first_columns
+from toeplitz_mg.solvers.reflection import read_column
 from toeplitz_mg.solvers.sharp_column import sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
-from toeplitz_mg.values import refuse_masked
 
 
 def toeplitz_logdet(c: ArrayLike) -> float:
@@ -28,8 +23,8 @@ def toeplitz_logdet(c: ArrayLike) -> float:
     -------
     float
         log det A, with a relative error of up to some 1e-12 where the condition number is up to
-        10⁷, and mostly beyond; but of more than 2048 unknowns with lines in their spectrum, as
-        sinusoids in noise, of up to some 1e-10. For an estimate of it see
+        10⁷, and mostly beyond; but of a few sinusoids in noise, with more than 2048
+        unknowns, of up to some 1e-10. For an estimate of it see
         `ToeplitzNormal.logdet_error`.
 
     Raises
@@ -48,20 +43,26 @@ def toeplitz_logdet(c: ArrayLike) -> float:
 
     See Also
     --------
+    reflection_coefficients : the partial autocorrelations of a process.
     toeplitz_inverse : Its attributes `logdet` and `diagonal_sums` have this and the derivatives.
 
     Notes
     -----
+    log det A is the sum of the logarithms of the prediction errors, which follow from the
+    reflection coefficients. Up to 512 unknowns these come from Levinson's recursion, if A is well
+    conditioned.
+
     The first column x of A⁻¹ is that of the autoregressive process whose covariances start as c:
     ``e/|a|²`` with e = 1/x₀ and a = x/x₀ is its spectral density. Szegő's strong limit theorem,
     which is exact for it, gives ``log det A = n log e + Σ k |ℓₖ|²`` with log a(z) = Σ ℓₖ zᵏ. That
     series is computed from samples on the circle, from more where its last terms are not small.
     Covariances of long memory have one real zero next to the circle, whose part of the series is
-    known. Where the series is too long, log det A is the sum of the logarithms of the prediction
-    errors, by the superfast Schur algorithm, at some 30 work units, or up to 512 unknowns that of
-    Cholesky's factors; or the longer series, or up to 2048 unknowns those factors, where the
-    estimated error is smaller so. Where A is
-    ill-conditioned x is corrected by residuals of more than double precision.
+    known. Where A is ill-conditioned x is corrected by residuals of more than double precision.
+
+    Where the series is too long the reflection coefficients are those of x, by Levinson's steps
+    backwards, in n² operations; of more than 4096 unknowns those of the superfast Schur
+    algorithm, at some 30 work units. Up to 2048 unknowns Cholesky's factors are made where all of
+    these leave an error above 1e-11.
 
     References
     ----------
@@ -75,29 +76,9 @@ def toeplitz_logdet(c: ArrayLike) -> float:
     >>> round(tmg.toeplitz_logdet(c) / float(np.log(1 - 0.9**2)), 8)
     99999.0
     """
-    if isinstance(c, LinearOperator) or hasattr(c, "slab"):
-        raise TypeError(
-            f"c is {c!r}, but must be the first column of a matrix: of a ToeplitzOperator A write "
-            "toeplitz_logdet(A.c), or toeplitz_inverse(A).logdet"
-        )
-    column = refuse_masked("c", c)
-    if column.ndim > 1:
-        raise ValueError(
-            f"c has shape {column.shape}, but must have one axis: no exact way to the determinant "
-            "is known for several axes that is faster than a dense factorisation"
-        )
-    A = ToeplitzOperator(column)
-    if not A.is_hermitian:
-        raise ValueError(f"c[0] is {A.c[0]}, but must be real, as the matrix is to be Hermitian")
-    if not A.c[0].real > 0.0:
-        raise np.linalg.LinAlgError(
-            f"the diagonal of A is {A.c[0].real:g}, but that of a positive definite one is positive"
-        )
-    line, power = double_line(A), 0
-    if not SAFE_SIZES[0] <= line.norm_bound <= SAFE_SIZES[1]:
-        power = int(power_above(line.norm_bound))
-        line = ToeplitzOperator(line.c * 2.0**-power)
-    value, error = log_determinant(sharpen(first_columns(line)))
-    found = LogDeterminant(value + len(A.c) * power * log(2.0), error)
-    warn_of_error(found, len(A.c), stacklevel=3)
+    A, power = read_column(c, "toeplitz_logdet(A.c), or toeplitz_inverse(A).logdet")
+    n = len(A.c)
+    value, error = log_determinant(A, lambda start: sharpen(first_columns(A, start)))
+    found = LogDeterminant(value + n * power * log(2.0), error)
+    warn_of_error(found, n, stacklevel=3)
     return found.value

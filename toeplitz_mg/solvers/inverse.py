@@ -6,7 +6,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.columns.columns import Columns
-from toeplitz_mg.columns.first_column import double_line, find_columns
+from toeplitz_mg.columns.first_column import SAFE_SIZES, double_line, find_columns
 from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator
@@ -15,6 +15,7 @@ from toeplitz_mg.operators.structure import accept_any, unwrap_toeplitz
 from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.traits import decays_slowly
 from toeplitz_mg.solvers.cg import cg_by_recurrence
+from toeplitz_mg.solvers.reflection import SHORT, levinson_column
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
 from toeplitz_mg.solvers.toeplitz.cosine_cg import CosineSolver
@@ -23,10 +24,8 @@ from toeplitz_mg.solvers.toeplitz.system import PANELS
 from toeplitz_mg.values import positive
 
 FSAI = 2**16  # Fewest unknowns where FSAI is faster, of a slow length and slow decay.
-FEW = 256  # Unknowns up to which any matrix is solved with directly.
+FEW = 256  # Unknowns up to which a matrix that is not Hermitian is solved with directly.
 ROUGH = 1e-6  # Relative residual of CG, from which one or two steps lead to rounding.
-# Sizes of A for which no square of a norm of A or A⁻¹ over- or underflows.
-SAFE_SIZES = 1e-100, 1e100
 
 
 class ToeplitzInverse(GridOperator):
@@ -102,7 +101,8 @@ class ToeplitzInverse(GridOperator):
 
     @cached_property
     def _logdet(self) -> LogDeterminant:
-        return log_determinant(self._column)
+        A = double_line(self.A)
+        return log_determinant(A, lambda start: self._column)
 
     @property
     def refined(self) -> "ToeplitzInverse":
@@ -220,8 +220,10 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     return inverse
 
 
-def first_columns(A: ToeplitzOperator) -> Columns:
+def first_columns(A: ToeplitzOperator, start: Array | None = None) -> Columns:
     """Solve A x = e₁, and Aᴴ w = e₁ unless A is Hermitian, as well as float64 allows.
+
+    `start` is nearly x, where such a one is known.
 
     Raises ValueError where squares of norms might be out of the range of float64.
     """
@@ -231,7 +233,7 @@ def first_columns(A: ToeplitzOperator) -> Columns:
             f"the coefficients of A are of size {A.norm_bound:.1e}, but must be of {low:.0e} to "
             f"{high:.0e} for its inverse: divide A by their size, and the inverse too"
         )
-    return find_columns(A, solve=_solve)
+    return find_columns(A, solve=_solve if start is None else lambda A: Columns(A, start))
 
 
 def _solve(A: ToeplitzOperator) -> Columns | None:
@@ -241,10 +243,12 @@ def _solve(A: ToeplitzOperator) -> Columns | None:
     if not A.is_hermitian and n <= FEW:
         dense = A.toarray()
         return Columns(A, np.linalg.solve(dense, unit), np.linalg.solve(dense.conj().T, unit))
+    if A.is_hermitian and n <= SHORT:
+        return Columns(A, levinson_column(A.c)[0])
     if not A.is_hermitian or A.dtype.kind == "c":
         return None
     is_for_fsai = n >= FSAI and fast_length(n) > n and decays_slowly(A.c)
-    if FEW < n < PANELS and not is_for_fsai:
+    if n < PANELS and not is_for_fsai:
         solver = CosineSolver(CosineForm(A.c), A.norm_bound)
         return Columns(A, solver.solve(unit[np.newaxis], ROUGH)[0][0])
     if decays_slowly(A.c):

@@ -1,4 +1,4 @@
-"""What the first column of its inverse says of a positive definite Toeplitz matrix.
+"""The log-determinant of a positive definite Toeplitz matrix, by its recursions and its inverse.
 
 With x = A⁻¹ e₁, e = 1/x₀ and the polynomial a(z) = Σ xₖ zᵏ/x₀, which has no zero in the closed unit
 disc, the symbol e/|a|² has the lags of A up to n - 1, and those beyond that an autoregressive
@@ -7,6 +7,7 @@ gives exactly, as it is one of those for which the limit is reached.
 """
 
 import warnings
+from collections.abc import Callable
 from contextlib import suppress
 from math import isqrt, log
 from typing import NamedTuple
@@ -18,21 +19,25 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.columns.circle import Circle, circle_of
 from toeplitz_mg.columns.schur import schur_column
 from toeplitz_mg.engine.vectors import norm
+from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.solvers.long_residual import EPS
+from toeplitz_mg.solvers.reflection import SHORT, levinson_column, step_down
 from toeplitz_mg.solvers.sharp_column import SharpColumn
-from toeplitz_mg.solvers.szego_polynomial import LONGEST
+from toeplitz_mg.solvers.szego_polynomial import MOST_SAMPLES
 
 GOAL = 1e-12  # Relative error of a log-determinant above which the Schur algorithm may do better.
-DENSE = 512  # Unknowns up to which Cholesky's factorisation takes no longer than that.
-LARGEST_DENSE = 2048  # Unknowns up to which it is worth its time where that has no digits enough.
+LARGEST = 2048  # Unknowns up to which Cholesky's factorisation is worth its time for its digits.
+MOST_STEPS = 4096  # Unknowns up to which the recursions take less time than a long series.
+SAFETY = 3.0  # Estimates of errors are this many times what is known of them.
 FEWEST = 64  # Unknowns from which on the cepstrum has terms enough to see how they decrease.
 LONG_SAMPLES = 4.25  # Enough for each unknown for most of long memory, its real zero divided out.
-MOST_SAMPLES = 16  # Samples for each unknown beyond which the Schur algorithm takes no longer.
+LONGEST = 2**22  # Most samples that are taken of a long column where nothing else is exact.
 WRAPPED = 1e-7  # How much a series is damped over its length: then less of it wraps around.
 CUT = 0.1  # What is cut off of a sum is less than the last eighth of it over this.
 SPREAD = 50.0  # Largest ratio of an error that was seen to the one of random rounding.
 NEWTON_STEPS = 40  # Most steps for a zero, which takes some eight.
 FAR = 10.0  # Distance of a zero from the circle, over 1/n, at which it makes no difference.
+ROUGH = 1e-11  # The same where Cholesky's factorisation is worth its time.
 INEXACT = 1e-10  # Estimated error for each unknown above which there is a warning.
 
 
@@ -47,57 +52,128 @@ class LogDeterminant(NamedTuple):
         """Whether the estimate is within the goal."""
         return self.error <= GOAL * abs(self.value)
 
+    def is_within(self, error: float, n: int) -> bool:
+        """Whether the estimate is within this error for each of so many unknowns."""
+        return self.error <= error * max(n, abs(self.value))
+
 
 def warn_of_error(found: LogDeterminant, n: int, stacklevel: int) -> None:
     """Warn where the estimated error of a log-determinant of n unknowns is large."""
-    value, error = found
-    if error > INEXACT * max(n, abs(value)):
+    if not found.is_within(INEXACT, n):
         warnings.warn(
-            f"log det A is {value:.12g} with an error of up to {error:.1e}: A is ill-conditioned, "
-            "for which a larger c[0] would help",
+            f"log det A is {found.value:.12g} with an error of up to {found.error:.1e}: A is "
+            "ill-conditioned, for which a larger c[0] would help",
             scipy.linalg.LinAlgWarning,
             stacklevel=stacklevel,
         )
 
 
-def log_determinant(column: SharpColumn) -> LogDeterminant:
-    """Return log det A from the column of its inverse, or by the Schur algorithm.
+def log_determinant(
+    A: ToeplitzOperator, find_column: Callable[[Array | None], SharpColumn]
+) -> LogDeterminant:
+    """Return log det A from reflection coefficients, or from the column of its inverse.
+
+    It is the first of several ways that is exact, or else the one with the least error.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator
+        Of one axis, Hermitian, in double precision.
+    find_column : callable
+        Returns the column, given one that is nearly it or None, if it is needed.
 
     Raises
     ------
     numpy.linalg.LinAlgError
         Where A is not positive definite, or float64 cannot tell.
     """
-    n = len(column.x)
-    by_column = _sum_cepstrum(column, MOST_SAMPLES * n) if n >= FEWEST else None
-    if by_column is not None and by_column.is_exact:
-        return by_column
-    other = _factor(column) if n <= DENSE else _sum_schur_parameters(column)
-    if other.is_exact:
-        return other
-    found = [other]
-    if by_column is not None:
-        found += [by_column, _sum_cepstrum(column, LONGEST) or other]
-    if DENSE < n <= LARGEST_DENSE:
-        with suppress(np.linalg.LinAlgError):  # There is an answer already.
-            found.append(_factor(column))
-    return min(found, key=lambda determinant: determinant.error)
-
-
-def _factor(column: SharpColumn) -> LogDeterminant:
-    """Return log det A by Cholesky's factorisation of the dense matrix."""
-    A, n = column.A, len(column.x)
-    try:
-        diagonal = np.linalg.cholesky(A.toarray()).diagonal().real
-    except np.linalg.LinAlgError:
+    n, best, start = len(A.c), LogDeterminant(0.0, np.inf), None
+    if n <= SHORT:
+        with suppress(np.linalg.LinAlgError):
+            start, gamma = levinson_column(A.c)
+            best = _sum_upwards(A, start, gamma)
+            if best.is_exact:
+                return best
+    column = find_column(start)
+    for way in _ways(A, column):
+        best = _better(best, way)
+        if best.is_exact:
+            return best
+    if n <= LARGEST and not best.is_within(ROUGH, n):
+        best = _better(best, lambda: _factor(A, column))
+    if best.error > n:  # Then no prediction error has a digit.
         schur_column(A.c)  # It says which leading block is not positive definite.
         raise np.linalg.LinAlgError(
-            f"the leading {n} x {n} block is not positive definite, exactly or numerically: with a "
-            "larger c[0] it is"
-        ) from None
+            f"the leading {n} x {n} block of A is not positive definite, exactly or numerically: "
+            "with a larger c[0], a nugget, it is"
+        )
+    return best
+
+
+Way = Callable[[], LogDeterminant | None]
+
+
+def _better(best: LogDeterminant, way: Way) -> LogDeterminant:
+    """Return the better one of two log-determinants, of which the second may be refused."""
+    with suppress(np.linalg.LinAlgError):
+        found = way()
+        if found is not None and found.error < best.error:
+            return found
+    return best
+
+
+def _ways(A: ToeplitzOperator, column: SharpColumn) -> list[Way]:
+    """Return the ways to the log-determinant once the column is known, the fastest first."""
+    n = len(A.c)
+    ways: list[Way] = []
+    if n >= FEWEST:
+        ways.append(lambda: _sum_cepstrum(column, MOST_SAMPLES * n))
+    if n > MOST_STEPS:
+        ways.append(lambda: _sum_schur_parameters(column))
+        ways.append(lambda: _sum_cepstrum(column, LONGEST))
+        return ways
+    ways.append(lambda: _sum_downwards(column))
+    if n > SHORT:
+        ways.append(lambda: _sum_upwards(A, *levinson_column(A.c)))
+    return ways
+
+
+def _factor(A: ToeplitzOperator, column: SharpColumn) -> LogDeterminant:
+    """Return log det A by Cholesky's factorisation of the dense matrix."""
+    n, diagonal = len(A.c), np.linalg.cholesky(A.toarray()).diagonal().real
     trace = abs(float(column.polynomial.diagonal_sums[0].real))
     error = EPS * (float(np.sqrt(2.0 / n)) * norm(A.c) * trace + n)
     return LogDeterminant(2.0 * float(np.log(diagonal).sum()), error)
+
+
+def _sum_upwards(A: ToeplitzOperator, x: Array, gamma: Array) -> LogDeterminant:
+    """Return log det A by Levinson's recursion, from its column and its coefficients.
+
+    The derivative of log det A is A⁻¹, whose trace says what the rounding of c₀ changes. How far
+    the last prediction error is off, the residual of the last column tells.
+    """
+    c, n = A.c, len(A.c)
+    logs = np.log1p(-(gamma.real**2 + gamma.imag**2))
+    of_variance, of_errors = n * log(c[0].real), float(np.arange(n - 1, 0, -1.0) @ logs)
+    residual = np.eye(1, n)[0] - A.apply(x)
+    trace = float((n - 2.0 * np.arange(n)) @ (x.real**2 + x.imag**2)) / x[0].real
+    error = n * abs(np.vdot(x, residual)) / x[0].real
+    error += EPS * (abs(c[0].real * trace) + abs(of_variance) - of_errors)
+    return LogDeterminant(of_variance + of_errors, SAFETY * float(error))
+
+
+def _sum_downwards(column: SharpColumn) -> LogDeterminant:
+    """Return log det A by Levinson's steps backwards, from the last prediction error 1/x₀.
+
+    The first one has all errors of these steps: it is c₀.
+    """
+    n, last = len(column.x), -log(column.x[0].real)
+    gamma = step_down(column.x)
+    logs = np.log1p(-(gamma.real**2 + gamma.imag**2))
+    of_errors = float(np.arange(1.0, n) @ logs)
+    wrong = abs(log(column.A.c[0].real) - (last - float(logs.sum())))
+    error = n * (wrong + column.error) + EPS * (abs(n * last) - of_errors)
+    return LogDeterminant(n * last - of_errors, SAFETY * error)
 
 
 def _sum_schur_parameters(column: SharpColumn) -> LogDeterminant:
@@ -113,7 +189,7 @@ def _sum_schur_parameters(column: SharpColumn) -> LogDeterminant:
     wrong = float(np.abs(x - column.x).max()) / float(column.x[0].real)
     # Where the column could not be corrected it is this one, and proves nothing.
     of_column = EPS if column.residual is None else column.error
-    return LogDeterminant(of_variance + of_errors, 3.0 * (n * (wrong + of_column) + rounding))
+    return LogDeterminant(of_variance + of_errors, SAFETY * (n * (wrong + of_column) + rounding))
 
 
 def _sum_cepstrum(column: SharpColumn, most: int) -> LogDeterminant | None:
@@ -123,7 +199,7 @@ def _sum_cepstrum(column: SharpColumn, most: int) -> LogDeterminant | None:
     of their size, and what wraps around too; but from at most so many.
     """
     polynomial = column.polynomial
-    if not polynomial.certificate.positive:
+    if not polynomial.certify(most).positive:
         return None
     n = len(column.x)
     leading = -n * float(np.log(column.x[0].real))

@@ -12,7 +12,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.columns.circle import OVERSAMPLING, Certificate, Circle, circle_of
 
-LONGEST = 2**22  # Most samples of a column that are taken where fewer do not tell.
+MOST_SAMPLES = 16  # Samples for each unknown beyond which other ways take no longer.
 
 
 @dataclass(frozen=True)
@@ -48,12 +48,16 @@ class SzegoPolynomial:
 
     @cached_property
     def certificate(self) -> Certificate:
-        """Whether A⁻¹ is positive definite, from as many samples as that takes."""
+        """Whether A⁻¹ is positive definite, if so many samples tell."""
         certificate = Certificate.of_values(self.coefficients, self.circle, self.values)
-        samples = OVERSAMPLING
-        while not certificate.resolved and (
-            samples == OVERSAMPLING or samples * len(self.x) <= LONGEST
-        ):
+        return self._resolve(certificate, OVERSAMPLING, MOST_SAMPLES * len(self.x))
+
+    def certify(self, most: int) -> Certificate:
+        """Return the certificate, from up to so many samples where fewer do not tell."""
+        return self._resolve(self.certificate, 4 * MOST_SAMPLES, most)
+
+    def _resolve(self, certificate: Certificate, samples: int, most: int) -> Certificate:
+        while not certificate.resolved and samples * len(self.x) <= most:
             certificate = Certificate.of(self.coefficients, samples)
             samples *= 4
         return certificate

@@ -45,7 +45,7 @@ def levinson(lags: Array, B: Rows) -> Rows:
     numpy.linalg.LinAlgError
         Where a leading block is singular.
     """
-    solve = _recursion()
+    solve = recursion()
     if B.ndim == 1:
         return solve(lags, B)[0]
     X = np.empty_like(B)
@@ -55,7 +55,7 @@ def levinson(lags: Array, B: Rows) -> Rows:
 
 
 @cache
-def _recursion() -> Recursion:
+def recursion() -> Recursion:
     """Return the recursion that SciPy has compiled, if it still is what it was.
 
     Its public function takes several times as long for some unknowns, to check its arguments. The

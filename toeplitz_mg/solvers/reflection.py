@@ -1,0 +1,155 @@
+"""Reflection coefficients: upwards from the coefficients of a matrix, downwards from its inverse.
+
+The first way is Levinson's recursion, the second is the same steps back from A⁻¹ e₁. Upwards the
+rounding of the coefficients grows with the condition number of A, downwards hardly, if the column
+is exact; but each of its n steps is a call of NumPy.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.columns.first_column import SAFE_SIZES
+from toeplitz_mg.columns.schur import require_reflections, schur_column
+from toeplitz_mg.engine.powers import power_above
+from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators.positivity import require_positive_diagonal
+from toeplitz_mg.solvers.toeplitz.levinson import recursion
+from toeplitz_mg.values import refuse_masked
+
+SHORT = 512  # Unknowns up to which Levinson's recursion takes less time than the column of A⁻¹.
+LARGEST = 2048  # Unknowns up to which n² compiled steps take no longer than the Schur algorithm.
+
+
+def reflection_coefficients(c: ArrayLike) -> Array:
+    """Return the reflection coefficients of a positive definite Toeplitz matrix.
+
+    If c are the autocovariances of a stationary process, these are its partial autocorrelations.
+
+    Parameters
+    ----------
+    c : array_like of shape (n,)
+        First column, real or complex, as in `scipy.linalg.toeplitz`: the matrix A is symmetric, or
+        Hermitian where c is complex and c[0] real.
+
+    Returns
+    -------
+    ndarray of shape (n - 1,)
+        Number k - 1 is the last coefficient of the best linear prediction from k values, the last
+        number of φ in ``toeplitz(c[:k]) @ φ = c[1:k+1]``. All are smaller than 1 in modulus.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where A is not positive definite, exactly or in the arithmetic of float64. The message says
+        which leading block is not.
+    ValueError
+        For `c` with several axes, or numbers that `ToeplitzOperator` refuses.
+
+    See Also
+    --------
+    toeplitz_logdet : n log c[0] + Σ (n - k) log(1 - |γₖ|²), if γₖ are these.
+    ToeplitzNormal : the process.
+
+    Notes
+    -----
+    Up to 2048 unknowns by Levinson's recursion as SciPy has compiled it, in n² steps; beyond by the
+    superfast Schur algorithm, in O(n log² n). An order from which on they are zero is that of an
+    autoregressive process.
+
+    References
+    ----------
+    J. Durbin, The fitting of time-series models, Rev. Inst. Int. Stat. 28 (1960).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import toeplitz_mg as tmg
+    >>> c = 0.5 ** np.arange(5)  # An autoregressive process of order 1.
+    >>> tmg.reflection_coefficients(c).round(12) + 0.0
+    array([0.5, 0. , 0. , 0. ])
+    """
+    line, _ = read_column(c, "reflection_coefficients(A.c)")
+    upwards = levinson_column if len(line.c) <= LARGEST else schur_column
+    gamma = -upwards(line.c)[1]
+    return gamma.astype(refuse_masked("c", c).dtype) if np.asarray(c).dtype.char in "fF" else gamma
+
+
+def read_column(c: ArrayLike, advice: str) -> tuple[ToeplitzOperator, int]:
+    """Return the matrix with this first column in double precision, and what it was scaled by.
+
+    It is A times two to minus the power, whose numbers have squares that neither over- nor
+    underflow.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where the diagonal is not positive.
+    ValueError
+        Where there are several axes, or the diagonal is not real.
+    TypeError
+        Where `c` is a matrix.
+    """
+    if isinstance(c, LinearOperator) or hasattr(c, "slab"):
+        raise TypeError(
+            f"c is {c!r}, but must be the first column of a matrix: of a ToeplitzOperator A write "
+            f"{advice}"
+        )
+    column = refuse_masked("c", c)
+    if column.ndim > 1:
+        raise ValueError(
+            f"c has shape {column.shape}, but must have one axis: no exact way is known for "
+            "several axes that is faster than a dense factorisation"
+        )
+    A = ToeplitzOperator(column)
+    if not A.is_hermitian:
+        raise ValueError(f"c[0] is {A.c[0]}, but must be real, as the matrix is to be Hermitian")
+    require_positive_diagonal(float(A.c[0].real))
+    A = A.astype(np.result_type(A.dtype, np.float64))
+    power = 0
+    if not SAFE_SIZES[0] <= A.norm_bound <= SAFE_SIZES[1]:
+        power = int(power_above(A.norm_bound))
+        A = ToeplitzOperator(A.c * 2.0**-power)
+    return A, power
+
+
+def levinson_column(c: Array) -> tuple[Array, Array]:
+    """Return what `schur_column` does, by Levinson's recursion in n² steps.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where a parameter is not smaller than 1.
+    """
+    if len(c) == 1:
+        return schur_column(c)
+    lags = np.concatenate([c[-2:0:-1].conj(), c[:-1]])
+    try:
+        predictor, reflections = recursion()(lags, np.ascontiguousarray(c[1:]))
+    except np.linalg.LinAlgError:  # A leading block is singular: this says which.
+        return schur_column(c)
+    if reflections is None:  # The public function of SciPy returns none.
+        return schur_column(c)
+    gamma = -reflections[1:]
+    require_reflections(gamma)
+    variance = c[0].real * np.exp(np.log1p(-(np.abs(gamma) ** 2)).sum())
+    return np.append(1.0, -predictor) / variance, gamma
+
+
+def step_down(x: Array) -> Array:
+    """Return the Schur parameters of the matrix with A⁻¹ e₁ = x, by Levinson's steps backwards.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where a parameter is not smaller than 1: no positive definite matrix has this column.
+    """
+    a = x / x[0].real
+    gamma = np.empty(len(a) - 1, a.dtype)
+    for m in range(len(a) - 1, 0, -1):
+        gamma[m - 1] = last = a[m]
+        if not abs(last) < 1.0:
+            require_reflections(gamma[m - 1 :], m - 1)
+        a = (a[:m] - last * a[m:0:-1].conj()) * (1.0 / (1.0 - abs(last) ** 2))
+    return gamma
