@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
@@ -86,6 +87,48 @@ def test_complex_matrices_know_their_symmetry():
         assert np.array_equal(X.T.toarray(), dense.T)
         assert np.array_equal(X.H.toarray(), dense.conj().T)
         assert np.array_equal(X.astype(np.complex64).toarray(), dense.astype(np.complex64))
+
+
+@pytest.mark.parametrize("dtype", ["f", "d", "F", "D"])
+@pytest.mark.parametrize("shape", [(500,), (30, 40), (5, 6, 7)], ids=str)
+def test_autocorrelations_by_fft_are_symmetric(shape, dtype):
+    rng = np.random.default_rng(0)
+    y = (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)).astype(np.complex128)
+    y = y.astype(dtype) if dtype in "FD" else y.real.astype(dtype)
+    lags = scipy.signal.correlate(y, y, method="fft")
+    assert not np.array_equal(lags, np.flip(lags).conj())
+    A = tmg.ToeplitzOperator.from_lags(lags)
+    assert A.is_hermitian
+    assert np.abs(A.lags - lags).max() <= 8 * np.finfo(dtype).eps * np.abs(lags).max()
+    assert tmg.default_preconditioner(A).shape == A.shape
+
+
+def test_coefficients_that_are_even_but_for_rounding_are_even():
+    c = np.exp(-np.hypot(*np.indices((9, 8))))
+    lags = tmg.ToeplitzOperator(c).lags
+    noise = np.random.default_rng(0).uniform(-1.0, 1.0, lags.shape)
+    rounded = tmg.ToeplitzOperator.from_lags(lags + 2e-16 * noise)
+    assert rounded.is_even
+    assert_allclose(rounded.c, c, rtol=0.0, atol=1e-15)
+    assert not tmg.ToeplitzOperator.from_lags(lags + 1e-13 * noise).is_symmetric
+
+
+def test_what_is_hermitian_but_for_rounding_is_hermitian():
+    c = np.array([2.0 + 4e-16j, 1j, 0.5])
+    A = tmg.ToeplitzOperator(c)
+    assert A.is_hermitian
+    assert np.array_equal(A.c, [2.0, 1j, 0.5])
+    assert not tmg.ToeplitzOperator(c + 1e-14j).is_hermitian
+    even = tmg.ToeplitzOperator(c, c)  # Symmetric, and so not Hermitian, to the last bit.
+    assert even.is_symmetric
+    assert np.array_equal(even.c, c)
+
+
+def test_a_refusal_says_how_far_from_symmetric_a_matrix_is():
+    with pytest.raises(ValueError, match=r"a\[k\] and a\[-k\] differ by up to 5e-14 of the larg"):
+        tmg.default_preconditioner(tmg.ToeplitzOperator([2.0, 1.0], [2.0, 1.0 + 1e-13]))
+    with pytest.raises(ValueError, match=r"the conjugate of a\[-k\] differ by up to 0.1 of the"):
+        tmg.default_preconditioner(tmg.ToeplitzOperator([2.0 + 0.1j, 1j]))
 
 
 def test_a_complex_first_column_is_of_one_axis():

@@ -1,8 +1,8 @@
 """Coefficients of a Toeplitz matrix: their normal form, and what they must be."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import prod
 from typing import Any
 
@@ -17,6 +17,7 @@ from toeplitz_mg.engine.library import Library, library_of
 # Share of the largest number that a row may sum up to: the rest is for products.
 HEADROOM = 2.0**-8
 ALIKE = 1e-12  # Difference of entries over the largest that is rounding of what computed them.
+ROUNDING = 8.0  # Largest difference of mirrored lags that is rounding, in eps of the largest lag.
 
 
 @dataclass(frozen=True)
@@ -97,11 +98,18 @@ class Coefficients:
 
     @classmethod
     def _normal(cls, lags: Array) -> "Coefficients":
+        """Take all coefficients; where they differ from their mirror by rounding, average both."""
+        library = library_of(lags)
+        flip = library.xp.flip
+        along_each = [partial(flip, axis=k) for k in range(lags.ndim)]
+        lags, is_even = _symmetrise(library, lags, along_each)
+        if not is_even and lags.ndim > 1:
+            lags, _ = _symmetrise(library, lags, [flip])
+        if library.dtype(lags).kind == "c":
+            lags, _ = _symmetrise(library, lags, [partial(_flip_conjugate, library)])
         general = cls(lags[...], False)
-        xp = general.library.xp
-        if all(xp.all(lags == xp.flip(lags, axis=k)) for k in range(lags.ndim)):
-            return cls(xp.asarray(general.column, copy=True), True)
-        return cls(xp.asarray(lags, copy=True), False)
+        column = general.column if is_even else lags
+        return cls(library.xp.asarray(column, copy=True), is_even)
 
     @property
     def grid_shape(self) -> tuple[int, ...]:
@@ -122,6 +130,14 @@ class Coefficients:
         xp = self.library.xp
         conjugate = xp.conj(self.array)
         return bool(xp.all(self.array == (conjugate if self.is_even else xp.flip(conjugate))))
+
+    @property
+    def asymmetry(self) -> float:
+        """The largest difference of a[-k] and the conjugate of a[k], over the largest coefficient.
+
+        It is 0 where the matrix is Hermitian.
+        """
+        return _differs(self.library, self.lags, partial(_flip_conjugate, self.library))
 
     @property
     def column(self) -> Array:
@@ -191,6 +207,36 @@ class Coefficients:
         """Round to this precision, or say that this is not possible."""
         array = self.library.cast(self.array, dtype)
         return Coefficients(check_coefficients(array, "lags"), self.is_even)
+
+
+def _flip_conjugate(library: Library, lags: Array) -> Array:
+    """Return the coefficients of the conjugate transpose."""
+    return library.conj(library.xp.flip(lags))
+
+
+def _differs(library: Library, lags: Array, mirror: Callable[[Array], Array]) -> float:
+    """Return the largest difference of coefficients and their mirror, over the largest of them."""
+    xp, mirrored = library.xp, mirror(lags)
+    if xp.all(lags == mirrored):
+        return 0.0
+    return float(xp.max(xp.abs(lags - mirrored))) / float(xp.max(xp.abs(lags)))
+
+
+def _symmetrise(
+    library: Library, lags: Array, mirrors: list[Callable[[Array], Array]]
+) -> tuple[Array, bool]:
+    """Return coefficients averaged with their mirrors, and whether they are alike up to rounding.
+
+    Where they differ from a mirror by more, they are returned as they are.
+    """
+    rounding = ROUNDING * float(np.finfo(library.dtype(lags)).eps)
+    differences = [_differs(library, lags, mirror) for mirror in mirrors]
+    if max(differences) > rounding:
+        return lags, False
+    for mirror, difference in zip(mirrors, differences, strict=True):
+        if difference:
+            lags = (lags + mirror(lags)) / 2
+    return lags, True
 
 
 def _is_line(a: Any) -> bool:

@@ -63,9 +63,16 @@ def check_hermitian(A: ToeplitzOperator | CoupledOperator) -> None:
     """Raise a ValueError where a matrix is neither real and symmetric nor complex and Hermitian."""
     if not A.is_hermitian:
         rule = "Hermitian" if A.dtype.kind == "c" else "symmetric"
+        difference = ""
+        if isinstance(A, ToeplitzOperator):
+            mirror = "the conjugate of a[-k]" if A.dtype.kind == "c" else "a[-k]"
+            difference = (
+                f"; a[k] and {mirror} differ by up to {A.coefficients.asymmetry:.2g} of the largest "
+                "coefficient: where that is rounding, average them"
+            )
         raise ValueError(
             f"A is {A!r}, but must be {rule}: use chan_preconditioner(A), which takes any Toeplitz "
-            "matrix, with gmres"
+            f"matrix, with gmres{difference}"
         )
 
 

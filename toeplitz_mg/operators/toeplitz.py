@@ -80,6 +80,9 @@ class ToeplitzOperator(GridOperator):
     multiplies correctly; a fast transform length is taken. It costs O(N log N), and is the work
     unit of the paper (§5.2), of a complex matrix one of complex numbers.
 
+    Coefficients that differ from their mirror by at most 8 eps of the largest, as autocorrelations
+    computed by FFT do, are averaged with it, so that the matrix is symmetric, or Hermitian.
+
     Operators are written as matrices are. ``2 * A``, ``A + B`` and ``A + s * eye_array(n)``, with
     `scipy.sparse.eye_array`, are Toeplitz matrices again; with a diagonal matrix D, as
     `scipy.sparse.diags_array` makes one, ``A + D`` and ``D @ A`` are a `ToeplitzSum`, which every
