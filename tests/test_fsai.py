@@ -231,6 +231,7 @@ MATRICES = {  # The last is cut where threads share the work, with a last block 
         some_of(40, 0.9),
     ),
     "a line": lambda scale=1.0: tmg.ToeplitzOperator(scale * contact(3 * 2**14 + 5)),
+    "few unknowns": lambda scale=1.0: operator(scale * half_space(20), some_of(20, 0.7)),
 }
 
 
@@ -254,7 +255,7 @@ def test_rows_columns_places_to_write_copies_and_threads(name):
     assert_allclose(X, each, **near)
 
 
-@pytest.mark.parametrize("scale", [1e-200, 1e-30, 1e200])
+@pytest.mark.parametrize("scale", [1e-290, 1e-250, 1e-160, 1e-30, 1e200])
 @pytest.mark.parametrize("name", MATRICES)
 def test_any_scale(name, scale):
     A, scaled = MATRICES[name](), MATRICES[name](scale)

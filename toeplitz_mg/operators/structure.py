@@ -67,8 +67,8 @@ def check_hermitian(A: ToeplitzOperator | CoupledOperator) -> None:
         if isinstance(A, ToeplitzOperator):
             mirror = "the conjugate of a[-k]" if A.dtype.kind == "c" else "a[-k]"
             difference = (
-                f"; a[k] and {mirror} differ by up to {A.coefficients.asymmetry:.2g} of the largest "
-                "coefficient: where that is rounding, average them"
+                f"; a[k] and {mirror} differ by up to {A.coefficients.asymmetry:.2g} of the "
+                "largest coefficient: where that is rounding, average them"
             )
         raise ValueError(
             f"A is {A!r}, but must be {rule}: use chan_preconditioner(A), which takes any Toeplitz "

@@ -124,7 +124,7 @@ def _orthonormalise(
     t = np.sqrt(gxx + gyy + 2.0 * s)
     loads = [there[0] * (gxx + s) / t, there[1] * (gyy + s) / t]
     entries = [there[0] * (gyy + s), there[1] * (gxx + s), -gxy]
-    return loads, [entry / (s * t) for entry in entries]
+    return loads, [entry / s / t for entry in entries]  # The product s t may overflow.
 
 
 def _diagonal(

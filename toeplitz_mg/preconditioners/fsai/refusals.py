@@ -44,10 +44,12 @@ def require_definite(matrix: Array, inverse: Callable[[Array], Array], dtype: An
 
     Its condition number is estimated by its 1-norm and some steps of inverse iteration.
     """
+    size = float(np.abs(matrix).sum(axis=0).max())
     v = np.random.default_rng(0).standard_normal(len(matrix))
     for _ in range(STEPS):
-        v = inverse(v / np.linalg.norm(v))
-    condition = float(np.abs(matrix).sum(axis=0).max() * np.linalg.norm(v))
+        # In terms of its size, as the inverse of the smallest numbers has squares that overflow.
+        v = size * inverse(v / np.linalg.norm(v))
+    condition = float(np.linalg.norm(v))
     if why := name_condition(condition, dtype, "the coarsest matrix"):
         if np.dtype(dtype).char == "f":
             raise np.linalg.LinAlgError(f"{why}: use float64")
