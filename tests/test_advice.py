@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csr_array, diags_array, eye_array
 
 import toeplitz_mg as tmg
 from tests.cases import checkered
@@ -159,6 +159,19 @@ def test_what_is_advised_for_an_indefinite_line_solves(base, shift):
     assert "solve_toeplitz(A.c, b) for a whole line" in refused
     b = np.random.default_rng(0).standard_normal(300)
     assert np.linalg.norm(b - A @ tmg.solve_toeplitz(A.c, b)) <= 1e-10 * np.linalg.norm(b)
+
+
+@pytest.mark.parametrize("shape", [(300,), (20, 20)], ids=str)
+def test_no_preconditioner_is_advised_where_a_coefficient_is_as_large_as_the_diagonal(shape):
+    r = np.sqrt(np.add.reduce(np.indices(shape) ** 2))
+    A = tmg.ToeplitzOperator(np.exp(-r / 5.0)) - 0.9 * eye_array(r.size)
+    for make in (tmg.multigrid, tmg.fft_preconditioner, tmg.cosine_preconditioner):
+        message, _ = refusal(make, A)
+        assert not list(advised(message, make))
+        assert "A is not positive definite" in message
+        assert message.endswith("gmres without M")
+        assert message.count("use ") == 1
+    assert solves_by_gmres(A)
 
 
 def test_a_negative_matrix_is_one_of_the_other_sign():

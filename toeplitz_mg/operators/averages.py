@@ -25,7 +25,7 @@ def advise_of_negative(largest: float) -> str:
 def advise_of_indefinite(A: Any) -> str:
     """Return the end of the message that refuses a matrix whose 2 x 2 blocks are indefinite.
 
-    Advice for where A is positive definite is of no use there.
+    It stands in place of preconditioners for positive definite matrices. Of others it is empty.
     """
     if not (isinstance(A, ToeplitzOperator) and A.is_hermitian):
         return ""
@@ -38,8 +38,8 @@ def advise_of_indefinite(A: Any) -> str:
     if len(A.grid_shape) == 1:
         solver = f"solve_toeplitz(A.c, b), or {solver}"
     return (
-        "; but A is certainly not positive definite, as a coefficient beside the diagonal is as "
-        f"large: use {solver}"
+        "; A is not positive definite, as a coefficient beside the diagonal is as large: use "
+        f"{solver}"
     )
 
 

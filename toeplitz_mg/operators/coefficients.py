@@ -223,7 +223,7 @@ def _differs(library: Library, lags: Array, mirror: Callable[[Array], Array]) ->
 
 
 def _symmetrise(
-    library: Library, lags: Array, mirrors: list[Callable[[Array], Array]]
+    library: Library, lags: Array, mirrors: Sequence[Callable[[Array], Array]]
 ) -> tuple[Array, bool]:
     """Return coefficients averaged with their mirrors, and whether they are alike up to rounding.
 

@@ -1,5 +1,6 @@
 """Functions of a Toeplitz matrix, lifted to masks, components, and sums with diagonal matrices."""
 
+import re
 from collections.abc import Callable
 from functools import wraps
 from typing import Any, TypeVar, cast
@@ -32,6 +33,7 @@ from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum
 
 F = TypeVar("F", bound=Callable[..., LinearOperator])
+ADVICE = r"[:;][^:;]*_preconditioner\(A\)"  # The first advice of a message to take another one.
 
 
 def _itself(A: Any) -> Any:
@@ -83,11 +85,13 @@ def averaged(
             try:
                 return function(A, *args, **kwargs)
             except np.linalg.LinAlgError as error:
-                advice = advise_of_negative(float(full.diagonal().real.max()))
-                if not advice and mask is None and "_preconditioner(A)" in str(error):
-                    advice = advise_of_indefinite(full)
-                if advice not in str(error):
-                    error.args = (f"{error}{advice}",)
+                message, advice = str(error), advise_of_negative(full.diagonal().real.max())
+                named = re.search(ADVICE, message)
+                if not advice and mask is None and named and (advice := advise_of_indefinite(full)):
+                    message = message[: named.start()]
+                if advice not in message:
+                    message += advice
+                error.args = (message,)
                 raise
         mean, scale = average(full, mask, part)
         try:
