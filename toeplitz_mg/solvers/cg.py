@@ -41,12 +41,11 @@ def cg(
     inner: Any = None,
     residuals: list[float] | None = None,
 ) -> tuple[Array, int]:
-    """Solve A x = b by conjugate gradients, as `scipy.sparse.linalg.cg` does, but faster.
+    """Solve A x = b by conjugate gradients, and check the true residual.
 
-    The iterates are the same, but inner products neither over- nor underflow, however large or
-    small `b` is, and the true residual is looked at in the end. SciPy allocates its vectors anew in
-    every step: in 2^20 unknowns, with M of this package, 15 % of its time is spent beside the
-    products, here 3 to 9 %.
+    Drop-in for `scipy.sparse.linalg.cg`, with the same iterates. It makes one product more than
+    SciPy: the true residual, from which ``info = 0`` follows. Inner products neither over- nor
+    underflow, however large or small `b` is, and no vectors are allocated in an iteration.
 
     Parameters
     ----------
