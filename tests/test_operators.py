@@ -77,9 +77,21 @@ def test_adjoint_and_transpose(A, dense):
     assert_near(A.T.T @ U, dense @ U)
     assert_near(A.T.H @ U, dense.conj() @ U)
     assert_near(A.H.T @ U, dense.conj() @ U)
+    assert_near(A.conjugate() @ U, dense.conj() @ U)
     for u, v in zip(U.T, V.T, strict=True):
         atol = 1e-11 * abs(dense).max() * len(u)
         assert_allclose(np.vdot(A @ u, v), np.vdot(u, A.H @ v), atol=atol)
+
+
+@pytest.mark.parametrize("name", ["cgne", "cgnr"])
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_pyamg_solves_the_normal_equations(turn, name):
+    krylov = pytest.importorskip("pyamg.krylov")
+    k = np.arange(60)
+    A = tmg.ToeplitzOperator(0.5**k * (np.exp(1j * turn * k) if turn else 1.0), 0.3**k)
+    b = random(60, 1, dtype=A.dtype)[:, 0]
+    x, _ = getattr(krylov, name)(A, b, tol=1e-10)
+    assert np.linalg.norm(b - A @ x) <= 1e-8 * np.linalg.norm(b)
 
 
 def test_is_symmetric_and_positive_definite_as_the_case_says(case, A, dense):

@@ -152,6 +152,10 @@ class GridOperator(LinearOperator):
         adjoint = self._adjoint()
         return Conjugate(adjoint) if self.dtype.kind == "c" else adjoint
 
+    def conjugate(self) -> "GridOperator":
+        """Return the complex conjugate of the matrix; of a real one itself."""
+        return self._transpose()._adjoint() if self.dtype.kind == "c" else self
+
     # SciPy takes the numbers below a mask, and anything that has a shape.
     dot = algebra.scaling("right", _of_numbers("dot"))
     matvec = _of_numbers("matvec")
