@@ -1,5 +1,8 @@
 """toeplitz_inverse is the inverse, at two work units a product, as exactly as it says."""
 
+import gc
+import tracemalloc
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -117,3 +120,20 @@ def test_what_an_inverse_in_single_precision_tells_is_in_double(dtype, n):
     assert abs(inverse.logdet - exact) <= 1e-10 * n
     sums = np.r_[2.0 / 0.75 + (n - 2) * 1.25 / 0.75, -(n - 1) * 0.5 / 0.75, np.zeros(n - 2)]
     assert_allclose(inverse.diagonal_sums, sums, rtol=1e-10, atol=1e-10 * n)
+
+
+def test_inverses_of_many_large_sizes_leave_little_in_memory():
+    primes, left = (100003, 100019, 100043, 100049, 100057, 100069), []
+    tracemalloc.start()
+    try:
+        for n in primes:
+            A_inverse = tmg.toeplitz_inverse(
+                tmg.ToeplitzOperator(0.5 ** np.minimum(np.arange(n), 99))
+            )
+            A_inverse @ np.ones(n)
+            del A_inverse
+            gc.collect()
+            left.append(tracemalloc.get_traced_memory()[0])
+    finally:
+        tracemalloc.stop()
+    assert left[-1] - left[1] <= 16 * primes[-1]  # One complex vector.

@@ -16,6 +16,7 @@ from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
 
 LONG = 2**15  # Length from which on a transform in four steps is faster than one at once.
+LONGEST_KEPT = 2**22  # Longest phase factors that are kept in memory: 64 MiB.
 BATCH = 2**15  # Numbers of a batch of short vectors: so many stay in the cache.
 
 
@@ -144,10 +145,22 @@ class OneStep:
         share_slices(work, count, max(1, BATCH // length), count * length)
 
 
-@lru_cache(maxsize=64)
 def phase_factors(length: int, shift: float, dtype: np.dtype[Any]) -> Array:
     """Return the factors exp(-2πi j s/L) of a shift, shape (L,), of a complex dtype."""
+    if shift < 0.0:
+        return phase_factors(length, -shift, dtype).conj()
+    if length > LONGEST_KEPT:
+        return _compute_phase_factors(length, shift, dtype)
+    return (_keep_short if length <= LONG else _keep_long)(length, shift, dtype)
+
+
+def _compute_phase_factors(length: int, shift: float, dtype: np.dtype[Any]) -> Array:
     return np.asarray(np.exp(-2j * np.pi * shift / length * np.arange(length)), dtype)
+
+
+# At most 32 and 64 MiB.
+_keep_short = lru_cache(maxsize=64)(_compute_phase_factors)
+_keep_long = lru_cache(maxsize=1)(_compute_phase_factors)
 
 
 @lru_cache(maxsize=64)
