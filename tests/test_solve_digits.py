@@ -374,6 +374,33 @@ def test_a_solution_that_is_so_large_that_its_residual_is_rounding_is_none(syste
         tmg.solve_toeplitz(2.0**power * c, np.tile([[1.0], [-1.0]], (systems, 1, 1)))
 
 
+@pytest.mark.filterwarnings("ignore:.*A is ill-conditioned")
+def test_of_all_answers_the_one_with_the_least_residual_is_returned():
+    n, k = 200, np.arange(1.0, 200.0)
+    c, b = np.concatenate([[0.5], np.sin(0.5 * np.pi * k) / (np.pi * k)]), np.ones(n)
+    by_lu = np.linalg.solve(scipy.linalg.toeplitz(c), b)
+    found, expected = (residual(c, x, b) for x in (tmg.solve_toeplitz(c, b), by_lu))
+    assert found <= 30.0 * expected <= 1e-5
+
+
+def test_an_ill_conditioned_system_is_solved_as_by_scipy_with_a_warning():
+    k = np.arange(5000.0)
+    c, b = np.exp(-0.5 * (k / 5.0) ** 2), np.sin(k)
+    with pytest.warns(scipy.linalg.LinAlgWarning, match="A is ill-conditioned"):
+        x = tmg.solve_toeplitz(c, b)
+    assert residual(c, x, b) <= 3.0 * residual(c, scipy.linalg.solve_toeplitz(c, b), b)
+
+
+@pytest.mark.parametrize("n", [1500, 2000, 5000])
+def test_a_singular_system_is_refused_unless_the_right_hand_side_is_in_the_range(n):
+    c = np.zeros(n)
+    c[[0, -1]] = 1.0  # The first and the last equation are the same.
+    with pytest.raises(np.linalg.LinAlgError, match="A is singular"):
+        tmg.solve_toeplitz(c, random(n))
+    x = tmg.solve_toeplitz(c, np.ones(n))
+    assert residual(c, x, np.ones(n)) <= 1e-10
+
+
 # Without what SciPy has compiled ----------------------------------------------------------------
 
 SOLVE_WITHOUT = """

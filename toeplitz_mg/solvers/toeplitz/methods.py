@@ -179,16 +179,25 @@ def is_for_gmres(s: ToeplitzSystem) -> bool:
 
 
 def is_for_levinson(s: ToeplitzSystem) -> bool:
-    """Whether Levinson's recursion is faster than Trench's: it takes one for each column."""
+    """Whether Levinson's recursion is the faster one, or loses fewer digits than others do.
+
+    Where A is definite it loses none that another method would have.
+    """
     if has_many_columns(s):
         return False
+    is_last = s.n <= LARGEST_RECURSIVE and s.columns <= FEW
+    return levinson_is_faster_than_trench(s) or (is_last and s.has_positive_means)
+
+
+def levinson_is_faster_than_trench(s: ToeplitzSystem) -> bool:
+    """Whether one recursion for each column is faster than Trench's for all."""
     return s.n < (RECURSIVE if s.is_complex or s.columns > 1 else GENERAL)
 
 
 def is_for_trench(s: ToeplitzSystem) -> bool:
     """Whether Trench's recursion is the faster one, and n² steps are not too many."""
     is_slow = s.n > LARGEST_RECURSIVE and s.has_symbol
-    return s.n >= RECURSIVE and not is_for_levinson(s) and not is_slow
+    return not levinson_is_faster_than_trench(s) and not is_slow
 
 
 # What the rows make -----------------------------------------------------------------------------

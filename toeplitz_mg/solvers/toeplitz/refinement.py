@@ -1,6 +1,6 @@
 """A solution by the method that is chosen, and the residual that corrects it or refuses it."""
 
-from math import inf
+from math import inf, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +9,7 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.solvers.toeplitz.methods import (
     ACCEPTED,
+    EQUAL,
     LARGEST_DENSE,
     METHODS,
     SHORT,
@@ -23,6 +24,8 @@ GOOD = 64 * EPS  # Backward error at which no other method is tried.
 SINGULAR = 0.1  # Relative residual above which there is no answer in float64.
 ILL_CONDITIONED = 1e-8  # Relative residual above which the user is warned.
 ROUGH = 1e-6  # Relative residual above which a solution is corrected, whatever it takes.
+GROWN = 0.1  # ε √n ‖a‖₁ ‖x‖/‖b‖ above which A is singular, unless the residual is small.
+LARGEST_COMPARED = 2000  # Most unknowns for which LU is tried where the residual is large.
 UNEVEN = 0.01  # Terms of the sums over ‖a‖₁ ‖x‖ below which they are what rounding is relative to.
 CORRECTION = 1e-2  # Relative residual to which a correction is solved for.
 MOST = 4  # Corrections, beyond which another method is tried: each takes as long as the solution.
@@ -58,52 +61,70 @@ class SolveInfo(NamedTuple):
     backward_error: float
 
 
+class Attempt(NamedTuple):
+    """What one method has found.
+
+    Attributes
+    ----------
+    X : ndarray
+    info : SolveInfo
+    is_good : bool
+        Whether no other method need be tried, as its errors are as small as rounding allows.
+    is_answer : bool
+        Whether it may be returned where no method has a better one: it solves a system that differs
+        little from this one, and ‖x‖ is not that of a singular matrix.
+    """
+
+    X: Rows
+    info: SolveInfo
+    is_good: bool
+    is_answer: bool
+
+
 def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, SolveInfo]:
-    """Solve by the first method whose solutions, corrected, have small residuals."""
-    best: tuple[Rows, SolveInfo] | None = None
-    least, tried = inf, ""
-    names: set[str] = set()
+    """Solve by the first method whose solutions, corrected, are good; or return the best of all."""
+    attempts: list[Attempt] = []
+    tried, names = "", set[str]()
     for method in METHODS:
-        if method.name in names or not method.fits(system):
+        is_done = any(attempt.is_good for attempt in attempts)
+        if method.name in names or (is_done and method.name != "lu") or not method.fits(system):
             continue
         names.add(method.name)
         try:
-            X, info, error = _correct(method, method.make(system), system, rtol)
+            attempt = _correct(method, method.make(system), system, rtol)
         except np.linalg.LinAlgError as refused:
             tried += f"; {method.name} fails: {refused}"
             continue
-        if error is None:
-            return X, info
-        if error < least:
-            best, least = (X, info), error
+        attempts.append(attempt)
+        if attempt.is_good and not _is_for_lu(system, attempt.info, rtol):
+            break
         tried += (
-            f"; by {method.name} ‖b - A x‖ is {info.residual:.1e} ‖b‖ and the backward error "
-            f"{info.backward_error:.1e}"
+            f"; by {method.name} ‖b - A x‖ is {attempt.info.residual:.1e} ‖b‖ and the backward "
+            f"error {attempt.info.backward_error:.1e}"
         )
-    if best and best[1].backward_error <= ACCEPTED and best[1].residual <= SINGULAR:
-        return best
+    if answers := [attempt for attempt in attempts if attempt.is_answer]:
+        best = min(answers, key=lambda attempt: attempt.info.residual)
+        return best.X, best.info
     reason = "A is singular, exactly or numerically, or x is beyond the largest number"
     if system.n > LARGEST_DENSE:
         reason += f", or none of the methods for more than {LARGEST_DENSE} unknowns solves it"
     raise np.linalg.LinAlgError(reason + tried)
 
 
-def _correct(
-    method: Method, solve: Solve, system: ToeplitzSystem, rtol: float | None
-) -> tuple[Rows, SolveInfo, float | None]:
-    """Solve, and correct the solution by that of its residual while this helps.
+def _is_for_lu(system: ToeplitzSystem, info: SolveInfo, rtol: float | None) -> bool:
+    """Whether a residual is so large, and the matrix so small, that LU is worth a try."""
+    if system.n > LARGEST_COMPARED:
+        return False
+    return info.residual > max(ILL_CONDITIONED if system.n <= EQUAL else ROUGH, rtol or 0.0)
 
-    Returns
-    -------
-    X : ndarray
-    info : SolveInfo
-    error : float or None
-        None where no other method need be tried, and else ‖b - A x‖ over what rounding may be.
-    """
+
+def _correct(method: Method, solve: Solve, system: ToeplitzSystem, rtol: float | None) -> Attempt:
+    """Solve, and correct the solution by that of its residual while this helps."""
     sizes = system.sizes
     goal = RTOL if rtol is None else rtol
     X, iterations = solve(system.B, 0.9 * goal)  # The recurrence of CG may drift.
     best, info, least = X, SolveInfo(method.name, iterations, inf, inf), inf
+    least_noise = inf
     for left in reversed(range(1 + MOST)):
         R = system.B - system.multiply(X)
         errors, terms = system.measure(R), system.size * system.measure(X)
@@ -117,26 +138,33 @@ def _correct(
                 backward_error, terms = largest(errors / (terms + sizes)), sharp
                 noise = largest(EPS * terms / sizes)
             if noise > 1.0 and not method.is_substitution:
+                if info.residual < inf:
+                    break
                 raise np.linalg.LinAlgError("x is so large that its residual is rounding")
             if noise > ILL_CONDITIONED:
                 # The errors of the terms of a sum add up as their squares do.
                 residual = max(residual, noise * norm(system.lags) / system.size)
         if not residual < inf:
             error = inf  # Beyond the largest number nothing is known of x.
-        if not error < least / 2:
-            break
-        best, least = X, error
+        if not (error < least / 2 and residual <= info.residual):
+            break  # A correction that has made the residual larger is lost.
+        best, least, least_noise = X, error, noise
         info = SolveInfo(method.name, iterations, residual, backward_error)
         if is_answer(system, residual, error, method.accepted(system), rtol):
-            return best, info, None
+            return Attempt(best, info, is_good=True, is_answer=True)
         # Each column is as good as can be, by one error or by the other.
         if not left or np.all(errors <= np.maximum(goal * sizes, ROUNDING * terms)):
             break
         correction, steps = solve(R, CORRECTION)
         X = X + correction
         iterations += steps
-    is_good = least <= GOOD and (method.is_substitution or info.residual <= SINGULAR)
-    return best, info, None if is_good else least
+    if method.is_substitution:
+        return Attempt(best, info, is_good=least <= GOOD, is_answer=least <= ACCEPTED)
+    is_doubtful = info.residual > ILL_CONDITIONED
+    is_singular = is_doubtful and sqrt(system.n) * least_noise > GROWN
+    may_be_answer = info.residual <= SINGULAR and not is_singular
+    is_near = least <= ACCEPTED or not is_doubtful
+    return Attempt(best, info, may_be_answer and least <= GOOD, may_be_answer and is_near)
 
 
 def is_answer(

@@ -102,10 +102,11 @@ def solve_toeplitz(
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where no method gives an x with a backward error below 2e-12 and a residual below
-        0.1 ‖b‖: A is singular, numerically or exactly, or x beyond the range of float64; also for
-        b that is below it. A triangular matrix is solved all the same, by substitution, unless it
-        is large: that x may be wrong is a warning.
+        Where no method gives an x with a residual below 1e-8 ‖b‖, or below 0.1 ‖b‖ with a backward
+        error below 2e-12 and an ‖x‖ that is not as large as that of a singular matrix. A is then
+        singular, numerically or exactly, or x beyond the range of float64; also for b that is below
+        it. A triangular matrix is solved all the same, by substitution, unless it is large: that x
+        may be wrong is a warning.
     TypeError
         For what is not numbers.
     ValueError
