@@ -279,7 +279,7 @@ def test_the_last_matrices_that_are_definite_in_float64_are_warned_of(n, width, 
     assert abs(value - exact) <= tmg.ToeplitzNormal(c).logdet_error
 
 
-@pytest.mark.parametrize(("n", "most"), [(513, 3e-11), (1024, 3e-11), (4096, 1e-9)])
+@pytest.mark.parametrize(("n", "most"), [(513, 3e-11), (1024, 3e-11), (4096, 1e-6)])
 @pytest.mark.parametrize("noise", [1.0, 1e-2])
 @pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")
 def test_of_plane_waves_in_noise_the_error_is_below_what_it_says(n, most, noise):

@@ -241,6 +241,8 @@ USES = {
             {"reference": 9.0, "ahead": 1},
         ),
     ],
+    "reflection_coefficients": [(tmg.reflection_coefficients, {"c": [4.0, 1.0, 0.5]})],
+    "select_method": [(tmg.select_method, {"c_or_cr": [4.0, 1.0, 0.5], "b": [1.0, 2.0, 3.0]})],
     "toeplitz_logdet": [(tmg.toeplitz_logdet, {"c": [4.0, 1.0, 0.5]})],
     "ToeplitzNormal": [
         (tmg.ToeplitzNormal, {"c": [4.0, 1.0, 0.5], "mean": [0.0, 1.0, 0.0]}),

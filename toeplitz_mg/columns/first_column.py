@@ -9,14 +9,13 @@ from functools import partial
 
 import numpy as np
 
-from toeplitz_mg.columns.columns import Columns
+from toeplitz_mg.columns.columns import NEAR, Columns
 from toeplitz_mg.columns.schur import schur_column
 from toeplitz_mg.columns.spectral_factor import ADVICE, factor_symbol
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.structure import squeeze_line
 
 RESOLVED = 0.25  # Largest ‖A x - e₁‖ at which a better x would not make a better preconditioner.
-STALLED = 1e-6  # ‖A x - e₁‖ at which the steps had better start from an exact column.
 # Sizes of A for which no square of a norm of A or A⁻¹ over- or underflows.
 SAFE_SIZES = 1e-100, 1e100
 MOSTLY_ROUNDING = 1e-12  # ‖A x - e₁‖ below which a step may add as much rounding as it removes.
@@ -32,7 +31,8 @@ def find_columns(
     """Find A⁻¹ e₁, and A⁻ᴴ e₁ unless A is Hermitian.
 
     They are those of the factors of the symbol, improved by Newton's method; of a Hermitian matrix,
-    where that does not converge, the column of the Schur algorithm.
+    where that does not converge, or the factor is too rough for a preconditioner, the column of the
+    Schur algorithm.
 
     Parameters
     ----------
@@ -56,17 +56,18 @@ def find_columns(
     ways: list[Callable[[], Columns | None]] = [lambda: factor or factor_symbol(A)]
     if solve is not None:
         ways.insert(0 if A.is_hermitian else 1, partial(solve, A))
+    is_rough = residual > NEAR
     best, refusal = None, np.linalg.LinAlgError(ADVICE)
     for way in ways:
         try:
             if (start := way()) is None:
                 continue
-            best = _correct(start, residual)
+            # An exact column is a better preconditioner than a poor one that is corrected.
+            best = start if is_rough and A.is_hermitian else _correct(start, residual)
         except np.linalg.LinAlgError as error:
             refusal = error
         else:
-            is_exact = residual <= STALLED  # Then a product with it tells.
-            if best.residual <= max(residual, STALLED) and (is_exact or best.is_definite):
+            if best.residual <= max(residual, NEAR) and (not is_rough or best.is_definite):
                 return best
             refusal = np.linalg.LinAlgError(
                 f"the Wiener-Hopf factors of A give a column of the inverse with the residual "

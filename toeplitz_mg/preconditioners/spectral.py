@@ -63,14 +63,14 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
 
     The symbol is sampled by embedding A in a circulant. That has eigenvalues that are not
     positive where the symbol has a zero, or is not resolved by n lags, as for a covariance whose
-    correlation length is not small against n. There, and where such a zero is not ruled out, the
-    column is computed exactly, by `toeplitz_mg.columns.schur`, at some 30 work units in 2^20
-    unknowns and fewer in less. Where the column misses A x = e₁ by more than one quarter, Newton's
-    method is tried first.
+    correlation length is not small against n. There, where the column misses A x = e₁ by more than
+    one quarter, and where such a zero is not ruled out, the column is computed exactly, by
+    `toeplitz_mg.columns.schur`, at some 30 work units in 2^20 unknowns and fewer in less.
 
     Another matrix has two factors, not one: see `toeplitz_mg.columns.spectral_factor`.
     These give the first column of the inverse and the first row, at some eight work units, and
-    both are checked and corrected in the same way.
+    both are checked by their products with A. Where they miss by more than one quarter, steps of
+    Newton's method are tried.
 
     References
     ----------

@@ -60,9 +60,9 @@ def toeplitz_logdet(c: ArrayLike) -> float:
     known. Where A is ill-conditioned x is corrected by residuals of more than double precision.
 
     Where the series is too long the reflection coefficients are those of x, by Levinson's steps
-    backwards, in n² operations; of more than 4096 unknowns those of the superfast Schur
-    algorithm, at some 30 work units. Up to 2048 unknowns Cholesky's factors are made where all of
-    these leave an error above 1e-11.
+    backwards, in n² operations; of more than 2048 unknowns those of the superfast Schur
+    algorithm, at some 30 work units, or else a longer series is summed. Up to 2048 unknowns
+    Cholesky's factors are made where all of these leave an error above 1e-11.
 
     References
     ----------

@@ -21,13 +21,11 @@ from toeplitz_mg.columns.schur import schur_column
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.solvers.long_residual import EPS
-from toeplitz_mg.solvers.reflection import SHORT, levinson_column, step_down
+from toeplitz_mg.solvers.reflection import LARGEST, SHORT, levinson_column, step_down
 from toeplitz_mg.solvers.sharp_column import SharpColumn
 from toeplitz_mg.solvers.szego_polynomial import MOST_SAMPLES
 
 GOAL = 1e-12  # Relative error of a log-determinant above which the Schur algorithm may do better.
-LARGEST = 2048  # Unknowns up to which Cholesky's factorisation is worth its time for its digits.
-MOST_STEPS = 4096  # Unknowns up to which the recursions take less time than a long series.
 SAFETY = 3.0  # Estimates of errors are this many times what is known of them.
 FEWEST = 64  # Unknowns from which on the cepstrum has terms enough to see how they decrease.
 LONG_SAMPLES = 4.25  # Enough for each unknown for most of long memory, its real zero divided out.
@@ -128,7 +126,7 @@ def _ways(A: ToeplitzOperator, column: SharpColumn) -> list[Way]:
     ways: list[Way] = []
     if n >= FEWEST:
         ways.append(lambda: _sum_cepstrum(column, MOST_SAMPLES * n))
-    if n > MOST_STEPS:
+    if n > LARGEST:
         ways.append(lambda: _sum_schur_parameters(column))
         ways.append(lambda: _sum_cepstrum(column, LONGEST))
         return ways
