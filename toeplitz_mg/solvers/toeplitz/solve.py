@@ -30,12 +30,13 @@ from toeplitz_mg.solvers.toeplitz.refinement import (
     ROUNDING,
     RTOL,
     SINGULAR,
+    UNEVEN,
     SolveInfo,
     is_answer,
     solve_system,
 )
 from toeplitz_mg.solvers.toeplitz.scaling import exponents, scale_back
-from toeplitz_mg.solvers.toeplitz.system import EPS, ToeplitzSystem
+from toeplitz_mg.solvers.toeplitz.system import EPS, ToeplitzSystem, any_less
 from toeplitz_mg.values import real, refuse_masked
 
 UNUSED = 1100  # Minus the exponent given to zeros, smaller than that of any float64.
@@ -289,6 +290,10 @@ def _solve_short(
         if not EPS * terms <= ILL_CONDITIONED * size:
             return None  # The residual may be rounding.
         info = SolveInfo(LEVINSON, iterations, error / size, error / (terms + size))
+        if info.residual <= (RTOL if rtol is None else rtol):
+            return X, info
+        if any_less(system.least_size_of_terms(X), UNEVEN * terms):
+            return None  # What rounding is relative to may be less than these terms.
         is_rounding = info.backward_error <= ROUNDING and info.residual <= ILL_CONDITIONED
         if is_rounding or is_answer(system, info.residual, info.backward_error, accepted, rtol):
             return X, info
