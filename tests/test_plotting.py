@@ -265,7 +265,9 @@ def test_axes_may_come_first():
 @pytest.mark.filterwarnings("ignore:.*non-interactive")
 def test_by_default_it_is_a_new_figure():
     import matplotlib
+    from matplotlib import pyplot
 
+    pyplot.close("all")  # What other tests have left; the oldest matplotlib warns of it.
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
