@@ -269,8 +269,6 @@ def test_by_default_it_is_a_new_figure():
 
     pyplot.close("all")  # What other tests have left; the oldest matplotlib warns of it.
     matplotlib.use("Agg")
-    from matplotlib import pyplot
-
     ax = ROLLED.plot()
     assert ax.figure.number in pyplot.get_fignums()
     pyplot.close("all")
