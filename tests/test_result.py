@@ -247,6 +247,7 @@ def test_a_summary_has_figures_with_units():
     lines = PRESSED.summary().splitlines()[1:]
     found = {line[2:20].strip(): line[20:] for line in lines}
     assert PRESSED.summary().startswith("Normal contact, 48 x 32 elements of 0.041667 x 0.0625 mm")
+    assert [*found][:4] == ["force", "approach", "stiffness", "contact"]
     assert found["force"] == "0.1 N"
     assert found["contact"] == f"{PRESSED.area:.5g} mm²"
     assert found["share of the grid"] == f"{100.0 * PRESSED.contact.mean():.5g} %"
