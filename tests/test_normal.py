@@ -114,6 +114,18 @@ def test_products_for_a_rough_surface(force, part):
     assert_within_budget(f"rough surface, {part:.0%} in contact", products=contact.products)
 
 
+@doubtful  # A rough profile reaches the ends of its grid.
+@pytest.mark.parametrize("n", [4000, 16000])
+def test_products_for_a_rough_profile(n):
+    gap, load = np.random.default_rng(8).standard_normal(n), 0.3e-2 * n
+    for periodic in (False, True):
+        contact = normal_contact(gap, 0.1, material=UNIT, force=load, periodic=periodic)
+        assert_within_budget("rough profile", products=contact.products)
+        assert contact.residual <= 1e-8
+        if not periodic:
+            assert_complementary(contact)
+
+
 @doubtful  # A rough surface reaches the edge of its grid.
 @pytest.mark.parametrize("n", [128, 256])
 def test_single_precision_does_not_limit_the_accuracy(n):

@@ -259,6 +259,11 @@ class Grid:
         return float(first.c.flat[0])
 
     @property
+    def is_line(self) -> bool:
+        """Whether the elements lie along one axis."""
+        return sum(n > 1 for n in self.shape) <= 1
+
+    @property
     def is_kept(self) -> bool:
         """Whether the matrices are kept for the next case on the same grid."""
         return prod(self.shape) <= SMALL

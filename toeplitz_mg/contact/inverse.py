@@ -19,6 +19,7 @@ FEW = 2**11  # Elements in contact up to which friction in single precision save
 # The inverse of A decays as the cube of the distance, so that FSAI of it serves sets of which up to
 # this share has changed: the diagonal alone is good enough for the others.
 ALIKE = 0.1
+PATIENCE = 32  # Iterations on sets of a line that take about as long as a set-up of FSAI.
 WIDE = 2**17  # Fewest elements of a grid whose transforms take longer than FSAI of a few of them.
 
 
@@ -126,12 +127,16 @@ class Inverse:
     ----------
     dtype : dtype
         Single precision, unless A is too ill-conditioned for that, as it is of very long elements.
+    is_slow : bool
+        Whether iterations on sets of a line have taken as long as a set-up of FSAI. Where they have
+        on a coarser grid, they will here.
     """
 
     def __init__(self, grid: Grid, A: ToeplitzOperator, everywhere: Any = None) -> None:
         self._grid, self._A, self._decays = grid, A, everywhere is not None
         self._before: Array | None = None
         self._local: LocalInverse | None = None
+        self.is_slow, self._applied = False, 0
         self._everywhere = everywhere or _invert_by_transform(grid, A, np.float32)
         self.dtype = self._everywhere.dtype
 
@@ -143,6 +148,9 @@ class Inverse:
         if self._decays:
             self._fit_to_few(C)
             return
+        if self._grid.is_line:
+            self._fit_to_line(C)
+            return
         if any(self._grid.periodic):
             return  # There A itself has an inverse, that of its waves, as cheap as a product.
         before, self._before = self._before, C
@@ -152,6 +160,15 @@ class Inverse:
         if before is not None and not is_near:
             change = self._measure_change(C, before)
         self._local = invert_locally(self._grid, self._A, C, change=change, dtype=self.dtype)
+
+    def _fit_to_line(self, C: Array) -> None:
+        """Take FSAI of each set once the iterations on others have taken as long as a set-up."""
+        if not self.is_slow:
+            return
+        if self._local is None or not is_fsai_kept(self._measure_change(C, self._local.C)):
+            self._local = None
+            with suppress(np.linalg.LinAlgError):
+                self._local = LocalInverse(self._grid.invert_by_fsai(self._A, C, self.dtype), C)
 
     def _fit_to_few(self, C: Array) -> None:
         """Take FSAI from the second set on, as the first is far from the last."""
@@ -167,6 +184,8 @@ class Inverse:
 
         It may be in `out`.
         """
+        self._applied += 1
+        self.is_slow |= self._applied > PATIENCE
         if self._local is not None:
             return self._local(r)
         reshape = self._grid.vectors.reshape

@@ -12,6 +12,7 @@ from toeplitz_mg.contact.normal.exchange import press_all_but_few
 from toeplitz_mg.contact.products import Products, for_coarser_grids
 
 ETA = 0.5  # Misfit that is left on a set, relative to its violation, while the energy falls.
+EXACT_ETA = 0.1  # The same where each set has an FSAI of its own, and few iterations.
 ROUGH = 0.2  # Tolerance on a coarser grid, relative to the detail of the gap that it does not have.
 # Limits of the tolerance on a coarser grid: a finer guess, and a rougher, save nothing.
 LEAST, MOST = 1.5e-3, 1e-2
@@ -46,7 +47,7 @@ def solve(search: Search, A: Products, *, nested: bool, guess: Array | None = No
     """
     before: tuple[int, ...] = ()
     if guess is None:
-        guess, before = press_all_but_few(search, A, ETA)
+        guess, before = press_all_but_few(search, A, _eta(search))
     if guess is None:
         state = _search_from(search, A, *_first_guess(search, nested=nested))
     else:
@@ -64,11 +65,16 @@ def _search_from(search: Search, A: Products, p: Array, C: Array, u: Array | Non
         C,
         u=u,
         b=(search.approach or 0.0) - search.z,
-        eta=ETA,
+        eta=_eta(search),
         tolerance=search.tolerance,
         progress=search.progress,
     )
     return State(now.x, now.u, law.touching, law.residual, iterations)
+
+
+def _eta(search: Search) -> float:
+    """Return the misfit that is left on the first sets."""
+    return EXACT_ETA if search.inverse.is_slow else ETA
 
 
 def _come_near(search: Search, A: Products, p: Array) -> Iterate:
@@ -137,6 +143,7 @@ def _first_guess(search: Search, *, nested: bool) -> tuple[Array, Array]:
     if coarse is not None:
         products = Products(coarse.matrix, COARSE_PRODUCTS)
         state = _search_from(coarse, products, *_first_guess(coarse, nested=True))
+        search.inverse.is_slow = coarse.inverse.is_slow
         p = _interpolate(search, state, search.unit / coarse.unit)
         if search.grid.vectors.count(p):
             return p, search.sets_of(p)
