@@ -2,7 +2,7 @@
 
 import reprlib
 from operator import index
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -86,10 +86,20 @@ def is_foreign(values: Any) -> bool:
 
 
 def name_library(values: Any) -> str:
-    """Return the name of the library of an array that is not of NumPy."""
+    """Return the name of the library of an array; of all that is no array it is NumPy's."""
+    if not is_foreign(values):
+        return "numpy"
     if hasattr(values, "__array_namespace__"):
         return str(values.__array_namespace__().__name__)
     return type(values).__module__.partition(".")[0]
+
+
+def refuse_mixed(name: str, theirs: str, ours: str) -> NoReturn:
+    """Raise a TypeError for an array of another library than those it would meet."""
+    raise TypeError(
+        f"{name} is an array of {theirs}, but the operator has arrays of {ours}: all must be of "
+        "one library; iterations for any are toeplitz_mg.cg and richardson"
+    )
 
 
 def _is_masked(values: Any) -> bool:

@@ -16,7 +16,7 @@ from scipy.linalg import toeplitz
 
 import toeplitz_mg as tmg
 from tests.cases import CASES, dense_of_kernel
-from toeplitz_mg.engine.library import NUMPY
+from toeplitz_mg.engine.arrays.library import NUMPY
 from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.one_thread import BLOCK, factorise, multiply
 from toeplitz_mg.engine.products import ToeplitzProduct

@@ -17,7 +17,7 @@ from toeplitz_mg.contact.shifted_inverses import ShiftedInverses
 from toeplitz_mg.contact.steady_matrices import SteadyArray, subtract_operators
 from toeplitz_mg.contact.waves import Waves
 from toeplitz_mg.contact.window import Window, box_around, ends_of
-from toeplitz_mg.engine.library import NUMPY, Library
+from toeplitz_mg.engine.arrays.library import NUMPY, Library
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.combined import combine
 from toeplitz_mg.halfspace.matrices import coupling_matrices, quadrant

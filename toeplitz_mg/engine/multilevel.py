@@ -3,7 +3,7 @@
 Each line along the last axis is transformed as in `products.ToeplitzProduct`, at the frequencies
 k + 1/4, without an extension by zeros. What is left for each frequency is a Toeplitz matrix of the
 other axes, which are extended by zeros. These passes are those of the library of the arrays:
-`passes.PanelPasses` of NumPy's, `plain_passes.PlainPasses` of others.
+`passes.PanelPasses` of NumPy's, `arrays.passes.PlainPasses` of others.
 
 A complex matrix has no imaginary part to spare for what goes around: of it the last axis is
 extended as the others are, and transformed at the frequencies k.

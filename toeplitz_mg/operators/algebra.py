@@ -16,7 +16,7 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import NUMPY, library_of
+from toeplitz_mg.engine.arrays.library import NUMPY, library_of
 from toeplitz_mg.values import is_foreign, refuse_masked
 
 

@@ -11,7 +11,7 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import NUMPY, Library
+from toeplitz_mg.engine.arrays.library import NUMPY, Library
 from toeplitz_mg.engine.vectors import ALONE, Vectors
 from toeplitz_mg.operators import algebra
 

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, DTypeLike
 from scipy.sparse import issparse
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.arrays.library import Library, library_of
 from toeplitz_mg.engine.embedding import cut
-from toeplitz_mg.engine.library import Library, library_of
 
 # Share of the largest number that a row may sum up to: the rest is for products.
 HEADROOM = 2.0**-8

@@ -4,7 +4,7 @@ from math import prod
 from typing import Any
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import library_of
+from toeplitz_mg.engine.arrays.library import library_of
 from toeplitz_mg.operators.base import GridOperator
 
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Mask
-from toeplitz_mg.engine.library import library_of
+from toeplitz_mg.engine.arrays.library import library_of
 from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows, library_for, work_of
 from toeplitz_mg.operators.coupled import CoupledOperator

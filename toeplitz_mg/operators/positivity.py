@@ -11,7 +11,7 @@ from scipy.linalg import eigvalsh_tridiagonal
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import library_of
+from toeplitz_mg.engine.arrays.library import library_of
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.operators.coefficients import check_precision, require_range
 from toeplitz_mg.operators.coupled import CoupledOperator

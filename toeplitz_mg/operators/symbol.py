@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.arrays.library import library_of
 from toeplitz_mg.engine.embedding import cut
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
 STEP = 64  # Number of known lags over the distance of the three lags at which a tail is fitted.

@@ -10,9 +10,9 @@ from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.arrays.library import library_of
 from toeplitz_mg.engine.embedding import around, split
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.engine.products import Transforms
 from toeplitz_mg.engine.transforms import LONG
 from toeplitz_mg.engine.work import count_transforms

@@ -7,8 +7,8 @@ from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.arrays.library import library_of
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.engine.library import library_of
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
 from toeplitz_mg.operators.lifting import componentwise, restricted
 from toeplitz_mg.operators.positivity import (

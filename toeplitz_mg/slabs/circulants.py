@@ -19,8 +19,8 @@ from toeplitz_mg.contact.circulants import (
     weigh_causally,
 )
 from toeplitz_mg.contact.shifted_inverses import ShiftedInverses
+from toeplitz_mg.engine.arrays.library import NUMPY
 from toeplitz_mg.engine.embedding import around, split
-from toeplitz_mg.engine.library import NUMPY
 from toeplitz_mg.engine.threads import keep_bits
 from toeplitz_mg.engine.work import count_work, points_of_transform
 from toeplitz_mg.slabs.coupled import CoupledOperator

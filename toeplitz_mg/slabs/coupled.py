@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from toeplitz_mg.engine.library import refuse_mixed
 from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator
 from toeplitz_mg.slabs.product import SlabProduct
 from toeplitz_mg.slabs.slab import Slab
+from toeplitz_mg.values import refuse_mixed
 
 
 class CoupledOperator(SlabOperator):
@@ -50,7 +50,7 @@ class CoupledOperator(SlabOperator):
                 raise ValueError("the blocks live on several slabs, but must live on one")
             for block in given:
                 if block.library is not library:
-                    refuse_mixed("a block", block.library, library)
+                    refuse_mixed("a block", block.library.name, library.name)
             same["the dtypes of the blocks"] = [block.dtype.name for block in given]
         dtype = np.result_type(*(block.dtype for block in given))
         # Preconditioners of a block are those of its own precision.

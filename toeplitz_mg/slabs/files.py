@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import library_of
+from toeplitz_mg.engine.arrays.library import library_of
 from toeplitz_mg.values import refuse_masked
 from toeplitz_mg.whole_files import (
     check_folder,

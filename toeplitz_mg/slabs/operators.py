@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, DTypeLike
 
 from toeplitz_mg import operators
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import NUMPY, Library, library_of
+from toeplitz_mg.engine.arrays.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.products import NEAR_ONE
 from toeplitz_mg.operators.coefficients import check_finite, check_precision, require_digits
 from toeplitz_mg.operators.masked import check_booleans

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.arrays.library import NUMPY, Library
 from toeplitz_mg.engine.embedding import split, transform_around, transform_last
 from toeplitz_mg.engine.lengths import embedding_lengths
-from toeplitz_mg.engine.library import NUMPY, Library
 from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.passes import NARROW
 from toeplitz_mg.engine.work import count_transforms, count_work

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import NUMPY, library_of
+from toeplitz_mg.engine.arrays.library import NUMPY, library_of
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace

@@ -11,8 +11,8 @@ import numpy as np
 from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.arrays.library import NUMPY
 from toeplitz_mg.engine.embedding import around, cut, split
-from toeplitz_mg.engine.library import NUMPY
 from toeplitz_mg.operators.symbol import Tail, continue_axis, tail_length
 from toeplitz_mg.slabs.intervals import Intervals
 from toeplitz_mg.slabs.line import LongTransform

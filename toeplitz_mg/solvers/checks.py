@@ -10,7 +10,7 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import NUMPY, Library, library_of
+from toeplitz_mg.engine.arrays.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.row_sums import rows_of
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.operators.base import GridOperator, library_for, vectors_of

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import Library
+from toeplitz_mg.engine.arrays.library import Library
 from toeplitz_mg.operators import BlockDiagonal, GridOperator
 from toeplitz_mg.preconditioners.fsai.levels import Direct
 

@@ -10,7 +10,7 @@ from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.library import NUMPY
+from toeplitz_mg.engine.arrays.library import NUMPY
 from toeplitz_mg.engine.products import multiply_rows
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace

@@ -16,7 +16,7 @@ from toeplitz_mg.engine.work import count_transforms
 
 
 def cosine_sums(library: Any, column: Any) -> Any:
-    """Return f_k = Σ a_j cos(πjk/n) over all lags (see `transforms.cosine_sums`)."""
+    """Return f_k = Σ a_j cos(πjk/n) over all lags (see `engine.transforms`)."""
     count_transforms(1, *(m - 1 for m in column.shape))
     return along(_sum_cosines, library, column, range(column.ndim))
 

@@ -1,8 +1,8 @@
 """The engine for arrays of any library of the array API standard, as on a GPU.
 
-It has plain passes over whole arrays (`plain_passes`), in the place of panels for a processor's
-cache, and cosine transforms by Fourier transforms (`plain_transforms`). This file has what the rest
-of the package needs of a library, as `library.NumPy` has it for NumPy's arrays, and its vectors.
+It has passes over whole arrays (`passes`), in the place of panels for a processor's cache, and
+cosine transforms by Fourier transforms (`transforms`). This file has what the rest of the package
+needs of a library, as `library.NumPy` has it for NumPy's arrays, and its vectors.
 """
 
 from collections.abc import Callable
@@ -15,11 +15,8 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.embedding import zeros
-from toeplitz_mg.engine.library import library_of, refuse_mixed
-from toeplitz_mg.engine.multilevel import MultilevelProduct
-from toeplitz_mg.engine.plain_passes import PlainDiagonalised, PlainPasses
-from toeplitz_mg.engine.plain_transforms import (
+from toeplitz_mg.engine.arrays.passes import PlainDiagonalised, PlainPasses
+from toeplitz_mg.engine.arrays.transforms import (
     PlainTransforms,
     along,
     cosine_sums,
@@ -28,9 +25,12 @@ from toeplitz_mg.engine.plain_transforms import (
     idct,
     idst,
 )
+from toeplitz_mg.engine.embedding import zeros
+from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.products import Transforms
 from toeplitz_mg.engine.vectors import Gather, largest, least
 from toeplitz_mg.engine.work import count_work
+from toeplitz_mg.values import name_library, refuse_mixed
 
 try:
     import array_api_compat as compat
@@ -73,12 +73,12 @@ class Plain:
 
     def __reduce__(self) -> Any:
         # A module cannot be pickled, and a device need not be there again; arrays know both.
-        return library_of, (self.xp.zeros(1, device=self.device),)
+        return Plain.of, (self.xp.zeros(1, device=self.device),)
 
     def read(self, name: str, values: Any) -> Array:
         """Return an array of this library, or say whose it is."""
         if not compat.is_array_api_obj(values) or compat.array_namespace(values) is not self.xp:
-            refuse_mixed(name, library_of(values), self)
+            refuse_mixed(name, name_library(values), self.name)
         return values
 
     def dtype(self, array: Any) -> np.dtype[Any]:
@@ -236,7 +236,7 @@ _LIBRARIES: dict[tuple[str, str], Plain] = {}
 
 
 class PlainVectors:
-    """Operations with vectors, of which each process has a part (see `vectors.Vectors`).
+    """Operations with vectors, of which each process has a part (see `engine.vectors`).
 
     The squares of the numbers of a vector neither over- nor underflow.
     """

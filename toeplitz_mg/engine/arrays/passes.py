@@ -1,4 +1,4 @@
-"""The passes of a product over whole arrays of any library, as a GPU wants them (see `multilevel`).
+"""The passes of a product over whole arrays of any library, as a GPU wants them.
 
 All axes but the last are extended by zeros for a part of the frequencies of the last one at a time,
 so that little more than the vectors is ever held. The axis that is transformed is always moved to
@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
+from toeplitz_mg.engine.arrays.jax_programs import compile_as_a_whole
 from toeplitz_mg.engine.embedding import cut, parts_of, phases
 from toeplitz_mg.engine.products import Transforms
-from toeplitz_mg.engine.whole_programs import compile_as_a_whole
 from toeplitz_mg.engine.work import axes_of
 
 
 class PlainPasses:
-    """The passes of a `multilevel.MultilevelProduct` (see `passes.PanelPasses`)."""
+    """The passes of a `MultilevelProduct` (see `engine.passes.PanelPasses`)."""
 
     def __init__(
         self,

@@ -32,10 +32,10 @@ from toeplitz_mg.engine.threads import share_rows
 from toeplitz_mg.engine.transforms import cosine_sums
 from toeplitz_mg.engine.vectors import ALONE, Gather, Vectors
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.values import is_foreign, refuse_masked
+from toeplitz_mg.values import is_foreign, name_library, refuse_masked, refuse_mixed
 
 if TYPE_CHECKING:
-    from toeplitz_mg.engine.plain import Plain
+    from toeplitz_mg.engine.arrays.plain import Plain
 
 Library: TypeAlias = "NumPy | Plain"
 
@@ -58,7 +58,7 @@ class NumPy:
     def read(self, name: str, values: Any) -> Array:
         """Return an array of this library, or say whose it is."""
         if is_foreign(values):
-            refuse_mixed(name, library_of(values), self)
+            refuse_mixed(name, name_library(values), self.name)
         return refuse_masked(name, values)
 
     def dtype(self, array: Array) -> np.dtype[Any]:
@@ -207,14 +207,6 @@ def library_of(values: Any) -> "Library":
     """Return the library of an array; of all that is no array it is NumPy's."""
     if not is_foreign(values):
         return NUMPY
-    from toeplitz_mg.engine.plain import Plain  # This needs array-api-compat.
+    from toeplitz_mg.engine.arrays.plain import Plain  # This needs array-api-compat.
 
     return Plain.of(values)
-
-
-def refuse_mixed(name: str, theirs: Any, ours: Any) -> None:
-    """Raise a TypeError for an array of another library than those it would meet."""
-    raise TypeError(
-        f"{name} is an array of {theirs.name}, but the operator has arrays of {ours.name}: all "
-        "must be of one library; iterations for any are toeplitz_mg.cg and richardson"
-    )
