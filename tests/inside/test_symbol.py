@@ -17,7 +17,7 @@ import toeplitz_mg as tmg
 from tests.cases import contact, submatrix
 from toeplitz_mg.operators.positivity import ritz_values
 from toeplitz_mg.operators.symbol import sample_symbol
-from toeplitz_mg.preconditioners.row_sum_certificate import is_certainly_positive
+from toeplitz_mg.preconditioners.row_sum import is_certainly_positive
 
 
 def with_row_sums(M, gamma):
