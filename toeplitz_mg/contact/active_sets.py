@@ -14,7 +14,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.solvers.projected_gradients import descend, energy
+from toeplitz_mg.contact.projected_gradients import descend, energy
 
 STRIKES = 3  # Changes of the sets in a row without a lower energy, after which gradients descend.
 LEAST_FALL = 1e-6  # Fall of the energy that counts, over it and the square of the residual.
