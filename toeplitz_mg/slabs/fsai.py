@@ -13,7 +13,7 @@ from toeplitz_mg.preconditioners.fsai.build import Options
 from toeplitz_mg.preconditioners.fsai.coupled import select_coupled_stencil
 from toeplitz_mg.preconditioners.fsai.neighbours import choose_stencil
 from toeplitz_mg.preconditioners.fsai.preconditioner import check_neighbours
-from toeplitz_mg.preconditioners.fsai.refusals import advise
+from toeplitz_mg.preconditioners.fsai.rows import advise
 from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.fsai_levels import (
     CommonLevel,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.preconditioners.fsai.refusals import Refused
+from toeplitz_mg.preconditioners.fsai.rows import Refused
 
 # What all ranks raise alike; in the place of any other error a RuntimeError.
 REFUSALS = (

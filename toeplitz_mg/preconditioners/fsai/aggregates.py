@@ -9,8 +9,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.one_thread import multiply
 from toeplitz_mg.engine.threads import share_slices
 from toeplitz_mg.preconditioners.fsai.levels import LevelMatrix
-from toeplitz_mg.preconditioners.fsai.refusals import require_positive
-from toeplitz_mg.preconditioners.fsai.rows import CHUNK, add_loads
+from toeplitz_mg.preconditioners.fsai.rows import CHUNK, add_loads, require_positive
 from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 
 

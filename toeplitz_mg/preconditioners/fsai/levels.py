@@ -1,5 +1,6 @@
 """The levels of a multilevel sparse approximate inverse on a mask, and their application."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -12,12 +13,14 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.one_thread import factorise
 from toeplitz_mg.engine.threads import WORTH_THREADS, share
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.preconditioners.fsai.refusals import refusal, require_definite
+from toeplitz_mg.operators.positivity import name_condition
+from toeplitz_mg.preconditioners.fsai.rows import Refused, refusal
 from toeplitz_mg.preconditioners.fsai.stencil import MOST_TABULATED, Stencil
 
 BLOCK = 2**17  # Rows of a block of a sparse matrix: enough of them that threads do not wait.
 # Sum of the columns that each block reaches, over all columns, above which the blocks are made one.
 WIDE = 1.5
+STEPS = 8  # Steps of inverse iteration, which give the smallest eigenvalue to some per cent.
 
 
 @dataclass(frozen=True)
@@ -118,6 +121,23 @@ class Direct:
     def multiply(self, X: Array, out: Array) -> None:
         """Apply the inverse to the rows of `X`."""
         out[...] = self(X.T).T
+
+
+def require_definite(matrix: Array, inverse: Callable[[Array], Array], dtype: Any) -> None:
+    """Raise LinAlgError where the inverse of the last matrix may be indefinite in this precision.
+
+    Its condition number is estimated by its 1-norm and some steps of inverse iteration.
+    """
+    size = float(np.abs(matrix).sum(axis=0).max())
+    v = np.random.default_rng(0).standard_normal(len(matrix))
+    for _ in range(STEPS):
+        # In terms of its size, as the inverse of the smallest numbers has squares that overflow.
+        v = size * inverse(v / np.linalg.norm(v))
+    condition = float(np.linalg.norm(v))
+    if why := name_condition(condition, dtype, "the coarsest matrix"):
+        if np.dtype(dtype).char == "f":
+            raise np.linalg.LinAlgError(f"{why}: use float64")
+        raise Refused(why)
 
 
 class Block(NamedTuple):

@@ -25,7 +25,7 @@ from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.preconditioners.fsai.build import DEFAULT, Options
 from toeplitz_mg.preconditioners.fsai.cellgrid import AGGREGATE as BLOCK
 from toeplitz_mg.preconditioners.fsai.levels import Direct
-from toeplitz_mg.preconditioners.fsai.refusals import refusal
+from toeplitz_mg.preconditioners.fsai.rows import refusal
 from toeplitz_mg.preconditioners.fsai.stencil import EXACT
 
 BLAS_BLOCKS = 1024  # Blocks of a product of BLAS, which for more may make threads of its own.

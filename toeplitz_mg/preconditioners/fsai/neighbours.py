@@ -19,7 +19,7 @@ from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners.fsai.build import Options, build
 from toeplitz_mg.preconditioners.fsai.cellgrid import AGGREGATE
 from toeplitz_mg.preconditioners.fsai.levels import LevelMatrix
-from toeplitz_mg.preconditioners.fsai.refusals import Refused, require_positive
+from toeplitz_mg.preconditioners.fsai.rows import Refused, require_positive
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
 
 NUMBERS = NEIGHBOURS, 24, 40  # Neighbours to try: half of the cells within 2, 3 and 4 of the own.

@@ -24,7 +24,7 @@ from toeplitz_mg.preconditioners.fsai.coupled import find_coupled_stencil
 from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
 from toeplitz_mg.preconditioners.fsai.line import LineLevel, LineMatrix, build_line
 from toeplitz_mg.preconditioners.fsai.neighbours import choose_stencil
-from toeplitz_mg.preconditioners.fsai.refusals import advise
+from toeplitz_mg.preconditioners.fsai.rows import advise
 from toeplitz_mg.values import count
 
 MOST_NEIGHBOURS = 100  # Neighbours of a row of G: it takes 1.6 ms with these, and 40 are enough.

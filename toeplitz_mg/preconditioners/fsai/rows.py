@@ -1,14 +1,42 @@
-"""Rows of the factor G: of every pattern of active neighbours, or of each unknown by itself."""
+"""Rows of the factor G, by patterns of active neighbours or one by one, and what refuses them."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.preconditioners.fsai.cellgrid import CellGrid
-from toeplitz_mg.preconditioners.fsai.refusals import require_positive
 
 CHUNK = 2048  # Blocks that are treated together: their arrays of some 100 doubles stay in cache.
+
+
+class Refused(np.linalg.LinAlgError):
+    """A matrix has no sparse approximate inverse: why, without what to take in its place."""
+
+
+@contextmanager
+def advise(advice: str) -> Iterator[None]:
+    """Say in the error of a matrix that is refused what to take in its place."""
+    try:
+        yield
+    except Refused as error:
+        raise np.linalg.LinAlgError(f"{error}; {advice}") from None
+
+
+def require_positive(subject: str, value: float) -> None:
+    """Refuse a kernel for which a number that must be positive is not."""
+    if not value > 0.0:
+        raise refusal(subject, value)
+
+
+def refusal(subject: str, value: float) -> Refused:
+    """Return the error for a kernel for which a number that must be positive is not."""
+    return Refused(
+        f"{subject} {value:.3g} in the sparse approximate inverse, but must be positive: A is not "
+        "positive definite, or too smooth a kernel for it"
+    )
 
 
 class Neighbourhood(NamedTuple):

@@ -15,8 +15,12 @@ from scipy.sparse import csr_array
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.preconditioners.fsai.cellgrid import AGGREGATE, CellGrid, PerAxis
-from toeplitz_mg.preconditioners.fsai.refusals import require_positive
-from toeplitz_mg.preconditioners.fsai.rows import Neighbourhood, add_loads, tabulate_rows
+from toeplitz_mg.preconditioners.fsai.rows import (
+    Neighbourhood,
+    add_loads,
+    require_positive,
+    tabulate_rows,
+)
 
 NEIGHBOURS = 12  # Cells before its own that a row of G sees: half of a 5 x 5 neighbourhood.
 MOST_TABULATED = 14  # Neighbours up to which the rows of all patterns are tabulated: an int16.
