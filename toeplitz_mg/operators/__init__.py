@@ -1,10 +1,8 @@
 """What is multiplied: Toeplitz matrices of one or several axes, and their restrictions."""
 
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows
-from toeplitz_mg.operators.block_diagonal import BlockDiagonal
+from toeplitz_mg.operators.composed import BlockDiagonal, DiagonalisedOperator, DiagonallyScaled
 from toeplitz_mg.operators.coupled import CoupledOperator
-from toeplitz_mg.operators.diagonalised import DiagonalisedOperator
-from toeplitz_mg.operators.diagonally_scaled import DiagonallyScaled
 from toeplitz_mg.operators.masked import MaskedOperator
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum

@@ -15,10 +15,9 @@ from toeplitz_mg.operators.averages import (
     hermitian_part,
 )
 from toeplitz_mg.operators.base import require_numpy
-from toeplitz_mg.operators.block_diagonal import BlockDiagonal
 from toeplitz_mg.operators.coefficients import require_range
+from toeplitz_mg.operators.composed import BlockDiagonal, DiagonallyScaled
 from toeplitz_mg.operators.coupled import CoupledOperator
-from toeplitz_mg.operators.diagonally_scaled import DiagonallyScaled
 from toeplitz_mg.operators.structure import (
     Check,
     accept_any,
