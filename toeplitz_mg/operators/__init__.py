@@ -4,8 +4,8 @@ from toeplitz_mg.operators.base import GridOperator, apply_to_rows
 from toeplitz_mg.operators.composed import BlockDiagonal, DiagonalisedOperator, DiagonallyScaled
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.masked import MaskedOperator
+from toeplitz_mg.operators.sums import ToeplitzSum
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
-from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum
 
 __all__ = [
     "BlockDiagonal",

@@ -104,6 +104,8 @@ class GridOperator(LinearOperator):
     library : Library
     """
 
+    _is_toeplitz = False  # Whether it is a Toeplitz matrix, of which a ToeplitzSum may be made.
+
     def __init__(
         self,
         dtype: DTypeLike,

@@ -12,8 +12,8 @@ from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, name_symmetry, refuse_slab
 from toeplitz_mg.operators.coefficients import check_precision
+from toeplitz_mg.operators.sums import constant_of
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
-from toeplitz_mg.operators.toeplitz_sum import constant_of
 from toeplitz_mg.values import refuse_masked
 
 

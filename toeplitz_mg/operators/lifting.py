@@ -8,12 +8,6 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators.averages import (
-    advise_of_indefinite,
-    advise_of_negative,
-    average,
-    hermitian_part,
-)
 from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.coefficients import require_range
 from toeplitz_mg.operators.composed import BlockDiagonal, DiagonallyScaled
@@ -28,8 +22,8 @@ from toeplitz_mg.operators.structure import (
     unwrap,
     unwrap_toeplitz,
 )
+from toeplitz_mg.operators.sums import ToeplitzSum, advise_of_negative, average, hermitian_part
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
-from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum
 
 F = TypeVar("F", bound=Callable[..., LinearOperator])
 ADVICE = r"[:;][^:;]*_preconditioner\(A\)"  # The first advice of a message to take another one.
@@ -86,7 +80,7 @@ def averaged(
             except np.linalg.LinAlgError as error:
                 message, advice = str(error), advise_of_negative(full.diagonal().real.max())
                 named = re.search(ADVICE, message)
-                if not advice and mask is None and named and (advice := advise_of_indefinite(full)):
+                if not advice and mask is None and named and (advice := _of_indefinite(full)):
                     message = message[: named.start()]
                 if advice not in message:
                     message += advice
@@ -112,6 +106,27 @@ def averaged(
         return DiagonallyScaled(M, scale)
 
     return cast(F, of_average)
+
+
+def _of_indefinite(A: Any) -> str:
+    """Return the end of the message that refuses a matrix whose 2 x 2 blocks are indefinite.
+
+    It stands in place of preconditioners for positive definite matrices. Of others it is empty.
+    """
+    if not (isinstance(A, ToeplitzOperator) and A.is_hermitian):
+        return ""
+    lags = np.abs(A.library.to_numpy(A.lags)).ravel()
+    middle = len(lags) // 2
+    diagonal, others = lags[middle], np.delete(lags, middle)
+    if others.max(initial=0.0) < diagonal:
+        return ""
+    solver = "gmres without M"
+    if len(A.grid_shape) == 1:
+        solver = f"solve_toeplitz(A.c, b), or {solver}"
+    return (
+        "; A is not positive definite, as a coefficient beside the diagonal is as large: use "
+        f"{solver}"
+    )
 
 
 def symmetrised(preconditioner: F) -> F:

@@ -12,8 +12,8 @@ from toeplitz_mg.engine.arrays.library import library_of
 from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows, library_for, work_of
 from toeplitz_mg.operators.coupled import CoupledOperator
+from toeplitz_mg.operators.sums import ToeplitzSum
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
-from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum
 from toeplitz_mg.values import refuse_masked
 
 

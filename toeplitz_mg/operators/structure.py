@@ -11,8 +11,8 @@ from toeplitz_mg._typing import Mask
 from toeplitz_mg.operators.base import refuse_slab
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.masked import MaskedOperator
+from toeplitz_mg.operators.sums import ToeplitzSum
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
-from toeplitz_mg.operators.toeplitz_sum import ToeplitzSum
 
 Check = Callable[[ToeplitzOperator | CoupledOperator], None]
 

@@ -13,7 +13,7 @@ from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, name_symmetry
 from toeplitz_mg.operators.coefficients import Coefficients, check_precision, name_dense
-from toeplitz_mg.operators.toeplitz_sum import Term, ToeplitzSum, simplify
+from toeplitz_mg.operators.sums import Term, ToeplitzSum, simplify
 from toeplitz_mg.values import refuse_masked
 
 
@@ -103,6 +103,8 @@ class ToeplitzOperator(GridOperator):
     >>> (A - A.T / 2)[0, :2]
     array([ 1. , -0.5])
     """
+
+    _is_toeplitz = True
 
     def __init__(
         self,

@@ -9,7 +9,6 @@ from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import BlockDiagonal, ToeplitzSum
-from toeplitz_mg.operators.averages import average
 from toeplitz_mg.operators.base import grid_of
 from toeplitz_mg.operators.lifting import averaged
 from toeplitz_mg.operators.positivity import LAST_RESORT, precision
@@ -19,6 +18,7 @@ from toeplitz_mg.operators.structure import (
     unwrap,
     unwrap_toeplitz,
 )
+from toeplitz_mg.operators.sums import average
 from toeplitz_mg.preconditioners.choice import Plan, plan
 from toeplitz_mg.preconditioners.direct import NotPositiveDefinite
 from toeplitz_mg.preconditioners.jacobi import ScaledIdentity

@@ -57,7 +57,7 @@ def tau_preconditioner(
     k = 1 … n. For the Riesz derivatives of orders 1 to 2 those of τ(A)⁻¹A lie between ½ and 3/2,
     for any n. Where a length n + 1 has a prime factor above 61, a slightly longer matrix is
     inverted, and cut. With variable coefficients, as of ``D1 @ A + D2 @ A.T + s * I``, it is the
-    matrix between two diagonal ones (see `toeplitz_mg.operators.averages.average`).
+    matrix between two diagonal ones (see `toeplitz_mg.operators.sums.average`).
 
     References
     ----------

@@ -1,20 +1,21 @@
-"""Sums of Toeplitz matrices between diagonal ones, and of a diagonal: variable coefficients."""
+"""Sums of Toeplitz matrices between diagonal ones, and the Toeplitz matrix near such a sum."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike
 from scipy.sparse import issparse
 
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, name_symmetry, require_numpy
 from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.values import refuse_masked
 
-if TYPE_CHECKING:  # A ToeplitzOperator makes sums, and is made of them.
+if TYPE_CHECKING:  # At run time `toeplitz` imports this file.
     from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
 
@@ -78,7 +79,7 @@ class ToeplitzSum(GridOperator):
     is symmetric and for `gmres` where it is not, and its iterations are bounded where the
     coefficients are smooth. It is refused where the diagonal of S is not positive, or the Toeplitz
     matrix is not positive definite, which may be so where neighbouring entries of D differ by
-    orders, though S is. (See `toeplitz_mg.operators.averages.average`.)
+    orders, though S is. (See `toeplitz_mg.operators.sums.average`.)
 
     Examples
     --------
@@ -97,23 +98,19 @@ class ToeplitzSum(GridOperator):
 
     def __init__(self, terms: Iterable[Term], diagonal: Array | None = None) -> None:
         given = _read_terms(terms)
-        matrices = [term.A for term in given]
-        _check_matrices(matrices)
-        n = matrices[0].shape[0]
+        n = given[0].A.shape[0]
         diagonal = _freeze("diagonal", diagonal, n)
         frozen = collect(
             Term(_freeze("left", left, n), A, _freeze("right", right, n))
             for left, A, right in given
         )
-        parts = [part for term in frozen for part in term if part is not None]
-        dtype = np.result_type(
-            *(part.dtype for part in parts), *([] if diagonal is None else [diagonal.dtype])
-        )
+        parts = chain((diagonal,), *frozen)
+        dtype = np.result_type(*(part.dtype for part in parts if part is not None))
         # All in the precision of the sum, which the products are said to have.
         self.terms = tuple(Term(*(_cast(part, dtype) for part in term)) for term in frozen)
         self.offset = _cast(diagonal, dtype)
-        matrices = [term.A for term in self.terms]
-        super().__init__(dtype, matrices[0].grid_shape, sum(A.work for A in matrices))
+        work = sum(term.A.work for term in self.terms)
+        super().__init__(dtype, self.terms[0].A.grid_shape, work)
         self.is_symmetric = self.is_hermitian = self._is(self._transposed())
         if dtype.kind == "c":
             is_real = diagonal is None or not diagonal.imag.any()
@@ -228,12 +225,11 @@ class ToeplitzSum(GridOperator):
         return f"<ToeplitzSum {' + '.join(names)}, {grid}, {kind}, {self.dtype}>"
 
 
-def terms_of(A: Any) -> tuple[tuple[Term, ...], Array | None]:
+def terms_of(A: GridOperator) -> tuple[tuple[Term, ...], Array | None]:
     """Return the terms of a sum and its diagonal, or of a Toeplitz matrix; of others none."""
     if isinstance(A, ToeplitzSum):
         return A.terms, A.offset
-    # Only a Toeplitz matrix has lags.
-    return ((Term(None, A, None),) if hasattr(A, "lags") else ()), None
+    return ((Term(None, A, None),) if A._is_toeplitz else ()), None
 
 
 def collect(terms: Iterable[Term]) -> list[Term]:
@@ -270,30 +266,90 @@ def simplify(terms: Iterable[Term], diagonal: Array | None = None) -> Any:
     return ToeplitzSum(simple, diagonal)
 
 
+def hermitian_part(A: Any) -> Any:
+    """Return (A + Aᴴ)/2, A itself where it is Hermitian."""
+    return A if A.H is A else (A + A.H) / 2
+
+
+def advise_of_negative(largest: float) -> str:
+    """Return the end of the message that refuses a matrix with this largest diagonal entry."""
+    if not largest < 0.0:
+        return ""
+    return "; the diagonal of -A is positive: where -A is positive definite solve -A x = -b"
+
+
+def average(
+    A: ToeplitzSum, mask: Mask | None = None, part: Callable[[Any], Any] = hermitian_part
+) -> tuple["ToeplitzOperator", Array]:
+    """Return a Toeplitz matrix T and the entries of a diagonal one, with D T⁻¹ D ≈ A⁻¹.
+
+    D² is the inverse of the diagonal of A. In D A D, whose diagonal is all ones, each diagonal
+    matrix is replaced by its mean; T is the Hermitian part of that. For A + D with a D that is
+    small against the diagonal of A this is A and the mean of D, for D A that of A between two
+    diagonal matrices, and it goes from one to the other as the diagonal of the sum does.
+
+    Parameters
+    ----------
+    A : ToeplitzSum
+    mask : ndarray of bool, optional
+        The unknowns, over which the means are taken.
+    part : callable, optional
+        What to take of a Toeplitz matrix in the place of its Hermitian part.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where the diagonal is not positive.
+
+    References
+    ----------
+    X. Huang, X.-L. Lin, M. K. Ng, H.-W. Sun, Spectral analysis for preconditioning of
+    multi-dimensional Riesz fractional diffusion equations, Numer. Math. Theor. Meth. Appl. 15
+    (2022). X.-L. Lin, X. Huang, M. K. Ng, H.-W. Sun, A τ-preconditioner for a non-symmetric linear
+    system arising from multi-dimensional Riemann-Liouville fractional diffusion equation, Numer.
+    Algorithms 92 (2023), for the symmetric part.
+    """
+    unknowns = slice(None) if mask is None else mask.ravel()
+    diagonal = A.diagonal()[unknowns].real.astype(np.float64)
+    if not diagonal.min() > 0.0:
+        raise np.linalg.LinAlgError(
+            f"the diagonal of A has the entry {diagonal.min():.3g}, but a preconditioner needs "
+            f"all positive: use GMRES without one{advise_of_negative(float(diagonal.max()))}"
+        )
+    mean: Any = 0
+    for left, T, right in A.terms:
+        weights = 1.0 / diagonal
+        for factor in (left, right):
+            weights = weights if factor is None else weights * factor[unknowns]
+        mean = mean + weights.mean() * T
+    if A.offset is not None:
+        mean = mean.plus_unit(np.mean(A.offset[unknowns] / diagonal))
+    # Of a sum that is Hermitian the mean is too, but for rounding of weights that are complex.
+    mean = hermitian_part(mean) if A.is_hermitian else part(mean)
+    return mean.astype(A.dtype), 1.0 / np.sqrt(diagonal)
+
+
 def _read_terms(terms: Any) -> list[Term]:
-    """Return the terms that are given, each of which is three things."""
+    """Return the terms that are given: three things each, and Toeplitz matrices on one grid."""
     given = list(terms) if isinstance(terms, Iterable) else None
     if given is None or not all(isinstance(term, tuple) and len(term) == 3 for term in given):
         raise TypeError(
             f"terms is {terms!r}, but must be a list of Terms: (left, A, right), of which left and "
             "right are None where there is no diagonal matrix"
         )
-    return [Term(*term) for term in given]
-
-
-def _check_matrices(matrices: list[Any]) -> None:
-    """Refuse what is no list of Toeplitz matrices on one grid."""
-    if not matrices:
+    if not given:
         raise ValueError("terms is empty, but a sum needs one at least")
-    for A in matrices:
-        if not hasattr(A, "lags"):
+    grid_shape = getattr(given[0][1], "grid_shape", None)
+    for _, A, _ in given:
+        if not (isinstance(A, GridOperator) and A._is_toeplitz):
             raise TypeError(f"terms has {A!r}, but the matrices must be ToeplitzOperators")
         require_numpy(A, "a sum with a diagonal matrix")
-        if A.grid_shape != matrices[0].grid_shape:
+        if A.grid_shape != grid_shape:
             raise ValueError(
-                f"terms has matrices on the grids {matrices[0].grid_shape} and {A.grid_shape}, but "
-                "all must live on one"
+                f"terms has matrices on the grids {grid_shape} and {A.grid_shape}, but all must "
+                "live on one"
             )
+    return [Term(*term) for term in given]
 
 
 def constant_of(factor: Any) -> Any:
